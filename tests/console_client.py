@@ -56,6 +56,8 @@ class Page:
             assert status == 303, status
             self.cookie = headers["set-cookie"].partition(";")[0]
         self.state: dict[str, Any] = {}
+        self.seen: int | None = None
+        """Stamp of the newest message."""
         self.frames: list[bytes] = []
         self.tab, self.alive, self.count = "", threading.Event(), 0
         self.closed: threading.Event = threading.Event()
@@ -84,8 +86,9 @@ class Page:
             for message in self.socket:
                 if isinstance(message, bytes):
                     self.frames.append(message)
-                elif "state" in (found := json.loads(message)):
-                    self.state = found["state"]
+                else:
+                    found = json.loads(message)
+                    self.state, self.seen = found.get("state", self.state), found["beat"]
         self.closed.set()
 
     def _live(self) -> None:
@@ -141,10 +144,10 @@ class Page:
         return json.loads(said)
 
     def post(self, path: str, **given: Any) -> Any:
-        """What a POST of JSON gives: the document, or its error's first part. It says which state it has seen."""
-        stamp = self.state.get("stamp")
-        said_too = {} if stamp is None else {"seen": stamp}
-        status, _, said = self.request("POST", path, json.dumps({**said_too, **given}).encode())
+        """What a POST of JSON gives: the document, or its error's first part; a request has the newest stamp."""
+        if path == "/api/request":
+            given = {"seen": self.seen, **given}
+        status, _, said = self.request("POST", path, json.dumps(given).encode())
         found = json.loads(said)
         return found["error"]["what"] if status != 200 else found.get("answer", found)
 

@@ -300,6 +300,23 @@ EARLIER = [
 ]
 
 
+BEATS = """
+window.silent = false;
+window.WebSocket = class extends window.WebSocket {
+  constructor(...given) {
+    super(...given);
+    let stamp = 1000;
+    setInterval(() => {
+      if (this.readyState !== 1 || window.silent) return;
+      stamp += 1;
+      this.onmessage?.(new MessageEvent("message", { data: JSON.stringify({ beat: stamp }) }));
+    }, 100);
+  }
+};
+"""
+"""Each socket hears ten times a second that the last state still holds, until ``window.silent``."""
+
+
 class InventedServer:
     """Answers the page's requests in its own browser; what was asked stands in ``asked``."""
 
@@ -322,7 +339,11 @@ class InventedServer:
 
     def show(self, state: dict[str, Any]) -> None:
         self.state = copy.deepcopy(state)
-        self._send(json.dumps({"state": self.state}))
+        self._send(json.dumps({"state": self.state, "beat": 1}))
+
+    def freeze(self) -> None:
+        """It says nothing more, and its socket stays open."""
+        self.page.evaluate("window.silent = true")
 
     def lose(self) -> None:
         """The connection breaks, and no other one can be made."""
@@ -347,7 +368,7 @@ class InventedServer:
         self.sockets.append(socket)
         socket.on_message(self._message)
         socket.send(json.dumps({"tab": "t1"}))
-        socket.send(json.dumps({"state": self.state}))
+        socket.send(json.dumps({"state": self.state, "beat": 1}))
 
     def _message(self, message: str) -> None:
         said = json.loads(message)
@@ -362,7 +383,8 @@ class InventedServer:
         if path.startswith("/static/") and (STATIC / path.removeprefix("/static/")).is_file():
             file = STATIC / path.removeprefix("/static/")
             headers = {"Content-Type": TYPES[file.suffix], "Content-Security-Policy": POLICY}
-            route.fulfill(body=file.read_bytes(), headers=headers)
+            begin = BEATS.encode() if file.name == "console.js" else b""
+            route.fulfill(body=begin + file.read_bytes(), headers=headers)
             return
         if method == "POST":
             body = json.loads(route.request.post_data or "{}")

@@ -14,7 +14,7 @@ import pytest
 from websockets.exceptions import InvalidStatus
 
 from bowden.app.main import run
-from bowden.console.access import LARGEST_BODY, LARGEST_MESSAGE, POLICY, Bucket
+from bowden.console.access import COOKIE, LARGEST_BODY, LARGEST_MESSAGE, POLICY, Bucket
 from console_client import RIG, STRANGE, Page, RunningConsole, running_console
 
 GETS = ("/", "/api/state", "/api/runs", "/api/runs/adaptive-1", "/api/runs/adaptive-1/log.csv", "/static/console.js")
@@ -56,7 +56,8 @@ def error_of(status: int, content: bytes) -> dict[str, str]:
 
 def test_without_a_session_nothing_is_had(console: RunningConsole) -> None:
     stranger = Page(console.port)
-    for cookie in ("", "bowden_console=x", "bowden_console=", f"bowden_console={'a' * 43}", "other=1"):
+    name = COOKIE.format(port=console.port)
+    for cookie in ("", f"{name}=x", f"{name}=", f"{name}={'a' * 43}", "other=1"):
         stranger.cookie = cookie
         for path in GETS:
             status, headers, content = stranger.get(path)
@@ -86,6 +87,22 @@ def test_the_cookie_is_for_this_page_alone(console: RunningConsole) -> None:
     assert headers["location"] == "/"
     assert {"HttpOnly", "SameSite=Strict", "Path=/"} <= {one.strip() for one in headers["set-cookie"].split(";")}
     assert console.token not in headers["set-cookie"]
+
+
+def test_two_consoles_of_one_host_keep_their_sessions(console: RunningConsole, tmp_path: Path) -> None:
+    """A cookie knows no port: one browser has those of both, and each console takes its own."""
+    first = console.page().cookie
+    (tmp_path / "rig.toml").write_text(RIG)
+    with running_console(tmp_path / "rig.toml", tmp_path / "out", "--twin") as other:
+        second = other.page().cookie
+        jar = dict(cookie.split("=", 1) for cookie in (first, second))
+        assert len(jar) == 2, "the second one has overwritten the first one"
+        both = "; ".join(f"{name}={value}" for name, value in jar.items())
+        for port in (console.port, other.port):
+            assert Page(port, cookie=both).get("/api/state")[0] == 200
+        assert Page(other.port, cookie=first).get("/api/state")[0] == 401
+        renamed = f"{COOKIE.format(port=other.port)}={first.partition('=')[2]}"
+        assert Page(other.port, cookie=renamed).get("/api/state")[0] == 401
 
 
 def test_guesses_are_slowed_down(console: RunningConsole) -> None:

@@ -94,8 +94,20 @@ def test_a_whole_run(page: Page, console: RunningConsole) -> None:
     viewer.say('{"stop": true}')
     viewer.until(lambda state: state["run"]["mode"] == "stopped", 5.0, "the stop")
     viewer.close()
+    seen, late = page.seen, time.monotonic() + 0.7
+    page.until(lambda state: state["run"]["mode"] == "stopped" and page.seen > seen + 2, 5.0, "the stop")
     assert page.post("/api/request", request="run") == "it is not armed: arm it first"
+    time.sleep(max(0.0, late - time.monotonic()))
+    for request in ("arm", "run"):  # sent before the stop, held up on its way
+        assert "too late" in page.post("/api/request", request=request, seen=seen)
+        assert "does not say" in page.post("/api/request", request=request, seen=None)
+        assert "none of this console" in page.post("/api/request", request=request, seen=1)
     page.run()  # whoever was stopped by somebody arms anew
+    seen = page.seen
+    page.say('{"stop": true}')
+    assert "there was a stop" in page.post("/api/request", request="arm", seen=seen)
+    page.until(lambda state: state["run"]["mode"] == "stopped", 5.0, "the stop")
+    page.run()
     assert page.post("/api/request", request="stop") == ""
     page.until(lambda state: state["run"]["mode"] == "stopped", 5.0, "the stop")
     log = ended(page, console)

@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from bowden.console.lease import Lease
 from bowden.console.runs import TAKEN, RunOwner, TerminalRun
 from bowden.console.settings import RunSettings
+from bowden.console.stamps import Stamps
 from bowden.console.stream import CURVES, WHOLE, Cursor, Watch, reduced
 from bowden.control import LAWS
 from bowden.core.clock import SECOND, MonotonicClock
@@ -112,7 +113,7 @@ class FakeRun:
 
 def begun(run: FakeRun, lease: Lease) -> RunOwner:
     """An owner with this run, which is going, under the lease of tab a."""
-    owner = RunOwner(lease)
+    owner = RunOwner(lease, Stamps(0.5))
     owner.begin(lambda tell: run)  # type: ignore[arg-type, return-value]
     wait(lambda: owner.seen.phase == "live")
     with pytest.raises(SafetyError, match="a session goes on"):
@@ -120,8 +121,17 @@ def begun(run: FakeRun, lease: Lease) -> RunOwner:
     lease.take("a", MonotonicClock().now())
     for request in (Request.ARM, Request.RUN):
         assert owner.ask("b", request).result(5.0) == "this page does not control: take the control first"
-        assert owner.ask("a", request).result(5.0) == ""
+        seen = told(owner)
+        lease.take("a", MonotonicClock().now())
+        assert owner.ask("a", request, seen).result(5.0) == ""
     return owner
+
+
+def told(owner: RunOwner) -> int:
+    """Stamp of a state that a page is told now, after the thread has looked anew."""
+    now = owner.clock.now()
+    wait(lambda: owner.looked > now)
+    return owner.stamps.issue(owner.looked)
 
 
 def wait(holds: Any, seconds: float = 5.0) -> float:
@@ -143,7 +153,7 @@ def test_a_lease_that_grows_old_under_power_is_a_stop() -> None:
     lease.sign("a", 1, MonotonicClock().now())
     assert owner.ask("a", Request.ARM).result(5.0).startswith("this page does not control")
     lease.take("a", MonotonicClock().now())
-    assert owner.ask("a", Request.ARM).result(5.0) == ""
+    assert owner.ask("a", Request.ARM, told(owner)).result(5.0) == ""
     wait(lambda: not owner.seen.lost)
     owner.close()
     assert not run.running
@@ -169,11 +179,56 @@ def test_a_stop_that_does_not_take_ends_the_signs_of_life() -> None:
         owner.close()
 
 
+def test_a_stamp_is_good_while_it_is_young_and_no_stop_came_after_it() -> None:
+    stamps = Stamps(0.5)
+    first = stamps.issue(at(1.0))
+    assert stamps.why_not(first, at(1.5)) == ""
+    assert "too late" in stamps.why_not(first, at(1.51))
+    second = stamps.issue(at(2.0))
+    assert second > first
+    for none in (None, True, 1.0, str(second), [second]):
+        assert "does not say" in stamps.why_not(none, at(2.0))
+    for strange in (first - 1, second + 1, -1, 0, 2**60):
+        assert "none of this console" in stamps.why_not(strange, at(2.0))
+    assert "too late" in stamps.why_not(first, at(2.0))
+    assert Stamps(0.5).why_not(second, at(2.0)), "of another console"
+    stamps.stop(at(2.1))
+    assert "there was a stop" in stamps.why_not(second, at(2.2))
+    stamps.stop(at(1.0))
+    assert "there was a stop" in stamps.why_not(stamps.issue(at(2.1)), at(2.2))
+    assert stamps.why_not(stamps.issue(at(2.15)), at(2.2)) == ""
+
+
+@pytest.mark.parametrize("by", ["a viewer", "the run itself", "a lost lease"])
+@pytest.mark.parametrize("request_", [Request.ARM, Request.ACKNOWLEDGE])
+def test_what_was_sent_before_a_stop_and_comes_after_it_gives_no_power(by: str, request_: Request) -> None:
+    run, lease = FakeRun(), Lease(0.4 if by == "a lost lease" else 30.0)
+    owner = begun(run, lease)
+    seen = told(owner)
+    if by == "a viewer":
+        assert owner.ask("", Request.STOP).result(5.0) == ""
+    elif by == "the run itself":
+        run.mode = Mode.LATCHED if request_ == Request.ACKNOWLEDGE else Mode.STOPPED
+    wait(lambda: owner.seen.mode in (Mode.STOPPED, Mode.LATCHED))
+    wait(lambda: not lease.look(MonotonicClock().now()).holder or by != "a lost lease")
+    lease.take("a", MonotonicClock().now())
+    before = [one for one in run.asked if one == request_]
+    said = owner.ask("a", request_, seen).result(5.0)
+    assert "there was a stop" in said or "too late" in said
+    assert [one for one in run.asked if one == request_] == before
+    assert "does not say" in owner.ask("a", request_).result(5.0)
+    if request_ == Request.ARM:
+        seen = told(owner)
+        lease.take("a", MonotonicClock().now())
+        assert owner.ask("a", request_, seen).result(5.0) == ""
+    owner.close()
+
+
 def test_a_session_that_cannot_begin_says_why() -> None:
     def fails(tell: Any) -> Any:
         raise SafetyError("no drive", do="switch it on")
 
-    owner = RunOwner(Lease(0.5))
+    owner = RunOwner(Lease(0.5), Stamps(0.5))
     owner.begin(fails)
     wait(lambda: owner.seen.error is not None)
     assert owner.seen.phase == "idle"
@@ -316,3 +371,68 @@ def test_settings_make_the_rig_that_runs() -> None:
     assert chirp["kind"] == "multisine"
     with pytest.raises(ParameterError, match="no setting"):
         made.changed({"out": "/"})
+
+
+def test_the_preset_and_gains_of_a_rig_are_where_settings_begin_and_return_to() -> None:
+    rig = Rig(law="adaptive", preset="suit", gains={"feedback_gain": 31.0})
+    begin = RunSettings(rig)
+    assert begin.rig.hash == rig.hash
+    assert begin.changed({"duration": 7}).rig.hash == rig.replace(duration=7.0).hash
+    shown = begin.document(locked=False)
+    assert shown["gains"]["feedback_gain"]["value"] == 31.0
+    assert shown["preset"] == ""
+    assert shown["presets"][0] == {"name": "", "title": "of the rig: preset suit, 1 of its own"}
+    assert [one["name"] for one in shown["presets"]] == ["", None, "paper", "suit"]
+
+    away = begin.changed({"law": "bowden"})
+    assert away.document(locked=False)["preset"] is None
+    assert "" not in [one["name"] for one in away.document(locked=False)["presets"]]
+    with pytest.raises(ParameterError, match="preset is"):
+        away.changed({"preset": ""})
+    assert away.changed({"law": "adaptive"}).rig.hash == rig.hash
+
+    for other in (None, "paper", "suit"):
+        made = begin.changed({"preset": other})
+        assert made.rig.hash == rig.replace(preset=other, gains={}).hash
+        assert made.document(locked=False)["preset"] == other
+        assert made.changed({"preset": ""}).rig.hash == rig.hash
+    edited = begin.changed({"gains": {"feedback_gain": 20.0}})
+    assert edited.document(locked=False)["edited"] == ["feedback_gain"]
+    assert edited.changed({"preset": ""}).rig.hash == rig.hash, "what was edited is taken back"
+    plain = RunSettings(Rig(law="adaptive")).changed({"preset": None})
+    assert plain.document(locked=False)["preset"] == "" == plain.document(locked=False)["presets"][0]["name"]
+
+
+def test_one_field_of_a_reference_leaves_the_others() -> None:
+    rig = Rig.of_tree(
+        {"reference": {"kind": "periodic_minimum_jerk", "low_deg": 5.0, "high_deg": 42.0, "period_s": 3.0}}, Path()
+    )
+    fields = {"low_deg": 5.0, "high_deg": 42.0, "period_s": 3.0}
+
+    def values(made: RunSettings) -> dict[str, float]:
+        shown = made.document(locked=False)["reference"]["fields"]
+        return {name: one["value"] for name, one in shown.items()}
+
+    begin = RunSettings(rig)
+    for kind in ({}, {"kind": "periodic_minimum_jerk"}):
+        made = begin.changed({"reference": {**kind, "high_deg": 40.0}})
+        assert values(made) == fields | {"high_deg": 40.0}
+        made = made.changed({"reference": {**kind, "period_s": 4.0}})
+        assert values(made) == fields | {"high_deg": 40.0, "period_s": 4.0}
+    away = begin.changed({"reference": {"kind": "multisine"}})
+    assert values(away.changed({"reference": {"kind": "periodic_minimum_jerk"}})) == fields, "the rig's own comes back"
+
+
+def test_a_recorded_reference_of_the_rig_can_be_returned_to(tmp_path: Path) -> None:
+    times = np.arange(0.0, 4.0, 0.01)
+    rows = "\n".join(f"{t:.2f},{20.0 - 20.0 * np.cos(1.5 * t):.4f}" for t in times)
+    (tmp_path / "motion.csv").write_text(f"time_s,joint_deg\n{rows}\n")
+    (tmp_path / "rig.toml").write_text("[reference]\nkind = 'recorded'\nfile = 'motion.csv'\n")
+    begin = RunSettings(Rig.read(tmp_path / "rig.toml"))
+    away = begin.changed({"reference": {"kind": "multisine"}})
+    assert "recorded" in away.document(locked=False)["reference"]["kinds"]
+    assert away.changed({"reference": {"kind": "recorded"}}).rig.hash == begin.rig.hash
+    with pytest.raises(ParameterError, match="reference is"):
+        away.changed({"reference": {"kind": "recorded", "file": "/etc/passwd"}})
+    with pytest.raises(ParameterError, match="reference is"):
+        RunSettings(Rig()).changed({"reference": {"kind": "recorded"}})

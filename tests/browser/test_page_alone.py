@@ -178,6 +178,38 @@ def test_stop_while_the_button_is_held_arms_nothing(page: Any) -> None:
     assert asked(server, "arm") == 0
 
 
+def test_a_stop_of_another_page_while_the_button_is_held_arms_nothing(page: Any) -> None:
+    server = opened(page, live("stopped") | {"stops": 1})
+    page.locator(".hold").focus()
+    page.keyboard.down("Enter")
+    page.wait_for_timeout(300)
+    server.show(live("stopped") | {"stops": 2})
+    page.wait_for_timeout(1500)
+    page.keyboard.up("Enter")
+    assert asked(server, "arm") == 0
+
+
+def test_what_did_not_end_as_asked_is_not_said_to_be_without_power(page: Any) -> None:
+    ended = {"mode": "running", "reason": "", "error": "the loop's process has gone"}
+    server = opened(page, live("running", ended=ended | {"well": False}, power=False) | {"phase": "idle"})
+    assert page.locator(".banner-word").inner_text() == "Ended badly"
+    assert "make sure at the rig" in page.locator(".banner-meaning").inner_text()
+    server.show(live("stopped", ended=ended | {"well": True}, power=False) | {"phase": "idle"})
+    page.locator(".banner-word", has_text="Ended").filter(has_not_text="badly").wait_for()
+
+
+def test_a_refused_value_does_not_stay_as_if_it_were_set(page: Any) -> None:
+    opened(page, idle())
+    refused = {"error": {"what": "gain eta is -1", "expected": "0 to 200", "do": "correct it"}}
+    page.route("**/api/settings", lambda route: route.fulfill(status=400, json=refused))
+    field = page.get_by_label("eta [1/s]")
+    field.fill("-1")
+    field.press("Enter")
+    page.get_by_text("gain eta is -1").wait_for()
+    page.locator("#subject").focus()
+    assert comes(page, lambda: field.input_value() == "12.5")
+
+
 def test_gains_that_do_not_hold_cannot_be_started(page: Any) -> None:
     server = opened(page, states()["refused"])
     page.get_by_text("Does not hold: cannot be armed").wait_for()
@@ -227,7 +259,76 @@ def test_a_lost_connection_is_said_and_stop_says_that_it_was_not_sent(page: Any)
     page.locator(".banner-word", has_text="No connection").wait_for()
     assert "hardware emergency stop" in page.locator(".banner-meaning").inner_text()
     page.keyboard.press("Space")
-    page.get_by_text("Stop was NOT sent").wait_for()
+    page.get_by_text("Stop was NOT taken").wait_for()
+
+
+def test_a_frozen_server_is_a_lost_one_within_a_second_and_comes_back(page: Any) -> None:
+    """Its socket is open and says nothing: nothing is shown as if it were so now, and nothing gives power."""
+    server = opened(page, live("running"))
+    page.wait_for_timeout(1500)
+    assert page.locator(".banner-word").inner_text() == "Running"
+    waiting: list[Any] = []
+    page.route("**/api/stop", lambda route: waiting.append(route))  # never answered
+    server.freeze()
+    began = time.monotonic()
+    page.locator(".banner-word", has_text="No connection").wait_for()
+    assert time.monotonic() - began < 3.0
+    meaning = page.locator(".banner-meaning").inner_text()
+    assert "No news from the rig for" in meaning
+    assert "this page cannot stop it. Use the hardware emergency stop" in meaning
+    page.get_by_text("everything below is as it was, not as it is").wait_for()
+    assert page.locator(".time-value").all_inner_texts() == ["–", "–"]
+    for button in page.locator(".flow button").all():
+        assert button.is_disabled()
+    assert page.locator("#stop").is_enabled()
+    assert "may not get there" in page.locator("#stop").inner_text()
+    page.locator("#stop").click()
+    page.get_by_text("it may not get there").wait_for()
+    page.get_by_text("has not answered the stop").wait_for()
+    assert len(waiting) == 1
+    page.evaluate("window.silent = false")
+    page.locator(".banner-word", has_text="Running").wait_for()
+    assert not page.get_by_text("everything below is as it was").is_visible()
+
+
+@pytest.mark.parametrize("mode", ["stopped", "ready"])
+def test_arming_and_running_carry_what_the_page_saw(page: Any, mode: str) -> None:
+    server = opened(page, live(mode))
+    page.wait_for_timeout(1000)
+    button = page.locator(".hold") if mode == "stopped" else page.get_by_role("button", name="Run", exact=True)
+    button.focus()
+    page.keyboard.down("Enter")
+    page.wait_for_timeout(1500)
+    page.keyboard.up("Enter")
+    assert comes(page, lambda: any(path == "/api/request" for path, _ in server.asked))
+    (body,) = [body for path, body in server.asked if path == "/api/request"]
+    assert body["seen"] > 1001
+
+
+@pytest.mark.parametrize("key", ["Space", "Escape"])
+def test_keys_stop_also_where_a_frame_had_the_focus(page: Any, key: str) -> None:
+    """A page in a frame has its own keys: it gives the focus back once a rig is started, and takes none."""
+    server = opened(page, idle())
+    page.get_by_role("button", name="Earlier runs").click()
+    page.get_by_role("button", name="Open the run of 2026-11-23 14:03").click()
+    page.get_by_role("button", name="Log page").click()
+    page.frame_locator("iframe").get_by_text("log page").click()
+    assert page.evaluate("document.activeElement.tagName") == "IFRAME"
+    before = len(lives(server))
+    page.wait_for_timeout(500)
+    assert len(lives(server)) <= before + 1, "no sign of life while keys go elsewhere"
+    server.show(live("running"))
+    page.get_by_text("this page can be looked at and not used").wait_for()
+    assert page.evaluate("document.activeElement.tagName") != "IFRAME"
+    page.keyboard.press(key)
+    assert comes(page, lambda: asked(server, "stop") == 1)
+    box = page.locator("iframe").bounding_box()
+    page.mouse.click(box["x"] + 20, box["y"] + 20)
+    for _ in range(12):
+        page.keyboard.press("Tab")
+        assert page.evaluate("document.activeElement.tagName") != "IFRAME"
+    page.keyboard.press(key)
+    assert comes(page, lambda: asked(server, "stop") == 2)
 
 
 def test_no_text_of_a_rig_a_log_or_a_note_becomes_html(page: Any) -> None:

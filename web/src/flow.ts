@@ -48,7 +48,7 @@ interface Step {
 
 export function flow(link: Link, say: Say): { element: HTMLElement; update: () => void } {
   const request = (name: string, done: string) => {
-    void ask(link, "/api/request", { request: name }, say).then((ok) => ok && done && say(done));
+    void ask(link, "/api/request", { request: name, seen: link.seen }, say).then((ok) => ok && done && say(done));
   };
   const button = (words: string, act: () => void) => {
     const made = h("button", { type: "button", class: "step-button" }, words);
@@ -101,22 +101,27 @@ export function flow(link: Link, say: Say): { element: HTMLElement; update: () =
     hidden(one.hint, words === "");
   }
 
+  let stops: number | undefined;
   function update(): void {
     const state = link.state;
     if (!state) return;
     const { phase, run: now } = state;
     const controls = state.you.controls && link.connected;
-    const live = phase === "live" && now !== null;
+    const live = phase === "live" && now !== null && link.connected;
     const mode = live ? now.mode : null;
     const holds = state.check?.holds === true && !state.check.running;
-    const idle = phase === "idle";
+    const idle = phase === "idle" && link.connected;
     const armed = mode === "preflight" || mode === "ready" || mode === "running" || mode === "bridging";
-    text(next, !controls ? "Take control at the top to use these buttons. Stop needs no control." : live && now.next ? sentence(now.next) : "");
+    text(next, !link.connected ? "No news from the rig: what is below may be old." : !controls ? "Take control at the top to use these buttons. Stop needs no control." : live && now.next ? sentence(now.next) : "");
     hidden(next, next.textContent === "");
     const verdict = state.check === null || state.check.running ? "" : holds ? (state.check.name === "holds" ? "The gains hold." : "Read the verdict before you start.") : "These gains do not hold. Change them.";
     show(steps.check, check, controls && idle, idle && !holds, holds || live, phase === "checking" ? "Checking on a model…" : verdict || "Nothing moves.");
     show(steps.start, start, controls && idle && holds, idle && holds, live, phase === "starting" ? "Starting…" : live ? "" : "Starts loop and recorder. Power stays off.");
     const mayArm = controls && mode === "stopped";
+    if (state.stops !== stops) {
+      stops = state.stops;
+      arm.enable(false); // somebody has stopped: who holds the button lets it go, and begins again
+    }
     arm.enable(mayArm);
     show(steps.arm, arm.button, mayArm, mode === "stopped", armed, mayArm || idle ? "One second, by mouse, touch or Enter. The motor gets power." : "");
     show(steps.run, run, controls && mode === "ready", mode === "ready", mode === "running" || mode === "bridging", mode === "preflight" ? "Wait for the preflight." : "");
@@ -124,7 +129,7 @@ export function flow(link: Link, say: Say): { element: HTMLElement; update: () =
     hidden(steps.acknowledge.row, !live || (mode !== "latched" && now.first_fault === null));
     if (live && mode !== "latched" && now.first_fault !== null) acknowledge.disabled = !controls;
     show(steps.end, end, controls && live, false, false, live ? "Power off, then the log is closed." : "");
-    hidden(steps.end.row, !live && phase !== "ending");
+    hidden(steps.end.row, phase !== "live" && phase !== "ending");
   }
   return { element, update };
 }

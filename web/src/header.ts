@@ -37,16 +37,20 @@ export function header(link: Link, say: (words: string, bad?: boolean) => void):
   asked.hidden = true;
 
   let pressed = false;
+  const stopKeys = h("span", { class: "stop-keys" });
   const stopButton = h(
     "button",
     { type: "button", class: "stop", id: "stop", "aria-describedby": "stop-help" },
     h("span", { class: "stop-word" }, "STOP"),
-    h("span", { class: "stop-keys" }, "Space or Esc"),
+    stopKeys,
   );
   function stop(): void {
-    say("Stop sent.");
-    void link.stop().then((sent) => {
-      if (!sent) say("Stop was NOT sent: no connection. Use the hardware emergency stop.", true);
+    if (link.connected) say("Stop sent.");
+    else say("Stop is tried, but there is no news from the rig: it may not get there. Use the hardware emergency stop.", true);
+    const late = () => say("The console has not answered the stop for 1 s: it may not have got there. Use the hardware emergency stop.", true);
+    void link.stop(late).then((taken) => {
+      if (taken) say("The console has taken the stop.");
+      else say("Stop was NOT taken: no connection. Use the hardware emergency stop.", true);
     });
   }
   stopButton.addEventListener("pointerdown", (event) => {
@@ -85,7 +89,8 @@ export function header(link: Link, say: (words: string, bad?: boolean) => void):
   let last = "";
   function update(): void {
     const state = link.state;
-    const look = lookOf(state, link.connected);
+    const look = lookOf(state, link.connected, link.silence());
+    document.body.classList.toggle("stale", state !== null && !link.connected);
     banner.className = `banner ${look.kind}`;
     refill(picture, look.icon, () => [icon(look.icon)]);
     text(word, look.name);
@@ -94,8 +99,9 @@ export function header(link: Link, say: (words: string, bad?: boolean) => void):
       last = look.name;
       text(spoken, `${look.name}. ${look.meaning}`);
     }
+    text(stopKeys, link.connected || !state ? "Space or Esc" : "may not get there");
     document.title = `${look.name} · ${state?.rig.name ?? "bowden console"}`;
-    const run = state?.run;
+    const run = link.connected ? state?.run : null;
     text(elapsed, duration(run?.elapsed));
     text(remaining, duration(run?.remaining));
     if (!state) return;
@@ -110,10 +116,11 @@ export function header(link: Link, say: (words: string, bad?: boolean) => void):
     ]);
     const { controls, controller, viewers } = state.you;
     const others = viewers > 1 ? ` · ${viewers} pages open` : "";
-    if (controls && !link.inFront()) text(who, "This page is not in front: no sign of life.");
+    if (!link.connected) text(who, "Not known who controls.");
+    else if (controls && !link.inFront()) text(who, "This page is not in front: no sign of life.");
     else if (controls) text(who, `You control${others}`);
     else text(who, `${controller ? `Another page controls, ${controller}` : "Nobody controls"}${others}`);
-    attribute(who, "class", controls ? "who mine" : "who");
+    attribute(who, "class", controls && link.connected ? "who mine" : "who");
     if (controls) asked.hidden = true;
     hidden(take, controls || !asked.hidden);
     text(take, controller ? "Take over" : "Take control");

@@ -5,13 +5,18 @@ import { decode, post, tab, type Frame, type State, type Strokes } from "./wire"
 type Listener = (state: State) => void;
 
 const RETRY_MS = 500;
-/** A socket that says nothing for so long is taken for dead. The server sends the state four times a second in a run. */
-const SILENT_MS = 3000;
+/** A server that says nothing for so long is taken for lost: it says ten times a second that its last state holds. */
+const SILENT_MS = 1000;
+/** After so long another connection is tried: this one may never end by itself. */
+const DEAD_MS = 3000;
 const BEAT_MS = 100;
 
 export class Link {
   state: State | null = null;
+  /** Whether the state is how the rig stands: there is a connection, and it has said something within the last second. */
   connected = false;
+  /** Stamp of the newest state that was seen; requests that give power carry it. */
+  seen: number | null = null;
   /** Signs of life that were sent on this connection; each carries the next number. */
   beats = 0;
   onframe: (frame: Frame) => void = () => {};
@@ -21,8 +26,12 @@ export class Link {
   private listeners: Listener[] = [];
   private socket: WebSocket | null = null;
   private view: object | null = null;
-  private heard = 0;
+  private heard = performance.now();
+  private quiet = 0;
   private front = true;
+  private opened = 0;
+  /** Whether this connection has told a state. */
+  private told = false;
 
   start(): void {
     this.open();
@@ -45,9 +54,20 @@ export class Link {
     for (const listener of this.listeners) listener(state);
   }
 
-  /** Whether this page is visible and has the focus: only then it may control. */
+  /** Whether this page is visible and its keys come here, not into a frame in it: only then it may control. */
   inFront(): boolean {
-    return document.visibilityState === "visible" && document.hasFocus();
+    return document.visibilityState === "visible" && document.hasFocus() && !(document.activeElement instanceof HTMLIFrameElement);
+  }
+
+  /** Seconds without news from the server. */
+  silence(): number {
+    return Math.floor((performance.now() - this.heard) / 1000);
+  }
+
+  /** Whether something has power or may get it, as far as this page knows: where it knows nothing, it may. */
+  busy(): boolean {
+    const state = this.state;
+    return !state || !this.connected || (state.phase !== "idle" && state.phase !== "checking") || state.run?.power === true;
   }
 
   show(view: object): void {
@@ -55,14 +75,17 @@ export class Link {
     this.send({ view });
   }
 
-  /** Stop, over both ways. False if neither is there. */
-  async stop(): Promise<boolean> {
-    const sent = this.send({ stop: true });
+  /** Stop, over both ways; whether the server has taken it. Calls `late` where it has not answered for a second. */
+  async stop(late: () => void): Promise<boolean> {
+    this.send({ stop: true });
+    const timer = window.setTimeout(late, SILENT_MS);
     try {
       await post("/api/stop", {});
       return true;
     } catch {
-      return sent;
+      return false;
+    } finally {
+      window.clearTimeout(timer);
     }
   }
 
@@ -77,8 +100,25 @@ export class Link {
     if (this.connected && this.state?.you.controls && this.front) {
       if (this.send({ life: this.beats + 1 })) this.beats += 1;
     }
-    const live = this.state?.phase === "live";
-    if (this.connected && live && performance.now() - this.heard > SILENT_MS) this.socket?.close();
+    const silent = performance.now() - this.heard;
+    if (this.connected && silent > SILENT_MS) this.connected = false;
+    const quiet = this.connected ? 0 : 1 + this.silence();
+    if (quiet !== this.quiet) {
+      this.quiet = quiet;
+      this.onchange();
+    }
+    if (this.socket && silent > DEAD_MS && performance.now() - this.opened > DEAD_MS) this.leave(this.socket);
+  }
+
+  /** Give a connection up, and try another one. Its end need not be waited for. */
+  private leave(socket: WebSocket): void {
+    if (this.socket !== socket) return;
+    this.socket = null;
+    this.connected = false;
+    tab.id = "";
+    socket.close();
+    this.onchange();
+    window.setTimeout(() => this.open(), RETRY_MS);
   }
 
   private look(): void {
@@ -94,21 +134,32 @@ export class Link {
     const socket = new WebSocket(`${scheme}://${location.host}/stream`);
     socket.binaryType = "arraybuffer";
     this.socket = socket;
+    this.opened = performance.now();
     socket.onopen = () => {
-      this.heard = performance.now();
-      this.connected = true;
-      if (this.view) this.send({ view: this.view });
-      this.onchange();
+      if (this.socket === socket && this.view) this.send({ view: this.view });
     };
     socket.onmessage = (event: MessageEvent<string | ArrayBuffer>) => {
-      this.heard = performance.now();
+      if (this.socket !== socket) return;
       if (typeof event.data === "string") {
-        const said = JSON.parse(event.data) as { state?: State; tab?: string };
+        const said = JSON.parse(event.data) as { state?: State; tab?: string; beat?: number };
         if (said.tab) {
           tab.id = said.tab;
           this.beats = 0;
         }
-        if (said.state) this.take(said.state);
+        if (typeof said.beat === "number") {
+          this.seen = said.beat;
+          this.heard = performance.now();
+        }
+        // Only a state makes the page live again: until it comes, an older one is shown.
+        if (said.state) {
+          this.connected = true;
+          this.take(said.state);
+        } else if (typeof said.beat === "number" && !this.connected && this.told) {
+          this.connected = true;
+          this.onchange();
+        }
+        if (said.state) this.told = true;
+        else if (said.tab) this.told = false;
         return;
       }
       const frame = decode(event.data);
@@ -116,12 +167,6 @@ export class Link {
       if ("pairs" in frame) this.onstrokes(frame);
       else this.onframe(frame);
     };
-    socket.onclose = () => {
-      if (this.socket !== socket) return;
-      const was = this.connected;
-      this.connected = false;
-      if (was) this.onchange();
-      window.setTimeout(() => this.open(), RETRY_MS);
-    };
+    socket.onclose = () => this.leave(socket);
   }
 }

@@ -10,6 +10,7 @@ import { watchKeys } from "./keys";
 import { Link } from "./link";
 import { path } from "./path";
 import { runs } from "./runs";
+import { guardFrames } from "./sandbox";
 import { settings } from "./settings";
 import { status } from "./status";
 
@@ -74,11 +75,13 @@ function show(name: string): void {
 
 const problem = h("p", { class: "problem", role: "alert" });
 problem.hidden = true;
+const old = h("p", { class: "old" }, "No news from the rig: everything below is as it was, not as it is.");
+old.hidden = true;
 document.body.append(
   h("a", { class: "skip", href: "#main" }, "Skip to content"),
   top.element,
   h("div", { class: "under" }, h("nav", { "aria-label": "Pages" }, ...tabs), h("aside", { class: "emergency", id: "stop-help", "aria-label": "About stop" }, "Stop here does not replace the hardware emergency stop. Space stops, but in a text field; Esc stops everywhere.")),
-  h("main", { id: "main", tabindex: -1 }, problem, seen.fault, seen.noted, ...Object.values(rooms)),
+  h("main", { id: "main", tabindex: -1 }, old, problem, seen.fault, seen.noted, ...Object.values(rooms)),
   messageBar,
 );
 show("run");
@@ -90,8 +93,10 @@ function update(): void {
   form.update();
   seen.update();
   guided.update();
+  guardFrames(link.busy());
   const state = link.state;
   if (!state) return;
+  hidden(old, link.connected);
   const error = state.error;
   hidden(problem, error === null);
   if (error) text(problem, [error.what, error.expected && `expected: ${error.expected}`, error.do].filter(Boolean).join(". "));
@@ -107,10 +112,7 @@ function update(): void {
 link.listen(update);
 link.onchange = update;
 
-watchKeys(top.stop, () => {
-  const state = link.state;
-  return !state || !link.connected || state.phase === "live" || state.phase === "step" || state.run?.power === true;
-});
+watchKeys(top.stop, () => link.busy());
 
 function frame(now: number): void {
   if (!rooms.run!.hidden) curves.draw(now);

@@ -24,7 +24,7 @@ const PHASES: Record<Exclude<Phase, "live">, Look> = {
   idle: { name: "Not started", icon: "ring", kind: "idle", meaning: "No program moves the rig." },
   checking: { name: "Checking", icon: "dots", kind: "idle", meaning: "On a model. Nothing moves." },
   starting: { name: "Starting", icon: "dots", kind: "idle", meaning: "Loop and recorder start. Power is off." },
-  ending: { name: "Ending", icon: "dots", kind: "idle", meaning: "The log is closed." },
+  ending: { name: "Ending", icon: "dots", kind: "idle", meaning: "The cable is let out, power goes off, then the log is closed." },
   step: { name: "Guided step", icon: "dots", kind: "preflight", meaning: "A step of the guided path goes on." },
 };
 
@@ -34,13 +34,18 @@ const LOST: Look = {
   kind: "lost",
   meaning: "This page cannot see or stop the rig now. Use the hardware emergency stop.",
 };
+const silent = (seconds: number): Look => ({
+  ...LOST,
+  meaning: `No news from the rig for ${seconds} s: this page cannot stop it. Use the hardware emergency stop.`,
+});
 const ENDED: Look = { ...PHASES.idle, name: "Ended", meaning: "Power is off, the log is closed." };
+const BADLY: Look = { ...LOST, name: "Ended badly", icon: "warning", meaning: "It did not end as asked: make sure at the rig that power is off." };
 const WAITING: Look = { name: "Connecting", icon: "dots", kind: "idle", meaning: "" };
 
-export function lookOf(state: State | null, connected: boolean): Look {
-  if (!state) return connected ? WAITING : LOST;
-  if (!connected) return LOST;
+export function lookOf(state: State | null, connected: boolean, silence: number): Look {
+  if (!state) return silence < 1 ? WAITING : LOST;
+  if (!connected) return silent(silence);
   if ((state.phase === "live" || state.run?.power) && state.run) return MODES[state.run.mode] ?? WAITING;
-  if (state.phase === "idle" && state.run) return ENDED;
+  if (state.phase === "idle" && state.run) return state.run.ended?.well ? ENDED : BADLY;
   return state.phase === "live" ? WAITING : (PHASES[state.phase] ?? WAITING);
 }

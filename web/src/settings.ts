@@ -5,6 +5,9 @@ import { ask, sentence, type Say } from "./flow";
 import type { Link } from "./link";
 import type { Quantity, State } from "./wire";
 
+/** In the list of presets: the law's defaults, which have no name. */
+const DEFAULTS = "\u0000defaults";
+
 type Field = HTMLInputElement | HTMLSelectElement | HTMLTextAreaElement;
 
 export function settings(link: Link, say: Say): { element: HTMLElement; update: () => void } {
@@ -14,6 +17,11 @@ export function settings(link: Link, say: Say): { element: HTMLElement; update: 
 
   function commit<F extends Field>(field: F, send: () => Promise<boolean>): F {
     field.addEventListener("input", () => busy.add(field));
+    // What was refused is not left there as if it were set.
+    field.addEventListener("blur", () => {
+      if (!busy.has(field)) attribute(field, "aria-invalid", null);
+      update();
+    });
     field.addEventListener("change", () => {
       void send().then((ok) => {
         busy.delete(field);
@@ -28,7 +36,7 @@ export function settings(link: Link, say: Say): { element: HTMLElement; update: 
   }
 
   const law: HTMLSelectElement = commit(h("select", { id: "law" }), () => set({ law: law.value }));
-  const preset: HTMLSelectElement = commit(h("select", { id: "preset" }), () => set({ preset: preset.value }));
+  const preset: HTMLSelectElement = commit(h("select", { id: "preset" }), () => set({ preset: preset.value === DEFAULTS ? null : preset.value }));
   const kind: HTMLSelectElement = commit(h("select", { id: "kind" }), () => set({ reference: { kind: kind.value } }));
   const seconds: HTMLInputElement = commit(h("input", { id: "duration", type: "number", min: 0, step: "any" }), () => set({ duration: seconds.valueAsNumber }));
   const subject: HTMLInputElement = commit(h("input", { id: "subject", type: "text", maxlength: 200, autocomplete: "off" }), () => set({ subject: subject.value }));
@@ -38,7 +46,10 @@ export function settings(link: Link, say: Say): { element: HTMLElement; update: 
   const reference = h("div", { class: "quantities" });
   const locked = h("p", { class: "hint" }, "A run is open. End it to change these; gains with a button may be changed while the law runs.");
   const label = (words: string, field: Field) => h("div", { class: "field" }, h("label", { for: field.id }, words), field);
-  const presetField = label("Preset", preset);
+  const presetField = label("Gains begin with", preset);
+  const editedNames = h("span", {});
+  const undo = h("button", { type: "button", class: "small", onclick: () => void set({ preset: link.state?.settings.preset ?? null }) }, "Undo changes");
+  const editedLine = h("p", { class: "hint" }, editedNames, undo);
 
   const summary = h("span", { class: "settings-summary" });
   const details = h(
@@ -47,7 +58,7 @@ export function settings(link: Link, say: Say): { element: HTMLElement; update: 
     h("summary", {}, h("h2", {}, "Settings"), summary),
     locked,
     h("div", { class: "pair" }, label("Law", law), presetField),
-    h("fieldset", {}, h("legend", {}, "Gains"), gains),
+    h("fieldset", {}, h("legend", {}, "Gains"), editedLine, gains),
     h("fieldset", {}, h("legend", {}, "Reference"), label("Kind", kind), reference),
     label("Duration [s]", seconds),
     h("div", { class: "pair" }, label("Subject", subject), label("Session", session)),
@@ -99,11 +110,8 @@ export function settings(link: Link, say: Say): { element: HTMLElement; update: 
     return h("div", { class: "field" }, h("label", { for: id }, `${name}${unit}`), field, hint);
   }
 
-  function choices(field: HTMLSelectElement, all: Parameters<typeof titled>[0][], value: string, empty = ""): void {
-    refill(field, [all, empty], () => [
-      ...(empty ? [h("option", { value: "" }, empty)] : []),
-      ...all.map((choice) => h("option", { value: titled(choice).name }, titled(choice).title)),
-    ]);
+  function choices(field: HTMLSelectElement, all: Parameters<typeof titled>[0][], value: string): void {
+    refill(field, all, () => all.map((choice) => h("option", { value: titled(choice).name }, titled(choice).title)));
     fill(field, value);
   }
 
@@ -114,8 +122,13 @@ export function settings(link: Link, say: Say): { element: HTMLElement; update: 
     const now = state.settings;
     const free = state.you.controls && link.connected && !now.locked && state.phase === "idle";
     choices(law, now.laws, now.law);
-    choices(preset, now.presets, now.preset ?? "", now.preset === null ? "own gains" : "");
+    const presets = now.presets.map((one) => (typeof one === "string" ? titled(one) : titled({ name: one.name ?? DEFAULTS, title: one.title })));
+    choices(preset, presets, now.preset ?? DEFAULTS);
     hidden(presetField, now.presets.length === 0);
+    const edited = now.edited ?? [];
+    hidden(editedLine, edited.length === 0);
+    text(editedNames, edited.length === 0 ? "" : `Changed here: ${edited.join(", ")}. `);
+    if (undo.disabled === free) undo.disabled = !free;
     const kinds = now.reference.kinds ?? [now.reference.kind];
     choices(kind, kinds, now.reference.kind);
     fill(seconds, now.duration === null ? "" : String(now.duration));

@@ -24,8 +24,11 @@ export interface Choice {
 export interface Settings {
   law: string;
   laws: (Choice | string)[];
+  /** Empty: what the rig itself says; null: the law's defaults. */
   preset: string | null;
-  presets: (Choice | string)[];
+  presets: ({ name: string | null; title?: string } | string)[];
+  /** Names of the gains that were changed here. */
+  edited?: string[];
   gains: Record<string, Quantity>;
   reference: { kind: string; kinds?: (Choice | string)[]; fields?: Record<string, Quantity> };
   duration: number | null;
@@ -126,6 +129,8 @@ export interface State {
   rig: { name: string; hash: string; drive: "twin" | "hardware"; bus: string; faults?: Choice[] };
   you: { controls: boolean; viewers: number; controller: string | null };
   phase: Phase;
+  /** How many stops there were, by whomever. */
+  stops?: number;
   settings: Settings;
   check: Check | null;
   run: Run | null;

@@ -19,8 +19,8 @@ Receive = Callable[[], Awaitable[Message]]
 Send = Callable[[Message], Awaitable[None]]
 Application = Callable[[Scope, Receive, Send], Awaitable[None]]
 
-COOKIE = "bowden_console"
-"""Name of the session's cookie."""
+COOKIE = "bowden_console_{port}"
+"""Name of the session's cookie. Browsers send a host's cookies to each of its ports: each console has its own name."""
 LARGEST_BODY = 16_384
 """Of a request [bytes]."""
 LARGEST_MESSAGE = 4096
@@ -121,6 +121,7 @@ class Guard:
         self.token = secrets.token_urlsafe(32)
         """What the link has."""
         self._inner, self._clock, self._port, self._secure = inner, clock, port, secure
+        self._cookie = COOKIE.format(port=port)
         self._names = frozenset(name.lower() for name in names if name not in _WILDCARDS)
         self._anywhere = not {*names}.isdisjoint(_WILDCARDS)
         self._sessions: dict[bytes, Bucket] = {}
@@ -201,7 +202,7 @@ class Guard:
         found = None
         for part in ";".join(cookies).split(";"):
             name, _, value = part.strip().partition("=")
-            if name == COOKIE:
+            if name == self._cookie:
                 given = value.encode("latin-1")
                 for known, bucket in self._sessions.items():  # all of them, in a time that says nothing
                     if hmac.compare_digest(known, given):
@@ -225,7 +226,7 @@ class Guard:
         while len(self._sessions) >= _MOST_SESSIONS:
             self._sessions.pop(next(iter(self._sessions)))
         self._sessions[value.encode()] = Bucket(40.0, 120.0)
-        return f"{COOKIE}={value}; HttpOnly; SameSite=Strict; Path=/{'; Secure' if self._secure else ''}"
+        return f"{self._cookie}={value}; HttpOnly; SameSite=Strict; Path=/{'; Secure' if self._secure else ''}"
 
     async def _body(self, scope: Scope, receive: Receive) -> bytes:
         """The whole body of a request, which is small.

@@ -16,8 +16,10 @@ from bowden.console.jobs import Jobs
 from bowden.console.lease import Lease
 from bowden.console.runs import RunOwner, RunSeen, TerminalRun
 from bowden.console.settings import RunSettings, shortly
+from bowden.console.stamps import Stamps
 from bowden.console.state import VOLATILE, error_of, finite, gains_of, rig_of, run_of
 from bowden.console.stream import Watch
+from bowden.core.clock import SECOND
 from bowden.core.errors import BowdenError, ParameterError, SafetyError
 from bowden.design.verdict import CheckVerdict
 from bowden.face.run import live_session
@@ -73,7 +75,9 @@ class Console:
         self.settings = RunSettings(rig)
         self.lease = Lease(rig.supervisor_limits.console_lease)
         self._terminal = terminal
-        self.owner: RunOwner | TerminalRun = RunOwner(self.lease, self._ended) if terminal is None else terminal
+        self.stamps = Stamps(self.lease.limit)
+        owner = RunOwner(self.lease, self.stamps, self._ended) if terminal is None else terminal
+        self.owner: RunOwner | TerminalRun = owner
         self.jobs = Jobs()
         self.earlier = EarlierRuns(out, self.jobs, self._going)
         self.viewers: set[Viewer] = set()
@@ -92,6 +96,9 @@ class Console:
         """Set, and replaced, at each tick."""
         self.said: tuple[int, dict[str, Any]] = (0, {})
         """Number and content of the newest state, without who asks."""
+        self._renewed = 0
+        self.stamp = 0
+        """Of the newest look at the rig: the newest state still is how it stands, but for what changes with time."""
         self._news: Any = None
         self._document: dict[str, Any] = {}
 
@@ -140,6 +147,7 @@ class Console:
         return {
             "rig": self._document["rig"],
             "phase": self.phase,
+            "stops": self.stamps.stops,
             "controller": {"seconds": since, "fresh": view.fresh} if view.holder else None,
             "viewers": len(self.viewers),
             "settings": {**settings, "gains": gains_of(settings, seen, self.gain), "locked": seen.phase != "idle"},
@@ -176,7 +184,8 @@ class Console:
             self.watch.look()
         if self.path.going == "measure" and seen.phase == "idle":  # it could not begin, or not end
             self.path.end(str(seen.error or "the measurement did not begin"), [], failed=True)
-        if count % _SAID == 0 or (seen.power and count % _WHILE_IT_RUNS == 0):
+        late = self.owner.clock.now() - self._renewed > _SAID * TICK * SECOND  # also where ticks are late
+        if count % _SAID == 0 or late or (seen.power and count % _WHILE_IT_RUNS == 0):
             self.renew(moved=seen.power and count % _WHILE_IT_RUNS == 0)
         self.ticked.set()
         self.ticked = asyncio.Event()
@@ -192,10 +201,18 @@ class Console:
 
     def renew(self, *, moved: bool = False) -> None:
         """Make the state anew, and have it told where it is news, or `moved` says that it goes on."""
+        now = self.owner.clock.now()
+        live = self.owner.seen.phase == "live"
+        # A thread that hangs sees nothing: then nobody is told that this is how the rig stands.
+        fresh = not live or now - self.owner.looked <= self.lease.limit * SECOND
+        looked = min(now, self.owner.looked) if live else now
+        self._renewed = now
         state = self.state()
         news = _without_moments(state)
         if news != self._news or moved:
             self._news, self.said = news, (self.said[0] + 1, state)
+        if fresh:
+            self.stamp = self.stamps.issue(looked)
 
     async def keep_ticking(self) -> None:
         """Tick after tick, until it is cancelled; what fell behind is left out."""
@@ -282,7 +299,8 @@ class Console:
         try:
             found = await self.jobs.do("check", rig=rig.document())
         except BowdenError as error:
-            self.check, self.error = None, error
+            if self.check is not None and self.check["of"] == rig.hash:
+                self.check, self.error = None, error
             return
         if self.check is not None and self.check["of"] == rig.hash:
             self.check = finite({"running": False, **found})
@@ -292,8 +310,13 @@ class Console:
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
 
-    async def request(self, tab: str, name: Any) -> str:
+    async def request(self, tab: str, name: Any, seen: Any = None) -> str:
         """Do what a page asks for; the answer is empty, or why it does nothing.
+
+        Args:
+            tab: the page.
+            name: of the request.
+            seen: stamp of the newest state that it was told.
 
         Raises:
             ParameterError: there is no such request.
@@ -308,7 +331,7 @@ class Console:
             known = ", ".join(["start", *REQUESTS, "end"])
             raise ParameterError(f"request is {shortly(name)}", expected=f"one of {known}", do="reload the page")
         self._require_page(tab)
-        return await asyncio.wrap_future(self.owner.ask(tab, REQUESTS[name]))
+        return await asyncio.wrap_future(self.owner.ask(tab, REQUESTS[name], seen))
 
     async def set_gain(self, tab: str, name: Any, value: Any) -> None:
         """Have a gain changed while the law runs, if the gains wanted hold; `state` tells how far it is.

@@ -9,6 +9,7 @@ Why nothing moves without somebody at the page, whoever of the chain page → se
   loop's `operator_age` grows, and the loop releases. A thread that holds the interpreter is the same case.
 - A stop that was asked for does not take: after `TAKEN` this thread beats no more while there is power.
 - This process is killed: no beat.
+- A request that gives power comes late, after a stop that its sender did not see: its stamp is older than the stop.
 
 A round takes 25 ms. Requests are handed over in a queue, their answers in futures; what there is to see is one value
 that is replaced whole, so that no reader waits for this thread and it waits for none.
@@ -25,6 +26,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from bowden.console.lease import Lease
+from bowden.console.stamps import Stamps
 from bowden.core.clock import SECOND, MonotonicClock
 from bowden.core.errors import BowdenError, SafetyError
 from bowden.core.files import printable
@@ -45,6 +47,9 @@ _REMEMBER = 200
 """Rounds between two times that the motor's warmth is kept."""
 POWERED = frozenset({Mode.PREFLIGHT, Mode.RUNNING, Mode.BRIDGING})
 """Modes in which somebody has to be at the page; in a release the cable is being let out already."""
+
+STAMPED = frozenset({Request.ARM, Request.RUN, Request.ACKNOWLEDGE})
+"""Requests that are granted only to who has seen how the rig stands now."""
 
 Begin = Callable[[Callable[[str], None]], AbstractContextManager["Session"]]
 """Begins a session, and says meanwhile what its user should know."""
@@ -92,6 +97,8 @@ class _Asked:
     request: Request | None
     gain: tuple[str, float] | None = None
     """In place of a request: another value of a gain, whose check holds."""
+    seen: object = None
+    """Stamp of the newest state that its page was told."""
     answer: "Future[str]" = field(default_factory=Future)
 
 
@@ -100,14 +107,18 @@ class RunOwner:
 
     Args:
         lease: who controls.
+        stamps: of what the pages were told.
         ended: called by this thread with each session that has ended.
     """
 
-    def __init__(self, lease: Lease, ended: Callable[["Session"], None] = lambda session: None) -> None:
-        self.lease, self.clock = lease, MonotonicClock()
+    def __init__(self, lease: Lease, stamps: Stamps, ended: Callable[["Session"], None] = lambda session: None) -> None:
+        self.lease, self.stamps, self.clock = lease, stamps, MonotonicClock()
         self.seen = RunSeen()
         """What there is to see."""
+        self.looked = self.clock.now()
+        """When the thread looked at the run last [ns]."""
         self._ended = ended
+        self._mode: Mode | None = None
         self._begins: queue.Queue[Begin | None] = queue.Queue()
         self._asked: queue.SimpleQueue[_Asked | None] = queue.SimpleQueue()
         self._stop, self._end, self._over = threading.Event(), threading.Event(), threading.Event()
@@ -128,9 +139,15 @@ class RunOwner:
         self._end.clear()
         self._begins.put(begin)
 
-    def ask(self, tab: str, request: Request) -> "Future[str]":
-        """Ask for something; the answer is empty, or why it does nothing. A stop needs no lease, and never waits."""
-        return self._handed(_Asked(tab, request))
+    def ask(self, tab: str, request: Request, seen: object = None) -> "Future[str]":
+        """Ask for something; the answer is empty, or why it does nothing. A stop needs no lease, and never waits.
+
+        Args:
+            tab: who asks.
+            request: for what.
+            seen: stamp of the newest state that it was told; those in `STAMPED` need it.
+        """
+        return self._handed(_Asked(tab, request, seen=seen))
 
     def ask_gain(self, tab: str, name: str, value: float) -> "Future[str]":
         """Ask for another value of a live gain, whose check holds; the answer as of `ask`."""
@@ -138,6 +155,8 @@ class RunOwner:
 
     def _handed(self, asked: _Asked) -> "Future[str]":
         request = asked.request
+        if request == Request.STOP:
+            self.stamps.stop(self.clock.now())
         if self.seen.phase != "live":
             asked.answer.set_result("there is no session: start one first" if request != Request.STOP else "")
             return asked.answer
@@ -179,7 +198,7 @@ class RunOwner:
     def _see_through(self, begin: Begin, notes: list[str]) -> None:
         error: BowdenError | None = None
         with begin(notes.append) as session:
-            self.seen = RunSeen("live", session, notes=(*notes, session.live.losses()))
+            self.seen, self._mode = RunSeen("live", session, notes=(*notes, session.live.losses())), None
             self._stop.clear()
             self._answer_all("the session has only just begun")  # what was asked of the one before
             with keeping(session) as keep, prompt():
@@ -210,7 +229,7 @@ class RunOwner:
                 if session.still > STANDS_STILL:
                     print(f"bowden: note: the loop has not answered for {session.still:.0f} s", file=sys.stderr)
                     return
-            self.seen = self._look(session, "live")
+            self._see(session)
             if count % _REMEMBER == _REMEMBER - 1 and self.seen.row is not None:
                 keep(self.seen.row)
             self._take(session, now + round(ROUND * SECOND))
@@ -229,10 +248,20 @@ class RunOwner:
                     return None
                 self.seen = self._look(session, "live", lost=_why_lost(view.holder, self.lease.limit))
                 self.lease.drop()
+                self.stamps.stop(now)
             self._stop.clear()
             asked_at = now
         session.block.ask(int(Request.STOP))  # again each round until it has taken; `ask` of the session would beat
         return asked_at
+
+    def _see(self, session: "Session") -> None:
+        """Look at the run; a mode without power that has come since the last look is a stop, by whomever."""
+        self.looked = self.clock.now()
+        self.seen = self._look(session, "live")
+        mode, before = self.seen.mode, self._mode
+        self._mode = mode
+        if mode not in POWERED and mode != before:
+            self.stamps.stop(self.clock.now())  # after `seen`: nobody was told a state of before with a later stamp
 
     def _take(self, session: "Session", until: int) -> None:
         """Take requests until the round is over."""
@@ -264,6 +293,10 @@ class RunOwner:
                 return error.what
             return ""
         assert asked.request is not None
+        if asked.request in STAMPED:
+            self._see(session)
+            if late := self.stamps.why_not(asked.seen, self.clock.now()):
+                return late
         why = why_not(asked.request, self.seen.row)
         if not why:
             session.ask(asked.request)
@@ -309,6 +342,11 @@ class TerminalRun:
         self._stop = threading.Event()
 
     @property
+    def looked(self) -> int:
+        """When the run was looked at last: whenever it is asked [ns]."""
+        return self.clock.now()
+
+    @property
     def seen(self) -> RunSeen:
         """What there is to see."""
         session = self._session
@@ -326,7 +364,7 @@ class TerminalRun:
         """
         raise SafetyError(_OF_TERMINAL, do="use its keys")
 
-    def ask(self, tab: str, request: Request) -> "Future[str]":
+    def ask(self, tab: str, request: Request, seen: object = None) -> "Future[str]":
         """A stop is handed to the terminal's process; all else is its own."""
         answer: Future[str] = Future()
         if request == Request.STOP:

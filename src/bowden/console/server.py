@@ -82,7 +82,8 @@ def application(console: Console) -> Starlette:
 
     async def ask(request: Request) -> Response:
         given = document(await request.body())
-        return _json({"answer": await console.request(_tab(request), given.get("request"))})
+        answer = await console.request(_tab(request), given.get("request"), given.get("seen"))
+        return _json({"answer": answer})
 
     async def stop(request: Request) -> Response:
         document(await request.body())
@@ -291,13 +292,16 @@ def _within(value: Any, ends: tuple[float, float]) -> float:
 
 
 async def _send(console: Console, viewer: Viewer, page: WebSocket) -> None:
-    """States and frames, each as it is when the one before is on its way; a page that takes none is dropped."""
+    """States, or that the last one still holds, and frames, each as it is when the one before is on its way.
+
+    A page that takes none is dropped.
+    """
 
     async def text(value: Any) -> None:
         await asyncio.wait_for(page.send_text(json.dumps(value, separators=(",", ":"))), _SLOW)
 
     await text({"tab": viewer.tab})
-    told, watch, asked = -1, None, None
+    told, stamped, watch, asked = -1, 0, None, None
     controls = None
     cursor: Cursor | None = None
     while True:
@@ -305,8 +309,11 @@ async def _send(console: Console, viewer: Viewer, page: WebSocket) -> None:
         number, _ = console.said
         holds = console.lease.look(console.owner.clock.now()).holder == viewer.tab
         if number != told or holds != controls:
-            told, controls = number, holds
-            await text({"state": console.for_viewer(viewer.tab)})
+            told, controls, stamped = number, holds, console.stamp
+            await text({"state": console.for_viewer(viewer.tab), "beat": stamped})
+        elif console.stamp != stamped:
+            stamped = console.stamp
+            await text({"beat": stamped})
         if console.watch is not watch or viewer.asked is not asked:
             watch, asked, cursor = console.watch, viewer.asked, None
         if watch is not None and asked is not None:

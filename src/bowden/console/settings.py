@@ -17,6 +17,8 @@ from bowden.rig.sections import REFERENCES
 
 LONGEST = {"subject": 80, "session": 80, "notes": 2000}
 """Texts that go into the log → characters that they may have."""
+OWN = ""
+"""In place of a preset's name: preset and gains of the rig itself."""
 _UNIT = re.compile(r"\[([^\]]+)\][.;, ]*$")
 _MOST_GAINS = 64
 _DEEP = 3
@@ -31,7 +33,8 @@ class RunSettings:
     """What the settings begin with: the rig of the file, or that of the guided path."""
     law: str = ""
     """Its name; empty for the rig's own."""
-    preset: str | None = None
+    preset: str | None = OWN
+    """Its name; `OWN` for what the rig says, preset and gains, and None for the law's defaults."""
     gains: Mapping[str, float] = field(default_factory=dict)
     """Those that differ from what rig and preset give."""
     reference: Mapping[str, Any] = field(default_factory=dict)
@@ -51,7 +54,7 @@ class RunSettings:
         rig = self.base
         if self.law and self.law != rig.law_name:
             rig = rig.with_law(self.law, self.preset)
-        elif self.preset != rig.preset:
+        elif self.preset != OWN:
             rig = rig.replace(preset=self.preset, gains={})
         if self.gains:
             rig = rig.replace(gains={**rig.gains, **self.gains})
@@ -69,6 +72,16 @@ class RunSettings:
         """Names of the laws on offer: those of the package, and the rig's own."""
         return sorted({*LAWS, self.base.law_name})
 
+    @property
+    def owns_law(self) -> bool:
+        """Whether the law is the rig's own."""
+        return self.law in ("", self.base.law_name)
+
+    @property
+    def chooses(self) -> bool:
+        """Whether the rig itself says a preset or gains."""
+        return bool(self.base.preset or self.base.gains)
+
     def changed(self, given: Mapping[str, Any]) -> "RunSettings":
         """The settings with what a page gives; each change is tried, so that none is there that cannot be.
 
@@ -84,19 +97,27 @@ class RunSettings:
         made = self
         if "law" in given and given["law"] != (made.law or made.base.law_name):
             law = _one_of(given["law"], self.laws, "law")
-            preset = made.base.preset if law == made.base.law_name else None
-            made = replace(made, law=law, preset=preset, gains={})
-        if "preset" in given and given["preset"] != made.preset:
+            made = replace(made, law=law, preset=OWN if law == made.base.law_name else None, gains={})
+        if "preset" in given:  # also the one that it is: that takes back what was changed
             preset = given["preset"]
             if preset is not None:
-                preset = _one_of(preset, made.rig.loaded_law.presets, "preset")
+                own = [OWN] if made.owns_law else []
+                preset = _one_of(preset, [*own, *made.rig.loaded_law.presets], "preset")
+            elif made.owns_law and not made.chooses:
+                preset = OWN  # which is the same
             made = replace(made, preset=preset, gains={})
         if "gains" in given:
             made = replace(made, gains={**made.gains, **_gains(given["gains"], made.rig.loaded_law)})
         if "reference" in given:
-            section = _section(given["reference"])
-            same = section.get("kind", made.reference.get("kind")) == made.reference.get("kind")
-            made = replace(made, reference={**made.reference, **section} if same else section)
+            own = own_reference(made.base)
+            section = _section(given["reference"], recorded=own.get("kind") == _RECORDED)
+            now = made.reference or own
+            kind = section.get("kind", now.get("kind"))
+            if kind == own.get("kind") == _RECORDED:
+                made = replace(made, reference={})
+            else:
+                begin = next((one for one in (now, own) if one.get("kind") == kind), {})
+                made = replace(made, reference={**begin, **section})
         if "duration" in given:
             made = replace(made, duration=_number(given["duration"], "duration"))
         for name, most in LONGEST.items():
@@ -116,14 +137,25 @@ class RunSettings:
         return {
             "law": self.law or self.base.law_name,
             "laws": titled(self.laws),
-            "preset": self.rig.preset,
-            "presets": titled(law.presets),
+            "preset": self.preset,
+            "presets": self._presets(law),
+            "edited": sorted(self.gains),
             "gains": {name: gain_of(law, name) for name in law.choices[:_MOST_GAINS]},
-            "reference": reference_of(self.rig),
+            "reference": reference_of(self.rig, self.base),
             "duration": self.rig.duration,
             **self.about,
             "locked": locked,
         }
+
+    def _presets(self, law: Law) -> list[dict[str, str | None]]:
+        """Sets of gains to begin with: the rig's own, the law's defaults, and those that it names."""
+        base, own = self.base, []
+        if self.owns_law:
+            said = [f"preset {base.preset}"] if base.preset else []
+            said += [f"{len(base.gains)} of its own"] if base.gains else []
+            own = [{"name": OWN, "title": f"of the rig: {', '.join(said) or 'defaults of the law'}"}]
+        plain = [] if own and not self.chooses else [{"name": None, "title": "defaults of the law"}]
+        return [*own, *plain, *titled(law.presets)]
 
 
 def gain_of(law: Law, name: str) -> dict[str, Any]:
@@ -143,19 +175,30 @@ def gain_of(law: Law, name: str) -> dict[str, Any]:
     }
 
 
-def reference_of(rig: Rig) -> dict[str, Any]:
+def own_reference(rig: Rig) -> dict[str, Any]:
+    """A rig's reference as the section of a rig.toml has it; empty where a file has no words for it."""
+    try:
+        return dict(rig.tree().get("reference", {}))
+    except ParameterError:
+        return {}
+
+
+def reference_of(rig: Rig, base: Rig) -> dict[str, Any]:
     """The reference as the section of a rig.toml has it: its kind, the kinds that there are, and its fields.
 
     Of a recorded motion, and of one that a file has no words for, no field can be set.
+
+    Args:
+        rig: whose reference it is.
+        base: the rig of the file, to whose recorded motion one may return.
     """
     kinds = [name for name in REFERENCES if name != _RECORDED]
-    try:
-        section = rig.tree().get("reference", {})
-    except ParameterError:
-        section = {}
+    section = own_reference(rig)
     kind = section.get("kind", type(rig.reference).__name__)
-    if kind not in kinds:
-        return {"kind": kind, "kinds": [kind, *kinds], "fields": {}}
+    if own_reference(base).get("kind") == _RECORDED:
+        kinds = [_RECORDED, *kinds]
+    if kind not in kinds or kind == _RECORDED:
+        return {"kind": kind, "kinds": kinds if kind in kinds else [kind, *kinds], "fields": {}}
     named = {one.quantity.named(one.name): one.quantity for one in declared(REFERENCES[kind].kind)}
     fields = {key: _field(one, section.get(key)) for key, one in named.items()}
     return {"kind": kind, "kinds": kinds, "fields": fields}
@@ -206,8 +249,15 @@ def _gains(given: Any, law: Law) -> dict[str, float]:
     return {_one_of(name, law.choices, "a gain"): _number(value, f"gain {name}") for name, value in given.items()}
 
 
-def _section(given: Any) -> dict[str, Any]:
-    """A reference from the wire: numbers, lists of numbers and a kind, and no file."""
+def _section(given: Any, *, recorded: bool) -> dict[str, Any]:
+    """A reference from the wire: numbers, lists of numbers and a kind, and no file.
+
+    Args:
+        given: from the wire.
+        recorded: whether the rig's own is a recorded motion, to which one returns by its kind alone.
+    """
+    if recorded and given == {"kind": _RECORDED}:
+        return {"kind": _RECORDED}
     if not isinstance(given, Mapping) or given.get("kind") == _RECORDED or not _plain(given, _DEEP):
         raise ParameterError(
             f"reference is {shortly(given)}",
