@@ -101,8 +101,8 @@ class RunSettings:
         if "preset" in given:  # also the one that it is: that takes back what was changed
             preset = given["preset"]
             if preset is not None:
-                own = [OWN] if made.owns_law else []
-                preset = _one_of(preset, [*own, *made.rig.loaded_law.presets], "preset")
+                rigs = [OWN] if made.owns_law else []
+                preset = _one_of(preset, [*rigs, *made.rig.loaded_law.presets], "preset")
             elif made.owns_law and not made.chooses:
                 preset = OWN  # which is the same
             made = replace(made, preset=preset, gains={})
@@ -147,14 +147,16 @@ class RunSettings:
             "locked": locked,
         }
 
-    def _presets(self, law: Law) -> list[dict[str, str | None]]:
+    def _presets(self, law: Law) -> list[Mapping[str, str | None]]:
         """Sets of gains to begin with: the rig's own, the law's defaults, and those that it names."""
-        base, own = self.base, []
+        base = self.base
+        own: list[Mapping[str, str | None]] = []
         if self.owns_law:
             said = [f"preset {base.preset}"] if base.preset else []
             said += [f"{len(base.gains)} of its own"] if base.gains else []
             own = [{"name": OWN, "title": f"of the rig: {', '.join(said) or 'defaults of the law'}"}]
-        plain = [] if own and not self.chooses else [{"name": None, "title": "defaults of the law"}]
+        defaults: Mapping[str, str | None] = {"name": None, "title": "defaults of the law"}
+        plain = [] if own and not self.chooses else [defaults]
         return [*own, *plain, *titled(law.presets)]
 
 
