@@ -23,6 +23,7 @@ from bowden.cycle.one_cycle import HOLD, LAW, LAW_BEGINS, NOWHERE, Cycle, Filter
 from bowden.identify.log.read import read_log
 from bowden.live import live_run as live_run_of
 from bowden.live.events import Changes
+from bowden.live.gain_ramp import GainRamp
 from bowden.live.log_rig import OwnFile, UnknownCodeError, rig_of_log
 from bowden.live.mcap_log import LogFile, about
 from bowden.live.mcap_read import read
@@ -46,6 +47,7 @@ def live_run() -> np.ndarray:
     """Rows of a run: armed, run, a joint angle that is missing twice, stopped; the motor is a first-order lag."""
     limits, filters = Limits(), Filters(joint=600.0)
     cycle = Cycle(LAW_USED, limits, filters, DT)
+    gains = GainRamp(LAW_USED, cycle.gains, DT)
     noise = np.random.default_rng(2).normal(0.0, 1e-4, (CYCLES, 3))
     motor, drive, mode, target, rows = 0.1, 1.0, 0.0, 0.1, []
     motion = PeriodicMinimumJerk(0.0, 0.6, 2.0).sample(DT * np.arange(CYCLES))
@@ -72,7 +74,7 @@ def live_run() -> np.ndarray:
                 *(k * DT, *reference, *reading, *state.sample, wish),
                 *(*verdict, source, lateness, elapsed, 0.0, float(request), 0.05, 1.0, observed.preflight, 0.0),
                 *(math.nan, 8e-5),
-                *(*state.law, *state.conditioned, *state.supervisor),
+                *(*state.law, *state.conditioned, *state.supervisor, *gains.recorded),
             )
         )
         drive = min(drive + 1.0, 4.0) if verdict.power > 2.5 else 1.0
@@ -240,7 +242,7 @@ def test_a_replay_shows_what_was_changed(rows: np.ndarray, capsys: pytest.Captur
     write(Path("target.mcap"), changed, settings)
     told = document(["replay", "target.mcap"], capsys, "log_replay", code=1)
     assert (told["verdicts_differing"], told["first_other_verdict"]) == (1, 2.0)
-    gains = settings["gains"] | {"feedback_gain": 5.0}
+    gains = settings["gains"] | {"error_gain": 0.02}  # a live one goes by its column
     write(Path("gains.mcap"), rows, settings | {"gains": gains})
     assert document(["replay", "gains.mcap"], capsys, "log_replay", code=1)["wish_largest"] > 1e-5
 
@@ -380,7 +382,8 @@ def test_an_emergency_and_a_preflight_that_failed_are_events(
 
 def test_gaps_begin_a_replay_anew(rows: np.ndarray, capsys: pytest.CaptureFixture[str]) -> None:
     data = bytearray(Path("run.mcap").read_bytes())
-    data[data.index(rows[1510, -20:].tobytes())] ^= 1
+    gains = 2 * len(LAW_USED.live)  # the columns behind the supervisor's
+    data[data.index(rows[1510, -20 - gains : -gains].tobytes())] ^= 1
     Path("hurt.mcap").write_bytes(data)
     told = document(["replay", "hurt.mcap"], capsys, "log_replay")
     assert told["beginnings"] == 2

@@ -238,7 +238,7 @@ def test_a_law_that_does_not_say_has_what_no_rig_tells_as_a_choice() -> None:
     law = LAWS["cascaded_pid"]
     undeclared = dataclasses.replace(law, tunable=None)
     assert set(undeclared.choices) == set(law.gains._fields) - set(law.from_rig)
-    assert dataclasses.replace(law, tunable=frozenset()).choices == []
+    assert dataclasses.replace(LAWS["observer"], tunable=frozenset()).choices == []
 
 
 @pytest.mark.parametrize(

@@ -279,6 +279,7 @@ CALLS: dict[str, tuple[Callable[..., Any], dict[str, tuple[Any, ...]]]] = {
     ),
     "Rig.replace": (RIG.replace, {"delay": NO_WHOLE, "dely": (3,), "stands_for": ("x",)}),
     "Rig.with_law": (made(RIG.with_law), {"law": (3, "adaptiv", trace), "preset": (3,), "folder": NO_PATH}),
+    "Rig.with_gain": (made(RIG.with_gain, "feedback_gain", 30.0), {"name": (3,), "value": NO_NUMBER}),
     "Rig.with_emg": (made(RIG.with_emg, "lsl:x"), {"source": NO_TEXT, "wearer": (3, "wearer.toml")}),
     "Rig.offline": (made(RIG.offline), {"whole": NO_FLAG}),
     "Rig.on_bus": (made(RIG.on_bus, "can0"), {"channel": NO_TEXT, "interface": NO_TEXT}),

@@ -396,6 +396,7 @@ def test_the_facts_of_a_log_end_with_what_ended_the_run() -> None:
         **nothing,
         "settings": {},
         "software": {},
+        "gains": [],
         "stops": [stop],
         "emergencies": [],
         "events": events,

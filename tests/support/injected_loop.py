@@ -105,7 +105,9 @@ class InjectedLoop:
         self._inputs, self._delay, self._last = inputs, bench.delay, round(duration / bench.sample_time) - 1
         gains = misled_gains(LAWS[law], injected, bench.sample_time)
         self._kinds, self._onsets, self._now = gains.kinds, gains.onsets, gains.now
-        misled_law = Law(law, gains, *misled_kernels(LAWS[law]), "tests", state_units=LAWS[law].state_units)
+        limits = {f"gains.{name}": ends for name, ends in LAWS[law].limits.items()}
+        units = LAWS[law].state_units
+        misled_law = Law(law, gains, *misled_kernels(LAWS[law]), "tests", limits=limits, state_units=units)
 
         # the drive
         dynamics = bench.dynamics()

@@ -184,9 +184,7 @@ class Law:
         quantities = {name_of(path): quantity_at(self.gains, path) for path, _ in leaves(self.gains)}
         ranges = {name: one.ends for name, one in quantities.items() if one is not None and one.rules}
         object.__setattr__(self, "limits", {**ranges, **self.limits})
-        live = tuple(name for name, one in quantities.items() if one is not None and one.live)
-        object.__setattr__(self, "_live", live)
-        for name in live:
+        for name in self.live:
             low, high = self.limits.get(name, (-math.inf, math.inf))
             what = f"gain {name} of law {self.name!r} may be changed while the law runs"
             if not (math.isfinite(low) and math.isfinite(high)):
@@ -200,8 +198,8 @@ class Law:
     def live(self) -> tuple[str, ...]:
         """Gains that may be changed while the law runs, since the gains' type declares them ``Quantity(…, live=True)``;
         one of a nested part by its dotted name, as in `numbers`."""
-        found: tuple[str, ...] = self.__dict__["_live"]
-        return found
+        declared = ((name_of(path), quantity_at(self.gains, path)) for path, _ in leaves(self.gains))
+        return tuple(name for name, one in declared if one is not None and one.live)
 
     @property
     def choices(self) -> list[str]:

@@ -389,8 +389,8 @@ class Rig:
         Raises:
             ParameterError: the law has no such gain, or the value is outside its limits.
 
-        >>> Rig().with_gain("bandwidth", 4.0).fitted().gains.bandwidth
-        4.0
+        >>> Rig().with_gain("feedback_gain", 30.0).fitted().gains.feedback_gain
+        30.0
         """
         preset = preset_of(self.loaded_law, self.knowledge, preset=self.preset, gains=self.gains)
         return self.replace(preset=preset, gains={**self.gains, name: value})
