@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bowden.console.runs import TerminalRun
 from bowden.live.log_facts import facts, needed
 from bowden.live.mcap_read import read
 from console_client import RIG, Page, RunningConsole, running_console
@@ -114,8 +113,3 @@ def test_who_does_not_control_any_more_when_the_check_is_done_changes_nothing(co
     other.until(lambda state: state["phase"] == "idle", 30.0, "the end")
     for one in (page, other):
         one.close()
-
-
-def test_a_terminals_run_shows_its_gains_and_changes_none(tmp_path: Path) -> None:
-    answer = TerminalRun(session=None, notes=()).ask_gain("a", "bandwidth", 4.0)  # type: ignore[arg-type]
-    assert answer.result(1.0) == "the terminal controls this run"

@@ -326,7 +326,7 @@ def test_a_viewer_that_fell_behind_gets_the_whole_window_anew() -> None:
     assert int.from_bytes(frame[2:4], "little") == 200
 
 
-def test_a_terminals_rows_are_read_by_a_reader_for_each_thread(tmp_path: Path) -> None:
+def test_a_terminals_rows_are_read_by_a_reader_for_each_thread_and_pages_change_no_gain(tmp_path: Path) -> None:
     """The terminal's own reads on while pages are told: a barrier is a lock, which no two threads may share."""
     about = description(LAWS["adaptive"], {"limits": {}}, 0, 0)
     create(tmp_path / "a.ring", about, 64)
@@ -355,6 +355,7 @@ def test_a_terminals_rows_are_read_by_a_reader_for_each_thread(tmp_path: Path) -
         thread.join()
         sys.setswitchinterval(before)
     assert failed == []
+    assert run.ask_gain("a", "bandwidth", 4.0).result(1.0) == "the terminal controls this run"
 
 
 def test_settings_make_the_rig_that_runs() -> None:
