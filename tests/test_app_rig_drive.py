@@ -10,6 +10,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from bowden.core.errors import BowdenError, DriveError, ParameterError
+from bowden.hardware.buses.link import Links
 from bowden.hardware.drives.canopen_drive import CanopenDrive
 from bowden.hardware.drives.parameters import DriveParameters
 from bowden.hardware.ports import Power
@@ -74,7 +75,7 @@ def test_any_drive_that_is_taken_can_be_brought_up_or_says_why(tmp_path: Path, g
     except ParameterError:
         return
     bus = TwinBus(drive, lambda now: TwinBench(BENCH, constant_bend(BENCH.sheath.bend), 1.0, 0, 0.1, now))
-    host = CanopenDrive(drive, bus)
+    host = CanopenDrive(drive, Links(bus))
     try:
         host.bring_up()
     except DriveError:

@@ -12,6 +12,7 @@ from bowden.core.errors import ParameterError
 from bowden.core.kernel import kernel, sel
 from bowden.core.quantity import Quantity
 from bowden.export.parts import emg_modules
+from bowden.hardware.buses.link import Links
 from bowden.hardware.drives import family as drive_families
 from bowden.hardware.drives.family import DriveFamily, DriveNeeds, family_named, family_of, names
 from bowden.hardware.emg.listener import Listener
@@ -50,7 +51,7 @@ PLAYED: dict[str, Any] = {}
 """The twin at the end of each string."""
 
 
-def toy_open(given: ToyParameters) -> Drive:
+def toy_open(given: ToyParameters, links: Any) -> Drive:
     drive: Drive = PLAYED[given.string]
     return drive
 
@@ -99,7 +100,7 @@ def test_a_rig_of_another_family_is_read_packed_written_and_run_against_its_twin
     family, parameters = family_of(rig.drive), rig.drive_parameters
     plant = TwinBench(rig.bench, rig.bend_path, rig.duration, rig.seed, rig.start_motor, 0.0)
     PLAYED["blue"] = family.twin(parameters, plant, lambda: 0.0, ())
-    drive = family.open(parameters)
+    drive = family.open(parameters, Links())
     start = drive.read(0.0).motor
     for k in range(1, 400):
         drive.write(start + 0.1, Power.ON, k * 1e-3)

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from bowden.core.errors import DriveError
 from bowden.core.signals import DriveState
+from bowden.hardware.buses.link import Links
 from bowden.hardware.drives import canopen_frames as frames
 from bowden.hardware.drives.canopen_drive import CanopenDrive
 from bowden.hardware.drives.parameters import DriveParameters
@@ -51,7 +52,7 @@ class Shared(TwinBus):
 def shared(heard: bool) -> Shared:
     """With a drive that the other host has enabled."""
     bus = Shared(DRIVE, make_bench)
-    first = CanopenDrive(DRIVE, bus)
+    first = CanopenDrive(DRIVE, Links(bus))
     first.bring_up()
     cycle(first, bus, 10, Power.ON)
     bus.beating, bus.heard = True, heard
@@ -68,7 +69,7 @@ def test_a_drive_that_another_host_holds_is_not_touched(heard: bool) -> None:
         else "operation enabled; expected a drive without"
     )
     with pytest.raises(DriveError, match=said):
-        CanopenDrive(DRIVE, bus).bring_up()
+        CanopenDrive(DRIVE, Links(bus)).bring_up()
     assert bus.node.state is DriveState.OPERATION_ENABLED
     assert bus.node.nmt == frames.OPERATIONAL
     assert "torque_off" not in [event for _, event, _ in bus.journal]
@@ -77,7 +78,7 @@ def test_a_drive_that_another_host_holds_is_not_touched(heard: bool) -> None:
 def test_a_node_that_an_end_has_stopped_is_woken() -> None:
     bus = TwinBus(DRIVE, make_bench)
     for _ in range(2):
-        drive = CanopenDrive(DRIVE, bus)
+        drive = CanopenDrive(DRIVE, Links(bus))
         drive.bring_up()
         assert bus.node.nmt == frames.OPERATIONAL
         drive.close()
@@ -107,7 +108,7 @@ def test_what_a_drive_does_not_take_on_is_found(
     overrides: dict[Key, int | None], drive: dict[str, Any], said: str
 ) -> None:
     bus = TwinBus(DRIVE, make_bench, overrides)
-    host = CanopenDrive(DRIVE._replace(**drive), bus)
+    host = CanopenDrive(DRIVE._replace(**drive), Links(bus))
     with pytest.raises(DriveError, match=said):
         host.bring_up()
     cycle(host, bus, 20, Power.ON)
@@ -116,12 +117,12 @@ def test_what_a_drive_does_not_take_on_is_found(
 
 def test_speeds_in_thousandths_of_a_turn_a_minute_are_understood() -> None:
     bus = TwinBus(DRIVE, make_bench, {(0x60A9, 0): 0xFDB4_4700, (0x6080, 0): 10_000_000, (0x607F, 0): 10_000_000})
-    CanopenDrive(DRIVE._replace(speed_limit=30.0), bus).bring_up()
+    CanopenDrive(DRIVE._replace(speed_limit=30.0), Links(bus)).bring_up()
 
 
 def test_a_lost_heartbeat_leaves_the_drive_where_it_can_be_seen() -> None:
     bus = TwinBus(DRIVE, make_bench)
-    drive = CanopenDrive(DRIVE, bus)
+    drive = CanopenDrive(DRIVE, Links(bus))
     drive.bring_up()
     assert bus.node.objects[0x1029, 1] == 1
     cycle(drive, bus, 10, Power.ON)
@@ -132,7 +133,7 @@ def test_a_lost_heartbeat_leaves_the_drive_where_it_can_be_seen() -> None:
 
 def test_a_drive_that_goes_pre_operational_when_we_are_lost_is_not_ready() -> None:
     bus = TwinBus(DRIVE, make_bench, {(0x1029, 1): None})
-    drive = CanopenDrive(DRIVE, bus)
+    drive = CanopenDrive(DRIVE, Links(bus))
     drive.bring_up()
     cycle(drive, bus, 10, Power.ON)
     bus.advance(0.1)
@@ -161,7 +162,7 @@ OURS = (0x081, 0x581, 0x701, 0x181, 0x281)
 def test_bring_up_among_foreign_frames_succeeds_or_says_why(noise: list[tuple[int, bytes]]) -> None:
     bus = Noisy(DRIVE, make_bench)
     bus.noise = tuple(noise)
-    drive = CanopenDrive(DRIVE, bus)
+    drive = CanopenDrive(DRIVE, Links(bus))
     left = {DriveState.SWITCH_ON_DISABLED}
     try:
         drive.bring_up()

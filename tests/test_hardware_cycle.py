@@ -10,6 +10,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from bowden.core.signals import DriveState
+from bowden.hardware.buses.link import Links
 from bowden.hardware.drives import canopen_frames as frames
 from bowden.hardware.drives.canopen_drive import CanopenDrive
 from bowden.hardware.drives.cia402 import Controlword
@@ -42,7 +43,7 @@ class SyncBus(TwinBus):
 
 def enabled() -> tuple[CanopenDrive, SyncBus]:
     bus = SyncBus(DRIVE, make_bench)
-    drive = CanopenDrive(DRIVE, bus)
+    drive = CanopenDrive(DRIVE, Links(bus))
     drive.bring_up()
     for _ in range(10):
         drive.read(bus.time)
@@ -101,7 +102,7 @@ def test_of_several_emergencies_in_a_cycle_the_first_is_told() -> None:
 def test_no_power_before_a_position_is_known() -> None:
     bus = TwinBus(DRIVE, make_bench)
     bus.node.state = DriveState.SWITCHED_ON  # as another master has left it
-    drive = CanopenDrive(DRIVE, bus)
+    drive = CanopenDrive(DRIVE, Links(bus))
     drive.bring_up()
     for _ in range(5):
         drive.write(0.1, Power.ON, bus.time)
@@ -131,7 +132,7 @@ class SlowServer(TwinBus):
 
 def test_the_drive_has_stopped_watching_us_before_it_is_stopped() -> None:
     bus = SlowServer(DRIVE._replace(answer_timeout=0.2))
-    drive = CanopenDrive(DRIVE._replace(answer_timeout=0.2), bus)
+    drive = CanopenDrive(DRIVE._replace(answer_timeout=0.2), Links(bus))
     drive.bring_up()
     bus.journal.clear()  # of the trial of the drive's watch over us
     for _ in range(20):
@@ -149,14 +150,14 @@ def test_the_drive_has_stopped_watching_us_before_it_is_stopped() -> None:
 def test_homing_by_hand_holds_where_home_is_wherever_the_rig_is_found() -> None:
     here = DRIVE._replace(home="here", motor_home=1.0, joint_home=2.0)
     bus = TwinBus(here, make_bench)
-    drive = CanopenDrive(here, bus)
+    drive = CanopenDrive(here, Links(bus))
     drive.bring_up()
     for k in range(300):
         drive.read(bus.time)
         drive.write(1.0 + min(k, 200) * 1e-3, Power.ON if k < 280 else Power.OFF, bus.time)
         bus.advance(CYCLE)
     assert drive.read(bus.time).motor == pytest.approx(1.2, abs=0.01)
-    again = CanopenDrive(drive.zeroed(motor=0.25, joint=0.5), bus)
+    again = CanopenDrive(drive.zeroed(motor=0.25, joint=0.5), Links(bus))
     again.bring_up()
     again.write(0.0, Power.OFF, bus.time)
     bus.advance(CYCLE)
@@ -181,7 +182,7 @@ def tapped() -> tuple[CanopenDrive, Tap]:
     if not _TAPPED:
         Tap.sent = []
         bus = Tap(DRIVE, make_bench)
-        drive = CanopenDrive(DRIVE, bus)
+        drive = CanopenDrive(DRIVE, Links(bus))
         drive.bring_up()
         _TAPPED.append((drive, bus))
     return _TAPPED[0]

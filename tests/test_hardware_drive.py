@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from bowden.core.errors import DriveError
 from bowden.core.signals import EMERGENCY_STOP, DriveReading, DriveState
+from bowden.hardware.buses.link import Links
 from bowden.hardware.drives import canopen_frames as frames
 from bowden.hardware.drives.canopen_drive import CanopenDrive
 from bowden.hardware.drives.cia402 import WITH_TORQUE
@@ -36,7 +37,7 @@ class Rig:
 
     def __init__(self, drive: DriveParameters = DRIVE, **overrides: Any) -> None:
         self.bus = TwinBus(drive, make_bench, overrides.get("overrides"))
-        self.drive = CanopenDrive(drive, self.bus)
+        self.drive = CanopenDrive(drive, Links(self.bus))
         self.readings: list[DriveReading] = []
         self.sent: list[int] = []
 
@@ -353,7 +354,7 @@ def test_bad_drives_are_refused_in_a_line_and_never_enabled(
     overrides: dict[tuple[int, int], int | None], drive: dict[str, Any], said: str
 ) -> None:
     bus = TwinBus(DRIVE, make_bench, overrides)
-    host = CanopenDrive(DRIVE._replace(**drive), bus)
+    host = CanopenDrive(DRIVE._replace(**drive), Links(bus))
     with pytest.raises(DriveError, match=said) as refused:
         host.bring_up()
     assert "\n" not in str(refused.value)

@@ -10,6 +10,7 @@ from bowden.control import LAWS
 from bowden.control.reference import PeriodicMinimumJerk
 from bowden.core.clock import SECOND
 from bowden.core.errors import DriveError
+from bowden.hardware.buses.link import Links
 from bowden.hardware.drives.canopen_drive import CanopenDrive
 from bowden.hardware.drives.parameters import DriveParameters
 from bowden.hardware.ports import Power, TorqueLeft
@@ -42,7 +43,7 @@ def run(
 ) -> tuple[HostileBus, Ended]:
     """A run of the loop on such a node, from its bring-up to its end; while the law leads, the loop stalls once [s]."""
     bus = HostileBus(attack)
-    drive = CanopenDrive(parameters, bus)
+    drive = CanopenDrive(parameters, Links(bus))
     drive.bring_up()
     table = PeriodicMinimumJerk(0.0, 0.3, 2.0).sample(np.arange(cycles) * 1e-3)
     script = Script(table, 0.0, 0.5, Preflight(), 1e-3)
@@ -159,7 +160,7 @@ def test_a_node_without_what_safety_rests_on_gets_no_power(name: str) -> None:
     attack, said = REFUSED[name]
     bus = HostileBus(attack)
     with pytest.raises(DriveError, match=said):
-        CanopenDrive(DRIVE, bus).bring_up()
+        CanopenDrive(DRIVE, Links(bus)).bring_up()
     assert not bus.node.torque
 
 
@@ -169,7 +170,7 @@ def test_a_node_that_restarts_in_its_bring_up_is_refused_or_is_set_up_whole(part
     refused = 0
     for question in range(1 + 5 * part, 150, 20):
         bus = HostileBus(Attack(reboots_at_question=question))
-        drive = CanopenDrive(DRIVE, bus)
+        drive = CanopenDrive(DRIVE, Links(bus))
         try:
             drive.bring_up()
         except DriveError:
@@ -189,19 +190,19 @@ def test_a_node_that_restarts_in_its_bring_up_is_refused_or_is_set_up_whole(part
 def test_on_a_real_bus_a_drive_has_limits_of_its_own() -> None:
     for objects in ((((0x607D, 1), 0), ((0x607D, 2), 0)), (((0x607D, 1), 1000), ((0x607D, 2), -1000))):
         attack = Attack(objects=objects)
-        assert CanopenDrive(DRIVE, HostileBus(attack)).bring_up(), "the twin's bus"
+        assert CanopenDrive(DRIVE, Links(HostileBus(attack))).bring_up(), "the twin's bus"
         with pytest.raises(DriveError, match="has no limits of its position"):
-            CanopenDrive(DRIVE._replace(interface="socketcan"), HostileBus(attack)).bring_up()
+            CanopenDrive(DRIVE._replace(interface="socketcan"), Links(HostileBus(attack))).bring_up()
 
 
 def test_the_supply_is_said_with_who_the_drive_is() -> None:
-    assert CanopenDrive(DRIVE, HostileBus()).bring_up().endswith("supply 23.9 V")
+    assert CanopenDrive(DRIVE, Links(HostileBus())).bring_up().endswith("supply 23.9 V")
     silent = HostileBus(Attack(objects=(((0x6079, 0), 0),)))
-    assert "supply" not in CanopenDrive(DRIVE, silent).bring_up()
+    assert "supply" not in CanopenDrive(DRIVE, Links(silent)).bring_up()
 
 
 def test_a_lost_answer_is_asked_for_again_and_a_text_without_end_is_cut() -> None:
     for attack in (Attack(endless_text=True), *(Attack(loses_answer=n) for n in (1, 2, 30))):
         bus = HostileBus(attack)
-        assert "at node 1" in CanopenDrive(DRIVE, bus).bring_up()
+        assert "at node 1" in CanopenDrive(DRIVE, Links(bus)).bring_up()
         assert bus.node.state == DISABLED, "as before the trial of its watch"

@@ -8,6 +8,7 @@ import pytest
 from bowden.core.errors import DriveError, ParameterError
 from bowden.core.units import RADIANS
 from bowden.cycle.torque_offset import TorqueOffset
+from bowden.hardware.buses.link import Links
 from bowden.hardware.drives.canopen_drive import CanopenDrive
 from bowden.hardware.drives.parameters import DriveParameters, motor_scale
 from bowden.hardware.drives.scale import Scale, SuitScale
@@ -177,7 +178,7 @@ def test_the_sensors_show_where_it_is_with_their_noise() -> None:
 
 def over_the_bus(drive: DriveParameters) -> tuple[TwinBus, CanopenDrive]:
     bus = TwinBus(drive, lambda now: TwinSuit(SUIT, constant_bend(SUIT.sheath.bend), 1.0, 1, 0.0, now))
-    return bus, CanopenDrive(drive, bus)
+    return bus, CanopenDrive(drive, Links(bus))
 
 
 def test_over_the_bus_the_drive_speaks_of_the_joints_coordinate() -> None:
@@ -249,7 +250,7 @@ def test_an_offset_that_is_told_pushes_as_one_that_the_drive_makes() -> None:
 def test_a_drive_that_maps_no_torque_offset_is_refused_in_one_line_and_one_without_is_asked_for_none() -> None:
     pushed = DRIVE._replace(torque_offset=2.0, current_limit=20.0, answer_timeout=1.0)
     make = lambda now: TwinSuit(SUIT, constant_bend(SUIT.sheath.bend), 1.0, 1, 0.0, now)  # noqa: E731
-    drive = CanopenDrive(pushed, TwinBus(pushed, make, {(0x60B2, 0): None}))
+    drive = CanopenDrive(pushed, Links(TwinBus(pushed, make, {(0x60B2, 0): None})))
     with pytest.raises(DriveError, match="takes no torque offset beside its target") as refused:
         drive.bring_up()
     assert "suit.friction_feedforward_nm" in str(refused.value)
@@ -257,7 +258,7 @@ def test_a_drive_that_maps_no_torque_offset_is_refused_in_one_line_and_one_witho
     drive.close()
     plain = DRIVE._replace(answer_timeout=1.0)
     bus = TwinBus(plain, make, {(0x60B2, 0): 300})
-    drive = CanopenDrive(plain, bus)
+    drive = CanopenDrive(plain, Links(bus))
     drive.bring_up()
     assert bus.node.objects[0x60B2, 0] == 0, "what another tool has left there"
     drive.close()

@@ -10,6 +10,7 @@ from bowden.core.clock import SECOND
 from bowden.core.errors import DriveError, SafetyError
 from bowden.core.signals import DriveReading
 from bowden.core.units import RADIANS
+from bowden.hardware.buses.link import Links
 from bowden.hardware.drives.canopen_drive import CanopenDrive
 from bowden.hardware.drives.parameters import DriveParameters
 from bowden.hardware.ports import Power
@@ -60,7 +61,7 @@ class ByHand:
 
 def by_hand(rig: Rig, degrees: float = 45.0, said: str = "45\n") -> tuple[float, float, float]:
     bus = HostileBus(NO_FACTORS)
-    drive = CanopenDrive(rig.drive_parameters, bus)
+    drive = CanopenDrive(rig.drive_parameters, Links(bus))
     drive.bring_up()
     somebody = ByHand(bus, degrees, said)
     told, before, after = turned(drive, somebody.lines, somebody.heard.append, somebody, 1e-3)

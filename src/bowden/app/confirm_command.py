@@ -28,6 +28,7 @@ def confirm(
     from bowden.core.clock import MonotonicClock
     from bowden.core.errors import ParameterError
     from bowden.core.units import DEGREES
+    from bowden.hardware.buses.link import Links
     from bowden.hardware.drives.family import family_of
     from bowden.live import by_hand
 
@@ -35,7 +36,7 @@ def confirm(
         raise ParameterError("there is no terminal to take an angle from", do="run it at a terminal, beside the rig")
     given = read_given(rig).on_bus(channel)
     parameters = given.drive_parameters
-    drive = family_of(parameters).open(parameters)
+    drive = family_of(parameters).open(parameters, Links())
     with contextlib.ExitStack() as stack:
         identity = drive.bring_up()
         stack.callback(lambda: _tell_torque(drive.close()))

@@ -45,6 +45,7 @@ def _run(given: dict[str, Any]) -> int:
 
 def _cycle(live: "Live", given: dict[str, Any]) -> int:
     from bowden.core.clock import MonotonicClock
+    from bowden.hardware.buses.link import Links
     from bowden.hardware.drives.family import family_of
     from bowden.hardware.realtime import become_realtime
     from bowden.live import latch_file
@@ -62,7 +63,7 @@ def _cycle(live: "Live", given: dict[str, Any]) -> int:
     cycle.begin(NOTHING_READ, ThermalState(*given["thermal"]), given["latched"])
     ring, block = RingWriter(Path(given["ring"])), ControlBlock(Path(given["block"]))
     parameters = live.rig.drive_parameters
-    drive = family_of(parameters).open(parameters)
+    drive = family_of(parameters).open(parameters, Links())
     loop = Loop(drive, cycle, script, ring, block, MonotonicClock(), given["start_ns"], course, push)
     for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
         signal.signal(number, lambda *_: loop.quit())

@@ -4,15 +4,13 @@ A cycle sends RPDO 1 and then the SYNC at which the drive takes it and samples T
 Our heartbeat goes out from within `write` alone: a loop that hangs is a host that is gone, and the drive acts on it.
 """
 
-import contextlib
 import math
-from collections.abc import Callable
 
 import can
 
 from bowden.core.errors import DriveError
 from bowden.core.signals import EMERGENCY_STOP, DriveReading, DriveState
-from bowden.hardware.buses.opening import BusClaim, claim, open_bus, quieten, taker
+from bowden.hardware.buses.link import BusPlace, BusPort, Links
 from bowden.hardware.buses.unix_bus import ERROR, REMOTE
 from bowden.hardware.drives import canopen_frames as frames
 from bowden.hardware.drives.canopen_setup import DriveFindings, set_up
@@ -44,18 +42,16 @@ class CanopenDrive:
 
     Args:
         parameters: of the drive, its encoders and its bus.
-        bus: an open one in place of the parameters'; it stays open.
+        links: the buses of this process; of its own where none are given.
 
     Raises:
         ParameterError: parameters that make no sense.
     """
 
-    def __init__(self, parameters: DriveParameters, bus: can.BusABC | None = None) -> None:
+    def __init__(self, parameters: DriveParameters, links: Links | None = None) -> None:
         check_parameters(parameters)
-        self._drive, self._given = parameters, bus
-        self._bus: can.BusABC | None = None
-        self._take: Callable[[], tuple[int, bytes] | None] | None = None
-        self._claim: BusClaim | None = None
+        self._drive, self._links = parameters, links or Links()
+        self._port: BusPort | None = None
         self._found: DriveFindings | None = None
         self._bus_errors = 0
         self._begin(DriveState.NOT_READY_TO_SWITCH_ON)
@@ -69,21 +65,22 @@ class CanopenDrive:
     def bring_up(self) -> str:
         """See `hardware.ports.Drive.bring_up`; may be called again after a failure or a reboot of the drive."""
         drive = self._drive
-        if self._claim is None and self._given is None:
-            self._claim = claim(drive.interface, drive.channel, "host")
-        self._bus = self._bus or self._given
-        quieten()
+        if self._port is None:
+            place = BusPlace(drive.interface, drive.channel, drive.bitrate)
+            self._port = self._links.join(place, f"node {drive.node_id}", self._wants, synced=True)
         try:
-            if self._bus is None:
-                self._bus = open_bus(drive.interface, drive.channel, drive.bitrate)
-            self._found = set_up(self._bus, drive)
-            self._take = taker(self._bus)
+            self._found = set_up(self._port.bus, drive)
         except BaseException:
             self._leave()
             raise
         self._begin(self._found.state)
         self._operational = True
         return self._found.identity
+
+    def _wants(self, identifier: int) -> bool:
+        """Whether a frame is of this drive, or one that only this host may send, or an error of the bus."""
+        node, plain = self._drive.node_id, identifier & ~REMOTE
+        return bool(identifier & ERROR) or identifier & 0x7F == node or plain in self._ours
 
     def _begin(self, state: DriveState) -> None:
         """Nothing has been read or sent yet, and the drive is in that state."""
@@ -141,7 +138,7 @@ class CanopenDrive:
             self._heartbeat_at = now  # of the first cycle: from here on it can be late
         self._values = DriveReading(
             motor, joint, current, tension, temperature, motor_age, joint_age,
-            now - self._heartbeat_at, float(self._state), emergency, float(self._bus_errors), foreign,
+            now - self._heartbeat_at, float(self._state), emergency, float(self._errors()), foreign,
             0.0 if math.isnan(self._synced) else now - self._synced,
         )  # fmt: skip
         return self._values
@@ -155,7 +152,7 @@ class CanopenDrive:
         operation by itself is not switched on again before `Power.OFF` has been wanted. A torque offset goes out only
         with the order to follow the target, to a drive that does, and within the rig's bound.
         """
-        if self._bus is None or self._found is None:
+        if self._port is None or self._found is None:
             return
         self._fell = fell(self._before, self._state, self._sent, self._fell, power)
         counts = self._found.motor.counts(target)
@@ -185,7 +182,8 @@ class CanopenDrive:
             share = max(-frames.INT16, min(frames.INT16 - 1, share))
         self._rpdo.data = bytearray(frames.pack_rpdo1(control, counts, share))
         self._send(self._rpdo)
-        self._send(self._sync)
+        if self._port is not None:
+            self._port.sync(self._sync)
 
     def reset_fault(self) -> None:
         """See `hardware.ports.Drive.reset_fault`; without effect where the drive has no fault."""
@@ -213,26 +211,23 @@ class CanopenDrive:
         before it was switched off for the last time does not count.
         """
         left = TorqueLeft.OFF
-        if self._bus is not None and self._found is not None:
-            left = TorqueLeft.UNKNOWN
+        if self._port is not None and self._found is not None:
+            left, self._port.synced = TorqueLeft.UNKNOWN, False
             for _ in range(MOST_FRAMES):
                 if self._receive() is None:
                     break
             for _ in range(CLOSING_CYCLES):
                 self._order(Controlword.DISABLE_VOLTAGE, self._counts)
-                with contextlib.suppress(can.CanError, OSError):
-                    status = self._wait_for(frames.TPDO1, 0.002)
-                    motion = frames.unpack_tpdo1(status) if status is not None else None
-                    if motion:
-                        on = decode(motion.statusword) in WITH_TORQUE
-                        left = TorqueLeft.ON if on else TorqueLeft.OFF
+                status = self._wait_for(frames.TPDO1, 0.002)
+                motion = frames.unpack_tpdo1(status) if status is not None else None
+                if motion:
+                    left = TorqueLeft.ON if decode(motion.statusword) in WITH_TORQUE else TorqueLeft.OFF
                 if left is TorqueLeft.OFF:
                     node = self._drive.node_id
                     unwatched = _frame(frames.SDO_REQUEST + node, 8)
                     unwatched.data = bytearray(frames.pack_sdo_write(0x1016, 1, 0, 4))
                     self._send(unwatched)
-                    with contextlib.suppress(can.CanError, OSError):  # a node that NMT has stopped takes no SDO
-                        self._wait_for(frames.SDO_ANSWER, self._drive.answer_timeout)
+                    self._wait_for(frames.SDO_ANSWER, self._drive.answer_timeout)  # none of a node that NMT has stopped
                     break
             stop = _frame(frames.NMT, 2)
             stop.data = bytearray((frames.NMT_STOP, self._drive.node_id))
@@ -242,34 +237,25 @@ class CanopenDrive:
 
     def _wait_for(self, cob_id: int, timeout: float) -> bytes | None:
         """The data of the drive's next frame of that kind; None where it does not come."""
-        for _ in range(MOST_FRAMES):
-            message = self._bus.recv(timeout) if self._bus else None
-            if message is None:
-                return None
-            if message.arbitration_id == cob_id + self._drive.node_id:
-                return bytes(message.data)
-        return None
+        wanted = cob_id + self._drive.node_id
+        frame = self._port.wait_for(lambda identifier, _: identifier == wanted, timeout) if self._port else None
+        return None if frame is None else frame[1]
+
+    def _errors(self) -> int:
+        return self._bus_errors + (self._port.errors if self._port else 0)
 
     def _leave(self) -> None:
-        if self._bus is not None and self._bus is not self._given:
-            self._bus.shutdown()
-        if self._claim is not None:
-            self._claim.release()
-        self._bus = self._claim = self._found = self._take = None
+        if self._port is not None:
+            self._bus_errors += self._port.errors
+            self._port.leave()
+        self._port = self._found = None
 
     def _receive(self) -> tuple[int, bytes] | None:
-        try:
-            return self._take() if self._take else None
-        except (can.CanError, OSError):
-            self._bus_errors += 1
-            return None
+        return self._port.take() if self._port else None
 
     def _send(self, message: can.Message) -> None:
-        try:
-            if self._bus is not None:
-                self._bus.send(message)
-        except (can.CanError, OSError):
-            self._bus_errors += 1
+        if self._port is not None:
+            self._port.send(message)
 
 
 def _frame(cob_id: int, length: int) -> can.Message:

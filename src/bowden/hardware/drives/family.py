@@ -13,6 +13,7 @@ from bowden.hardware.ports import Drive
 from bowden.models.suit.suit_angle import SpoolMap
 
 if TYPE_CHECKING:
+    from bowden.hardware.buses.link import Links
     from bowden.hardware.twin.plant import TwinPlant
 
 DEFAULT = "cia402"
@@ -77,8 +78,8 @@ class DriveFamily:
     completed: Callable[[Any, DriveNeeds], Any]
     """``completed(parameters, needs)``: the parameters with what the rig asks for; raises a ParameterError for values
     that make no sense together, before anything is opened."""
-    open: Callable[[Any], Drive]
-    """``open(parameters)``: the drive; nothing is sent before `bring_up`."""
+    open: Callable[[Any, "Links"], Drive]
+    """``open(parameters, links)``: the drive, on the buses of this process; nothing is sent before `bring_up`."""
     twin: Callable[[Any, "TwinPlant", Callable[[], float], Sequence[str]], TwinProcess]
     """``twin(parameters, plant, clock, options)``: who plays the drive; the options are the command line's --object."""
     moved: Callable[[Any, str | None, str | None], Any]

@@ -33,7 +33,7 @@ MOST_ENTRIES = 500
 """Entries of the journal in one answer."""
 
 
-class BusPlace(NamedTuple):
+class NodePlace(NamedTuple):
     """Where a node is."""
 
     interface: str
@@ -58,7 +58,7 @@ class Twin:
     """
 
     def __init__(
-        self, bus: BusPlace, clock: Callable[[], float], make_node: Callable[[Send, Journal], TwinNode]
+        self, bus: NodePlace, clock: Callable[[], float], make_node: Callable[[Send, Journal], TwinNode]
     ) -> None:
         self._place, self._clock = bus, clock
         self.path = control_path(bus.interface, bus.channel, bus.node_id)

@@ -14,6 +14,7 @@ LOOK = 1e-3
 """How often a drive looks at its heartbeat consumer [s]."""
 
 if TYPE_CHECKING:
+    from bowden.hardware.buses.link import Links
     from bowden.hardware.twin.plant import TwinPlant
 
 
@@ -36,11 +37,11 @@ def completed(given: DriveParameters, needs: DriveNeeds) -> DriveParameters:
     return parameters
 
 
-def open_drive(parameters: DriveParameters) -> Drive:
+def open_drive(parameters: DriveParameters, links: "Links") -> Drive:
     """The drive on its bus."""
     from bowden.hardware.drives.canopen_drive import CanopenDrive  # with python-can and canopen
 
-    return CanopenDrive(parameters)
+    return CanopenDrive(parameters, links)
 
 
 def twin(
@@ -53,11 +54,11 @@ def twin(
         DriveError: the bus cannot be used, or has a twin already.
     """
     from bowden.hardware.twin.canopen_node import CanopenNode
-    from bowden.hardware.twin.twin import BusPlace, Twin
+    from bowden.hardware.twin.twin import NodePlace, Twin
 
     check_parameters(parameters)
     overrides = dict(_override(text) for text in options)
-    place = BusPlace(parameters.interface, parameters.channel, parameters.bitrate, parameters.node_id)
+    place = NodePlace(parameters.interface, parameters.channel, parameters.bitrate, parameters.node_id)
     return Twin(place, clock, lambda send, journal: CanopenNode(parameters, plant, send, journal, overrides))
 
 

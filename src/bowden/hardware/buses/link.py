@@ -1,0 +1,204 @@
+"""One CAN bus of this process: claimed and opened once, shared by the drives on it, read without waiting."""
+
+import contextlib
+from collections import deque
+from collections.abc import Callable
+from typing import NamedTuple
+
+import can
+
+from bowden.core.errors import DriveError
+from bowden.hardware.buses.opening import BusClaim, claim, open_bus, quieten, taker
+
+Frame = tuple[int, bytes]
+"""Identifier with the flags of `unix_bus`, and data."""
+
+
+class BusPlace(NamedTuple):
+    """Which bus."""
+
+    interface: str
+    """python-can's name of it."""
+    channel: str
+    bitrate: int
+    """[bit/s]"""
+
+
+class Links:
+    """The buses of this process, each opened by the first drive that joins it and let go of by the last.
+
+    Args:
+        given: an open bus in place of any that would be opened; it stays open, and is not claimed. For tests.
+    """
+
+    def __init__(self, given: can.BusABC | None = None) -> None:
+        self._given = given
+        self._links: dict[tuple[str, str], BusLink] = {}
+
+    def join(self, place: BusPlace, node: str, wanted: Callable[[int], bool], *, synced: bool = False) -> "BusPort":
+        """Join a bus as the host of one node.
+
+        Args:
+            place: of the bus.
+            node: which one, for messages: ``node 1``.
+            wanted: whether a frame with this identifier and these flags is for this node's host.
+            synced: whether it sends something for the whole bus in each cycle, see `BusPort.sync`.
+
+        Raises:
+            DriveError: the bus cannot be opened, another process is its host, or this process has that node already.
+        """
+        link = self._links.get(place[:2])
+        if link is None:
+            link = BusLink(place, self._given)
+            self._links[place[:2]] = link
+        try:
+            return link.join(node, wanted, synced, lambda: self._links.pop(place[:2], None))
+        except BaseException:
+            if not link.ports:
+                link.close()
+                self._links.pop(place[:2], None)
+            raise
+
+
+class BusLink:
+    """An open bus and those who have joined it.
+
+    Args:
+        place: of the bus.
+        given: see `Links`.
+
+    Raises:
+        DriveError: it cannot be opened, or has a host already.
+    """
+
+    def __init__(self, place: BusPlace, given: can.BusABC | None = None) -> None:
+        quieten()
+        self.place, self._given = place, given
+        self._claim: BusClaim | None = None if given is not None else claim(place.interface, place.channel, "host")
+        try:
+            self.bus = given if given is not None else open_bus(*place)
+            self._take = taker(self.bus)
+        except BaseException:
+            if self._claim is not None:
+                self._claim.release()
+            raise
+        self.ports: list[BusPort] = []
+        self.errors = 0
+        """Frames that could not be sent or read since it was opened."""
+        self._synced = 0
+
+    def join(self, node: str, wanted: Callable[[int], bool], synced: bool, emptied: Callable[[], object]) -> "BusPort":
+        """See `Links.join`; `emptied` is called when the last port has left."""
+        if any(port.node == node for port in self.ports):
+            raise DriveError(
+                f"two drives of this rig are {node} of the bus {self.place.channel}",
+                expected="a number of its own for each",
+                do="correct one of them in the rig's [drive]",
+            )
+        port = BusPort(self, node, wanted, emptied)
+        port.synced = synced
+        self.ports.append(port)
+        return port
+
+    def take(self) -> Frame | None:
+        """The next frame that is there; never waits, never raises."""
+        try:
+            return self._take()
+        except (can.CanError, OSError):
+            self.errors += 1
+            return None
+
+    def send(self, message: can.Message) -> None:
+        """Send a frame; what cannot be sent is counted."""
+        try:
+            self.bus.send(message)
+        except (can.CanError, OSError):
+            self.errors += 1
+
+    def sync(self, message: can.Message) -> None:
+        """Send a frame for the whole bus once all whose frames it follows have asked for it in this cycle."""
+        self._synced += 1
+        if self._synced >= sum(port.synced for port in self.ports):
+            self._synced = 0
+            self.send(message)
+
+    def close(self) -> None:
+        """Leave the bus."""
+        if self._given is None:
+            self.bus.shutdown()
+        if self._claim is not None:
+            self._claim.release()
+            self._claim = None
+
+
+class BusPort:
+    """One drive's end of a link."""
+
+    def __init__(self, link: BusLink, node: str, wanted: Callable[[int], bool], emptied: Callable[[], object]) -> None:
+        self.node, self.synced = node, False
+        """Whether what it sends for the whole bus waits for the others who do so; False while it is let go of alone."""
+        self._link, self._wanted, self._emptied = link, wanted, emptied
+        self._frames: deque[Frame] = deque(maxlen=_MOST_WAITING)
+
+    @property
+    def bus(self) -> can.BusABC:
+        """The bus itself, for a bring-up, while no cycle runs."""
+        return self._link.bus
+
+    @property
+    def errors(self) -> int:
+        """Frames that could not be sent or read on this bus."""
+        return self._link.errors
+
+    def take(self) -> Frame | None:
+        """The next frame for this drive that is there; never waits, never raises."""
+        ports = self._link.ports
+        if len(ports) == 1:
+            return self._link.take()
+        for _ in range(_MOST_WAITING):
+            if self._frames:
+                break
+            frame = self._link.take()
+            if frame is None:
+                return None
+            for port in ports:
+                if port._wanted(frame[0]):
+                    port._frames.append(frame)
+        return self._frames.popleft() if self._frames else None
+
+    def send(self, message: can.Message) -> None:
+        """Send a frame; never raises: what cannot be sent is counted."""
+        self._link.send(message)
+
+    def sync(self, message: can.Message) -> None:
+        """Send a frame for the whole bus, such as CANopen's SYNC: after what all others on it send in this cycle."""
+        if self.synced:
+            self._link.sync(message)
+        else:
+            self._link.send(message)
+
+    def wait_for(self, matches: Callable[[int, bytes], bool], timeout: float) -> Frame | None:
+        """The next frame that matches; None where none comes within `timeout` [s] after the one before."""
+        for _ in range(_MOST_WAITING):
+            try:
+                message = self._link.bus.recv(timeout)
+            except (can.CanError, OSError):
+                return None
+            if message is None:
+                return None
+            if matches(message.arbitration_id, bytes(message.data)):
+                return message.arbitration_id, bytes(message.data)
+        return None
+
+    def leave(self) -> None:
+        """Let go of the bus; the last one closes it. Safe to call twice."""
+        if self in self._link.ports:
+            self._link.ports.remove(self)
+            if not self._link.ports:
+                with contextlib.suppress(can.CanError, OSError):
+                    self._link.close()
+                self._emptied()
+
+
+_MOST_WAITING = 64
+"""Frames that wait for one drive at most, the newest of them, and that one call looks at: a flood holds up no loop."""

@@ -1,0 +1,106 @@
+"""Several drives of one process on one bus: each has its frames, and what is for the whole bus goes out once."""
+
+import can
+import pytest
+
+from bowden.core.errors import DriveError
+from bowden.hardware.buses.link import BusPlace, Links
+from bowden.hardware.buses.unix_bus import UnixBus
+
+PLACE = BusPlace("bowden_unix", "unused", 1_000_000)
+
+
+class Loopback(can.BusABC):
+    """A bus in memory: what is sent is kept, what is to be read is put in."""
+
+    def __init__(self) -> None:
+        self.sent: list[int] = []
+        self.waiting: list[can.Message] = []
+        self.broken = False
+        super().__init__(channel="memory")
+
+    def send(self, msg: can.Message, timeout: float | None = None) -> None:
+        if self.broken:
+            raise can.CanOperationError("off")
+        self.sent.append(msg.arbitration_id)
+
+    def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
+        return (self.waiting.pop(0) if self.waiting else None), True
+
+
+def frame(identifier: int) -> can.Message:
+    return can.Message(arbitration_id=identifier, is_extended_id=False, data=b"\1")
+
+
+def test_each_drive_has_its_own_frames_in_their_order_and_those_for_all_go_to_all() -> None:
+    bus = Loopback()
+    links = Links(bus)
+    one = links.join(PLACE, "node 1", lambda identifier: identifier & 0xF in (1, 0xF))
+    two = links.join(PLACE, "node 2", lambda identifier: identifier & 0xF in (2, 0xF))
+    bus.waiting = [frame(identifier) for identifier in (0x12, 0x11, 0x1F, 0x21, 0x13, 0x22)]
+    taken = []
+    while (found := one.take()) is not None:
+        taken.append(found[0])
+    assert taken == [0x11, 0x1F, 0x21]
+    taken = []
+    while (found := two.take()) is not None:
+        taken.append(found[0])
+    assert taken == [0x12, 0x1F, 0x22]
+    two.leave()
+    bus.waiting = [frame(0x12)]
+    assert one.take() == (0x12, b"\1")  # whoever is alone is shown everything
+
+
+def test_what_is_for_the_whole_bus_follows_the_frames_of_all_drives_and_goes_out_once_a_cycle() -> None:
+    bus = Loopback()
+    links = Links(bus)
+    ports = [links.join(PLACE, f"node {k}", lambda _: True, synced=True) for k in (1, 2, 3)]
+    listener = links.join(PLACE, "node 4", lambda _: True)
+    for _ in range(2):
+        listener.send(frame(0x204))
+        for k, port in enumerate(ports):
+            port.send(frame(0x201 + k))
+            port.sync(frame(0x080))
+    assert bus.sent == [0x204, 0x201, 0x202, 0x203, 0x080] * 2
+    bus.sent.clear()
+    ports[1].synced = False  # it is let go of alone
+    ports[1].sync(frame(0x080))
+    ports[0].sync(frame(0x080))
+    assert bus.sent == [0x080]
+    ports[2].sync(frame(0x080))
+    assert bus.sent == [0x080, 0x080]
+
+
+def test_what_cannot_be_sent_is_counted_and_raises_nothing() -> None:
+    bus = Loopback()
+    port = Links(bus).join(PLACE, "node 1", lambda _: True)
+    bus.broken = True
+    port.send(frame(1))
+    port.sync(frame(2))
+    assert port.errors == 2
+    port.leave()
+    port.leave()
+
+
+def test_two_drives_of_one_number_on_one_bus_are_refused() -> None:
+    links = Links(Loopback())
+    links.join(PLACE, "node 1", lambda _: True)
+    with pytest.raises(DriveError, match="two drives of this rig are node 1 of the bus unused; expected"):
+        links.join(PLACE, "node 1", lambda _: True)
+    links.join(PLACE._replace(channel="other"), "node 1", lambda _: True)
+
+
+def test_a_bus_is_claimed_by_its_first_drive_and_free_after_its_last(tmp_path: object) -> None:
+    place = PLACE._replace(channel=str(tmp_path))
+    other = UnixBus(str(tmp_path))
+    links = Links()
+    one, two = (links.join(place, f"node {k}", lambda _: True) for k in (1, 2))
+    with pytest.raises(DriveError, match="has a host already"):
+        Links().join(place, "node 3", lambda _: True)
+    one.leave()
+    with pytest.raises(DriveError, match="has a host already"):
+        Links().join(place, "node 3", lambda _: True)
+    two.leave()
+    Links().join(place, "node 3", lambda _: True).leave()
+    links.join(place, "node 1", lambda _: True).leave()
+    other.shutdown()
