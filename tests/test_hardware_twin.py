@@ -17,13 +17,14 @@ import pytest
 
 from bowden.app.main import run
 from bowden.core.errors import DriveError, ParameterError
-from bowden.core.signals import DriveReading, DriveState
+from bowden.core.signals import DriveState
 from bowden.hardware.drives.canopen_drive import CanopenDrive
 from bowden.hardware.drives.parameters import DriveParameters
 from bowden.hardware.ports import Power
 from bowden.hardware.twin.control import TwinControl, control_path
 from bowden.hardware.twin.injection import KINDS, parse
 from bowden.live.twin_process import RunningTwin, running_twin
+from support.drive_cycles import cycles
 
 pytestmark = pytest.mark.live
 
@@ -52,21 +53,6 @@ def host(channel: str) -> Iterator[CanopenDrive]:
     finally:
         gc.enable()
         drive.close()
-
-
-def cycles(drive: CanopenDrive, count: int, power: Power, swing: float = 0.0) -> list[DriveReading]:
-    """So many cycles at 1 kHz, late as this machine is; the target swings from where the motor was."""
-    readings: list[DriveReading] = []
-    start, centre = time.monotonic(), math.nan
-    for k in range(count):
-        time.sleep(max(0.0, start + 1e-3 * k - time.monotonic()))
-        now = time.monotonic()
-        readings.append(drive.read(now))
-        if math.isnan(centre):
-            centre = readings[-1].motor
-        target = centre + swing * (1.0 - math.cos(2.0 * math.pi * 1e-3 * k))
-        drive.write(0.0 if math.isnan(target) else target, power, now)
-    return readings
 
 
 def enabled(drive: CanopenDrive) -> None:
