@@ -9,8 +9,8 @@ from bowden.core.errors import DriveError, ParameterError
 from bowden.core.units import RADIANS
 from bowden.cycle.torque_offset import TorqueOffset
 from bowden.hardware.buses.link import Links
-from bowden.hardware.drives.canopen_drive import CanopenDrive
-from bowden.hardware.drives.parameters import DriveParameters, motor_scale
+from bowden.hardware.drives.canopen_drive import NOTHING, CanopenDrive
+from bowden.hardware.drives.parameters import DriveParameters, joint_scale, motor_scale, zeroed
 from bowden.hardware.drives.scale import Scale, SuitScale
 from bowden.hardware.ports import Power
 from bowden.hardware.twin.bench import BRAKE, FOLLOW, OFF
@@ -55,6 +55,13 @@ def test_counts_are_the_spools_and_angles_the_joints(direction: int) -> None:
 def test_home_is_an_angle_of_the_joint() -> None:
     scale = motor_scale(DRIVE._replace(motor_home=0.5), 12_345)
     assert scale.angle(12_345) == pytest.approx(0.5, abs=1e-12)
+
+
+def test_a_position_is_given_its_angles_in_the_joints_coordinate() -> None:
+    was = motor_scale(DRIVE).angle(20_000)
+    wanted = zeroed(DRIVE, NOTHING._replace(motor=was, joint=0.1), motor=0.3, joint=0.2)
+    assert motor_scale(wanted).angle(20_000) == pytest.approx(0.3, abs=1e-9)
+    assert joint_scale(wanted).angle(1000) - joint_scale(DRIVE).angle(1000) == pytest.approx(0.1, abs=1e-12)
 
 
 def test_the_steepest_place_bounds_what_an_angle_asks_of_the_spool() -> None:

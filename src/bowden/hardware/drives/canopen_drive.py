@@ -8,7 +8,6 @@ import math
 
 import can
 
-from bowden.core.errors import DriveError
 from bowden.core.signals import EMERGENCY_STOP, DriveReading, DriveState
 from bowden.hardware.buses.link import BusPlace, BusPort, Links
 from bowden.hardware.buses.unix_bus import ERROR, REMOTE
@@ -16,7 +15,7 @@ from bowden.hardware.drives import canopen_frames as frames
 from bowden.hardware.drives.canopen_setup import DriveFindings, set_up
 from bowden.hardware.drives.cia402 import WITH_TORQUE, Controlword, controlword, decode, fell
 from bowden.hardware.drives.emergencies import SAFE_TORQUE_OFF
-from bowden.hardware.drives.parameters import DriveParameters, check_parameters
+from bowden.hardware.drives.parameters import DriveParameters, check_parameters, zeroed
 from bowden.hardware.ports import Power, TorqueLeft
 
 MOST_FRAMES = 64
@@ -190,19 +189,8 @@ class CanopenDrive:
         self._reset = True
 
     def zeroed(self, motor: float = 0.0, joint: float = 0.0) -> DriveParameters:
-        """Parameters in which the present position, as read last, is at these angles [rad]: homing by hand.
-
-        Raises:
-            DriveError: nothing has been read yet.
-        """
-        values, drive = self._values, self._drive
-        if not (math.isfinite(values.motor) and math.isfinite(values.joint)):
-            raise DriveError("the drive has not reported a position yet", do="read a few cycles first")
-        if drive.home == "here":  # the next bring-up finds the present position by itself
-            return drive._replace(motor_home=motor, joint_home=joint)
-        return drive._replace(
-            motor_home=drive.motor_home + motor - values.motor, joint_home=drive.joint_home + joint - values.joint
-        )
+        """`parameters.zeroed` at what has been read last: homing by hand."""
+        return zeroed(self._drive, self._values, motor, joint)
 
     def close(self) -> TorqueLeft:
         """See `hardware.ports.Drive.close`.

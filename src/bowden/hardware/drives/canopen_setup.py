@@ -69,7 +69,7 @@ def set_up(bus: can.BusABC, drive: DriveParameters) -> DriveFindings:
     """
     with dialogue(bus, drive.node_id, drive.host_id, drive.answer_timeout) as node:
         node.waits(LISTENING, lambda: node.listener.foreign is not None)
-        _check_alone(node, drive)
+        check_alone(node, drive)
         node.listener.booted = False  # one that has just been switched on
         if not node.answers():  # an end of ours has stopped it: only then may it be written to before it is known
             node.command(frames.NMT_PRE_OPERATIONAL)
@@ -92,21 +92,25 @@ def set_up(bus: can.BusABC, drive: DriveParameters) -> DriveFindings:
                 do="set the motor's data in the drive with its maker's tool",
             )
         _check_rated(node, drive, rated_torque / drive.torque_constant)
-        identity = _identity(node, state)
+        said = identity(node, state)
         _start(node)
         _try_watch(node, drive, state)
-        _check_alone(node, drive)
+        check_alone(node, drive)
     if node.listener.booted:
         raise DriveError(
             f"{node.name} has restarted during its bring-up",
             expected="a drive that stays on",
             do="check its supply, and start again",
         )
-    return DriveFindings(identity, motor, joint, rated_torque, state)
+    return DriveFindings(said, motor, joint, rated_torque, state)
 
 
-def _check_alone(node: Dialogue, drive: DriveParameters) -> None:
-    """No other device may send what only a host sends."""
+def check_alone(node: Dialogue, drive: DriveParameters) -> None:
+    """No other device may send what only a host sends.
+
+    Raises:
+        DriveError: one has.
+    """
     cob_id = node.listener.foreign
     if cob_id is not None:
         who = (
@@ -382,11 +386,13 @@ def _map(node: Dialogue, index: int, cob_id: int, objects: tuple[int, ...]) -> N
     node.write(index, 1, cob_id, 4, COB_ID_BITS)
 
 
-def _identity(node: Dialogue, state: DriveState) -> str:
+def identity(node: Dialogue, state: DriveState | None) -> str:
+    """Who a device is, in one line; `state` is None of one that is no drive."""
     vendor, product, revision, serial = (node.read_if_there(0x1018, sub) or 0 for sub in (1, 2, 3, 4))
-    who = f"{node.text(0x1008) or 'CiA 402 drive'} at {node.name}, vendor 0x{vendor:X}, product 0x{product:X}, "
+    name = node.text(0x1008) or ("device" if state is None else "CiA 402 drive")
+    who = f"{name} at {node.name}, vendor 0x{vendor:X}, product 0x{product:X}, "
     who += f"revision 0x{revision:X}, serial number {serial}"
-    supply = node.read_if_there(0x6079)
+    supply = None if state is None else node.read_if_there(0x6079)
     if supply:
         who += f", supply {1e-3 * supply:.1f} V"
     if state is DriveState.FAULT:

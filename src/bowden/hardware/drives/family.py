@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 from bowden.core.errors import ParameterError, near
+from bowden.core.signals import DriveReading
 from bowden.hardware.drives import families
 from bowden.hardware.ports import Drive
 from bowden.models.suit.suit_angle import SpoolMap
@@ -65,6 +66,19 @@ class TwinProcess(Protocol):
         ...
 
 
+class FoundDevice(NamedTuple):
+    """Somebody who answers on a bus."""
+
+    node: int
+    """Its number there."""
+    what: str
+    """What kind of device it is."""
+    identity: str
+    """Who it is, in one line."""
+    state: str
+    """Of a drive, name of its `DriveState`; empty of others."""
+
+
 @dataclass(frozen=True)
 class DriveFamily:
     """A family of drives. `parameters` stands for any value of the NamedTuple of which the default is one."""
@@ -105,6 +119,12 @@ class DriveFamily:
     """Whether nobody but a twin can be at its bus, so that no motor and no limb is."""
     explain: Callable[[int], str]
     """What the code of an emergency means."""
+    probe: Callable[[Any, "Links"], Sequence[FoundDevice]] | None = None
+    """``probe(parameters, links)``: who answers on the bus, without an order or a setting; None of a family whose
+    devices say nothing of themselves before they are told to run."""
+    zeroed: Callable[[Any, DriveReading, float, float], Any] | None = None
+    """``zeroed(parameters, reading, motor, joint)``: the parameters with which what was read is at these angles of
+    motor and joint [rad]; None of a family whose zero is set with its maker's tool alone."""
 
 
 _REGISTERED: dict[str, DriveFamily] = {}

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 from bowden.core.errors import ParameterError
 from bowden.hardware.drives.emergencies import emergency_text
-from bowden.hardware.drives.family import DriveFamily, DriveNeeds, TwinProcess
-from bowden.hardware.drives.parameters import DriveParameters, check_parameters, most_push
+from bowden.hardware.drives.family import DriveFamily, DriveNeeds, FoundDevice, TwinProcess
+from bowden.hardware.drives.parameters import DriveParameters, check_parameters, most_push, zeroed
 from bowden.hardware.ports import Drive
 
 LOOK = 1e-3
@@ -139,6 +139,13 @@ def simulated(parameters: DriveParameters) -> bool:
     return parameters.interface == UNIX
 
 
+def probe(parameters: DriveParameters, links: "Links") -> list[FoundDevice]:
+    """All CANopen devices that answer SDO."""
+    from bowden.hardware.drives import canopen_probe  # with python-can and canopen
+
+    return canopen_probe.probe(parameters, links)
+
+
 def watchdog(parameters: DriveParameters) -> float:
     """The heartbeat consumer's time, and the millisecond in which the drive looks at it [s]."""
     return parameters.heartbeat_timeout + LOOK
@@ -162,4 +169,6 @@ FAMILY = DriveFamily(
     homed=homed,
     simulated=simulated,
     explain=emergency_text,
+    probe=probe,
+    zeroed=zeroed,
 )

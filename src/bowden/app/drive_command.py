@@ -1,0 +1,238 @@
+"""``bowden drive``: who is on a bus, what a drive says of itself, and where its zero is; the motor gets no power."""
+
+import contextlib
+import math
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from bowden.app.command import Command
+from bowden.app.console import print_json, seconds
+from bowden.app.given_rig import read_given
+from bowden.app.next_step import say_next
+
+if TYPE_CHECKING:
+    from bowden.hardware.ports import Drive
+    from bowden.live.drive_look import DriveLook
+    from bowden.rig.rig import Rig
+
+GROUP = "Find drives on a bus, look at one, and set its zero; without power."
+
+Rig_ = Annotated[Path, typer.Argument(help="The rig, with its [drive].", metavar="RIG")]
+Channel = Annotated[str | None, typer.Option(help="The bus, in place of the rig's.")]
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON document and nothing else.")]
+
+
+def probe(rig: Rig_, channel: Channel = None, json: Json = False) -> None:
+    """Say who answers on the bus of a rig: listened to for a second, then asked. No order is given, nothing is set."""
+    from bowden.core.errors import DriveError, counted
+    from bowden.hardware.buses.link import Links
+    from bowden.hardware.drives.family import family_of
+
+    given = read_given(rig).on_bus(channel)
+    parameters = given.drive_parameters
+    family = family_of(parameters)
+    if family.probe is None:
+        raise DriveError(
+            f"a drive of the family {family.name} says nothing of itself before it is told to run",
+            do="bowden drive monitor asks the one that the rig names",
+        )
+    found = family.probe(parameters, Links())
+    bus = family.address(parameters)
+    where = f"{bus.get('channel', '')} ({bus.get('interface', '')})"
+    if not found:
+        raise DriveError(
+            f"nobody answers on the bus {where}",
+            do="switch the drive on; check the cable, its termination at both ends, and the bit rate",
+        )
+    if json:
+        print_json({"bus": dict(bus), "devices": [one._asdict() for one in found], "seconds": seconds()})
+        return
+    print(f"{counted(len(found), 'device')} on the bus {where}:")
+    for one in found:
+        state = f"; {one.state.lower().replace('_', ' ')}" if one.state else ""
+        ours = "  ← [drive] of this rig" if str(one.node) == bus.get("node") else ""
+        print(f"  {one.node:3d}  {one.what}: {one.identity}{state}{ours}")
+    say_next("drive", "monitor", rig)
+
+
+def monitor(
+    rig: Rig_,
+    channel: Channel = None,
+    duration: Annotated[float | None, typer.Option(help="[s]; until Ctrl-C where none is given.")] = None,
+    json: Json = False,
+) -> None:
+    """Show what a drive says of itself, live, until Ctrl-C: angles, current, temperature, state, faults.
+
+    The drive is brought up, as before a run, and gets no power: turn motor and joint by hand, and look.
+    """
+    from bowden.core.errors import ParameterError
+    from bowden.hardware.drives.family import family_of
+
+    if duration is not None and not 0.0 < duration <= 1e6:
+        raise ParameterError(f"--duration is {duration:g}", expected="seconds above 0", do="correct it")
+    if duration is None and json:
+        raise ParameterError("--json needs an end", do="add --duration 10")
+    given = read_given(rig).on_bus(channel)
+    look: DriveLook | None = None
+    with _brought_up(given) as (drive, identity), contextlib.suppress(KeyboardInterrupt):
+        _tell(identity)
+        for look in _looked(drive, given, math.inf if duration is None else duration):
+            _show(look, given)
+    if look is None:
+        return
+    said = look.said(family_of(given.drive).explain)
+    if json:
+        print_json({"drive": identity, **_document(look), "said": said, "seconds": seconds()})
+    else:
+        _print_summary(look, said)
+        say_next("confirm", rig)
+
+
+def zero(
+    rig: Rig_,
+    motor_deg: Annotated[float, typer.Option(help="Angle of the motor, at its spool, where it is now [°].")] = 0.0,
+    joint_deg: Annotated[float, typer.Option(help="Angle of the joint where it is now [°].")] = 0.0,
+    channel: Channel = None,
+    json: Json = False,
+) -> None:
+    """Say which lines of [drive] make the present position these angles; the motor gets no power, nothing is written.
+
+    Put the joint where its angle is known, with the cable just taut, and call this.
+    """
+    from bowden.core.errors import ParameterError
+    from bowden.core.units import RADIANS
+    from bowden.live.drive_look import zero_keys
+
+    for name, value in (("--motor-deg", motor_deg), ("--joint-deg", joint_deg)):
+        if not math.isfinite(value):
+            raise ParameterError(f"{name} is {value:g}", expected="degrees", do="correct it")
+    given = read_given(rig).on_bus(channel)
+    with _brought_up(given) as (drive, identity):
+        _tell(identity)
+        *_, look = _looked(drive, given, _SETTLE)
+    assert look.last is not None
+    keys = zero_keys(given.drive, given.drive_parameters, look.last, motor_deg * RADIANS, joint_deg * RADIANS)
+    keys = {name: round(value, 4) for name, value in keys.items()}
+    if json:
+        print_json({"drive": identity, "keys": keys, **_document(look), "seconds": seconds()})
+        return
+    if not keys:
+        print("The present position has these angles already.")
+        return
+    print("Write these lines below [drive] of the rig, in place of those that are there:")
+    for name, value in keys.items():
+        print(f"  {name} = {value:g}")
+    say_next("confirm", rig)
+
+
+_SETTLE = 0.1
+"""So long the drive is read before its last reading is taken [s]."""
+_SHOW = 0.1
+"""Between two pictures on a terminal [s]."""
+
+
+@contextlib.contextmanager
+def _brought_up(given: "Rig") -> Iterator[tuple["Drive", str]]:
+    """The rig's drive without power, and who it is; let go of at the end, and its torque told."""
+    from bowden.hardware.buses.link import Links
+    from bowden.hardware.drives.family import family_of
+    from bowden.hardware.ports import TORQUE_LEFT
+
+    parameters = given.drive_parameters
+    drive = family_of(parameters).open(parameters, Links())
+    try:
+        yield drive, drive.bring_up()
+    finally:
+        left = TORQUE_LEFT[drive.close()]
+        if left:
+            _tell(f"bowden: {left}")
+
+
+def _looked(drive: "Drive", given: "Rig", duration: float) -> Iterator["DriveLook"]:
+    from bowden.core.clock import MonotonicClock
+    from bowden.live.drive_look import looked_at
+
+    return looked_at(drive, MonotonicClock(), given.sample_time, duration)
+
+
+def _tell(sentence: str) -> None:
+    print(sentence, file=sys.stderr)
+
+
+def _show(look: "DriveLook", given: "Rig") -> None:
+    """One line on a terminal, ten times a second."""
+    if look.cycles % max(1, round(_SHOW / given.sample_time)) or not sys.stderr.isatty():
+        return
+    assert look.last is not None
+    parts = [f"{name} {value} {unit}" for name, value, unit in _values(look)]
+    line = f"{look.states[-1].lower().replace('_', ' ')}: {', '.join(parts)}"
+    print(f"\r\x1b[K{line}", end="", file=sys.stderr, flush=True)
+
+
+def _values(look: "DriveLook") -> Iterator[tuple[str, str, str]]:
+    from bowden.live.drive_look import SHOWN
+
+    for name, (_, factor, unit) in SHOWN.items():
+        value = getattr(look.last, name)
+        if math.isfinite(value):
+            yield name, f"{factor * value:.2f}", unit
+
+
+def _document(look: "DriveLook") -> dict[str, Any]:
+    from bowden.live.drive_look import SHOWN
+
+    ranges = {}
+    for name, (shown, factor, _) in SHOWN.items():
+        there = name in look.least
+        last = getattr(look.last, name)
+        ranges[shown] = {
+            "least": round(factor * look.least[name], 4) if there else None,
+            "most": round(factor * look.most[name], 4) if there else None,
+            "last": round(factor * last, 4) if math.isfinite(last) else None,
+        }
+    return {"cycles": look.cycles, **ranges, "states": look.states}
+
+
+def _print_summary(look: "DriveLook", said: list[str]) -> None:
+    from bowden.live.drive_look import SHOWN
+
+    if sys.stderr.isatty():
+        print(file=sys.stderr)
+    rows = [("cycles", str(look.cycles)), ("states", ", ".join(one.lower().replace("_", " ") for one in look.states))]
+    for name, (_, factor, unit) in SHOWN.items():
+        if name in look.least:
+            rows.append((name, f"{factor * look.least[name]:.2f} to {factor * look.most[name]:.2f} {unit}"))
+        else:
+            rows.append((name, "not measured"))
+    rows += [("emergency", text) for text in said]
+    for name, text in rows:
+        print(f"{name:<12} {text}")
+
+
+COMMANDS = (
+    Command(
+        "drive probe",
+        probe,
+        "Say who answers on the bus of a rig.",
+        ("bowden drive probe rig.toml", "bowden drive probe rig.toml --channel can1"),
+        place=43,
+    ),
+    Command(
+        "drive monitor",
+        monitor,
+        "Show live what a drive says of itself, without power.",
+        ("bowden drive monitor rig.toml", "bowden drive monitor rig.toml --duration 10 --json"),
+        place=43,
+    ),
+    Command(
+        "drive zero",
+        zero,
+        "Say which lines of rig.toml make the present position zero.",
+        ("bowden drive zero rig.toml", "bowden drive zero rig.toml --joint-deg 90"),
+        place=43,
+    ),
+)

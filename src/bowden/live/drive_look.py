@@ -1,0 +1,108 @@
+"""A drive looked at without power: what it says of itself, cycle by cycle, and where its angles have their zero."""
+
+import math
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from bowden.core.clock import SECOND, TimeSource
+from bowden.core.errors import DriveError
+from bowden.core.quantity import declared
+from bowden.core.signals import EMERGENCY_STOP, DriveReading, DriveState
+from bowden.core.units import DEGREES
+from bowden.hardware.drives.family import family_of
+from bowden.hardware.ports import Drive, Power
+from bowden.rig.declaration import in_file
+
+SHOWN: Mapping[str, tuple[str, float, str]] = {
+    "motor": ("motor_deg", DEGREES, "°"),
+    "joint": ("joint_deg", DEGREES, "°"),
+    "current": ("current_a", 1.0, "A"),
+    "tension": ("tension_n", 1.0, "N"),
+    "temperature": ("temperature_c", 1.0, "°C"),
+}
+"""Field of a reading → its name at the rim, what it is multiplied by for that, and its unit."""
+_WITH_TORQUE = frozenset({DriveState.OPERATION_ENABLED, DriveState.QUICK_STOP_ACTIVE})
+
+
+@dataclass
+class DriveLook:
+    """What has been seen of a drive."""
+
+    cycles: int = 0
+    last: DriveReading | None = None
+    least: dict[str, float] = field(default_factory=dict)
+    """Field of `SHOWN` → smallest value that came; none of what never came."""
+    most: dict[str, float] = field(default_factory=dict)
+    """Likewise, largest."""
+    states: list[str] = field(default_factory=list)
+    """Names of the drive's states, in their order."""
+    emergencies: list[float] = field(default_factory=list)
+    """Codes that it sent, in their order."""
+
+    def take(self, reading: DriveReading) -> None:
+        """Take in what came in one cycle."""
+        self.cycles, self.last = self.cycles + 1, reading
+        for name in SHOWN:
+            value = getattr(reading, name)
+            if math.isfinite(value):
+                self.least[name] = min(value, self.least.get(name, value))
+                self.most[name] = max(value, self.most.get(name, value))
+        state = DriveState(int(reading.drive_state)).name
+        if not self.states or self.states[-1] != state:
+            self.states.append(state)
+        if reading.emergency:
+            self.emergencies.append(reading.emergency)
+
+    def said(self, explain: Callable[[int], str]) -> list[str]:
+        """What the drive sent by itself, in words."""
+        return ["emergency stop" if code == EMERGENCY_STOP else explain(int(code)) for code in self.emergencies]
+
+
+def looked_at(drive: Drive, clock: TimeSource, period: float, seconds: float = math.inf) -> Iterator[DriveLook]:
+    """Cycles of a drive that is brought up and gets no power: after each what has been seen so far.
+
+    Args:
+        drive: brought up; every cycle it is sent power off.
+        clock: to go by.
+        period: of a cycle [s].
+        seconds: how long.
+
+    Raises:
+        DriveError: the drive has torque although it is sent power off.
+    """
+    look, deadline = DriveLook(), clock.now()
+    for _ in range(math.ceil(seconds / period)) if math.isfinite(seconds) else iter(int, 1):
+        now = clock.now()
+        reading = drive.read(now / SECOND)
+        drive.write(0.0, Power.OFF, now / SECOND)
+        look.take(reading)
+        if reading.drive_state in _WITH_TORQUE:
+            raise DriveError("the drive has torque although it was switched off", do="press the emergency stop")
+        yield look
+        deadline = max(deadline + round(period * SECOND), now)
+        clock.sleep_until(deadline)
+
+
+def zero_keys(given: Any, parameters: Any, reading: DriveReading, motor: float, joint: float) -> dict[str, float]:
+    """The keys of [drive] with which what was read is at these angles, as they stand in rig.toml, in its units.
+
+    Args:
+        given: the drive's parameters as the rig has them.
+        parameters: the same with what the rig asks for.
+        reading: what was read.
+        motor: angle of the motor there [rad].
+        joint: angle of the joint there [rad].
+
+    Raises:
+        DriveError: nothing was read, or this family's zero is set with its maker's tool.
+    """
+    family = family_of(given)
+    if family.zeroed is None:
+        raise DriveError(
+            f"the zero of a drive of the family {family.name} is not set by a rig",
+            do="set it with its maker's tool, as docs/hardware.md says",
+        )
+    zeroed = family.zeroed(parameters, reading, motor, joint)
+    changed = [one for one in declared(type(given)) if getattr(zeroed, one.name) != getattr(parameters, one.name)]
+    return {one.quantity.named(one.name): in_file(getattr(zeroed, one.name), one.quantity) for one in changed}

@@ -1,0 +1,140 @@
+"""``bowden drive``: finding, looking at and zeroing a drive, against the twin; the motor gets no power."""
+
+import json
+import math
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import jsonschema
+import pytest
+
+from bowden.app import main
+from bowden.core.errors import DriveError
+from bowden.core.signals import EMERGENCY_STOP, DriveReading, DriveState
+from bowden.hardware.ports import Power
+from bowden.live.drive_look import DriveLook, looked_at
+from bowden.live.twin_process import RunningTwin, running_twin
+
+ROOT = Path(__file__).parents[1]
+READING = DriveReading(0.5, 0.4, 1.0, math.nan, 30.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0)
+
+
+def test_what_came_is_kept_with_its_range_and_each_change() -> None:
+    look = DriveLook()
+    look.take(READING)
+    look.take(READING._replace(motor=0.7, drive_state=7.0, emergency=float(0x4210)))
+    look.take(READING._replace(motor=math.nan, drive_state=7.0, emergency=EMERGENCY_STOP))
+    assert (look.least["motor"], look.most["motor"]) == (0.5, 0.7)
+    assert "tension" not in look.least
+    assert look.states == ["SWITCH_ON_DISABLED", "FAULT"]
+    assert look.said(lambda code: f"code {code:X}") == ["code 4210", "emergency stop"]
+
+
+class Powered:
+    """A drive that has torque although it is told off."""
+
+    sent: Power | None = None
+
+    def read(self, now: float) -> DriveReading:
+        return READING._replace(drive_state=float(DriveState.OPERATION_ENABLED))
+
+    def write(self, target: float, power: Power, now: float, torque: float = 0.0) -> None:
+        self.sent = power
+
+
+class Still:
+    """A clock that goes on with each look."""
+
+    time = 0
+
+    def now(self) -> int:
+        return self.time
+
+    def sleep_until(self, time: int) -> None:
+        self.time = time
+
+
+def test_a_drive_that_has_torque_is_not_looked_at_any_longer() -> None:
+    drive: Any = Powered()
+    with pytest.raises(DriveError, match="has torque although it was switched off; press the emergency stop"):
+        next(looked_at(drive, Still(), 1e-3))
+    assert drive.sent is Power.OFF
+
+
+@pytest.fixture(scope="module")
+def twin(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Path, RunningTwin]]:
+    folder = tmp_path_factory.mktemp("rig")
+    path = folder / "rig.toml"
+    path.write_text("[scenario]\nduration_s = 5.0\n")
+    with running_twin(path, folder / "b") as running:
+        yield path, running
+
+
+def document(words: list[str], schema: str, capsys: pytest.CaptureFixture[str]) -> Any:
+    assert main.run([*words, "--json"]) == 0
+    parsed = json.loads(capsys.readouterr().out)
+    jsonschema.validate(parsed, json.loads((ROOT / "docs" / "json" / f"{schema}.schema.json").read_text()))
+    return parsed
+
+
+@pytest.mark.live
+def test_a_drive_is_found_looked_at_and_zeroed_without_power(
+    twin: tuple[Path, RunningTwin], capsys: pytest.CaptureFixture[str]
+) -> None:
+    path, running = twin
+    place = [str(path), "--channel", running.channel]
+    found = document(["drive", "probe", *place], "drive_probe", capsys)
+    (device,) = found["devices"]
+    assert (device["node"], device["what"], device["state"]) == (1, "servo drive (CiA 402)", "SWITCH_ON_DISABLED")
+    assert main.run(["drive", "probe", *place]) == 0
+    said = capsys.readouterr().out
+    assert "← [drive] of this rig" in said
+    assert f"Next: bowden drive monitor {path}" in said
+
+    seen = document(["drive", "monitor", *place, "--duration", "0.5"], "drive_monitor", capsys)
+    assert seen["cycles"] == 500
+    assert seen["motor_deg"]["most"] - seen["motor_deg"]["least"] < 1.0
+    assert seen["tension_n"] == {"least": None, "most": None, "last": None}
+    assert set(seen["states"]) <= {"NOT_READY_TO_SWITCH_ON", "SWITCH_ON_DISABLED"}
+
+    wanted = document(["drive", "zero", *place, "--motor-deg", "10", "--joint-deg", "20"], "drive_zero", capsys)
+    text = path.read_text() + "[drive]\n" + "".join(f"{key} = {value}\n" for key, value in wanted["keys"].items())
+    zeroed = path.with_name("zeroed.toml")
+    zeroed.write_text(text)
+    again = document(["drive", "monitor", str(zeroed), *place[1:], "--duration", "0.2"], "drive_monitor", capsys)
+    assert again["motor_deg"]["last"] == pytest.approx(10.0, abs=0.1)
+    assert again["joint_deg"]["last"] == pytest.approx(20.0, abs=0.1)
+    assert not running.control.status()["torque"]
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["probe", "--channel", "{none}"], "cannot open the bus"),
+        (["monitor", "--json"], "--json needs an end; add --duration 10"),
+        (["monitor", "--duration", "-1"], "--duration is -1; expected seconds above 0"),
+        (["zero", "--joint-deg", "nan"], "--joint-deg is nan; expected degrees"),
+    ],
+)
+def test_what_cannot_be_done_is_one_line(
+    words: list[str], said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "rig.toml"
+    path.write_text("")
+    first, *rest = (word.format(none=tmp_path / "none") for word in words)
+    assert main.run(["drive", first, str(path), *rest]) == 2
+    printed = capsys.readouterr().err
+    assert said in printed
+    assert printed.count("\n") == 1
+
+
+@pytest.mark.live
+def test_a_bus_on_which_nobody_answers_is_said(
+    twin: tuple[Path, RunningTwin], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path, running = twin
+    running.control.inject("deaf", lasting=6.0)
+    assert main.run(["drive", "probe", str(path), "--channel", running.channel]) == 2
+    assert "nobody answers on the bus" in capsys.readouterr().err
+    running.control.clear()
