@@ -27,8 +27,11 @@ EXTRA_MODULES = {
     "casadi": "export",
     "dask": "cluster",
     "distributed": "cluster",
+    "foxglove": "foxglove",
 }
 """Module → the extra that brings it."""
+PACKAGE_OF = {"foxglove": "foxglove-sdk"}
+"""Module → its package, where that has another name."""
 OWNERS = packages_distributions()
 PARTS = {
     "llvmlite": "numba",
@@ -125,14 +128,14 @@ def test_what_is_imported_is_a_dependency_or_comes_with_an_extra() -> None:
     core = {canonicalize_name(Requirement(one).name) for one in said["dependencies"]}
     extras = {
         canonicalize_name(Requirement(one).name): extra
-        for extra in ("cluster", "export", "mujoco", "lsl", "parquet")
+        for extra in ("cluster", "export", "foxglove", "mujoco", "lsl", "parquet")
         for one in said["optional-dependencies"][extra]
     }
     wrong = []
     for path in sorted(PACKAGE.rglob("*.py")):
         for module, at_once in imported(path):
             if module in EXTRA_MODULES:
-                assert EXTRA_MODULES[module] == extras[canonicalize_name(module)]
+                assert EXTRA_MODULES[module] == extras[canonicalize_name(PACKAGE_OF.get(module, module))]
                 if at_once:
                     wrong.append(f"{path.relative_to(PACKAGE)} imports {module}, which an extra brings, at once")
             elif module not in OF_THE_USER and not {canonicalize_name(name) for name in _owners(module)} & core:

@@ -39,6 +39,9 @@ def run(
     console: Annotated[
         bool, typer.Option("--console", help="Serve a page as well, on which others look on and may stop the run.")
     ] = False,
+    foxglove: Annotated[
+        int | None, typer.Option(metavar="PORT", help="Serve live data for Foxglove at this port; 0 for a free one.")
+    ] = None,
     force: Annotated[bool, typer.Option("--force", help="Run a law that fails the check on the rig.")] = False,
     json: Annotated[
         bool, typer.Option("--json", help="Print one JSON document and nothing else; needs --auto.")
@@ -50,10 +53,13 @@ def run(
     it could not begin.
     """
     from bowden.face.run import live_session
+    from bowden.live.foxglove_process import require
     from bowden.live.operator import ending_signals, operate, refuse_over_ssh, refuse_without_keys
     from bowden.live.summary import document, print_summary
 
     refuse_without_keys(auto, json)
+    if foxglove is not None:
+        require(foxglove)
     given = shortened(read_given(rig), duration).with_law(law, preset).on_bus(channel)
     given = given if emg is None else given.with_emg(emg)
     if not twin:
@@ -64,7 +70,10 @@ def run(
     ):
         if not json:
             _tell(session.live.losses())
-        with _page(session, rig.name, twin=twin, console=console) as stopped:
+        with (
+            _live_data(session, foxglove),
+            _page(session, rig.name, twin=twin, console=console) as stopped,
+        ):
             operate(session, ending, auto=auto, quiet=json, stopped=stopped)
     found = document(session)
     if json:
@@ -74,6 +83,19 @@ def run(
         _say_next(rig, found, law, preset)
     if not found["ended_well"] or found["cycles_logged"] < (found["cycles"] or 0):
         raise typer.Exit(1)
+
+
+@contextlib.contextmanager
+def _live_data(session: "Session", port: int | None) -> Iterator[None]:
+    """Serve live data for Foxglove where a port is given."""
+    if port is None:
+        yield
+        return
+    from bowden.live.foxglove_process import served
+
+    with served(session.rows.path, port) as address:
+        print(f"Live data for Foxglove: {address}", file=sys.stderr, flush=True)
+        yield
 
 
 @contextlib.contextmanager

@@ -120,6 +120,12 @@ class Packing:
             part["data"] = rows[:, topic.columns]
         return packed.tobytes()
 
+    def messages(self, place: int, rows: NDArray[np.float64]) -> list[bytes]:
+        """The messages of one topic alone, by its place in `topics`, of rows (n, width): CDR, without MCAP's head."""
+        data = np.ascontiguousarray(rows[:, self.topics[place].columns], np.dtype("<f8"))
+        head = struct.pack("<I", _CDR_LITTLE_ENDIAN)
+        return [head + row.tobytes() for row in data]
+
     def offsets(self) -> list[int]:
         """Where each topic's message begins within a row's bytes."""
         fields = self.dtype.fields
