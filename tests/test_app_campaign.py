@@ -47,7 +47,7 @@ duration_s = 0.6
 "control.gains.feedback_gain" = { log_uniform = [5, 60] }
 "reference.period_s" = { choice = [0.5, 1.0] }
 
-[told]
+[known]
 servo_frequency = { uniform = [0.8, 1.2] }
 
 [fault]
@@ -164,7 +164,7 @@ def test_the_page_has_the_commands_that_rerun_the_worst(whole: dict[str, Any]) -
     for case in whole["laws"][0]["worst"]:
         assert f"bowden campaign study.toml --out out --run {case['number']}<" in page
     assert whole["rows_sha256"] in page
-    for name in ("servo.natural_frequency_hz", "fault.kind", "told.servo_frequency"):
+    for name in ("servo.natural_frequency_hz", "fault.kind", "known.servo_frequency"):
         assert name in page
 
 
@@ -321,6 +321,11 @@ def test_processes_that_die_again_and_again_are_given_up(monkeypatch: pytest.Mon
         list(campaign_workers.in_processes(load(Path("study.toml")), [(0, range(1)), (1, range(1, 2))], 2))
 
 
+def test_a_section_is_read_by_its_former_name() -> None:
+    Path("former.toml").write_text(STUDY.replace("[known]", "[told]"))
+    assert load(Path("former.toml")).hash == load(Path("study.toml")).hash
+
+
 @pytest.mark.parametrize(
     ("before", "after", "said"),
     [
@@ -334,7 +339,7 @@ def test_processes_that_die_again_and_again_are_given_up(monkeypatch: pytest.Mon
         ("uniform = [0.6, 1.2]", "unifrom = [0.6, 1.2]", "expected uniform (did you mean this?)"),
         ("uniform = [0.6, 1.2]", "uniform = [0.6, 1.2], fixed = 1", "has uniform and fixed; expected one of"),
         ("uniform = [0.6, 1.2]", "normal = [1, 0.1], low = 0.8", "normal without high"),
-        ("uniform = [0.8, 1.2]", "uniform = [-0.8, 1.2]", "told.servo_frequency reaches -0.8"),
+        ("uniform = [0.8, 1.2]", "uniform = [-0.8, 1.2]", "known.servo_frequency reaches -0.8"),
         ('"joint_frozen"', '"joint_frosen"', "fault.kind is 'joint_frosen'; expected nothing, joint_nan"),
         ('["adaptive"]', '["adaptiv"]', "adaptive (did you mean this?)"),
         ('["adaptive"]', '["adaptive", "adaptive"]', "two of one name"),
@@ -432,5 +437,5 @@ def test_the_study_on_the_page_can_be_run(capsys: pytest.CaptureFixture[str]) ->
     rig, (_, ours), fault = study.run(3)
     drawn = study.drawn(3).values
     truth = rig.servo.natural_frequency
-    assert ours.gains.servo_frequency == pytest.approx(truth * float(drawn["told.servo_frequency"]))
+    assert ours.gains.servo_frequency == pytest.approx(truth * float(drawn["known.servo_frequency"]))
     assert fault.end - fault.begin == 500.0

@@ -307,7 +307,7 @@ def test_studies_that_gains_cannot_be_tuned_against(
 
 
 def test_what_a_study_tells_its_laws_is_not_tuned(study: Path) -> None:
-    study.write_text(STUDY + "[told]\nservo_frequency = { uniform = [0.8, 1.2] }\n")
+    study.write_text(STUDY + "[known]\nservo_frequency = { uniform = [0.8, 1.2] }\n")
     Path("rig.toml").write_text('[control]\nlaw = "bowden"\n')
     loaded = load(study, Rig.read("rig.toml"), own_law=True)
     runs = tune_study.runs_of(loaded)

@@ -10,10 +10,10 @@ from bowden.rig.declaration import Section
 from bowden.rig.page import keys_of
 from bowden.study.distributions import WANTED
 from bowden.study.rows import FIGURES, SUIT_FIGURES
-from bowden.study.schema import DistributionSection, FaultSection, StudyFile, ToldSection
+from bowden.study.schema import DistributionSection, FaultSection, KnownSection, StudyFile
 from bowden.study.study import SENSOR_FAULTS
 
-_SECTIONS: dict[str, type[Section]] = {"": StudyFile, "[told]": ToldSection, "[fault]": FaultSection}
+_SECTIONS: dict[str, type[Section]] = {"": StudyFile, "[known]": KnownSection, "[fault]": FaultSection}
 
 
 def keys_table() -> str:
@@ -21,7 +21,7 @@ def keys_table() -> str:
     rows = ["| section | key | default | unit | range | meaning |", "|---" * 6 + "|"]
     for title, section in _SECTIONS.items():
         for key in keys_of(section):
-            default = "1" if title == "[told]" else key.default
+            default = "1" if title == "[known]" else key.default
             rows.append(f"| {title} | `{key.name}` | {default} | {key.unit} | {key.limits} | {key.meaning} |")
     return "\n".join(rows)
 

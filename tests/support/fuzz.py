@@ -253,7 +253,7 @@ servo.natural_frequency_hz = { normal = [8.0, 1.0], low = 5.0, high = 11.0 }
 bench.delay_cycles = { integer = [0, 3] }
 control.gains.feedback_gain = { log_uniform = [2.0, 20.0] }
 scenario.bend.bend_deg = { choice = [1, 2] }
-[told]
+[known]
 delay = { fixed = 1.0 }
 [fault]
 kind = { choice = ["nothing", "joint_frozen"] }

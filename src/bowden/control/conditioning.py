@@ -78,7 +78,7 @@ class Conditioned(NamedTuple):
     position: Annotated[float, Quantity("joint angle that the law was shown", "rad")]
     velocity: Annotated[float, Quantity("its rate that the law was shown", "rad/s")]
     acceleration: Annotated[float, Quantity("its acceleration that the law was shown", "rad/s²")]
-    told: Annotated[float, Quantity("position that the source gave", "rad")]
+    given: Annotated[float, Quantity("position that the source gave", "rad")]
     unchanged: Annotated[float, Quantity("time since that changed; −1 before the first cycle", "s")]
     between: Annotated[float, Quantity("time between its last two changes", "s")]
     doubt: Annotated[
@@ -173,11 +173,11 @@ def condition_step(
     """One cycle: in: what the source gives; out: what the law is shown."""
     begun = (state.unchanged >= 0.0) * (np.abs(state.position) < _LARGEST)
     given = Reference(
-        number_or(reference.position, state.told),
+        number_or(reference.position, state.given),
         number_or(reference.velocity, 0.0),
         number_or(reference.acceleration, 0.0),
     )
-    before = sel(begun, state.told, given.position)
+    before = sel(begun, state.given, given.position)
     since = sel(begun, state.unchanged + dt, 0.0)
     changed = given.position != before
     stray = STRAY + dt * (0.6 * np.abs(given.acceleration - state.acceleration) + 0.01 * np.abs(given.acceleration))

@@ -220,7 +220,7 @@ def _numba() -> Any:
     """Numba with its array functions, but without SciPy, which takes a quarter of a second.
 
     Numba imports scipy.linalg only to know whether a kernel may multiply matrices. None of ours does; one of a user's
-    that does finds SciPy, or hears that it is missing, when it is compiled.
+    that does finds SciPy, or is refused for want of it, when it is compiled.
     """
     import numba
 

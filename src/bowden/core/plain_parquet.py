@@ -69,8 +69,8 @@ def write(file: IO[bytes], parts: Iterator[Sequence[Array]], names: Sequence[str
             for page in range(0, max(count, 1), _PAGE):
                 at += _write_page(file, np.ascontiguousarray(values[page : page + _PAGE], dtype="<f8"))
             size = I64(at - first)
-            told = {1: _DOUBLE, 2: [_PLAIN, _RLE], 3: [name.encode()], 4: _UNCOMPRESSED, 5: I64(count)}
-            found.append({2: I64(first), 3: told | {6: size, 7: size, 9: I64(first)}})
+            chunk = {1: _DOUBLE, 2: [_PLAIN, _RLE], 3: [name.encode()], 4: _UNCOMPRESSED, 5: I64(count)}
+            found.append({2: I64(first), 3: chunk | {6: size, 7: size, 9: I64(first)}})
         groups.append({1: found, 2: I64(at - begin), 3: I64(count)})
         rows += count
     root = {4: b"schema", 5: len(names)}

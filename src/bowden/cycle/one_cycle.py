@@ -212,7 +212,7 @@ def believed(settings: CycleSettings, state: CycleState, observed: Observed, dt:
     """`cycle_sense` under the supervisor: the angles that the supervisor itself goes by, each behind its low-pass.
 
     While an angle is missing or not credible the law has the last one that was, so that what the supervisor bridges
-    leaves no trace in it. The source hears such an angle as missing: a push is not guessed.
+    leaves no trace in it. For the source such an angle is missing: a push is not guessed.
     """
     filters, seen = settings.filters, see(settings.limits, state.supervisor, observed, dt)
     sample = Sample(

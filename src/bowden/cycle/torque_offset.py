@@ -18,7 +18,7 @@ from bowden.safety.supervisor import Mode, Verdict
 
 Array = NDArray[np.float64]
 
-COLUMNS = {"push.torque": "N·m", "push.heard": "rad", "push.direction": "1"}
+COLUMNS = {"push.torque": "N·m", "push.settled_target": "rad", "push.direction": "1"}
 """Column → unit of what a run with an offset records beside the rest; torque and angle are the spool's."""
 
 _LEADS = (float(Mode.PREFLIGHT), float(Mode.RUNNING))

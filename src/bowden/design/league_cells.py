@@ -39,7 +39,7 @@ class LeaguePlant:
     stroke: float = STROKE
     """Largest joint angle that is asked of it; the smallest is 0 [rad]."""
     known: Knowledge | None = None
-    """What the laws are told; `knowledge_of` the plant, and so nothing of its cable, where it is not given."""
+    """What the laws know; `knowledge_of` the plant, and so nothing of its cable, where it is not given."""
 
 
 @dataclass(frozen=True)

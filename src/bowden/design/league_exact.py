@@ -33,7 +33,7 @@ STEP = 5e-3
 """Time between two points of the path [s]."""
 
 _TURN_BACK = np.radians(0.1)
-"""An error that is worth turning the motor against the reference's motion, as a moving sheath may ask [rad]."""
+"""An error for which it pays to turn the motor against the reference's motion, as a moving sheath may ask [rad]."""
 
 _SLOWLY = 1e4
 """Time that each of the path's steps is given, so long that mass and damping do not show [s]."""

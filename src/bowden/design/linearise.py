@@ -136,7 +136,7 @@ def _spread(marked: NDArray[np.bool_], links: NDArray[np.bool_]) -> NDArray[np.b
 def find_estimates(law: Law, visited: State, dt: float) -> list[str]:
     """The states of a law that act as parameters: one that is changed stays, and at rest at zero no command shows it.
 
-    An integral is heard at once and a filter's memory fades; an estimate of a slope or of a height multiplies something
+    An integral acts at once and a filter's memory fades; an estimate of a slope or of a height multiplies something
     that is zero at rest, and keeps its value.
 
     Args:

@@ -45,7 +45,7 @@ def two_workers(law: str | LawFile, plant: PlantFile | None = None) -> Iterator[
 
 @contextlib.contextmanager
 def starting() -> Iterator[None]:
-    """Processes that are started meanwhile have an empty main module, and hear no interruption.
+    """Processes that are started meanwhile have an empty main module, and get no interruption.
 
     A new process runs its parent's main module again, and that script may not be guarded. What it imports takes a
     second, in which Ctrl-C, which reaches it too, would print its traceback: it inherits that the signal is blocked.

@@ -257,8 +257,8 @@ class _Search:
         count = len(self.names)
         part = min(1.0, count / _FULL)
         members = max(min(_FEWEST_MEMBERS, _MEMBERS), round(part * _MEMBERS))
-        told = informed(replace(self.law, chosen=frozenset()), knowledge_of(self.rig.bench)).numbers
-        shares = np.array([told[name] / self.law.numbers[name] for name in self.names])
+        usual = informed(replace(self.law, chosen=frozenset()), knowledge_of(self.rig.bench)).numbers
+        shares = np.array([usual[name] / self.law.numbers[name] for name in self.names])
         known = np.log(np.where(shares > 0.0, shares, 1.0))  # a gain that would be off stays as it stands
         points = [np.zeros(count), np.clip(known, *_REACH)]
         for _ in range(round(share * part * _DRAWS)):

@@ -1,4 +1,4 @@
-"""The wearer's push in a live run: what a drive on a bus can hear of it, and within which range."""
+"""The wearer's push in a live run: what a drive on a bus can measure of it, and within which range."""
 
 import math
 from dataclasses import replace

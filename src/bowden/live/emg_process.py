@@ -21,7 +21,7 @@ _END = 5.0
 
 
 class EmgProcess:
-    """A process that hears EMG.
+    """A process that reads EMG.
 
     Args:
         rig: that EMG moves.

@@ -27,7 +27,7 @@ _TURNING = (
 )
 """States of a drive that may have torque."""
 _LAST = 10
-"""Cycles with the power off before the loop ends, in which the drive hears of it and says so."""
+"""Cycles with the power off before the loop ends, in which the drive learns of it and says so."""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Columns of logs from before states nested, by the names that they have today.
+"""Columns of logs of earlier versions, by the names that they have today.
 
 What was recorded then is what is recorded now, under other names: the log can be drawn, exported and replayed as any.
 """
@@ -57,6 +57,9 @@ _PUSH: Mapping[str, str] = {
     "from_stretch": "estimate.from_stretch",
 }
 
+_ONE_BY_ONE: Mapping[str, str] = {"push.heard": "push.settled_target", "conditioned.told": "conditioned.given"}
+"""Old name → name of today, of columns that no other state ever had."""
+
 SINCE: Mapping[str, float] = {
     "foreign": 0.0,
     "sample_age": 0.0,
@@ -80,9 +83,11 @@ def names_of_today(columns: Sequence[str]) -> tuple[str, ...]:
 
     >>> names_of_today(("time", "supervisor.mode"))
     ('time', 'supervisor.mode')
+    >>> names_of_today(("time", "push.heard"))
+    ('time', 'push.settled_target')
     """
     there = set(columns)
-    old = {name: new for names in _found(there) for name, new in names.items()}
+    old = dict(_ONE_BY_ONE) | {name: new for names in _found(there) for name, new in names.items()}
     return tuple(old.get(name, name) for name in columns)
 
 

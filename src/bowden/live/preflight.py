@@ -396,7 +396,7 @@ def _at(where: Step, settings: Preflight, amplitude: float, reading: DriveReadin
 
 
 def _hearing(state: PreflightState, reading: DriveReading) -> PreflightState:
-    """Begin again to hear how still both angles are."""
+    """Begin again to measure how still both angles are."""
     motor, joint = reading.motor, reading.joint
     return state._replace(joint=joint, low=joint, high=joint, motor_low=motor, motor_high=motor)
 

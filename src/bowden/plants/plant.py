@@ -112,7 +112,7 @@ def body_as_it_is(plant: Any, body: Any) -> Any:
 
 @kernel
 def read_encoders(plant: Any, body: Any, normals: Array) -> tuple[Any, Measurement]:
-    """The ``observe`` of a plant with an encoder at the joint and one at the motor, and nothing else to hear."""
+    """The ``observe`` of a plant with an encoder at the joint and one at the motor, and nothing else."""
     joint = reading(body.joint, normals[0], plant.joint_encoder)
     motor = reading(body.motor.position, normals[1], plant.motor_encoder)
     return body, Measurement(joint, motor, np.nan, np.nan)

@@ -65,7 +65,7 @@ class Suit(NamedTuple):
     substeps: int = 10
     """Plant sub-steps in one cycle [–]."""
     load_cell: LoadCell = LoadCell()
-    """That a source of references hears."""
+    """That a source of references gets."""
     powered: bool = True
     """False: the drive is switched off when a run begins, and the wearer drives the suit back."""
 

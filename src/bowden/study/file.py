@@ -9,22 +9,27 @@ from pydantic import ValidationError
 from bowden.core.errors import ParameterError
 from bowden.rig.config import dotted, explained, read_toml
 from bowden.study.distributions import KINDS, WANTED, Distribution, Value, distribution
-from bowden.study.schema import DistributionSection, FaultSection, StudyFile, ToldSection
+from bowden.study.schema import DistributionSection, FaultSection, KnownSection, StudyFile
 
 _CORRECT = "correct it there"
+_FORMER = {"told": "known"}
+"""Section of an earlier version → what it is called now."""
 
 
 def read_study(path: Path) -> tuple[StudyFile, dict[str, Distribution]]:
-    """A study's file, and how each of its parameters is spread: dotted key, ``told.NAME`` or ``fault.NAME``.
+    """A study's file, and how each of its parameters is spread: dotted key, ``known.NAME`` or ``fault.NAME``.
 
     Raises:
         ParameterError: no such file, not TOML, an unknown key, a value or a distribution that cannot be.
     """
     raw = read_toml(path, do="docs/campaign.md shows one")
+    for former, name in _FORMER.items():
+        if former in raw and name not in raw:
+            raw[name] = raw.pop(former)
     for name, is_section in _IS_SECTION.items():
         if isinstance(raw.get(name), dict):
             raw[name] = dotted(raw[name], f"{path}: {name}", is_section)
-    for name in ("vary", "told", "fault"):
+    for name in ("vary", "known", "fault"):
         section = raw.get(name)
         if isinstance(section, dict):
             raw[name] = {key: {"fixed": v} if isinstance(v, int | float | str) else v for key, v in section.items()}
@@ -33,7 +38,7 @@ def read_study(path: Path) -> tuple[StudyFile, dict[str, Distribution]]:
     except ValidationError as error:
         raise explained(error, path, StudyFile) from error
     given: dict[str, DistributionSection | None] = dict(study.vary)
-    given |= _section("told", study.told) | _section("fault", study.fault)
+    given |= _section("known", study.known) | _section("fault", study.fault)
     return study, {key: _spread(key, one, path) for key, one in given.items() if one is not None}
 
 
@@ -44,12 +49,12 @@ _IS_SECTION: dict[str, Callable[[Mapping[str, Any]], bool]] = {
 """Section whose keys are keys of a rig → whether a table in it is a section of the rig, and not a value."""
 
 
-def _section(name: str, section: ToldSection | FaultSection | None) -> dict[str, Any]:
+def _section(name: str, section: KnownSection | FaultSection | None) -> dict[str, Any]:
     return {f"{name}.{key}": value for key, value in section or ()}
 
 
 def _spread(key: str, given: DistributionSection, path: Path) -> Distribution:
-    where = key if key.startswith(("told.", "fault.")) else f'vary."{key}"'
+    where = key if key.startswith(("known.", "fault.")) else f'vary."{key}"'
     kinds = [kind for kind in KINDS if getattr(given, kind) is not None]
     if len(kinds) != 1:
         raise ParameterError(

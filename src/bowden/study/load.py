@@ -153,7 +153,7 @@ def _check_ends(study: Study, column: Column) -> None:
             if not 0.0 <= end <= LONGEST:
                 expected = f"a time from 0 to {LONGEST:g} s, the longest run"
                 raise ParameterError(f"{where} reaches {end:g}", expected=expected, do="correct it there")
-        elif column.name.startswith("told."):
+        elif column.name.startswith("known."):
             if not 0.0 < end <= 100.0:
                 raise ParameterError(f"{where} reaches {end:g}", expected="factors above 0, up to 100")
         elif column.name.startswith("control.gains."):

@@ -26,8 +26,8 @@ def packed(study: Study) -> bytes:
     document = {
         "software": software(),
         "path": str(study.path),
-        "file": study.file.model_dump(mode="json", exclude_none=True, exclude={"vary", "told", "fault"}),
-        "told": study.file.told is not None,
+        "file": study.file.model_dump(mode="json", exclude_none=True, exclude={"vary", "known", "fault"}),
+        "known": study.file.known is not None,
         "rig": study.rig.document(),
         "laws": [_packed_law(law) for law in study.given],
         "columns": [[c.name, c.unit, c.spread.kind, list(c.spread.given)] for c in study.columns],
@@ -55,7 +55,7 @@ def unpacked(pack: bytes) -> Study:
             expected="the same software on both",
             do="install it there",
         )
-    file = StudyFile.model_validate(document["file"] | ({"told": {}} if document["told"] else {}))
+    file = StudyFile.model_validate(document["file"] | ({"known": {}} if document["known"] else {}))
     given = tuple(_law(law) for law in document["laws"])
     laws = tuple(loaded(law) for law in given)
     columns = tuple(Column(name, unit, distribution(kind, given)) for name, unit, kind, given in document["columns"])

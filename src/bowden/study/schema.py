@@ -31,7 +31,7 @@ class DistributionSection(Section):
     fixed: _Word | None = _key(None, "always this", examples=[1.0])
 
 
-class ToldSection(Section):
+class KnownSection(Section):
     """Wrong knowledge that the laws get of the rig of each run, as a factor on the true value."""
 
     servo_frequency: DistributionSection | None = _key(None, "natural frequency of the servo", examples=[{}])
@@ -65,7 +65,7 @@ class StudyFile(Section):
     vary: dict[str, DistributionSection] = _key(
         {}, "numeric keys of the rig, dotted, or control.gains.NAME, and how each is spread over the runs"
     )
-    told: Annotated[ToldSection | None, Field(json_schema_extra={"unit": "–"})] = _key(
+    known: Annotated[KnownSection | None, Field(json_schema_extra={"unit": "–"})] = _key(
         None, "what the laws get as wrong knowledge of the rig of each run; left out, they get the true values"
     )
     fault: FaultSection | None = _key(None, "a sensor that fails; left out, none")

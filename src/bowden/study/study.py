@@ -25,7 +25,7 @@ from bowden.sim.injected import Injected
 from bowden.sim.many import Case
 from bowden.sim.scenario import BendPath
 from bowden.study.distributions import Distribution, Value, describe
-from bowden.study.schema import StudyFile, ToldSection
+from bowden.study.schema import KnownSection, StudyFile
 
 SENSOR_FAULTS = [kind.name.lower() for kind in Injected if Injected.JOINT_NAN <= kind <= Injected.MOTOR_SIGN]
 """Faults that change what the law is shown and nothing else."""
@@ -53,7 +53,7 @@ class Column(NamedTuple):
     """One thing that is drawn."""
 
     name: str
-    """A dotted key of the rig, ``control.gains.NAME``, ``told.NAME`` or ``fault.NAME``."""
+    """A dotted key of the rig, ``control.gains.NAME``, ``known.NAME`` or ``fault.NAME``."""
     unit: str
     spread: Distribution
 
@@ -111,7 +111,7 @@ class Study:
         """
         if not self.columns:
             return self.rig.replace(seed=drawn.seed)
-        keys = [(k, v) for k, v in drawn.values.items() if not k.startswith(("control.gains.", "told.", "fault."))]
+        keys = [(k, v) for k, v in drawn.values.items() if not k.startswith(("control.gains.", "known.", "fault."))]
         tree = with_values(self._tree, [*keys, ("scenario.seed", drawn.seed)])
         return Rig.of_tree(tree, self.path, keep=self.rig)
 
@@ -142,8 +142,8 @@ class Study:
         return law.with_gains(**{key: value for key, value in gains.items() if key in law.numbers})
 
     def _believed(self, known: Knowledge, drawn: Drawn) -> Knowledge:
-        """What the laws of a run know: what its rig knows, wrong by the factors of [told]."""
-        factors = {key: float(drawn.values.get(f"told.{key}", 1.0)) for key in ToldSection.model_fields}
+        """What the laws of a run know: what its rig knows, wrong by the factors of [known]."""
+        factors = {key: float(drawn.values.get(f"known.{key}", 1.0)) for key in KnownSection.model_fields}
         return known._replace(**{key: getattr(known, key) * factor for key, factor in factors.items()})
 
     def _bend(self, rig: Rig) -> BendPath:
@@ -195,7 +195,7 @@ class Study:
             "rig": simulated(self.rig),
             "plant": self.plant_hash,
             "draws": {column.name: describe(column.spread) for column in self.columns},
-            "told": self.file.told is not None,
+            "known": self.file.known is not None,
             "files": files,
         }
 

@@ -122,7 +122,7 @@ class Twin:
             self._control.answer(caller, answer)
 
     def _join_or_leave(self, now: float) -> None:
-        """A controller that is bus-off neither hears nor acknowledges: it is not there."""
+        """A controller that is bus-off neither receives nor acknowledges: it is not there."""
         off = self._node.faults.active("bus_off", now) is not None
         if off and self._bus is not None:
             self._bus.shutdown()

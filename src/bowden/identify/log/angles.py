@@ -213,7 +213,7 @@ def check_plausible(motor: Angle, joint: Angle, where: Callable[[int], str]) -> 
 def unit_doubt(joint: Angle) -> str:
     """Why a joint's angle is hardly in the unit that it was taken in; empty where it may well be.
 
-    A joint moves by less than half a turn, and a log of one that is worth a fit by more than π°: what is taken for
+    A joint moves by less than half a turn, and a log of one that can be fitted by more than π°: what is taken for
     radians and moves by more than π may be degrees, and what is taken for degrees and moves by less than π, radians.
 
     Args:
