@@ -1,11 +1,13 @@
 """A network between a page and its console that can be halted, delayed and cut; it needs no rights of its own.
 
 What is halted is not read, so that the sender's buffers fill as they do where nobody acknowledges its packets; when it
-goes on, all of it comes late, as TCP has it.
+goes on, all of it comes late, as TCP has it. What is dropped is dropped by the kernel, packet by packet, before TCP
+sees it: both ends send it again, ever more slowly, until the filter is taken away.
 """
 
 import collections
 import contextlib
+import ctypes
 import socket
 import struct
 import threading
@@ -17,6 +19,10 @@ _BUFFER = 8192
 """Of the kernel's, for what is on its way [bytes]."""
 _LOOK = 0.005
 """[s]"""
+_ATTACH, _DETACH = 26, 27
+"""SO_ATTACH_FILTER and SO_DETACH_FILTER of Linux, which Python does not name."""
+_NO_PACKET = struct.pack("HBBI", 0x06, 0, 0, 0)
+"""A filter of one instruction: return 0, of each packet no byte is kept."""
 
 
 class BadNetwork:
@@ -48,9 +54,19 @@ class BadNetwork:
             link.close()
         self._links.clear()
 
+    def drop(self) -> None:
+        """Drop each packet that comes from either end, acknowledgements too."""
+        program = ctypes.create_string_buffer(_NO_PACKET, len(_NO_PACKET))
+        for link in self._links:
+            if link.fileno() >= 0:  # it has not ended
+                link.setsockopt(socket.SOL_SOCKET, _ATTACH, struct.pack("HP", 1, ctypes.addressof(program)))
+
     def mend(self) -> None:
-        """Forward as before; what was held back comes now."""
+        """Forward as before; what was held back comes now, what was dropped when it is sent again."""
         self.halted, self.delay = frozenset(), 0.0
+        for link in self._links:
+            with contextlib.suppress(OSError):  # it has ended, or nothing is dropped
+                link.setsockopt(socket.SOL_SOCKET, _DETACH, 0)
 
     def close(self) -> None:
         """End."""

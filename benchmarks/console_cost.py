@@ -118,7 +118,8 @@ def turns(minutes: float) -> Iterator[dict[str, Any]]:
         tab = browser.new_page(viewport={"width": 1280, "height": 720})
         link = f"http://127.0.0.1:{console.port}/"
         tab.goto(f"{link}?token={console.token}")
-        page.run()
+        while not revived(page):
+            tab.wait_for_timeout(1e3)
         tab.wait_for_timeout(12_000)  # a window full of curves
         found = [_turn(console, page, tab, link, shows=number % 2 == 0) for number in range(count)]
         browser.close()

@@ -2,11 +2,11 @@
 
     python benchmarks/console_kills.py bare|chromium [--count 8] [--first 0]       # a try: the cases, a line each
 
-Two parts. `bare`: a page as far as the console sees one, in Python; its network goes through a proxy that halts, delays
-and cuts. `chromium`: the page itself in Chromium, whose processes are killed and halted. A case arms the rig, begins
-the run when it is ready, and takes something away at a moment drawn from the case's number; then it gives it back, and
-looks whether anything moves again. Times of both sides are of the computer's one monotonic clock: the loss as this
-process has it, the release as the run's log has it.
+Two parts. `bare`: a page as far as the console sees one, in Python; its network goes through a proxy that halts,
+delays, drops packets and cuts. `chromium`: the page itself in Chromium, whose processes are killed and halted. A case
+arms the rig, begins the run when it is ready, and takes something away at a moment drawn from the case's number; then
+it gives it back, and looks whether anything moves again. Times of both sides are of the computer's one monotonic
+clock: the loss as this process has it, the release as the run's log has it.
 """
 
 import argparse
@@ -38,7 +38,7 @@ from console_client import Page, RunningConsole, running_console
 from kept import Kept
 from measure import Figure
 
-COUNTS = {"bare": 165, "chromium": 50}
+COUNTS = {"bare": 180, "chromium": 50}
 """Cases of each part."""
 EARLIEST, LATEST = 0.05, 6.0
 """After the rig was armed; by then it is in the preflight, on its way to the beginning, or under its law [s]."""
@@ -91,6 +91,7 @@ KINDS = {
     "network gone": Kind(PAGE, 2.0, "nothing comes through, then all of it late"),
     "network up gone": Kind(PAGE, 1.0, "nothing comes from the page"),
     "network down gone": Kind(DEAF, 1.0, "nothing comes to the page, whose signs of life go on"),
+    "network drops packets": Kind(PAGE, 2.0, "the kernel drops each packet of both ends, acknowledgements too"),
     "network slow": Kind(PAGE, 1.0, "everything comes 0.8 to 3 s late"),
     "network cut": Kind(PAGE, 1.0, "the connection is reset"),
     "console killed": Kind(CONSOLE, 1.0, "SIGKILL"),
@@ -247,6 +248,9 @@ def _taken(bench: Bench, page: BarePage, kind: str, more: random.Random) -> Call
         return lambda: (client.alive.set(), network.mend())[1]
     elif kind in ("network gone", "network up gone", "network down gone"):
         network.halted = frozenset({"gone": {UP, DOWN}, "up": {UP}, "down": {DOWN}}[kind.split()[1]])
+        return network.mend
+    elif kind == "network drops packets":
+        network.drop()
         return network.mend
     elif kind == "network slow":
         network.delay = more.uniform(0.8, 3.0)

@@ -21,7 +21,7 @@ GETS = ("/", "/api/state", "/api/runs", "/api/runs/adaptive-1", "/api/runs/adapt
 UPGRADE = (
     f"Upgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version: 13\r\nSec-WebSocket-Key: {'x' * 22}==\r\n"
 )
-POSTS = ("control", "settings", "check", "request", "stop", "inject", "path")
+POSTS = ("control", "settings", "check", "request", "stop", "gain", "inject", "path")
 
 
 @pytest.fixture(scope="module")

@@ -1,11 +1,15 @@
 """A console in which gains are changed while the law runs: who may, what is refused and why, what the log has."""
 
 import json
+import time
 from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import HealthCheck, example, settings
+from hypothesis import given as drawn
+from hypothesis import strategies as st
 
 from bowden.live.log_facts import facts, needed
 from bowden.live.mcap_read import read
@@ -95,6 +99,48 @@ def test_a_gain_is_changed_while_the_law_runs(console: RunningConsole) -> None:
     assert (told["name"], told["from"], told["to"]) == ("integral_gain", begun["integral_gain"]["value"], 30.0)
     assert told["in_force_s"] - told["time_s"] == pytest.approx(0.5, abs=0.1)
     assert_replays(str(log))
+    page.close()
+
+
+_PLAIN = st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=20)
+_NAME = st.sampled_from(["integral_gain", "bandwidth", "slope", "", "integral_gain.x", "__class__"]) | _PLAIN
+_VALUE = st.one_of(
+    st.none() | st.booleans() | st.text(max_size=20) | st.lists(_PLAIN, max_size=3),
+    st.floats(max_value=-1e-9) | st.floats(min_value=1e5) | st.integers(min_value=100_000) | st.integers(max_value=-1),
+    st.just(float("nan")),
+)
+"""Nothing that a live gain of this law may be."""
+
+
+def test_nothing_that_no_gain_can_be_changes_one(console: RunningConsole) -> None:
+    """While a session is live, from the page that controls: refused in words, and the console goes on."""
+    page = console.page().open().take()
+    page.until(lambda state: state["phase"] == "idle", 60.0, "idle")
+    page.start()
+    begun = page.state["settings"]["gains"]
+
+    @settings(max_examples=200, deadline=None, suppress_health_check=list(HealthCheck), database=None)
+    @drawn(name=_NAME, value=_VALUE)
+    @example(name="integral_gain", value=10**400)
+    @example(name="integral_gain", value=-(10**400))
+    @example(name="\ud800", value=1.0)
+    @example(name="x" * 3000, value=1.0)
+    @example(name="integral_gain", value="\ud800")
+    def asked(name: Any, value: Any) -> None:
+        time.sleep(0.03)  # a session's requests have a limit of their rate
+        status, _, said = page.request("POST", "/api/gain", json.dumps({"name": name, "value": value}).encode())
+        assert status == 400
+        assert set(json.loads(said)["error"]) == {"what", "expected", "do"}
+        assert len(said) < 2000
+
+    asked()
+    for body in (b'{"name": "integral_gain", "value": 1e999}', b'{"name": "integral_gain"}', b"[]", b'{"value": 1}'):
+        assert page.request("POST", "/api/gain", body)[0] == 400
+    time.sleep(0.5)
+    assert page.state["settings"]["gains"] == begun
+    assert page.state["run"]["mode"] == "stopped"
+    assert page.post("/api/request", request="end") == ""
+    page.until(lambda state: state["phase"] == "idle", 30.0, "the end")
     page.close()
 
 

@@ -24,8 +24,8 @@ from live_runs import COMMAND, tries
 
 pytestmark = [pytest.mark.live]
 
-LEASE, MORE = 0.5, 0.25
-"""Limit of the lease, and how much later a release may begin [s]."""
+LEASE, AGE, MORE = 0.5, 1.0, 0.25
+"""Limit of the lease, and of the operator here; how much later a release may begin [s]."""
 
 
 @pytest.fixture(scope="module")
@@ -276,6 +276,34 @@ def test_an_event_loop_that_hangs_stops_the_run(tmp_path: Path) -> None:
         began, _ = released(log)
         print(f"hung event loop: release began {1e3 * (began - gone):.0f} ms after")
         assert began - gone < LEASE + MORE
+
+
+def test_a_thread_of_the_run_that_hangs_is_a_dead_operator(tmp_path: Path) -> None:
+    """The page's signs of life go on, and help nothing: the loop hears none, and the page has no news any more."""
+    hangs = "import bowden.console.runs as r, time, os\n"
+    hangs += "see = r.RunOwner._see\n"
+    hangs += f"def hung(self, session):\n    see(self, session)\n    if os.path.exists({str(tmp_path / 'hang')!r}):\n"
+    hangs += "        time.sleep(1e3)\n"
+    hangs += "r.RunOwner._see = hung\n"
+    (tmp_path / "rig.toml").write_text(RIG)
+    with running_console(tmp_path / "rig.toml", tmp_path / "out", "--twin", prelude=hangs, ends=False) as console:
+        page = console.page().open().take()
+        page.until(lambda state: state["phase"] == "idle")
+        page.start()
+        page.run()
+        log = console.out / f"{page.state['run']['log']}.mcap"
+        (tmp_path / "hang").touch()
+        gone = time.monotonic()
+        time.sleep(LEASE + 0.3)
+        seen = page.seen
+        time.sleep(1.5)
+        assert page.seen == seen, "no stamp is told: the page says that it has no news"
+        assert not page.closed.is_set()
+        console.process.kill()
+        time.sleep(3.0)
+        began, _ = released(log)
+        print(f"hung thread of the run: release began {1e3 * (began - gone):.0f} ms after")
+        assert began - gone < AGE + MORE
 
 
 def test_what_three_viewers_cost(page: Page, console: RunningConsole) -> None:

@@ -20,8 +20,8 @@ from hypothesis import strategies as st
 
 from console_client import RIG, Page, RunningConsole, running_console
 
-POSTS = ("control", "settings", "check", "request", "stop", "inject", "path")
-CONTROLS = ("control", "settings", "request", "inject")
+POSTS = ("control", "settings", "check", "request", "stop", "gain", "inject", "path")
+CONTROLS = ("control", "settings", "request", "gain", "inject")
 """Those that half of the time carry the name of the page in control: nothing of theirs moves without a check."""
 SESSIONS = 48
 TEXTS, BENT = 8, 5
@@ -44,6 +44,7 @@ _REFERENCE = {"kind": "periodic_minimum_jerk", "low_deg": 0.0, "high_deg": 40.0,
 _GOOD = {
     **{"law": "bowden", "preset": "paper", "gains": {"feedback_gain": 30.0}, "reference": _REFERENCE, "duration": 9.5},
     **{"notes": "n", "subject": "S", "take": True, "request": "arm", "fault": "none", "step": "tune", "life": 3},
+    **{"name": "integral_gain", "value": 30.0},
     **{"view": {"columns": ["joint_deg"], "seconds": 10, "pixels": 300, "number": 1}, "stop": True},
 }
 _NEARLY = st.dictionaries(st.sampled_from([*_GOOD]), _ANY, max_size=3)

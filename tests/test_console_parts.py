@@ -1,5 +1,6 @@
 """Parts of the console without a server: the lease, the thread that holds a run, what is cut out of rows, settings."""
 
+import json
 import sys
 import threading
 import time
@@ -16,10 +17,11 @@ from bowden.console.lease import Lease
 from bowden.console.runs import TAKEN, RunOwner, TerminalRun
 from bowden.console.settings import RunSettings
 from bowden.console.stamps import Stamps
-from bowden.console.stream import CURVES, WHOLE, Cursor, Watch, reduced
+from bowden.console.stream import CURVES, WHOLE, Cursor, Watch, columns_of, reduced, taken
 from bowden.control import LAWS
 from bowden.core.clock import SECOND, MonotonicClock
 from bowden.core.errors import ParameterError, SafetyError
+from bowden.live.live_run import live_run
 from bowden.live.ring import Batch, RingReader, RingWriter, create
 from bowden.live.row import AT, description
 from bowden.rig.rig import Rig
@@ -274,7 +276,7 @@ class FakeReader:
 @pytest.mark.parametrize(("seconds", "pixels"), [(2.0, 2000), (10.0, 900), (30.0, 700), (60.0, 900), (300.0, 500)])
 def test_frames_follow_one_another_without_gap_or_overlap(seconds: float, pixels: int) -> None:
     reader: Any = FakeReader()
-    watch = Watch(reader, 1e-3, {})
+    watch = Watch(reader, 1e-3)
     view = watch.view(["joint_deg", "nothing", "error_deg"], seconds, pixels, loop=True)
     assert len(view.columns) == 2
     cursor, random, next_pixel, seen = Cursor(view, 5), np.random.default_rng(1), None, []
@@ -311,9 +313,44 @@ def test_frames_follow_one_another_without_gap_or_overlap(seconds: float, pixels
     assert watch.loop_frame(cursor, 0.1) is None
 
 
+WEARER = '[emg]\nchannel = "biceps_mV"\nrest = 0.02\nmvc = 0.9\nsigma = 0.01\nsource = "mvc.csv"\n'
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_emg_is_shown_with_its_wearers_levels_and_what_was_detected(tmp_path: Path, known: bool) -> None:
+    """From the settings as the ring has them, and as a log has them: an earlier run shows the same curves."""
+    (tmp_path / "anna.toml").write_text(WEARER)
+    wearer = "wearer = 'anna.toml'" if known else ""
+    (tmp_path / "rig.toml").write_text(f"[scenario]\nduration_s = 60.0\n[emg]\nsource = 'lsl:EMG'\n{wearer}\n")
+    run = live_run(Rig.read(tmp_path / "rig.toml"))
+    made = {"limits": run.limits._asdict(), **run.settings()}
+    about = description(run.law, made, 0, 0, emg=True)
+    found = columns_of(about.columns, about.units, about.settings)
+    assert found == columns_of(about.columns, about.units, json.loads(json.dumps(made)))
+    emg = {one.name: one for one in found if one.group == "emg"}
+    assert list(emg) == ["emg_level", "emg_flexor", "emg_extensor", "emg_intent"]
+    assert (emg["emg_level"].low, emg["emg_level"].high) == ((0.02, 0.9) if known else (None, None))
+    rows = np.zeros((3, len(about.columns)))
+    said = {"emg.level": [0.02, 0.5, 0.1], "emg.flexor": [0.0, 1.0, 0.0], "emg.extensor": [0.0, 0.0, 1.0]}
+    said["emg.intent"] = [0.0, 2.0, 1.0]
+    for name, values in said.items():
+        rows[:, about.columns.index(name)] = values
+    assert np.allclose(taken(list(emg.values()), about.columns, rows).T, [*said.values()])
+    without = description(run.law, made, 0, 0)
+    assert not [one for one in columns_of(without.columns, without.units, made) if one.group == "emg"]
+
+
+@pytest.mark.parametrize(
+    "settings", [{}, {"limits": None, "emg": 3}, {"emg": {"wearer": "x"}, "limits": {"current_peak": "x"}}]
+)
+def test_settings_of_a_strange_log_give_curves_without_limits(settings: dict[str, Any]) -> None:
+    about = description(LAWS["adaptive"], {}, 0, 0, emg=True)
+    assert all(one.low is None and one.high is None for one in columns_of(about.columns, about.units, settings))
+
+
 def test_a_viewer_that_fell_behind_gets_the_whole_window_anew() -> None:
     reader: Any = FakeReader()
-    watch = Watch(reader, 1e-3, {})
+    watch = Watch(reader, 1e-3)
     cursor = Cursor(watch.view(["joint_deg"], 2.0, 200, loop=False), 1)
     reader.count = 1000
     watch.look()

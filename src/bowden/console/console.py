@@ -46,7 +46,7 @@ _WHILE_IT_RUNS = 10
 """Ticks between two states while a run goes on."""
 _PATIENCE = 0.5
 """For the answer of a twin [s]."""
-_LONGEST_FAULT = 80
+_LONGEST_NAME = 80
 
 
 class Viewer:
@@ -175,11 +175,9 @@ class Console:
         self._be_prompt(seen.phase == "live")
         if seen.session is not self._watched and seen.session is not None:
             self._watched = seen.session
-            settings = seen.session.live
-            emg = settings.emg
-            thresholds = {} if emg is None or emg.wearer is None else {"rest": emg.wearer.rest, "mvc": emg.wearer.mvc}
+            live = seen.session.live
             reader = RingReader(seen.session.rows.path)
-            self.watch = Watch(reader, settings.rig.sample_time, thresholds, measures=settings.measure)
+            self.watch = Watch(reader, live.rig.sample_time, measures=live.measure)
         if self.watch is not None:
             self.watch.look()
         if self.path.going == "measure" and seen.phase == "idle":  # it could not begin, or not end
@@ -348,7 +346,7 @@ class Console:
             raise SafetyError("no session is live", expected="one that goes on", do="change the gain in the settings")
         if self.gain is not None and self.gain["state"] in ("checking", "going"):
             raise SafetyError("another change of gains goes on", do="wait until it is in force, or refused")
-        if not isinstance(name, str):
+        if not isinstance(name, str) or len(name) > _LONGEST_NAME:
             raise ParameterError(f"gain is {shortly(name)}", expected="the name of a gain", do="choose one")
         if isinstance(value, bool) or not isinstance(value, int | float):
             raise ParameterError(f"gain {shortly(name)} is {shortly(value)}", expected="a number", do="correct it")
@@ -459,7 +457,7 @@ class Console:
             )
         if session is None or self.owner.seen.phase != "live":
             raise SafetyError("no twin runs", do="start a session first")
-        if not isinstance(fault, str) or len(fault) > _LONGEST_FAULT:
+        if not isinstance(fault, str) or len(fault) > _LONGEST_NAME:
             raise ParameterError(f"fault is {shortly(fault)}", expected="the name of a fault", do="choose one")
         drive = session.live.rig.drive_parameters
         await asyncio.to_thread(_injected, family_of(drive).control(drive), fault)

@@ -133,7 +133,7 @@ def details(progress: Progress, path: str) -> dict[str, Any]:
         "consequences": faults[1:],
         "metrics": list(_metrics(whole, said)),
         "events": [{"at": round(one.time - begin, 3), "text": one.text} for one in found.events[:_MOST_EVENTS]],
-        "columns": [one.document() for one in columns_of(names, units, said["settings"].get("limits", {}), {})],
+        "columns": [one.document() for one in columns_of(names, units, said["settings"])],
         "from": 0.0,
         "to": said["duration_s"],
     }
@@ -193,9 +193,8 @@ def curves(progress: Progress, path: str, columns: Sequence[str], begin: float, 
     from bowden.live.mcap_reader import LogReader
 
     log = LogReader(Path(path), ("time",))
-    about = log.settings.get("limits", {})
     named = dict(zip(json.loads(log.about["columns"]), json.loads(log.about["units"]), strict=True))
-    offered = {one.name: one for one in columns_of(list(named), list(named.values()), about, {})}
+    offered = {one.name: one for one in columns_of(list(named), list(named.values()), log.settings)}
     chosen = [offered[name] for name in columns if name in offered]
     if len(chosen) != len(columns):
         raise LogError("the log has no such curve", expected=", ".join(offered), do="choose others")

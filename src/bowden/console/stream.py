@@ -66,21 +66,20 @@ class Curve(NamedTuple):
         return {name: getattr(self, name) for name in ("name", "title", "unit", "group", "low", "high")}
 
 
-def columns_of(
-    names: Sequence[str], units: Sequence[str], limits: Mapping[str, Any], more: Mapping[str, float]
-) -> list[Curve]:
+def columns_of(names: Sequence[str], units: Sequence[str], settings: Mapping[str, Any]) -> list[Curve]:
     """The curves that rows of these columns have.
 
     Args:
         names: of the row's columns.
         units: of each.
-        limits: the supervisor's, by name, as the log has them.
-        more: thresholds of the EMG's envelope, by their names here: `rest` and `mvc`.
+        settings: of the run, as its ring and its log have them: the supervisor's limits, and the wearer's EMG at rest
+            and at most.
     """
     unit_of = dict(zip(names, units, strict=True))
+    limits, wearer = _part(settings, "limits"), _part(_part(settings, "emg"), "wearer")
 
-    def limit(name: str, factor: float = 1.0) -> float | None:
-        value = limits.get(name)
+    def limit(name: str, factor: float = 1.0, of: Mapping[str, Any] = limits) -> float | None:
+        value = of.get(name)
         return factor * float(value) if isinstance(value, int | float) and math.isfinite(value) else None
 
     def angle(name: str, title: str, source: tuple[str, ...], group: str, low: str = "", high: str = "") -> Curve:
@@ -107,7 +106,7 @@ def columns_of(
         Curve("drive_c", "drive", "°C", "temperature", ("temperature",), 1.0, high=limit("drive_limit")),
         Curve(
             *("emg_level", "EMG envelope", unit_of.get("emg.level", "1"), "emg", ("emg.level",), 1.0),
-            *(more.get("rest"), more.get("mvc")),
+            *(limit("rest", of=wearer), limit("mvc", of=wearer)),
         ),
         Curve("emg_flexor", "flexor contracts", "1", "emg", ("emg.flexor",)),
         Curve("emg_extensor", "extensor contracts", "1", "emg", ("emg.extensor",)),
@@ -122,6 +121,12 @@ def columns_of(
             unit, factor = ("°", DEGREES) if turned else (unit_of[name], 1.0)
             offered.append(Curve(f"law.{inner}{'_deg' if turned else ''}", inner, unit, "law", (name,), factor))
     return [one for one in offered if {*one.source} <= {*names}]
+
+
+def _part(settings: Mapping[str, Any], name: str) -> Mapping[str, Any]:
+    """A table of the settings; an empty one where there is none."""
+    found = settings.get(name)
+    return found if isinstance(found, Mapping) else {}
 
 
 def taken(columns: Sequence[Curve], names: Sequence[str], rows: Array) -> Values:
@@ -226,19 +231,15 @@ class Watch:
     Args:
         reader: of the run's ring, of its own.
         period: of a cycle [s].
-        thresholds: of the EMG's envelope; see `columns_of`.
         measures: whether a motion of the motor is what leads, and no law.
     """
 
-    def __init__(
-        self, reader: RingReader, period: float, thresholds: Mapping[str, float], *, measures: bool = False
-    ) -> None:
+    def __init__(self, reader: RingReader, period: float, *, measures: bool = False) -> None:
         self._reader, self.period = reader, period
         self._leads = float(WishSource.MOTION if measures else WishSource.LAW_BEGINS)
         about: Description = reader.description
         self._names = about.columns
-        limits = about.settings.get("limits", {})
-        self.columns = columns_of(about.columns, about.units, limits, thresholds)
+        self.columns = columns_of(about.columns, about.units, about.settings)
         """On offer."""
         self._number = {column.name: i for i, column in enumerate(self.columns)}
         width = len(self.columns)
