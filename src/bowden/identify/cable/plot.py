@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
     from bowden.identify.cable.fit import Fit
     from bowden.identify.cable.loads import JointFit
+    from bowden.identify.cable.loop import Loop
     from bowden.identify.cable.recalibrate import Recalibration
 
 _POINTS = 1500
@@ -39,8 +40,21 @@ def draw_loop(axes: "Sequence[Axes]", fit: "Fit") -> None:
         panel.set_xlabel("motor [°]")
     axes[0].set_ylabel("joint [°]")
     if len(axes) > 1:
+        if fit.chosen.loop is not None:
+            _draw_deviations(axes[1], fit, fit.chosen.loop)
         axes[1].set_ylabel("joint − straight line [°]")
     legend(axes[-1], 3)
+
+
+def _draw_deviations(axes: "Axes", fit: "Fit", loop: "Loop") -> None:
+    """Two deviations to either side of the loop, at each of its places."""
+    place = np.array(loop.place)
+    line = fit.models["line"].model.joint_angle(place)
+    for side in ((loop.rising, loop.rising_error), (loop.falling, loop.falling_error)):
+        joint, error = (np.array(one) for one in side)
+        known = np.isfinite(error)
+        middle, reach = (joint - line)[known] * DEGREES, 2.0 * error[known] * DEGREES
+        axes.vlines(place[known] * DEGREES, middle - reach, middle + reach, color=COLOURS["model"], lw=1.6)
 
 
 def draw_loads(axes: "Axes", fit: "JointFit") -> None:
