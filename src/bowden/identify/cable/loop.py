@@ -5,12 +5,13 @@ log does show is the loop. In the middle half of the stroke, clear of the revers
 
     joint ≈ slope·motor + offset ∓ height/2    (− on the way on which the motor rises, for a slope above zero)
 
-and at each of 20 places along the stroke it has a joint angle on the way up and one on the way down. Each of these is a
-weighted sum Σ cᵢ·fittedᵢ over the log's nodes, whatever the family. Its error has two parts: what the log's own errors
-make of it, and what the model misses. The former is told from how Σ cᵢ·rᵢ of the residual r differs from cycle to cycle
-(stroke to stroke where there are fewer than three cycles, and at a place), times Student's factor for few of them. The
-latter is at most the whole sum M = Σ cᵢ·rᵢ, and nothing says how much of it is the log's own: anything within ±M is as
-likely, whose standard deviation is M/√3. What is stated is the root of the sum of both squares.
+and at each of 20 places along the stroke it has a joint angle on the way up and one on the way down, all on average
+over the log's strokes, small ones too. Each of these is a weighted sum Σ cᵢ·fittedᵢ over the log's nodes, whatever the
+family. Its error has two parts: what the log's own errors make of it, and what the model misses. The former is told
+from how Σ cᵢ·rᵢ of the residual r differs from cycle to cycle (stroke to stroke where there are fewer than three
+cycles, and at a place), times Student's factor for few of them. The latter is at most the whole sum M = Σ cᵢ·rᵢ, and
+nothing says how much of it is the log's own: anything within ±M is as likely, whose standard deviation is M/√3. What is
+stated is the root of the sum of both squares.
 
 Source: *Guide to the Expression of Uncertainty in Measurement*, JCGM 100:2008, 4.3.7, for a bound; Carlstein, Annals of
 Statistics 14(3), 1986, for sums over blocks.
@@ -50,17 +51,20 @@ class Loop(NamedTuple):
     offset_error: float
     """[rad]"""
     height: float
-    """How far apart both ways are there, at the joint; below zero where the joint leads [rad]."""
+    """How far apart both ways are there on average, at the joint; below zero where the joint leads [rad]."""
     height_error: float
     """[rad]"""
-    place: tuple[float, ...]
-    """Motor angle of each place (20,) [rad]."""
+    rising_place: tuple[float, ...]
+    """Where the motor was on average in each twentieth of the stroke while it rose (20,); NaN where it did not pass
+    [rad]."""
     rising: tuple[float, ...]
-    """Joint angle there while the motor rises (20,); NaN where it did not pass [rad]."""
+    """Joint angle there (20,) [rad]."""
     rising_error: tuple[float, ...]
     """(20,) [rad]."""
+    falling_place: tuple[float, ...]
+    """While it fell (20,) [rad]."""
     falling: tuple[float, ...]
-    """While the motor falls (20,) [rad]."""
+    """(20,) [rad]."""
     falling_error: tuple[float, ...]
     """(20,) [rad]."""
 
@@ -111,31 +115,30 @@ def loop_of(path: Path, fitted: Array) -> Loop | None:
     enough = _different(path.stroke[middle]) >= _FEWEST_STROKES
     errors = [_deviation(row, residual, owner) if enough else np.inf for row in sums]
     at = np.clip((_PLACES * share).astype(np.int64), 0, _PLACES - 1)
-    up, up_error = _along(path, fitted, residual, np.where(counted & (rises > 0.0), at, -1))
-    down, down_error = _along(path, fitted, residual, np.where(counted & (rises < 0.0), at, -1))
+    up_place, up, up_error = _along(path, fitted, residual, np.where(counted & (rises > 0.0), at, -1))
+    down_place, down, down_error = _along(path, fitted, residual, np.where(counted & (rises < 0.0), at, -1))
     both = np.concatenate([up_error, down_error])
     known = both[np.isfinite(both)]
     once = few(2.0) * float(np.sqrt(np.mean(known**2))) if len(known) else np.inf
     up_error, down_error = (np.where(np.isinf(one), once, one) for one in (up_error, down_error))
-    places = low + (np.arange(_PLACES) + 0.5) / _PLACES * (high - low)
     height = -2.0 * step * (1.0 if slope >= 0.0 else -1.0)
-    curve = (tuple(one.tolist()) for one in (places, up, up_error, down, down_error))
+    curve = (tuple(one.tolist()) for one in (up_place, up, up_error, down_place, down, down_error))
     return Loop(slope, errors[0], offset, errors[1], height, 2.0 * errors[2], *curve)
 
 
-def _along(path: Path, fitted: Array, residual: Array, at: NDArray[np.int64]) -> tuple[Array, Array]:
-    """Joint angle and its deviation at every place (20,), over the nodes `at` it (n,), −1 being none.
+def _along(path: Path, fitted: Array, residual: Array, at: NDArray[np.int64]) -> tuple[Array, Array, Array]:
+    """Motor angle, joint angle and its deviation at every place (20,), over the nodes `at` it (n,), −1 being none.
 
     The deviation is NaN where no stroke passed, and infinite where only one did.
     """
-    joint, error = np.full(_PLACES, np.nan), np.full(_PLACES, np.nan)
+    motor, joint, error = np.full((3, _PLACES), np.nan)
     for place in np.flatnonzero(np.bincount(at + 1, minlength=_PLACES + 1)[1:]):
         there = at == place
         shares = np.where(there, path.weight, 0.0) / path.weight[there].sum()
-        joint[place] = shares @ fitted
+        motor[place], joint[place] = shares @ path.motor, shares @ fitted
         several = _different(path.stroke[there]) > 1
         error[place] = _deviation(shares, residual, path.stroke) if several else np.inf
-    return joint, error
+    return motor, joint, error
 
 
 def _deviation(shares: Array, residual: Array, owner: NDArray[np.int64]) -> float:

@@ -83,9 +83,10 @@ def _loop_lines(loop: Loop | None) -> list[str]:
         "slope": "[rad/rad] of the middle half of the stroke",
         "offset": "[rad] joint angle at motor angle 0 of the line through it",
         "height": "[rad] how far apart both ways are there, at the joint",
-        "place": "[rad] motor angles along the stroke",
-        "rising": "[rad] joint angle there while the motor rises",
-        "falling": "[rad] while it falls",
+        "rising_place": "[rad] motor angles along the stroke while it rises",
+        "rising": "[rad] joint angles there",
+        "falling_place": "[rad] while it falls",
+        "falling": "[rad] joint angles there",
     }
     lines = [
         "",

@@ -48,13 +48,12 @@ def draw_loop(axes: "Sequence[Axes]", fit: "Fit") -> None:
 
 def _draw_deviations(axes: "Axes", fit: "Fit", loop: "Loop") -> None:
     """Two deviations to either side of the loop, at each of its places."""
-    place = np.array(loop.place)
-    line = fit.models["line"].model.joint_angle(place)
-    for side in ((loop.rising, loop.rising_error), (loop.falling, loop.falling_error)):
-        joint, error = (np.array(one) for one in side)
-        known = np.isfinite(error)
-        middle, reach = (joint - line)[known] * DEGREES, 2.0 * error[known] * DEGREES
-        axes.vlines(place[known] * DEGREES, middle - reach, middle + reach, color=COLOURS["model"], lw=1.6)
+    ways = (loop.rising_place, loop.rising, loop.rising_error), (loop.falling_place, loop.falling, loop.falling_error)
+    for way in ways:
+        place, joint, error = (np.array(one)[np.isfinite(way[2])] for one in way)
+        middle, reach = joint - fit.models["line"].model.joint_angle(place), 2.0 * error
+        ends = (middle - reach) * DEGREES, (middle + reach) * DEGREES
+        axes.vlines(place * DEGREES, *ends, color=COLOURS["model"], lw=1.6)
 
 
 def draw_loads(axes: "Axes", fit: "JointFit") -> None:
