@@ -124,11 +124,11 @@ def draw(set_name: str, number: int) -> Drawn:
         joint = joint + np.interp(
             time, at, float(random.uniform(0.01, 0.05)) * RADIANS * random.standard_normal(len(at))
         )
-    count = 2.0 * np.pi / 2.0 ** int(random.integers(12, 17))
-    noise = float(random.uniform(0.2, 1.0)) * count + 0.002 * RADIANS
-    seen = [count * np.round((one + noise * random.standard_normal(len(one))) / count) for one in (motor, joint)]
+    step = 2.0 * np.pi / 2.0 ** int(random.integers(12, 17))
+    noise = float(random.uniform(0.2, 1.0)) * step + 0.002 * RADIANS
+    seen = [step * np.round((one + noise * random.standard_normal(len(one))) / step) for one in (motor, joint)]
     kind = f"{memory}, {bend}, {'even' if even else 'uneven'}{', wandering' * wandering}"
-    return Drawn(kind, wandering, time, *seen, clean, mean, gap, found)
+    return Drawn(kind, wandering, time, seen[0], seen[1], clean, mean, gap, found)
 
 
 def _bends(random: np.random.Generator, kind: str, u: Array, slope: float, span: float) -> Array:

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from bowden.core.units import DEGREES
 from bowden.identify.cable.path import Path
 from bowden.identify.cable.projection import inverse_of
-from bowden.identify.cable.uncertainty import effective, few
+from bowden.identify.cable.uncertainty import effective, few, summed
 
 Array = NDArray[np.float64]
 
@@ -143,8 +143,8 @@ def _along(path: Path, fitted: Array, residual: Array, at: NDArray[np.int64]) ->
 
 def _deviation(shares: Array, residual: Array, owner: NDArray[np.int64]) -> float:
     """Of Σ shares·fitted, from the residual of the groups with the same `owner` (n,)."""
-    sizes = np.bincount(owner, np.abs(shares))
-    sums = np.bincount(owner, shares * residual)[sizes > 0.0]
+    sizes = summed(owner, np.abs(shares))
+    sums = summed(owner, shares * residual)[sizes > 0.0]
     count, missed = len(sums), float(sums.sum())
     spread = float(np.sum((sums - missed / count) ** 2)) * count / (count - 1)
     return float(np.sqrt(few(effective(sizes[sizes > 0.0])) ** 2 * spread + missed**2 / 3.0))

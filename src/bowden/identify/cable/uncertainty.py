@@ -93,16 +93,21 @@ def _shown(path: Path, estimate: Estimate) -> tuple[NDArray[np.bool_], NDArray[n
 
 def _straying(path: Path, jacobian: Array, residual: Array, inverse: Array, owner: NDArray[np.int64]) -> Array:
     """t²·τ²·Σ S_k·S_kᵀ (p, p), the nodes of a k having the same `owner` (n,)."""
-    weights = np.bincount(owner, path.weight)
-    kept, means = weights > 0.0, np.bincount(owner, path.weight * residual) / np.maximum(weights, 1e-300)
-    free = max(np.count_nonzero(path.weight) - np.count_nonzero(kept), 1)
+    weights, means = (summed(owner, path.weight * one) for one in (np.ones_like(residual), residual))
+    kept, means = weights > 0.0, means / np.maximum(weights, 1e-300)
+    free = max(int(np.count_nonzero(path.weight)) - int(np.count_nonzero(kept)), 1)
     noise = float(path.weight @ (residual - means[owner]) ** 2) / free  # of a sample: it moves the means as well
-    sums = np.stack([np.bincount(owner, path.weight * column) for column in jacobian.T], axis=1)[kept]
+    sums = np.stack([summed(owner, path.weight * column) for column in jacobian.T], axis=1)[kept]
     means, weights = means[kept], weights[kept]
     left = np.eye(len(weights)) - sums / weights[:, None] @ inverse @ sums.T
-    share = max(float(np.average(np.einsum("kl,kl->k", left, left), weights=weights)), _LEAST_LEFT)
+    share = max(float(weights @ np.einsum("kl,kl->k", left, left)) / float(weights.sum()), _LEAST_LEFT)
     strays = max(float(weights @ means**2) / share - noise * len(weights), 0.0) / float(weights.sum())
     return np.asarray(few(effective(weights)) ** 2 * strays * (sums.T @ sums))
+
+
+def summed(owner: NDArray[np.int64], values: Array) -> Array:
+    """The sum of the values (n,) that have the same `owner` (n,), by owner."""
+    return np.bincount(owner, values).astype(np.float64)
 
 
 def effective(weights: Array) -> float:
