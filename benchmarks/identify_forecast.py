@@ -106,11 +106,7 @@ def found(path: Path) -> Found:
 
 def richest_beside(fit: Fit) -> str:
     """The family of most fitted parameters, the recommended one left out; one that a plant can be made of."""
-    sizes = {
-        name: sum(not math.isnan(one) for one in fitted.uncertainty.values())
-        for name, fitted in fit.models.items()
-        if name not in ("line", fit.best.name)
-    }
+    sizes = {name: fitted.fitted_count for name, fitted in fit.models.items() if name not in ("line", fit.best.name)}
     return max(sizes, key=lambda name: sizes[name])
 
 

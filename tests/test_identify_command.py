@@ -71,7 +71,10 @@ def test_the_document_and_the_files(capsys: pytest.CaptureFixture[str]) -> None:
     assert 0.0 < found["models"]["bouc_wen"]["test_rms_deg"] < 0.01
     assert 0.5 < found["forecast"]["compensated_rms_deg"] / found["models"]["bouc_wen"]["test_rms_deg"] < 1.5
     assert found["forecast"]["uncompensated_rms_deg"] == found["models"]["line"]["test_rms_deg"]
-    assert tomllib.loads(Path("deep/er/model.toml").read_text())["forecast"].keys() == found["forecast"].keys()
+    kept = tomllib.loads(Path("deep/er/model.toml").read_text())
+    assert kept["forecast"].keys() == found["forecast"].keys()
+    assert kept["loop"].keys() == found["loop"].keys() - {"curve_error"}
+    assert kept["loop"]["height_error"] == pytest.approx(found["loop"]["height_error"], rel=1e-4)
     assert sorted(path.name for path in Path("deep/er").iterdir()) == ["identify.html", "model.toml"]
     for name in NAMES:
         loaded = load_cable("deep/er/model.toml").model(name)
@@ -87,6 +90,7 @@ def test_what_does_not_exist_is_null(capsys: pytest.CaptureFixture[str]) -> None
     write_log("ramp.csv", 0.02 * TIME, 0.9 * 0.02 * TIME)
     found = document(capsys, "ramp.csv")
     assert found["models"]["play"]["uncertainty"]["half_width"] is None
+    assert found["loop"] is None
     assert any("does not reverse" in warning for warning in found["warnings"])
     text = Path("out/identify/model.toml").read_text()
     assert tomllib.loads(text)["models"]["play"]["uncertainty"]["half_width"] == float("inf")
@@ -104,11 +108,13 @@ def test_a_table_for_people(capsys: pytest.CaptureFixture[str]) -> None:
     assert "out/identify/model.toml" in printed.out.replace("\\", "/")
 
 
-def test_a_model_without_deviations_says_those_of_a_simpler_one(fit: Fit, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_model_without_deviations_says_those_of_its_loop(fit: Fit, capsys: pytest.CaptureFixture[str]) -> None:
     unknown = replace(fit.chosen, uncertainty=dict.fromkeys(fit.chosen.uncertainty, math.nan))
     identify_command._print_table(replace(fit, models={**fit.models, fit.best.name: unknown}))
     said = capsys.readouterr().out
-    assert re.search(r"play, a simpler model, has slope -0\.\d+ ± \S+, half_width 0\.\d+ ± \S+\n", said)
+    assert re.search(r"loop's slope +-0\.\d+ ± \S+ rad/rad\n", said)
+    assert re.search(r"loop's height +\d\.\d+ ± \S+°\n", said)
+    assert "the deviations of the loop are stated" in said
 
 
 def test_the_table_is_there_before_the_page_is_drawn(

@@ -259,10 +259,17 @@ def test_a_model_that_the_whole_log_spoils_stays_as_it_was(monkeypatch: pytest.M
     assert rmse(whole) < 1.2 * max(stack.test_rms, stack.train_rms)
 
 
-def test_free_branches_state_no_uncertainty(known: Fit) -> None:
+def test_free_branches_state_the_uncertainty_of_their_loop_alone(known: Fit) -> None:
     branches = known.models["generalised_play"]
     assert all(math.isnan(value) for value in branches.uncertainty.values())
     assert branches.fitted_count == 80
+    loop, same = branches.loop, known.models["bouc_wen"].loop
+    assert loop is not None
+    assert same is not None
+    for name in ("slope", "offset", "height"):
+        error = math.hypot(getattr(loop, f"{name}_error"), getattr(same, f"{name}_error"))
+        assert 0.0 < error < 0.01
+        assert abs(getattr(loop, name) - getattr(same, name)) < 3.0 * error, name
 
 
 def test_folds_shift_from_cycle_to_cycle() -> None:

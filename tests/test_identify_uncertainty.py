@@ -9,11 +9,13 @@ from bowden.core.units import RADIANS
 from bowden.identify.cable.bouc_wen import BoucWenCable, fit_terms
 from bowden.identify.cable.bouc_wen_search import bounds
 from bowden.identify.cable.family import Estimate, Family
+from bowden.identify.cable.generalised import GeneralisedPlay
 from bowden.identify.cable.line import Line
+from bowden.identify.cable.loop import loop_of
 from bowden.identify.cable.path import Path, build_path
 from bowden.identify.cable.play import PlayOperator
 from bowden.identify.cable.turns import find_turns, motor_noise
-from bowden.identify.cable.uncertainty import standard_errors
+from bowden.identify.cable.uncertainty import all_shown, standard_errors
 from bowden.models.cable.bouc_wen import BoucWen, saturation
 from bowden.models.cable.bouc_wen_sensitivity import hysteresis
 from bowden.models.cable.prandtl_ishlinskii import plays
@@ -130,3 +132,59 @@ def test_what_the_log_does_not_show_is_infinite_and_a_setting_is_nan() -> None:
     assert errors["half_width"] == np.inf
     plain = Estimate({"slope": 0.9, "set": 1.0}, {"slope": path.motor}, 0.9 * path.motor, np.empty(0))
     assert np.isnan(standard_errors(path, plain, Line())["set"])
+
+
+def wandering(seed: int, size: float) -> Array:
+    """A joint that lies a little beside itself from second to second [rad]."""
+    knots = np.random.default_rng(seed).standard_normal(14)
+    return np.asarray(size * np.interp(TIME, np.arange(14.0), knots))
+
+
+def test_where_the_strokes_wander_the_offset_of_a_play_still_covers() -> None:
+    found, family = [], PlayOperator()
+    for seed in range(SEEDS):
+        motor = motion(seed)
+        z = plays(np.concatenate([[motor[0]], motor]), np.array([0.05]))[1:, 0]
+        path = path_of(motor, 0.9 * z + 0.2 + wandering(seed, 0.03 * RADIANS), seed, (DITHERED, DITHERED))
+        found.append(scores(family.fit(path), path, family, {"slope": 0.9, "offset": 0.2}))
+    assert_coverage(found, least=0.85)
+
+
+def test_the_loop_of_free_branches_covers_that_of_a_bent_cable() -> None:
+    """Its slope, offset and height, and its curve, though no model here has the cable's form."""
+    found, curves = [], []
+    for seed in range(SEEDS):
+        motor = motion(seed)
+        z = plays(np.concatenate([[motor[0]], motor]), np.array([0.03 + 0.001 * seed]))[1:, 0]
+        clean = 0.9 * z + 0.2 + 0.02 * np.sin(4.0 * motor + seed)
+        path = path_of(motor, clean + wandering(seed, 0.02 * RADIANS), seed, (DITHERED, DITHERED))
+        loop = loop_of(path, GeneralisedPlay().fit(path).fitted)
+        true = loop_of(path, np.interp(path.time, TIME, clean))
+        assert loop is not None
+        assert true is not None
+        names = ("slope", "offset", "height")
+        found.append([(getattr(loop, one) - getattr(true, one)) / getattr(loop, f"{one}_error") for one in names])
+        curves.append(np.subtract(loop.rising, true.rising) / loop.rising_error)
+    assert_coverage(found, least=0.85, most_mean=1.2)
+    assert np.mean(np.abs(curves) < 2.0) >= 0.9
+
+
+def test_a_loop_says_nothing_of_what_it_cannot_know() -> None:
+    motor = motion(0)
+    turns = find_turns(motor, 0.0)
+    one_way = slice(turns.at[0], turns.at[1])
+    path = build_path(TIME[one_way], motor[one_way], motor[one_way], find_turns(motor[one_way], 0.0), 500)
+    assert loop_of(path, path.joint) is None
+    both = slice(turns.at[0], turns.at[2])
+    path = build_path(TIME[both], motor[both], motor[both], find_turns(motor[both], 0.0), 500)
+    loop = loop_of(path, path.joint)
+    assert loop is not None
+    assert np.isinf(loop.height_error)
+
+
+def test_what_is_not_shown_is_known_without_its_deviation() -> None:
+    for motor, shown in ((motion(0), True), (0.05 * TIME, False)):
+        path = path_of(motor, 0.9 * plays(motor, np.array([0.05]))[:, 0], 0, (DITHERED, DITHERED))
+        estimate = PlayOperator().fit(path)
+        errors = standard_errors(path, estimate, PlayOperator())
+        assert all_shown(path, estimate) == shown == (np.inf not in errors.values())

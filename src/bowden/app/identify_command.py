@@ -16,6 +16,7 @@ from bowden.core.files import output_folder, whole_files
 
 if TYPE_CHECKING:
     from bowden.identify.cable.fit import Fit
+    from bowden.identify.cable.loop import Loop
     from bowden.report.identify_page import Blank
 
 
@@ -177,11 +178,23 @@ def document(fit: "Fit") -> dict[str, Any]:
     return {
         "best": fit.best.name,
         "models": models,
+        "loop": None if fit.chosen.loop is None else _loop(fit.chosen.loop),
         "forecast": ahead,
         "trust": fit.trust._asdict(),
         "warnings": list(fit.warnings),
         "samples": fit.samples,
     }
+
+
+def _loop(loop: "Loop") -> dict[str, Any]:
+    """The recommended model's loop for JSON; what does not exist is None."""
+    from bowden.core.metrics import finite
+
+    said = {
+        name: finite(value) if isinstance(value, float) else [finite(one) for one in value]
+        for name, value in loop._asdict().items()
+    }
+    return said | {"curve_error": finite(loop.curve_error)}
 
 
 def _print_table(fit: "Fit") -> None:
@@ -190,6 +203,7 @@ def _print_table(fit: "Fit") -> None:
     from rich.table import Table
 
     from bowden.core.units import DEGREES
+    from bowden.identify.cable.loop import loop_lines
     from bowden.identify.cable.trust import parameter_lines
 
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
@@ -205,15 +219,13 @@ def _print_table(fit: "Fit") -> None:
     bound = f"; the encoders' counts are {counts:.2g}° RMS" if counts else ""
     print(f"Forecast: {left:.2g}° RMS at the joint with this model as feed-forward, {without:.2g}° without{bound}")
     print(f"\n{fit.best.name}, with one standard deviation:")
-    lines = parameter_lines(fit.best.parameters, fit.chosen.uncertainty)
+    loop = loop_lines(fit.chosen.loop) if fit.chosen.loop else []
+    lines = parameter_lines(fit.best.parameters, fit.chosen.uncertainty) + loop
     room = max(len(name) for name, _ in lines)
     for name, text in lines:
         print(f"  {name:<{room}}  {text}")
     if all(math.isnan(one) for one in fit.chosen.uncertainty.values()):
-        play = fit.models["play"]
-        stated = ("slope", "half_width")
-        about = ", ".join(f"{name} {play.parameters[name]:.4g} ± {play.uncertainty[name]:.2g}" for name in stated)
-        print(f"  its curves are smoothed, so that no deviation is stated; play, a simpler model, has {about}")
+        print("  its parameters trade with one another, so that the deviations of the loop are stated, and not theirs")
     for warning in fit.warnings:
         print(f"- {warning}")
     print(f"Trust it? {fit.trust.level[0].upper()}{fit.trust.level[1:]}: {fit.trust.why}")

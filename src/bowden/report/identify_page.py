@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from bowden.core.style import COLOURS, legend, new_figure, note_cut, thin, widened
 from bowden.core.units import DEGREES
 from bowden.identify.cable.fit import Fit, ModelFit
+from bowden.identify.cable.loop import loop_lines
 from bowden.identify.cable.model import meaning
 from bowden.identify.cable.plot import PARTS, draw_loop
 from bowden.report.page import Page, inline
@@ -85,7 +86,8 @@ def identify_page(fit: Fit, drawn: Sequence[str] = ()) -> Page:
     page.figure(
         loop,
         f"Left: joint over motor, recorded (broad) and by the recommended model ({title}, thin). Right: the same less "
-        "the straight line that fits the first half best. What is left is the motion that the cable loses.",
+        "the straight line that fits the first half best. What is left is the motion that the cable loses. Bars: two "
+        "standard deviations to either side of the loop that the whole log shows.",
     )
     page.heading("Over time")
     page.figure(
@@ -102,8 +104,10 @@ def identify_page(fit: Fit, drawn: Sequence[str] = ()) -> Page:
     page.heading("Parameters")
     page.text(
         "± is one standard deviation; it allows for errors that are correlated over time. A dash: none is given (for "
-        "settings, and for generalised_play). ∞: this log does not determine the parameter. Unit 1: a pure number."
+        "settings, and for generalised_play, whose parameters trade with one another). ∞: this log does not determine "
+        "the parameter. Unit 1: a pure number."
     )
+    _loop_table(page, fit)
     names = [fit.best.name] + [name for name in ("bouc_wen",) if name != fit.best.name]
     for name in names + [name for name in fit.models if name not in names]:
         _parameter_table(page, name, fit.models[name])
@@ -167,6 +171,19 @@ def _models_table(page: Page, fit: Fit) -> None:
         "Errors of the joint angle. The choice rests on the left-out stretches; the second half only judges it.",
         ["best" if name == fit.best.name else "" for name in fit.models],
     )
+
+
+def _loop_table(page: Page, fit: Fit) -> None:
+    loop = fit.chosen.loop
+    if loop is None:
+        return
+    page.text(
+        "What the log shows best is the loop itself, whatever the model. Slope, offset and height (how far apart both "
+        "ways are) are of the middle half of the stroke, clear of the reversals. The curve is the joint's angle on "
+        "either way at 20 places of the stroke; model.toml has them all, and the loop's figure their deviations."
+    )
+    rows = [[name.removeprefix("loop's "), text] for name, text in loop_lines(loop)]
+    page.table(["of the loop", "value ± one standard deviation"], rows, f"The loop of {fit.best.name}")
 
 
 def _parameter_table(page: Page, name: str, fitted: ModelFit) -> None:

@@ -21,12 +21,13 @@ from bowden.core.units import DEGREES
 from bowden.identify.cable import advice
 from bowden.identify.cable.forecast import Forecast, forecast
 from bowden.identify.cable.lag import time_lag
+from bowden.identify.cable.loop import Loop, loop_lines, loop_of
 from bowden.identify.cable.model import CableModel
 from bowden.identify.cable.part import Progress, fit_part, refit_whole
 from bowden.identify.cable.path import Path, path_of
 from bowden.identify.cable.trust import Trust, parameter_lines, trust
 from bowden.identify.cable.turns import motor_noise
-from bowden.identify.cable.uncertainty import standard_errors
+from bowden.identify.cable.uncertainty import all_shown, standard_errors
 from bowden.identify.cable.validation import simplest_of_the_best
 from bowden.identify.log.angles import SIDES, angle_units, angles_of
 from bowden.identify.log.read import Log, checked_rate, prepare
@@ -56,7 +57,10 @@ class ModelFit:
     is clearly worse on the log than the one to the first half, it is the latter, and a warning says so."""
     uncertainty: Mapping[str, float]
     """One standard deviation of each parameter, in its unit; infinite where the log does not show it, NaN where none is
-    stated: of a setting that was not fitted, and of ``generalised_play``."""
+    stated: of a setting that was not fitted, and of ``generalised_play``, whose parameters trade with one another."""
+    loop: Loop | None
+    """Slope, offset, height and curve of the loop that it draws along the log, with their deviations; None where the
+    motor has not gone both ways through the middle of its stroke."""
     fitted_count: int
     """How many parameters were fitted."""
     train_rms: float
@@ -172,6 +176,7 @@ class Fit:
             if name != self.best.name
         ]
         notes = [("note", warning) for warning in self.warnings]
+        loop, of = loop_lines(self.chosen.loop) if self.chosen.loop else [], "loop's "
         length = self.log.time[-1] - self.log.time[0]
         log = f"{self.samples} samples, {length:.4g} s"
         ahead = self.forecast
@@ -180,6 +185,7 @@ class Fit:
             ("log", log),
             ("trust", str(self.trust)),
             ("parameters", ", ".join(given)),
+            ("loop", ", ".join(f"{name.removeprefix(of)} {text}" for name, text in loop)),
             ("others", ", ".join(others)),
             ("forecast", f"{left} RMS with the model as feed-forward, {without} without"),
             *notes[:_MOST_NOTES],
@@ -261,11 +267,7 @@ def identify_log(log: Log, seed: int = 0, progress: Progress | None = None) -> F
     shown_by_log = seen.fine.strokes > 1 and advice.following(log, split) >= advice.FOLLOWS  # a reversal, and a cable
     names = ("line",) if not shown_by_log else _OUTWARD if seen.fine.strokes < 3 else tuple(errors)
     offered = {name: errors[name] for name in names}
-    unseen = [
-        family.name
-        for family in seen.families
-        if math.inf in standard_errors(seen.fine, seen.estimates[family.name], family).values()
-    ]
+    unseen = [family.name for family in seen.families if not all_shown(seen.fine, seen.estimates[family.name])]
     slope = seen.estimates["line"].parameters["slope"]
     blur = math.hypot(slope * noise, motor_noise(log.joint[:split]))
     complexity = {name: len(seen.estimates[name].slopes) for name in offered}
@@ -291,6 +293,7 @@ def identify_log(log: Log, seed: int = 0, progress: Progress | None = None) -> F
         models[family.name] = ModelFit(
             model=CableModel(family.name, estimate.parameters),
             uncertainty=standard_errors(part.fine, estimate, family),
+            loop=loop_of(part.fine, estimate.fitted),
             fitted_count=len(estimate.slopes),
             train_rms=rmse(error[fitted_from:split]),
             test_rms=rmse(error[split:]),

@@ -15,6 +15,7 @@ from bowden.core.toml_text import quoted
 from bowden.core.units import DEGREES
 from bowden.identify.cable.counting import Covered
 from bowden.identify.cable.fit import Fit, ModelFit
+from bowden.identify.cable.loop import Loop
 from bowden.identify.cable.model import KNOWN, NAMES, CableModel, IdentifiedCable, meaning
 from bowden.models.cable.scheduled import VARIABLES
 from bowden.plants.cables import DISTRIBUTED
@@ -57,6 +58,7 @@ def model_text(fit: Fit, source: str) -> str:
         f"uncompensated_rms_deg = {without}  # with a straight line's",
         f"resolution_rms_deg = {counts}  # of both encoders' counts; 0 where the log shows none",
     ]
+    lines += _loop_lines(fit.chosen.loop)
     for name in NAMES:
         lines += _model_lines(name, fit.models[name])
     return "\n".join(lines) + "\n"
@@ -71,6 +73,29 @@ def covered_lines(covered: Covered) -> list[str]:
         f"motor_deg = [{ends[0]}, {ends[1]}]",
         f"joint_deg = [{ends[2]}, {ends[3]}]",
     ]
+
+
+def _loop_lines(loop: Loop | None) -> list[str]:
+    """The section with the recommended model's loop; empty where the log shows none."""
+    if loop is None:
+        return []
+    texts = {
+        "slope": "[rad/rad] of the middle half of the stroke",
+        "offset": "[rad] joint angle at motor angle 0 of the line through it",
+        "height": "[rad] how far apart both ways are there, at the joint",
+        "rising_place": "[rad] motor angles along the stroke while it rises",
+        "rising": "[rad] joint angles there",
+        "falling_place": "[rad] while it falls",
+        "falling": "[rad] joint angles there",
+    }
+    lines = [
+        "",
+        "[loop]  # of the recommended model over this log; _error: one standard deviation, inf where not shown",
+    ]
+    for key, value in loop._asdict().items():
+        said = "[" + ", ".join(_number(one) for one in value) + "]" if isinstance(value, tuple) else _number(value)
+        lines.append(f"{key} = {said}" + (f"  # {texts[key]}" if key in texts else ""))
+    return lines
 
 
 def _model_lines(name: str, fitted: ModelFit) -> list[str]:
@@ -99,7 +124,7 @@ def _spread(uncertainty: float) -> str:
 
 
 def _number(value: float) -> str:
-    return f"{value:.6g}" if math.isfinite(value) else "inf"
+    return f"{value:.6g}" if math.isfinite(value) else "nan" if math.isnan(value) else "inf"
 
 
 def _one_line(text: str) -> str:

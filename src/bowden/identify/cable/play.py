@@ -92,7 +92,7 @@ class PlayOperator:
             },
             fitted=basis @ found.linear,
             theta=found.theta,
-            variance={"initial_lag": path.start_error**2, "half_width": path.reversal_error**2},
+            variance={"initial_lag": path.start_error**2},
         )
 
     def _basis(self, path: Path, theta: Array) -> tuple[Array, Array]:

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
     from bowden.identify.cable.fit import Fit
     from bowden.identify.cable.loads import JointFit
+    from bowden.identify.cable.loop import Loop
     from bowden.identify.cable.recalibrate import Recalibration
 
 _POINTS = 1500
@@ -39,8 +40,20 @@ def draw_loop(axes: "Sequence[Axes]", fit: "Fit") -> None:
         panel.set_xlabel("motor [°]")
     axes[0].set_ylabel("joint [°]")
     if len(axes) > 1:
+        if fit.chosen.loop is not None:
+            _draw_deviations(axes[1], fit, fit.chosen.loop)
         axes[1].set_ylabel("joint − straight line [°]")
     legend(axes[-1], 3)
+
+
+def _draw_deviations(axes: "Axes", fit: "Fit", loop: "Loop") -> None:
+    """Two deviations to either side of the loop, at each of its places."""
+    ways = (loop.rising_place, loop.rising, loop.rising_error), (loop.falling_place, loop.falling, loop.falling_error)
+    for way in ways:
+        place, joint, error = (np.array(one)[np.isfinite(way[2])] for one in way)
+        middle, reach = joint - fit.models["line"].model.joint_angle(place), 2.0 * error
+        ends = (middle - reach) * DEGREES, (middle + reach) * DEGREES
+        axes.vlines(place * DEGREES, *ends, color=COLOURS["model"], lw=1.6)
 
 
 def draw_loads(axes: "Axes", fit: "JointFit") -> None:

@@ -112,7 +112,7 @@ def minimise(
         high,
         0.1 * np.minimum(high - low, 10.0),
         step_tolerance=1e-9,
-        cost_tolerance=1e-4 if rough else 1e-10,
+        cost_tolerance=1e-4 if rough else 1e-7,
         most=15 if rough else 80,
     )
     return Projected(found.theta, found.linear, 2.0 * found.cost)

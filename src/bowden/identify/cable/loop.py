@@ -1,0 +1,155 @@
+"""The loop that a model draws along its log, and how well the log shows it.
+
+Single parameters of a flexible model trade with one another: wider plays and a steeper mean draw the same loop. What a
+log does show is the loop. In the middle half of the stroke, clear of the reversals, it is a line with a step,
+
+    joint ≈ slope·motor + offset ∓ height/2    (− on the way on which the motor rises, for a slope above zero)
+
+and at each of 20 places along the stroke it has a joint angle on the way up and one on the way down, all on average
+over the log's strokes, small ones too. Each of these is a weighted sum Σ cᵢ·fittedᵢ over the log's nodes, whatever the
+family. Its error has two parts: what the log's own errors make of it, and what the model misses. The former is told
+from how Σ cᵢ·rᵢ of the residual r differs from cycle to cycle (stroke to stroke where there are fewer than three
+cycles, and at a place), times Student's factor for few of them. The latter is at most the whole sum M = Σ cᵢ·rᵢ, and
+nothing says how much of it is the log's own: anything within ±M is as likely, whose standard deviation is M/√3. What is
+stated is the root of the sum of both squares.
+
+Source: *Guide to the Expression of Uncertainty in Measurement*, JCGM 100:2008, 4.3.7, for a bound; Carlstein, Annals of
+Statistics 14(3), 1986, for sums over blocks.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowden.core.units import DEGREES
+from bowden.identify.cable.path import Path
+from bowden.identify.cable.projection import inverse_of
+from bowden.identify.cable.uncertainty import effective, few, summed
+
+Array = NDArray[np.float64]
+
+_PLACES = 20
+_MIDDLE = (0.25, 0.75)
+"""Of the stroke."""
+_FEWEST_CYCLES, _FEWEST_STROKES = 3, 3
+"""Cycles from which on they are compared, and strokes below which nothing tells how they differ."""
+
+
+class Loop(NamedTuple):
+    """A model's loop over the motion of its log.
+
+    Errors are single standard deviations, infinite where nothing tells them.
+    """
+
+    slope: float
+    """Of the middle half of the stroke [rad/rad]."""
+    slope_error: float
+    """[rad/rad]"""
+    offset: float
+    """Joint angle at motor angle 0 of the line through the middle half [rad]."""
+    offset_error: float
+    """[rad]"""
+    height: float
+    """How far apart both ways are there on average, at the joint; below zero where the joint leads [rad]."""
+    height_error: float
+    """[rad]"""
+    rising_place: tuple[float, ...]
+    """Where the motor was on average in each twentieth of the stroke while it rose (20,); NaN where it did not pass
+    [rad]."""
+    rising: tuple[float, ...]
+    """Joint angle there (20,) [rad]."""
+    rising_error: tuple[float, ...]
+    """(20,) [rad]."""
+    falling_place: tuple[float, ...]
+    """While it fell (20,) [rad]."""
+    falling: tuple[float, ...]
+    """(20,) [rad]."""
+    falling_error: tuple[float, ...]
+    """(20,) [rad]."""
+
+    @property
+    def curve_error(self) -> float:
+        """Root mean square of the errors at all places [rad]."""
+        errors = np.array([*self.rising_error, *self.falling_error])
+        return float(np.sqrt(np.mean(errors[~np.isnan(errors)] ** 2)))
+
+
+def loop_lines(loop: Loop) -> list[tuple[str, str]]:
+    """What is said of a loop on a screen: name and text of each figure."""
+    return [
+        ("loop's slope", _said(loop.slope, loop.slope_error, " rad/rad")),
+        ("loop's offset", _said(loop.offset * DEGREES, loop.offset_error * DEGREES, "°")),
+        ("loop's height", _said(loop.height * DEGREES, loop.height_error * DEGREES, "°")),
+        ("loop's curve", _spread(loop.curve_error * DEGREES, "°").strip()),
+    ]
+
+
+def _said(value: float, error: float, unit: str) -> str:
+    return f"{value:.4g}{_spread(error, unit)}"
+
+
+def _spread(error: float, unit: str) -> str:
+    return f" ± {error:.2g}{unit}" if np.isfinite(error) else f"{unit} (± not shown by this log)"
+
+
+def loop_of(path: Path, fitted: Array) -> Loop | None:
+    """The loop of a model with these joint angles at the nodes of a path (n,) [rad].
+
+    None where the motor has not gone both ways through the middle of its stroke.
+    """
+    counted = path.weight > 0.0
+    low, high = float(path.motor[counted].min()), float(path.motor[counted].max())
+    share = (path.motor - low) / max(high - low, 1e-300)
+    rises = np.where(np.diff(path.turning)[path.stroke] > 0.0, 1.0, -1.0)
+    middle = counted & (share > _MIDDLE[0]) & (share < _MIDDLE[1])
+    if _different(rises[middle] > 0.0) < 2:
+        return None
+    residual = np.where(counted, path.joint - fitted, 0.0)
+    design = np.column_stack([path.motor, np.ones_like(share), rises])
+    weighted = np.where(middle, path.weight, 0.0)[:, None] * design
+    sums = inverse_of(design.T @ weighted) @ weighted.T
+    slope, offset, step = (float(row @ fitted) for row in sums)
+    cycles = path.stroke // 2
+    owner = cycles if _different(cycles[middle]) >= _FEWEST_CYCLES else path.stroke
+    enough = _different(path.stroke[middle]) >= _FEWEST_STROKES
+    errors = [_deviation(row, residual, owner) if enough else np.inf for row in sums]
+    at = np.clip((_PLACES * share).astype(np.int64), 0, _PLACES - 1)
+    up_place, up, up_error = _along(path, fitted, residual, np.where(counted & (rises > 0.0), at, -1))
+    down_place, down, down_error = _along(path, fitted, residual, np.where(counted & (rises < 0.0), at, -1))
+    both = np.concatenate([up_error, down_error])
+    known = both[np.isfinite(both)]
+    once = few(2.0) * float(np.sqrt(np.mean(known**2))) if len(known) else np.inf
+    up_error, down_error = (np.where(np.isinf(one), once, one) for one in (up_error, down_error))
+    height = -2.0 * step * (1.0 if slope >= 0.0 else -1.0)
+    curve = (tuple(one.tolist()) for one in (up_place, up, up_error, down_place, down, down_error))
+    return Loop(slope, errors[0], offset, errors[1], height, 2.0 * errors[2], *curve)
+
+
+def _along(path: Path, fitted: Array, residual: Array, at: NDArray[np.int64]) -> tuple[Array, Array, Array]:
+    """Motor angle, joint angle and its deviation at every place (20,), over the nodes `at` it (n,), −1 being none.
+
+    The deviation is NaN where no stroke passed, and infinite where only one did.
+    """
+    motor, joint, error = np.full((3, _PLACES), np.nan)
+    for place in np.flatnonzero(np.bincount(at + 1, minlength=_PLACES + 1)[1:]):
+        there = at == place
+        shares = np.where(there, path.weight, 0.0) / path.weight[there].sum()
+        motor[place], joint[place] = shares @ path.motor, shares @ fitted
+        several = _different(path.stroke[there]) > 1
+        error[place] = _deviation(shares, residual, path.stroke) if several else np.inf
+    return motor, joint, error
+
+
+def _deviation(shares: Array, residual: Array, owner: NDArray[np.int64]) -> float:
+    """Of Σ shares·fitted, from the residual of the groups with the same `owner` (n,)."""
+    sizes = summed(owner, np.abs(shares))
+    sums = summed(owner, shares * residual)[sizes > 0.0]
+    count, missed = len(sums), float(sums.sum())
+    spread = float(np.sum((sums - missed / count) ** 2)) * count / (count - 1)
+    return float(np.sqrt(few(effective(sizes[sizes > 0.0])) ** 2 * spread + missed**2 / 3.0))
+
+
+def _different(numbers: NDArray[np.int64] | NDArray[np.bool_]) -> int:
+    """How many different ones there are, none below zero."""
+    return int(np.count_nonzero(np.bincount(numbers)))
