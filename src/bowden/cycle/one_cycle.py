@@ -27,7 +27,7 @@ from bowden.control.conditioning import Conditioned, Conditioning, condition_sta
 from bowden.control.law import Law, law_start, law_step
 from bowden.control.source import TABLE, Measurement, Source, source_start, source_step
 from bowden.core.kernel import kernel, specialise, stand_in
-from bowden.core.nested import flat, name_of, numbers_of, rebuilt, refilled, restored
+from bowden.core.nested import flat, name_of, names, numbers_of, rebuilt, refilled, restored
 from bowden.core.signals import DriveReading, Reference, Sample
 from bowden.models.drive.thermal import ThermalState
 from bowden.safety.limits import Limits
@@ -347,6 +347,7 @@ class Cycle:
         """What the source gave last."""
         self._like: CycleState
         self._rows: list[Array]
+        self._latched: int
 
     @property
     def state(self) -> CycleState:
@@ -357,6 +358,7 @@ class Cycle:
     def state(self, state: CycleState) -> None:
         self._like = state
         self._rows = [np.array(flat(part), dtype=np.float64) for part in state]
+        self._latched = names(state.supervisor).index("decided.latched")
 
     def begin(self, reading: DriveReading, thermal: ThermalState, latched: float | None = None) -> None:
         """Start stopped at this reading, and compile all that a cycle needs; takes seconds the first time.
@@ -373,7 +375,7 @@ class Cycle:
         supervisor = begin(self.limits, reading, thermal)
         fresh = CycleState(sample, law, conditioned, source, supervisor)
         self.state = fresh
-        observed = Observed(reading, 0.0, self.period, 0.0, 0.0, 0.0, 0.0, 0.0)
+        observed = Observed(reading, 0.0, self.period, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
         for wish_source in (HOLD, MOTION, LAW_BEGINS, LAW):
             self.step(observed, Plan(wish_source, motor, Reference(joint, 0.0, 0.0)))
         if latched is not None:
@@ -385,6 +387,11 @@ class Cycle:
         """The wish for the motor [rad] and the verdict on it."""
         self.reference, wish, verdict = self._run(self._settings, self.gains, *self._rows, observed, plan, self.period)
         return wish, verdict
+
+    @property
+    def latched(self) -> float:
+        """The faults that the supervisor has latched, a sum of 2**fault."""
+        return float(self._rows[-1][self._latched])
 
     def recorded(self) -> CycleState:
         """What is recorded of the last cycle: each part of the state flat, but nothing of a table."""
