@@ -65,8 +65,8 @@ GATE = """#include <stdio.h>
 int main(void)
 {
     static safety_state state;
-    double row[23];
-    while (fread(row, 8, 23, stdin) == 23) {
+    double row[24];
+    while (fread(row, 8, 24, stdin) == 24) {
         safety_observed observed;
         safety_verdict verdict;
 @OBSERVED@
@@ -75,7 +75,7 @@ int main(void)
             safety_cold(&warmth);
             safety_begin(&state, &observed.reading, &warmth);
         }
-        safety_supervise(&state, &observed, row[21], row[22], &verdict);
+        safety_supervise(&state, &observed, row[22], row[23], &verdict);
         fwrite(&state, sizeof state, 1, stdout);
         fwrite(&verdict, sizeof verdict, 1, stdout);
     }

@@ -47,6 +47,9 @@ def twin(
     until_orphaned: Annotated[bool, typer.Option("--until-orphaned", hidden=True)] = False,
 ) -> None:
     """Run a digital twin of the rig's drive until Ctrl-C, or give a running one a fault."""
+    if inject == "list":
+        _list(json)
+        return
     given = shortened(_given(rig, axis), duration).on_bus(channel, interface)
     _ = given.drive_parameters  # which refuses what makes no sense together
     if not 0.0 <= after < math.inf or not (lasting is None or 0.0 < lasting < math.inf):
@@ -69,18 +72,8 @@ def twin(
 def _talk(rig: "Rig", inject: str | None, after: float, lasting: float | None, clear: bool, json: bool) -> None:
     from bowden.hardware.drives.family import family_of
     from bowden.hardware.twin.control import TwinControl
-    from bowden.hardware.twin.injection import KINDS, parse
+    from bowden.hardware.twin.injection import parse
 
-    if inject == "list":
-        if json:
-            kinds = [{"fault": name} | {key: getattr(kind, key) for key in _TOLD} for name, kind in KINDS.items()]
-            print_json({"faults": kinds, "seconds": seconds()})
-            return
-        for name, kind in KINDS.items():
-            side = " joint|motor" if kind.side else ""
-            amount = "" if kind.amount is None else f" [{kind.amount:g} {kind.unit}]"
-            print(f"{name + side + amount:36} {kind.meaning}")
-        return
     if inject:
         parse(inject)  # what is no fault is said first
     with TwinControl(family_of(rig.drive).control(rig.drive)) as running:
@@ -94,6 +87,20 @@ def _talk(rig: "Rig", inject: str | None, after: float, lasting: float | None, c
     else:
         faults = ", ".join(found["faults"]) or "none"
         print(f"twin: {found['state'].lower().replace('_', ' ')}, motor {found['motor']:.4f} rad; faults: {faults}")
+
+
+def _list(json: bool) -> None:
+    """What a twin can be given."""
+    from bowden.hardware.twin.injection import KINDS
+
+    if json:
+        kinds = [{"fault": name} | {key: getattr(kind, key) for key in _TOLD} for name, kind in KINDS.items()]
+        print_json({"faults": kinds, "seconds": seconds()})
+        return
+    for name, kind in KINDS.items():
+        side = " joint|motor" if kind.side else ""
+        amount = "" if kind.amount is None else f" [{kind.amount:g} {kind.unit}]"
+        print(f"{name + side + amount:36} {kind.meaning}")
 
 
 def _given(rig: Path, axis: str | None) -> "Rig":

@@ -123,7 +123,7 @@ def live_session(
     live = live_run(rig, measure=measure)
     for axis in () if twin else live.axes:  # another run's bus is refused at once; the drive claims it for good
         family_of(axis.rig.drive).claim(axis.rig.drive)()
-        require_confirmed(axis.rig)
+        require_confirmed(axis.rig, axis.name)
     with contextlib.ExitStack() as stack:
         emg_process = None if live.emg is None else stack.enter_context(contextlib.closing(EmgProcess(rig)))
         pushing = live.pushing.notes([live.law], force=force) if live.pushing else []

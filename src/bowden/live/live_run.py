@@ -269,7 +269,7 @@ def _refuse_sources(rig: Rig) -> None:
             raise ParameterError(
                 f"{key} is set in a rig with several axes",
                 expected="[reference] for each: EMG and the wearer's push move a joint that is alone",
-                do="delete it, or run this axis by itself, in a rig.toml of its own",
+                do="delete it, or run that axis alone, with --axis",
             )
 
 

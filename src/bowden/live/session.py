@@ -41,10 +41,12 @@ from bowden.live.ring import FOLDER, RingReader, Row, create
 from bowden.live.ring_status import RecorderState
 from bowden.live.row import AT, described
 from bowden.live.session_axis import SessionAxis
+from bowden.live.stops import AxisFaults, told_apart
 from bowden.live.together import of_all
 from bowden.rig.axes import Axis
 from bowden.rig.declaration import at, items_of
 from bowden.rig.rig import Rig
+from bowden.safety import faults
 from bowden.safety.faults import Fault
 from bowden.safety.limits import Limits
 from bowden.safety.supervisor import Mode, Request
@@ -297,7 +299,7 @@ class Session:
     @property
     def mode(self) -> Mode | None:
         """Where the run stands, as far as `last` has looked; None before its first cycle."""
-        return None if self._last is None else Mode(int(self._row_of(self._last)["mode"]))
+        return None if self._last is None else Mode(int(self.row_of(self._last)["mode"]))
 
     @property
     def ended_well(self) -> bool:
@@ -358,9 +360,10 @@ class Session:
         row = self._last
         if len(rows):
             self._came = self.clock.now()
-        return None if row is None else self._row_of(row)
+        return None if row is None else self.row_of(row)
 
-    def _row_of(self, row: Row) -> dict[str, float]:
+    def row_of(self, row: Row) -> dict[str, float]:
+        """A row of the ring by its columns, as `last` gives it."""
         found = dict(zip(self.rows.description.columns, row.tolist(), strict=True))
         return found | of_all([axis.of(found) for axis in self.axes], independent=self.live.independent)
 
@@ -373,10 +376,30 @@ class Session:
                 found[fault] = min(time, found.get(fault, time))
         return dict(sorted(found.items(), key=lambda one: one[1]))
 
+    def faults(self, row: Mapping[str, float]) -> list[AxisFaults]:
+        """The faults of a row of `last`, first those of the axis that was the first to have one; empty without any."""
+        found = []
+        for axis in self.axes:
+            own = axis.of(row)
+            came = {fault: axis.came.get(fault, own["time"]) for fault in faults.of(own["faults"])}
+            if came:
+                found.append(AxisFaults(axis.name, *told_apart(came), came))
+        return sorted(found, key=AxisFaults.order)
+
     @property
     def emergency(self) -> int:
         """Error code of the last emergency of a drive; 0 where there was none."""
         return next((axis.emergency for axis in self.axes if axis.emergency), 0)
+
+    def drive_said(self, row: Mapping[str, float]) -> str:
+        """What the drive says itself that is the one in fault, or its name; of several the first."""
+        inside = {Fault.EMERGENCY, Fault.DRIVE_FAULT}
+        for axis, drive in zip(self.axes, self.ready["drives"], strict=True):
+            if not inside.isdisjoint(faults.of(axis.of(row)["faults"])):
+                explain = family_of(axis.live.rig.drive).explain
+                said = str(explain(axis.emergency) if axis.emergency else drive)
+                return f"{axis.name}: {said}" if axis.name else said
+        return str(self.ready["drive"])
 
     @property
     def still(self) -> float:

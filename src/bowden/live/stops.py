@@ -140,6 +140,21 @@ def told_apart(came: Mapping[Fault, float]) -> tuple[tuple[Fault, ...], tuple[Fa
     return tuple(first), tuple(fault for fault in came if fault not in first)
 
 
+class AxisFaults(NamedTuple):
+    """The faults of one axis."""
+
+    axis: str
+    """Its name; empty of a rig with one motor."""
+    causes: tuple[Fault, ...]
+    consequences: tuple[Fault, ...]
+    came: Mapping[Fault, float]
+    """When each came [s]."""
+
+    def order(self) -> tuple[float, bool]:
+        """For sorting: who had a fault first; of those at once, who has one of its own."""
+        return min(self.came.values()), {*self.causes} <= {*faults.OF_OTHERS}
+
+
 def document(log: Recording, limits: Mapping[str, Any], *, twin: bool) -> list[dict[str, Any]]:
     """Every stop as JSON values.
 

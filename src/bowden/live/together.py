@@ -10,6 +10,9 @@ import functools
 import operator
 from collections.abc import Mapping, Sequence
 
+import numpy as np
+from numpy.typing import NDArray
+
 from bowden.safety.faults import shown_to_others
 from bowden.safety.supervisor import Mode, Request
 
@@ -105,6 +108,15 @@ def mode_of_all(modes: Sequence[float], *, independent: bool) -> Mode:
     """
     order = _ALONE if independent else _ORDER
     return max((Mode(int(mode)) for mode in modes), key=order.index)
+
+
+def modes_of_all(modes: NDArray[np.float64], *, independent: bool) -> NDArray[np.float64]:
+    """`mode_of_all` of many rows (n, axes)."""
+    if modes.shape[1] == 1:
+        return modes[:, 0]
+    order = np.array(_ALONE if independent else _ORDER, dtype=np.float64)
+    places = np.argsort(order)[np.nan_to_num(modes).astype(np.int64)]
+    return order[places.max(axis=1)]
 
 
 OF_ALL = ("mode", "faults", "reaction", "power", "preflight", "preflight_reason")
