@@ -20,7 +20,8 @@ from bowden.live.preflight import Preflight
 from bowden.live.row import AT
 from bowden.live.script import Script
 from bowden.live.session import Session
-from bowden.safety.faults import Fault
+from bowden.live.stops import AxisFaults
+from bowden.safety.faults import Fault, of
 from bowden.safety.limits import Limits
 from bowden.safety.supervisor import Mode, Request
 from loop_rig import LoopRig, twin_bench
@@ -133,7 +134,9 @@ def test_without_keys_a_run_that_begins_latched_is_refused_with_what_latched_it(
     latched = {name: float(value) for name, value in zip(AT, row(Mode.LATCHED, FAULTS), strict=True)}
     asked: list[Request] = []
     about = {"ready": {"drive": "x"}, "began_latched": True, "on_twin": False}
-    session = SimpleNamespace(**about, last=lambda: latched, ask=asked.append)
+    came = dict.fromkeys(of(FAULTS), 0.0)
+    found = [AxisFaults("", tuple(came), (), came)]
+    session = SimpleNamespace(**about, last=lambda: latched, ask=asked.append, faults=lambda row: found)
     with pytest.raises(SafetyError, match="has not been acknowledged: motor does not follow its model"):
         list(automatic(session))
     session.began_latched = False

@@ -28,8 +28,8 @@ _GAINS = (
 
 
 _AXES = (
-    f"Several motors in one loop ([how](several_axes.md)): {MEANINGS[AXIS]}. Each `[[axis]]` has the key `name`, and may",
-    "repeat any section above as `[axis.SECTION]`.",
+    f"Several motors in one loop ([how](several_axes.md)): {MEANINGS[AXIS]}.",
+    "Each `[[axis]]` has the key `name`, and may repeat any section above as `[axis.SECTION]`.",
     "",
     f"At the head of the file, `{INDEPENDENT} = true`: {MEANINGS[INDEPENDENT]}.",
 )

@@ -12,13 +12,13 @@ from typing import NamedTuple
 from bowden.core.clock import SECOND, TimeSource, next_deadline
 from bowden.core.errors import SafetyError
 from bowden.core.signals import DriveReading, DriveState
-from bowden.cycle.one_cycle import HOLD, NOWHERE, Cycle, CycleState, Plan
+from bowden.cycle.one_cycle import HOLD, NOWHERE, Cycle, Plan
 from bowden.cycle.torque_offset import TorqueOffset
 from bowden.hardware.emg.course import EmgCourse
 from bowden.hardware.ports import Drive, Power
 from bowden.live.control_block import ControlBlock
 from bowden.live.gain_ramp import GainRamp, step_all
-from bowden.live.ring import RingWriter
+from bowden.live.ring import RingWriter, Row
 from bowden.live.ring_status import RecorderState
 from bowden.live.row import AT
 from bowden.live.script import Script
@@ -87,7 +87,8 @@ class AxisParts(NamedTuple):
 class _Axis:
     """One axis while the loop goes on."""
 
-    def __init__(self, parts: AxisParts) -> None:
+    def __init__(self, parts: AxisParts, *, among: bool) -> None:
+        self._among = among
         self.drive, self.cycle, self.script, self._course, self._push = parts
         begun = self.cycle.state.supervisor
         self.mode, self.target = float(begun.decided.mode), begun.target
@@ -146,42 +147,45 @@ class _Axis:
         """Whether its drive may have torque, and the supervisor has not found that it keeps it."""
         return self.reading.drive_state in _TURNING and not int(self.verdict.faults) >> Fault.NOT_DISABLED & 1
 
-    def row(self, times: tuple[float, float, float, float, float, float]) -> tuple[float, ...]:
-        """What is kept of a cycle by the first axis, with what is common.
+    def put(self, row: Row, at: int, times: tuple[float, float, float, float, float, float] | None) -> int:
+        """Write what is kept of a cycle into its row; where the next axis' part begins.
 
         Args:
-            times: the columns ``time``, ``lateness``, ``elapsed``, ``overruns``, ``operator_age``, ``recorder``.
+            row: of the ring.
+            at: where this axis' part begins.
+            times: of the first axis, which has what is common too: the columns ``time``, ``lateness``, ``elapsed``,
+                ``overruns``, ``operator_age`` and ``recorder``.
         """
-        cycle, script, state = self.cycle, self.script, self.cycle.recorded()
-        time, lateness, elapsed, skipped, age, recorder = times
-        return (
-            *(time, *cycle.reference, *self.reading, *state.sample, self._wish),
-            *(*self.verdict, self._plan.source, lateness, elapsed, skipped, self.request, age, recorder),
-            *(self.outcome, script.reason, script.play, 0.0),
-            *self._rest(state),
+        cycle, script, reading = self.cycle, self.script, self.reading
+        head: tuple[float, ...]
+        if times is not None:
+            time, lateness, elapsed, skipped, age, recorder = times
+            head = (
+                *(time, *cycle.reference, *reading, *cycle.sample, self._wish),
+                *(*self.verdict, self._plan.source, lateness, elapsed, skipped, self.request, age, recorder),
+                *(self.outcome, script.reason, script.play, 0.0),
+            )
+        else:
+            head = (
+                *(*cycle.reference, *reading, *cycle.sample, self._wish, *self.verdict, self._plan.source),
+                *(self.request, self.outcome, script.reason, script.play),
+            )
+        kept, course, push = cycle.kept, self._course, self._push
+        rest = (
+            *(*(() if course is None else course.row()), *(() if push is None else push.row())),
+            *(*cycle.recorded_source, *self.gains.recorded, *self.together),
         )
-
-    def more(self) -> tuple[float, ...]:
-        """What is kept of a cycle by another axis."""
-        cycle, script, state = self.cycle, self.script, self.cycle.recorded()
-        return (
-            *(*cycle.reference, *self.reading, *state.sample, self._wish, *self.verdict, self._plan.source),
-            *(self.request, self.outcome, script.reason, script.play),
-            *self._rest(state),
-            *self.together,
-        )
+        states = at + len(head)
+        row[at:states] = head
+        end = states + len(kept)
+        row[states:end] = kept
+        row[end : end + len(rest)] = rest
+        return end + len(rest)
 
     @property
-    def together(self) -> tuple[float, float]:
+    def together(self) -> tuple[float, ...]:
         """What an axis among others has besides, `axis_columns.TOGETHER`."""
-        return self.others, self.script.outcome
-
-    def _rest(self, state: CycleState) -> tuple[float, ...]:
-        course, push = self._course, self._push
-        return (
-            *(*state.law, *state.conditioned, *state.supervisor, *(() if course is None else course.row())),
-            *(*(() if push is None else push.row()), *state.source, *self.gains.recorded),
-        )
+        return (self.others, self.script.outcome) if self._among else ()
 
 
 class Loop:
@@ -206,7 +210,7 @@ class Loop:
         *,
         independent: bool = False,
     ) -> None:
-        self._axes = tuple(map(_Axis, axes))
+        self._axes = tuple(_Axis(parts, among=len(axes) > 1) for parts in axes)
         self._together = Together(len(axes), independent=independent) if axes[1:] else None
         self._ring, self._block, self._clock, self._start = ring, block, clock, start
         self._quit, self._independent, self._running = False, independent, False
@@ -297,10 +301,9 @@ class Loop:
 
             # what is kept
             row = ring.next_row()
-            values = first.row(((woke - self._start) * 1e-9, lateness, elapsed, skipped, age, recorder))
-            if together is not None:
-                values = (*values, *first.together, *(value for axis in axes[1:] for value in axis.more()))
-            row[:] = values
+            at = first.put(row, 0, ((woke - self._start) * 1e-9, lateness, elapsed, skipped, age, recorder))
+            for axis in axes[1:]:
+                at = axis.put(row, at, None)
             finished = clock.now()
             row[_RUN_TIME] = (finished - woke) * 1e-9
             ring.publish()

@@ -81,7 +81,8 @@ def _cycle(live: "Live", given: dict[str, Any]) -> int:
             with asked_for_by(f"axis {quoted(axis.name)}") if axis.name else contextlib.nullcontext():
                 drives.append(one.drive.bring_up())
         grants = become_realtime(live.rig.system)
-        _say("ready", {"drive": drives[0], "drives": drives, "grants": [asdict(grant) for grant in grants]})
+        named = [f"{axis.name}: {drive}" if axis.name else drive for axis, drive in zip(live.axes, drives, strict=True)]
+        _say("ready", {"drive": "; ".join(named), "drives": drives, "grants": [asdict(grant) for grant in grants]})
     except BaseException:
         for one in parts:
             one.drive.close()

@@ -42,7 +42,7 @@ from bowden.live.ring_status import RecorderState
 from bowden.live.row import AT, described
 from bowden.live.session_axis import SessionAxis
 from bowden.live.stops import AxisFaults, told_apart
-from bowden.live.together import of_all
+from bowden.live.together import mode_of_all, of_all
 from bowden.rig.axes import Axis
 from bowden.rig.declaration import at, items_of
 from bowden.rig.rig import Rig
@@ -299,7 +299,11 @@ class Session:
     @property
     def mode(self) -> Mode | None:
         """Where the run stands, as far as `last` has looked; None before its first cycle."""
-        return None if self._last is None else Mode(int(self.row_of(self._last)["mode"]))
+        row = self._last
+        if row is None:
+            return None
+        modes = [axis.mode(row) for axis in self.axes]
+        return Mode(int(modes[0])) if len(modes) == 1 else mode_of_all(modes, independent=self.live.independent)
 
     @property
     def ended_well(self) -> bool:

@@ -81,6 +81,10 @@ class SessionAxis:
             latching.submit(latch_file.acknowledge, self.live.rig.drive_parameters)
         self.latched = latched
 
+    def mode(self, row: Array) -> float:
+        """The number of its mode in a row of the run."""
+        return float(row[self._at["mode"]])
+
     def values(self, row: Array) -> dict[str, float]:
         """This axis' part of a row of the run, by its columns without its name."""
         return dict(zip(self.columns, (row if self._places is None else row[self._places]).tolist(), strict=True))
