@@ -334,9 +334,8 @@ def test_a_terminals_rows_are_read_by_a_reader_for_each_thread(tmp_path: Path) -
     about = description(LAWS["adaptive"], {"limits": {}}, 0, 0)
     create(tmp_path / "a.ring", about, 64)
     writer, rows = RingWriter(tmp_path / "a.ring"), RingReader(tmp_path / "a.ring")
-    session: Any = SimpleNamespace(
-        rows=rows, logs=[tmp_path / "a.mcap"], came={}, recorder=1, row_of=lambda row: {"mode": row[0]}
-    )
+    seen = {"came": {}, "recorder": 1, "row_of": lambda row: {"mode": row[0]}}
+    session: Any = SimpleNamespace(rows=rows, logs=[tmp_path / "a.mcap"], **seen)
     run, failed, over = TerminalRun(session, []), [], threading.Event()
 
     def told() -> None:

@@ -38,6 +38,7 @@ natural_frequency_hz = 12.0
 noise_deg = 0.25
 [axis.reference]
 kind = "chirp"
+amplitude_deg = 20.0
 [axis.control]
 law = "bowden"
 [axis.limits]

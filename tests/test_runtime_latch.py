@@ -20,6 +20,7 @@ from bowden.live.preflight import Preflight
 from bowden.live.row import AT
 from bowden.live.script import Script
 from bowden.live.session import Session
+from bowden.live.session_axis import SessionAxis
 from bowden.live.stops import AxisFaults
 from bowden.safety.faults import Fault, of
 from bowden.safety.limits import Limits
@@ -46,7 +47,13 @@ def row(mode: Mode, faults: float = 0.0) -> np.ndarray:
 def session_on(drive: DriveParameters) -> Any:
     """What of a session keeps its latch."""
     live = SimpleNamespace(rig=SimpleNamespace(drive_parameters=drive))
-    return SimpleNamespace(_latched=None, _remembers=True, live=live, _latching=ThreadPoolExecutor(1))
+    axis = SimpleNamespace(latched=None, _remembers=True, live=live, _at=AT)
+    return SimpleNamespace(axis=axis, _remembers=True, live=live, _latching=ThreadPoolExecutor(1))
+
+
+def see(session: Any, values: np.ndarray) -> None:
+    """The session's axis sees a row."""
+    SessionAxis._remember_latch(session.axis, values, session._latching)
 
 
 def test_a_disk_that_takes_nothing_holds_up_no_sign_of_life(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -54,7 +61,7 @@ def test_a_disk_that_takes_nothing_holds_up_no_sign_of_life(monkeypatch: pytest.
     takes = threading.Event()
     monkeypatch.setattr(os, "fsync", lambda handle: takes.wait(10.0))
     session = session_on(REAL)
-    Session._remember_latch(session, row(Mode.LATCHED, FAULTS))
+    see(session, row(Mode.LATCHED, FAULTS))
     assert latch_file.read(REAL) is None, "not yet"
     takes.set()
     session._latching.shutdown()
@@ -68,7 +75,7 @@ def test_a_disk_that_takes_nothing_holds_up_no_end(
     monkeypatch.setattr(os, "fsync", lambda handle: takes.wait(10.0))
     monkeypatch.setattr("bowden.live.session._END", 0.05)
     session = session_on(REAL)
-    Session._remember_latch(session, row(Mode.LATCHED, FAULTS))
+    see(session, row(Mode.LATCHED, FAULTS))
     session.emg_process, session._processes = SimpleNamespace(close=ended.set), []
     session._ring = session._block = tmp_path / "ring"
     Session.__exit__(session)
@@ -82,7 +89,7 @@ def test_it_is_there_from_the_latch_to_the_acknowledgement_whoever_ends_meanwhil
     assert latch_file.read(REAL) is None
     session = session_on(REAL)
     for mode, kept in ((Mode.RUNNING, None), (Mode.LATCHED, FAULTS), (Mode.LATCHED, FAULTS), (Mode.STOPPED, None)):
-        Session._remember_latch(session, row(mode, FAULTS))
+        see(session, row(mode, FAULTS))
         session._latching.submit(int).result()
         assert latch_file.read(REAL) == kept
     latch_file.write(REAL, FAULTS)  # as the loop's process does at its end
