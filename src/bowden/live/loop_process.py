@@ -100,8 +100,10 @@ def _cycle(live: "Live", given: dict[str, Any]) -> int:
         for parameters, end in zip(drives_of, ended.axes, strict=True):
             if end.mode == Mode.LATCHED:
                 latch_file.write(parameters, end.faults)
-    named = zip(live.names or ("",), said, strict=True)
-    reasons = [f"{name}: {one['reason']}".removeprefix(": ") for name, one in named if one["reason"]]
+    names = live.names or ("",)
+    reasons = [
+        f"{name}: {one['reason']}".removeprefix(": ") for name, one in zip(names, said, strict=True) if one["reason"]
+    ]
     more = {"axes": said if live.several else [], "reason": "; ".join(reasons)}
     _say("ended", asdict(ended) | more)
     return 0

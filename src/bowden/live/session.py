@@ -37,7 +37,7 @@ from bowden.live.mcap_read import read
 from bowden.live.operator import STANDS_STILL
 from bowden.live.provenance import rig_revision
 from bowden.live.recorder import check_room
-from bowden.live.ring import FOLDER, RingReader, Row, create
+from bowden.live.ring import CAPACITY, FOLDER, RingReader, Row, create
 from bowden.live.ring_status import RecorderState
 from bowden.live.row import AT, described
 from bowden.live.session_axis import SessionAxis
@@ -136,7 +136,7 @@ class Session:
         wall = round(unix_seconds() * SECOND)
         about = described(live.columns(), {**live.log_settings(), **more, "twin": self.on_twin}, wall, now)
         check_room(self.log, about, live.length)
-        create(self._ring, about)
+        create(self._ring, about, CAPACITY // len(live.axes))  # a row of several is as much longer
         shared_memory.create(self._block, control_block.WORDS)
         self.block, self.rows = ControlBlock(self._block), RingReader(self._ring)
         self.axes = tuple(

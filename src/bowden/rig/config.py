@@ -110,6 +110,10 @@ def checked_file(tree: Mapping[str, Any], path: Path) -> Any:
     Raises:
         ParameterError: an unknown key, a value of the wrong kind or out of its range, or some that do not fit.
     """
+    if axes.AXIS in tree:
+        raise ParameterError(
+            f"{path} has several axes", expected="the rig of one motor", do="write one without [[axis]] for this"
+        )
     control = tree.get("control")
     if isinstance(control, Mapping) and isinstance(control.get("gains"), Mapping):
         tree = {**tree, "control": {**control, "gains": dotted(control["gains"], f"{path}: control.gains")}}
