@@ -1,5 +1,7 @@
 """The console of a rig with several axes: what of it can be set, and what is shown of each axis."""
 
+from pathlib import Path
+
 import pytest
 
 from bowden.console.settings import RunSettings
@@ -9,6 +11,7 @@ from bowden.core.errors import ParameterError
 from bowden.live.live_run import live_run
 from bowden.rig.axes import Axis
 from bowden.rig.rig import Rig
+from console_client import RIG, running_console
 
 
 @pytest.fixture(scope="module")
@@ -63,3 +66,26 @@ def test_faults_are_injected_into_the_twin_of_an_axis(leg: Rig) -> None:
     alone = [one["name"] for one in rig_of(leg.axis("hip"), "hip.toml", twin=True)["faults"]]
     assert "drive_fault" in alone
     assert len(faults) == 2 * len(alone)
+
+
+@pytest.mark.live
+def test_a_fault_of_one_axis_is_told_with_its_name_and_an_acknowledgement_is_for_all(tmp_path: Path) -> None:
+    axes = '[[axis]]\nname = "hip"\n[[axis]]\nname = "knee"\n[axis.drive]\nnode_id = 2\n'
+    (tmp_path / "leg.toml").write_text(RIG + axes)
+    with running_console(tmp_path / "leg.toml", tmp_path / "out", "--twin") as running:
+        page = running.page().open().take()
+        page.until(lambda state: state["phase"] == "idle", 60.0, "idle")
+        page.start()
+        page.run()
+        steps = [step["name"] for step in page.state["run"]["preflight"]]
+        assert {"hip: the drive enables", "knee: the drive enables"} <= {*steps}
+        assert page.post("/api/inject", fault="knee: drive_fault") == ""
+        page.until(lambda state: state["run"]["mode"] == "latched", 10.0, "latched")
+        first = page.state["run"]["first_fault"]
+        assert first["meaning"].startswith("knee: ")
+        assert {"hip: another axis is off"} & {one["meaning"] for one in page.state["run"]["consequences"]}
+        assert page.post("/api/request", request="acknowledge") == ""
+        page.until(lambda state: state["run"]["mode"] == "stopped", 5.0, "acknowledged")
+        assert page.post("/api/request", request="end") == ""
+        page.until(lambda state: state["phase"] == "idle", 30.0, "the end")
+        page.close()
