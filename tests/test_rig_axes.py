@@ -2,6 +2,7 @@
 
 import tomllib
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -152,10 +153,12 @@ def test_what_takes_one_axis_asks_for_its_name(leg: Rig) -> None:
         Rig().axis("hip")
     with pytest.raises(ParameterError, match="--axis"):
         leg.with_gain("bandwidth", 2.0)
-    with pytest.raises(ParameterError, match="expected a tuple of Axis"):
+    with pytest.raises(ParameterError, match="expected pairs of a name and a rig"):
         Rig(axes=[1])  # type: ignore[arg-type]
     with pytest.raises(ParameterError, match="has axes of its own"):
         Rig(axes=(Axis("a", leg), Axis("b", Rig())))
+    pairs: Any = [("a", leg.axis("hip")), ("b", leg.axis("knee"))]
+    assert [one.name for one in Rig(axes=pairs).axes] == ["a", "b"]
 
 
 @pytest.mark.parametrize(

@@ -150,8 +150,8 @@ class Rig:
     live: LiveSettings = PARTS["live"].default
     emg: EmgSettings = PARTS["emg"].default
     axes: tuple[Axis, ...] = ()
-    """Two to four motors in one loop, each a whole rig of its own with a name; empty of a rig with one motor. What the
-    rig itself says is then what is common."""
+    """Two to four motors in one loop, pairs of a name and a whole rig; empty of a rig with one motor. What the rig
+    itself says is then what is common."""
     independent: bool = False
     """Whether an axis that is stopped by a fault leaves the others running."""
     origin: str = field(default="Rig", compare=False)
@@ -193,15 +193,17 @@ class Rig:
 
     def _check_axes(self) -> None:
         """Refuse axes that cannot be in one loop."""
-        whole = isinstance(self.axes, tuple) and all(
-            isinstance(one, Axis) and isinstance(one.name, str) and isinstance(one.rig, Rig) for one in self.axes
+        pairs = isinstance(self.axes, tuple | list) and all(
+            isinstance(one, tuple) and len(one) == 2 and isinstance(one[0], str) and isinstance(one[1], Rig)
+            for one in self.axes
         )
-        if not whole or not isinstance(self.independent, bool):
+        if not pairs or not isinstance(self.independent, bool):
             raise ParameterError(
                 f"Rig: axes is {shown(self.axes)}, independent {shown(self.independent)}",
-                expected="a tuple of Axis(name, rig), and True or False",
-                do='make them: (Axis("hip", rig), Axis("knee", rig.replace(…)))',
+                expected="pairs of a name and a rig, and True or False",
+                do='make them: axes=(("hip", rig), ("knee", rig.replace(…)))',
             )
+        object.__setattr__(self, "axes", tuple(Axis(*one) for one in self.axes))
         if self.axes:
             several.check(self.axes, self.origin)
 
