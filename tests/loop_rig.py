@@ -14,7 +14,7 @@ from bowden.hardware.emg.course import EmgCourse
 from bowden.hardware.twin.bench import TwinBench
 from bowden.live import control_block, ring
 from bowden.live.control_block import ControlBlock
-from bowden.live.loop import Ended, Loop
+from bowden.live.loop import AxisParts, Ended, Loop
 from bowden.live.mcap_read import Recording
 from bowden.live.mcap_reader import Damage
 from bowden.live.ring import RingReader, RingWriter
@@ -76,7 +76,7 @@ class LoopRig:
         cycle = Cycle(law, limits, Filters(), PERIOD / SECOND, source)
         cycle.begin(NOTHING_READ, cold(limits.thermal), latched)
         writer, words = RingWriter(folder / "ring"), ControlBlock(folder / "block")
-        self.loop = Loop(drive, cycle, script, writer, words, self, 0, course, push)
+        self.loop = Loop((AxisParts(drive, cycle, script, course, push),), writer, words, self, 0)
 
     def now(self) -> int:
         return self.time

@@ -24,6 +24,7 @@ from bowden.control import LAWS
 from bowden.core.clock import boot_seconds
 from bowden.core.errors import SafetyError
 from bowden.cycle.one_cycle import WishSource
+from bowden.hardware.drives.emergencies import emergency_text
 from bowden.hardware.drives.parameters import DriveParameters
 from bowden.hardware.ports import TorqueLeft, torque_left
 from bowden.live import operator, stops, thermal_file
@@ -35,11 +36,11 @@ from bowden.live.ring_status import RecorderState
 from bowden.live.row import columns
 from bowden.live.screen import picture
 from bowden.live.session import PATIENCE, patient
-from bowden.live.stops import told_apart
+from bowden.live.stops import AxisFaults, told_apart
 from bowden.live.summary import print_summary
 from bowden.models.drive.thermal import Thermal, cold
 from bowden.rig.rig import Rig
-from bowden.safety.faults import Fault
+from bowden.safety.faults import Fault, of
 from bowden.safety.limits import Limits
 from bowden.safety.supervisor import Mode, Request
 
@@ -50,6 +51,12 @@ WARM = {"supervisor.heat.winding": 80.0, "supervisor.heat.housing": 60.0, "super
 def row(**values: float) -> dict[str, float]:
     """A row in which all is zero but what is given; ``_`` in a name is as it stands."""
     return {**dict.fromkeys(columns(LAWS["adaptive"]), 0.0), **values}
+
+
+def faults_of(row: dict[str, float], came: dict[Fault, float]) -> list[AxisFaults]:
+    """The faults of a row as a session with one axis has them."""
+    there = {fault: came.get(fault, row["time"]) for fault in of(row["faults"])}
+    return [AxisFaults("", *told_apart(there), there)] if there else []
 
 
 @dataclass
@@ -82,6 +89,9 @@ class FakeSession:
 
     def ask(self, request: Request) -> None:
         self.asked.append(request)
+
+    def faults(self, row: dict[str, float]) -> list[AxisFaults]:
+        return faults_of(row, {})
 
     def remember(self, row: dict[str, float] | None) -> None:
         pass
@@ -235,14 +245,15 @@ def shown(
 ) -> str:
     ready = {"drive": "EPOS4, node 1"}
     session: Any = SimpleNamespace(
-        live=SimpleNamespace(rig=SimpleNamespace(drive=DRIVE)),
+        live=SimpleNamespace(rig=SimpleNamespace(drive=DRIVE), several=()),
+        axes=[SimpleNamespace(name="", of=dict)],
+        faults=lambda row: faults_of(row, came or {}),
+        drive_said=lambda row: emergency_text(emergency) if emergency else ready["drive"],
         recorder=int(RecorderState.OK),
         log=Path(log),
-        emergency=emergency,
         ready=ready,
         emg_process=None,
         on_twin=False,
-        came=came or {},
     )
     console = Console(width=200, record=True, file=io.StringIO())
     console.print(picture(session, values, auto=False))

@@ -93,6 +93,9 @@ class FakeRun:
         values[AT["preflight"]] = 1.0
         return values
 
+    def row_of(self, row: Any) -> dict[str, float]:
+        return dict(zip(AT, row.tolist(), strict=True))
+
     def last(self) -> None:
         self.beats.append(time.monotonic())
 
@@ -368,7 +371,8 @@ def test_a_terminals_rows_are_read_by_a_reader_for_each_thread_and_pages_change_
     about = description(LAWS["adaptive"], {"limits": {}}, 0, 0)
     create(tmp_path / "a.ring", about, 64)
     writer, rows = RingWriter(tmp_path / "a.ring"), RingReader(tmp_path / "a.ring")
-    session: Any = SimpleNamespace(rows=rows, logs=[tmp_path / "a.mcap"], came={}, recorder=1)
+    seen = {"came": {}, "recorder": 1, "row_of": lambda row: {"mode": row[0]}}
+    session: Any = SimpleNamespace(rows=rows, logs=[tmp_path / "a.mcap"], **seen)
     run, failed, over = TerminalRun(session, []), [], threading.Event()
 
     def told() -> None:

@@ -65,8 +65,8 @@ GATE = """#include <stdio.h>
 int main(void)
 {
     static safety_state state;
-    double row[23];
-    while (fread(row, 8, 23, stdin) == 23) {
+    double row[24];
+    while (fread(row, 8, 24, stdin) == 24) {
         safety_observed observed;
         safety_verdict verdict;
 @OBSERVED@
@@ -75,7 +75,7 @@ int main(void)
             safety_cold(&warmth);
             safety_begin(&state, &observed.reading, &warmth);
         }
-        safety_supervise(&state, &observed, row[21], row[22], &verdict);
+        safety_supervise(&state, &observed, row[22], row[23], &verdict);
         fwrite(&state, sizeof state, 1, stdout);
         fwrite(&verdict, sizeof verdict, 1, stdout);
     }
@@ -148,11 +148,21 @@ def drives(count: int) -> Iterator[tuple[float, Observed, float]]:
         state = 4.0 if n > 8 else 2.0
         request = {5: Request.ARM, 30: Request.RUN, 396: Request.ACKNOWLEDGE}.get(n, Request.NONE)
         reading = [angle, 0.9 * angle, 1.0, 20.0, 30.0, 0.0, 0.0, 0.001, state, 0.0, 0.0, 0.0, 1e-3]
-        rest = [1e-5, DT, float(request), 0.01, 1.0, float(n > 20), 0.02, angle + 0.01]
+        rest = [
+            1e-5,
+            DT,
+            float(request),
+            0.01,
+            1.0,
+            float(n > 20),
+            0.02,
+            float(random.choice([0.0] * 400 + [2.0, 3.0])),
+            angle + 0.01,
+        ]
         values = [*reading, *rest]
         if n > 150 and random.random() < 0.02:
             values[random.integers(len(values))] = float(random.choice(wild))
-        yield float(n == 0), Observed(DriveReading(*values[:13]), *values[13:20]), values[20]
+        yield float(n == 0), Observed(DriveReading(*values[:13]), *values[13:21]), values[21]
 
 
 def test_exported_gate_gives_the_bits_of_python(tmp_path: Path) -> None:

@@ -7,6 +7,7 @@ import warnings
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -347,7 +348,10 @@ FROZEN = (
 )
 def test_how_a_run_ended_is_said(ended: Any, error: str, mode: Any, came: list[Fault], said: str) -> None:
     session = Session.__new__(Session)
-    session.ended, session.error, session.came = ended, error, {fault: float(i) for i, fault in enumerate(came)}
+    session.ended, session.error = ended, error
+    times = {fault: float(i) for i, fault in enumerate(came)}
+    axis: Any = SimpleNamespace(name="", came=times, mode=lambda row: row[AT["mode"]])
+    session.axes = (axis,)
     session._remembers = True
     session._last = None if mode is None else np.full(len(AT), float(mode))
     assert said in session.outcome

@@ -20,7 +20,9 @@ from bowden.live.preflight import Preflight
 from bowden.live.row import AT
 from bowden.live.script import Script
 from bowden.live.session import Session
-from bowden.safety.faults import Fault
+from bowden.live.session_axis import SessionAxis
+from bowden.live.stops import AxisFaults
+from bowden.safety.faults import Fault, of
 from bowden.safety.limits import Limits
 from bowden.safety.supervisor import Mode, Request
 from loop_rig import LoopRig, twin_bench
@@ -45,7 +47,13 @@ def row(mode: Mode, faults: float = 0.0) -> np.ndarray:
 def session_on(drive: DriveParameters) -> Any:
     """What of a session keeps its latch."""
     live = SimpleNamespace(rig=SimpleNamespace(drive_parameters=drive))
-    return SimpleNamespace(_latched=None, _remembers=True, live=live, _latching=ThreadPoolExecutor(1))
+    axis = SimpleNamespace(latched=None, _remembers=True, live=live, _at=AT)
+    return SimpleNamespace(axis=axis, _remembers=True, live=live, _latching=ThreadPoolExecutor(1))
+
+
+def see(session: Any, values: np.ndarray) -> None:
+    """The session's axis sees a row."""
+    SessionAxis._remember_latch(session.axis, values, session._latching)
 
 
 def test_a_disk_that_takes_nothing_holds_up_no_sign_of_life(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -53,7 +61,7 @@ def test_a_disk_that_takes_nothing_holds_up_no_sign_of_life(monkeypatch: pytest.
     takes = threading.Event()
     monkeypatch.setattr(os, "fsync", lambda handle: takes.wait(10.0))
     session = session_on(REAL)
-    Session._remember_latch(session, row(Mode.LATCHED, FAULTS))
+    see(session, row(Mode.LATCHED, FAULTS))
     assert latch_file.read(REAL) is None, "not yet"
     takes.set()
     session._latching.shutdown()
@@ -67,7 +75,7 @@ def test_a_disk_that_takes_nothing_holds_up_no_end(
     monkeypatch.setattr(os, "fsync", lambda handle: takes.wait(10.0))
     monkeypatch.setattr("bowden.live.session._END", 0.05)
     session = session_on(REAL)
-    Session._remember_latch(session, row(Mode.LATCHED, FAULTS))
+    see(session, row(Mode.LATCHED, FAULTS))
     session.emg_process, session._processes = SimpleNamespace(close=ended.set), []
     session._ring = session._block = tmp_path / "ring"
     Session.__exit__(session)
@@ -81,7 +89,7 @@ def test_it_is_there_from_the_latch_to_the_acknowledgement_whoever_ends_meanwhil
     assert latch_file.read(REAL) is None
     session = session_on(REAL)
     for mode, kept in ((Mode.RUNNING, None), (Mode.LATCHED, FAULTS), (Mode.LATCHED, FAULTS), (Mode.STOPPED, None)):
-        Session._remember_latch(session, row(mode, FAULTS))
+        see(session, row(mode, FAULTS))
         session._latching.submit(int).result()
         assert latch_file.read(REAL) == kept
     latch_file.write(REAL, FAULTS)  # as the loop's process does at its end
@@ -133,7 +141,9 @@ def test_without_keys_a_run_that_begins_latched_is_refused_with_what_latched_it(
     latched = {name: float(value) for name, value in zip(AT, row(Mode.LATCHED, FAULTS), strict=True)}
     asked: list[Request] = []
     about = {"ready": {"drive": "x"}, "began_latched": True, "on_twin": False}
-    session = SimpleNamespace(**about, last=lambda: latched, ask=asked.append)
+    came = dict.fromkeys(of(FAULTS), 0.0)
+    found = [AxisFaults("", tuple(came), (), came)]
+    session = SimpleNamespace(**about, last=lambda: latched, ask=asked.append, faults=lambda row: found)
     with pytest.raises(SafetyError, match="has not been acknowledged: motor does not follow its model"):
         list(automatic(session))
     session.began_latched = False

@@ -315,6 +315,13 @@ EDGES: list[Edge] = [
         Mode.RELEASING,
         {**PULLED, "state.decided.joint_then": 0.0},
     ),
+    (Fault.AXIS_RELEASED, "observed.others", 1.5 - TINY, 1.5, {}),
+    (Fault.AXIS_RELEASED, "observed.others", 2.5 + TINY, 2.5, RELEASING),
+    (Fault.AXIS_RELEASED, "observed.others", 0.0, 2.0, STOPPED),
+    (Fault.AXIS_OFF, "observed.others", 2.5, 2.5 + TINY, {}),
+    (Fault.AXIS_OFF, "observed.others", -0.5, -0.5 - TINY, {}),
+    (Fault.AXIS_OFF, "observed.others", 2.0, NAN, RELEASING),
+    (Fault.AXIS_OFF, "observed.others", 0.0, 3.0, STOPPED),
 ]
 """A fault; what shows it; its last good value, its first bad one; what else is so."""
 

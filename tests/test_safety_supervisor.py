@@ -438,6 +438,8 @@ ALONE: dict[Fault, list[Cycle]] = {
     Fault.EMERGENCY_STOP: lasting(9, emergency=EMERGENCY_STOP),
     Fault.CURRENT_STUCK: moved(current=lambda k, current: 2.0),
     Fault.RELEASE_PULLS: [],
+    Fault.AXIS_RELEASED: lasting(9, others=2.0),
+    Fault.AXIS_OFF: lasting(9, others=3.0),
 }
 """Each fault as the only one, or the first: what shows it."""
 

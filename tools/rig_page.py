@@ -8,6 +8,7 @@ from bowden.control.knowledge import Knowledge
 from bowden.core.files import write_text
 from bowden.core.quantity import meanings
 from bowden.hardware.drives.family import names as families
+from bowden.rig.axes import AXIS, FEWEST, INDEPENDENT, MEANINGS, MOST
 from bowden.rig.declaration import Section
 from bowden.rig.page import gains_of, keys_of, sections, sentence
 from bowden.rig.sections import RigFile, drive_part
@@ -23,6 +24,14 @@ _GAINS = (
     "  together are no backlash. Its slope stays 1, as in the paper; set it where the joint is geared.",
     "- A cable whose slope is negative is counted the other way round, so these slopes are positive.",
     "- The observer's preset `paper` is that of Table 1: it knows the default bench's cable less well than it is.",
+)
+
+
+_AXES = (
+    f"Several motors in one loop ([how](several_axes.md)): {MEANINGS[AXIS]}.",
+    "Each `[[axis]]` has the key `name`, and may repeat any section above as `[axis.SECTION]`.",
+    "",
+    f"At the head of the file, `{INDEPENDENT} = true`: {MEANINGS[INDEPENDENT]}.",
 )
 
 
@@ -47,6 +56,7 @@ def markdown() -> str:
                 for key in keys_of(section)
             ]
             lines.append("")
+    lines += ["## [[axis]]", "", *_AXES, ""]
     lines += ["## Gains of the laws", "", *_GAINS, "", "| what a rig knows | meaning |", "|---|---|"]
     lines += [f"| `{name}` | {meaning} |" for name, meaning in meanings(Knowledge).items()]
     lines.append("")
@@ -63,6 +73,24 @@ def markdown() -> str:
 def json_schema() -> str:
     """``docs/json/rig.schema.json``."""
     schema = {"$schema": "https://json-schema.org/draft/2020-12/schema"} | RigFile.model_json_schema()
+    schema["properties"] |= {
+        AXIS: {
+            "description": MEANINGS[AXIS],
+            "type": "array",
+            "minItems": FEWEST,
+            "maxItems": MOST,
+            "items": {
+                "type": "object",
+                "additionalProperties": False,
+                "required": ["name"],
+                "properties": {
+                    "name": {"type": "string"},
+                    **{name: {"type": "object"} for name in RigFile.model_fields},
+                },
+            },
+        },
+        INDEPENDENT: {"description": MEANINGS[INDEPENDENT], "type": "boolean", "default": False},
+    }
     _, *others = families()
     for family in others:
         section = drive_part(family).section

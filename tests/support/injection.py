@@ -67,6 +67,7 @@ def disturbed(kind: int, since: int, observed: Observed, dt: float) -> Observed:
         recorder,
         observed.preflight,
         emg_age + step,
+        observed.others,
     )
 
 

@@ -1,5 +1,6 @@
 """``bowden check``: whether the gains of a rig.toml hold on it, before anything moves."""
 
+import contextlib
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -22,45 +23,80 @@ def check(
         str | None, typer.Option(help="A law's name, or FILE.py:NAME of your own, in place of the rig's.")
     ] = None,
     preset: Annotated[str | None, typer.Option(help="A named set of gains of that law.")] = None,
+    axis: Annotated[str | None, typer.Option(help="One axis alone, of a rig with several.")] = None,
     json: Annotated[bool, typer.Option("--json", help="Print one JSON document and nothing else.")] = False,
 ) -> None:
     """Say whether a rig's gains hold: margins, limit cycle, chatter, the paper's bounds, and what to change.
 
-    Exit code 0 where the loop stays bounded, with little margin or a limit cycle too (the verdict says which), 1 where
-    it does not hold, 2 where that cannot be said.
+    Of a rig with several axes, of each. Exit code 0 where the loop stays bounded, with little margin or a limit cycle
+    too (the verdict says which), 1 where it does not hold, 2 where that cannot be said.
     """
-    from bowden.design.findings import check_rows
+    from bowden.core.errors import asked_for_by
+    from bowden.core.toml_text import quoted
     from bowden.face.check import checked
 
-    own = read_given(rig)
+    own = read_given(rig, axis, several=True)
     given = own.with_law(law, preset)
+    found = {}
     with progress_bar(quiet=json) as progress:
-        progress(f"checking {given.law_name}", 0.0)
-        found = checked(given)
-    for note in given.notes:
-        print(f"bowden: note: {note}", file=sys.stderr)
+        for number, one in enumerate(given.parts):
+            progress(f"checking {one.name} {one.rig.law_name}".replace("  ", " "), number / len(given.parts))
+            with asked_for_by(f"axis {quoted(one.name)}") if one.name else contextlib.nullcontext():
+                found[one.name] = checked(one.rig)
+    for one in given.parts:
+        for note in one.rig.notes:
+            print(f"bowden: note: {f'axis {one.name}: ' if one.name else ''}{note}", file=sys.stderr)
     if json:
-        about = {"law": found.law, "rig": given.hash}
-        print_json(about | _document(found) | {"advice": found.advice, "seconds": seconds()})
+        documents = [_about(one.rig, found[one.name]) for one in given.parts]
+        if given.axes:
+            named = [{"axis": one.name} | about for one, about in zip(given.axes, documents, strict=True)]
+            holds = all(one.holds for one in found.values())
+            print_json({"rig": given.hash, "holds": holds, "axes": named, "seconds": seconds()})
+        else:
+            print_json(documents[0] | {"seconds": seconds()})
     else:
-        for label, text in check_rows(found):
+        _print(found)
+        print(f"({seconds():.1f} s)")
+        options = ["--law", str(law)] if given.parts[0].rig.law_name != own.parts[0].rig.law_name else []
+        options += [*(("--preset", preset) if preset else ()), *(("--axis", axis) if axis else ())]
+        _say_next_of(rig, given, found, options)
+    if not all(one.holds for one in found.values()):
+        raise typer.Exit(1)
+
+
+def _about(rig: "Rig", found: "Check") -> dict[str, Any]:
+    return {"law": found.law, "rig": rig.hash} | _document(found) | {"advice": found.advice}
+
+
+def _print(found: dict[str, "Check"]) -> None:
+    from bowden.design.findings import check_rows
+
+    for name, one in found.items():
+        if name:
+            print(f"axis {name}")
+        for label, text in check_rows(one):
             if text:
                 print(f"{label:<13} {text}")
-        print(f"({seconds():.1f} s)")
-        options = ["--law", str(law)] if given.law_name != own.law_name else []
-        _say_next(rig, given, found, [*options, *(("--preset", preset) if preset else ())])
-    if not found.holds:
-        raise typer.Exit(1)
+
+
+def _say_next_of(rig: Path, given: "Rig", found: dict[str, "Check"], options: list[str]) -> None:
+    """What comes next; of several axes for the first that does not hold, and a run where all do."""
+    for one in given.parts:
+        if not found[one.name].holds or not given.axes:
+            own = ["--axis", one.name] if one.name else []
+            _say_next(rig, one.rig, found[one.name], [*options, *own])
+            return
+    say_next("run", rig, *options, "--twin", "--auto")
 
 
 def _say_next(rig: Path, given: "Rig", found: "Check", options: list[str]) -> None:
     """Gains for the rig's own law, where it has a choice; else a run of what was checked, or of a law that holds."""
-    if given.loaded_law.choices and not options:
-        say_next("tune", rig)
+    if given.loaded_law.choices and options[:1] in ([], ["--axis"]):
+        say_next("tune", rig, *options)
     elif found.holds:
         say_next("run", rig, *options, "--twin", "--auto")
     elif found.instead:
-        say_next("simulate", rig, "--law", found.instead)
+        say_next("simulate", rig, "--law", found.instead, *(options[-2:] if "--axis" in options else ()))
     elif found.advice:
         print("Next: change the rig as the advice says, then check it again")
     else:

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 def confirm(
     rig: Annotated[Path, typer.Argument(help="The rig, with its [drive] and [limits].")],
+    axis: Annotated[str | None, typer.Option(help="The axis, of a rig with several: one after the other.")] = None,
     channel: Annotated[str | None, typer.Option(help="The bus, in place of the rig's.")] = None,
     json: Annotated[bool, typer.Option("--json", help="Print one JSON document and nothing else.")] = False,
 ) -> None:
@@ -34,7 +35,7 @@ def confirm(
 
     if not sys.stdin.isatty():
         raise ParameterError("there is no terminal to take an angle from", do="run it at a terminal, beside the rig")
-    given = read_given(rig).on_bus(channel)
+    given = read_given(rig, axis).on_bus(channel)
     parameters = given.drive_parameters
     drive = family_of(parameters).open(parameters, Links())
     with contextlib.ExitStack() as stack:

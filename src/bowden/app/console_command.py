@@ -15,6 +15,7 @@ def console(
     rig: Annotated[Path, typer.Argument(help="The rig; bowden init writes one.")],
     twin: Annotated[bool, typer.Option("--twin", help="Run on a twin, on a bus of its own.")] = False,
     channel: Annotated[str | None, typer.Option(help="The bus, in place of the rig's.")] = None,
+    axis: Annotated[str | None, typer.Option(help="One axis alone, of a rig with several.")] = None,
     port: Annotated[int, typer.Option(min=0, max=65535, help="To listen at; 0 for a free one.")] = 0,
     host: Annotated[str, typer.Option(help="Address to listen at; another than this computer's own asks for TLS.")] = (
         "127.0.0.1"
@@ -40,7 +41,7 @@ def console(
     """
     from bowden.console.open import opened
 
-    given = read_given(rig).on_bus(channel)
+    given = read_given(rig, axis, several=True).on_bus(channel)
     for note in given.notes:
         print(f"bowden: note: {note}", file=sys.stderr)
     tls = None if tls_cert is None and tls_key is None else (tls_cert, tls_key)

@@ -25,6 +25,7 @@ def export(
         str | None, typer.Option(help="A law's name, or FILE.py:NAME of your own, in place of the rig's.")
     ] = None,
     preset: Annotated[str | None, typer.Option(help="A named set of gains of that law.")] = None,
+    axis: Annotated[str | None, typer.Option(help="The axis, of a rig with several.")] = None,
     float32: Annotated[
         bool, typer.Option("--float32", help="float in place of double; the gate stays double.")
     ] = False,
@@ -41,7 +42,7 @@ def export(
     """
     from bowden.face.export import exported
 
-    given = read_given(rig).with_law(law, preset)
+    given = read_given(rig, axis).with_law(law, preset)
     with progress_bar(quiet=json) as progress:
         found = exported(
             given,

@@ -13,13 +13,23 @@ if TYPE_CHECKING:
 Result = TypeVar("Result")
 
 
-def read_given(path: Path) -> "Rig":
+def read_given(path: Path, axis: str | None = None, *, several: bool = False) -> "Rig":
     """The rig of a rig.toml, or of a log (``.mcap``), which holds the one that it ran with.
+
+    Args:
+        path: of the file.
+        axis: one of its axes alone.
+        several: whether a rig with all its axes is taken, where none is named.
 
     Raises:
         ParameterError: a file, key or value that cannot be used.
         LogError: a log without a rig.
     """
+    found = _read(path)
+    return found if several and axis is None else found.axis(axis)
+
+
+def _read(path: Path) -> "Rig":
     if path.suffix == ".mcap":
         from bowden.live.log_rig import rig_of_log
 

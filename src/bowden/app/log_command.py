@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from bowden.live.replay import Replay
 
 FileArgument = Annotated[Path, typer.Argument(help="A log, as bowden run writes it: NAME.mcap.", metavar="FILE")]
+AxisOption = Annotated[str | None, typer.Option("--axis", help="One axis alone, of a run with several.")]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON document and nothing else.")]
 
 
@@ -31,13 +32,13 @@ class LogFormat(StrEnum):
     CSV = "csv"
 
 
-def info(file: FileArgument, json: JsonOption = False) -> None:
+def info(file: FileArgument, axis: AxisOption = None, json: JsonOption = False) -> None:
     """Say what a log holds: duration, cycles, what is missing, lateness, events, settings."""
     from bowden.live.log_facts import facts, needed
     from bowden.live.mcap_read import read
 
     found = read(file, needed(file))
-    document = facts(found)
+    document = facts(found if axis is None else found.axis(axis))
     if json:
         print_json({"file": str(file), **document, "seconds": seconds()})
         return
@@ -86,11 +87,15 @@ def export(
     file: FileArgument,
     to: Annotated[LogFormat, typer.Option(help="LogFormat of file.")] = LogFormat.PARQUET,
     out: Annotated[Path | None, typer.Option(help="The new file; NAME.parquet or NAME.csv by default.")] = None,
+    axis: AxisOption = None,
     json: JsonOption = False,
 ) -> None:
-    """Write a log as a trace, with units and settings: bowden identify takes it, and so does pandas."""
+    """Write a log as a trace, with units and settings: bowden identify takes it, and so does pandas.
+
+    Of a run with several axes the first axis' columns have plain names, those of another begin with its name.
+    """
     from bowden.core.trace import write_csv, write_parquet
-    from bowden.live.mcap_read import traces
+    from bowden.live.mcap_read import columns_of, traces
     from bowden.live.mcap_reader import LogReader
 
     target = out or file.with_suffix(f".{to}")
@@ -98,39 +103,54 @@ def export(
         raise OutputError(f"{target} is the log itself", do="choose another name with --out")
     log = LogReader(file)
     write = write_parquet if to is LogFormat.PARQUET else write_csv
-    write(traces(log), target)
+    columns = log.columns if axis is None else columns_of(log, axis)
+    write(traces(log, axis), target)
     if json:
         files = [str(target)]
-        print_json({"files": files, "cycles": log.count, "columns": list(log.columns), "seconds": seconds()})
+        print_json({"files": files, "cycles": log.count, "columns": list(columns), "seconds": seconds()})
         return
-    print(f"{target}: {log.count} cycles of {len(log.columns)} columns")
+    print(f"{target}: {log.count} cycles of {len(columns)} columns")
     _warn(log, file)
 
 
 def plot(
     file: FileArgument,
     out: Annotated[Path | None, typer.Option(help="The page; NAME.html by default.")] = None,
+    axis: AxisOption = None,
     json: JsonOption = False,
 ) -> None:
-    """Draw a log as a page: motion, error, command, modes and faults, lateness, settings."""
-    from bowden.live.log_facts import facts
+    """Draw a log as a page: motion, error, command, modes and faults, lateness, settings.
+
+    Of a run with several axes one page for each, NAME-AXIS.html.
+    """
     from bowden.live.mcap_read import read
-    from bowden.report.log_page import write_log
 
     target = out or file.with_suffix(".html")
     if target.absolute() == file.absolute():
         raise OutputError(f"{target} is the log itself", do="choose another name with --out")
     found = read(file)
+    parts = found.parts if axis is None else {"": found.axis(axis)}
+    files = [target.with_stem(f"{target.stem}-{name}") if name else target for name in parts]
+    for page, (name, part) in zip(files, parts.items(), strict=True):
+        _draw(part, page, f"Run {file.name}{f', {name or axis}' if name or axis else ''}")
+    if json:
+        print_json({"files": [str(page) for page in files], "seconds": seconds()})
+        return
+    for page in files:
+        print(f"Page: {page}  ({seconds():.1f} s)")
+    _warn(found, file)
+
+
+def _draw(found: "Recording", target: Path, title: str) -> None:
+    """The page of one axis."""
+    from bowden.live.log_facts import facts
+    from bowden.report.log_page import write_log
+
     said, trace = facts(found), found.trace()
     begin = said["begin_s"] or 0.0  # the column time begins with the command, which compiles first
     trace = replace(trace, columns={**trace.columns, "time": trace.columns["time"] - begin})
     events = [(event.time - begin, event.text) for event in found.events]
-    write_log(target, trace, events, said, f"Run {file.name}")
-    if json:
-        print_json({"files": [str(target)], "seconds": seconds()})
-        return
-    print(f"Page: {target}  ({seconds():.1f} s)")
-    _warn(found, file)
+    write_log(target, trace, events, said, title)
 
 
 def replay(
@@ -144,39 +164,50 @@ def replay(
             "--trust-law", help="Run the law and the plant in the log although you never ran them on this computer."
         ),
     ] = False,
+    axis: AxisOption = None,
     json: JsonOption = False,
 ) -> None:
     """Feed a recorded run through a law and the supervisor, and compare with what was commanded then.
 
-    Exit code 1 where the law that ran gives other numbers than were recorded.
+    Of a run with several axes each is, one after the other. Exit code 1 where the law that ran gives other numbers than
+    were recorded.
     """
-    from bowden.control import user_law
-    from bowden.live.log_replay import law_of, source_for
     from bowden.live.log_rig import hash_of
     from bowden.live.mcap_read import read
+
+    found = read(file)
+    parts = found.parts if axis is None else {axis: found.axis(axis)}
+    replayed = {name: _replayed(part, law, trust_law=trust_law) for name, part in parts.items()}
+    if json:
+        documents = [
+            {**({"axis": name} if name else {}), "rig": hash_of(parts[name].settings), "law": chosen}
+            | {"same_law": same, **result._asdict()}
+            for name, (chosen, same, result) in replayed.items()
+        ]
+        whole = documents[0] if len(documents) == 1 else {"rig": hash_of(found.settings), "axes": documents}
+        print_json({"file": str(file), **whole, "seconds": seconds()})
+    else:
+        for name, (chosen, same, result) in replayed.items():
+            if name:
+                print(f"axis {name}")
+            _print_replay(result, chosen, same)
+        _warn(found, file)
+    if any(same and result.differs for _, same, result in replayed.values()):
+        raise typer.Exit(1)
+
+
+def _replayed(found: "Recording", law: str | None, *, trust_law: bool) -> "tuple[str, bool, Replay]":
+    """Name of the law, whether it is the one that ran, and how the replay of one axis compares."""
+    from bowden.control import user_law
+    from bowden.live.log_replay import law_of, source_for
     from bowden.live.replay import replay as run
     from bowden.live.run_settings import filters_of, limits_of
 
-    found = read(file)
     chosen, same = trusting(lambda: law_of(found, law), unasked=trust_law)
     limits, filters = limits_of(found.settings), filters_of(found.settings)
     period, source = float(found.settings["sample_time"]), source_for(found, chosen)
     with user_law.explained(chosen):
-        result = run(found, chosen, limits, filters, period, same=same, source=source)
-    if json:
-        document = {
-            "file": str(file),
-            "rig": hash_of(found.settings),
-            "law": chosen.name,
-            "same_law": same,
-            **result._asdict(),
-        }
-        print_json({**document, "seconds": seconds()})
-    else:
-        _print_replay(result, chosen.name, same)
-        _warn(found, file)
-    if same and result.differs:
-        raise typer.Exit(1)
+        return chosen.name, same, run(found, chosen, limits, filters, period, same=same, source=source)
 
 
 def _print_replay(result: "Replay", law: str, same: bool) -> None:

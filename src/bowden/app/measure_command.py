@@ -20,6 +20,7 @@ def measure(
     ),
     auto: Annotated[bool, typer.Option("--auto", help="Arm, move once and end, without keys.")] = False,
     twin: Annotated[bool, typer.Option("--twin", help="Start bowden twin as well, on a bus of its own.")] = False,
+    axis: Annotated[str | None, typer.Option(help="The axis, of a rig with several: one after the other.")] = None,
     channel: Annotated[str | None, typer.Option(help="The bus, in place of the rig's.")] = None,
     attended: Annotated[
         bool, typer.Option("--attended", help="Over ssh: somebody at the rig has the emergency stop in hand.")
@@ -43,7 +44,7 @@ def measure(
     from bowden.live.summary import document, print_summary
 
     refuse_without_keys(auto, json)
-    given = read_given(rig).on_bus(channel)
+    given = read_given(rig, axis).on_bus(channel)
     if not twin:
         refuse_over_ssh(given, attended=attended)
     live = live_run(given, measure=True)

@@ -24,6 +24,7 @@ def run(
     ] = None,
     preset: Annotated[str | None, typer.Option(help="A named set of gains of that law.")] = None,
     duration: Annotated[float | None, typer.Option(help="Length of the run in seconds.")] = None,
+    axis: Annotated[str | None, typer.Option(help="One axis alone, of a rig with several.")] = None,
     out: Annotated[Path, typer.Option(parser=folder_argument, metavar="FOLDER", help="Folder for the log.")] = Path(
         "out/run"
     ),
@@ -60,7 +61,7 @@ def run(
     refuse_without_keys(auto, json)
     if foxglove is not None:
         require(foxglove)
-    given = shortened(read_given(rig), duration).with_law(law, preset).on_bus(channel)
+    given = shortened(read_given(rig, axis, several=True), duration).with_law(law, preset).on_bus(channel)
     given = given if emg is None else given.with_emg(emg)
     if not twin:
         refuse_over_ssh(given, attended=attended)

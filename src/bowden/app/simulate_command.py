@@ -3,7 +3,7 @@
 import sys
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -28,6 +28,7 @@ def simulate(
     preset: Annotated[str | None, typer.Option(help="A named set of gains, for every law of this run.")] = None,
     duration: Annotated[float | None, typer.Option(help="Length of the run in seconds.")] = None,
     seed: Annotated[int | None, typer.Option(help="Seed of the encoders' noise and of a random bend.")] = None,
+    axis: Annotated[str | None, typer.Option(help="One axis alone, of a rig with several.")] = None,
     out: Annotated[
         Path, typer.Option(parser=folder_argument, metavar="FOLDER", help="Folder for the traces and the page.")
     ] = Path("out/simulate"),
@@ -38,45 +39,84 @@ def simulate(
     """Simulate laws on a rig: figures of merit, traces as Parquet, and a page with every plot.
 
     Before anything runs, every law is checked as bowden check does it; one that fails is refused. Interrupted
-    between two laws, the command writes the traces and the page of those that are done.
+    between two laws, the command writes the traces and the page of those that are done. Of a rig with several axes each
+    is simulated by itself, into a folder of its name.
     """
+    whole = shortened(read_given(rig, axis, several=True), duration, seed)
+    options = {"csv": csv, "force": force, "quiet": json, "whole": duration is not None}
+    documents = []
+    for one in whole.parts:
+        folder = out / one.name if one.name else out
+        if one.name and not json:
+            print(f"axis {one.name}")
+        next_options = ["--axis", one.name] if one.name else ["--axis", axis] if axis else []
+        documents.append(_of_axis(one.rig, rig, law or [], preset, folder, next_options, **options))
+    if not json:
+        return
+    if not whole.axes:
+        print_json(documents[0] | {"seconds": seconds()})
+        return
+    axes = [{"axis": one.name} | found for one, found in zip(whole.axes, documents, strict=True)]
+    print_json({"rig": whole.hash, "axes": axes, "seconds": seconds()})
+
+
+def _of_axis(
+    changed: "Rig",
+    rig: Path,
+    law: list[str],
+    preset: str | None,
+    out: Path,
+    of_axis: list[str],
+    *,
+    csv: bool,
+    force: bool,
+    quiet: bool,
+    whole: bool,
+) -> dict[str, Any]:
+    """Simulate laws on one axis, or on a rig with one motor; what `--json` says of it."""
     from bowden.face.simulate import simulated
 
-    changed = shortened(read_given(rig), duration, seed)
-    setup = changed.offline(whole=duration is not None)
+    setup = changed.offline(whole=whole)
     laws = [changed.with_law(name, preset).fitted() for name in law or (None,)]
     output_folder(out)
-    with progress_bar(quiet=json) as progress:
+    with progress_bar(quiet=quiet) as progress:
         found = simulated(setup, laws, rig.name, force=force, progress=progress)
     traces, interrupted = found.traces, found.interrupted
     metrics = {name: trace.metrics() for name, trace in traces.items()}
-    if not (json or interrupted):
+    if not (quiet or interrupted):
         _print_table(metrics)  # drawing takes longer than all that was before
-    with progress_bar(quiet=json) as progress:
+    with progress_bar(quiet=quiet) as progress:
         progress("writing traces, drawing the page", 0.8)
         files = _write(traces, out, f"Simulation of {rig.name}", csv=csv)
     if interrupted:
         raise InterruptedPartway(f"{', '.join(traces)} (of {len(laws)} laws) done and written to {out}")
     for note in (*found.notes, *_of_suit(setup)):
         print(f"bowden: note: {note}", file=sys.stderr)
-    if json:
-        runs = [
-            {"law": name, "check": verdict.name, "stable": traces[name].stable}
-            | asdict(figures)
-            | {"interaction": _interaction(setup, traces[name])}
-            for (name, figures), verdict in zip(metrics.items(), found.checked, strict=True)
-        ]
-        print_json({"rig": changed.hash, "runs": runs, "files": [str(file) for file in files], "seconds": seconds()})
-    else:
+    if not quiet:
         for name, trace in traces.items():
             if found_torque := _interaction(setup, trace):
                 print(f"{name}: the wearer feels {found_torque['rms_nm']:.2f} N·m RMS of the suit")
         print(f"\nPage: {files[-1]}  ({seconds():.1f} s)")
-        _say_next(rig, metrics, law or [], changed.law_name, preset, out, csv=csv)
+        _say_next(rig, metrics, law, changed.law_name, preset, out, of_axis, csv=csv)
+    runs = [
+        {"law": name, "check": verdict.name, "stable": traces[name].stable}
+        | asdict(figures)
+        | {"interaction": _interaction(setup, traces[name])}
+        for (name, figures), verdict in zip(metrics.items(), found.checked, strict=True)
+    ]
+    return {"rig": changed.hash, "runs": runs, "files": [str(file) for file in files]}
 
 
 def _say_next(
-    rig: Path, metrics: dict[str, "Metrics"], laws: list[str], own: str, preset: str | None, out: Path, *, csv: bool
+    rig: Path,
+    metrics: dict[str, "Metrics"],
+    laws: list[str],
+    own: str,
+    preset: str | None,
+    out: Path,
+    of_axis: list[str],
+    *,
+    csv: bool,
 ) -> None:
     """The check of the rig, under the law that followed best; of a run that nothing compensated, its identification."""
     if list(metrics) == ["uncompensated"]:
@@ -86,7 +126,7 @@ def _say_next(
     errors = {name: one.rmse_deg for name, one in metrics.items() if one.rmse_deg is not None and name in given}
     best = min(errors, key=lambda name: errors[name]) if errors else next(iter(given), None)
     options = [] if best is None or given[best] == own else ["--law", given[best]]
-    say_next("check", rig, *options, *([] if preset is None else ["--preset", preset]))
+    say_next("check", rig, *options, *([] if preset is None else ["--preset", preset]), *of_axis)
 
 
 def _of_suit(rig: "Rig") -> list[str]:

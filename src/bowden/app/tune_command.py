@@ -21,6 +21,7 @@ def tune(
         Path | None,
         typer.Option(help="Tune against the plants of this study, and judge by others of them (docs/campaign.md)."),
     ] = None,
+    axis: Annotated[str | None, typer.Option(help="The axis, of a rig with several.")] = None,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Leave the file as it is.")] = False,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the search.")] = 0,
     json: Annotated[bool, typer.Option("--json", help="Print one JSON document and nothing else.")] = False,
@@ -33,7 +34,8 @@ def tune(
     from bowden.design.tune import BrokenOff, NoGainsError
     from bowden.face.tune import tuned
 
-    given = read_given(rig)
+    given = read_given(rig, axis)
+    of_axis = ["--axis", axis] if axis else []
     interrupted = False
     with progress_bar(quiet=json) as report:
         try:
@@ -42,13 +44,13 @@ def tune(
             found, interrupted = broken.tuning, True
         except NoGainsError as error:
             if not json:
-                error.add_note(_next_without(rig, error))
+                error.add_note(_next_without(rig, of_axis, error))
             raise
     for note in given.notes:
         print(f"bowden: note: {note}", file=sys.stderr)
     evidence = _evidence(found, interrupted=interrupted)
     recorded = rig.suffix == ".mcap"
-    files = [] if dry_run or recorded or not found.gains else [str(_written(rig, found, evidence))]
+    files = [] if dry_run or recorded or not found.gains else [str(_written(rig, found, evidence, axis))]
     if interrupted:
         where = f"written to {files[0]}" if files else "not written"
         raise InterruptedPartway(f"the best gains after {found.generations} generations are {where}")
@@ -78,18 +80,18 @@ def tune(
     nothing = "Nothing written: a log stays as it is" if recorded else "Nothing written"
     print(f"{'Wrote ' + str(rig) if files else nothing}  ({seconds():.1f} s)")
     if dry_run and found.gains and not recorded:
-        say_next("tune", rig, why="writes these gains")
+        say_next("tune", rig, *of_axis, why="writes these gains")
     else:
         say_next("run", rig, "--twin", "--auto")
 
 
-def _next_without(rig: Path, error: "NoGainsError") -> str:
+def _next_without(rig: Path, options: list[str], error: "NoGainsError") -> str:
     """What comes next where no gains were found: a law that holds, the rig's own with other gains, or why neither."""
     if error.instead:
-        return next_line("simulate", rig, "--law", error.instead)
+        return next_line("simulate", rig, *options, "--law", error.instead)
     if error.gains:
-        return next_line("simulate", rig, why="once these gains are in it")
-    return next_line("check", rig, why="says what the loop lacks")
+        return next_line("simulate", rig, *options, why="once these gains are in it")
+    return next_line("check", rig, *options, why="says what the loop lacks")
 
 
 def _evidence(found: "Tuning", *, interrupted: bool) -> list[str]:
@@ -114,12 +116,14 @@ def _evidence(found: "Tuning", *, interrupted: bool) -> list[str]:
     ]
 
 
-def _written(rig: Path, found: "Tuning", evidence: list[str]) -> Path:
+def _written(rig: Path, found: "Tuning", evidence: list[str], axis: str | None) -> Path:
     """The rig with the gains in it."""
     from bowden.core.files import write_text
     from bowden.design import gains_text
 
-    text = gains_text.with_gains(rig.read_text(encoding="utf-8"), found.gains, evidence, rig, found.rig.preset)
+    written = rig.read_text(encoding="utf-8")
+    said = (found.gains, evidence, rig, found.rig.preset)
+    text = gains_text.with_gains(written, *said) if axis is None else gains_text.with_axis_gains(written, axis, *said)
     write_text(rig, text)
     return rig
 

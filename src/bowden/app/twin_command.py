@@ -37,6 +37,7 @@ def twin(
     status: Annotated[bool, typer.Option("--status", help="Show the state of the running twin.")] = False,
     channel: Annotated[str | None, typer.Option(help="The bus, in place of the rig's.")] = None,
     interface: Annotated[str | None, typer.Option(help="python-can's name of that bus, in place of the rig's.")] = None,
+    axis: Annotated[str | None, typer.Option(help="The axis, of a rig with several: a twin is one drive.")] = None,
     duration: Annotated[float | None, typer.Option(help="Length of the scenario's sheath motion in seconds.")] = None,
     object_: Annotated[
         list[str] | None,
@@ -46,7 +47,10 @@ def twin(
     until_orphaned: Annotated[bool, typer.Option("--until-orphaned", hidden=True)] = False,
 ) -> None:
     """Run a digital twin of the rig's drive until Ctrl-C, or give a running one a fault."""
-    given = shortened(_given(rig), duration).on_bus(channel, interface)
+    if inject == "list":
+        _list(json)
+        return
+    given = shortened(_given(rig, axis), duration).on_bus(channel, interface)
     _ = given.drive_parameters  # which refuses what makes no sense together
     if not 0.0 <= after < math.inf or not (lasting is None or 0.0 < lasting < math.inf):
         raise ParameterError(f"--after is {after:g}, --for {lasting}", expected="a time from now, and one above 0")
@@ -68,18 +72,8 @@ def twin(
 def _talk(rig: "Rig", inject: str | None, after: float, lasting: float | None, clear: bool, json: bool) -> None:
     from bowden.hardware.drives.family import family_of
     from bowden.hardware.twin.control import TwinControl
-    from bowden.hardware.twin.injection import KINDS, parse
+    from bowden.hardware.twin.injection import parse
 
-    if inject == "list":
-        if json:
-            kinds = [{"fault": name} | {key: getattr(kind, key) for key in _TOLD} for name, kind in KINDS.items()]
-            print_json({"faults": kinds, "seconds": seconds()})
-            return
-        for name, kind in KINDS.items():
-            side = " joint|motor" if kind.side else ""
-            amount = "" if kind.amount is None else f" [{kind.amount:g} {kind.unit}]"
-            print(f"{name + side + amount:36} {kind.meaning}")
-        return
     if inject:
         parse(inject)  # what is no fault is said first
     with TwinControl(family_of(rig.drive).control(rig.drive)) as running:
@@ -95,11 +89,25 @@ def _talk(rig: "Rig", inject: str | None, after: float, lasting: float | None, c
         print(f"twin: {found['state'].lower().replace('_', ' ')}, motor {found['motor']:.4f} rad; faults: {faults}")
 
 
-def _given(rig: Path) -> "Rig":
+def _list(json: bool) -> None:
+    """What a twin can be given."""
+    from bowden.hardware.twin.injection import KINDS
+
+    if json:
+        kinds = [{"fault": name} | {key: getattr(kind, key) for key in _TOLD} for name, kind in KINDS.items()]
+        print_json({"faults": kinds, "seconds": seconds()})
+        return
+    for name, kind in KINDS.items():
+        side = " joint|motor" if kind.side else ""
+        amount = "" if kind.amount is None else f" [{kind.amount:g} {kind.unit}]"
+        print(f"{name + side + amount:36} {kind.meaning}")
+
+
+def _given(rig: Path, axis: str | None) -> "Rig":
     """The rig of a file or a log, or packed on standard input."""
     from bowden.rig.rig import Rig
 
-    return Rig.unpack(sys.stdin.buffer.read()) if rig == Path("-") else read_given(rig)
+    return Rig.unpack(sys.stdin.buffer.read()) if rig == Path("-") else read_given(rig, axis)
 
 
 def _run(rig: "Rig", objects: list[str], words: str, json: bool, until_orphaned: bool) -> None:

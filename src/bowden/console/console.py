@@ -26,7 +26,6 @@ from bowden.face.run import live_session
 from bowden.hardware.drives.family import family_of
 from bowden.hardware.twin.control import TwinControl
 from bowden.live.gain_check import required
-from bowden.live.gain_ramp import in_force
 from bowden.live.live_run import live_run
 from bowden.live.operator import prompt
 from bowden.live.ring import RingReader
@@ -375,7 +374,7 @@ class Console:
             return
         if seen.phase != "live":
             self.gain = None
-        elif change["state"] == "going" and in_force(seen.row).get(change["name"]) == change["to"]:
+        elif change["state"] == "going" and seen.session.gains.get(change["name"]) == change["to"]:
             change["state"] = "in force"
 
     async def stop(self) -> str:
@@ -418,7 +417,7 @@ class Console:
         self.require_control(tab)
         if self.phase != "idle":
             raise SafetyError("something goes on already", expected="nothing", do="wait until it has ended")
-        name, rig = self.path.require(step), self.settings.rig
+        name, rig = self.path.require(step), self.settings.rig.axis()
         self.error = None
         if name == "measure":
             _ = live_run(rig, measure=True)
@@ -459,8 +458,12 @@ class Console:
             raise SafetyError("no twin runs", do="start a session first")
         if not isinstance(fault, str) or len(fault) > _LONGEST_NAME:
             raise ParameterError(f"fault is {shortly(fault)}", expected="the name of a fault", do="choose one")
-        drive = session.live.rig.drive_parameters
-        await asyncio.to_thread(_injected, family_of(drive).control(drive), fault)
+        axis, _, kind = fault.rpartition(": ")
+        found = [one for one in session.axes if one.name == axis]
+        if not found:
+            raise ParameterError(f"there is no axis {shortly(axis)}", expected="one of the rig's", do="choose one")
+        drive = found[0].live.rig.drive_parameters
+        await asyncio.to_thread(_injected, family_of(drive).control(drive), kind)
 
     def see(self, viewer: Viewer) -> None:
         """A page has come."""

@@ -13,6 +13,8 @@ from bowden.core.errors import BowdenError
 
 if TYPE_CHECKING:
     from bowden.live.mcap_read import Recording
+    from bowden.live.stops import Stop
+    from bowden.rig.rig import Rig
 
 Progress = Callable[[str, float], None]
 
@@ -53,14 +55,40 @@ def _end_with_the_console() -> None:
 
 
 def check(progress: Progress, rig: Mapping[str, Any]) -> dict[str, Any]:
-    """What `bowden check` says of a rig's law."""
+    """What `bowden check` says of a rig's law; of one with several axes of each, and the worst of them of all."""
+    from bowden.rig.rig import Rig
+
+    whole = Rig.unpack(rig)
+    found = {}
+    for number, axis in enumerate(whole.parts):
+        progress(f"checking {axis.name}".strip(), 0.1 + 0.9 * number / len(whole.parts))
+        found[axis.name] = _checked(axis.rig)
+    if not whole.axes:
+        return found[""]
+    name = max(found, key=lambda name: _VERDICTS.index(found[name]["name"]))
+    margins = {
+        key: min((one[key] for one in found.values() if one.get(key) is not None), default=None)
+        for key in ("gain_margin_db", "phase_margin_deg")
+    }
+    return {
+        "holds": all(one["holds"] for one in found.values()),
+        "name": found[name]["name"],
+        "text": f"{name}: {found[name]['text']}",
+        "rows": [[f"{axis}: {label}", text] for axis, one in found.items() for label, text in one["rows"]],
+        "of": whole.hash,
+        **margins,
+    }
+
+
+_VERDICTS = ("holds", None, "little_margin", "limit_cycle", "does_not_hold")
+"""From the best to the worst; None of a law that cannot be checked."""
+
+
+def _checked(made: "Rig") -> dict[str, Any]:
     from bowden.design.findings import check_rows
     from bowden.design.linearise import NoNumberError
     from bowden.face.check import checked
-    from bowden.rig.rig import Rig
 
-    made = Rig.unpack(rig)
-    progress("checking", 0.1)
     try:
         found = checked(made)
     except NoNumberError as error:
@@ -112,19 +140,21 @@ def _summary(found: "Recording", said: Mapping[str, Any]) -> dict[str, Any]:
 
 def details(progress: Progress, path: str) -> dict[str, Any]:
     """All that the page of one earlier run shows, but its curves."""
-    from bowden.console.stream import columns_of
+    from bowden.console.stream import curves_of
     from bowden.live.log_facts import FOLLOWED, NEEDED, facts
     from bowden.live.mcap_read import read
     from bowden.live.stops import stops
+    from bowden.safety.faults import OF_OTHERS
 
     found = read(Path(path), tuple(dict.fromkeys((*NEEDED, *FOLLOWED, "temperature"))))
     said = facts(found)
     begin = said["begin_s"] or 0.0
-    faults = [
-        {"name": fault.name.lower(), "at": round(stop.time, 3), "meaning": fault.meaning, "remedy": fault.remedy}
-        for stop in stops(found)[:1]
-        for fault in (*stop.causes, *stop.consequences)
-    ]
+    first = min(
+        ((name, stop) for name, part in found.parts.items() for stop in stops(part)[:1]),
+        key=lambda one: (one[1].time, {*one[1].causes} <= {*OF_OTHERS}),
+        default=None,
+    )
+    faults = [] if first is None else list(_faults(*first))
     whole = _summary(found, said)
     names, units = list(said["columns"]), list(said["columns"].values())
     return {
@@ -133,10 +163,17 @@ def details(progress: Progress, path: str) -> dict[str, Any]:
         "consequences": faults[1:],
         "metrics": list(_metrics(whole, said)),
         "events": [{"at": round(one.time - begin, 3), "text": one.text} for one in found.events[:_MOST_EVENTS]],
-        "columns": [one.document() for one in columns_of(names, units, said["settings"])],
+        "columns": [one.document() for one in curves_of(names, units, said["settings"])],
         "from": 0.0,
         "to": said["duration_s"],
     }
+
+
+def _faults(axis: str, stop: "Stop") -> Iterator[dict[str, Any]]:
+    """What stopped a run, of several axes with the one that it came from."""
+    for fault in (*stop.causes, *stop.consequences):
+        meaning = f"{axis}: {fault.meaning}" if axis else fault.meaning
+        yield {"name": fault.name.lower(), "at": round(stop.time, 3), "meaning": meaning, "remedy": fault.remedy}
 
 
 def _metrics(whole: Mapping[str, Any], said: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
@@ -163,7 +200,7 @@ def page(progress: Progress, path: str, to: str) -> str:
     from bowden.live.mcap_read import read
     from bowden.report.log_page import write_log
 
-    found = read(Path(path))
+    found = next(iter(read(Path(path)).parts.values()))  # of several axes the first
     said, trace = facts(found), found.trace()
     begin = said["begin_s"] or 0.0
     trace = replace(trace, columns={**trace.columns, "time": trace.columns["time"] - begin})
@@ -187,14 +224,14 @@ def curves(progress: Progress, path: str, columns: Sequence[str], begin: float, 
     """Curves of a log as a frame of the stream, in base64."""
     import numpy as np
 
-    from bowden.console.stream import WHOLE, columns_of, packed, reduced, taken
+    from bowden.console.stream import WHOLE, curves_of, packed, reduced, taken
     from bowden.core.errors import LogError
     from bowden.live.mcap_read import read
     from bowden.live.mcap_reader import LogReader
 
     log = LogReader(Path(path), ("time",))
     named = dict(zip(json.loads(log.about["columns"]), json.loads(log.about["units"]), strict=True))
-    offered = {one.name: one for one in columns_of(list(named), list(named.values()), log.settings)}
+    offered = {one.name: one for one in curves_of(list(named), list(named.values()), log.settings)}
     chosen = [offered[name] for name in columns if name in offered]
     if len(chosen) != len(columns):
         raise LogError("the log has no such curve", expected=", ".join(offered), do="choose others")

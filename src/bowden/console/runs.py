@@ -32,7 +32,6 @@ from bowden.core.errors import BowdenError, SafetyError
 from bowden.core.files import printable
 from bowden.live.operator import STANDS_STILL, keeping, prompt, why_not
 from bowden.live.ring import RingReader
-from bowden.live.row import AT
 from bowden.safety.faults import Fault
 from bowden.safety.supervisor import Mode, Request
 
@@ -237,7 +236,7 @@ class RunOwner:
     def _look_after(self, session: "Session", now: int, asked_at: int | None) -> int | None:
         """Have the run stopped where somebody asks for it or nobody is there; when that was asked for [ns]."""
         row = session.rows.last()
-        mode = None if row is None else Mode(int(row[AT["mode"]]))
+        mode = None if row is None else Mode(int(session.row_of(row)["mode"]))
         if mode not in POWERED:
             self._stop.clear()
             return None
@@ -306,8 +305,7 @@ class RunOwner:
 
     def _look(self, session: "Session", phase: str, lost: str | None = None) -> RunSeen:
         row = session.rows.last()
-        columns = session.rows.description.columns
-        newest = self.seen.row if row is None else dict(zip(columns, row.tolist(), strict=True))
+        newest = self.seen.row if row is None else session.row_of(row)
         return RunSeen(
             phase,
             session,
@@ -351,8 +349,7 @@ class TerminalRun:
         """What there is to see."""
         session = self._session
         row = self._rows.last()
-        columns = self._rows.description.columns
-        newest = None if row is None else dict(zip(columns, row.tolist(), strict=True))
+        newest = None if row is None else session.row_of(row)
         logs = tuple(path.name for path in session.logs)
         return RunSeen("live", session, newest, dict(session.came), session.recorder, logs, self._notes)
 

@@ -22,6 +22,8 @@ OWN = ""
 _UNIT = re.compile(r"\[([^\]]+)\][.;, ]*$")
 _MOST_GAINS = 64
 _DEEP = 3
+_OF_ONE = ("law", "preset", "gains", "reference")
+"""Settings of a rig with one motor."""
 _RECORDED = "recorded"
 
 
@@ -52,6 +54,8 @@ class RunSettings:
             ParameterError: settings that it cannot have.
         """
         rig = self.base
+        if rig.axes:
+            return rig if math.isnan(self.duration) else rig.replace(duration=self.duration)
         if self.law and self.law != rig.law_name:
             rig = rig.with_law(self.law, self.preset)
         elif self.preset != OWN:
@@ -95,6 +99,12 @@ class RunSettings:
                     f"there is no setting {shortly(name)}", expected=near(name, known), do="reload the page"
                 )
         made = self
+        if self.base.axes and (fixed := sorted({*given} & {*_OF_ONE})):
+            raise ParameterError(
+                f"{', '.join(fixed)} of a rig with several axes is as its file says",
+                expected="a duration and texts",
+                do="change the rig.toml, or start the console with --axis",
+            )
         if "law" in given and given["law"] != (made.law or made.base.law_name):
             law = _one_of(given["law"], self.laws, "law")
             made = replace(made, law=law, preset=OWN if law == made.base.law_name else None, gains={})
@@ -124,7 +134,7 @@ class RunSettings:
             if name in given:
                 made = replace(made, about={**made.about, name: _text(given[name], name, most)})
         if made is not self:
-            _ = made.fitted
+            _ = [one.rig.fitted() for one in made.rig.parts]
         return made
 
     def document(self, *, locked: bool) -> dict[str, Any]:
@@ -133,6 +143,8 @@ class RunSettings:
         Args:
             locked: whether a session goes on that has these settings.
         """
+        if self.base.axes:
+            return self._of_axes() | {**self.about, "locked": locked}
         law = self.fitted
         return {
             "law": self.law or self.base.law_name,
@@ -145,6 +157,20 @@ class RunSettings:
             "duration": self.rig.duration,
             **self.about,
             "locked": locked,
+        }
+
+    def _of_axes(self) -> dict[str, Any]:
+        """What of several axes can be set, and what can only be shown."""
+        laws = ", ".join(f"{axis.name}: {axis.rig.law_name}" for axis in self.base.axes)
+        kinds = ", ".join(
+            f"{axis.name}: {own_reference(axis.rig).get('kind', type(axis.rig.reference).__name__)}"
+            for axis in self.base.axes
+        )
+        return {
+            **{"law": laws, "laws": [{"name": laws, "title": laws}], "preset": OWN, "edited": [], "gains": {}},
+            "presets": [{"name": OWN, "title": "of the rig, for each axis"}],
+            "reference": {"kind": kinds, "kinds": [kinds], "fields": {}},
+            "duration": self.rig.duration,
         }
 
     def _presets(self, law: Law) -> list[Mapping[str, str | None]]:

@@ -1,7 +1,7 @@
 """What the page shows, as one JSON document: from what the run's thread has seen, and from its rows. Pure."""
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,7 +15,6 @@ from bowden.hardware.twin.injection import KINDS, SIDES
 from bowden.live.gain_ramp import in_force
 from bowden.live.preflight import REASONS, Reason
 from bowden.live.ring_status import RecorderState
-from bowden.live.stops import told_apart
 from bowden.rig.rig import Rig
 from bowden.safety import faults
 from bowden.safety.faults import Fault
@@ -63,19 +62,24 @@ def error_of(error: BowdenError | None) -> dict[str, str] | None:
 
 def rig_of(rig: Rig, name: str, *, twin: bool) -> dict[str, Any]:
     """Which rig it is, and whether it is a twin or moves something."""
-    simulated = twin or family_of(rig.drive).simulated(rig.drive)
-    where = "of this console's own" if twin else str(getattr(rig.drive, "channel", ""))
+    drives = [axis.rig.drive for axis in rig.parts]
+    simulated = twin or all(family_of(drive).simulated(drive) for drive in drives)
+    buses = ", ".join(dict.fromkeys(str(getattr(drive, "channel", "")) for drive in drives))
+    where = "of this console's own" if twin else buses
     return {
         **{"name": name, "hash": rig.hash, "drive": "twin" if simulated else "hardware", "bus": where},
-        "faults": list(injected_faults()) if twin else [],
+        "faults": list(injected_faults([axis.name for axis in rig.parts])) if twin else [],
     }
 
 
-def injected_faults() -> Iterator[dict[str, str]]:
-    """What a twin can be given: the name that injects it, and what it is."""
-    for name, kind in KINDS.items():
-        for side in SIDES if kind.side else ("",):
-            yield {"name": f"{name} {side}".strip(), "title": f"{kind.meaning}{f' ({side})' if side else ''}"}
+def injected_faults(axes: Sequence[str] = ("",)) -> Iterator[dict[str, str]]:
+    """What the twins can be given: the name that injects it, of several axes with the axis', and what it is."""
+    for axis in axes:
+        whose = f"{axis}: " if axis else ""
+        for name, kind in KINDS.items():
+            for side in SIDES if kind.side else ("",):
+                title = f"{whose}{kind.meaning}{f' ({side})' if side else ''}"
+                yield {"name": f"{whose}{name} {side}".strip(), "title": title}
 
 
 def run_of(seen: RunSeen, watch: Watch | None) -> dict[str, Any] | None:
@@ -90,19 +94,26 @@ def run_of(seen: RunSeen, watch: Watch | None) -> dict[str, Any] | None:
         return None
     mode = Mode(int(row["mode"]))
     shown = faults.of(row["faults"])
-    causes, consequences = told_apart({fault: seen.came.get(fault, row["time"]) for fault in shown})
-    listed = [fault_of(fault, seen.came.get(fault, row["time"]) - watch.begin) for fault in (*causes, *consequences)]
+    listed = [
+        fault_of(fault, one.came[fault] - watch.begin, one.axis)
+        for one in session.faults(row)
+        for fault in (*one.causes, *one.consequences)
+    ]
     live = seen.phase == "live"
     return {
         "mode": "ready" if mode == Mode.PREFLIGHT and row["preflight"] > 0.0 else mode.name.lower(),
         "power": live and mode not in (Mode.STOPPED, Mode.LATCHED),
         "began_latched": session.began_latched,
-        "preflight": preflight_of(row, moves=watch.preflight_moves),
+        "preflight": [
+            {**step, "name": f"{axis.name}: {step['name']}"} if axis.name else step
+            for axis in session.axes
+            for step in preflight_of(_alone(axis.of(row)), moves=watch.preflight_moves)
+        ],
         "preflight_reason": REASONS[Reason(int(row["preflight_reason"]))],
         **times_of(session, watch, mode),
         "first_fault": listed[0] if listed else None,
         "consequences": listed[1:],
-        "drive_said": drive_said(session, shown),
+        "drive_said": "" if {Fault.EMERGENCY, Fault.DRIVE_FAULT}.isdisjoint(shown) else session.drive_said(row),
         "events": [{"at": round(one.time - watch.begin, 3), "text": one.text} for one in watch.events[-_MOST_EVENTS:]],
         "next": next_of(mode, row["preflight"], shown) if live else "",
         "lost": seen.lost,
@@ -111,9 +122,7 @@ def run_of(seen: RunSeen, watch: Watch | None) -> dict[str, Any] | None:
         "logs": list(seen.logs),
         "ended": None if live else ended_of(session),
         "columns": [column.document() for column in watch.columns],
-        "estimates": dict(
-            [(name[4:], value) for name, value in row.items() if name.startswith("law.")][:_MOST_ESTIMATES]
-        ),
+        "estimates": dict(_estimates(session, row)[:_MOST_ESTIMATES]),
         "lateness": {
             "median_us": float(1e6 * np.median(watch.late)) if len(watch.late) else None,
             "most_us": 1e6 * watch.latest,
@@ -121,6 +130,21 @@ def run_of(seen: RunSeen, watch: Watch | None) -> dict[str, Any] | None:
         },
         "recorder": RecorderState(seen.recorder).name.lower(),
     }
+
+
+def _alone(row: dict[str, float]) -> dict[str, float]:
+    """A row of one axis with the outcome of its own preflight, where it is one of several."""
+    return {**row, "preflight": row.get("preflight_alone", row["preflight"])}
+
+
+def _estimates(session: "Session", row: Mapping[str, float]) -> list[tuple[str, float]]:
+    """What the laws know, of several axes with the axis' name."""
+    return [
+        (f"{axis.name}: {name[4:]}" if axis.name else name[4:], value)
+        for axis in session.axes
+        for name, value in axis.of(row).items()
+        if name.startswith("law.")
+    ]
 
 
 def gains_of(settings: Mapping[str, Any], seen: RunSeen, change: Mapping[str, Any] | None) -> dict[str, Any]:
@@ -150,16 +174,17 @@ VOLATILE = ("elapsed", "remaining", "lateness", "estimates")
 """Of a run: what changes from moment to moment, and is no news by itself."""
 
 
-def fault_of(fault: Fault, at: float) -> dict[str, Any]:
-    """A fault: since when, what it means and what to do."""
-    return {"name": fault.name.lower(), "at": round(at, 3), "meaning": fault.meaning, "remedy": fault.remedy}
+def fault_of(fault: Fault, at: float, axis: str = "") -> dict[str, Any]:
+    """A fault: since when, what it means and what to do; of several axes whose it is."""
+    meaning = f"{axis}: {fault.meaning}" if axis else fault.meaning
+    return {"name": fault.name.lower(), "at": round(at, 3), "meaning": meaning, "remedy": fault.remedy}
 
 
 def times_of(session: "Session", watch: Watch, mode: Mode) -> dict[str, float | None]:
     """How long the law or the motion has led, and what is left of the whole [s]; None where nothing was begun."""
     if math.isnan(watch.running_since):
         return {"elapsed": None, "remaining": None}
-    whole = len(session.live.table) * session.live.rig.sample_time
+    whole = session.live.length
     until = watch.now if math.isnan(watch.led_until) else watch.led_until
     led = 0.0 if math.isnan(watch.led_since) else max(0.0, until - watch.led_since)
     left = max(0.0, whole - led) if mode in (Mode.RUNNING, Mode.BRIDGING) else None
@@ -191,14 +216,6 @@ def preflight_of(row: Mapping[str, float], *, moves: bool) -> list[dict[str, str
         {"name": title, "state": state, "said": said if state == "failed" else ""}
         for (title, _), state in zip(PREFLIGHT, states, strict=True)
     ]
-
-
-def drive_said(session: "Session", shown: list[Fault]) -> str:
-    """What the drive says itself, where it is the one in fault."""
-    if {Fault.EMERGENCY, Fault.DRIVE_FAULT}.isdisjoint(shown):
-        return ""
-    explain = family_of(session.live.rig.drive).explain
-    return str(explain(session.emergency) if session.emergency else session.ready["drive"])
 
 
 def next_of(mode: Mode, preflight: float, shown: list[Fault]) -> str:

@@ -16,10 +16,13 @@ from numpy.typing import NDArray
 from bowden.core.signals import DriveState
 from bowden.core.units import DEGREES, RADIANS
 from bowden.cycle.one_cycle import WishSource
+from bowden.live.axis_columns import view
 from bowden.live.events import Changes
 from bowden.live.mcap_layout import Event
+from bowden.live.mcap_read import axes_of, settings_of
 from bowden.live.ring import Description, RingReader
 from bowden.live.row import AT
+from bowden.live.together import modes_of_all
 from bowden.safety.supervisor import Mode
 
 Array = NDArray[np.float64]
@@ -66,8 +69,38 @@ class Curve(NamedTuple):
         return {name: getattr(self, name) for name in ("name", "title", "unit", "group", "low", "high")}
 
 
+def curves_of(names: Sequence[str], units: Sequence[str], settings: Mapping[str, Any]) -> list[Curve]:
+    """The curves of a run; of one with several axes those of each, in groups of its own, but for the loop's.
+
+    Args:
+        names: of its columns.
+        units: of each.
+        settings: of the run.
+    """
+    axes = axes_of(settings)
+    if not axes:
+        return columns_of(names, units, settings)
+    offered: list[Curve] = []
+    for number, axis in enumerate(axes):
+        seen = view(names, axes, axis)
+        whole = dict(zip(seen.columns, (names[i] for i in seen.places), strict=True))
+        of_axis = columns_of(seen.columns, [units[i] for i in seen.places], settings_of(settings, axis))
+        for one in of_axis:
+            if one.group == _LOOPS:
+                offered += [one] * (number == 0)
+                continue
+            name, source = f"{axis}.{one.name}" if number else one.name, tuple(whole[column] for column in one.source)
+            offered.append(
+                one._replace(name=name, title=f"{axis}, {one.title}", group=f"{axis}: {one.group}", source=source)
+            )
+    return offered
+
+
+_LOOPS = "loop"
+
+
 def columns_of(names: Sequence[str], units: Sequence[str], settings: Mapping[str, Any]) -> list[Curve]:
-    """The curves that rows of these columns have.
+    """The curves that rows of these columns, of one axis, have.
 
     Args:
         names: of the row's columns.
@@ -239,7 +272,7 @@ class Watch:
         self._leads = float(WishSource.MOTION if measures else WishSource.LAW_BEGINS)
         about: Description = reader.description
         self._names = about.columns
-        self.columns = columns_of(about.columns, about.units, about.settings)
+        self.columns = curves_of(about.columns, about.units, about.settings)
         """On offer."""
         self._number = {column.name: i for i, column in enumerate(self.columns)}
         width = len(self.columns)
@@ -247,6 +280,8 @@ class Watch:
         self._coarse = _Store(math.ceil((SECONDS[1] + 2.0) / _COARSE), width, 2)
         self._rest = np.empty(0), np.empty((0, width), np.float32)
         self._changes = Changes(about)
+        axes, self._independent = axes_of(about.settings), bool(about.settings.get("independent"))
+        self._modes = [AT["mode"], *(about.columns.index(f"{name}.mode") for name in axes[1:])]
         self.events: list[Event] = []
         """The newest."""
         self.version = 0
@@ -295,7 +330,8 @@ class Watch:
 
     def _follow(self, times: Array, rows: Array) -> None:
         """Since when it runs, and since when its law leads."""
-        mode, source = rows[:, AT["mode"]], rows[:, AT["source"]]
+        source = rows[:, AT["source"]]
+        mode = modes_of_all(rows[:, self._modes], independent=self._independent)
         going = (mode == Mode.RUNNING) | (mode == Mode.BRIDGING)
         for i in np.flatnonzero(np.diff(going.astype(np.int8), prepend=self._going())):
             if going[i]:

@@ -27,7 +27,7 @@ from bowden.control.conditioning import Conditioned, Conditioning, condition_sta
 from bowden.control.law import Law, law_start, law_step
 from bowden.control.source import TABLE, Measurement, Source, source_start, source_step
 from bowden.core.kernel import kernel, specialise, stand_in
-from bowden.core.nested import flat, name_of, numbers_of, rebuilt, refilled, restored
+from bowden.core.nested import flat, name_of, names, numbers_of, rebuilt, refilled, restored
 from bowden.core.signals import DriveReading, Reference, Sample
 from bowden.models.drive.thermal import ThermalState
 from bowden.safety.limits import Limits
@@ -271,9 +271,14 @@ def law_and_source(law: Law, source: Source = TABLE) -> dict[str, Callable[..., 
     }
 
 
+_LIMITS = Limits()
+"""Of which compiled code needs the type alone."""
+
+
 @kernel
 def cycle_in_place(
     settings: CycleSettings,
+    limits: Array,
     gains: Array,
     sample: Array,
     law: Array,
@@ -288,10 +293,11 @@ def cycle_in_place(
 
     Of the states that begin here the types alone are needed, so that no state crosses from Python and back. The law's
     gains are kept flat too, so that one of them can be changed between two cycles; those of the settings are their
-    type.
+    type. And so are the limits, whose 75 numbers would take longer on their way from Python than the cycle itself.
     """
+    allowed = restored(_LIMITS, limits)
     now = CycleSettings(
-        refilled(settings.gains, gains), settings.conditioning, settings.source, settings.filters, settings.limits
+        refilled(settings.gains, gains), settings.conditioning, settings.source, settings.filters, allowed
     )
     begun = Sample(0.0, 0.0)
     like = DriveReading(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
@@ -300,7 +306,7 @@ def cycle_in_place(
         restored(law_start(now.gains, begun), law),
         restored(condition_start(settings.conditioning, begun), conditioned),
         restored(source_start(settings.source, Measurement(0.0, 0.0, 0.0, 0.0)), source),
-        restored(begin(settings.limits, like, ThermalState(0.0, 0.0, 0.0)), supervisor),
+        restored(begin(allowed, like, ThermalState(0.0, 0.0, 0.0)), supervisor),
     )
     after, reference, wish, verdict = one_cycle(now, before, observed, plan, dt)
     keep(sample, after.sample)
@@ -337,7 +343,8 @@ class Cycle:
     def __init__(self, law: Law, limits: Limits, filters: Filters, period: float, source: Source = TABLE) -> None:
         self.law, self.limits, self.filters, self.period, self.source = law, limits, filters, period, source
         gains = rebuilt(law.gains, lambda path, value: float(value) if name_of(path) in law.live else value)
-        self._settings = CycleSettings(gains, law.conditioning, source.settings, filters, limits)
+        self._settings = CycleSettings(gains, law.conditioning, source.settings, filters, 0.0)
+        self._limits = np.array(flat(limits), dtype=np.float64)
         self._run: Callable[..., tuple[Reference, float, Verdict]] = specialise(
             cycle_in_place, f"{law.name}_{source.name}", **law_and_source(law, source), **SUPERVISED
         )
@@ -345,8 +352,11 @@ class Cycle:
         """The law's gains, flat, as `Law.numbers` has them: what stands here the next cycle runs with."""
         self.reference = NOWHERE
         """What the source gave last."""
+        self.kept: Array
+        """States of law, conditioner and supervisor as the last cycle handed them on, flat and in that order."""
         self._like: CycleState
         self._rows: list[Array]
+        self._latched: int
 
     @property
     def state(self) -> CycleState:
@@ -356,7 +366,14 @@ class Cycle:
     @state.setter
     def state(self, state: CycleState) -> None:
         self._like = state
-        self._rows = [np.array(flat(part), dtype=np.float64) for part in state]
+        self.kept = np.array(flat((state.law, state.conditioned, state.supervisor)), dtype=np.float64)
+        law, conditioned = len(flat(state.law)), len(flat(state.conditioned))
+        places = {"law": (0, law), "conditioned": (law, law + conditioned), "supervisor": (law + conditioned, None)}
+        self._rows = [
+            self.kept[slice(*places[name])] if name in places else np.array(flat(part), dtype=np.float64)
+            for name, part in state._asdict().items()
+        ]
+        self._latched = names(state.supervisor).index("decided.latched")
 
     def begin(self, reading: DriveReading, thermal: ThermalState, latched: float | None = None) -> None:
         """Start stopped at this reading, and compile all that a cycle needs; takes seconds the first time.
@@ -373,7 +390,7 @@ class Cycle:
         supervisor = begin(self.limits, reading, thermal)
         fresh = CycleState(sample, law, conditioned, source, supervisor)
         self.state = fresh
-        observed = Observed(reading, 0.0, self.period, 0.0, 0.0, 0.0, 0.0, 0.0)
+        observed = Observed(reading, 0.0, self.period, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
         for wish_source in (HOLD, MOTION, LAW_BEGINS, LAW):
             self.step(observed, Plan(wish_source, motor, Reference(joint, 0.0, 0.0)))
         if latched is not None:
@@ -383,8 +400,25 @@ class Cycle:
 
     def step(self, observed: Observed, plan: Plan) -> tuple[float, Verdict]:
         """The wish for the motor [rad] and the verdict on it."""
-        self.reference, wish, verdict = self._run(self._settings, self.gains, *self._rows, observed, plan, self.period)
+        self.reference, wish, verdict = self._run(
+            *(self._settings, self._limits, self.gains, *self._rows, observed, plan, self.period)
+        )
         return wish, verdict
+
+    @property
+    def latched(self) -> float:
+        """The faults that the supervisor has latched, a sum of 2**fault."""
+        return float(self._rows[-1][self._latched])
+
+    @property
+    def sample(self) -> list[float]:
+        """What the law saw in the last cycle, flat."""
+        return self._rows[0].tolist()
+
+    @property
+    def recorded_source(self) -> list[float]:
+        """What is recorded of the source's state after the last cycle, flat; nothing of a table."""
+        return [] if self.source is TABLE else self._rows[3].tolist()
 
     def recorded(self) -> CycleState:
         """What is recorded of the last cycle: each part of the state flat, but nothing of a table."""

@@ -19,17 +19,30 @@ GivenLaw = str | Path | Law
 """A key of `LAWS`, ``FILE.py:NAME`` of a user's own, or a `Law`."""
 
 
-def rig_of(given: Any, function: str) -> Rig:
+def rig_of(given: Any, function: str, *, several: bool = False) -> Rig:
     """The rig.
 
     Args:
         given: a `GivenRig`.
         function: of the face, for messages.
+        several: whether one with several axes will do.
 
     Raises:
         ParameterError: it is none, or its file cannot be used.
         LogError: a log without a rig.
     """
+    found = _rig_of(given, function)
+    if found.axes and not several:
+        names = ", ".join(one.name for one in found.axes)
+        raise ParameterError(
+            f"{function}: the rig has the axes {names}",
+            expected="the rig of one",
+            do=f'give that: rig.axis("{found.axes[0].name}")',
+        )
+    return found
+
+
+def _rig_of(given: Any, function: str) -> Rig:
     if isinstance(given, Rig):
         return given
     if isinstance(given, str | Path):

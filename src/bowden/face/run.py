@@ -6,8 +6,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from bowden.core import arguments
-from bowden.core.errors import OutputError
+from bowden.core.errors import OutputError, asked_for_by
 from bowden.core.files import output_folder
+from bowden.core.toml_text import quoted
 from bowden.face import given
 from bowden.face.given import GivenLaw, GivenRig
 from bowden.rig.rig import Rig
@@ -65,7 +66,7 @@ def run(
     ...
     bowden.core.errors.ParameterError: cannot read rig.tom: no such file or directory; write one with: bowden init
     """
-    whole = given.under(given.rig_of(rig, "run"), law, preset, "run")
+    whole = given.under(given.rig_of(rig, "run", several=True), law, preset, "run")
     whole = whole if duration is None else whole.replace(duration=duration)
     twin, force = arguments.flag(twin, "run: twin"), arguments.flag(force, "run: force")
     if channel is not None:
@@ -120,25 +121,27 @@ def live_session(
     from bowden.live.session import Session, own_twin
 
     live = live_run(rig, measure=measure)
-    if not twin:  # another run's bus is refused at once; the drive claims it for good
-        family_of(rig.drive).claim(rig.drive)()
-        require_confirmed(rig)
+    for axis in () if twin else live.axes:  # another run's bus is refused at once; the drive claims it for good
+        family_of(axis.rig.drive).claim(axis.rig.drive)()
+        require_confirmed(axis.rig, axis.name)
     with contextlib.ExitStack() as stack:
         emg_process = None if live.emg is None else stack.enter_context(contextlib.closing(EmgProcess(rig)))
-        if measure:
-            checked = CheckVerdict("holds", "")  # no gains take part
-        elif checked is None:
-            checked = verdicts(rig, [live.law], name, force=force)[0]
         pushing = live.pushing.notes([live.law], force=force) if live.pushing else []
-        for note in (*live.notes, *pushing, checked.note):
-            if note:
-                tell(note)
-        require(live.limits, live.rig.sample_time, "little_margin" if force else checked.name or "little_margin")
+        for note in (*live.notes, *pushing):
+            tell(note)
+        for axis in live.axes:
+            of_axis = f"axis {quoted(axis.name)}"
+            with asked_for_by(of_axis) if axis.name else contextlib.nullcontext():
+                found = CheckVerdict("holds", "") if measure else checked  # no gains take part in a measurement
+                found = found or verdicts(axis.rig, [axis.law], name, force=force)[0]
+                if found.note:
+                    tell(f"{of_axis}: {found.note}" if axis.name else found.note)
+                require(axis.limits, axis.rig.sample_time, "little_margin" if force else found.name or "little_margin")
         if emg_process is not None:
             emg_process.await_ready()  # a stream that cannot be used is refused before anything else is started
         if twin:
             live = live_run(stack.enter_context(own_twin(rig, measure=measure)), measure=measure, logged=rig)
-        log = new_log(out, "measure" if measure else live.law.name)
+        log = new_log(out, "measure" if measure else "-".join(dict.fromkeys(axis.law.name for axis in live.axes)))
         yield stack.enter_context(Session(live, log, emg_process, remembers=not twin, about=about))
 
 

@@ -1,11 +1,11 @@
 """A run without an operator's keys: armed, run, and watched to its end."""
 
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator, Mapping
 from typing import Any, Protocol
 
 from bowden.core.errors import SafetyError
-from bowden.live.stops import remedy_of
+from bowden.live.stops import AxisFaults, remedy_of
 from bowden.safety import faults
 from bowden.safety.faults import Fault
 from bowden.safety.supervisor import Mode, Request
@@ -30,13 +30,20 @@ class Watched(Protocol):
     def last(self) -> dict[str, float] | None:
         """The newest row by its columns."""
 
+    def faults(self, row: Mapping[str, float]) -> list[AxisFaults]:
+        """The faults of a row, of each axis that has some."""
+
     def ask(self, request: Request) -> None:
         """Ask the supervisor for something."""
 
 
-def _listed(found: Iterable[Fault], session: Watched) -> str:
-    """Faults with what to do."""
-    return "; ".join(f"{fault.meaning}: {remedy_of(fault, twin=session.on_twin)}" for fault in found)
+def _listed(row: Mapping[str, float], session: Watched) -> str:
+    """The faults of a row with what to do, of several axes with whose they are."""
+    return "; ".join(
+        f"{f'{one.axis}: ' if one.axis else ''}{fault.meaning}: {remedy_of(fault, twin=session.on_twin)}"
+        for one in session.faults(row)
+        for fault in sorted(one.came, key=lambda fault: -fault.then)
+    )
 
 
 def automatic(session: Watched) -> Iterator[bool]:
@@ -57,7 +64,7 @@ def automatic(session: Watched) -> Iterator[bool]:
             if row["mode"] == wanted:
                 break
             if not asked and row["mode"] == Mode.LATCHED:
-                listed = _listed(faults.of(row["faults"]), session)
+                listed = _listed(row, session)
                 last = "the last run ended in a fault that has not been acknowledged"
                 what = last if session.began_latched else "the supervisor has latched a fault before this run was armed"
                 raise SafetyError(
@@ -69,7 +76,7 @@ def automatic(session: Watched) -> Iterator[bool]:
             waited = row["time"] - begun
             if row["faults"] and row["mode"] == Mode.STOPPED and waited > _PATIENCE:
                 found = list(faults.of(row["faults"]))
-                listed = _listed(found, session)
+                listed = _listed(row, session)
                 if found == [Fault.LATE]:
                     late = 1e3 * max(row["lateness"], row["supervisor.sums.late"])
                     listed = f"this computer is too busy, cycles come {late:.0f} ms late: {Fault.LATE.remedy}"

@@ -164,8 +164,12 @@ def confirmed(rig: Rig) -> bool:
     return not contradictions(moved, joint, motor, rig.supervisor_limits)
 
 
-def require_confirmed(rig: Rig) -> None:
+def require_confirmed(rig: Rig, axis: str = "") -> None:
     """Refuse to power a motor whose angles nobody has confirmed.
+
+    Args:
+        rig: of the motor.
+        axis: its name among several.
 
     Raises:
         SafetyError: nobody has, for this drive and these scales.
@@ -174,5 +178,5 @@ def require_confirmed(rig: Rig) -> None:
         raise SafetyError(
             "no angle has been confirmed by hand on this drive with these scales and directions",
             expected="the joint turned once by hand, without power, and compared with both encoders",
-            do=shlex.join(["bowden", "confirm", rig.origin]),
+            do=shlex.join(["bowden", "confirm", rig.origin, *(["--axis", axis] if axis else [])]),
         )

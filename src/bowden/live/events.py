@@ -40,12 +40,19 @@ class Changes:
         self._description, self._last = description, last
         columns = list(description.columns)
         self._time = columns.index("time")
-        self._watched = [(name, columns.index(name)) for name in (*WATCHED, FAULTS, EMERGENCY) if name in columns]
-        self._gains = [
-            (name, columns.index(IN_FORCE + name), columns.index(column))
-            for column in columns
-            if column.startswith(ASKED) and IN_FORCE + (name := column.removeprefix(ASKED)) in columns
-        ]
+        self._watched: list[tuple[str, str, int]] = []
+        """Of each axis: what its events begin with, the column's name without the axis', and its place."""
+        self._gains: list[tuple[str, int, int]] = []
+        axes = [str(one["name"]) for one in description.settings.get("axes") or ()]
+        for number, axis in enumerate(axes or [""]):
+            prefix, label = f"{axis}." if number else "", f"{axis}: " if axis else ""
+            for name in (*WATCHED, FAULTS, EMERGENCY):
+                if prefix + name in columns:
+                    self._watched.append((label, name, columns.index(prefix + name)))
+            for name in [one.removeprefix(prefix + ASKED) for one in columns if one.startswith(prefix + ASKED)]:
+                if (column := f"{prefix}{IN_FORCE}{name}") in columns:
+                    asked = columns.index(f"{prefix}{ASKED}{name}")
+                    self._gains.append((f"{label}gain {name}", columns.index(column), asked))
         self._names: Mapping[str, Any] = description.settings.get("names", {})
 
     def find(self, numbers: NDArray[np.int64], rows: NDArray[np.float64]) -> tuple[list[Event], "Changes"]:
@@ -69,19 +76,19 @@ class Changes:
             events.append(
                 Event(int(numbers[i]), float(rows[i, self._time]), f"{counted(lost, 'row')} lost before this one")
             )
-        for name, at in self._watched:
+        for label, name, at in self._watched:
             old, new = before[:, at], rows[:, at]
             for i in np.flatnonzero((old != new) & ~(np.isnan(old) & np.isnan(new))).tolist():
                 text = self._text(name, old[i], new[i])
                 if text:
-                    events.append(Event(int(numbers[i]), float(rows[i, self._time]), text))
+                    events.append(Event(int(numbers[i]), float(rows[i, self._time]), label + text))
         for name, at, goal in self._gains:
             values, asked, was_asked = rows[:, at], rows[:, goal], before[:, goal]
             for i in np.flatnonzero((asked != was_asked) & ~np.isnan(was_asked)).tolist():
-                text = f"gain {name}: {before[i, at]:.6g} → {asked[i]:.6g} asked for"
+                text = f"{name}: {before[i, at]:.6g} → {asked[i]:.6g} asked for"
                 events.append(Event(int(numbers[i]), float(rows[i, self._time]), text))
             for i in np.flatnonzero((values == asked) & (before[:, at] != was_asked) & ~np.isnan(was_asked)).tolist():
-                text = f"gain {name}: {values[i]:.6g} in force"
+                text = f"{name}: {values[i]:.6g} in force"
                 events.append(Event(int(numbers[i]), float(rows[i, self._time]), text))
         events.sort(key=lambda event: event.number)
         return events, Changes(self._description, (int(numbers[-1]), rows[-1].copy()))

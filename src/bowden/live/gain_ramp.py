@@ -6,7 +6,7 @@ other: what is asked for while another change goes on waits for its end. All els
 whether the gains hold) is the operator's side's: `live.session`.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,6 +39,16 @@ class GainRamp:
         self.recorded = [*begun, *begun]
         """Values in force, then those asked for, in the order of `columns`."""
 
+    @property
+    def count(self) -> int:
+        """Gains that the law declares live."""
+        return len(self._places)
+
+    @property
+    def going(self) -> bool:
+        """Whether a change goes on."""
+        return self._left > 0
+
     def step(self, block: ControlBlock, cycles: int) -> None:
         """Take what is asked for, or go on with what was.
 
@@ -49,9 +59,15 @@ class GainRamp:
         if self._left:
             self._go_on(cycles)
         elif block.gain_waits and self._places:
-            self._take(*block.take_gain())
+            self.take(*block.take_gain())
 
-    def _take(self, which: int, value: float) -> None:
+    def take(self, which: int, value: float) -> None:
+        """Begin a change; what is no live gain, or beyond its limits, is none.
+
+        Args:
+            which: its place in `Law.live`.
+            value: in the unit of the law.
+        """
         if not 0 <= which < len(self._places):
             return
         low, high = self._limits[which]
@@ -66,6 +82,28 @@ class GainRamp:
         share = 1.0 - self._left / self._count
         value = self._start + share * (goal - self._start) if self._left else goal
         self.recorded[which] = self._row[self._places[which]] = value
+
+
+def step_all(ramps: Sequence[GainRamp], block: ControlBlock, cycles: int) -> None:
+    """`GainRamp.step` of several axes: the place of a gain is that among the live gains of all, one axis after the
+    other, and one change goes on at a time.
+
+    Args:
+        ramps: of the axes, in their order.
+        block: the operator's words.
+        cycles: see `GainRamp.step`.
+    """
+    waits = block.gain_waits and not any(ramp.going for ramp in ramps)
+    for ramp in ramps:
+        if ramp.going:
+            ramp.step(block, cycles)
+    if waits:
+        which, value = block.take_gain()
+        for ramp in ramps:
+            if 0 <= which < ramp.count:
+                ramp.take(which, value)
+                return
+            which -= ramp.count
 
 
 def columns(law: Law) -> dict[str, str]:

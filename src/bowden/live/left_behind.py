@@ -41,7 +41,7 @@ def sweep() -> None:
             with contextlib.suppress(OSError):
                 path.unlink()
     for bus in Path(tempfile.gettempdir()).glob(f"{TWIN}-*-*-*"):
-        nodes = (node.name.split("-")[0] for node in bus.glob("*.node"))
+        nodes = (node.name.split("-")[0] for node in bus.rglob("*.node"))
         if _gone(*bus.name.split("-")[2:4]) and not any(Path(f"/proc/{node}").exists() for node in nodes):
             shutil.rmtree(bus, ignore_errors=True)
 

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -11,17 +11,18 @@ from numpy.typing import NDArray
 
 from bowden.control import LAWS, Law
 from bowden.control.source import TABLE, Source
-from bowden.core.errors import ParameterError
+from bowden.core.errors import ParameterError, asked_for_by
+from bowden.core.toml_text import quoted
 from bowden.core.units import RADIANS
 from bowden.cycle.one_cycle import Cycle
 from bowden.cycle.torque_offset import TorqueOffset
 from bowden.hardware.drives.family import DriveNeeds
 from bowden.hardware.emg.course import EmgCourse
 from bowden.hardware.emg.intent_block import IntentReader
-from bowden.live import excitation
+from bowden.live import axis_columns, excitation, row
 from bowden.live.admittance_live import live_pushing
 from bowden.live.preflight import Preflight
-from bowden.live.run_settings import plain
+from bowden.live.run_settings import plain, run_settings
 from bowden.live.script import Script
 from bowden.live.suit_preflight import on_suit
 from bowden.rig.compose_admittance import Pushing
@@ -66,6 +67,42 @@ class Live:
     """What the user should know."""
     logged: Rig
     """The rig as the log keeps it: on the bus that it names, where a twin's own is gone after the run."""
+    name: str = ""
+    """Of the axis, where there are several."""
+    several: "tuple[Live, ...]" = ()
+    """Each axis, where there are several; what stands here is then that of the first."""
+    whole: Rig | None = None
+    """The rig with all its axes, where there are several."""
+
+    @property
+    def axes(self) -> "tuple[Live, ...]":
+        """Each axis; itself where there is one."""
+        return self.several or (self,)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the axes; empty where there is one."""
+        return tuple(axis.name for axis in self.several)
+
+    @property
+    def independent(self) -> bool:
+        """Whether an axis that is stopped by a fault leaves the others running."""
+        return self.whole is not None and self.whole.independent
+
+    @property
+    def length(self) -> float:
+        """Of the run, without what comes before the law or the motion leads [s]."""
+        return max(len(axis.table) for axis in self.axes) * self.rig.sample_time
+
+    def columns(self) -> dict[str, str]:
+        """Column → unit of the run's rows."""
+        if not self.several:
+            return self._columns(together=False)
+        return axis_columns.of_all({axis.name: axis._columns(together=True) for axis in self.several})
+
+    def _columns(self, *, together: bool) -> dict[str, str]:
+        emg, pushed = self.emg is not None, self.push() is not None
+        return row.columns(self.law, emg=emg, pushed=pushed, source=self.source(), together=together)
 
     @property
     def needs(self) -> DriveNeeds:
@@ -132,8 +169,23 @@ class Live:
         slope = 1.0 if suit is not None else self.rig.slope
         return Script(self.table, self.start, speed, checks, self.rig.sample_time, course, slope)
 
+    def log_settings(self) -> dict[str, Any]:
+        """What the log keeps of the run: law, limits, and all of the rig, so that a log is enough.
+
+        Of several axes ``axes`` has those of each with its name, but for the rig, which is the whole one; what stands
+        beside is that of the first.
+        """
+        law = run_settings(self.law, self.limits, self.rig.filters, self.rig.sample_time)
+        own = {**law, **self.settings()}
+        if not self.several:
+            return own
+        axes = [{**axis.log_settings(), "name": axis.name} for axis in self.several]
+        for axis in axes:
+            del axis["rig"], axis["names"]
+        return {**own, "axes": axes, "independent": self.independent}
+
     def settings(self) -> Mapping[str, Any]:
-        """What the log keeps of the run, beside the law and the limits: all of the rig, so that a log is enough."""
+        """What is kept of the rig, beside the law and the limits."""
         law = self.rig.law
         return {
             "reference": self.rig.trajectory.describe(),
@@ -156,12 +208,15 @@ def live_run(rig: Rig, *, measure: bool = False, logged: Rig | None = None) -> L
 
     Args:
         rig: with the law and all else that is to run.
-        measure: move the motor through the excitation, in place of a law.
+        measure: move the motor through the excitation, in place of a law; not with several axes.
         logged: the same rig on the bus that it names, where it runs on a twin's own; for the log.
 
     Raises:
         ParameterError: a rig that cannot run live.
     """
+    if rig.axes:
+        _ = rig.axis() if measure else rig.pack()
+        return _together(rig, logged or rig)
     if rig.turned:
         raise ParameterError(
             f"{rig.origin}: the cable's slope is negative",
@@ -190,6 +245,32 @@ def live_run(rig: Rig, *, measure: bool = False, logged: Rig | None = None) -> L
     if emg is None and pushing is None:
         _check_reference(table[:, 0], limits)
     return Live(rig, measure, rig.fitted(), limits, table, 0, rig.start_motor, pushing, notes, logged)
+
+
+def _together(rig: Rig, logged: Rig) -> Live:
+    """The live run of a rig with axes."""
+    found = []
+    for (name, own), (_, kept) in zip(rig.axes, logged.axes, strict=True):
+        with asked_for_by(f"axis {quoted(name)}"):
+            _refuse_sources(own)
+            found.append(replace(live_run(own, logged=kept), name=name))
+    notes = tuple(f"axis {quoted(axis.name)}: {note}" for axis in found for note in axis.notes)
+    return replace(found[0], several=tuple(found), whole=rig, logged=logged, notes=(*rig.remarks, *notes))
+
+
+def _refuse_sources(rig: Rig) -> None:
+    """Refuse what moves one joint only: EMG and the wearer's push.
+
+    Raises:
+        ParameterError: the rig of an axis has one of them.
+    """
+    for what, key in ((rig.emg.source is not None, "emg.source"), (rig.admittance.enabled, "admittance.enabled")):
+        if what:
+            raise ParameterError(
+                f"{key} is set in a rig with several axes",
+                expected="[reference] for each: EMG and the wearer's push move a joint that is alone",
+                do="delete it, or run that axis alone, with --axis",
+            )
 
 
 def _check_reference(positions: NDArray[np.float64], limits: Limits) -> None:

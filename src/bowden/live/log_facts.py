@@ -1,7 +1,7 @@
 """The facts of a log, as ``bowden log info`` and its page show them."""
 
 import json
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -18,7 +18,7 @@ from bowden.live import stops
 from bowden.live.events import EMERGENCY
 from bowden.live.gain_ramp import ASKED, IN_FORCE
 from bowden.live.log_rig import hash_of
-from bowden.live.mcap_read import Recording
+from bowden.live.mcap_read import Recording, axes_of
 from bowden.live.mcap_reader import LogReader
 
 NEEDED = (*dict.fromkeys(("time", "lateness", "run_time", "overruns", EMERGENCY, *stops.NEEDED)),)
@@ -26,13 +26,17 @@ NEEDED = (*dict.fromkeys(("time", "lateness", "run_time", "overruns", EMERGENCY,
 
 
 def needed(path: Path) -> tuple[str, ...]:
-    """`NEEDED`, and the columns of the gains that this log has.
+    """`NEEDED`, and the columns of the gains that this log has, of each axis.
 
     Raises:
         LogError: it is none that can be read.
     """
-    named = json.loads(LogReader(path, ()).about["columns"])
-    return (*NEEDED, *(name for name in named if name.startswith((IN_FORCE, ASKED))))
+    log = LogReader(path, ())
+    named, axes = json.loads(log.about["columns"]), axes_of(log.settings)
+    gains = tuple(
+        f"{prefix}{part}" for prefix in ("", *(f"{axis}." for axis in axes[1:])) for part in (IN_FORCE, ASKED)
+    )
+    return (*NEEDED, *(name for name in named if name.startswith(gains)))
 
 
 _MOST_EVENTS = 12  # printed, half of them from the end; the JSON document has them all
@@ -43,7 +47,7 @@ def facts(found: Recording) -> dict[str, Any]:
     time = found["time"]
     known = time[np.isfinite(time)]
     steps = np.diff(known)
-    settings = found.settings
+    settings, parts = found.settings, found.parts
     return {
         "closed": found.closing is not None,
         "whole": found.whole,
@@ -54,7 +58,9 @@ def facts(found: Recording) -> dict[str, Any]:
         "begin_s": float(known[0]) if len(known) else None,
         "sample_time_s": float(np.median(steps)) if len(steps) else None,
         "start_utc": datetime.fromtimestamp(int(found.about["start_utc_ns"]) // 10**9, UTC).isoformat(),
-        "law": settings.get("law"),
+        "law": ", ".join(dict.fromkeys(str(part.settings.get("law")) for part in parts.values()))
+        if found.axes
+        else settings.get("law"),
         "rig": hash_of(settings),
         "seed": settings.get("seed"),
         "twin": settings.get("twin"),
@@ -62,14 +68,32 @@ def facts(found: Recording) -> dict[str, Any]:
         "run_time_s": _percentiles(found, "run_time"),
         "overruns": _overruns(found),
         "stops": stops.document(found, settings.get("limits", {}), twin=settings.get("twin", False)),
-        "emergencies": _emergencies(found),
-        "gains": list(_gains(found)),
+        "emergencies": _of_each(parts, _emergencies, "text", ": "),
+        "gains": _of_each(parts, _gains, "name", "."),
+        **({"axes": {name: _of_axis(part) for name, part in parts.items()}} if found.axes else {}),
         "events": [{"time_s": _number(event.time), "text": event.text} for event in found.events],
         "software": {key: found.about[key] for key in _ABOUT if key in found.about},
         "recorder": found.closing or {},
         "columns": dict(zip(json.loads(found.about["columns"]), json.loads(found.about["units"]), strict=True)),
         "settings": _finite(settings),
     }
+
+
+def _of_each(
+    parts: Mapping[str, Recording], of: Callable[[Recording], Iterable[dict[str, Any]]], key: str, after: str
+) -> list[dict[str, Any]]:
+    """What there is in the record of each axis, in the order of time; of several with the axis' name before it."""
+    found = [
+        {**one, key: f"{name}{after}{one[key]}" if name else one[key]}
+        for name, part in parts.items()
+        for one in of(part)
+    ]
+    return sorted(found, key=lambda one: one["time_s"] or 0.0) if len(parts) > 1 else found
+
+
+def _of_axis(part: Recording) -> dict[str, Any]:
+    """What is said of one axis of several."""
+    return {"law": part.settings.get("law"), "rig": hash_of(part.settings)}
 
 
 _ABOUT = ("software", "software_revision", "rig_revision", "python", "host", "system")
@@ -184,6 +208,8 @@ def lines(document: dict[str, Any]) -> Iterator[tuple[str, str]]:
     for name in ("law", "rig", "seed"):
         if document[name] is not None:
             yield name, str(document[name])
+    for name, axis in document.get("axes", {}).items():
+        yield "axis", f"{name}: {axis['law']}, rig {axis['rig']}"
     about = document["settings"].get("about")
     for name, text in about.items() if isinstance(about, dict) else ():
         yield printable(str(name)), printable(str(text))

@@ -92,14 +92,17 @@ def trust(files: Sequence[OwnFile]) -> None:
 
 
 def _code_in(settings: Mapping[str, Any]) -> Iterator[OwnFile]:
-    """The law and the plant of a log's rig that are users' files."""
+    """The laws and plants of a log's rig, and of its axes, that are users' files."""
     document = settings.get("rig")
     if not isinstance(document, Mapping) or "format" not in document:
         return
-    for name in ("law", "plant"):
-        if isinstance(document.get(name), Mapping):
-            one = unpacked({"format": document["format"], name: document[name]}, [name]).values[name]
-            yield OwnFile(one.name, one.source, one.modules)
+    axes = document.get("axes")
+    rigs = [document, *(one.get("rig") for one in axes or () if isinstance(one, Mapping))]
+    for each in (one for one in rigs if isinstance(one, Mapping)):
+        for name in ("law", "plant"):
+            if isinstance(each.get(name), Mapping):
+                one = unpacked({"format": document["format"], name: each[name]}, [name]).values[name]
+                yield OwnFile(one.name, one.source, one.modules)
 
 
 def _code_beside(settings: Mapping[str, Any], law: Any, folder: Path) -> Iterator[OwnFile]:

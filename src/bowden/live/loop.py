@@ -1,23 +1,31 @@
-"""The loop: once a period read, filter, law, supervisor, drive, ring; and nothing else."""
+"""The loop: once a period read, filter, law, supervisor, drive, ring; and nothing else.
 
+Of several axes all are read, then all are judged, then all are written, so that the buses carry their frames together.
+"""
+
+import functools
+import operator
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from bowden.core.clock import SECOND, TimeSource, next_deadline
 from bowden.core.errors import SafetyError
-from bowden.core.signals import DriveState
-from bowden.cycle.one_cycle import Cycle
+from bowden.core.signals import DriveReading, DriveState
+from bowden.cycle.one_cycle import HOLD, NOWHERE, Cycle, Plan
 from bowden.cycle.torque_offset import TorqueOffset
 from bowden.hardware.emg.course import EmgCourse
 from bowden.hardware.ports import Drive, Power
 from bowden.live.control_block import ControlBlock
-from bowden.live.gain_ramp import GainRamp
-from bowden.live.ring import RingWriter
+from bowden.live.gain_ramp import GainRamp, step_all
+from bowden.live.ring import RingWriter, Row
 from bowden.live.ring_status import RecorderState
 from bowden.live.row import AT
 from bowden.live.script import Script
+from bowden.live.together import Together
 from bowden.safety.faults import Fault
 from bowden.safety.last_word import LastWord
-from bowden.safety.supervisor import POWER_OFF, Mode, Observed, Request
+from bowden.safety.supervisor import POWER_OFF, Mode, Observed, Request, Verdict
 
 _STOP, _ACKNOWLEDGE = float(Request.STOP), float(Request.ACKNOWLEDGE)
 _RESTING = (float(Mode.STOPPED), float(Mode.LATCHED))
@@ -38,9 +46,9 @@ class Ended:
     overruns: int
     """Deadlines that were skipped."""
     mode: int
-    """Number of the supervisor's last `Mode`."""
+    """Number of the supervisor's last `Mode`; of several the worst, as of all below."""
     faults: int
-    """The supervisor's last bit set."""
+    """The supervisor's last bit set; of several all that are in one of them."""
     torque: int
     """Number of the drive's `hardware.ports.TorqueLeft`."""
     stalled: float
@@ -48,111 +56,254 @@ class Ended:
     unattended: float = 0.0
     """Age of the operator's last sign of life, where nobody asked for the end and this alone brought it before the
     reference had come to its own; 0 elsewhere [s]."""
+    axes: tuple["EndedAxis", ...] = ()
+    """Of each axis."""
+
+
+class EndedAxis(NamedTuple):
+    """How one axis ended."""
+
+    mode: int
+    faults: int
+    torque: int
+    reason: int
+    """Number of the `live.preflight.Reason` for which its preflight failed; 0 where it has not."""
+
+
+class AxisParts(NamedTuple):
+    """What one axis is made of."""
+
+    drive: Drive
+    """Brought up."""
+    cycle: Cycle
+    """Begun, so that it is compiled."""
+    script: Script
+    course: EmgCourse | None = None
+    """Of a run by EMG; the script's too."""
+    push: TorqueOffset | None = None
+    """Of a drive that takes a torque offset."""
+
+
+class _Axis:
+    """One axis while the loop goes on."""
+
+    def __init__(self, parts: AxisParts, *, among: bool) -> None:
+        self._among = among
+        self.drive, self.cycle, self.script, self._course, self._push = parts
+        begun = self.cycle.state.supervisor
+        self.mode, self.target = float(begun.decided.mode), begun.target
+        """Of the last verdict."""
+        self.verdict = Verdict(self.target, POWER_OFF, self.mode, 0.0, 0.0)
+        self.gains = GainRamp(self.cycle.law, self.cycle.gains, self.cycle.period)
+        self.stalled = 0.0
+        """See `Ended.stalled`."""
+        self.reading: DriveReading
+        self.request, self.others, self.outcome = 0.0, 0.0, 0.0
+        """What its supervisor is shown."""
+        self._last_word = LastWord(self.cycle.limits, self.cycle.period, self.target)
+        self._plan, self._wish, self._torque = Plan(HOLD, 0.0, NOWHERE), self.target, 0.0
+        self._emg_age = 0.0
+
+    def plan(self, woke: int, cycles: int) -> None:
+        """What is asked of the motor; `cycles` are periods since the last cycle."""
+        self._emg_age = 0.0 if self._course is None else self._course.look(woke)
+        self._plan = self.script.plan(self.mode, self.target, self.reading, cycles)
+        self.outcome = self.script.outcome
+
+    def judge(self, lateness: float, elapsed: float, age: float, recorder: float) -> SafetyError | None:
+        """What is done: law and supervisor; an error where the verdict is broken, which the torque's end replaces."""
+        cycle, before = self.cycle, self.mode
+        observed = Observed(
+            *(self.reading, lateness, elapsed, self.request, age, recorder, self.outcome, self._emg_age, self.others)
+        )
+        self._wish, verdict = cycle.step(observed, self._plan)
+        if verdict.mode > _POWERED and before in _LED and int(verdict.faults) & _STALLS:
+            self.stalled = max(lateness, cycle.state.supervisor.sums.late)
+        broken = None
+        try:
+            self._last_word.judge(verdict)
+        except SafetyError as error:  # recorded as what is done instead; the error has what was said
+            broken = error
+            verdict = self._off(verdict)
+        self.verdict, self.mode, self.target = verdict, verdict.mode, verdict.target
+        return broken
+
+    def _off(self, verdict: Verdict) -> Verdict:
+        return verdict._replace(target=self.target, power=POWER_OFF, mode=float(Mode.LATCHED))
+
+    def switch_off(self) -> None:
+        """In place of its verdict: another axis' is broken."""
+        self.verdict = self._off(self.verdict)
+        self.mode = self.verdict.mode
+
+    def write(self, now: float) -> None:
+        """Send the drive what was decided."""
+        verdict, push = self.verdict, self._push
+        self._torque = 0.0 if push is None else push.step(self.target, verdict, self.cycle.period)
+        self.drive.write(self.target, Power(int(verdict.power)), now, self._torque)
+
+    @property
+    def turning(self) -> bool:
+        """Whether its drive may have torque, and the supervisor has not found that it keeps it."""
+        return self.reading.drive_state in _TURNING and not int(self.verdict.faults) >> Fault.NOT_DISABLED & 1
+
+    def put(self, row: Row, at: int, times: tuple[float, float, float, float, float, float] | None) -> int:
+        """Write what is kept of a cycle into its row; where the next axis' part begins.
+
+        Args:
+            row: of the ring.
+            at: where this axis' part begins.
+            times: of the first axis, which has what is common too: the columns ``time``, ``lateness``, ``elapsed``,
+                ``overruns``, ``operator_age`` and ``recorder``.
+        """
+        cycle, script, reading = self.cycle, self.script, self.reading
+        head: tuple[float, ...]
+        if times is not None:
+            time, lateness, elapsed, skipped, age, recorder = times
+            head = (
+                *(time, *cycle.reference, *reading, *cycle.sample, self._wish),
+                *(*self.verdict, self._plan.source, lateness, elapsed, skipped, self.request, age, recorder),
+                *(self.outcome, script.reason, script.play, 0.0),
+            )
+        else:
+            head = (
+                *(*cycle.reference, *reading, *cycle.sample, self._wish, *self.verdict, self._plan.source),
+                *(self.request, self.outcome, script.reason, script.play),
+            )
+        kept, course, push = cycle.kept, self._course, self._push
+        rest = (
+            *(*(() if course is None else course.row()), *(() if push is None else push.row())),
+            *(*cycle.recorded_source, *self.gains.recorded, *self.together),
+        )
+        states = at + len(head)
+        row[at:states] = head
+        end = states + len(kept)
+        row[states:end] = kept
+        row[end : end + len(rest)] = rest
+        return end + len(rest)
+
+    @property
+    def together(self) -> tuple[float, ...]:
+        """What an axis among others has besides, `axis_columns.TOGETHER`."""
+        return (self.others, self.script.outcome) if self._among else ()
 
 
 class Loop:
     """All parts of a run, put together.
 
     Args:
-        drive: brought up.
-        cycle: begun, so that it is compiled.
-        script: of the run.
+        axes: one, or several.
         ring: for a row a cycle.
         block: the operator's words.
         clock: to go by.
         start: the clock where the column ``time`` is zero [ns].
-        course: of a run by EMG; the script's too.
-        push: of a drive that takes a torque offset.
+        independent: whether an axis that is stopped by a fault leaves the others running.
     """
 
     def __init__(
         self,
-        drive: Drive,
-        cycle: Cycle,
-        script: Script,
+        axes: Sequence[AxisParts],
         ring: RingWriter,
         block: ControlBlock,
         clock: TimeSource,
         start: int,
-        course: EmgCourse | None = None,
-        push: TorqueOffset | None = None,
+        *,
+        independent: bool = False,
     ) -> None:
-        self._drive, self._cycle, self._script = drive, cycle, script
+        self._axes = tuple(_Axis(parts, among=len(axes) > 1) for parts in axes)
+        self._together = Together(len(axes), independent=independent) if axes[1:] else None
         self._ring, self._block, self._clock, self._start = ring, block, clock, start
-        self._course, self._push, self._quit = course, push, False
+        self._quit, self._independent, self._running = False, independent, False
 
     def quit(self) -> None:
         """End the run with a controlled release, as the operator's word does; for signals."""
         self._quit = True
 
     def run(self) -> Ended:
-        """Cycle until the end is asked for, or the operator is gone, and the power is off; then close the drive.
+        """Cycle until the end is asked for, or the operator is gone, and the power is off; then close the drives.
 
-        The end waits until the drive says that its torque is off, or the supervisor has found that it keeps it.
+        The end waits until each drive says that its torque is off, or the supervisor has found that it keeps it.
 
         Raises:
-            SafetyError: the supervisor's verdict was broken; the torque is switched off, and the cycle is recorded.
+            SafetyError: a supervisor's verdict was broken; the torque is switched off, and the cycle is recorded.
         """
         try:
-            cycles, overruns, mode, faults, stalled, unattended = self._run()
+            cycles, overruns, unattended = self._run()
+        except BaseException:
+            self._off()
+            raise
         finally:
-            left = self._drive.close()
+            left = [axis.drive.close() for axis in self._axes]
             self._ring.close()
-        return Ended(cycles, overruns, mode, faults, int(left), stalled, unattended)
+        ended = [
+            EndedAxis(int(axis.mode), int(axis.verdict.faults), int(torque), int(axis.script.reason))
+            for axis, torque in zip(self._axes, left, strict=True)
+        ]
+        return Ended(
+            cycles,
+            overruns,
+            max(one.mode for one in ended),
+            functools.reduce(operator.or_, (one.faults for one in ended)),
+            max(one.torque for one in ended),
+            max(axis.stalled for axis in self._axes),
+            unattended,
+            tuple(ended),
+        )
 
-    def _run(self) -> tuple[int, int, int, int, float, float]:
-        clock, drive, cycle = self._clock, self._drive, self._cycle
-        script, ring, block, course, push = self._script, self._ring, self._block, self._course, self._push
-        period, patience = round(cycle.period * SECOND), cycle.limits.operator_age
+    def _off(self) -> None:
+        """No drive waits for the end of another one's `close`."""
+        now = self._clock.now() * 1e-9
+        for axis in self._axes[1:]:
+            axis.drive.write(axis.target, Power.OFF, now)
+
+    def _run(self) -> tuple[int, int, float]:
+        clock, axes, first, together = self._clock, self._axes, self._axes[0], self._together
+        ring, block, ramps = self._ring, self._block, [axis.gains for axis in self._axes]
+        period, patience = round(first.cycle.period * SECOND), min(axis.cycle.limits.operator_age for axis in axes)
         deadline = clock.now() + period
         before, skipped, overruns, cycles, resting = deadline - period, 0, 0, 0, 0
-        begun = cycle.state.supervisor
-        mode, target, verdict, stalled = float(begun.decided.mode), begun.target, None, 0.0
-        last_word, gains = LastWord(cycle.limits, cycle.period, target), GainRamp(cycle.law, cycle.gains, cycle.period)
+        age = 0.0
         while resting < _LAST:
             clock.sleep_until(deadline)
             woke = clock.now()
             now = woke * 1e-9
-            reading = drive.read(now)
+            for axis in axes:
+                axis.reading = axis.drive.read(now)
 
             # what is asked for
             age = block.age(woke)
             ending = self._quit or block.quitting or not age <= patience
             request = float(block.take())
-            if ending or (script.done and mode == _RUNNING and request == 0.0):
+            if ending or (request == 0.0 and self._over()):
                 request = _STOP
             if request == _ACKNOWLEDGE:
-                drive.reset_fault()
-            emg_age = 0.0 if course is None else course.look(woke)
-            plan = script.plan(mode, target, reading, 1 + skipped)
-            gains.step(block, 1 + skipped)
+                for axis in axes:
+                    axis.drive.reset_fault()
+            if together is None:
+                first.request = request
+                first.plan(woke, 1 + skipped)
+                first.gains.step(block, 1 + skipped)
+            else:
+                self._plan_together(together, request, woke, 1 + skipped)
+                step_all(ramps, block, 1 + skipped)
 
             # what is done
             recorder = 1.0 if ring.recorder.state(woke) == RecorderState.OK else 0.0
             lateness, elapsed = (woke - deadline) * 1e-9, (woke - before) * 1e-9
-            observed = Observed(reading, lateness, elapsed, request, age, recorder, script.outcome, emg_age)
-            wish, verdict = cycle.step(observed, plan)
-            if verdict.mode > _POWERED and mode in _LED and int(verdict.faults) & _STALLS:
-                stalled = max(lateness, cycle.state.supervisor.sums.late)
             broken = None
-            try:
-                last_word.judge(verdict)
-            except SafetyError as error:  # recorded as what is done instead; the error has what was said
-                broken = error
-                verdict = verdict._replace(target=target, power=POWER_OFF, mode=float(Mode.LATCHED))
-            mode, target = verdict.mode, verdict.target
-            torque = 0.0 if push is None else push.step(target, verdict, cycle.period)
-            drive.write(target, Power(int(verdict.power)), now, torque)
+            for axis in axes:
+                broken = axis.judge(lateness, elapsed, age, recorder) or broken
+            if broken is not None:
+                for axis in axes:
+                    axis.switch_off()
+            for axis in axes:
+                axis.write(now)
 
             # what is kept
-            row, state = ring.next_row(), cycle.recorded()
-            row[:] = (
-                *((woke - self._start) * 1e-9, *cycle.reference, *reading, *state.sample, wish),
-                *(*verdict, plan.source, lateness, elapsed, skipped, request, age, recorder),
-                *(script.outcome, script.reason, script.play, 0.0),
-                *(*state.law, *state.conditioned, *state.supervisor, *(() if course is None else course.row())),
-                *(*(() if push is None else push.row()), *state.source, *gains.recorded),
-            )
+            row = ring.next_row()
+            at = first.put(row, 0, ((woke - self._start) * 1e-9, lateness, elapsed, skipped, age, recorder))
+            for axis in axes[1:]:
+                at = axis.put(row, at, None)
             finished = clock.now()
             row[_RUN_TIME] = (finished - woke) * 1e-9
             ring.publish()
@@ -160,12 +311,36 @@ class Loop:
                 raise broken
 
             before, cycles = woke, cycles + 1
-            turning = reading.drive_state in _TURNING and not int(verdict.faults) >> Fault.NOT_DISABLED & 1
-            resting = resting + 1 if ending and mode in _RESTING and not turning else 0
+            rests = ending and all(axis.mode in _RESTING and not axis.turning for axis in axes)
+            resting = resting + 1 if rests else 0
             deadline, skipped = next_deadline(deadline, finished, period)
             overruns += skipped
-        asked = self._quit or block.quitting or script.done
-        return cycles, overruns, int(mode), int(verdict.faults) if verdict else 0, stalled, 0.0 if asked else age
+        asked = self._quit or block.quitting or all(axis.script.done for axis in axes)
+        return cycles, overruns, 0.0 if asked else age
+
+    def _over(self) -> bool:
+        """Whether the run has come to its end."""
+        axes = self._axes
+        if self._together is None:
+            return axes[0].script.done and axes[0].mode == _RUNNING
+        return self._together.over([axis.script.done for axis in axes], [axis.mode for axis in axes])
+
+    def _plan_together(self, together: Together, request: float, woke: int, cycles: int) -> None:
+        """What is asked of several axes, and what the supervisor of each is shown of the others."""
+        axes = self._axes
+        modes = [axis.mode for axis in axes]
+        asked = together.asked(request, modes, [axis.verdict.faults for axis in axes])
+        shown = together.shown([axis.cycle.latched for axis in axes])
+        if _RUNNING in modes and not self._running:
+            longest = max(axis.script.approach(axis.target) for axis in axes)
+            for axis in axes:
+                axis.script.least = 0.0 if self._independent else longest
+        self._running = _RUNNING in modes
+        for axis in axes:
+            axis.plan(woke, cycles)
+        outcomes = together.outcomes([axis.outcome for axis in axes])
+        for axis, one, others, outcome in zip(axes, asked, shown, outcomes, strict=True):
+            axis.request, axis.others, axis.outcome = one, others, outcome
 
 
 _LED = (float(Mode.PREFLIGHT), float(Mode.RUNNING), float(Mode.BRIDGING))

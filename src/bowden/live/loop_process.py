@@ -4,6 +4,7 @@ It says what happens as lines of JSON on standard output, none of them while it 
 ``error``.
 """
 
+import contextlib
 import json
 import signal
 import sys
@@ -39,18 +40,22 @@ def _run(given: dict[str, Any]) -> int:
     from bowden.rig.rig import Rig
 
     live = live_run(Rig.unpack(given["rig"]), measure=given["measure"])
-    with user_law.explained(live.law):
+    with contextlib.ExitStack() as stack:
+        for axis in live.axes:
+            stack.enter_context(user_law.explained(axis.law))
         return _cycle(live, given)
 
 
 def _cycle(live: "Live", given: dict[str, Any]) -> int:
     from bowden.core.clock import MonotonicClock
+    from bowden.core.errors import asked_for_by
+    from bowden.core.toml_text import quoted
     from bowden.hardware.buses.link import Links
     from bowden.hardware.drives.family import family_of
     from bowden.hardware.realtime import become_realtime
     from bowden.live import latch_file
     from bowden.live.control_block import ControlBlock
-    from bowden.live.loop import Loop
+    from bowden.live.loop import AxisParts, Loop
     from bowden.live.preflight import REASONS, Reason
     from bowden.live.ring import RingWriter
     from bowden.live.row import NOTHING_READ
@@ -58,32 +63,49 @@ def _cycle(live: "Live", given: dict[str, Any]) -> int:
     from bowden.safety.supervisor import Mode
 
     emg = Path(given["emg"]) if given["emg"] else None
-    course = live.course(emg, given["start_ns"])
-    cycle, script, push = live.cycle(), live.script(course), live.push()
-    cycle.begin(NOTHING_READ, ThermalState(*given["thermal"]), given["latched"])
+    links, parts = Links(), []
+    for axis, thermal, latched in zip(live.axes, given["thermal"], given["latched"], strict=True):
+        course = axis.course(emg, given["start_ns"])
+        cycle = axis.cycle()
+        cycle.begin(NOTHING_READ, ThermalState(*thermal), latched)
+        parameters = axis.rig.drive_parameters
+        drive = family_of(parameters).open(parameters, links)
+        parts.append(AxisParts(drive, cycle, axis.script(course), course, axis.push()))
     ring, block = RingWriter(Path(given["ring"])), ControlBlock(Path(given["block"]))
-    parameters = live.rig.drive_parameters
-    drive = family_of(parameters).open(parameters, Links())
-    loop = Loop(drive, cycle, script, ring, block, MonotonicClock(), given["start_ns"], course, push)
+    loop = Loop(parts, ring, block, MonotonicClock(), given["start_ns"], independent=live.independent)
     for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
         signal.signal(number, lambda *_: loop.quit())
     try:
-        identity = drive.bring_up()
+        drives = []
+        for axis, one in zip(live.axes, parts, strict=True):
+            with asked_for_by(f"axis {quoted(axis.name)}") if axis.name else contextlib.nullcontext():
+                drives.append(one.drive.bring_up())
         grants = become_realtime(live.rig.system)
-        _say("ready", {"drive": identity, "grants": [asdict(grant) for grant in grants]})
+        named = [f"{axis.name}: {drive}" if axis.name else drive for axis, drive in zip(live.axes, drives, strict=True)]
+        _say("ready", {"drive": "; ".join(named), "drives": drives, "grants": [asdict(grant) for grant in grants]})
     except BaseException:
-        drive.close()
+        for one in parts:
+            one.drive.close()
         ring.close()
         raise
+    drives_of = [axis.rig.drive_parameters for axis in live.axes]
     try:
         ended = loop.run()
     except SafetyError:
-        if given["remembers"]:  # by no fault that the supervisor knows
+        for parameters in drives_of if given["remembers"] else ():  # by no fault that the supervisor knows
             latch_file.write(parameters, 0.0)
         raise
-    if given["remembers"] and ended.mode == Mode.LATCHED:  # the operator's process may be gone
-        latch_file.write(parameters, ended.faults)
-    _say("ended", asdict(ended) | {"reason": REASONS[Reason(int(script.reason))]})
+    said = [one._asdict() | {"reason": REASONS[Reason(one.reason)]} for one in ended.axes]
+    if given["remembers"]:  # the operator's process may be gone
+        for parameters, end in zip(drives_of, ended.axes, strict=True):
+            if end.mode == Mode.LATCHED:
+                latch_file.write(parameters, end.faults)
+    names = live.names or ("",)
+    reasons = [
+        f"{name}: {one['reason']}".removeprefix(": ") for name, one in zip(names, said, strict=True) if one["reason"]
+    ]
+    more = {"axes": said if live.several else [], "reason": "; ".join(reasons)}
+    _say("ended", asdict(ended) | more)
     return 0
 
 

@@ -1,15 +1,16 @@
 """The log of a run in memory: whole, some of its columns, or as traces of a part of its rows."""
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.core.errors import LogError
+from bowden.core.errors import LogError, near
 from bowden.core.trace import Trace
+from bowden.live.axis_columns import view
 from bowden.live.mcap_layout import Event
 from bowden.live.mcap_reader import Damage, LogReader, missing_of
 
@@ -38,6 +39,44 @@ class Recording:
         return self.rows[:, self.columns.index(name)]
 
     @property
+    def axes(self) -> tuple[str, ...]:
+        """Names of the axes of a run with several; empty of one with one motor."""
+        return axes_of(self.settings)
+
+    def axis(self, name: str) -> "Recording":
+        """The record of one axis, as a run with this axis alone has it: columns without its name, its settings.
+
+        Args:
+            name: of the axis.
+
+        Raises:
+            LogError: there is no such axis.
+        """
+        names = self.axes
+        if name not in names:
+            expected = near(name, names) if names else "none: the run had one motor"
+            raise LogError(f"the log has no axis {name!r}", expected=expected, do="correct --axis")
+        seen = view(self.columns, names, name)
+        label, others = f"{name}: ", tuple(f"{other}: " for other in names if other != name)
+        return replace(
+            self,
+            columns=seen.columns,
+            units=tuple(self.units[i] for i in seen.places),
+            rows=self.rows[:, list(seen.places)],
+            events=[
+                one._replace(text=one.text.removeprefix(label))
+                for one in self.events
+                if not one.text.startswith(others)
+            ],
+            settings=settings_of(self.settings, name),
+        )
+
+    @property
+    def parts(self) -> "dict[str, Recording]":
+        """The record of each axis by its name; the whole without a name of a run with one motor."""
+        return {name: self.axis(name) for name in self.axes} or {"": self}
+
+    @property
     def missing(self) -> int:
         """Rows that the loop wrote and that are not here: before the last one, and after it as far as the log says."""
         return missing_of(int(self.numbers[-1]) if len(self.numbers) else -1, len(self.numbers), self.closing)
@@ -56,12 +95,45 @@ class Recording:
         return _trace(self, self.rows)
 
 
+def columns_of(log: LogReader, axis: str) -> tuple[str, ...]:
+    """The columns of one axis of a log, without its name.
+
+    Raises:
+        LogError: there is no such axis.
+    """
+    return Recording(
+        *(log.about, None, log.columns, log.units, np.empty(0, np.int64), np.empty((0, len(log.columns))), []),
+        *(log.damage, log.settings),
+    ).axis(axis).columns  # fmt: skip
+
+
+def axes_of(settings: Mapping[str, Any]) -> tuple[str, ...]:
+    """Names of the axes in the settings of a log; empty of a run with one motor."""
+    return tuple(str(one["name"]) for one in settings.get("axes") or ())
+
+
+def settings_of(settings: Mapping[str, Any], name: str) -> dict[str, Any]:
+    """The settings of a log as a run with one of its axes alone has them."""
+    own = next(one for one in settings["axes"] if one["name"] == name)
+    rig = settings.get("rig")
+    found = {key: value for key, value in settings.items() if key not in ("axes", "independent", *_OF_ONE)} | own
+    if isinstance(rig, Mapping):
+        found["rig"] = next((one["rig"] for one in rig.get("axes", ()) if one["name"] == name), None)
+    del found["name"]
+    return found
+
+
+_OF_ONE = ("law_file", "push", "emg", "admittance")
+"""Settings that not every axis has."""
+
+
 def read(path: Path, only: Sequence[str] | None = None) -> Recording:
     """Everything that can be read of a log; what is damaged is left out and counted, never guessed.
 
     Args:
         path: of the log.
-        only: the columns to keep of those that it has, so that the log of hours fits into memory; all by default.
+        only: the columns to keep of those that it has, of each axis, so that the log of hours fits into memory; all by
+            default.
 
     Raises:
         LogError: no such file, none that bowden wrote, or its beginning is damaged.
@@ -79,20 +151,32 @@ def read(path: Path, only: Sequence[str] | None = None) -> Recording:
     return Recording(log.about, log.closing, log.columns, log.units, numbers, rows, events, log.damage, log.settings)
 
 
-def traces(log: LogReader) -> Iterator[Trace]:
+def traces(log: LogReader, axis: str | None = None) -> Iterator[Trace]:
     """All rows of a log as traces of some ten thousand rows, each as `Recording.trace` has them all.
 
+    Args:
+        log: to be read.
+        axis: the one whose columns are wanted; all as they stand where it is not given.
+
     Raises:
-        LogError: there is no row.
+        LogError: there is no row, or no such axis.
     """
     waiting: list[NDArray[np.float64]] = []
     for piece in log:
         waiting.append(piece.rows)
         if sum(map(len, waiting)) >= _TRACE:
-            yield _trace(log, np.concatenate(waiting))
+            yield _piece(log, np.concatenate(waiting), axis)
             waiting = []
     if waiting or not log.count:
-        yield _trace(log, np.concatenate([np.empty((0, len(log.columns))), *waiting]))
+        yield _piece(log, np.concatenate([np.empty((0, len(log.columns))), *waiting]), axis)
+
+
+def _piece(log: LogReader, rows: NDArray[np.float64], axis: str | None) -> Trace:
+    if axis is None:
+        return _trace(log, rows)
+    numbers = np.arange(len(rows))
+    whole = Recording(log.about, None, log.columns, log.units, numbers, rows, [], log.damage, log.settings)
+    return whole.axis(axis).trace()
 
 
 def _trace(log: Recording | LogReader, rows: NDArray[np.float64]) -> Trace:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from bowden.core.bounded import open_file, reason
 from bowden.core.errors import LogError
+from bowden.live import axis_columns
 from bowden.live.mcap_layout import Event, Packing, topics
 from bowden.live.mcap_log import ABOUT, CLOSING, MAGIC, checksum, stamps_of
 from bowden.live.mcap_records import Metadata, Opcode, read_metadata
@@ -82,7 +83,9 @@ class LogReader:
         self._packing = Packing(topics(columns, units))
         self._start, self._time = int(about["start_utc_ns"]), columns.index("time")
         named = names_of_today(columns)
-        kept = [i for i, name in enumerate(named) if only is None or name in only]
+        names = [str(one["name"]) for one in self.settings.get("axes") or ()]
+        wanted = None if only is None else {*axis_columns.named(tuple(only), names)} if names else {*only}
+        kept = [i for i, name in enumerate(named) if wanted is None or name in wanted]
         self._kept = slice(None) if only is None else kept
         self.columns, self.units = tuple(named[i] for i in kept), tuple(units[i] for i in kept)
         self.closing: dict[str, str] | None = None

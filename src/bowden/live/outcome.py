@@ -3,7 +3,7 @@
 from typing import TYPE_CHECKING
 
 from bowden.hardware.ports import TorqueLeft, torque_left
-from bowden.live.stops import remedy_of, told_apart, unattended
+from bowden.live.stops import AxisFaults, remedy_of, told_apart, unattended
 from bowden.live.summary import STALLED
 from bowden.safety import faults
 from bowden.safety.supervisor import Mode
@@ -46,8 +46,17 @@ def why(session: "Session") -> list[str]:
 
 
 def _faults(session: "Session") -> list[str]:
-    """What came first with its remedy, and what followed from it."""
-    came = session.came or dict.fromkeys(faults.of((session.ended or {}).get("faults", 0)), 0.0)
-    causes, consequences = told_apart(came)
-    found = [f"{fault.meaning}; {remedy_of(fault, twin=session.on_twin)}" for fault in causes]
-    return found + ([f"as a consequence: {', '.join(fault.meaning for fault in consequences)}"] if consequences else [])
+    """What came first with its remedy, and what followed from it; of several axes in the one that had it first."""
+    each = [(axis.name, axis.came) for axis in session.axes if axis.came]
+    if not each:
+        each = [("", dict.fromkeys(faults.of((session.ended or {}).get("faults", 0)), 0.0))]
+    first, *others = sorted((AxisFaults(name, *told_apart(came), came) for name, came in each), key=_order)
+    where = f"{first.axis}: " if first.axis else ""
+    found = [f"{where}{fault.meaning}; {remedy_of(fault, twin=session.on_twin)}" for fault in first.causes]
+    later = [fault.meaning for fault in first.consequences]
+    later += [f"{one.axis}: {fault.meaning}" for one in others for fault in (*one.causes, *one.consequences)]
+    return found + ([f"as a consequence: {', '.join(later)}"] if later else [])
+
+
+def _order(one: AxisFaults) -> tuple[float, bool]:
+    return one.order() if one.came else (0.0, False)

@@ -81,7 +81,7 @@ def replay(
     the supervisor would have said to it, at the angles that there were.
 
     Args:
-        found: the record.
+        found: the record, of one axis.
         law: with its gains.
         limits: of the supervisor.
         filters: in front of the law.
@@ -124,7 +124,7 @@ def replay(
             )
             continue
         emg_age = row[at["emg.age"]] if "emg.age" in at else 0.0
-        around = (*(row[i] for i in surroundings), emg_age)
+        around = (*(row[i] for i in surroundings), emg_age, row[at["others"]] if "others" in at else 0.0)
         observed = Observed(DriveReading(*(row[i] for i in reading)), *around)
         plan = Plan(row[at["source"]], row[at["wish"]], Reference(*(row[i] for i in reference)))
         for place, column in changed:

@@ -11,6 +11,7 @@ from bowden.core.signals import DriveReading
 from bowden.cycle.torque_offset import COLUMNS as PUSH
 from bowden.hardware.emg.course import COLUMNS
 from bowden.live import gain_ramp
+from bowden.live.axis_columns import TOGETHER
 from bowden.live.ring import Description
 from bowden.models.drive.thermal import Thermal, ThermalState, cold
 from bowden.safety.limits import Limits
@@ -77,8 +78,11 @@ SUPERVISOR: Mapping[str, str] = nested.columns(STOPPED, "supervisor")
 """Column → unit of its state."""
 
 
-def columns(law: Law, *, emg: bool = False, pushed: bool = False, source: Source = TABLE) -> dict[str, str]:
-    """Column → unit of a run under this law, by EMG, with a torque offset, and by another source than the table."""
+def columns(
+    law: Law, *, emg: bool = False, pushed: bool = False, source: Source = TABLE, together: bool = False
+) -> dict[str, str]:
+    """Column → unit of a run under this law, by EMG, with a torque offset, by another source than the table, and of an
+    axis among others."""
     return {
         **CYCLE,
         **law.columns(),
@@ -88,6 +92,7 @@ def columns(law: Law, *, emg: bool = False, pushed: bool = False, source: Source
         **(PUSH if pushed else {}),
         **({} if source is TABLE else source.columns()),
         **gain_ramp.columns(law),
+        **(TOGETHER if together else {}),
     }
 
 
@@ -102,7 +107,11 @@ def description(
     source: Source = TABLE,
 ) -> Description:
     """What the ring's header says of a run whose column ``time`` is zero at these two clocks [ns]."""
-    named = columns(law, emg=emg, pushed=pushed, source=source)
+    return described(columns(law, emg=emg, pushed=pushed, source=source), settings, utc_ns, monotonic_ns)
+
+
+def described(named: Mapping[str, str], settings: Mapping[str, object], utc_ns: int, monotonic_ns: int) -> Description:
+    """`description` of columns with their units."""
     return Description(tuple(named), tuple(named.values()), settings, utc_ns, monotonic_ns)
 
 

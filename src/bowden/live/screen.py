@@ -8,10 +8,9 @@ from rich.table import Table
 
 from bowden.core.units import RADIANS
 from bowden.cycle.one_cycle import WishSource
-from bowden.hardware.drives.family import family_of
 from bowden.live.preflight import REASONS, Reason
 from bowden.live.ring_status import RecorderState
-from bowden.live.stops import remedy_of, told_apart
+from bowden.live.stops import remedy_of
 from bowden.safety import faults
 from bowden.safety.faults import Fault
 from bowden.safety.supervisor import Mode
@@ -43,27 +42,39 @@ def picture(session: "Session", row: dict[str, float], auto: bool, answer: str =
     table.add_column()
     said = "" if auto else _next(mode, row["preflight"], shown)
     table.add_row("state", f"[bold]{mode.name.lower()}[/bold]  {said}")
-    causes, consequences = told_apart({fault: session.came.get(fault, row["time"]) for fault in shown})
-    for fault in causes:  # all that must be seen stands above: a low terminal cuts the end off
-        table.add_row("[red]fault[/red]", f"[red]{fault.meaning}[/red]: {remedy_of(fault, twin=session.on_twin)}")
-    if consequences:
-        table.add_row("[red]follows[/red]", ", ".join(fault.meaning for fault in consequences))
+    for one in session.faults(row):  # all that must be seen stands above: a low terminal cuts the end off
+        where = f"{one.axis}: " if one.axis else ""
+        for fault in one.causes:
+            remedy = remedy_of(fault, twin=session.on_twin)
+            table.add_row("[red]fault[/red]", f"{where}[red]{fault.meaning}[/red]: {remedy}")
+        if one.consequences:
+            table.add_row("[red]follows[/red]", where + ", ".join(fault.meaning for fault in one.consequences))
     if not {Fault.EMERGENCY, Fault.DRIVE_FAULT}.isdisjoint(shown):
-        explain = family_of(session.live.rig.drive).explain
-        code = explain(session.emergency) if session.emergency else session.ready["drive"]
-        table.add_row("[red]drive[/red]", escape(code))
-    if row["preflight_reason"]:
-        table.add_row("[red]preflight[/red]", REASONS[Reason(int(row["preflight_reason"]))])
+        table.add_row("[red]drive[/red]", escape(session.drive_said(row)))
+    each = [(axis, axis.of(row)) for axis in session.axes]
+    for axis, own in each:
+        if own["preflight_reason"]:
+            where = f"{axis.name}: " if axis.name else ""
+            table.add_row("[red]preflight[/red]", where + REASONS[Reason(int(own["preflight_reason"]))])
     table.add_row("keys", "Ctrl-C to end" if auto else f"{_KEYS}{f'  [yellow]{answer}[/yellow]' if answer else ''}")
-    table.add_row("angles", f"joint {_deg(row['joint'])}, motor {_deg(row['motor'])}, target {_deg(row['command'])}")
-    table.add_row("error", f"{_deg(row['joint'] - row['reference'])} of {_deg(row['reference'])}")
+    for axis, own in each:
+        angles = f"joint {_deg(own['joint'])}, motor {_deg(own['motor'])}, target {_deg(own['command'])}"
+        error = f"{_deg(own['joint'] - own['reference'])} of {_deg(own['reference'])}"
+        if axis.name:
+            state = Mode(int(own["mode"])).name.lower()
+            heat = f"{own['current']:.2f} A, winding {own['supervisor.heat.winding']:.0f} °C"
+            table.add_row(axis.name, f"{state}: {angles}; error {error}; {heat}")
+        else:
+            table.add_row("angles", angles)
+            table.add_row("error", error)
     if session.emg_process is not None:
         table.add_row("EMG", _emg(row, session.emg_process.unit, session.emg_process.lost))
         if session.live.emg is not None:
             table.add_row("wearer", wearer(session.live.emg, row))
     if "admittance.push.torque" in row:
         table.add_row("push", _push(row))
-    table.add_row("motor", f"{row['current']:.2f} A, winding {row['supervisor.heat.winding']:.0f} °C")
+    if not session.live.several:
+        table.add_row("motor", f"{row['current']:.2f} A, winding {row['supervisor.heat.winding']:.0f} °C")
     table.add_row("recorder", f"{RecorderState(session.recorder).name.lower()}  {escape(str(session.log))}")
     table.add_row("lateness", f"{1e6 * row['lateness']:.0f} µs; the cycle takes {1e6 * row['run_time']:.0f} µs")
     laws = [(name[4:], value) for name, value in row.items() if name.startswith("law.")]

@@ -60,6 +60,8 @@ class Script:
         """Of the preflight."""
         self.play = math.nan
         """Dead zone that the preflight has measured; NaN before it has [rad]."""
+        self.least = 0.0
+        """The approach takes at least this long: where several axes begin together, as long as the longest [s]."""
         self.done = False
         """Whether the table has come to its end since the run began."""
 
@@ -121,10 +123,13 @@ class Script:
             self.outcome = 0.0
             self._checked = preflight.begin(self._checks, reading)
         if mode == _RUNNING:
-            distance = abs(self._start - target)
             self._from, self._cycles, self._begun, self.done = target, -cycles, False, False
-            self._approach = math.ceil(PEAK_SPEED * distance / self._speed / self._period) * self._period
+            self._approach = max(self.least, self.approach(target))
         self._mode = mode
+
+    def approach(self, target: float) -> float:
+        """How long the way to the beginning takes from a target of the motor [rad], in whole cycles [s]."""
+        return math.ceil(PEAK_SPEED * abs(self._start - target) / self._speed / self._period) * self._period
 
     @property
     def reason(self) -> float:

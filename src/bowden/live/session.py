@@ -19,36 +19,34 @@ from numbers import Real
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from bowden.core import shared_memory, shown
 from bowden.core.arguments import said
 from bowden.core.clock import SECOND, MonotonicClock, unix_seconds
-from bowden.core.errors import DriveError, LogError, OutputError, ParameterError, SafetyError
+from bowden.core.errors import DriveError, LogError, OutputError, ParameterError, SafetyError, near
 from bowden.core.trace import Trace
 from bowden.cycle.one_cycle import WishSource
 from bowden.hardware.drives.family import family_of
-from bowden.live import control_block, latch_file, left_behind, thermal_file
+from bowden.live import control_block, left_behind
 from bowden.live.automatic import automatic
 from bowden.live.control_block import ControlBlock
 from bowden.live.emg_process import EmgProcess
 from bowden.live.gain_check import GainCheck
-from bowden.live.gain_ramp import RAMP, in_force
+from bowden.live.gain_ramp import RAMP
 from bowden.live.live_run import Live
 from bowden.live.mcap_read import read
 from bowden.live.operator import STANDS_STILL
 from bowden.live.provenance import rig_revision
 from bowden.live.recorder import check_room
-from bowden.live.ring import FOLDER, RingReader, Row, create
+from bowden.live.ring import CAPACITY, FOLDER, RingReader, Row, create
 from bowden.live.ring_status import RecorderState
-from bowden.live.row import AT, description
-from bowden.live.run_settings import run_settings
-from bowden.live.stops import onsets
-from bowden.live.twin_scenario import TwinScenario
-from bowden.models.drive.thermal import cold
+from bowden.live.row import AT, described
+from bowden.live.session_axis import SessionAxis
+from bowden.live.stops import AxisFaults, told_apart
+from bowden.live.together import mode_of_all, of_all
+from bowden.rig.axes import Axis
 from bowden.rig.declaration import at, items_of
 from bowden.rig.rig import Rig
+from bowden.safety import faults
 from bowden.safety.faults import Fault
 from bowden.safety.limits import Limits
 from bowden.safety.supervisor import Mode, Request
@@ -100,12 +98,9 @@ class Session:
         """What the loop said at its end."""
         self.error = ""
         """Why the loop ended without a word about how it ended; empty where it said that."""
-        self.emergency = 0
-        """Error code of the drive's last emergency; 0 where there was none."""
+        self.axes: tuple[SessionAxis, ...] = ()
+        """Each axis of the run, once it has begun; one where the rig has one motor."""
         self._last: Row | None = None
-        self.came: dict[Fault, float] = {}
-        """When the faults that are there came [s], in that order, as far as `last` has looked."""
-        self._latched: float | None = None
         self.began_latched = False
         """Whether a run before it was latched by what has not been acknowledged."""
         self._latching = ThreadPoolExecutor(1)
@@ -137,32 +132,25 @@ class Session:
     def _begin(self) -> None:
         live, now = self.live, self.clock.now()
         left_behind.sweep()
-        settings = run_settings(live.law, live.limits, live.cycle().filters, live.rig.sample_time)
         more = {"about": self._about} if self._about else {}
-        by_emg, pushed, wall = self.emg_process is not None, live.push() is not None, round(unix_seconds() * SECOND)
-        about = description(
-            *(live.law, {**settings, **live.settings(), **more, "twin": self.on_twin}, wall, now),
-            emg=by_emg,
-            pushed=pushed,
-            source=live.source(),
-        )
-        check_room(self.log, about, len(live.table) * live.rig.sample_time)
-        create(self._ring, about)
+        wall = round(unix_seconds() * SECOND)
+        about = described(live.columns(), {**live.log_settings(), **more, "twin": self.on_twin}, wall, now)
+        check_room(self.log, about, live.length)
+        create(self._ring, about, CAPACITY // len(live.axes))  # a row of several is as much longer
         shared_memory.create(self._block, control_block.WORDS)
         self.block, self.rows = ControlBlock(self._block), RingReader(self._ring)
-        self._scenario = TwinScenario(live.rig.drive_parameters, now / SECOND)
+        self.axes = tuple(
+            SessionAxis(axis, about.columns, live.names, now, remembers=self._remembers) for axis in live.axes
+        )
         self.beat()
         self._revision = rig_revision(Path(live.rig.origin).parent)
         self._record_to(self.log)
-        warmth = live.limits.thermal
-        thermal = thermal_file.read(live.rig.drive_parameters, live.limits) if self._remembers else cold(warmth)
-        self._latched = latch_file.read(live.rig.drive_parameters) if self._remembers else None
-        self.began_latched = self._latched is not None
+        self.began_latched = any(axis.latched is not None for axis in self.axes)
         given = {
-            "rig": live.rig.document(),
+            "rig": (live.whole or live.rig).document(),
             "measure": live.measure,
-            "thermal": thermal,
-            "latched": self._latched,
+            "thermal": [axis.thermal for axis in self.axes],
+            "latched": [axis.latched for axis in self.axes],
             "remembers": self._remembers,
             "ring": str(self._ring),
             "block": str(self._block),
@@ -279,20 +267,24 @@ class Session:
 
     @property
     def channel(self) -> str:
-        """The bus of the run, for ``bowden twin RIG.toml --inject FAULT --channel``; of a twin its own."""
+        """The bus of the run, for ``bowden twin RIG.toml --inject FAULT --channel``; of a twin its own.
+
+        Of several axes that of the first; see `SessionAxis.live`.
+        """
         drive = self.live.rig.drive
         return family_of(drive).address(drive).get("channel", "")
 
-    def inject(self, fault: str, after: float = 0.0, lasting: float | None = None) -> None:
+    def inject(self, fault: str, after: float = 0.0, lasting: float | None = None, axis: str | None = None) -> None:
         """Give the run's twin a fault; ``bowden twin RIG.toml --inject list`` shows all.
 
         Args:
             fault: its name, with side and amount where it has them: ``"encoder_frozen joint"``.
             after: from now [s].
             lasting: for how long; to the end of the run where it is not given [s].
+            axis: whose twin it is, where there are several; the first where it is not given.
 
         Raises:
-            ParameterError: there is no such fault.
+            ParameterError: there is no such fault, or no such axis.
             DriveError: the drive is no twin of this run, or does not answer.
         """
         from bowden.hardware.twin.control import TwinControl
@@ -300,14 +292,18 @@ class Session:
         if not self.on_twin:
             raise DriveError("faults are injected into a twin, and this run has a drive", do="run it with twin=True")
         self.beat()
-        drive = self.live.rig.drive
-        with TwinControl(family_of(drive).control(drive)) as twin:
+        rig = self.live.rig if axis is None or self.live.whole is None else self.live.whole.axis(axis)
+        with TwinControl(family_of(rig.drive).control(rig.drive)) as twin:
             twin.inject(fault, after, lasting)
 
     @property
     def mode(self) -> Mode | None:
         """Where the run stands, as far as `last` has looked; None before its first cycle."""
-        return None if self._last is None else Mode(int(self._last[AT["mode"]]))
+        row = self._last
+        if row is None:
+            return None
+        modes = [axis.mode(row) for axis in self.axes]
+        return Mode(int(modes[0])) if len(modes) == 1 else mode_of_all(modes, independent=self.live.independent)
 
     @property
     def ended_well(self) -> bool:
@@ -353,44 +349,61 @@ class Session:
         return f"the loop's process ended unexpectedly: {said[-1] if said else f'exit code {code}'}"
 
     def last(self) -> dict[str, float] | None:
-        """The newest row by its columns; None before the first."""
+        """The newest row by its columns; None before the first.
+
+        With several axes, `together.OF_ALL` among them are those of all: ``mode``, ``faults`` and the like.
+        """
         self.beat()
         if self._recorder.poll() and self.running and len(self.logs) < _MOST_LOGS:
             self._record_again()
         rows = self.rows.read().rows
         if len(rows):
             self._last = rows[-1]
-            self._scenario.see(rows)
-            self._see_faults(rows)
-            codes = rows[:, AT["emergency"]]
-            self.emergency = int(next((code for code in codes[::-1] if code > 0.0), self.emergency))
-            self._remember_latch(self._last)
+            for axis in self.axes:
+                axis.see(rows, self._latching)
         row = self._last
         if len(rows):
             self._came = self.clock.now()
-        return None if row is None else self._row_of(row)
+        return None if row is None else self.row_of(row)
 
-    def _row_of(self, row: Row) -> dict[str, float]:
-        return dict(zip(self.rows.description.columns, row.tolist(), strict=True))
+    def row_of(self, row: Row) -> dict[str, float]:
+        """A row of the ring by its columns, as `last` gives it."""
+        found = dict(zip(self.rows.description.columns, row.tolist(), strict=True))
+        return found | of_all([axis.of(found) for axis in self.axes], independent=self.live.independent)
 
-    def _see_faults(self, rows: NDArray[np.float64]) -> None:
-        """Keep since when there are which faults."""
-        bits = rows[:, AT["faults"]]
-        clear = np.flatnonzero(bits == 0.0)
-        begin = int(clear[-1]) + 1 if len(clear) else 0
-        before = {} if len(clear) else self.came
-        self.came = {**before, **onsets(bits[begin:], rows[begin:, AT["time"]]), **before}
+    @property
+    def came(self) -> dict[Fault, float]:
+        """When the faults that are there came [s], in that order, as far as `last` has looked; of all axes."""
+        found: dict[Fault, float] = {}
+        for axis in self.axes:
+            for fault, time in axis.came.items():
+                found[fault] = min(time, found.get(fault, time))
+        return dict(sorted(found.items(), key=lambda one: one[1]))
 
-    def _remember_latch(self, row: Row) -> None:
-        """Keep what latched the run, until somebody acknowledges it, by a thread of its own: a disk may be slow."""
-        latched = float(row[AT["faults"]]) if row[AT["mode"]] == Mode.LATCHED else None
-        if (latched is None) == (self._latched is None) or not self._remembers:
-            return
-        if latched is not None:
-            self._latching.submit(latch_file.write, self.live.rig.drive_parameters, latched)
-        else:
-            self._latching.submit(latch_file.acknowledge, self.live.rig.drive_parameters)
-        self._latched = latched
+    def faults(self, row: Mapping[str, float]) -> list[AxisFaults]:
+        """The faults of a row of `last`, first those of the axis that was the first to have one; empty without any."""
+        found = []
+        for axis in self.axes:
+            own = axis.of(row)
+            came = {fault: axis.came.get(fault, own["time"]) for fault in faults.of(own["faults"])}
+            if came:
+                found.append(AxisFaults(axis.name, *told_apart(came), came))
+        return sorted(found, key=AxisFaults.order)
+
+    @property
+    def emergency(self) -> int:
+        """Error code of the last emergency of a drive; 0 where there was none."""
+        return next((axis.emergency for axis in self.axes if axis.emergency), 0)
+
+    def drive_said(self, row: Mapping[str, float]) -> str:
+        """What the drive says itself that is the one in fault, or its name; of several the first."""
+        inside = {Fault.EMERGENCY, Fault.DRIVE_FAULT}
+        for axis, drive in zip(self.axes, self.ready["drives"], strict=True):
+            if not inside.isdisjoint(faults.of(axis.of(row)["faults"])):
+                explain = family_of(axis.live.rig.drive).explain
+                said = str(explain(axis.emergency) if axis.emergency else drive)
+                return f"{axis.name}: {said}" if axis.name else said
+        return str(self.ready["drive"])
 
     @property
     def still(self) -> float:
@@ -404,9 +417,15 @@ class Session:
 
     @property
     def gains(self) -> dict[str, float]:
-        """Gain → its value in force, as far as `last` has looked; those of `Law.live` may be changed, `set_gain`."""
-        numbers = {name: float(value) for name, value in self.live.law.numbers.items()}
-        return numbers if self._last is None else {**numbers, **in_force(self._row_of(self._last))}
+        """Gain → its value in force, as far as `last` has looked; those of `Law.live` may be changed, `set_gain`.
+
+        With several axes the names begin with the axis': ``knee.feedback_gain``.
+        """
+        row, found = self._last, dict[str, float]()
+        for axis in self.axes:
+            own = axis.gains(None if row is None else axis.values(row))
+            found |= {f"{axis.name}.{name}" if axis.name else name: value for name, value in own.items()}
+        return found
 
     def set_gain(self, name: str, value: float) -> None:
         """Change a gain while the law runs: checked first, gone over to in half a second, and in force on return.
@@ -415,7 +434,7 @@ class Session:
         on as it is. Each moment of it is a sign of life, as of `wait`.
 
         Args:
-            name: of a gain that the law declares live, `Law.live`.
+            name: of a gain that the law declares live, `Law.live`; with several axes ``AXIS.GAIN``.
             value: in the law's own unit, as in rig.toml.
 
         Raises:
@@ -448,16 +467,29 @@ class Session:
             ParameterError: the law has no such gain, it is not live, or the value is outside its limits.
             SafetyError: no session is live, or another change goes on.
         """
-        self._require_gain(name, value)
-        rig = self.live.logged
+        axis, _ = self._require_gain(name, value)
+        rig = axis.live.logged
         for one, number in {**self._changed, name: float(value)}.items():
-            rig = rig.with_gain(one, number)
+            owner, gain = self._gain(one)
+            rig = rig.with_gain(gain, number) if owner is axis else rig
         return rig
 
-    def _require_gain(self, name: str, value: float) -> None:
-        law = self.live.law
+    def _gain(self, name: str) -> tuple[SessionAxis, str]:
+        """The axis whose gain it is, and its name there."""
         if not isinstance(name, str):
             raise ParameterError(f"the gain's name is {said(name)}", expected="text", do="name a gain")
+        if not self.live.several:
+            return self.axes[0], name
+        first, _, rest = name.partition(".")
+        for axis in self.axes:
+            if axis.name == first:
+                return axis, rest
+        do = f"name the axis first, such as {self.axes[0].name}.{name}"
+        raise ParameterError(f"no axis has a gain {said(name)}", expected=near(first, self.live.names), do=do)
+
+    def _require_gain(self, name: str, value: float) -> tuple[SessionAxis, str]:
+        axis, name = self._gain(name)
+        law = axis.live.law
         if name not in law.live:
             if name not in law.numbers:
                 law.with_gains(**{name: 0.0})  # which refuses it, and says what is like it
@@ -481,6 +513,7 @@ class Session:
         self._require_live()
         if self.changing:
             raise SafetyError("another change of gains goes on", do=f"wait until it is in force, {RAMP:g} s")
+        return axis, name
 
     def ask_gain(self, name: str, value: float) -> None:
         """Ask the loop for another value of a live gain, whose check holds; nothing is waited for.
@@ -489,10 +522,11 @@ class Session:
             ParameterError: as `with_gain`.
             SafetyError: as `with_gain`.
         """
-        self._require_gain(name, value)
+        axis, gain = self._require_gain(name, value)
         self.beat()
         self._changed[name] = float(value)
-        self.block.ask_gain(self.live.law.live.index(name), float(value))
+        before = sum(len(one.live.law.live) for one in self.axes[: self.axes.index(axis)])
+        self.block.ask_gain(before + axis.live.law.live.index(gain), float(value))
 
     @property
     def changing(self) -> bool:
@@ -508,7 +542,8 @@ class Session:
         """Keep how warm the motor is in a row, for the next run; `surely` waits for the disk. Any thread may ask."""
         if row is not None and self._remembers:
             with self._keeping:
-                self._not_kept = thermal_file.write(self.live.rig.drive_parameters, row, surely=surely)
+                why = [axis.remember(axis.of(row), surely=surely) for axis in self.axes]
+                self._not_kept = next(filter(None, why), "")
 
     def complete(self) -> bool:
         """Arm, run the law over the rig's whole reference, and come back when that has ended.
@@ -539,7 +574,8 @@ class Session:
                 raise SafetyError(
                     f"the run ended before the law led: {self.outcome}", do="correct the cause, try again"
                 )
-            if self.mode == Mode.RUNNING and self._last is not None and self._last[AT["source"]] == WishSource.LAW:
+            row = self._last
+            if self.mode == Mode.RUNNING and row is not None and row[AT["source"]] == WishSource.LAW:
                 return
 
     def _stepped(self) -> Iterator[bool]:
@@ -573,7 +609,8 @@ class Session:
         ready = getattr(self, "ready", None)
         standing = "" if self.mode is None else self.mode.name.lower()
         rows = [
-            ("rig", self.live.rig.hash),
+            ("rig", (self.live.whole or self.live.rig).hash),
+            ("axes", ", ".join(self.live.names)),
             ("drive", "" if ready is None else str(ready["drive"])),
             ("mode", standing or "not begun"),
             ("outcome", self.outcome if self.ended is not None or self.error else ""),
@@ -638,25 +675,33 @@ def own_twin(rig: Rig, *, measure: bool = False) -> Iterator[Rig]:
     from bowden.hardware.buses.opening import UNIX
     from bowden.live.twin_process import running_twin
 
-    with left_behind.bus_of_this() as folder:
+    with left_behind.bus_of_this() as folder, contextlib.ExitStack() as stack:
         file = rig.origin if Path(rig.origin).suffix else "RIG.toml"
-        asked = shlex.join(["bowden", "twin", file, "--channel", str(folder)])
-        print(f"bowden: note: the twin's bus is {folder}: {asked}", file=sys.stderr)
-        with running_twin(rig, folder, ["--interface", UNIX]) as twin:
-            beside = patient(rig, measure=measure)
+        buses: dict[tuple[str, str], Path] = {}
+        axes: list[Axis] = []
+        for name, own in rig.parts:
+            place = family_of(own.drive).address(own.drive)
+            bus = (place.get("interface", ""), place.get("channel", name))
+            channel = buses.setdefault(bus, folder / f"{len(buses)}" if rig.axes else folder)
+            options = ["--axis", name] if name else []
+            asked = shlex.join(["bowden", "twin", file, *options, "--channel", str(channel)])
+            print(f"bowden: note: the twin's bus is {channel}: {asked}", file=sys.stderr)
+            twin = stack.enter_context(running_twin(own, channel, ["--interface", UNIX]))
+            beside = patient(own, measure=measure)
             if measure:
                 twin.control.wait(PATIENCE)
             allowed = ", ".join(
-                f"{item.key} = {at(beside.limits, item.path):.3g} (in place of {at(rig.limits, item.path):g})"
+                f"{item.key} = {at(beside.limits, item.path):.3g} (in place of {at(own.limits, item.path):g})"
                 for item in items_of(Limits)
-                if at(beside.limits, item.path) != at(rig.limits, item.path)
+                if at(beside.limits, item.path) != at(own.limits, item.path)
             )
-            if allowed:
+            if allowed and not axes:
                 print(
                     f"bowden: note: the twin shares this computer, so it may be late: {allowed} in [limits]",
                     file=sys.stderr,
                 )
-            yield beside.on_bus(twin.channel, UNIX)
+            axes.append(Axis(name, beside.on_bus(twin.channel, UNIX)))
+        yield rig.replace(axes=tuple(axes)) if rig.axes else axes[0].rig
 
 
 def patient(rig: Rig, *, measure: bool = False) -> Rig:

@@ -5,7 +5,7 @@ and a loop that is late, or a clock that is stepped, in the first of these cycle
 noticed in that cycle. What comes later, such as a computer that is busy while everything is latched, explains nothing.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -140,6 +140,21 @@ def told_apart(came: Mapping[Fault, float]) -> tuple[tuple[Fault, ...], tuple[Fa
     return tuple(first), tuple(fault for fault in came if fault not in first)
 
 
+class AxisFaults(NamedTuple):
+    """The faults of one axis."""
+
+    axis: str
+    """Its name; empty of a rig with one motor."""
+    causes: tuple[Fault, ...]
+    consequences: tuple[Fault, ...]
+    came: Mapping[Fault, float]
+    """When each came [s]."""
+
+    def order(self) -> tuple[float, bool]:
+        """For sorting: who had a fault first; of those at once, who has one of its own."""
+        return min(self.came.values()), {*self.causes} <= {*faults.OF_OTHERS}
+
+
 def document(log: Recording, limits: Mapping[str, Any], *, twin: bool) -> list[dict[str, Any]]:
     """Every stop as JSON values.
 
@@ -148,16 +163,51 @@ def document(log: Recording, limits: Mapping[str, Any], *, twin: bool) -> list[d
         limits: see `too_busy`.
         twin: likewise.
     """
-    return [
-        {
-            "time_s": round(stop.time, 6),
-            "causes": [fault.meaning for fault in stop.causes],
-            "remedies": [remedy_of(fault, twin=twin) for fault in stop.causes],
-            "consequences": [fault.meaning for fault in stop.consequences],
-            "too_busy": too_busy(stop, limits, twin=twin) or None,
-        }
-        for stop in stops(log)
+    if not log.axes:
+        return [_said(stop, limits, twin=twin) for stop in stops(log)]
+    found = [
+        _StopOf(name, stop, part.settings.get("limits", limits))
+        for name, part in log.parts.items()
+        for stop in stops(part)
     ]
+    found.sort(key=lambda one: (one.stop.time, {*one.stop.causes} <= {*faults.OF_OTHERS}))
+    groups: list[list[_StopOf]] = []
+    for one in found:
+        alike = groups and not log.settings.get("independent") and one.axis not in [other.axis for other in groups[-1]]
+        if alike and one.stop.time - groups[-1][0].stop.time <= _SPREADS:
+            groups[-1].append(one)
+        else:
+            groups.append([one])
+    return [_said_of(group, len(log.axes), twin=twin) for group in groups]
+
+
+class _StopOf(NamedTuple):
+    axis: str
+    stop: Stop
+    limits: Mapping[str, Any]
+
+
+_SPREADS = 0.05
+"""Within this time a stop of one axis is that of the others, which see it a cycle later, or late cycles later [s]."""
+
+
+def _said(stop: Stop, limits: Mapping[str, Any], *, twin: bool) -> dict[str, Any]:
+    return {
+        "time_s": round(stop.time, 6),
+        "causes": [fault.meaning for fault in stop.causes],
+        "remedies": [remedy_of(fault, twin=twin) for fault in stop.causes],
+        "consequences": [fault.meaning for fault in stop.consequences],
+        "too_busy": too_busy(stop, limits, twin=twin) or None,
+    }
+
+
+def _said_of(group: Sequence[_StopOf], count: int, *, twin: bool) -> dict[str, Any]:
+    """A stop of several axes: what came first, in which axis, and what followed in it and in the others."""
+    first, *others = group
+    said = _said(first.stop, first.limits, twin=twin)
+    of_all = len(group) == count and all(one.stop[:2] == first.stop[:2] for one in others)
+    more = [f"{one.axis}: {fault.meaning}" for one in others for fault in (*one.stop.causes, *one.stop.consequences)]
+    return {**said, "axis": None if of_all else first.axis, "consequences": said["consequences"] + more * (not of_all)}
 
 
 def lines(stop: dict[str, Any], *, twin: bool = False) -> Iterator[str]:
@@ -169,14 +219,15 @@ def lines(stop: dict[str, Any], *, twin: bool = False) -> Iterator[str]:
         stop: one of `document`.
         twin: whether the drive was the command's own twin.
     """
+    axis = f"{stop['axis']}: " if stop.get("axis") else ""
     if stop["too_busy"]:
         yield stop["too_busy"]
         remedies = {fault.meaning: remedy_of(fault, twin=twin) for fault in Fault}
         for meaning in stop["consequences"]:
-            yield f"at the same time: {meaning}; {remedies[meaning]}"
+            yield f"at the same time: {meaning}; {remedies[meaning.rpartition(': ')[2]]}"
         return
     for meaning, remedy in zip(stop["causes"], stop["remedies"], strict=True):
-        yield f"{meaning}; {remedy}"
+        yield f"{axis}{meaning}; {remedy}"
     if stop["consequences"]:
         yield f"as a consequence: {', '.join(stop['consequences'])}"
 

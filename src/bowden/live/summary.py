@@ -22,6 +22,7 @@ from bowden.safety.supervisor import Mode
 
 if TYPE_CHECKING:
     from bowden.live.session import Session
+    from bowden.live.session_axis import SessionAxis
 
 
 def document(session: "Session") -> dict[str, Any]:
@@ -31,15 +32,13 @@ def document(session: "Session") -> dict[str, Any]:
     more = (*(() if emg_process is None else emg_summary.NEEDED), *(() if pushing is None else push_summary.NEEDED))
     needed = tuple(dict.fromkeys((*_NEEDED, *stops.NEEDED, *more)))
     log = _joined([read(path, needed) for path in session.logs if path.exists()])
-    led = log["source"] >= WishSource.LAW_BEGINS
-    error = (log["joint"] - log["reference"])[led]
-    error = error[np.isfinite(error)]
     ended = session.ended or {}
     mode = Mode(ended["mode"]).name.lower() if ended else None
     gone = ended.get("unattended", 0.0)
-    codes, explain = log["emergency"], family_of(session.live.rig.drive).explain
+    each = [_followed(axis, log.axis(axis.name) if axis.name else log) for axis in session.axes]
+    rmse, peak = ([one[key] for one in each if one[key] is not None] for key in ("rmse_deg", "peak_deg"))
     return {
-        "law": session.live.law.name,
+        "law": ", ".join(dict.fromkeys(axis.live.law.name for axis in session.axes)),
         "rig": session.live.logged.hash,
         "drive": session.ready["drive"],
         "twin": session.on_twin,
@@ -51,14 +50,19 @@ def document(session: "Session") -> dict[str, Any]:
         "unattended": stops.unattended(gone, session.live.limits.operator_age) if gone else None,
         "stops": stops.document(log, session.live.limits._asdict(), twin=session.on_twin),
         "preflight": ended.get("reason") or None,
-        "emergencies": [explain(int(code)) for code in dict.fromkeys(codes[codes > 0.0].tolist())],
+        "emergencies": [
+            f"{axis.name}: {text}".removeprefix(": ")
+            for axis, one in zip(session.axes, each, strict=True)
+            for text in one["emergencies"]
+        ],
         "torque": TorqueLeft(ended["torque"] if ended else TorqueLeft.UNKNOWN).name.lower(),
         "error": session.error or None,
         "cycles": ended.get("cycles"),
         "cycles_logged": len(log.rows),
-        "seconds_led": round(len(error) * session.live.rig.sample_time, 6),
-        "rmse_deg": float(np.sqrt(np.mean(error**2)) / RADIANS) if len(error) else None,
-        "peak_deg": float(np.abs(error).max() / RADIANS) if len(error) else None,
+        "seconds_led": min(one["seconds_led"] for one in each),
+        "rmse_deg": max(rmse, default=None),
+        "peak_deg": max(peak, default=None),
+        **({"axes": _axes(session, each)} if session.live.several else {}),
         "lateness": asdict(figures(log["lateness"])) if len(log.rows) else None,
         "run_time_median_us": _median_us(log["run_time"]),
         "overruns": ended.get("overruns"),
@@ -69,6 +73,39 @@ def document(session: "Session") -> dict[str, Any]:
         "more_logs": [str(path) for path in session.logs[1:]],
         "log_whole": log.whole,
     }
+
+
+def _followed(axis: "SessionAxis", log: Recording) -> dict[str, Any]:
+    """How well one axis followed, and what its drive said by itself."""
+    led = log["source"] >= WishSource.LAW_BEGINS
+    error = (log["joint"] - log["reference"])[led]
+    error = error[np.isfinite(error)]
+    codes, explain = log["emergency"], family_of(axis.live.rig.drive).explain
+    return {
+        "seconds_led": round(len(error) * axis.live.rig.sample_time, 6),
+        "rmse_deg": float(np.sqrt(np.mean(error**2)) / RADIANS) if len(error) else None,
+        "peak_deg": float(np.abs(error).max() / RADIANS) if len(error) else None,
+        "emergencies": [explain(int(code)) for code in dict.fromkeys(codes[codes > 0.0].tolist())],
+    }
+
+
+def _axes(session: "Session", each: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """What is said of each axis of several."""
+    ended = (session.ended or {}).get("axes") or [None] * len(each)
+    return [
+        {
+            "name": axis.name,
+            "law": axis.live.law.name,
+            "rig": axis.live.logged.hash,
+            "drive": drive,
+            "mode": None if end is None else Mode(end["mode"]).name.lower(),
+            "faults": [fault.meaning for fault in faults.of(end["faults"])] if end else [],
+            "preflight": (end or {}).get("reason") or None,
+            "torque": TorqueLeft(end["torque"] if end else TorqueLeft.UNKNOWN).name.lower(),
+            **one,
+        }
+        for axis, drive, end, one in zip(session.axes, session.ready["drives"], ended, each, strict=True)
+    ]
 
 
 def _joined(logs: list[Recording]) -> Recording:
@@ -114,7 +151,10 @@ def _median_us(values: NDArray[np.float64]) -> float | None:
 
 def print_summary(found: dict[str, Any]) -> None:
     """The same for a person."""
-    if found["rmse_deg"] is not None:
+    for one in found.get("axes", ()):
+        said = "no law led" if one["rmse_deg"] is None else f"{one['rmse_deg']:.3f}° RMS, {one['peak_deg']:.2f}° peak"
+        print(f"{one['name']}, {one['law']}: {said} over {one['seconds_led']:g} s")
+    if found["rmse_deg"] is not None and "axes" not in found:
         print(f"{found['law']}: {found['rmse_deg']:.3f}° RMS, {found['peak_deg']:.2f}° peak", end="")
         print(f" over {found['seconds_led']:g} s{' on the twin' if found['twin'] else ''}")
     late = found["lateness"]

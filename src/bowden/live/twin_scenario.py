@@ -2,6 +2,7 @@
 
 import contextlib
 import math
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -25,19 +26,21 @@ class TwinScenario:
     Args:
         drive: parameters of the drive whose twin it may be.
         start: the monotonic clock where the column ``time`` is zero [s].
+        at: column of this drive's axis → its place in a row.
     """
 
-    def __init__(self, drive: Any, start: float) -> None:
+    def __init__(self, drive: Any, start: float, at: Mapping[str, int] = AT) -> None:
+        self._at = at
         self._path = family_of(drive).control(drive)
         self._start, self._begun = start, False
         self._tell(math.inf)
 
     def see(self, rows: NDArray[np.float64]) -> None:
         """Take in the rows of a run that have come since the last call (n, width)."""
-        led = np.flatnonzero(rows[:, AT["source"]] >= WishSource.LAW_BEGINS)
+        led = np.flatnonzero(rows[:, self._at["source"]] >= WishSource.LAW_BEGINS)
         if len(led) and not self._begun:
             self._begun = True
-            self._tell(self._start + float(rows[led[0], AT["time"]]))
+            self._tell(self._start + float(rows[led[0], self._at["time"]]))
 
     def _tell(self, at: float) -> None:
         with contextlib.suppress(DriveError), TwinControl(self._path, _PATIENCE) as twin:

@@ -14,12 +14,13 @@ from bowden.control import user_law
 from bowden.control.reference import Trajectory
 from bowden.core import bounded
 from bowden.core.errors import ParameterError, asked_for_by, near
+from bowden.core.toml_text import quoted
 from bowden.hardware.drives.family import names as families
 from bowden.identify.cable.counting import Counting
 from bowden.identify.cable.model import IdentifiedCable
 from bowden.identify.cable.model_file import load_cable
 from bowden.models.cable.bouc_wen import BoucWen
-from bowden.rig import emg_setup
+from bowden.rig import axes, emg_setup
 from bowden.rig.checked import Gains
 from bowden.rig.declaration import Section, items_of, value_of
 from bowden.rig.given_law import LawFile, law_file
@@ -67,6 +68,8 @@ def values_of(tree: Mapping[str, Any], path: Path, keep: Mapping[str, Any] | Non
         ParameterError: see `read_values`.
         LogError: likewise.
     """
+    if axes.AXIS in tree or axes.INDEPENDENT in tree:
+        return _values_of_axes(tree, path, keep or {})
     file = checked_file(tree, path)
     kept = keep or {}
     values: dict[str, Any] = {name: _part(file, name) for name in PARTS}
@@ -90,12 +93,27 @@ def values_of(tree: Mapping[str, Any], path: Path, keep: Mapping[str, Any] | Non
     return values | {"origin": str(path)}
 
 
+def _values_of_axes(tree: Mapping[str, Any], path: Path, keep: Mapping[str, Any]) -> dict[str, Any]:
+    """The common values, and among them those of each axis with its name."""
+    common, each, independent = axes.split(tree, str(path))
+    known = {one.name: one.rig.fields for one in keep.get("axes", ())}
+    found = []
+    for name, whole in each:
+        with asked_for_by(f"axis {quoted(name)}"):
+            found.append((name, values_of(whole, path, known.get(name))))
+    return values_of(common, path, keep) | {"axes": tuple(found), "independent": independent}
+
+
 def checked_file(tree: Mapping[str, Any], path: Path) -> Any:
     """What stands in a rig.toml, as pydantic's classes of `bowden.rig.sections`.
 
     Raises:
         ParameterError: an unknown key, a value of the wrong kind or out of its range, or some that do not fit.
     """
+    if axes.AXIS in tree:
+        raise ParameterError(
+            f"{path} has several axes", expected="the rig of one motor", do="write one without [[axis]] for this"
+        )
     control = tree.get("control")
     if isinstance(control, Mapping) and isinstance(control.get("gains"), Mapping):
         tree = {**tree, "control": {**control, "gains": dotted(control["gains"], f"{path}: control.gains")}}

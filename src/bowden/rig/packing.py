@@ -39,6 +39,9 @@ MOST_BYTES = 32 << 20
 _DIGITS = 12
 """Numbers that are alike in this many digits make the same hash: degrees to radians and back is not exact."""
 
+OF_AXES = ("axes", "independent")
+"""Fields of a rig that one without axes says nothing of."""
+
 _REFERENCE_TAGS = {part.kind: tag for tag, part in REFERENCES.items() if tag != "recorded"}
 _BEND_TAGS = {part.kind: tag for tag, part in BENDS.items()}
 
@@ -58,7 +61,7 @@ def document(values: Mapping[str, Any]) -> dict[str, Any]:
     Raises:
         ParameterError: a reference, cable or law that exists only in this process, or too much of it.
     """
-    found = {name: _written(name, value) for name, value in values.items()}
+    found = {name: _written(name, value) for name, value in values.items() if name not in OF_AXES or value}
     law, more = found["law"], {}
     if isinstance(values["law"], Law):
         base, own = packable(values["law"])
@@ -84,11 +87,18 @@ def packed(found: Mapping[str, Any]) -> bytes:
 
 def digest(values: Mapping[str, Any]) -> str:
     """A short name of the values: equal ones have the same, whether they come from Python or a file."""
-    said = {name: value for name, value in values.items() if name != "plant" or value is not None}
+    if values["axes"]:
+        said: dict[str, Any] = {"axes": [[one.name, one.rig.hash] for one in values["axes"]]}
+        said["independent"] = values["independent"]
+    else:
+        left_out = {*OF_AXES, *(["plant"] if values["plant"] is None else [])}
+        said = {name: value for name, value in values.items() if name not in left_out}
     return hashlib.sha256(json.dumps(_said(said), sort_keys=True).encode()).hexdigest()[:16]
 
 
 def _written(name: str, value: Any) -> Any:
+    if name == "axes":
+        return [{"name": one.name, "rig": one.rig.document()} for one in value]
     if isinstance(value, RecordedMotion):
         numbers = {"time": _array(value.time), "position": _array(value.position)}
         return {"kind": "recorded", "said": _plain(value.said)} | numbers
@@ -214,7 +224,7 @@ def unpacked(pack: bytes | Mapping[str, Any], known: Iterable[str]) -> Packed:
     remarks: list[str] = []
     values: dict[str, Any] = {}
     fields = tuple(known)
-    if missing := [name for name in fields if name not in found]:
+    if missing := [name for name in fields if name not in found and name not in OF_AXES]:
         remarks.append(f"the packed rig has no {', '.join(missing)}: taken as the default bench has it")
     for name, given in found.items():
         if name in ("format", "software", "own_gains", "hash"):
@@ -266,6 +276,8 @@ def _read(pack: bytes) -> Mapping[str, Any]:
 
 
 def _value(name: str, given: Any, remarks: list[str]) -> Any:
+    if name == "axes":
+        return tuple((one["name"], one["rig"]) for one in given)
     if name in PARTS:
         return _made(PARTS[name].kind, given, PARTS[name].default, name, remarks)
     if name == "drive":

@@ -2,7 +2,7 @@
 
 import dataclasses
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -20,6 +20,7 @@ from bowden.core.part import signed
 from bowden.core.quantity import Quantity, declared
 from bowden.core.shown import axes_for, fragment, screen
 from bowden.core.style import new_figure
+from bowden.core.toml_text import quoted
 from bowden.core.units import DEGREES, RADIANS
 from bowden.cycle.one_cycle import Filters
 from bowden.hardware.drives.family import DriveNeeds, family_of
@@ -40,8 +41,10 @@ from bowden.plants.knowledge_of import knowledge_of
 from bowden.plants.plant import Plant
 from bowden.plants.suit_parts import Suit
 from bowden.plants.user_plant import UserPlant
+from bowden.rig import axes as several
 from bowden.rig import config, display, emg_motion, emg_setup, given_law, given_plant, packing, toml_text, wearer_file
 from bowden.rig import drive as live_parts
+from bowden.rig.axes import Axis
 from bowden.rig.bends import Bend, ConstantBend, RandomBend, ScriptedBend
 from bowden.rig.checked import Gains, checked, checked_number, shown
 from bowden.rig.compose_admittance import Pushing, pushing_of
@@ -146,6 +149,11 @@ class Rig:
     """What only the rig itself says of them; `supervisor_limits` is the whole."""
     live: LiveSettings = PARTS["live"].default
     emg: EmgSettings = PARTS["emg"].default
+    axes: tuple[Axis, ...] = ()
+    """Two to four motors in one loop, pairs of a name and a whole rig; empty of a rig with one motor. What the rig
+    itself says is then what is common."""
+    independent: bool = False
+    """Whether an axis that is stopped by a fault leaves the others running."""
     origin: str = field(default="Rig", compare=False)
     """The file that it was read from, for messages."""
     remarks: tuple[str, ...] = field(default=(), compare=False)
@@ -169,6 +177,7 @@ class Rig:
             raise ParameterError(
                 f"Rig: remarks is {shown(self.remarks)}", expected="a tuple of texts", do="leave it out"
             )
+        self._check_axes()
         self._check_clock()
         for kind in (Clock, Scenario):
             for one in declared(kind):
@@ -181,6 +190,22 @@ class Rig:
         if self.plant is not None:
             self._take_from_plant()
         self._check_whole()
+
+    def _check_axes(self) -> None:
+        """Refuse axes that cannot be in one loop."""
+        pairs = isinstance(self.axes, tuple | list) and all(
+            isinstance(one, tuple) and len(one) == 2 and isinstance(one[0], str) and isinstance(one[1], Rig)
+            for one in self.axes
+        )
+        if not pairs or not isinstance(self.independent, bool):
+            raise ParameterError(
+                f"Rig: axes is {shown(self.axes)}, independent {shown(self.independent)}",
+                expected="pairs of a name and a rig, and True or False",
+                do='make them: axes=(("hip", rig), ("knee", rig.replace(…)))',
+            )
+        object.__setattr__(self, "axes", tuple(Axis(*one) for one in self.axes))
+        if self.axes:
+            several.check(self.axes, self.origin)
 
     def _check_clock(self) -> None:
         """What the length of a run depends on, with the messages that the command line knows."""
@@ -279,7 +304,15 @@ class Rig:
             ParameterError: no such file, not TOML, an unknown key, a value of the wrong kind or out of its range.
             LogError: a recorded motion that cannot be used.
         """
-        return cls(**config.read_values(arguments.path_of(path, "Rig.read: path")))
+        return cls._of_values(config.read_values(arguments.path_of(path, "Rig.read: path")))
+
+    @classmethod
+    def _of_values(cls, values: dict[str, Any]) -> "Rig":
+        axes = []
+        for name, own in values.get("axes", ()):
+            with asked_for_by(f"axis {quoted(name)}"):
+                axes.append(Axis(name, cls(**own)))
+        return cls(**{**values, "axes": tuple(axes)})
 
     @classmethod
     def of_tree(cls, tree: Mapping[str, Any], origin: Path, keep: "Rig | None" = None) -> "Rig":
@@ -301,7 +334,7 @@ class Rig:
         place = arguments.path_of(origin, "Rig.of_tree: origin")
         if keep is not None and not isinstance(keep, Rig):
             raise ParameterError(f"Rig.of_tree: keep is {shown(keep)}", expected="a Rig", do="leave it out")
-        return cls(**config.values_of(tree, place, None if keep is None else keep._fields))
+        return cls._of_values(config.values_of(tree, place, None if keep is None else keep.fields))
 
     def tree(self) -> dict[str, Any]:
         """The rig as the sections of a rig.toml.
@@ -309,7 +342,13 @@ class Rig:
         Raises:
             ParameterError: a reference, law or value that a file has no words for.
         """
-        return toml_text.tree_of(self._fields)
+        if self.axes:
+            return several.shared({name: rig.tree() for name, rig in self.axes}) | self._independence
+        return toml_text.tree_of(self.fields)
+
+    @property
+    def _independence(self) -> dict[str, Any]:
+        return {several.INDEPENDENT: True} if self.independent else {}
 
     def to_toml(self) -> str:
         """The rig as the text of a rig.toml, which `read` reads back to the same hash.
@@ -331,7 +370,7 @@ class Rig:
         target = arguments.path_of(path, "Rig.write: path")
         if target.is_dir():
             raise OutputError(f"{target} is a folder", do=f"give the file's name: {target / 'rig.toml'}")
-        tree, files = toml_text.files_of(self._fields)
+        tree, files = self._tree_and_files()
         contents = {target: toml_text.written(tree).encode()} | {
             target.parent / name: text for name, text in files.items()
         }
@@ -344,8 +383,19 @@ class Rig:
             with whole_file(file) as part:
                 part.write_bytes(content)
 
+    def _tree_and_files(self) -> tuple[dict[str, Any], dict[str, bytes]]:
+        """The sections with the names of the files that lie beside, and what is in these."""
+        if not self.axes:
+            return toml_text.files_of(self.fields)
+        trees, files = {}, toml_text.Files()
+        for name, rig in self.axes:
+            trees[name], own = toml_text.files_of(rig.fields)
+            for file, content in own.items():
+                files.add(file, content)
+        return several.shared(trees) | self._independence, files.contents
+
     def replace(self, **changes: Any) -> "Rig":
-        """The same rig with other values of some fields.
+        """The same rig with other values of some fields; of one with axes, in each of them.
 
         With another plant of one's own goes what the old one said of servo, encoders and so on.
 
@@ -358,7 +408,43 @@ class Rig:
             fields = type(self).__dataclass_fields__
             back = {name: fields[name].default for name in given_plant.said_by(self.own_plant)}
             changes = back | changes
+        own = {name: value for name, value in changes.items() if name not in _OF_THE_WHOLE}
+        if self.axes and own and "axes" not in changes:
+            return self._with_axes(lambda rig: rig.replace(**own), **changes)
         return dataclasses.replace(self, **changes)
+
+    def _with_axes(self, made: Callable[["Rig"], "Rig"], **changes: Any) -> "Rig":
+        """The same rig with each axis as it is `made` of what it was, and with further changes of what is common."""
+        axes = tuple(Axis(name, made(rig)) for name, rig in self.axes)
+        return dataclasses.replace(self, **{**changes, "axes": axes})
+
+    @property
+    def parts(self) -> "tuple[Axis, ...]":
+        """The axes; of a rig with one motor itself, without a name."""
+        return self.axes or (Axis("", self),)
+
+    def axis(self, name: str | None = None) -> "Rig":
+        """The rig of one axis; of a rig with one motor itself, where no name is given.
+
+        Args:
+            name: of the axis.
+
+        Raises:
+            ParameterError: there is no such axis, or none is named and there are several.
+        """
+        names = [one.name for one in self.axes]
+        if name is None and not names:
+            return self
+        if name is None:
+            raise ParameterError(
+                f"{self.origin} has the axes {', '.join(names)}",
+                expected="one of them for this",
+                do=f"name one with --axis {names[0]}",
+            )
+        if name not in names:
+            expected = near(str(name), names) if names else "none: the rig has one motor, without [[axis]]"
+            raise ParameterError(f"{self.origin} has no axis {shown(name)}", expected=expected, do="correct --axis")
+        return dict(self.axes)[name]
 
     def with_law(self, law: GivenLaw | None = None, preset: str | None = None, folder: Path | None = None) -> "Rig":
         """The same rig with another law, without the gains of the old one; unchanged if no law is given.
@@ -371,6 +457,8 @@ class Rig:
         Raises:
             ParameterError: an unknown law, or a user's file that cannot be used.
         """
+        if self.axes:
+            return self._with_axes(lambda rig: rig.with_law(law, preset, folder))
         place = None if folder is None else arguments.path_of(folder, "Rig.with_law: folder", "folder")
         given = given_law.named(law, place) if isinstance(law, str) else law
         if given is None or given == self.law or _one_file(given, self.law):
@@ -392,6 +480,7 @@ class Rig:
         >>> Rig().with_gain("feedback_gain", 30.0).fitted().gains.feedback_gain
         30.0
         """
+        _ = self.axis()
         preset = preset_of(self.loaded_law, self.knowledge, preset=self.preset, gains=self.gains)
         return self.replace(preset=preset, gains={**self.gains, name: value})
 
@@ -406,6 +495,7 @@ class Rig:
             ParameterError: settings that do not fit it.
             StreamError: what names no source.
         """
+        _ = self.axis()
         arguments.text(source, "Rig.with_emg: source", '"lsl:NAME", "trigno:HOST" or "file:PATH"')
         emg = self.emg
         if wearer is not None:
@@ -427,6 +517,7 @@ class Rig:
         Raises:
             StreamError: a recording that cannot be used.
         """
+        _ = self.axis()
         run, whole = self.emg_run, arguments.flag(whole, "Rig.offline: whole")
         if run is None or self.stands_for:
             return self
@@ -444,7 +535,8 @@ class Rig:
         return made
 
     @property
-    def _fields(self) -> dict[str, Any]:
+    def fields(self) -> dict[str, Any]:
+        """Name → value."""
         return {one.name: getattr(self, one.name) for one in dataclasses.fields(self)}
 
     @property
@@ -452,7 +544,7 @@ class Rig:
         return {one.name: getattr(self, one.name) for one in dataclasses.fields(self) if one.compare}
 
     def __getstate__(self) -> dict[str, Any]:
-        return self._fields
+        return self.fields
 
     @cached_property
     def hash(self) -> str:
@@ -487,7 +579,8 @@ class Rig:
         """
         known = [one.name for one in dataclasses.fields(cls) if one.compare or one.name == "origin"]
         values, remarks = packing.unpacked(pack, known)
-        return cls(**values, remarks=remarks)
+        axes = tuple(Axis(name, cls.unpack(document)) for name, document in values.get("axes", ()))
+        return cls(**{**values, "axes": axes}, remarks=remarks)
 
     def __repr__(self) -> str:
         given = [
@@ -837,6 +930,8 @@ class Rig:
         for name, value in (("channel", channel), ("interface", interface)):
             if value is not None:
                 arguments.text(value, f"Rig.on_bus: {name}", "the name of a bus" if name == "channel" else "its kind")
+        if self.axes:
+            return self._with_axes(lambda rig: rig.on_bus(channel, interface))
         moved = family_of(self.drive).moved(self.drive, channel, interface)
         return self if moved == self.drive else self.replace(drive=moved)
 
@@ -855,6 +950,8 @@ class Rig:
         return live_parts.filters(self.live, self.sample_time)
 
 
+_OF_THE_WHOLE = ("axes", "independent", "origin", "remarks")
+"""Fields of a rig with axes that are not those of each axis."""
 _LOOKED_AT, _INSTANTS = 60.0, 601
 """Of a reference: for how long it is looked at [s], and how often."""
 _BEYOND = 0.1

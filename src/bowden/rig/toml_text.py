@@ -106,17 +106,8 @@ def files_of(values: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, bytes
     Raises:
         ParameterError: see `tree_of`; or two of the files have one name.
     """
-    tree = tree_of(values)
-    files: dict[str, bytes] = {}
-
-    def add(name: str, content: bytes) -> None:
-        if files.setdefault(name, content) != content:
-            raise ParameterError(
-                f"two files of the rig have the name {name}",
-                expected="files of different names",
-                do="rename one, or pass the rig on with pack()",
-            )
-
+    tree, files = tree_of(values), Files()
+    add = files.add
     cable, reference, law, emg = (values[name] for name in ("cable", "reference", "law", "emg"))
     if values["plant"] is not None:
         plant = as_file(values["plant"])
@@ -146,22 +137,51 @@ def files_of(values: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, bytes
     if emg.place:
         kind, _, place = emg.place.partition(":")
         tree["emg"]["source"] = f"{kind}:{Path(place).absolute()}"
-    return tree, files
+    return tree, files.contents
+
+
+class Files:
+    """Files that lie beside a rig.toml."""
+
+    def __init__(self) -> None:
+        self.contents: dict[str, bytes] = {}
+        """Name → what is in it."""
+
+    def add(self, name: str, content: bytes) -> None:
+        """Add one.
+
+        Raises:
+            ParameterError: another file has its name.
+        """
+        if self.contents.setdefault(name, content) != content:
+            raise ParameterError(
+                f"two files of the rig have the name {name}",
+                expected="files of different names",
+                do="rename one, or pass the rig on with pack()",
+            )
 
 
 def written(tree: Mapping[str, Any]) -> str:
-    """The text of nested dictionaries, as TOML."""
+    """The text of nested dictionaries and lists of them, as TOML."""
     return "\n\n".join(_sections(tree, "")) + "\n"
 
 
-def _sections(tree: Mapping[str, Any], title: str) -> Iterator[str]:
-    plain = {key: value for key, value in tree.items() if not isinstance(value, Mapping)}
+def _sections(tree: Mapping[str, Any], title: str, brackets: str = "[{}]") -> Iterator[str]:
+    several = {key: value for key, value in tree.items() if isinstance(value, list) and _of_sections(value)}
+    plain = {key: value for key, value in tree.items() if not isinstance(value, Mapping) and key not in several}
     if plain:
-        lines = [f"[{title}]"] if title else []
+        lines = [brackets.format(title)] if title else []
         yield "\n".join([*lines, *(f"{key_of(key)} = {_value(value)}" for key, value in plain.items())])
     for key, value in tree.items():
         if isinstance(value, Mapping) and value:
             yield from _sections(value, f"{title}.{key}".strip("."))
+    for key, values in several.items():
+        for value in values:
+            yield from _sections(value, f"{title}.{key}".strip("."), "[[{}]]")
+
+
+def _of_sections(values: list[Any]) -> bool:
+    return bool(values) and all(isinstance(one, Mapping) for one in values)
 
 
 def _value(value: Any) -> str:

@@ -117,9 +117,33 @@ class Fault(IntEnum):
                      "look at 6077h of the drive and its PDO")
     RELEASE_PULLS = (3, 3, 0.004, "release pulls", "joint beyond 20° to the slack side, and 6° further since R2 began",
                      "turn slack_sign of [limits] round, or the motor's direction")
+    AXIS_RELEASED = (2, 2, 0.004, "another axis is being released", "a fault of another axis of the rig asks for R2",
+                     "look at the fault of the other axis; an acknowledgement is for all axes")
+    AXIS_OFF = (3, 3, 0.004, "another axis is off", "a fault of another axis of the rig asks for R3",
+                "look at the fault of the other axis; an acknowledgement is for all axes")
 # fmt: on
+
+OF_OTHERS = (Fault.AXIS_RELEASED, Fault.AXIS_OFF)
+"""What an axis is stopped by that has no fault of its own."""
+_BITS = {then: sum(1 << fault for fault in Fault if fault.then == then and fault not in OF_OTHERS) for then in (2, 3)}
+"""Reaction → the axis' own faults that end in it."""
 
 
 def of(bits: float) -> list[Fault]:
     """The faults in a verdict's bit set, worst reaction first."""
     return sorted((fault for fault in Fault if int(bits) >> fault & 1), key=lambda fault: -fault.then)
+
+
+def shown_to_others(latched: float) -> float:
+    """What the supervisors of other axes are shown of one: the worst reaction of the faults of its own that have
+    latched it, 2 or 3; 0 of none.
+
+    What merely follows from another axis is left out: two axes would hold each other.
+
+    >>> shown_to_others(2.0**Fault.SLACK), shown_to_others(2.0**Fault.SLACK + 2.0**Fault.DRIVE_FAULT)
+    (2.0, 3.0)
+    >>> shown_to_others(2.0**Fault.AXIS_OFF)
+    0.0
+    """
+    bits = int(latched)
+    return 3.0 if bits & _BITS[3] else 2.0 if bits & _BITS[2] else 0.0

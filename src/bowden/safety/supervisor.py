@@ -44,6 +44,7 @@ class Observed(NamedTuple):
     recorder: float  # 1 if the recorder is alive and has room, else 0
     preflight: float  # 0 not done, 1 passed, −1 failed
     emg_age: float  # since the newest EMG sample was taken; 0 in a run without EMG [s]
+    others: float = 0.0  # worst reaction to faults of other axes, 2 or 3; 0 for none, and where there are no others
 
 
 class Verdict(NamedTuple):
@@ -171,6 +172,8 @@ class Found(NamedTuple):
     EMERGENCY_STOP: float
     CURRENT_STUCK: float
     RELEASE_PULLS: float
+    AXIS_RELEASED: float
+    AXIS_OFF: float
 
 
 POWER_OFF, POWER_ON = 0.0, 3.0  # of `hardware.ports.Power`, which this floor cannot see
@@ -379,6 +382,8 @@ def look(
         EMERGENCY_STOP=pressed,
         CURRENT_STUCK=limits.measures_current * (1.0 - beyond(last.mode, BRIDGING)) * stuck,
         RELEASE_PULLS=limits.homed * (last.mode == RELEASING) * pulls,
+        AXIS_RELEASED=1.0 - outside(observed.others, 1.5, 2.5),
+        AXIS_OFF=outside(observed.others, -0.5, 2.5),
     )
     return (
         SupervisorState(

@@ -35,7 +35,15 @@ class Links:
         self._given = given
         self._links: dict[tuple[str, str], BusLink] = {}
 
-    def join(self, place: BusPlace, node: str, wanted: Callable[[int], bool], *, synced: bool = False) -> "BusPort":
+    def join(
+        self,
+        place: BusPlace,
+        node: str,
+        wanted: Callable[[int], bool],
+        *,
+        synced: bool = False,
+        restore: Callable[[], None] | None = None,
+    ) -> "BusPort":
         """Join a bus as the host of one node.
 
         Args:
@@ -43,6 +51,7 @@ class Links:
             node: which one, for messages: ``node 1``.
             wanted: whether a frame with this identifier and these flags is for this node's host.
             synced: whether it sends something for the whole bus in each cycle, see `BusPort.sync`.
+            restore: called when another drive on the bus has been brought up, see `BusPort.disturbed`.
 
         Raises:
             DriveError: the bus cannot be opened, another process is its host, or this process has that node already.
@@ -52,7 +61,9 @@ class Links:
             link = BusLink(place, self._given)
             self._links[place[:2]] = link
         try:
-            return link.join(node, wanted, synced, lambda: self._links.pop(place[:2], None))
+            port = link.join(node, wanted, synced, lambda: self._links.pop(place[:2], None))
+            port.restore = restore
+            return port
         except BaseException:
             if not link.ports:
                 link.close()
@@ -137,6 +148,7 @@ class BusPort:
     def __init__(self, link: BusLink, node: str, wanted: Callable[[int], bool], emptied: Callable[[], object]) -> None:
         self.node, self.synced = node, False
         """Whether what it sends for the whole bus waits for the others who do so; False while it is let go of alone."""
+        self.restore: Callable[[], None] | None = None
         self._link, self._wanted, self._emptied = link, wanted, emptied
         self._frames: deque[Frame] = deque(maxlen=_MOST_WAITING)
 
@@ -176,6 +188,12 @@ class BusPort:
             self._link.sync(message)
         else:
             self._link.send(message)
+
+    def disturbed(self) -> None:
+        """What this drive's bring-up sent for the whole bus has reached the others too: each restores itself."""
+        for port in self._link.ports:
+            if port is not self and port.restore is not None:
+                port.restore()
 
     def wait_for(self, matches: Callable[[int, bytes], bool], timeout: float) -> Frame | None:
         """The next frame that matches; None where none comes within `timeout` [s] after the one before."""

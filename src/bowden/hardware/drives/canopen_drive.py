@@ -12,7 +12,7 @@ from bowden.core.signals import EMERGENCY_STOP, DriveReading, DriveState
 from bowden.hardware.buses.link import BusPlace, BusPort, Links
 from bowden.hardware.buses.unix_bus import ERROR, REMOTE
 from bowden.hardware.drives import canopen_frames as frames
-from bowden.hardware.drives.canopen_setup import DriveFindings, set_up
+from bowden.hardware.drives.canopen_setup import DriveFindings, restore, set_up
 from bowden.hardware.drives.cia402 import WITH_TORQUE, Controlword, controlword, decode, fell
 from bowden.hardware.drives.emergencies import SAFE_TORQUE_OFF
 from bowden.hardware.drives.parameters import DriveParameters, check_parameters, zeroed
@@ -66,15 +66,23 @@ class CanopenDrive:
         drive = self._drive
         if self._port is None:
             place = BusPlace(drive.interface, drive.channel, drive.bitrate)
-            self._port = self._links.join(place, f"node {drive.node_id}", self._wants, synced=True)
+            self._port = self._links.join(
+                place, f"node {drive.node_id}", self._wants, synced=True, restore=self._restore
+            )
         try:
             self._found = set_up(self._port.bus, drive)
+            self._port.disturbed()
         except BaseException:
             self._leave()
             raise
         self._begin(self._found.state)
         self._operational = True
         return self._found.identity
+
+    def _restore(self) -> None:
+        """Be as it was brought up, after another drive on this bus was."""
+        if self._port is not None and self._found is not None and self._found.state is not DriveState.FAULT:
+            restore(self._port.bus, self._drive)
 
     def _wants(self, identifier: int) -> bool:
         """Whether a frame is of this drive, or one that only this host may send, or an error of the bus."""

@@ -161,8 +161,31 @@ def _try_watch(node: Dialogue, drive: DriveParameters, state: DriveState) -> Non
         )
     if not node.reaches(frames.OPERATIONAL, 1):
         _start(node)  # one without 1029h leaves operational when its host is lost
-    if state is DriveState.FAULT or not signals:
-        return
+    if state is not DriveState.FAULT and signals:
+        _reset(node, drive)
+
+
+def restore(bus: can.BusABC, drive: DriveParameters) -> None:
+    """Bring back a drive that has missed its host's heartbeat while another drive on its bus was tried: both hear it.
+
+    Args:
+        bus: open, and read by nobody else.
+        drive: that was set up, without a fault.
+
+    Raises:
+        DriveError: it does not answer, or stays in fault.
+    """
+    with dialogue(bus, drive.node_id, drive.host_id, drive.answer_timeout) as node:
+        if node.read_if_there(0x603F) != HEARTBEAT_LOST:
+            return
+        if not node.reaches(frames.OPERATIONAL, 1):
+            _start(node)
+        if decode(node.read(0x6041)) is DriveState.FAULT:
+            _reset(node, drive)
+
+
+def _reset(node: Dialogue, drive: DriveParameters) -> None:
+    """Reset the fault of a lost host."""
     for word in (Controlword.DISABLE_VOLTAGE, Controlword.FAULT_RESET, Controlword.DISABLE_VOLTAGE):
         node.send(frames.RPDO1 + drive.node_id, frames.pack_rpdo1(word, 0, 0 if drive.torque_offset > 0.0 else None))
         node.send(frames.SYNC, b"")

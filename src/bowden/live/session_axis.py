@@ -1,0 +1,106 @@
+"""One axis of a live run from the operator's side: its rows, its faults, and what is remembered of its drive."""
+
+from collections.abc import Mapping, Sequence
+from concurrent.futures import Executor
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowden.core.clock import SECOND
+from bowden.live import latch_file, thermal_file
+from bowden.live.axis_columns import view
+from bowden.live.gain_ramp import in_force
+from bowden.live.live_run import Live
+from bowden.live.row import AT
+from bowden.live.stops import onsets
+from bowden.live.twin_scenario import TwinScenario
+from bowden.models.drive.thermal import cold
+from bowden.safety.faults import Fault
+from bowden.safety.supervisor import Mode
+
+Array = NDArray[np.float64]
+
+
+class SessionAxis:
+    """One axis; of a rig with one motor that is the whole run.
+
+    Args:
+        live: the run of this axis.
+        columns: of the whole run.
+        names: of all axes; empty where there is one.
+        start: the monotonic clock where the column ``time`` is zero [ns].
+        remembers: whether the motor's warmth and its latch are taken from the run before and kept for the next one.
+    """
+
+    def __init__(
+        self, live: Live, columns: Sequence[str], names: Sequence[str], start: int, *, remembers: bool
+    ) -> None:
+        self.live, self.name, self._remembers = live, live.name, remembers
+        seen = view(columns, names, live.name) if names else None
+        self._places = None if seen is None else np.array(seen.places)
+        self.columns = tuple(columns) if seen is None else seen.columns
+        """As a run with this axis alone has them."""
+        at = (
+            {name: i for i, name in enumerate(columns)}
+            if seen is None
+            else dict(zip(seen.columns, seen.places, strict=True))
+        )
+        self._at = {name: at[name] for name in AT}
+        drive = live.rig.drive_parameters
+        self._scenario = TwinScenario(drive, start / SECOND, self._at)
+        self.thermal = thermal_file.read(drive, live.limits) if remembers else cold(live.limits.thermal)
+        """How warm the run before left the motor."""
+        self.latched = latch_file.read(drive) if remembers else None
+        """Faults that have not been acknowledged, a sum of 2**fault; None where there is no latch."""
+        self.came: dict[Fault, float] = {}
+        """When the faults that are there came [s], in that order."""
+        self.emergency = 0
+        """Error code of the drive's last emergency; 0 where there was none."""
+
+    def see(self, rows: Array, latching: Executor) -> None:
+        """Take in the run's newest rows (n, width), one at least; what is remembered is kept by `latching`."""
+        at = self._at
+        self._scenario.see(rows)
+        bits = rows[:, at["faults"]]
+        clear = np.flatnonzero(bits == 0.0)
+        begin = int(clear[-1]) + 1 if len(clear) else 0
+        before = {} if len(clear) else self.came
+        self.came = {**before, **onsets(bits[begin:], rows[begin:, at["time"]]), **before}
+        codes = rows[:, at["emergency"]]
+        self.emergency = int(next((code for code in codes[::-1] if code > 0.0), self.emergency))
+        self._remember_latch(rows[-1], latching)
+
+    def _remember_latch(self, row: Array, latching: Executor) -> None:
+        """Keep what latched the run, until somebody acknowledges it, by a thread of its own: a disk may be slow."""
+        latched = float(row[self._at["faults"]]) if row[self._at["mode"]] == Mode.LATCHED else None
+        if (latched is None) == (self.latched is None) or not self._remembers:
+            return
+        if latched is not None:
+            latching.submit(latch_file.write, self.live.rig.drive_parameters, latched)
+        else:
+            latching.submit(latch_file.acknowledge, self.live.rig.drive_parameters)
+        self.latched = latched
+
+    def mode(self, row: Array) -> float:
+        """The number of its mode in a row of the run."""
+        return float(row[self._at["mode"]])
+
+    def values(self, row: Array) -> dict[str, float]:
+        """This axis' part of a row of the run, by its columns without its name."""
+        return dict(zip(self.columns, (row if self._places is None else row[self._places]).tolist(), strict=True))
+
+    def of(self, row: Mapping[str, float]) -> dict[str, float]:
+        """The same of a row that has names."""
+        if self._places is None:
+            return dict(row)
+        named = list(row.values())
+        return {name: named[place] for name, place in zip(self.columns, self._places.tolist(), strict=True)}
+
+    def gains(self, row: Mapping[str, float] | None) -> dict[str, float]:
+        """Gain → its value in force, by this axis' newest row."""
+        numbers = {name: float(value) for name, value in self.live.law.numbers.items()}
+        return numbers if row is None else {**numbers, **in_force(row)}
+
+    def remember(self, row: Mapping[str, float], *, surely: bool) -> str:
+        """Keep how warm the motor is, by a row of this axis; why it cannot be kept, or nothing."""
+        return thermal_file.write(self.live.rig.drive_parameters, row, surely=surely)

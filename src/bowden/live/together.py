@@ -1,0 +1,143 @@
+"""What several axes are asked for and shown, so that they begin and end together. Pure.
+
+An axis that a fault stops is shown to the supervisors of the others, which release or switch off too (`safety.faults`,
+`AXIS_RELEASED`, `AXIS_OFF`). What no fault is, and would have one axis move without another, is met here: arming and
+running are passed on only where every axis can follow, and an axis that has not followed within `PATIENCE` cycles, or
+has gone without a fault, ends the run of all by the request that an operator stops it with.
+"""
+
+import functools
+import operator
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowden.safety.faults import shown_to_others
+from bowden.safety.supervisor import Mode, Request
+
+PATIENCE = 20
+"""Cycles that the axes may need to begin to run, one after the other: a bridged reading keeps one back for 5."""
+_NONE, _ARM, _RUN, _STOP = (float(one) for one in (Request.NONE, Request.ARM, Request.RUN, Request.STOP))
+_STOPPED, _PREFLIGHT, _RUNNING = float(Mode.STOPPED), float(Mode.PREFLIGHT), float(Mode.RUNNING)
+_ON = frozenset({_PREFLIGHT, _RUNNING, float(Mode.BRIDGING)})
+_OFF = frozenset({_STOPPED, float(Mode.LATCHED)})
+
+
+class Together:
+    """The axes of one run.
+
+    Args:
+        count: of them.
+        independent: whether each goes alone.
+    """
+
+    def __init__(self, count: int, *, independent: bool) -> None:
+        self._count, self._independent = count, independent
+        self._apart = 0
+
+    def asked(self, request: float, modes: Sequence[float], faults: Sequence[float]) -> list[float]:
+        """What each supervisor is asked for in this cycle.
+
+        Args:
+            request: of the operator, for all.
+            modes: of each axis after the cycle before.
+            faults: that each had then, a sum of 2**fault.
+        """
+        if self._independent:
+            return [request] * self._count
+        if request == _ARM and not all(
+            mode == _STOPPED and not found for mode, found in zip(modes, faults, strict=True)
+        ):
+            request = _NONE
+        if request == _RUN and any(mode != _PREFLIGHT for mode in modes):
+            request = _NONE
+        on = [mode in _ON for mode in modes]
+        apart = any(mode in _OFF for mode in modes) and any(on)
+        asked = [request] * self._count
+        if _RUNNING in modes and _PREFLIGHT in modes:
+            self._apart += 1
+            asked = [_RUN if mode == _PREFLIGHT and request == _NONE else request for mode in modes]
+        else:
+            self._apart = 0
+        if apart or self._apart > PATIENCE:
+            asked = [_STOP if is_on else one for is_on, one in zip(on, asked, strict=True)]
+        return asked
+
+    def shown(self, latched: Sequence[float]) -> list[float]:
+        """What each supervisor is shown of the others: the worst reaction to their own faults.
+
+        Args:
+            latched: faults that each axis had latched after the cycle before, a sum of 2**fault.
+        """
+        if self._independent or not any(latched):
+            return [0.0] * self._count
+        own = [shown_to_others(bits) for bits in latched]
+        return [max((*own[:i], *own[i + 1 :])) for i in range(self._count)]
+
+    def outcomes(self, alone: Sequence[float]) -> list[float]:
+        """The outcome of the preflight that each supervisor is shown: failed as soon as one has, passed once all have.
+
+        Args:
+            alone: outcome of each axis' own, 0 not done, 1 passed, −1 failed.
+        """
+        return list(alone) if self._independent else [min(alone)] * self._count
+
+    def over(self, done: Sequence[bool], modes: Sequence[float]) -> bool:
+        """Whether the run has come to its end: every axis that runs has, and one does.
+
+        Args:
+            done: whether each axis' script has.
+            modes: of each axis after the cycle before.
+        """
+        running = [ended for ended, mode in zip(done, modes, strict=True) if mode == _RUNNING]
+        return bool(running) and all(running) and (self._independent or len(running) == self._count)
+
+
+_ORDER = (Mode.STOPPED, Mode.LATCHED, Mode.PREFLIGHT, Mode.RUNNING, Mode.BRIDGING, Mode.RELEASING)
+_ALONE = (Mode.STOPPED, Mode.LATCHED, Mode.RELEASING, Mode.PREFLIGHT, Mode.RUNNING, Mode.BRIDGING)
+
+
+def mode_of_all(modes: Sequence[float], *, independent: bool) -> Mode:
+    """Where a run of several axes stands: the mode of the axis that is the furthest from having no power.
+
+    >>> mode_of_all((5.0, 4.0), independent=False)
+    <Mode.RELEASING: 4>
+    >>> mode_of_all((4.0, 2.0), independent=True)
+    <Mode.RUNNING: 2>
+    """
+    order = _ALONE if independent else _ORDER
+    return max((Mode(int(mode)) for mode in modes), key=order.index)
+
+
+def modes_of_all(modes: NDArray[np.float64], *, independent: bool) -> NDArray[np.float64]:
+    """`mode_of_all` of many rows (n, axes)."""
+    if modes.shape[1] == 1:
+        return modes[:, 0]
+    order = np.array(_ALONE if independent else _ORDER, dtype=np.float64)
+    places = np.argsort(order)[np.nan_to_num(modes).astype(np.int64)]
+    return order[places.max(axis=1)]
+
+
+OF_ALL = ("mode", "faults", "reaction", "power", "preflight", "preflight_reason")
+"""Columns that a row of several axes has for all of them."""
+
+
+def of_all(rows: Sequence[Mapping[str, float]], *, independent: bool) -> dict[str, float]:
+    """What stands for all axes in a row: the furthest mode, every fault, the worst reaction, the preflight of all.
+
+    Args:
+        rows: of each axis, by its columns without its name.
+        independent: whether each goes alone.
+    """
+    if len(rows) == 1:
+        return {name: rows[0][name] for name in OF_ALL}
+    bits = functools.reduce(operator.or_, (int(row["faults"]) for row in rows))
+    return {
+        "mode": float(mode_of_all([row["mode"] for row in rows], independent=independent)),
+        "faults": float(bits),
+        "reaction": max(row["reaction"] for row in rows),
+        "power": max(row["power"] for row in rows),
+        "preflight": min(row["preflight"] for row in rows),
+        "preflight_reason": next((row["preflight_reason"] for row in rows if row["preflight_reason"]), 0.0),
+    }

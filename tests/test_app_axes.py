@@ -1,0 +1,167 @@
+"""Several axes by the commands: run on twins, logged, replayed, stopped together; refused where one is asked for."""
+
+import json
+import subprocess
+import warnings
+from pathlib import Path
+from typing import Any
+
+import jsonschema
+import numpy as np
+import pytest
+
+from bowden.app.main import run
+from bowden.core.errors import SafetyError
+from bowden.face.run import run as live
+from bowden.live.mcap_read import read
+from bowden.live.session import Session
+from bowden.safety.faults import Fault, of
+from bowden.safety.supervisor import Mode
+from live_runs import COMMAND, SHARED, finished_well, tries
+
+ROOT = Path(__file__).parents[1]
+SECTIONS = f"""[scenario]
+duration_s = 2.0
+[control]
+law = "bowden"
+[limits]
+{SHARED}"""
+AXES = """[[axis]]
+name = "hip"
+[axis.drive]
+node_id = 1
+[[axis]]
+name = "knee"
+[axis.drive]
+node_id = 2
+[axis.reference]
+high_deg = 20.0
+"""
+
+
+@pytest.fixture
+def leg(tmp_path: Path) -> Path:
+    path = tmp_path / "leg.toml"
+    path.write_text(SECTIONS + AXES)
+    return path
+
+
+def asked(*words: str, capsys: pytest.CaptureFixture[str], code: int = 0) -> Any:
+    """What a command prints as JSON, as its schema has it."""
+    ended = run([*words, "--json"])
+    out, errors = capsys.readouterr()
+    assert ended == code, errors
+    found = json.loads(out)
+    name = "_".join(word for word in words[:2] if word.isalpha() and not Path(word).exists())
+    schema = json.loads((ROOT / "docs" / "json" / f"{name}.schema.json").read_text(encoding="utf-8"))
+    jsonschema.validate(found, schema)
+    return found
+
+
+@pytest.mark.parametrize("buses", [1, 2])
+def test_two_twins_run_in_one_loop_and_each_axis_replays_to_the_bit(
+    buses: int, leg: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    if buses == 2:
+        leg.write_text(leg.read_text().replace("node_id = 2", 'node_id = 1\nchannel = "other"'))
+    found = finished_well(leg, tmp_path / "out", "--twin")
+    assert [axis["name"] for axis in found["axes"]] == ["hip", "knee"]
+    assert all(axis["mode"] == "stopped" and axis["rmse_deg"] < 1.5 for axis in found["axes"])
+    log = read(Path(found["log"]))
+    for part in log.parts.values():
+        assert part["mode"].max() == Mode.RELEASING or part["mode"].max() == Mode.RUNNING
+    assert float(np.nanmax(log["knee.reference"])) < 0.5 * float(np.nanmax(log["reference"]))
+    again = asked("log", "replay", found["log"], capsys=capsys)
+    assert [axis["axis"] for axis in again["axes"]] == ["hip", "knee"]
+    for axis in again["axes"]:
+        assert axis["law_cycles"] > 1000
+        assert (axis["wish_largest"], axis["verdicts_differing"], axis["command_largest"]) == (0.0, 0, 0.0)
+    one = asked("log", "replay", found["log"], "--axis", "knee", capsys=capsys)
+    assert one["law_cycles"] == again["axes"][1]["law_cycles"]
+    told = asked("log", "info", found["log"], capsys=capsys)
+    assert [*told["axes"]] == ["hip", "knee"]
+    files = asked("log", "plot", found["log"], "--out", str(tmp_path / "page.html"), capsys=capsys)["files"]
+    assert [Path(file).name for file in files] == ["page-hip.html", "page-knee.html"]
+    columns = asked(
+        *("log", "export", found["log"], "--axis", "knee", "--out", str(tmp_path / "knee.parquet")), capsys=capsys
+    )["columns"]
+    assert "joint" in columns
+    assert not any(column.startswith("knee.") for column in columns)
+
+
+def stopped(leg: Path, out: Path, fault: str, axis: str) -> Session:
+    """A run that a fault of one twin has ended."""
+    with live(leg, twin=True, out=out) as session:
+        session.start()
+        session.inject(fault, axis=axis)
+        while (row := session.last()) is not None and row["mode"] in (Mode.RUNNING, Mode.BRIDGING, Mode.RELEASING):
+            session.wait(0.02)
+    return session
+
+
+@pytest.mark.parametrize(("axis", "fault", "seen", "shown"), [
+    ("hip", "drive_fault", {Fault.DRIVE_FAULT}, Fault.AXIS_OFF),
+    ("knee", "encoder_frozen joint", {Fault.JOINT_FROZEN, Fault.JOINT_ASTRAY}, Fault.AXIS_RELEASED),
+])  # fmt: skip
+def test_a_fault_of_one_twin_stops_both_and_is_told_with_its_axis(
+    axis: str, fault: str, seen: set[Fault], shown: Fault, leg: Path, tmp_path: Path
+) -> None:
+    for number in tries():
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # that a fault ended it
+            try:
+                session = stopped(leg, tmp_path / f"o{number}", fault, axis)
+            except SafetyError:  # a late loop does not let it begin
+                continue
+        assert session.ended is not None
+        log = read(session.log)
+        first = {name: int(np.flatnonzero(part["mode"] >= Mode.RELEASING)[0]) for name, part in log.parts.items()}
+        sick, other = log.axis(axis), log.axis("hip" if axis == "knee" else "knee")
+        if not seen & {*of(float(sick["faults"][first[axis]]))}:
+            continue  # this computer was late first
+        assert first["hip" if axis == "knee" else "knee"] == first[axis] + 1
+        assert shown in of(float(other["faults"][first[axis] + 1]))
+        assert {one["mode"] for one in session.ended["axes"]} == {Mode.LATCHED}
+        assert f"{axis}: " in session.outcome
+        break
+
+
+def test_check_and_simulate_tell_each_axis(leg: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    checked = asked("check", str(leg), capsys=capsys)
+    assert [axis["axis"] for axis in checked["axes"]] == ["hip", "knee"]
+    simulated = asked("simulate", str(leg), "--out", str(tmp_path / "sim"), capsys=capsys)
+    assert [axis["axis"] for axis in simulated["axes"]] == ["hip", "knee"]
+    assert (tmp_path / "sim" / "knee" / "bowden.parquet").exists()
+    alone = asked("simulate", str(leg), "--axis", "hip", "--out", str(tmp_path / "one"), capsys=capsys)
+    assert alone["runs"][0]["rmse_deg"] == simulated["axes"][0]["runs"][0]["rmse_deg"]
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("tune", "{}"),
+        ("export", "{}", "--to", "firmware"),
+        ("measure", "{}", "--twin", "--auto"),
+        ("twin", "{}"),
+        ("league", "{}"),
+    ],
+    ids=lambda words: words[0],
+)
+def test_a_command_on_one_axis_asks_for_its_name(
+    words: tuple[str, ...], leg: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    ended = run([word.format(leg) for word in words])
+    said = capsys.readouterr().err
+    assert ended == 2
+    assert len(said.strip().splitlines()) == 1
+    assert "has the axes hip, knee; expected one of them" in said
+
+
+def test_a_rig_of_axes_that_cannot_be_gets_no_power(tmp_path: Path) -> None:
+    (tmp_path / "bad.toml").write_text(SECTIONS + AXES.replace("node_id = 2", "node_id = 1"))
+    words = [*COMMAND, "run", str(tmp_path / "bad.toml"), "--twin", "--auto", "--out", str(tmp_path / "out")]
+    done = subprocess.run(words, capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert done.stderr.count("\n") == 1
+    assert 'axes "hip" and "knee" have one drive' in done.stderr
+    assert not (tmp_path / "out").exists()

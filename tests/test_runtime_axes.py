@@ -1,0 +1,268 @@
+"""Several axes in one loop on a clock of the tests': they begin and end together, whatever stops one of them."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from axes_rig import AxesRig, Misread
+from bowden.control import LAWS
+from bowden.core.signals import DriveReading
+from bowden.cycle.one_cycle import Filters, WishSource
+from bowden.hardware.ports import Power
+from bowden.live.events import Changes
+from bowden.live.mcap_read import Recording
+from bowden.live.preflight import Preflight
+from bowden.live.replay import replay
+from bowden.live.ring import Description
+from bowden.live.stops import document, stops
+from bowden.live.together import PATIENCE, Together, mode_of_all, modes_of_all
+from bowden.safety.faults import Fault, of
+from bowden.safety.limits import Limits
+from bowden.safety.supervisor import Mode, Request
+
+LAW = LAWS["bowden"]
+STOP, NONE, ARM, RUN = (float(one) for one in (Request.STOP, Request.NONE, Request.ARM, Request.RUN))
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> tuple[AxesRig, Recording]:
+    rig = AxesRig(tmp_path_factory.mktemp("run"), LAW, ("hip", "knee", "ankle"), starts=(0.0, 0.15, 0.05))
+    ended, rows = rig.run()
+    assert Mode(ended.mode) == Mode.STOPPED
+    assert ended.faults == 0
+    assert [one[:3] for one in ended.axes] == [(0, 0, 0)] * 3
+    return rig, rows
+
+
+def test_all_axes_are_armed_run_and_end_in_the_same_cycle_and_their_laws_begin_together(
+    whole: tuple[AxesRig, Recording],
+) -> None:
+    _, rows = whole
+    parts = list(rows.parts.values())
+    begins = [int(np.flatnonzero(part["source"] >= WishSource.LAW_BEGINS)[0]) for part in parts]
+    assert len({*begins}) == 1, "the way to the beginning takes as long for each"
+    for part in parts[1:]:
+        for mode in (Mode.PREFLIGHT, Mode.RUNNING):
+            assert np.flatnonzero(part["mode"] == mode)[0] == np.flatnonzero(parts[0]["mode"] == mode)[0]
+    assert len({int(np.flatnonzero(part["mode"] == Mode.RELEASING)[0]) for part in parts}) == 1
+
+
+def test_each_axis_follows_as_it_does_alone_and_replays_to_the_bit(whole: tuple[AxesRig, Recording]) -> None:
+    _, rows = whole
+    for name, part in rows.parts.items():
+        led = part["source"] >= WishSource.LAW_BEGINS
+        assert np.sqrt(np.mean((part["joint"] - part["reference"])[led] ** 2)) < np.radians(1.0), name
+        again = replay(part, LAW, Limits(), Filters(), 1e-3, same=True)
+        assert again.law_cycles > 2000
+        assert not again.differs, name
+
+
+def test_every_cycle_reads_all_then_writes_all_and_is_one_row(whole: tuple[AxesRig, Recording]) -> None:
+    rig, rows = whole
+    assert {drive.reads for drive in rig.drives} == {len(drive.told) for drive in rig.drives} == {len(rows.rows)}
+    assert [drive.closed for drive in rig.drives] == [1, 1, 1]
+    assert len({*rows.columns}) == len(rows.columns) == len(rows.units)
+    assert rows.columns[: len(rows.axis("hip").columns)] == rows.axis("hip").columns
+
+
+def test_events_say_whose_they_are(whole: tuple[AxesRig, Recording]) -> None:
+    rig, rows = whole
+    found, _ = Changes(Description(rows.columns, rows.units, rig.settings)).find(rows.numbers, rows.rows)
+    texts = [event.text for event in found]
+    for name in rig.names:
+        assert f"{name}: mode: preflight → running" in texts
+
+
+def lost_joint(onset: int) -> Misread:
+    return lambda cycle, reading: reading._replace(joint=np.nan) if cycle >= onset else reading
+
+
+def drive_fault(onset: int) -> Misread:
+    return lambda cycle, reading: reading._replace(drive_state=7.0) if cycle >= onset else reading
+
+
+def silent(onset: int) -> Misread:
+    def misread(cycle: int, reading: DriveReading) -> DriveReading:
+        return reading._replace(heartbeat_age=1e-3 * (cycle - onset)) if cycle >= onset else reading
+
+    return misread
+
+
+def second_master(onset: int) -> Misread:
+    return lambda cycle, reading: reading._replace(foreign=1.0) if cycle == onset else reading
+
+
+def emergency(onset: int) -> Misread:
+    return lambda cycle, reading: reading._replace(emergency=8192.0) if cycle == onset else reading
+
+
+def over_current(onset: int) -> Misread:
+    return lambda cycle, reading: reading._replace(current=30.0) if cycle >= onset else reading
+
+
+def frozen_joint(onset: int) -> Misread:
+    return lambda cycle, reading: reading._replace(joint=0.3) if cycle >= onset else reading
+
+
+KINDS = (lost_joint, drive_fault, silent, second_master, emergency, over_current, frozen_joint)
+
+
+@pytest.mark.parametrize("seed", [*range(12), *(pytest.param(k, marks=pytest.mark.long) for k in range(12, 100))])
+def test_a_fault_of_any_axis_stops_all_within_the_limits(seed: int, tmp_path: Path) -> None:
+    random = np.random.default_rng(seed)
+    count = int(random.integers(2, 5))
+    names = ("hip", "knee", "ankle", "toe")[:count]
+    sick, kind = int(random.integers(count)), KINDS[int(random.integers(len(KINDS)))]
+    onset = int(random.integers(300, 4000))
+    rig = AxesRig(tmp_path, LAW, names, seconds=1.5)
+    rig.drives[sick].misread = kind(onset)
+    ended, rows = rig.run()
+    parts = list(rows.parts.values())
+    first = parts[sick]
+    stopped = np.flatnonzero((first["mode"] >= Mode.RELEASING) & (first["faults"] > 0.0))
+    if not len(stopped):  # the run was over, or the joint was where it is said to be
+        assert Mode(ended.mode) == Mode.STOPPED
+        return
+    at = int(stopped[0])
+    powered = [part["power"][at - 1] == Power.ON for part in parts]
+    r3 = first["reaction"][at] == 3.0
+    for i, part in enumerate(parts):
+        if not powered[i]:
+            continue
+        assert part["mode"][at + 1] >= Mode.RELEASING, "the others see it in the next cycle"
+        longest = 2 if r3 else 2 + round(1000 * (Limits().release_time + 0.005))
+        assert part["power"][at + longest] == Power.OFF
+        assert all(power == Power.OFF for power, _ in rig.drives[i].told[at + longest :])
+        if i != sick and any(powered):
+            found = {*of(float(part["faults"][at + 1]))}
+            assert found & {Fault.AXIS_RELEASED, Fault.AXIS_OFF}
+            assert (Fault.AXIS_OFF in found) == bool(r3)
+    if any(powered):
+        said = document(rows, {}, twin=False)
+        assert said[0]["axis"] == names[sick]
+        assert not {Fault.AXIS_RELEASED.meaning, Fault.AXIS_OFF.meaning} & {*said[0]["causes"]}
+
+
+def test_axes_that_are_independent_leave_the_others_running(tmp_path: Path) -> None:
+    rig = AxesRig(tmp_path, LAW, independent=True, seconds=2.0)
+    rig.drives[0].misread = drive_fault(2500)
+    ended, rows = rig.run()
+    hip, knee = rows.parts.values()
+    assert [Mode(one.mode) for one in ended.axes] == [Mode.LATCHED, Mode.STOPPED]
+    assert hip["mode"][2600] == Mode.LATCHED
+    assert knee["mode"][2600] == Mode.RUNNING
+    assert not stops(knee)
+    assert (knee["source"] >= WishSource.LAW_BEGINS).sum() >= 1999
+
+
+def test_a_preflight_that_fails_fails_for_all(tmp_path: Path) -> None:
+    wrong = Preflight(slope_sign=-1.0)
+    ended, rows = AxesRig(tmp_path, LAW, preflights=(Preflight(), wrong)).run()
+    hip, knee = rows.parts.values()
+    assert Mode(ended.mode) == Mode.LATCHED
+    assert hip["preflight_reason"].max() == 0.0
+    assert knee["preflight_reason"].max() > 0.0
+    for part in (hip, knee):
+        assert part["preflight"].min() == -1.0
+        assert part["mode"].max() == Mode.LATCHED
+        assert not (part["mode"] == Mode.RUNNING).any()
+
+
+def test_no_axis_is_armed_while_another_is_latched_and_an_acknowledgement_is_for_all(tmp_path: Path) -> None:
+    def between(rig: AxesRig) -> None:
+        if rig.sleeps == 100:
+            rig.block.ask(Request.ACKNOWLEDGE)
+
+    rig = AxesRig(tmp_path, LAW, latched=(None, 2.0**Fault.SLACK), between=between, seconds=0.5, quits=400)
+    rig.asks = (10, 150)
+    ended, rows = rig.run()
+    hip, knee = rows.parts.values()
+    assert Mode(ended.mode) == Mode.STOPPED
+    assert hip["mode"][:100].max() == Mode.STOPPED
+    assert Fault.AXIS_RELEASED in of(float(hip["faults"][50]))
+    assert knee["mode"][50] == Mode.LATCHED
+    assert (hip["mode"] == Mode.RUNNING).sum() == (knee["mode"] == Mode.RUNNING).sum() > 400
+
+
+def test_a_bridged_reading_as_the_run_begins_keeps_no_axis_behind(tmp_path: Path) -> None:
+    gap: list[int] = []
+
+    def between(rig: AxesRig) -> None:
+        newest = rig.reader.last()
+        if newest is not None and not gap and rig.rows_of(newest)[0]["preflight"] == 1.0:
+            gap.append(rig.drives[1].reads)
+
+    def misread(cycle: int, reading: DriveReading) -> DriveReading:
+        return reading._replace(joint=np.nan) if gap and gap[0] <= cycle < gap[0] + 3 else reading
+
+    rig = AxesRig(tmp_path, LAW, between=between, seconds=0.5)
+    rig.drives[1].misread = misread
+    ended, rows = rig.run()
+    begins = [int(np.flatnonzero(part["mode"] == Mode.RUNNING)[0]) for part in rows.parts.values()]
+    assert Mode(ended.mode) == Mode.STOPPED
+    assert abs(begins[0] - begins[1]) <= 5
+
+
+def test_a_broken_verdict_of_one_axis_switches_all_off_in_the_same_cycle(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from bowden.core.errors import SafetyError
+
+    rig = AxesRig(tmp_path, LAW)
+    knee = rig.loop._axes[1]
+    judge = knee._last_word.judge
+
+    def broken(verdict: object) -> None:
+        if rig.sleeps > 2000:
+            raise SafetyError("broken")
+        judge(verdict)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(knee._last_word, "judge", broken)
+    with pytest.raises(SafetyError, match="broken"):
+        rig.loop.run()
+    assert [drive.told[2000][0] for drive in rig.drives] == [Power.OFF, Power.OFF]
+    assert [drive.told[1999][0] for drive in rig.drives] == [Power.ON, Power.ON]
+    rows = rig.reader.read().rows
+    assert [one["mode"] for one in rig.rows_of(rows[-1])] == [float(Mode.LATCHED)] * 2
+
+
+def test_what_is_asked_for_is_asked_of_all_or_of_none() -> None:
+    pair = Together(2, independent=False)
+    stopped, preflight, running, bridging, releasing, latched = map(float, Mode)
+    assert pair.asked(ARM, [stopped, stopped], [0.0, 0.0]) == [ARM, ARM]
+    assert pair.asked(ARM, [stopped, stopped], [0.0, 8.0]) == [NONE, NONE]
+    assert pair.asked(ARM, [stopped, latched], [0.0, 8.0]) == [NONE, NONE]
+    assert pair.asked(RUN, [preflight, preflight], [0.0, 0.0]) == [RUN, RUN]
+    assert pair.asked(RUN, [preflight, bridging], [0.0, 0.0]) == [NONE, NONE]
+    assert pair.asked(NONE, [preflight, stopped], [0.0, 0.0]) == [STOP, NONE]
+    assert pair.asked(NONE, [running, latched], [0.0, 0.0]) == [STOP, NONE]
+    assert pair.asked(NONE, [releasing, stopped], [0.0, 0.0]) == [NONE, NONE]
+    assert pair.asked(STOP, [running, running], [0.0, 0.0]) == [STOP, STOP]
+    for _ in range(PATIENCE):
+        assert pair.asked(NONE, [running, preflight], [0.0, 0.0]) == [NONE, RUN]
+    assert pair.asked(NONE, [running, preflight], [0.0, 0.0]) == [STOP, STOP]
+    alone = Together(2, independent=True)
+    assert alone.asked(ARM, [stopped, latched], [0.0, 8.0]) == [ARM, ARM]
+    assert alone.shown([2.0**Fault.SLACK, 0.0]) == [0.0, 0.0]
+    assert alone.outcomes([1.0, -1.0]) == [1.0, -1.0]
+
+
+def test_the_others_are_shown_the_worst_of_an_axis_own_faults() -> None:
+    three = Together(3, independent=False)
+    slack, fault, follows = 2.0**Fault.SLACK, 2.0**Fault.DRIVE_FAULT, 2.0**Fault.AXIS_OFF
+    assert three.shown([0.0, 0.0, 0.0]) == [0.0, 0.0, 0.0]
+    assert three.shown([slack, 0.0, 0.0]) == [0.0, 2.0, 2.0]
+    assert three.shown([slack, fault, 0.0]) == [3.0, 2.0, 3.0]
+    assert three.shown([follows, fault, follows]) == [3.0, 0.0, 3.0]
+    assert three.outcomes([1.0, 0.0, 1.0]) == [0.0] * 3
+    assert three.outcomes([1.0, 0.0, -1.0]) == [-1.0] * 3
+
+
+@pytest.mark.parametrize("independent", [False, True])
+def test_the_mode_of_all_is_that_of_the_axis_furthest_from_rest(independent: bool) -> None:
+    rows = np.array([[float(a), float(b)] for a in Mode for b in Mode])
+    each = [float(mode_of_all(row.tolist(), independent=independent)) for row in rows]
+    assert modes_of_all(rows, independent=independent).tolist() == each
+    assert mode_of_all((5.0, 0.0), independent=independent) == Mode.LATCHED
+    assert mode_of_all((5.0, 2.0), independent=independent) == Mode.RUNNING
