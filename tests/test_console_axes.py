@@ -43,14 +43,14 @@ def test_the_duration_and_texts_are_set_and_all_else_is_as_the_file_says(leg: Ri
 def test_each_axis_has_curves_in_groups_of_its_own_and_the_loops_stand_once(leg: Rig) -> None:
     live = live_run(leg)
     columns = live.columns()
-    offered = curves_of(live.log_settings(), [*columns], [*columns.values()], {})
+    offered = curves_of([*columns], [*columns.values()], live.log_settings())
     names = [one.name for one in offered]
     assert len({*names}) == len(names)
     assert {"joint_deg", "knee.joint_deg", "error_deg", "knee.error_deg", "lateness_us"} <= {*names}
     assert "knee.lateness_us" not in names
     assert {source for one in offered for source in one.source} <= {*columns}
     own = live_run(leg.axis("hip")).columns()
-    alone = columns_of([*own], [*own.values()], live.log_settings()["limits"], {})
+    alone = columns_of([*own], [*own.values()], live.log_settings())
     loop = [one for one in alone if one.group == "loop"]
     assert len(offered) == 2 * (len(alone) - len(loop)) + len(loop)
     by_name = {one.name: one for one in offered}

@@ -23,16 +23,17 @@ GROUP = "Find drives on a bus, look at one, and set its zero; without power."
 
 Rig_ = Annotated[Path, typer.Argument(help="The rig, with its [drive].", metavar="RIG")]
 Channel = Annotated[str | None, typer.Option(help="The bus, in place of the rig's.")]
+Axis = Annotated[str | None, typer.Option(help="The axis, of a rig with several.")]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON document and nothing else.")]
 
 
-def probe(rig: Rig_, channel: Channel = None, json: Json = False) -> None:
+def probe(rig: Rig_, axis: Axis = None, channel: Channel = None, json: Json = False) -> None:
     """Say who answers on the bus of a rig: listened to for a second, then asked. No order is given, nothing is set."""
     from bowden.core.errors import DriveError, counted
     from bowden.hardware.buses.link import Links
     from bowden.hardware.drives.family import family_of
 
-    given = read_given(rig).on_bus(channel)
+    given = read_given(rig, axis).on_bus(channel)
     parameters = given.drive_parameters
     family = family_of(parameters)
     if family.probe is None:
@@ -61,6 +62,7 @@ def probe(rig: Rig_, channel: Channel = None, json: Json = False) -> None:
 
 def monitor(
     rig: Rig_,
+    axis: Axis = None,
     channel: Channel = None,
     duration: Annotated[float | None, typer.Option(help="[s]; until Ctrl-C where none is given.")] = None,
     json: Json = False,
@@ -76,7 +78,7 @@ def monitor(
         raise ParameterError(f"--duration is {duration:g}", expected="seconds above 0", do="correct it")
     if duration is None and json:
         raise ParameterError("--json needs an end", do="add --duration 10")
-    given = read_given(rig).on_bus(channel)
+    given = read_given(rig, axis).on_bus(channel)
     look: DriveLook | None = None
     with _brought_up(given) as (drive, identity), contextlib.suppress(KeyboardInterrupt):
         _tell(identity)
@@ -96,6 +98,7 @@ def zero(
     rig: Rig_,
     motor_deg: Annotated[float, typer.Option(help="Angle of the motor, at its spool, where it is now [°].")] = 0.0,
     joint_deg: Annotated[float, typer.Option(help="Angle of the joint where it is now [°].")] = 0.0,
+    axis: Axis = None,
     channel: Channel = None,
     json: Json = False,
 ) -> None:
@@ -110,7 +113,7 @@ def zero(
     for name, value in (("--motor-deg", motor_deg), ("--joint-deg", joint_deg)):
         if not math.isfinite(value):
             raise ParameterError(f"{name} is {value:g}", expected="degrees", do="correct it")
-    given = read_given(rig).on_bus(channel)
+    given = read_given(rig, axis).on_bus(channel)
     with _brought_up(given) as (drive, identity):
         _tell(identity)
         *_, look = _looked(drive, given, _SETTLE)
