@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 import bowden
 from bowden.core.units import RADIANS
 from bowden.identify.cable import fit as fitting
-from bowden.identify.cable.loop import Loop, loop_of
+from bowden.identify.cable.loop import HysteresisLoop, loop_of
 from bowden.identify.cable.path import Path
 from bowden.models.cable.bouc_wen import BoucWen, saturation
 from bowden.models.cable.bouc_wen_sensitivity import hysteresis
@@ -160,7 +160,7 @@ def scores(set_name: str, number: int) -> list[Score]:
     drawn = draw(set_name, number)
     paths: dict[int, Path] = {}
 
-    def remembered(path: Path, fitted: Array) -> Loop | None:
+    def remembered(path: Path, fitted: Array) -> HysteresisLoop | None:
         loop = loop_of(path, fitted)
         paths[id(loop)] = path
         return loop

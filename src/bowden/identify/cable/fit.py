@@ -21,7 +21,7 @@ from bowden.core.units import DEGREES
 from bowden.identify.cable import advice
 from bowden.identify.cable.forecast import Forecast, forecast
 from bowden.identify.cable.lag import time_lag
-from bowden.identify.cable.loop import Loop, loop_lines, loop_of
+from bowden.identify.cable.loop import HysteresisLoop, loop_lines, loop_of
 from bowden.identify.cable.model import CableModel
 from bowden.identify.cable.part import Progress, fit_part, refit_whole
 from bowden.identify.cable.path import Path, path_of
@@ -58,7 +58,7 @@ class ModelFit:
     uncertainty: Mapping[str, float]
     """One standard deviation of each parameter, in its unit; infinite where the log does not show it, NaN where none is
     stated: of a setting that was not fitted, and of ``generalised_play``, whose parameters trade with one another."""
-    loop: Loop | None
+    loop: HysteresisLoop | None
     """Slope, offset, height and curve of the loop that it draws along the log, with their deviations; None where the
     motor has not gone both ways through the middle of its stroke."""
     fitted_count: int

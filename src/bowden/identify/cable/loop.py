@@ -36,7 +36,7 @@ _FEWEST_CYCLES, _FEWEST_STROKES = 3, 3
 """Cycles from which on they are compared, and strokes below which nothing tells how they differ."""
 
 
-class Loop(NamedTuple):
+class HysteresisLoop(NamedTuple):
     """A model's loop over the motion of its log.
 
     Errors are single standard deviations, infinite where nothing tells them.
@@ -75,7 +75,7 @@ class Loop(NamedTuple):
         return float(np.sqrt(np.mean(errors[~np.isnan(errors)] ** 2)))
 
 
-def loop_lines(loop: Loop) -> list[tuple[str, str]]:
+def loop_lines(loop: HysteresisLoop) -> list[tuple[str, str]]:
     """What is said of a loop on a screen: name and text of each figure."""
     return [
         ("loop's slope", _said(loop.slope, loop.slope_error, " rad/rad")),
@@ -93,7 +93,7 @@ def _spread(error: float, unit: str) -> str:
     return f" ± {error:.2g}{unit}" if np.isfinite(error) else f"{unit} (± not shown by this log)"
 
 
-def loop_of(path: Path, fitted: Array) -> Loop | None:
+def loop_of(path: Path, fitted: Array) -> HysteresisLoop | None:
     """The loop of a model with these joint angles at the nodes of a path (n,) [rad].
 
     None where the motor has not gone both ways through the middle of its stroke.
@@ -123,7 +123,7 @@ def loop_of(path: Path, fitted: Array) -> Loop | None:
     up_error, down_error = (np.where(np.isinf(one), once, one) for one in (up_error, down_error))
     height = -2.0 * step * (1.0 if slope >= 0.0 else -1.0)
     curve = (tuple(one.tolist()) for one in (up_place, up, up_error, down_place, down, down_error))
-    return Loop(slope, errors[0], offset, errors[1], height, 2.0 * errors[2], *curve)
+    return HysteresisLoop(slope, errors[0], offset, errors[1], height, 2.0 * errors[2], *curve)
 
 
 def _along(path: Path, fitted: Array, residual: Array, at: NDArray[np.int64]) -> tuple[Array, Array, Array]:

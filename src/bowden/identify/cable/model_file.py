@@ -15,7 +15,7 @@ from bowden.core.toml_text import quoted
 from bowden.core.units import DEGREES
 from bowden.identify.cable.counting import Covered
 from bowden.identify.cable.fit import Fit, ModelFit
-from bowden.identify.cable.loop import Loop
+from bowden.identify.cable.loop import HysteresisLoop
 from bowden.identify.cable.model import KNOWN, NAMES, CableModel, IdentifiedCable, meaning
 from bowden.models.cable.scheduled import VARIABLES
 from bowden.plants.cables import DISTRIBUTED
@@ -75,7 +75,7 @@ def covered_lines(covered: Covered) -> list[str]:
     ]
 
 
-def _loop_lines(loop: Loop | None) -> list[str]:
+def _loop_lines(loop: HysteresisLoop | None) -> list[str]:
     """The section with the recommended model's loop; empty where the log shows none."""
     if loop is None:
         return []

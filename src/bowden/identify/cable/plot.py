@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
     from bowden.identify.cable.fit import Fit
     from bowden.identify.cable.loads import JointFit
-    from bowden.identify.cable.loop import Loop
+    from bowden.identify.cable.loop import HysteresisLoop
     from bowden.identify.cable.recalibrate import Recalibration
 
 _POINTS = 1500
@@ -46,7 +46,7 @@ def draw_loop(axes: "Sequence[Axes]", fit: "Fit") -> None:
     legend(axes[-1], 3)
 
 
-def _draw_deviations(axes: "Axes", fit: "Fit", loop: "Loop") -> None:
+def _draw_deviations(axes: "Axes", fit: "Fit", loop: "HysteresisLoop") -> None:
     """Two deviations to either side of the loop, at each of its places."""
     ways = (loop.rising_place, loop.rising, loop.rising_error), (loop.falling_place, loop.falling, loop.falling_error)
     for way in ways:
