@@ -70,7 +70,7 @@ def test_faults_are_injected_into_the_twin_of_an_axis(leg: Rig) -> None:
 
 @pytest.mark.live
 def test_a_fault_of_one_axis_is_told_with_its_name_and_an_acknowledgement_is_for_all(tmp_path: Path) -> None:
-    axes = '[[axis]]\nname = "hip"\n[[axis]]\nname = "knee"\n[axis.drive]\nnode_id = 2\n'
+    axes = 'console_lease_s = 2.0\n[[axis]]\nname = "hip"\n[[axis]]\nname = "knee"\n[axis.drive]\nnode_id = 2\n'
     (tmp_path / "leg.toml").write_text(RIG + axes)
     with running_console(tmp_path / "leg.toml", tmp_path / "out", "--twin") as running:
         page = running.page().open().take()
