@@ -34,13 +34,18 @@ def check_rows(found: "Check") -> list[tuple[str, str]]:
         ("phase margin", number(found.phase_margin_deg, "°") or none),
         ("delay margin", _milliseconds(found.delay_margin_s) or none),
         ("limit cycle", predicted),
-        ("at rest", "" if swing is None else f"±{swing * DEGREES:.3g}° at the joint in simulation"),
+        ("at rest", "" if swing is None else f"{_swing(swing * DEGREES)} at the joint in simulation"),
         ("chatter", _chatter(ripple)),
         ("error", "" if found.peak is None else f"at most {found.peak * DEGREES:.3g}° in simulation"),
         ("proven bound", _proven(found.ultimate_error)),
         ("limits", found.leaves_out),
         ("advice", found.advice),
     ]
+
+
+def _swing(swing_deg: float) -> str:
+    """What is left of rounding is no swing."""
+    return f"±{swing_deg:.3g}°" if swing_deg > 1e-6 else "no swing"
 
 
 def _chatter(ripple: float) -> str:

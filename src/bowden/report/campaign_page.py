@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 _NAMES = {
     "rmse_deg": "RMSE from rest [°]",
-    "rmse_after_10s_deg": "RMSE after 10 s [°]",
+    "rmse_after_10s_deg": "RMSE after 10\N{NO-BREAK SPACE}s [°]",
     "peak_deg": "peak error [°]",
     "lag_s": "lag [s]",
     "command_travel_deg": "travel of the command [°]",

@@ -139,7 +139,9 @@ def recommendation(fit: Fit) -> str:
         )
     if fit.best.name != "bouc_wen":
         plain = fit.models["bouc_wen"].test_rms * DEGREES
-        text += f" Simulation and the observer use the plain bouc_wen, whose error there is {plain:.2g}°."
+        text += (
+            f" A rig simulates this model; laws begin with numbers of the plain bouc_wen, whose error is {plain:.2g}°."
+        )
     return text
 
 

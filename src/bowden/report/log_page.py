@@ -41,7 +41,8 @@ def write_log(
 def log_page(trace: Trace, events: Sequence[tuple[float, str]], facts: Mapping[str, Any], title: str) -> Page:
     """The page that `write_log` writes."""
     law = f" under the law {facts['law']}" if facts["law"] else ""
-    page = Page(title, f"{facts['duration_s']:.4g} s, {facts['cycles']} cycles{law}, begun {facts['start_utc']}.")
+    begun = str(facts["start_utc"]).replace("T", " ").replace("+00:00", " UTC").replace("-", "\N{NON-BREAKING HYPHEN}")
+    page = Page(title, f"{facts['duration_s']:.4g} s, {facts['cycles']} cycles{law}, begun {begun}.")
     if not facts["whole"]:
         page.notice("This log was not closed properly or is damaged: see bowden log recover.")
     if facts["missing"]:

@@ -118,7 +118,7 @@ def _lead(traces: Mapping[str, Trace]) -> str:
 def _metrics_table(page: Page, traces: Mapping[str, Trace], measured: Mapping[str, Metrics]) -> None:
     columns: dict[str, Callable[[Metrics], str]] = {
         "RMSE [°]": lambda m: _show(m.rmse_deg),
-        "RMSE after 10 s [°]": lambda m: _show(m.rmse_after_10s_deg),
+        "RMSE after 10\N{NO-BREAK SPACE}s [°]": lambda m: _show(m.rmse_after_10s_deg),
         "peak error [°]": lambda m: _show(m.peak_deg),
         "delay [ms]": lambda m: _show(None if m.delay_s is None else 1e3 * m.delay_s, 1),
         "loop width [°]": lambda m: _show(m.hysteresis_width_deg),
@@ -190,8 +190,8 @@ def _flatten(value: Any, prefix: str = "") -> Iterator[tuple[str, str]]:
             yield from _flatten(inner, f"{prefix}.{key}" if prefix else str(key))
     elif isinstance(value, float):
         yield prefix, f"{value:.6g}"
-    elif isinstance(value, list | tuple) and len(value) > _MOST_VALUES:
+    elif isinstance(value, list | tuple):
         head = ", ".join(f"{item:.4g}" if isinstance(item, float) else str(item) for item in value[:_MOST_VALUES])
-        yield prefix, f"{head}, … ({len(value)} values)"
+        yield prefix, f"{head}, … ({len(value)} values)" if len(value) > _MOST_VALUES else head
     else:
         yield prefix, "none" if value is None else str(value)
