@@ -122,12 +122,12 @@ def _told(case: Case, one: Contraction, mine: Spans) -> Told:
     return Told(case.number, case.families, one.ratio, one.rise, one.length, found, latency, late, split)
 
 
-def ours(name: str) -> Finder:
-    """A detector of the package."""
+def ours(name: str, settings: Any = None) -> Finder:
+    """A detector of the package, with its own settings or others."""
     kind = detector_named(name)
 
     def find(case: Case) -> Spans:
-        return spans(OnsetDetector(case.rate, None, kind).feed(case.values).active, case.rate)
+        return spans(OnsetDetector(case.rate, settings, kind).feed(case.values).active, case.rate)
 
     return find
 
@@ -306,6 +306,70 @@ def recordings(find: Finder) -> list[dict[str, Any]]:
     return rows
 
 
+SOURCES = {
+    "biosignalsnotebooks": ("emg/biceps_bursts", "emg/biceps_fatigue", "emg/adductor_pollicis_twitches"),
+    "BMC": ("emg_more/bmc_three",),
+    "BioSPPy": ("emg_more/biosppy_weak", "emg_more/biosppy_four"),
+}
+"""Who published which recordings."""
+GRID = tuple(itertools.product((1.5, 1.6, 1.7, 1.8, 1.9, 2.0, 2.2, 2.5), (1.0, 10.0, 100.0)))
+"""`ratio` and `hours` that the detector is tried with, the strictest last."""
+
+
+@dataclass(frozen=True)
+class LeftOut:
+    """One source, judged by thresholds that were chosen on the others."""
+
+    source: str
+    ratio: float
+    hours: float
+    equals: int
+    """Pairs of thresholds that were as good on the others."""
+    chosen_wrong: int
+    """Missed and false on the others."""
+    missed: int
+    false: int
+    wrong: tuple[int, int]
+    """Missed and false of the source with any of the pairs: the fewest, and with the detector's own thresholds."""
+
+
+def leave_one_out() -> list[LeftOut]:
+    """The thresholds that are fewest missed and false on all sources but one, judged on that one.
+
+    Of equals the middle one is taken, in the order of `GRID`: it is furthest from where something goes wrong.
+    """
+    own = detector_named(DEFAULT.name).settings
+    wrong: dict[tuple[float, float], dict[str, tuple[int, int]]] = {}
+    for ratio, hours in (*GRID, (own.ratio, own.hours)):
+        rows = recordings(ours(DEFAULT.name, own._replace(ratio=ratio, hours=hours)))
+        wrong[ratio, hours] = {
+            source: (
+                sum(one["misses"] for one in rows if one["recording"] in names),
+                sum(one["false_activations"] for one in rows if one["recording"] in names),
+            )
+            for source, names in SOURCES.items()
+        }
+    made = []
+    for source in SOURCES:
+        others = {pair: sum(sum(wrong[pair][one]) for one in SOURCES if one != source) for pair in GRID}
+        best = [pair for pair in GRID if others[pair] == min(others.values())]
+        chosen = best[len(best) // 2]
+        least = min(sum(wrong[pair][source]) for pair in GRID), sum(wrong[own.ratio, own.hours][source])
+        made.append(LeftOut(source, *chosen, len(best), others[chosen], *wrong[chosen][source], least))
+    return made
+
+
+def _table_of_sources(rows: Sequence[LeftOut]) -> str:
+    lines = [
+        "| left out | ratio, hours chosen | equals | wrong on the others | missed | false |",
+        "|---|---|---|---|---|---|",
+    ]
+    for one in rows:
+        chosen = f"{one.ratio:g}, {one.hours:g} | {one.equals} of {len(GRID)} | {one.chosen_wrong}"
+        lines.append(f"| {one.source} | {chosen} | {one.missed} | {one.false} |")
+    return "\n".join(lines)
+
+
 def _table_of_recordings(rows: Sequence[dict[str, Any]]) -> str:
     lines = ["| recording | contractions | missed | false | latency, median | worst |", "|---|---|---|---|---|---|"]
     for one in rows:
@@ -344,6 +408,7 @@ def main() -> None:
     parser.add_argument("--wearer", action="store_true", help="the same detector with a wearer's file, too")
     parser.add_argument("--rest", type=float, default=0.0, metavar="HOURS", help="of rest alone, drawn alike")
     parser.add_argument("--recordings", action="store_true", help="those in ../shared/data, too")
+    parser.add_argument("--sources", action="store_true", help="thresholds chosen on all sources of them but one, too")
     parser.add_argument("--families", action="store_true", help="the table by families, too")
     parser.add_argument("--worst", action="store_true", help="list what was missed, split or false, too")
     parser.add_argument("--json", action="store_true", help="one JSON document, nothing else")
@@ -377,6 +442,9 @@ def main() -> None:
             if given.worst:
                 _list(results, resting)
     document["refused"] = known.refused
+    document["sources"] = [asdict(one) for one in leave_one_out()] if given.sources else []
+    if given.sources and not given.json:
+        print("\n" + _table_of_sources([LeftOut(**one) for one in document["sources"]]))
     if given.wearer and not given.json:
         print(f"\nCalibrations refused: {len(known.refused)}")
         print("\n".join(f"- {said}" for said in known.refused))

@@ -5,12 +5,14 @@ The band from 40 to 400 Hz is looked at in three ways: as it is, and less itself
 
 **What can be there without a contraction** is one power, the null:
 
-    v₀ = exp(m + z·√(s² + w²·exp(−n/T))) + λ₁·P + λ₂·B + λ₃·W² + (λ₄·A)²
+    v₀ = exp(m + z·√(s² + w²·exp(−n/T))) + λ₁·P + λ₂·B + λ₃·W² + min(λ₄·L, λ₅·S²) + (λ₆·A)²
 
 m and s are level and spread of the log of power at rest, averaged over 0.1 s, learned over the n seconds of rest seen;
 w is how far a rest of which nothing is known may be off. P and B, powers above 20 Hz and in the band, and W, the recent
-peak of what is faster than 5 Hz, leak a known share into what is new in the band, be they movement or mains; A is the
-size of the contraction that lasts or has just ended, which leaves a tail.
+peak of what is faster than 5 Hz, leak a known share into what is new in the band, be they movement or mains. L is the
+power from 20 to 30 Hz and S the recent peak from 5 to 15 Hz: a swing's spectrum falls steeply from below 20 Hz, so that
+L bounds what of it is in the band, and a muscle alone has no S. A is the size of the contraction that lasts or has just
+ended, which leaves a tail.
 
 **Evidence.** Noise of bandwidth B whose power r = x²/v₀ rises by ρ² gains log likelihood against rest,
 
@@ -39,6 +41,38 @@ import numpy as np
 from bowden.core.kernel import exp, kernel, log, sel
 from bowden.sensing.biquad import EMPTY, PASS, Biquad, Memory, biquad, butterworth, critical_high_pass
 from bowden.sensing.detector import Detector
+from bowden.sensing.onset_constants import (
+    BAND_HZ,
+    BANDWIDTH,
+    BROAD,
+    DOUBT,
+    FALLS,
+    FLAT,
+    FORGET,
+    GONE,
+    LEARNT,
+    LIFTED,
+    MAINS_LEVEL,
+    MEMORY,
+    MOVED,
+    REPEATS,
+    SLOW_HZ,
+    SPREAD,
+    STAYS,
+    STEEP,
+    STEEP_HZ,
+    STEPS,
+    STILL,
+    STUCK,
+    SURE,
+    SWAY,
+    SWING_HZ,
+    TAIL_SHARE,
+    TOP_HZ,
+    UNKNOWN,
+    WEIGHT,
+    WIDE_HZ,
+)
 from bowden.sensing.onset_settings import DEFAULTS, LARGEST, QUICKEST, SAFE, SLOWEST, OnsetSettings, of_wearer
 
 MAINS = (50.0, 60.0)
@@ -75,6 +109,8 @@ class Onset(NamedTuple):
     top: Biquad
     wide: Biquad
     swing: Biquad
+    steep: Biquad
+    sway: Biquad
     delay: tuple[int, int]
     """Whole samples of one mains period, for each of `MAINS`."""
     between: tuple[tuple[float, float, float, float], ...]
@@ -117,6 +153,8 @@ class OnsetState(NamedTuple):
     top: Memory
     wide: Memory
     slow: Memory
+    steep: Memory
+    sway: Memory
     past: tuple[float, ...]
     """The band's last samples, the newest first, over the longest mains period."""
     power: float
@@ -127,6 +165,10 @@ class OnsetState(NamedTuple):
     """Least power of the three ways."""
     swing: float
     """Square of the movement's recent peak."""
+    low: float
+    """Power from 20 to 30 Hz."""
+    swayed: float
+    """Square of the recent peak from 5 to 15 Hz."""
     step: float
     """Recent largest step from one sample to the next."""
     stuck: float
@@ -177,29 +219,31 @@ def prepare_onset(rate: float, settings: OnsetSettings = DEFAULTS) -> Onset:
     enough = math.log(by.hours * 3600.0 * _LOOKS)
     share, drift = 1.0 - by.ratio**-2, 2.0 * math.log(by.ratio)
     return Onset(
-        band=critical_high_pass(by.band_hz, rate),
-        top=butterworth(by.top_hz, "low", rate) if by.top_hz < 0.4 * rate else PASS,
-        wide=butterworth(by.wide_hz, "high", rate),
-        swing=butterworth(by.swing_hz, "high", rate),
+        band=critical_high_pass(BAND_HZ, rate),
+        top=butterworth(TOP_HZ, "low", rate) if 0.4 * rate > TOP_HZ else PASS,
+        wide=butterworth(WIDE_HZ, "high", rate),
+        swing=butterworth(SWING_HZ, "high", rate),
+        steep=butterworth(STEEP_HZ, "low", rate),
+        sway=butterworth(SLOW_HZ, "low", rate),
         delay=(whole[0], whole[1]),
         between=(_cubic(periods[0] - whole[0]), _cubic(periods[1] - whole[1])),
         dt=dt,
         short=1.0 - math.exp(-dt / _SHORT),
         long=1.0 - math.exp(-dt / _LONG),
         power=1.0 - math.exp(-dt / _POWER),
-        stay=1.0 - math.exp(-dt / by.stays),
+        stay=1.0 - math.exp(-dt / STAYS),
         step=math.exp(-dt / _STEP),
         swung=math.exp(-dt / _SWING),
         size=math.exp(-dt / _SIZE),
         tail=math.exp(-dt / _TAIL),
         enough=enough,
-        rested=by.quiet * by.bandwidth * 0.5 * drift,
-        most=(enough / (by.bandwidth * by.brief) + drift) / share,
-        gain=by.bandwidth * dt * share,
-        drift=by.bandwidth * dt * drift,
+        rested=by.quiet * BANDWIDTH * 0.5 * drift,
+        most=(enough / (BANDWIDTH * by.brief) + drift) / share,
+        gain=BANDWIDTH * dt * share,
+        drift=BANDWIDTH * dt * drift,
         even=drift / share,
-        gain_of_end=by.bandwidth * dt * (1.0 - 1.0 / by.ratio),
-        drift_of_end=by.bandwidth * dt * 0.5 * drift,
+        gain_of_end=BANDWIDTH * dt * (1.0 - 1.0 / by.ratio),
+        drift_of_end=BANDWIDTH * dt * 0.5 * drift,
         floor=2.0 * math.log(by.least),
         settings=by,
     )
@@ -218,9 +262,9 @@ def _cubic(part: float) -> tuple[float, float, float, float]:
 def onset_start(onset: Onset, first: float) -> OnsetState:
     """Before the `first` sample, which may be NaN."""
     by, past, o = onset.settings, (0.0,) * (max(onset.delay) + 2), 0.0
-    filters = (EMPTY, EMPTY, EMPTY, EMPTY, EMPTY)
-    known = (onset.floor, by.spread * by.spread, -_SETTLES)
-    signal, evidence = (o, o, o, o, o, o, o, o, o), (o, o, o, o)
+    filters = (EMPTY,) * 7
+    known = (onset.floor, SPREAD * SPREAD, -_SETTLES)
+    signal, evidence = (o,) * 11, (o, o, o, o)
     averages = (NONE, NONE, NONE)
     return OnsetState(
         first, math.nan, *filters, past, *signal, *averages, *known, o, o, NONE, NONE, *evidence, by.least
@@ -287,6 +331,8 @@ def onset_step(onset: Onset, state: OnsetState, value: float) -> tuple[OnsetStat
     top, band = biquad(onset.top, state.top, above)
     wide, all_of_it = biquad(onset.wide, state.wide, x)
     slow, movement = biquad(onset.swing, state.slow, x)
+    steep, low_part = biquad(onset.steep, state.steep, all_of_it)
+    sway, slow_part = biquad(onset.sway, state.sway, movement)
 
     # the band, and what of it is new
     past, started = state.past, state.seen > 0.0
@@ -297,47 +343,50 @@ def onset_step(onset: Onset, state: OnsetState, value: float) -> tuple[OnsetStat
     loud = state.loud + onset.power * (square.plain - state.loud)
     new = state.new + onset.power * (_least(square) - state.new)
     swing = np.fmax(movement * movement, state.swing * onset.swung)
+    low = state.low + onset.power * (low_part * low_part - state.low)
+    swayed = np.fmax(slow_part * slow_part, state.swayed * onset.swung)
     powers = _averaged(state.powers, square, sel(started, onset.most * state.null, np.inf), onset.long)
 
     # what is wrong
     step = sel(np.abs(state.raw) < np.inf, np.abs(raw - state.raw), 0.0)
     largest = np.fmax(step, state.step * onset.step)
-    stuck = state.stuck + onset.power * (sel(step <= by.still * largest, 1.0, 0.0) - state.stuck)
+    stuck = state.stuck + onset.power * (sel(step <= STILL * largest, 1.0, 0.0) - state.stuck)
     flat = sel(here * (raw != state.raw) > 0.0, 0.0, state.flat + dt)
-    dead = flat > by.flat
-    railed = (stuck > by.stuck) * (power > by.steps * largest * largest)  # rest of half a count has small steps
+    dead = flat > FLAT
+    railed = (stuck > STUCK) * (power > STEPS * largest * largest)  # rest of half a count has small steps
     usual = state.rest * state.rest
-    narrow = (new < by.broad * power) + (new < by.moved * swing) + railed > 0.0
+    narrow = (new < BROAD * power) + (new < MOVED * swing) + railed > 0.0
     trouble = sel(dead, 1.0, sel(narrow * (power > 9.0 * usual) > 0.0, 2.0, 0.0))
 
     # rest
     idle, alive = state.active < 0.5, 1.0 - dead
-    beside = by.repeats * loud + by.broad * power + by.moved * swing + by.share * by.share * state.size
+    swinging = MOVED * swing + np.fmin(STEEP * low, SWAY * swayed)
+    beside = REPEATS * loud + BROAD * power + swinging + TAIL_SHARE * TAIL_SHARE * state.size
     seen = np.fmax(state.seen, 0.0)
-    deviation = np.sqrt(state.spread + by.unknown * by.unknown * exp(-seen / by.learnt))
+    deviation = np.sqrt(state.spread + UNKNOWN * UNKNOWN * exp(-seen / LEARNT))
     there = np.fmax(_least(powers), by.least * by.least)
     off = log(there) - state.level
     off = sel(off > 0.0, np.fmax(0.0, off - log(1.0 + beside / usual)), off)
-    lid, count = by.sure * deviation, seen + _LONG
+    lid, count = SURE * deviation, seen + _LONG
     hidden = beside > there
-    calm = sel(there < onset.even * state.null, sel(state.evidence < 0.25 * onset.enough, 1.0, 0.0), by.doubt)
+    calm = sel(there < onset.even * state.null, sel(state.evidence < 0.25 * onset.enough, 1.0, 0.0), DOUBT)
     calm = calm * idle * alive
-    upward = sel(idle, calm * (1.0 - hidden) * np.fmin(off, lid), by.doubt * alive * off) / count
-    downward = sel(off < -lid, alive * off / np.fmin(count, by.falls), idle * alive * off / count)
+    upward = sel(idle, calm * (1.0 - hidden) * np.fmin(off, lid), DOUBT * alive * off) / count
+    downward = sel(off < -lid, alive * off / np.fmin(count, FALLS), idle * alive * off / count)
     level = sel(started, state.level + dt * sel(off < 0.0, downward, upward), sel(dead, state.level, log(there)))
     level = np.fmax(level, onset.floor)
-    varied = sel(state.seen > 1.0, calm * (1.0 - hidden) * dt / (count + by.weight), 0.0)
+    varied = sel(state.seen > 1.0, calm * (1.0 - hidden) * dt / (count + WEIGHT), 0.0)
     spread = state.spread + varied * (np.fmin(off * off, lid * lid) - state.spread)
 
     # mains that covered it and are gone, an electrode that was off: another rest
     rate = sel(idle * alive > 0.0, onset.stay, 0.0)
-    by_mains = hidden * (power > by.level * swing)  # what swings slowly is movement
+    by_mains = hidden * (power > MAINS_LEVEL * swing)  # what swings slowly is movement
     covered = state.covered + rate * (sel(by_mains, 1.0, 0.0) - state.covered)
     mains = state.mains + rate * (sel(hidden, power, 0.0) - state.mains)
-    gone = idle * (covered > 0.5) * (power < by.gone * mains) > 0.0
+    gone = idle * (covered > 0.5) * (power < GONE * mains) > 0.0
     covered, mains = sel(gone, 0.0, covered), sel(gone, 0.0, mains)
-    known = sel(idle, np.fmin(state.seen + calm * dt, by.memory), np.fmax(0.0, state.seen - dt * by.forget))
-    known = sel(gone + (flat > by.off) > 0.0, -_SETTLES, known)
+    known = sel(idle, np.fmin(state.seen + calm * dt, MEMORY), np.fmax(0.0, state.seen - dt * FORGET))
+    known = sel(gone + (flat > LIFTED) > 0.0, -_SETTLES, known)
 
     # evidence for an onset, and for an end
     null = exp(level + lid) + beside
@@ -354,7 +403,7 @@ def onset_step(onset: Onset, state: OnsetState, value: float) -> tuple[OnsetStat
     ends = (1.0 - idle) * ((rested > onset.rested) + dead > 0.0) > 0.0
 
     active = sel(begins, 1.0, sel(ends, 0.0, state.active))
-    known = sel(ends, np.fmin(known, by.learnt), known)
+    known = sel(ends, np.fmin(known, LEARNT), known)
     forgets, left = sel(ends + dead + railed > 0.0, 1.0, np.inf), sel(ends, 0.0, np.inf)
     size = sel(active > 0.5, np.fmax(new, state.size * onset.size), state.size * onset.tail)
     held = sel(active > 0.5, state.held + dt, 0.0)
@@ -367,11 +416,15 @@ def onset_step(onset: Onset, state: OnsetState, value: float) -> tuple[OnsetStat
         top,
         wide,
         slow,
+        steep,
+        sway,
         (band,) + past[:-1],  # noqa: RUF005 - Numba takes no star in a tuple
         power,
         loud,
         new,
         swing,
+        low,
+        swayed,
         largest,
         stuck,
         flat,
