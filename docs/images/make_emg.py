@@ -1,7 +1,7 @@
 """Draw the figure of docs/background/emg.md: ``python docs/images/make_emg.py FILE.json``.
 
-The file is what the last look at the judging cases gave (``benchmarks/emg_cases.py --set judging --peers --json``): the look
-is counted there, so that the figure needs no other. The same file gives the same bytes.
+The file is what the last look at the judging cases gave (``benchmarks/emg_cases.py --set judging --peers --json``): the
+look is counted there, so that the figure needs no other. The same file gives the same bytes.
 """
 
 import json
