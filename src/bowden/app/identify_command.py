@@ -16,7 +16,7 @@ from bowden.core.files import output_folder, whole_files
 
 if TYPE_CHECKING:
     from bowden.identify.cable.fit import Fit
-    from bowden.identify.cable.loop import Loop
+    from bowden.identify.cable.loop import HysteresisLoop
     from bowden.report.identify_page import Blank
 
 
@@ -186,7 +186,7 @@ def document(fit: "Fit") -> dict[str, Any]:
     }
 
 
-def _loop(loop: "Loop") -> dict[str, Any]:
+def _loop(loop: "HysteresisLoop") -> dict[str, Any]:
     """The recommended model's loop for JSON; what does not exist is None."""
     from bowden.core.metrics import finite
 

@@ -100,7 +100,12 @@ def main() -> int:
     ]
     print(json.dumps({"port": server.port}), flush=True)
     over = threading.Event()
-    threading.Thread(target=lambda: (sys.stdin.read(), over.set()), daemon=True).start()
+
+    def wait_for_the_end() -> None:
+        sys.stdin.read()
+        over.set()
+
+    threading.Thread(target=wait_for_the_end, daemon=True).start()
     while not (over.wait(PERIOD) or reader.closed):
         rows = reader.read().rows
         if not len(rows):
