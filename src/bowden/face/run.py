@@ -113,7 +113,7 @@ def live_session(
     """
     from bowden.design.verdict import CheckVerdict, verdicts
     from bowden.hardware.drives.family import family_of
-    from bowden.live.by_hand import require_confirmed
+    from bowden.live.by_hand import require_confirmed, require_watch, unseen_watch
     from bowden.live.emg_process import EmgProcess
     from bowden.live.live_run import live_run
     from bowden.live.preflight import require
@@ -122,6 +122,7 @@ def live_session(
     live = live_run(rig, measure=measure)
     if not twin:  # another run's bus is refused at once; the drive claims it for good
         family_of(rig.drive).claim(rig.drive)()
+        require_watch(rig)
         require_confirmed(rig)
     with contextlib.ExitStack() as stack:
         emg_process = None if live.emg is None else stack.enter_context(contextlib.closing(EmgProcess(rig)))
@@ -130,7 +131,7 @@ def live_session(
         elif checked is None:
             checked = verdicts(rig, [live.law], name, force=force)[0]
         pushing = live.pushing.notes([live.law], force=force) if live.pushing else []
-        for note in (*live.notes, *pushing, checked.note):
+        for note in (*live.notes, *pushing, unseen_watch(rig), checked.note):
             if note:
                 tell(note)
         require(live.limits, live.rig.sample_time, "little_margin" if force else checked.name or "little_margin")
