@@ -114,7 +114,7 @@ def live_session(
     """
     from bowden.design.verdict import CheckVerdict, verdicts
     from bowden.hardware.drives.family import family_of
-    from bowden.live.by_hand import require_confirmed
+    from bowden.live.by_hand import require_confirmed, require_watch, unseen_watch
     from bowden.live.emg_process import EmgProcess
     from bowden.live.live_run import live_run
     from bowden.live.preflight import require
@@ -123,6 +123,8 @@ def live_session(
     live = live_run(rig, measure=measure)
     for axis in () if twin else live.axes:  # another run's bus is refused at once; the drive claims it for good
         family_of(axis.rig.drive).claim(axis.rig.drive)()
+        with asked_for_by(f"axis {quoted(axis.name)}") if axis.name else contextlib.nullcontext():
+            require_watch(axis.rig)
         require_confirmed(axis.rig, axis.name)
     with contextlib.ExitStack() as stack:
         emg_process = None if live.emg is None else stack.enter_context(contextlib.closing(EmgProcess(rig)))
@@ -134,8 +136,8 @@ def live_session(
             with asked_for_by(of_axis) if axis.name else contextlib.nullcontext():
                 found = CheckVerdict("holds", "") if measure else checked  # no gains take part in a measurement
                 found = found or verdicts(axis.rig, [axis.law], name, force=force)[0]
-                if found.note:
-                    tell(f"{of_axis}: {found.note}" if axis.name else found.note)
+                for note in filter(None, (unseen_watch(axis.rig), found.note)):
+                    tell(f"{of_axis}: {note}" if axis.name else note)
                 require(axis.limits, axis.rig.sample_time, "little_margin" if force else found.name or "little_margin")
         if emg_process is not None:
             emg_process.await_ready()  # a stream that cannot be used is refused before anything else is started

@@ -180,3 +180,44 @@ def require_confirmed(rig: Rig, axis: str = "") -> None:
             expected="the joint turned once by hand, without power, and compared with both encoders",
             do=shlex.join(["bowden", "confirm", rig.origin, *(["--axis", axis] if axis else [])]),
         )
+
+
+def unseen_watch(rig: Rig) -> str:
+    """What the user should know of a drive whose watch over its host nobody can see; empty of others."""
+    family = family_of(rig.drive)
+    unseen = family.unseen_watch(rig.drive)
+    if not unseen:
+        return ""
+    return (
+        f"{unseen}: if it is not, the motor keeps its last command when this computer dies, until its supply is cut; "
+        "so such a drive is powered on a bare bench alone (no_limb = true in [drive]), with no suit, EMG or admittance"
+    )
+
+
+def require_watch(rig: Rig) -> None:
+    """Refuse a limb in a rig whose drive nobody can see to take its torque off when its host dies.
+
+    Raises:
+        SafetyError: there is one, or nobody has said that there is none.
+    """
+    family, unseen = family_of(rig.drive), unseen_watch(rig)
+    if not unseen or family.simulated(rig.drive):
+        return
+    limbs = (
+        ("a suit", rig.worn is not None),
+        ("EMG", rig.emg_run is not None),
+        ("admittance", rig.pushing is not None),
+    )
+    for what, there in limbs:
+        if there:
+            raise SafetyError(
+                f"{what} means a limb, and {family.unseen_watch(rig.drive)}",
+                expected="a drive whose watch over its host is tried or read back at every start",
+                do="take a drive of another family for a limb; this one is for a bare bench",
+            )
+    if not family.no_limb(rig.drive):
+        raise SafetyError(
+            f"nobody has said that no limb is in this rig, and {family.unseen_watch(rig.drive)}",
+            expected="no_limb = true in [drive], for a bare bench alone",
+            do="set the drive's timeout with its maker's tool, try it by hand (docs/drive_ak.md), and then say so",
+        )

@@ -16,7 +16,7 @@ from bowden.core.toml_text import quoted
 from bowden.core.units import RADIANS
 from bowden.cycle.one_cycle import Cycle
 from bowden.cycle.torque_offset import TorqueOffset
-from bowden.hardware.drives.family import DriveNeeds
+from bowden.hardware.drives.family import DriveNeeds, family_of
 from bowden.hardware.emg.course import EmgCourse
 from bowden.hardware.emg.intent_block import IntentReader
 from bowden.live import axis_columns, excitation, row
@@ -225,6 +225,7 @@ def live_run(rig: Rig, *, measure: bool = False, logged: Rig | None = None) -> L
             "this drive does; else change the sign of motor_direction or joint_direction of [drive], and measure again",
         )
     _ = rig.drive_parameters  # which refuses what makes no sense together
+    require_joint(rig)
     _ = rig.pack()  # which refuses more than a log's head and the loop's process can take
     limits, notes, logged = rig.supervisor_limits, rig.notes, logged or rig
     emg = None if measure else rig.emg_run
@@ -271,6 +272,22 @@ def _refuse_sources(rig: Rig) -> None:
                 expected="[reference] for each: EMG and the wearer's push move a joint that is alone",
                 do="delete it, or run that axis alone, with --axis",
             )
+
+
+def require_joint(rig: Rig) -> None:
+    """Refuse a rig that does not measure its joint: laws feed it back, an excitation looks for it, and the supervisor
+    watches the cable by it.
+
+    Raises:
+        ParameterError: with what to do.
+    """
+    if not family_of(rig.drive).measures_joint(rig.drive):
+        raise ParameterError(
+            f"{rig.origin}: the joint's angle is not measured (drive.joint is none)",
+            expected="an encoder at the joint, without which neither a law nor bowden measure nor the supervisor knows "
+            "what the cable does",
+            do='fit a CANopen encoder (CiA 406) beside the drive, and set joint = "cia406" in [drive]',
+        )
 
 
 def _check_reference(positions: NDArray[np.float64], limits: Limits) -> None:

@@ -208,6 +208,30 @@ class BusPort:
                 return message.arbitration_id, bytes(message.data)
         return None
 
+    def listen(self, span: float, heard: Callable[[int, bytes], bool]) -> None:
+        """Listen for a `span` [s] before anything is said: another master shows in it.
+
+        Args:
+            span: of silence in sum; frames of others do not shorten it.
+            heard: whether a frame is one that only this host may send, or an answer to one.
+
+        Raises:
+            DriveError: there is another master.
+        """
+        silent = 0
+        for _ in range(_MOST_LISTENED):
+            frame = self.wait_for(lambda identifier, data: True, _LISTENED)
+            if frame is None:
+                silent += 1
+            elif heard(*frame):
+                raise DriveError(
+                    f"another master is on the bus already (a frame {frame[0]:03X}h)",
+                    expected="one host",
+                    do="end the other run or program first, or correct the drive's number in [drive]",
+                )
+            if silent * _LISTENED >= span:
+                return
+
     def leave(self) -> None:
         """Let go of the bus; the last one closes it. Safe to call twice."""
         if self in self._link.ports:
@@ -218,5 +242,9 @@ class BusPort:
                 self._emptied()
 
 
+_LISTENED = 0.02
+"""Without a frame, counted as this much of a silence [s]."""
+_MOST_LISTENED = 4000
+"""Frames after which a bus that is never silent has been listened to for long enough."""
 _MOST_WAITING = 64
 """Frames that wait for one drive at most, the newest of them, and that one call looks at: a flood holds up no loop."""

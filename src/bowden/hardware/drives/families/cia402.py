@@ -1,10 +1,10 @@
 """CiA 402 over CANopen: the drive of `bowden.hardware.drives.canopen_drive`, played by `bowden.hardware.twin`."""
 
-from collections.abc import Callable, Mapping, Sequence
-from pathlib import Path
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 from bowden.core.errors import ParameterError
+from bowden.hardware.drives import on_can
 from bowden.hardware.drives.emergencies import emergency_text
 from bowden.hardware.drives.family import DriveFamily, DriveNeeds, FoundDevice, TwinProcess
 from bowden.hardware.drives.parameters import DriveParameters, check_parameters, most_push, zeroed
@@ -57,54 +57,9 @@ def twin(
     from bowden.hardware.twin.twin import NodePlace, Twin
 
     check_parameters(parameters)
-    overrides = dict(_override(text) for text in options)
+    overrides = dict(on_can.object_option(text) for text in options)
     place = NodePlace(parameters.interface, parameters.channel, parameters.bitrate, parameters.node_id)
     return Twin(place, clock, lambda send, journal: CanopenNode(parameters, plant, send, journal, overrides))
-
-
-def _override(text: str) -> tuple[tuple[int, int], int | None]:
-    """``INDEX:SUB=VALUE`` with a hexadecimal index."""
-    try:
-        key, value = text.split("=")
-        index, sub = key.split(":")
-        return (int(index, 16), int(sub)), None if value == "none" else int(value, 0)
-    except ValueError as error:
-        raise ParameterError(f"--object is {text!r}", expected="like 6502:0=0x25, or 6502:0=none") from error
-
-
-def moved(parameters: DriveParameters, channel: str | None, interface: str | None) -> DriveParameters:
-    """The same drive on another bus."""
-    return parameters._replace(
-        channel=parameters.channel if channel is None else channel,
-        interface=parameters.interface if interface is None else interface,
-    )
-
-
-def address(parameters: DriveParameters) -> Mapping[str, str]:
-    """Bus and number."""
-    return {
-        "interface": parameters.interface,
-        "channel": parameters.channel,
-        "node": str(parameters.node_id),
-    }
-
-
-def control(parameters: DriveParameters) -> Path:
-    """Socket of the twin of this node."""
-    from bowden.hardware.twin.control import control_path  # with python-can
-
-    return control_path(parameters.interface, parameters.channel, parameters.node_id)
-
-
-def claim_host(parameters: DriveParameters) -> Callable[[], None]:
-    """Be the bus' one master.
-
-    Raises:
-        DriveError: there is one.
-    """
-    from bowden.hardware.buses.opening import claim
-
-    return claim(parameters.interface, parameters.channel, "host").release
 
 
 def largest_push(parameters: DriveParameters, needs: DriveNeeds) -> float:
@@ -132,13 +87,6 @@ def homed(parameters: DriveParameters) -> bool:
     return parameters.home == "counts"
 
 
-def simulated(parameters: DriveParameters) -> bool:
-    """Whether its bus is one between processes, which no wire leads to."""
-    from bowden.hardware.buses.opening import UNIX  # with python-can
-
-    return parameters.interface == UNIX
-
-
 def probe(parameters: DriveParameters, links: "Links") -> list[FoundDevice]:
     """All CANopen devices that answer SDO."""
     from bowden.hardware.drives import canopen_probe  # with python-can and canopen
@@ -158,16 +106,16 @@ FAMILY = DriveFamily(
     completed=completed,
     open=open_drive,
     twin=twin,
-    moved=moved,
-    address=address,
-    control=control,
-    claim=claim_host,
+    moved=on_can.moved,
+    address=on_can.address,
+    control=on_can.control,
+    claim=on_can.claim_host,
     watchdog=watchdog,
     most_push=largest_push,
     measures_tension=measures_tension,
     scales=scales,
     homed=homed,
-    simulated=simulated,
+    simulated=on_can.simulated,
     explain=emergency_text,
     probe=probe,
     zeroed=zeroed,

@@ -1,0 +1,401 @@
+"""A CubeMars AK drive in MIT mode as the live loop's `Drive`: a command a cycle, a reply to each, no thread, no wait.
+
+The drive has no heartbeat, tells neither its mode nor that a command was refused, and gives torque again with the first
+command after its timeout. So here:
+
+- without power it is told to leave motor mode in every cycle, and counts as without torque once it has replied to that;
+- with power it is entered with gains of one step and its own position for a target, and counts as enabled only when its
+  torque in these cycles was what such gains give: one whose position has gone round its range would pull;
+- a torque that is asked for and not given, for 20 ms, is an inert motor, or one that has left its mode;
+- a silence of ours as long as its timeout is taken for a torque that it let go of, and it is not switched on again;
+- a silence of its own may be a restart, after which its position is another: it has to be brought up again.
+"""
+
+import math
+
+import can
+
+from bowden.core.errors import DriveError, ParameterError
+from bowden.core.signals import DriveReading, DriveState
+from bowden.hardware.buses.link import BusPort, Links
+from bowden.hardware.buses.unix_bus import ERROR, REMOTE
+from bowden.hardware.drives import canopen_frames as canopen
+from bowden.hardware.drives.ak_frames import (
+    ENTER,
+    EXIT,
+    HIGHEST_KP,
+    HIGHEST_POSITION,
+    AkCommand,
+    AkReply,
+    error_text,
+    pack_command,
+    unpack_reply,
+)
+from bowden.hardware.drives.ak_parameters import (
+    ROOM,
+    AkParameters,
+    check_parameters,
+    check_range,
+    model_of,
+    motor_scale,
+    reply_id,
+)
+from bowden.hardware.drives.enabling import Silence, fell
+from bowden.hardware.drives.findings import INERT, LOST_RANGE, InertWatch
+from bowden.hardware.drives.joint_encoder import JointEncoder, joint_encoder_of
+from bowden.hardware.drives.limited_range import LimitedRange, nearest
+from bowden.hardware.drives.on_can import place
+from bowden.hardware.drives.readings import Readings
+from bowden.hardware.ports import Power, TorqueLeft
+
+MOST_FRAMES = 64
+"""Frames that one cycle reads at most, so that a flood on the bus cannot hold the loop."""
+MOST_UNANSWERED = 16
+"""Commands that are waited for at most; what is older than these is lost."""
+LISTENING = 1.0
+"""So long the bus is listened to before anything is said on it: another master gives its commands in it [s]."""
+TRIAL = 8
+"""Cycles with gains of one step, before a drive counts as enabled."""
+LEAST_KP = HIGHEST_KP / 4095.0
+"""One step of kp [N·m/rad]."""
+STRAIN = 0.05
+"""Of the model's torque: more is a torque of which nothing was asked [–]."""
+ASKED, GIVEN = 0.02, 0.1
+"""Of the model's torque, from which on one counts as asked for; and of that, up to which none was given [–]."""
+LOST = 0.1
+"""Silence of the drive after which it may have started again, with another position [s]."""
+CLOSING_CYCLES = 20
+"""How often `close` asks for the power to go off, 2 ms apart, while the drive has not replied to it."""
+_LIMP = AkCommand(0.0, 0.0, 0.0, 0.0, 0.0)
+"""No torque, but for the half step by which a field of an even number of codes misses zero."""
+
+
+class AkDrive:
+    """The drive of one motor.
+
+    Args:
+        parameters: of the drive, the joint's encoder and the bus.
+        links: the buses of this process; of its own where none are given.
+
+    Raises:
+        ParameterError: parameters that make no sense.
+    """
+
+    def __init__(self, parameters: AkParameters, links: Links | None = None) -> None:
+        check_parameters(parameters)
+        self._drive, self._links = parameters, links or Links()
+        self._model, self._reply_id = model_of(parameters), reply_id(parameters)
+        encoder = joint_encoder_of(parameters)
+        self._encoder = None if encoder is None else JointEncoder(encoder, parameters.answer_timeout)
+        self._port: BusPort | None = None
+        self._scale = motor_scale(parameters)
+        self._range = LimitedRange(2.0 * HIGHEST_POSITION)
+        self._readings, self._silence = Readings(), Silence(parameters.watchdog)
+        self._inert = InertWatch(math.inf)  # what gives no torque at all is inert, moving or not
+        self._bus_errors = 0
+        self._frame, self._sync = _frame(parameters.node_id, 8), _frame(canopen.SYNC, 0)
+        self._begin(DriveState.NOT_READY_TO_SWITCH_ON)
+
+    def bring_up(self) -> str:
+        """See `hardware.ports.Drive.bring_up`; may be called again after a failure or a restart of the drive."""
+        drive, encoder = self._drive, self._encoder
+        if self._port is None:
+            synced = encoder is not None and encoder.synced
+            self._port = self._links.join(place(drive), f"node {drive.node_id}", self._wants, synced=synced)
+        try:
+            return self._find(self._port)
+        except BaseException:
+            self._leave()
+            raise
+
+    def _find(self, port: BusPort) -> str:
+        drive = self._drive
+        port.listen(
+            LISTENING, lambda identifier, data: self._commands(identifier, data) or self._is_it(identifier, data)
+        )
+        first = self._ask(port)
+        if abs(first.torque) > STRAIN * self._model.torque:
+            raise DriveError(
+                f"node {drive.node_id} has {first.torque:.3g} N·m",
+                expected="a drive without torque",
+                do="end the master that holds it, or switch the drive off",
+            )
+        replies = [first, *(self._ask(port) for _ in range(4))]
+        moved = max(abs(reply.position - first.position) for reply in replies)
+        if any(reply.at_end for reply in replies) or moved > 0.5:
+            told = ", ".join(f"{reply.position:.3f}" for reply in replies)
+            raise DriveError(
+                f"the position of node {drive.node_id} is {told} rad",
+                expected="a motor that stands still, within its range",
+                do="bring the motor near its zero by hand; check drive.model and the drive's encoder",
+            )
+        last = replies[-1]
+        home = 0.0
+        if drive.home == "here":
+            home = last.position
+        elif drive.home == "hint":
+            turn = 2.0 * math.pi / self._model.gear
+            wanted = motor_scale(drive).counts(drive.motor_hint)
+            home = last.position - nearest(last.position, turn, wanted)
+        self._scale = motor_scale(drive, home)
+        try:
+            check_range(drive, self._scale, "as it counts them now")
+        except ParameterError as error:
+            raise DriveError(error.what, expected=error.expected, do=error.do) from error
+        said = (
+            f"{drive.model} in MIT mode at node {drive.node_id}, with a CAN timeout of {1e3 * drive.watchdog:g} ms by "
+        )
+        said += "[drive], which no frame shows"
+        if last.error:
+            said += f"; in fault, {error_text(last.error)}"
+        if self._encoder is not None:
+            said += f"; joint: {self._encoder.bring_up(port.bus)}"
+        self._begin(DriveState.FAULT if last.error else DriveState.SWITCH_ON_DISABLED)
+        self._range.follow(last.position)
+        self._up = True
+        return said
+
+    def _ask(self, port: BusPort) -> AkReply:
+        """Tell the drive to leave motor mode, in which it should not be, and take its reply.
+
+        Raises:
+            DriveError: none, or one without an error code.
+        """
+        drive = self._drive
+        for _ in range(2):
+            self._send(EXIT)
+            frame = port.wait_for(lambda identifier, data: identifier == self._reply_id, drive.answer_timeout)
+            if frame is None:
+                continue
+            reply = unpack_reply(frame[1], self._model)
+            if reply is None:
+                raise DriveError(
+                    f"node {drive.node_id} replies with {len(frame[1])} bytes",
+                    expected="eight, with temperature and error code",
+                    do="see to a later firmware: one that reports no error is not run",
+                )
+            if reply.number == drive.node_id:
+                return reply
+        raise DriveError(
+            f"no drive replies as node {drive.node_id}",
+            expected=f"an AK drive in MIT mode, whose replies have the identifier {self._reply_id:03X}h",
+            do="switch the drive on; check cable, bit rate and termination; set MIT mode and its number with its "
+            "maker's tool, and reply_id in [drive] to its CAN Master ID",
+        )
+
+    def _wants(self, identifier: int) -> bool:
+        """Whether a frame is of this drive or its joint's encoder, one that only this host may send, or an error."""
+        plain = identifier & ~REMOTE
+        mine = bool(identifier & ERROR) or plain in (self._drive.node_id, self._reply_id)
+        return mine or (self._encoder is not None and self._encoder.wants(plain))
+
+    def _is_it(self, identifier: int, data: bytes) -> bool:
+        """Whether a frame is a reply of this drive."""
+        return identifier == self._reply_id and len(data) == 8 and data[0] == self._drive.node_id
+
+    def _commands(self, identifier: int, data: bytes) -> bool:
+        """Whether a frame is one that only this host may send."""
+        plain = identifier & ~REMOTE
+        return plain == self._drive.node_id and not self._is_it(identifier, data)
+
+    def _begin(self, state: DriveState) -> None:
+        """Nothing has been read or sent yet, and the drive is in that state."""
+        self._state = self._before = state
+        self._up = self._lost = self._fell = self._entered = self._asked = False
+        self._unanswered = self._until_off = self._trial = 0
+        self._position = math.nan  # of the drive, over the ends of its range
+        self._speed = self._torque = self._expected = 0.0
+        self._sent_at = self._replied_at = math.nan
+        self._readings.begin()
+        self._range.begin()
+        self._silence.begin()
+        self._inert.begin()
+
+    def read(self, now: float) -> DriveReading:
+        """See `hardware.ports.Drive.read`."""
+        readings, encoder = self._readings, self._encoder
+        readings.cycle(now)
+        for _ in range(MOST_FRAMES):
+            frame = self._port.take() if self._port is not None and self._up else None
+            if frame is None:
+                break
+            identifier, data = frame
+            if identifier & ERROR:
+                self._bus_errors += 1
+            elif self._is_it(identifier, data):
+                reply = unpack_reply(data, self._model)
+                if reply is not None:
+                    self._take(reply, now)
+            elif self._commands(identifier, data):
+                readings.meant()
+            elif encoder is not None:
+                angle = encoder.read(identifier, data, now)
+                if angle is not None:
+                    readings.turned(angle)
+                elif encoder.foreign(identifier & ~REMOTE):
+                    readings.meant()
+        if now - self._replied_at > LOST:
+            self._lost = True
+            readings.motor = math.nan
+        self._before, self._state = self._state, self._standing()
+        errors = self._bus_errors + (self._port.errors if self._port else 0)
+        return readings.reading(now, self._state, float(errors))
+
+    def _take(self, reply: AkReply, now: float) -> None:
+        """A reply of the drive."""
+        drive, readings = self._drive, self._readings
+        if self._unanswered == 0:
+            readings.meant()  # it answers somebody else
+        self._unanswered = max(0, self._unanswered - 1)
+        self._until_off = max(0, self._until_off - 1)
+        self._replied_at = now
+        readings.replied(now)
+        if self._lost:
+            return  # whatever it says: its position may be another
+        readings.failed(reply.error)
+        self._torque, self._speed = reply.torque, reply.velocity
+        if reply.at_end:  # neither this end nor the other
+            if self._entered:
+                readings.found(LOST_RANGE)
+            return
+        self._position = self._range.follow(reply.position)
+        current = drive.motor_direction * reply.torque / (drive.gear * drive.torque_constant)
+        temperature = float((reply.temperature + 128) % 256 - 128 if drive.temperature_zero == 0 else reply.temperature)
+        sampled = now if math.isnan(self._sent_at) else self._sent_at
+        readings.moved(self._scale.angle(self._position), current, temperature - drive.temperature_zero, sampled)
+        if self._entered:
+            self._try(now)
+
+    def _try(self, now: float) -> None:
+        """Whether the torque is what was asked for: none in the trial, and some after it."""
+        if self._trial > 0:
+            self._trial -= 1
+            if abs(self._torque) > STRAIN * self._model.torque:
+                self._readings.found(LOST_RANGE)
+                self._fell = True
+            return
+        asked = abs(self._expected) >= ASKED * self._model.torque
+        in_vain = asked and abs(self._torque) <= GIVEN * abs(self._expected)
+        if self._inert.inert(self._position, now, in_vain=in_vain):
+            self._readings.found(INERT)
+            self._fell = True
+
+    def _standing(self) -> DriveState:
+        """Where the drive is, of what was sent and answered."""
+        if not self._up:
+            return DriveState.NOT_READY_TO_SWITCH_ON
+        if self._lost and self._until_off == 0 and not self._entered:
+            return DriveState.NOT_READY_TO_SWITCH_ON
+        if self._entered:
+            if self._readings.error:
+                return DriveState.FAULT_REACTION_ACTIVE
+            return DriveState.SWITCHED_ON if self._trial > 0 else DriveState.OPERATION_ENABLED
+        if self._until_off > 0:  # it has not said so yet: then it is not so
+            return self._state
+        return DriveState.FAULT if self._readings.error else DriveState.SWITCH_ON_DISABLED
+
+    def write(self, target: float, power: Power, now: float, torque: float = 0.0) -> None:
+        """See `hardware.ports.Drive.write`.
+
+        It has no quick stop: that is power off. A target that is no number, or beyond the drive's range, is never sent:
+        the torque goes off. There is none before the drive has sent its position.
+        """
+        if self._port is None or not self._up:
+            return
+        broken = self._silence.broken(now)
+        self._fell = fell(self._before, self._state, asked=self._asked, already=self._fell, power=power)
+        self._fell = self._fell or (broken and self._entered and power is not Power.OFF)
+        position = self._scale.counts(target)
+        fine = abs(position) <= HIGHEST_POSITION - ROOM and not (math.isnan(self._position) or self._lost)
+        on = power is Power.ON and fine and not self._fell and not self._readings.error
+        self._asked = on
+        if not on:
+            self._leave_motor_mode()
+        elif not self._entered:
+            self._entered, self._trial = True, TRIAL
+            self._inert.begin()
+            self._send(ENTER)
+            self._follow(self._position, LEAST_KP, 0.0, 0.0)
+        elif self._trial > 0 or self._state is not DriveState.OPERATION_ENABLED:
+            self._follow(self._position, LEAST_KP, 0.0, 0.0)
+        else:
+            drive, most = self._drive, self._drive.torque_offset
+            pushed = max(-most, min(most, torque)) if math.isfinite(torque) else 0.0
+            self._follow(position, drive.stiffness, drive.damping, drive.motor_direction * pushed)
+        self._sent_at = now
+        if self._encoder is not None and self._encoder.synced:
+            self._port.sync(self._sync)
+
+    def _follow(self, position: float, stiffness: float, damping: float, torque: float) -> None:
+        """A command; what the drive should make of it is kept."""
+        held = max(ROOM - HIGHEST_POSITION, min(HIGHEST_POSITION - ROOM, position))
+        self._expected = stiffness * (held - self._position) - damping * self._speed + torque
+        self._send(pack_command(AkCommand(held, 0.0, stiffness, damping, torque), self._model))
+
+    def _leave_motor_mode(self) -> None:
+        """Once without gains, so that none are left for the next time; and out of motor mode, in every cycle."""
+        if self._entered:
+            self._send(pack_command(_LIMP, self._model))
+            self._until_off = self._unanswered + 1
+        self._entered, self._expected = False, 0.0
+        self._send(EXIT)
+
+    def reset_fault(self) -> None:
+        """See `hardware.ports.Drive.reset_fault`: a fault ends when the drive reports none; nothing resets it."""
+
+    def zeroed(self, motor: float = 0.0, joint: float = 0.0) -> AkParameters:
+        """Parameters in which the present position, as read last, is at these angles [rad]: homing by hand.
+
+        Raises:
+            DriveError: nothing has been read yet.
+        """
+        readings, drive = self._readings, self._drive
+        if not (math.isfinite(readings.motor) and math.isfinite(readings.joint)):
+            raise DriveError("the drive has not reported a position yet", do="read a few cycles first")
+        if drive.home == "here":  # the next bring-up finds the present position by itself
+            return drive._replace(motor_home=motor, joint_home=joint)
+        return drive._replace(
+            motor_home=drive.motor_home + motor - readings.motor, joint_home=drive.joint_home + joint - readings.joint
+        )
+
+    def close(self) -> TorqueLeft:
+        """See `hardware.ports.Drive.close`; a reply to the order to leave motor mode, without torque, is its word."""
+        left, port = TorqueLeft.OFF, self._port
+        if port is not None:
+            left, port.synced = TorqueLeft.UNKNOWN, False
+            for _ in range(MOST_FRAMES):
+                if port.take() is None:
+                    break
+            self._send(pack_command(_LIMP, self._model))
+            for k in range(CLOSING_CYCLES):
+                self._send(EXIT)
+                frame = port.wait_for(self._is_it, 0.002)
+                reply = None if frame is None else unpack_reply(frame[1], self._model)
+                if reply is not None and k > 0:  # the first may answer what went before
+                    free = abs(reply.torque) <= STRAIN * self._model.torque
+                    left = TorqueLeft.OFF if free else TorqueLeft.ON
+                if left is TorqueLeft.OFF:
+                    break
+            if self._encoder is not None:
+                stop = _frame(canopen.NMT, 2)
+                stop.data = bytearray((canopen.NMT_STOP, self._drive.joint_node_id))
+                port.send(stop)
+        self._leave()
+        return left
+
+    def _leave(self) -> None:
+        self._up = False
+        if self._port is not None:
+            self._bus_errors += self._port.errors
+            self._port.leave()
+        self._port = None
+
+    def _send(self, data: bytes) -> None:
+        if self._port is not None:
+            self._frame.data = bytearray(data)
+            self._unanswered = min(MOST_UNANSWERED, self._unanswered + 1)
+            self._port.send(self._frame)
+
+
+def _frame(identifier: int, length: int) -> can.Message:
+    return can.Message(arbitration_id=identifier, is_extended_id=False, data=bytes(length))

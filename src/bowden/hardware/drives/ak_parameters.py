@@ -1,0 +1,234 @@
+"""What has to be known of a CubeMars AK drive in MIT mode, of the joint's encoder, and of the bus to both."""
+
+import math
+from typing import Annotated, Literal, NamedTuple
+
+from bowden.core.errors import ParameterError
+from bowden.core.quantity import Quantity
+from bowden.core.units import RADIANS
+from bowden.hardware.drives import joint_encoder as joints
+from bowden.hardware.drives import on_can
+from bowden.hardware.drives.ak_frames import HIGHEST_KD, HIGHEST_KP, HIGHEST_POSITION, MODELS, AkModel
+from bowden.hardware.drives.family import DriveNeeds
+from bowden.hardware.drives.joint_encoder import check_beside, joint_encoder_of
+from bowden.hardware.drives.scale import Scale, SuitScale, spool_scale
+from bowden.models.suit.suit_angle import SpoolMap
+
+
+class AkParameters(NamedTuple):
+    """A drive of the AK series on a CAN bus, in SI and radians at the spool, which sits on its output shaft.
+
+    angle = home + direction · (position − position at home)
+
+    The drive makes its torque itself: stiffness · (target − position) − damping · speed. Of that the servo of [servo]
+    is made: ω² = stiffness/inertia and 2·ζ/ω = damping/stiffness.
+    """
+
+    family: Annotated[Literal["ak_mit"], Quantity("family of the drive")] = "ak_mit"
+    interface: on_can.BusInterface = "bowden_unix"
+    channel: on_can.BusChannel = "bowden"
+    bitrate: on_can.BusBitrate = 1_000_000
+    model: Annotated[
+        Literal["AK10-9", "AK60-6", "AK70-10", "AK80-6", "AK80-9", "AK80-64"],
+        Quantity("which drive; its ranges depend on it, and no frame tells them"),
+    ] = "AK80-9"
+    node_id: Annotated[int, Quantity("the drive's number, its CAN ID", ge=1, le=127)] = 1
+    reply_id: Annotated[
+        int,
+        Quantity("identifier of the drive's replies, its CAN Master ID; -1 where they have its own", ge=-1, le=2047),
+    ] = -1
+    gear: float = 9.0
+    """Motor turns per spool turn [–]."""
+    motor_direction: Annotated[
+        Literal[1, -1], Quantity("1 where the drive's position rises as the spool pulls, otherwise -1")
+    ] = 1
+    stiffness: Annotated[float, Quantity("kp of the drive, at its output shaft", "N·m/rad", gt=0.0, le=HIGHEST_KP)] = (
+        50.0
+    )
+    damping: Annotated[float, Quantity("kd of the drive, at its output shaft", "N·m·s/rad", ge=0.0, le=HIGHEST_KD)] = (
+        1.9
+    )
+    home: Annotated[
+        Literal["counts", "here", "hint"],
+        Quantity(
+            "home is where the drive's position is zero; where motor and joint are found when a command begins (here); "
+            "or where its rotor is at zero, in the turn in which the motor is near motor_hint_deg when a command begins"
+        ),
+    ] = "counts"
+    motor_home: Annotated[float, Quantity("angle of the spool at home", "rad", ge=-720.0, le=720.0)] = 0.0
+    motor_hint: Annotated[
+        float,
+        Quantity(
+            "where the spool is when a command begins, within half a turn of the rotor; for home = hint",
+            "rad",
+            ge=-720.0,
+            le=720.0,
+        ),
+    ] = 0.0
+    watchdog: Annotated[
+        float,
+        Quantity(
+            "CAN timeout as it is set in the drive with its maker's tool; 0 for none, with which no run begins",
+            "s",
+            shown="ms",
+            ge=0.0,
+            le=1000.0,
+        ),
+    ] = 20e-3
+    no_limb: Annotated[
+        bool,
+        Quantity("true where no limb can be in the rig; such a drive is powered on no other, as its timeout is unseen"),
+    ] = False
+    temperature_zero: Annotated[
+        int, Quantity("what the drive's temperature byte says at 0 °C: 0, or 40 by later editions of its manual", ge=0)
+    ] = 0
+    joint: joints.JointSource = "cia406"
+    joint_node_id: joints.JointNode = 32
+    joint_counts_per_turn: joints.JointCounts = 16384.0
+    joint_direction: joints.JointDirection = 1
+    joint_home: joints.JointHome = 0.0
+    joint_sends: joints.JointSending = "sync"
+    torque_constant: float = 0.091
+    """Torque per ampere at the motor's shaft, which turns the drive's torque into a current [N·m/A]."""
+    sample_time: float = 1e-3
+    """One cycle [s]."""
+    lowest_motor: float = -math.inf
+    """Spool angle below which the rig never goes [rad]."""
+    highest_motor: float = math.inf
+    """Spool angle above which the rig never goes [rad]."""
+    speed_limit: float = 0.0
+    """Largest speed of the spool that the rig asks for; 0 for none [rad/s]."""
+    current_limit: float = 0.0
+    """Largest current that the rig asks for; 0 for none [A]."""
+    torque_offset: float = 0.0
+    """Largest torque offset beside the target, at the spool; 0 where none is sent [N·m]."""
+    answer_timeout: on_can.AnswerTimeout = 0.1
+    spool: SpoolMap | None = None
+    """Of a suit: motor angles are the joint's, and the spool turns as this says (`models.suit.suit_angle`)."""
+
+
+ROOM = 0.2
+"""Of the drive's position, to both ends of its range: a target never comes nearer [rad]."""
+MOST_PUSH = 0.5
+"""Largest torque offset, as a share of what the largest current gives: stiffness must be able to beat it."""
+FINEST = 0.02
+"""Of a field's range: a limit nearer to its end could not be told from the end [–]."""
+
+
+def reply_id(drive: AkParameters) -> int:
+    """Identifier of its replies."""
+    return drive.node_id if drive.reply_id < 0 else drive.reply_id
+
+
+def model_of(drive: AkParameters) -> AkModel:
+    """Its ranges."""
+    return MODELS[drive.model]
+
+
+def most_push(drive: AkParameters) -> float:
+    """Largest torque offset that is allowed, at the spool [N·m]."""
+    return MOST_PUSH * min(
+        drive.gear * drive.torque_constant * (drive.current_limit or math.inf), model_of(drive).torque
+    )
+
+
+def motor_scale(drive: AkParameters, position_at_home: float = 0.0) -> Scale | SuitScale:
+    """The drive's position to the spool's angle, or, on a suit, to the motor's in the joint's coordinate."""
+    return spool_scale(float(drive.motor_direction), drive.motor_home, position_at_home, drive.spool)
+
+
+def check_range(drive: AkParameters, scale: Scale | SuitScale, expected: str) -> None:
+    """Refuse a rig whose motor goes to where the drive's position cannot be told, or nearly.
+
+    Raises:
+        ParameterError: with both.
+    """
+    for end in (drive.lowest_motor, drive.highest_motor):
+        position = scale.counts(end) if math.isfinite(end) else 0.0
+        if not abs(position) <= HIGHEST_POSITION - ROOM:
+            raise ParameterError(
+                f"the motor goes to {end / RADIANS:g}°, where the position of an {drive.model} is {position:.4g} rad",
+                expected=f"within ±{HIGHEST_POSITION - ROOM:g} rad, {expected}",
+                do="make the range in [limits] smaller, or set the drive's zero anew with its maker's tool",
+            )
+
+
+def completed(given: AkParameters, needs: DriveNeeds) -> AkParameters:
+    """The parameters with what the rig asks for.
+
+    Raises:
+        ParameterError: values that make no sense together, or beyond the model's ranges.
+    """
+    asked = {name: value for name, value in needs._asdict().items() if name in AkParameters._fields}
+    drive = given._replace(**asked)
+    check_parameters(drive)
+    check_range(drive, motor_scale(drive), "as it counts them from home")
+    return drive
+
+
+def check_parameters(drive: AkParameters) -> None:
+    """Refuse parameters that make no sense, before a bus is opened.
+
+    Raises:
+        ParameterError: a value out of its range, with its name and what was expected.
+    """
+    model = MODELS.get(drive.model)
+    if model is None:
+        raise ParameterError(f"drive.model is {drive.model!r}", expected=", ".join(MODELS))
+    encoder = joint_encoder_of(drive)
+    named = bool(drive.channel.strip(".")) and "\0" not in drive.channel
+    spool = motor_scale(drive).steepest(drive.lowest_motor, drive.highest_motor)
+    least = 3.0 * drive.sample_time
+    torque = drive.gear * drive.torque_constant * drive.current_limit
+    most = (1.0 - FINEST) * model.torque
+    rules = (
+        ("channel", named, "the name of a bus"),
+        ("node_id", 1 <= drive.node_id <= 127, "a number from 1 to 127"),
+        ("reply_id", -1 <= drive.reply_id <= 2047, "an identifier of 11 bits, or -1"),
+        ("motor_direction", drive.motor_direction in (1, -1), "1 or -1"),
+        ("stiffness", 0.0 < drive.stiffness <= HIGHEST_KP, f"above 0, at most {HIGHEST_KP:g} N·m/rad"),
+        ("damping", 0.0 <= drive.damping <= HIGHEST_KD, f"from 0 to {HIGHEST_KD:g} N·m·s/rad"),
+        ("motor_home", math.isfinite(drive.motor_home), "a finite angle"),
+        ("motor_hint", math.isfinite(drive.motor_hint), "a finite angle"),
+        ("torque_constant", 0.0 < drive.torque_constant < math.inf, "a number above 0"),
+        ("sample_time", 1e-3 <= drive.sample_time <= 0.05, "from 0.001 to 0.05 s"),
+        (
+            "watchdog",
+            drive.watchdog == 0.0 or drive.watchdog >= least,
+            f"at least {1e3 * least:g} ms, three cycles, so that one lost frame does no harm; or 0",
+        ),
+        ("highest_motor", drive.lowest_motor < drive.highest_motor, "more than lowest_motor"),
+        ("torque_offset", 0.0 <= drive.torque_offset <= most_push(drive), f"0 to {most_push(drive):.4g} N·m"),
+        ("answer_timeout", 0.01 <= drive.answer_timeout <= 10.0, "from 0.01 to 10 s"),
+    )
+    for name, fine, expected in rules:
+        if not fine:
+            raise ParameterError(
+                f"drive: {name} is {getattr(drive, name)!r}", expected=expected, do="correct it in the rig's [drive]"
+            )
+    if abs(drive.gear / model.gear - 1.0) > 1e-3:
+        raise ParameterError(
+            f"the rig's gear is {drive.gear:g}, and an {drive.model} has {model.gear:g}",
+            expected="the drive's own, with the spool on its output shaft",
+            do="correct gear in [motor], on a suit in [suit], or drive.model",
+        )
+    if drive.speed_limit * spool > (1.0 - FINEST) * model.velocity:
+        raise ParameterError(
+            f"the rig's speed limit is {drive.speed_limit * spool:.4g} rad/s at the spool",
+            expected=f"at most {(1.0 - FINEST) * model.velocity:.4g}, as far as an {drive.model} can tell it",
+            do="reduce motor_speed_deg_per_s in [limits]",
+        )
+    if torque > most:
+        raise ParameterError(
+            f"the rig's largest current, {drive.current_limit:g} A, is {torque:.4g} N·m at the output shaft",
+            expected=f"at most {most:.4g} N·m, as far as an {drive.model} can tell it",
+            do="reduce current_limit_a in [motor], or correct torque_constant_nm_per_a there",
+        )
+    if drive.home == "hint" and drive.spool is None:
+        period = 2.0 * math.pi / drive.gear
+        if drive.highest_motor < drive.motor_hint - period or drive.lowest_motor > drive.motor_hint + period:
+            raise ParameterError(
+                f"drive.motor_hint_deg is {drive.motor_hint / RADIANS:g}",
+                expected="an angle within the motor's range in [limits]",
+            )
+    check_beside(encoder, {drive.node_id: "node_id", reply_id(drive): "reply_id"})

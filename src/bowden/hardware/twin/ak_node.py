@@ -1,0 +1,268 @@
+"""The twin of a CubeMars AK drive in MIT mode, and of the joint's encoder beside it (`joint_encoder_node`).
+
+It replies to the three codes always, and to a command in motor mode alone. Its torque is that of the manual's law,
+τ = kp·(p − x) + kd·(v − ẋ) + t, within the model's range. The plant behind it has a servo of its own, which is taken
+for this law with the rig's gains k and d: it is given the target at which it accelerates as τ would,
+
+    x + (τ + d·ẋ − load)/k
+
+where the load is the cable's, for a servo that would bear it without giving way, and nothing where the plant's gives
+way by itself.
+
+What the manual does not say, and is chosen here: its timeout takes the gains away until the next command, as in the
+firmware from which its own comes (`CAN_TIMEOUT` there); an error ends motor mode, and is told until it has been told to
+leave it for a tenth of a second; after a restart its position is that of the rotor in the turn nearest to zero.
+"""
+
+import math
+from collections import deque
+from collections.abc import Mapping
+from typing import Any
+
+from bowden.core.signals import DriveState
+from bowden.hardware.buses.unix_bus import ERROR
+from bowden.hardware.drives.ak_frames import (
+    ENTER,
+    EXIT,
+    ZERO,
+    AkCommand,
+    AkReply,
+    pack_reply,
+    unpack_command,
+)
+from bowden.hardware.drives.ak_parameters import AkParameters, model_of, motor_scale, reply_id
+from bowden.hardware.drives.joint_encoder import joint_encoder_of
+from bowden.hardware.twin.bench import FOLLOW, OFF
+from bowden.hardware.twin.faults import Faults
+from bowden.hardware.twin.joint_encoder_node import JointEncoderNode
+from bowden.hardware.twin.node import Journal, Send
+from bowden.hardware.twin.objects import Key
+from bowden.hardware.twin.outbox import BIT_ERROR, Outbox
+from bowden.hardware.twin.plant import TwinPlant
+
+OVER_CURRENT, OVER_TEMPERATURE = 2, 1
+"""Error codes of the faults that the twin finds itself, or is given by a number that is none of the drive's."""
+HOTTEST = 110.0
+"""Temperature at which the drive protects itself [°C]."""
+REBOOT_TIME = 0.3
+"""[s]"""
+STEP = 0.9e-3
+"""The bench is moved on at every command, and without one after this [s]."""
+CLEARED = 0.1
+"""How long a drive in error has to be told to leave motor mode [s]."""
+IDLE = AkCommand(0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+class AkNode:
+    """One drive, as `hardware.twin.node.TwinNode` has it.
+
+    Args:
+        drive: model, numbers and directions, as the rig has them.
+        bench: behind the drive.
+        send: puts a frame on the bus.
+        journal: takes what happened.
+        overrides: objects of the joint's encoder that are otherwise than usual; None takes one away.
+    """
+
+    lacks: Mapping[str, str] = {
+        "emergency_stop": "an AK drive has no input for it, and its supply is cut: inject reboot, or silence",
+        "encoder_nan motor": "its position has no number that means none",
+    }
+    """See `hardware.twin.node.TwinNode`."""
+
+    def __init__(
+        self,
+        drive: AkParameters,
+        bench: TwinPlant,
+        send: Send,
+        journal: Journal,
+        overrides: dict[Key, int | None] | None = None,
+    ) -> None:
+        self._drive, self.bench, self.faults = drive, bench, Faults()
+        self._send, self._journal = send, journal
+        self._outbox = Outbox(send, self.faults)
+        self._model, self._scale = model_of(drive), motor_scale(drive)
+        encoder = joint_encoder_of(drive)
+        self._encoder = (
+            None
+            if encoder is None
+            else JointEncoderNode(encoder, lambda: bench.read_encoders()[0], self.faults, send, overrides)
+        )
+        self._history: deque[AkReply] = deque(maxlen=1000)
+        self._shift = 0.0  # between the drive's position and the plant's, after a restart
+        self.patience = 0.0
+        self.scenario_noted = False
+        self._host_at = self._moved = self._ready = -math.inf
+        self._error, self._leaving = 0, math.nan
+        self._moded, self._command = False, IDLE
+
+    def _position(self) -> float:
+        """Of the output shaft, as the drive counts it [rad]."""
+        return self._scale.counts(self.bench.motor) + self._shift
+
+    @property
+    def _gains(self) -> bool:
+        """Whether the command gives a torque; half a step of it is what no command can leave out."""
+        half = 0.51 * 2.0 * self._model.torque / 4095.0
+        return self._command.kp > 0.0 or self._command.kd > 0.0 or abs(self._command.torque) > half
+
+    def status(self) -> dict[str, Any]:
+        """See `hardware.twin.node.TwinNode`."""
+        state = DriveState.SWITCH_ON_DISABLED if not self._moded else DriveState.OPERATION_ENABLED
+        return {
+            "state": (DriveState.FAULT if self._error else state).name,
+            "torque": self.bench.doing != OFF,
+            "error_code": self._error,
+            "last_heartbeat": self._host_at if math.isfinite(self._host_at) else None,
+        }
+
+    def receive(self, identifier: int, data: bytes, now: float) -> None:
+        """A frame from the bus."""
+        if self.faults.destroys(now):
+            self._send(ERROR | BIT_ERROR, bytes(8))
+            return
+        if self._encoder is not None and identifier != self._drive.node_id:
+            self._encoder.receive(identifier, data, now)
+        if identifier != self._drive.node_id or len(data) != 8 or now < self._ready or self.faults.active("deaf", now):
+            return
+        self._move(now)  # up to here under the command before
+        self._host_at = now
+        command = unpack_command(data, self._model)
+        if data == ENTER:
+            self._enter(now)
+        elif data == EXIT:
+            self._told_to_leave(now)
+        elif data == ZERO:
+            self._shift -= self._position()
+        elif command is not None and self._moded:
+            self._command = command
+        if command is None or self._moded:
+            self._order(now)
+            self._reply(now)
+
+    def tick(self, now: float) -> None:
+        """Let time pass: bench, faults, timeout, frames that wait."""
+        for injection in self.faults.due(now):
+            if injection.name == "reboot":
+                self._restart(now)
+            elif injection.name == "mode_left":
+                self._leave(now, "by itself")
+            else:
+                amount = int(injection.amount)
+                self._fail(amount if amount <= 0xFF else OVER_CURRENT, now)
+        limit = max(self._drive.watchdog, self.patience)
+        if self._drive.watchdog > 0.0 and now - self._host_at >= limit and self._gains:
+            self._command = IDLE
+            self._journal(now, "timeout", "")
+            self._order(now)
+        if now - self._moved >= STEP:
+            self._move(now)
+        if self._encoder is not None:
+            self._encoder.tick(now)
+        self._outbox.tick(now)
+
+    def _enter(self, now: float) -> None:
+        if self._error or self._moded:
+            return
+        self._moded = True
+        self._journal(now, "state", DriveState.OPERATION_ENABLED.name)
+        if not self.scenario_noted:
+            self.scenario_noted = True
+            self.bench.start_scenario(now)
+
+    def _told_to_leave(self, now: float) -> None:
+        self._leave(now, DriveState.SWITCH_ON_DISABLED.name)
+        if self._error and math.isnan(self._leaving):
+            self._leaving = now
+        if now - self._leaving >= CLEARED and self.bench.temperature < HOTTEST:
+            self._error, self._leaving = 0, math.nan
+
+    def _leave(self, now: float, why: str) -> None:
+        """Out of motor mode; the command stays, as the gains of one before do when it is entered again."""
+        if self._moded:
+            self._journal(now, "state", DriveState.SWITCH_ON_DISABLED.name)
+        self._moded = False
+        self._order(now, why)
+
+    def _fail(self, code: int, now: float) -> None:
+        self._error, self._leaving = code, math.nan
+        self._journal(now, "fault", f"0x{code:02X}")
+        self._leave(now, DriveState.FAULT.name)
+
+    def _restart(self, now: float) -> None:
+        self._journal(now, "reboot", "")
+        self._leave(now, "reboot")
+        self._ready, self._error, self._command = now + REBOOT_TIME, 0, IDLE
+        turn = 2.0 * math.pi / self._model.gear
+        self._shift -= turn * round(self._position() / turn)
+
+    def _order(self, now: float, why: str = "no gains") -> None:
+        """What the motor does by mode and gains."""
+        bench = self.bench
+        torque = self._moded and self._gains
+        if torque and bench.doing == OFF:
+            self._journal(now, "torque_on", "")
+        elif not torque and bench.doing != OFF:
+            self._journal(now, "torque_off", f"{why}; {1e3 * (now - self._host_at):.3f} ms after the last heartbeat")
+        bench.doing = FOLLOW if torque and not self.faults.active("inert", now) else OFF
+
+    def _move(self, now: float) -> None:
+        """Move the bench on, towards where the drive's law has no torque."""
+        bench, command, self._moved = self.bench, self._command, now
+        self.faults.damage(bench, now)
+        self._order(now)
+        if bench.doing == FOLLOW:
+            bench.command = self._scale.angle(self._position() + self._reach() - self._shift)
+            if bench.torque_offset is not None:
+                bench.torque_offset = self._drive.motor_direction * command.torque
+        bench.advance(now)
+        if bench.temperature >= HOTTEST and not self._error:
+            self._fail(OVER_TEMPERATURE, now)
+
+    def _reach(self) -> float:
+        """How far ahead of the motor its servo's target is [rad]."""
+        drive, bench = self._drive, self.bench
+        torque = self._asked() + drive.damping * drive.motor_direction * bench.velocity
+        if bench.torque_offset is None:
+            torque -= drive.motor_direction * bench.tension * bench.physics.spool_radius
+        else:
+            torque -= self._command.torque  # which the plant gives beside its servo
+        return torque / drive.stiffness
+
+    def _asked(self) -> float:
+        """The torque of the drive's law, within its range [N·m]."""
+        command, speed = self._command, self._drive.motor_direction * self.bench.velocity
+        torque = command.kp * (command.position - self._position()) + command.kd * (command.velocity - speed)
+        return max(-self._model.torque, min(self._model.torque, torque + command.torque))
+
+    def _torque(self) -> float:
+        """What the drive gives at its output shaft [N·m]."""
+        drive, bench = self._drive, self.bench
+        if bench.doing == OFF:
+            return 0.0
+        if bench.torque_offset is None:
+            return self._asked()
+        return drive.motor_direction * bench.current * drive.gear * drive.torque_constant
+
+    def _reply(self, now: float) -> None:
+        """What is measured, with the faults of the sensors."""
+        drive, bench, faults, model = self._drive, self.bench, self.faults, self._model
+        hot, flows = faults.active("over_temperature", now), faults.active("over_current", now)
+        if hot:
+            bench.temperature = hot.amount
+        position = self._scale.counts(bench.read_encoders()[1]) + self._shift
+        position = faults.encoder("motor", position, 1.0, now)
+        torque = self._torque()
+        if flows:
+            torque = drive.motor_direction * flows.amount * drive.gear * drive.torque_constant
+        velocity = drive.motor_direction * bench.velocity
+        if faults.active("saturated", now):
+            velocity, torque = model.velocity, model.torque
+        temperature = max(-128, min(127, round(bench.temperature))) + drive.temperature_zero
+        self._history.append(AkReply(drive.node_id, position, velocity, torque, temperature, self._error, False))
+        back = faults.active("delayed_readings", now)
+        told = self._history[-min(len(self._history), 1 + int(back.amount if back else 0))]
+        self._outbox.emit_cyclic(reply_id(drive), pack_reply(told._replace(error=self._error), model), now)
+        if faults.active("foreign_replies", now):
+            other = told._replace(number=drive.node_id % 127 + 1, position=1.0)
+            self._outbox.emit(other.number if drive.reply_id < 0 else drive.reply_id, pack_reply(other, model), now)
