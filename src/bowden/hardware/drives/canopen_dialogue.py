@@ -47,6 +47,8 @@ class BusListener(can.Listener):
         """Whether the node has started again."""
         self.emergencies: list[int] = []
         """Error codes of the node, in their order."""
+        self.transmitted = 0
+        """How often TPDO 1 of the node has come."""
 
     def on_message_received(self, msg: can.Message) -> None:
         """Take in a frame; called by the library's thread."""
@@ -57,6 +59,8 @@ class BusListener(can.Listener):
             self.foreign = cob_id
         if cob_id == frames.HEARTBEAT + self._node and frames.unpack_heartbeat(data) == frames.BOOT_UP:
             self.booted = True
+        if cob_id == frames.TPDO1 + self._node:
+            self.transmitted += 1
         if cob_id == frames.EMERGENCY + self._node and (code := frames.unpack_emergency(data)):
             self.emergencies.append(code)
 
@@ -69,16 +73,20 @@ class Dialogue:
         node_id: whom to ask.
         timeout: how long an answer may take [s].
         listener: what comes besides answers.
+        kind: what the node should be, for messages.
     """
 
-    def __init__(self, network: canopen.Network, node_id: int, timeout: float, listener: BusListener) -> None:
-        self._network, self.listener = network, listener
+    def __init__(
+        self, network: canopen.Network, node_id: int, timeout: float, listener: BusListener, kind: str
+    ) -> None:
+        self._network, self.listener, self._kind = network, listener, kind
         self._node = network.add_node(canopen.RemoteNode(node_id, _no_dictionary()))
         self._node.sdo.RESPONSE_TIMEOUT, self._node.sdo.MAX_RETRIES = timeout, _TRIES
         self._kept: dict[tuple[int, int], tuple[int, int]] = {}
         """What was written last, and the bits of it that count."""
         self._timeout = timeout
-        self._id = node_id
+        self.number = node_id
+        """The node's."""
         self.name = f"node {node_id}"
 
     def command(self, order: int) -> None:
@@ -87,7 +95,7 @@ class Dialogue:
         Raises:
             DriveError: no other device is on the bus.
         """
-        self.send(frames.NMT, bytes((order, self._id)))
+        self.send(frames.NMT, bytes((order, self.number)))
 
     def send(self, cob_id: int, data: bytes) -> None:
         """A frame.
@@ -153,7 +161,7 @@ class Dialogue:
         """
         value = self.read_if_there(index, sub, signed=signed)
         if value is None:
-            raise DriveError(f"{self.name} has no object {index:04X}h:{sub}", expected="a CiA 402 drive that has it")
+            raise DriveError(f"{self.name} has no object {index:04X}h:{sub}", expected=f"{self._kind} that has it")
         return value
 
     def text(self, index: int) -> str:
@@ -176,7 +184,7 @@ class Dialogue:
         except _FAILURES as error:
             raise DriveError(
                 f"{self.name} refuses {index:04X}h:{sub} = {value}: {error}",
-                expected="a CiA 402 drive for cyclic synchronous position",
+                expected=f"{self._kind} that takes it",
             ) from error
         self._kept[index, sub] = written, mask
         self._compare(index, sub)
@@ -210,7 +218,7 @@ class Dialogue:
             self._network.scanner.search()
         with contextlib.suppress(*_FAILURES):
             self._upload(0x1000, 0)  # nobody answers this, and meanwhile the others do
-        return sorted(set(self._network.scanner.nodes) - {self._id})
+        return sorted(set(self._network.scanner.nodes) - {self.number})
 
     def reaches(self, state: int, patience: int = 3) -> bool:
         """Whether one of the next heartbeats has that NMT state."""
@@ -223,7 +231,9 @@ class Dialogue:
 
 
 @contextlib.contextmanager
-def dialogue(bus: can.BusABC, node_id: int, host_id: int, timeout: float) -> Iterator[Dialogue]:
+def dialogue(
+    bus: can.BusABC, node_id: int, host_id: int, timeout: float, kind: str = "a CiA 402 drive"
+) -> Iterator[Dialogue]:
     """A dialogue over our bus; at its end the library's thread is gone, and the bus still open.
 
     Args:
@@ -231,13 +241,14 @@ def dialogue(bus: can.BusABC, node_id: int, host_id: int, timeout: float) -> Ite
         node_id: whom to ask.
         host_id: who we are.
         timeout: how long an answer may take [s].
+        kind: what the node should be, for messages.
     """
     network, listener = canopen.Network(bus), BusListener(node_id, host_id)
     network.listeners.append(listener)  # type: ignore[arg-type]  # it takes any listener
     network.NOTIFIER_CYCLE = 0.02  # the thread is waited for at the end
     network.connect()
     try:
-        yield Dialogue(network, node_id, timeout, listener)
+        yield Dialogue(network, node_id, timeout, listener, kind)
     finally:
         if network.notifier is not None:
             network.notifier.stop(5.0)

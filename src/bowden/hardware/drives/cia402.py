@@ -7,6 +7,7 @@ drive modes 6502h.
 from enum import IntEnum
 
 from bowden.core.signals import DriveState
+from bowden.hardware.drives import enabling
 from bowden.hardware.ports import Power
 
 
@@ -101,10 +102,7 @@ def controlword(state: DriveState, power: Power, reset: bool = False) -> int:
 
 
 def fell(before: DriveState, now: DriveState, sent: int, already: bool, power: Power) -> bool:
-    """Whether the drive has left operation enabled by itself and must not be switched on again as if nothing was.
-
-    A drive whose master was silent for a moment may be in switch on disabled when the master is back; climbing again
-    would be a restart that nobody ordered. It is forgotten when the master itself has wanted the power off.
+    """Whether the drive has left operation enabled by itself; see `hardware.drives.enabling.fell`.
 
     Args:
         before: the state of the cycle before.
@@ -113,10 +111,7 @@ def fell(before: DriveState, now: DriveState, sent: int, already: bool, power: P
         already: the value of the cycle before.
         power: what is wanted now.
     """
-    if power is Power.OFF:
-        return False
-    left = before is DriveState.OPERATION_ENABLED and now is not DriveState.OPERATION_ENABLED
-    return already or (left and sent == Controlword.ENABLE_OPERATION)
+    return enabling.fell(before, now, asked=sent == Controlword.ENABLE_OPERATION, already=already, power=power)
 
 
 def step(state: DriveState, control: int, edge: bool, fault_gone: bool = True) -> DriveState:

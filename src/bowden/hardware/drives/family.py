@@ -105,6 +105,13 @@ class DriveFamily:
     """Whether nobody but a twin can be at its bus, so that no motor and no limb is."""
     explain: Callable[[int], str]
     """What the code of an emergency means."""
+    measures_joint: Callable[[Any], bool] = lambda _: True
+    """Whether the joint's angle is measured at all; a rig without it is not run, since law and supervisor need it."""
+    unseen_watch: Callable[[Any], str] = lambda _: ""
+    """Why nobody can see over the bus that the drive's `watchdog` works; empty where bring-up tries it or reads it
+    back. With a limb in the rig such a drive is refused, and without one the rig has to say so (`no_limb`)."""
+    no_limb: Callable[[Any], bool] = lambda _: False
+    """Whether the rig says that no limb can be in it."""
 
 
 _REGISTERED: dict[str, DriveFamily] = {}

@@ -105,8 +105,13 @@ class CanopenNode:
             (0x3201, 1): lambda: self._sampler.true()[1].temperature or 0,
         }
 
-    lacks: Mapping[str, str] = {}  # nothing changes it
-    """See `hardware.twin.node.TwinNode`; it can have them all."""
+    lacks: Mapping[str, str] = {
+        "mode_left": "it says so in its statusword: inject drive_fault",
+        "foreign_replies": "its frames have numbers of their own",
+        "saturated": "its PDOs have no fields that end so soon",
+        "joint_silence": "the joint's encoder hangs on the drive: inject encoder_frozen joint",
+    }
+    """See `hardware.twin.node.TwinNode`."""
 
     def status(self) -> dict[str, Any]:
         """See `hardware.twin.node.TwinNode`."""
@@ -262,7 +267,8 @@ class CanopenNode:
             if low < high and not low <= self._target <= high:
                 self._fail(LIMIT_ERROR, now)
             else:
-                bench.doing, bench.command = FOLLOW, self._motor.angle(self._target)
+                inert = self.faults.active("inert", now) is not None
+                bench.doing, bench.command = OFF if inert else FOLLOW, self._motor.angle(self._target)
         elif self.state in (DriveState.QUICK_STOP_ACTIVE, DriveState.FAULT_REACTION_ACTIVE):
             bench.doing = BRAKE
         bench.advance(now)

@@ -21,7 +21,7 @@ class Faults:
         self._moments: list[Injection] = []
         self._held: dict[tuple[str, str], float] = {}
         self._random = random.Random(0)
-        self._cycle = 0
+        self._cycles = {"motor": 0, "joint": 0}
 
     def inject(self, injection: Injection) -> None:
         """Take a fault in; one that happens once does so at its start."""
@@ -54,6 +54,11 @@ class Faults:
         dropped = self.active("dropped_pdos", now)
         return dropped is not None and self._random.random() < dropped.amount
 
+    def destroys(self, now: float) -> bool:
+        """Whether this frame is destroyed by a bit error: every node of the bus sees an error frame in its place."""
+        errors = self.active("bit_errors", now)
+        return errors is not None and self._random.random() < errors.amount
+
     def damage(self, bench: TwinPlant, now: float) -> None:
         """Tear the plant's cable, or give it slack, where that is injected."""
         slack = self.active("slack_cable", now)
@@ -70,12 +75,13 @@ class Faults:
             joint_step: angle of one count [rad].
             now: [s]
         """
-        if not self._lasting:
-            return [motor, joint]
-        self._cycle += 1
-        return [self._one("motor", motor, motor_step, now), self._one("joint", joint, joint_step, now)]
+        return [self.encoder("motor", motor, motor_step, now), self.encoder("joint", joint, joint_step, now)]
 
-    def _one(self, side: str, counts: float, step: float, now: float) -> float:
+    def encoder(self, side: str, counts: float, step: float, now: float) -> float:
+        """The counts of one encoder as its faults make them; see `encoders`."""
+        if not self._lasting:
+            return counts
+        self._cycles[side] += 1
         for name in ("encoder_frozen", "encoder_flipped"):
             if not self.active(name, now, side):
                 self._held.pop((name, side), None)
@@ -85,6 +91,6 @@ class Faults:
         offset, spike = self.active("encoder_offset", now, side), self.active("encoder_spike", now, side)
         if offset:
             counts += math.radians(offset.amount) / step
-        if spike and self._cycle % SPIKE_EVERY == 0:
+        if spike and self._cycles[side] % SPIKE_EVERY == 0:
             counts += math.radians(spike.amount) / step
         return NO_NUMBER if self.active("encoder_nan", now, side) else counts

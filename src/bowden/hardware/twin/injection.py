@@ -43,6 +43,17 @@ KINDS: dict[str, Kind] = {
     "broken_cable": Kind("the cable is torn: the joint goes where its spring pulls it"),
     "slack_cable": Kind("the cable has slack, at the spool", amount=20.0, unit="deg"),
     "over_temperature": Kind("the power stage is this hot", amount=95.0, unit="°C", least=-273.15),
+    "inert": Kind("the motor gives no torque and does not turn; the drive answers on, and reports no fault"),
+    "mode_left": Kind("the drive leaves its mode by itself, without a fault", moment=True),
+    "foreign_replies": Kind("frames of another drive's number come in between"),
+    "saturated": Kind("the fields of the drive's replies stand at their ends, but for the position's"),
+    "bit_errors": Kind(
+        "a share of all frames is destroyed, as with a loosened ground: an error frame comes in their place",
+        amount=0.01,
+        unit="1",
+        most=1.0,
+    ),
+    "joint_silence": Kind("the joint's encoder, where it is a device of its own, sends nothing"),
     "over_current": Kind("the motor draws this current", amount=30.0, unit="A", least=-1e6),
 }
 

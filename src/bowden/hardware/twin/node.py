@@ -7,7 +7,7 @@ from bowden.hardware.twin.faults import Faults
 from bowden.hardware.twin.plant import TwinPlant
 
 Send = Callable[[int, bytes], None]
-"""Puts a frame on the bus: identifier and data."""
+"""Puts a frame on the bus: identifier, with the flags of `buses.unix_bus`, and data."""
 
 Journal = Callable[[float, str, str], None]
 """Takes what happened: time [s], event, detail. Every family says ``torque_on`` and ``torque_off``."""

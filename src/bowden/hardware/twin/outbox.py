@@ -2,8 +2,12 @@
 
 from collections import deque
 
+from bowden.hardware.buses.unix_bus import ERROR
 from bowden.hardware.twin.faults import Faults
 from bowden.hardware.twin.node import Send
+
+BIT_ERROR = 0x08
+"""Error class of an error frame: violation in the protocol (Linux, `linux/can/error.h`, CAN_ERR_PROT)."""
 
 
 class Outbox:
@@ -21,7 +25,7 @@ class Outbox:
     def emit(self, identifier: int, data: bytes, now: float) -> None:
         """A frame that comes when something happens: an answer, a heartbeat, an emergency."""
         if not self._faults.active("silence", now):
-            self._send(identifier, data)
+            self._put(identifier, data, now)
 
     def emit_cyclic(self, identifier: int, data: bytes, now: float) -> None:
         """A frame with readings, of every cycle; those alone are lost or late."""
@@ -31,10 +35,15 @@ class Outbox:
         if late:
             self._waiting.append((now + 1e-3 * late.amount, identifier, data))
         else:
-            self._send(identifier, data)
+            self._put(identifier, data, now)
+
+    def _put(self, identifier: int, data: bytes, now: float) -> None:
+        if self._faults.destroys(now):
+            identifier, data = ERROR | BIT_ERROR, bytes(8)
+        self._send(identifier, data)
 
     def tick(self, now: float) -> None:
         """Send what has waited long enough."""
         while self._waiting and self._waiting[0][0] <= now:
             _, identifier, data = self._waiting.popleft()
-            self._send(identifier, data)
+            self._put(identifier, data, now)

@@ -16,6 +16,7 @@ import can
 
 from bowden.core.errors import BowdenError, DriveError, ParameterError
 from bowden.hardware.buses.opening import claim, open_bus
+from bowden.hardware.buses.unix_bus import ERROR, EXTENDED
 from bowden.hardware.twin.control import ControlServer, control_path
 from bowden.hardware.twin.injection import OF_CABLE, Injection, parse
 from bowden.hardware.twin.node import Journal, Send, TwinNode
@@ -143,7 +144,7 @@ class Twin:
         if self._bus is None:
             return
         try:
-            self._bus.send(can.Message(arbitration_id=cob_id, data=data, is_extended_id=False))
+            self._bus.send(message_of(cob_id, data))
         except (can.CanError, OSError):
             self._unsent += 1
 
@@ -215,6 +216,16 @@ class Twin:
             "faults": node.faults.names(now),
             "processor_share": (_cpu_time() - self._began_cpu) / ran if ran > 0.0 else 0.0,
         }
+
+
+def message_of(identifier: int, data: bytes) -> can.Message:
+    """A frame of an identifier with the flags of `buses.unix_bus`."""
+    return can.Message(
+        arbitration_id=identifier & 0x1FFF_FFFF,
+        data=data,
+        is_extended_id=bool(identifier & EXTENDED),
+        is_error_frame=bool(identifier & ERROR),
+    )
 
 
 def raise_priority() -> bool:

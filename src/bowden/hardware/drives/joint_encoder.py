@@ -1,0 +1,276 @@
+"""A joint's encoder that is a CANopen device of its own (CiA 406), beside a drive of any family on the same bus.
+
+    TPDO 1  180h + node   6004h position u32 [counts], at SYNC or by the device's own timer (6200h)
+
+Bring-up asks who it is, compares its resolution with the rig's, writes and reads back how it sends, and waits until it
+is operational. From then on its heartbeat is watched: an angle of a device that is silent, not operational or in an
+emergency is none, so that the joint's age grows.
+
+Sources: CiA 406, "device profile for encoders" (objects 6000h to 6502h, in the edition 3.2 as makers' manuals have it);
+CiA 301 for PDOs, heartbeat and emergency.
+"""
+
+import math
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
+
+from bowden.core.errors import DriveError, ParameterError
+from bowden.core.quantity import Quantity
+from bowden.hardware.drives import canopen_frames as frames
+from bowden.hardware.drives.limited_range import LimitedRange
+from bowden.hardware.drives.scale import Scale
+
+if TYPE_CHECKING:
+    import can
+
+    from bowden.hardware.drives.canopen_dialogue import Dialogue
+
+HOST = 127
+"""Our own number on the bus of such a device, which does not watch us."""
+HEARTBEAT = 20e-3
+"""Between two heartbeats of the device, as bring-up sets it [s]."""
+MOST_SILENCE = 3.5 * HEARTBEAT
+"""Of its heartbeat; two lost ones do no harm [s]."""
+PROFILE = 406
+"""Low word of 1000h."""
+KINDS = {1: "a single-turn absolute rotary encoder", 2: "a multi-turn absolute rotary encoder"}
+"""High word of 1000h: those whose position says where the joint is."""
+SCALED = 0x04
+"""6000h: 6001h and 6002h count, and not the device's own resolution."""
+POSITION = 0x6004_0020
+"""Index, sub-index and length in bits of what TPDO 1 carries."""
+BY_TIMER = 254
+"""Transmission type: when the device's timer says so."""
+
+JointSource = Annotated[
+    Literal["cia406", "none"],
+    Quantity(
+        "where the joint's angle comes from: cia406, a CANopen encoder of its own on the same bus; none, from nowhere, "
+        "and then nothing can run"
+    ),
+]
+JointNode = Annotated[int, Quantity("number of the joint's encoder on the bus", ge=1, le=126)]
+JointCounts = Annotated[float, Quantity("of the joint's encoder", gt=0.0, lt=1e9)]
+JointDirection = Annotated[Literal[1, -1], Quantity("1 where the joint's counts rise with its angle, otherwise -1")]
+JointHome = Annotated[float, Quantity("angle of the joint at home", "rad", ge=-720.0, le=720.0)]
+JointSending = Annotated[
+    Literal["sync", "timer"], Quantity("the joint's encoder sends at our SYNC of each cycle, or by a timer of its own")
+]
+"""The keys of [drive] that every family with such an encoder has: `joint`, `joint_node_id`, `joint_counts_per_turn`,
+`joint_direction`, `joint_home`, `joint_sends`."""
+
+
+class JointEncoderParameters(NamedTuple):
+    """What has to be known of the device."""
+
+    node_id: int
+    counts_per_turn: float
+    direction: int
+    home: float
+    """Angle of the joint at home [rad]."""
+    synced: bool
+    """Whether it sends at SYNC; otherwise every millisecond, the shortest that 6200h has."""
+    here: bool
+    """Whether home is where the joint is found, and not at count zero."""
+
+
+def joint_encoder_of(drive: Any) -> JointEncoderParameters | None:
+    """What a family's parameters with the keys above say of it; None where there is none."""
+    if drive.joint != "cia406":
+        return None
+    return JointEncoderParameters(
+        drive.joint_node_id,
+        drive.joint_counts_per_turn,
+        drive.joint_direction,
+        drive.joint_home,
+        drive.joint_sends == "sync",
+        drive.home == "here",
+    )
+
+
+def check_beside(encoder: JointEncoderParameters | None, taken: dict[int, str]) -> None:
+    """Refuse identifiers of a drive that are CANopen's own on the same bus.
+
+    Args:
+        encoder: on it, or None.
+        taken: identifier of a frame of the drive → key of [drive] that it follows from.
+
+    Raises:
+        ParameterError: one of them is the network's, or the encoder's.
+    """
+    if encoder is None:
+        return
+    functions = (frames.SYNC, frames.TPDO1, frames.SDO_ANSWER, frames.SDO_REQUEST, frames.HEARTBEAT)
+    own = {frames.NMT, frames.SYNC, *(function + encoder.node_id for function in functions)}
+    for identifier, key in taken.items():
+        if identifier in own:
+            raise ParameterError(
+                f"drive.{key} makes frames {identifier:03X}h, which are CANopen's for the joint's encoder",
+                expected="numbers whose frames differ",
+                do=f"correct drive.{key} or drive.joint_node_id, and the number set in the device",
+            )
+
+
+class JointEncoder:
+    """The device, while its drive runs: `bring_up` once, then `read` for each of its frames.
+
+    Args:
+        parameters: of the device.
+        timeout: how long an answer may take [s].
+    """
+
+    def __init__(self, parameters: JointEncoderParameters, timeout: float) -> None:
+        self._given, self._timeout, self._node = parameters, timeout, parameters.node_id
+        self._ours = frames.of_the_host(parameters.node_id, HOST)
+        self._scale = Scale(1.0, 0.0)
+        self._turns = LimitedRange(math.inf)
+        self._beat = math.nan
+        self._operational = self._failed = False
+
+    @property
+    def synced(self) -> bool:
+        """Whether it waits for our SYNC."""
+        return self._given.synced
+
+    def wants(self, identifier: int) -> bool:
+        """Whether a frame is of it, or one that only its host may send."""
+        return (identifier & 0x7F == self._node and identifier > 0x7F) or identifier in self._ours
+
+    def foreign(self, identifier: int) -> bool:
+        """Whether a frame is one that only its host may send."""
+        return identifier in self._ours
+
+    def bring_up(self, bus: "can.BusABC") -> str:
+        """Find, check and configure it, and start it; who it is, in one line.
+
+        Args:
+            bus: open, and read by nobody else meanwhile.
+
+        Raises:
+            DriveError: no answer, no encoder, another resolution than the rig's, an alarm, or a refused setting.
+        """
+        from bowden.hardware.drives.canopen_dialogue import dialogue
+
+        given = self._given
+        with dialogue(bus, self._node, HOST, self._timeout, "a CiA 406 encoder") as node:
+            if not node.answers():
+                node.command(frames.NMT_PRE_OPERATIONAL)
+            kind = _check_kind(node)
+            node.command(frames.NMT_PRE_OPERATIONAL)
+            span = _check_resolution(node, given.counts_per_turn)
+            if node.read_if_there(0x6503):
+                raise DriveError(
+                    f"{node.name}, the joint's encoder, reports an alarm (6503h is 0x{node.read(0x6503):X})",
+                    expected="no alarm",
+                    do="see what its maker's manual says of it",
+                )
+            step = given.direction * 2.0 * math.pi / given.counts_per_turn
+            at_home = node.read(0x6004) if given.here else 0
+            self._scale = Scale(step, given.home - step * at_home)
+            _configure(node, synced=given.synced)
+            if given.synced:
+                _try_sync(node)
+            who = f"{node.text(0x1008) or KINDS[kind]} at {node.name}, {given.counts_per_turn:g} counts a turn"
+        self._turns = LimitedRange(span)
+        if span > 0.0:
+            self._turns.follow(at_home if given.here else 0.0)  # angles begin within half a range of home
+        self._operational, self._failed, self._beat = True, False, math.nan
+        return who
+
+    def read(self, identifier: int, data: bytes, now: float) -> float | None:
+        """The joint's angle, if this frame brings one [rad]; takes in what it says of itself."""
+        if identifier == frames.HEARTBEAT + self._node:
+            state = frames.unpack_heartbeat(data)
+            if state is not None:
+                self._beat = now
+                self._operational = self._operational and state == frames.OPERATIONAL
+        elif identifier == frames.EMERGENCY + self._node:
+            code = frames.unpack_emergency(data)
+            self._failed = self._failed if code is None else code != 0
+        elif identifier == frames.TPDO1 + self._node and len(data) == 4:
+            if math.isnan(self._beat):
+                self._beat = now  # from its first reading on it can be late
+            counts = self._turns.follow(float(int.from_bytes(data, "little")))
+            if self._operational and not self._failed and now - self._beat <= MOST_SILENCE:
+                return self._scale.angle(counts)
+        return None
+
+
+def _check_kind(node: "Dialogue") -> int:
+    """1000h: profile in the low word, kind of encoder in the high one."""
+    try:
+        device_type = node.read(0x1000)
+    except DriveError as error:
+        there = node.others()
+        raise DriveError(
+            f"no encoder of the joint answers as {node.name}"
+            + (f"; there is node {', '.join(map(str, there))}" if there else ""),
+            expected="a CANopen encoder (CiA 406) with that number",
+            do="correct joint_node_id in [drive]" if there else "check its supply, cable and bit rate",
+        ) from error
+    profile, kind = device_type & 0xFFFF, device_type >> 16
+    if profile != PROFILE or kind not in KINDS:
+        raise DriveError(
+            f"{node.name} has device profile {profile} and type {kind} (1000h is 0x{device_type:08X})",
+            expected="profile 406 and type 1 or 2, an absolute rotary encoder",
+            do="correct joint_node_id in [drive]",
+        )
+    return kind
+
+
+def _check_resolution(node: "Dialogue", counts: float) -> float:
+    """Compare the counts a turn with the rig's; after how many counts its position begins again."""
+    if (node.read_if_there(0x6000) or 0) & SCALED:
+        own, index, span = node.read(0x6001), 0x6001, node.read(0x6002)
+    else:
+        own, index = node.read(0x6501), 0x6501
+        span = own * max(1, node.read_if_there(0x6502) or 1)
+    if own != counts:
+        raise DriveError(
+            f"drive.joint_counts_per_turn is {counts:g}",
+            expected=f"{own}, as {node.name} has it ({index:04X}h)",
+            do="correct it in rig.toml, or the encoder's resolution with its maker's tool",
+        )
+    return float(span or 1 << 32)
+
+
+def _configure(node: "Dialogue", *, synced: bool) -> None:
+    """How it sends, and its heartbeat; a device whose TPDO 1 is mapped for good must have the position in it."""
+    off = 0x8000_0000
+    cob_id = 0x4000_0000 | (node.read(0x1800, 1) & 0x7FF)
+    if cob_id & 0x7FF != frames.TPDO1 + node.number:
+        cob_id = 0x4000_0000 | frames.TPDO1 + node.number
+    for index in (0x1801, 0x1802, 0x1803):
+        other = node.read_if_there(index, 1)
+        if other is not None and not other & off:
+            node.write(index, 1, other | off, 4, off | 0x7FF)
+    node.write(0x1800, 1, cob_id | off, 4, off | 0x7FF)
+    node.write(0x1800, 2, 1 if synced else BY_TIMER, 1)
+    if not (node.read(0x1A00, 0) == 1 and node.read(0x1A00, 1) == POSITION):
+        node.write(0x1A00, 0, 0, 1)
+        node.write(0x1A00, 1, POSITION, 4)
+        node.write(0x1A00, 0, 1, 1)
+    if synced:
+        if node.read_if_there(0x6200):
+            node.write(0x6200, 0, 0, 2)
+    else:
+        node.write(0x6200, 0, 1, 2)
+    node.write(0x1017, 0, round(1e3 * HEARTBEAT), 2)
+    node.write(0x1800, 1, cob_id, 4, off | 0x7FF)
+    node.command(frames.NMT_START)
+    if not node.reaches(frames.OPERATIONAL):
+        raise DriveError(
+            f"{node.name}, the joint's encoder, does not become operational", expected="NMT state 5 in its heartbeat"
+        )
+    node.keeps_all()
+
+
+def _try_sync(node: "Dialogue") -> None:
+    """It must answer a SYNC: one that does not would first show in a run."""
+    node.listener.transmitted = 0
+    node.send(frames.SYNC, b"")
+    if not node.waits(0.1, lambda: node.listener.transmitted > 0):
+        raise DriveError(
+            f"{node.name}, the joint's encoder, sends nothing at a SYNC",
+            expected="its position in TPDO 1",
+            do='set joint_sends = "timer" in [drive], if it has one',
+        )

@@ -1,0 +1,85 @@
+"""A CAN bus in this process and at a time of one's own, with any twins' nodes at its other end."""
+
+import threading
+from collections import deque
+from typing import Any, Protocol
+
+import can
+
+from bowden.hardware.twin.faults import Faults
+from bowden.hardware.twin.twin import message_of
+
+
+class Node(Protocol):
+    """Who is on the bus."""
+
+    def receive(self, identifier: int, data: bytes, now: float) -> None: ...
+
+    def tick(self, now: float) -> None: ...
+
+
+class MemoryBus(can.BusABC):
+    """Time stands still but for `advance` and for waits for a frame, which move it on by a millisecond."""
+
+    def __init__(self) -> None:
+        self.time = 100.0
+        """[s]"""
+        self.sent: list[tuple[float, int, bytes]] = []
+        """All that the host has sent: time, identifier, data."""
+        self.journal: list[tuple[float, str, str]] = []
+        self.faults: Faults | None = None
+        self._nodes: list[Node] = []
+        self._frames: deque[can.Message] = deque()
+        self._lock = threading.RLock()  # the library that brings a device up has a thread
+        self._still = threading.Event()
+        self.channel_info = "bus in memory"
+        super().__init__(channel="memory")
+
+    def attach(self, node: Node) -> None:
+        """Let a node take part."""
+        self._nodes.append(node)
+        self.advance(1e-3)
+
+    def put(self, identifier: int, data: bytes) -> None:
+        """A frame from a node, or from whoever else is on the bus."""
+        self._frames.append(message_of(identifier, data))
+
+    def note(self, time: float, event: str, detail: str) -> None:
+        """Keep what happened."""
+        self.journal.append((time, event, detail))
+
+    def advance(self, span: float) -> None:
+        """Let `span` [s] pass in ticks."""
+        with self._lock:
+            for _ in range(max(1, round(span / 1e-3))):
+                self.time += min(span, 1e-3)
+                for node in self._nodes:
+                    node.tick(self.time)
+
+    def send_frame(self, identifier: int, data: bytes) -> None:
+        """Send a frame as the host."""
+        self.send(can.Message(arbitration_id=identifier, data=data, is_extended_id=False))
+
+    def send(self, msg: can.Message, timeout: float | None = None) -> None:
+        """Hand a frame to all nodes."""
+        with self._lock:
+            self.sent.append((self.time, msg.arbitration_id, bytes(msg.data)))
+            for node in self._nodes:
+                node.receive(msg.arbitration_id, bytes(msg.data), self.time)
+
+    def drain(self) -> list[can.Message]:
+        """All frames that wait."""
+        with self._lock:
+            waiting, self._frames = list(self._frames), deque()
+        return waiting
+
+    def close(self) -> None:
+        """Let go of it."""
+        self.shutdown()
+
+    def _recv_internal(self, timeout: float | None) -> tuple[Any, bool]:
+        if not self._frames and timeout != 0.0:
+            self._still.wait(1e-4)  # for the library's other thread
+            self.advance(1e-3)
+        with self._lock:
+            return (self._frames.popleft() if self._frames else None), False
