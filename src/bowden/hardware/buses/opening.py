@@ -145,7 +145,7 @@ def _no_fd(interface: str) -> DriveError:
     return DriveError(
         f"the interface {interface!r} of python-can carries classic CAN alone, and the drive speaks CAN-FD",
         expected="one that opens with fd=True",
-        do="set interface = \"socketcan\" in [drive], with an adapter for CAN-FD",
+        do='set interface = "socketcan" in [drive], with an adapter for CAN-FD',
     )
 
 
