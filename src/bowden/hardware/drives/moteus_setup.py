@@ -299,8 +299,8 @@ def _check_version(board: MoteusDialogue) -> str:
     firmware = int(first[Register.FIRMWARE])
     number = "".join(f"{int(serial[register]) & 0xFFFF_FFFF:08x}" for register in sorted(serial, reverse=True))
     return (
-        f"model 0x{int(first[Register.MODEL]) & 0xFFFF_FFFF:X}, firmware {firmware >> 16 & 0xFF}.{firmware >> 8 & 0xFF}."
-        f"{firmware & 0xFF}, serial number {number}"
+        f"model 0x{int(first[Register.MODEL]) & 0xFFFF_FFFF:X}, firmware "
+        f"{firmware >> 16 & 0xFF}.{firmware >> 8 & 0xFF}.{firmware & 0xFF}, serial number {number}"
     )
 
 
@@ -315,8 +315,10 @@ def _check_without_torque(board: MoteusDialogue, drive: MoteusParameters) -> dic
         + frames.subframe(frames.READ, Kind.INT8, Register.FAULT, 1)
         + frames.subframe(frames.READ, Kind.FLOAT, source, 1)
         + frames.subframe(frames.READ, Kind.INT8, Register.ENCODER_VALIDITY, 1),
-        (Register.MODE, Register.POSITION, Register.HOME_STATE, Register.VOLTAGE, Register.FAULT, source)
-        + (Register.ENCODER_VALIDITY,),
+        (
+            *(Register.MODE, Register.POSITION, Register.HOME_STATE, Register.VOLTAGE, Register.FAULT),
+            *(source, Register.ENCODER_VALIDITY),
+        ),
     )
     mode = int(seen[Register.MODE])
     if mode not in WITHOUT_TORQUE:

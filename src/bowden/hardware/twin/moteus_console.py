@@ -1,7 +1,7 @@
 """The diagnostic console of the twin of a moteus board, and the configuration that it shows. Pure.
 
-Source of commands and answers: mjbots/moteus, docs/protocol/diagnostic.md and docs/reference/configuration.md; the
-values are those of a board that is set up for a rig, which is as it comes but for the watchdog's reaction, the limits and the
+Source of commands and answers: mjbots/moteus, docs/protocol/diagnostic.md and docs/reference/configuration.md. The
+values are those of a board that is set up for a rig: as it comes, but for the watchdog's reaction, the limits and the
 joint's encoder.
 """
 
