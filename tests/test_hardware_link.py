@@ -90,6 +90,13 @@ def test_two_drives_of_one_number_on_one_bus_are_refused() -> None:
     links.join(PLACE._replace(channel="other"), "node 1", lambda _: True)
 
 
+def test_one_bus_has_one_bit_rate_and_one_kind_of_frames() -> None:
+    links = Links(Loopback())
+    links.join(PLACE, "node 1", lambda _: True)
+    with pytest.raises(DriveError, match=r"otherwise: 1000000 bit/s, 1000000 bit/s and 5000000 bit/s for data"):
+        links.join(PLACE._replace(fd=True), "node 2", lambda _: True)
+
+
 def test_a_bus_is_claimed_by_its_first_drive_and_free_after_its_last(tmp_path: object) -> None:
     place = PLACE._replace(channel=str(tmp_path))
     other = UnixBus(str(tmp_path))

@@ -11,8 +11,9 @@ import can
 import pytest
 
 from bowden.core.errors import DriveError
+from bowden.hardware.buses import opening
 from bowden.hardware.buses.opening import claim, open_bus
-from bowden.hardware.buses.unix_bus import UnixBus, bus_folder
+from bowden.hardware.buses.unix_bus import EXTENDED, UnixBus, bus_folder
 
 
 def frame(cob_id: int, data: bytes = b"") -> can.Message:
@@ -53,6 +54,54 @@ def test_a_frame_arrives_as_it_was_sent(tmp_path: Path, message: can.Message) ->
     with UnixBus(tmp_path) as one, UnixBus(tmp_path) as two:
         one.send(message)
         assert two.recv(1.0).equals(message, timestamp_delta=None, check_channel=False, check_direction=False)
+
+
+@pytest.mark.parametrize("length", [0, 8, 12, 48, 64])
+@pytest.mark.parametrize("switched", [True, False])
+def test_a_frame_of_can_fd_arrives_as_it_was_sent(tmp_path: Path, length: int, *, switched: bool) -> None:
+    message = can.Message(
+        arbitration_id=0x8001, is_extended_id=True, is_fd=True, bitrate_switch=switched, data=bytes(range(length))
+    )
+    with UnixBus(tmp_path, fd=True) as one, UnixBus(tmp_path, fd=True) as two, UnixBus(tmp_path, fd=True) as three:
+        one.send(message)
+        assert two.recv(1.0).equals(message, timestamp_delta=None, check_channel=False, check_direction=False)
+        assert three.take() == (EXTENDED | 0x8001, bytes(range(length)))
+
+
+def test_data_of_can_fd_has_one_of_its_lengths(tmp_path: Path) -> None:
+    with UnixBus(tmp_path, fd=True) as one, UnixBus(tmp_path, fd=True) as two:
+        one.send(can.Message(arbitration_id=1, is_fd=True, data=b"\x50" * 41))
+        assert two.take() == (EXTENDED | 1, b"\x50" * 41 + bytes(7))
+        with pytest.raises(can.CanOperationError, match="64 bytes at most, not 65"):
+            one.send(can.Message(arbitration_id=1, is_fd=True, data=bytes(65)))
+
+
+def test_a_node_of_classic_can_hears_its_frames_between_those_of_can_fd_and_sends_none(tmp_path: Path) -> None:
+    long = can.Message(arbitration_id=2, is_fd=True, is_extended_id=False, data=bytes(48))
+    with UnixBus(tmp_path, fd=True) as one, UnixBus(tmp_path) as classic, UnixBus(tmp_path, fd=True) as two:
+        for i in range(40):
+            one.send(long)
+            one.send(frame(0x100 + i, b"\1"))
+        assert heard(classic) == [0x100 + i for i in range(40)]
+        assert classic.skipped == 40
+        assert len(heard(two)) == 80
+        for _ in range(200):
+            one.send(long)
+        assert classic.take() is None  # and looks at no more than it may in one go
+        assert classic.skipped < 200
+        with pytest.raises(can.CanOperationError, match="classic CAN"):
+            classic.send(long)
+        classic.send(frame(5))
+        assert heard(one) == [5]
+
+
+def test_an_interface_of_classic_can_is_refused_where_can_fd_is_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    with pytest.raises(DriveError, match=r"virtual.*carries classic CAN alone.*fd=True"):
+        open_bus("virtual", "x", 1_000_000, fd=True)
+    monkeypatch.setattr(opening, "_longest_frame", lambda channel: 16)
+    with pytest.raises(DriveError, match="can0 carries classic CAN alone") as refused:
+        open_bus("socketcan", "can0", 1_000_000, fd=True)
+    assert "bitrate 1000000 dbitrate 5000000 fd on" in str(refused.value)
 
 
 def test_who_does_not_read_is_counted_and_never_waited_for(tmp_path: Path) -> None:

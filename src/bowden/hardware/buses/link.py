@@ -22,6 +22,19 @@ class BusPlace(NamedTuple):
     channel: str
     bitrate: int
     """[bit/s]"""
+    fd: bool = False
+    """Whether frames of CAN-FD go over it."""
+    data_bitrate: int = 5_000_000
+    """Of their data [bit/s]."""
+
+
+def open_place(place: BusPlace, create: bool = False) -> can.BusABC:
+    """The bus at a place; see `opening.open_bus`."""
+    return open_bus(place.interface, place.channel, place.bitrate, create, place.fd, place.data_bitrate)
+
+
+def _speeds(place: BusPlace) -> str:
+    return f"{place.bitrate} bit/s" + (f" and {place.data_bitrate} bit/s for data (CAN-FD)" if place.fd else "")
 
 
 class Links:
@@ -54,12 +67,21 @@ class Links:
             restore: called when another drive on the bus has been brought up, see `BusPort.disturbed`.
 
         Raises:
-            DriveError: the bus cannot be opened, another process is its host, or this process has that node already.
+            DriveError: the bus cannot be opened, another process is its host, this process has that node already, or
+                has that bus open at other bit rates.
         """
         link = self._links.get(place[:2])
         if link is None:
             link = BusLink(place, self._given)
             self._links[place[:2]] = link
+        elif link.place != place:
+            raise DriveError(
+                f"two drives of this rig want the bus {place.channel} otherwise: {_speeds(link.place)}, "
+                f"{_speeds(place)}",
+                expected="one of classic CAN or of CAN-FD, at one bit rate: nodes of classic CAN destroy frames of "
+                "CAN-FD",
+                do="give each a bus of its own, or correct the bit rates in [drive]",
+            )
         try:
             port = link.join(node, wanted, synced, lambda: self._links.pop(place[:2], None))
             port.restore = restore
@@ -87,7 +109,7 @@ class BusLink:
         self.place, self._given = place, given
         self._claim: BusClaim | None = None if given is not None else claim(place.interface, place.channel, "host")
         try:
-            self.bus = given if given is not None else open_bus(*place)
+            self.bus = given if given is not None else open_place(place)
             self._take = taker(self.bus)
         except BaseException:
             if self._claim is not None:

@@ -6,12 +6,13 @@ import logging
 import os
 import socket
 from collections.abc import Callable
+from pathlib import Path
 from typing import NamedTuple
 
 import can
 
 from bowden.core.errors import DriveError
-from bowden.hardware.buses.unix_bus import ERROR, EXTENDED, REMOTE, UnixBus, bus_folder
+from bowden.hardware.buses.unix_bus import ERROR, EXTENDED, FRAME, REMOTE, UnixBus, bus_folder
 
 UNIX = "bowden_unix"
 """Interface of the bus between processes."""
@@ -76,7 +77,9 @@ def quieten() -> None:
             logger.addHandler(logging.NullHandler())
 
 
-def open_bus(interface: str, channel: str, bitrate: int, create: bool = False) -> can.BusABC:
+def open_bus(
+    interface: str, channel: str, bitrate: int, create: bool = False, fd: bool = False, data_bitrate: int = 5_000_000
+) -> can.BusABC:
     """The bus, ready to send and receive.
 
     Args:
@@ -84,15 +87,22 @@ def open_bus(interface: str, channel: str, bitrate: int, create: bool = False) -
         channel: which of its kind.
         bitrate: [bit/s], where the interface can set it.
         create: whether a `bowden_unix` bus is made where there is none.
+        fd: whether frames of CAN-FD go over it.
+        data_bitrate: of their data [bit/s], where the interface can set it.
 
     Raises:
-        DriveError: an unknown interface, or a bus that is not there or cannot be opened.
+        DriveError: an unknown interface, a bus that is not there or cannot be opened, or one of classic CAN where
+            CAN-FD is asked for.
     """
     quieten()
     try:
         if interface == UNIX:
-            return UnixBus(channel, create=create)
+            return UnixBus(channel, create=create, fd=fd)
+        if fd:
+            return _open_fd(interface, channel, bitrate, data_bitrate)
         return can.Bus(channel, interface=interface, bitrate=bitrate)
+    except DriveError:
+        raise
     except Exception as error:  # python-can's interfaces raise whatever their makers' libraries do
         if interface not in can.VALID_INTERFACES and interface != UNIX:
             raise DriveError(
@@ -106,6 +116,45 @@ def open_bus(interface: str, channel: str, bitrate: int, create: bool = False) -
             do = "this kernel has no CAN: load its module can_raw, or use bowden_unix"
         reason = os.strerror(number) if isinstance(error, OSError) and number else str(error)
         raise DriveError(f"cannot open the bus {channel} ({interface}): {reason}", do=do) from error
+
+
+def _open_fd(interface: str, channel: str, bitrate: int, data_bitrate: int) -> can.BusABC:
+    """A bus for CAN-FD.
+
+    Raises:
+        DriveError: its interface carries classic CAN alone.
+    """
+    rates = f"bitrate {bitrate} dbitrate {data_bitrate}"
+    if interface == "socketcan" and _longest_frame(channel) == FRAME.size:
+        raise DriveError(
+            f"the interface {channel} carries classic CAN alone, and the drive speaks CAN-FD",
+            expected="an adapter for CAN-FD, set up for it",
+            do=f"ip link set {channel} down; ip link set {channel} up type can {rates} fd on",
+        )
+    try:
+        bus = can.Bus(channel, interface=interface, bitrate=bitrate, data_bitrate=data_bitrate, fd=True)
+    except (TypeError, NotImplementedError) as error:  # whose bus has no such argument
+        raise _no_fd(interface) from error
+    if bus.protocol not in (can.CanProtocol.CAN_FD, can.CanProtocol.CAN_FD_NON_ISO):
+        bus.shutdown()
+        raise _no_fd(interface)
+    return bus
+
+
+def _no_fd(interface: str) -> DriveError:
+    return DriveError(
+        f"the interface {interface!r} of python-can carries classic CAN alone, and the drive speaks CAN-FD",
+        expected="one that opens with fd=True",
+        do='set interface = "socketcan" in [drive], with an adapter for CAN-FD',
+    )
+
+
+def _longest_frame(channel: str) -> int:
+    """Size of the largest frame that a network interface carries [bytes]; 0 where there is none of that name."""
+    try:
+        return int(Path("/sys/class/net", channel, "mtu").read_text())
+    except (OSError, ValueError):
+        return 0
 
 
 _REMEDIES = {

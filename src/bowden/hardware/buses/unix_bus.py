@@ -7,6 +7,9 @@ died or does not read is counted and otherwise without effect, as on a real bus.
 since nobody acknowledges. (Sent to the datagram sockets themselves, frames would queue up to
 `net.unix.max_dgram_qlen`, ten of them; and what a node has said before it leaves would be lost.)
 
+Frames of CAN-FD go beside the classic ones. A node that has not joined for them counts them and hears none; a real
+controller of classic CAN would destroy them with error frames, so that nobody heard them.
+
 Registered with python-can as interface ``bowden_unix``; can be made directly as well.
 """
 
@@ -28,6 +31,12 @@ import can
 
 FRAME = struct.Struct("<IB3x8s")
 """Identifier with its flags, length, data: the layout of Linux' can_frame."""
+FD_FRAME = struct.Struct("<IBB2x64s")
+"""Identifier with its flags, length, flags of CAN-FD, data: the layout of Linux' canfd_frame."""
+SWITCHED, SENDER_PASSIVE, FD = 0x01, 0x02, 0x04
+"""Flags of CAN-FD: data at the higher bit rate, the sender is error passive, an FD frame (Linux, `linux/can.h`)."""
+FD_LENGTHS = (*range(9), 12, 16, 20, 24, 32, 48, 64)
+"""Of a CAN-FD frame's data [bytes] (ISO 11898-1, coding of the data length code)."""
 
 EXTENDED, REMOTE, ERROR = 0x8000_0000, 0x4000_0000, 0x2000_0000
 """Flags in the identifier."""
@@ -35,9 +44,14 @@ EXTENDED, REMOTE, ERROR = 0x8000_0000, 0x4000_0000, 0x2000_0000
 LONGEST_PATH = 107
 """Of a Unix socket's name [bytes]."""
 
+MOST_SKIPPED = 64
+"""CAN-FD frames that a node of classic CAN passes over at most in one look."""
+
 LOOK_EVERY = 8
 """Frames that a node sends at most before it looks whether somebody has joined; one that reads looks by itself."""
 
+_CLASSIC, _TOO_LONG = FRAME.size, FRAME.size + 1
+_SIZES = frozenset((FRAME.size, FD_FRAME.size))
 _RIGHTS = socket.CMSG_SPACE(struct.calcsize("i"))
 
 
@@ -69,18 +83,28 @@ class UnixBus(can.BusABC):
         channel: folder of the bus, or a bare name.
         create: whether to make the folder where there is none.
         can_filters: as python-can has them.
+        fd: whether this node sends and hears frames of CAN-FD.
 
     Raises:
         can.CanInitializationError: there is no such bus, its folder cannot be used, or its name is too long.
     """
 
     def __init__(
-        self, channel: Any, can_filters: can.typechecking.CanFilters | None = None, create: bool = True, **_: object
+        self,
+        channel: Any,
+        can_filters: can.typechecking.CanFilters | None = None,
+        create: bool = True,
+        fd: bool = False,
+        **_: object,
     ) -> None:
         folder = bus_folder(str(channel))
         self.channel_info = f"bowden_unix bus {folder}"
         self.undelivered = 0
         """Frames that a node which does not read, or has died, did not get."""
+        self.skipped = 0
+        """Frames of CAN-FD that this node, of classic CAN, did not hear."""
+        self._fd = fd
+        self._most = FD_FRAME.size if fd else FRAME.size + 1  # so that a longer one shows
         self._reads_since_look = LOOK_EVERY
         self._links: list[socket.socket] = []
         self._mute: list[socket.socket] = []
@@ -104,6 +128,7 @@ class UnixBus(can.BusABC):
             raise can.CanInitializationError(f"{folder}: {reason}") from error
         self._poll.register(self._door, select.POLLIN)
         super().__init__(channel=channel, can_filters=can_filters)
+        self._can_protocol = can.CanProtocol.CAN_FD if fd else can.CanProtocol.CAN_20
 
     def _join(self, folder: Path) -> None:
         """Take a place on the bus and meet all who are there; who has died without leaving is cleared away."""
@@ -150,10 +175,13 @@ class UnixBus(can.BusABC):
         """Send a frame to all other nodes; never waits.
 
         Raises:
-            can.CanOperationError: no other node is on the bus.
+            can.CanOperationError: no other node is on the bus; or a frame of CAN-FD that this node cannot send.
         """
         flags = EXTENDED * msg.is_extended_id | REMOTE * msg.is_remote_frame | ERROR * msg.is_error_frame
-        frame = FRAME.pack(msg.arbitration_id | flags, msg.dlc, bytes(msg.data))
+        if msg.is_fd:
+            frame = self._packed_fd(msg, flags)
+        else:
+            frame = FRAME.pack(msg.arbitration_id | flags, msg.dlc, bytes(msg.data))
         self._reads_since_look += 1
         if self._reads_since_look >= LOOK_EVERY or not self._links:
             self._open_door()
@@ -169,6 +197,16 @@ class UnixBus(can.BusABC):
         if not self._links:
             raise can.CanOperationError("no other node on the bus acknowledges")
 
+    def _packed_fd(self, msg: can.Message, flags: int) -> bytes:
+        """A frame of CAN-FD; data of a length that there is not is filled up with zeros, as controllers do."""
+        if not self._fd:
+            raise can.CanOperationError("this node is one of classic CAN")
+        length = next((length for length in FD_LENGTHS if length >= len(msg.data)), None)
+        if length is None:
+            raise can.CanOperationError(f"a frame of CAN-FD carries 64 bytes at most, not {len(msg.data)}")
+        of_fd = FD | SWITCHED * msg.bitrate_switch | SENDER_PASSIVE * msg.error_state_indicator
+        return FD_FRAME.pack(msg.arbitration_id | flags, length, of_fd, bytes(msg.data))
+
     def recv(self, timeout: float | None = None) -> can.Message | None:
         """The next frame, or None after `timeout` [s]; python-can's own, without detours where there is no wait."""
         if timeout == 0.0 and self._filters is None:
@@ -183,7 +221,10 @@ class UnixBus(can.BusABC):
         frame = self._next()
         if frame is None:
             return None
-        identifier, length, data = FRAME.unpack(frame)
+        if len(frame) == _CLASSIC:
+            identifier, length, data = FRAME.unpack(frame)
+        else:
+            identifier, length, _, data = FD_FRAME.unpack(frame)
         return identifier, data[:length]
 
     def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
@@ -193,6 +234,8 @@ class UnixBus(can.BusABC):
             frame = self._next()
         if frame is None:
             return None, False
+        if len(frame) != _CLASSIC:
+            return _message_of_fd(frame), False
         identifier, length, data = FRAME.unpack(frame)
         return can.Message(
             arbitration_id=identifier & 0x1FFF_FFFF,
@@ -207,7 +250,9 @@ class UnixBus(can.BusABC):
         """The next frame of any link; None when there is none now."""
         for link in (*self._links, *self._mute):
             try:
-                frame = link.recv(FRAME.size)
+                frame = link.recv(self._most)
+                if len(frame) == _TOO_LONG:
+                    frame = self._skip(link)
             except BlockingIOError:
                 if link in self._mute:
                     self._drop(link)
@@ -215,11 +260,20 @@ class UnixBus(can.BusABC):
             except OSError:
                 self._drop(link)
                 continue
-            if len(frame) == FRAME.size:
+            if len(frame) in _SIZES:
                 return frame
             if not frame:  # its end
                 self._drop(link)
         return self._next() if self._open_door() else None
+
+    def _skip(self, link: socket.socket) -> bytes:
+        """The next frame of classic CAN of a link that has sent one of CAN-FD; raises as its `recv` does."""
+        for _ in range(MOST_SKIPPED):
+            self.skipped += 1
+            frame = link.recv(self._most)
+            if len(frame) != _TOO_LONG:
+                return frame
+        raise BlockingIOError
 
     def _drop(self, link: socket.socket) -> None:
         for links in (self._links, self._mute):
@@ -241,6 +295,20 @@ class UnixBus(can.BusABC):
         for link in (*self._links, *self._mute):
             link.close()
         self._links, self._mute = [], []
+
+
+def _message_of_fd(frame: bytes) -> can.Message:
+    identifier, length, flags, data = FD_FRAME.unpack(frame)
+    return can.Message(
+        arbitration_id=identifier & 0x1FFF_FFFF,
+        is_extended_id=bool(identifier & EXTENDED),
+        is_error_frame=bool(identifier & ERROR),
+        is_fd=True,
+        bitrate_switch=bool(flags & SWITCHED),
+        error_state_indicator=bool(flags & SENDER_PASSIVE),
+        dlc=min(length, 64),
+        data=data[: min(length, 64)],
+    )
 
 
 @contextlib.contextmanager

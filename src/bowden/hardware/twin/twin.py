@@ -44,6 +44,10 @@ class NodePlace(NamedTuple):
     """[bit/s]"""
     node_id: int
     """Its number on the bus."""
+    fd: bool = False
+    """Whether it speaks CAN-FD."""
+    data_bitrate: int = 5_000_000
+    """Of its data [bit/s]."""
 
 
 class Twin:
@@ -66,7 +70,7 @@ class Twin:
         self._claim = claim(bus.interface, bus.channel, f"node {bus.node_id}")
         self._bus: can.BusABC | None = None
         try:
-            self._bus = open_bus(*bus[:3], create=True)
+            self._bus = open_bus(*bus[:3], create=True, fd=bus.fd, data_bitrate=bus.data_bitrate)
             self._control = ControlServer(self.path)
         except BaseException:
             self._claim.release()
@@ -109,8 +113,9 @@ class Twin:
             for _ in range(64):
                 if message is None:
                     break
-                if not (message.is_error_frame or message.is_extended_id or message.is_remote_frame):
-                    self._node.receive(message.arbitration_id, bytes(message.data), self._clock())
+                if not (message.is_error_frame or message.is_remote_frame):
+                    identifier = message.arbitration_id | EXTENDED * message.is_extended_id
+                    self._node.receive(identifier, bytes(message.data), self._clock())
                 message = self._receive(0.0)
         now = self._clock()
         self._longest_wait, self._ticked = max(self._longest_wait, now - self._ticked), now
@@ -131,7 +136,7 @@ class Twin:
             self._note(now, "bus_off", "")
         elif not off and self._bus is None:
             with contextlib.suppress(DriveError):
-                self._bus = open_bus(*self._place[:3])
+                self._bus = open_bus(*self._place[:3], fd=self._place.fd, data_bitrate=self._place.data_bitrate)
                 self._note(now, "bus_on", "")
 
     def _receive(self, timeout: float) -> can.Message | None:
@@ -144,7 +149,7 @@ class Twin:
         if self._bus is None:
             return
         try:
-            self._bus.send(message_of(cob_id, data))
+            self._bus.send(message_of(cob_id, data, fd=self._place.fd))
         except (can.CanError, OSError):
             self._unsent += 1
 
@@ -218,13 +223,16 @@ class Twin:
         }
 
 
-def message_of(identifier: int, data: bytes) -> can.Message:
-    """A frame of an identifier with the flags of `buses.unix_bus`."""
+def message_of(identifier: int, data: bytes, *, fd: bool = False) -> can.Message:
+    """A frame of an identifier with the flags of `buses.unix_bus`; of CAN-FD with its data at the higher bit rate."""
+    fd = fd and not identifier & ERROR
     return can.Message(
         arbitration_id=identifier & 0x1FFF_FFFF,
         data=data,
         is_extended_id=bool(identifier & EXTENDED),
         is_error_frame=bool(identifier & ERROR),
+        is_fd=fd,
+        bitrate_switch=fd,
     )
 
 

@@ -1,0 +1,224 @@
+"""A mjbots moteus board over CAN-FD as the live loop's `Drive`: packed and parsed by hand, no thread, never waiting.
+
+A cycle sends one frame, a command with the questions, and the next cycle reads its reply. There is no heartbeat: the
+age of the last reply stands for it. Each command has the watchdog's time in it: a loop that hangs is a host that is
+gone, and the board goes into mode timeout, which it leaves by a stop alone. Stopping would clear a fault, so a board in
+fault is asked and not commanded.
+"""
+
+import math
+
+from bowden.core.signals import DriveReading, DriveState
+from bowden.hardware.buses.link import BusPlace, BusPort, Links
+from bowden.hardware.buses.unix_bus import ERROR, REMOTE
+from bowden.hardware.drives import moteus_frames as frames
+from bowden.hardware.drives.enabling import fell
+from bowden.hardware.drives.findings import INERT, LEFT, InertWatch
+from bowden.hardware.drives.limited_range import LimitedRange
+from bowden.hardware.drives.moteus_faults import TIMED_OUT, UNWATCHED
+from bowden.hardware.drives.moteus_frames import Mode
+from bowden.hardware.drives.moteus_parameters import MoteusParameters, check_parameters, command_of
+from bowden.hardware.drives.moteus_setup import (
+    SAME_TIME,
+    WITHOUT_TORQUE,
+    MoteusFindings,
+    is_answer,
+    is_foreign,
+    message,
+    set_up,
+    state_of,
+)
+from bowden.hardware.drives.readings import Readings
+from bowden.hardware.ports import Power, TorqueLeft
+
+MOST_FRAMES = 64
+"""Frames that one cycle reads at most, so that a flood on the bus cannot hold the loop."""
+CLOSING_CYCLES = 20
+"""How often `close` asks for the power to go off, 2 ms apart, while the board still has torque."""
+LAG, LIGHT, STILL = 4e-3, 0.05, 2e-3
+"""A motor that is this far from its target [rad], with less current than this share of the largest, and that stands
+still within this [rad], is asked for a torque that it does not give: see `findings.InertWatch`."""
+SETTLED = 10
+"""Cycles of commands after which every reply is to one of them."""
+
+
+class MoteusDrive:
+    """The drive of one motor.
+
+    Args:
+        parameters: of the board, the joint's encoder and the bus.
+        links: the buses of this process; of its own where none are given.
+
+    Raises:
+        ParameterError: parameters that make no sense.
+    """
+
+    def __init__(self, parameters: MoteusParameters, links: Links | None = None) -> None:
+        check_parameters(parameters)
+        self._drive, self._links = parameters, links or Links()
+        self._cycle = frames.Cycle(parameters.joint_source)
+        self._port: BusPort | None = None
+        self._found: MoteusFindings | None = None
+        self._readings = Readings()
+        self._joint_turns = LimitedRange(1.0)
+        self._inert = InertWatch(STILL)
+        self._bus_errors = 0
+        self._frame = message(parameters, self._cycle.stop, reply=True)
+        self._begin(DriveState.NOT_READY_TO_SWITCH_ON, 0)
+
+    def bring_up(self) -> str:
+        """See `hardware.ports.Drive.bring_up`; may be called again after a failure or a restart of the board."""
+        drive = self._drive
+        if self._port is None:
+            place = BusPlace(drive.interface, drive.channel, drive.bitrate, fd=True, data_bitrate=drive.data_bitrate)
+            self._port = self._links.join(place, f"node {drive.node_id}", self._wants)
+        try:
+            self._found = set_up(self._port, drive)
+        except BaseException:
+            self._leave()
+            raise
+        self._begin(self._found.state, self._found.fault)
+        return self._found.identity
+
+    def _wants(self, identifier: int) -> bool:
+        """Whether a frame is of this board, or one that only this host may send, or an error of the bus."""
+        plain = identifier & ~REMOTE
+        return bool(identifier & ERROR) or is_answer(self._drive, plain) or is_foreign(self._drive, plain)
+
+    def _begin(self, state: DriveState, fault: int) -> None:
+        """Nothing has been read or sent yet, and the board is in that state."""
+        self._state = self._before = state
+        self._fell = self._reset = self._asked = False
+        self._commands = 0  # in a row
+        self._target = self._turns = math.nan  # of the cycle before [rad], [turns]
+        self._written = math.nan
+        self._timed_out = False
+        self._readings.begin()
+        self._readings.failed(fault)  # one that was there before is no news
+        self._joint_turns.begin()
+        if self._found is not None:
+            self._joint_turns.follow(self._found.joint.counts(self._drive.joint_home))
+        self._inert.begin()
+
+    def read(self, now: float) -> DriveReading:
+        """See `hardware.ports.Drive.read`."""
+        readings, drive, found = self._readings, self._drive, self._found
+        readings.cycle(now)
+        state = self._state
+        for _ in range(MOST_FRAMES):
+            frame = None if found is None or self._port is None else self._port.take()
+            if frame is None or found is None:
+                break
+            identifier, data = frame
+            if identifier & ERROR:
+                self._bus_errors += 1
+            elif is_answer(drive, identifier) and not identifier & REMOTE:
+                reply = self._cycle.reply(data)
+                if reply is not None:
+                    state = self._take(reply, found, now)
+            elif is_foreign(drive, identifier):
+                readings.meant()
+        self._before, self._state = self._state, state
+        if self._asked and self._before is DriveState.OPERATION_ENABLED is not state and state is not DriveState.FAULT:
+            readings.found(TIMED_OUT if self._timed_out else LEFT)
+        in_vain = (
+            state is DriveState.OPERATION_ENABLED
+            and self._commands >= SETTLED
+            and abs(self._target - readings.motor) >= LAG
+            and abs(readings.current) <= LIGHT * (drive.current_limit or 1.0)
+        )
+        if self._inert.inert(readings.motor, now, in_vain=in_vain):
+            readings.found(INERT)
+        return readings.reading(now, state, self._errors())
+
+    def _take(self, reply: frames.MoteusReply, found: MoteusFindings, now: float) -> DriveState:
+        """What a reply says; the state that it tells."""
+        readings, drive = self._readings, self._drive
+        readings.replied(now)
+        readings.moved(
+            found.motor.angle(reply.position) if math.isfinite(reply.position) else math.nan,
+            drive.motor_direction * reply.q_current if math.isfinite(reply.q_current) else math.nan,
+            math.nan if reply.temperature == frames.NO_INT8 else float(reply.temperature),
+            self._written,
+        )
+        if reply.validity >> 2 * drive.joint_source & 1:
+            readings.turned(found.joint.angle(self._joint_turns.follow(_within_a_turn(reply.joint))))
+        self._timed_out = reply.mode == Mode.TIMEOUT
+        readings.failed((reply.fault & 0xFF or LEFT) if reply.mode == Mode.FAULT else 0)
+        if self._commands >= SETTLED and not abs(reply.timeout - drive.watchdog) <= SAME_TIME:
+            readings.found(UNWATCHED)
+        return state_of(reply.mode)
+
+    def write(self, target: float, power: Power, now: float, torque: float = 0.0) -> None:
+        """See `hardware.ports.Drive.write`.
+
+        Until the board is in position mode the target sent is none, by which it stays where it is, so that enabling
+        moves nothing. A target that is no number, or beyond what the board counts, is never sent: the torque goes off.
+        There is none before the board has sent its position. A board that has left position mode by itself, as when
+        its watchdog has run out, is not switched on again before `Power.OFF` has been wanted. A torque offset goes out
+        only with the order to follow the target, to a board that does, and within the rig's bound.
+        """
+        found = self._found
+        if self._port is None or found is None:
+            return
+        self._fell = fell(self._before, self._state, asked=self._asked, already=self._fell, power=power)
+        turns = found.motor.counts(target) if math.isfinite(target) else math.nan
+        fine = abs(turns) <= frames.MOST_TURNS and math.isfinite(self._readings.motor)
+        if power is Power.ON and fine and not self._fell and self._state is not DriveState.FAULT:
+            led = self._state is DriveState.OPERATION_ENABLED
+            sent = turns if led else math.nan
+            command = command_of(self._drive, found.limits, sent, self._turns, torque if led else 0.0)
+            self._put(self._cycle.command(command))
+            self._asked, self._commands = True, self._commands + 1
+            self._target, self._turns = (target, turns) if led else (math.nan, math.nan)
+        else:
+            keep = self._state is DriveState.FAULT and not self._reset
+            self._put(self._cycle.ask if keep else self._cycle.stop)
+            self._asked, self._commands = False, 0
+            self._target = self._turns = math.nan
+        if self._state is not DriveState.FAULT or self._reset:
+            self._reset = False
+        self._written = now
+
+    def reset_fault(self) -> None:
+        """See `hardware.ports.Drive.reset_fault`; without effect where the board has no fault."""
+        self._reset = True
+
+    def close(self) -> TorqueLeft:
+        """See `hardware.ports.Drive.close`; what the board said before the last stop does not count."""
+        left, port = TorqueLeft.OFF, self._port
+        if port is not None and self._found is not None:
+            left = TorqueLeft.UNKNOWN
+            for _ in range(MOST_FRAMES):
+                if port.take() is None:
+                    break
+            for k in range(CLOSING_CYCLES):
+                self._put(self._cycle.ask if self._state is DriveState.FAULT else self._cycle.stop)
+                frame = port.wait_for(lambda identifier, _: is_answer(self._drive, identifier), 0.002)
+                reply = None if frame is None else self._cycle.reply(frame[1])
+                if reply is not None and k > 0:  # a reply says what was before its command
+                    left = TorqueLeft.OFF if reply.mode in WITHOUT_TORQUE else TorqueLeft.ON
+                if left is TorqueLeft.OFF:
+                    break
+        self._leave()
+        return left
+
+    def _put(self, data: bytes) -> None:
+        if self._port is not None:
+            self._frame.data = bytearray(data)
+            self._frame.dlc = len(data)
+            self._port.send(self._frame)
+
+    def _errors(self) -> float:
+        return float(self._bus_errors + (self._port.errors if self._port else 0))
+
+    def _leave(self) -> None:
+        if self._port is not None:
+            self._bus_errors += self._port.errors
+            self._port.leave()
+        self._port = self._found = None
+
+
+def _within_a_turn(turns: float) -> float:
+    """A reading of an encoder that tells a part of a turn; what is none, or no such part, is none."""
+    return turns if -1.0 <= turns <= 1.0 else math.nan

@@ -1,0 +1,491 @@
+"""Frames of mjbots moteus boards by hand: identifiers, subframes, registers and their scales, the cycle's frames. Pure.
+
+A frame of CAN-FD carries subframes: registers to write, registers to read, replies to these, errors, and the bytes of
+the diagnostic channel. Each number is of one of four types; an integer stands for a physical value by a scale of the
+register, its lowest value stands for none, and what is beyond its ends stands at them.
+
+Identifiers have the sender in bits 8 to 14, the receiver in bits 0 to 6, and bit 15 where a reply is wanted.
+
+    command of a cycle  mode i8, position, velocity, feed-forward torque f32, scales of kp and kd i16, largest torque,
+                        watchdog timeout f32, and the questions: 48 bytes
+    reply               mode i8; position, velocity, torque, q current f32; temperature, fault i8; position of the
+                        joint's encoder f32; validity of the encoders i8; watchdog timeout f32: 41 bytes, filled to 48
+
+Source: mjbots/moteus, docs/protocol/can.md and docs/protocol/registers.md, register map version 5; the subframes of the
+diagnostic channel and the order of a server's replies are those of mjbots/mjlib, mjlib/multiplex/format.h and
+micro_server.cc.
+"""
+
+import math
+import struct
+from collections.abc import Mapping
+from enum import IntEnum
+from typing import NamedTuple
+
+REGISTER_MAP = 5
+"""Version of the register map, register 102h, that all here is of."""
+REPLY_WANTED = 0x8000
+BROADCAST = 0x7F
+HIGHEST_ID = 0xFFFF
+"""Without a prefix (`can.prefix`), which is not supported."""
+STANDARD_ID = 0x7FF
+"""Identifiers above are extended ones; whether one below is does not count."""
+MOST_TURNS = 32767.0
+"""Largest position that a board takes [turns]."""
+
+
+class Mode(IntEnum):
+    """Register 000h."""
+
+    STOPPED = 0
+    """No torque; written, it clears a fault."""
+    FAULT = 1
+    ENABLING = 2
+    CALIBRATING = 3
+    CALIBRATED = 4
+    """The three that lead from stopped to a mode with torque."""
+    PWM = 5
+    VOLTAGE = 6
+    VOLTAGE_FOC = 7
+    VOLTAGE_DQ = 8
+    CURRENT = 9
+    POSITION = 10
+    TIMEOUT = 11
+    """The watchdog has run out; it is left by stopping alone. What the motor does meanwhile says servo.timeout_mode."""
+    ZERO_VELOCITY = 12
+    STAY_WITHIN = 13
+    MEASURE_INDUCTANCE = 14
+    BRAKE = 15
+
+
+class Register(IntEnum):
+    """Registers that are used here, or that the twin has."""
+
+    MODE = 0x000
+    POSITION = 0x001
+    VELOCITY = 0x002
+    TORQUE = 0x003
+    Q_CURRENT = 0x004
+    D_CURRENT = 0x005
+    ABS_POSITION = 0x006
+    POWER = 0x007
+    MOTOR_TEMPERATURE = 0x00A
+    TRAJECTORY_COMPLETE = 0x00B
+    HOME_STATE = 0x00C
+    VOLTAGE = 0x00D
+    TEMPERATURE = 0x00E
+    FAULT = 0x00F
+    COMMAND_POSITION = 0x020
+    COMMAND_VELOCITY = 0x021
+    COMMAND_TORQUE = 0x022
+    COMMAND_KP_SCALE = 0x023
+    COMMAND_KD_SCALE = 0x024
+    COMMAND_MAX_TORQUE = 0x025
+    COMMAND_STOP_POSITION = 0x026
+    COMMAND_TIMEOUT = 0x027
+    COMMAND_VELOCITY_LIMIT = 0x028
+    COMMAND_ACCELERATION_LIMIT = 0x029
+    COMMAND_FIXED_VOLTAGE = 0x02A
+    COMMAND_ILIMIT_SCALE = 0x02B
+    COMMAND_FIXED_CURRENT = 0x02C
+    COMMAND_IGNORE_BOUNDS = 0x02D
+    CONTROL_POSITION = 0x038
+    CONTROL_VELOCITY = 0x039
+    CONTROL_TORQUE = 0x03A
+    POSITION_ERROR = 0x03B
+    ENCODER_0_POSITION = 0x050
+    ENCODER_0_VELOCITY = 0x051
+    ENCODER_1_POSITION = 0x052
+    ENCODER_1_VELOCITY = 0x053
+    ENCODER_2_POSITION = 0x054
+    ENCODER_2_VELOCITY = 0x055
+    ENCODER_VALIDITY = 0x058
+    MILLISECONDS = 0x070
+    MODEL = 0x100
+    FIRMWARE = 0x101
+    REGISTER_MAP = 0x102
+    SERIAL_1 = 0x120
+    SERIAL_2 = 0x121
+    SERIAL_3 = 0x122
+    UUID_MASK_CAPABLE = 0x158
+
+
+class Kind(IntEnum):
+    """Types of a number on the wire."""
+
+    INT8 = 0
+    INT16 = 1
+    INT32 = 2
+    FLOAT = 3
+
+
+WRITE, READ, REPLY = 0x00, 0x10, 0x20
+"""Subframes of registers: four times the type is added, and the number of registers where it is 1 to 3."""
+WRITE_ERROR, READ_ERROR = 0x30, 0x31
+TO_DRIVE, FROM_DRIVE, POLL = 0x40, 0x41, 0x42
+"""Subframes of the diagnostic channel: bytes to the board, its bytes, and the question for these."""
+NOP = 0x50
+"""Fills a frame up to a length that there is."""
+CHANNEL = 1
+"""Of the diagnostic console."""
+UNKNOWN_REGISTER, NOT_WRITEABLE = 1, 2
+"""Numbers of errors."""
+
+Scales = tuple[float, float, float]
+"""Physical value of one of an int8, an int16, an int32."""
+POSITION_SCALES: Scales = (0.01, 1e-4, 1e-5)
+VELOCITY_SCALES: Scales = (0.1, 0.25e-3, 1e-5)
+ACCELERATION_SCALES: Scales = (0.05, 1e-3, 1e-5)
+TORQUE_SCALES: Scales = (0.5, 0.01, 1e-3)
+CURRENT_SCALES: Scales = (1.0, 0.1, 1e-3)
+VOLTAGE_SCALES: Scales = (0.5, 0.1, 1e-3)
+TEMPERATURE_SCALES: Scales = (1.0, 0.1, 1e-3)
+TIME_SCALES: Scales = (0.01, 1e-3, 1e-6)
+POWER_SCALES: Scales = (10.0, 0.05, 1e-4)
+SHARE_SCALES: Scales = (1.0 / 127.0, 1.0 / 32767.0, 1.0 / 2147483647.0)
+"""In turns, turns a second, turns/s², N·m, A, V, °C, s, W, and of a whole."""
+SCALES: Mapping[int, Scales] = {
+    **dict.fromkeys(
+        (
+            *(Register.POSITION, Register.ABS_POSITION, Register.COMMAND_POSITION, Register.COMMAND_STOP_POSITION),
+            *(Register.CONTROL_POSITION, Register.POSITION_ERROR, Register.ENCODER_0_POSITION),
+            *(Register.ENCODER_1_POSITION, Register.ENCODER_2_POSITION),
+        ),
+        POSITION_SCALES,
+    ),
+    **dict.fromkeys(
+        (
+            *(Register.VELOCITY, Register.COMMAND_VELOCITY, Register.COMMAND_VELOCITY_LIMIT),
+            *(Register.CONTROL_VELOCITY, Register.ENCODER_0_VELOCITY, Register.ENCODER_1_VELOCITY),
+            Register.ENCODER_2_VELOCITY,
+        ),
+        VELOCITY_SCALES,
+    ),
+    Register.COMMAND_ACCELERATION_LIMIT: ACCELERATION_SCALES,
+    **dict.fromkeys(
+        (Register.TORQUE, Register.COMMAND_TORQUE, Register.COMMAND_MAX_TORQUE, Register.CONTROL_TORQUE), TORQUE_SCALES
+    ),
+    **dict.fromkeys((Register.Q_CURRENT, Register.D_CURRENT, Register.COMMAND_FIXED_CURRENT), CURRENT_SCALES),
+    **dict.fromkeys((Register.VOLTAGE, Register.COMMAND_FIXED_VOLTAGE), VOLTAGE_SCALES),
+    **dict.fromkeys((Register.TEMPERATURE, Register.MOTOR_TEMPERATURE), TEMPERATURE_SCALES),
+    Register.COMMAND_TIMEOUT: TIME_SCALES,
+    Register.POWER: POWER_SCALES,
+    **dict.fromkeys(
+        (Register.COMMAND_KP_SCALE, Register.COMMAND_KD_SCALE, Register.COMMAND_ILIMIT_SCALE), SHARE_SCALES
+    ),
+}
+"""Register → its scales; what is not here is a whole number of every type."""
+
+_TYPES = (struct.Struct("<b"), struct.Struct("<h"), struct.Struct("<i"), struct.Struct("<f"))
+_MOST = (127, 32767, 2147483647)
+
+
+def identifier_of(source: int, destination: int, *, reply: bool = False) -> int:
+    """The identifier of a frame.
+
+    >>> hex(identifier_of(0, 1, reply=True)), hex(identifier_of(1, 0))
+    ('0x8001', '0x100')
+    """
+    return (REPLY_WANTED if reply else 0) | source << 8 | destination
+
+
+def wire_value(register: int, kind: Kind, value: float) -> float:
+    """What stands for a physical value on the wire; see the module."""
+    scales = SCALES.get(register)
+    if kind is Kind.FLOAT:
+        return value
+    most = _MOST[kind]
+    if scales is None:
+        whole = int(value) if math.isfinite(value) else 0
+        return (whole + most + 1) % (2 * most + 2) - most - 1  # cut to its bits, as a cast does
+    if not math.isfinite(value):
+        return -most - 1
+    return round(max(-float(most), min(float(most), value / scales[kind])))
+
+
+def physical_value(register: int, kind: Kind, value: float) -> float:
+    """The physical value that a number on the wire stands for; NaN for none.
+
+    >>> physical_value(Register.POSITION, Kind.INT16, 0x0050), physical_value(Register.POSITION, Kind.INT16, -32768)
+    (0.008, nan)
+    """
+    scales = SCALES.get(register)
+    if kind is Kind.FLOAT or scales is None:
+        return value
+    return math.nan if value == -_MOST[kind] - 1 else value * scales[kind]
+
+
+def varuint(value: int) -> bytes:
+    """A whole number of seven bits a byte, the lowest first."""
+    found = bytearray()
+    while value > 0x7F:
+        found.append(value & 0x7F | 0x80)
+        value >>= 7
+    return bytes((*found, value))
+
+
+def subframe(base: int, kind: Kind, register: int, count: int) -> bytes:
+    """The head of a subframe of so many registers from one on; where they are read, all of it."""
+    head = base | kind << 2
+    return bytes((head | count,)) + varuint(register) if count <= 3 else bytes((head, count)) + varuint(register)
+
+
+def values(base: int, kind: Kind, register: int, *physical: float) -> bytes:
+    """A subframe that writes, or replies with, these physical values from a register on."""
+    found = subframe(base, kind, register, len(physical))
+    return found + b"".join(
+        _TYPES[kind].pack(wire_value(register + i, kind, value)) for i, value in enumerate(physical)
+    )
+
+
+class Written(NamedTuple):
+    """A register written, or replied with."""
+
+    register: int
+    kind: Kind
+    value: float
+    """Physical; NaN for none."""
+
+
+class Asked(NamedTuple):
+    """Registers asked for."""
+
+    register: int
+    kind: Kind
+    count: int
+    counted: bool
+    """Whether the number of them stands in a byte of its own, as it then does in the reply."""
+
+
+class Failed(NamedTuple):
+    """A register that was not there, or not to be written."""
+
+    writing: bool
+    register: int
+    error: int
+
+
+class Console(NamedTuple):
+    """Bytes of the diagnostic channel, or, to the board, the question for them."""
+
+    kind: int
+    """`TO_DRIVE`, `FROM_DRIVE` or `POLL`."""
+    channel: int
+    data: bytes
+    most: int = 0
+    """Of a question: bytes that may come."""
+
+
+Subframe = Written | Asked | Failed | Console
+
+
+class Reader:
+    """Takes a frame's bytes apart.
+
+    Args:
+        data: of the frame.
+    """
+
+    def __init__(self, data: bytes) -> None:
+        self._data, self._at, self._cut = data, 0, False
+
+    def subframes(self) -> tuple[list[tuple[int, list[Subframe]]], bool]:
+        """All subframes that can be read, each with its base, and whether the rest is none."""
+        found: list[tuple[int, list[Subframe]]] = []
+        try:
+            while self._at < len(self._data):
+                head = self._varuint()
+                if head == NOP:
+                    continue
+                if head < 0x30:
+                    base = head & 0x30
+                    found.append((base, self._registers(base, Kind(head >> 2 & 3), head & 3)))
+                    if self._cut:
+                        return found, True
+                elif head in (WRITE_ERROR, READ_ERROR):
+                    found.append((head, [Failed(head == WRITE_ERROR, self._varuint(), self._varuint())]))
+                elif head in (TO_DRIVE, FROM_DRIVE):
+                    channel, length = self._varuint(), self._varuint()
+                    found.append((head, [Console(head, channel, self._bytes(length))]))
+                elif head == POLL:
+                    found.append((head, [Console(head, self._varuint(), b"", self._varuint())]))
+                else:
+                    return found, True
+        except (IndexError, struct.error):
+            return found, True
+        return found, False
+
+    def _registers(self, base: int, kind: Kind, count: int) -> list[Subframe]:
+        counted = count == 0
+        if counted:
+            count = self._varuint()
+        register = self._varuint()
+        if base == READ:
+            return [Asked(register, kind, count, counted)]
+        size = _TYPES[kind].size
+        self._cut = self._at + count * size > len(self._data)
+        if self._cut:
+            count = (len(self._data) - self._at) // size
+        found: list[Subframe] = []
+        for i in range(count):
+            (number,) = _TYPES[kind].unpack_from(self._data, self._at)
+            self._at += size
+            found.append(Written(register + i, kind, physical_value(register + i, kind, number)))
+        return found
+
+    def _varuint(self) -> int:
+        value = 0
+        for i in range(5):
+            byte = self._data[self._at]
+            self._at += 1
+            value |= (byte & 0x7F) << 7 * i
+            if not byte & 0x80:
+                return value & 0xFFFF_FFFF
+        raise IndexError
+
+    def _bytes(self, count: int) -> bytes:
+        if self._at + count > len(self._data):
+            raise IndexError
+        self._at += count
+        return bytes(self._data[self._at - count : self._at])
+
+
+def replied(data: bytes) -> tuple[dict[int, float], list[Failed], bytes]:
+    """What a reply says: registers with physical values, errors, bytes of the console."""
+    found: dict[int, float] = {}
+    failed: list[Failed] = []
+    text = b""
+    for base, subframes in Reader(data).subframes()[0]:
+        for one in subframes:
+            if base == REPLY and isinstance(one, Written):
+                found[one.register] = one.value
+            elif isinstance(one, Failed):
+                failed.append(one)
+            elif base == FROM_DRIVE and isinstance(one, Console) and one.channel == CHANNEL:
+                text += one.data
+    return found, failed, text
+
+
+def padded(data: bytes) -> bytes:
+    """A frame's data filled up to the next length that CAN-FD has."""
+    for length in (*range(9), 12, 16, 20, 24, 32, 48, 64):
+        if length >= len(data):
+            return data + bytes((NOP,)) * (length - len(data))
+    raise ValueError(f"{len(data)} bytes, and a frame has 64")
+
+
+class MoteusCommand(NamedTuple):
+    """A command in position mode, of the board's output."""
+
+    position: float
+    """NaN for the present one [turns]."""
+    velocity: float
+    """With which the position goes on until the next command [turns/s]."""
+    torque: float
+    """Feed-forward [N·m]."""
+    kp_scale: float
+    """Share of the board's own gain, 0 to 1 [–]."""
+    kd_scale: float
+    """[–]"""
+    max_torque: float
+    """NaN for what the board's largest current gives [N·m]."""
+    timeout: float
+    """Of the board's watchdog [s]."""
+
+
+class MoteusReply(NamedTuple):
+    """The reply to a cycle's questions."""
+
+    mode: int
+    position: float
+    """Of the output [turns]; NaN for none."""
+    velocity: float
+    """[turns/s]"""
+    torque: float
+    """[N·m]"""
+    q_current: float
+    """[A]"""
+    temperature: int
+    """Of the power stage [°C]; −128 for none."""
+    fault: int
+    joint: float
+    """Of the joint's encoder, of the part of a turn that it tells [turns]."""
+    validity: int
+    """Bits 2·n of encoder n."""
+    timeout: float
+    """Of the watchdog, as the command had it [s]."""
+
+
+NO_INT8 = -128
+SOURCES = {1: Register.ENCODER_1_POSITION, 2: Register.ENCODER_2_POSITION}
+"""Slot of an encoder beside the rotor's (`motor_position.sources`) → its register."""
+
+
+class Cycle:
+    """The frames of a cycle: what is asked for does not change.
+
+    Args:
+        source: slot of the joint's encoder.
+    """
+
+    def __init__(self, source: int) -> None:
+        self.questions = b"".join(
+            subframe(READ, kind, register, count)
+            for kind, register, count in (
+                (Kind.INT8, Register.MODE, 1),
+                (Kind.FLOAT, Register.POSITION, 4),
+                (Kind.INT8, Register.TEMPERATURE, 2),
+                (Kind.FLOAT, SOURCES[source], 1),
+                (Kind.INT8, Register.ENCODER_VALIDITY, 1),
+                (Kind.FLOAT, Register.COMMAND_TIMEOUT, 1),
+            )
+        )
+        self._heads = tuple(
+            subframe(REPLY, kind, register, count)
+            for kind, register, count in (
+                (Kind.INT8, Register.MODE, 1),
+                (Kind.FLOAT, Register.POSITION, 4),
+                (Kind.INT8, Register.TEMPERATURE, 2),
+                (Kind.FLOAT, SOURCES[source], 1),
+                (Kind.INT8, Register.ENCODER_VALIDITY, 1),
+                (Kind.FLOAT, Register.COMMAND_TIMEOUT, 1),
+            )
+        )
+        self.stop = padded(values(WRITE, Kind.INT8, Register.MODE, Mode.STOPPED) + self.questions)
+        """Torque off, and the questions."""
+        self.ask = padded(self.questions)
+        """The questions alone."""
+        self._mode = values(WRITE, Kind.INT8, Register.MODE, Mode.POSITION)
+
+    def command(self, given: MoteusCommand) -> bytes:
+        """A command in position mode, and the questions."""
+        kp, kd = (
+            int(wire_value(register, Kind.INT16, min(1.0, max(0.0, share))))
+            for register, share in (
+                (Register.COMMAND_KP_SCALE, given.kp_scale),
+                (Register.COMMAND_KD_SCALE, given.kd_scale),
+            )
+        )
+        return _COMMAND.pack(
+            self._mode, _MOTION, given.position, given.velocity, given.torque, _GAINS, kp, kd,
+            _TORQUE, given.max_torque, _TIMEOUT, given.timeout, self.questions,
+        )  # fmt: skip
+
+    def reply(self, data: bytes) -> MoteusReply | None:
+        """A reply to all the questions in the types asked for; None of anything else."""
+        if len(data) < _REPLY.size:
+            return None
+        one, mode, two, position, velocity, torque, current, three, temperature, fault, four, joint, five, validity, *rest = _REPLY.unpack_from(data)  # fmt: skip  # noqa: E501
+        if (one, two, three, four, five, rest[0]) != self._heads:
+            return None
+        return MoteusReply(
+            mode, position, velocity, torque, current, temperature, fault, joint, validity & 0xFF, rest[1]
+        )
+
+
+_MOTION = subframe(WRITE, Kind.FLOAT, Register.COMMAND_POSITION, 3)
+_GAINS = subframe(WRITE, Kind.INT16, Register.COMMAND_KP_SCALE, 2)
+_TORQUE = subframe(WRITE, Kind.FLOAT, Register.COMMAND_MAX_TORQUE, 1)
+_TIMEOUT = subframe(WRITE, Kind.FLOAT, Register.COMMAND_TIMEOUT, 1)
+_COMMAND = struct.Struct("<3s2sfff2shh2sf2sf13s")
+_REPLY = struct.Struct("<2sb3sffff2sbb2sf2sb2sf")

@@ -1,0 +1,454 @@
+"""The twin of a mjbots moteus board as a node of the bus: subframes, registers, modes, watchdog, diagnostic channel.
+
+Its motor follows as the rig's servo does, whatever the gains are; without gains, or without torque, it gives none.
+A board whose `servo.timeout_mode` is not stopped brakes when its watchdog has run out, and keeps its torque.
+
+Source: mjbots/moteus, docs/protocol, fw/moteus_controller.cc (registers, errors), fw/bldc_servo_control.h (modes and
+watchdog); mjbots/mjlib, mjlib/multiplex/micro_server.cc (order of replies, what happens to a frame that is malformed).
+"""
+
+import math
+from collections import deque
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+from bowden.hardware.buses.unix_bus import EXTENDED
+from bowden.hardware.drives import moteus_frames as frames
+from bowden.hardware.drives.moteus_frames import Asked, Console, Failed, Kind, Mode, Register, Written
+from bowden.hardware.drives.moteus_parameters import MoteusParameters, joint_scale, motor_scale
+from bowden.hardware.drives.moteus_setup import HOMED, state_of
+from bowden.hardware.twin.bench import BRAKE, FOLLOW, OFF
+from bowden.hardware.twin.faults import NO_NUMBER, Faults
+from bowden.hardware.twin.moteus_console import MoteusConsole, usual
+from bowden.hardware.twin.node import Journal, Send
+from bowden.hardware.twin.outbox import Outbox
+from bowden.hardware.twin.plant import TwinPlant
+
+ENABLING_TIME = 5e-3
+"""From a command to the mode that it asks for: gate driver, offsets of the current's sensors; a stated choice [s]."""
+REBOOT_TIME = 0.3
+"""[s]"""
+STEP = 0.9e-3
+"""The bench is moved on at every frame, and without one after this [s]."""
+DRIVER_FAULT, OVER_TEMPERATURE, OUTSIDE_LIMITS, POSITION_ERROR = 33, 38, 39, 49
+"""Codes of the faults that the twin finds itself, or is given."""
+FIRST_FAULT, FIRST_LIMIT = 32, 96
+LARGEST_REPLY, RESERVE = 64, 23
+"""Of a reply, and the room that it must have for the next subframe to be looked at [bytes]."""
+SUPPLY = 24.0
+"""[V]"""
+MODEL, FIRMWARE, SERIAL = 0x0B, 0x010101, (0x626F7764, 0x656E, 0x7477696E)
+NOT_COMMANDED = frozenset({Mode.FAULT, Mode.ENABLING, Mode.CALIBRATING, Mode.CALIBRATED})
+"""Modes that nobody can write."""
+COMMANDS: Mapping[int, float] = {
+    Register.COMMAND_POSITION: 0.0,
+    Register.COMMAND_VELOCITY: 0.0,
+    Register.COMMAND_TORQUE: 0.0,
+    Register.COMMAND_KP_SCALE: 1.0,
+    Register.COMMAND_KD_SCALE: 1.0,
+    Register.COMMAND_MAX_TORQUE: math.nan,
+    Register.COMMAND_STOP_POSITION: math.nan,
+    Register.COMMAND_TIMEOUT: 0.0,
+    Register.COMMAND_VELOCITY_LIMIT: math.nan,
+    Register.COMMAND_ACCELERATION_LIMIT: math.nan,
+    Register.COMMAND_FIXED_VOLTAGE: math.nan,
+    Register.COMMAND_ILIMIT_SCALE: 1.0,
+    Register.COMMAND_FIXED_CURRENT: math.nan,
+    Register.COMMAND_IGNORE_BOUNDS: 0.0,
+}
+"""Registers of a command → what holds where they are not written."""
+ONLY_INT32 = frozenset(
+    {Register.MODEL, Register.FIRMWARE, Register.REGISTER_MAP, Register.SERIAL_1, Register.SERIAL_2, Register.SERIAL_3}
+)
+
+Overrides = Mapping[int | str, float | None]
+"""Register, or name in the configuration → what it is otherwise; None takes it away."""
+
+
+class Sampled(NamedTuple):
+    """What the board's sensors show."""
+
+    motor: float
+    """Of the output [turns]."""
+    joint: float
+    """Of the joint's encoder, 0 to 1 [turns]."""
+    current: float
+    """[A]"""
+
+
+class MoteusNode:
+    """One board, as `hardware.twin.node.TwinNode` has it.
+
+    Args:
+        drive: number, encoders and scales, as the rig has them.
+        bench: behind the board.
+        send: puts a frame on the bus.
+        journal: takes what happened.
+        overrides: registers and settings that are otherwise than usual.
+    """
+
+    lacks: Mapping[str, str] = {
+        "emergency_stop": "a board has no input for it that is read: it cuts the supply, so inject reboot",
+        "joint_silence": "the joint's encoder hangs on the board: inject encoder_frozen joint, or encoder_nan joint",
+    }
+    """See `hardware.twin.node.TwinNode`."""
+
+    def __init__(
+        self,
+        drive: MoteusParameters,
+        bench: TwinPlant,
+        send: Send,
+        journal: Journal,
+        overrides: Overrides | None = None,
+    ) -> None:
+        self._drive, self.bench, self.faults = drive, bench, Faults()
+        self._outbox, self._journal, self._overrides = Outbox(send, self.faults), journal, overrides or {}
+        self._motor, self._joint = motor_scale(drive), joint_scale(drive)
+        self._history: deque[Sampled] = deque(maxlen=1000)
+        self.patience = 0.0
+        self.scenario_noted = False
+        self.commands = 0
+        """Frames that were for this board."""
+        self.host = -math.inf
+        """When the host last sent something [s]."""
+        self._moved = -math.inf
+        self._power_up(-math.inf)
+
+    def _power_up(self, ready: float) -> None:
+        """Everything as after switching on, and silent until `ready`."""
+        self._ready, self._booted = ready, False
+        self.mode, self.fault = Mode.STOPPED, 0
+        self._command, self._wanted = dict(COMMANDS), Mode.STOPPED
+        self._valid = False
+        self._commanded = self._deadline = self._enabled = math.inf
+        self._held = math.nan
+        speed = self.bench.speed_limit * self._motor.steepest(-math.inf, math.inf) / abs(self._motor.step)
+        self._named: dict[str, float] = usual(
+            source=self._drive.joint_source,
+            ratio=self._drive.output_ratio,
+            low=math.nan,
+            high=math.nan,
+            speed=1.001 * speed if math.isfinite(speed) else 500.0,
+            current=self.bench.current_limit,
+        )
+        for name, value in self._overrides.items():
+            if isinstance(name, str) and value is None:
+                self._named.pop(name, None)
+            elif isinstance(name, str) and value is not None:
+                self._named[name] = value
+        self.console = MoteusConsole(self._named, lambda: self._write(Register.MODE, Mode.STOPPED))
+
+    def status(self) -> dict[str, Any]:
+        """See `hardware.twin.node.TwinNode`."""
+        return {
+            "state": state_of(self.mode).name,
+            "mode": int(self.mode),
+            "torque": self.bench.doing != OFF,
+            "error_code": self.fault if self.mode is Mode.FAULT else 0,
+            "last_heartbeat": self.host if math.isfinite(self.host) else None,
+            "commands": self.commands,
+        }
+
+    def receive(self, identifier: int, data: bytes, now: float) -> None:
+        """A frame from the bus; whether its identifier is an extended one does not count."""
+        plain = identifier & 0x1FFF_FFFF
+        if self.faults.active("deaf", now) or now < self._ready or plain > frames.HIGHEST_ID:
+            return
+        source, receiver = plain >> 8, plain & 0xFF
+        if receiver not in (self._drive.node_id, frames.BROADCAST):
+            return
+        self.host, self.commands = now, self.commands + 1
+        self._move(now)
+        self._sample(now)
+        reply = self._obey(data, now, answers=bool(source & 0x80))
+        if self._valid:
+            self._valid = False
+            self._take(now)
+        if not source & 0x80:
+            return
+        back = frames.identifier_of(self._drive.node_id, source & 0x7F)
+        if reply[:1] == bytes((frames.FROM_DRIVE,)):
+            self._outbox.emit(_flagged(back), frames.padded(reply), now)
+            return
+        self._outbox.emit_cyclic(_flagged(back), frames.padded(reply), now)
+        if self.faults.active("foreign_replies", now):
+            other = frames.identifier_of(self._drive.node_id % 126 + 1, source & 0x7F)
+            self._outbox.emit_cyclic(_flagged(other), frames.padded(reply), now)
+
+    def _obey(self, data: bytes, now: float, *, answers: bool) -> bytes:
+        """Take a frame's subframes in their order; the reply to them, as long as there is room for the next one."""
+        reply = bytearray()
+        for _, subframes in frames.Reader(data).subframes()[0]:
+            for one in subframes:
+                if answers and LARGEST_REPLY - len(reply) < RESERVE:
+                    return bytes(reply)
+                if isinstance(one, Written):
+                    error = self._write(one.register, one.value)
+                    if error and answers:
+                        reply += bytes((frames.WRITE_ERROR,)) + frames.varuint(one.register) + bytes((error,))
+                elif isinstance(one, Asked) and answers:
+                    found = self._answer(one, LARGEST_REPLY - len(reply), now)
+                    if isinstance(found, Failed):
+                        reply += bytes((frames.READ_ERROR,)) + frames.varuint(found.register) + bytes((found.error,))
+                        return bytes(reply)  # the rest of a frame with such an error is not looked at
+                    reply += found
+                elif isinstance(one, Console) and not self._talk(one, reply, answers=answers):
+                    return bytes(reply)
+        return bytes(reply)
+
+    def _talk(self, one: Console, reply: bytearray, *, answers: bool) -> bool:
+        """The diagnostic channel; whether there is such a one."""
+        if one.channel != frames.CHANNEL or one.kind == frames.FROM_DRIVE:
+            return False
+        if one.kind == frames.TO_DRIVE:
+            self.console.take(one.data)
+        if answers:
+            room = LARGEST_REPLY - len(reply) - RESERVE
+            said = self.console.give(max(0, min(room, one.most if one.kind == frames.POLL else room)))
+            reply += bytes((frames.FROM_DRIVE, frames.CHANNEL)) + frames.varuint(len(said)) + said
+        return True
+
+    def _answer(self, asked: Asked, room: int, now: float) -> bytes | Failed:
+        """The reply to a question for registers, in the type asked for, or which of them there is not."""
+        size = (1, 2, 4, 4)[asked.kind]
+        head = frames.subframe(frames.REPLY, asked.kind, asked.register, asked.count)
+        if asked.counted:
+            head = bytes((frames.REPLY | asked.kind << 2,)) + frames.varuint(asked.count)
+            head += frames.varuint(asked.register)
+        if len(head) + asked.count * size > room:
+            return Failed(writing=False, register=asked.register, error=frames.NOT_WRITEABLE)
+        found = b""
+        for register in range(asked.register, asked.register + asked.count):
+            value = self._read(register, asked.kind, now)
+            if value is None:
+                return Failed(writing=False, register=register, error=frames.UNKNOWN_REGISTER)
+            found += frames.values(0, asked.kind, register, value)[1 + len(frames.varuint(register)) :]
+        return head + found
+
+    def _write(self, register: int, value: float) -> int:
+        """Write a register; the number of the error, 0 for none."""
+        if register == Register.MODE:
+            number = int(value) if math.isfinite(value) else -1
+            if not 0 <= number <= max(Mode):
+                return 3
+            self._wanted, self._command, self._valid = Mode(number), dict(COMMANDS), True
+            return 0
+        if register in self._command:
+            self._command[register] = value
+            return 0
+        return frames.NOT_WRITEABLE if self._readable(register) else frames.UNKNOWN_REGISTER
+
+    def _readable(self, register: int) -> bool:
+        return register in list(Register) and self._read(register, Kind.INT32, -math.inf) is not None
+
+    def _read(self, register: int, kind: Kind, now: float) -> float | None:
+        """The physical value of a register; None where there is none of that type."""
+        if register in self._overrides:
+            return self._overrides[register]
+        if register in ONLY_INT32 and kind is not Kind.INT32:
+            return None
+        if register in self._command:
+            return self._command[register]
+        value = self._measured(now).get(register)
+        if value is None or not self.faults.active("saturated", now) or register not in _SATURATED:
+            return value
+        return math.copysign(32767.0 * frames.SCALES[register][Kind.INT16], value)
+
+    def _measured(self, now: float) -> dict[int, float]:
+        shown, bench, drive = self._shown(now), self.bench, self._drive
+        hot = self.faults.active("over_temperature", now)
+        if hot:
+            bench.temperature = hot.amount
+        velocity = bench.velocity * self._motor.steepest(-math.inf, math.inf) / self._motor.step
+        sources = {1: math.nan, 2: math.nan, drive.joint_source: shown.joint}
+        valid = math.isfinite(shown.joint)
+        return {
+            Register.MODE: float(self.mode),
+            Register.POSITION: shown.motor,
+            Register.VELOCITY: velocity if math.isfinite(velocity) else 0.0,
+            Register.TORQUE: shown.current * drive.torque_constant / drive.output_ratio,
+            Register.Q_CURRENT: shown.current,
+            Register.D_CURRENT: 0.0,
+            Register.ABS_POSITION: sources[1],
+            Register.POWER: SUPPLY * abs(shown.current) * 0.1,
+            Register.MOTOR_TEMPERATURE: math.nan,
+            Register.TRAJECTORY_COMPLETE: 1.0,
+            Register.HOME_STATE: float(HOMED),
+            Register.VOLTAGE: SUPPLY,
+            Register.TEMPERATURE: bench.temperature,
+            Register.FAULT: float(self.fault),
+            Register.CONTROL_POSITION: self._control(now),
+            Register.CONTROL_VELOCITY: self._command[Register.COMMAND_VELOCITY],
+            Register.CONTROL_TORQUE: shown.current * drive.torque_constant / drive.output_ratio,
+            Register.POSITION_ERROR: shown.motor - self._control(now),
+            Register.ENCODER_0_POSITION: (shown.motor / drive.output_ratio) % 1.0,
+            Register.ENCODER_0_VELOCITY: 0.0,
+            Register.ENCODER_1_POSITION: sources[1],
+            Register.ENCODER_1_VELOCITY: 0.0,
+            Register.ENCODER_2_POSITION: sources[2],
+            Register.ENCODER_2_VELOCITY: 0.0,
+            Register.ENCODER_VALIDITY: float(0b11 | (0b11 << 2 * drive.joint_source if valid else 0)),
+            Register.MILLISECONDS: float(int(1e3 * now) & 0x7FFF_FFFF) if math.isfinite(now) else 0.0,
+            Register.MODEL: float(MODEL),
+            Register.FIRMWARE: float(FIRMWARE),
+            Register.REGISTER_MAP: float(frames.REGISTER_MAP),
+            Register.SERIAL_1: float(SERIAL[0]),
+            Register.SERIAL_2: float(SERIAL[1]),
+            Register.SERIAL_3: float(SERIAL[2]),
+        }
+
+    def _sample(self, now: float) -> None:
+        """Through the encoders' noise, with the faults that are there at `now` [s]."""
+        bench, faults = self.bench, self.faults
+        joint, motor = bench.read_encoders()
+        turns = faults.encoders(
+            self._motor.counts(motor), self._joint.counts(joint), abs(self._motor.step), abs(self._joint.step), now
+        )
+        flows = faults.active("over_current", now)
+        current = self._drive.motor_direction * (flows.amount if flows else bench.current)
+        shown, turned = (math.nan if value == NO_NUMBER else value for value in turns)
+        self._history.append(Sampled(shown, turned % 1.0 if math.isfinite(turned) else math.nan, current))
+
+    def _shown(self, now: float) -> Sampled:
+        """The newest sample, or, where its faults are such, one from before."""
+        if not self._history:
+            self._sample(now)
+        back = self.faults.active("delayed_readings", now)
+        return self._history[-min(len(self._history), 1 + int(back.amount if back else 0))]
+
+    def _take(self, now: float) -> None:
+        """A command takes effect, once its frame has been answered."""
+        wanted = self._wanted
+        if wanted in NOT_COMMANDED:
+            return
+        timeout = self._command[Register.COMMAND_TIMEOUT]
+        if timeout == 0.0:
+            timeout = self._named.get("servo.default_timeout_s", math.nan)
+        self._commanded, self._deadline = now, now + timeout if not math.isnan(timeout) else math.inf
+        self._held = self._command[Register.COMMAND_POSITION]
+        if math.isnan(self._held):
+            self._held = self._motor.counts(self.bench.motor)
+        if wanted is Mode.STOPPED:
+            self._enter(Mode.STOPPED, now)
+        elif self.mode is Mode.STOPPED:
+            self._enabled = now + ENABLING_TIME
+            self._enter(Mode.ENABLING, now)
+        elif self.mode not in (*NOT_COMMANDED, Mode.TIMEOUT):
+            self._begin(now)
+
+    def _begin(self, now: float) -> None:
+        """From one mode with torque to the one that is wanted; position mode not from outside its limits."""
+        low, high = self._bounds()
+        outside = not low <= self._motor.counts(self.bench.motor) <= high
+        if self._wanted is Mode.POSITION and outside and not self._command[Register.COMMAND_IGNORE_BOUNDS]:
+            self._fail(OUTSIDE_LIMITS, now)
+        else:
+            self._enter(self._wanted, now)
+
+    def _bounds(self) -> tuple[float, float]:
+        low, high = (
+            self._named.get("servopos.position_min", math.nan),
+            self._named.get("servopos.position_max", math.nan),
+        )
+        return -math.inf if math.isnan(low) else low, math.inf if math.isnan(high) else high
+
+    def _control(self, now: float) -> float:
+        """Where position mode wants the output: the command's place, on with its velocity, in its limits [turns]."""
+        if not math.isfinite(self._commanded):
+            return math.nan
+        velocity = self._command[Register.COMMAND_VELOCITY]
+        place = self._held + (velocity * (now - self._commanded) if math.isfinite(velocity) else 0.0)
+        low, high = self._bounds()
+        return place if self._command[Register.COMMAND_IGNORE_BOUNDS] else max(low, min(high, place))
+
+    def _enter(self, mode: Mode, now: float) -> None:
+        if mode is self.mode:
+            return
+        before, self.mode = self.mode, mode
+        self._journal(now, "state", mode.name)
+        if before is Mode.FAULT:
+            self.fault = 0
+        if mode is Mode.POSITION:
+            if not self.scenario_noted:
+                self.scenario_noted = True
+                self.bench.start_scenario(now)
+            self._journal(now, "torque_on", "")
+        elif self._doing(now) == OFF:
+            self.bench.advance(now)
+            if self.bench.doing != OFF:
+                self._journal(now, "torque_off", f"{mode.name}; {1e3 * (now - self.host):.3f} ms after the last frame")
+            self.bench.doing = OFF
+
+    def _doing(self, now: float) -> int:
+        """What the motor does in this mode."""
+        command = self._command
+        if self.mode is Mode.POSITION:
+            torque = command[Register.COMMAND_MAX_TORQUE]
+            gains = command[Register.COMMAND_KP_SCALE] > 0.0 and self._named.get("servo.pid_position.kp", 0.0) > 0.0
+            gives = gains and (math.isnan(torque) or torque > 0.0) and not self.faults.active("inert", now)
+            return FOLLOW if gives else OFF
+        reaction = self._named.get("servo.timeout_mode", 0.0)
+        braking = self.mode is Mode.TIMEOUT and reaction != Mode.STOPPED
+        return BRAKE if braking or self.mode in (Mode.ZERO_VELOCITY, Mode.BRAKE) else OFF
+
+    def tick(self, now: float) -> None:
+        """Let time pass: bench, watchdog, faults, frames that wait."""
+        if now >= self._ready and not self._booted:
+            self._booted = True
+            self._journal(now, "boot", "")
+        for injection in self.faults.due(now):
+            if injection.name == "reboot":
+                self._journal(now, "reboot", "")
+                self._enter(Mode.STOPPED, now)
+                self._power_up(now + REBOOT_TIME)
+            elif injection.name == "mode_left":
+                self._enter(Mode.STOPPED, now)
+            else:
+                code = int(injection.amount)
+                self._fail(code if FIRST_FAULT <= code < FIRST_LIMIT else DRIVER_FAULT, now)
+        self._watch(now)
+        if now - self._moved >= STEP:
+            self._move(now)
+        self._outbox.tick(now)
+
+    def _watch(self, now: float) -> None:
+        """The way from stopped to a mode with torque, and the watchdog's time in position mode."""
+        if self.mode is Mode.ENABLING and now >= self._enabled:
+            self._begin(now)
+        deadline = max(self._deadline, self._commanded + self.patience) if self.patience else self._deadline
+        if self.mode is Mode.POSITION and now >= deadline:
+            self._enter(Mode.TIMEOUT, now)
+
+    def _fail(self, code: int, now: float) -> None:
+        """Into fault: torque off at once."""
+        self.fault = code
+        self._journal(now, "fault", f"{code}")
+        self._enter(Mode.FAULT, now)
+
+    def _move(self, now: float) -> None:
+        """Move the bench on, with torque where the mode has it, and see to the board's own limits."""
+        bench, self._moved = self.bench, now
+        self.faults.damage(bench, now)
+        self._watch(now)
+        doing = self._doing(now)
+        bench.doing = doing
+        if doing == FOLLOW:
+            bench.command = self._motor.angle(self._control(now))
+            if bench.torque_offset is not None:
+                feed = self._command[Register.COMMAND_TORQUE] * self._drive.output_ratio * self._drive.gear
+                bench.torque_offset = self._drive.motor_direction * feed if math.isfinite(feed) else 0.0
+        bench.advance(now)
+        window = self._named.get("servo.fault_position_error", math.nan)
+        if self.mode is not Mode.POSITION:
+            return
+        if math.isfinite(window) and abs(self._control(now) - self._motor.counts(bench.motor)) > window:
+            self._fail(POSITION_ERROR, now)
+        if bench.temperature >= self._named.get("servo.fault_temperature", math.inf):
+            self._fail(OVER_TEMPERATURE, now)
+
+
+_SATURATED = frozenset({Register.VELOCITY, Register.TORQUE, Register.Q_CURRENT, Register.D_CURRENT, Register.VOLTAGE})
+
+
+def _flagged(identifier: int) -> int:
+    return identifier | (EXTENDED if identifier > frames.STANDARD_ID else 0)
