@@ -72,7 +72,8 @@ class Page:
         url = f"ws://{self.host}/stream"
         origin: Any = f"http://{self.host}"
         to = socket.create_connection(("127.0.0.1", self.via), 10.0)
-        link = connect(url, sock=to, origin=origin, additional_headers=headers, compression=None)
+        given: dict[str, Any] = {"compression": None, "ping_interval": None}  # a browser's page sends no pings either
+        link = connect(url, sock=to, origin=origin, additional_headers=headers, **given)
         self.socket = self._open.enter_context(link)
         self.tab = json.loads(self.socket.recv(5.0))["tab"]
         for work in (self._read, self._live) if self._reads else (self._live,):
