@@ -148,21 +148,12 @@ def drives(count: int) -> Iterator[tuple[float, Observed, float]]:
         state = 4.0 if n > 8 else 2.0
         request = {5: Request.ARM, 30: Request.RUN, 396: Request.ACKNOWLEDGE}.get(n, Request.NONE)
         reading = [angle, 0.9 * angle, 1.0, 20.0, 30.0, 0.0, 0.0, 0.001, state, 0.0, 0.0, 0.0, 1e-3]
-        rest = [
-            1e-5,
-            DT,
-            float(request),
-            0.01,
-            1.0,
-            float(n > 20),
-            0.02,
-            float(random.choice([0.0] * 400 + [2.0, 3.0])),
-            angle + 0.01,
-        ]
+        rest = [1e-5, DT, float(request), 0.01, 1.0, float(n > 20), 0.02, angle + 0.01]
         values = [*reading, *rest]
         if n > 150 and random.random() < 0.02:
             values[random.integers(len(values))] = float(random.choice(wild))
-        yield float(n == 0), Observed(DriveReading(*values[:13]), *values[13:21]), values[21]
+        others = {300: 2.0, 320: np.nan, 350: 3.0}.get(n if k // 400 % 3 == 2 else -1, 0.0)
+        yield float(n == 0), Observed(DriveReading(*values[:13]), *values[13:20], others), values[20]
 
 
 def test_exported_gate_gives_the_bits_of_python(tmp_path: Path) -> None:

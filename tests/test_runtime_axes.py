@@ -132,7 +132,8 @@ def test_a_fault_of_any_axis_stops_all_within_the_limits(seed: int, tmp_path: Pa
             continue
         assert part["mode"][at + 1] >= Mode.RELEASING, "the others see it in the next cycle"
         longest = 2 if r3 else 2 + round(1000 * (Limits().release_time + 0.005))
-        assert part["power"][at + longest] == Power.OFF
+        off = min(at + longest, len(part.rows) - 1)  # or the run has ended, which it does without power
+        assert part["power"][off] == Power.OFF
         assert all(power == Power.OFF for power, _ in rig.drives[i].told[at + longest :])
         if i != sick and any(powered):
             found = {*of(float(part["faults"][at + 1]))}
