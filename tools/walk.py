@@ -38,8 +38,10 @@ _SETTLED = 3.0
 """What runs beside the others has this time before the next command [s]."""
 _TRIES = 5
 """Of a run in real time, which other work on the same computer may end."""
-_REPOSITORY = re.compile(r"make (?!-C)")
+_REPOSITORY = re.compile(r"make (?!-C)|pip install .*(-r requirements/|\s\.$)")
 """A command that runs in the repository, not in the page's folder."""
+_PACKAGE = re.compile(r"""['"]?(?<![\w/])bowden(\[[\w,]+\])?['"]?(?=\s|$)""")
+"""The package, with or without extras, as pip is given it."""
 
 
 class Tried(NamedTuple):
@@ -96,7 +98,7 @@ def walk_page(
             if why:
                 yield Tried(one, None, 0.0, why, "")
                 continue
-            text = re.sub(r"'?bowden(\[[\w,]+\])'?", rf"'{wheel}\1'", one.text) if wheel else one.text
+            text = _PACKAGE.sub(rf"'{wheel}\1'", one.text) if wheel and one.text.startswith("pip") else one.text
             where = repository if repository and _REPOSITORY.match(one.text) else folder
             if one.beside:
                 yield beside.enter_context(_beside(one, text, where, dict(environment) | own))
