@@ -252,7 +252,7 @@ class Asked(NamedTuple):
 
     register: int
     kind: Kind
-    count: int
+    amount: int
     counted: bool
     """Whether the number of them stands in a byte of its own, as it then does in the reply."""
 

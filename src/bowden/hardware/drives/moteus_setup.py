@@ -8,7 +8,7 @@ Source of the names: mjbots/moteus, docs/reference/configuration.md and docs/pro
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 import can
@@ -62,7 +62,7 @@ def state_of(mode: int) -> DriveState:
     return _STATES.get(mode, DriveState.NOT_READY_TO_SWITCH_ON)
 
 
-_STATES = {
+_STATES: Mapping[int, DriveState] = {
     Mode.STOPPED: DriveState.SWITCH_ON_DISABLED,
     Mode.FAULT: DriveState.FAULT,
     Mode.ENABLING: DriveState.READY_TO_SWITCH_ON,

@@ -20,7 +20,7 @@ class MoteusConsole:
         stop: what `d stop` does.
     """
 
-    def __init__(self, configuration: dict[str, float], stop: Callable[[], None]) -> None:
+    def __init__(self, configuration: dict[str, float], stop: Callable[[], object]) -> None:
         self.configuration, self._stop = configuration, stop
         self._heard, self._said = b"", b""
 

@@ -211,14 +211,14 @@ class MoteusNode:
     def _answer(self, asked: Asked, room: int, now: float) -> bytes | Failed:
         """The reply to a question for registers, in the type asked for, or which of them there is not."""
         size = (1, 2, 4, 4)[asked.kind]
-        head = frames.subframe(frames.REPLY, asked.kind, asked.register, asked.count)
+        head = frames.subframe(frames.REPLY, asked.kind, asked.register, asked.amount)
         if asked.counted:
-            head = bytes((frames.REPLY | asked.kind << 2,)) + frames.varuint(asked.count)
+            head = bytes((frames.REPLY | asked.kind << 2,)) + frames.varuint(asked.amount)
             head += frames.varuint(asked.register)
-        if len(head) + asked.count * size > room:
+        if len(head) + asked.amount * size > room:
             return Failed(writing=False, register=asked.register, error=frames.NOT_WRITEABLE)
         found = b""
-        for register in range(asked.register, asked.register + asked.count):
+        for register in range(asked.register, asked.register + asked.amount):
             value = self._read(register, asked.kind, now)
             if value is None:
                 return Failed(writing=False, register=register, error=frames.UNKNOWN_REGISTER)
