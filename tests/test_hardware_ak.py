@@ -178,15 +178,23 @@ def test_an_inert_motor_is_seen_within_fifty_milliseconds_of_a_motion_and_gets_n
     assert not loop.powered
 
 
-def test_a_drive_that_leaves_its_mode_is_silent_to_commands_and_never_taken_for_powered_anew() -> None:
+def test_a_drive_that_leaves_its_mode_and_answers_on_is_seen_within_fifty_milliseconds_of_a_motion() -> None:
     loop = Loop().up().on()
+    loop.run(300, Power.ON, 0.1, speed=1.0)
     loop.inject("mode_left")
-    reading = loop.run(60, Power.ON)
-    assert reading.motor_age > 2.0
-    assert reading.heartbeat_age > 0.05
-    assert not loop.powered
+    began, at = len(loop.readings), loop.readings[-1].motor
+    loop.run(50, Power.ON, at + 0.04, speed=1.0)
+    assert INERT in {reading.emergency for reading in loop.readings[began:]}
     loop.run(200, Power.ON)
     assert not loop.powered
+
+
+def test_a_torque_that_is_always_told_the_same_is_none() -> None:
+    loop = Loop().up().on()
+    loop.node._asked = lambda: 3.0  # type: ignore[method-assign]
+    loop.node.bench.advance = lambda now: None  # type: ignore[method-assign]
+    loop.run(200, Power.ON, 0.15, speed=0.3)
+    assert INERT in loop.found()
 
 
 def test_replies_of_another_number_change_nothing() -> None:

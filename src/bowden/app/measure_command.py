@@ -34,7 +34,7 @@ def measure(
     No law takes part; the joint follows as the cable lets it. Everything is supervised as in bowden run.
     """
     from bowden.face.run import new_log
-    from bowden.live.by_hand import require_confirmed
+    from bowden.live.by_hand import require_confirmed, require_watch, unseen_watch
     from bowden.live.live_run import live_run
     from bowden.live.mcap_read import read
     from bowden.live.measured import NEEDED, stalls, write_motions
@@ -50,9 +50,11 @@ def measure(
     live = live_run(given, measure=True)
     require(live.limits, live.rig.sample_time, "holds")  # no gains take part
     if not twin:
+        require_watch(given)
         require_confirmed(given)
-    for note in live.notes:
-        print(f"bowden: note: {note}", file=sys.stderr)
+    for note in (*live.notes, unseen_watch(given)):
+        if note:
+            print(f"bowden: note: {note}", file=sys.stderr)
     with contextlib.ExitStack() as stack:
         ending = stack.enter_context(ending_signals())
         if twin:

@@ -102,6 +102,10 @@ class AkDrive:
         if self._port is None:
             synced = encoder is not None and encoder.synced
             self._port = self._links.join(place(drive), f"node {drive.node_id}", self._wants, synced=synced)
+        else:
+            for _ in range(MOST_FRAMES):  # replies to what we said ourselves
+                if self._port.take() is None:
+                    break
         try:
             return self._find(self._port)
         except BaseException:
@@ -205,6 +209,10 @@ class AkDrive:
         self._unanswered = self._until_off = self._trial = 0
         self._position = math.nan  # of the drive, over the ends of its range
         self._speed = self._torque = self._expected = 0.0
+        self._stuck = (
+            math.nan,
+            math.nan,
+        )  # the torque that the drive tells, and what was expected when it told it first
         self._sent_at = self._replied_at = math.nan
         self._readings.begin()
         self._range.begin()
@@ -274,8 +282,11 @@ class AkDrive:
                 self._readings.found(LOST_RANGE)
                 self._fell = True
             return
-        asked = abs(self._expected) >= ASKED * self._model.torque
-        in_vain = asked and abs(self._torque) <= GIVEN * abs(self._expected)
+        least, expected = ASKED * self._model.torque, max(-self._model.torque, min(self._model.torque, self._expected))
+        if self._torque != self._stuck[0]:
+            self._stuck = (self._torque, expected)
+        in_vain = abs(expected) >= least and abs(self._torque) <= GIVEN * abs(expected)
+        in_vain = in_vain or abs(expected - self._stuck[1]) >= least  # told, and always the same
         if self._inert.inert(self._position, now, in_vain=in_vain):
             self._readings.found(INERT)
             self._fell = True

@@ -1,6 +1,6 @@
 """The twin of a CubeMars AK drive in MIT mode, and of the joint's encoder beside it (`joint_encoder_node`).
 
-It replies to the three codes always, and to a command in motor mode alone. Its torque is that of the manual's law,
+It replies to every frame of eight bytes, in motor mode or not. Its torque is that of the manual's law,
 τ = kp·(p − x) + kd·(v − ẋ) + t, within the model's range. The plant behind it has a servo of its own, which is taken
 for this law with the rig's gains k and d: it is given the target at which it accelerates as τ would,
 
@@ -136,9 +136,8 @@ class AkNode:
             self._shift -= self._position()
         elif command is not None and self._moded:
             self._command = command
-        if command is None or self._moded:
-            self._order(now)
-            self._reply(now)
+        self._order(now)
+        self._reply(now)
 
     def tick(self, now: float) -> None:
         """Let time pass: bench, faults, timeout, frames that wait."""
