@@ -1,10 +1,10 @@
 """mjbots moteus boards over CAN-FD: `hardware.drives.moteus_drive`, played by `hardware.twin.moteus_node`."""
 
-from collections.abc import Callable, Mapping, Sequence
-from pathlib import Path
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 from bowden.core.errors import ParameterError
+from bowden.hardware.drives import on_can
 from bowden.hardware.drives.family import DriveFamily, DriveNeeds, TwinProcess
 from bowden.hardware.drives.moteus_faults import fault_text
 from bowden.hardware.drives.moteus_parameters import LOOK, MoteusParameters, check_parameters, completed, most_push
@@ -60,37 +60,6 @@ def _override(text: str) -> tuple[int | str, float | None]:
     return key, value
 
 
-def moved(parameters: MoteusParameters, channel: str | None, interface: str | None) -> MoteusParameters:
-    """The same drive on another bus."""
-    return parameters._replace(
-        channel=parameters.channel if channel is None else channel,
-        interface=parameters.interface if interface is None else interface,
-    )
-
-
-def address(parameters: MoteusParameters) -> Mapping[str, str]:
-    """Bus and number."""
-    return {"interface": parameters.interface, "channel": parameters.channel, "node": str(parameters.node_id)}
-
-
-def control(parameters: MoteusParameters) -> Path:
-    """Socket of the twin of this node."""
-    from bowden.hardware.twin.control import control_path  # with python-can
-
-    return control_path(parameters.interface, parameters.channel, parameters.node_id)
-
-
-def claim_host(parameters: MoteusParameters) -> Callable[[], None]:
-    """Be the bus' one master.
-
-    Raises:
-        DriveError: there is one.
-    """
-    from bowden.hardware.buses.opening import claim
-
-    return claim(parameters.interface, parameters.channel, "host").release
-
-
 def largest_push(parameters: MoteusParameters, needs: DriveNeeds) -> float:
     """Half of what the largest current gives [N·m]."""
     return most_push(
@@ -106,13 +75,6 @@ def scales(parameters: MoteusParameters) -> tuple[float, ...]:
     )
 
 
-def simulated(parameters: MoteusParameters) -> bool:
-    """Whether its bus is one between processes, which no wire leads to."""
-    from bowden.hardware.buses.opening import UNIX  # with python-can
-
-    return parameters.interface == UNIX
-
-
 FAMILY = DriveFamily(
     name="moteus",
     title="A mjbots moteus board on CAN-FD, with the joint's encoder at its auxiliary port; `bowden twin` plays it.",
@@ -120,15 +82,15 @@ FAMILY = DriveFamily(
     completed=completed,
     open=open_drive,
     twin=twin,
-    moved=moved,
-    address=address,
-    control=control,
-    claim=claim_host,
+    moved=on_can.moved,
+    address=on_can.address,
+    control=on_can.control,
+    claim=on_can.claim_host,
     watchdog=lambda parameters: parameters.watchdog + LOOK,
     most_push=largest_push,
     measures_tension=lambda _: False,
     scales=scales,
     homed=lambda parameters: parameters.home == "counts",
-    simulated=simulated,
+    simulated=on_can.simulated,
     explain=fault_text,
 )
