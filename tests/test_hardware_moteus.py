@@ -20,7 +20,7 @@ from bowden.hardware.drives.families.moteus import FAMILY
 from bowden.hardware.drives.findings import INERT, LEFT
 from bowden.hardware.drives.moteus_drive import MoteusDrive
 from bowden.hardware.drives.moteus_faults import TIMED_OUT
-from bowden.hardware.drives.moteus_frames import Kind, Mode, Register
+from bowden.hardware.drives.moteus_frames import BoardMode, NumberKind, Register
 from bowden.hardware.drives.moteus_parameters import MoteusParameters, command_of, limits_of, motor_scale
 from bowden.hardware.ports import Power, TorqueLeft
 from bowden.hardware.twin.bench import OFF, TwinBench
@@ -77,10 +77,10 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_frames_are_those_of_the_public_examples() -> None:
     """The two frames that mjbots/moteus, docs/protocol/can.md, takes apart byte by byte."""
     command = bytes.fromhex("01000a07206000200150ff140400130d")
-    built = frames.values(frames.WRITE, Kind.INT8, Register.MODE, 10)
-    built += frames.values(frames.WRITE, Kind.INT16, Register.COMMAND_POSITION, 0.0096, 0.072, -1.76)
-    built += frames.subframe(frames.READ, Kind.INT16, Register.MODE, 4)
-    built += frames.subframe(frames.READ, Kind.INT8, Register.VOLTAGE, 3)
+    built = frames.values(frames.WRITE, NumberKind.INT8, Register.MODE, 10)
+    built += frames.values(frames.WRITE, NumberKind.INT16, Register.COMMAND_POSITION, 0.0096, 0.072, -1.76)
+    built += frames.subframe(frames.READ, NumberKind.INT16, Register.MODE, 4)
+    built += frames.subframe(frames.READ, NumberKind.INT8, Register.VOLTAGE, 3)
     assert built == command
     found, failed, text = frames.replied(bytes.fromhex("2404000a005000000170ff230d181400"))
     assert (failed, text) == ([], b"")
@@ -91,9 +91,9 @@ def test_frames_are_those_of_the_public_examples() -> None:
     assert (found[Register.VOLTAGE], found[Register.TEMPERATURE], found[Register.FAULT]) == (12.0, 20.0, 0.0)
 
 
-@given(st.floats(-1e9, 1e9, width=32), st.sampled_from(sorted(frames.SCALES)), st.sampled_from(list(Kind)[:3]))
+@given(st.floats(-1e9, 1e9, width=32), st.sampled_from(sorted(frames.SCALES)), st.sampled_from(list(NumberKind)[:3]))
 def test_an_integer_stands_at_its_end_for_what_is_beyond_and_never_for_none(
-    value: float, register: int, kind: Kind
+    value: float, register: int, kind: NumberKind
 ) -> None:
     most, step = (127, 32767, 2147483647)[kind], frames.SCALES[register][kind]
     wire = frames.wire_value(register, kind, value)
@@ -122,7 +122,7 @@ def test_enabling_moves_nothing_and_a_target_that_is_none_takes_the_torque_off()
     before = bus.node.bench.motor
     bus.drive.write(math.nan, Power.ON, bus.time)
     bus.advance(1e-3)
-    assert bus.node.mode is Mode.STOPPED
+    assert bus.node.mode is BoardMode.STOPPED
     assert bus.node.bench.motor == pytest.approx(before, abs=1e-3)
 
 
@@ -132,7 +132,7 @@ def test_the_torque_is_off_40_ms_after_our_last_word_and_comes_back_by_an_order_
     while bus.node.bench.doing != OFF:
         bus.advance(1e-3)
     assert bus.time - last <= 0.040
-    assert bus.node.mode is Mode.TIMEOUT
+    assert bus.node.mode is BoardMode.TIMEOUT
     seen = bus.run(50, Power.ON)
     assert TIMED_OUT in {reading.emergency for reading in seen}
     assert bus.node.bench.doing == OFF
@@ -148,10 +148,10 @@ def test_a_fault_is_told_once_kept_and_cleared_by_an_operator_alone() -> None:
     assert readings[-1].drive_state == DriveState.FAULT
     assert "over-voltage" in FAMILY.explain(34)
     bus.run(20, Power.ON)
-    assert bus.node.mode is Mode.FAULT
+    assert bus.node.mode is BoardMode.FAULT
     bus.drive.reset_fault()
     bus.run(5, Power.OFF)
-    assert bus.node.mode is Mode.STOPPED
+    assert bus.node.mode is BoardMode.STOPPED
 
 
 @pytest.mark.parametrize(
@@ -257,13 +257,13 @@ def test_errors_and_types_are_those_of_the_public_server() -> None:
     bus = Bench()
     said: list[bytes] = []
     for data in (
-        frames.subframe(frames.READ, Kind.INT16, Register.POSITION, 2),
-        frames.subframe(frames.READ, Kind.FLOAT, 0x200, 1) + frames.subframe(frames.READ, Kind.INT8, 0, 1),
-        frames.subframe(frames.READ, Kind.INT8, Register.FIRMWARE, 1),
-        frames.values(frames.WRITE, Kind.FLOAT, Register.POSITION, 1.0),
-        frames.values(frames.WRITE, Kind.FLOAT, 0x200, 1.0),
-        frames.subframe(frames.READ, Kind.INT16, Register.MOTOR_TEMPERATURE, 1),
-        frames.subframe(frames.READ, Kind.FLOAT, Register.MODE, 40),
+        frames.subframe(frames.READ, NumberKind.INT16, Register.POSITION, 2),
+        frames.subframe(frames.READ, NumberKind.FLOAT, 0x200, 1) + frames.subframe(frames.READ, NumberKind.INT8, 0, 1),
+        frames.subframe(frames.READ, NumberKind.INT8, Register.FIRMWARE, 1),
+        frames.values(frames.WRITE, NumberKind.FLOAT, Register.POSITION, 1.0),
+        frames.values(frames.WRITE, NumberKind.FLOAT, 0x200, 1.0),
+        frames.subframe(frames.READ, NumberKind.INT16, Register.MOTOR_TEMPERATURE, 1),
+        frames.subframe(frames.READ, NumberKind.FLOAT, Register.MODE, 40),
     ):
         bus.node.receive(0x8001 | EXTENDED, data, bus.time)
         said += [bytes(message.data).rstrip(b"\x50") for message in bus.drain()]
@@ -294,7 +294,7 @@ def attacked(identifier: int, data: bytes) -> None:
             for one in subframes:
                 if (
                     base == frames.WRITE
-                    and isinstance(one, frames.Written)
+                    and isinstance(one, frames.RegisterWritten)
                     and one.register == Register.COMMAND_POSITION
                 ):
                     assert math.isnan(one.value) or abs(one.value) < 1e-6

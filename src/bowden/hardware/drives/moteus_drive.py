@@ -16,7 +16,7 @@ from bowden.hardware.drives.enabling import fell
 from bowden.hardware.drives.findings import INERT, LEFT, InertWatch
 from bowden.hardware.drives.limited_range import LimitedRange
 from bowden.hardware.drives.moteus_faults import TIMED_OUT, UNWATCHED
-from bowden.hardware.drives.moteus_frames import Mode
+from bowden.hardware.drives.moteus_frames import BoardMode
 from bowden.hardware.drives.moteus_parameters import MoteusParameters, check_parameters, command_of
 from bowden.hardware.drives.moteus_setup import (
     SAME_TIME,
@@ -56,7 +56,7 @@ class MoteusDrive:
     def __init__(self, parameters: MoteusParameters, links: Links | None = None) -> None:
         check_parameters(parameters)
         self._drive, self._links = parameters, links or Links()
-        self._cycle = frames.Cycle(parameters.joint_source)
+        self._cycle = frames.CommandFrames(parameters.joint_source)
         self._port: BusPort | None = None
         self._found: MoteusFindings | None = None
         self._readings = Readings()
@@ -143,8 +143,8 @@ class MoteusDrive:
         )
         if reply.validity >> 2 * drive.joint_source & 1:
             readings.turned(found.joint.angle(self._joint_turns.follow(_within_a_turn(reply.joint))))
-        self._timed_out = reply.mode == Mode.TIMEOUT
-        readings.failed((reply.fault & 0xFF or LEFT) if reply.mode == Mode.FAULT else 0)
+        self._timed_out = reply.mode == BoardMode.TIMEOUT
+        readings.failed((reply.fault & 0xFF or LEFT) if reply.mode == BoardMode.FAULT else 0)
         if self._commands >= SETTLED and not abs(reply.timeout - drive.watchdog) <= SAME_TIME:
             readings.found(UNWATCHED)
         return state_of(reply.mode)

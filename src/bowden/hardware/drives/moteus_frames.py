@@ -34,7 +34,7 @@ MOST_TURNS = 32767.0
 """Largest position that a board takes [turns]."""
 
 
-class Mode(IntEnum):
+class BoardMode(IntEnum):
     """Register 000h."""
 
     STOPPED = 0
@@ -110,7 +110,7 @@ class Register(IntEnum):
     UUID_MASK_CAPABLE = 0x158
 
 
-class Kind(IntEnum):
+class NumberKind(IntEnum):
     """Types of a number on the wire."""
 
     INT8 = 0
@@ -189,10 +189,10 @@ def identifier_of(source: int, destination: int, *, reply: bool = False) -> int:
     return (REPLY_WANTED if reply else 0) | source << 8 | destination
 
 
-def wire_value(register: int, kind: Kind, value: float) -> float:
+def wire_value(register: int, kind: NumberKind, value: float) -> float:
     """What stands for a physical value on the wire; see the module."""
     scales = SCALES.get(register)
-    if kind is Kind.FLOAT:
+    if kind is NumberKind.FLOAT:
         return value
     most = _MOST[kind]
     if scales is None:
@@ -203,14 +203,16 @@ def wire_value(register: int, kind: Kind, value: float) -> float:
     return round(max(-float(most), min(float(most), value / scales[kind])))
 
 
-def physical_value(register: int, kind: Kind, value: float) -> float:
+def physical_value(register: int, kind: NumberKind, value: float) -> float:
     """The physical value that a number on the wire stands for; NaN for none.
 
-    >>> physical_value(Register.POSITION, Kind.INT16, 0x0050), physical_value(Register.POSITION, Kind.INT16, -32768)
-    (0.008, nan)
+    >>> physical_value(Register.POSITION, NumberKind.INT16, 0x0050)
+    0.008
+    >>> physical_value(Register.POSITION, NumberKind.INT16, -32768)
+    nan
     """
     scales = SCALES.get(register)
-    if kind is Kind.FLOAT or scales is None:
+    if kind is NumberKind.FLOAT or scales is None:
         return value
     return math.nan if value == -_MOST[kind] - 1 else value * scales[kind]
 
@@ -224,13 +226,13 @@ def varuint(value: int) -> bytes:
     return bytes((*found, value))
 
 
-def subframe(base: int, kind: Kind, register: int, count: int) -> bytes:
+def subframe(base: int, kind: NumberKind, register: int, count: int) -> bytes:
     """The head of a subframe of so many registers from one on; where they are read, all of it."""
     head = base | kind << 2
-    return bytes((head | count,)) + varuint(register) if count <= 3 else bytes((head, count)) + varuint(register)
+    return (bytes((head | count,)) if count <= 3 else bytes((head,)) + varuint(count)) + varuint(register)
 
 
-def values(base: int, kind: Kind, register: int, *physical: float) -> bytes:
+def values(base: int, kind: NumberKind, register: int, *physical: float) -> bytes:
     """A subframe that writes, or replies with, these physical values from a register on."""
     found = subframe(base, kind, register, len(physical))
     return found + b"".join(
@@ -238,20 +240,20 @@ def values(base: int, kind: Kind, register: int, *physical: float) -> bytes:
     )
 
 
-class Written(NamedTuple):
+class RegisterWritten(NamedTuple):
     """A register written, or replied with."""
 
     register: int
-    kind: Kind
+    kind: NumberKind
     value: float
     """Physical; NaN for none."""
 
 
-class Asked(NamedTuple):
+class RegistersAsked(NamedTuple):
     """Registers asked for."""
 
     register: int
-    kind: Kind
+    kind: NumberKind
     amount: int
     counted: bool
     """Whether the number of them stands in a byte of its own, as it then does in the reply."""
@@ -265,7 +267,7 @@ class Failed(NamedTuple):
     error: int
 
 
-class Console(NamedTuple):
+class ConsoleBytes(NamedTuple):
     """Bytes of the diagnostic channel, or, to the board, the question for them."""
 
     kind: int
@@ -276,7 +278,7 @@ class Console(NamedTuple):
     """Of a question: bytes that may come."""
 
 
-Subframe = Written | Asked | Failed | Console
+Subframe = RegisterWritten | RegistersAsked | Failed | ConsoleBytes
 
 
 class Reader:
@@ -299,29 +301,29 @@ class Reader:
                     continue
                 if head < 0x30:
                     base = head & 0x30
-                    found.append((base, self._registers(base, Kind(head >> 2 & 3), head & 3)))
+                    found.append((base, self._registers(base, NumberKind(head >> 2 & 3), head & 3)))
                     if self._cut:
                         return found, True
                 elif head in (WRITE_ERROR, READ_ERROR):
                     found.append((head, [Failed(head == WRITE_ERROR, self._varuint(), self._varuint())]))
                 elif head in (TO_DRIVE, FROM_DRIVE):
                     channel, length = self._varuint(), self._varuint()
-                    found.append((head, [Console(head, channel, self._bytes(length))]))
+                    found.append((head, [ConsoleBytes(head, channel, self._bytes(length))]))
                 elif head == POLL:
-                    found.append((head, [Console(head, self._varuint(), b"", self._varuint())]))
+                    found.append((head, [ConsoleBytes(head, self._varuint(), b"", self._varuint())]))
                 else:
                     return found, True
         except (IndexError, struct.error):
             return found, True
         return found, False
 
-    def _registers(self, base: int, kind: Kind, count: int) -> list[Subframe]:
+    def _registers(self, base: int, kind: NumberKind, count: int) -> list[Subframe]:
         counted = count == 0
         if counted:
             count = self._varuint()
         register = self._varuint()
         if base == READ:
-            return [Asked(register, kind, count, counted)]
+            return [RegistersAsked(register, kind, count, counted)]
         size = _TYPES[kind].size
         self._cut = self._at + count * size > len(self._data)
         if self._cut:
@@ -330,7 +332,7 @@ class Reader:
         for i in range(count):
             (number,) = _TYPES[kind].unpack_from(self._data, self._at)
             self._at += size
-            found.append(Written(register + i, kind, physical_value(register + i, kind, number)))
+            found.append(RegisterWritten(register + i, kind, physical_value(register + i, kind, number)))
         return found
 
     def _varuint(self) -> int:
@@ -357,11 +359,11 @@ def replied(data: bytes) -> tuple[dict[int, float], list[Failed], bytes]:
     text = b""
     for base, subframes in Reader(data).subframes()[0]:
         for one in subframes:
-            if base == REPLY and isinstance(one, Written):
+            if base == REPLY and isinstance(one, RegisterWritten):
                 found[one.register] = one.value
             elif isinstance(one, Failed):
                 failed.append(one)
-            elif base == FROM_DRIVE and isinstance(one, Console) and one.channel == CHANNEL:
+            elif base == FROM_DRIVE and isinstance(one, ConsoleBytes) and one.channel == CHANNEL:
                 text += one.data
     return found, failed, text
 
@@ -421,7 +423,7 @@ SOURCES = {1: Register.ENCODER_1_POSITION, 2: Register.ENCODER_2_POSITION}
 """Slot of an encoder beside the rotor's (`motor_position.sources`) → its register."""
 
 
-class Cycle:
+class CommandFrames:
     """The frames of a cycle: what is asked for does not change.
 
     Args:
@@ -432,35 +434,35 @@ class Cycle:
         self.questions = b"".join(
             subframe(READ, kind, register, count)
             for kind, register, count in (
-                (Kind.INT8, Register.MODE, 1),
-                (Kind.FLOAT, Register.POSITION, 4),
-                (Kind.INT8, Register.TEMPERATURE, 2),
-                (Kind.FLOAT, SOURCES[source], 1),
-                (Kind.INT8, Register.ENCODER_VALIDITY, 1),
-                (Kind.FLOAT, Register.COMMAND_TIMEOUT, 1),
+                (NumberKind.INT8, Register.MODE, 1),
+                (NumberKind.FLOAT, Register.POSITION, 4),
+                (NumberKind.INT8, Register.TEMPERATURE, 2),
+                (NumberKind.FLOAT, SOURCES[source], 1),
+                (NumberKind.INT8, Register.ENCODER_VALIDITY, 1),
+                (NumberKind.FLOAT, Register.COMMAND_TIMEOUT, 1),
             )
         )
         self._heads = tuple(
             subframe(REPLY, kind, register, count)
             for kind, register, count in (
-                (Kind.INT8, Register.MODE, 1),
-                (Kind.FLOAT, Register.POSITION, 4),
-                (Kind.INT8, Register.TEMPERATURE, 2),
-                (Kind.FLOAT, SOURCES[source], 1),
-                (Kind.INT8, Register.ENCODER_VALIDITY, 1),
-                (Kind.FLOAT, Register.COMMAND_TIMEOUT, 1),
+                (NumberKind.INT8, Register.MODE, 1),
+                (NumberKind.FLOAT, Register.POSITION, 4),
+                (NumberKind.INT8, Register.TEMPERATURE, 2),
+                (NumberKind.FLOAT, SOURCES[source], 1),
+                (NumberKind.INT8, Register.ENCODER_VALIDITY, 1),
+                (NumberKind.FLOAT, Register.COMMAND_TIMEOUT, 1),
             )
         )
-        self.stop = padded(values(WRITE, Kind.INT8, Register.MODE, Mode.STOPPED) + self.questions)
+        self.stop = padded(values(WRITE, NumberKind.INT8, Register.MODE, BoardMode.STOPPED) + self.questions)
         """Torque off, and the questions."""
         self.ask = padded(self.questions)
         """The questions alone."""
-        self._mode = values(WRITE, Kind.INT8, Register.MODE, Mode.POSITION)
+        self._mode = values(WRITE, NumberKind.INT8, Register.MODE, BoardMode.POSITION)
 
     def command(self, given: MoteusCommand) -> bytes:
         """A command in position mode, and the questions."""
         kp, kd = (
-            int(wire_value(register, Kind.INT16, min(1.0, max(0.0, share))))
+            int(wire_value(register, NumberKind.INT16, min(1.0, max(0.0, share))))
             for register, share in (
                 (Register.COMMAND_KP_SCALE, given.kp_scale),
                 (Register.COMMAND_KD_SCALE, given.kd_scale),
@@ -483,9 +485,9 @@ class Cycle:
         )
 
 
-_MOTION = subframe(WRITE, Kind.FLOAT, Register.COMMAND_POSITION, 3)
-_GAINS = subframe(WRITE, Kind.INT16, Register.COMMAND_KP_SCALE, 2)
-_TORQUE = subframe(WRITE, Kind.FLOAT, Register.COMMAND_MAX_TORQUE, 1)
-_TIMEOUT = subframe(WRITE, Kind.FLOAT, Register.COMMAND_TIMEOUT, 1)
+_MOTION = subframe(WRITE, NumberKind.FLOAT, Register.COMMAND_POSITION, 3)
+_GAINS = subframe(WRITE, NumberKind.INT16, Register.COMMAND_KP_SCALE, 2)
+_TORQUE = subframe(WRITE, NumberKind.FLOAT, Register.COMMAND_MAX_TORQUE, 1)
+_TIMEOUT = subframe(WRITE, NumberKind.FLOAT, Register.COMMAND_TIMEOUT, 1)
 _COMMAND = struct.Struct("<3s2sfff2shh2sf2sf13s")
 _REPLY = struct.Struct("<2sb3sffff2sbb2sf2sb2sf")

@@ -19,14 +19,23 @@ from bowden.hardware.buses.link import BusPort
 from bowden.hardware.buses.opening import UNIX
 from bowden.hardware.drives import moteus_frames as frames
 from bowden.hardware.drives.moteus_faults import fault_text
-from bowden.hardware.drives.moteus_frames import Kind, Mode, Register
+from bowden.hardware.drives.moteus_frames import BoardMode, NumberKind, Register
 from bowden.hardware.drives.moteus_parameters import MoteusLimits, MoteusParameters, joint_scale, limits_of, motor_scale
 from bowden.hardware.drives.scale import Scale, SuitScale
 
 LISTENING = 0.5
 """So long the bus is listened to before anything is said on it: a board's own watchdog is 0.1 s as it comes, so that
 another master commands more often [s]."""
-WITHOUT_TORQUE = frozenset({Mode.STOPPED, Mode.FAULT, Mode.ENABLING, Mode.CALIBRATING, Mode.CALIBRATED, Mode.TIMEOUT})
+WITHOUT_TORQUE = frozenset(
+    {
+        BoardMode.STOPPED,
+        BoardMode.FAULT,
+        BoardMode.ENABLING,
+        BoardMode.CALIBRATING,
+        BoardMode.CALIBRATED,
+        BoardMode.TIMEOUT,
+    }
+)
 """Modes in which a board whose servo.timeout_mode is 0 has no torque (mjbots/moteus, fw/bldc_servo_control.h)."""
 HOMED = 2
 """Register 00Ch: the position counts from a place of the output, and not of one turn of the rotor."""
@@ -63,22 +72,22 @@ def state_of(mode: int) -> DriveState:
 
 
 _STATES: Mapping[int, DriveState] = {
-    Mode.STOPPED: DriveState.SWITCH_ON_DISABLED,
-    Mode.FAULT: DriveState.FAULT,
-    Mode.ENABLING: DriveState.READY_TO_SWITCH_ON,
-    Mode.CALIBRATING: DriveState.READY_TO_SWITCH_ON,
-    Mode.CALIBRATED: DriveState.SWITCHED_ON,
-    Mode.POSITION: DriveState.OPERATION_ENABLED,
-    Mode.TIMEOUT: DriveState.SWITCH_ON_DISABLED,
+    BoardMode.STOPPED: DriveState.SWITCH_ON_DISABLED,
+    BoardMode.FAULT: DriveState.FAULT,
+    BoardMode.ENABLING: DriveState.READY_TO_SWITCH_ON,
+    BoardMode.CALIBRATING: DriveState.READY_TO_SWITCH_ON,
+    BoardMode.CALIBRATED: DriveState.SWITCHED_ON,
+    BoardMode.POSITION: DriveState.OPERATION_ENABLED,
+    BoardMode.TIMEOUT: DriveState.SWITCH_ON_DISABLED,
     **dict.fromkeys(
         (
-            *(Mode.PWM, Mode.VOLTAGE, Mode.VOLTAGE_FOC, Mode.VOLTAGE_DQ, Mode.CURRENT),
-            *(Mode.ZERO_VELOCITY, Mode.STAY_WITHIN, Mode.MEASURE_INDUCTANCE, Mode.BRAKE),
+            *(BoardMode.PWM, BoardMode.VOLTAGE, BoardMode.VOLTAGE_FOC, BoardMode.VOLTAGE_DQ, BoardMode.CURRENT),
+            *(BoardMode.ZERO_VELOCITY, BoardMode.STAY_WITHIN, BoardMode.MEASURE_INDUCTANCE, BoardMode.BRAKE),
         ),
         DriveState.QUICK_STOP_ACTIVE,
     ),
 }
-"""Mode → state. Any other mode with torque is one that we have not asked for: torque, but nothing is followed."""
+"""BoardMode → state. Any other mode with torque is one that we have not asked for: torque, but nothing is followed."""
 
 
 def message(drive: MoteusParameters, data: bytes, *, reply: bool) -> can.Message:
@@ -278,7 +287,7 @@ def set_up(port: BusPort, drive: MoteusParameters) -> MoteusFindings:
     _check_watchdog(board, drive)
     board.check_alone()
     fault = int(seen[Register.FAULT])
-    in_fault = int(seen[Register.MODE]) == Mode.FAULT
+    in_fault = int(seen[Register.MODE]) == BoardMode.FAULT
     identity = f"moteus board at {board.name}, {who}, supply {seen[Register.VOLTAGE]:.1f} V"
     if in_fault:
         identity += f"; in fault, {fault_text(fault)}"
@@ -287,8 +296,8 @@ def set_up(port: BusPort, drive: MoteusParameters) -> MoteusFindings:
 
 def _check_version(board: MoteusDialogue) -> str:
     wanted = (Register.MODEL, Register.FIRMWARE, Register.REGISTER_MAP)
-    first = board.ask(frames.subframe(frames.READ, Kind.INT32, Register.MODEL, 3), wanted)
-    serial = board.ask(frames.subframe(frames.READ, Kind.INT32, Register.SERIAL_1, 3), (Register.SERIAL_3,))
+    first = board.ask(frames.subframe(frames.READ, NumberKind.INT32, Register.MODEL, 3), wanted)
+    serial = board.ask(frames.subframe(frames.READ, NumberKind.INT32, Register.SERIAL_1, 3), (Register.SERIAL_3,))
     version = int(first[Register.REGISTER_MAP])
     if version != frames.REGISTER_MAP:
         raise DriveError(
@@ -308,13 +317,13 @@ def _check_without_torque(board: MoteusDialogue, drive: MoteusParameters) -> dic
     """Whoever finds the motor under torque must not touch it."""
     source = frames.SOURCES[drive.joint_source]
     seen = board.ask(
-        frames.subframe(frames.READ, Kind.INT8, Register.MODE, 1)
-        + frames.subframe(frames.READ, Kind.FLOAT, Register.POSITION, 1)
-        + frames.subframe(frames.READ, Kind.INT8, Register.HOME_STATE, 1)
-        + frames.subframe(frames.READ, Kind.FLOAT, Register.VOLTAGE, 2)
-        + frames.subframe(frames.READ, Kind.INT8, Register.FAULT, 1)
-        + frames.subframe(frames.READ, Kind.FLOAT, source, 1)
-        + frames.subframe(frames.READ, Kind.INT8, Register.ENCODER_VALIDITY, 1),
+        frames.subframe(frames.READ, NumberKind.INT8, Register.MODE, 1)
+        + frames.subframe(frames.READ, NumberKind.FLOAT, Register.POSITION, 1)
+        + frames.subframe(frames.READ, NumberKind.INT8, Register.HOME_STATE, 1)
+        + frames.subframe(frames.READ, NumberKind.FLOAT, Register.VOLTAGE, 2)
+        + frames.subframe(frames.READ, NumberKind.INT8, Register.FAULT, 1)
+        + frames.subframe(frames.READ, NumberKind.FLOAT, source, 1)
+        + frames.subframe(frames.READ, NumberKind.INT8, Register.ENCODER_VALIDITY, 1),
         (
             *(Register.MODE, Register.POSITION, Register.HOME_STATE, Register.VOLTAGE, Register.FAULT),
             *(source, Register.ENCODER_VALIDITY),
@@ -322,7 +331,7 @@ def _check_without_torque(board: MoteusDialogue, drive: MoteusParameters) -> dic
     )
     mode = int(seen[Register.MODE])
     if mode not in WITHOUT_TORQUE:
-        named = Mode(mode).name.lower().replace("_", " ") if mode in list(Mode) else "unknown"
+        named = BoardMode(mode).name.lower().replace("_", " ") if mode in list(BoardMode) else "unknown"
         raise DriveError(
             f"{board.name} runs already, in mode {mode} ({named})",
             expected="a board without torque",
@@ -334,7 +343,7 @@ def _check_without_torque(board: MoteusDialogue, drive: MoteusParameters) -> dic
 def _check_reaction(board: MoteusDialogue) -> None:
     """What the board does once its watchdog has run out: as it comes it keeps torque, to damp the motor."""
     reaction = board.configured("servo.timeout_mode")
-    if reaction != Mode.STOPPED:
+    if reaction != BoardMode.STOPPED:
         raise DriveError(
             f"{board.name} keeps its torque when its host falls silent (servo.timeout_mode is {reaction:g})",
             expected="0, stopped",
@@ -456,8 +465,8 @@ def _check_limits(
 def _check_watchdog(board: MoteusDialogue, drive: MoteusParameters) -> None:
     """The time of the watchdog as a command will have it, written without a command and read back."""
     found = board.ask(
-        frames.values(frames.WRITE, Kind.FLOAT, Register.COMMAND_TIMEOUT, drive.watchdog)
-        + frames.subframe(frames.READ, Kind.FLOAT, Register.COMMAND_TIMEOUT, 1),
+        frames.values(frames.WRITE, NumberKind.FLOAT, Register.COMMAND_TIMEOUT, drive.watchdog)
+        + frames.subframe(frames.READ, NumberKind.FLOAT, Register.COMMAND_TIMEOUT, 1),
         (Register.COMMAND_TIMEOUT,),
     )[Register.COMMAND_TIMEOUT]
     if not abs(found - drive.watchdog) <= SAME_TIME:

@@ -14,7 +14,15 @@ from typing import Any, NamedTuple
 
 from bowden.hardware.buses.unix_bus import EXTENDED
 from bowden.hardware.drives import moteus_frames as frames
-from bowden.hardware.drives.moteus_frames import Asked, Console, Failed, Kind, Mode, Register, Written
+from bowden.hardware.drives.moteus_frames import (
+    BoardMode,
+    ConsoleBytes,
+    Failed,
+    NumberKind,
+    Register,
+    RegistersAsked,
+    RegisterWritten,
+)
 from bowden.hardware.drives.moteus_parameters import MoteusParameters, joint_scale, motor_scale
 from bowden.hardware.drives.moteus_setup import HOMED, state_of
 from bowden.hardware.twin.bench import BRAKE, FOLLOW, OFF
@@ -38,7 +46,7 @@ LARGEST_REPLY, RESERVE = 64, 23
 SUPPLY = 24.0
 """[V]"""
 MODEL, FIRMWARE, SERIAL = 0x0B, 0x010101, (0x626F7764, 0x656E, 0x7477696E)
-NOT_COMMANDED = frozenset({Mode.FAULT, Mode.ENABLING, Mode.CALIBRATING, Mode.CALIBRATED})
+NOT_COMMANDED = frozenset({BoardMode.FAULT, BoardMode.ENABLING, BoardMode.CALIBRATING, BoardMode.CALIBRATED})
 """Modes that nobody can write."""
 COMMANDS: Mapping[int, float] = {
     Register.COMMAND_POSITION: 0.0,
@@ -117,8 +125,8 @@ class MoteusNode:
     def _power_up(self, ready: float) -> None:
         """Everything as after switching on, and silent until `ready`."""
         self._ready, self._booted = ready, False
-        self.mode, self.fault = Mode.STOPPED, 0
-        self._command, self._wanted = dict(COMMANDS), Mode.STOPPED
+        self.mode, self.fault = BoardMode.STOPPED, 0
+        self._command, self._wanted = dict(COMMANDS), BoardMode.STOPPED
         self._valid = False
         self._commanded = self._deadline = self._enabled = math.inf
         self._held = math.nan
@@ -136,7 +144,7 @@ class MoteusNode:
                 self._named.pop(name, None)
             elif isinstance(name, str) and value is not None:
                 self._named[name] = value
-        self.console = MoteusConsole(self._named, lambda: self._write(Register.MODE, Mode.STOPPED))
+        self.console = MoteusConsole(self._named, lambda: self._write(Register.MODE, BoardMode.STOPPED))
 
     def status(self) -> dict[str, Any]:
         """See `hardware.twin.node.TwinNode`."""
@@ -144,7 +152,7 @@ class MoteusNode:
             "state": state_of(self.mode).name,
             "mode": int(self.mode),
             "torque": self.bench.doing != OFF,
-            "error_code": self.fault if self.mode is Mode.FAULT else 0,
+            "error_code": self.fault if self.mode is BoardMode.FAULT else 0,
             "last_heartbeat": self.host if math.isfinite(self.host) else None,
             "commands": self.commands,
         }
@@ -182,21 +190,21 @@ class MoteusNode:
             for one in subframes:
                 if answers and LARGEST_REPLY - len(reply) < RESERVE:
                     return bytes(reply)
-                if isinstance(one, Written):
+                if isinstance(one, RegisterWritten):
                     error = self._write(one.register, one.value)
                     if error and answers:
                         reply += bytes((frames.WRITE_ERROR,)) + frames.varuint(one.register) + bytes((error,))
-                elif isinstance(one, Asked) and answers:
+                elif isinstance(one, RegistersAsked) and answers:
                     found = self._answer(one, LARGEST_REPLY - len(reply), now)
                     if isinstance(found, Failed):
                         reply += bytes((frames.READ_ERROR,)) + frames.varuint(found.register) + bytes((found.error,))
                         return bytes(reply)  # the rest of a frame with such an error is not looked at
                     reply += found
-                elif isinstance(one, Console) and not self._talk(one, reply, answers=answers):
+                elif isinstance(one, ConsoleBytes) and not self._talk(one, reply, answers=answers):
                     return bytes(reply)
         return bytes(reply)
 
-    def _talk(self, one: Console, reply: bytearray, *, answers: bool) -> bool:
+    def _talk(self, one: ConsoleBytes, reply: bytearray, *, answers: bool) -> bool:
         """The diagnostic channel; whether there is such a one."""
         if one.channel != frames.CHANNEL or one.kind == frames.FROM_DRIVE:
             return False
@@ -208,7 +216,7 @@ class MoteusNode:
             reply += bytes((frames.FROM_DRIVE, frames.CHANNEL)) + frames.varuint(len(said)) + said
         return True
 
-    def _answer(self, asked: Asked, room: int, now: float) -> bytes | Failed:
+    def _answer(self, asked: RegistersAsked, room: int, now: float) -> bytes | Failed:
         """The reply to a question for registers, in the type asked for, or which of them there is not."""
         size = (1, 2, 4, 4)[asked.kind]
         head = frames.subframe(frames.REPLY, asked.kind, asked.register, asked.amount)
@@ -229,9 +237,9 @@ class MoteusNode:
         """Write a register; the number of the error, 0 for none."""
         if register == Register.MODE:
             number = int(value) if math.isfinite(value) else -1
-            if not 0 <= number <= max(Mode):
+            if not 0 <= number <= max(BoardMode):
                 return 3
-            self._wanted, self._command, self._valid = Mode(number), dict(COMMANDS), True
+            self._wanted, self._command, self._valid = BoardMode(number), dict(COMMANDS), True
             return 0
         if register in self._command:
             self._command[register] = value
@@ -239,20 +247,20 @@ class MoteusNode:
         return frames.NOT_WRITEABLE if self._readable(register) else frames.UNKNOWN_REGISTER
 
     def _readable(self, register: int) -> bool:
-        return register in list(Register) and self._read(register, Kind.INT32, -math.inf) is not None
+        return register in list(Register) and self._read(register, NumberKind.INT32, -math.inf) is not None
 
-    def _read(self, register: int, kind: Kind, now: float) -> float | None:
+    def _read(self, register: int, kind: NumberKind, now: float) -> float | None:
         """The physical value of a register; None where there is none of that type."""
         if register in self._overrides:
             return self._overrides[register]
-        if register in ONLY_INT32 and kind is not Kind.INT32:
+        if register in ONLY_INT32 and kind is not NumberKind.INT32:
             return None
         if register in self._command:
             return self._command[register]
         value = self._measured(now).get(register)
         if value is None or not self.faults.active("saturated", now) or register not in _SATURATED:
             return value
-        return math.copysign(32767.0 * frames.SCALES[register][Kind.INT16], value)
+        return math.copysign(32767.0 * frames.SCALES[register][NumberKind.INT16], value)
 
     def _measured(self, now: float) -> dict[int, float]:
         shown, bench, drive = self._shown(now), self.bench, self._drive
@@ -328,19 +336,19 @@ class MoteusNode:
         self._held = self._command[Register.COMMAND_POSITION]
         if math.isnan(self._held):
             self._held = self._motor.counts(self.bench.motor)
-        if wanted is Mode.STOPPED:
-            self._enter(Mode.STOPPED, now)
-        elif self.mode is Mode.STOPPED:
+        if wanted is BoardMode.STOPPED:
+            self._enter(BoardMode.STOPPED, now)
+        elif self.mode is BoardMode.STOPPED:
             self._enabled = now + ENABLING_TIME
-            self._enter(Mode.ENABLING, now)
-        elif self.mode not in (*NOT_COMMANDED, Mode.TIMEOUT):
+            self._enter(BoardMode.ENABLING, now)
+        elif self.mode not in (*NOT_COMMANDED, BoardMode.TIMEOUT):
             self._begin(now)
 
     def _begin(self, now: float) -> None:
         """From one mode with torque to the one that is wanted; position mode not from outside its limits."""
         low, high = self._bounds()
         outside = not low <= self._motor.counts(self.bench.motor) <= high
-        if self._wanted is Mode.POSITION and outside and not self._command[Register.COMMAND_IGNORE_BOUNDS]:
+        if self._wanted is BoardMode.POSITION and outside and not self._command[Register.COMMAND_IGNORE_BOUNDS]:
             self._fail(OUTSIDE_LIMITS, now)
         else:
             self._enter(self._wanted, now)
@@ -361,14 +369,14 @@ class MoteusNode:
         low, high = self._bounds()
         return place if self._command[Register.COMMAND_IGNORE_BOUNDS] else max(low, min(high, place))
 
-    def _enter(self, mode: Mode, now: float) -> None:
+    def _enter(self, mode: BoardMode, now: float) -> None:
         if mode is self.mode:
             return
         before, self.mode = self.mode, mode
         self._journal(now, "state", mode.name)
-        if before is Mode.FAULT:
+        if before is BoardMode.FAULT:
             self.fault = 0
-        if mode is Mode.POSITION:
+        if mode is BoardMode.POSITION:
             if not self.scenario_noted:
                 self.scenario_noted = True
                 self.bench.start_scenario(now)
@@ -382,14 +390,14 @@ class MoteusNode:
     def _doing(self, now: float) -> int:
         """What the motor does in this mode."""
         command = self._command
-        if self.mode is Mode.POSITION:
+        if self.mode is BoardMode.POSITION:
             torque = command[Register.COMMAND_MAX_TORQUE]
             gains = command[Register.COMMAND_KP_SCALE] > 0.0 and self._named.get("servo.pid_position.kp", 0.0) > 0.0
             gives = gains and (math.isnan(torque) or torque > 0.0) and not self.faults.active("inert", now)
             return FOLLOW if gives else OFF
         reaction = self._named.get("servo.timeout_mode", 0.0)
-        braking = self.mode is Mode.TIMEOUT and reaction != Mode.STOPPED
-        return BRAKE if braking or self.mode in (Mode.ZERO_VELOCITY, Mode.BRAKE) else OFF
+        braking = self.mode is BoardMode.TIMEOUT and reaction != BoardMode.STOPPED
+        return BRAKE if braking or self.mode in (BoardMode.ZERO_VELOCITY, BoardMode.BRAKE) else OFF
 
     def tick(self, now: float) -> None:
         """Let time pass: bench, watchdog, faults, frames that wait."""
@@ -399,10 +407,10 @@ class MoteusNode:
         for injection in self.faults.due(now):
             if injection.name == "reboot":
                 self._journal(now, "reboot", "")
-                self._enter(Mode.STOPPED, now)
+                self._enter(BoardMode.STOPPED, now)
                 self._power_up(now + REBOOT_TIME)
             elif injection.name == "mode_left":
-                self._enter(Mode.STOPPED, now)
+                self._enter(BoardMode.STOPPED, now)
             else:
                 code = int(injection.amount)
                 self._fail(code if FIRST_FAULT <= code < FIRST_LIMIT else DRIVER_FAULT, now)
@@ -413,17 +421,17 @@ class MoteusNode:
 
     def _watch(self, now: float) -> None:
         """The way from stopped to a mode with torque, and the watchdog's time in position mode."""
-        if self.mode is Mode.ENABLING and now >= self._enabled:
+        if self.mode is BoardMode.ENABLING and now >= self._enabled:
             self._begin(now)
         deadline = max(self._deadline, self._commanded + self.patience) if self.patience else self._deadline
-        if self.mode is Mode.POSITION and now >= deadline:
-            self._enter(Mode.TIMEOUT, now)
+        if self.mode is BoardMode.POSITION and now >= deadline:
+            self._enter(BoardMode.TIMEOUT, now)
 
     def _fail(self, code: int, now: float) -> None:
         """Into fault: torque off at once."""
         self.fault = code
         self._journal(now, "fault", f"{code}")
-        self._enter(Mode.FAULT, now)
+        self._enter(BoardMode.FAULT, now)
 
     def _move(self, now: float) -> None:
         """Move the bench on, with torque where the mode has it, and see to the board's own limits."""
@@ -439,7 +447,7 @@ class MoteusNode:
                 bench.torque_offset = self._drive.motor_direction * feed if math.isfinite(feed) else 0.0
         bench.advance(now)
         window = self._named.get("servo.fault_position_error", math.nan)
-        if self.mode is not Mode.POSITION:
+        if self.mode is not BoardMode.POSITION:
             return
         if math.isfinite(window) and abs(self._control(now) - self._motor.counts(bench.motor)) > window:
             self._fail(POSITION_ERROR, now)
