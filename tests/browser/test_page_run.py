@@ -72,9 +72,8 @@ def enter(page: Any, locator: Any) -> None:
 
 
 def reach(page: Any, locator: Any) -> None:
-    handle = locator.element_handle()
-    for _ in range(150):
-        if handle.evaluate("one => one === document.activeElement"):
+    for _ in range(150):  # the control itself may be another one by now: the page draws anew what has changed
+        if locator.evaluate("one => one === document.activeElement"):
             return
         page.keyboard.press("Tab")
     said = page.locator(".banner-text, .who, .message, .noted, .problem, .next").all_inner_texts()
