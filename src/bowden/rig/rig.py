@@ -435,6 +435,8 @@ class Rig:
         names = [one.name for one in self.axes]
         if name is None and not names:
             return self
+        if name is not None:
+            arguments.text(name, "Rig.axis: name", "the name of an axis")
         if name is None:
             raise ParameterError(
                 f"{self.origin} has the axes {', '.join(names)}",
