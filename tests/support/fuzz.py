@@ -380,7 +380,7 @@ class _Hostile(canopen.Network):  # type: ignore[misc]
 
 def _sdo(data: bytes) -> None:
     network = _Hostile(data)
-    asked = canopen_dialogue.Dialogue(network, 2, 0.0, canopen_dialogue.BusListener(2, 127))
+    asked = canopen_dialogue.Dialogue(network, 2, 0.0, canopen_dialogue.BusListener(2, 127), "a drive")
     for ask in (lambda: asked.read(0x1000), lambda: asked.text(0x1008), lambda: asked.write(0x6060, 0, 8, 1)):
         with contextlib.suppress(DriveError):
             ask()
