@@ -5,7 +5,6 @@ import struct
 import threading
 import time
 from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +18,7 @@ from bowden.live.foxglove_process import served
 from bowden.live.mcap_layout import Packing, topics
 from bowden.live.ring import RingWriter
 from bowden.live.row import AT, description
+from support.own_loop import in_a_thread
 
 ABOUT = description(LAWS["adaptive"], {}, 1_700_000_000 * 10**9, 5)
 
@@ -78,8 +78,8 @@ def test_a_client_that_we_did_not_write_reads_every_cycle(rows: Path) -> None:
         await client.disconnect()
         return schemas, got
 
-    with served(rows, 0) as address, ThreadPoolExecutor(1) as pool:  # a browser's test leaves this thread a loop
-        schemas, got = pool.submit(lambda: asyncio.run(read(address))).result()
+    with served(rows, 0) as address:
+        schemas, got = in_a_thread(read(address))
     assert {"/cycle", "/law", "/supervisor"} <= set(schemas)
     lines = schemas["/cycle"].splitlines()
     assert lines[AT["time"]] == "float64 time  # [s]"

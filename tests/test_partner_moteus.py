@@ -17,6 +17,7 @@ from bowden.hardware.drives.families.moteus import FAMILY
 from bowden.hardware.drives.moteus_parameters import MoteusParameters
 from bowden.hardware.twin.bench import TwinBench
 from bowden.rig.rig import Rig
+from support.own_loop import in_a_thread
 
 moteus = pytest.importorskip("moteus", reason="the extra `partners` is not installed: moteus of mjbots")
 pytestmark = pytest.mark.live
@@ -101,7 +102,7 @@ def test_its_position_command_moves_our_twin(played: tuple[str, TwinBench]) -> N
         await c.set_stop()
         seen.append(await c.query())
 
-    asyncio.run(main())
+    in_a_thread(main())
     transport.close()
     values = [state.values for state in seen]
     assert values[-1][moteus.Register.MODE] == moteus.BoardMode.STOPPED
@@ -133,7 +134,7 @@ def test_its_watchdog_its_types_and_its_console_are_understood(played: tuple[str
         answer = await stream.command(b"tel stop")
         return state, after, reaction, answer
 
-    state, after, reaction, answer = asyncio.run(main())
+    state, after, reaction, answer = in_a_thread(main())
     transport.close()
     assert abs(state.values[moteus.Register.POSITION]) < 3.3
     assert math.isnan(state.values[moteus.Register.MOTOR_TEMPERATURE])
