@@ -105,8 +105,8 @@ def test_its_position_command_moves_our_twin(played: tuple[str, TwinBench]) -> N
     in_a_thread(main())
     transport.close()
     values = [state.values for state in seen]
-    assert values[-1][moteus.Register.MODE] == moteus.BoardMode.STOPPED
-    assert values[50][moteus.Register.MODE] == moteus.BoardMode.POSITION
+    assert values[-1][moteus.Register.MODE] == moteus.Mode.STOPPED
+    assert values[50][moteus.Register.MODE] == moteus.Mode.POSITION
     moved = values[99][moteus.Register.POSITION] - values[0][moteus.Register.POSITION]
     assert moved == pytest.approx(0.495, abs=0.1)
     assert bench.motor == pytest.approx(2.0 * math.pi * values[99][moteus.Register.POSITION] / 5.0, abs=0.1)
@@ -139,6 +139,6 @@ def test_its_watchdog_its_types_and_its_console_are_understood(played: tuple[str
     assert abs(state.values[moteus.Register.POSITION]) < 3.3
     assert math.isnan(state.values[moteus.Register.MOTOR_TEMPERATURE])
     assert 0.0 <= state.values[moteus.Register.ENCODER_1_POSITION] <= 1.0
-    assert after.values[moteus.Register.MODE] == moteus.BoardMode.TIMEOUT
+    assert after.values[moteus.Register.MODE] == moteus.Mode.TIMEOUT
     assert reaction.strip() == b"0"
     assert answer == b""
