@@ -5,6 +5,7 @@ from typing import Annotated, Literal, NamedTuple
 
 from bowden.core.errors import ParameterError
 from bowden.core.quantity import Quantity
+from bowden.hardware.drives import on_can
 from bowden.hardware.drives.family import DriveNeeds
 from bowden.hardware.drives.moteus_frames import MOST_TURNS, MoteusCommand
 from bowden.hardware.drives.parameters import MOST_PUSH
@@ -28,12 +29,9 @@ class MoteusParameters(NamedTuple):
     """
 
     family: Annotated[Literal["moteus"], Quantity("family of the drive")] = "moteus"
-    interface: Annotated[
-        str, Quantity("python-can's name of the bus: bowden_unix for the twin, socketcan on a rig; others are untried")
-    ] = "bowden_unix"
-    channel: Annotated[str, Quantity("its channel: can0; of bowden_unix a folder, or a bare name")] = "bowden"
-    """A bare name is a folder in the user's temporary one."""
-    bitrate: Annotated[int, Quantity("of the bus; SocketCAN takes its interface's own", "bit/s", gt=0)] = 1_000_000
+    interface: on_can.BusInterface = "bowden_unix"
+    channel: on_can.BusChannel = "bowden"
+    bitrate: on_can.BusBitrate = 1_000_000
     data_bitrate: Annotated[
         int, Quantity("of the data of a CAN-FD frame; SocketCAN takes its interface's own", "bit/s", gt=0)
     ] = 5_000_000

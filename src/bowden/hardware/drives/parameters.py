@@ -6,6 +6,7 @@ from typing import Annotated, Literal, NamedTuple
 from bowden.core.errors import DriveError, ParameterError
 from bowden.core.quantity import Quantity
 from bowden.core.signals import DriveReading
+from bowden.hardware.drives import on_can
 from bowden.hardware.drives.scale import Scale, SuitScale, spool_scale
 from bowden.models.suit.suit_angle import SpoolMap, motor_of, spool_of
 
@@ -20,12 +21,9 @@ class DriveParameters(NamedTuple):
     """
 
     family: Annotated[Literal["cia402"], Quantity("family of the drive")] = "cia402"
-    interface: Annotated[
-        str, Quantity("python-can's name of the bus: bowden_unix for the twin, socketcan on a rig; others are untried")
-    ] = "bowden_unix"
-    channel: Annotated[str, Quantity("its channel: can0; of bowden_unix a folder, or a bare name")] = "bowden"
-    """A bare name is a folder in the user's temporary one."""
-    bitrate: Annotated[int, Quantity("of the bus; SocketCAN takes its interface's own", "bit/s", gt=0)] = 1_000_000
+    interface: on_can.BusInterface = "bowden_unix"
+    channel: on_can.BusChannel = "bowden"
+    bitrate: on_can.BusBitrate = 1_000_000
     node_id: Annotated[int, Quantity("the drive's number on the bus", ge=1, le=126)] = 1
     host_id: Annotated[int, Quantity("number of this computer on the bus; its heartbeat has it", ge=1, le=127)] = 127
     motor_counts_per_turn: Annotated[
