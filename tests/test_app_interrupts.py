@@ -8,7 +8,7 @@ import time
 
 import pytest
 
-from bowden.app import main
+from bowden.app import interrupts, main
 from bowden.design.processes import starting
 
 pytestmark = pytest.mark.usefixtures("undrawn")
@@ -43,6 +43,14 @@ def test_one_that_was_ignored_comes_again(monkeypatch: pytest.MonkeyPatch, capsy
 
 def test_one_that_was_ignored_at_the_very_end_is_not_lost(monkeypatch: pytest.MonkeyPatch) -> None:
     interrupted(monkeypatch, seconds=0.0)
+
+
+def test_none_is_lost_where_the_next_comes_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As on a busy computer: the next one came while the hook that had asked for it was still at work."""
+    monkeypatch.setattr(interrupts, "AGAIN", 0.0)
+    for _ in range(50):
+        interrupted(monkeypatch, seconds=0.0)
+        assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 
 def test_what_fails_by_one_that_was_ignored_is_an_interruption(

@@ -9,7 +9,7 @@ from types import FrameType
 from typing import Any
 
 AGAIN = 0.05
-"""How long after it was lost an interruption is sent again [s]: the callback has returned by then."""
+"""How long after it was lost an interruption is sent again [s]: mostly the callback has returned by then."""
 
 
 _LLVM = ("llvmlite", "numba/core/codegen.py")
@@ -28,10 +28,12 @@ def delivered() -> Iterator[None]:
         KeyboardInterrupt: one that had to wait, at the latest when what is inside is done or has failed by it.
     """
     hook_before, handler_before = sys.unraisablehook, signal.getsignal(signal.SIGINT)
-    waiting: list[threading.Timer] = []
+    ours = handler_before is signal.default_int_handler and threading.current_thread() is threading.main_thread()
+    waiting: list[_Again] = []
+    closing, late = False, list[int]()
 
     def wait() -> None:
-        waiting.append(threading.Timer(AGAIN, _interrupt))
+        waiting.append(_Again(until_raised=ours))
         waiting[-1].start()
 
     def hook(lost: Any) -> None:
@@ -41,33 +43,70 @@ def delivered() -> Iterator[None]:
             hook_before(lost)
 
     def handler(number: int, frame: FrameType | None) -> None:
-        here = frame
+        if closing:
+            late.append(number)
+            return
+        here, waits = frame, False
         while here is not None:
-            if any(part in here.f_code.co_filename for part in _LLVM):
-                return wait()
+            if here.f_code is wait.__code__:  # it is about to send the next
+                return
+            waits |= here.f_code is hook.__code__ or any(part in here.f_code.co_filename for part in _LLVM)
             here = here.f_back
-        signal.default_int_handler(number, frame)
+        if not waits:
+            for one in waiting:
+                one.end()
+            signal.default_int_handler(number, frame)
+        elif not any(map(_Again.pending, waiting)):
+            wait()
 
-    ours = handler_before is signal.default_int_handler and threading.current_thread() is threading.main_thread()
     sys.unraisablehook = hook
     if ours:
         signal.signal(signal.SIGINT, handler)
     try:
         yield
     except Exception as error:
-        if any(timer.is_alive() for timer in waiting):
+        if any(map(_Again.pending, waiting)):
             raise KeyboardInterrupt from error
         raise
     else:
-        if any(timer.is_alive() for timer in waiting):
+        if any(map(_Again.pending, waiting)):
             raise KeyboardInterrupt
     finally:
+        closing = True
+        for one in waiting:
+            one.end()
+            one.join()
         sys.unraisablehook = hook_before
-        for timer in waiting:
-            timer.cancel()
-            timer.join()
         if ours:
             signal.signal(signal.SIGINT, handler_before)
+        if late:
+            raise KeyboardInterrupt
+
+
+class _Again(threading.Thread):
+    """An interruption that is sent every `AGAIN` until somebody has raised it; once where nobody says so."""
+
+    def __init__(self, until_raised: bool) -> None:
+        super().__init__(daemon=True)
+        self._until_raised, self._over, self._sending = until_raised, threading.Event(), threading.RLock()
+
+    def run(self) -> None:
+        while not self._over.wait(AGAIN):
+            with self._sending:
+                if not self.pending():
+                    return
+                if not self._until_raised:
+                    self._over.set()
+                _interrupt()
+
+    def pending(self) -> bool:
+        """Whether it still has to be raised."""
+        return not self._over.is_set()
+
+    def end(self) -> None:
+        """It has been raised; no other is sent from now on."""
+        with self._sending:
+            self._over.set()
 
 
 def _interrupt() -> None:
