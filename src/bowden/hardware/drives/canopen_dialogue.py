@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 
 import can
 import canopen
+from canopen.sdo.client import SdoClient
 from canopen.sdo.exceptions import SdoError
 
 from bowden.core.errors import DriveError
@@ -20,6 +21,21 @@ _TOO_LONG = 0x0607_0012
 
 _FAILURES = (SdoError, can.CanError, OSError, struct.error)
 """What the library raises where nobody answers, or answers with what is none (`struct.error`)."""
+
+_SPECIFIER = 0xE0
+"""Bits of the first byte of an SDO frame that say what it is (CiA 301)."""
+
+_ANSWERS = {0x20: 0x60, 0x40: 0x40, 0x00: 0x20, 0x60: 0x00}
+"""What a client sends, download, upload and a segment of each → the answer."""
+
+_BEGINS = (0x20, 0x40)
+"""Of these, what names its object, as its answer does."""
+
+_TOGGLE = 0x10
+"""It alternates from segment to segment."""
+
+_ABORT = 0x80
+"""An abort of either side, which names its object too."""
 
 _GLANCE = 5e-3
 """Between two looks at an object that is to change [s]."""
@@ -65,6 +81,41 @@ class BusListener(can.Listener):
             self.emergencies.append(code)
 
 
+class _Client(SdoClient):
+    """The library's, which takes no answer to a question before: one that comes late would be read as of the next."""
+
+    _asked, _answer, _object = 0, 0, b""
+
+    def send_request(self, request: bytes) -> None:
+        if (kind := request[0] & _SPECIFIER) in _ANSWERS:
+            self._asked, self._answer = request[0], _ANSWERS[kind]
+            if kind in _BEGINS:
+                self._object = bytes(request[1:4])
+        super().send_request(request)  # type: ignore[no-untyped-call]
+
+    def on_response(self, can_id: int, data: bytes, timestamp: float) -> None:
+        if data and self._is_of_another(data[0] & _SPECIFIER, data):
+            return
+        super().on_response(can_id, data, timestamp)  # type: ignore[no-untyped-call]
+
+    def _is_of_another(self, kind: int, data: bytes) -> bool:
+        names = bytes(data[1:4])
+        if kind == _ABORT:
+            return any(names) and names != self._object
+        if kind != self._answer:
+            return True
+        if self._asked & _SPECIFIER in _BEGINS:
+            return names != self._object
+        return bool((data[0] ^ self._asked) & _TOGGLE)
+
+
+class _Node(canopen.RemoteNode):
+    def add_sdo(self, rx_cobid: int, tx_cobid: int) -> SdoClient:
+        client = _Client(rx_cobid, tx_cobid, self.object_dictionary)  # type: ignore[no-untyped-call]
+        self.sdo_channels.append(client)
+        return client
+
+
 class Dialogue:
     """One node, asked while the library's thread runs.
 
@@ -80,7 +131,7 @@ class Dialogue:
         self, network: canopen.Network, node_id: int, timeout: float, listener: BusListener, kind: str
     ) -> None:
         self._network, self.listener, self._kind = network, listener, kind
-        self._node = network.add_node(canopen.RemoteNode(node_id, _no_dictionary()))
+        self._node = network.add_node(_Node(node_id, _no_dictionary()))
         self._node.sdo.RESPONSE_TIMEOUT, self._node.sdo.MAX_RETRIES = timeout, _TRIES
         self._kept: dict[tuple[int, int], tuple[int, int]] = {}
         """What was written last, and the bits of it that count."""
