@@ -64,7 +64,7 @@ def _operate(rig: Path, channel: str, log: Path) -> int:
             emg.await_ready()
         session = stack.enter_context(Session(live, log, emg, remembers=False))
         print("begun", flush=True)
-        while (session.running and (row := session.last()) is None) or row["faults"]:
+        while session.running and ((row := session.last()) is None or row["faults"]):
             session.ask(Request.ACKNOWLEDGE)
             session.wait(0.05)
             if session.still > 1.0 or (row is not None and row["time"] > 20.0):
