@@ -8,6 +8,8 @@ import { eventList, faultBody, row } from "./status";
 import { Refused, decode, get, getBytes, type Earlier, type Fault, type OneRun } from "./wire";
 
 const SPEEDS = [0.25, 0.5, 1, 2, 5, 10];
+/** Of the list. Its roles are written out: where it is narrow each run is a block, and a browser takes it for no table any more. */
+const COLUMNS = ["Time", "Law", "Rig", "Subject", "Session", "RMSE [°]", "Length [s]", "How it ended", "First fault"];
 const OVERVIEW = ["reference_deg", "joint_deg", "error_deg"];
 
 export interface Runs {
@@ -20,7 +22,7 @@ export interface Runs {
 
 export function runs(say: Say): Runs {
   const search = h("input", { type: "search", id: "search", autocomplete: "off", maxlength: 200 });
-  const body = h("tbody", {});
+  const body = h("tbody", { role: "rowgroup" });
   const empty = h("p", { class: "empty" }, "No run is in this folder yet.");
   const compare = h("button", { type: "button", class: "small", onclick: () => void showTwo() }, "Compare two");
   const chosenText = h("span", { class: "hint" });
@@ -30,8 +32,8 @@ export function runs(say: Say): Runs {
     { class: "wide", tabindex: 0, role: "region", "aria-label": "Earlier runs" },
     h(
       "table",
-      { class: "list" },
-      h("thead", {}, h("tr", {}, ...["Time", "Law", "Rig", "Subject", "Session", "RMSE [°]", "Length [s]", "How it ended", "First fault", ""].map((title) => (title ? h("th", { scope: "col" }, title) : h("td", {}))))),
+      { class: "list earlier", role: "table" },
+      h("thead", { role: "rowgroup" }, h("tr", { role: "row" }, ...COLUMNS.map((title) => h("th", { scope: "col", role: "columnheader" }, title)), h("td", { role: "cell" }))),
       body,
     ),
   );
@@ -59,22 +61,15 @@ export function runs(say: Say): Runs {
   }
 
   function line(run: Earlier): HTMLElement {
-    const cell = (words: string, kind = "") => h("td", { class: kind }, words);
+    const values = [moment(run.time), run.law, run.rig, run.subject, run.session, number(run.rmse_deg), run.seconds === null ? "–" : run.seconds.toFixed(1), run.how, faultName(run.first_fault)];
+    const kinds = ["time", "", "", "", "", "number", "number", "", ""];
     return h(
       "tr",
-      {},
-      cell(moment(run.time), "time"),
-      cell(run.law),
-      cell(run.rig),
-      cell(run.subject),
-      cell(run.session),
-      cell(number(run.rmse_deg), "number"),
-      cell(run.seconds === null ? "–" : run.seconds.toFixed(1), "number"),
-      cell(run.how),
-      cell(faultName(run.first_fault)),
+      { role: "row" },
+      ...values.map((words, at) => h("td", { class: kinds[at], role: "cell", "data-title": COLUMNS[at] }, words)),
       h(
         "td",
-        { class: "acts" },
+        { class: "acts", role: "cell" },
         h("button", { type: "button", class: "small", "aria-label": `Open the run of ${moment(run.time)}`, onclick: () => void showOne(run.id) }, "Open"),
         h("button", { type: "button", class: "small", "data-run": run.id, "aria-pressed": "false", "aria-label": `Compare the run of ${moment(run.time)}`, onclick: () => pick(run.id) }, "Compare"),
       ),
