@@ -254,20 +254,27 @@ def test_a_console_that_is_killed_or_stopped_leaves_a_loop_that_releases(tmp_pat
             page.close()
 
 
-def test_an_event_loop_that_hangs_stops_the_run(tmp_path: Path) -> None:
-    """Through it come the signs of life: without it the lease grows old, and the thread of the run sees that."""
-    hangs = "import bowden.console.console as c, time, os\n"
-    hangs += "tick = c.Console.tick\n"
-    hangs += f"def hung(self, count):\n    tick(self, count)\n    if os.path.exists({str(tmp_path / 'hang')!r}):\n"
+@contextlib.contextmanager
+def hanging(folder: Path, method: str) -> Iterator[tuple[RunningConsole, Page, Path]]:
+    """A console whose run goes on, its page, and the run's log; a method hangs as soon as there is a file ``hang``."""
+    module, owner, name = method.rsplit(".", 2)
+    hangs = f"import {module} as m, time, os\n"
+    hangs += f"before = m.{owner}.{name}\n"
+    hangs += f"def hung(self, one):\n    before(self, one)\n    if os.path.exists({str(folder / 'hang')!r}):\n"
     hangs += "        time.sleep(1e3)\n"
-    hangs += "c.Console.tick = hung\n"
-    (tmp_path / "rig.toml").write_text(RIG)
-    with running_console(tmp_path / "rig.toml", tmp_path / "out", "--twin", prelude=hangs, ends=False) as console:
+    hangs += f"m.{owner}.{name} = hung\n"
+    (folder / "rig.toml").write_text(RIG)
+    with running_console(folder / "rig.toml", folder / "out", "--twin", prelude=hangs, ends=False) as console:
         page = console.page().open().take()
         page.until(lambda state: state["phase"] == "idle")
         page.start()
         page.run()
-        log = console.out / f"{page.state['run']['log']}.mcap"
+        yield console, page, console.out / f"{page.state['run']['log']}.mcap"
+
+
+def test_an_event_loop_that_hangs_stops_the_run(tmp_path: Path) -> None:
+    """Through it come the signs of life: without it the lease grows old, and the thread of the run sees that."""
+    with hanging(tmp_path, "bowden.console.console.Console.tick") as (console, _, log):
         (tmp_path / "hang").touch()
         gone = time.monotonic()
         time.sleep(2.0)
@@ -280,24 +287,13 @@ def test_an_event_loop_that_hangs_stops_the_run(tmp_path: Path) -> None:
 
 def test_a_thread_of_the_run_that_hangs_is_a_dead_operator(tmp_path: Path) -> None:
     """The page's signs of life go on, and help nothing: the loop hears none, and the page has no news any more."""
-    hangs = "import bowden.console.runs as r, time, os\n"
-    hangs += "see = r.RunOwner._see\n"
-    hangs += f"def hung(self, session):\n    see(self, session)\n    if os.path.exists({str(tmp_path / 'hang')!r}):\n"
-    hangs += "        time.sleep(1e3)\n"
-    hangs += "r.RunOwner._see = hung\n"
-    (tmp_path / "rig.toml").write_text(RIG)
-    with running_console(tmp_path / "rig.toml", tmp_path / "out", "--twin", prelude=hangs, ends=False) as console:
-        page = console.page().open().take()
-        page.until(lambda state: state["phase"] == "idle")
-        page.start()
-        page.run()
-        log = console.out / f"{page.state['run']['log']}.mcap"
+    with hanging(tmp_path, "bowden.console.runs.RunOwner._see") as (console, page, log):
         (tmp_path / "hang").touch()
         gone = time.monotonic()
         time.sleep(LEASE + 0.3)
         seen = page.seen
         time.sleep(1.5)
-        assert page.seen == seen, "no stamp is told: the page says that it has no news"
+        assert page.seen == seen, "no stamp comes: the page says that it has no news"
         assert not page.closed.is_set()
         console.process.kill()
         time.sleep(3.0)
