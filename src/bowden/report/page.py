@@ -23,7 +23,7 @@ _EMPTY = ("", "–", "—", "-")
 _LONG, _LONGEST = 40, 200  # characters of a table's cell that deserve a wide column, and a wider one
 _BLOCK = re.compile(r"\s*<(p|ul|ol|dl|div|pre|blockquote|h3|details)\b")
 _SHORT, _DENSE = 14, 9
-"""Most rows of a table that is not broken between two printed pages, and least columns of one whose cells stand closer."""
+"""Most rows of a table that is not broken between two printed pages; columns from which on cells stand closer."""
 
 _DARK = {
     "#000000": "#e4e6e8",
