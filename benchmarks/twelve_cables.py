@@ -2,17 +2,19 @@
 
 Each cable has a folder of its own. Its log goes into `bowden identify`; after that every command is the one that the
 last line of the one before names, up to the exported law, which is compiled and replayed. Nothing is added but
-``--duration`` of the run on the twin. The figures go into docs/background/twelve_cables.md.
+``--duration`` of the run on the twin. The figures go into docs/background/twelve_cables.md and RESULTS.md.
 
     python benchmarks/twelve_cables.py [FOLDER OF LOGS]
 """
 
 import argparse
+import os
 import shlex
 import shutil
 import subprocess
 import sys
 import tempfile
+import time
 import tomllib
 from collections.abc import Iterator
 from pathlib import Path
@@ -20,9 +22,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+import results
+
 ROOT = Path(__file__).parents[1]
 LOGS = ROOT.parent / "shared" / "data" / "cable"
 PAGE = ROOT / "docs" / "background" / "twelve_cables.md"
+TITLE = "Twelve recorded cables, from log to running law"
 BEGIN, END = "<!-- made by benchmarks/twelve_cables.py -->\n", "<!-- end -->"
 RUN_FOR = 20.0
 """Of the run on the twin [s]."""
@@ -205,9 +210,14 @@ def table(cables: list[Cable]) -> str:
 
 
 def write(cables: list[Cable]) -> None:
-    """Put the table into its page."""
+    """Put the table into its page, and into the page of results."""
     made = table(cables)
     print(made)
+    results.write(
+        TITLE,
+        f"{made}\n\nOf {time.strftime('%d %B %Y', time.gmtime())}. Load of the machine at the end: "
+        f"{os.getloadavg()[0]:.1f} processes.",
+    )
     head, _, rest = PAGE.read_text(encoding="utf-8").partition(BEGIN)
     PAGE.write_text(f"{head}{BEGIN}{made}\n{END}{rest.partition(END)[2]}", encoding="utf-8")
 

@@ -3,9 +3,13 @@
 Each page has a fresh folder. The package is built and installed into a fresh environment, without extras; a page that
 says ``pip install 'bowden[…]'`` has an environment of its own. ``make`` runs in a copy of the repository. A command
 passes if its exit code is the one that the page says; see `page_steps`.
+
+What is walked is the last commit. With ``--write`` each page's result is kept as soon as the page is done; a walk that
+is begun again leaves out the pages that have passed, as long as page and package are the same.
 """
 
 import argparse
+import hashlib
 import json
 import os
 import re
@@ -22,12 +26,15 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from bowden.core.files import whole_file
 from page_steps import PageCommand, PageFile, commands, steps
 
 ROOT = Path(__file__).parents[1]
 TITLE = "Every command of the pages"
 KEPT = ROOT / "out" / "walk.json"
-"""What became of each page when it was last walked."""
+"""What became of each page when it was last walked: its `key`, the day, and its `rows`."""
+_SOURCE = ("src", "pyproject.toml", "Makefile", "requirements")
+"""Of the repository, what a page's commands build on."""
 Row = dict[str, Any]
 """A command and what became of it, for JSON; see `rows`."""
 _LONGEST = 3600.0
@@ -248,19 +255,57 @@ def _counts(tried: Sequence[Row]) -> str:
     return f"{len(tried)} | {passed} | {left} | {sum(one['seconds'] for one in tried):.0f}"
 
 
-def _keep(found: Mapping[str, list[Row]], *, whole: bool) -> None:
-    """Put the table into the page of results; of a walk of some pages, with the other pages' last walks."""
+def key(page: Path, package: str) -> str:
+    """Changes with the page, and with the package."""
+    return hashlib.sha256(f"{package}\n{page.read_text(encoding='utf-8')}".encode()).hexdigest()[:16]
+
+
+def package_of_head() -> str:
+    """Names of what the last commit's package is made of, which change with it."""
+    return _git("rev-parse", *(f"HEAD:{one}" for one in _SOURCE))
+
+
+def _git(*words: str) -> str:
+    return subprocess.run(["git", *words], cwd=ROOT, check=True, capture_output=True, text=True).stdout
+
+
+def kept() -> dict[str, dict[str, Any]]:
+    """What became of each page, in the pages' order; of pages that are no more, nothing."""
+    found = json.loads(KEPT.read_text(encoding="utf-8")) if KEPT.is_file() else {}
+    return {_name(page): found[_name(page)] for page in pages() if _name(page) in found}
+
+
+def _done(page: Path, package: str) -> bool:
+    """Whether the page passed when it was last walked, and nothing has changed since."""
+    last = kept().get(_name(page))
+    if last is None or last["key"] != key(page, package):
+        return False
+    return all(one["passed"] or one["not_tried"] for one in last["rows"])
+
+
+def _keep(page: Path, package: str, walked: list[Row]) -> None:
+    """Remember a page's walk, and put the table of all pages' last walks into the page of results."""
     import results
 
-    before = json.loads(KEPT.read_text(encoding="utf-8")) if KEPT.is_file() and not whole else {}
-    order = [_name(page) for page in pages()]
-    kept = {name: one for name, one in (before | dict(found)).items() if name in order}
-    kept = dict(sorted(kept.items(), key=lambda item: order.index(item[0])))
+    day, commit = time.strftime("%d %B %Y", time.gmtime()), _git("rev-parse", "--short", "HEAD").strip()
     KEPT.parent.mkdir(exist_ok=True)
-    KEPT.write_text(json.dumps(kept, indent=1), encoding="utf-8")
-    missing = [_name(page) for page in pages() if commands(page) and _name(page) not in kept]
-    said = f"\n\nNot walked yet: {', '.join(missing)}." if missing else ""
-    results.write(TITLE, table(kept) + said)
+    with whole_file(KEPT) as part:
+        one = {"key": key(page, package), "day": day, "commit": commit, "rows": walked}
+        part.write_text(json.dumps(kept() | {_name(page): one}, indent=1), encoding="utf-8")
+    found = kept()
+    said = [table({name: one["rows"] for name, one in found.items()})]
+    said += [f"Walked {_days(found)}, each page in a fresh folder, with the wheel in a fresh environment."]
+    older = [_name(one) for one in pages() if _name(one) in found and found[_name(one)]["key"] != key(one, package)]
+    missing = [_name(one) for one in pages() if commands(one) and _name(one) not in found]
+    said += [f"Changed since, itself or the package: {', '.join(older)}."] if older else []
+    said += [f"Not walked yet: {', '.join(missing)}."] if missing else []
+    results.write(TITLE, "\n\n".join(said))
+
+
+def _days(found: Mapping[str, Mapping[str, Any]]) -> str:
+    """Of all walks, in their order."""
+    days = sorted({one["day"] for one in found.values()}, key=lambda day: time.strptime(day, "%d %B %Y"))
+    return f"on {days[0]}" if len(days) == 1 else f"from {days[0]} to {days[-1]}"
 
 
 def main() -> int:
@@ -269,16 +314,19 @@ def main() -> int:
     parser.add_argument("pages", nargs="*", type=Path, help="files; all pages without them")
     parser.add_argument("--here", action="store_true", help="in the environment of this Python, not in a fresh one")
     parser.add_argument(
-        "--write", action="store_true", help="put the table into benchmarks/RESULTS.md; of PAGEs, their rows"
+        "--write",
+        action="store_true",
+        help="keep what became of each page, put the table into benchmarks/RESULTS.md, leave out what has passed",
     )
     parser.add_argument("--json", action="store_true", help="one JSON document, nothing else")
     given = parser.parse_args()
     chosen = [one.resolve() for one in given.pages] or pages()
-    chosen = [page for page in chosen if commands(page)]
+    package = package_of_head()
+    chosen = [page for page in chosen if commands(page) and not (given.write and _done(page, package))]
     folder = Path(tempfile.mkdtemp(prefix="bowden-walk-"))
     found: dict[str, list[Row]] = {}
     try:
-        fresh = None if given.here else FreshComputer(folder)
+        fresh = FreshComputer(folder) if chosen and not given.here else None
         for page in chosen:
             place = folder / "pages" / _name(page)
             place.mkdir(parents=True)
@@ -288,11 +336,11 @@ def main() -> int:
                 path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
                 walked = walk_page(page, place, dict(os.environ) | {"PATH": path})
             found[_name(page)] = rows(list(_reported(page, walked)))
+            if given.write:
+                _keep(page, package, found[_name(page)])
     finally:
         shutil.rmtree(folder, ignore_errors=True)
     print(json.dumps(found, indent=2) if given.json else table(found))
-    if given.write:
-        _keep(found, whole=not given.pages)
     return int(any(not one["passed"] and not one["not_tried"] for tried in found.values() for one in tried))
 
 

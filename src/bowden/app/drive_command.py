@@ -38,7 +38,7 @@ def probe(rig: Rig_, axis: Axis = None, channel: Channel = None, json: Json = Fa
     family = family_of(parameters)
     if family.probe is None:
         raise DriveError(
-            f"a drive of the family {family.name} says nothing of itself before it is told to run",
+            f"a drive of the family {family.name} says nothing of itself before it is ordered to run",
             do="bowden drive monitor asks the one that the rig names",
         )
     found = family.probe(parameters, Links())
@@ -140,7 +140,7 @@ _SHOW = 0.1
 
 @contextlib.contextmanager
 def _brought_up(given: "Rig") -> Iterator[tuple["Drive", str]]:
-    """The rig's drive without power, and who it is; let go of at the end, and its torque told."""
+    """The rig's drive without power, and who it is; let go of at the end, and its torque is printed."""
     from bowden.hardware.buses.link import Links
     from bowden.hardware.drives.family import family_of
     from bowden.hardware.ports import TORQUE_LEFT

@@ -169,7 +169,7 @@ class Console:
         return {"rig": state.pop("rig"), "you": you, **state}
 
     def tick(self, count: int) -> None:
-        """Take in the rows that have come, and tell every viewer; the state is looked at now and then."""
+        """Take in the rows that have come, and wake every viewer; the state is looked at now and then."""
         seen = self.owner.seen
         self._be_prompt(seen.phase == "live")
         if seen.session is not self._watched and seen.session is not None:
@@ -197,10 +197,10 @@ class Console:
                 self._promptly.close()
 
     def renew(self, *, moved: bool = False) -> None:
-        """Make the state anew, and have it told where it is news, or `moved` says that it goes on."""
+        """Make the state anew, and have it sent where it is news, or `moved` says that it goes on."""
         now = self.owner.clock.now()
         live = self.owner.seen.phase == "live"
-        # A thread that hangs sees nothing: then nobody is told that this is how the rig stands.
+        # A thread that hangs sees nothing: then no page is shown that this is how the rig stands.
         fresh = not live or now - self.owner.looked <= self.lease.limit * SECOND
         looked = min(now, self.owner.looked) if live else now
         self._renewed = now
@@ -313,7 +313,7 @@ class Console:
         Args:
             tab: the page.
             name: of the request.
-            seen: stamp of the newest state that it was told.
+            seen: stamp of the newest state that it was sent.
 
         Raises:
             ParameterError: there is no such request.
@@ -331,7 +331,7 @@ class Console:
         return await asyncio.wrap_future(self.owner.ask(tab, REQUESTS[name], seen))
 
     async def set_gain(self, tab: str, name: Any, value: Any) -> None:
-        """Have a gain changed while the law runs, if the gains wanted hold; `state` tells how far it is.
+        """Have a gain changed while the law runs, if the gains wanted hold; `state` says how far it is.
 
         Raises:
             ParameterError: there is no such gain, it is not live, or the value cannot be.

@@ -92,7 +92,7 @@ def beside(session: "Session", name: str, *, twin: bool, notes: Sequence[str]) -
         session: that goes on.
         name: of the rig's file.
         twin: whether it runs on a twin of its own.
-        notes: what the terminal was told.
+        notes: what the terminal has shown.
 
     Yields:
         Whether a page has asked for a stop since the last call.

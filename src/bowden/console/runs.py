@@ -97,7 +97,7 @@ class _Asked:
     gain: tuple[str, float] | None = None
     """In place of a request: another value of a gain, whose check holds."""
     seen: object = None
-    """Stamp of the newest state that its page was told."""
+    """Stamp of the newest state that its page was sent."""
     answer: "Future[str]" = field(default_factory=Future)
 
 
@@ -106,7 +106,7 @@ class RunOwner:
 
     Args:
         lease: who controls.
-        stamps: of what the pages were told.
+        stamps: of what the pages were sent.
         ended: called by this thread with each session that has ended.
     """
 
@@ -144,7 +144,7 @@ class RunOwner:
         Args:
             tab: who asks.
             request: for what.
-            seen: stamp of the newest state that it was told; those in `STAMPED` need it.
+            seen: stamp of the newest state that it was sent; those in `STAMPED` need it.
         """
         return self._handed(_Asked(tab, request, seen=seen))
 
@@ -260,7 +260,7 @@ class RunOwner:
         mode, before = self.seen.mode, self._mode
         self._mode = mode
         if mode not in POWERED and mode != before:
-            self.stamps.stop(self.clock.now())  # after `seen`: nobody was told a state of before with a later stamp
+            self.stamps.stop(self.clock.now())  # after `seen`: no page was sent a state of before with a later stamp
 
     def _take(self, session: "Session", until: int) -> None:
         """Take requests until the round is over."""
@@ -330,7 +330,7 @@ class TerminalRun:
 
     Args:
         session: that goes on.
-        notes: what its user was told.
+        notes: what its user was shown.
     """
 
     def __init__(self, session: "Session", notes: Sequence[str]) -> None:

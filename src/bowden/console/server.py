@@ -301,15 +301,15 @@ async def _send(console: Console, viewer: Viewer, page: WebSocket) -> None:
         await asyncio.wait_for(page.send_text(json.dumps(value, separators=(",", ":"))), _SLOW)
 
     await text({"tab": viewer.tab})
-    told, stamped, watch, asked = -1, 0, None, None
+    sent, stamped, watch, asked = -1, 0, None, None
     controls = None
     cursor: Cursor | None = None
     while True:
         ticked = console.ticked
         number, _ = console.said
         holds = console.lease.look(console.owner.clock.now()).holder == viewer.tab
-        if number != told or holds != controls:
-            told, controls, stamped = number, holds, console.stamp
+        if number != sent or holds != controls:
+            sent, controls, stamped = number, holds, console.stamp
             await text({"state": console.for_viewer(viewer.tab), "beat": stamped})
         elif console.stamp != stamped:
             stamped = console.stamp

@@ -1,8 +1,8 @@
-"""What a page has seen: stamps of the states that it was told, so that what it asks for late is refused.
+"""What a page has seen: stamps of the states that it was sent, so that what it asks for late is refused.
 
 A request that gives power is an answer to what its sender saw. It may come late: a slow network, a browser that tries
 again, an event loop that stood still. If a stop came in between, the sender did not know of it. So each state that is
-told carries a stamp, each such request carries the newest stamp that its page had, and one that is too old, or older
+sent carries a stamp, each such request carries the newest stamp that its page had, and one that is too old, or older
 than the last stop, is refused.
 """
 
@@ -14,7 +14,7 @@ from bowden.core.clock import SECOND
 
 
 class Stamps:
-    """Stamps that were told, and when the last stop was. For any thread.
+    """Stamps that were issued, and when the last stop was. For any thread.
 
     Args:
         limit: age of a stamp that is still good [s].
@@ -26,7 +26,7 @@ class Stamps:
         self._lock = threading.Lock()
         self._newest = secrets.randbelow(2**40)  # another console, or the one before this one, had others
         self._first = self._newest + 1
-        self._told: deque[tuple[int, int]] = deque()
+        self._issued: deque[tuple[int, int]] = deque()
         self._stopped = -1
         self.stops = 0
         """How many there were."""
@@ -39,9 +39,9 @@ class Stamps:
         """
         with self._lock:
             self._newest += 1
-            self._told.append((self._newest, looked))
-            while looked - self._told[0][1] > self.limit * SECOND:
-                self._told.popleft()
+            self._issued.append((self._newest, looked))
+            while looked - self._issued[0][1] > self.limit * SECOND:
+                self._issued.popleft()
             return self._newest
 
     def stop(self, now: int) -> None:
@@ -57,7 +57,7 @@ class Stamps:
         with self._lock:
             if not self._first <= seen <= self._newest:
                 return "the request's stamp is none of this console: reload the page"
-            looked = next((at for stamp, at in self._told if stamp == seen), None)
+            looked = next((at for stamp, at in self._issued if stamp == seen), None)
             if looked is None or now - looked > self.limit * SECOND:
                 return f"the request came too late, more than {self.limit:g} s after what its page saw: press again"
             if looked <= self._stopped:

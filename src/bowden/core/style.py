@@ -141,6 +141,23 @@ def legend(axes: Axes, columns: int = 4) -> None:
     )
 
 
+def legend_of_all(axes: Sequence[Axes]) -> None:
+    """One legend above all axes of a figure, of what the first of them shows."""
+    lines, names = axes[0].get_legend_handles_labels()
+    if not names:
+        return
+    figure = axes[0].get_figure(root=True)
+    figure.legend(
+        lines,
+        names,
+        loc="outside upper right",
+        ncols=min(4, legend_columns(names, figure.bbox.width / figure.dpi)),
+        handlelength=1.6,
+        fontsize=9.0,
+        frameon=False,
+    )
+
+
 def legend_columns(names: Sequence[str], width: float) -> int:
     """How many names stand side by side in a legend of this width [inch].
 

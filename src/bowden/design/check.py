@@ -294,7 +294,7 @@ def _stands_delay(
 
 
 def _stands_delay_of_servo(bench: Plant, law: Law, bend: float, stroke: tuple[float, float], seed: int = 1) -> bool:
-    """The same at the servo's frequency, beyond which the motor answers to nothing: where no linear loop tells."""
+    """The same at the servo's frequency, beyond which the motor answers to nothing: where no linear loop says it."""
     return _stands_delay(bench, law, RADIANS / bench.servo.natural_frequency, bend, stroke, seed)
 
 

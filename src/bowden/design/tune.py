@@ -1,7 +1,7 @@
 """Gains of a law that keep their margins over a rig's sheath, and follow best in the worst case.
 
 1. Every gain that is a choice (`Law.tunable`) and that the loop or the errors feel is varied, on a logarithmic scale
-   around where it stands; what the rig would tell the law (`bowden.control.knowledge`), had nobody chosen otherwise, is
+   around where it stands; what the rig would give the law (`bowden.control.knowledge`), had nobody chosen otherwise, is
    tried first too.
 2. The search is an evolution (`evolution`): gains that lack 6 dB or 45°, or whose command jumps by more than
    `MOST_PER_COUNT` with one count of the joint's encoder, are ranked by what they lack, without a simulation; the
@@ -310,7 +310,7 @@ class _Search:
     def _names(self) -> list[str]:
         """Gains that are a choice and change the linear loop or the errors; switches are left as they are."""
         felt = gains_that_matter(self.law, self.rig.bench.sample_time, self.estimates[-1])
-        if not (felt or self.rig.refuted):  # of a law for which no linear loop stands, the errors tell
+        if not (felt or self.rig.refuted):  # of a law for which no linear loop stands, the errors say
             raise ParameterError(
                 f"law {self.law.name!r} has no gains that its loop feels", do="there is nothing to tune"
             )

@@ -152,7 +152,7 @@ def _spread_figure(laws: Sequence[LawFigures], shown: Sequence[str]) -> "Figure"
         place.set_axis_off()
     for place in axes[::3]:
         place.set_ylabel("share of runs [%]")
-    style.legend(axes[2])
+    style.legend_of_all(axes)
     return figure
 
 
@@ -181,7 +181,7 @@ def _dependence(page: Page, summary: Summary, drawn: Sequence[Drawn]) -> None:
             rho = found[name].correlation
             share = f"{100.0 * found[name].share:.1f}"
             if not found[name].above_chance:
-                share = f"{share} (not more than chance)" if found[name].taken else "–"
+                share = f"({share})" if found[name].taken else "–"
             row += [share, "–" if np.isnan(rho) else f"{rho:+.2f}".replace("-", "−")]
         rows.append(row)
     header = ["rank", "parameter", "unit"]
@@ -197,9 +197,10 @@ def _dependence(page: Page, summary: Summary, drawn: Sequence[Drawn]) -> None:
         "is noise, and parameters that act together.",
     )
     shown = [name for name in names if any(len(one.steps.get(name, ((),))[0]) > 1 for one in summary.laws)][:_SMALL]
+    evenly = {name for name, _, spread in drawn if spread.kind == "log_uniform"}
     if shown:
         page.figure(
-            _steps_figure(summary.laws, shown, {name for name, _, spread in drawn if spread.kind == "log_uniform"}),
+            _steps_figure(summary.laws, {name: units[name] for name in shown}, evenly),
             "Median RMSE from rest over the parameters that matter most, in tenths of the runs; of a word, such as a "
             "fault's kind, for each of them. A tenth in which more than half of the runs ran away is left out.",
         )
@@ -212,7 +213,8 @@ def _chance(of_law: Mapping[str, Mapping[str, Sensitivity]], runs: int) -> str:
         return ""
     most = f"{100.0 * max(levels):.2g} %"
     return (
-        f"With {runs} runs, 95 % of the shares of parameters that change nothing are below {most}; those are marked. "
+        f"With {runs} runs, 95 % of the shares of parameters that change nothing are below {most}; those stand in "
+        "brackets. "
     )
 
 
@@ -232,30 +234,30 @@ def _ranking_figure(of_law: Mapping[str, Mapping[str, Sensitivity]], names: Sequ
     return figure
 
 
-def _steps_figure(laws: Sequence[LawFigures], names: Sequence[str], evenly: set[str]) -> "Figure":
+def _steps_figure(laws: Sequence[LawFigures], units: Mapping[str, str], evenly: set[str]) -> "Figure":
     """Median RMSE over each parameter; those that were drawn `evenly` over orders of magnitude are shown so."""
-    columns = min(3, len(names))
-    rows = -(-len(names) // columns)
+    columns = min(3, len(units))
+    rows = -(-len(units) // columns)
     words = laws[0].words
     all_laws, width = [one.law for one in laws], 9.0 if columns > 1 else 5.0
     height = 2.5 * rows + style.legend_height(all_laws, width)
     figure, axes = style.new_figure(rows, columns, width=width, height=height)
     colours, dashes = style.colours_for(all_laws), style.dashes_for(all_laws)
-    for place, name in zip(axes, names, strict=False):
+    for place, (name, unit) in zip(axes, units.items(), strict=False):
         for one in laws:
             if name in one.steps:
                 line = "" if name in words else dashes[one.law]
                 place.plot(*one.steps[name], marker="o", ms=3.0, ls=line, color=colours[one.law], label=one.law)
-        place.set_xlabel(name)
+        place.set_xlabel(f"{name} [{unit}]" if unit and name not in words else name)
         style.logarithmic(place, "y")
         if name in words:
             place.set_xticks(range(len(words[name])), [word.replace("_", "\n") for word in words[name]], fontsize=8.0)
             place.set_xlim(-0.5, len(words[name]) - 0.5)
         elif name in evenly:
             style.logarithmic(place, "x")
-    for place in axes[len(names) :]:
+    for place in axes[len(units) :]:
         place.set_axis_off()
     for place in axes[::columns]:
         place.set_ylabel("median RMSE [°]")
-    style.legend(axes[columns - 1])
+    style.legend_of_all(axes)
     return figure

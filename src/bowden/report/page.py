@@ -16,12 +16,14 @@ from bowden.core.files import write_text
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_NUMBER = re.compile(r"[<>≤≥≈±+\-−]?\s?\d[\d.,]*(e[+\-]?\d+)?(\s?[±…×]\s?\d[\d.,]*(e[+\-]?\d+)?)*\s?[^\s\d]{0,6}", re.I)
+_NUMBER = re.compile(
+    r"[<>≤≥≈±+\-−(]?\s?\d[\d.,]*(e[+\-]?\d+)?(\s?[±…×]\s?\d[\d.,]*(e[+\-]?\d+)?)*\s?[^\s\d]{0,6}", re.I
+)
 _EMPTY = ("", "–", "—", "-")
 _LONG, _LONGEST = 40, 200  # characters of a table's cell that deserve a wide column, and a wider one
 _BLOCK = re.compile(r"\s*<(p|ul|ol|dl|div|pre|blockquote|h3|details)\b")
-_SHORT = 14
-"""Rows of a table that is not broken between two printed pages."""
+_SHORT, _DENSE = 14, 9
+"""Most rows of a table that is not broken between two printed pages; columns from which on cells stand closer."""
 
 _DARK = {
     "#000000": "#e4e6e8",
@@ -158,7 +160,8 @@ class Page:
             return [_Cell(text, name) for text, name in zip(row, css, strict=True)]
 
         marked = [(name, cells(row)) for name, row in zip(classes, rows, strict=True)]
-        self._parts.append(_Table(cells(header), marked, caption, "short" if len(rows) <= _SHORT else ""))
+        kinds = ("short", len(rows) <= _SHORT), ("dense", len(header) >= _DENSE)
+        self._parts.append(_Table(cells(header), marked, caption, " ".join(name for name, so in kinds if so)))
 
     def html(self) -> str:
         """The page as text; the same content gives the same bytes."""

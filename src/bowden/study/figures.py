@@ -100,7 +100,8 @@ def wilson(count: int, of: int) -> tuple[float, float]:
     """Wilson's 95 % interval of a share [–]."""
     z, n, p = 1.959964, of, count / of
     middle, half = p + z * z / (2 * n), z * math.sqrt(p * (1 - p) / n + z * z / (4 * n * n))
-    return max(0.0, (middle - half) / (1 + z * z / n)), min(1.0, (middle + half) / (1 + z * z / n))
+    low, high = (middle - half) / (1 + z * z / n), (middle + half) / (1 + z * z / n)
+    return low if count > 0 else 0.0, high if count < of else 1.0  # which rounding misses by 1e-16
 
 
 @dataclass(frozen=True)

@@ -230,12 +230,12 @@ class BusPort:
                 return message.arbitration_id, bytes(message.data)
         return None
 
-    def listen(self, span: float, heard: Callable[[int, bytes], bool]) -> None:
+    def listen(self, span: float, is_foreign: Callable[[int, bytes], bool]) -> None:
         """Listen for a `span` [s] before anything is said: another master shows in it.
 
         Args:
             span: of silence in sum; frames of others do not shorten it.
-            heard: whether a frame is one that only this host may send, or an answer to one.
+            is_foreign: whether a frame is one that only this host may send, or an answer to one.
 
         Raises:
             DriveError: there is another master.
@@ -245,7 +245,7 @@ class BusPort:
             frame = self.wait_for(lambda identifier, data: True, _LISTENED)
             if frame is None:
                 silent += 1
-            elif heard(*frame):
+            elif is_foreign(*frame):
                 raise DriveError(
                     f"another master is on the bus already (a frame {frame[0]:03X}h)",
                     expected="one host",

@@ -7,8 +7,8 @@ died or does not read is counted and otherwise without effect, as on a real bus.
 since nobody acknowledges. (Sent to the datagram sockets themselves, frames would queue up to
 `net.unix.max_dgram_qlen`, ten of them; and what a node has said before it leaves would be lost.)
 
-Frames of CAN-FD go beside the classic ones. A node that has not joined for them counts them and hears none; a real
-controller of classic CAN would destroy them with error frames, so that nobody heard them.
+Frames of CAN-FD go beside the classic ones. A node that has not joined for them counts them and receives none; a real
+controller of classic CAN would destroy them with error frames, so that nobody received them.
 
 Registered with python-can as interface ``bowden_unix``; can be made directly as well.
 """
@@ -83,7 +83,7 @@ class UnixBus(can.BusABC):
         channel: folder of the bus, or a bare name.
         create: whether to make the folder where there is none.
         can_filters: as python-can has them.
-        fd: whether this node sends and hears frames of CAN-FD.
+        fd: whether this node sends and receives frames of CAN-FD.
 
     Raises:
         can.CanInitializationError: there is no such bus, its folder cannot be used, or its name is too long.
@@ -102,7 +102,7 @@ class UnixBus(can.BusABC):
         self.undelivered = 0
         """Frames that a node which does not read, or has died, did not get."""
         self.skipped = 0
-        """Frames of CAN-FD that this node, of classic CAN, did not hear."""
+        """Frames of CAN-FD that this node, of classic CAN, did not receive."""
         self._fd = fd
         self._most = FD_FRAME.size if fd else FRAME.size + 1  # so that a longer one shows
         self._reads_since_look = LOOK_EVERY

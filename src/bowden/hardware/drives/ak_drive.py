@@ -1,9 +1,9 @@
 """A CubeMars AK drive in MIT mode as the live loop's `Drive`: a command a cycle, a reply to each, no thread, no wait.
 
-The drive has no heartbeat, tells neither its mode nor that a command was refused, and gives torque again with the first
+The drive has no heartbeat, shows neither its mode nor that a command was refused, and gives torque again with the first
 command after its timeout. So here:
 
-- without power it is told to leave motor mode in every cycle, and counts as without torque once it has replied to that;
+- without power it is ordered to leave motor mode in every cycle, and is without torque once it has replied to that;
 - with power it is entered with gains of one step and its own position for a target, and counts as enabled only when its
   torque in these cycles was what such gains give: one whose position has gone round its range would pull;
 - a torque that is asked for and not given, for 20 ms, is an inert motor, or one that has left its mode;
@@ -127,9 +127,9 @@ class AkDrive:
         replies = [first, *(self._ask(port) for _ in range(4))]
         moved = max(abs(reply.position - first.position) for reply in replies)
         if any(reply.at_end for reply in replies) or moved > 0.5:
-            told = ", ".join(f"{reply.position:.3f}" for reply in replies)
+            said = ", ".join(f"{reply.position:.3f}" for reply in replies)
             raise DriveError(
-                f"the position of node {drive.node_id} is {told} rad",
+                f"the position of node {drive.node_id} is {said} rad",
                 expected="a motor that stands still, within its range",
                 do="bring the motor near its zero by hand; check drive.model and the drive's encoder",
             )
@@ -212,7 +212,7 @@ class AkDrive:
         self._stuck = (
             math.nan,
             math.nan,
-        )  # the torque that the drive tells, and what was expected when it told it first
+        )  # the torque that the drive reports, and what was expected when it reported it first
         self._sent_at = self._replied_at = math.nan
         self._readings.begin()
         self._range.begin()
@@ -286,7 +286,7 @@ class AkDrive:
         if self._torque != self._stuck[0]:
             self._stuck = (self._torque, expected)
         in_vain = abs(expected) >= least and abs(self._torque) <= GIVEN * abs(expected)
-        in_vain = in_vain or abs(expected - self._stuck[1]) >= least  # told, and always the same
+        in_vain = in_vain or abs(expected - self._stuck[1]) >= least  # reported, and always the same
         if self._inert.inert(self._position, now, in_vain=in_vain):
             self._readings.found(INERT)
             self._fell = True

@@ -4,7 +4,7 @@
     reply     its own number, or     number of the drive 8, position 16, velocity 12, torque 12 bits,
               its "CAN Master ID"    temperature 8, error code 8
 
-A field of n bits tells a value from its range's lower to its upper end, code = (value − low)·(2ⁿ − 1)/(high − low);
+A field of n bits holds a value from its range's lower to its upper end, code = (value − low)·(2ⁿ − 1)/(high − low);
 beyond an end a position begins again at the other one. Three commands are none: seven bytes FFh, and FCh, FDh or FEh.
 
 Source: CubeMars, "AK Series Actuator Driver Manual" V1.0.8, chapter 5.3, pages 48 to 50: codes, layout and the table of

@@ -30,7 +30,7 @@ class AkParameters(NamedTuple):
     bitrate: on_can.BusBitrate = 1_000_000
     model: Annotated[
         Literal["AK10-9", "AK60-6", "AK70-10", "AK80-6", "AK80-9", "AK80-64"],
-        Quantity("which drive; its ranges depend on it, and no frame tells them"),
+        Quantity("which drive; its ranges depend on it, and no frame has them"),
     ] = "AK80-9"
     node_id: Annotated[int, Quantity("the drive's number, its CAN ID", ge=1, le=127)] = 1
     reply_id: Annotated[
@@ -112,7 +112,7 @@ ROOM = 0.2
 MOST_PUSH = 0.5
 """Largest torque offset, as a share of what the largest current gives: stiffness must be able to beat it."""
 FINEST = 0.02
-"""Of a field's range: a limit nearer to its end could not be told from the end [–]."""
+"""Of a field's range: a limit nearer to its end could not be distinguished from the end [–]."""
 
 
 def reply_id(drive: AkParameters) -> int:
@@ -138,7 +138,7 @@ def motor_scale(drive: AkParameters, position_at_home: float = 0.0) -> Scale | S
 
 
 def check_range(drive: AkParameters, scale: Scale | SuitScale, expected: str) -> None:
-    """Refuse a rig whose motor goes to where the drive's position cannot be told, or nearly.
+    """Refuse a rig whose motor goes to where the drive's position cannot be known, or nearly.
 
     Raises:
         ParameterError: with both.
@@ -215,13 +215,13 @@ def check_parameters(drive: AkParameters) -> None:
     if drive.speed_limit * spool > (1.0 - FINEST) * model.velocity:
         raise ParameterError(
             f"the rig's speed limit is {drive.speed_limit * spool:.4g} rad/s at the spool",
-            expected=f"at most {(1.0 - FINEST) * model.velocity:.4g}, as far as an {drive.model} can tell it",
+            expected=f"at most {(1.0 - FINEST) * model.velocity:.4g}, as far as an {drive.model} can report it",
             do="reduce motor_speed_deg_per_s in [limits]",
         )
     if torque > most:
         raise ParameterError(
             f"the rig's largest current, {drive.current_limit:g} A, is {torque:.4g} N·m at the output shaft",
-            expected=f"at most {most:.4g} N·m, as far as an {drive.model} can tell it",
+            expected=f"at most {most:.4g} N·m, as far as an {drive.model} can report it",
             do="reduce current_limit_a in [motor], or correct torque_constant_nm_per_a there",
         )
     if drive.home == "hint" and drive.spool is None:

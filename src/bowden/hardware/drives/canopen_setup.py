@@ -166,7 +166,7 @@ def _try_watch(node: Dialogue, drive: DriveParameters, state: DriveState) -> Non
 
 
 def restore(bus: can.BusABC, drive: DriveParameters) -> None:
-    """Bring back a drive that has missed its host's heartbeat while another drive on its bus was tried: both hear it.
+    """Bring back a drive that has missed its host's heartbeat while another drive on its bus was tried: both get it.
 
     Args:
         bus: open, and read by nobody else.

@@ -24,7 +24,7 @@ def fell(before: DriveState, now: DriveState, *, asked: bool, already: bool, pow
 
 
 class Silence:
-    """Our own: a drive that gives torque again with the next command must be told off after it, and stays off.
+    """Our own: a drive that gives torque again with the next command must be switched off after it, and stays off.
 
     Args:
         watch: time without a word of ours after which the drive has taken its torque off [s].

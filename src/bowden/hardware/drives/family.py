@@ -121,7 +121,7 @@ class DriveFamily:
     """What the code of an emergency means."""
     probe: Callable[[Any, "Links"], Sequence[FoundDevice]] | None = None
     """``probe(parameters, links)``: who answers on the bus, without an order or a setting; None of a family whose
-    devices say nothing of themselves before they are told to run."""
+    devices say nothing of themselves before they are ordered to run."""
     zeroed: Callable[[Any, DriveReading, float, float], Any] | None = None
     """``zeroed(parameters, reading, motor, joint)``: the parameters with which what was read is at these angles of
     motor and joint [rad]; None of a family whose zero is set with its maker's tool alone."""

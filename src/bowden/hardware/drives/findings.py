@@ -10,7 +10,7 @@ FINDINGS: Mapping[int, str] = {
     INERT: "the motor is inert: the drive reports no fault and answers, but neither turns nor draws current; check the "
     "motor's phases, its supply and its calibration",
     LEFT: "the drive has left its mode by itself and reports no fault; check its supply and its own limits",
-    LOST_RANGE: "the motor has left the range that the drive's position can tell",
+    LOST_RANGE: "the motor has left the range that the drive's position can show",
 }
 """Code → what it means and what to do."""
 

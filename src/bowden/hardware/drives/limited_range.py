@@ -1,4 +1,4 @@
-"""Encoders of limited range, followed over their end; and the turn that a hint tells of."""
+"""Encoders of limited range, followed over their end; and the turn that a hint names."""
 
 import math
 

@@ -132,7 +132,7 @@ class MoteusDrive:
         return readings.reading(now, state, self._errors())
 
     def _take(self, reply: frames.MoteusReply, found: MoteusFindings, now: float) -> DriveState:
-        """What a reply says; the state that it tells."""
+        """What a reply says; the state that it means."""
         readings, drive = self._readings, self._drive
         readings.replied(now)
         readings.moved(
@@ -220,5 +220,5 @@ class MoteusDrive:
 
 
 def _within_a_turn(turns: float) -> float:
-    """A reading of an encoder that tells a part of a turn; what is none, or no such part, is none."""
+    """A reading of an encoder that measures a part of a turn; what is none, or no such part, is none."""
     return turns if -1.0 <= turns <= 1.0 else math.nan

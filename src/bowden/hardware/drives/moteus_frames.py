@@ -411,7 +411,7 @@ class MoteusReply(NamedTuple):
     """Of the power stage [°C]; −128 for none."""
     fault: int
     joint: float
-    """Of the joint's encoder, of the part of a turn that it tells [turns]."""
+    """Of the joint's encoder, of the part of a turn that it measures [turns]."""
     validity: int
     """Bits 2·n of encoder n."""
     timeout: float

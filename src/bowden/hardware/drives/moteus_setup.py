@@ -131,10 +131,10 @@ class MoteusDialogue:
         self._foreign: int | None = None
 
     def check_alone(self) -> None:
-        """No other master may have been heard.
+        """No other master may have sent anything.
 
         Raises:
-            DriveError: one has been.
+            DriveError: one has.
         """
         if self._foreign is not None:
             raise DriveError(
@@ -147,7 +147,7 @@ class MoteusDialogue:
         """Listen to the bus, and say nothing.
 
         Raises:
-            DriveError: another master is heard.
+            DriveError: another master sends.
         """
         self._wait(span, lambda identifier, data: False)
         self.check_alone()
@@ -418,8 +418,7 @@ def _check_encoders(board: MoteusDialogue, drive: MoteusParameters, seen: dict[i
             f"{board.name} knows its position within a turn of the rotor alone (register 00Ch is "
             f"{seen[Register.HOME_STATE]:g})",
             expected="2, counted from a place of the output",
-            do='set home = "here" in [drive]; or give the board an encoder of its output, or tell it where it is '
-            "(d exact)",
+            do='set home = "here" in [drive]; or give the board an encoder of its output, or set where it is (d exact)',
         )
     return turns, joint
 

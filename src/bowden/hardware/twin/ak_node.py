@@ -10,8 +10,9 @@ where the load is the cable's, for a servo that would bear it without giving way
 way by itself.
 
 What the manual does not say, and is chosen here: its timeout takes the gains away until the next command, as in the
-firmware from which its own comes (`CAN_TIMEOUT` there); an error ends motor mode, and is told until it has been told to
-leave it for a tenth of a second; after a restart its position is that of the rotor in the turn nearest to zero.
+firmware from which its own comes (`CAN_TIMEOUT` there); an error ends motor mode, and is in the replies until the
+order to leave it has come for a tenth of a second; after a restart its position is that of the rotor in the turn
+nearest to zero.
 """
 
 import math
@@ -49,7 +50,7 @@ REBOOT_TIME = 0.3
 STEP = 0.9e-3
 """The bench is moved on at every command, and without one after this [s]."""
 CLEARED = 0.1
-"""How long a drive in error has to be told to leave motor mode [s]."""
+"""How long a drive in error must be ordered to leave motor mode [s]."""
 IDLE = AkCommand(0.0, 0.0, 0.0, 0.0, 0.0)
 
 
@@ -260,8 +261,8 @@ class AkNode:
         temperature = max(-128, min(127, round(bench.temperature))) + drive.temperature_zero
         self._history.append(AkReply(drive.node_id, position, velocity, torque, temperature, self._error, False))
         back = faults.active("delayed_readings", now)
-        told = self._history[-min(len(self._history), 1 + int(back.amount if back else 0))]
-        self._outbox.emit_cyclic(reply_id(drive), pack_reply(told._replace(error=self._error), model), now)
+        sent = self._history[-min(len(self._history), 1 + int(back.amount if back else 0))]
+        self._outbox.emit_cyclic(reply_id(drive), pack_reply(sent._replace(error=self._error), model), now)
         if faults.active("foreign_replies", now):
-            other = told._replace(number=drive.node_id % 127 + 1, position=1.0)
+            other = sent._replace(number=drive.node_id % 127 + 1, position=1.0)
             self._outbox.emit(other.number if drive.reply_id < 0 else drive.reply_id, pack_reply(other, model), now)

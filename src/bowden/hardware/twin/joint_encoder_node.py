@@ -18,7 +18,7 @@ from bowden.hardware.twin.outbox import Outbox
 DEVICE_TYPE = 0x0002_0196
 """Profile 406, a multi-turn absolute rotary encoder."""
 REVOLUTIONS = 4096
-"""Turns that it tells apart, as usual devices of 12 bits do."""
+"""Turns that it counts, as usual devices of 12 bits do."""
 
 
 class JointEncoderNode:

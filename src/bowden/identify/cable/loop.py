@@ -7,7 +7,7 @@ log does show is the loop. In the middle half of the stroke, clear of the revers
 
 and at each of 20 places along the stroke it has a joint angle on the way up and one on the way down, all on average
 over the log's strokes, small ones too. Each of these is a weighted sum Σ cᵢ·fittedᵢ over the log's nodes, whatever the
-family. Its error has two parts: what the log's own errors make of it, and what the model misses. The former is told
+family. Its error has two parts: what the log's own errors make of it, and what the model misses. The former is read
 from how Σ cᵢ·rᵢ of the residual r differs from cycle to cycle (stroke to stroke where there are fewer than three
 cycles, and at a place), times Student's factor for few of them. The latter is at most the whole sum M = Σ cᵢ·rᵢ, and
 nothing says how much of it is the log's own: anything within ±M is as likely, whose standard deviation is M/√3. What is
@@ -33,13 +33,13 @@ _PLACES = 20
 _MIDDLE = (0.25, 0.75)
 """Of the stroke."""
 _FEWEST_CYCLES, _FEWEST_STROKES = 3, 3
-"""Cycles from which on they are compared, and strokes below which nothing tells how they differ."""
+"""Cycles from which on they are compared, and strokes below which nothing says how they differ."""
 
 
 class HysteresisLoop(NamedTuple):
     """A model's loop over the motion of its log.
 
-    Errors are single standard deviations, infinite where nothing tells them.
+    Errors are single standard deviations, infinite where nothing says them.
     """
 
     slope: float

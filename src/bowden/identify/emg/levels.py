@@ -33,7 +33,7 @@ _AROUND, _STANDS_OUT = 0.1, 6.0
 _CLICK = 0.02
 """What is left out before it [s]."""
 _HUMS = 0.6
-"""In a recording that is movement or mains for more than this share there is no telling what rest is [–]."""
+"""In a recording that is movement or mains for more than this share nothing says what rest is [–]."""
 _SWING_HZ, _MUSCLE = 5.0, 0.7
 """Of the envelope from here on a muscle leaves at least this share to that of the chain, from 20 Hz on: 0.77 and more
 was seen in three recordings wherever the envelope is above 30 % of its largest [Hz, –]."""
