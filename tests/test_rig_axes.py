@@ -130,10 +130,13 @@ BAD = {
     r'axis "knee": .*unknown key \'x\' in \[servo\]': f"{TWO}[axis.servo]\nx = 1\n",
     "axis \"knee\": .*limits.motor_high_deg is 'x'": f'{TWO}[axis.limits]\nmotor_high_deg = "x"\n',
     "axis is no list of sections": "axis = 3\n",
+    "axis is an empty list": "axis = []\n",
     "independent is 1; expected true or false": f"independent = 1\n{TWO}",
     r"in a rig without \[\[axis\]\]": "independent = true\n",
     'an axis has the name "law"': TWO.replace("knee", "law"),
     'an axis has the name "a.b"': TWO.replace("knee", "a.b"),
+    'an axis has the name "event_"': TWO.replace("knee", "event_"),
+    'an axis has the name "a__b"': TWO.replace("knee", "a__b"),
 }
 
 
@@ -191,6 +194,16 @@ def test_columns_of_an_axis_are_those_of_a_run_with_it_alone(leg: Rig) -> None:
     blocks = {"a": {"time": "s", "x": "1"}, "b": {"time": "s", "x": "1"}}
     assert of_all(blocks) == {"time": "s", "x": "1", "b.x": "1"}
     assert {*CYCLE} > COMMON
+
+
+def test_what_is_said_of_the_end_of_a_run_is_that_of_the_slowest_axis(leg: Rig) -> None:
+    hip, knee = leg.axis("hip"), leg.axis("knee")
+    quick = hip.replace(limits=hip.limits._replace(release_time=0.1))
+    patient = knee.replace(limits=knee.limits._replace(operator_age=0.5))
+    live = live_run(leg.replace(axes=(Axis("hip", quick), Axis("knee", patient))))
+    assert live.patience == hip.limits.operator_age < 0.5
+    late = hip.limits.operator_age + hip.limits.release_time + hip.sample_time
+    assert f"the power is off within {late:.2f} s" in live.losses()
 
 
 def test_the_log_of_a_run_knows_the_settings_of_each_axis(leg: Rig) -> None:

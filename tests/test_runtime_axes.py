@@ -256,6 +256,8 @@ def test_what_is_asked_for_is_asked_of_all_or_of_none() -> None:
     assert alone.asked(ARM, [stopped, latched], [0.0, 8.0]) == [ARM, ARM]
     assert alone.shown([2.0**Fault.SLACK, 0.0]) == [0.0, 0.0]
     assert alone.outcomes([1.0, -1.0]) == [1.0, -1.0]
+    assert alone.over([True, False], [running, latched])
+    assert not alone.over([True, False], [running, bridging]), "a reading that is missing ends no axis' run"
 
 
 def test_the_others_are_shown_the_worst_of_an_axis_own_faults() -> None:

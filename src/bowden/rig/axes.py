@@ -28,7 +28,8 @@ RESERVED = frozenset({*("cycle", "event", "law", "supervisor", "conditioned", "e
     "admittance", "axis", "all"
 })  # fmt: skip
 """Beginnings of columns of a log; an axis' columns begin with its name."""
-_NAME = re.compile(r"[a-z][a-z0-9_]{0,23}")
+_NAME = re.compile(r"(?!.{25})[a-z][a-z0-9]*(_[a-z0-9]+)*")
+"""What stays as it is where it becomes a log's topic: no _ at its end, and no two in a row (`live.mcap_layout`)."""
 _KINDS: Mapping[str, Any] = {"family": DEFAULT_FAMILY, "law": Control().law, "model": None, "plant": None}
 """Keys of which another value makes another section of it → what stands for one that is left out."""
 _FIRST_KINDS: Mapping[str, str] = {"reference": "periodic_minimum_jerk", "bend": "constant"}
@@ -66,6 +67,8 @@ def split(tree: Mapping[str, Any], where: str) -> tuple[dict[str, Any], list[Axi
         raise ParameterError(f"{where}: independent is {independent!r}", expected="true or false", do=_CORRECT)
     if not isinstance(given, list) or not all(isinstance(one, Mapping) for one in given):
         raise ParameterError(f"{where}: axis is no list of sections", expected="[[axis]] for each", do=_CORRECT)
+    if AXIS in tree and not given:
+        raise ParameterError(f"{where}: axis is an empty list", expected=f"{FEWEST} to {MOST} axes", do="delete it")
     if INDEPENDENT in tree and AXIS not in tree:
         raise ParameterError(
             f"{where}: independent is {str(independent).lower()} in a rig without [[axis]]",
@@ -136,7 +139,7 @@ def check(axes: Sequence[Axis], where: str) -> None:
         if not _NAME.fullmatch(name) or name in RESERVED:
             raise ParameterError(
                 f"{where}: an axis has the name {quoted(name)}",
-                expected=f"small letters, digits and _, 24 at most, and none of {', '.join(sorted(RESERVED))}",
+                expected=f"small letters, digits and _ between them, 24 at most, and none of {', '.join(sorted(RESERVED))}",
                 do="rename it",
             )
         if rig.axes:
