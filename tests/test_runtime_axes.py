@@ -297,9 +297,7 @@ def looked_at(tmp_path: Path, modes: Sequence[Mode], faults: Sequence[float], *,
 
 
 def test_what_one_axis_has_is_told_of_it_alone(tmp_path: Path) -> None:
-    session, row = looked_at(
-        tmp_path, (Mode.RUNNING, Mode.LATCHED), (0.0, 2.0**Fault.DRIVE_FAULT), independent=True
-    )
+    session, row = looked_at(tmp_path, (Mode.RUNNING, Mode.LATCHED), (0.0, 2.0**Fault.DRIVE_FAULT), independent=True)
     assert Mode(int(row["mode"])) == Mode.RUNNING
     assert of(row["faults"]) == [Fault.DRIVE_FAULT], "of all"
     hip, knee = (axis.of(row) for axis in session.axes)
