@@ -115,7 +115,25 @@ def test_sections_of_another_kind_begin_anew() -> None:
 
 
 TWO = '[[axis]]\nname = "hip"\n[axis.drive]\nnode_id = 1\n[[axis]]\nname = "knee"\n[axis.drive]\nnode_id = 2\n'
+AK = '[motor]\ngear = 9.0\ntorque_constant_nm_per_a = 0.091\n[drive]\nfamily = "ak_mit"\n'
+CIA402 = '[axis.motor]\ngear = 5.0\n[axis.drive]\nfamily = "cia402"\nnode_id = 2\n'
+HIP, KNEE = TWO.split('[[axis]]\nname = "knee"\n')
+MOTEUS = '[drive]\nfamily = "moteus"\n'
 BAD = {
+    r"drive.joint_node_id and drive.joint_node_id make the same frames \(0A0h\)": AK + TWO,
+    r"drive.node_id and drive.reply_id make the same frames \(001h\)": f"{AK}{TWO}joint_node_id = 33\nreply_id = 1\n",
+    r"drive.reply_id and drive.node_id make the same frames \(182h\)": (
+        f'{AK}{HIP}reply_id = 0x182\n[[axis]]\nname = "knee"\n{CIA402}'
+    ),
+    r"drive.joint_node_id and drive.node_id make the same frames \(082h\)": (
+        f'{AK}{HIP}joint_node_id = 2\n[[axis]]\nname = "knee"\n{CIA402}'
+    ),
+    r"drive.host_id and drive.node_id make the same frames \(702h\)": (
+        f'{HIP}host_id = 2\n[[axis]]\nname = "knee"\n{CIA402}'
+    ),
+    r"drive.node_id and drive.host_id make the same frames \(100h\)": f"{MOTEUS}{TWO}host_id = 1\n",
+    "1000000 bit/s and 500000 bit/s: name another channel": f"{TWO}bitrate = 500000\n",
+    "1000000 bit/s and 1000000 bit/s with CAN-FD": f'{TWO}family = "moteus"\n',
     "two axes have the name": TWO.replace("knee", "hip"),
     'axes "hip" and "knee" have one drive': TWO.replace("node_id = 2", "node_id = 1"),
     "bench.sample_time_ms of axis": f"{TWO}[axis.bench]\nsample_time_ms = 2.0\n",
@@ -145,6 +163,21 @@ def test_axes_that_cannot_be_in_one_loop_are_refused_with_what_is_wrong(said: st
     (tmp_path / "bad.toml").write_text(BAD[said])
     with pytest.raises(ParameterError, match=said):
         Rig.read(tmp_path / "bad.toml")
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        f"{AK}{TWO}joint_node_id = 33\n",
+        f'{AK}{HIP}reply_id = 9\n[[axis]]\nname = "k"\n[axis.drive]\nnode_id = 2\njoint_node_id = 33\nreply_id = 9\n',
+        f'{AK}{HIP}[[axis]]\nname = "knee"\n{CIA402}',
+        MOTEUS + TWO,
+        f'{TWO}channel = "other"\nbitrate = 500000\nhost_id = 1\n',
+    ],
+)
+def test_drives_whose_frames_differ_share_a_bus(text: str, tmp_path: Path) -> None:
+    (tmp_path / "leg.toml").write_text(text)
+    assert len(Rig.read(tmp_path / "leg.toml").axes) == 2
 
 
 def test_what_takes_one_axis_asks_for_its_name(leg: Rig) -> None:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from bowden.core.errors import ParameterError, near
 from bowden.core.toml_text import quoted
+from bowden.hardware.drives import on_can
 from bowden.hardware.drives.family import family_of
 from bowden.rig.sections import DEFAULT_FAMILY, Control, RigFile
 
@@ -139,7 +140,9 @@ def check(axes: Sequence[Axis], where: str) -> None:
         if not _NAME.fullmatch(name) or name in RESERVED:
             raise ParameterError(
                 f"{where}: an axis has the name {quoted(name)}",
-                expected=f"small letters, digits and _ between them, 24 at most, and none of {', '.join(sorted(RESERVED))}",
+                expected=(
+                    f"small letters, digits and _ between them, 24 at most, and none of {', '.join(sorted(RESERVED))}"
+                ),
                 do="rename it",
             )
         if rig.axes:
@@ -157,6 +160,9 @@ def _twice(axes: Sequence[Axis]) -> Iterator[str]:
             if place == family_of(another.drive).address(another.drive):
                 said = ", ".join(f"{key} {value}" for key, value in place.items())
                 yield f"axes {quoted(other)} and {quoted(name)} have one drive ({family.name}, {said})"
+            collision = on_can.collision(another.drive, rig.drive)
+            if collision:
+                yield f"axes {quoted(other)} and {quoted(name)} {collision}"
 
 
 def _apart(axes: Sequence[Axis]) -> Iterator[str]:

@@ -273,6 +273,6 @@ class BusPort:
 _LISTENED = 0.02
 """Without a frame, counted as this much of a silence [s]."""
 _MOST_LISTENED = 20_000
-"""Frames after which a bus that is never silent has been listened to for long enough: more than it carries in a second."""
+"""Frames after which a bus has been listened to for long enough: more than it carries in a second."""
 _MOST_WAITING = 64
 """Frames that wait for one drive at most, the newest of them, and that one call looks at: a flood holds up no loop."""

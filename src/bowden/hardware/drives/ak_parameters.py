@@ -10,7 +10,7 @@ from bowden.hardware.drives import joint_encoder as joints
 from bowden.hardware.drives import on_can
 from bowden.hardware.drives.ak_frames import HIGHEST_KD, HIGHEST_KP, HIGHEST_POSITION, MODELS, AkModel
 from bowden.hardware.drives.family import DriveNeeds
-from bowden.hardware.drives.joint_encoder import check_beside, joint_encoder_of
+from bowden.hardware.drives.joint_encoder import check_beside, identifiers_of, joint_encoder_of
 from bowden.hardware.drives.scale import Scale, SuitScale, spool_scale
 from bowden.models.suit.suit_angle import SpoolMap
 
@@ -105,6 +105,11 @@ class AkParameters(NamedTuple):
     answer_timeout: on_can.AnswerTimeout = 0.1
     spool: SpoolMap | None = None
     """Of a suit: motor angles are the joint's, and the spool turns as this says (`models.suit.suit_angle`)."""
+
+    def identifiers(self) -> dict[int, str]:
+        """See `on_can.collision`; replies have the drive's number in them, so that several drives may share theirs."""
+        replies = {reply_id(self): "reply_id"}
+        return {**identifiers_of(joint_encoder_of(self)), **replies, self.node_id: "node_id"}
 
 
 ROOM = 0.2
