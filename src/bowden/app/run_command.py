@@ -81,7 +81,7 @@ def run(
         print_json(found | {"seconds": seconds()})
     else:
         print_summary(found)
-        _say_next(rig, found, law, preset)
+        _say_next(rig, found, law, preset, axis)
     if not found["ended_well"] or found["cycles_logged"] < (found["cycles"] or 0):
         raise typer.Exit(1)
 
@@ -111,13 +111,17 @@ def _page(session: "Session", name: str, *, twin: bool, console: bool) -> Iterat
         yield stopped
 
 
-def _say_next(rig: Path, found: dict[str, Any], law: str | None, preset: str | None) -> None:
-    """The export of what has run; what ended a run that did not end as asked."""
+def _say_next(rig: Path, found: dict[str, Any], law: str | None, preset: str | None, axis: str | None) -> None:
+    """The export of what has run, of each axis; what ended a run that did not end as asked."""
     if not found["ended_well"]:
         say_next("log", "info" if found["log_whole"] else "recover", found["log"])
         return
-    options = [word for name, one in (("--law", law), ("--preset", preset)) if one is not None for word in (name, one)]
-    say_next("export", rig, *options, "--to", free_name(Path("firmware") / found["law"]))
+    given = (("--law", law), ("--preset", preset))
+    options = [word for name, one in given if one is not None for word in (name, one)]
+    for one in found.get("axes", [{"name": axis, "law": found["law"]}]):
+        of_axis = [] if one["name"] is None else ["--axis", one["name"]]
+        folder = Path("firmware", one["law"] if axis == one["name"] else one["name"])
+        say_next("export", rig, *options, *of_axis, "--to", free_name(folder))
 
 
 def _tell(note: str) -> None:

@@ -694,8 +694,9 @@ def own_twin(rig: Rig, *, measure: bool = False) -> Iterator[Rig]:
             place = family_of(own.drive).address(own.drive)
             bus = (place.get("interface", ""), place.get("channel", name))
             channel = buses.setdefault(bus, folder / f"{len(buses)}" if rig.axes else folder)
-            options = ["--axis", name] if name else []
-            asked = shlex.join(["bowden", "twin", file, *options, "--channel", str(channel)])
+            options = [*(["--axis", name] if name else []), "--channel", str(channel)]
+            options += [] if place.get("interface") == UNIX else ["--interface", UNIX]
+            asked = shlex.join(["bowden", "twin", file, *options])
             print(f"bowden: note: the twin's bus is {channel}: {asked}", file=sys.stderr)
             twin = stack.enter_context(running_twin(own, channel, ["--interface", UNIX]))
             beside = patient(own, measure=measure)
