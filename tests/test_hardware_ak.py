@@ -350,6 +350,9 @@ def test_a_limb_is_refused_where_nobody_can_see_the_timeout(tmp_path: Any) -> No
     require_watch(given_rig(tmp_path, f"{bus}no_limb = true\n"))
     with pytest.raises(SafetyError, match="EMG means a limb"):
         require_watch(given_rig(tmp_path, f'{bus}no_limb = true\n[emg]\nsource = "lsl:EMG"\n'))
+    suit = Rig(suit={"worn": True})
+    with pytest.raises(SafetyError, match="a suit means a limb"):  # of another axis
+        require_watch(given_rig(tmp_path, f"{bus}no_limb = true\n"), [suit])
     assert unseen_watch(Rig()) == ""
 
 

@@ -237,6 +237,30 @@ def test_a_broken_verdict_of_one_axis_switches_all_off_in_the_same_cycle(
     assert [one["mode"] for one in rig.rows_of(rows[-1])] == [float(Mode.LATCHED)] * 2
 
 
+def test_whatever_one_drive_does_all_are_told_off_and_let_go_of(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rig = AxesRig(tmp_path, LAW)
+    hip, knee = rig.drives
+
+    def broken(*_: object) -> None:
+        raise RuntimeError("broken")
+
+    def breaks(cycle: int, reading: DriveReading) -> DriveReading:
+        if cycle == 2000:
+            for name in ("write", "close"):
+                monkeypatch.setattr(hip, name, broken)
+            broken()
+        return reading
+
+    hip.misread = breaks
+    with pytest.raises(RuntimeError, match="broken"):
+        rig.loop.run()
+    assert knee.told[-2][0] is Power.ON
+    assert knee.told[-1][0] is Power.OFF
+    assert knee.closed == 1
+
+
 def test_what_is_asked_for_is_asked_of_all_or_of_none() -> None:
     pair = Together(2, independent=False)
     stopped, preflight, running, bridging, releasing, latched = map(float, Mode)

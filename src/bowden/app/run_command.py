@@ -67,7 +67,7 @@ def run(
         refuse_over_ssh(given, attended=attended)
     with (
         ending_signals() as ending,
-        live_session(given, rig.name, twin=twin, out=out, force=force, tell=_tell) as session,
+        live_session(given, rig.name, twin=twin, out=out, force=force, tell=_tell, alone=axis or "") as session,
     ):
         if not json:
             _tell(session.live.losses())
