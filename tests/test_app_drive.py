@@ -130,6 +130,15 @@ def test_what_cannot_be_done_is_one_line(
     assert printed.count("\n") == 1
 
 
+def test_a_family_whose_zero_is_its_makers_is_refused_before_a_bus_is_opened(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "rig.toml"
+    path.write_text('[drive]\nfamily = "moteus"\n')
+    assert main.run(["drive", "zero", str(path), "--channel", str(tmp_path / "none")]) == 2
+    assert "the family moteus is not found by this command" in capsys.readouterr().err
+
+
 def test_of_several_axes_the_next_command_and_the_lines_are_those_of_the_one(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -108,12 +108,13 @@ def zero(
     """
     from bowden.core.errors import ParameterError
     from bowden.core.units import RADIANS
-    from bowden.live.drive_look import zero_keys
+    from bowden.live.drive_look import require_zero, zero_keys
 
     for name, value in (("--motor-deg", motor_deg), ("--joint-deg", joint_deg)):
         if not math.isfinite(value):
             raise ParameterError(f"{name} is {value:g}", expected="degrees", do="correct it")
     given = read_given(rig, axis).on_bus(channel)
+    require_zero(given.drive)
     with _brought_up(given) as (drive, identity):
         _tell(identity)
         *_, look = _looked(drive, given, _SETTLE)
