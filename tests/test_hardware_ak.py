@@ -310,6 +310,8 @@ def test_a_drive_of_six_bytes_tells_no_error_and_is_refused() -> None:
         ({"current_limit": 22.0}, "at most 17.64 N"),
         ({"watchdog": 0.002}, "three cycles"),
         ({"model": "AK99"}, "AK80-9"),
+        ({"temperature_zero": 41}, "0 or 40"),
+        ({"joint_counts_per_turn": 0.5}, "whole number"),
         ({"reply_id": 0}, "CANopen"),
         ({"reply_id": 0x1A0}, "CANopen"),
     ],
