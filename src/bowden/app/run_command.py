@@ -61,6 +61,8 @@ def run(
     refuse_without_keys(auto, json)
     if foxglove is not None:
         require(foxglove)
+    if console:
+        import bowden.console.open  # noqa: F401  # now: it takes longer than an operator may be silent
     given = shortened(read_given(rig, axis, several=True), duration).with_law(law, preset).on_bus(channel)
     given = given if emg is None else given.with_emg(emg)
     if not twin:
@@ -94,7 +96,7 @@ def _live_data(session: "Session", port: int | None) -> Iterator[None]:
         return
     from bowden.live.foxglove_process import served
 
-    with served(session.rows.path, port) as address:
+    with served(session.rows.path, port, session.beat) as address:
         print(f"Live data for Foxglove: {address}", file=sys.stderr, flush=True)
         yield
 
