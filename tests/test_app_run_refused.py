@@ -108,5 +108,5 @@ def test_what_takes_long_to_load_is_there_before_a_run_waits_for_signs_of_life(
     monkeypatch.delitem(sys.modules, "bowden.console.open", raising=False)
     monkeypatch.setattr("bowden.face.run.live_session", begun)
     (tmp_path / "rig.toml").write_text("")
-    with pytest.raises(ParameterError, match="^loaded"):
+    with pytest.raises(ParameterError, match=r"^loaded"):
         run_command.run(tmp_path / "rig.toml", twin=True, auto=True, console=True)

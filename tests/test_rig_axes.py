@@ -1,5 +1,6 @@
 """A rig with several axes: merged from its file, checked, packed, written back; and one without them as it was."""
 
+import json
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,9 @@ from bowden.core.errors import ParameterError
 from bowden.design.gains_text import with_axis_gains
 from bowden.live.axis_columns import COMMON, of_all, view
 from bowden.live.live_run import live_run
+from bowden.live.log_facts import facts
+from bowden.live.mcap_read import Recording
+from bowden.live.mcap_reader import Damage
 from bowden.live.row import CYCLE
 from bowden.rig.axes import Axis, merged
 from bowden.rig.rig import Rig
@@ -237,6 +241,20 @@ def test_what_is_said_of_the_end_of_a_run_is_that_of_the_slowest_axis(leg: Rig) 
     assert live.patience == hip.limits.operator_age < 0.5
     late = hip.limits.operator_age + hip.limits.release_time + hip.sample_time
     assert f"the power is off within {late:.2f} s" in live.losses()
+
+
+def test_what_a_log_says_of_one_axis_has_its_columns_alone(leg: Rig) -> None:
+    live = live_run(leg)
+    columns = live.columns()
+    texts = {"columns": json.dumps([*columns]), "units": json.dumps([*columns.values()])}
+    about = texts | {"start_utc_ns": "0", "software": "bowden"}
+    rows = np.zeros((2, len(columns)))
+    parts = (np.arange(2), rows, [], Damage(0, 0, 0), live.log_settings())
+    whole = Recording(about, None, (*columns,), (*columns.values(),), *parts)
+    knee = whole.axis("knee")
+    assert [*facts(knee)["columns"]] == [*knee.columns]
+    assert facts(knee)["columns"]["joint"] == "rad"
+    assert {*facts(whole)["columns"]} == {*columns}
 
 
 def test_the_log_of_a_run_knows_the_settings_of_each_axis(leg: Rig) -> None:
