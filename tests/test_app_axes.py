@@ -1,20 +1,26 @@
 """Several axes by the commands: run on twins, logged, replayed, stopped together; refused where one is asked for."""
 
+import contextlib
 import json
 import subprocess
 import warnings
+from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import jsonschema
 import numpy as np
 import pytest
 
+from bowden.app import run_command
 from bowden.app.main import run
 from bowden.core.errors import SafetyError
 from bowden.face.run import run as live
+from bowden.live import twin_process
 from bowden.live.mcap_read import read
-from bowden.live.session import Session
+from bowden.live.session import Session, own_twin
+from bowden.rig.rig import Rig
 from bowden.safety.faults import Fault, of
 from bowden.safety.supervisor import Mode
 from live_runs import COMMAND, SHARED, finished_well, tries
@@ -165,3 +171,33 @@ def test_a_rig_of_axes_that_cannot_be_gets_no_power(tmp_path: Path) -> None:
     assert done.stderr.count("\n") == 1
     assert 'axes "hip" and "knee" have one drive' in done.stderr
     assert not (tmp_path / "out").exists()
+
+
+def test_what_is_said_to_come_next_names_the_axis(capsys: pytest.CaptureFixture[str]) -> None:
+    found = {"ended_well": True, "law": "bowden"}
+    both = [{"name": "hip", "law": "bowden"}, {"name": "knee", "law": "bowden"}]
+    run_command._say_next(Path("leg.toml"), found | {"axes": both}, None, None, None)
+    run_command._say_next(Path("leg.toml"), found, "bowden", None, "knee")
+    run_command._say_next(Path("rig.toml"), found, None, None, None)
+    assert capsys.readouterr().out.splitlines() == [
+        "Next: bowden export leg.toml --axis hip --to firmware/hip",
+        "Next: bowden export leg.toml --axis knee --to firmware/knee",
+        "Next: bowden export leg.toml --law bowden --axis knee --to firmware/bowden",
+        "Next: bowden export rig.toml --to firmware/bowden",
+    ]
+
+
+def test_how_each_twin_is_reached_is_said(
+    leg: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    @contextlib.contextmanager
+    def played(rig: Rig, channel: Path, options: list[str]) -> Iterator[Any]:
+        yield SimpleNamespace(channel=str(channel))
+
+    monkeypatch.setattr(twin_process, "running_twin", played)
+    leg.write_text(leg.read_text().replace("node_id = 2", 'node_id = 2\ninterface = "socketcan"\nchannel = "can1"'))
+    with own_twin(Rig.read(leg)) as rig:
+        channels = [one.drive.channel for _, one in rig.axes]
+    told = capsys.readouterr().err
+    assert f"bowden twin {leg} --axis hip --channel {channels[0]}\n" in told
+    assert f"bowden twin {leg} --axis knee --channel {channels[1]} --interface bowden_unix\n" in told

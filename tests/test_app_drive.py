@@ -1,5 +1,6 @@
 """``bowden drive``: finding, looking at and zeroing a drive, against the twin; the motor gets no power."""
 
+import contextlib
 import json
 import math
 from collections.abc import Iterator
@@ -9,7 +10,7 @@ from typing import Any
 import jsonschema
 import pytest
 
-from bowden.app import main
+from bowden.app import drive_command, main
 from bowden.core.errors import DriveError
 from bowden.core.signals import EMERGENCY_STOP, DriveReading, DriveState
 from bowden.hardware.ports import Power
@@ -127,6 +128,31 @@ def test_what_cannot_be_done_is_one_line(
     printed = capsys.readouterr().err
     assert said in printed
     assert printed.count("\n") == 1
+
+
+def test_a_family_whose_zero_is_its_makers_is_refused_before_a_bus_is_opened(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "rig.toml"
+    path.write_text('[drive]\nfamily = "moteus"\n')
+    assert main.run(["drive", "zero", str(path), "--channel", str(tmp_path / "none")]) == 2
+    assert "the family moteus is not found by this command" in capsys.readouterr().err
+
+
+def test_of_several_axes_the_next_command_and_the_lines_are_those_of_the_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "leg.toml"
+    path.write_text('[[axis]]\nname = "hip"\n[[axis]]\nname = "knee"\n[axis.drive]\nnode_id = 2\n')
+    look = DriveLook()
+    look.take(READING)
+    monkeypatch.setattr(drive_command, "_brought_up", lambda _: contextlib.nullcontext((None, "it")))
+    monkeypatch.setattr(drive_command, "_looked", lambda *_: iter([look]))
+    for command in ("monitor", "zero"):
+        assert main.run(["drive", command, str(path), "--axis", "knee", "--channel", "can1"]) == 0
+        said = capsys.readouterr().out
+        assert f"Next: bowden confirm {path} --axis knee --channel can1" in said
+    assert "below [axis.drive] of the axis knee" in said
 
 
 @pytest.mark.live

@@ -1,11 +1,14 @@
 """What `bowden run` refuses before anything moves: settings that cannot be, and drives that will not do."""
 
 import os
+import sys
 from pathlib import Path
 
 import pytest
 
+from bowden.app import run_command
 from bowden.app.main import run
+from bowden.core.errors import ParameterError
 from bowden.hardware.buses.opening import UNIX, claim
 from bowden.live.twin_process import running_twin
 
@@ -94,3 +97,16 @@ def test_a_bus_that_another_run_has_is_told_before_the_law_is_checked(
     other.release()
     (tmp_path / "loop").symlink_to(tmp_path / "loop")
     claim(UNIX, str(tmp_path / "loop"), "host").release()
+
+
+def test_what_takes_long_to_load_is_there_before_a_run_waits_for_signs_of_life(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def begun(*_: object, **__: object) -> None:
+        raise ParameterError("loaded" if "bowden.console.open" in sys.modules else "not loaded")
+
+    monkeypatch.delitem(sys.modules, "bowden.console.open", raising=False)
+    monkeypatch.setattr("bowden.face.run.live_session", begun)
+    (tmp_path / "rig.toml").write_text("")
+    with pytest.raises(ParameterError, match=r"^loaded"):
+        run_command.run(tmp_path / "rig.toml", twin=True, auto=True, console=True)

@@ -95,7 +95,9 @@ def test_a_client_that_we_did_not_write_reads_every_cycle(rows: Path) -> None:
 @pytest.mark.live
 def test_a_port_that_is_taken_is_said(rows: Path) -> None:
     pytest.importorskip("foxglove", reason="needs the extra foxglove")
-    with served(rows, 0) as address:
+    seen: list[float] = []
+    with served(rows, 0, lambda: seen.append(time.monotonic())) as address:
+        assert np.diff(seen).max() < 0.2, "whoever waits for it can give signs of life"
         port = int(address.rpartition(":")[2])
         with pytest.raises(ParameterError, match=f"cannot serve live data at port {port}: "), served(rows, port):
             pass

@@ -310,6 +310,8 @@ def test_a_drive_of_six_bytes_tells_no_error_and_is_refused() -> None:
         ({"current_limit": 22.0}, "at most 17.64 N"),
         ({"watchdog": 0.002}, "three cycles"),
         ({"model": "AK99"}, "AK80-9"),
+        ({"temperature_zero": 41}, "0 or 40"),
+        ({"joint_counts_per_turn": 0.5}, "whole number"),
         ({"reply_id": 0}, "CANopen"),
         ({"reply_id": 0x1A0}, "CANopen"),
     ],
@@ -350,6 +352,9 @@ def test_a_limb_is_refused_where_nobody_can_see_the_timeout(tmp_path: Any) -> No
     require_watch(given_rig(tmp_path, f"{bus}no_limb = true\n"))
     with pytest.raises(SafetyError, match="EMG means a limb"):
         require_watch(given_rig(tmp_path, f'{bus}no_limb = true\n[emg]\nsource = "lsl:EMG"\n'))
+    suit = Rig(suit={"worn": True})
+    with pytest.raises(SafetyError, match="a suit means a limb"):  # of another axis
+        require_watch(given_rig(tmp_path, f"{bus}no_limb = true\n"), [suit])
     assert unseen_watch(Rig()) == ""
 
 

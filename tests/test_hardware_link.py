@@ -71,6 +71,41 @@ def test_what_is_for_the_whole_bus_follows_the_frames_of_all_drives_and_goes_out
     assert bus.sent == [0x080, 0x080]
 
 
+class Talkative(can.BusABC):
+    """A bus on which somebody says something every ten milliseconds; it is the clock as well."""
+
+    def __init__(self, last: int = 0x701) -> None:
+        self.time, self._last = 0, last
+        super().__init__(channel="memory")
+
+    def now(self) -> int:
+        return self.time
+
+    def sleep_until(self, deadline: int) -> None:
+        raise NotImplementedError
+
+    def send(self, msg: can.Message, timeout: float | None = None) -> None:
+        raise NotImplementedError
+
+    def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
+        if timeout == 0.0:  # what has waited
+            identifier, self._last = self._last, 0
+            return (frame(identifier) if identifier else None), True
+        self.time += 10_000_000
+        return frame(0x701), True
+
+
+def test_heartbeats_of_others_do_not_make_the_listening_longer_and_what_waits_at_its_end_counts() -> None:
+    bus = Talkative()
+    port = Links(bus).join(PLACE, "node 1", lambda _: True)
+    port.listen(1.0, lambda identifier, _: identifier == 0x001, bus)
+    assert bus.time == 1_000_000_000
+    bus = Talkative(last=0x001)
+    port = Links(bus).join(PLACE, "node 1", lambda _: True)
+    with pytest.raises(DriveError, match="another master is on the bus already"):
+        port.listen(1.0, lambda identifier, _: identifier == 0x001, bus)
+
+
 def test_what_cannot_be_sent_is_counted_and_raises_nothing() -> None:
     bus = Loopback()
     port = Links(bus).join(PLACE, "node 1", lambda _: True)

@@ -1,5 +1,6 @@
 """A rig with several axes: merged from its file, checked, packed, written back; and one without them as it was."""
 
+import json
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,9 @@ from bowden.core.errors import ParameterError
 from bowden.design.gains_text import with_axis_gains
 from bowden.live.axis_columns import COMMON, of_all, view
 from bowden.live.live_run import live_run
+from bowden.live.log_facts import facts
+from bowden.live.mcap_read import Recording
+from bowden.live.mcap_reader import Damage
 from bowden.live.row import CYCLE
 from bowden.rig.axes import Axis, merged
 from bowden.rig.rig import Rig
@@ -115,7 +119,25 @@ def test_sections_of_another_kind_begin_anew() -> None:
 
 
 TWO = '[[axis]]\nname = "hip"\n[axis.drive]\nnode_id = 1\n[[axis]]\nname = "knee"\n[axis.drive]\nnode_id = 2\n'
+AK = '[motor]\ngear = 9.0\ntorque_constant_nm_per_a = 0.091\n[drive]\nfamily = "ak_mit"\n'
+CIA402 = '[axis.motor]\ngear = 5.0\n[axis.drive]\nfamily = "cia402"\nnode_id = 2\n'
+HIP, KNEE = TWO.split('[[axis]]\nname = "knee"\n')
+MOTEUS = '[drive]\nfamily = "moteus"\n'
 BAD = {
+    r"drive.joint_node_id and drive.joint_node_id make the same frames \(0A0h\)": AK + TWO,
+    r"drive.node_id and drive.reply_id make the same frames \(001h\)": f"{AK}{TWO}joint_node_id = 33\nreply_id = 1\n",
+    r"drive.reply_id and drive.node_id make the same frames \(182h\)": (
+        f'{AK}{HIP}reply_id = 0x182\n[[axis]]\nname = "knee"\n{CIA402}'
+    ),
+    r"drive.joint_node_id and drive.node_id make the same frames \(082h\)": (
+        f'{AK}{HIP}joint_node_id = 2\n[[axis]]\nname = "knee"\n{CIA402}'
+    ),
+    r"drive.host_id and drive.node_id make the same frames \(702h\)": (
+        f'{HIP}host_id = 2\n[[axis]]\nname = "knee"\n{CIA402}'
+    ),
+    r"drive.node_id and drive.host_id make the same frames \(100h\)": f"{MOTEUS}{TWO}host_id = 1\n",
+    "1000000 bit/s and 500000 bit/s: name another channel": f"{TWO}bitrate = 500000\n",
+    "1000000 bit/s and 1000000 bit/s with CAN-FD": f'{TWO}family = "moteus"\n',
     "two axes have the name": TWO.replace("knee", "hip"),
     'axes "hip" and "knee" have one drive': TWO.replace("node_id = 2", "node_id = 1"),
     "bench.sample_time_ms of axis": f"{TWO}[axis.bench]\nsample_time_ms = 2.0\n",
@@ -130,10 +152,13 @@ BAD = {
     r'axis "knee": .*unknown key \'x\' in \[servo\]': f"{TWO}[axis.servo]\nx = 1\n",
     "axis \"knee\": .*limits.motor_high_deg is 'x'": f'{TWO}[axis.limits]\nmotor_high_deg = "x"\n',
     "axis is no list of sections": "axis = 3\n",
+    "axis is an empty list": "axis = []\n",
     "independent is 1; expected true or false": f"independent = 1\n{TWO}",
     r"in a rig without \[\[axis\]\]": "independent = true\n",
     'an axis has the name "law"': TWO.replace("knee", "law"),
     'an axis has the name "a.b"': TWO.replace("knee", "a.b"),
+    'an axis has the name "event_"': TWO.replace("knee", "event_"),
+    'an axis has the name "a__b"': TWO.replace("knee", "a__b"),
 }
 
 
@@ -142,6 +167,21 @@ def test_axes_that_cannot_be_in_one_loop_are_refused_with_what_is_wrong(said: st
     (tmp_path / "bad.toml").write_text(BAD[said])
     with pytest.raises(ParameterError, match=said):
         Rig.read(tmp_path / "bad.toml")
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        f"{AK}{TWO}joint_node_id = 33\n",
+        f'{AK}{HIP}reply_id = 9\n[[axis]]\nname = "k"\n[axis.drive]\nnode_id = 2\njoint_node_id = 33\nreply_id = 9\n',
+        f'{AK}{HIP}[[axis]]\nname = "knee"\n{CIA402}',
+        MOTEUS + TWO,
+        f'{TWO}channel = "other"\nbitrate = 500000\nhost_id = 1\n',
+    ],
+)
+def test_drives_whose_frames_differ_share_a_bus(text: str, tmp_path: Path) -> None:
+    (tmp_path / "leg.toml").write_text(text)
+    assert len(Rig.read(tmp_path / "leg.toml").axes) == 2
 
 
 def test_what_takes_one_axis_asks_for_its_name(leg: Rig) -> None:
@@ -191,6 +231,30 @@ def test_columns_of_an_axis_are_those_of_a_run_with_it_alone(leg: Rig) -> None:
     blocks = {"a": {"time": "s", "x": "1"}, "b": {"time": "s", "x": "1"}}
     assert of_all(blocks) == {"time": "s", "x": "1", "b.x": "1"}
     assert {*CYCLE} > COMMON
+
+
+def test_what_is_said_of_the_end_of_a_run_is_that_of_the_slowest_axis(leg: Rig) -> None:
+    hip, knee = leg.axis("hip"), leg.axis("knee")
+    quick = hip.replace(limits=hip.limits._replace(release_time=0.1))
+    patient = knee.replace(limits=knee.limits._replace(operator_age=0.5))
+    live = live_run(leg.replace(axes=(Axis("hip", quick), Axis("knee", patient))))
+    assert live.patience == hip.limits.operator_age < 0.5
+    late = hip.limits.operator_age + hip.limits.release_time + hip.sample_time
+    assert f"the power is off within {late:.2f} s" in live.losses()
+
+
+def test_what_a_log_says_of_one_axis_has_its_columns_alone(leg: Rig) -> None:
+    live = live_run(leg)
+    columns = live.columns()
+    texts = {"columns": json.dumps([*columns]), "units": json.dumps([*columns.values()])}
+    about = texts | {"start_utc_ns": "0", "software": "bowden"}
+    rows = np.zeros((2, len(columns)))
+    parts = (np.arange(2), rows, [], Damage(0, 0, 0), live.log_settings())
+    whole = Recording(about, None, (*columns,), (*columns.values(),), *parts)
+    knee = whole.axis("knee")
+    assert [*facts(knee)["columns"]] == [*knee.columns]
+    assert facts(knee)["columns"]["joint"] == "rad"
+    assert {*facts(whole)["columns"]} == {*columns}
 
 
 def test_the_log_of_a_run_knows_the_settings_of_each_axis(leg: Rig) -> None:

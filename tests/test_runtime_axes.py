@@ -1,6 +1,9 @@
 """Several axes in one loop on a clock of the tests': they begin and end together, whatever stops one of them."""
 
+from collections.abc import Sequence
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,12 +14,18 @@ from bowden.core.signals import DriveReading
 from bowden.cycle.one_cycle import Filters, WishSource
 from bowden.hardware.ports import Power
 from bowden.live.events import Changes
+from bowden.live.live_run import live_run
 from bowden.live.mcap_read import Recording
+from bowden.live.operator import why_not
 from bowden.live.preflight import Preflight
 from bowden.live.replay import replay
 from bowden.live.ring import Description
+from bowden.live.session import Session
+from bowden.live.session_axis import SessionAxis
 from bowden.live.stops import document, stops
 from bowden.live.together import PATIENCE, Together, mode_of_all, modes_of_all
+from bowden.rig.axes import Axis
+from bowden.rig.rig import Rig
 from bowden.safety.faults import Fault, of
 from bowden.safety.limits import Limits
 from bowden.safety.supervisor import Mode, Request
@@ -228,6 +237,30 @@ def test_a_broken_verdict_of_one_axis_switches_all_off_in_the_same_cycle(
     assert [one["mode"] for one in rig.rows_of(rows[-1])] == [float(Mode.LATCHED)] * 2
 
 
+def test_whatever_one_drive_does_all_are_told_off_and_let_go_of(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rig = AxesRig(tmp_path, LAW)
+    hip, knee = rig.drives
+
+    def broken(*_: object) -> None:
+        raise RuntimeError("broken")
+
+    def breaks(cycle: int, reading: DriveReading) -> DriveReading:
+        if cycle == 2000:
+            for name in ("write", "close"):
+                monkeypatch.setattr(hip, name, broken)
+            broken()
+        return reading
+
+    hip.misread = breaks
+    with pytest.raises(RuntimeError, match="broken"):
+        rig.loop.run()
+    assert knee.told[-2][0] is Power.ON
+    assert knee.told[-1][0] is Power.OFF
+    assert knee.closed == 1
+
+
 def test_what_is_asked_for_is_asked_of_all_or_of_none() -> None:
     pair = Together(2, independent=False)
     stopped, preflight, running, bridging, releasing, latched = map(float, Mode)
@@ -247,6 +280,8 @@ def test_what_is_asked_for_is_asked_of_all_or_of_none() -> None:
     assert alone.asked(ARM, [stopped, latched], [0.0, 8.0]) == [ARM, ARM]
     assert alone.shown([2.0**Fault.SLACK, 0.0]) == [0.0, 0.0]
     assert alone.outcomes([1.0, -1.0]) == [1.0, -1.0]
+    assert alone.over([True, False], [running, latched])
+    assert not alone.over([True, False], [running, bridging]), "a reading that is missing ends no axis' run"
 
 
 def test_the_others_are_shown_the_worst_of_an_axis_own_faults() -> None:
@@ -267,3 +302,38 @@ def test_the_mode_of_all_is_that_of_the_axis_furthest_from_rest(independent: boo
     assert modes_of_all(rows, independent=independent).tolist() == each
     assert mode_of_all((5.0, 0.0), independent=independent) == Mode.LATCHED
     assert mode_of_all((5.0, 2.0), independent=independent) == Mode.RUNNING
+
+
+def looked_at(tmp_path: Path, modes: Sequence[Mode], faults: Sequence[float], *, independent: bool) -> Any:
+    """A session of two axes that nobody has begun, and the row in which they are so."""
+    hip = Rig(law="bowden")
+    knee = hip.replace(drive=hip.drive._replace(node_id=2))
+    live = live_run(Rig(axes=(Axis("hip", hip), Axis("knee", knee)), independent=independent))
+    session, columns = Session(live, tmp_path / "x.mcap", remembers=False), (*live.columns(),)
+    session.axes = tuple(SessionAxis(one, columns, live.names, 0, remembers=False) for one in live.axes)
+    session.rows = SimpleNamespace(description=SimpleNamespace(columns=columns))  # type: ignore[assignment]
+    session.ready = {"drive": "both", "drives": ["hip's", "knee's"]}
+    values = dict.fromkeys(columns, 0.0)
+    for before, mode, bits in zip(("", "knee."), modes, faults, strict=True):
+        values |= {f"{before}mode": float(mode), f"{before}faults": bits}
+    values["knee.preflight_reason"] = 1.0
+    return session, session.row_of(np.array([*values.values()]))
+
+
+def test_what_one_axis_has_is_told_of_it_alone(tmp_path: Path) -> None:
+    session, row = looked_at(tmp_path, (Mode.RUNNING, Mode.LATCHED), (0.0, 2.0**Fault.DRIVE_FAULT), independent=True)
+    assert Mode(int(row["mode"])) == Mode.RUNNING
+    assert of(row["faults"]) == [Fault.DRIVE_FAULT], "of all"
+    hip, knee = (axis.of(row) for axis in session.axes)
+    assert (hip["faults"], hip["preflight_reason"], knee["preflight_reason"]) == (0.0, 0.0, 1.0)
+    assert [one.axis for one in session.faults(row)] == ["knee"]
+    assert session.drive_said(row) == "knee: knee's"
+
+
+def test_a_key_that_moves_one_axis_that_goes_alone_is_not_said_to_do_nothing(tmp_path: Path) -> None:
+    modes, none = (Mode.RUNNING, Mode.STOPPED), (0.0, 0.0)
+    session, row = looked_at(tmp_path, modes, none, independent=True)
+    assert why_not(Request.ARM, session.judged(row)) == ""
+    session, row = looked_at(tmp_path, modes, none, independent=False)
+    assert why_not(Request.ARM, session.judged(row)) == "it is armed"
+    assert why_not(Request.ARM, session.judged(None)) == ""

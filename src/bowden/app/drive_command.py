@@ -57,7 +57,7 @@ def probe(rig: Rig_, axis: Axis = None, channel: Channel = None, json: Json = Fa
         state = f"; {one.state.lower().replace('_', ' ')}" if one.state else ""
         ours = "  ← [drive] of this rig" if str(one.node) == bus.get("node") else ""
         print(f"  {one.node:3d}  {one.what}: {one.identity}{state}{ours}")
-    say_next("drive", "monitor", rig)
+    say_next("drive", "monitor", rig, *_asked(axis, channel))
 
 
 def monitor(
@@ -91,7 +91,7 @@ def monitor(
         print_json({"drive": identity, **_document(look), "said": said, "seconds": seconds()})
     else:
         _print_summary(look, said)
-        say_next("confirm", rig)
+        say_next("confirm", rig, *_asked(axis, channel))
 
 
 def zero(
@@ -108,12 +108,13 @@ def zero(
     """
     from bowden.core.errors import ParameterError
     from bowden.core.units import RADIANS
-    from bowden.live.drive_look import zero_keys
+    from bowden.live.drive_look import require_zero, zero_keys
 
     for name, value in (("--motor-deg", motor_deg), ("--joint-deg", joint_deg)):
         if not math.isfinite(value):
             raise ParameterError(f"{name} is {value:g}", expected="degrees", do="correct it")
     given = read_given(rig, axis).on_bus(channel)
+    require_zero(given.drive)
     with _brought_up(given) as (drive, identity):
         _tell(identity)
         *_, look = _looked(drive, given, _SETTLE)
@@ -126,10 +127,17 @@ def zero(
     if not keys:
         print("The present position has these angles already.")
         return
-    print("Write these lines below [drive] of the rig, in place of those that are there:")
+    where = "[drive] of the rig" if axis is None else f"[axis.drive] of the axis {axis}"
+    print(f"Write these lines below {where}, in place of those that are there:")
     for name, value in keys.items():
         print(f"  {name} = {value:g}")
-    say_next("confirm", rig)
+    say_next("confirm", rig, *_asked(axis, channel))
+
+
+def _asked(axis: str | None, channel: str | None) -> list[str]:
+    """The same options for the next command."""
+    given = (("--axis", axis), ("--channel", channel))
+    return [word for name, one in given if one is not None for word in (name, one)]
 
 
 _SETTLE = 0.1

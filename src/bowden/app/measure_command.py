@@ -51,7 +51,7 @@ def measure(
     require(live.limits, live.rig.sample_time, "holds")  # no gains take part
     if not twin:
         require_watch(given)
-        require_confirmed(given)
+        require_confirmed(given, axis or "")
     for note in (*live.notes, unseen_watch(given)):
         if note:
             print(f"bowden: note: {note}", file=sys.stderr)

@@ -61,13 +61,15 @@ def run(
     refuse_without_keys(auto, json)
     if foxglove is not None:
         require(foxglove)
+    if console:
+        import bowden.console.open  # noqa: F401  # now: it takes longer than an operator may be silent
     given = shortened(read_given(rig, axis, several=True), duration).with_law(law, preset).on_bus(channel)
     given = given if emg is None else given.with_emg(emg)
     if not twin:
         refuse_over_ssh(given, attended=attended)
     with (
         ending_signals() as ending,
-        live_session(given, rig.name, twin=twin, out=out, force=force, tell=_tell) as session,
+        live_session(given, rig.name, twin=twin, out=out, force=force, tell=_tell, alone=axis or "") as session,
     ):
         if not json:
             _tell(session.live.losses())
@@ -81,7 +83,7 @@ def run(
         print_json(found | {"seconds": seconds()})
     else:
         print_summary(found)
-        _say_next(rig, found, law, preset)
+        _say_next(rig, found, law, preset, axis)
     if not found["ended_well"] or found["cycles_logged"] < (found["cycles"] or 0):
         raise typer.Exit(1)
 
@@ -94,7 +96,7 @@ def _live_data(session: "Session", port: int | None) -> Iterator[None]:
         return
     from bowden.live.foxglove_process import served
 
-    with served(session.rows.path, port) as address:
+    with served(session.rows.path, port, session.beat) as address:
         print(f"Live data for Foxglove: {address}", file=sys.stderr, flush=True)
         yield
 
@@ -111,13 +113,17 @@ def _page(session: "Session", name: str, *, twin: bool, console: bool) -> Iterat
         yield stopped
 
 
-def _say_next(rig: Path, found: dict[str, Any], law: str | None, preset: str | None) -> None:
-    """The export of what has run; what ended a run that did not end as asked."""
+def _say_next(rig: Path, found: dict[str, Any], law: str | None, preset: str | None, axis: str | None) -> None:
+    """The export of what has run, of each axis; what ended a run that did not end as asked."""
     if not found["ended_well"]:
         say_next("log", "info" if found["log_whole"] else "recover", found["log"])
         return
-    options = [word for name, one in (("--law", law), ("--preset", preset)) if one is not None for word in (name, one)]
-    say_next("export", rig, *options, "--to", free_name(Path("firmware") / found["law"]))
+    given = (("--law", law), ("--preset", preset))
+    options = [word for name, one in given if one is not None for word in (name, one)]
+    for one in found.get("axes", [{"name": axis, "law": found["law"]}]):
+        of_axis = [] if one["name"] is None else ["--axis", one["name"]]
+        folder = Path("firmware", one["law"] if axis == one["name"] else one["name"])
+        say_next("export", rig, *options, *of_axis, "--to", free_name(folder))
 
 
 def _tell(note: str) -> None:

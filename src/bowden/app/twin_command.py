@@ -65,8 +65,10 @@ def twin(
     if talks:
         _talk(given, inject, after, lasting, clear, json)
     else:
-        words = shlex.join([str(rig), *(["--channel", channel] if channel else [])])
-        _run(given, object_ or [], words, json, until_orphaned)
+        named = (("--axis", axis), ("--channel", channel))
+        words = [str(rig), *(word for name, one in named if one for word in (name, one))]
+        also = ["--interface", interface] if interface else []
+        _run(given, object_ or [], (words, [*words, *also]), json, until_orphaned)
 
 
 def _talk(rig: "Rig", inject: str | None, after: float, lasting: float | None, clear: bool, json: bool) -> None:
@@ -110,7 +112,8 @@ def _given(rig: Path, axis: str | None) -> "Rig":
     return Rig.unpack(sys.stdin.buffer.read()) if rig == Path("-") else read_given(rig, axis)
 
 
-def _run(rig: "Rig", objects: list[str], words: str, json: bool, until_orphaned: bool) -> None:
+def _run(rig: "Rig", objects: list[str], words: tuple[list[str], list[str]], json: bool, until_orphaned: bool) -> None:
+    """Be the twin; `words` are those with which ``bowden run`` and ``bowden twin`` find it."""
     from bowden.core.clock import SECOND, MonotonicClock
     from bowden.hardware.drives.family import family_of
     from bowden.hardware.twin.twin import raise_priority
@@ -135,7 +138,8 @@ def _run(rig: "Rig", objects: list[str], words: str, json: bool, until_orphaned:
         print_json(where | {"rig": rig.hash, "realtime": realtime, "seconds": seconds()})
     else:
         print(f"twin: {', '.join(f'{key} {value}' for key, value in where.items())}")
-        print(f"It runs until Ctrl-C. In another terminal: bowden run {words}, or bowden twin {words} --status")
+        of_run, of_twin = map(shlex.join, words)
+        print(f"It runs until Ctrl-C. In another terminal: bowden run {of_run}, or bowden twin {of_twin} --status")
         if not realtime:
             print("bowden: note: no real-time priority; allow it with: ulimit -r 50", file=sys.stderr)
     sys.stdout.flush()

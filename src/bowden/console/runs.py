@@ -296,7 +296,7 @@ class RunOwner:
             self._see(session)
             if late := self.stamps.why_not(asked.seen, self.clock.now()):
                 return late
-        why = why_not(asked.request, self.seen.row)
+        why = why_not(asked.request, session.judged(self.seen.row))
         if not why:
             session.ask(asked.request)
             if asked.request == Request.ARM:

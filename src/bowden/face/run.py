@@ -98,6 +98,7 @@ def live_session(
     measure: bool = False,
     checked: "CheckVerdict | None" = None,
     about: Mapping[str, str] | None = None,
+    alone: str = "",
 ) -> Iterator["Session"]:
     """A session of a rig's own law, checked, or of its excitation; see `run`.
 
@@ -111,6 +112,7 @@ def live_session(
         measure: move the motor through the excitation, in place of a law; nothing is checked then.
         checked: what the check says of this rig and its law, where it has been asked already.
         about: who and what for, for the log; see `Session`.
+        alone: name of the axis that the rig is, of a file with several.
     """
     from bowden.design.verdict import CheckVerdict, verdicts
     from bowden.hardware.drives.family import family_of
@@ -124,8 +126,8 @@ def live_session(
     for axis in () if twin else live.axes:  # another run's bus is refused at once; the drive claims it for good
         family_of(axis.rig.drive).claim(axis.rig.drive)()
         with asked_for_by(f"axis {quoted(axis.name)}") if axis.name else contextlib.nullcontext():
-            require_watch(axis.rig)
-        require_confirmed(axis.rig, axis.name)
+            require_watch(axis.rig, [other.rig for other in live.axes])
+        require_confirmed(axis.rig, axis.name or alone)
     with contextlib.ExitStack() as stack:
         emg_process = None if live.emg is None else stack.enter_context(contextlib.closing(EmgProcess(rig)))
         pushing = live.pushing.notes([live.law], force=force) if live.pushing else []

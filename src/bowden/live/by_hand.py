@@ -13,16 +13,17 @@ import hashlib
 import json
 import math
 import shlex
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
-from bowden.core.clock import SECOND, TimeSource, unix_seconds
+from bowden.core.clock import TimeSource, unix_seconds
 from bowden.core.errors import DriveError, OutputError, SafetyError
 from bowden.core.files import state_folder, whole_file
-from bowden.core.signals import DriveReading, DriveState
+from bowden.core.signals import DriveReading
 from bowden.core.units import DEGREES, RADIANS
 from bowden.hardware.drives.family import family_of
-from bowden.hardware.ports import Drive, Power
+from bowden.hardware.ports import Drive
+from bowden.live.drive_look import looked_at
 from bowden.rig.rig import Rig
 from bowden.safety.limits import Limits
 
@@ -104,12 +105,9 @@ def turned(
 def _until(drive: Drive, lines: Callable[[], str | None], clock: TimeSource, period: float) -> tuple[DriveReading, str]:
     """Cycles without power until a line is entered and both angles are there; the last reading and that line."""
     missing, entered = 0, None
-    while True:
-        now = clock.now()
-        reading = drive.read(now / SECOND)
-        drive.write(0.0, Power.OFF, now / SECOND)
-        if reading.drive_state in (DriveState.OPERATION_ENABLED, DriveState.QUICK_STOP_ACTIVE):
-            raise DriveError("the drive has torque although it was switched off", do="press the emergency stop")
+    for look in looked_at(drive, clock, period):
+        reading = look.last
+        assert reading is not None
         angles = ((reading.motor, reading.motor_age), (reading.joint, reading.joint_age))
         there = all(math.isfinite(angle) and age <= _OLD for angle, age in angles)
         missing = 0 if there else missing + 1
@@ -118,7 +116,7 @@ def _until(drive: Drive, lines: Callable[[], str | None], clock: TimeSource, per
         entered = lines() if entered is None else entered
         if entered is not None and not missing:
             return reading, entered
-        clock.sleep_until(now + round(period * SECOND))
+    raise AssertionError  # it has no end of its own
 
 
 def _path(rig: Rig) -> Path:
@@ -194,8 +192,12 @@ def unseen_watch(rig: Rig) -> str:
     )
 
 
-def require_watch(rig: Rig) -> None:
+def require_watch(rig: Rig, beside: Iterable[Rig] = ()) -> None:
     """Refuse a limb in a rig whose drive nobody can see to take its torque off when its host dies.
+
+    Args:
+        rig: with the drive.
+        beside: rigs of the other axes, in which there may be one.
 
     Raises:
         SafetyError: there is one, or nobody has said that there is none.
@@ -203,13 +205,14 @@ def require_watch(rig: Rig) -> None:
     family, unseen = family_of(rig.drive), unseen_watch(rig)
     if not unseen or family.simulated(rig.drive):
         return
+    there = (rig, *beside)
     limbs = (
-        ("a suit", rig.worn is not None),
-        ("EMG", rig.emg_run is not None),
-        ("admittance", rig.pushing is not None),
+        ("a suit", any(one.worn is not None for one in there)),
+        ("EMG", any(one.emg_run is not None for one in there)),
+        ("admittance", any(one.pushing is not None for one in there)),
     )
-    for what, there in limbs:
-        if there:
+    for what, means in limbs:
+        if means:
             raise SafetyError(
                 f"{what} means a limb, and {family.unseen_watch(rig.drive)}",
                 expected="a drive whose watch over its host is tried or read back at every start",

@@ -84,25 +84,34 @@ def looked_at(drive: Drive, clock: TimeSource, period: float, seconds: float = m
         clock.sleep_until(deadline)
 
 
+def require_zero(given: Any) -> None:
+    """Refuse a drive whose zero a rig does not set, before its bus is opened.
+
+    Raises:
+        DriveError: this family's zero is set with its maker's tool.
+    """
+    family = family_of(given)
+    if family.zeroed is None:
+        raise DriveError(
+            f"the zero of a drive of the family {family.name} is not found by this command",
+            do="set it with its maker's tool, or the home angles in [drive] by what bowden drive monitor shows",
+        )
+
+
 def zero_keys(given: Any, parameters: Any, reading: DriveReading, motor: float, joint: float) -> dict[str, float]:
     """The keys of [drive] with which what was read is at these angles, as they stand in rig.toml, in its units.
 
     Args:
-        given: the drive's parameters as the rig has them.
+        given: the drive's parameters as the rig has them, of a family that `require_zero` takes.
         parameters: the same with what the rig asks for.
         reading: what was read.
         motor: angle of the motor there [rad].
         joint: angle of the joint there [rad].
 
     Raises:
-        DriveError: nothing was read, or this family's zero is set with its maker's tool.
+        DriveError: nothing was read.
     """
-    family = family_of(given)
-    if family.zeroed is None:
-        raise DriveError(
-            f"the zero of a drive of the family {family.name} is not set by a rig",
-            do="set it with its maker's tool, as docs/hardware.md says",
-        )
-    zeroed = family.zeroed(parameters, reading, motor, joint)
+    require_zero(given)
+    zeroed = family_of(given).zeroed(parameters, reading, motor, joint)  # type: ignore[misc]
     changed = [one for one in declared(type(given)) if getattr(zeroed, one.name) != getattr(parameters, one.name)]
     return {one.quantity.named(one.name): in_file(getattr(zeroed, one.name), one.quantity) for one in changed}

@@ -8,10 +8,11 @@ package foxglove-sdk.
 
 import contextlib
 import json
+import select
 import subprocess
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -26,12 +27,13 @@ _ENDS = 5.0
 
 
 @contextlib.contextmanager
-def served(ring: Path, port: int) -> Iterator[str]:
+def served(ring: Path, port: int, waiting: Callable[[], None] = lambda: None) -> Iterator[str]:
     """Serve a ring's rows while it is open; the address, for Foxglove's *Open connection*.
 
     Args:
         ring: path of the run's.
         port: where to listen; 0 for any that is free.
+        waiting: called again and again while the process starts, which takes longer than an operator may be silent.
 
     Raises:
         ParameterError: the package is missing, or the port is taken.
@@ -43,6 +45,8 @@ def served(ring: Path, port: int) -> Iterator[str]:
     assert process.stdin is not None
     assert process.stdout is not None
     try:
+        while not select.select([process.stdout], [], [], PERIOD)[0]:
+            waiting()
         said = json.loads(process.stdout.readline() or '{"error": "its process ended"}')
         if "error" in said:
             raise ParameterError(

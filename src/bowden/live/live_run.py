@@ -90,6 +90,11 @@ class Live:
         return self.whole is not None and self.whole.independent
 
     @property
+    def patience(self) -> float:
+        """Age of the operator's sign of life at which the run is ended; of several axes the smallest [s]."""
+        return min(axis.limits.operator_age for axis in self.axes)
+
+    @property
     def length(self) -> float:
         """Of the run, without what comes before the law or the motion leads [s]."""
         return max(len(axis.table) for axis in self.axes) * self.rig.sample_time
@@ -140,10 +145,11 @@ class Live:
 
     def losses(self) -> str:
         """How soon the power is off when somebody of the run is gone, for whoever starts it."""
-        limits, late = self.limits, longest_release(self.limits) + self.rig.sample_time
+        limits = max((axis.limits for axis in self.axes), key=longest_release)
+        late = longest_release(limits) + self.rig.sample_time
         how = f"let down at {limits.lowering / RADIANS:.0f}°/s" if limits.loaded else "let out"
         what = f"the {'arm' if limits.loaded else 'cable'} is {how}"
-        off = f"{limits.operator_age + late:.2f} s (operator_age_s of [limits])"
+        off = f"{self.patience + late:.2f} s (operator_age_s of [limits])"
         said = f"if this terminal closes, or this command is killed, {what}; the power is off within {off}"
         if self.emg is None:
             return said

@@ -3,6 +3,7 @@
 Of several axes all are read, then all are judged, then all are written, so that the buses carry their frames together.
 """
 
+import contextlib
 import functools
 import operator
 from collections.abc import Sequence
@@ -15,7 +16,7 @@ from bowden.core.signals import DriveReading, DriveState
 from bowden.cycle.one_cycle import HOLD, NOWHERE, Cycle, Plan
 from bowden.cycle.torque_offset import TorqueOffset
 from bowden.hardware.emg.course import EmgCourse
-from bowden.hardware.ports import Drive, Power
+from bowden.hardware.ports import Drive, Power, TorqueLeft
 from bowden.live.control_block import ControlBlock
 from bowden.live.gain_ramp import GainRamp, step_all
 from bowden.live.ring import RingWriter, Row
@@ -233,8 +234,7 @@ class Loop:
             self._off()
             raise
         finally:
-            left = [axis.drive.close() for axis in self._axes]
-            self._ring.close()
+            left = self._close()
         ended = [
             EndedAxis(int(axis.mode), int(axis.verdict.faults), int(torque), int(axis.script.reason))
             for axis, torque in zip(self._axes, left, strict=True)
@@ -251,10 +251,20 @@ class Loop:
         )
 
     def _off(self) -> None:
-        """No drive waits for the end of another one's `close`."""
+        """No drive waits for the end of another one's `close`; all are told, since SYNC follows the frames of all."""
         now = self._clock.now() * 1e-9
-        for axis in self._axes[1:]:
-            axis.drive.write(axis.target, Power.OFF, now)
+        for axis in self._axes:
+            with contextlib.suppress(Exception):  # what ended the loop may be one of them
+                axis.drive.write(axis.target, Power.OFF, now)
+
+    def _close(self) -> list[TorqueLeft]:
+        """Let go of each drive, and of the ring, whatever becomes of another one."""
+        left: list[TorqueLeft] = []
+        with contextlib.ExitStack() as stack:
+            stack.callback(self._ring.close)
+            for axis in reversed(self._axes):
+                stack.callback(lambda drive=axis.drive: left.append(drive.close()))
+        return left
 
     def _run(self) -> tuple[int, int, float]:
         clock, axes, first, together = self._clock, self._axes, self._axes[0], self._together

@@ -84,9 +84,10 @@ def _cycle(live: "Live", given: dict[str, Any]) -> int:
         named = [f"{axis.name}: {drive}" if axis.name else drive for axis, drive in zip(live.axes, drives, strict=True)]
         _say("ready", {"drive": "; ".join(named), "drives": drives, "grants": [asdict(grant) for grant in grants]})
     except BaseException:
-        for one in parts:
-            one.drive.close()
-        ring.close()
+        with contextlib.ExitStack() as stack:  # each, whatever becomes of another one
+            stack.callback(ring.close)
+            for one in reversed(parts):
+                stack.callback(one.drive.close)
         raise
     drives_of = [axis.rig.drive_parameters for axis in live.axes]
     try:

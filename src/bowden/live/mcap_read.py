@@ -1,5 +1,6 @@
 """The log of a run in memory: whole, some of its columns, or as traces of a part of its rows."""
 
+import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -60,6 +61,7 @@ class Recording:
         label, others = f"{name}: ", tuple(f"{other}: " for other in names if other != name)
         return replace(
             self,
+            about=_about_of(self.about, names, name),
             columns=seen.columns,
             units=tuple(self.units[i] for i in seen.places),
             rows=self.rows[:, list(seen.places)],
@@ -93,6 +95,14 @@ class Recording:
             LogError: there is no row.
         """
         return _trace(self, self.rows)
+
+
+def _about_of(about: Mapping[str, str], names: Sequence[str], name: str) -> dict[str, str]:
+    """What a log says of itself, with the columns of one axis alone."""
+    columns, units = (json.loads(about.get(key, "[]")) for key in ("columns", "units"))
+    seen = view(columns, names, name)
+    own = {"columns": [*seen.columns], "units": [units[place] for place in seen.places]}
+    return {**about, **{key: json.dumps(value, ensure_ascii=False) for key, value in own.items() if key in about}}
 
 
 def columns_of(log: LogReader, axis: str) -> tuple[str, ...]:

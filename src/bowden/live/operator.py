@@ -8,7 +8,7 @@ import sys
 import termios
 import threading
 import tty
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from types import FrameType
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -159,7 +159,8 @@ def operate(
             if pressed == "q":
                 return
             if pressed in _KEYS:
-                answer, pressed_in = ignored(_KEYS[pressed], row), -1.0 if row is None else row["mode"]
+                answer = ignored(_KEYS[pressed], session.judged(row))
+                pressed_in = -1.0 if row is None else row["mode"]
                 session.ask(_KEYS[pressed])
             looks += 1
             if looks % _REMEMBER == 0 and row is not None:
@@ -167,15 +168,25 @@ def operate(
             session.wait(0.5 * _LOOK if auto else 0.0)
 
 
-def ignored(request: Request, row: dict[str, float] | None) -> str:
+def ignored(request: Request, rows: Sequence[Mapping[str, float]]) -> str:
     """Why a key does nothing in this state; empty where it does something, or nothing is known."""
-    why = why_not(request, row)
+    why = why_not(request, rows)
     return f"{_LETTERS[request]} does nothing now: {_NAMED.get(why, why)}" if why else ""
 
 
-def why_not(request: Request, row: dict[str, float] | None) -> str:
-    """Why a request does nothing in this state, in words of no terminal; empty likewise."""
-    if row is None or request == Request.STOP:
+def why_not(request: Request, rows: Sequence[Mapping[str, float]]) -> str:
+    """Why a request does nothing in this state, in words of no terminal; empty likewise.
+
+    Args:
+        request: of the operator.
+        rows: `Session.judged`: it does something where it does so by one of them.
+    """
+    why = [_why_not(request, row) for row in rows]
+    return why[0] if why and all(why) else ""
+
+
+def _why_not(request: Request, row: Mapping[str, float]) -> str:
+    if request == Request.STOP:
         return ""
     mode, shown = Mode(int(row["mode"])), faults.of(row["faults"])
     if request == Request.ACKNOWLEDGE:

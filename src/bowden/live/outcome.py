@@ -39,7 +39,7 @@ def why(session: "Session") -> list[str]:
     stalled = 1e3 * ended.get("stalled", 0.0)
     left = torque_left(TorqueLeft(ended.get("torque", TorqueLeft.UNKNOWN)), twin=session.on_twin)
     gone = ended.get("unattended", 0.0)
-    alone = unattended(gone, session.live.limits.operator_age) if gone else ""
+    alone = unattended(gone, session.live.patience) if gone else ""
     by = [] if alone else _faults(session)
     found = [left, STALLED.format(stalled) if stalled else "", alone, *by, ended.get("reason"), session.error]
     return [one for one in found if one]

@@ -42,7 +42,7 @@ from bowden.live.ring_status import RecorderState
 from bowden.live.row import AT, described
 from bowden.live.session_axis import SessionAxis
 from bowden.live.stops import AxisFaults, told_apart
-from bowden.live.together import mode_of_all, of_all
+from bowden.live.together import OF_ALL, mode_of_all, of_all
 from bowden.rig.axes import Axis
 from bowden.rig.declaration import at, items_of
 from bowden.rig.rig import Rig
@@ -367,9 +367,20 @@ class Session:
         return None if row is None else self.row_of(row)
 
     def row_of(self, row: Row) -> dict[str, float]:
-        """A row of the ring by its columns, as `last` gives it."""
+        """A row of the ring by its columns, as `last` gives it.
+
+        What the first axis has in place of what is said there of all has its name: ``hip.mode``.
+        """
         found = dict(zip(self.rows.description.columns, row.tolist(), strict=True))
-        return found | of_all([axis.of(found) for axis in self.axes], independent=self.live.independent)
+        own = {f"{name}.{column}": found[column] for name in self.live.names[:1] for column in OF_ALL}
+        of_each = [axis.of(found) for axis in self.axes]
+        return found | own | of_all(of_each, independent=self.live.independent)
+
+    def judged(self, row: Mapping[str, float] | None) -> list[Mapping[str, float]]:
+        """What a request is judged by, of a row of `last`: that of all, or of axes that go alone that of each."""
+        if row is None:
+            return []
+        return [axis.of(row) for axis in self.axes] if self.live.independent else [row]
 
     @property
     def came(self) -> dict[Fault, float]:
@@ -683,8 +694,9 @@ def own_twin(rig: Rig, *, measure: bool = False) -> Iterator[Rig]:
             place = family_of(own.drive).address(own.drive)
             bus = (place.get("interface", ""), place.get("channel", name))
             channel = buses.setdefault(bus, folder / f"{len(buses)}" if rig.axes else folder)
-            options = ["--axis", name] if name else []
-            asked = shlex.join(["bowden", "twin", file, *options, "--channel", str(channel)])
+            options = [*(["--axis", name] if name else []), "--channel", str(channel)]
+            options += [] if place.get("interface") == UNIX else ["--interface", UNIX]
+            asked = shlex.join(["bowden", "twin", file, *options])
             print(f"bowden: note: the twin's bus is {channel}: {asked}", file=sys.stderr)
             twin = stack.enter_context(running_twin(own, channel, ["--interface", UNIX]))
             beside = patient(own, measure=measure)

@@ -13,6 +13,7 @@ from bowden.live.gain_ramp import in_force
 from bowden.live.live_run import Live
 from bowden.live.row import AT
 from bowden.live.stops import onsets
+from bowden.live.together import OF_ALL
 from bowden.live.twin_scenario import TwinScenario
 from bowden.models.drive.thermal import cold
 from bowden.safety.faults import Fault
@@ -90,11 +91,12 @@ class SessionAxis:
         return dict(zip(self.columns, (row if self._places is None else row[self._places]).tolist(), strict=True))
 
     def of(self, row: Mapping[str, float]) -> dict[str, float]:
-        """The same of a row that has names."""
+        """The same of a row that has names, as `Session.last` gives it or as the ring has it."""
         if self._places is None:
             return dict(row)
         named = list(row.values())
-        return {name: named[place] for name, place in zip(self.columns, self._places.tolist(), strict=True)}
+        own = {name: named[place] for name, place in zip(self.columns, self._places.tolist(), strict=True)}
+        return own | {name: row[column] for name in OF_ALL if (column := f"{self.name}.{name}") in row}
 
     def gains(self, row: Mapping[str, float] | None) -> dict[str, float]:
         """Gain → its value in force, by this axis' newest row."""

@@ -47,7 +47,7 @@ def document(session: "Session") -> dict[str, Any]:
         "faults": [fault.meaning for fault in faults.of(ended.get("faults", 0))],
         "remedies": [stops.remedy_of(fault, twin=session.on_twin) for fault in faults.of(ended.get("faults", 0))],
         "stalled_ms": round(1e3 * ended.get("stalled", 0.0), 3) or None,
-        "unattended": stops.unattended(gone, session.live.limits.operator_age) if gone else None,
+        "unattended": stops.unattended(gone, session.live.patience) if gone else None,
         "stops": stops.document(log, session.live.limits._asdict(), twin=session.on_twin),
         "preflight": ended.get("reason") or None,
         "emergencies": [

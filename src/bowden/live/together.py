@@ -20,6 +20,7 @@ PATIENCE = 20
 """Cycles that the axes may need to begin to run, one after the other: a bridged reading keeps one back for 5."""
 _NONE, _ARM, _RUN, _STOP = (float(one) for one in (Request.NONE, Request.ARM, Request.RUN, Request.STOP))
 _STOPPED, _PREFLIGHT, _RUNNING = float(Mode.STOPPED), float(Mode.PREFLIGHT), float(Mode.RUNNING)
+_UNDER_WAY = frozenset({_RUNNING, float(Mode.BRIDGING)})
 _ON = frozenset({_PREFLIGHT, _RUNNING, float(Mode.BRIDGING)})
 _OFF = frozenset({_STOPPED, float(Mode.LATCHED)})
 
@@ -90,8 +91,8 @@ class Together:
             done: whether each axis' script has.
             modes: of each axis after the cycle before.
         """
-        running = [ended for ended, mode in zip(done, modes, strict=True) if mode == _RUNNING]
-        return bool(running) and all(running) and (self._independent or len(running) == self._count)
+        led = [ended for ended, mode in zip(done, modes, strict=True) if mode in _UNDER_WAY]
+        return _RUNNING in modes and all(led) and (self._independent or len(led) == self._count)
 
 
 _ORDER = (Mode.STOPPED, Mode.LATCHED, Mode.PREFLIGHT, Mode.RUNNING, Mode.BRIDGING, Mode.RELEASING)

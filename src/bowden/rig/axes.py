@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from bowden.core.errors import ParameterError, near
 from bowden.core.toml_text import quoted
+from bowden.hardware.drives import on_can
 from bowden.hardware.drives.family import family_of
 from bowden.rig.sections import DEFAULT_FAMILY, Control, RigFile
 
@@ -28,7 +29,8 @@ RESERVED = frozenset({*("cycle", "event", "law", "supervisor", "conditioned", "e
     "admittance", "axis", "all"
 })  # fmt: skip
 """Beginnings of columns of a log; an axis' columns begin with its name."""
-_NAME = re.compile(r"[a-z][a-z0-9_]{0,23}")
+_NAME = re.compile(r"(?!.{25})[a-z][a-z0-9]*(_[a-z0-9]+)*")
+"""What stays as it is where it becomes a log's topic: no _ at its end, and no two in a row (`live.mcap_layout`)."""
 _KINDS: Mapping[str, Any] = {"family": DEFAULT_FAMILY, "law": Control().law, "model": None, "plant": None}
 """Keys of which another value makes another section of it → what stands for one that is left out."""
 _FIRST_KINDS: Mapping[str, str] = {"reference": "periodic_minimum_jerk", "bend": "constant"}
@@ -66,6 +68,8 @@ def split(tree: Mapping[str, Any], where: str) -> tuple[dict[str, Any], list[Axi
         raise ParameterError(f"{where}: independent is {independent!r}", expected="true or false", do=_CORRECT)
     if not isinstance(given, list) or not all(isinstance(one, Mapping) for one in given):
         raise ParameterError(f"{where}: axis is no list of sections", expected="[[axis]] for each", do=_CORRECT)
+    if AXIS in tree and not given:
+        raise ParameterError(f"{where}: axis is an empty list", expected=f"{FEWEST} to {MOST} axes", do="delete it")
     if INDEPENDENT in tree and AXIS not in tree:
         raise ParameterError(
             f"{where}: independent is {str(independent).lower()} in a rig without [[axis]]",
@@ -136,7 +140,9 @@ def check(axes: Sequence[Axis], where: str) -> None:
         if not _NAME.fullmatch(name) or name in RESERVED:
             raise ParameterError(
                 f"{where}: an axis has the name {quoted(name)}",
-                expected=f"small letters, digits and _, 24 at most, and none of {', '.join(sorted(RESERVED))}",
+                expected=(
+                    f"small letters, digits and _ between them, 24 at most, and none of {', '.join(sorted(RESERVED))}"
+                ),
                 do="rename it",
             )
         if rig.axes:
@@ -154,6 +160,9 @@ def _twice(axes: Sequence[Axis]) -> Iterator[str]:
             if place == family_of(another.drive).address(another.drive):
                 said = ", ".join(f"{key} {value}" for key, value in place.items())
                 yield f"axes {quoted(other)} and {quoted(name)} have one drive ({family.name}, {said})"
+            collision = on_can.collision(another.drive, rig.drive)
+            if collision:
+                yield f"axes {quoted(other)} and {quoted(name)} {collision}"
 
 
 def _apart(axes: Sequence[Axis]) -> Iterator[str]:

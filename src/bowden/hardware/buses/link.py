@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import can
 
+from bowden.core.clock import SECOND, MonotonicClock, TimeSource
 from bowden.core.errors import DriveError
 from bowden.hardware.buses.opening import BusClaim, claim, open_bus, quieten, taker
 
@@ -230,19 +231,24 @@ class BusPort:
                 return message.arbitration_id, bytes(message.data)
         return None
 
-    def listen(self, span: float, is_foreign: Callable[[int, bytes], bool]) -> None:
+    def listen(self, span: float, is_foreign: Callable[[int, bytes], bool], clock: TimeSource | None = None) -> None:
         """Listen for a `span` [s] before anything is said: another master shows in it.
 
+        What waits at its end is looked at too: a computer that stalls is no silence.
+
         Args:
-            span: of silence in sum; frames of others do not shorten it.
+            span: how long, however much is said by others.
             is_foreign: whether a frame is one that only this host may send, or an answer to one.
+            clock: to go by, in place of this computer's.
 
         Raises:
             DriveError: there is another master.
         """
-        silent = 0
+        clock = clock or MonotonicClock()
+        silent, ends = 0, clock.now() + round(span * SECOND)
         for _ in range(_MOST_LISTENED):
-            frame = self.wait_for(lambda identifier, data: True, _LISTENED)
+            over = clock.now() >= ends
+            frame = self.wait_for(lambda identifier, data: True, 0.0 if over else _LISTENED)
             if frame is None:
                 silent += 1
             elif is_foreign(*frame):
@@ -251,7 +257,7 @@ class BusPort:
                     expected="one host",
                     do="end the other run or program first, or correct the drive's number in [drive]",
                 )
-            if silent * _LISTENED >= span:
+            if silent * _LISTENED >= span or (over and frame is None):
                 return
 
     def leave(self) -> None:
@@ -266,7 +272,7 @@ class BusPort:
 
 _LISTENED = 0.02
 """Without a frame, counted as this much of a silence [s]."""
-_MOST_LISTENED = 4000
-"""Frames after which a bus that is never silent has been listened to for long enough."""
+_MOST_LISTENED = 20_000
+"""Frames after which a bus has been listened to for long enough: more than it carries in a second."""
 _MOST_WAITING = 64
 """Frames that wait for one drive at most, the newest of them, and that one call looks at: a flood holds up no loop."""

@@ -10,7 +10,7 @@ from bowden.hardware.drives import joint_encoder as joints
 from bowden.hardware.drives import on_can
 from bowden.hardware.drives.ak_frames import HIGHEST_KD, HIGHEST_KP, HIGHEST_POSITION, MODELS, AkModel
 from bowden.hardware.drives.family import DriveNeeds
-from bowden.hardware.drives.joint_encoder import check_beside, joint_encoder_of
+from bowden.hardware.drives.joint_encoder import check_beside, identifiers_of, joint_encoder_of
 from bowden.hardware.drives.scale import Scale, SuitScale, spool_scale
 from bowden.models.suit.suit_angle import SpoolMap
 
@@ -80,7 +80,7 @@ class AkParameters(NamedTuple):
         Quantity("true where no limb can be in the rig; such a drive is powered on no other, as its timeout is unseen"),
     ] = False
     temperature_zero: Annotated[
-        int, Quantity("what the drive's temperature byte says at 0 °C: 0, or 40 by later editions of its manual", ge=0)
+        Literal[0, 40], Quantity("what the drive's temperature byte says at 0 °C: 40 by later editions of its manual")
     ] = 0
     joint: joints.JointSource = "cia406"
     joint_node_id: joints.JointNode = 32
@@ -105,6 +105,11 @@ class AkParameters(NamedTuple):
     answer_timeout: on_can.AnswerTimeout = 0.1
     spool: SpoolMap | None = None
     """Of a suit: motor angles are the joint's, and the spool turns as this says (`models.suit.suit_angle`)."""
+
+    def identifiers(self) -> dict[int, str]:
+        """See `on_can.collision`; replies have the drive's number in them, so that several drives may share theirs."""
+        replies = {reply_id(self): "reply_id"}
+        return {**identifiers_of(joint_encoder_of(self)), **replies, self.node_id: "node_id"}
 
 
 ROOM = 0.2
@@ -185,6 +190,8 @@ def check_parameters(drive: AkParameters) -> None:
         ("channel", named, "the name of a bus"),
         ("node_id", 1 <= drive.node_id <= 127, "a number from 1 to 127"),
         ("reply_id", -1 <= drive.reply_id <= 2047, "an identifier of 11 bits, or -1"),
+        ("joint_counts_per_turn", _whole(drive.joint_counts_per_turn), "a whole number from 1 on"),
+        ("temperature_zero", drive.temperature_zero in (0, 40), "0 or 40"),
         ("motor_direction", drive.motor_direction in (1, -1), "1 or -1"),
         ("stiffness", 0.0 < drive.stiffness <= HIGHEST_KP, f"above 0, at most {HIGHEST_KP:g} N·m/rad"),
         ("damping", 0.0 <= drive.damping <= HIGHEST_KD, f"from 0 to {HIGHEST_KD:g} N·m·s/rad"),
@@ -232,3 +239,7 @@ def check_parameters(drive: AkParameters) -> None:
                 expected="an angle within the motor's range in [limits]",
             )
     check_beside(encoder, {drive.node_id: "node_id", reply_id(drive): "reply_id"})
+
+
+def _whole(counts: float) -> bool:
+    return counts >= 1.0 and float(counts).is_integer()

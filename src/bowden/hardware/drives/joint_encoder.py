@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 from bowden.core.errors import DriveError, ParameterError
 from bowden.core.quantity import Quantity
 from bowden.hardware.drives import canopen_frames as frames
+from bowden.hardware.drives import on_can
 from bowden.hardware.drives.limited_range import LimitedRange
 from bowden.hardware.drives.scale import Scale
 
@@ -87,6 +88,19 @@ def joint_encoder_of(drive: Any) -> JointEncoderParameters | None:
     )
 
 
+def identifiers_of(encoder: JointEncoderParameters | None) -> dict[int, str]:
+    """Identifier of each frame of the device and to it → key of [drive] that it follows from; the network's have none.
+
+    Args:
+        encoder: of a rig, or None.
+    """
+    if encoder is None:
+        return {}
+    functions = (frames.EMERGENCY, frames.TPDO1, frames.SDO_ANSWER, frames.SDO_REQUEST, frames.HEARTBEAT)
+    own = {function + encoder.node_id: "joint_node_id" for function in functions}
+    return own | dict.fromkeys((frames.NMT, frames.SYNC), on_can.OF_ALL)
+
+
 def check_beside(encoder: JointEncoderParameters | None, taken: dict[int, str]) -> None:
     """Refuse identifiers of a drive that are CANopen's own on the same bus.
 
@@ -97,10 +111,7 @@ def check_beside(encoder: JointEncoderParameters | None, taken: dict[int, str]) 
     Raises:
         ParameterError: one of them is the network's, or the encoder's.
     """
-    if encoder is None:
-        return
-    functions = (frames.SYNC, frames.TPDO1, frames.SDO_ANSWER, frames.SDO_REQUEST, frames.HEARTBEAT)
-    own = {frames.NMT, frames.SYNC, *(function + encoder.node_id for function in functions)}
+    own = identifiers_of(encoder)
     for identifier, key in taken.items():
         if identifier in own:
             raise ParameterError(

@@ -94,6 +94,10 @@ class MoteusParameters(NamedTuple):
     spool: SpoolMap | None = None
     """Of a suit: motor angles are the joint's, and the spool turns as this says (`models.suit.suit_angle`)."""
 
+    def identifiers(self) -> dict[int, str]:
+        """See `on_can.collision`: of an identifier the sender's part, since each receiver knows senders by it."""
+        return {self.host_id << 8: "host_id", self.node_id << 8: "node_id"}
+
 
 def most_push(drive: MoteusParameters) -> float:
     """Largest torque offset that is allowed, at the spool; infinite where no current is asked for [N·m]."""

@@ -1,6 +1,7 @@
 """What families of drives on a CAN bus have in common, whatever they speak: where they are, and who is their host.
 
-Their parameters have the fields `interface`, `channel`, `bitrate` and `node_id`.
+Their parameters have the fields `interface`, `channel`, `bitrate` and `node_id`, with CAN-FD `data_bitrate` too, and a
+method `identifiers`, see `collision`.
 """
 
 from collections.abc import Callable, Mapping
@@ -33,6 +34,37 @@ def moved(parameters: Any, channel: str | None, interface: str | None) -> Any:
 def address(parameters: Any) -> Mapping[str, str]:
     """Bus and number."""
     return {"interface": parameters.interface, "channel": parameters.channel, "node": str(parameters.node_id)}
+
+
+OF_ALL = ""
+"""In place of a key: what all nodes of a network share."""
+_SHARED = frozenset({OF_ALL, "host_id", "reply_id"})
+"""Keys whose frames two drives may have in common."""
+
+
+def collision(one: Any, other: Any) -> str:
+    """What keeps two drives from being on one bus, where they are; empty of others.
+
+    Their frames must differ: a drive whose number is that of another one's encoder would be led by that one's joint.
+    `identifiers` of their parameters says which there are: identifier → key of [drive] that it follows from.
+
+    Args:
+        one: parameters of a drive.
+        other: those of another, of any family.
+    """
+    if any(getattr(one, key, None) != getattr(other, key, "") for key in ("interface", "channel")):
+        return ""
+    rates = [(drive.bitrate, getattr(drive, "data_bitrate", 0)) for drive in (one, other)]
+    if rates[0] != rates[1]:
+        said = " and ".join(f"{slow} bit/s{f' with CAN-FD at {quick} bit/s' if quick else ''}" for slow, quick in rates)
+        return f"share the bus {one.channel}, but speak at {said}: name another channel"
+    ours, theirs = (drive.identifiers() if hasattr(drive, "identifiers") else {} for drive in (one, other))
+    for identifier in sorted({*ours} & {*theirs}):
+        keys = ours[identifier], theirs[identifier]
+        if keys[0] != keys[1] or keys[0] not in _SHARED:
+            said = " and ".join(f"drive.{key}" if key else "the network" for key in keys)
+            return f"share the bus {one.channel}, and {said} make the same frames ({identifier:03X}h)"
+    return ""
 
 
 def place(parameters: Any) -> "BusPlace":

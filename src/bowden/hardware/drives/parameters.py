@@ -6,6 +6,7 @@ from typing import Annotated, Literal, NamedTuple
 from bowden.core.errors import DriveError, ParameterError
 from bowden.core.quantity import Quantity
 from bowden.core.signals import DriveReading
+from bowden.hardware.drives import canopen_frames as frames
 from bowden.hardware.drives import on_can
 from bowden.hardware.drives.scale import Scale, SuitScale, spool_scale
 from bowden.models.suit.suit_angle import SpoolMap, motor_of, spool_of
@@ -96,6 +97,14 @@ class DriveParameters(NamedTuple):
     ] = 0.3
     spool: SpoolMap | None = None
     """Of a suit: motor angles are the joint's, and the spool turns as this says (`models.suit.suit_angle`)."""
+
+    def identifiers(self) -> dict[int, str]:
+        """See `on_can.collision`; all drives on a bus may have one host."""
+        node, host = self.node_id, frames.HEARTBEAT + self.host_id
+        to_it = frames.of_the_host(node, self.host_id) - {frames.NMT, frames.SYNC, host}
+        functions = (frames.EMERGENCY, frames.TPDO1, frames.TPDO2, frames.TPDO3, frames.SDO_ANSWER, frames.HEARTBEAT)
+        own = dict.fromkeys((*to_it, *(function + node for function in functions)), "node_id")
+        return {**own, host: "host_id", **dict.fromkeys((frames.NMT, frames.SYNC), on_can.OF_ALL)}
 
 
 MOST_PUSH = 0.5
