@@ -169,6 +169,8 @@ class TwinBench:
     has_cable = True
     interaction = None
     """See `TwinPlant.interaction`."""
+    servo_gains: tuple[float, float] | None = None
+    """See `TwinPlant.servo_gains`."""
 
     def __init__(
         self,
