@@ -72,10 +72,13 @@ def twin(
 def _talk(rig: "Rig", inject: str | None, after: float, lasting: float | None, clear: bool, json: bool) -> None:
     from bowden.hardware.drives.family import family_of
     from bowden.hardware.twin.control import TwinControl
-    from bowden.hardware.twin.injection import parse
+    from bowden.hardware.twin.injection import OF_LOAD_CELL, parse
 
-    if inject:
-        parse(inject)  # what is no fault is said first
+    limits = rig.supervisor_limits
+    if inject and parse(inject).name in OF_LOAD_CELL and limits.measures_tension + limits.measures_torque == 0.0:
+        raise ParameterError(
+            f"{inject} is of a load cell, and the rig has none", expected="another fault, or [load_cell] in the rig"
+        )
     with TwinControl(family_of(rig.drive).control(rig.drive)) as running:
         if clear:
             running.clear()
@@ -115,7 +118,7 @@ def _run(rig: "Rig", objects: list[str], words: str, json: bool, until_orphaned:
     from bowden.hardware.drives.family import family_of
     from bowden.hardware.twin.twin import raise_priority
     from bowden.live.left_behind import sweep
-    from bowden.rig.twin_plant import twin_plant_of
+    from bowden.rig.twin_plant import attach_load_cell, twin_plant_of
 
     monotonic = MonotonicClock()
 
@@ -125,6 +128,7 @@ def _run(rig: "Rig", objects: list[str], words: str, json: bool, until_orphaned:
     drive = rig.drive_parameters
     family = family_of(drive)
     running = family.twin(drive, twin_plant_of(rig, clock()), clock, objects)
+    attach_load_cell(running, rig)
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, lambda *_: running.stop())
     if until_orphaned:

@@ -163,6 +163,8 @@ class Live:
             light=limits.released_current if limits.homed else math.inf,
             low=limits.motor_low,
             high=limits.motor_high,
+            tension=limits.measures_tension,
+            torque=limits.measures_torque,
         )
         suit = self.rig.worn
         checks = checks if suit is None else on_suit(checks, suit)
@@ -231,7 +233,8 @@ def live_run(rig: Rig, *, measure: bool = False, logged: Rig | None = None) -> L
     emg = None if measure else rig.emg_run
     pushing = None if measure else rig.pushing
     if pushing is not None:
-        pushing, more = live_pushing(pushing, limits, most_push(rig.drive, rig.drive_needs), by_emg=emg is not None)
+        strongest = most_push(rig.drive, rig.drive_needs)
+        pushing, more = live_pushing(pushing, limits, strongest, by_emg=emg is not None)
         notes = (*notes, *more)
     if emg is not None:
         _check_range(emg, limits)

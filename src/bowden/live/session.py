@@ -716,7 +716,7 @@ def patient(rig: Rig, *, measure: bool = False) -> Rig:
         rig: of the run.
         measure: see `own_twin`.
     """
-    limits, usual = rig.limits, Limits()
+    limits, usual, cell = rig.limits, Limits(), rig.load_cell
     late = math.floor(limits.lateness / rig.sample_time + 1e-9)
     wider: dict[str, Any] = {
         "reading_age": max(limits.reading_age, float(min(late, _OLDEST))),
@@ -726,10 +726,14 @@ def patient(rig: Rig, *, measure: bool = False) -> Rig:
         wider |= {"reading_age": float(_OLDEST), "lateness": 0.5 * PATIENCE}
         wider |= {"heartbeat_age": 0.6 * PATIENCE, "clock_gap": PATIENCE}
     changed = {name: value for name, value in wider.items() if getattr(limits, name) == getattr(usual, name)}
-    return rig.replace(limits=limits._replace(**changed))
+    if cell.there and cell.silence == type(cell)().silence:
+        cell = cell._replace(silence=min(late * rig.sample_time, _SILENT))
+    return rig.replace(limits=limits._replace(**changed), load_cell=cell)
 
 
 PATIENCE = 1.0
 """How long a run on a twin of the command's own goes on without a sign of life [s]; on hardware `operator_age`."""
+_SILENT = 50e-3
+"""What the load cell's `silence` may be at most [s]."""
 _OLDEST = 50
 """Cycles; what `reading_age` may be at most."""

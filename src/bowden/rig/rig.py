@@ -24,6 +24,8 @@ from bowden.core.toml_text import quoted
 from bowden.core.units import DEGREES, RADIANS
 from bowden.cycle.one_cycle import Filters
 from bowden.hardware.drives.family import DriveNeeds, family_of
+from bowden.hardware.drives.load_cell import LoadCellParameters
+from bowden.hardware.ports import Drive
 from bowden.hardware.realtime import Settings
 from bowden.identify.cable.fit import Fit
 from bowden.identify.cable.loads import JointFit
@@ -145,6 +147,8 @@ class Rig:
     """Motor angle before the start; None: the joint is where the reference starts [rad]."""
     drive: Any = DRIVE
     """Parameters of a family of drives. What only the rig itself says of it; `drive_parameters` is the whole."""
+    load_cell: LoadCellParameters = PARTS["load_cell"].default
+    """A load cell on a CAN bus; one at the drive's own input is in `drive`."""
     limits: Limits = PARTS["limits"].default
     """What only the rig itself says of them; `supervisor_limits` is the whole."""
     live: LiveSettings = PARTS["live"].default
@@ -903,7 +907,7 @@ class Rig:
     def supervisor_limits(self) -> Limits:
         """All limits of the supervisor, those that follow from other parts too."""
         dead_zone = _WIDER * self.knowledge.width
-        return live_parts.limits(self.limits, self.bench, self.drive, dead_zone, self.worn)
+        return live_parts.limits(self.limits, self.bench, self.drive, dead_zone, self.worn, self.load_cell)
 
     @cached_property
     def drive_needs(self) -> DriveNeeds:
@@ -921,7 +925,19 @@ class Rig:
         Raises:
             ParameterError: values that make no sense together.
         """
+        live_parts.check_load(self.drive, self.load_cell, self.supervisor_limits, self.sample_time)
         return live_parts.drive_parameters(self.drive, self.drive_needs)
+
+    def open_drive(self, links: Any) -> Drive:
+        """The drive, with the load cell beside it where there is one; nothing is sent before it is brought up.
+
+        Args:
+            links: the buses of this process, `hardware.buses.link.Links`.
+
+        Raises:
+            ParameterError: values that make no sense together.
+        """
+        return live_parts.opened(self.drive_parameters, self.load_cell, links)
 
     def on_bus(self, channel: str | None, interface: str | None = None) -> "Rig":
         """The rig with its drive on another bus, where one is given.
@@ -935,7 +951,9 @@ class Rig:
         if self.axes:
             return self._with_axes(lambda rig: rig.on_bus(channel, interface))
         moved = family_of(self.drive).moved(self.drive, channel, interface)
-        return self if moved == self.drive else self.replace(drive=moved)
+        cell = live_parts.moved_cell(self.load_cell, channel, interface)
+        same = moved == self.drive and cell == self.load_cell
+        return self if same else self.replace(drive=moved, load_cell=cell)
 
     @property
     def system(self) -> Settings:

@@ -16,6 +16,7 @@ from bowden.core.errors import ParameterError
 from bowden.core.quantity import Quantity
 from bowden.core.units import RADIANS
 from bowden.hardware.drives import family as drive_families
+from bowden.hardware.drives.load_cell import LoadCellParameters
 from bowden.identify.cable.counting import Counting
 from bowden.models.cable.bouc_wen import BoucWen
 from bowden.rig.bends import ConstantBend, RandomBend, ScriptedBend
@@ -129,6 +130,7 @@ PARTS: Mapping[str, Part] = {
         "What the supervisor allows, and the motor's thermal model; see docs/safety.md.",
         rounded(Limits(), 4),
     ),
+    "load_cell": _part("LoadCellSection", LoadCellParameters.__doc__ or "", LoadCellParameters()),
     "live": _part("LiveSection", LiveSettings.__doc__ or "", LiveSettings()),
     "emg": _part("EmgSection", EmgSettings.__doc__ or "", rounded(EmgSettings(), 4)),
 }
@@ -294,6 +296,7 @@ RigFile: type[Section] = create_model(
     reference=(_one_of(REFERENCE_KINDS), REFERENCE_KINDS["periodic_minimum_jerk"]()),
     scenario=_section(_ScenarioSection),
     drive=_DRIVE_SECTION,
+    load_cell=_section(PARTS["load_cell"].section),
     limits=_section(PARTS["limits"].section),
     live=_section(PARTS["live"].section),
     emg=_section(PARTS["emg"].section),
