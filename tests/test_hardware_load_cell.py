@@ -15,7 +15,7 @@ from bowden.hardware.buses.link import BusPlace, Links
 from bowden.hardware.drives import canopen_frames as frames
 from bowden.hardware.drives.ak_drive import AkDrive
 from bowden.hardware.drives.ak_parameters import AkParameters
-from bowden.hardware.drives.load_cell import VALUE_32, LoadCell, LoadCellParameters
+from bowden.hardware.drives.load_cell import VALUE_32, LoadCellParameters, LoadCellReader
 from bowden.hardware.drives.parameters import DriveParameters, load_of, load_range, tared
 from bowden.hardware.drives.with_load_cell import DriveWithLoadCell
 from bowden.hardware.ports import Power, TorqueLeft
@@ -146,8 +146,8 @@ def test_stuck_turned_and_drifting_cells_say_so_in_their_readings() -> None:
 
 
 def test_what_a_device_calls_invalid_or_an_emergency_is_none() -> None:
-    cell = LoadCell(NODE, 0.1)
-    cell._standing.begin()
+    cell = LoadCellReader(NODE, 0.1)
+    cell._health.begin()
     data = (2250).to_bytes(4, "little", signed=True)
     cell.take(frames.TPDO1 + 33, data + b"\0", 1.0)
     assert cell.value(1.0) == 20.0
@@ -169,8 +169,8 @@ def test_what_a_device_calls_invalid_or_an_emergency_is_none() -> None:
 @settings(max_examples=300, deadline=None)
 def test_no_frame_makes_more_than_its_number(identifier: int, data: bytes) -> None:
     for given_ in (NODE, PLAIN, NODE._replace(measures="torque")):
-        cell = LoadCell(given_, 0.1)
-        cell._standing.begin()
+        cell = LoadCellReader(given_, 0.1)
+        cell._health.begin()
         cell.take(identifier, data, 1.0)
         value = cell.value(1.0)
         assert math.isnan(value) or abs(value) <= max(abs(given_.value(end)) for end in given_.ends)
@@ -201,7 +201,7 @@ def test_nobody_there_and_frames_too_short_are_told() -> None:
     for _ in range(5):
         loop.bus.put(0x1F1, b"\1\2")
     with pytest.raises(DriveError, match="have 2 bytes"):
-        LoadCell(PLAIN._replace(identifier=0x1F1), 0.1).bring_up(port)
+        LoadCellReader(PLAIN._replace(identifier=0x1F1), 0.1).bring_up(port)
 
 
 class _Nothing:
@@ -212,7 +212,7 @@ class _Nothing:
 def test_two_nodes_with_frames_of_one_identifier_are_refused() -> None:
     links = Links(MemoryBus())
     links.join(PLACE, "node 1", lambda identifier: identifier & 0x7F == 1)
-    cell = LoadCell(PLAIN._replace(identifier=0x181), 0.1)
+    cell = LoadCellReader(PLAIN._replace(identifier=0x181), 0.1)
     with pytest.raises(DriveError, match="both have frames 181h"):
         links.join(PLACE, cell.node, cell.wants, sends=cell.sends)
     other = Links(MemoryBus())

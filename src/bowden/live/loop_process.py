@@ -70,7 +70,8 @@ def _cycle(live: "Live", given: dict[str, Any]) -> int:
         drive = axis.rig.open_drive(links)
         parts.append(AxisParts(drive, cycle, axis.script(course), course, axis.push()))
     ring, block = RingWriter(Path(given["ring"])), ControlBlock(Path(given["block"]))
-    loop = Loop(parts, ring, block, MonotonicClock(), given["start_ns"], independent=live.independent)
+    start, alone = given["start_ns"], live.independent
+    loop = Loop(parts, ring, block, MonotonicClock(), start, independent=alone, joints=live.joints)
     for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
         signal.signal(number, lambda *_: loop.quit())
     try:

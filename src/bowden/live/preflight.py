@@ -57,6 +57,8 @@ class Preflight(NamedTuple):
     """1 where the cable's tension is measured."""
     torque: float = 0.0
     """1 where the joint's torque is measured."""
+    load_sign: float = 1.0
+    """−1 of a cable that is let out in this motion, since another one pulls the joint: its load falls."""
 
 
 class Step(IntEnum):
@@ -236,7 +238,8 @@ def step(
         return _fail(state, Reason.SLACK_WRONG_WAY)
     moved = (state.far_joint - state.joint) * settings.pull_sign * settings.slope_sign
     # a torque has the joint's sign, a tension that of no direction
-    risen = (state.far_load - state.load) * (settings.pull_sign * settings.slope_sign if settings.torque else 1.0)
+    way = settings.pull_sign * settings.slope_sign if settings.torque else settings.load_sign
+    risen = (state.far_load - state.load) * way
     span = state.load_high - state.load_low
     watched = settings.tension + settings.torque > 0.0
     if watched and risen < -span and moved >= settings.moved:
@@ -253,12 +256,13 @@ def step(
     return _answer(state._replace(step=float(Step.OUT), since=0.0, amplitude=larger, charge=0.0), state.motor)
 
 
-def contradictions(limits: Limits, dt: float) -> list[str]:
+def contradictions(limits: Limits, dt: float, *, opposed: bool = False) -> list[str]:
     """What in a rig's limits cannot go together, in sentences; empty if all can.
 
     Args:
         limits: the supervisor's.
         dt: cycle time [s].
+        opposed: whether the cable pulls the joint down, against another one: it is let out as the joint goes up.
     """
     written = partial(_written, limits)
     reaction = limits.bridge_time + 2.0 * dt
@@ -348,7 +352,7 @@ def contradictions(limits: Limits, dt: float) -> list[str]:
     if limits.slack_sign not in (-1.0, 1.0):
         found.append(f"{written('slack_sign')} is neither −1 nor 1")
     out, back = (limits.motor_low, limits.motor_high)[:: 1 if limits.slack_sign < 0.0 else -1]
-    if abs(out) > abs(back):
+    if abs(out) > abs(back) and not opposed:
         found.append(
             f"{written('slack_sign')} lets the cable out towards the far end of the motor's range "
             f"({written('motor_low', 'motor_high')}), but there it pulls, since it is just taut at zero"
@@ -378,18 +382,19 @@ def _written(limits: Limits, *names: str) -> str:
     return ", ".join(said)
 
 
-def require(limits: Limits, dt: float, verdict: str) -> None:
+def require(limits: Limits, dt: float, verdict: str, *, opposed: bool = False) -> None:
     """Refuse a run whose limits contradict one another, or whose gains do not hold.
 
     Args:
         limits: the supervisor's.
         dt: cycle time [s].
         verdict: of `bowden check` on these gains (`design.check.VerdictName`).
+        opposed: see `contradictions`.
 
     Raises:
         SafetyError: with every contradiction, or the verdict.
     """
-    found = contradictions(limits, dt)
+    found = contradictions(limits, dt, opposed=opposed)
     if found:
         raise SafetyError(f"limits contradict one another: {'; '.join(found)}", do="correct them in rig.toml")
     if verdict not in ("holds", "little_margin", "limit_cycle"):

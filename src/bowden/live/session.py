@@ -673,12 +673,13 @@ def own_twin(rig: Rig, *, measure: bool = False) -> Iterator[Rig]:
             this computer does not let run.
     """
     from bowden.hardware.buses.opening import UNIX
-    from bowden.live.twin_process import running_twin
+    from bowden.live.twin_process import RunningTwin, running_twin
 
     with left_behind.bus_of_this() as folder, contextlib.ExitStack() as stack:
         file = rig.origin if Path(rig.origin).suffix else "RIG.toml"
         buses: dict[tuple[str, str], Path] = {}
         axes: list[Axis] = []
+        paired: RunningTwin | None = None
         for name, own in rig.parts:
             place = family_of(own.drive).address(own.drive)
             bus = (place.get("interface", ""), place.get("channel", name))
@@ -686,7 +687,12 @@ def own_twin(rig: Rig, *, measure: bool = False) -> Iterator[Rig]:
             options = ["--axis", name] if name else []
             asked = shlex.join(["bowden", "twin", file, *options, "--channel", str(channel)])
             print(f"bowden: note: the twin's bus is {channel}: {asked}", file=sys.stderr)
-            twin = stack.enter_context(running_twin(own, channel, ["--interface", UNIX]))
+            if not (rig.pair.there and name in rig.pair.names):
+                twin = stack.enter_context(running_twin(own, channel, ["--interface", UNIX]))
+            elif paired is None:
+                twin = paired = stack.enter_context(running_twin(rig, channel, ["--interface", UNIX]))
+            else:
+                twin = paired
             beside = patient(own, measure=measure)
             if measure:
                 twin.control.wait(PATIENCE)

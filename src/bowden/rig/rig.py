@@ -51,9 +51,11 @@ from bowden.rig.bends import Bend, ConstantBend, RandomBend, ScriptedBend
 from bowden.rig.checked import Gains, checked, checked_number, shown
 from bowden.rig.compose_admittance import Pushing, pushing_of
 from bowden.rig.compose_suit import suit_of
+from bowden.rig.declaration import tree_of as section_tree
 from bowden.rig.emg_setup import EmgRun
 from bowden.rig.given_law import LawFile
 from bowden.rig.given_plant import PlantFile
+from bowden.rig.pair import NO_PAIR, PairSettings, check_pair
 from bowden.rig.recorded import held
 from bowden.rig.sections import (
     DEFAULT_CABLE,
@@ -158,6 +160,8 @@ class Rig:
     itself says is then what is common."""
     independent: bool = False
     """Whether an axis that is stopped by a fault leaves the others running."""
+    pair: PairSettings = NO_PAIR
+    """Two of the axes that pull one joint either way."""
     origin: str = field(default="Rig", compare=False)
     """The file that it was read from, for messages."""
     remarks: tuple[str, ...] = field(default=(), compare=False)
@@ -208,8 +212,10 @@ class Rig:
                 do='make them: axes=(("hip", rig), ("knee", rig.replace(…)))',
             )
         object.__setattr__(self, "axes", tuple(Axis(*one) for one in self.axes))
+        object.__setattr__(self, "pair", checked(self.pair, PairSettings, "pair", NO_PAIR))
         if self.axes:
             several.check(self.axes, self.origin)
+        check_pair(self.pair, self.axes, self.independent, self.origin)
 
     def _check_clock(self) -> None:
         """What the length of a run depends on, with the messages that the command line knows."""
@@ -352,7 +358,8 @@ class Rig:
 
     @property
     def _independence(self) -> dict[str, Any]:
-        return {several.INDEPENDENT: True} if self.independent else {}
+        pair = {several.PAIR: section_tree(self.pair)} if self.pair.there else {}
+        return pair | ({several.INDEPENDENT: True} if self.independent else {})
 
     def to_toml(self) -> str:
         """The rig as the text of a rig.toml, which `read` reads back to the same hash.
@@ -970,7 +977,7 @@ class Rig:
         return live_parts.filters(self.live, self.sample_time)
 
 
-_OF_THE_WHOLE = ("axes", "independent", "origin", "remarks")
+_OF_THE_WHOLE = ("axes", "independent", "pair", "origin", "remarks")
 """Fields of a rig with axes that are not those of each axis."""
 _LOOKED_AT, _INSTANTS = 60.0, 601
 """Of a reference: for how long it is looked at [s], and how often."""

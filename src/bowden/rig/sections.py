@@ -21,6 +21,7 @@ from bowden.identify.cable.counting import Counting
 from bowden.models.cable.bouc_wen import BoucWen
 from bowden.rig.bends import ConstantBend, RandomBend, ScriptedBend
 from bowden.rig.declaration import Section, at, items_of, key_of, rounded, section_of
+from bowden.rig.pair import PairSettings
 from bowden.rig.presets.bench import chirp, default_bench, document, minimum_jerk
 from bowden.rig.settings import AdmittanceSettings, EmgSettings, LiveSettings, SuitSettings, WearerSettings
 from bowden.safety.limits import Limits
@@ -135,6 +136,9 @@ PARTS: Mapping[str, Part] = {
     "emg": _part("EmgSection", EmgSettings.__doc__ or "", rounded(EmgSettings(), 4)),
 }
 """Field of a rig → the part that stands for it, of those whose section holds nothing else."""
+
+PAIR = _part("PairSection", PairSettings.__doc__ or "", PairSettings())
+"""[pair], which stands beside [[axis]]."""
 
 REFERENCES: Mapping[str, Part] = {
     tag: Part(kind, default, section_of(f"{kind.__name__}Section", text, kind, default, tag=tag))

@@ -126,7 +126,7 @@ class Fault(IntEnum):
     OVER_TORQUE = (3, 3, 0.004, "too much torque on the joint", "|joint torque| > torque_high, where measured",
                    "first check for a caught limb or a jam")
     LOAD_STUCK = (2, 2, 0.008, "load cell does not change",
-                  "not a count's change while the motor travels as far as for JOINT_FROZEN",
+                  "not a count's change over frozen_travel of the motor, the cable's dead zone taken off",
                   "look at the load cell, its amplifier and how it sends")
 # fmt: on
 

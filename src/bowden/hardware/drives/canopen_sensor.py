@@ -78,7 +78,7 @@ def try_sync(node: "Dialogue", what: str, value: str, do: str) -> None:
         raise DriveError(f"{node.name}, {what}, sends nothing at a SYNC", expected=f"{value} in TPDO 1", do=do)
 
 
-class Standing:
+class SensorHealth:
     """Whether what a device sends may be believed; `begin` once, then `take` for each of its frames.
 
     Args:

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 from bowden.core.errors import DriveError, ParameterError
 from bowden.core.quantity import Quantity
 from bowden.hardware.drives import canopen_frames as frames
-from bowden.hardware.drives.canopen_sensor import HOST, SYNCED, Standing, send_in_tpdo1, try_sync
+from bowden.hardware.drives.canopen_sensor import HOST, SYNCED, SensorHealth, send_in_tpdo1, try_sync
 from bowden.hardware.drives.limited_range import LimitedRange
 from bowden.hardware.drives.scale import Scale
 
@@ -116,7 +116,7 @@ class JointEncoder:
 
     def __init__(self, parameters: JointEncoderParameters, timeout: float) -> None:
         self._given, self._timeout, self._node = parameters, timeout, parameters.node_id
-        self._standing = Standing(parameters.node_id)
+        self._health = SensorHealth(parameters.node_id)
         self._scale = Scale(1.0, 0.0)
         self._turns = LimitedRange(math.inf)
 
@@ -131,7 +131,7 @@ class JointEncoder:
 
     def foreign(self, identifier: int) -> bool:
         """Whether a frame is one that only its host may send."""
-        return identifier in self._standing.ours
+        return identifier in self._health.ours
 
     def bring_up(self, bus: "can.BusABC") -> str:
         """Find, check and configure it, and start it; who it is, in one line.
@@ -168,14 +168,14 @@ class JointEncoder:
         self._turns = LimitedRange(span)
         if span > 0.0:
             self._turns.follow(at_home if given.here else 0.0)  # angles begin within half a range of home
-        self._standing.begin()
+        self._health.begin()
         return who
 
     def read(self, identifier: int, data: bytes, now: float) -> float | None:
         """The joint's angle, if this frame brings one [rad]; takes in what it says of itself."""
-        if self._standing.take(identifier, data, now) and len(data) == 4:
+        if self._health.take(identifier, data, now) and len(data) == 4:
             counts = self._turns.follow(float(int.from_bytes(data, "little")))
-            if self._standing.good(now):
+            if self._health.good(now):
                 return self._scale.angle(counts)
         return None
 

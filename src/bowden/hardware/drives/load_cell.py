@@ -23,7 +23,7 @@ from bowden.core.errors import DriveError, ParameterError
 from bowden.core.quantity import Quantity
 from bowden.hardware.buses.unix_bus import EXTENDED
 from bowden.hardware.drives import canopen_frames as frames
-from bowden.hardware.drives.canopen_sensor import HOST, SYNCED, Standing, send_in_tpdo1, try_sync
+from bowden.hardware.drives.canopen_sensor import HOST, SYNCED, SensorHealth, send_in_tpdo1, try_sync
 
 if TYPE_CHECKING:
     from bowden.hardware.buses.link import BusPort
@@ -172,7 +172,7 @@ def check_cell(cell: LoadCellParameters, sample_time: float, most: float, key: s
             )
 
 
-class LoadCell:
+class LoadCellReader:
     """The device, while its drive runs: `bring_up` once, then `take` for each of its frames, and `value`.
 
     Args:
@@ -182,7 +182,7 @@ class LoadCell:
 
     def __init__(self, given: LoadCellParameters, timeout: float) -> None:
         self.given, self._timeout = given, timeout
-        self._standing = Standing(given.node_id)
+        self._health = SensorHealth(given.node_id)
         self._frame = given.identifier | EXTENDED * given.extended
         self._wide = True
         self._value, self._came = math.nan, math.nan
@@ -212,7 +212,7 @@ class LoadCell:
 
     def foreign(self, identifier: int) -> bool:
         """Whether a frame is one that only its host may send."""
-        return self.given.source == "cia404" and identifier in self._standing.ours
+        return self.given.source == "cia404" and identifier in self._health.ours
 
     def bring_up(self, port: "BusPort") -> str:
         """Find, check and configure it, and start it; who it is, in one line.
@@ -265,7 +265,7 @@ class LoadCell:
             who = (
                 f"{node.text(0x1008) or 'a measuring device'} at {node.name}, {abs(given.scale):g} {given.unit} a count"
             )
-        self._standing.begin()
+        self._health.begin()
         return f"{who}{said}"
 
     def _mapped(self, node: "Dialogue") -> tuple[int, ...]:
@@ -301,7 +301,7 @@ class LoadCell:
                 self._has(int.from_bytes(part, self.given.byte_order, signed=self.given.signed), 0, now)
             return
         size = 4 if self._wide else 2
-        if self._standing.take(identifier, data, now) and len(data) in (size, size + 1):
+        if self._health.take(identifier, data, now) and len(data) in (size, size + 1):
             status = data[size] if len(data) > size else 0
             self._has(int.from_bytes(data[:size], "little", signed=True), status, now)
 
@@ -318,7 +318,7 @@ class LoadCell:
     def value(self, now: float) -> float:
         """The load at `now` [s]; NaN of none that may be believed [N or N·m]."""
         fresh = now - self._came <= self.given.silence
-        if not fresh or (self.given.source == "cia404" and not self._standing.good(now)):
+        if not fresh or (self.given.source == "cia404" and not self._health.good(now)):
             return math.nan
         return self._value
 

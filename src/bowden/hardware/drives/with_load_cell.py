@@ -6,7 +6,7 @@ from bowden.core.signals import DriveReading
 from bowden.hardware.buses.link import BusPlace, BusPort, Links
 from bowden.hardware.buses.unix_bus import ERROR, REMOTE
 from bowden.hardware.drives import canopen_frames as frames
-from bowden.hardware.drives.load_cell import LoadCell, LoadCellParameters
+from bowden.hardware.drives.load_cell import LoadCellParameters, LoadCellReader
 from bowden.hardware.ports import Drive, Power, TorqueLeft
 
 MOST_FRAMES = 64
@@ -29,7 +29,7 @@ class DriveWithLoadCell:
         self, drive: Drive, cell: LoadCellParameters, place: BusPlace, links: Links, timeout: float, *, shared: bool
     ) -> None:
         self._drive, self._place, self._links, self._shared = drive, place, links, shared
-        self._cell, self._port, self._up = LoadCell(cell, timeout), None, False
+        self._cell, self._port, self._up = LoadCellReader(cell, timeout), None, False
         self._port: BusPort | None
         self._sync = can.Message(arbitration_id=frames.SYNC, is_extended_id=False, data=b"")
 
