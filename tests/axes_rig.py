@@ -41,11 +41,11 @@ def as_it_is(cycle: int, reading: DriveReading) -> DriveReading:
 class OneDrive:
     """A simulated drive that remembers what it was told, and whose readings a test may change."""
 
-    def __init__(self) -> None:
+    def __init__(self, drive: Any = None) -> None:
         self.told: list[tuple[Power, float]] = []
         self.misread: Misread = as_it_is
         self.closed = self.reads = 0
-        self._drive = SimulatedDrive(twin_bench())
+        self._drive = drive or SimulatedDrive(twin_bench())
 
     def bring_up(self) -> str:
         return self._drive.bring_up()
@@ -87,6 +87,9 @@ class AxesRig:
         between: Callable[["AxesRig"], None] = lambda rig: None,
         latched: tuple[float | None, ...] = (),
         preflights: tuple[Preflight, ...] = (),
+        benches: tuple[Any, ...] = (),
+        joints: tuple[int, ...] = (),
+        each: tuple[Limits, ...] = (),
     ) -> None:
         self.time, self.sleeps, self.names, self.independent = SECOND, 0, names, independent
         self.asks = (10,)
@@ -94,15 +97,19 @@ class AxesRig:
         whole = limits or Limits()
         table = PeriodicMinimumJerk(0.0, 1.0, 4.0).sample(np.arange(round(1000 * seconds)) * 1e-3)
         columns = axis_columns.of_all({name: row.columns(law, together=True) for name in names})
-        kept = {**run_settings(law, whole, Filters(), PERIOD / SECOND), "seed": 1}
-        axes = [{**kept, "name": name} for name in names]
+        own = each or (whole,) * len(names)
+        kept = {**run_settings(law, own[0], Filters(), PERIOD / SECOND), "seed": 1}
+        axes = [
+            {**kept, **run_settings(law, one, Filters(), PERIOD / SECOND), "name": name}
+            for name, one in zip(names, own, strict=True)
+        ]
         self.settings = {**kept, "axes": axes, "independent": independent}
         about = row.described(columns, self.settings, 0, 0)
         self._columns, self._units = about.columns, about.units
         ring.create(folder / "ring", about, ROWS)
         shared_memory.create(folder / "block", control_block.WORDS)
         self.reader, self.block = RingReader(folder / "ring"), ControlBlock(folder / "block")
-        self.drives = [OneDrive() for _ in names]
+        self.drives = [OneDrive(drive) for drive in benches] or [OneDrive() for _ in names]
         self.scripts = [
             Script(table, start, 0.5, preflight, 1e-3)
             for start, preflight in zip(
@@ -110,12 +117,13 @@ class AxesRig:
             )
         ]
         parts = []
-        for drive, script, latch in zip(self.drives, self.scripts, latched or (None,) * len(names), strict=True):
-            cycle = Cycle(law, whole, Filters(), PERIOD / SECOND)
-            cycle.begin(NOTHING_READ, cold(whole.thermal), latch)
+        latches = latched or (None,) * len(names)
+        for drive, script, latch, allowed in zip(self.drives, self.scripts, latches, own, strict=True):
+            cycle = Cycle(law, allowed, Filters(), PERIOD / SECOND)
+            cycle.begin(NOTHING_READ, cold(allowed.thermal), latch)
             parts.append(AxisParts(drive, cycle, script))
         writer, words = RingWriter(folder / "ring"), ControlBlock(folder / "block")
-        self.loop = Loop(parts, writer, words, self, 0, independent=independent)
+        self.loop = Loop(parts, writer, words, self, 0, independent=independent, joints=joints)
 
     def now(self) -> int:
         return self.time

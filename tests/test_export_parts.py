@@ -147,17 +147,20 @@ def drives(count: int) -> Iterator[tuple[float, Observed, float]]:
         angle = 0.3 * np.sin(6e-3 * max(0, n - 40))
         state = 4.0 if n > 8 else 2.0
         request = {5: Request.ARM, 30: Request.RUN, 396: Request.ACKNOWLEDGE}.get(n, Request.NONE)
-        reading = [angle, 0.9 * angle, 1.0, 20.0, 30.0, 0.0, 0.0, 0.001, state, 0.0, 0.0, 0.0, 1e-3]
+        reading = [angle, 0.9 * angle, 1.0, 20.0, 30.0, 0.0, 0.0, 0.001, state, 0.0, 0.0, 0.0, 1e-3, 2.0]
         rest = [1e-5, DT, float(request), 0.01, 1.0, float(n > 20), 0.02, angle + 0.01]
         values = [*reading, *rest]
         if n > 150 and random.random() < 0.02:
             values[random.integers(len(values))] = float(random.choice(wild))
         others = {300: 2.0, 320: np.nan, 350: 3.0}.get(n if k // 400 % 3 == 2 else -1, 0.0)
-        yield float(n == 0), Observed(DriveReading(*values[:13]), *values[13:20], others), values[20]
+        yield float(n == 0), Observed(DriveReading(*values[:14]), *values[14:21], others), values[21]
 
 
 def test_exported_gate_gives_the_bits_of_python(tmp_path: Path) -> None:
-    limits, cycles = Limits(measures_temperature=1.0, measures_tension=1.0, uses_emg=1.0), list(drives(4000))
+    limits, cycles = (
+        Limits(measures_temperature=1.0, measures_tension=1.0, measures_torque=1.0, uses_emg=1.0),
+        list(drives(4000)),
+    )
     numbers = [[anew, *observed.reading, *observed[1:], wish, DT] for anew, observed, wish in cycles]
     filled = [leaf.access("observed").replace("->", ".") for leaf in leaves(cycles[0][1])]
     main = GATE.replace("@OBSERVED@", "\n".join(f"{name} = row[{k + 1}];" for k, name in enumerate(filled)))

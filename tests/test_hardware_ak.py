@@ -30,7 +30,7 @@ from bowden.hardware.drives.families.ak_mit import FAMILY
 from bowden.hardware.drives.findings import INERT, LOST_RANGE
 from bowden.hardware.ports import Power, TorqueLeft
 from bowden.hardware.twin.ak_node import AkNode
-from bowden.hardware.twin.bench import OFF, TwinBench
+from bowden.hardware.twin.bench import FOLLOW, OFF, TwinBench
 from bowden.hardware.twin.injection import parse
 from bowden.live.by_hand import require_watch, unseen_watch
 from bowden.live.live_run import require_joint
@@ -195,6 +195,57 @@ def test_a_torque_that_is_always_told_the_same_is_none() -> None:
     loop.node.bench.advance = lambda now: None  # type: ignore[method-assign]
     loop.run(200, Power.ON, 0.15, speed=0.3)
     assert INERT in loop.found()
+
+
+class GivingWay(TwinBench):
+    """A motor whose own position loop gives way under a load, a tenth as stiff as the drive says it is."""
+
+    servo_gains = (4.6, 0.17)  # type: ignore[assignment]
+
+    def __init__(self, now: float) -> None:
+        rig = bench()
+        super().__init__(rig, constant_bend(rig.sheath.bend), 1.0, 0, 0.1, now)
+        self.torque_offset, self.turned, self.speed, self.given, self.load, self.clock = 0.0, 0.1, 0.0, 0.0, 2.0, now
+
+    def advance(self, now: float) -> None:
+        if not hasattr(self, "clock"):
+            return
+        for _ in range(10):
+            span = 0.1 * (now - self.clock)
+            wanted = 4.6 * (self.command - self.turned) - 0.17 * self.speed + self.torque_offset
+            self.given = max(-16.0, min(16.0, wanted)) if self.doing == FOLLOW else 0.0
+            self.speed += (self.given - self.load * (self.doing == FOLLOW) - 0.5 * self.speed) / 1.6e-3 * span
+            self.turned += self.speed * span
+        self.clock = now
+
+    motor = property(lambda self: self.turned)  # type: ignore[assignment]
+    velocity = property(lambda self: self.speed)  # type: ignore[assignment]
+    current = property(lambda self: self.given / (9.0 * 0.091))  # type: ignore[assignment]
+
+
+def test_a_plant_whose_motor_gives_way_is_given_the_drives_torque_and_is_not_inert() -> None:
+    loop = Loop()
+    plant = GivingWay(loop.bus.time)
+    loop.node.bench = plant
+    loop.up().on()
+    for k in range(600):
+        aim = 0.1 + 0.2 * math.sin(6.0 * k * CYCLE)
+        loop.run(1, Power.ON, aim)
+    assert loop.found() == set()
+    assert plant.given == pytest.approx(50.0 * (aim - plant.turned) - 1.9 * plant.speed, abs=0.5)
+    assert abs(aim - plant.turned) < 0.1, "as stiff as the rig says, and not a tenth of it"
+
+
+def test_a_drive_at_its_largest_current_is_not_inert() -> None:
+    loop = Loop(DRIVE._replace(current_limit=8.0))
+    plant = GivingWay(loop.bus.time)
+    loop.node.bench = plant
+    loop.up().on()
+    plant.load, most = 40.0, 9.0 * 0.091 * 8.0
+    plant.advance = lambda now: setattr(plant, "given", most)  # type: ignore[method-assign]
+    for k in range(100):
+        loop.run(1, Power.ON, 0.5 + 0.002 * k)
+    assert loop.found() == set()
 
 
 def test_replies_of_another_number_change_nothing() -> None:

@@ -3,6 +3,7 @@
 import itertools
 import math
 import re
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -37,6 +38,7 @@ def play_through(
     stuck: bool = False,
     count: float = 0.0,
     settings: Preflight = SETTINGS,
+    cell: Callable[[int, float], dict[str, float]] = lambda k, through: {},
 ) -> tuple[Reason, list[float], PreflightState]:
     """A motor that follows its target after a cycle, and a joint behind a play [rad]."""
     motor = through = before = 0.0
@@ -47,7 +49,8 @@ def play_through(
         way, before = motor - before, motor
         current = 0.0 if stuck else load + math.copysign(friction, way) * (way != 0.0)
         current = current if count == 0.0 else count * round(motor / count)
-        now, wish, outcome = step(settings, now, reading(motor, joint, state, current), DT)
+        told = reading(motor, joint, state, current)._replace(**cell(k, through))
+        now, wish, outcome = step(settings, now, told, DT)
         wishes.append(wish)
         motor = gain * wish
         if outcome.result != 0.0:
@@ -104,6 +107,30 @@ def test_a_current_of_coarse_counts_is_judged_by_a_motion_that_changes_it() -> N
     reason, wishes, _ = play_through(count=6.0 * RADIANS)
     assert reason == Reason.NONE
     assert 3.0 * RADIANS < max(wishes) <= SETTINGS.largest
+
+
+@pytest.mark.parametrize(
+    ("gain", "noise", "reason"),
+    [
+        (40.0, 0.0, Reason.NONE),
+        (-40.0, 0.0, Reason.LOAD_WRONG_WAY),
+        (0.0, 0.0, Reason.LOAD_STILL),
+        (0.01, 1.0, Reason.LOAD_STILL),
+        (math.nan, 0.0, Reason.LOAD_MISSING),
+    ],
+)
+@pytest.mark.parametrize("kind", ["tension", "torque"])
+def test_a_load_cell_must_rise_while_the_cable_is_pulled(kind: str, gain: float, noise: float, reason: Reason) -> None:
+    settings = SETTINGS._replace(**{kind: 1.0})
+    column = "tension" if kind == "tension" else "joint_torque"
+
+    def cell(k: int, through: float) -> dict[str, float]:
+        return {column: 5.0 + gain * through + (noise if k % 2 else 0.0)}
+
+    found, wishes, _ = play_through(play=5.0 * RADIANS, settings=settings, cell=cell)
+    assert found == reason
+    if reason != Reason.NONE:
+        assert wishes[-1] == pytest.approx(0.0, abs=1e-9), "it ends where it began"
 
 
 def test_a_gap_in_motion_is_left_to_the_supervisor() -> None:

@@ -58,6 +58,7 @@ RUNNING = BEGUN._replace(
     decided=BEGUN.decided._replace(mode=Mode.RUNNING, passed=1.0),
     servo=BEGUN.servo._replace(enabled=1.0),
     anchor=BEGUN.anchor._replace(current=2.0),
+    load=BEGUN.load._replace(reading=20.0),
 )
 
 
@@ -155,6 +156,8 @@ STRAINED: Changes = {"limits.pull_gain": 16.0, "limits.pull_doubt": 16.0, "readi
 PULLED: Changes = {"limits.slack_sign": 1.0, "reading.joint": 0.36, "state.joint.value": 0.36}
 PUSHED: Changes = {**motor_at(-0.4, -0.35), "state.decided.mode": Mode.RELEASING, "state.decided.joint_then": 0.0}
 Edge = tuple[Fault, str, float, float, Changes]
+AT_JOINT: Changes = {"limits.measures_torque": 1.0, "limits.torque_high": 16.0, "reading.joint_torque": 3.0}
+MUTE: Changes = {"state.load.reading": 20.0, "state.load.motor": 0.5}
 EDGES: list[Edge] = [
     (Fault.JOINT_LOST, "reading.joint", 6.5, 6.5 + TINY, {}),
     (Fault.JOINT_LOST, "reading.joint", -6.5, -6.5 - TINY, {}),
@@ -322,6 +325,24 @@ EDGES: list[Edge] = [
     (Fault.AXIS_OFF, "observed.others", -0.5, -0.5 - TINY, {}),
     (Fault.AXIS_OFF, "observed.others", 2.0, NAN, RELEASING),
     (Fault.AXIS_OFF, "observed.others", 0.0, 3.0, STOPPED),
+    (Fault.TORQUE_LOST, "reading.joint_torque", 1e6, 1e6 + 1.0, AT_JOINT),
+    (Fault.TORQUE_LOST, "reading.joint_torque", 3.0, NAN, {**AT_JOINT, **STOPPED}),
+    (Fault.TORQUE_LOST, "limits.measures_torque", 0.0, 1.0, {}),
+    (Fault.OVER_TORQUE, "reading.joint_torque", 16.0, 16.0 + TINY, AT_JOINT),
+    (Fault.OVER_TORQUE, "reading.joint_torque", -16.0, -16.0 - TINY, AT_JOINT),
+    (Fault.OVER_TORQUE, "limits.measures_torque", 0.0, 1.0, {**AT_JOINT, "reading.joint_torque": 17.0}),
+    (Fault.LOAD_STUCK, "state.load.unanswered", 0.075 - TINY, 0.075 + TINY, MUTE),
+    (Fault.LOAD_STUCK, "reading.tension", 20.0 + TINY, 20.0, {**MUTE, "state.load.unanswered": 0.1}),
+    (Fault.LOAD_STUCK, "reading.tension", NAN, 20.0, {**MUTE, "state.load.unanswered": 0.1}),
+    (Fault.LOAD_STUCK, "limits.measures_tension", 0.0, 1.0, {**MUTE, "state.load.unanswered": 0.1}),
+    (
+        *(Fault.LOAD_STUCK, "reading.joint_torque", 3.0 + TINY, 3.0),
+        {**AT_JOINT, "limits.measures_tension": 0.0, "state.load.reading": 3.0, "state.load.unanswered": 0.1},
+    ),
+    (
+        *(Fault.LOAD_STUCK, "state.decided.mode", Mode.RELEASING, Mode.RUNNING),
+        {**MUTE, "state.load.unanswered": 0.1},
+    ),
 ]
 """A fault; what shows it; its last good value, its first bad one; what else is so."""
 

@@ -21,8 +21,8 @@ from bowden.safety.limits import Limits
 from bowden.safety.supervisor import Mode, Observed, Request, SupervisorState, Verdict, begin, supervise
 
 DT = 1e-3
-LIMITS = Limits(measures_tension=1.0, measures_temperature=1.0, uses_emg=1.0)
-READING = DriveReading(0.5, 0.45, 2.0, 20.0, 40.0, 0.0, 0.0, 0.01, 4.0, 0.0, 0.0, 0.0, 0.0)
+LIMITS = Limits(measures_tension=1.0, measures_torque=1.0, measures_temperature=1.0, uses_emg=1.0)
+READING = DriveReading(0.5, 0.45, 2.0, 20.0, 40.0, 0.0, 0.0, 0.01, 4.0, 0.0, 0.0, 0.0, 0.0, 3.0)
 OBSERVED = Observed(READING, 0.0, DT, 0.0, 0.1, 1.0, 1.0, 0.02)
 COLD = cold(LIMITS.thermal)
 LOOSE = LIMITS._replace(tracking=9.0)
@@ -33,6 +33,8 @@ NAN = math.nan
 
 def seen(*, request: float = 0.0, observed: Observed = OBSERVED, **changes: float) -> Observed:
     """What is observed in a rig in order, with changes by the names of its fields."""
+    if "motor" in changes:  # the cable pulls more, the further the motor is
+        changes = {"tension": observed.reading.tension + changes["motor"] - observed.reading.motor, **changes}
     reading = observed.reading._replace(**{k: float(v) for k, v in changes.items() if k in DriveReading._fields})
     rest = {k: v for k, v in changes.items() if k not in DriveReading._fields}
     return observed._replace(reading=reading, request=float(request), **rest)
@@ -440,6 +442,9 @@ ALONE: dict[Fault, list[Cycle]] = {
     Fault.RELEASE_PULLS: [],
     Fault.AXIS_RELEASED: lasting(9, others=2.0),
     Fault.AXIS_OFF: lasting(9, others=3.0),
+    Fault.TORQUE_LOST: lasting(9, joint_torque=NAN),
+    Fault.OVER_TORQUE: lasting(9, joint_torque=-15.1),
+    Fault.LOAD_STUCK: moved(tension=lambda k, tension: 20.0),
 }
 """Each fault as the only one, or the first: what shows it."""
 

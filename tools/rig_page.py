@@ -11,7 +11,7 @@ from bowden.hardware.drives.family import names as families
 from bowden.rig.axes import AXIS, FEWEST, INDEPENDENT, MEANINGS, MOST
 from bowden.rig.declaration import Section
 from bowden.rig.page import gains_of, keys_of, sections, sentence
-from bowden.rig.sections import RigFile, drive_part
+from bowden.rig.sections import PAIR, RigFile, drive_part
 
 _GAINS = (
     "What `[control.gains]` may hold, with the law's own values.",
@@ -57,6 +57,7 @@ def markdown() -> str:
             ]
             lines.append("")
     lines += ["## [[axis]]", "", *_AXES, ""]
+    lines += ["## [pair]", "", sentence(PAIR.section), "", *_pair_rows(), ""]
     lines += ["## Gains of the laws", "", *_GAINS, "", "| what a rig knows | meaning |", "|---|---|"]
     lines += [f"| `{name}` | {meaning} |" for name, meaning in meanings(Knowledge).items()]
     lines.append("")
@@ -68,6 +69,15 @@ def markdown() -> str:
         ]
         lines.append("")
     return "\n".join(lines)
+
+
+def _pair_rows() -> list[str]:
+    """The keys of [pair], which stands beside [[axis]]."""
+    head = ["| key | default | unit | range | symbol | meaning |", "|---" * 6 + "|"]
+    return head + [
+        f"| `{key.name}` | {key.default} | {key.unit} | {key.limits} | {key.symbol} | {key.meaning} |"
+        for key in keys_of(PAIR.section)
+    ]
 
 
 def json_schema() -> str:
@@ -90,6 +100,7 @@ def json_schema() -> str:
             },
         },
         INDEPENDENT: {"description": MEANINGS[INDEPENDENT], "type": "boolean", "default": False},
+        "pair": PAIR.section.model_json_schema(),
     }
     _, *others = families()
     for family in others:

@@ -76,6 +76,7 @@ def assault(
             anything(random, 0.0, 0.0, 0.0, 1.0, wild),
             anything(random, 0.0, 0.0, 0.0, 1.0, wild),
             anything(random, 0.0, 0.0, 0.0, 1.0, wild),
+            anything(random, 5.0, 1.0, -limits.torque_high, limits.torque_high, wild),
         )
         wish = near + 0.002 * (random.random() - 0.5)
         elapsed = anything(random, dt, 0.0, 0.0, limits.clock_gap, wild)

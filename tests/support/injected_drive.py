@@ -156,6 +156,7 @@ def drive_reading(
         0.0,
         0.0,
         0.0,
+        np.nan,
     )
 
 

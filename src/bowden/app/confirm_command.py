@@ -30,14 +30,12 @@ def confirm(
     from bowden.core.errors import ParameterError
     from bowden.core.units import DEGREES
     from bowden.hardware.buses.link import Links
-    from bowden.hardware.drives.family import family_of
     from bowden.live import by_hand
 
     if not sys.stdin.isatty():
         raise ParameterError("there is no terminal to take an angle from", do="run it at a terminal, beside the rig")
     given = read_given(rig, axis).on_bus(channel)
-    parameters = given.drive_parameters
-    drive = family_of(parameters).open(parameters, Links())
+    drive = given.open_drive(Links())
     with contextlib.ExitStack() as stack:
         identity = drive.bring_up()
         stack.callback(lambda: _tell_torque(drive.close()))

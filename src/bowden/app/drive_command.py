@@ -140,6 +140,48 @@ def _asked(axis: str | None, channel: str | None) -> list[str]:
     return [word for name, one in given if one is not None for word in (name, one)]
 
 
+def tare(
+    rig: Rig_,
+    load: Annotated[float, typer.Option(help="What hangs on the load cell now [N or N·m].")] = 0.0,
+    axis: Axis = None,
+    channel: Channel = None,
+    json: Json = False,
+) -> None:
+    """Say which line of rig.toml makes what the load cell reads now zero, or a known load; the motor gets no power.
+
+    Let the cable hang slack, or hang a known weight on it, and call this. Nothing is written.
+    """
+    from bowden.core.errors import ParameterError
+    from bowden.live.drive_look import tare as tared
+
+    if not math.isfinite(load):
+        raise ParameterError(f"--load is {load:g}", expected="N or N·m", do="correct it")
+    given = read_given(rig, axis).on_bus(channel)
+    with _brought_up(given) as (drive, identity):
+        _tell(identity)
+        looks = _looked(drive, given, _LISTENED)
+        readings = [look.last for look in looks if look.last is not None and look.cycles * given.sample_time > _SETTLE]
+    found = tared(given, readings, load)
+    keys = {name: round(value, 4) for name, value in found.keys.items()}
+    limits = given.supervisor_limits
+    most = limits.torque_high if limits.measures_torque else limits.tension_high
+    if abs(found.read - load) > _FAR * most:
+        off = f"{found.read - load:+.3g} {found.unit}"
+        _tell(f"bowden: note: the zero moves by {off}: is nothing but that load on the cell, and is its scale right?")
+    if json:
+        document = {"read": found.read, "span": found.span, "unit": found.unit, "section": found.section, "keys": keys}
+        print_json({"drive": identity, "load": load, **document, "seconds": seconds()})
+        return
+    print(f"It reads {found.read:.4g} {found.unit}, ±{0.5 * found.span:.2g}. Write this line below [{found.section}]:")
+    for name, value in keys.items():
+        print(f"  {name} = {value:g}")
+    say_next("drive", "monitor", rig)
+
+
+_LISTENED = 1.1
+"""So long a load cell is read [s]."""
+_FAR = 0.1
+"""Of the largest load allowed: a zero that moves by more is told [–]."""
 _SETTLE = 0.1
 """So long the drive is read before its last reading is taken [s]."""
 _SHOW = 0.1
@@ -150,11 +192,9 @@ _SHOW = 0.1
 def _brought_up(given: "Rig") -> Iterator[tuple["Drive", str]]:
     """The rig's drive without power, and who it is; let go of at the end, and its torque is printed."""
     from bowden.hardware.buses.link import Links
-    from bowden.hardware.drives.family import family_of
     from bowden.hardware.ports import TORQUE_LEFT
 
-    parameters = given.drive_parameters
-    drive = family_of(parameters).open(parameters, Links())
+    drive = given.open_drive(Links())
     try:
         yield drive, drive.bring_up()
     finally:
@@ -244,6 +284,13 @@ COMMANDS = (
         zero,
         "Say which lines of rig.toml make the present position zero.",
         ("bowden drive zero rig.toml", "bowden drive zero rig.toml --joint-deg 90"),
+        place=43,
+    ),
+    Command(
+        "drive tare",
+        tare,
+        "Say which line of rig.toml makes what the load cell reads now zero.",
+        ("bowden drive tare rig.toml", "bowden drive tare rig.toml --load 20"),
         place=43,
     ),
 )

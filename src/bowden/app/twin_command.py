@@ -6,6 +6,7 @@ import shlex
 import signal
 import sys
 import threading
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -51,10 +52,12 @@ def twin(
         _list(json)
         return
     given = shortened(_given(rig, axis), duration).on_bus(channel, interface)
-    _ = given.drive_parameters  # which refuses what makes no sense together
+    talks = bool(inject or clear or status)
+    if not given.pair.there or talks:
+        given = given.axis(axis if given.axes else None)
+        _ = given.drive_parameters  # which refuses what makes no sense together
     if not 0.0 <= after < math.inf or not (lasting is None or 0.0 < lasting < math.inf):
         raise ParameterError(f"--after is {after:g}, --for {lasting}", expected="a time from now, and one above 0")
-    talks = bool(inject or clear or status)
     if not inject and (after or lasting is not None):
         raise ParameterError("--after and --for belong to a fault", expected="--inject FAULT together with them")
     if talks and object_:
@@ -74,10 +77,13 @@ def twin(
 def _talk(rig: "Rig", inject: str | None, after: float, lasting: float | None, clear: bool, json: bool) -> None:
     from bowden.hardware.drives.family import family_of
     from bowden.hardware.twin.control import TwinControl
-    from bowden.hardware.twin.injection import parse
+    from bowden.hardware.twin.injection import OF_LOAD_CELL, parse
 
-    if inject:
-        parse(inject)  # what is no fault is said first
+    limits = rig.supervisor_limits
+    if inject and parse(inject).name in OF_LOAD_CELL and limits.measures_tension + limits.measures_torque == 0.0:
+        raise ParameterError(
+            f"{inject} is of a load cell, and the rig has none", expected="another fault, or [load_cell] in the rig"
+        )
     with TwinControl(family_of(rig.drive).control(rig.drive)) as running:
         if clear:
             running.clear()
@@ -109,7 +115,7 @@ def _given(rig: Path, axis: str | None) -> "Rig":
     """The rig of a file or a log, or packed on standard input."""
     from bowden.rig.rig import Rig
 
-    return Rig.unpack(sys.stdin.buffer.read()) if rig == Path("-") else read_given(rig, axis)
+    return Rig.unpack(sys.stdin.buffer.read()) if rig == Path("-") else read_given(rig, axis, several=True)
 
 
 def _run(rig: "Rig", objects: list[str], words: tuple[list[str], list[str]], json: bool, until_orphaned: bool) -> None:
@@ -118,20 +124,26 @@ def _run(rig: "Rig", objects: list[str], words: tuple[list[str], list[str]], jso
     from bowden.hardware.drives.family import family_of
     from bowden.hardware.twin.twin import raise_priority
     from bowden.live.left_behind import sweep
-    from bowden.rig.twin_plant import twin_plant_of
+    from bowden.rig.twin_plant import PlayedDrive, attach_load_cell, twin_pair_of, twin_plant_of
 
     monotonic = MonotonicClock()
 
     def clock() -> float:
         return monotonic.now() / SECOND
 
-    drive = rig.drive_parameters
+    if rig.pair.there:
+        axes, played = [rig.axis(name) for name in rig.pair.names], twin_pair_of(rig, clock())
+    else:
+        axes, played = [rig], (PlayedDrive(rig.drive_parameters, twin_plant_of(rig, clock())),)
+    twins = [family_of(one.drive).twin(one.drive, one.plant, clock, objects) for one in played]
+    for twin, one in zip(twins, axes, strict=True):
+        attach_load_cell(twin, one)
+    running, drive = twins[0], played[0].drive
     family = family_of(drive)
-    running = family.twin(drive, twin_plant_of(rig, clock()), clock, objects)
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-        signal.signal(number, lambda *_: running.stop())
+        signal.signal(number, lambda *_: [twin.stop() for twin in twins])
     if until_orphaned:
-        threading.Thread(target=_watch_parent, args=(os.getppid(), running), daemon=True).start()
+        threading.Thread(target=_watch_parent, args=(os.getppid(), twins), daemon=True).start()
     realtime = raise_priority()
     where = {**family.address(drive), "control": str(running.path)}
     if json:
@@ -143,18 +155,24 @@ def _run(rig: "Rig", objects: list[str], words: tuple[list[str], list[str]], jso
         if not realtime:
             print("bowden: note: no real-time priority; allow it with: ulimit -r 50", file=sys.stderr)
     sys.stdout.flush()
+    others = [threading.Thread(target=twin.run) for twin in twins[1:]]
+    for thread in others:
+        thread.start()
     running.run()
+    for thread in others:
+        thread.join()
     if until_orphaned:
         sweep()  # the folder of this bus, where nobody else has lived to remove it
 
 
-def _watch_parent(parent: int, running: "TwinProcess") -> None:
+def _watch_parent(parent: int, twins: "Sequence[TwinProcess]") -> None:
     """End the twin some time after the process that started it: a loop that is left may still release its cable."""
     forever = threading.Event()
     while os.getppid() == parent:
         forever.wait(0.5)
     forever.wait(_AFTER_PARENT)
-    running.stop()
+    for twin in twins:
+        twin.stop()
 
 
 COMMANDS = (

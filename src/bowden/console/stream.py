@@ -118,7 +118,7 @@ def columns_of(names: Sequence[str], units: Sequence[str], settings: Mapping[str
     def angle(name: str, title: str, source: tuple[str, ...], group: str, low: str = "", high: str = "") -> Curve:
         return Curve(name, title, "°", group, source, DEGREES, limit(low, DEGREES), limit(high, DEGREES))
 
-    peak = limit("current_peak")
+    peak, torque = limit("current_peak"), limit("torque_high")
     offered = [
         angle("reference_deg", "reference", ("reference",), "motion"),
         angle("joint_deg", "joint", ("joint",), "motion", "joint_low", "joint_high"),
@@ -128,6 +128,10 @@ def columns_of(names: Sequence[str], units: Sequence[str], settings: Mapping[str
         angle("command_deg", "command to the drive", ("command",), "command", "motor_low", "motor_high"),
         Curve("current_a", "motor current", "A", "current", ("current",), 1.0, None if peak is None else -peak, peak),
         Curve("tension_n", "tension", "N", "tension", ("tension",), 1.0, limit("tension_low"), limit("tension_high")),
+        Curve(
+            *("joint_torque_nm", "torque on the joint", "N·m", "tension", ("joint_torque",), 1.0),
+            *(None if torque is None else -torque, torque),
+        ),
         Curve(
             *("winding_c", "winding", "°C", "temperature", ("supervisor.heat.winding",), 1.0),
             high=limit("winding_limit"),

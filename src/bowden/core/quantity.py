@@ -47,6 +47,7 @@ _SUFFIX = {
     "V": "_v",
     "mV": "_mv",
     "N/mV": "_n_per_mv",
+    "N·m/mV": "_nm_per_mv",
     "Ω": "_ohm",
     "°C": "_c",
     "K/W": "_k_per_w",

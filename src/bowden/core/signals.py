@@ -1,5 +1,6 @@
 """The signals that pass between a law, a drive and their surroundings, in radians, seconds and SI units."""
 
+import math
 from enum import IntEnum
 from typing import NamedTuple
 
@@ -88,3 +89,5 @@ class DriveReading(NamedTuple):
     """Frames in this cycle that this host alone may send, and that somebody else has sent [–]."""
     sample_age: float
     """Since the drive took its newest sample, at the beginning of this cycle [s]."""
+    joint_torque: float = math.nan
+    """Torque of the suit on the joint as a load cell says, flexing positive [N·m]."""

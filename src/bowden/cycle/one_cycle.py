@@ -223,7 +223,7 @@ def believed(settings: CycleSettings, state: CycleState, observed: Observed, dt:
         sample.joint if seen.joint_lost + seen.joint_jump == 0.0 else math.nan,
         sample.motor if seen.motor_lost + seen.motor_jump == 0.0 else math.nan,
         observed.reading.current,
-        math.nan,
+        observed.reading.joint_torque,
     )
     return sample, measured
 
@@ -300,7 +300,7 @@ def cycle_in_place(
         refilled(settings.gains, gains), settings.conditioning, settings.source, settings.filters, allowed
     )
     begun = Sample(0.0, 0.0)
-    like = DriveReading(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    like = DriveReading(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     before = CycleState(
         restored(begun, sample),
         restored(law_start(now.gains, begun), law),

@@ -140,7 +140,8 @@ def live_session(
                 found = found or verdicts(axis.rig, [axis.law], name, force=force)[0]
                 for note in filter(None, (unseen_watch(axis.rig), found.note)):
                     tell(f"{of_axis}: {note}" if axis.name else note)
-                require(axis.limits, axis.rig.sample_time, "little_margin" if force else found.name or "little_margin")
+                verdict = "little_margin" if force else found.name or "little_margin"
+                require(axis.limits, axis.rig.sample_time, verdict, opposed=axis.opposed)
         if emg_process is not None:
             emg_process.await_ready()  # a stream that cannot be used is refused before anything else is started
         if twin:

@@ -26,7 +26,7 @@ PAPERS = 2.79
 
 
 def live_pushing(pushing: Pushing, limits: Limits, strongest: float, *, by_emg: bool) -> tuple[Pushing, list[str]]:
-    """The push as the live loop has it: estimated, with the reference inside what the supervisor allows.
+    """The push as the live loop has it: measured or estimated, with the reference inside what the supervisor allows.
 
     And what the user should know of it.
 
@@ -37,7 +37,7 @@ def live_pushing(pushing: Pushing, limits: Limits, strongest: float, *, by_emg: 
         by_emg: whether EMG is to move the joint too.
 
     Raises:
-        ParameterError: a load cell, which is on no bus; two sources of the reference; a motor that friction
+        ParameterError: a load cell that the rig does not have; two sources of the reference; a motor that friction
             holds in the preflight; no range that is left.
     """
     if by_emg:
@@ -46,11 +46,12 @@ def live_pushing(pushing: Pushing, limits: Limits, strongest: float, *, by_emg: 
             expected="one source of the reference: either the wearer's push or their EMG",
             do="disable [admittance], or leave --emg and emg.source out",
         )
-    if pushing.section.torque != "estimate":
+    if pushing.section.torque != "estimate" and limits.measures_torque != 1.0:
+        other = "; this one measures the cable's tension alone" if limits.measures_tension == 1.0 else ""
         raise ParameterError(
             f'admittance.torque is "{pushing.section.torque}"',
-            expected='"estimate" in a live run: the drive\'s process data carry its current and no interaction torque',
-            do='set torque = "estimate" in [admittance]',
+            expected=f"a load cell that measures the joint's torque in a live run ([load_cell]){other}",
+            do='set torque = "estimate" in [admittance], or fit one (docs/load_cell.md)',
         )
     notes = _of_friction(pushing, strongest)
     given, without = pushing.admittance, behind(pushing.suit)

@@ -1,9 +1,9 @@
 """A drive looked at without power: what it says of itself, cycle by cycle, and where its angles have their zero."""
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 from bowden.core.clock import SECOND, TimeSource
 from bowden.core.errors import DriveError
@@ -13,12 +13,14 @@ from bowden.core.units import DEGREES
 from bowden.hardware.drives.family import family_of
 from bowden.hardware.ports import Drive, Power
 from bowden.rig.declaration import in_file
+from bowden.rig.rig import Rig
 
 SHOWN: Mapping[str, tuple[str, float, str]] = {
     "motor": ("motor_deg", DEGREES, "°"),
     "joint": ("joint_deg", DEGREES, "°"),
     "current": ("current_a", 1.0, "A"),
     "tension": ("tension_n", 1.0, "N"),
+    "joint_torque": ("joint_torque_nm", 1.0, "N·m"),
     "temperature": ("temperature_c", 1.0, "°C"),
 }
 """Field of a reading → its name at the rim, what it is multiplied by for that, and its unit."""
@@ -98,6 +100,58 @@ def require_zero(given: Any) -> None:
         )
 
 
+class Tare(NamedTuple):
+    """Which lines make what a load cell reads now a known load."""
+
+    section: str
+    """Of rig.toml."""
+    keys: dict[str, float]
+    """Key → value, in the file's unit."""
+    read: float
+    """Mean of what it read [N or N·m]."""
+    span: float
+    """Largest less smallest of it."""
+    unit: str
+
+
+def tare(rig: Rig, readings: Sequence[DriveReading], load: float) -> Tare:
+    """The lines of a rig.toml with which what was read is this load.
+
+    Args:
+        rig: with a load cell.
+        readings: of some cycles, with that load and nothing else on it.
+        load: that is known [N or N·m].
+
+    Raises:
+        DriveError: the rig has no load cell, it says nothing, or its reading does not keep still.
+    """
+    limits, cell = rig.supervisor_limits, rig.load_cell
+    if limits.measures_tension + limits.measures_torque == 0.0:
+        raise DriveError("the rig has no load cell", expected="[load_cell], or a scale at the drive's input in [drive]")
+    torque = limits.measures_torque == 1.0
+    unit, most = ("N·m", limits.torque_high) if torque else ("N", limits.tension_high)
+    values = [one.joint_torque if torque else one.tension for one in readings]
+    values = [value for value in values if math.isfinite(value)]
+    if len(values) < 0.5 * len(readings) or not values:
+        raise DriveError("the load cell says nothing", do="check its plug, its supply, and its keys in rig.toml")
+    read, span = sum(values) / len(values), max(values) - min(values)
+    if span > STILL * most:
+        raise DriveError(
+            f"the load cell's reading changes by {span:.3g} {unit} while it is tared",
+            expected=f"at most {STILL * most:.3g}",
+            do="let the cable hang slack, keep still, and look for interference",
+        )
+    if cell.there:
+        return Tare("load_cell", {"zero": cell.zero + (read - load) / cell.scale}, read, span, unit)
+    family = family_of(rig.drive)
+    assert family.tared is not None  # one that measures a load
+    return Tare("drive", _changed(rig.drive, family.tared(rig.drive, read, load), rig.drive), read, span, unit)
+
+
+STILL = 0.05
+"""Of the largest load allowed: what a reading may change by while it is tared [–]."""
+
+
 def zero_keys(given: Any, parameters: Any, reading: DriveReading, motor: float, joint: float) -> dict[str, float]:
     """The keys of [drive] with which what was read is at these angles, as they stand in rig.toml, in its units.
 
@@ -112,6 +166,12 @@ def zero_keys(given: Any, parameters: Any, reading: DriveReading, motor: float, 
         DriveError: nothing was read.
     """
     require_zero(given)
-    zeroed = family_of(given).zeroed(parameters, reading, motor, joint)  # type: ignore[misc]
-    changed = [one for one in declared(type(given)) if getattr(zeroed, one.name) != getattr(parameters, one.name)]
-    return {one.quantity.named(one.name): in_file(getattr(zeroed, one.name), one.quantity) for one in changed}
+    zeroed = family_of(given).zeroed
+    assert zeroed is not None
+    return _changed(given, zeroed(parameters, reading, motor, joint), parameters)
+
+
+def _changed(given: Any, new: Any, old: Any) -> dict[str, float]:
+    """The keys of [drive] whose values differ, in the file's units."""
+    changed = [one for one in declared(type(given)) if getattr(new, one.name) != getattr(old, one.name)]
+    return {one.quantity.named(one.name): in_file(getattr(new, one.name), one.quantity) for one in changed}

@@ -29,6 +29,8 @@ from bowden.rig.compose_admittance import Pushing
 from bowden.rig.drive import most_push
 from bowden.rig.emg_setup import EmgRun
 from bowden.rig.given_law import LawFile
+from bowden.rig.pair import pulling
+from bowden.rig.pair import said as said_of_pair
 from bowden.rig.rig import Rig
 from bowden.safety.limits import Limits
 from bowden.safety.supervisor import longest_release
@@ -73,6 +75,8 @@ class Live:
     """Each axis, where there are several; what stands here is then that of the first."""
     whole: Rig | None = None
     """The rig with all its axes, where there are several."""
+    opposed: bool = False
+    """Whether it is the antagonist of a pair: it pulls the joint down, and has its angle from the agonist's drive."""
 
     @property
     def axes(self) -> "tuple[Live, ...]":
@@ -93,6 +97,12 @@ class Live:
     def patience(self) -> float:
         """Age of the operator's sign of life at which the run is ended; of several axes the smallest [s]."""
         return min(axis.limits.operator_age for axis in self.axes)
+
+    @property
+    def joints(self) -> tuple[int, ...]:
+        """For each axis the place of the one whose drive has its joint's encoder."""
+        agonist = "" if self.whole is None else self.whole.pair.agonist
+        return tuple(self.names.index(agonist) if axis.opposed else i for i, axis in enumerate(self.axes))
 
     @property
     def length(self) -> float:
@@ -169,7 +179,11 @@ class Live:
             light=limits.released_current if limits.homed else math.inf,
             low=limits.motor_low,
             high=limits.motor_high,
+            tension=limits.measures_tension,
+            torque=limits.measures_torque,
         )
+        if self.opposed:  # both motors of a pair move the joint the agonist's way, or neither would
+            checks = checks._replace(pull_sign=-checks.pull_sign, load_sign=-1.0)
         suit = self.rig.worn
         checks = checks if suit is None else on_suit(checks, suit)
         slope = 1.0 if suit is not None else self.rig.slope
@@ -209,13 +223,14 @@ def _where(law: LawFile) -> str:
     return law.path + law.name.rpartition(".py")[2]
 
 
-def live_run(rig: Rig, *, measure: bool = False, logged: Rig | None = None) -> Live:
+def live_run(rig: Rig, *, measure: bool = False, logged: Rig | None = None, joint_elsewhere: bool = False) -> Live:
     """The live run of a rig.
 
     Args:
         rig: with the law and all else that is to run.
         measure: move the motor through the excitation, in place of a law; not with several axes.
         logged: the same rig on the bus that it names, where it runs on a twin's own; for the log.
+        joint_elsewhere: whether another axis' drive measures its joint.
 
     Raises:
         ParameterError: a rig that cannot run live.
@@ -231,13 +246,15 @@ def live_run(rig: Rig, *, measure: bool = False, logged: Rig | None = None) -> L
             "this drive does; else change the sign of motor_direction or joint_direction of [drive], and measure again",
         )
     _ = rig.drive_parameters  # which refuses what makes no sense together
-    require_joint(rig)
+    if not joint_elsewhere:
+        require_joint(rig)
     _ = rig.pack()  # which refuses more than a log's head and the loop's process can take
     limits, notes, logged = rig.supervisor_limits, rig.notes, logged or rig
     emg = None if measure else rig.emg_run
     pushing = None if measure else rig.pushing
     if pushing is not None:
-        pushing, more = live_pushing(pushing, limits, most_push(rig.drive, rig.drive_needs), by_emg=emg is not None)
+        strongest = most_push(rig.drive, rig.drive_needs)
+        pushing, more = live_pushing(pushing, limits, strongest, by_emg=emg is not None)
         notes = (*notes, *more)
     if emg is not None:
         _check_range(emg, limits)
@@ -260,9 +277,23 @@ def _together(rig: Rig, logged: Rig) -> Live:
     for (name, own), (_, kept) in zip(rig.axes, logged.axes, strict=True):
         with asked_for_by(f"axis {quoted(name)}"):
             _refuse_sources(own)
-            found.append(replace(live_run(own, logged=kept), name=name))
+            found.append(_one_of(rig, name, own, kept))
     notes = tuple(f"axis {quoted(axis.name)}: {note}" for axis in found for note in axis.notes)
-    return replace(found[0], several=tuple(found), whole=rig, logged=logged, notes=(*rig.remarks, *notes))
+    paired = (said_of_pair(rig.pair),) if rig.pair.there else ()
+    return replace(found[0], several=tuple(found), whole=rig, logged=logged, notes=(*rig.remarks, *paired, *notes))
+
+
+def _one_of(rig: Rig, name: str, own: Rig, kept: Rig) -> Live:
+    """The live run of one axis of a rig."""
+    pair = rig.pair
+    if not pair.there or name not in pair.names:
+        return replace(live_run(own, logged=kept), name=name)
+    opposed = name == pair.antagonist
+    made = live_run(pulling(own, pair.co_contraction), logged=kept, joint_elsewhere=opposed)
+    if not opposed:
+        return replace(made, name=name)
+    # where its cable is taut is where the joint is: nothing can be said of zero
+    return replace(made, name=name, opposed=True, limits=made.limits._replace(homed=0.0))
 
 
 def _refuse_sources(rig: Rig) -> None:

@@ -199,6 +199,7 @@ class Loop:
         clock: to go by.
         start: the clock where the column ``time`` is zero [ns].
         independent: whether an axis that is stopped by a fault leaves the others running.
+        joints: for each axis the place of the one whose drive has its joint's encoder; its own where none are given.
     """
 
     def __init__(
@@ -210,8 +211,10 @@ class Loop:
         start: int,
         *,
         independent: bool = False,
+        joints: Sequence[int] = (),
     ) -> None:
         self._axes = tuple(_Axis(parts, among=len(axes) > 1) for parts in axes)
+        self._borrowing = [(self._axes[i], self._axes[by]) for i, by in enumerate(joints) if by != i]
         self._together = Together(len(axes), independent=independent) if axes[1:] else None
         self._ring, self._block, self._clock, self._start = ring, block, clock, start
         self._quit, self._independent, self._running = False, independent, False
@@ -279,6 +282,8 @@ class Loop:
             now = woke * 1e-9
             for axis in axes:
                 axis.reading = axis.drive.read(now)
+            for axis, of in self._borrowing:
+                axis.reading = axis.reading._replace(joint=of.reading.joint, joint_age=of.reading.joint_age)
 
             # what is asked for
             age = block.age(woke)

@@ -51,7 +51,6 @@ def _cycle(live: "Live", given: dict[str, Any]) -> int:
     from bowden.core.errors import asked_for_by
     from bowden.core.toml_text import quoted
     from bowden.hardware.buses.link import Links
-    from bowden.hardware.drives.family import family_of
     from bowden.hardware.realtime import become_realtime
     from bowden.live import latch_file
     from bowden.live.control_block import ControlBlock
@@ -68,11 +67,11 @@ def _cycle(live: "Live", given: dict[str, Any]) -> int:
         course = axis.course(emg, given["start_ns"])
         cycle = axis.cycle()
         cycle.begin(NOTHING_READ, ThermalState(*thermal), latched)
-        parameters = axis.rig.drive_parameters
-        drive = family_of(parameters).open(parameters, links)
+        drive = axis.rig.open_drive(links)
         parts.append(AxisParts(drive, cycle, axis.script(course), course, axis.push()))
     ring, block = RingWriter(Path(given["ring"])), ControlBlock(Path(given["block"]))
-    loop = Loop(parts, ring, block, MonotonicClock(), given["start_ns"], independent=live.independent)
+    start, alone = given["start_ns"], live.independent
+    loop = Loop(parts, ring, block, MonotonicClock(), start, independent=alone, joints=live.joints)
     for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
         signal.signal(number, lambda *_: loop.quit())
     try:

@@ -3,6 +3,7 @@
 What was recorded then is what is recorded now, under other names: the log can be drawn, exported and replayed as any.
 """
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 
 _SUPERVISOR: Mapping[str, str] = {
@@ -63,6 +64,8 @@ _ONE_BY_ONE: Mapping[str, str] = {"push.heard": "push.settled_target", "conditio
 SINCE: Mapping[str, float] = {
     "foreign": 0.0,
     "sample_age": 0.0,
+    "joint_torque": math.nan,
+    **{f"supervisor.load.{name}": 0.0 for name in ("motor", "reading", "unanswered")},
     "supervisor.sums.strained": 0.0,
     "supervisor.sums.undisabled": 0.0,
     **{f"supervisor.decided.{name}": 0.0 for name in ("joint_then", "motor_then", "met", "ahead")},

@@ -3,6 +3,8 @@
 The current must change in that motion, since it accelerates a motor and pulls a cable. And it must pull where the rig
 says so: of the mean current out and back, inertia and Coulomb friction take as much away as they add. What is left is
 the cable's load, which no cable has in the direction in which it is let out.
+
+Where a load cell says what the cable pulls, its reading must rise as the motor pulls, by more than it changed at rest.
 """
 
 from enum import IntEnum
@@ -51,6 +53,12 @@ class Preflight(NamedTuple):
     """Smallest target of the motor: one that rests beyond, as a release may leave it, is brought there first [rad]."""
     high: float = np.inf
     """Largest [rad]."""
+    tension: float = 0.0
+    """1 where the cable's tension is measured."""
+    torque: float = 0.0
+    """1 where the joint's torque is measured."""
+    load_sign: float = 1.0
+    """−1 of a cable that is let out in this motion, since another one pulls the joint: its load falls."""
 
 
 class Step(IntEnum):
@@ -76,6 +84,9 @@ class Reason(IntEnum):
     JOINT_WRONG_WAY = 7
     CURRENT_STILL = 8
     SLACK_WRONG_WAY = 9
+    LOAD_MISSING = 10
+    LOAD_STILL = 11
+    LOAD_WRONG_WAY = 12
 
 
 REASONS = {
@@ -90,6 +101,10 @@ REASONS = {
     Reason.CURRENT_STILL: "the drive reports an unchanging current while the motor turns; check 6077h and its PDO",
     Reason.SLACK_WRONG_WAY: "the cable pulls where it should be let out, as slack_sign of [limits] has it; turn that "
     "round, or the direction of the motor; and keep the limb still",
+    Reason.LOAD_MISSING: "the load cell says nothing; check its plug, its supply and [load_cell]",
+    Reason.LOAD_STILL: "the load cell does not change while the cable is pulled; check that the cable goes through it, "
+    "its amplifier, and tighten the cable",
+    Reason.LOAD_WRONG_WAY: "the load cell falls while the cable is pulled; change the sign of its scale in rig.toml",
 }
 """What each reason means and what to do."""
 
@@ -124,6 +139,14 @@ class PreflightState(NamedTuple):
     """Largest [A]."""
     charge: float
     """Current over time in this motion, out and back [A·s]."""
+    load: float
+    """What the load cell said last at rest, 0 where there is none [N or N·m]."""
+    load_low: float
+    """Its smallest reading while it was listened to."""
+    load_high: float
+    """Its largest."""
+    far_load: float
+    """What it said at the far end."""
     reason: float
     """Number of a `Reason`."""
 
@@ -158,11 +181,14 @@ def step(
     """
     since = state.since + dt
     seen = np.isfinite(reading.motor) and np.isfinite(reading.joint)
+    load = _load(settings, reading)
     if state.step == Step.DONE:
         return _answer(state, state.motor)
     state = state._replace(since=since)
     if not seen and state.step <= Step.LISTEN:  # in motion, a gap is the supervisor's to bridge
         return _fail(state, Reason.SENSORS) if since > settings.listen else _answer(state, state.motor)
+    if not np.isfinite(load) and state.step == Step.LISTEN and since > settings.listen:
+        return _fail(state, Reason.LOAD_MISSING)
     if state.step == Step.ENABLE:
         if reading.drive_state == DriveState.OPERATION_ENABLED:
             state = _at(Step.LISTEN, settings, state.amplitude, reading)
@@ -175,12 +201,15 @@ def step(
     if state.step == Step.LISTEN:
         coming = settings.settle if state.motor != state.far_motor else 0.0
         if since < coming:
-            return _answer(_hearing(state, reading), state.motor)
+            return _answer(_hearing(state, reading, load), state.motor)
         state = state._replace(
             low=min(state.low, reading.joint),
             high=max(state.high, reading.joint),
             motor_low=min(state.motor_low, reading.motor),
             motor_high=max(state.motor_high, reading.motor),
+            load=load,
+            load_low=np.fmin(state.load_low, load),
+            load_high=np.fmax(state.load_high, load),
         )
         if since < coming + settings.listen:
             return _answer(state, state.motor)
@@ -202,28 +231,38 @@ def step(
             return _fail(state, Reason.MOTOR_WRONG_WAY)
         if went < settings.follows * state.amplitude:
             return _fail(state, Reason.MOTOR_STILL)
-        state = state._replace(far_motor=reading.motor, far_joint=reading.joint)
+        state = state._replace(far_motor=reading.motor, far_joint=reading.joint, far_load=load)
         return _answer(state._replace(step=float(Step.BACK), since=0.0), wish)
     still = state.current_low == state.current_high  # or changed by less than a count, in a motion as small as this
     if settings.pull_sign * state.charge < -2.0 * settings.light * (duration + settings.settle):
         return _fail(state, Reason.SLACK_WRONG_WAY)
     moved = (state.far_joint - state.joint) * settings.pull_sign * settings.slope_sign
-    if moved >= settings.moved and not still:
+    # a torque has the joint's sign, a tension that of no direction
+    way = settings.pull_sign * settings.slope_sign if settings.torque else settings.load_sign
+    risen = (state.far_load - state.load) * way
+    span = state.load_high - state.load_low
+    watched = settings.tension + settings.torque > 0.0
+    if watched and risen < -span and moved >= settings.moved:
+        return _fail(state, Reason.LOAD_WRONG_WAY)
+    mute = watched and not risen > span
+    if moved >= settings.moved and not still and not mute:
         return _answer(state._replace(step=float(Step.DONE)), state.motor)
     if moved <= -settings.moved:
         return _fail(state, Reason.JOINT_WRONG_WAY)
     larger = 2.0 * state.amplitude
     if larger > settings.largest:
-        return _fail(state, Reason.CURRENT_STILL if still else Reason.JOINT_STILL)
+        why = Reason.CURRENT_STILL if still else Reason.JOINT_STILL
+        return _fail(state, Reason.LOAD_STILL if mute and moved >= settings.moved and not still else why)
     return _answer(state._replace(step=float(Step.OUT), since=0.0, amplitude=larger, charge=0.0), state.motor)
 
 
-def contradictions(limits: Limits, dt: float) -> list[str]:
+def contradictions(limits: Limits, dt: float, *, opposed: bool = False) -> list[str]:
     """What in a rig's limits cannot go together, in sentences; empty if all can.
 
     Args:
         limits: the supervisor's.
         dt: cycle time [s].
+        opposed: whether the cable pulls the joint down, against another one: it is let out as the joint goes up.
     """
     written = partial(_written, limits)
     reaction = limits.bridge_time + 2.0 * dt
@@ -242,6 +281,8 @@ def contradictions(limits: Limits, dt: float) -> list[str]:
         found.append(f"{written('motor_low')} is not below {written('motor_high')}")
     if not limits.joint_low < limits.joint_high:
         found.append(f"{written('joint_low')} is not below {written('joint_high')}")
+    if limits.measures_tension == 1.0 and not limits.tension_low < limits.tension_high:
+        found.append(f"{written('tension_low')} is not below {written('tension_high')}")
     if not limits.slope_low <= limits.slope_high:
         found.append(f"{written('slope_low')} is above {written('slope_high')}")
     if found:
@@ -311,7 +352,7 @@ def contradictions(limits: Limits, dt: float) -> list[str]:
     if limits.slack_sign not in (-1.0, 1.0):
         found.append(f"{written('slack_sign')} is neither −1 nor 1")
     out, back = (limits.motor_low, limits.motor_high)[:: 1 if limits.slack_sign < 0.0 else -1]
-    if abs(out) > abs(back):
+    if abs(out) > abs(back) and not opposed:
         found.append(
             f"{written('slack_sign')} lets the cable out towards the far end of the motor's range "
             f"({written('motor_low', 'motor_high')}), but there it pulls, since it is just taut at zero"
@@ -341,18 +382,19 @@ def _written(limits: Limits, *names: str) -> str:
     return ", ".join(said)
 
 
-def require(limits: Limits, dt: float, verdict: str) -> None:
+def require(limits: Limits, dt: float, verdict: str, *, opposed: bool = False) -> None:
     """Refuse a run whose limits contradict one another, or whose gains do not hold.
 
     Args:
         limits: the supervisor's.
         dt: cycle time [s].
         verdict: of `bowden check` on these gains (`design.check.VerdictName`).
+        opposed: see `contradictions`.
 
     Raises:
         SafetyError: with every contradiction, or the verdict.
     """
-    found = contradictions(limits, dt)
+    found = contradictions(limits, dt, opposed=opposed)
     if found:
         raise SafetyError(f"limits contradict one another: {'; '.join(found)}", do="correct them in rig.toml")
     if verdict not in ("holds", "little_margin", "limit_cycle"):
@@ -378,7 +420,7 @@ _POSITIVE = (
         "lowering",
         "released_current",
     ),
-    "released_time",
+    *("released_time", "torque_high"),
 )
 
 
@@ -390,15 +432,25 @@ def _within(settings: Preflight, motor: float) -> float:
 def _at(where: Step, settings: Preflight, amplitude: float, reading: DriveReading) -> PreflightState:
     motor, joint, current, start = reading.motor, reading.joint, reading.current, _within(settings, reading.motor)
     ends = (joint, joint, motor, motor)
+    load = _load(settings, reading)
     return PreflightState(
-        float(where), 0.0, start, joint, *ends, amplitude, motor, joint, current, current, 0.0, float(Reason.NONE)
+        *(float(where), 0.0, start, joint, *ends, amplitude, motor, joint, current, current, 0.0),
+        *(load, load, load, load, float(Reason.NONE)),
     )
 
 
-def _hearing(state: PreflightState, reading: DriveReading) -> PreflightState:
-    """Begin again to measure how still both angles are."""
+def _load(settings: Preflight, reading: DriveReading) -> float:
+    """What the load cell says; 0 where there is none."""
+    if settings.tension:
+        return reading.tension
+    return reading.joint_torque if settings.torque else 0.0
+
+
+def _hearing(state: PreflightState, reading: DriveReading, load: float) -> PreflightState:
+    """Begin again to measure how still both angles are, and the load cell."""
     motor, joint = reading.motor, reading.joint
-    return state._replace(joint=joint, low=joint, high=joint, motor_low=motor, motor_high=motor)
+    still = state._replace(joint=joint, low=joint, high=joint, motor_low=motor, motor_high=motor)
+    return still._replace(load=load, load_low=load, load_high=load)
 
 
 def _answer(state: PreflightState, wish: float) -> tuple[PreflightState, float, PreflightOutcome]:

@@ -35,6 +35,7 @@ CYCLE: Mapping[str, str] = {
     "bus_errors": "1",
     "foreign": "1",
     "sample_age": "s",
+    "joint_torque": "N·m",
     "joint_seen": "rad",
     "motor_seen": "rad",
     "wish": "rad",
@@ -68,7 +69,7 @@ after it; ``overruns`` are the deadlines that were skipped before this cycle.
 AT: Mapping[str, int] = {name: i for i, name in enumerate(CYCLE)}
 """Column → its place in a row."""
 
-NOTHING_READ = DriveReading(*(float("nan"),) * 5, *(0.0,) * 8)
+NOTHING_READ = DriveReading(*(float("nan"),) * 5, *(0.0,) * 8, float("nan"))
 """A reading before the first."""
 
 STOPPED = begin(Limits(), NOTHING_READ, cold(Thermal()))

@@ -102,7 +102,16 @@ def _again(kind: Any, settings: Mapping[str, Any], name: str) -> Any:
 _SINCE = {
     **{
         name: Limits._field_defaults[name]
-        for name in ("uses_emg", "emg_age", "loaded", "lowering", "homed", "console_lease")
+        for name in (
+            "uses_emg",
+            "emg_age",
+            "loaded",
+            "lowering",
+            "homed",
+            "console_lease",
+            "measures_torque",
+            "torque_high",
+        )
     },
     **{"pull_gain": 0.0, "pull_doubt": 0.0, "disable_time": math.inf},
 }

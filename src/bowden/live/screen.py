@@ -62,7 +62,7 @@ def picture(session: "Session", row: dict[str, float], auto: bool, answer: str =
         error = f"{_deg(own['joint'] - own['reference'])} of {_deg(own['reference'])}"
         if axis.name:
             state = Mode(int(own["mode"])).name.lower()
-            heat = f"{own['current']:.2f} A, winding {own['supervisor.heat.winding']:.0f} °C"
+            heat = f"{own['current']:.2f} A, winding {own['supervisor.heat.winding']:.0f} °C{_load(own)}"
             table.add_row(axis.name, f"{state}: {angles}; error {error}; {heat}")
         else:
             table.add_row("angles", angles)
@@ -74,7 +74,7 @@ def picture(session: "Session", row: dict[str, float], auto: bool, answer: str =
     if "admittance.push.torque" in row:
         table.add_row("push", _push(row))
     if not session.live.several:
-        table.add_row("motor", f"{row['current']:.2f} A, winding {row['supervisor.heat.winding']:.0f} °C")
+        table.add_row("motor", f"{row['current']:.2f} A, winding {row['supervisor.heat.winding']:.0f} °C{_load(row)}")
     table.add_row("recorder", f"{RecorderState(session.recorder).name.lower()}  {escape(str(session.log))}")
     table.add_row("lateness", f"{1e6 * row['lateness']:.0f} µs; the cycle takes {1e6 * row['run_time']:.0f} µs")
     laws = [(name[4:], value) for name, value in row.items() if name.startswith("law.")]
@@ -128,6 +128,12 @@ def _next(mode: Mode, preflight: float, shown: list[Fault]) -> str:
     if mode == Mode.PREFLIGHT and preflight:
         return "passed; r to run" if preflight > 0.0 else "failed"
     return _NEXT.get(mode, "")
+
+
+def _load(row: dict[str, float]) -> str:
+    """What the load cell says, where there is one."""
+    told = (("tension", "N"), ("joint_torque", "N·m"))
+    return "".join(f", {row[name]:.1f} {unit}" for name, unit in told if math.isfinite(row.get(name, math.nan)))
 
 
 def _deg(angle: float) -> str:

@@ -684,12 +684,13 @@ def own_twin(rig: Rig, *, measure: bool = False) -> Iterator[Rig]:
             this computer does not let run.
     """
     from bowden.hardware.buses.opening import UNIX
-    from bowden.live.twin_process import running_twin
+    from bowden.live.twin_process import RunningTwin, running_twin
 
     with left_behind.bus_of_this() as folder, contextlib.ExitStack() as stack:
         file = rig.origin if Path(rig.origin).suffix else "RIG.toml"
         buses: dict[tuple[str, str], Path] = {}
         axes: list[Axis] = []
+        paired: RunningTwin | None = None
         for name, own in rig.parts:
             place = family_of(own.drive).address(own.drive)
             bus = (place.get("interface", ""), place.get("channel", name))
@@ -698,7 +699,12 @@ def own_twin(rig: Rig, *, measure: bool = False) -> Iterator[Rig]:
             options += [] if place.get("interface") == UNIX else ["--interface", UNIX]
             asked = shlex.join(["bowden", "twin", file, *options])
             print(f"bowden: note: the twin's bus is {channel}: {asked}", file=sys.stderr)
-            twin = stack.enter_context(running_twin(own, channel, ["--interface", UNIX]))
+            if not (rig.pair.there and name in rig.pair.names):
+                twin = stack.enter_context(running_twin(own, channel, ["--interface", UNIX]))
+            elif paired is None:
+                twin = paired = stack.enter_context(running_twin(rig, channel, ["--interface", UNIX]))
+            else:
+                twin = paired
             beside = patient(own, measure=measure)
             if measure:
                 twin.control.wait(PATIENCE)
@@ -728,7 +734,7 @@ def patient(rig: Rig, *, measure: bool = False) -> Rig:
         rig: of the run.
         measure: see `own_twin`.
     """
-    limits, usual = rig.limits, Limits()
+    limits, usual, cell = rig.limits, Limits(), rig.load_cell
     late = math.floor(limits.lateness / rig.sample_time + 1e-9)
     wider: dict[str, Any] = {
         "reading_age": max(limits.reading_age, float(min(late, _OLDEST))),
@@ -738,10 +744,14 @@ def patient(rig: Rig, *, measure: bool = False) -> Rig:
         wider |= {"reading_age": float(_OLDEST), "lateness": 0.5 * PATIENCE}
         wider |= {"heartbeat_age": 0.6 * PATIENCE, "clock_gap": PATIENCE}
     changed = {name: value for name, value in wider.items() if getattr(limits, name) == getattr(usual, name)}
-    return rig.replace(limits=limits._replace(**changed))
+    if cell.there and cell.silence == type(cell)().silence:
+        cell = cell._replace(silence=min(late * rig.sample_time, _SILENT))
+    return rig.replace(limits=limits._replace(**changed), load_cell=cell)
 
 
 PATIENCE = 1.0
 """How long a run on a twin of the command's own goes on without a sign of life [s]; on hardware `operator_age`."""
+_SILENT = 50e-3
+"""What the load cell's `silence` may be at most [s]."""
 _OLDEST = 50
 """Cycles; what `reading_age` may be at most."""

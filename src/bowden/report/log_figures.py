@@ -24,7 +24,7 @@ _FAR = 1e12
 """What is later counts as this, so that a histogram has finite bins [µs]."""
 _SOON = 1.0
 """What is earlier counts as this: the axis is logarithmic [µs]."""
-_LOADS = ("current", "tension", "temperature", "supervisor.heat.winding")
+_LOADS = ("current", "tension", "joint_torque", "temperature", "supervisor.heat.winding")
 
 
 def motion(trace: Trace) -> "Figure":
@@ -92,7 +92,7 @@ def states(trace: Trace) -> "Figure | None":
 
 
 def loads(trace: Trace) -> "Figure | None":
-    """Current, tension and temperatures over time, those that were measured; None without any."""
+    """Current, load and temperatures over time, those that were measured; None without any."""
     columns = [name for name in _LOADS if name in trace.columns and np.isfinite(trace[name]).any()]
     if not columns:
         return None

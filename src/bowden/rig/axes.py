@@ -13,7 +13,7 @@ from bowden.rig.sections import DEFAULT_FAMILY, Control, RigFile
 if TYPE_CHECKING:
     from bowden.rig.rig import Rig
 
-AXIS, INDEPENDENT = "axis", "independent"
+AXIS, INDEPENDENT, PAIR = "axis", "independent", "pair"
 """Keys of a rig.toml beside its sections."""
 MEANINGS: Mapping[str, str] = {
     AXIS: "two to four motors in one loop: each has a name, and sections of which each key takes the place of the "
@@ -53,7 +53,7 @@ class AxisTree(NamedTuple):
 
 
 def split(tree: Mapping[str, Any], where: str) -> tuple[dict[str, Any], list[AxisTree], bool]:
-    """What is common in a rig.toml, its axes, and whether they are independent.
+    """What is common in a rig.toml, its axes, and whether they are independent; [pair] is neither.
 
     Args:
         tree: sections as they stand in the file.
@@ -62,7 +62,7 @@ def split(tree: Mapping[str, Any], where: str) -> tuple[dict[str, Any], list[Axi
     Raises:
         ParameterError: axes that are none, or too many.
     """
-    common = {key: value for key, value in tree.items() if key not in (AXIS, INDEPENDENT)}
+    common = {key: value for key, value in tree.items() if key not in (AXIS, INDEPENDENT, PAIR)}
     given, independent = tree.get(AXIS, []), tree.get(INDEPENDENT, False)
     if not isinstance(independent, bool):
         raise ParameterError(f"{where}: independent is {independent!r}", expected="true or false", do=_CORRECT)

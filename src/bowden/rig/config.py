@@ -25,12 +25,14 @@ from bowden.rig.checked import Gains
 from bowden.rig.declaration import Section, items_of, value_of
 from bowden.rig.given_law import LawFile, law_file
 from bowden.rig.given_plant import PlantFile, plant_file
+from bowden.rig.pair import PairSettings
 from bowden.rig.recorded import RecordedMotion, read_motion
 from bowden.rig.sections import (
     BEND_KINDS,
     BENDS,
     DEFAULT_FAMILY,
     MODEL_FILE,
+    PAIR,
     PARTS,
     REFERENCE_KINDS,
     REFERENCES,
@@ -101,7 +103,24 @@ def _values_of_axes(tree: Mapping[str, Any], path: Path, keep: Mapping[str, Any]
     for name, whole in each:
         with asked_for_by(f"axis {quoted(name)}"):
             found.append((name, values_of(whole, path, known.get(name))))
-    return values_of(common, path, keep) | {"axes": tuple(found), "independent": independent}
+    pair = _pair(tree, path)
+    return values_of(common, path, keep) | {"axes": tuple(found), "independent": independent, "pair": pair}
+
+
+class _PairFile(Section):
+    """The one section of a rig.toml that speaks of two axes."""
+
+    pair: PAIR.section = PAIR.section()  # type: ignore[name-defined]
+
+
+def _pair(tree: Mapping[str, Any], path: Path) -> PairSettings:
+    """What [pair] says."""
+    try:
+        given = _PairFile.model_validate({axes.PAIR: tree[axes.PAIR]} if axes.PAIR in tree else {}).pair
+    except ValidationError as error:
+        raise explained(error, path, _PairFile) from error
+    found: PairSettings = value_of(PairSettings, given.model_dump(), PAIR.default)
+    return found
 
 
 def checked_file(tree: Mapping[str, Any], path: Path) -> Any:

@@ -1,13 +1,15 @@
 """The drive, the supervisor's limits and the loop's settings as a rig has them."""
 
 import math
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from bowden.control.admittance.interaction import Doubt
 from bowden.core.errors import ParameterError
 from bowden.core.units import HERTZ, RADIANS
 from bowden.cycle.one_cycle import Filters
 from bowden.hardware.drives.family import LONGEST_SILENCE, DriveNeeds, family_of
+from bowden.hardware.drives.load_cell import ROOM, LoadCellParameters, check_cell
+from bowden.hardware.ports import Drive
 from bowden.hardware.realtime import Settings
 from bowden.models.suit.suit_angle import spool_map
 from bowden.plants.bench import Bench
@@ -16,12 +18,25 @@ from bowden.rig.settings import LiveSettings
 from bowden.safety.limits import Limits
 from bowden.safety.supervisor import DEAD_SHARE
 
+if TYPE_CHECKING:
+    from bowden.hardware.buses.link import BusPlace
+
 _LEAST_TRAVEL = 0.1
 """Travel of the motor that shows a frozen joint where the cable has next to no dead zone: what noise, a joint that
 follows late and a limb that is held do not explain [rad]."""
 
 
-def limits(given: Limits, bench: Bench, drive: Any, dead_zone: float = math.nan, suit: Suit | None = None) -> Limits:
+NO_CELL = LoadCellParameters()
+
+
+def limits(
+    given: Limits,
+    bench: Bench,
+    drive: Any,
+    dead_zone: float = math.nan,
+    suit: Suit | None = None,
+    cell: LoadCellParameters = NO_CELL,
+) -> Limits:
     """A rig's limits, with the servo's model, the motor's currents and what is measured from its other parts.
 
     Args:
@@ -30,7 +45,9 @@ def limits(given: Limits, bench: Bench, drive: Any, dead_zone: float = math.nan,
         drive: of the rig.
         dead_zone: the widest that its identified cable has, NaN where none is identified [rad].
         suit: where one is worn.
+        cell: a load cell of its own.
     """
+    family = family_of(drive)
     travel = max(_LEAST_TRAVEL, dead_zone / DEAD_SHARE)
     return given._replace(
         frozen_travel=given.frozen_travel if math.isnan(dead_zone) else min(given.frozen_travel, travel),
@@ -39,7 +56,8 @@ def limits(given: Limits, bench: Bench, drive: Any, dead_zone: float = math.nan,
         current_peak=bench.motor.current_limit,
         thermal=given.thermal._replace(resistance=bench.motor.resistance),
         measures_current=1.0,
-        measures_tension=float(family_of(drive).measures_tension(drive)),
+        measures_tension=float(family.measures_tension(drive) or (cell.there and cell.measures == "tension")),
+        measures_torque=float(family.measures_torque(drive) or (cell.there and cell.measures == "torque")),
         loaded=float(suit is not None),
         homed=float(family_of(drive).homed(drive)),
         **({} if suit is None else _pull(suit)),
@@ -126,6 +144,100 @@ def drive_parameters(given: Any, needs: DriveNeeds) -> Any:
             do="set the drive's own timeout with its maker's tool, and say it in [drive]; or take another drive",
         )
     return parameters
+
+
+def check_load(drive: Any, cell: LoadCellParameters, allowed: Limits, sample_time: float) -> None:
+    """Refuse a load cell that could not show what the supervisor is to see.
+
+    Args:
+        drive: of the rig.
+        cell: of the rig.
+        allowed: of `limits`.
+        sample_time: of a cycle [s].
+
+    Raises:
+        ParameterError: two of them, a range below the largest load allowed, or values that make no sense.
+    """
+    family = family_of(drive)
+    at_drive = family.measures_tension(drive) or family.measures_torque(drive)
+    if at_drive and cell.there:
+        raise ParameterError(
+            "[load_cell] names a device, and [drive] has a load cell at the drive's input",
+            expected="one load cell",
+            do="delete tension_n_per_mv and torque_nm_per_mv of [drive], or source of [load_cell]",
+        )
+    torque = allowed.measures_torque == 1.0
+    most, key = (allowed.torque_high, "torque_high_nm") if torque else (allowed.tension_high, "tension_high_n")
+    if cell.there:
+        check_cell(cell, sample_time, most, key)
+    elif at_drive and not most <= ROOM * family.load_range(drive):
+        told, unit = family.load_range(drive), "N·m" if torque else "N"
+        raise ParameterError(
+            f"limits.{key} is {most:g}, and the load cell at the drive's input can tell {told:.4g} {unit}",
+            expected=f"at most {ROOM * told:.4g}: beyond its range it would not see too much load",
+            do="make the limit smaller, or correct the scale, zero and analog_range_mv in [drive]",
+        )
+
+
+def opened(parameters: Any, cell: LoadCellParameters, links: Any) -> Drive:
+    """The drive, with a load cell of its own beside it where there is one.
+
+    Args:
+        parameters: of the drive, whole.
+        cell: of the rig.
+        links: the buses of this process.
+
+    Raises:
+        ParameterError: the cell says no bus, and the drive has none.
+    """
+    drive = family_of(parameters).open(parameters, links)
+    if not cell.there:
+        return drive
+    from bowden.hardware.drives.with_load_cell import DriveWithLoadCell  # with python-can
+
+    place, shared = cell_place(parameters, cell)
+    timeout = getattr(parameters, "answer_timeout", CELL_TIMEOUT)
+    return DriveWithLoadCell(drive, cell, place, links, timeout, shared=shared)
+
+
+CELL_TIMEOUT = 0.3
+"""Longest wait for an answer of a load cell beside a drive that says none [s]."""
+
+
+def cell_place(parameters: Any, cell: LoadCellParameters) -> "tuple[BusPlace, bool]":
+    """The bus of the load cell, and whether that is the drive's.
+
+    Raises:
+        ParameterError: the cell says no bus, and the drive has none.
+    """
+    from bowden.hardware.drives.on_can import place  # with python-can
+
+    if not hasattr(parameters, "interface") and None in (cell.interface, cell.channel, cell.bitrate):
+        raise ParameterError(
+            "[load_cell] says no bus, and the drive has none that it could share",
+            expected="interface, channel and bitrate",
+            do="write them in [load_cell]",
+        )
+    own = {name: getattr(cell, name) for name in ("interface", "channel", "bitrate") if getattr(cell, name) is not None}
+    found = place(parameters._replace(**own) if hasattr(parameters, "interface") else cell)
+    shared = hasattr(parameters, "interface") and found[:2] == place(parameters)[:2]
+    if shared:
+        found = place(parameters)
+    return found, shared
+
+
+def moved_cell(cell: LoadCellParameters, channel: str | None, interface: str | None) -> LoadCellParameters:
+    """The same load cell on another bus, where one is given; one with a bus of its own stays on one of its own."""
+    if not cell.there or cell.channel is None:
+        return cell if interface is None or cell.interface is None else cell._replace(interface=interface)
+    if channel is not None and not cell.channel.endswith(BESIDE):
+        inside = "/" if "/" in channel else "-"  # of a folder, or a bare name
+        cell = cell._replace(channel=f"{channel}{inside}{BESIDE}")
+    return cell if interface is None else cell._replace(interface=interface)
+
+
+BESIDE = "load-cell"
+"""Ending of the name of a twin's bus for a load cell alone."""
 
 
 def most_push(given: Any, needs: DriveNeeds) -> float:

@@ -29,6 +29,7 @@ from bowden.rig.declaration import items_of
 from bowden.rig.emg_motion import EmgMotion
 from bowden.rig.given_law import LawFile, code_of_law, packable
 from bowden.rig.given_plant import PlantFile, as_file
+from bowden.rig.pair import NO_PAIR, PairSettings
 from bowden.rig.recorded import RecordedMotion
 from bowden.rig.sections import BENDS, DEFAULT_FAMILY, PARTS, REFERENCES, RecordedFile, drive_part
 
@@ -39,8 +40,10 @@ MOST_BYTES = 32 << 20
 _DIGITS = 12
 """Numbers that are alike in this many digits make the same hash: degrees to radians and back is not exact."""
 
-OF_AXES = ("axes", "independent")
+OF_AXES = ("axes", "independent", "pair")
 """Fields of a rig that one without axes says nothing of."""
+OF_SOME = ("load_cell",)
+"""Fields of which a rig that is as usual says nothing."""
 
 _REFERENCE_TAGS = {part.kind: tag for tag, part in REFERENCES.items() if tag != "recorded"}
 _BEND_TAGS = {part.kind: tag for tag, part in BENDS.items()}
@@ -61,12 +64,19 @@ def document(values: Mapping[str, Any]) -> dict[str, Any]:
     Raises:
         ParameterError: a reference, cable or law that exists only in this process, or too much of it.
     """
-    found = {name: _written(name, value) for name, value in values.items() if name not in OF_AXES or value}
+    found = {name: _written(name, value) for name, value in values.items() if _says(name, value)}
     law, more = found["law"], {}
     if isinstance(values["law"], Law):
         base, own = packable(values["law"])
         law, more = _written("law", base), {"own_gains": own}
     return {"format": FORMAT, "software": f"bowden {__version__}"} | found | {"law": law} | more
+
+
+def _says(name: str, value: Any) -> bool:
+    """Whether a document has this field: one that not every rig has, and that is as usual, is left out."""
+    if name == "pair":
+        return bool(value.there)
+    return bool(value) if name in OF_AXES else name not in OF_SOME or value != PARTS[name].default
 
 
 def packed(found: Mapping[str, Any]) -> bytes:
@@ -90,8 +100,10 @@ def digest(values: Mapping[str, Any]) -> str:
     if values["axes"]:
         said: dict[str, Any] = {"axes": [[one.name, one.rig.hash] for one in values["axes"]]}
         said["independent"] = values["independent"]
+        said |= {"pair": values["pair"]} if values["pair"].there else {}
     else:
-        left_out = {*OF_AXES, *(["plant"] if values["plant"] is None else [])}
+        usual = [name for name in OF_SOME if not _says(name, values[name])]
+        left_out = {*OF_AXES, *usual, *(["plant"] if values["plant"] is None else [])}
         said = {name: value for name, value in values.items() if name not in left_out}
     return hashlib.sha256(json.dumps(_said(said), sort_keys=True).encode()).hexdigest()[:16]
 
@@ -224,7 +236,7 @@ def unpacked(pack: bytes | Mapping[str, Any], known: Iterable[str]) -> Packed:
     remarks: list[str] = []
     values: dict[str, Any] = {}
     fields = tuple(known)
-    if missing := [name for name in fields if name not in found and name not in OF_AXES]:
+    if missing := [name for name in fields if name not in found and name not in (*OF_AXES, *OF_SOME)]:
         remarks.append(f"the packed rig has no {', '.join(missing)}: taken as the default bench has it")
     for name, given in found.items():
         if name in ("format", "software", "own_gains", "hash"):
@@ -278,6 +290,8 @@ def _read(pack: bytes) -> Mapping[str, Any]:
 def _value(name: str, given: Any, remarks: list[str]) -> Any:
     if name == "axes":
         return tuple((one["name"], one["rig"]) for one in given)
+    if name == "pair":
+        return _made(PairSettings, given, NO_PAIR, name, remarks)
     if name in PARTS:
         return _made(PARTS[name].kind, given, PARTS[name].default, name, remarks)
     if name == "drive":

@@ -24,6 +24,8 @@ from bowden.core.toml_text import quoted
 from bowden.core.units import DEGREES, RADIANS
 from bowden.cycle.one_cycle import Filters
 from bowden.hardware.drives.family import DriveNeeds, family_of
+from bowden.hardware.drives.load_cell import LoadCellParameters
+from bowden.hardware.ports import Drive
 from bowden.hardware.realtime import Settings
 from bowden.identify.cable.fit import Fit
 from bowden.identify.cable.loads import JointFit
@@ -49,9 +51,11 @@ from bowden.rig.bends import Bend, ConstantBend, RandomBend, ScriptedBend
 from bowden.rig.checked import Gains, checked, checked_number, shown
 from bowden.rig.compose_admittance import Pushing, pushing_of
 from bowden.rig.compose_suit import suit_of
+from bowden.rig.declaration import tree_of as section_tree
 from bowden.rig.emg_setup import EmgRun
 from bowden.rig.given_law import LawFile
 from bowden.rig.given_plant import PlantFile
+from bowden.rig.pair import NO_PAIR, PairSettings, check_pair
 from bowden.rig.recorded import held
 from bowden.rig.sections import (
     DEFAULT_CABLE,
@@ -145,6 +149,8 @@ class Rig:
     """Motor angle before the start; None: the joint is where the reference starts [rad]."""
     drive: Any = DRIVE
     """Parameters of a family of drives. What only the rig itself says of it; `drive_parameters` is the whole."""
+    load_cell: LoadCellParameters = PARTS["load_cell"].default
+    """A load cell on a CAN bus; one at the drive's own input is in `drive`."""
     limits: Limits = PARTS["limits"].default
     """What only the rig itself says of them; `supervisor_limits` is the whole."""
     live: LiveSettings = PARTS["live"].default
@@ -154,6 +160,8 @@ class Rig:
     itself says is then what is common."""
     independent: bool = False
     """Whether an axis that is stopped by a fault leaves the others running."""
+    pair: PairSettings = NO_PAIR
+    """Two of the axes that pull one joint either way."""
     origin: str = field(default="Rig", compare=False)
     """The file that it was read from, for messages."""
     remarks: tuple[str, ...] = field(default=(), compare=False)
@@ -204,8 +212,10 @@ class Rig:
                 do='make them: axes=(("hip", rig), ("knee", rig.replace(…)))',
             )
         object.__setattr__(self, "axes", tuple(Axis(*one) for one in self.axes))
+        object.__setattr__(self, "pair", checked(self.pair, PairSettings, "pair", NO_PAIR))
         if self.axes:
             several.check(self.axes, self.origin)
+        check_pair(self.pair, self.axes, self.independent, self.origin)
 
     def _check_clock(self) -> None:
         """What the length of a run depends on, with the messages that the command line knows."""
@@ -348,7 +358,8 @@ class Rig:
 
     @property
     def _independence(self) -> dict[str, Any]:
-        return {several.INDEPENDENT: True} if self.independent else {}
+        pair = {several.PAIR: section_tree(self.pair)} if self.pair.there else {}
+        return pair | ({several.INDEPENDENT: True} if self.independent else {})
 
     def to_toml(self) -> str:
         """The rig as the text of a rig.toml, which `read` reads back to the same hash.
@@ -903,7 +914,7 @@ class Rig:
     def supervisor_limits(self) -> Limits:
         """All limits of the supervisor, those that follow from other parts too."""
         dead_zone = _WIDER * self.knowledge.width
-        return live_parts.limits(self.limits, self.bench, self.drive, dead_zone, self.worn)
+        return live_parts.limits(self.limits, self.bench, self.drive, dead_zone, self.worn, self.load_cell)
 
     @cached_property
     def drive_needs(self) -> DriveNeeds:
@@ -921,7 +932,19 @@ class Rig:
         Raises:
             ParameterError: values that make no sense together.
         """
+        live_parts.check_load(self.drive, self.load_cell, self.supervisor_limits, self.sample_time)
         return live_parts.drive_parameters(self.drive, self.drive_needs)
+
+    def open_drive(self, links: Any) -> Drive:
+        """The drive, with the load cell beside it where there is one; nothing is sent before it is brought up.
+
+        Args:
+            links: the buses of this process, `hardware.buses.link.Links`.
+
+        Raises:
+            ParameterError: values that make no sense together.
+        """
+        return live_parts.opened(self.drive_parameters, self.load_cell, links)
 
     def on_bus(self, channel: str | None, interface: str | None = None) -> "Rig":
         """The rig with its drive on another bus, where one is given.
@@ -935,7 +958,9 @@ class Rig:
         if self.axes:
             return self._with_axes(lambda rig: rig.on_bus(channel, interface))
         moved = family_of(self.drive).moved(self.drive, channel, interface)
-        return self if moved == self.drive else self.replace(drive=moved)
+        cell = live_parts.moved_cell(self.load_cell, channel, interface)
+        same = moved == self.drive and cell == self.load_cell
+        return self if same else self.replace(drive=moved, load_cell=cell)
 
     @property
     def system(self) -> Settings:
@@ -952,7 +977,7 @@ class Rig:
         return live_parts.filters(self.live, self.sample_time)
 
 
-_OF_THE_WHOLE = ("axes", "independent", "origin", "remarks")
+_OF_THE_WHOLE = ("axes", "independent", "pair", "origin", "remarks")
 """Fields of a rig with axes that are not those of each axis."""
 _LOOKED_AT, _INSTANTS = 60.0, 601
 """Of a reference: for how long it is looked at [s], and how often."""

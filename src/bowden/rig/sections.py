@@ -16,10 +16,12 @@ from bowden.core.errors import ParameterError
 from bowden.core.quantity import Quantity
 from bowden.core.units import RADIANS
 from bowden.hardware.drives import family as drive_families
+from bowden.hardware.drives.load_cell import LoadCellParameters
 from bowden.identify.cable.counting import Counting
 from bowden.models.cable.bouc_wen import BoucWen
 from bowden.rig.bends import ConstantBend, RandomBend, ScriptedBend
 from bowden.rig.declaration import Section, at, items_of, key_of, rounded, section_of
+from bowden.rig.pair import PairSettings
 from bowden.rig.presets.bench import chirp, default_bench, document, minimum_jerk
 from bowden.rig.settings import AdmittanceSettings, EmgSettings, LiveSettings, SuitSettings, WearerSettings
 from bowden.safety.limits import Limits
@@ -129,10 +131,14 @@ PARTS: Mapping[str, Part] = {
         "What the supervisor allows, and the motor's thermal model; see docs/safety.md.",
         rounded(Limits(), 4),
     ),
+    "load_cell": _part("LoadCellSection", LoadCellParameters.__doc__ or "", LoadCellParameters()),
     "live": _part("LiveSection", LiveSettings.__doc__ or "", LiveSettings()),
     "emg": _part("EmgSection", EmgSettings.__doc__ or "", rounded(EmgSettings(), 4)),
 }
 """Field of a rig → the part that stands for it, of those whose section holds nothing else."""
+
+PAIR = _part("PairSection", PairSettings.__doc__ or "", PairSettings())
+"""[pair], which stands beside [[axis]]."""
 
 REFERENCES: Mapping[str, Part] = {
     tag: Part(kind, default, section_of(f"{kind.__name__}Section", text, kind, default, tag=tag))
@@ -294,6 +300,7 @@ RigFile: type[Section] = create_model(
     reference=(_one_of(REFERENCE_KINDS), REFERENCE_KINDS["periodic_minimum_jerk"]()),
     scenario=_section(_ScenarioSection),
     drive=_DRIVE_SECTION,
+    load_cell=_section(PARTS["load_cell"].section),
     limits=_section(PARTS["limits"].section),
     live=_section(PARTS["live"].section),
     emg=_section(PARTS["emg"].section),

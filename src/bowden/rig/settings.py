@@ -124,7 +124,7 @@ class AdmittanceSettings(NamedTuple):
         Literal["load_cell", "estimate"],
         Quantity(
             "source of the interaction torque: measured, or estimated from current, angles and the cables' model; "
-            "bowden run has only the estimate"
+            "bowden run measures with the one of [load_cell]"
         ),
     ] = "load_cell"
     virtual_inertia: Annotated[

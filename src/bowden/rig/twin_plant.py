@@ -1,11 +1,69 @@
 """What a twin of a rig moves: the suit where one is worn, a plant of the user's own, or the bench round its cable."""
 
+from typing import Any, NamedTuple
+
+from bowden.hardware.drives.family import TwinProcess
 from bowden.hardware.twin.bench import TwinBench
+from bowden.hardware.twin.pair import SharedJoint
 from bowden.hardware.twin.plant import TwinPlant
 from bowden.hardware.twin.suit import TwinSuit
 from bowden.hardware.twin.user import TwinUser
 from bowden.plants.user_plant import UserPlant
+from bowden.rig.drive import cell_place
+from bowden.rig.pair import mirrored
 from bowden.rig.rig import Rig
+
+
+def attach_load_cell(running: TwinProcess, rig: Rig) -> None:
+    """Put the twin of the rig's load cell beside that of its drive, where it is a device of its own.
+
+    Raises:
+        DriveError: its bus cannot be used.
+    """
+    cell = rig.load_cell
+    if not cell.there:
+        return
+    from bowden.hardware.twin.load_cell_node import LoadCellNode
+    from bowden.hardware.twin.twin import NodePlace  # with python-can
+
+    place, shared = cell_place(rig.drive_parameters, cell)
+    own = NodePlace(place.interface, place.channel, place.bitrate, cell.node_id)
+    running.attach(lambda plant, faults, send: LoadCellNode(cell, plant, faults, send), None if shared else own)
+
+
+class PlayedDrive(NamedTuple):
+    """A drive that a twin plays, and what is behind it."""
+
+    drive: Any
+    """Its parameters, whole."""
+    plant: TwinPlant
+
+
+def twin_pair_of(rig: Rig, now: float) -> tuple[PlayedDrive, PlayedDrive]:
+    """Both drives of the rig's pair, with one joint: the agonist's first.
+
+    The antagonist's cable is played in the coordinate in which its motor pulls upwards.
+
+    Args:
+        rig: with a pair.
+        now: what the time is [s].
+
+    Raises:
+        ParameterError: a plant that cannot be.
+    """
+    one, other = (rig.axis(name) for name in rig.pair.names)
+    flip = other if one.limits.slack_sign < 0.0 else one  # the one whose motor pulls downwards
+    made = []
+    for axis in (one, other):
+        start, drive = axis.start_motor, axis.drive_parameters
+        start, drive = (-start, mirrored(drive)) if axis is flip else (start, drive)
+        cabled = axis.cabled
+        assert not isinstance(cabled, UserPlant)  # which a pair refuses
+        bench = TwinBench(cabled, axis.bend_path, axis.duration, axis.seed + len(made), start, now)
+        made.append((drive, bench))
+    up, down = (made[1][1], made[0][1]) if flip is one else (made[0][1], made[1][1])
+    SharedJoint(up, down, rig.pair.stiffness)
+    return PlayedDrive(*made[0]), PlayedDrive(*made[1])
 
 
 def twin_plant_of(rig: Rig, now: float) -> TwinPlant:

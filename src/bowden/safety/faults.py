@@ -121,6 +121,13 @@ class Fault(IntEnum):
                      "look at the fault of the other axis; an acknowledgement is for all axes")
     AXIS_OFF = (3, 3, 0.004, "another axis is off", "a fault of another axis of the rig asks for R3",
                 "look at the fault of the other axis; an acknowledgement is for all axes")
+    TORQUE_LOST = (1, 2, 0.008, "no torque of the joint", "missing or impossible, where measured",
+                   "look at the load cell's plug and supply")
+    OVER_TORQUE = (3, 3, 0.004, "too much torque on the joint", "|joint torque| > torque_high, where measured",
+                   "first check for a caught limb or a jam")
+    LOAD_STUCK = (2, 2, 0.008, "load cell does not change",
+                  "not a count's change over frozen_travel of the motor, the cable's dead zone taken off",
+                  "look at the load cell, its amplifier and how it sends")
 # fmt: on
 
 OF_OTHERS = (Fault.AXIS_RELEASED, Fault.AXIS_OFF)

@@ -106,6 +106,10 @@ class Limits(NamedTuple):
     pull_doubt: Annotated[float, Quantity("tension that the gears' friction may take", "N", key=None)] = 0.0
     tension_high: Annotated[float, Quantity("largest tension of the cable", "N", ge=0.0, le=2000.0)] = 150.0
     tension_low: Annotated[float, Quantity("below it the cable is slack", "N")] = 2.0
+    measures_torque: Annotated[float, Quantity("1 where the joint's torque is measured, else 0", key=None)] = 0.0
+    torque_high: Annotated[
+        float, Quantity("largest torque of the suit on the joint, either way, where measured", "N·m", ge=0.0, le=200.0)
+    ] = 15.0
     slack_time: Annotated[float, Quantity("how long it may be slack", "s", ge=0.0, le=1.0)] = 0.05
     reading_age: Annotated[float, Quantity("age of an angle that is still good", "cycles", ge=0.0, le=50.0)] = 2.0
     heartbeat_age: Annotated[

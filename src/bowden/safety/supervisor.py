@@ -98,6 +98,14 @@ class Anchor(NamedTuple):
     swung: Annotated[float, Quantity("changes of its speed at that current, added up", "rad/s")]
 
 
+class LoadAnchor(NamedTuple):
+    """What the motor has done since the load cell's reading last changed, behind the widest dead zone, as `Anchor`."""
+
+    motor: Annotated[float, Quantity("motor angle behind the widest dead zone", "rad")]
+    reading: Annotated[float, Quantity("of the load cell, in its unit")]
+    unanswered: Annotated[float, Quantity("travel of the motor behind the dead zone without an answer", "rad")]
+
+
 class Sums(NamedTuple):
     """For how long something has lasted, and sums that forget."""
 
@@ -124,6 +132,7 @@ class SupervisorState(NamedTuple):
     sums: Sums
     heat: ThermalState
     sample_age: Annotated[float, Quantity("how old the drive's newest sample was", "s")]
+    load: LoadAnchor
 
 
 class Found(NamedTuple):
@@ -174,6 +183,9 @@ class Found(NamedTuple):
     RELEASE_PULLS: float
     AXIS_RELEASED: float
     AXIS_OFF: float
+    TORQUE_LOST: float
+    OVER_TORQUE: float
+    LOAD_STUCK: float
 
 
 POWER_OFF, POWER_ON = 0.0, 3.0  # of `hardware.ports.Power`, which this floor cannot see
@@ -211,6 +223,7 @@ def begin(limits: Limits, reading: DriveReading, thermal: ThermalState) -> Super
         Sums(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
         thermal,
         0.0,
+        LoadAnchor(motor, 0.0, 0.0),
     )
 
 
@@ -323,6 +336,20 @@ def look(
     tension = sel(limits.measures_tension * (1.0 - no_tension) > 0.0, reading.tension, limits.tension_low)
     pull = sel(known > 0.0, -limits.slack_sign * reading.current * limits.pull_gain - limits.pull_doubt, 0.0)
     strained = lasting(beyond(pull, limits.tension_high), sums.strained, time)
+    no_torque = limits.measures_torque * outside(reading.joint_torque, -BIG, BIG)
+    torque = sel(limits.measures_torque * (1.0 - no_torque) > 0.0, reading.joint_torque, 0.0)
+
+    # the load cell's sign of life, as the joint's
+    load = sel(limits.measures_tension > 0.0, reading.tension, reading.joint_torque)
+    answers = (powered == 0.0) + (1.0 - (load == state.load.reading)) > 0.0
+    beside = np.fmax(motor.value - half, np.fmin(motor.value + half, state.load.motor))
+    mute = state.load.unanswered + np.abs(beside - state.load.motor)
+    cell = LoadAnchor(
+        sel(answers, motor.value, beside),
+        sel(outside(load, -BIG, BIG) > 0.0, state.load.reading, load),
+        sel(answers, 0.0 - half, mute),
+    )
+    measured = np.fmax(limits.measures_tension, limits.measures_torque) * (1.0 - beyond(last.mode, BRIDGING))
     slack = lasting(enabled * beyond(-tension, -limits.tension_low), sums.slack, time)
 
     # bus and time: sums that forget
@@ -384,6 +411,9 @@ def look(
         RELEASE_PULLS=limits.homed * (last.mode == RELEASING) * pulls,
         AXIS_RELEASED=1.0 - outside(observed.others, 1.5, 2.5),
         AXIS_OFF=outside(observed.others, -0.5, 2.5),
+        TORQUE_LOST=no_torque,
+        OVER_TORQUE=beyond(np.abs(torque), limits.torque_high),
+        LOAD_STUCK=measured * beyond(cell.unanswered, limits.frozen_travel - 2.0 * half),
     )
     return (
         SupervisorState(
@@ -396,6 +426,7 @@ def look(
             Sums(overload, saturated, slack, late, errors, failures, armed, strained, undisabled),
             heat,
             age,
+            cell,
         ),
         found,
         time,
@@ -478,6 +509,7 @@ def supervise(
             seen.sums,
             seen.heat,
             seen.sample_age,
+            seen.load,
         ),
         Verdict(target, sel(idle, POWER_OFF, POWER_ON), mode, reported, active),
     )

@@ -33,6 +33,6 @@ def faulty(fault: SensorFault, sample: Sample, kept: NDArray[np.float64], k: int
     kept[0, k], kept[1, k] = sample.joint, sample.motor
     if not fault.begin <= k < fault.end:
         return sample
-    true = DriveReading(sample.motor, sample.joint, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    true = DriveReading(sample.motor, sample.joint, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     misread_sample = misread(int(fault.kind), k - int(fault.begin), true, kept[0], kept[1], k)
     return Sample(misread_sample.joint, misread_sample.motor)

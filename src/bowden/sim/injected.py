@@ -184,4 +184,5 @@ def misread(
         bus_errors,
         foreign,
         reading.sample_age,
+        reading.joint_torque,
     )

@@ -57,6 +57,7 @@ class Links:
         *,
         synced: bool = False,
         restore: Callable[[], None] | None = None,
+        sends: frozenset[int] = frozenset(),
     ) -> "BusPort":
         """Join a bus as the host of one node.
 
@@ -66,10 +67,11 @@ class Links:
             wanted: whether a frame with this identifier and these flags is for this node's host.
             synced: whether it sends something for the whole bus in each cycle, see `BusPort.sync`.
             restore: called when another drive on the bus has been brought up, see `BusPort.disturbed`.
+            sends: identifiers that this node sends, where they must be no others'.
 
         Raises:
             DriveError: the bus cannot be opened, another process is its host, this process has that node already, or
-                has that bus open at other bit rates.
+                has that bus open at other bit rates, or two nodes have frames of one identifier.
         """
         link = self._links.get(place[:2])
         if link is None:
@@ -84,7 +86,7 @@ class Links:
                 do="give each a bus of its own, or correct the bit rates in [drive]",
             )
         try:
-            port = link.join(node, wanted, synced, lambda: self._links.pop(place[:2], None))
+            port = link.join(node, wanted, synced, lambda: self._links.pop(place[:2], None), sends)
             port.restore = restore
             return port
         except BaseException:
@@ -121,7 +123,14 @@ class BusLink:
         """Frames that could not be sent or read since it was opened."""
         self._synced = 0
 
-    def join(self, node: str, wanted: Callable[[int], bool], synced: bool, emptied: Callable[[], object]) -> "BusPort":
+    def join(
+        self,
+        node: str,
+        wanted: Callable[[int], bool],
+        synced: bool,
+        emptied: Callable[[], object],
+        sends: frozenset[int] = frozenset(),
+    ) -> "BusPort":
         """See `Links.join`; `emptied` is called when the last port has left."""
         if any(port.node == node for port in self.ports):
             raise DriveError(
@@ -129,8 +138,16 @@ class BusLink:
                 expected="a number of its own for each",
                 do="correct one of them in the rig's [drive]",
             )
+        for port in self.ports:
+            both = [*(i for i in sends if port._wanted(i)), *(i for i in port.sends if wanted(i))]
+            if both:
+                raise DriveError(
+                    f"{node} and {port.node} of the bus {self.place.channel} both have frames {min(both):03X}h",
+                    expected="numbers and identifiers that differ",
+                    do="correct one of them in the rig, and in the device; or give one a bus of its own",
+                )
         port = BusPort(self, node, wanted, emptied)
-        port.synced = synced
+        port.synced, port.sends = synced, sends
         self.ports.append(port)
         return port
 
@@ -172,6 +189,8 @@ class BusPort:
         self.node, self.synced = node, False
         """Whether what it sends for the whole bus waits for the others who do so; False while it is let go of alone."""
         self.restore: Callable[[], None] | None = None
+        self.sends: frozenset[int] = frozenset()
+        """Identifiers that this node sends, where they must be no others'."""
         self._link, self._wanted, self._emptied = link, wanted, emptied
         self._frames: deque[Frame] = deque(maxlen=_MOST_WAITING)
 

@@ -36,6 +36,7 @@ from bowden.hardware.drives.ak_parameters import (
     AkParameters,
     check_parameters,
     check_range,
+    largest_torque,
     model_of,
     motor_scale,
     reply_id,
@@ -282,7 +283,9 @@ class AkDrive:
                 self._readings.found(LOST_RANGE)
                 self._fell = True
             return
-        least, expected = ASKED * self._model.torque, max(-self._model.torque, min(self._model.torque, self._expected))
+        # at its largest current a drive tells the same torque, and gives what it can
+        least, most = ASKED * self._model.torque, min(self._model.torque, largest_torque(self._drive))
+        expected = max(-most, min(most, self._expected))
         if self._torque != self._stuck[0]:
             self._stuck = (self._torque, expected)
         in_vain = abs(expected) >= least and abs(self._torque) <= GIVEN * abs(expected)

@@ -130,11 +130,14 @@ def model_of(drive: AkParameters) -> AkModel:
     return MODELS[drive.model]
 
 
+def largest_torque(drive: AkParameters) -> float:
+    """What the largest current gives, at the output shaft; infinite where no current is asked for [N·m]."""
+    return drive.gear * drive.torque_constant * (drive.current_limit or math.inf)
+
+
 def most_push(drive: AkParameters) -> float:
     """Largest torque offset that is allowed, at the spool [N·m]."""
-    return MOST_PUSH * min(
-        drive.gear * drive.torque_constant * (drive.current_limit or math.inf), model_of(drive).torque
-    )
+    return MOST_PUSH * min(largest_torque(drive), model_of(drive).torque)
 
 
 def motor_scale(drive: AkParameters, position_at_home: float = 0.0) -> Scale | SuitScale:

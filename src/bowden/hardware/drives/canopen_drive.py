@@ -15,7 +15,7 @@ from bowden.hardware.drives import canopen_frames as frames
 from bowden.hardware.drives.canopen_setup import DriveFindings, restore, set_up
 from bowden.hardware.drives.cia402 import WITH_TORQUE, Controlword, controlword, decode, fell
 from bowden.hardware.drives.emergencies import SAFE_TORQUE_OFF
-from bowden.hardware.drives.parameters import DriveParameters, check_parameters, zeroed
+from bowden.hardware.drives.parameters import DriveParameters, check_parameters, load_of, zeroed
 from bowden.hardware.ports import Power, TorqueLeft
 
 MOST_FRAMES = 64
@@ -105,7 +105,7 @@ class CanopenDrive:
         values = self._values
         motor_age, joint_age, emergency, foreign = values.motor_age + 1.0, values.joint_age + 1.0, 0.0, 0.0
         motor, joint, current = values.motor, values.joint, values.current
-        tension, temperature = values.tension, values.temperature
+        tension, temperature, joint_torque = values.tension, values.temperature, values.joint_torque
         drive, found, node = self._drive, self._found, self._drive.node_id
         for _ in range(MOST_FRAMES):
             if found is None:
@@ -125,7 +125,9 @@ class CanopenDrive:
                 joint, joint_age = found.joint.angle(sensors.joint), 0.0
                 temperature = math.nan if sensors.temperature is None else 0.1 * sensors.temperature
                 if drive.tension_scale != 0.0:
-                    tension = drive.tension_scale * (sensors.analog - drive.tension_zero)
+                    tension = load_of(drive, sensors.analog)
+                elif drive.torque_scale != 0.0:
+                    joint_torque = load_of(drive, sensors.analog)
             elif cob_id == frames.HEARTBEAT + node and (state := frames.unpack_heartbeat(data)) is not None:
                 self._heartbeat_at = now
                 self._operational = self._operational and state == frames.OPERATIONAL
@@ -146,7 +148,7 @@ class CanopenDrive:
         self._values = DriveReading(
             motor, joint, current, tension, temperature, motor_age, joint_age,
             now - self._heartbeat_at, float(self._state), emergency, float(self._errors()), foreign,
-            0.0 if math.isnan(self._synced) else now - self._synced,
+            0.0 if math.isnan(self._synced) else now - self._synced, joint_torque,
         )  # fmt: skip
         return self._values
 

@@ -1,6 +1,7 @@
 """What a family of drives offers, and how one is found by its name."""
 
 import importlib
+import math
 import pkgutil
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -65,6 +66,10 @@ class TwinProcess(Protocol):
         """Let `run` end; for signal handlers."""
         ...
 
+    def attach(self, make: Any, place: Any = None) -> None:
+        """Put a device beside the drive, with the same plant; see `hardware.twin.twin.Twin`."""
+        ...
+
 
 class FoundDevice(NamedTuple):
     """Somebody who answers on a bus."""
@@ -125,6 +130,13 @@ class DriveFamily:
     zeroed: Callable[[Any, DriveReading, float, float], Any] | None = None
     """``zeroed(parameters, reading, motor, joint)``: the parameters with which what was read is at these angles of
     motor and joint [rad]; None of a family whose zero is set with its maker's tool alone."""
+    measures_torque: Callable[[Any], bool] = lambda _: False
+    """Whether it reports the joint's torque."""
+    load_range: Callable[[Any], float] = lambda _: math.inf
+    """Largest tension [N] or torque [N·m] that its input can tell."""
+    tared: Callable[[Any, float, float], Any] | None = None
+    """``tared(parameters, read, load)``: the parameters with which what was `read` is this load [N or N·m]; None of a
+    family without an input for a load cell."""
     measures_joint: Callable[[Any], bool] = lambda _: True
     """Whether the joint's angle is measured at all; a rig without it is not run, since law and supervisor need it."""
     unseen_watch: Callable[[Any], str] = lambda _: ""

@@ -17,6 +17,7 @@ from bowden.core.errors import DriveError, ParameterError
 from bowden.core.quantity import Quantity
 from bowden.hardware.drives import canopen_frames as frames
 from bowden.hardware.drives import on_can
+from bowden.hardware.drives.canopen_sensor import HOST, SYNCED, SensorHealth, send_in_tpdo1, try_sync
 from bowden.hardware.drives.limited_range import LimitedRange
 from bowden.hardware.drives.scale import Scale
 
@@ -25,12 +26,6 @@ if TYPE_CHECKING:
 
     from bowden.hardware.drives.canopen_dialogue import Dialogue
 
-HOST = 127
-"""Our own number on the bus of such a device, which does not watch us."""
-HEARTBEAT = 20e-3
-"""Between two heartbeats of the device, as bring-up sets it [s]."""
-MOST_SILENCE = 3.5 * HEARTBEAT
-"""Of its heartbeat; two lost ones do no harm [s]."""
 PROFILE = 406
 """Low word of 1000h."""
 KINDS = {1: "a single-turn absolute rotary encoder", 2: "a multi-turn absolute rotary encoder"}
@@ -39,6 +34,7 @@ SCALED = 0x04
 """6000h: 6001h and 6002h count, and not the device's own resolution."""
 POSITION = 0x6004_0020
 """Index, sub-index and length in bits of what TPDO 1 carries."""
+WHAT = "the joint's encoder"
 BY_TIMER = 254
 """Transmission type: when the device's timer says so."""
 
@@ -131,11 +127,9 @@ class JointEncoder:
 
     def __init__(self, parameters: JointEncoderParameters, timeout: float) -> None:
         self._given, self._timeout, self._node = parameters, timeout, parameters.node_id
-        self._ours = frames.of_the_host(parameters.node_id, HOST)
+        self._health = SensorHealth(parameters.node_id)
         self._scale = Scale(1.0, 0.0)
         self._turns = LimitedRange(math.inf)
-        self._beat = math.nan
-        self._operational = self._failed = False
 
     @property
     def synced(self) -> bool:
@@ -144,11 +138,11 @@ class JointEncoder:
 
     def wants(self, identifier: int) -> bool:
         """Whether a frame is of it, or one that only its host may send."""
-        return (identifier & 0x7F == self._node and identifier > 0x7F) or identifier in self._ours
+        return (identifier & 0x7F == self._node and identifier > 0x7F) or self.foreign(identifier)
 
     def foreign(self, identifier: int) -> bool:
         """Whether a frame is one that only its host may send."""
-        return identifier in self._ours
+        return identifier in self._health.ours
 
     def bring_up(self, bus: "can.BusABC") -> str:
         """Find, check and configure it, and start it; who it is, in one line.
@@ -165,7 +159,7 @@ class JointEncoder:
         with dialogue(bus, self._node, HOST, self._timeout, "a CiA 406 encoder") as node:
             if not node.answers():
                 node.command(frames.NMT_PRE_OPERATIONAL)
-            kind = _check_kind(node)
+            turns = _check_kind(node)
             node.command(frames.NMT_PRE_OPERATIONAL)
             span = _check_resolution(node, given.counts_per_turn)
             if node.read_if_there(0x6503):
@@ -177,31 +171,22 @@ class JointEncoder:
             step = given.direction * 2.0 * math.pi / given.counts_per_turn
             at_home = node.read(0x6004) if given.here else 0
             self._scale = Scale(step, given.home - step * at_home)
-            _configure(node, synced=given.synced)
+            kind = SYNCED if given.synced else BY_TIMER
+            send_in_tpdo1(node, WHAT, (POSITION,), kind, lambda: _set_timer(node, synced=given.synced))
             if given.synced:
-                _try_sync(node)
-            who = f"{node.text(0x1008) or KINDS[kind]} at {node.name}, {given.counts_per_turn:g} counts a turn"
+                try_sync(node, WHAT, "its position", 'set joint_sends = "timer" in [drive], if it has one')
+            who = f"{node.text(0x1008) or KINDS[turns]} at {node.name}, {given.counts_per_turn:g} counts a turn"
         self._turns = LimitedRange(span)
         if span > 0.0:
             self._turns.follow(at_home if given.here else 0.0)  # angles begin within half a range of home
-        self._operational, self._failed, self._beat = True, False, math.nan
+        self._health.begin()
         return who
 
     def read(self, identifier: int, data: bytes, now: float) -> float | None:
         """The joint's angle, if this frame brings one [rad]; takes in what it says of itself."""
-        if identifier == frames.HEARTBEAT + self._node:
-            state = frames.unpack_heartbeat(data)
-            if state is not None:
-                self._beat = now
-                self._operational = self._operational and state == frames.OPERATIONAL
-        elif identifier == frames.EMERGENCY + self._node:
-            code = frames.unpack_emergency(data)
-            self._failed = self._failed if code is None else code != 0
-        elif identifier == frames.TPDO1 + self._node and len(data) == 4:
-            if math.isnan(self._beat):
-                self._beat = now  # from its first reading on it can be late
+        if self._health.take(identifier, data, now) and len(data) == 4:
             counts = self._turns.follow(float(int.from_bytes(data, "little")))
-            if self._operational and not self._failed and now - self._beat <= MOST_SILENCE:
+            if self._health.good(now):
                 return self._scale.angle(counts)
         return None
 
@@ -244,44 +229,9 @@ def _check_resolution(node: "Dialogue", counts: float) -> float:
     return float(span or 1 << 32)
 
 
-def _configure(node: "Dialogue", *, synced: bool) -> None:
-    """How it sends, and its heartbeat; a device whose TPDO 1 is mapped for good must have the position in it."""
-    off = 0x8000_0000
-    cob_id = 0x4000_0000 | (node.read(0x1800, 1) & 0x7FF)
-    if cob_id & 0x7FF != frames.TPDO1 + node.number:
-        cob_id = 0x4000_0000 | frames.TPDO1 + node.number
-    for index in (0x1801, 0x1802, 0x1803):
-        other = node.read_if_there(index, 1)
-        if other is not None and not other & off:
-            node.write(index, 1, other | off, 4, off | 0x7FF)
-    node.write(0x1800, 1, cob_id | off, 4, off | 0x7FF)
-    node.write(0x1800, 2, 1 if synced else BY_TIMER, 1)
-    if not (node.read(0x1A00, 0) == 1 and node.read(0x1A00, 1) == POSITION):
-        node.write(0x1A00, 0, 0, 1)
-        node.write(0x1A00, 1, POSITION, 4)
-        node.write(0x1A00, 0, 1, 1)
-    if synced:
-        if node.read_if_there(0x6200):
-            node.write(0x6200, 0, 0, 2)
-    else:
+def _set_timer(node: "Dialogue", *, synced: bool) -> None:
+    """Its own timer, 6200h [ms]."""
+    if not synced:
         node.write(0x6200, 0, 1, 2)
-    node.write(0x1017, 0, round(1e3 * HEARTBEAT), 2)
-    node.write(0x1800, 1, cob_id, 4, off | 0x7FF)
-    node.command(frames.NMT_START)
-    if not node.reaches(frames.OPERATIONAL):
-        raise DriveError(
-            f"{node.name}, the joint's encoder, does not become operational", expected="NMT state 5 in its heartbeat"
-        )
-    node.keeps_all()
-
-
-def _try_sync(node: "Dialogue") -> None:
-    """It must answer a SYNC: one that does not would first show in a run."""
-    node.listener.transmitted = 0
-    node.send(frames.SYNC, b"")
-    if not node.waits(0.1, lambda: node.listener.transmitted > 0):
-        raise DriveError(
-            f"{node.name}, the joint's encoder, sends nothing at a SYNC",
-            expected="its position in TPDO 1",
-            do='set joint_sends = "timer" in [drive], if it has one',
-        )
+    elif node.read_if_there(0x6200):
+        node.write(0x6200, 0, 0, 2)

@@ -51,7 +51,18 @@ class DriveParameters(NamedTuple):
         float,
         Quantity("cable tension per millivolt at the drive's analog input; 0 for none", "N/mV", key="tension_n_per_mv"),
     ] = 0.0
-    tension_zero: Annotated[float, Quantity("voltage of that input without tension", "mV")] = 0.0
+    tension_zero: Annotated[float, Quantity("voltage of that input without load", "mV")] = 0.0
+    torque_scale: Annotated[
+        float,
+        Quantity(
+            "torque on the joint per millivolt at that input, in place of a tension; 0 for none",
+            "N·m/mV",
+            key="torque_nm_per_mv",
+        ),
+    ] = 0.0
+    analog_range: Annotated[
+        float, Quantity("voltage at which that input, or the cell's amplifier, saturates", "mV", gt=0.0, le=32767.0)
+    ] = 10_000.0
     emergency_stop_input: Annotated[
         int,
         Quantity(
@@ -141,7 +152,10 @@ def check_parameters(drive: DriveParameters) -> None:
         ("joint_home", math.isfinite(drive.joint_home), "a finite angle"),
         ("torque_constant", 0.0 < drive.torque_constant < math.inf, "a number above 0"),
         ("tension_scale", math.isfinite(drive.tension_scale), "a finite number"),
-        ("tension_zero", math.isfinite(drive.tension_zero), "a finite number"),
+        ("tension_zero", abs(drive.tension_zero) < drive.analog_range, "a voltage within analog_range_mv"),
+        ("torque_scale", math.isfinite(drive.torque_scale), "a finite number"),
+        ("torque_scale", not (drive.torque_scale and drive.tension_scale), "0 where tension_n_per_mv is not"),
+        ("analog_range", 0.0 < drive.analog_range <= 32767.0, "above 0, at most 32767 mV"),
         ("sample_time", whole_ms, "whole milliseconds from 1 to 255, as the drive's interpolation time"),
         ("heartbeat_timeout", 0.0 < drive.heartbeat_timeout <= LONGEST_TIMEOUT, "above 0, at most 0.04 s"),
         (
@@ -190,6 +204,26 @@ def zeroed(drive: DriveParameters, values: DriveReading, motor: float = 0.0, joi
         turned = spool_of(drive.motor_home, spool) + spool_of(motor, spool) - spool_of(values.motor, spool)
         moved = motor_of(turned, spool)
     return drive._replace(motor_home=float(moved), joint_home=drive.joint_home + joint - values.joint)
+
+
+def load_of(drive: DriveParameters, millivolts: float) -> float:
+    """What the load cell at the drive's input says [N or N·m]; NaN where it cannot be, see `load_cell.usable`."""
+    scale, tension = (drive.tension_scale, True) if drive.tension_scale else (drive.torque_scale, False)
+    value = scale * (millivolts - drive.tension_zero)
+    return math.nan if tension and value < 0.0 and abs(millivolts) >= drive.analog_range else value
+
+
+def load_range(drive: DriveParameters) -> float:
+    """Largest load that the drive's input can tell, either way where it is a torque [N or N·m]."""
+    scale, zero, span = drive.tension_scale or drive.torque_scale, drive.tension_zero, drive.analog_range
+    ends = scale * (span - zero), scale * (-span - zero)
+    return max(ends) if drive.tension_scale else min(max(ends), -min(ends))
+
+
+def tared(drive: DriveParameters, read: float, load: float) -> DriveParameters:
+    """The parameters with which what was read is this load [N or N·m]."""
+    scale = drive.tension_scale or drive.torque_scale
+    return drive._replace(tension_zero=drive.tension_zero + (read - load) / scale)
 
 
 def motor_scale(drive: DriveParameters, counts_at_home: int = 0) -> Scale | SuitScale:

@@ -6,8 +6,9 @@ for this law with the rig's gains k and d: it is given the target at which it ac
 
     x + (τ + d·ẋ − load)/k
 
-where the load is the cable's, for a servo that would bear it without giving way, and nothing where the plant's gives
-way by itself.
+where the load is the cable's, for a servo that would bear it without giving way. Where the plant's gives way by itself
+there is none, and k and d are its own: with the rig's it would give a torque smaller or larger than the law's, by the
+ratio of both stiffnesses, and the driver would take it for an inert motor.
 
 What the manual does not say, and is chosen here: its timeout takes the gains away until the next command, as in the
 firmware from which its own comes (`CAN_TIMEOUT` there); an error ends motor mode, and is in the replies until the
@@ -222,12 +223,13 @@ class AkNode:
     def _reach(self) -> float:
         """How far ahead of the motor its servo's target is [rad]."""
         drive, bench = self._drive, self.bench
-        torque = self._asked() + drive.damping * drive.motor_direction * bench.velocity
+        stiffness, damping = bench.servo_gains or (drive.stiffness, drive.damping)
+        torque = self._asked() + damping * drive.motor_direction * bench.velocity
         if bench.torque_offset is None:
             torque -= drive.motor_direction * bench.tension * bench.physics.spool_radius
         else:
             torque -= self._command.torque  # which the plant gives beside its servo
-        return torque / drive.stiffness
+        return torque / stiffness
 
     def _asked(self) -> float:
         """The torque of the drive's law, within its range [N·m]."""

@@ -7,7 +7,7 @@ its spring is at rest, x' = (rest − x)/τ. The power stage is one thermal mass
 """
 
 import math
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -153,6 +153,18 @@ def course_at(course: NDArray[np.float64], time: float, spacing: float) -> float
     return float(course[i] + (course[i + 1] - course[i]) * (place - i))
 
 
+class Opposed(Protocol):
+    """A joint that another bench's cable pulls too: `hardware.twin.pair`."""
+
+    def joint(self, bench: "TwinBench") -> float:
+        """Where it is, in this bench's coordinate [rad]."""
+        ...
+
+    def pull(self, bench: "TwinBench") -> float:
+        """Torque of this bench's cable on it [N·m]."""
+        ...
+
+
 class TwinBench:
     """The bench at a time that only goes forward.
 
@@ -169,6 +181,8 @@ class TwinBench:
     has_cable = True
     interaction = None
     """See `TwinPlant.interaction`."""
+    servo_gains: tuple[float, float] | None = None
+    """See `TwinPlant.servo_gains`."""
 
     def __init__(
         self,
@@ -200,6 +214,7 @@ class TwinBench:
         self.doing, self.command = OFF, initial_motor
         self.slack, self.torn = 0.0, False
         self.temperature = physics.ambient
+        self.opposed: Opposed | None = None
         self.torque_offset: float | None = None  # its servo is linear: there is no friction to push against
         self.advance(now + 2.0 * self._substep)  # compiles
 
@@ -269,8 +284,15 @@ class TwinBench:
     @property
     def joint(self) -> float:
         """Joint angle [rad]."""
+        if self.opposed is not None:
+            return self.opposed.joint(self)
         if not math.isnan(self._sag):
             return self._sag
+        return self._motion.joint
+
+    @property
+    def alone(self) -> float:
+        """Where this cable would have the joint, whatever else pulls it [rad]."""
         return self._motion.joint
 
     @property
@@ -284,6 +306,8 @@ class TwinBench:
     def _load(self) -> float:
         """Torque of the cable on the spool: its own where it knows forces, and else the spring's through it [N·m]."""
         motor = self.bench.motor
+        if self.opposed is not None:
+            return self._slope() * self.opposed.pull(self)
         if not self.taut:
             return 0.0
         if self.bench.cable.physical:

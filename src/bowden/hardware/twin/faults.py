@@ -22,6 +22,7 @@ class Faults:
         self._held: dict[tuple[str, str], float] = {}
         self._random = random.Random(0)
         self._cycles = {"motor": 0, "joint": 0}
+        self._load = math.nan  # that a stuck cell keeps
 
     def inject(self, injection: Injection) -> None:
         """Take a fault in; one that happens once does so at its start."""
@@ -58,6 +59,28 @@ class Faults:
         """Whether this frame is destroyed by a bit error: every node of the bus sees an error frame in its place."""
         errors = self.active("bit_errors", now)
         return errors is not None and self._random.random() < errors.amount
+
+    def load(self, value: float, full_scale: float, now: float) -> float:
+        """What a load cell says of a load, as its faults make it [N or N·m].
+
+        Args:
+            value: true.
+            full_scale: at which it saturates.
+            now: [s]
+        """
+        drift, end = self.active("load_drift", now), self.active("load_saturated", now)
+        if drift:
+            value += drift.amount * (now - drift.start)
+        if self.active("load_sign", now):
+            value = -value
+        if end:
+            value = math.copysign(full_scale, end.amount)
+        if self.active("load_stuck", now):
+            self._load = value if math.isnan(self._load) else self._load
+            value = self._load
+        else:
+            self._load = math.nan
+        return max(-full_scale, min(full_scale, value))
 
     def damage(self, bench: TwinPlant, now: float) -> None:
         """Tear the plant's cable, or give it slack, where that is injected."""

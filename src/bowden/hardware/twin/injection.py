@@ -54,8 +54,18 @@ KINDS: dict[str, Kind] = {
         most=1.0,
     ),
     "joint_silence": Kind("the joint's encoder, where it is a device of its own, sends nothing"),
+    "load_silence": Kind("the load cell, where it is a device of its own, sends nothing"),
+    "load_stuck": Kind("the load cell keeps its value"),
+    "load_saturated": Kind(
+        "the load cell stands at an end of its range, 1 or -1", amount=1.0, unit="1", least=-1.0, most=1.0
+    ),
+    "load_sign": Kind("the load cell has the wrong sign from here on"),
+    "load_drift": Kind("the load cell's zero drifts, in N or N·m a second", amount=10.0, unit="1/s", least=-1e6),
     "over_current": Kind("the motor draws this current", amount=30.0, unit="A", least=-1e6),
 }
+
+OF_LOAD_CELL = ("load_silence", "load_stuck", "load_saturated", "load_sign", "load_drift")
+"""Those of a load cell, which a rig may have or not."""
 
 OF_CABLE = ("broken_cable", "slack_cable")
 """Those that change a cable's inside."""

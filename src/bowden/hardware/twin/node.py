@@ -13,6 +13,18 @@ Journal = Callable[[float, str, str], None]
 """Takes what happened: time [s], event, detail. Every family says ``torque_on`` and ``torque_off``."""
 
 
+class BesideNode(Protocol):
+    """A device beside the drive, in the same process."""
+
+    def receive(self, cob_id: int, data: bytes, now: float) -> None:
+        """A frame from its bus; an extended identifier has the flag of `buses.unix_bus`."""
+        ...
+
+    def tick(self, now: float) -> None:
+        """Let time pass."""
+        ...
+
+
 class TwinNode(Protocol):
     """One drive. Frames come in and go out as numbers and bytes, and time is an argument."""
 

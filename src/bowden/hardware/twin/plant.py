@@ -5,6 +5,13 @@ from typing import Protocol
 from bowden.hardware.twin.bench import Physics
 
 
+def torque_on_joint(plant: "TwinPlant") -> float:
+    """What a load cell at the joint measures: of a suit its torque on the elbow, of a bench the cable's, as if the
+    joint's lever were the spool's radius [N·m]."""
+    own = plant.interaction
+    return plant.tension * plant.physics.spool_radius if own is None else own
+
+
 class TwinPlant(Protocol):
     """A plant at a time that only goes forward."""
 
@@ -23,6 +30,9 @@ class TwinPlant(Protocol):
     """Whether a cable can be torn or slack in it."""
     torque_offset: float | None
     """What the drive adds to its torque, at the spool; None where it takes none [N·m]."""
+    servo_gains: tuple[float, float] | None
+    """Of the position loop of a plant whose motor gives way: torque per angle [N·m/rad] and per speed [N·m·s/rad], at
+    the spool; None of one whose servo bears any load."""
 
     @property
     def motor(self) -> float:

@@ -3,9 +3,9 @@
 import math
 
 from bowden.hardware.drives import canopen_frames as frames
-from bowden.hardware.drives.parameters import DriveParameters, joint_scale, motor_scale
+from bowden.hardware.drives.parameters import DriveParameters, joint_scale, load_range, motor_scale
 from bowden.hardware.twin.faults import Faults
-from bowden.hardware.twin.plant import TwinPlant
+from bowden.hardware.twin.plant import TwinPlant, torque_on_joint
 
 RATED_CURRENT = 4.0
 """Of the twin's motor; a stated choice [A]."""
@@ -37,7 +37,7 @@ class Sampler:
         hot, flows = faults.active("over_temperature", now), faults.active("over_current", now)
         if hot:
             bench.temperature = hot.amount
-        return self._packed(counts[0], counts[1], flows.amount if flows else bench.current)
+        return self._packed(counts[0], counts[1], flows.amount if flows else bench.current, now)
 
     def spool_torque(self, share: int) -> float:
         """A torque in thousandths of the rated one, with the sign of the counts, at the spool [N·m]."""
@@ -47,11 +47,16 @@ class Sampler:
     def true(self) -> Sampled:
         """Without noise and faults."""
         bench = self._bench
-        return self._packed(self._motor.counts(bench.motor), self._joint.counts(bench.joint), bench.current)
+        now = -math.inf  # before any fault
+        return self._packed(self._motor.counts(bench.motor), self._joint.counts(bench.joint), bench.current, now)
 
-    def _packed(self, motor: float, joint: float, current: float) -> Sampled:
+    def _packed(self, motor: float, joint: float, current: float, now: float) -> Sampled:
         drive, bench = self._drive, self._bench
-        millivolts = bench.tension / drive.tension_scale + drive.tension_zero if drive.tension_scale else 0.0
+        scale, millivolts = drive.tension_scale or drive.torque_scale, 0.0
+        if scale:
+            load = bench.tension if drive.tension_scale else torque_on_joint(bench)
+            load = self._faults.load(load, load_range(drive), now)
+            millivolts = max(-drive.analog_range, min(drive.analog_range, load / scale + drive.tension_zero))
         return (
             frames.Motion(0, _int(motor, 31), _int(1e3 * drive.motor_direction * current / RATED_CURRENT, 15)),
             frames.Sensors(_int(joint, 31), _int(millivolts, 15), _int(10.0 * bench.temperature, 15)),

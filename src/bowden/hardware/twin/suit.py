@@ -90,6 +90,8 @@ class TwinSuit:
         self._swinging, self._swing = False, 0.0  # whether the wearer does, and how much of it there is, 0 to 1
         self.temperature = physics.ambient
         self.torque_offset: float | None = 0.0
+        stiffness = motor.inertia * motor.servo.natural_frequency**2
+        self.servo_gains = stiffness, 2.0 * motor.servo.damping * stiffness / motor.servo.natural_frequency
         self._held = math.nan  # where a quick stop holds the motor
         first = float(self._bends[0])
         state = suit_start(self._prepared, initial_motor, initial_motor, first)

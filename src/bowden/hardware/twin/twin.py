@@ -18,8 +18,10 @@ from bowden.core.errors import BowdenError, DriveError, ParameterError
 from bowden.hardware.buses.opening import claim, open_bus
 from bowden.hardware.buses.unix_bus import ERROR, EXTENDED
 from bowden.hardware.twin.control import ControlServer, control_path
+from bowden.hardware.twin.faults import Faults
 from bowden.hardware.twin.injection import OF_CABLE, Injection, parse
-from bowden.hardware.twin.node import Journal, Send, TwinNode
+from bowden.hardware.twin.node import BesideNode, Journal, Send, TwinNode
+from bowden.hardware.twin.plant import TwinPlant
 
 TICK = 1e-3
 """Longest wait [s]."""
@@ -79,9 +81,26 @@ class Twin:
             raise
         self._journal: deque[tuple[float, str, str]] = deque(maxlen=20_000)
         self._node = make_node(self._send, self._note)
+        self._beside: BesideNode | None = None
+        self._own_bus: can.BusABC | None = None
         self._unsent, self._longest_wait, self._ticked = 0, 0.0, clock()
         self._began, self._began_cpu = clock(), _cpu_time()
         self._stopping = False
+
+    def attach(self, make: Callable[[TwinPlant, Faults, Send], BesideNode], place: NodePlace | None = None) -> None:
+        """Put a device beside the drive, with the same plant and faults.
+
+        Args:
+            make: the device, of plant, faults and what sends its frames.
+            place: its bus, where it has one of its own.
+
+        Raises:
+            DriveError: that bus cannot be used.
+        """
+        if place is not None:
+            self._own_bus = open_bus(*place[:3], create=True, fd=place.fd, data_bitrate=place.data_bitrate)
+        send = self._send if place is None else self._send_apart
+        self._beside = make(self._node.bench, self._node.faults, send)
 
     def stop(self) -> None:
         """Let `run` end; for signal handlers."""
@@ -100,6 +119,9 @@ class Twin:
         if self._bus is not None:
             self._bus.shutdown()
             self._bus = None
+        if self._own_bus is not None:
+            self._own_bus.shutdown()
+            self._own_bus = None
         self._control.close()
         self._claim.release()
 
@@ -116,10 +138,15 @@ class Twin:
                 if not (message.is_error_frame or message.is_remote_frame):
                     identifier = message.arbitration_id | EXTENDED * message.is_extended_id
                     self._node.receive(identifier, bytes(message.data), self._clock())
+                    if self._beside is not None and self._own_bus is None:
+                        self._beside.receive(identifier, bytes(message.data), self._clock())
                 message = self._receive(0.0)
+        self._receive_apart()
         now = self._clock()
         self._longest_wait, self._ticked = max(self._longest_wait, now - self._ticked), now
         self._node.tick(now)
+        if self._beside is not None:
+            self._beside.tick(now)
         for caller, request in self._control.requests():
             try:
                 answer = self._answer(request, self._clock())
@@ -144,6 +171,27 @@ class Twin:
             return self._bus.recv(timeout) if self._bus else None
         except (can.CanError, OSError):
             return None
+
+    def _receive_apart(self) -> None:
+        """What has come over the bus of the device beside."""
+        if self._own_bus is None or self._beside is None:
+            return
+        for _ in range(64):
+            try:
+                message = self._own_bus.recv(0.0)
+            except (can.CanError, OSError):
+                return
+            if message is None:
+                return
+            if not (message.is_error_frame or message.is_remote_frame):
+                identifier = message.arbitration_id | EXTENDED * message.is_extended_id
+                self._beside.receive(identifier, bytes(message.data), self._clock())
+
+    def _send_apart(self, cob_id: int, data: bytes) -> None:
+        """A frame of the device beside, on its own bus."""
+        if self._own_bus is not None:
+            with contextlib.suppress(can.CanError, OSError):
+                self._own_bus.send(message_of(cob_id, data))
 
     def _send(self, cob_id: int, data: bytes) -> None:
         if self._bus is None:

@@ -88,6 +88,8 @@ class TwinUser:
     has_cable = False
     interaction = None
     """See `TwinPlant.interaction`."""
+    servo_gains: tuple[float, float] | None = None
+    """See `TwinPlant.servo_gains`."""
 
     def __init__(
         self,

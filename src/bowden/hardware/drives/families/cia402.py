@@ -7,7 +7,14 @@ from bowden.core.errors import ParameterError
 from bowden.hardware.drives import on_can
 from bowden.hardware.drives.emergencies import emergency_text
 from bowden.hardware.drives.family import DriveFamily, DriveNeeds, FoundDevice, TwinProcess
-from bowden.hardware.drives.parameters import DriveParameters, check_parameters, most_push, zeroed
+from bowden.hardware.drives.parameters import (
+    DriveParameters,
+    check_parameters,
+    load_range,
+    most_push,
+    tared,
+    zeroed,
+)
 from bowden.hardware.ports import Drive
 
 LOOK = 1e-3
@@ -74,6 +81,11 @@ def measures_tension(parameters: DriveParameters) -> bool:
     return parameters.tension_scale != 0.0
 
 
+def measures_torque(parameters: DriveParameters) -> bool:
+    """Whether what hangs there measures the joint's torque."""
+    return parameters.torque_scale != 0.0
+
+
 def scales(parameters: DriveParameters) -> tuple[float, ...]:
     """Counts a turn and directions of both encoders."""
     return (
@@ -113,6 +125,9 @@ FAMILY = DriveFamily(
     watchdog=watchdog,
     most_push=largest_push,
     measures_tension=measures_tension,
+    measures_torque=measures_torque,
+    load_range=load_range,
+    tared=tared,
     scales=scales,
     homed=homed,
     simulated=on_can.simulated,

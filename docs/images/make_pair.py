@@ -1,0 +1,114 @@
+"""Draw the figure of docs/pair.md: ``python docs/images/make_pair.py``, about 20 s on a computer that is free.
+
+Two motors on one joint, each under the law `bowden`, while somebody pushes the joint to and fro. The same source gives
+the same bytes.
+"""
+
+import math
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from bowden.control import LAWS
+from bowden.control.reference import PeriodicMinimumJerk
+from bowden.core import style
+from bowden.core.signals import Reference, Sample
+from bowden.core.style import COLOURS, thin
+from bowden.core.units import DEGREES, RADIANS
+from bowden.hardware.twin.bench import FOLLOW, TwinBench
+from bowden.hardware.twin.pair import SharedJoint
+from bowden.rig.presets.bench import default_bench
+from bowden.sim.scenario import constant_bend
+
+_STEP, _SECONDS, _REST = 1e-3, 16.0, 1.0
+_PUSH, _HERTZ = 0.5, 0.4
+"""Amplitude [N·m] and frequency [Hz] of who pushes the joint."""
+_STIFFNESS = 10.0
+"""Of each cable at the joint [N·m/rad]."""
+_CONTRACTIONS = ((-4.0, "#cc79a7"), (0.0, "#d55e00"), (4.0, "#0072b2"))
+"""Co-contraction [°], and its colour."""
+
+
+class Course(NamedTuple):
+    """What came of a run (n,)."""
+
+    time: NDArray[np.float64]
+    error: NDArray[np.float64]
+    """Joint less reference [rad]."""
+    pulls: NDArray[np.float64]
+    """Torque of each cable on the joint (n, 2) [N·m]."""
+
+
+def followed(contraction: float) -> Course:
+    """A run with a co-contraction [rad]."""
+    plain, law = default_bench(), LAWS["bowden"]
+    benches = [TwinBench(plain, constant_bend(plain.sheath.bend), 1.0, seed, 0.0, 0.0) for seed in range(2)]
+    joint, signs = SharedJoint(benches[0], benches[1], _STIFFNESS), (1.0, -1.0)
+    for bench in benches:
+        bench.doing, bench.command = FOLLOW, contraction
+    rows, states = [], []
+    reference = PeriodicMinimumJerk(0.0, 60.0 * RADIANS, 8.0).sample(np.arange(0.0, _SECONDS, _STEP))
+    for k in range(round((_REST + _SECONDS) / _STEP)):
+        now, place = k * _STEP, k - round(_REST / _STEP)
+        joint.push = _PUSH * math.sin(2.0 * math.pi * _HERTZ * now)
+        for bench in benches:
+            bench.advance(now)
+        if place < 0:
+            continue
+        angle, wanted = benches[0].read_encoders()[0], Reference(*reference[place].tolist())
+        for i, (bench, sign) in enumerate(zip(benches, signs, strict=True)):
+            sample = Sample(angle, sign * (bench.read_encoders()[1] - contraction))
+            if place == 0:
+                states.append(law.start(sample))
+            states[i], command = law.step(states[i], sample, wanted, _STEP)
+            bench.command = sign * command + contraction
+        true = joint.joint(benches[0])
+        rows.append((place * _STEP, true - wanted.position, *(joint.pull(bench) for bench in benches)))
+    table = np.array(rows)
+    return Course(table[:, 0], table[:, 1], table[:, 2:])
+
+
+def drawn(courses: dict[float, Course]) -> Figure:
+    """Errors over time, and the torque of both cables without and with co-contraction."""
+    figure, (error, pulls) = style.new_figure(2, 1, 8.0, 5.0, share_x=True)
+    colours = dict(_CONTRACTIONS)
+    for degrees, course in courses.items():
+        rms = DEGREES * float(np.sqrt(np.mean(course.error**2)))
+        label = f"{degrees:+g}°: {rms:.2f}° RMS"
+        error.plot(*thin(course.time, course.error * DEGREES, most=1500), color=colours[degrees], label=label)
+    for degrees in (0.0, 4.0):
+        for i, line in enumerate(("-", "--")):
+            shown = thin(courses[degrees].time, courses[degrees].pulls[:, i], most=1500)
+            who = ("agonist", "antagonist")[i]
+            pulls.plot(*shown, line, color=colours[degrees], label=f"{degrees:+g}°, {who}")
+    error.set(ylabel="joint − reference [°]")
+    error.set_title("Error under a push of ±0.5 N·m, by co-contraction")
+    pulls.set(ylabel="torque on the joint [N·m]", xlabel="time [s]")
+    pulls.axhline(0.0, color=COLOURS["limit"], linewidth=0.8)
+    pulls.set_title("What each cable pulls")
+    for axes in (error, pulls):
+        style.legend(axes)
+    style.finish(figure)
+    return figure
+
+
+def main() -> None:
+    """Draw it, and say what came of each run."""
+    courses = {degrees: followed(degrees * RADIANS) for degrees, _ in _CONTRACTIONS}
+    for degrees, course in courses.items():
+        rms, peak = float(np.sqrt(np.mean(course.error**2))), float(np.abs(course.error).max())
+        slack = 100.0 * (course.pulls <= 0.0).mean(axis=0)
+        print(
+            f"{degrees:+g}°: {rms * DEGREES:.3f}° RMS, {peak * DEGREES:.2f}° at most; slack {slack[0]:.0f} % and "
+            f"{slack[1]:.0f} % of the time; {course.pulls.max():.2f} N·m at most"
+        )
+    figure = drawn(courses)
+    with style.drawing():
+        figure.savefig(Path(__file__).with_name("pair.svg"), metadata={"Date": None, "Creator": None})
+
+
+if __name__ == "__main__":
+    main()

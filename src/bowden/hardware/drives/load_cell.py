@@ -1,0 +1,360 @@
+"""A load cell that is a device of its own on a CAN bus: a CiA 404 measuring device, or one that sends plain frames.
+
+    value = scale · (counts − zero)
+
+A CiA 404 device sends its process value as a whole number, and its status where it has one:
+
+    TPDO 1  180h + node   9130h:n AI input PV i32 (7130h:n, i16, of one that has no other), 6150h:n AI status u8
+
+at SYNC or by its event timer (1800h:5). A device of plain frames has a number at a place in a frame, as the rig says.
+
+A reading that is older than `silence` is none. Nor is one that its device calls invalid, and a tension at the lower
+end of the range, since no cable pushes: both ends of a broken wire or bridge look so. At the upper end the number is
+passed on: the largest load allowed is below it (`check_cell`), so that it stops the run.
+
+Sources: CiA 404, "device profile for measuring devices and closed-loop controllers" (objects 6131h, 6132h, 6150h,
+7130h and 9130h as makers' manuals have them); CiA 301 for PDOs; CiA 303-2 for the code of the newton.
+"""
+
+import math
+from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple
+
+from bowden.core.errors import DriveError, ParameterError
+from bowden.core.quantity import Quantity
+from bowden.hardware.buses.unix_bus import EXTENDED
+from bowden.hardware.drives import canopen_frames as frames
+from bowden.hardware.drives.canopen_sensor import HOST, SYNCED, SensorHealth, send_in_tpdo1, try_sync
+
+if TYPE_CHECKING:
+    from bowden.hardware.buses.link import BusPort
+    from bowden.hardware.drives.canopen_dialogue import Dialogue
+
+PROFILE = 404
+"""Low word of 1000h."""
+BY_TIMER = 255
+"""Transmission type: when the device's profile or its event timer says so."""
+VALUE_32, VALUE_16, STATUS, UNIT, DIGITS = 0x9130, 0x7130, 0x6150, 0x6131, 0x6132
+"""Objects of the profile, of which the sub-index is the device's input."""
+NEWTON = 0x21
+"""Third byte of 6131h; the fourth is the power of ten before it."""
+NOT_VALID, OVERLOAD, UNDERLOAD = 0x01, 0x02, 0x04
+"""Bits of 6150h."""
+WHAT = "the load cell"
+ROOM = 0.95
+"""Of what a cell can tell: the largest load allowed is no more, so that it is seen before the cell saturates [–]."""
+LOOKED = 0.5
+"""So long a plain frame is waited for at bring-up [s]."""
+
+
+class LoadCellParameters(NamedTuple):
+    """A load cell on a CAN bus, for the cable's tension or the joint's torque; one at a drive's own input is [drive]'s.
+
+    value = scale · (counts − zero). A line of bowden drive tare sets the zero.
+    """
+
+    source: Annotated[
+        Literal["none", "cia404", "can"],
+        Quantity(
+            "none: there is no such device; cia404: a CANopen measuring device (CiA 404); can: one that sends plain "
+            "frames"
+        ),
+    ] = "none"
+    measures: Annotated[
+        Literal["tension", "torque"],
+        Quantity(
+            "tension of the cable, pulling positive [N]; or torque of the suit on the joint, flexing positive [N·m]"
+        ),
+    ] = "tension"
+    interface: Annotated[
+        str | None, Quantity("python-can's name of its bus; left out, the drive's", example="socketcan")
+    ] = None
+    channel: Annotated[str | None, Quantity("its bus; left out, the drive's", example="can1")] = None
+    bitrate: Annotated[int | None, Quantity("of its bus; left out, the drive's", "bit/s", gt=0, example=1_000_000)] = (
+        None
+    )
+    scale: Annotated[
+        float, Quantity("N, or N·m, of one count; below 0 where counts fall with the load", ge=-1e6, le=1e6)
+    ] = 0.01
+    zero: Annotated[float, Quantity("counts without load", ge=-2147483648.0, le=4294967295.0)] = 0.0
+    full_scale: Annotated[
+        float,
+        Quantity("load at which cell or amplifier saturate, in N or N·m; it has to be said", ge=0.0, le=1e5),
+    ] = 0.0
+    silence: Annotated[
+        float, Quantity("age of a reading from which on it is none", "s", shown="ms", ge=1.0, le=50.0)
+    ] = 10e-3
+    node_id: Annotated[int, Quantity("cia404: its number on the bus", ge=1, le=126)] = 33
+    input: Annotated[int, Quantity("cia404: which of its inputs", ge=1, le=199)] = 1
+    sends: Annotated[
+        Literal["sync", "timer"],
+        Quantity("cia404: it sends at our SYNC of each cycle, or every millisecond by a timer of its own"),
+    ] = "sync"
+    identifier: Annotated[int, Quantity("can: of its frames", ge=1, le=0x1FFF_FFFF)] = 0x1F0
+    extended: Annotated[bool, Quantity("can: whether that is one of 29 bits")] = False
+    first_byte: Annotated[int, Quantity("can: where the number begins in the frame", ge=0, le=7)] = 0
+    bytes: Annotated[int, Quantity("can: length of the number", ge=1, le=4)] = 2
+    byte_order: Annotated[
+        Literal["little", "big"], Quantity("can: which byte comes first, the low or the high one")
+    ] = "little"
+    signed: Annotated[bool, Quantity("can: whether the number may be below 0")] = True
+
+    @property
+    def there(self) -> bool:
+        """Whether there is such a device."""
+        return self.source != "none"
+
+    @property
+    def unit(self) -> str:
+        """Of its readings."""
+        return "N" if self.measures == "tension" else "N·m"
+
+    def value(self, counts: float) -> float:
+        """Counts to a load [N or N·m]."""
+        return self.scale * (counts - self.zero)
+
+    def counts(self, value: float) -> float:
+        """A load [N or N·m] to counts, not rounded."""
+        return value / self.scale + self.zero
+
+    @property
+    def ends(self) -> tuple[int, int]:
+        """Smallest and largest number that its frames can carry."""
+        bits = 8 * self.bytes if self.source == "can" else 32
+        if self.source == "can" and not self.signed:
+            return 0, (1 << bits) - 1
+        return -(1 << bits - 1), (1 << bits - 1) - 1
+
+
+def check_cell(cell: LoadCellParameters, sample_time: float, most: float, key: str) -> None:
+    """Refuse what makes no sense, before a bus is opened.
+
+    Args:
+        cell: of the rig.
+        sample_time: of a cycle [s].
+        most: largest load that the supervisor allows [N or N·m].
+        key: of [limits] that says so.
+
+    Raises:
+        ParameterError: with the key and what was expected.
+    """
+    end = max(cell.value(count) for count in cell.ends) if cell.scale else 0.0
+    rules = (
+        ("scale", cell.scale != 0.0, "another number than 0"),
+        ("full_scale", cell.full_scale > 0.0, f"the load at which it saturates, in {cell.unit}"),
+        (
+            "full_scale",
+            most <= ROOM * cell.full_scale,
+            f"at least {most / ROOM:.4g} {cell.unit}, above limits.{key}, or a smaller limit: beyond its range it "
+            "would not see too much load",
+        ),
+        (
+            "scale",
+            end >= ROOM * cell.full_scale,
+            f"numbers that reach full_scale, {cell.full_scale:g} {cell.unit}; the largest is {end:.4g}",
+        ),
+        ("silence", cell.silence >= 3.0 * sample_time, "three cycles at least, so that one lost frame does no harm"),
+        (
+            "bytes",
+            cell.first_byte + cell.bytes <= 8,
+            f"a number that ends within 8 bytes, from byte {cell.first_byte} on",
+        ),
+        ("identifier", cell.extended or cell.identifier <= 0x7FF, "at most 2047, or extended = true"),
+        ("channel", cell.channel is None or bool(cell.channel.strip(".")), "the name of a bus"),
+    )
+    for name, fine, expected in rules:
+        if not fine:
+            value = 1e3 * cell.silence if name == "silence" else getattr(cell, name)
+            shown = f"{value:g}" if isinstance(value, float) else repr(value)
+            raise ParameterError(
+                f"load_cell.{name}{'_ms' if name == 'silence' else ''} is {shown}",
+                expected=expected,
+                do="correct it in [load_cell]",
+            )
+
+
+class LoadCellReader:
+    """The device, while its drive runs: `bring_up` once, then `take` for each of its frames, and `value`.
+
+    Args:
+        given: what the rig says of it.
+        timeout: how long an answer may take [s].
+    """
+
+    def __init__(self, given: LoadCellParameters, timeout: float) -> None:
+        self.given, self._timeout = given, timeout
+        self._health = SensorHealth(given.node_id)
+        self._frame = given.identifier | EXTENDED * given.extended
+        self._wide = True
+        self._value, self._came = math.nan, math.nan
+
+    @property
+    def synced(self) -> bool:
+        """Whether it waits for our SYNC."""
+        return self.given.source == "cia404" and self.given.sends == "sync"
+
+    @property
+    def node(self) -> str:
+        """Which device, for messages."""
+        plain = self.given.source == "can"
+        return f"{WHAT} ({self.given.identifier:03X}h)" if plain else f"node {self.given.node_id}"
+
+    @property
+    def sends(self) -> frozenset[int]:
+        """Identifiers of its frames."""
+        if self.given.source == "can":
+            return frozenset((self._frame,))
+        kinds = (frames.TPDO1, frames.HEARTBEAT, frames.EMERGENCY, frames.SDO_ANSWER)
+        return frozenset(kind + self.given.node_id for kind in kinds)
+
+    def wants(self, identifier: int) -> bool:
+        """Whether a frame is of it, or one that only its host may send."""
+        return identifier in self.sends or self.foreign(identifier)
+
+    def foreign(self, identifier: int) -> bool:
+        """Whether a frame is one that only its host may send."""
+        return self.given.source == "cia404" and identifier in self._health.ours
+
+    def bring_up(self, port: "BusPort") -> str:
+        """Find, check and configure it, and start it; who it is, in one line.
+
+        Raises:
+            DriveError: no answer, no measuring device, or a refused setting; or no frame, or a shorter one.
+        """
+        self._value, self._came = math.nan, math.nan
+        return self._find_frame(port) if self.given.source == "can" else self._find_node(port)
+
+    def _find_frame(self, port: "BusPort") -> str:
+        given, others = self.given, set()
+
+        def is_it(identifier: int, data: bytes) -> bool:
+            others.add(identifier & ~EXTENDED)
+            return identifier == given.identifier
+
+        frame = port.wait_for(is_it, LOOKED)
+        if frame is None:
+            there = ", ".join(f"{one:03X}h" for one in sorted(others)[:6])
+            raise DriveError(
+                f"no frame {given.identifier:03X}h of {WHAT} came within {LOOKED:g} s"
+                + (f"; there is {there}" if there else ""),
+                expected="a load cell that sends by itself",
+                do="check its supply, cable and bit rate, and load_cell.identifier",
+            )
+        if len(frame[1]) < given.first_byte + given.bytes:
+            raise DriveError(
+                f"the frames {given.identifier:03X}h of {WHAT} have {len(frame[1])} bytes",
+                expected=f"{given.first_byte + given.bytes} at least",
+                do="correct first_byte and bytes in [load_cell]",
+            )
+        return f"frames {given.identifier:03X}h, {abs(given.scale):g} {given.unit} a count"
+
+    def _find_node(self, port: "BusPort") -> str:
+        from bowden.hardware.drives.canopen_dialogue import dialogue
+
+        given = self.given
+        with dialogue(port.bus, given.node_id, HOST, self._timeout, "a CiA 404 measuring device") as node:
+            if not node.answers():
+                node.command(frames.NMT_PRE_OPERATIONAL)
+            _check_profile(node)
+            node.command(frames.NMT_PRE_OPERATIONAL)
+            mapped = self._mapped(node)
+            said = self._unit(node)
+            kind = SYNCED if self.synced else BY_TIMER
+            send_in_tpdo1(node, WHAT, mapped, kind, lambda: _set_timer(node, synced=self.synced))
+            if self.synced:
+                try_sync(node, WHAT, "its value", 'set sends = "timer" in [load_cell], if it has one')
+            who = (
+                f"{node.text(0x1008) or 'a measuring device'} at {node.name}, {abs(given.scale):g} {given.unit} a count"
+            )
+        self._health.begin()
+        return f"{who}{said}"
+
+    def _mapped(self, node: "Dialogue") -> tuple[int, ...]:
+        """What it is to send: its process value, and its status where it has one."""
+        number = self.given.input
+        self._wide = node.read_if_there(VALUE_32, number) is not None
+        if not self._wide and node.read_if_there(VALUE_16, number) is None:
+            raise DriveError(
+                f"{node.name}, {WHAT}, has no input {number} as a whole number (9130h, 7130h)",
+                expected="a device that has",
+                do="correct load_cell.input",
+            )
+        value = (VALUE_32 if self._wide else VALUE_16) << 16 | number << 8 | (32 if self._wide else 16)
+        if node.read_if_there(STATUS, number) is None:
+            return (value,)
+        return value, STATUS << 16 | number << 8 | 8
+
+    def _unit(self, node: "Dialogue") -> str:
+        """What the device says of its own unit, where that is the newton: the rig's scale may count a lever in."""
+        number = self.given.input
+        unit, digits = node.read_if_there(UNIT, number), node.read_if_there(DIGITS, number)
+        if unit is None or digits is None or unit >> 16 & 0xFF != NEWTON:
+            return ""
+        power = (unit >> 24 ^ 0x80) - 0x80
+        return f"; it says {10.0 ** (power - digits):g} N itself"
+
+    def take(self, identifier: int, data: bytes, now: float) -> None:
+        """Take in one of its frames at `now` [s]."""
+        if self.given.source == "can":
+            first, length = self.given.first_byte, self.given.bytes
+            if identifier == self._frame and len(data) >= first + length:
+                part = data[first : first + length]
+                self._has(int.from_bytes(part, self.given.byte_order, signed=self.given.signed), 0, now)
+            return
+        size = 4 if self._wide else 2
+        if self._health.take(identifier, data, now) and len(data) in (size, size + 1):
+            status = data[size] if len(data) > size else 0
+            self._has(int.from_bytes(data[:size], "little", signed=True), status, now)
+
+    def _has(self, counts: int, status: int, now: float) -> None:
+        value, given = self.given.value(counts), self.given
+        self._came = now
+        if status & NOT_VALID:
+            value = math.nan
+        elif status & (OVERLOAD | UNDERLOAD):
+            above = bool(status & OVERLOAD) is (given.scale > 0.0)
+            value = max(value, given.full_scale) if above else min(value, -given.full_scale)
+        self._value = usable(value, given.full_scale, given.measures)
+
+    def value(self, now: float) -> float:
+        """The load at `now` [s]; NaN of none that may be believed [N or N·m]."""
+        fresh = now - self._came <= self.given.silence
+        if not fresh or (self.given.source == "cia404" and not self._health.good(now)):
+            return math.nan
+        return self._value
+
+
+def usable(value: float, full_scale: float, measures: str) -> float:
+    """A load as it is, or NaN: a tension at the lower end of the cell's range is a wire that is broken.
+
+    >>> usable(-200.0, 200.0, "tension"), usable(-200.0, 200.0, "torque"), usable(250.0, 200.0, "tension")
+    (nan, -200.0, 250.0)
+    """
+    return math.nan if measures == "tension" and value <= -full_scale else value
+
+
+def _check_profile(node: "Dialogue") -> None:
+    """1000h: the profile in its low word."""
+    try:
+        device_type = node.read(0x1000)
+    except DriveError as error:
+        there = node.others()
+        raise DriveError(
+            f"no load cell answers as {node.name}" + (f"; there is node {', '.join(map(str, there))}" if there else ""),
+            expected="a CANopen measuring device (CiA 404) with that number",
+            do="correct node_id in [load_cell]" if there else "check its supply, cable and bit rate",
+        ) from error
+    if device_type & 0xFFFF != PROFILE:
+        raise DriveError(
+            f"{node.name} has device profile {device_type & 0xFFFF} (1000h is 0x{device_type:08X})",
+            expected="profile 404, a measuring device",
+            do="correct node_id in [load_cell]",
+        )
+
+
+def _set_timer(node: "Dialogue", *, synced: bool) -> None:
+    """Its event timer, 1800h:5 [ms], and no inhibit time, 1800h:3."""
+    if synced:
+        return
+    if node.read_if_there(0x1800, 3):
+        node.write(0x1800, 3, 0, 2)
+    node.write(0x1800, 5, 1, 2)

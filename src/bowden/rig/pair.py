@@ -1,0 +1,135 @@
+"""Two axes on one joint: a cable that pulls it up, one that pulls it down, and how far both pull against each other."""
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+
+from bowden.core.errors import ParameterError, near
+from bowden.core.quantity import Quantity
+from bowden.core.toml_text import quoted
+from bowden.core.units import RADIANS
+from bowden.plants.user_plant import UserPlant
+
+if TYPE_CHECKING:
+    from bowden.rig.axes import Axis
+    from bowden.rig.rig import Rig
+
+
+class PairSettings(NamedTuple):
+    """Two axes on one joint, which they pull either way; both follow the joint's one reference.
+
+    At a joint angle q, whose cable would just be taut with the motor at m, each motor stands at m with
+    `co_contraction` more in the direction in which it pulls.
+    """
+
+    agonist: Annotated[str, Quantity("name of the axis whose drive has the joint's encoder", example="flexor")] = ""
+    antagonist: Annotated[
+        str, Quantity("name of the axis that pulls the other way; what its drive says of the joint is not used")
+    ] = ""
+    co_contraction: Annotated[
+        float,
+        Quantity(
+            "how much further each motor pulls than the joint asks for; below 0 each cable hangs slack by it",
+            "rad",
+            ge=-20.0,
+            le=45.0,
+        ),
+    ] = 0.0
+    stiffness: Annotated[
+        float, Quantity("of each cable with what it pulls at, at the joint; of the twin", "N·m/rad", gt=0.0, le=1e4)
+    ] = 10.0
+
+    @property
+    def there(self) -> bool:
+        """Whether there is such a pair."""
+        return bool(self.agonist or self.antagonist)
+
+    @property
+    def names(self) -> tuple[str, str]:
+        """Of both axes, the agonist's first."""
+        return self.agonist, self.antagonist
+
+
+NO_PAIR = PairSettings()
+
+
+def check_pair(pair: PairSettings, axes: "Sequence[Axis]", independent: bool, where: str) -> None:
+    """Refuse a pair that cannot be.
+
+    Raises:
+        ParameterError: no axes, or none of that name, or two that do not fit one joint.
+    """
+    if not pair.there:
+        return
+    found = dict(axes)
+    for name in pair.names:
+        if name not in found:
+            raise ParameterError(
+                f"{where}: [pair] names the axis {quoted(name)}",
+                expected=near(name, found) if found else "two [[axis]] in the rig",
+                do="correct it there",
+            )
+    for problem, expected in _problems(pair, found, independent):
+        raise ParameterError(f"{where}: [pair]: {problem}", expected=expected, do="correct it there")
+
+
+def _problems(pair: PairSettings, found: Mapping[str, "Rig"], independent: bool) -> list[tuple[str, str]]:
+    one, other = (found[name] for name in pair.names)
+    names = " and ".join(quoted(name) for name in pair.names)
+    slack = [rig.limits.slack_sign for rig in (one, other)]
+    rules = (
+        (pair.agonist != pair.antagonist, f"agonist and antagonist are {quoted(pair.agonist)}", "two axes"),
+        (not independent, "independent is true", "false: of two cables on one joint none goes on alone"),
+        (one.reference == other.reference, f"{names} have references of their own", "one: leave it to the common part"),
+        (
+            slack[0] == -slack[1],
+            f"limits.slack_sign of {names} are {slack[0]:g} and {slack[1]:g}",
+            "1 and -1: where one pulls, the other lets out",
+        ),
+        (
+            not (one.suit.worn or other.suit.worn),
+            "a suit is worn",
+            "axes without [suit], whose one motor has both cables",
+        ),
+        (
+            all(hasattr(rig.drive, "motor_home") for rig in (one, other)),
+            "a drive has no motor_home_deg",
+            "families that have one, by which the co-contraction is set",
+        ),
+        (
+            not any(isinstance(rig.cabled, UserPlant) for rig in (one, other)),
+            "an axis has a plant of your own",
+            "cables, which the twin can put on one joint",
+        ),
+    )
+    return [(problem, expected) for fine, problem, expected in rules if not fine]
+
+
+def pulling(rig: "Rig", co_contraction: float) -> "Rig":
+    """The rig of one axis whose motor pulls so much further than the joint asks for [rad].
+
+    Everything above the drive knows the joint's coordinate alone: the motor's home is moved.
+    """
+    home = rig.drive.motor_home + rig.limits.slack_sign * co_contraction
+    return rig.replace(drive=rig.drive._replace(motor_home=home))
+
+
+_TURNED = ("motor_direction", "motor_home", "motor_hint", "joint_direction", "joint_home")
+
+
+def mirrored(drive: Any) -> Any:
+    """A drive's parameters whose angles have the other sign, and whose counts are the same.
+
+    Args:
+        drive: parameters of a family, whole.
+    """
+    turned = {name: -getattr(drive, name) for name in _TURNED if hasattr(drive, name)}
+    low, high = -drive.highest_motor, -drive.lowest_motor
+    return drive._replace(**turned, lowest_motor=low, highest_motor=high)
+
+
+def said(pair: PairSettings) -> str:
+    """The pair in a sentence, for whoever starts a run."""
+    return (
+        f"axes {quoted(pair.agonist)} and {quoted(pair.antagonist)} are on one joint, with a co-contraction of "
+        f"{pair.co_contraction / RADIANS:g}°"
+    )

@@ -1,0 +1,233 @@
+"""Two motors on one joint: the rig, the joint's statics, and a run in one loop in which neither goes on alone."""
+
+import math
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from axes_rig import AxesRig
+from bowden.control import LAWS
+from bowden.core.errors import ParameterError
+from bowden.core.signals import DriveReading, DriveState
+from bowden.core.units import RADIANS
+from bowden.cycle.one_cycle import Filters, WishSource
+from bowden.hardware.drives.parameters import motor_scale
+from bowden.hardware.ports import Power, TorqueLeft
+from bowden.hardware.twin.bench import TwinBench
+from bowden.hardware.twin.pair import SharedJoint
+from bowden.live.live_run import live_run
+from bowden.live.preflight import Preflight, contradictions
+from bowden.live.replay import replay
+from bowden.rig.pair import mirrored, pulling
+from bowden.rig.presets.bench import default_bench
+from bowden.rig.rig import Rig
+from bowden.rig.twin_plant import twin_pair_of
+from bowden.safety.faults import Fault, of
+from bowden.safety.limits import Limits
+from bowden.safety.supervisor import Mode
+from bowden.sim.scenario import constant_bend
+from support.simulated_drive import SimulatedDrive
+
+PAIR = """
+[pair]
+agonist = "flexor"
+antagonist = "extensor"
+co_contraction_deg = 4.0
+[[axis]]
+name = "flexor"
+[axis.drive]
+node_id = 1
+[[axis]]
+name = "extensor"
+[axis.drive]
+node_id = 2
+[axis.limits]
+slack_sign = 1.0
+"""
+C = 4.0 * RADIANS
+LAW = LAWS["bowden"]
+
+
+def rig_of(tmp_path: Path, text: str = PAIR) -> Rig:
+    path = tmp_path / "pair.toml"
+    path.write_text(text)
+    return Rig.read(path)
+
+
+def test_a_pair_is_read_packed_written_and_part_of_the_hash(tmp_path: Path) -> None:
+    rig = rig_of(tmp_path)
+    assert rig.pair.names == ("flexor", "extensor")
+    assert rig.pair.co_contraction == pytest.approx(C)
+    assert Rig.unpack(rig.pack()).pair == rig.pair
+    assert Rig.unpack(rig.pack()).hash == rig.hash
+    again = tmp_path / "again.toml"
+    again.write_text(rig.to_toml())
+    assert Rig.read(again).hash == rig.hash
+    assert rig.hash != rig_of(tmp_path, PAIR.replace("4.0", "5.0")).hash
+    assert rig.replace(duration=3.0).pair == rig.pair
+    assert "pair" not in Rig().document()
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ('antagonist = "extensor"', 'antagonist = "extender"', 'names the axis "extender"'),
+        ('antagonist = "extensor"', 'antagonist = "flexor"', 'agonist and antagonist are "flexor"'),
+        ("slack_sign = 1.0", "slack_sign = -1.0", "where one pulls, the other lets out"),
+        ("co_contraction_deg = 4.0", "co_contraction_deg = 60.0", "pair.co_contraction_deg is 60"),
+        ("co_contraction_deg", "contraction_deg", "unknown key 'contraction_deg'"),
+        ("slack_sign = 1.0", "slack_sign = 1.0\n[axis.reference]\nhigh_deg = 20.0", "references of their own"),
+        ("[pair]", "independent = true\n[pair]", "none goes on alone"),
+        ("node_id = 2", "node_id = 2\n[axis.suit]\nworn = true", "a suit is worn"),
+    ],
+)
+def test_a_pair_that_cannot_be_is_refused_in_one_line(old: str, new: str, said: str, tmp_path: Path) -> None:
+    with pytest.raises(ParameterError) as refused:
+        rig_of(tmp_path, PAIR.replace(old, new, 1))
+    assert said in str(refused.value)
+    assert "\n" not in str(refused.value)
+
+
+def test_each_motor_pulls_further_by_the_co_contraction_in_its_own_direction(tmp_path: Path) -> None:
+    rig = rig_of(tmp_path)
+    for name, way in (("flexor", 1.0), ("extensor", -1.0)):
+        own = rig.axis(name)
+        plain, shifted = motor_scale(own.drive_parameters), motor_scale(pulling(own, C).drive_parameters)
+        assert plain.angle(shifted.counts(0.5)) == pytest.approx(0.5 + way * C)
+        turned = motor_scale(mirrored(own.drive_parameters))
+        assert turned.angle(plain.counts(0.7)) == pytest.approx(-0.7)
+
+
+def test_a_live_run_of_a_pair_has_one_encoder_and_two_directions(tmp_path: Path) -> None:
+    live = live_run(rig_of(tmp_path))
+    assert live.joints == (0, 0)
+    flexor, extensor = live.axes
+    assert (flexor.opposed, extensor.opposed) == (False, True)
+    assert (flexor.limits.homed, extensor.limits.homed) == (1.0, 0.0)
+    checks = [axis.script()._checks for axis in live.axes]
+    assert [one.pull_sign for one in checks] == [1.0, 1.0]
+    assert [one.load_sign for one in checks] == [1.0, -1.0]
+    assert contradictions(extensor.limits, 1e-3)
+    assert not contradictions(extensor.limits, 1e-3, opposed=True)
+    assert any("on one joint" in note for note in live.notes)
+
+
+def cable(alone: float, torn: bool = False, pretension: float = 0.1) -> Any:
+    motor = SimpleNamespace(pretension=pretension, spring=0.2)
+    return SimpleNamespace(alone=alone, torn=torn, bench=SimpleNamespace(motor=motor), opposed=None)
+
+
+@pytest.mark.parametrize(("up", "down"), [(0.5, 0.4), (0.5, 0.5), (0.4, 0.5), (1.0, -0.2), (0.1, 0.1), (-0.9, -0.8)])
+@pytest.mark.parametrize("torn", [(False, False), (True, False), (False, True), (True, True)])
+def test_the_joint_is_where_all_torques_on_it_are_in_balance(up: float, down: float, torn: tuple[bool, bool]) -> None:
+    agonist, antagonist = cable(up, torn[0]), cable(-down, torn[1])
+    joint = SharedJoint(agonist, antagonist, 10.0)
+    angle = joint.joint(agonist)
+    assert joint.joint(antagonist) == -angle
+    left = joint.pull(agonist) - joint.pull(antagonist) - 0.1 - 0.2 * angle
+    assert left == pytest.approx(0.0, abs=1e-9)
+    if not any(torn) and up > down + 0.1:
+        assert down < angle < up
+        assert min(joint.pull(agonist), joint.pull(antagonist)) > 0.0
+
+
+class Mirror:
+    """The drive of a cable that pulls downwards, as the loop knows it: of its own coordinate the other way round."""
+
+    def __init__(self, drive: SimulatedDrive, shift: float, sign: float) -> None:
+        self._drive, self._shift, self._sign = drive, shift, sign
+
+    def bring_up(self) -> str:
+        return self._drive.bring_up()
+
+    def read(self, now: float) -> DriveReading:
+        told, sign = self._drive.read(now), self._sign
+        return told._replace(
+            motor=sign * (told.motor - self._shift), joint=sign * told.joint, current=sign * told.current
+        )
+
+    def write(self, target: float, power: Power, now: float, torque: float = 0.0) -> None:
+        self._drive.write(self._sign * target + self._shift, power, now)
+
+    def reset_fault(self) -> None:
+        self._drive.reset_fault()
+
+    def close(self) -> TorqueLeft:
+        return self._drive.close()
+
+
+def run_of(tmp_path: Path, contraction: float = C, **more: Any) -> AxesRig:
+    benches = []
+    for k in range(2):
+        plain = default_bench()
+        benches.append(TwinBench(plain, constant_bend(plain.sheath.bend), 1.0, k, 0.0, 1.0))
+    SharedJoint(benches[0], benches[1], 10.0)
+    drives = tuple(
+        Mirror(SimulatedDrive(one), contraction, sign) for one, sign in zip(benches, (1.0, -1.0), strict=True)
+    )
+    plain_limits = Limits()
+    each = (plain_limits, plain_limits._replace(slack_sign=1.0, homed=0.0))
+    checks = (Preflight(), Preflight(light=math.inf))
+    return AxesRig(
+        tmp_path, LAW, ("flexor", "extensor"), benches=drives, joints=(0, 0), each=each, preflights=checks, **more
+    )
+
+
+def test_both_motors_take_one_joint_along_its_reference_and_the_run_replays_to_the_bit(tmp_path: Path) -> None:
+    ended, rows = run_of(tmp_path, seconds=4.0).run()
+    assert Mode(ended.mode) == Mode.STOPPED
+    assert ended.faults == 0
+    for name, part in rows.parts.items():
+        led = part["source"] >= WishSource.LAW_BEGINS
+        assert np.sqrt(np.mean((part["joint"] - part["reference"])[led] ** 2)) < np.radians(2.0), name
+        limits = Limits() if name == "flexor" else Limits(slack_sign=1.0, homed=0.0)
+        assert not replay(part, LAW, limits, Filters(), 1e-3, same=True).differs, name
+    flexor, extensor = (rows.parts[name] for name in ("flexor", "extensor"))
+    assert (flexor["joint"] == extensor["joint"]).all(), "there is one encoder"
+    led = flexor["source"] >= WishSource.LAW_BEGINS
+    assert flexor["tension"][led].min() > 0.0
+    assert extensor["tension"][led].min() > 0.0, "neither cable is slack"
+
+
+@pytest.mark.parametrize(("lost", "left"), [("flexor", "extensor"), ("extensor", "flexor")])
+def test_a_motor_that_loses_its_torque_takes_the_others_off(lost: str, left: str, tmp_path: Path) -> None:
+    rig = run_of(tmp_path)
+    place = rig.names.index(lost)
+    off = float(DriveState.SWITCH_ON_DISABLED)
+    rig.drives[place].misread = lambda cycle, told: told._replace(drive_state=off) if cycle >= 2500 else told
+    _, rows = rig.run()
+    first, other = rows.parts[lost], rows.parts[left]
+    at = int(np.flatnonzero(first["mode"] == Mode.LATCHED)[0])
+    assert Fault.DRIVE_DROPPED in of(first["faults"][at])
+    assert other["power"][at + 1] == 0.0, "one cycle later"
+    assert Fault.AXIS_OFF in of(other["faults"][at + 1])
+
+
+def test_a_torn_cable_of_either_side_ends_the_run(tmp_path: Path) -> None:
+    for number, place in enumerate((0, 1)):
+        folder = tmp_path / str(number)
+        folder.mkdir()
+
+        def tear(rig: AxesRig, place: int = place) -> None:
+            rig.drives[place]._drive._drive._bench.torn = rig.sleeps > 3500
+
+        ended, rows = run_of(folder, seconds=4.0, between=tear).run()
+        assert ended.faults != 0 or Mode(ended.mode) == Mode.LATCHED, rows.columns
+
+
+def test_the_twin_of_a_pair_is_one_joint_between_two_drives(tmp_path: Path) -> None:
+    rig = rig_of(tmp_path, PAIR.replace("4.0", "0.0"))
+    flexor, extensor = twin_pair_of(rig, 0.0)
+    assert motor_scale(flexor.drive).angle(1000.0) == pytest.approx(-motor_scale(extensor.drive).angle(1000.0))
+    assert flexor.plant.joint == pytest.approx(-extensor.plant.joint)
+    for plant, way in ((flexor.plant, 1.0), (extensor.plant, -1.0)):
+        plant.doing, plant.command = 1, way * 0.5 + C
+    for k in range(400):
+        flexor.plant.advance(1e-3 * k)
+        extensor.plant.advance(1e-3 * k)
+    assert flexor.plant.tension > 3.0
+    assert extensor.plant.tension > 3.0
+    assert 0.2 < flexor.plant.joint < 0.6
