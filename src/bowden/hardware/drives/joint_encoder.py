@@ -99,7 +99,7 @@ def check_beside(encoder: JointEncoderParameters | None, taken: dict[int, str]) 
     """
     if encoder is None:
         return
-    functions = (frames.SYNC, frames.TPDO1, frames.SDO_ANSWER, frames.SDO_REQUEST, frames.HEARTBEAT)
+    functions = (frames.EMERGENCY, frames.TPDO1, frames.SDO_ANSWER, frames.SDO_REQUEST, frames.HEARTBEAT)
     own = {frames.NMT, frames.SYNC, *(function + encoder.node_id for function in functions)}
     for identifier, key in taken.items():
         if identifier in own:
