@@ -10,7 +10,8 @@ from bowden.core.units import RADIANS
 from bowden.cycle.torque_offset import TorqueOffset
 from bowden.hardware.buses.link import Links
 from bowden.hardware.drives.canopen_drive import NOTHING, CanopenDrive
-from bowden.hardware.drives.parameters import DriveParameters, joint_scale, motor_scale, zeroed
+from bowden.hardware.drives.homing import zeroed
+from bowden.hardware.drives.parameters import DriveParameters, joint_scale, motor_scale
 from bowden.hardware.drives.scale import Scale, SuitScale
 from bowden.hardware.ports import Power
 from bowden.hardware.twin.bench import BRAKE, FOLLOW, OFF

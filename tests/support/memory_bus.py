@@ -6,6 +6,7 @@ from typing import Any, Protocol
 
 import can
 
+from bowden.hardware.buses.unix_bus import REMOTE
 from bowden.hardware.twin.faults import Faults
 from bowden.hardware.twin.twin import message_of
 
@@ -65,7 +66,7 @@ class MemoryBus(can.BusABC):
         with self._lock:
             self.sent.append((self.time, msg.arbitration_id, bytes(msg.data)))
             for node in self._nodes:
-                node.receive(msg.arbitration_id, bytes(msg.data), self.time)
+                node.receive(msg.arbitration_id | REMOTE * msg.is_remote_frame, bytes(msg.data), self.time)
 
     def drain(self) -> list[can.Message]:
         """All frames that wait."""

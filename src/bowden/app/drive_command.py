@@ -28,7 +28,7 @@ Json = Annotated[bool, typer.Option("--json", help="Print one JSON document and 
 
 
 def probe(rig: Rig_, axis: Axis = None, channel: Channel = None, json: Json = False) -> None:
-    """Say who answers on the bus of a rig: listened to for a second, then asked. No order is given, nothing is set."""
+    """Say who answers on the bus of a rig: it is listened to, then asked. Nothing is set, nothing gets power."""
     from bowden.core.errors import DriveError, counted
     from bowden.hardware.buses.link import Links
     from bowden.hardware.drives.family import family_of
@@ -38,7 +38,7 @@ def probe(rig: Rig_, axis: Axis = None, channel: Channel = None, json: Json = Fa
     family = family_of(parameters)
     if family.probe is None:
         raise DriveError(
-            f"a drive of the family {family.name} says nothing of itself before it is ordered to run",
+            f"a drive of the family {family.name} says nothing of itself",
             do="bowden drive monitor asks the one that the rig names",
         )
     found = family.probe(parameters, Links())
@@ -108,6 +108,7 @@ def zero(
     """
     from bowden.core.errors import ParameterError
     from bowden.core.units import RADIANS
+    from bowden.hardware.drives.family import family_of
     from bowden.live.drive_look import require_zero, zero_keys
 
     for name, value in (("--motor-deg", motor_deg), ("--joint-deg", joint_deg)):
@@ -121,6 +122,9 @@ def zero(
     assert look.last is not None
     keys = zero_keys(given.drive, given.drive_parameters, look.last, motor_deg * RADIANS, joint_deg * RADIANS)
     keys = {name: round(value, 4) for name, value in keys.items()}
+    hint = family_of(given.drive).zero_hint
+    if hint:
+        _tell(hint)
     if json:
         print_json({"drive": identity, "keys": keys, **_document(look), "seconds": seconds()})
         return

@@ -13,12 +13,10 @@ command after its timeout. So here:
 
 import math
 
-import can
-
 from bowden.core.errors import DriveError, ParameterError
 from bowden.core.signals import DriveReading, DriveState
 from bowden.hardware.buses.link import BusPort, Links
-from bowden.hardware.buses.unix_bus import ERROR, REMOTE
+from bowden.hardware.buses.unix_bus import REMOTE
 from bowden.hardware.drives import canopen_frames as canopen
 from bowden.hardware.drives.ak_frames import (
     ENTER,
@@ -43,14 +41,13 @@ from bowden.hardware.drives.ak_parameters import (
 )
 from bowden.hardware.drives.enabling import Silence, fell
 from bowden.hardware.drives.findings import INERT, LOST_RANGE, InertWatch
+from bowden.hardware.drives.host_end import MOST_FRAMES, HostEnd, classic_frame
 from bowden.hardware.drives.joint_encoder import JointEncoder, joint_encoder_of
 from bowden.hardware.drives.limited_range import LimitedRange, nearest
 from bowden.hardware.drives.on_can import place
 from bowden.hardware.drives.readings import Readings
 from bowden.hardware.ports import Power, TorqueLeft
 
-MOST_FRAMES = 64
-"""Frames that one cycle reads at most, so that a flood on the bus cannot hold the loop."""
 MOST_UNANSWERED = 16
 """Commands that are waited for at most; what is older than these is lost."""
 LISTENING = 1.0
@@ -65,8 +62,6 @@ ASKED, GIVEN = 0.02, 0.1
 """Of the model's torque, from which on one counts as asked for; and of that, up to which none was given [–]."""
 LOST = 0.1
 """Silence of the drive after which it may have started again, with another position [s]."""
-CLOSING_CYCLES = 20
-"""How often `close` asks for the power to go off, 2 ms apart, while the drive has not replied to it."""
 _LIMP = AkCommand(0.0, 0.0, 0.0, 0.0, 0.0)
 """No torque, but for the half step by which a field of an even number of codes misses zero."""
 
@@ -84,34 +79,23 @@ class AkDrive:
 
     def __init__(self, parameters: AkParameters, links: Links | None = None) -> None:
         check_parameters(parameters)
-        self._drive, self._links = parameters, links or Links()
+        self._drive = parameters
         self._model, self._reply_id = model_of(parameters), reply_id(parameters)
         encoder = joint_encoder_of(parameters)
         self._encoder = None if encoder is None else JointEncoder(encoder, parameters.answer_timeout)
-        self._port: BusPort | None = None
+        synced = self._encoder is not None and self._encoder.synced
+        self._host = HostEnd(place(parameters), parameters.node_id, links, self._concerns, synced=synced)
         self._scale = motor_scale(parameters)
         self._range = LimitedRange(2.0 * HIGHEST_POSITION)
         self._readings, self._silence = Readings(), Silence(parameters.watchdog)
         self._inert = InertWatch(math.inf)  # what gives no torque at all is inert, moving or not
-        self._bus_errors = 0
-        self._frame, self._sync = _frame(parameters.node_id, 8), _frame(canopen.SYNC, 0)
+        self._frame, self._sync = classic_frame(parameters.node_id, 8), classic_frame(canopen.SYNC, 0)
         self._begin(DriveState.NOT_READY_TO_SWITCH_ON)
 
     def bring_up(self) -> str:
         """See `hardware.ports.Drive.bring_up`; may be called again after a failure or a restart of the drive."""
-        drive, encoder = self._drive, self._encoder
-        if self._port is None:
-            synced = encoder is not None and encoder.synced
-            self._port = self._links.join(place(drive), f"node {drive.node_id}", self._wants, synced=synced)
-        else:
-            for _ in range(MOST_FRAMES):  # replies to what we said ourselves
-                if self._port.take() is None:
-                    break
-        try:
-            return self._find(self._port)
-        except BaseException:
-            self._leave()
-            raise
+        self._up = False
+        return self._host.bring_up(self._find)
 
     def _find(self, port: BusPort) -> str:
         drive = self._drive
@@ -188,11 +172,10 @@ class AkDrive:
             "maker's tool, and reply_id in [drive] to its CAN Master ID",
         )
 
-    def _wants(self, identifier: int) -> bool:
-        """Whether a frame is of this drive or its joint's encoder, one that only this host may send, or an error."""
-        plain = identifier & ~REMOTE
-        mine = bool(identifier & ERROR) or plain in (self._drive.node_id, self._reply_id)
-        return mine or (self._encoder is not None and self._encoder.wants(plain))
+    def _concerns(self, identifier: int) -> bool:
+        """Whether a frame is of this drive or its joint's encoder, or one that only this host may send."""
+        mine = identifier in (self._drive.node_id, self._reply_id)
+        return mine or (self._encoder is not None and self._encoder.wants(identifier))
 
     def _is_it(self, identifier: int, data: bytes) -> bool:
         """Whether a frame is a reply of this drive."""
@@ -225,13 +208,11 @@ class AkDrive:
         readings, encoder = self._readings, self._encoder
         readings.cycle(now)
         for _ in range(MOST_FRAMES):
-            frame = self._port.take() if self._port is not None and self._up else None
+            frame = self._host.take() if self._up else None
             if frame is None:
                 break
             identifier, data = frame
-            if identifier & ERROR:
-                self._bus_errors += 1
-            elif self._is_it(identifier, data):
+            if self._is_it(identifier, data):
                 reply = unpack_reply(data, self._model)
                 if reply is not None:
                     self._take(reply, now)
@@ -247,8 +228,7 @@ class AkDrive:
             self._lost = True
             readings.motor = math.nan
         self._before, self._state = self._state, self._standing()
-        errors = self._bus_errors + (self._port.errors if self._port else 0)
-        return readings.reading(now, self._state, float(errors))
+        return readings.reading(now, self._state, self._host.errors)
 
     def _take(self, reply: AkReply, now: float) -> None:
         """A reply of the drive."""
@@ -314,7 +294,7 @@ class AkDrive:
         It has no quick stop: that is power off. A target that is no number, or beyond the drive's range, is never sent:
         the torque goes off. There is none before the drive has sent its position.
         """
-        if self._port is None or not self._up:
+        if not self._up:
             return
         broken = self._silence.broken(now)
         self._fell = fell(self._before, self._state, asked=self._asked, already=self._fell, power=power)
@@ -338,7 +318,7 @@ class AkDrive:
             self._follow(position, drive.stiffness, drive.damping, drive.motor_direction * pushed)
         self._sent_at = now
         if self._encoder is not None and self._encoder.synced:
-            self._port.sync(self._sync)
+            self._host.sync(self._sync)
 
     def _follow(self, position: float, stiffness: float, damping: float, torque: float) -> None:
         """A command; what the drive should make of it is kept."""
@@ -357,59 +337,28 @@ class AkDrive:
     def reset_fault(self) -> None:
         """See `hardware.ports.Drive.reset_fault`: a fault ends when the drive reports none; nothing resets it."""
 
-    def zeroed(self, motor: float = 0.0, joint: float = 0.0) -> AkParameters:
-        """Parameters in which the present position, as read last, is at these angles [rad]: homing by hand.
-
-        Raises:
-            DriveError: nothing has been read yet.
-        """
-        readings, drive = self._readings, self._drive
-        if not (math.isfinite(readings.motor) and math.isfinite(readings.joint)):
-            raise DriveError("the drive has not reported a position yet", do="read a few cycles first")
-        if drive.home == "here":  # the next bring-up finds the present position by itself
-            return drive._replace(motor_home=motor, joint_home=joint)
-        return drive._replace(
-            motor_home=drive.motor_home + motor - readings.motor, joint_home=drive.joint_home + joint - readings.joint
-        )
-
     def close(self) -> TorqueLeft:
         """See `hardware.ports.Drive.close`; a reply to the order to leave motor mode, without torque, is its word."""
-        left, port = TorqueLeft.OFF, self._port
-        if port is not None:
-            left, port.synced = TorqueLeft.UNKNOWN, False
-            for _ in range(MOST_FRAMES):
-                if port.take() is None:
-                    break
-            self._send(pack_command(_LIMP, self._model))
-            for k in range(CLOSING_CYCLES):
-                self._send(EXIT)
-                frame = port.wait_for(self._is_it, 0.002)
-                reply = None if frame is None else unpack_reply(frame[1], self._model)
-                if reply is not None and k > 0:  # the first may answer what went before
-                    free = abs(reply.torque) <= STRAIN * self._model.torque
-                    left = TorqueLeft.OFF if free else TorqueLeft.ON
-                if left is TorqueLeft.OFF:
-                    break
-            if self._encoder is not None:
-                stop = _frame(canopen.NMT, 2)
-                stop.data = bytearray((canopen.NMT_STOP, self._drive.joint_node_id))
-                port.send(stop)
-        self._leave()
+        left = self._host.power_off(self._tell_off, self._torque_told)
+        if self._host.joined and self._encoder is not None:
+            stop = classic_frame(canopen.NMT, 2)
+            stop.data = bytearray((canopen.NMT_STOP, self._drive.joint_node_id))
+            self._host.send(stop)
+        self._up = False
+        self._host.leave()
         return left
 
-    def _leave(self) -> None:
-        self._up = False
-        if self._port is not None:
-            self._bus_errors += self._port.errors
-            self._port.leave()
-        self._port = None
+    def _tell_off(self, number: int) -> None:
+        """The order to leave motor mode; before the first one, once, no gains."""
+        if number == 0:
+            self._send(pack_command(_LIMP, self._model))
+        self._send(EXIT)
+
+    def _torque_told(self, identifier: int, data: bytes) -> bool | None:
+        reply = unpack_reply(data, self._model) if self._is_it(identifier, data) else None
+        return None if reply is None else abs(reply.torque) > STRAIN * self._model.torque
 
     def _send(self, data: bytes) -> None:
-        if self._port is not None:
-            self._frame.data = bytearray(data)
-            self._unanswered = min(MOST_UNANSWERED, self._unanswered + 1)
-            self._port.send(self._frame)
-
-
-def _frame(identifier: int, length: int) -> can.Message:
-    return can.Message(arbitration_id=identifier, is_extended_id=False, data=bytes(length))
+        self._frame.data = bytearray(data)
+        self._unanswered = min(MOST_UNANSWERED, self._unanswered + 1)
+        self._host.send(self._frame)

@@ -125,11 +125,13 @@ class DriveFamily:
     explain: Callable[[int], str]
     """What the code of an emergency means."""
     probe: Callable[[Any, "Links"], Sequence[FoundDevice]] | None = None
-    """``probe(parameters, links)``: who answers on the bus, without an order or a setting; None of a family whose
-    devices say nothing of themselves before they are ordered to run."""
+    """``probe(parameters, links)``: who answers on the bus, without power or a setting; None of a family whose devices
+    say nothing of themselves."""
     zeroed: Callable[[Any, DriveReading, float, float], Any] | None = None
     """``zeroed(parameters, reading, motor, joint)``: the parameters with which what was read is at these angles of
     motor and joint [rad]; None of a family whose zero is set with its maker's tool alone."""
+    zero_hint: str = ""
+    """How the drive itself can be told where it is, and what it loses with its supply; empty where that is nothing."""
     measures_torque: Callable[[Any], bool] = lambda _: False
     """Whether it reports the joint's torque."""
     load_range: Callable[[Any], float] = lambda _: math.inf

@@ -45,3 +45,39 @@ class InertWatch:
         if not in_vain or not abs(position - self._at) <= self._still:
             self._since, self._at = (now, position) if in_vain else (math.nan, math.nan)
         return now - self._since >= self._lasting
+
+
+class LagWatch:
+    """`InertWatch` of a drive that follows a target and tells its current.
+
+    It is asked in vain where it is far from its target and draws next to no current.
+
+    Args:
+        current_limit: the largest that the rig asks for; 0 for none [A].
+    """
+
+    def __init__(self, current_limit: float) -> None:
+        self._light = LIGHT * (current_limit or 1.0)
+        self._watch = InertWatch(STILL)
+
+    def begin(self) -> None:
+        """Nothing has been seen."""
+        self._watch.begin()
+
+    def inert(self, motor: float, target: float, current: float, now: float, *, led: bool) -> bool:
+        """Whether the motor is inert.
+
+        Args:
+            motor: its angle [rad].
+            target: of the cycle before; NaN for none [rad].
+            current: [A]
+            now: [s]
+            led: whether the drive says that it follows its target.
+        """
+        in_vain = led and abs(target - motor) >= LAG and abs(current) <= self._light
+        return self._watch.inert(motor, now, in_vain=in_vain)
+
+
+LAG, LIGHT, STILL = 4e-3, 0.05, 2e-3
+"""A motor that is this far from its target [rad], with less current than this share of the largest, and that stands
+still within this [rad], is asked for a torque that it does not give."""

@@ -10,10 +10,11 @@ import math
 
 from bowden.core.signals import DriveReading, DriveState
 from bowden.hardware.buses.link import BusPlace, BusPort, Links
-from bowden.hardware.buses.unix_bus import ERROR, REMOTE
+from bowden.hardware.buses.unix_bus import REMOTE
 from bowden.hardware.drives import moteus_frames as frames
 from bowden.hardware.drives.enabling import fell
-from bowden.hardware.drives.findings import INERT, LEFT, InertWatch
+from bowden.hardware.drives.findings import INERT, LEFT, LagWatch
+from bowden.hardware.drives.host_end import MOST_FRAMES, HostEnd
 from bowden.hardware.drives.limited_range import LimitedRange
 from bowden.hardware.drives.moteus_faults import TIMED_OUT, UNWATCHED
 from bowden.hardware.drives.moteus_frames import BoardMode
@@ -31,13 +32,6 @@ from bowden.hardware.drives.moteus_setup import (
 from bowden.hardware.drives.readings import Readings
 from bowden.hardware.ports import Power, TorqueLeft
 
-MOST_FRAMES = 64
-"""Frames that one cycle reads at most, so that a flood on the bus cannot hold the loop."""
-CLOSING_CYCLES = 20
-"""How often `close` asks for the power to go off, 2 ms apart, while the board still has torque."""
-LAG, LIGHT, STILL = 4e-3, 0.05, 2e-3
-"""A motor that is this far from its target [rad], with less current than this share of the largest, and that stands
-still within this [rad], is asked for a torque that it does not give: see `findings.InertWatch`."""
 SETTLED = 10
 """Cycles of commands after which every reply is to one of them."""
 
@@ -55,35 +49,31 @@ class MoteusDrive:
 
     def __init__(self, parameters: MoteusParameters, links: Links | None = None) -> None:
         check_parameters(parameters)
-        self._drive, self._links = parameters, links or Links()
+        drive = self._drive = parameters
+        place = BusPlace(drive.interface, drive.channel, drive.bitrate, fd=True, data_bitrate=drive.data_bitrate)
+        self._host = HostEnd(place, drive.node_id, links, self._concerns)
         self._cycle = frames.CommandFrames(parameters.joint_source)
-        self._port: BusPort | None = None
         self._found: MoteusFindings | None = None
         self._readings = Readings()
         self._joint_turns = LimitedRange(1.0)
-        self._inert = InertWatch(STILL)
-        self._bus_errors = 0
+        self._lag = LagWatch(drive.current_limit)
         self._frame = message(parameters, self._cycle.stop, reply=True)
         self._begin(DriveState.NOT_READY_TO_SWITCH_ON, 0)
 
     def bring_up(self) -> str:
         """See `hardware.ports.Drive.bring_up`; may be called again after a failure or a restart of the board."""
-        drive = self._drive
-        if self._port is None:
-            place = BusPlace(drive.interface, drive.channel, drive.bitrate, fd=True, data_bitrate=drive.data_bitrate)
-            self._port = self._links.join(place, f"node {drive.node_id}", self._wants)
-        try:
-            self._found = set_up(self._port, drive)
-        except BaseException:
-            self._leave()
-            raise
-        self._begin(self._found.state, self._found.fault)
-        return self._found.identity
+        self._found = None
+        return self._host.bring_up(self._set_up)
 
-    def _wants(self, identifier: int) -> bool:
-        """Whether a frame is of this board, or one that only this host may send, or an error of the bus."""
-        plain = identifier & ~REMOTE
-        return bool(identifier & ERROR) or is_answer(self._drive, plain) or is_foreign(self._drive, plain)
+    def _set_up(self, port: BusPort) -> str:
+        found = set_up(port, self._drive)
+        self._found = found
+        self._begin(found.state, found.fault)
+        return found.identity
+
+    def _concerns(self, identifier: int) -> bool:
+        """Whether a frame is of this board, or one that only this host may send."""
+        return is_answer(self._drive, identifier) or is_foreign(self._drive, identifier)
 
     def _begin(self, state: DriveState, fault: int) -> None:
         """Nothing has been read or sent yet, and the board is in that state."""
@@ -98,7 +88,7 @@ class MoteusDrive:
         self._joint_turns.begin()
         if self._found is not None:
             self._joint_turns.follow(self._found.joint.counts(self._drive.joint_home))
-        self._inert.begin()
+        self._lag.begin()
 
     def read(self, now: float) -> DriveReading:
         """See `hardware.ports.Drive.read`."""
@@ -106,13 +96,11 @@ class MoteusDrive:
         readings.cycle(now)
         state = self._state
         for _ in range(MOST_FRAMES):
-            frame = None if found is None or self._port is None else self._port.take()
+            frame = None if found is None else self._host.take()
             if frame is None or found is None:
                 break
             identifier, data = frame
-            if identifier & ERROR:
-                self._bus_errors += 1
-            elif is_answer(drive, identifier) and not identifier & REMOTE:
+            if is_answer(drive, identifier) and not identifier & REMOTE:
                 reply = self._cycle.reply(data)
                 if reply is not None:
                     state = self._take(reply, found, now)
@@ -121,15 +109,10 @@ class MoteusDrive:
         self._before, self._state = self._state, state
         if self._asked and self._before is DriveState.OPERATION_ENABLED is not state and state is not DriveState.FAULT:
             readings.found(TIMED_OUT if self._timed_out else LEFT)
-        in_vain = (
-            state is DriveState.OPERATION_ENABLED
-            and self._commands >= SETTLED
-            and abs(self._target - readings.motor) >= LAG
-            and abs(readings.current) <= LIGHT * (drive.current_limit or 1.0)
-        )
-        if self._inert.inert(readings.motor, now, in_vain=in_vain):
+        led = state is DriveState.OPERATION_ENABLED and self._commands >= SETTLED
+        if self._lag.inert(readings.motor, self._target, readings.current, now, led=led):
             readings.found(INERT)
-        return readings.reading(now, state, self._errors())
+        return readings.reading(now, state, self._host.errors)
 
     def _take(self, reply: frames.MoteusReply, found: MoteusFindings, now: float) -> DriveState:
         """What a reply says; the state that it means."""
@@ -159,7 +142,7 @@ class MoteusDrive:
         only with the order to follow the target, to a board that does, and within the rig's bound.
         """
         found = self._found
-        if self._port is None or found is None:
+        if found is None:
             return
         self._fell = fell(self._before, self._state, asked=self._asked, already=self._fell, power=power)
         turns = found.motor.counts(target) if math.isfinite(target) else math.nan
@@ -186,37 +169,22 @@ class MoteusDrive:
 
     def close(self) -> TorqueLeft:
         """See `hardware.ports.Drive.close`; what the board said before the last stop does not count."""
-        left, port = TorqueLeft.OFF, self._port
-        if port is not None and self._found is not None:
-            left = TorqueLeft.UNKNOWN
-            for _ in range(MOST_FRAMES):
-                if port.take() is None:
-                    break
-            for k in range(CLOSING_CYCLES):
-                self._put(self._cycle.ask if self._state is DriveState.FAULT else self._cycle.stop)
-                frame = port.wait_for(lambda identifier, _: is_answer(self._drive, identifier), 0.002)
-                reply = None if frame is None else self._cycle.reply(frame[1])
-                if reply is not None and k > 0:  # a reply says what was before its command
-                    left = TorqueLeft.OFF if reply.mode in WITHOUT_TORQUE else TorqueLeft.ON
-                if left is TorqueLeft.OFF:
-                    break
-        self._leave()
+        left = TorqueLeft.OFF if self._found is None else self._host.power_off(self._tell_off, self._torque_told)
+        self._found = None
+        self._host.leave()
         return left
 
+    def _tell_off(self, number: int) -> None:
+        self._put(self._cycle.ask if self._state is DriveState.FAULT else self._cycle.stop)
+
+    def _torque_told(self, identifier: int, data: bytes) -> bool | None:
+        reply = self._cycle.reply(data) if is_answer(self._drive, identifier) else None
+        return None if reply is None else reply.mode not in WITHOUT_TORQUE
+
     def _put(self, data: bytes) -> None:
-        if self._port is not None:
-            self._frame.data = bytearray(data)
-            self._frame.dlc = len(data)
-            self._port.send(self._frame)
-
-    def _errors(self) -> float:
-        return float(self._bus_errors + (self._port.errors if self._port else 0))
-
-    def _leave(self) -> None:
-        if self._port is not None:
-            self._bus_errors += self._port.errors
-            self._port.leave()
-        self._port = self._found = None
+        self._frame.data = bytearray(data)
+        self._frame.dlc = len(data)
+        self._host.send(self._frame)
 
 
 def _within_a_turn(turns: float) -> float:

@@ -4,6 +4,7 @@ Their parameters have the fields `interface`, `channel`, `bitrate` and `node_id`
 method `identifiers`, see `collision`.
 """
 
+import importlib
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -12,7 +13,10 @@ from bowden.core.errors import ParameterError
 from bowden.core.quantity import Quantity
 
 if TYPE_CHECKING:
-    from bowden.hardware.buses.link import BusPlace
+    from bowden.hardware.buses.link import BusPlace, Links
+    from bowden.hardware.drives.family import DriveNeeds
+    from bowden.hardware.ports import Drive
+    from bowden.hardware.twin.twin import NodePlace
 
 BusInterface = Annotated[
     str, Quantity("python-can's name of the bus: bowden_unix for the twin, socketcan on a rig; others are untried")
@@ -21,6 +25,27 @@ BusChannel = Annotated[str, Quantity("its channel: can0; of bowden_unix a folder
 """A bare name is a folder in the user's temporary one."""
 BusBitrate = Annotated[int, Quantity("of the bus; SocketCAN takes its interface's own", "bit/s", gt=0)]
 AnswerTimeout = Annotated[float, Quantity("longest wait for an answer at bring-up", "s", shown="ms", gt=0.0, le=1e4)]
+
+
+def opening(driver: str) -> "Callable[[Any, Links], Drive]":
+    """What opens a drive by a class of this package, as ``ak_drive.AkDrive``, which is imported with python-can."""
+    module, _, name = driver.partition(".")
+
+    def open_drive(parameters: Any, links: "Links") -> "Drive":
+        drive: Drive = getattr(importlib.import_module(f"{__package__}.{module}"), name)(parameters, links)
+        return drive
+
+    return open_drive
+
+
+def pushing(most_push: Callable[[Any], float]) -> "Callable[[Any, DriveNeeds], float]":
+    """The largest torque offset of a rig's drive, of that of the parameters which it makes complete [N·m]."""
+
+    def largest(parameters: Any, needs: "DriveNeeds") -> float:
+        asked = {"gear": needs.gear, "torque_constant": needs.torque_constant, "current_limit": needs.current_limit}
+        return most_push(parameters._replace(**asked))
+
+    return largest
 
 
 def moved(parameters: Any, channel: str | None, interface: str | None) -> Any:
@@ -72,6 +97,13 @@ def place(parameters: Any) -> "BusPlace":
     from bowden.hardware.buses.link import BusPlace  # with python-can
 
     return BusPlace(parameters.interface, parameters.channel, parameters.bitrate)
+
+
+def node_place(parameters: Any) -> "NodePlace":
+    """Where the twin of this node is."""
+    from bowden.hardware.twin.twin import NodePlace  # with python-can
+
+    return NodePlace(parameters.interface, parameters.channel, parameters.bitrate, parameters.node_id)
 
 
 def control(parameters: Any) -> Path:

@@ -3,13 +3,12 @@
 import math
 from typing import Annotated, Literal, NamedTuple
 
-from bowden.core.errors import DriveError, ParameterError
+from bowden.core.errors import ParameterError
 from bowden.core.quantity import Quantity
-from bowden.core.signals import DriveReading
 from bowden.hardware.drives import canopen_frames as frames
 from bowden.hardware.drives import on_can
 from bowden.hardware.drives.scale import Scale, SuitScale, spool_scale
-from bowden.models.suit.suit_angle import SpoolMap, motor_of, spool_of
+from bowden.models.suit.suit_angle import SpoolMap
 
 
 class DriveParameters(NamedTuple):
@@ -181,29 +180,6 @@ def check_parameters(drive: DriveParameters) -> None:
             raise ParameterError(
                 f"drive: {name} is {getattr(drive, name)!r}", expected=expected, do="correct it in the rig's [drive]"
             )
-
-
-def zeroed(drive: DriveParameters, values: DriveReading, motor: float = 0.0, joint: float = 0.0) -> DriveParameters:
-    """The parameters with which the position that was read is at these angles.
-
-    Args:
-        drive: with which it was read.
-        values: what was read.
-        motor: angle of the motor there [rad].
-        joint: angle of the joint there [rad].
-
-    Raises:
-        DriveError: nothing has been read.
-    """
-    if not (math.isfinite(values.motor) and math.isfinite(values.joint)):
-        raise DriveError("the drive has not reported a position yet", do="read a few cycles first")
-    if drive.home == "here":  # the next bring-up finds the present position by itself
-        return drive._replace(motor_home=motor, joint_home=joint)
-    moved, spool = drive.motor_home + motor - values.motor, drive.spool
-    if spool is not None:  # what is added is an angle of the spool
-        turned = spool_of(drive.motor_home, spool) + spool_of(motor, spool) - spool_of(values.motor, spool)
-        moved = motor_of(turned, spool)
-    return drive._replace(motor_home=float(moved), joint_home=drive.joint_home + joint - values.joint)
 
 
 def load_of(drive: DriveParameters, millivolts: float) -> float:

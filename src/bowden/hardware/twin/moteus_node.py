@@ -12,7 +12,7 @@ from collections import deque
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-from bowden.hardware.buses.unix_bus import EXTENDED
+from bowden.hardware.buses.unix_bus import EXTENDED, REMOTE
 from bowden.hardware.drives import moteus_frames as frames
 from bowden.hardware.drives.moteus_frames import (
     BoardMode,
@@ -160,7 +160,7 @@ class MoteusNode:
     def receive(self, identifier: int, data: bytes, now: float) -> None:
         """A frame from the bus; whether its identifier is an extended one does not count."""
         plain = identifier & 0x1FFF_FFFF
-        if self.faults.active("deaf", now) or now < self._ready or plain > frames.HIGHEST_ID:
+        if self.faults.active("deaf", now) or now < self._ready or plain > frames.HIGHEST_ID or identifier & REMOTE:
             return
         source, receiver = plain >> 8, plain & 0xFF
         if receiver not in (self._drive.node_id, frames.BROADCAST):

@@ -40,7 +40,7 @@ class TwinNode(Protocol):
     """Faults that a drive of this family cannot have, as ``reboot`` or ``encoder_nan motor`` → why."""
 
     def receive(self, identifier: int, data: bytes, now: float) -> None:
-        """A frame from the bus; an extended identifier has the flag of `buses.unix_bus`."""
+        """A frame from the bus; an extended identifier, and a remote frame, have the flags of `buses.unix_bus`."""
         ...
 
     def tick(self, now: float) -> None:

@@ -16,7 +16,7 @@ import can
 
 from bowden.core.errors import BowdenError, DriveError, ParameterError
 from bowden.hardware.buses.opening import claim, open_bus
-from bowden.hardware.buses.unix_bus import ERROR, EXTENDED
+from bowden.hardware.buses.unix_bus import ERROR, EXTENDED, REMOTE
 from bowden.hardware.twin.control import ControlServer, control_path
 from bowden.hardware.twin.faults import Faults
 from bowden.hardware.twin.injection import OF_CABLE, Injection, parse
@@ -135,8 +135,9 @@ class Twin:
             for _ in range(64):
                 if message is None:
                     break
-                if not (message.is_error_frame or message.is_remote_frame):
+                if not message.is_error_frame:
                     identifier = message.arbitration_id | EXTENDED * message.is_extended_id
+                    identifier |= REMOTE * message.is_remote_frame
                     self._node.receive(identifier, bytes(message.data), self._clock())
                     if self._beside is not None and self._own_bus is None:
                         self._beside.receive(identifier, bytes(message.data), self._clock())
@@ -278,6 +279,7 @@ def message_of(identifier: int, data: bytes, *, fd: bool = False) -> can.Message
         arbitration_id=identifier & 0x1FFF_FFFF,
         data=data,
         is_extended_id=bool(identifier & EXTENDED),
+        is_remote_frame=bool(identifier & REMOTE),
         is_error_frame=bool(identifier & ERROR),
         is_fd=fd,
         bitrate_switch=fd,

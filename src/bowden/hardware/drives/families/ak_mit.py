@@ -6,20 +6,13 @@ from typing import TYPE_CHECKING
 
 from bowden.hardware.drives import on_can
 from bowden.hardware.drives.ak_parameters import AkParameters, check_parameters, completed, most_push
-from bowden.hardware.drives.family import DriveFamily, DriveNeeds, TwinProcess
+from bowden.hardware.drives.family import DriveFamily, FoundDevice, TwinProcess
 from bowden.hardware.drives.findings import FINDINGS
-from bowden.hardware.ports import Drive
+from bowden.hardware.drives.homing import zeroed
 
 if TYPE_CHECKING:
     from bowden.hardware.buses.link import Links
     from bowden.hardware.twin.plant import TwinPlant
-
-
-def open_drive(parameters: AkParameters, links: "Links") -> Drive:
-    """The drive on its bus."""
-    from bowden.hardware.drives.ak_drive import AkDrive  # with python-can
-
-    return AkDrive(parameters, links)
 
 
 def twin(
@@ -32,19 +25,12 @@ def twin(
         DriveError: the bus cannot be used, or has a twin already.
     """
     from bowden.hardware.twin.ak_node import AkNode
-    from bowden.hardware.twin.twin import NodePlace, Twin
+    from bowden.hardware.twin.twin import Twin
 
     check_parameters(parameters)
     overrides = dict(on_can.object_option(text) for text in options)
-    place = NodePlace(parameters.interface, parameters.channel, parameters.bitrate, parameters.node_id)
+    place = on_can.node_place(parameters)
     return Twin(place, clock, lambda send, journal: AkNode(parameters, plant, send, journal, overrides))
-
-
-def largest_push(parameters: AkParameters, needs: DriveNeeds) -> float:
-    """Half of what the largest current gives [N·m]."""
-    return most_push(
-        parameters._replace(gear=needs.gear, torque_constant=needs.torque_constant, current_limit=needs.current_limit)
-    )
 
 
 def scales(parameters: AkParameters) -> tuple[object, ...]:
@@ -62,19 +48,26 @@ def explain(code: int) -> str:
     return FINDINGS.get(code) or error_text(code)
 
 
+def probe(parameters: AkParameters, links: "Links") -> Sequence[FoundDevice]:
+    """All drives of this family on the bus."""
+    from bowden.hardware.drives import ak_probe  # with python-can
+
+    return ak_probe.probe(parameters, links)
+
+
 FAMILY = DriveFamily(
     name="ak_mit",
     title="A drive of the CubeMars AK series in MIT mode, and the joint's encoder beside it; `bowden twin` plays both.",
     parameters=AkParameters(),
     completed=completed,
-    open=open_drive,
+    open=on_can.opening("ak_drive.AkDrive"),
     twin=twin,
     moved=on_can.moved,
     address=on_can.address,
     control=on_can.control,
     claim=on_can.claim_host,
     watchdog=lambda parameters: parameters.watchdog or math.inf,
-    most_push=largest_push,
+    most_push=on_can.pushing(most_push),
     measures_tension=lambda _: False,
     scales=scales,
     homed=lambda parameters: parameters.home != "here",
@@ -85,4 +78,9 @@ FAMILY = DriveFamily(
         f"the CAN timeout of an {parameters.model} is set with its maker's tool, and no frame shows whether it is"
     ),
     no_limb=lambda parameters: parameters.no_limb,
+    probe=probe,
+    zeroed=zeroed,
+    zero_hint="An AK drive takes the present place for its own zero by its set-origin frame, or with its maker's tool; "
+    "bowden does not send it. Zero the rig anew after that. Which turn of its rotor it is in after a restart is told "
+    'by home = "hint".',
 )

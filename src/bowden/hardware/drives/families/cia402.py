@@ -7,15 +7,15 @@ from bowden.core.errors import ParameterError
 from bowden.hardware.drives import on_can
 from bowden.hardware.drives.emergencies import emergency_text
 from bowden.hardware.drives.family import DriveFamily, DriveNeeds, FoundDevice, TwinProcess
+from bowden.hardware.drives.findings import FINDINGS
+from bowden.hardware.drives.homing import zeroed
 from bowden.hardware.drives.parameters import (
     DriveParameters,
     check_parameters,
     load_range,
     most_push,
     tared,
-    zeroed,
 )
-from bowden.hardware.ports import Drive
 
 LOOK = 1e-3
 """How often a drive looks at its heartbeat consumer [s]."""
@@ -44,13 +44,6 @@ def completed(given: DriveParameters, needs: DriveNeeds) -> DriveParameters:
     return parameters
 
 
-def open_drive(parameters: DriveParameters, links: "Links") -> Drive:
-    """The drive on its bus."""
-    from bowden.hardware.drives.canopen_drive import CanopenDrive  # with python-can and canopen
-
-    return CanopenDrive(parameters, links)
-
-
 def twin(
     parameters: DriveParameters, plant: "TwinPlant", clock: Callable[[], float], options: Sequence[str]
 ) -> TwinProcess:
@@ -61,19 +54,12 @@ def twin(
         DriveError: the bus cannot be used, or has a twin already.
     """
     from bowden.hardware.twin.canopen_node import CanopenNode
-    from bowden.hardware.twin.twin import NodePlace, Twin
+    from bowden.hardware.twin.twin import Twin
 
     check_parameters(parameters)
     overrides = dict(on_can.object_option(text) for text in options)
-    place = NodePlace(parameters.interface, parameters.channel, parameters.bitrate, parameters.node_id)
+    place = on_can.node_place(parameters)
     return Twin(place, clock, lambda send, journal: CanopenNode(parameters, plant, send, journal, overrides))
-
-
-def largest_push(parameters: DriveParameters, needs: DriveNeeds) -> float:
-    """Half of what the largest current gives [N·m]."""
-    return most_push(
-        parameters._replace(gear=needs.gear, torque_constant=needs.torque_constant, current_limit=needs.current_limit)
-    )
 
 
 def measures_tension(parameters: DriveParameters) -> bool:
@@ -116,14 +102,14 @@ FAMILY = DriveFamily(
     title="The CiA 402 drive on its CANopen bus; `bowden twin` plays it.",
     parameters=DriveParameters(),
     completed=completed,
-    open=open_drive,
+    open=on_can.opening("canopen_drive.CanopenDrive"),
     twin=twin,
     moved=on_can.moved,
     address=on_can.address,
     control=on_can.control,
     claim=on_can.claim_host,
     watchdog=watchdog,
-    most_push=largest_push,
+    most_push=on_can.pushing(most_push),
     measures_tension=measures_tension,
     measures_torque=measures_torque,
     load_range=load_range,
@@ -131,7 +117,7 @@ FAMILY = DriveFamily(
     scales=scales,
     homed=homed,
     simulated=on_can.simulated,
-    explain=emergency_text,
+    explain=lambda code: FINDINGS.get(code) or emergency_text(code),
     probe=probe,
     zeroed=zeroed,
 )

@@ -5,21 +5,14 @@ from typing import TYPE_CHECKING
 
 from bowden.core.errors import ParameterError
 from bowden.hardware.drives import on_can
-from bowden.hardware.drives.family import DriveFamily, DriveNeeds, TwinProcess
+from bowden.hardware.drives.family import DriveFamily, FoundDevice, TwinProcess
+from bowden.hardware.drives.homing import zeroed
 from bowden.hardware.drives.moteus_faults import fault_text
 from bowden.hardware.drives.moteus_parameters import LOOK, MoteusParameters, check_parameters, completed, most_push
-from bowden.hardware.ports import Drive
 
 if TYPE_CHECKING:
     from bowden.hardware.buses.link import Links
     from bowden.hardware.twin.plant import TwinPlant
-
-
-def open_drive(parameters: MoteusParameters, links: "Links") -> Drive:
-    """The drive on its bus."""
-    from bowden.hardware.drives.moteus_drive import MoteusDrive  # with python-can
-
-    return MoteusDrive(parameters, links)
 
 
 def twin(
@@ -32,18 +25,11 @@ def twin(
         DriveError: the bus cannot be used, or has a twin already.
     """
     from bowden.hardware.twin.moteus_node import MoteusNode
-    from bowden.hardware.twin.twin import NodePlace, Twin
+    from bowden.hardware.twin.twin import Twin
 
     check_parameters(parameters)
     overrides = dict(_override(text) for text in options)
-    place = NodePlace(
-        parameters.interface,
-        parameters.channel,
-        parameters.bitrate,
-        parameters.node_id,
-        fd=True,
-        data_bitrate=parameters.data_bitrate,
-    )
+    place = on_can.node_place(parameters)._replace(fd=True, data_bitrate=parameters.data_bitrate)
     return Twin(place, clock, lambda send, journal: MoteusNode(parameters, plant, send, journal, overrides))
 
 
@@ -60,13 +46,6 @@ def _override(text: str) -> tuple[int | str, float | None]:
     return key, value
 
 
-def largest_push(parameters: MoteusParameters, needs: DriveNeeds) -> float:
-    """Half of what the largest current gives [N·m]."""
-    return most_push(
-        parameters._replace(gear=needs.gear, torque_constant=needs.torque_constant, current_limit=needs.current_limit)
-    )
-
-
 def scales(parameters: MoteusParameters) -> tuple[float, ...]:
     """What makes angles of both positions."""
     return (
@@ -75,22 +54,34 @@ def scales(parameters: MoteusParameters) -> tuple[float, ...]:
     )
 
 
+def probe(parameters: MoteusParameters, links: "Links") -> Sequence[FoundDevice]:
+    """All drives of this family on the bus."""
+    from bowden.hardware.drives import moteus_probe  # with python-can
+
+    return moteus_probe.probe(parameters, links)
+
+
 FAMILY = DriveFamily(
     name="moteus",
     title="A mjbots moteus board on CAN-FD, with the joint's encoder at its auxiliary port; `bowden twin` plays it.",
     parameters=MoteusParameters(),
     completed=completed,
-    open=open_drive,
+    open=on_can.opening("moteus_drive.MoteusDrive"),
     twin=twin,
     moved=on_can.moved,
     address=on_can.address,
     control=on_can.control,
     claim=on_can.claim_host,
     watchdog=lambda parameters: parameters.watchdog + LOOK,
-    most_push=largest_push,
+    most_push=on_can.pushing(most_push),
     measures_tension=lambda _: False,
     scales=scales,
     homed=lambda parameters: parameters.home == "counts",
     simulated=on_can.simulated,
     explain=fault_text,
+    probe=probe,
+    zeroed=zeroed,
+    zero_hint="A moteus board knows its place after a loss of its supply only by an encoder at its output (off-board "
+    "source); otherwise tell it where it is with tview, d exact TURNS, after each start, or set "
+    'home = "here".',
 )

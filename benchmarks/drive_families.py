@@ -1,0 +1,166 @@
+"""Each family of drives against its twin, in one run: lateness, run time, replay, and the round trip over the bus.
+
+    python benchmarks/drive_families.py [SECONDS]
+
+For each family `bowden run --twin --auto`, with a loop that only sleeps measured before and after it, and its log
+replayed. Then cycles at 1 kHz without power against a twin, while this process looks at the bus: the round trip is from
+the frame that asks to the one that answers, as a third node sees them.
+"""
+
+import json
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from bowden.hardware.buses.link import Links
+from bowden.hardware.buses.unix_bus import REMOTE, UnixBus
+from bowden.hardware.drives.family import family_of
+from bowden.hardware.ports import Power
+from bowden.hardware.realtime import Settings
+from bowden.live.lateness import bare_loop_apart, figures
+from bowden.live.mcap_read import read
+from bowden.live.twin_process import running_twin
+from bowden.rig.rig import Rig
+
+BARE = 3.0
+"""Length of each measurement of the bare loop [s]."""
+TRIPS = 2000
+"""Cycles of the round trip."""
+RIG = """[scenario]
+duration_s = {seconds}
+[limits]
+reading_age = 10.0
+lateness_s = 0.2
+heartbeat_age_s = 0.5
+"""
+
+
+class Measured(NamedTuple):
+    """What distinguishes a family here."""
+
+    rig: str
+    asks: Callable[[int, bytes], bool]
+    """Whether a frame is the last one that asks for readings in a cycle."""
+    answers: Callable[[int, bytes], bool]
+    """Whether a frame is the answer with the motor's position."""
+
+
+def _exit(identifier: int, data: bytes) -> bool:
+    return identifier == 1 and data[:7] == b"\xff" * 7
+
+
+FAMILIES = {
+    "cia402": Measured("", lambda one, data: one == 0x80, lambda one, data: one == 0x181),
+    "ak_mit": Measured(
+        '[motor]\ngear = 9.0\ntorque_constant_nm_per_a = 0.091\n[drive]\nfamily = "ak_mit"\n',
+        _exit,
+        lambda one, data: one == 1 and not _exit(one, data),
+    ),
+    "moteus": Measured(
+        '[drive]\nfamily = "moteus"\n', lambda one, data: one == 0x8000_A001, lambda one, data: one & 0xFFFF == 0x0120
+    ),
+    "odrive": Measured(
+        '[drive]\nfamily = "odrive"\n', lambda one, data: one == REMOTE | 0x29, lambda one, data: one == 0x29
+    ),
+}
+"""Family → how its rig differs from the default one, and its frames: drive 1, host 32 of moteus."""
+
+
+def bowden(*words: str) -> dict[str, Any]:
+    """What a command says."""
+    command = [sys.executable, "-c", "from bowden.app.main import main; main()", *words, "--json"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    if not done.stdout:
+        raise SystemExit(done.stderr)
+    found: dict[str, Any] = json.loads(done.stdout)
+    return found
+
+
+def one(name: str, seconds: float) -> dict[str, Any]:
+    """One run; its figures."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "rig.toml"
+        path.write_text(RIG.format(seconds=seconds) + FAMILIES[name].rig)
+        before, _ = bare_loop_apart(BARE, 1e-3, Settings())
+        found = bowden("run", str(path), "--twin", "--auto", "--out", folder)
+        after, _ = bare_loop_apart(BARE, 1e-3, Settings())
+        again = bowden("log", "replay", found["log"])
+        log = read(Path(found["log"]), ("lateness", "run_time"))
+        trips = round_trips(name, path, Path(folder) / "b")
+    bare, late = figures(np.concatenate([before, after])), figures(log["lateness"])
+    return {
+        "family": name,
+        "ended_well": found["ended_well"],
+        "cycles": found["cycles"],
+        "overruns": found["overruns"],
+        "p50": (late.p50_us, bare.p50_us),
+        "p99": (late.p99_us, bare.p99_us),
+        "run_time": np.percentile(1e6 * log["run_time"], (50.0, 99.0)),
+        "other": again["verdicts_differing"] + (again["first_difference"] is not None),
+        "compared": again["cycles"],
+        "trips": np.percentile(1e6 * np.array(trips), (50.0, 99.0)),
+    }
+
+
+def round_trips(name: str, path: Path, channel: Path) -> list[float]:
+    """Times from question to answer over the bus between processes [s]."""
+    family, found, over = FAMILIES[name], list[float](), threading.Event()
+    rig = Rig.read(path)
+    with running_twin(rig, channel) as twin:
+        drive = family_of(rig.drive).open(rig.on_bus(twin.channel).drive_parameters, Links())
+        drive.bring_up()
+        third = UnixBus(twin.channel, create=False, fd=name == "moteus")
+
+        def look() -> None:
+            asked = -1.0
+            while not over.is_set():
+                frame = third.take()
+                if frame is None:
+                    third.poll(1e-3)
+                elif family.asks(*frame):
+                    asked = time.monotonic()
+                elif family.answers(*frame) and asked >= 0.0:
+                    found.append(time.monotonic() - asked)
+                    asked = -1.0
+
+        looking = threading.Thread(target=look)
+        looking.start()
+        begun = time.monotonic()
+        for k in range(TRIPS):
+            now = time.monotonic()
+            drive.read(now)
+            drive.write(0.0, Power.OFF, now)
+            time.sleep(max(0.0, begun + 1e-3 * (k + 1) - time.monotonic()))
+        over.set()
+        looking.join()
+        drive.close()
+        third.shutdown()
+    return found
+
+
+def main() -> None:
+    """Print a table."""
+    seconds = float(sys.argv[1]) if sys.argv[1:] else 60.0
+    print(
+        "| family | ended as asked | cycles | overruns | lateness p50 (bare) | p99 (bare) | run time p50, p99 "
+        "| round trip p50, p99 | cycles that replay otherwise |"
+    )
+    print("|---|---|---|---|---|---|---|---|---|")
+    for name in FAMILIES:
+        run = one(name, seconds)
+        late = [f"{own:.0f} ({bare:.0f}) µs, {own / bare:.2f}" for own, bare in (run["p50"], run["p99"])]
+        took, trip = (f"{a:.0f}, {b:.0f} µs" for a, b in (run["run_time"], run["trips"]))
+        well = "yes" if run["ended_well"] else "no"
+        cells = (name, well, run["cycles"], run["overruns"], *late, took, trip, f"{run['other']} of {run['compared']}")
+        print(f"| {' | '.join(map(str, cells))} |", flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,285 @@
+"""An ODrive board on classic CAN as the live loop's `Drive`: packed and parsed by hand, no thread, never waiting.
+
+A cycle sends one order and two questions, remote frames for the position and for the current, now and then for the
+temperature in its place; the next cycle reads the answers, which are as old as the cycle. What the axis does stands in
+the board's heartbeat alone, whose age is its sign of life.
+
+- Orders feed the board's watchdog: a loop that hangs is a host that is gone, and the board goes to idle with an error.
+- Before the first order with power that error is cleared by itself: nobody speaks to a board between its bring-up and
+  the first cycle. Afterwards an operator's word alone clears it, like any other.
+- Closed loop is asked for once, and again only after a while: a board that is asked while it is in it might begin anew.
+- Power off is idle, in every cycle; a board that stays in closed loop for all that is sent its emergency stop.
+- A silence of its own may be a restart, after which its limits and its position are others: it is brought up again.
+"""
+
+import math
+
+from bowden.core.signals import EMERGENCY_STOP, DriveReading, DriveState
+from bowden.hardware.buses.link import BusPort, Links
+from bowden.hardware.buses.unix_bus import REMOTE
+from bowden.hardware.drives import canopen_frames as canopen
+from bowden.hardware.drives import odrive_frames as frames
+from bowden.hardware.drives.enabling import fell
+from bowden.hardware.drives.findings import INERT, LEFT, LagWatch
+from bowden.hardware.drives.host_end import MOST_FRAMES, HostEnd, classic_frame
+from bowden.hardware.drives.joint_encoder import JointEncoder, joint_encoder_of
+from bowden.hardware.drives.odrive_endpoints import endpoints_of
+from bowden.hardware.drives.odrive_faults import ESTOP, UNTOLD, WATCHDOG, code_of
+from bowden.hardware.drives.odrive_frames import AxisState, Beat, Cmd, identifier_of
+from bowden.hardware.drives.odrive_parameters import OdriveParameters, check_parameters, scales_of, target_of
+from bowden.hardware.drives.odrive_setup import OdriveFindings, is_foreign, set_up, state_of
+from bowden.hardware.drives.on_can import place
+from bowden.hardware.drives.readings import Readings
+from bowden.hardware.ports import Power, TorqueLeft
+
+TURN = (*(Cmd.GET_IQ,) * 7, Cmd.GET_TEMPERATURE)
+"""What a cycle asks for beside the position, in turn."""
+AGAIN = 0.1
+"""Between two requests for closed loop [s]."""
+REFUSED = 5
+"""Requests in vain after which the board has refused."""
+DISOBEYED = 6
+"""Heartbeats with closed loop after it was told to be idle, after which its emergency stop is used."""
+LOST = 0.1
+"""Silence of the board after which it may have started again [s]."""
+SETTLED = 10
+"""Cycles of targets after which every answer is to one of them."""
+_IDLE, _CLOSED_LOOP = frames.pack_state(AxisState.IDLE), frames.pack_state(AxisState.CLOSED_LOOP_CONTROL)
+
+
+class OdriveDrive:
+    """The drive of one motor.
+
+    Args:
+        parameters: of the board, the joint's encoder and the bus.
+        links: the buses of this process; of its own where none are given.
+
+    Raises:
+        ParameterError: parameters that make no sense, or no list of the board's endpoints.
+    """
+
+    def __init__(self, parameters: OdriveParameters, links: Links | None = None) -> None:
+        check_parameters(parameters)
+        drive = self._drive = parameters
+        self._endpoints, self._scales = endpoints_of(drive.endpoints), scales_of(drive)
+        encoder = joint_encoder_of(drive)
+        self._encoder = None if encoder is None else JointEncoder(encoder, drive.answer_timeout)
+        synced = self._encoder is not None and self._encoder.synced
+        self._host = HostEnd(place(drive), drive.node_id, links, self._concerns, synced=synced)
+        self._found: OdriveFindings | None = None
+        self._readings, self._lag = Readings(), LagWatch(drive.current_limit)
+        self._questions = {
+            cmd: classic_frame(identifier_of(drive.node_id, cmd), 8, remote=True)
+            for cmd in (Cmd.GET_ENCODER_ESTIMATES, *TURN)
+        }
+        self._orders = {
+            cmd: classic_frame(identifier_of(drive.node_id, cmd), 8)
+            for cmd in (Cmd.SET_AXIS_STATE, Cmd.SET_INPUT_POS, Cmd.CLEAR_ERRORS, Cmd.ESTOP)
+        }
+        self._sync = classic_frame(canopen.SYNC, 0)
+        self._begin(DriveState.NOT_READY_TO_SWITCH_ON, 0)
+
+    def bring_up(self) -> str:
+        """See `hardware.ports.Drive.bring_up`; may be called again after a failure or a restart of the board."""
+        self._found = None
+        return self._host.bring_up(self._set_up)
+
+    def _set_up(self, port: BusPort) -> str:
+        found = set_up(port, self._drive, self._endpoints)
+        said = found.identity
+        if self._encoder is not None:
+            said += f"; joint: {self._encoder.bring_up(port.bus)}"
+        self._begin(found.state, found.errors)
+        self._found = found
+        return said
+
+    def _concerns(self, identifier: int) -> bool:
+        """Whether a frame is of this board or its joint's encoder, or one that only this host may send."""
+        mine = identifier >> 5 in (self._drive.node_id, frames.BROADCAST)
+        return mine or (self._encoder is not None and self._encoder.wants(identifier))
+
+    def _begin(self, state: DriveState, errors: int) -> None:
+        """Nothing has been read or sent yet, and the board is in that state."""
+        self._state = self._before = state
+        self._beat = Beat(errors, AxisState.IDLE)
+        self._armed_with = 0  # errors that it had when it came to closed loop, of the time before
+        self._untouched = True  # nothing with power has been ordered
+        self._fell = self._reset = self._asked = self._lost = False
+        self._stopped = False  # by our own Estop
+        self._asked_at, self._requests, self._disobeyed = -math.inf, 0, 0
+        self._commands = self._cycles = 0
+        self._turns = self._target = self._before_turns = math.nan  # as read; as sent [rad], [turns]
+        self._temperature = self._written = self._beat_at = math.nan
+        self._readings.begin()
+        self._readings.failed(code_of(errors))  # one that was there before is no news
+        self._lag.begin()
+
+    def read(self, now: float) -> DriveReading:
+        """See `hardware.ports.Drive.read`."""
+        readings, found = self._readings, self._found
+        readings.cycle(now)
+        for _ in range(MOST_FRAMES):
+            frame = None if found is None else self._host.take()
+            if frame is None or found is None:
+                break
+            identifier, data = frame
+            if is_foreign(self._drive.node_id, identifier, data):
+                readings.meant()
+            elif identifier >> 5 == self._drive.node_id:
+                self._take(identifier & 0x1F, data, found, now)
+            elif self._encoder is not None:
+                self._take_joint(self._encoder, identifier, data, now)
+        if math.isnan(self._beat_at):
+            self._beat_at = now  # of the first cycle: from here on it can be late
+        if now - self._beat_at > LOST:
+            self._lost = True
+        if self._lost:
+            readings.motor = math.nan
+        self._before, self._state = self._state, self._standing()
+        self._judge(now)
+        return readings.reading(now, self._state, self._host.errors)
+
+    def _take(self, cmd: int, data: bytes, found: OdriveFindings, now: float) -> None:
+        """What the board says."""
+        readings = self._readings
+        if cmd == Cmd.HEARTBEAT and (beat := frames.unpack_beat(data)) is not None:
+            readings.replied(now)
+            self._beat_at = now
+            self._disobeyed = self._disobeyed + 1 if beat.state != AxisState.IDLE and not self._asked else 0
+            if beat.state == AxisState.CLOSED_LOOP_CONTROL != self._beat.state:
+                self._armed_with = beat.errors
+            self._beat = beat
+            self._lost = self._lost or beat.state == AxisState.UNDEFINED
+        elif cmd == Cmd.GET_ENCODER_ESTIMATES and (told := frames.unpack_floats(data)) is not None:
+            if not self._lost and abs(told[0]) <= 2.0 * frames.MOST_TURNS:
+                self._turns = told[0]
+                readings.moved(found.motor.angle(told[0]), readings.current, self._temperature, self._written)
+        elif cmd == Cmd.GET_IQ and (told := frames.unpack_floats(data)) is not None:
+            readings.current = self._drive.motor_direction * told[1] if math.isfinite(told[1]) else math.nan
+        elif cmd == Cmd.GET_TEMPERATURE and (told := frames.unpack_floats(data)) is not None:
+            self._temperature = told[0] if math.isfinite(told[0]) else math.nan
+
+    def _take_joint(self, encoder: JointEncoder, identifier: int, data: bytes, now: float) -> None:
+        angle = encoder.read(identifier, data, now)
+        if angle is not None:
+            self._readings.turned(angle)
+        elif encoder.foreign(identifier & ~REMOTE):
+            self._readings.meant()
+
+    @property
+    def _expired(self) -> bool:
+        """Whether the board's one error is that nobody spoke to it before the first order with power."""
+        return self._untouched and self._beat.errors == WATCHDOG
+
+    def _errors(self) -> int:
+        """Those that count: of a board in closed loop those that came in it."""
+        if self._expired:
+            return 0
+        if self._beat.state == AxisState.CLOSED_LOOP_CONTROL:
+            return self._beat.errors & ~self._armed_with
+        return self._beat.errors
+
+    def _standing(self) -> DriveState:
+        if self._found is None or self._lost:
+            return DriveState.NOT_READY_TO_SWITCH_ON
+        return state_of(self._beat, self._errors())
+
+    def _judge(self, now: float) -> None:
+        """What the board reports, and what it does not."""
+        readings, led = self._readings, self._state is DriveState.OPERATION_ENABLED
+        errors = 0 if self._lost else self._errors()
+        pressed = errors & ESTOP and not self._stopped
+        readings.failed(int(EMERGENCY_STOP) if pressed else code_of(errors))
+        if self._asked and self._before is DriveState.OPERATION_ENABLED and not led and not readings.error:
+            readings.found(LEFT)
+        if self._asked and not led and self._requests > REFUSED:
+            readings.found(UNTOLD)
+        led = led and self._commands >= SETTLED
+        if self._lag.inert(readings.motor, self._target, readings.current, now, led=led):
+            readings.found(INERT)
+
+    def write(self, target: float, power: Power, now: float, torque: float = 0.0) -> None:
+        """See `hardware.ports.Drive.write`.
+
+        Until the board is in closed loop the target sent is where the motor is, so that enabling moves nothing. A
+        target that is no number, or beyond what the board counts finely, is never sent: the torque goes off. There is
+        none before the board has sent its position. Its quick stop is its emergency stop, which takes the torque off
+        at once and is an error until an operator's word. A torque offset goes out only with the order to follow the
+        target, to a board that does, and within the rig's bound.
+        """
+        found = self._found
+        if found is None:
+            return
+        self._fell = fell(self._before, self._state, asked=self._asked, already=self._fell, power=power)
+        turns = found.motor.counts(target) if math.isfinite(target) else math.nan
+        fine = abs(turns) <= frames.MOST_TURNS and math.isfinite(self._turns) and math.isfinite(self._readings.motor)
+        on = power is Power.ON and fine and not self._fell and self._state is not DriveState.FAULT and not self._lost
+        if on and not self._expired:
+            self._untouched = False
+            self._lead(found, target, turns, torque, now)
+        else:
+            self._asked, self._commands, self._requests = False, 0, 0
+            self._target = self._before_turns = math.nan
+            if self._disobeyed > DISOBEYED or (power is Power.QUICK_STOP and self._beat.state != AxisState.IDLE):
+                self._disobeyed, self._stopped = 0, True
+                self._order(Cmd.ESTOP, b"")
+            self._order(Cmd.SET_AXIS_STATE, _IDLE)
+        if self._expired or (self._reset and not on):
+            self._order(Cmd.CLEAR_ERRORS, bytes(1))
+            self._reset = self._stopped = False
+        self._host.send(self._questions[Cmd.GET_ENCODER_ESTIMATES])
+        self._host.send(self._questions[TURN[self._cycles % len(TURN)]])
+        self._cycles += 1
+        self._written = now
+        if self._encoder is not None and self._encoder.synced:
+            self._host.sync(self._sync)
+
+    def _lead(self, found: OdriveFindings, target: float, turns: float, torque: float, now: float) -> None:
+        """The order with power: to closed loop, and there to the target."""
+        led = self._state is DriveState.OPERATION_ENABLED
+        if not self._asked:
+            self._requests, self._asked_at = 0, -math.inf
+        if not led and now - self._asked_at >= AGAIN:
+            self._requests, self._asked_at = self._requests + 1, now
+            self._order(Cmd.SET_AXIS_STATE, _CLOSED_LOOP)
+        self._asked = True
+        if led:
+            self._requests = 0
+            sent = target_of(self._drive, found.limits, turns, self._before_turns, torque)
+            self._target, self._before_turns, self._commands = target, turns, self._commands + 1
+        else:
+            sent = frames.Target(self._turns, 0.0, 0.0)
+        self._order(Cmd.SET_INPUT_POS, frames.pack_target(sent, self._scales))
+
+    def _order(self, cmd: Cmd, data: bytes) -> None:
+        message = self._orders[cmd]
+        message.data = bytearray(data)
+        message.dlc = len(data)
+        self._host.send(message)
+
+    def reset_fault(self) -> None:
+        """See `hardware.ports.Drive.reset_fault`; without effect where the board has no fault."""
+        self._reset = self._state is DriveState.FAULT
+
+    def close(self) -> TorqueLeft:
+        """See `hardware.ports.Drive.close`; what the board's heartbeat says after the second order is its word."""
+        left = TorqueLeft.OFF if self._found is None else self._host.power_off(self._tell_off, self._torque_told)
+        if self._found is not None and self._encoder is not None:
+            stop = classic_frame(canopen.NMT, 2)
+            stop.data = bytearray((canopen.NMT_STOP, self._drive.joint_node_id))
+            self._host.send(stop)
+        self._found = None
+        self._host.leave()
+        return left
+
+    def _tell_off(self, number: int) -> None:
+        """Idle; and where that does not help the emergency stop."""
+        if number >= 2 * DISOBEYED:
+            self._order(Cmd.ESTOP, b"")
+        self._order(Cmd.SET_AXIS_STATE, _IDLE)
+
+    def _torque_told(self, identifier: int, data: bytes) -> bool | None:
+        if identifier != identifier_of(self._drive.node_id, Cmd.HEARTBEAT):
+            return None
+        beat = frames.unpack_beat(data)
+        return None if beat is None else beat.state != AxisState.IDLE

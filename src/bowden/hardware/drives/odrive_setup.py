@@ -1,0 +1,389 @@
+"""Bring-up of an ODrive board: finding it, asking what it is and how it is set, all without power.
+
+Written are the mode and the two limits that a run needs, all of which are read back and lost with the supply: nothing
+is saved. The watchdog is the owner's to set; it is read, and then tried by saying nothing for its time.
+"""
+
+import math
+import time
+from collections.abc import Callable
+from typing import NamedTuple, TypeVar
+
+from bowden.core.errors import DriveError
+from bowden.core.signals import DriveState
+from bowden.hardware.buses.link import BusPort
+from bowden.hardware.buses.unix_bus import REMOTE
+from bowden.hardware.drives import odrive_endpoints as settings
+from bowden.hardware.drives import odrive_frames as frames
+from bowden.hardware.drives.host_end import classic_frame, send_now
+from bowden.hardware.drives.limited_range import nearest
+from bowden.hardware.drives.odrive_endpoints import Endpoints
+from bowden.hardware.drives.odrive_faults import WATCHDOG, errors_text
+from bowden.hardware.drives.odrive_frames import AxisState, Beat, Cmd, identifier_of
+from bowden.hardware.drives.odrive_parameters import OdriveLimits, OdriveParameters, limits_of, motor_scale
+from bowden.hardware.drives.scale import Scale, SuitScale
+
+LISTENING = 0.5
+"""So long the bus is listened to before anything is said on it: another master commands more often than that, since
+watchdogs are shorter, and a heartbeat must come in it [s]."""
+OLDEST, NEWEST = (0, 6, 9), (0, 7, 0)
+"""Firmwares from the first to before the second are spoken to: with Get_Version and Clear_Errors as they are here."""
+STILL = 0.05
+"""A motor that turns by less between two questions stands still [turns]."""
+SAME = 1e-5
+"""Share by which two numbers may differ that are one, as f32 [–]."""
+CONSTANT = 0.05
+"""Share by which the torque constants of board and rig may differ [–]."""
+_TRIES = 3
+"""Of a question, since a frame may get lost."""
+_LATE = 0.05
+"""That this computer may be late in seeing what the trial of the watchdog waits for [s]."""
+
+Said = TypeVar("Said")
+
+
+class OdriveFindings(NamedTuple):
+    """What bring-up learnt of the board."""
+
+    identity: str
+    """Who it is, in one line."""
+    motor: Scale | SuitScale
+    limits: OdriveLimits
+    state: DriveState
+    errors: int
+    """Flags, but for the watchdog's, which runs out before the first cycle."""
+
+
+def is_foreign(node: int, identifier: int, data: bytes) -> bool:
+    """Whether a frame is one that only the board's host may send: an order, or a question for what it tells."""
+    plain = identifier & ~REMOTE
+    number, cmd = plain >> 5, plain & 0x1F
+    if plain > frames.HIGHEST_ID or number not in (node, frames.BROADCAST):
+        return False
+    if number == frames.BROADCAST:
+        return cmd not in (*frames.TOLD, Cmd.ADDRESS)  # which a board without a number sends
+    return cmd not in frames.TOLD or bool(identifier & REMOTE) or not data
+
+
+def state_of(beat: Beat, errors: int) -> DriveState:
+    """What a heartbeat is to the supervisor.
+
+    Args:
+        beat: the heartbeat.
+        errors: those of it that count.
+    """
+    if beat.state == AxisState.CLOSED_LOOP_CONTROL:
+        return DriveState.OPERATION_ENABLED
+    if beat.state == AxisState.IDLE:
+        return DriveState.FAULT if errors else DriveState.SWITCH_ON_DISABLED
+    if beat.state in list(AxisState) and beat.state > AxisState.STARTUP_SEQUENCE:
+        return DriveState.QUICK_STOP_ACTIVE  # torque, but nothing that we asked for is followed
+    return DriveState.NOT_READY_TO_SWITCH_ON
+
+
+class OdriveDialogue:
+    """Questions and answers with one board.
+
+    Args:
+        port: of its bus, while no cycle runs.
+        drive: which board.
+        endpoints: where its settings are.
+    """
+
+    def __init__(self, port: BusPort, drive: OdriveParameters, endpoints: Endpoints) -> None:
+        self._port, self._drive, self._endpoints = port, drive, endpoints
+        self.name = f"node {drive.node_id}"
+        self.beat: Beat | None = None
+        self._foreign: int | None = None
+
+    def check_alone(self) -> None:
+        """No other master may have been heard.
+
+        Raises:
+            DriveError: one has been.
+        """
+        if self._foreign is not None:
+            raise DriveError(
+                f"another master speaks to {self.name} (a frame {self._foreign:03X}h)",
+                expected="one host",
+                do="end the other program first, or correct node_id in [drive]",
+            )
+
+    def wait(self, span: float, matches: Callable[[int, bytes], Said | None]) -> Said | None:
+        """What the next frame that matches says, of those of the board that come within a time [s].
+
+        Args:
+            span: [s]
+            matches: of a command and its data; None of one that does not.
+        """
+        found: list[Said] = []
+
+        def looked_at(identifier: int, data: bytes) -> bool:
+            if is_foreign(self._drive.node_id, identifier, data):
+                self._foreign = self._foreign or identifier
+            elif identifier >> 5 == self._drive.node_id:
+                cmd = identifier & 0x1F
+                if cmd == Cmd.HEARTBEAT:
+                    self.beat = frames.unpack_beat(data) or self.beat
+                said = matches(cmd, data)
+                if said is not None:
+                    found.append(said)
+            return bool(found)
+
+        ends = time.monotonic() + span
+        while not found and (left := ends - time.monotonic()) > 0.0:
+            self._port.wait_for(looked_at, left)
+        return found[0] if found else None
+
+    def beats(self, span: float, wanted: Callable[[Beat], bool]) -> bool:
+        """Whether a heartbeat as wanted comes within a time [s]."""
+
+        def looked_at(cmd: int, data: bytes) -> bool | None:
+            beat = frames.unpack_beat(data) if cmd == Cmd.HEARTBEAT else None
+            return True if beat is not None and wanted(beat) else None
+
+        return self.wait(span, looked_at) is not None
+
+    def ask(self, cmd: Cmd, unpack: Callable[[bytes], Said | None]) -> Said:
+        """What the board tells when it is asked.
+
+        Raises:
+            DriveError: no answer.
+        """
+        for _ in range(_TRIES):
+            send_now(self._port.bus, classic_frame(identifier_of(self._drive.node_id, cmd), 8, remote=True))
+            said = self.wait(self._drive.answer_timeout, lambda told, data: unpack(data) if told == cmd else None)
+            if said is not None:
+                return said
+        raise DriveError(
+            f"{self.name} does not answer {cmd.name}",
+            expected="an ODrive board with firmware 0.6.9 or later, and an adapter that sends remote frames",
+            do="load a later firmware with its maker's tool; check the cable and its termination",
+        )
+
+    def tell(self, cmd: Cmd, data: bytes) -> None:
+        """An order."""
+        message = classic_frame(identifier_of(self._drive.node_id, cmd), len(data))
+        message.data = bytearray(data)
+        send_now(self._port.bus, message)
+
+    def setting(self, name: str) -> float:
+        """A value of the board's configuration.
+
+        Raises:
+            DriveError: no answer.
+        """
+        endpoint = self._endpoints.where[name]
+
+        def answered(cmd: int, data: bytes) -> float | None:
+            answer = frames.unpack_answer(data) if cmd == Cmd.TX_SDO else None
+            return None if answer is None or answer[0] != endpoint.number else endpoint.unpack(answer[1])
+
+        for _ in range(_TRIES):
+            self.tell(Cmd.RX_SDO, frames.pack_question(endpoint.number))
+            value = self.wait(self._drive.answer_timeout, answered)
+            if value is not None:
+                return value
+        raise DriveError(
+            f"{self.name} does not tell its setting {name} (endpoint {endpoint.number})",
+            expected="an answer (TxSdo)",
+            do="check that drive.endpoints names the list of its firmware",
+        )
+
+
+def set_up(port: BusPort, drive: OdriveParameters, endpoints: Endpoints) -> OdriveFindings:
+    """Find, check and configure the board; it has no torque before, meanwhile and after.
+
+    Args:
+        port: of its bus, read by nobody else.
+        drive: what the rig says of it.
+        endpoints: where its settings are.
+
+    Raises:
+        DriveError: no answer, another firmware than the list's, a board that runs, a watchdog that is off or another
+            than the rig's, settings that a run cannot have, or limits narrower than the rig's.
+    """
+    board = OdriveDialogue(port, drive, endpoints)
+    board.wait(LISTENING, lambda cmd, data: None)
+    board.check_alone()
+    if board.beat is None:
+        raise DriveError(
+            f"no ODrive board is heard as {board.name}",
+            expected=f"its heartbeat, every {1e3 * drive.heartbeat:g} ms",
+            do="switch it on; check node_id and bitrate in [drive], cable and termination, and heartbeat_msg_rate_ms",
+        )
+    who = _check_version(board, endpoints)
+    _check_idle(board)
+    errors = board.ask(Cmd.GET_ERROR, frames.unpack_errors)
+    failed = (errors.active | errors.disarmed) & ~WATCHDOG
+    voltage, _ = board.ask(Cmd.GET_BUS_VOLTAGE_CURRENT, frames.unpack_floats)
+    _check_settings(board, drive)
+    motor = motor_scale(drive, _turns_at_home(board, drive))
+    limits = limits_of(drive, motor)
+    _check_range(board, limits)
+    _set_modes(board)
+    _set_limits(board, limits)
+    tried = not failed and _try_watchdog(board, drive)
+    board.check_alone()
+    identity = f"ODrive board at {board.name}, {who}, supply {voltage:.1f} V; watchdog of {1e3 * drive.watchdog:g} ms, "
+    identity += "tried" if tried else "read back and not tried: it does not run while the board is idle"
+    state = DriveState.SWITCH_ON_DISABLED
+    if failed:
+        identity, state = f"{identity}; in fault, {errors_text(failed)}", DriveState.FAULT
+    return OdriveFindings(identity, motor, limits, state, failed)
+
+
+def _check_version(board: OdriveDialogue, endpoints: Endpoints) -> str:
+    version = board.ask(Cmd.GET_VERSION, frames.unpack_version)
+    firmware, hardware = (".".join(map(str, one)) for one in (version.firmware, version.hardware))
+    if version.protocol != frames.PROTOCOL or not OLDEST <= version.firmware < NEWEST:
+        raise DriveError(
+            f"{board.name} has firmware {firmware} with version {version.protocol} of its protocol",
+            expected=f"firmware 0.6.9 or later of 0.6, with version {frames.PROTOCOL}",
+            do="load one of these with its maker's tool: what its frames mean is not known here",
+        )
+    if (version.firmware, version.hardware) != (endpoints.firmware, endpoints.hardware):
+        listed = (".".join(map(str, one)) for one in (endpoints.firmware, endpoints.hardware))
+        raise DriveError(
+            f"{board.name} has firmware {firmware} on hardware {hardware}",
+            expected="firmware {} on hardware {}, which drive.endpoints is for".format(*listed),
+            do="name in drive.endpoints the maker's flat_endpoints.json for this board: in another its settings are "
+            "others",
+        )
+    return f"hardware {hardware}, firmware {firmware}"
+
+
+def _check_idle(board: OdriveDialogue) -> None:
+    """Whoever finds the motor under torque must not touch it."""
+    state = board.beat.state if board.beat is not None else -1
+    if state != AxisState.IDLE:
+        known = AxisState(state).name if state in list(AxisState) else "not known here"
+        raise DriveError(
+            f"{board.name} runs already: its axis is in state {state} ({known})",
+            expected=f"{AxisState.IDLE.value}, idle",
+            do="end the program that runs it, or switch it off and on; it must not begin by itself "
+            "(axis0.config.startup_closed_loop_control)",
+        )
+
+
+def _check_settings(board: OdriveDialogue, drive: OdriveParameters) -> None:
+    """What a run needs, and nobody but the board's owner sets."""
+    if board.setting(settings.ENABLED) != 1.0:
+        raise DriveError(
+            f"{board.name} keeps its torque when its host falls silent: its watchdog is off ({settings.ENABLED})",
+            expected="True",
+            do=f"in odrivetool: {settings.TIMEOUT} = {drive.watchdog:g}, {settings.ENABLED} = True, and save",
+        )
+    wanted = [
+        (settings.TIMEOUT, drive.watchdog, "drive.watchdog_ms"),
+        (settings.BEAT_EVERY, 1e3 * drive.heartbeat, "drive.heartbeat_ms"),
+        (settings.VELOCITY_SCALE, float(drive.velocity_scale), "drive.velocity_scale"),
+        (settings.TORQUE_SCALE, float(drive.torque_scale), "drive.torque_scale"),
+        (settings.CIRCULAR, 0.0, ""),
+        (settings.VELOCITY_LIMITED, 1.0, ""),
+    ]
+    if drive.home != "here":
+        wanted.append((settings.ABSOLUTE, 1.0, 'drive.home (or set home = "here")'))
+    for name, value, key in wanted:
+        found = board.setting(name)
+        if not abs(found - value) <= SAME * abs(value):
+            raise DriveError(
+                f"{board.name} has {name} {found:g}",
+                expected=f"{value:g}",
+                do="set it with odrivetool" + (f", or correct {key}" if key else ""),
+            )
+    load, motor = board.setting(settings.LOAD_ENCODER), board.setting(settings.MOTOR_ENCODER)
+    if load != motor:
+        raise DriveError(
+            f"{board.name} takes its position from encoder {load:g} and commutates by encoder {motor:g}",
+            expected="one encoder for both, at the motor's shaft",
+            do=f"set {settings.LOAD_ENCODER} to that of the motor with odrivetool",
+        )
+    constant = board.setting(settings.TORQUE_CONSTANT)
+    if not abs(constant / drive.torque_constant - 1.0) <= CONSTANT:
+        raise DriveError(
+            f"{board.name} has a torque constant of {constant:.4g} N·m/A, and the rig {drive.torque_constant:.4g}",
+            expected="one, that of the motor",
+            do=f"correct torque_constant_nm_per_a in [motor], or {settings.TORQUE_CONSTANT}",
+        )
+
+
+def _turns_at_home(board: OdriveDialogue, drive: OdriveParameters) -> float:
+    """What the board's position is at home [turns]."""
+    first, _ = board.ask(Cmd.GET_ENCODER_ESTIMATES, frames.unpack_floats)
+    last, _ = board.ask(Cmd.GET_ENCODER_ESTIMATES, frames.unpack_floats)
+    if not (math.isfinite(first) and abs(last - first) <= STILL):
+        raise DriveError(
+            f"the position of {board.name} is {first:g} and then {last:g} turns",
+            expected="a motor that stands still, and whose encoder is calibrated",
+            do="hold it, and calibrate it with odrivetool",
+        )
+    if drive.home == "here":
+        return last
+    if drive.home == "hint":
+        return last - nearest(last, 1.0, motor_scale(drive).counts(drive.motor_hint))
+    return 0.0
+
+
+def _check_range(board: OdriveDialogue, limits: OdriveLimits) -> None:
+    for end in (limits.low, limits.high):
+        if math.isfinite(end) and abs(end) > frames.MOST_TURNS:
+            raise DriveError(
+                f"the motor goes to {end:.4g} turns as {board.name} counts them now",
+                expected=f"within ±{frames.MOST_TURNS:g}: beyond, its position is too coarse",
+                do="set the board's position anew (Set_Absolute_Position, or switch it off and on)",
+            )
+
+
+def _set_modes(board: OdriveDialogue) -> None:
+    board.tell(Cmd.SET_CONTROLLER_MODE, frames.pack_modes(frames.POSITION_CONTROL, frames.PASSTHROUGH))
+    for name, value in (
+        (settings.CONTROL_MODE, frames.POSITION_CONTROL),
+        (settings.INPUT_MODE, frames.PASSTHROUGH),
+    ):
+        found = board.setting(name)
+        if found != value:
+            raise DriveError(f"{board.name} has {name} {found:g} after {value} was written", expected=f"{value}")
+
+
+def _set_limits(board: OdriveDialogue, limits: OdriveLimits) -> None:
+    """The rig's limits, which the board keeps from here on; its own must not be narrower."""
+    kept = []
+    for what, name, wanted, unit in (
+        ("speed", settings.VELOCITY_LIMIT, limits.speed, "turns/s"),
+        ("current", settings.CURRENT_LIMIT, limits.current, "A"),
+    ):
+        own = board.setting(name)
+        if math.isfinite(wanted) and not wanted <= own * (1.0 + SAME):
+            raise DriveError(
+                f"the rig's {what} limit is {wanted:.6g} {unit}, beyond the board's own {own:.6g} {unit} ({name})",
+                expected="a rig within the board's limits",
+                do="reduce it in the rig, or extend the board's with odrivetool; where another rig ran before, "
+                "switch the board off and on: its limits hold until then",
+            )
+        kept.append((name, min(wanted, own)))
+    board.tell(Cmd.SET_LIMITS, frames.pack_floats(kept[0][1], kept[1][1]))
+    for name, value in kept:
+        found = board.setting(name)
+        if not abs(found - value) <= SAME * abs(value):
+            raise DriveError(f"{board.name} has {name} {found:g} after {value:g} was written", expected=f"{value:g}")
+
+
+def _try_watchdog(board: OdriveDialogue, drive: OdriveParameters) -> bool:
+    """Whether the board says that its watchdog runs out when nothing is said; not of one that watches in a run alone.
+
+    Raises:
+        DriveError: it says so while we speak, too.
+    """
+    for _ in range(_TRIES):
+        board.tell(Cmd.SET_AXIS_STATE, frames.pack_state(AxisState.IDLE))
+        board.tell(Cmd.CLEAR_ERRORS, bytes(1))
+        if board.beats(drive.heartbeat + _LATE, lambda beat: not beat.errors & WATCHDOG):
+            return board.beats(
+                drive.watchdog + 2.0 * drive.heartbeat + _LATE, lambda beat: bool(beat.errors & WATCHDOG)
+            )
+    raise DriveError(
+        f"the watchdog of {board.name} runs out although it is fed",
+        expected=f"{1e3 * drive.watchdog:g} ms of time",
+        do="load another firmware with its maker's tool",
+    )

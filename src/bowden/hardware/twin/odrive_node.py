@@ -1,0 +1,412 @@
+"""The twin of an ODrive board on classic CAN, and of the joint's encoder beside it (`joint_encoder_node`).
+
+Its motor follows as the rig's servo does, whatever the gains are: in position control the input, or the filter of input
+mode POS_FILTER, and in velocity control the place to which the velocity leads. In torque control it gives no torque.
+
+What the documentation of firmware 0.6, whose source is closed, does not say, and is chosen here as in the public
+firmware 0.5: the watchdog runs while the board is idle, too (``watchdog_idle=0`` for one in which it does not), and its
+error stays until it is cleared; a board with an active error does not come to closed loop. The watchdog is fed by the
+fewest frames that its maker's examples say: axis states and inputs.
+"""
+
+import math
+from collections import deque
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+from bowden.hardware.buses.unix_bus import ERROR, REMOTE
+from bowden.hardware.drives import odrive_endpoints as settings
+from bowden.hardware.drives import odrive_frames as frames
+from bowden.hardware.drives.joint_encoder import joint_encoder_of
+from bowden.hardware.drives.odrive_endpoints import endpoints_of
+from bowden.hardware.drives.odrive_faults import ESTOP, WATCHDOG
+from bowden.hardware.drives.odrive_frames import AxisState, Beat, BoardErrors, BoardVersion, Cmd, Scales
+from bowden.hardware.drives.odrive_parameters import OdriveParameters, motor_scale
+from bowden.hardware.drives.odrive_setup import state_of
+from bowden.hardware.twin.bench import FOLLOW, OFF
+from bowden.hardware.twin.faults import NO_NUMBER, Faults
+from bowden.hardware.twin.joint_encoder_node import JointEncoderNode
+from bowden.hardware.twin.node import Journal, Send
+from bowden.hardware.twin.objects import Key
+from bowden.hardware.twin.outbox import BIT_ERROR, Outbox
+from bowden.hardware.twin.plant import TwinPlant
+
+ARMING_TIME = 5e-3
+"""From a request for closed loop to it; a stated choice [s]."""
+REBOOT_TIME = 0.3
+"""[s]"""
+STEP = 0.9e-3
+"""The bench is moved on at every order, and without one after this [s]."""
+SUPPLY = 24.0
+"""[V]"""
+HOTTEST = 110.0
+"""Temperature at which the board protects itself [°C]."""
+OVERSPEED = 1.2
+"""vel_limit_tolerance: share of its speed limit at which it protects itself [–]."""
+DRV_FAULT, MISSING_ESTIMATE, OVER_TEMPERATURE, TOO_FAST = 0x20, 0x8, 0x4000, 0x8000
+"""Flags of errors that the twin finds itself, or is given."""
+ENCODER_EVERY = "axis0.config.can.encoder_msg_rate_ms"
+FILTER = "axis0.controller.config.input_filter_bandwidth"
+VELOCITY_CONTROL, POS_FILTER = 2, 3
+WATCHDOG_IDLE, FIRST_STATE = "watchdog_idle", "axis_state"
+"""Options that are no settings: whether the watchdog runs while the board is idle; the state after power-up."""
+FED_BY = frozenset((Cmd.SET_AXIS_STATE, Cmd.SET_INPUT_POS, Cmd.SET_INPUT_VEL, Cmd.SET_INPUT_TORQUE))
+
+
+class Told(NamedTuple):
+    """What the board's sensors show."""
+
+    position: float
+    """[turns]"""
+    velocity: float
+    """[turns/s]"""
+    current: float
+    """[A]"""
+
+
+class OdriveNode:
+    """One board, as `hardware.twin.node.TwinNode` has it.
+
+    Args:
+        drive: number, encoders and scales, as the rig has them.
+        bench: behind the board.
+        send: puts a frame on the bus.
+        journal: takes what happened.
+        overrides: settings that are otherwise than usual; None takes one away.
+        joint: objects of the joint's encoder that are otherwise than usual; None takes one away.
+    """
+
+    lacks: Mapping[str, str] = {"saturated": "its numbers are floating-point, which have no ends"}
+    """See `hardware.twin.node.TwinNode`."""
+
+    def __init__(
+        self,
+        drive: OdriveParameters,
+        bench: TwinPlant,
+        send: Send,
+        journal: Journal,
+        overrides: Mapping[str, float | None] | None = None,
+        joint: dict[Key, int | None] | None = None,
+    ) -> None:
+        self._drive, self.bench, self.faults = drive, bench, Faults()
+        self._send, self._journal, self._overrides = send, journal, overrides or {}
+        self._outbox, self._scale = Outbox(send, self.faults), motor_scale(drive)
+        self._endpoints = endpoints_of(drive.endpoints)
+        encoder = joint_encoder_of(drive)
+        self._encoder = (
+            None
+            if encoder is None
+            else JointEncoderNode(encoder, lambda: bench.read_encoders()[0], self.faults, send, joint)
+        )
+        self._history: deque[Told] = deque(maxlen=1000)
+        self._shift = 0.0  # between the board's position and the plant's, after a restart [turns]
+        self.patience = 0.0
+        self.scenario_noted = False
+        self.host = -math.inf
+        """When the host last sent something [s]."""
+        self._moved = -math.inf
+        self._power_up(-math.inf)
+
+    def _power_up(self, ready: float) -> None:
+        """Everything as after switching on, and silent until `ready`."""
+        self._ready = self._fed = ready
+        self._arming = math.inf
+        self.active = self.disarmed = 0
+        drive, speed = self._drive, self.bench.speed_limit * self._scale.steepest(-math.inf, math.inf)
+        speed /= abs(self._scale.step)
+        self._set: dict[str, float] = {
+            settings.ENABLED: 1.0,
+            settings.TIMEOUT: drive.watchdog,
+            settings.BEAT_EVERY: 1e3 * drive.heartbeat,
+            ENCODER_EVERY: 10.0,
+            settings.VELOCITY_SCALE: float(drive.velocity_scale),
+            settings.TORQUE_SCALE: float(drive.torque_scale),
+            settings.CONTROL_MODE: 3.0,
+            settings.INPUT_MODE: 1.0,
+            settings.VELOCITY_LIMIT: 1.001 * speed if math.isfinite(speed) else 500.0,
+            settings.VELOCITY_LIMITED: 1.0,
+            settings.CIRCULAR: 0.0,
+            settings.ABSOLUTE: float(drive.home != "here"),
+            settings.CURRENT_LIMIT: self.bench.current_limit,
+            settings.TORQUE_CONSTANT: drive.torque_constant,
+            settings.LOAD_ENCODER: 13.0,
+            settings.MOTOR_ENCODER: 13.0,
+            FILTER: 20.0,
+            WATCHDOG_IDLE: 1.0,
+            FIRST_STATE: float(AxisState.IDLE),
+        }
+        self._set |= {name: value for name, value in self._overrides.items() if value is not None}
+        self.state = AxisState(int(self._set[FIRST_STATE]))
+        self._input = frames.Target(0.0, 0.0, 0.0)
+        self._setpoint, self._speed = 0.0, 0.0  # [turns], [turns/s]
+        self._next_beat = self._next_estimate = ready
+
+    def _position(self) -> float:
+        """Of the motor's shaft, as the board counts it [turns]."""
+        return self._scale.counts(self.bench.motor) + self._shift
+
+    def status(self) -> dict[str, Any]:
+        """See `hardware.twin.node.TwinNode`."""
+        return {
+            "state": state_of(Beat(self._errors, self.state), self._errors).name,
+            "axis_state": int(self.state),
+            "torque": self.bench.doing != OFF,
+            "error_code": self._errors,
+            "last_heartbeat": self.host if math.isfinite(self.host) else None,
+        }
+
+    @property
+    def _errors(self) -> int:
+        return self.active | self.disarmed
+
+    def receive(self, identifier: int, data: bytes, now: float) -> None:
+        """A frame from the bus; `buses.unix_bus.REMOTE` marks a question, and so does a frame without data."""
+        if self.faults.destroys(now):
+            self._send(ERROR | BIT_ERROR, bytes(8))
+            return
+        plain = identifier & ~REMOTE
+        number, cmd = plain >> 5, plain & 0x1F
+        mine = plain <= frames.HIGHEST_ID and number in (self._drive.node_id, frames.BROADCAST)
+        if self._encoder is not None and not mine and not identifier & REMOTE:
+            self._encoder.receive(identifier, data, now)
+        if not mine or now < self._ready or self.faults.active("deaf", now):
+            return
+        self.host = now
+        asked = bool(identifier & REMOTE) or not data
+        if cmd in FED_BY and not identifier & REMOTE:
+            self._move(now)  # up to here under the order before
+            self._fed = now
+        if cmd == Cmd.RX_SDO:
+            self._answer(data, now)
+        elif cmd in frames.TOLD or cmd == Cmd.ADDRESS:
+            if asked:
+                self._tell(cmd, now)
+        elif not identifier & REMOTE:
+            self._obey(cmd, data, now)
+
+    def _obey(self, cmd: int, data: bytes, now: float) -> None:
+        """An order."""
+        if cmd == Cmd.ESTOP:
+            self._fail(ESTOP, now)
+        elif cmd == Cmd.SET_AXIS_STATE and (state := frames.unpack_state(data)) is not None:
+            self._request(state, now)
+        elif cmd == Cmd.CLEAR_ERRORS:
+            self.active = self.disarmed = 0
+        elif cmd == Cmd.REBOOT and self.state is AxisState.IDLE and data[:1] in (b"", b"\0"):
+            self._restart(now)
+        elif cmd == Cmd.SET_CONTROLLER_MODE and len(data) == 8:
+            self._change(settings.CONTROL_MODE, float(int.from_bytes(data[:4], "little")))
+            self._change(settings.INPUT_MODE, float(int.from_bytes(data[4:], "little")))
+        elif cmd == Cmd.SET_LIMITS and (limits := frames.unpack_floats(data)) is not None:
+            self._change(settings.VELOCITY_LIMIT, limits[0])
+            self._change(settings.CURRENT_LIMIT, limits[1])
+        elif cmd == Cmd.SET_ABSOLUTE_POSITION and len(data) >= 4:
+            place = frames.unpack_floats(data[:4] + bytes(4))
+            if place is not None and math.isfinite(place[0]):
+                self._shift += place[0] - self._position()
+        elif cmd in (Cmd.SET_INPUT_POS, Cmd.SET_INPUT_VEL):
+            scales = Scales(self._set[settings.VELOCITY_SCALE] or 1.0, self._set[settings.TORQUE_SCALE] or 1.0)
+            target = frames.unpack_target(data, scales)
+            if cmd == Cmd.SET_INPUT_VEL and (given := frames.unpack_floats(data)) is not None:
+                target = frames.Target(self._input.position, *given)
+            if target is not None and all(math.isfinite(value) for value in target):
+                self._input = target
+
+    def _change(self, name: str, value: float) -> None:
+        """Set what a frame sets, unless an option keeps it as it is."""
+        if name not in self._overrides:
+            self._set[name] = value
+
+    def _request(self, state: int, now: float) -> None:
+        """Set_Axis_State: idle, and closed loop of a board without an error; nothing else is played."""
+        if state == AxisState.IDLE:
+            self._arming = math.inf
+            self._enter(AxisState.IDLE, now)
+        elif state == AxisState.CLOSED_LOOP_CONTROL and not self.active and self.state is AxisState.IDLE:
+            self._arming = now + ARMING_TIME
+
+    def _arm(self, now: float) -> None:
+        self._arming = math.inf
+        self.disarmed = 0
+        self._setpoint, self._speed = self._position(), 0.0
+        self._input = frames.Target(self._setpoint, 0.0, 0.0)
+        self._enter(AxisState.CLOSED_LOOP_CONTROL, now)
+        if not self.scenario_noted:
+            self.scenario_noted = True
+            self.bench.start_scenario(now)
+
+    def _enter(self, state: AxisState, now: float, why: str = "") -> None:
+        if state is self.state:
+            return
+        self.state = state
+        self._journal(now, "state", state.name)
+        if state is AxisState.CLOSED_LOOP_CONTROL:
+            self._journal(now, "torque_on", "")
+            return
+        self.bench.advance(now)
+        if self.bench.doing != OFF:
+            detail = f"{why or state.name}; {1e3 * (now - self._fed):.3f} ms after the last order"
+            self._journal(now, "torque_off", detail)
+        self.bench.doing = OFF
+
+    def _fail(self, flag: int, now: float) -> None:
+        """An error: torque off at once."""
+        if not self.active & flag:
+            self._journal(now, "fault", f"0x{flag:X}")
+        self.active |= flag
+        self._arming = math.inf
+        if self.state is not AxisState.IDLE:
+            self.disarmed |= flag
+            self._enter(AxisState.IDLE, now, f"error 0x{flag:X}")
+
+    def _restart(self, now: float) -> None:
+        self._journal(now, "reboot", "")
+        self._enter(AxisState.IDLE, now, "reboot")
+        turns = self._position()
+        self._shift -= round(turns) if self._set[settings.ABSOLUTE] else turns
+        self._power_up(now + REBOOT_TIME)
+
+    def tick(self, now: float) -> None:
+        """Let time pass: bench, watchdog, heartbeat, cyclic frames, faults, frames that wait."""
+        for injection in self.faults.due(now):
+            if injection.name == "reboot":
+                self._restart(now)
+            elif injection.name == "mode_left":
+                self._enter(AxisState.IDLE, now, "by itself")
+            else:
+                code = int(injection.amount)
+                self._fail(1 << code - 1 if 0 < code <= 32 else DRV_FAULT, now)
+        if self.faults.active("emergency_stop", now):
+            self._fail(ESTOP, now)
+        self._watch(now)
+        if now - self._moved >= STEP:
+            self._move(now)
+        if self._encoder is not None:
+            self._encoder.tick(now)
+        if now >= self._ready:
+            self._cyclic(now)
+        self._outbox.tick(now)
+
+    def _cyclic(self, now: float) -> None:
+        beat, estimate = 1e-3 * self._set[settings.BEAT_EVERY], 1e-3 * self._set[ENCODER_EVERY]
+        if beat > 0.0 and now >= self._next_beat:
+            self._next_beat = max(self._next_beat + beat, now)
+            self._emit(Cmd.HEARTBEAT, frames.pack_beat(Beat(self._errors, self.state)), now)
+        if estimate > 0.0 and now >= self._next_estimate:
+            self._next_estimate = max(self._next_estimate + estimate, now)
+            self._tell(Cmd.GET_ENCODER_ESTIMATES, now)
+
+    def _watch(self, now: float) -> None:
+        """Arming, and the watchdog."""
+        if now >= self._arming:
+            self._arm(now)
+        armed = self.state is AxisState.CLOSED_LOOP_CONTROL
+        limit = max(self._set[settings.TIMEOUT], self.patience if armed else 0.0)
+        runs = self._set[settings.ENABLED] and (armed or self._set[WATCHDOG_IDLE])
+        if runs and now >= self._ready and now - self._fed >= limit:
+            self._fail(WATCHDOG, now)
+
+    def _move(self, now: float) -> None:
+        """Move the bench on, with torque in closed loop, and see to the board's own limits."""
+        bench = self.bench
+        span = min(0.01, now - self._moved) if math.isfinite(self._moved) else 0.0
+        self._moved = now
+        self.faults.damage(bench, now)
+        self._watch(now)
+        armed = self.state is AxisState.CLOSED_LOOP_CONTROL
+        gives = armed and self._set[settings.CONTROL_MODE] >= VELOCITY_CONTROL
+        bench.doing = FOLLOW if gives and not self.faults.active("inert", now) else OFF
+        if bench.doing == FOLLOW:
+            self._plan(span)
+            bench.command = self._scale.angle(self._setpoint - self._shift)
+            if bench.torque_offset is not None:
+                bench.torque_offset = self._drive.motor_direction * self._input.torque * self._drive.gear
+        bench.advance(now)
+        if not armed:
+            return
+        if self.faults.active("encoder_nan", now, "motor"):
+            self._fail(MISSING_ESTIMATE, now)
+        elif bench.temperature >= HOTTEST:
+            self._fail(OVER_TEMPERATURE, now)
+        elif abs(self._velocity()) > OVERSPEED * self._set[settings.VELOCITY_LIMIT]:
+            self._fail(TOO_FAST, now)
+
+    def _plan(self, span: float) -> None:
+        """Move the setpoint on, as control and input mode have it."""
+        if self._set[settings.CONTROL_MODE] == VELOCITY_CONTROL:
+            self._setpoint += self._input.velocity * span
+        elif self._set[settings.INPUT_MODE] == POS_FILTER:
+            damping = 2.0 * self._set[FILTER]
+            pull = 0.25 * damping**2 * (self._input.position - self._setpoint)
+            self._speed += span * (pull + damping * (self._input.velocity - self._speed))
+            self._setpoint += span * self._speed
+        else:
+            self._setpoint = self._input.position
+
+    def _velocity(self) -> float:
+        velocity = self.bench.velocity * self._scale.steepest(-math.inf, math.inf) / self._scale.step
+        return velocity if math.isfinite(velocity) else 0.0
+
+    def _sample(self, now: float) -> None:
+        """Through the encoder's noise, with the faults that are there at `now` [s]."""
+        turns = self._scale.counts(self.bench.read_encoders()[1]) + self._shift
+        turns = self.faults.encoder("motor", turns, abs(self._scale.step), now)
+        flows = self.faults.active("over_current", now)
+        current = self._drive.motor_direction * (flows.amount if flows else self.bench.current)
+        self._history.append(Told(math.nan if turns == NO_NUMBER else turns, self._velocity(), current))
+
+    def _tell(self, cmd: int, now: float) -> None:
+        """What the board is asked for; the readings of a while ago where that is injected."""
+        if cmd in (Cmd.GET_ENCODER_ESTIMATES, Cmd.GET_IQ):
+            self._sample(now)
+        back = self.faults.active("delayed_readings", now)
+        told = self._history[-min(len(self._history), 1 + int(back.amount if back else 0))] if self._history else None
+        hot = self.faults.active("over_temperature", now)
+        if hot:
+            self.bench.temperature = hot.amount
+        if cmd == Cmd.GET_ENCODER_ESTIMATES and told is not None:
+            self._emit_cyclic(cmd, frames.pack_floats(told.position, told.velocity), now)
+        elif cmd == Cmd.GET_IQ and told is not None:
+            self._emit_cyclic(cmd, frames.pack_floats(told.current, told.current), now)
+        elif cmd == Cmd.GET_TEMPERATURE:
+            self._emit_cyclic(cmd, frames.pack_floats(self.bench.temperature, math.nan), now)
+        elif cmd == Cmd.GET_VERSION:
+            _, minor, revision = self._endpoints.firmware
+            minor, revision = self._set.get("firmware_minor", minor), self._set.get("firmware_revision", revision)
+            firmware, protocol = (0, int(minor), int(revision)), int(self._set.get("protocol", frames.PROTOCOL))
+            version = BoardVersion(protocol, self._endpoints.hardware, firmware, unreleased=False)
+            self._emit(cmd, frames.pack_version(version), now)
+        elif cmd == Cmd.GET_ERROR:
+            self._emit(cmd, frames.pack_errors(BoardErrors(self.active, self.disarmed)), now)
+        elif cmd == Cmd.GET_BUS_VOLTAGE_CURRENT:
+            self._emit(cmd, frames.pack_floats(SUPPLY, 0.1 * abs(self.bench.current)), now)
+        elif cmd == Cmd.GET_TORQUES:
+            torque = self._drive.motor_direction * self.bench.current * self._drive.torque_constant
+            self._emit(cmd, frames.pack_floats(torque, torque), now)
+        elif cmd == Cmd.GET_POWERS:
+            power = 0.1 * SUPPLY * abs(self.bench.current)
+            self._emit(cmd, frames.pack_floats(power, 0.9 * power), now)
+        elif cmd == Cmd.ADDRESS:
+            self._emit(cmd, bytes((self._drive.node_id, *b"bowden", 0)), now)
+
+    def _answer(self, data: bytes, now: float) -> None:
+        """RxSdo: what is read is told; what is written is set and confirmed, as firmware 0.6.11 does."""
+        asked = frames.unpack_question(data)
+        if asked is None:
+            return
+        operation, number, value = asked
+        for name, endpoint in self._endpoints.where.items():
+            if endpoint.number == number and self._overrides.get(name, 0.0) is not None:
+                given = endpoint.unpack(value) if operation == frames.WRITE else None
+                if given is not None:
+                    self._change(name, given)
+                self._emit(Cmd.TX_SDO, frames.pack_answer(number, endpoint.pack(self._set[name])), now)
+
+    def _emit(self, cmd: int, data: bytes, now: float) -> None:
+        self._outbox.emit(self._drive.node_id << 5 | cmd, data, now)
+
+    def _emit_cyclic(self, cmd: int, data: bytes, now: float) -> None:
+        self._outbox.emit_cyclic(self._drive.node_id << 5 | cmd, data, now)
+        if self.faults.active("foreign_replies", now):
+            other = (self._drive.node_id + 1) % 62
+            self._outbox.emit_cyclic(other << 5 | cmd, data, now)

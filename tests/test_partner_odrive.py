@@ -1,0 +1,210 @@
+"""What others wrote for ODrive boards, against ours: PyPI's `odrive-can`, its mock, and the official DBC file in it."""
+
+import asyncio
+import logging
+import math
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from bowden.core.errors import DriveError
+from bowden.core.signals import DriveState
+from bowden.hardware.buses.link import Links
+from bowden.hardware.buses.unix_bus import UnixBus
+from bowden.hardware.drives import odrive_drive
+from bowden.hardware.drives import odrive_frames as frames
+from bowden.hardware.drives.families.odrive import FAMILY
+from bowden.hardware.drives.odrive_drive import OdriveDrive
+from bowden.hardware.drives.odrive_endpoints import endpoints_of
+from bowden.hardware.drives.odrive_faults import ERRORS
+from bowden.hardware.drives.odrive_frames import AxisState, Beat, BoardErrors, BoardVersion, Cmd, Scales, Target
+from bowden.hardware.drives.odrive_parameters import OdriveParameters, motor_scale
+from bowden.hardware.drives.odrive_setup import OdriveDialogue, OdriveFindings, limits_of
+from bowden.hardware.ports import Power
+from bowden.hardware.twin.bench import TwinBench
+from bowden.rig.rig import Rig
+from support.own_loop import in_a_thread
+
+odrive_can = pytest.importorskip("odrive_can", reason="the extra `partners` is not installed: odrive-can")
+DBC: Any = odrive_can.get_dbc()
+SCALES = Scales(1000.0, 1000.0)
+
+
+def decoded(name: str, data: bytes) -> dict[str, Any]:
+    found: dict[str, Any] = DBC.get_message_by_name(f"Axis1_{name}").decode(data, decode_choices=False)
+    return found
+
+
+def test_every_command_has_the_number_and_the_length_of_the_official_file() -> None:
+    known = {message.frame_id & 0x1F: message.name for message in DBC.messages if message.name.startswith("Axis1_")}
+    assert {cmd.value: f"axis1_{cmd.name.lower()}" for cmd in Cmd} == {
+        number: name.lower().replace("rxsdo", "rx_sdo").replace("txsdo", "tx_sdo") for number, name in known.items()
+    }
+    assert frames.identifier_of(1, Cmd.SET_INPUT_POS) == DBC.get_message_by_name("Axis1_Set_Input_Pos").frame_id
+
+
+def test_every_frame_is_that_of_the_official_file() -> None:
+    built: list[tuple[str, bytes, dict[str, Any]]] = [
+        ("Set_Axis_State", frames.pack_state(8), {"Axis_Requested_State": 8}),
+        ("Set_Controller_Mode", frames.pack_modes(3, 1), {"Control_Mode": 3, "Input_Mode": 1}),
+        ("Set_Limits", frames.pack_floats(12.5, 20.0), {"Velocity_Limit": 12.5, "Current_Limit": 20.0}),
+        ("Get_Encoder_Estimates", frames.pack_floats(1.5, -2.0), {"Pos_Estimate": 1.5, "Vel_Estimate": -2.0}),
+        ("Get_Iq", frames.pack_floats(0.5, 0.25), {"Iq_Setpoint": 0.5, "Iq_Measured": 0.25}),
+        ("Get_Temperature", frames.pack_floats(40.0, 50.0), {"FET_Temperature": 40.0, "Motor_Temperature": 50.0}),
+        ("Get_Bus_Voltage_Current", frames.pack_floats(24.0, 1.0), {"Bus_Voltage": 24.0, "Bus_Current": 1.0}),
+        ("Get_Torques", frames.pack_floats(1.0, 2.0), {"Torque_Target": 1.0, "Torque_Estimate": 2.0}),
+        ("Get_Powers", frames.pack_floats(3.0, 4.0), {"Electrical_Power": 3.0, "Mechanical_Power": 4.0}),
+        ("Get_Error", frames.pack_errors(BoardErrors(512, 1 << 24)), {"Active_Errors": 512, "Disarm_Reason": 1 << 24}),
+        ("Heartbeat", frames.pack_beat(Beat(1 << 24, 1)), {"Axis_Error": 1 << 24, "Axis_State": 1}),
+    ]
+    for name, data, wanted in built:
+        found = decoded(name, data)
+        assert {key: found[key] for key in wanted} == wanted, name
+    version = BoardVersion(2, (4, 3, 58), (0, 6, 10), unreleased=False)
+    found = decoded("Get_Version", frames.pack_version(version))
+    assert [found[f"Hw_Version_{part}"] for part in ("Major", "Minor", "Variant")] == [4, 3, 58]
+    assert [found[f"Fw_Version_{part}"] for part in ("Major", "Minor", "Revision")] == [0, 6, 10]
+    assert found["Protocol_Version"] == frames.PROTOCOL
+    target = decoded("Set_Input_Pos", frames.pack_target(Target(-3.25, 1.5, -0.75), SCALES))
+    assert (target["Input_Pos"], target["Vel_FF"], target["Torque_FF"]) == pytest.approx((-3.25, 1.5, -0.75))
+    question = decoded("RxSdo", frames.pack_question(0x1234) + bytes(4))
+    assert (question["Opcode"], question["Endpoint_ID"]) == (frames.READ, 0x1234)
+    assert decoded("TxSdo", frames.pack_answer(7, bytes(4)))["Endpoint_ID"] == 7
+
+
+def test_what_the_official_file_encodes_is_read_here() -> None:
+    def encoded(name: str, **values: Any) -> bytes:
+        return bytes(DBC.get_message_by_name(f"Axis1_{name}").encode(values))
+
+    beat = encoded("Heartbeat", Axis_Error=512, Axis_State=8, Procedure_Result=3, Trajectory_Done_Flag=1)
+    assert frames.unpack_beat(beat) == Beat(512, 8)
+    assert frames.unpack_errors(encoded("Get_Error", Active_Errors=1, Disarm_Reason=2)) == BoardErrors(1, 2)
+    assert frames.unpack_floats(encoded("Get_Iq", Iq_Setpoint=1.0, Iq_Measured=-2.0)) == (1.0, -2.0)
+    said = encoded("Set_Input_Pos", Input_Pos=2.0, Vel_FF=-1.0, Torque_FF=0.5)
+    assert frames.unpack_target(said, SCALES) == Target(2.0, -1.0, 0.5)
+
+
+def test_errors_and_states_have_the_names_of_the_official_file() -> None:
+    beat = DBC.get_message_by_name("Axis1_Heartbeat")
+    errors = beat.get_signal_by_name("Axis_Error").choices
+    assert {flag: name for flag, (name, _) in ERRORS.items()} == {k: str(v) for k, v in errors.items() if k}
+    states = {int(k): str(v) for k, v in beat.get_signal_by_name("Axis_State").choices.items()}
+    assert {state.value: state.name for state in AxisState} == {k: v for k, v in states.items() if k != 5}
+
+
+@pytest.fixture
+def played(tmp_path: Path) -> Iterator[tuple[str, TwinBench]]:
+    """A board as it comes, with its watchdog off: the partner's examples do not feed it while they wait."""
+    rig = Rig(drive=OdriveParameters(channel=str(tmp_path / "bus")))
+    bench = TwinBench(rig.bench, rig.bend_path, 30.0, rig.seed, rig.start_motor, time.monotonic())
+    twin = FAMILY.twin(rig.drive_parameters, bench, time.monotonic, ("axis0.config.enable_watchdog=0",))
+    thread = threading.Thread(target=twin.run)
+    thread.start()
+    yield rig.drive.channel, bench
+    twin.stop()
+    thread.join()
+
+
+@pytest.mark.live
+def test_its_own_example_moves_our_twin(played: tuple[str, TwinBench], monkeypatch: pytest.MonkeyPatch) -> None:
+    """`examples/position_control.py`, unmodified but for the bus, with one turn in place of forty."""
+    from odrive_can import odrive
+    from odrive_can.examples import position_control
+
+    channel, bench = played
+    monkeypatch.setattr(odrive, "get_can_bus", lambda: UnixBus(channel))
+    start, reached = bench.motor, []
+
+    async def main() -> None:
+        example = asyncio.create_task(position_control.main(1, "POS_FILTER", 1.0))
+        ends = time.monotonic() + 20.0
+        while time.monotonic() < ends and abs(bench.motor - start - 2.0 * math.pi / 5.0) > 0.05 and not example.done():
+            await asyncio.sleep(0.05)
+        reached.append(bench.motor)
+        example.cancel()
+        await asyncio.gather(example, return_exceptions=True)
+
+    in_a_thread(main())
+    assert reached[0] - start == pytest.approx(2.0 * math.pi / 5.0, abs=0.06)
+
+
+@pytest.mark.live
+def test_its_questions_are_answered(played: tuple[str, TwinBench]) -> None:
+    channel, _ = played
+
+    async def main() -> tuple[Any, ...]:
+        drive = odrive_can.ODriveCAN(1, UnixBus(channel))
+        await drive.start()
+        drive.ignore_message(odrive_can.odrive.CommandId.ENCODER_ESTIMATE)
+        told = await drive.get_bus_voltage_current(), await drive.get_iq(), drive.axis_state
+        drive.stop()
+        return told
+
+    voltage, current, state = in_a_thread(main())
+    assert voltage["Bus_Voltage"] == 24.0
+    assert current["Iq_Measured"] == 0.0
+    assert state == "IDLE"
+
+
+@pytest.mark.live
+def test_our_master_moves_its_mock_as_far_as_it_goes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The mock answers every question with zeros, and bring-up refuses it; told what it does not tell, we move it."""
+    from odrive_can.mock import ODriveCANMock
+
+    logging.getLogger("odrive.mock.1").setLevel(logging.ERROR)
+    channel = str(tmp_path / "bus")
+    drive = OdriveParameters(channel=channel, joint="none", answer_timeout=0.5)
+    ready, over, mocks = threading.Event(), threading.Event(), []
+
+    async def played() -> None:
+        mocks.append(ODriveCANMock(1, UnixBus(channel)))
+        tasks = [
+            asyncio.create_task(one)
+            for one in (
+                mocks[0].heartbeat_loop(0.01), mocks[0].encoder_loop(0.005), mocks[0].message_handler()
+            )
+        ]  # fmt: skip
+        ready.set()
+        while not over.is_set():
+            await asyncio.sleep(0.02)
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+
+    other = UnixBus(channel)  # so that the mock is not alone before we come
+    thread = threading.Thread(target=lambda: asyncio.run(played()))
+    thread.start()
+    ready.wait(10.0)
+    try:
+        ours = OdriveDrive(drive)
+        with pytest.raises(DriveError, match=r"firmware 0\.0\.0 with version 0 of its protocol"):
+            ours.bring_up()
+
+        def told(port: Any, given: Any, endpoints: Any) -> OdriveFindings:
+            board = OdriveDialogue(port, given, endpoints_of("twin"))
+            board.tell(Cmd.SET_CONTROLLER_MODE, frames.pack_modes(frames.POSITION_CONTROL, frames.PASSTHROUGH))
+            scale = motor_scale(given)
+            return OdriveFindings("mock", scale, limits_of(given, scale), DriveState.SWITCH_ON_DISABLED, 0)
+
+        monkeypatch.setattr(odrive_drive, "set_up", told)
+        monkeypatch.setattr(odrive_drive, "LOST", 10.0)
+        monkeypatch.setattr(odrive_drive, "AGAIN", 10.0)  # it takes half a second for each request
+        ours = OdriveDrive(drive, Links())
+        ours.bring_up()
+        ends = time.monotonic() + 15.0
+        while time.monotonic() < ends and abs(mocks[0].odrive.position - 0.5) > 0.02:
+            now = time.monotonic()
+            ours.read(now)
+            ours.write(2.0 * math.pi / drive.gear * 0.5, Power.ON, now)
+            time.sleep(5e-3)
+        assert mocks[0].odrive.axis_state == "CLOSED_LOOP_CONTROL"
+        assert mocks[0].odrive.position == pytest.approx(0.5, abs=0.02)
+        ours.close()
+    finally:
+        over.set()
+        thread.join()
+        other.shutdown()
