@@ -283,18 +283,24 @@ def _done(page: Path, package: str) -> bool:
     return all(one["passed"] or one["not_tried"] for one in last["rows"])
 
 
-def _keep(page: Path, package: str, walked: list[Row]) -> None:
-    """Remember a page's walk, and put the table of all pages' last walks into the page of results."""
-    import results
-
-    day, commit = time.strftime("%d %B %Y", time.gmtime()), _git("rev-parse", "--short", "HEAD").strip()
+def _keep(page: Path, package: str, commit: str, walked: list[Row]) -> None:
+    """Remember a page's walk, and write the table of all pages' last walks."""
+    day = time.strftime("%d %B %Y", time.gmtime())
     KEPT.parent.mkdir(exist_ok=True)
     with whole_file(KEPT) as part:
         one = {"key": key(page, package), "day": day, "commit": commit, "rows": walked}
         part.write_text(json.dumps(kept() | {_name(page): one}, indent=1), encoding="utf-8")
+    write(package)
+
+
+def write(package: str) -> None:
+    """Put the table of all pages' last walks into the page of results."""
+    import results
+
     found = kept()
     said = [table({name: one["rows"] for name, one in found.items()})]
-    said += [f"Walked {_days(found)}, each page in a fresh folder, with the wheel in a fresh environment."]
+    commits = ", ".join(dict.fromkeys(one["commit"] for one in found.values()))
+    said += [f"Walked {_days(found)}, each page in a fresh folder, with the wheel of {commits} in a fresh environment."]
     older = [_name(one) for one in pages() if _name(one) in found and found[_name(one)]["key"] != key(one, package)]
     missing = [_name(one) for one in pages() if commands(one) and _name(one) not in found]
     said += [f"Changed since, itself or the package: {', '.join(older)}."] if older else []
@@ -321,7 +327,7 @@ def main() -> int:
     parser.add_argument("--json", action="store_true", help="one JSON document, nothing else")
     given = parser.parse_args()
     chosen = [one.resolve() for one in given.pages] or pages()
-    package = package_of_head()
+    package, commit = package_of_head(), _git("rev-parse", "--short", "HEAD").strip()
     chosen = [page for page in chosen if commands(page) and not (given.write and _done(page, package))]
     folder = Path(tempfile.mkdtemp(prefix="bowden-walk-"))
     found: dict[str, list[Row]] = {}
@@ -337,7 +343,7 @@ def main() -> int:
                 walked = walk_page(page, place, dict(os.environ) | {"PATH": path})
             found[_name(page)] = rows(list(_reported(page, walked)))
             if given.write:
-                _keep(page, package, found[_name(page)])
+                _keep(page, package, commit, found[_name(page)])
     finally:
         shutil.rmtree(folder, ignore_errors=True)
     print(json.dumps(found, indent=2) if given.json else table(found))
