@@ -198,6 +198,9 @@ def test_how_each_twin_is_reached_is_said(
     leg.write_text(leg.read_text().replace("node_id = 2", 'node_id = 2\ninterface = "socketcan"\nchannel = "can1"'))
     with own_twin(Rig.read(leg)) as rig:
         channels = [one.drive.channel for _, one in rig.axes]
+    with own_twin(Rig.read(leg).axis("hip"), alone="hip") as alone:
+        channels.append(alone.drive.channel)
     told = capsys.readouterr().err
+    assert f"bowden twin {leg} --axis hip --channel {channels[2]}\n" in told
     assert f"bowden twin {leg} --axis hip --channel {channels[0]}\n" in told
     assert f"bowden twin {leg} --axis knee --channel {channels[1]} --interface bowden_unix\n" in told
