@@ -149,7 +149,6 @@ def test_check_and_simulate_tell_each_axis(leg: Path, tmp_path: Path, capsys: py
         ("export", "{}", "--to", "firmware"),
         ("measure", "{}", "--twin", "--auto"),
         ("twin", "{}"),
-        ("league", "{}"),
     ],
     ids=lambda words: words[0],
 )
@@ -161,6 +160,14 @@ def test_a_command_on_one_axis_asks_for_its_name(
     assert ended == 2
     assert len(said.strip().splitlines()) == 1
     assert "has the axes hip, knee; expected one of them" in said
+
+
+def test_a_command_without_an_option_for_an_axis_does_not_name_it(
+    leg: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["league", str(leg)]) == 2
+    said = capsys.readouterr().err
+    assert "has several axes; expected the rig of one motor; write one without [[axis]] for this" in said
 
 
 def test_a_rig_of_axes_that_cannot_be_gets_no_power(tmp_path: Path) -> None:
@@ -198,6 +205,9 @@ def test_how_each_twin_is_reached_is_said(
     leg.write_text(leg.read_text().replace("node_id = 2", 'node_id = 2\ninterface = "socketcan"\nchannel = "can1"'))
     with own_twin(Rig.read(leg)) as rig:
         channels = [one.drive.channel for _, one in rig.axes]
+    with own_twin(Rig.read(leg).axis("hip"), alone="hip") as alone:
+        channels.append(alone.drive.channel)
     told = capsys.readouterr().err
+    assert f"bowden twin {leg} --axis hip --channel {channels[2]}\n" in told
     assert f"bowden twin {leg} --axis hip --channel {channels[0]}\n" in told
     assert f"bowden twin {leg} --axis knee --channel {channels[1]} --interface bowden_unix\n" in told

@@ -90,6 +90,9 @@ class FakeSession:
     def ask(self, request: Request) -> None:
         self.asked.append(request)
 
+    def judged(self, row: dict[str, float]) -> list[dict[str, float]]:
+        return [row]
+
     def faults(self, row: dict[str, float]) -> list[AxisFaults]:
         return faults_of(row, {})
 
@@ -504,7 +507,7 @@ def test_a_computer_that_is_late_after_a_fault_hides_no_fault() -> None:
     ],
 )
 def test_a_key_that_does_nothing_is_answered(request_: Request, values: dict[str, float], said: str) -> None:
-    told = operator.ignored(request_, row(**values))
+    told = operator.ignored(request_, [row(**values)])
     assert (said in told) if said else not told
 
 

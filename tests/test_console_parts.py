@@ -96,6 +96,9 @@ class FakeRun:
     def row_of(self, row: Any) -> dict[str, float]:
         return dict(zip(AT, row.tolist(), strict=True))
 
+    def judged(self, row: dict[str, float]) -> list[dict[str, float]]:
+        return [row]
+
     def last(self) -> None:
         self.beats.append(time.monotonic())
 

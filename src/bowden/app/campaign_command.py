@@ -10,7 +10,7 @@ import typer
 
 from bowden.app.command import Command
 from bowden.app.console import InterruptedPartway, folder_argument, print_json, progress_bar, seconds
-from bowden.app.given_rig import read_given
+from bowden.app.given_rig import read_alone
 from bowden.core.files import output_folder
 
 if TYPE_CHECKING:
@@ -41,7 +41,7 @@ def campaign(
     from bowden.face.campaign import Partway, computed, require_parquet
     from bowden.study.load import load
 
-    loaded = load(study, None if rig is None else read_given(rig))
+    loaded = load(study, None if rig is None else read_alone(rig))
     folder = out or Path("out/campaign") / study.stem
     if run is None:
         require_parquet()

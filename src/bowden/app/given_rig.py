@@ -29,6 +29,24 @@ def read_given(path: Path, axis: str | None = None, *, several: bool = False) ->
     return found if several and axis is None else found.axis(axis)
 
 
+def read_alone(path: Path) -> "Rig":
+    """The rig of a rig.toml or a log with one motor, for a command that has no option for an axis.
+
+    Args:
+        path: of the file.
+
+    Raises:
+        ParameterError: as `read_given`, or a rig with several axes.
+        LogError: a log without a rig.
+    """
+    from bowden.rig.config import one_motor
+
+    found = _read(path)
+    if found.axes:
+        raise one_motor(path)
+    return found
+
+
 def _read(path: Path) -> "Rig":
     if path.suffix == ".mcap":
         from bowden.live.log_rig import rig_of_log

@@ -9,7 +9,7 @@ import typer
 
 from bowden.app.command import Command
 from bowden.app.console import InterruptedPartway, folder_argument, print_json, progress_bar, seconds
-from bowden.app.given_rig import read_given
+from bowden.app.given_rig import read_alone
 from bowden.core.files import output_folder
 
 if TYPE_CHECKING:
@@ -44,7 +44,7 @@ def league(
     from bowden.face.league import played
     from bowden.report.league_page import league_page
 
-    given = None if rig is None else read_given(rig)
+    given = None if rig is None else read_alone(rig)
     asked = None if laws is None else _asked(laws)
     wanted = {"plants": _asked(plants), "scenarios": _asked(scenarios)}
     with progress_bar(quiet=json) as progress:

@@ -58,7 +58,9 @@ def measure(
     with contextlib.ExitStack() as stack:
         ending = stack.enter_context(ending_signals())
         if twin:
-            live = live_run(stack.enter_context(own_twin(given, measure=True)), measure=True, logged=given)
+            live = live_run(
+                stack.enter_context(own_twin(given, measure=True, alone=axis or "")), measure=True, logged=given
+            )
         session = stack.enter_context(Session(live, new_log(out, "measure"), remembers=not twin))
         if not json:
             print(f"bowden: note: {live.losses()}", file=sys.stderr)

@@ -145,7 +145,9 @@ def live_session(
         if emg_process is not None:
             emg_process.await_ready()  # a stream that cannot be used is refused before anything else is started
         if twin:
-            live = live_run(stack.enter_context(own_twin(rig, measure=measure)), measure=measure, logged=rig)
+            live = live_run(
+                stack.enter_context(own_twin(rig, measure=measure, alone=alone)), measure=measure, logged=rig
+            )
         log = new_log(out, "measure" if measure else "-".join(dict.fromkeys(axis.law.name for axis in live.axes)))
         yield stack.enter_context(Session(live, log, emg_process, remembers=not twin, about=about))
 

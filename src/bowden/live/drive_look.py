@@ -86,8 +86,8 @@ def looked_at(drive: Drive, clock: TimeSource, period: float, seconds: float = m
         clock.sleep_until(deadline)
 
 
-def require_zero(given: Any) -> None:
-    """Refuse a drive whose zero a rig does not set, before its bus is opened.
+def require_zero(given: Any) -> Callable[[Any, DriveReading, float, float], Any]:
+    """How the zero of a drive is found, `DriveFamily.zeroed`; to be asked before its bus is opened.
 
     Raises:
         DriveError: this family's zero is set with its maker's tool.
@@ -98,6 +98,7 @@ def require_zero(given: Any) -> None:
             f"the zero of a drive of the family {family.name} is not found by this command",
             do="set it with its maker's tool, or the home angles in [drive] by what bowden drive monitor shows",
         )
+    return family.zeroed
 
 
 class Tare(NamedTuple):
@@ -165,10 +166,7 @@ def zero_keys(given: Any, parameters: Any, reading: DriveReading, motor: float, 
     Raises:
         DriveError: nothing was read.
     """
-    require_zero(given)
-    zeroed = family_of(given).zeroed
-    assert zeroed is not None
-    return _changed(given, zeroed(parameters, reading, motor, joint), parameters)
+    return _changed(given, require_zero(given)(parameters, reading, motor, joint), parameters)
 
 
 def _changed(given: Any, new: Any, old: Any) -> dict[str, float]:

@@ -266,7 +266,7 @@ class Loop:
         with contextlib.ExitStack() as stack:
             stack.callback(self._ring.close)
             for axis in reversed(self._axes):
-                stack.callback(lambda drive=axis.drive: left.append(drive.close()))
+                stack.callback(lambda close: left.append(close()), axis.drive.close)
         return left
 
     def _run(self) -> tuple[int, int, float]:

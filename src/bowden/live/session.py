@@ -675,13 +675,14 @@ class Session:
 
 
 @contextlib.contextmanager
-def own_twin(rig: Rig, *, measure: bool = False) -> Iterator[Rig]:
+def own_twin(rig: Rig, *, measure: bool = False, alone: str = "") -> Iterator[Rig]:
     """A twin of the rig on a bus of its own, whatever the rig's is; the rig on that bus, with `patient` limits.
 
     Args:
         rig: to be played.
         measure: whether the motor moves through the excitation, in place of a law; the twin waits for a loop then that
             this computer does not let run.
+        alone: name of the axis that the rig is, of a file with several; for how the twin is reached.
     """
     from bowden.hardware.buses.opening import UNIX
     from bowden.live.twin_process import RunningTwin, running_twin
@@ -695,7 +696,7 @@ def own_twin(rig: Rig, *, measure: bool = False) -> Iterator[Rig]:
             place = family_of(own.drive).address(own.drive)
             bus = (place.get("interface", ""), place.get("channel", name))
             channel = buses.setdefault(bus, folder / f"{len(buses)}" if rig.axes else folder)
-            options = [*(["--axis", name] if name else []), "--channel", str(channel)]
+            options = [*(["--axis", name or alone] if name or alone else []), "--channel", str(channel)]
             options += [] if place.get("interface") == UNIX else ["--interface", UNIX]
             asked = shlex.join(["bowden", "twin", file, *options])
             print(f"bowden: note: the twin's bus is {channel}: {asked}", file=sys.stderr)

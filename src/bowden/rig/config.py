@@ -123,6 +123,13 @@ def _pair(tree: Mapping[str, Any], path: Path) -> PairSettings:
     return found
 
 
+def one_motor(path: Path) -> ParameterError:
+    """That a file has several axes, for whoever takes those of one motor alone."""
+    return ParameterError(
+        f"{path} has several axes", expected="the rig of one motor", do="write one without [[axis]] for this"
+    )
+
+
 def checked_file(tree: Mapping[str, Any], path: Path) -> Any:
     """What stands in a rig.toml, as pydantic's classes of `bowden.rig.sections`.
 
@@ -130,9 +137,7 @@ def checked_file(tree: Mapping[str, Any], path: Path) -> Any:
         ParameterError: an unknown key, a value of the wrong kind or out of its range, or some that do not fit.
     """
     if axes.AXIS in tree:
-        raise ParameterError(
-            f"{path} has several axes", expected="the rig of one motor", do="write one without [[axis]] for this"
-        )
+        raise one_motor(path)
     control = tree.get("control")
     if isinstance(control, Mapping) and isinstance(control.get("gains"), Mapping):
         tree = {**tree, "control": {**control, "gains": dotted(control["gains"], f"{path}: control.gains")}}

@@ -79,7 +79,7 @@ def collision(one: Any, other: Any) -> str:
     """
     if any(getattr(one, key, None) != getattr(other, key, "") for key in ("interface", "channel")):
         return ""
-    rates = [(drive.bitrate, getattr(drive, "data_bitrate", 0)) for drive in (one, other)]
+    rates = [(getattr(drive, "bitrate", 0), getattr(drive, "data_bitrate", 0)) for drive in (one, other)]
     if rates[0] != rates[1]:
         said = " and ".join(f"{slow} bit/s{f' with CAN-FD at {quick} bit/s' if quick else ''}" for slow, quick in rates)
         return f"share the bus {one.channel}, but speak at {said}: name another channel"
