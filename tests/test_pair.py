@@ -78,6 +78,7 @@ def test_a_pair_is_read_packed_written_and_part_of_the_hash(tmp_path: Path) -> N
         ('antagonist = "extensor"', 'antagonist = "flexor"', 'agonist and antagonist are "flexor"'),
         ("slack_sign = 1.0", "slack_sign = -1.0", "where one pulls, the other lets out"),
         ("co_contraction_deg = 4.0", "co_contraction_deg = 60.0", "pair.co_contraction_deg is 60"),
+        ("co_contraction_deg = 4.0", "co_contraction_deg = 20.0", "0.8 of limits.play_deg at most"),
         ("co_contraction_deg", "contraction_deg", "unknown key 'contraction_deg'"),
         ("slack_sign = 1.0", "slack_sign = 1.0\n[axis.reference]\nhigh_deg = 20.0", "references of their own"),
         ("[pair]", "independent = true\n[pair]", "none goes on alone"),
