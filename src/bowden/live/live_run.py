@@ -44,11 +44,6 @@ READER_SHARE = 0.2
 """Of `emg_age`, after which a process that has not looked for samples is gone: it looks every 2 ms, and needs not wait
 for a network or a base station as samples do."""
 
-LET_OUT = 35.0 * RADIANS
-"""How much further the antagonist of a pair may be from the joint: a release lets both cables out, each by its speed
-for as long as it takes to see that the current is gone and the motor to come to rest, 16° to 20° by default, and the
-joint hangs on the agonist's then [rad]."""
-
 _NONE = 1e-9
 """A limit of zero, where something is divided by it."""
 
@@ -291,8 +286,9 @@ def _one_of(rig: Rig, name: str, own: Rig, kept: Rig) -> Live:
     made = live_run(pulling(own, pair.co_contraction), logged=kept, joint_elsewhere=opposed)
     if not opposed:
         return replace(made, name=name)
-    # where its cable is taut is where the joint is: nothing can be said of zero; and after a release both are let out
-    allowed = made.limits._replace(homed=0.0, play=made.limits.play + LET_OUT)
+    # where its cable is taut is where the joint is: nothing can be said of zero; and after a release it hangs, with the
+    # joint anywhere below its motor
+    allowed = made.limits._replace(homed=0.0, slope_low=0.0)
     return replace(made, name=name, opposed=True, limits=allowed)
 
 
