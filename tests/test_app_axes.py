@@ -16,6 +16,7 @@ import pytest
 from bowden.app import run_command
 from bowden.app.main import run
 from bowden.core.errors import SafetyError
+from bowden.cycle.one_cycle import WishSource
 from bowden.face.run import run as live
 from bowden.live import twin_process
 from bowden.live.mcap_read import read
@@ -93,6 +94,44 @@ def test_two_twins_run_in_one_loop_and_each_axis_replays_to_the_bit(
     )["columns"]
     assert "joint" in columns
     assert not any(column.startswith("knee.") for column in columns)
+
+
+def test_a_pair_with_a_load_cell_runs_on_one_twin_and_replays_to_the_bit(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "pair.toml"
+    pair = """[pair]
+agonist = "flexor"
+antagonist = "extensor"
+co_contraction_deg = 4.0
+"""
+    axes = """[[axis]]
+name = "flexor"
+[axis.drive]
+node_id = 1
+[axis.load_cell]
+source = "can"
+scale = 0.01
+full_scale = 300.0
+[[axis]]
+name = "extensor"
+[axis.drive]
+node_id = 2
+[axis.limits]
+slack_sign = 1.0
+"""
+    path.write_text(SECTIONS + pair + axes)
+    found = finished_well(path, tmp_path / "out", "--twin")
+    assert all(axis["mode"] == "stopped" and axis["rmse_deg"] < 1.5 for axis in found["axes"])
+    log = read(Path(found["log"]))
+    assert np.array_equal(log["joint"], log["extensor.joint"], equal_nan=True)
+    led = log["source"] >= WishSource.LAW_BEGINS
+    assert log["tension"][led].min() > 2.0
+    assert np.isnan(log["extensor.tension"]).all()
+    again = asked("log", "replay", found["log"], capsys=capsys)
+    for axis in again["axes"]:
+        assert axis["law_cycles"] > 1000
+        assert (axis["wish_largest"], axis["verdicts_differing"], axis["command_largest"]) == (0.0, 0, 0.0)
 
 
 def stopped(leg: Path, out: Path, fault: str, axis: str) -> Session:

@@ -109,6 +109,27 @@ def test_a_drive_is_found_looked_at_and_zeroed_without_power(
     assert not running.control.status()["torque"]
 
 
+@pytest.mark.live
+def test_a_load_cell_is_looked_at_and_tared_without_power(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "rig.toml"
+    text = "[load_cell]\nsource = 'cia404'\nscale = 0.01\nfull_scale = 300.0\n"
+    path.write_text(text)
+    with running_twin(path, tmp_path / "b") as running:
+        place = ["--channel", running.channel]
+        seen = document(["drive", "monitor", str(path), *place, "--duration", "0.3"], "drive_monitor", capsys)
+        assert "load cell: bowden load cell twin at node 33, 0.01 N a count; it says 0.01 N itself" in seen["drive"]
+        pulled = running.control.status()["tension"]
+        assert seen["tension_n"]["last"] == pytest.approx(pulled, abs=0.02)
+        assert seen["joint_torque_nm"]["last"] is None
+        found = document(["drive", "tare", str(path), *place, "--load", "1.0"], "drive_tare", capsys)
+        assert found["read"] == pytest.approx(pulled, abs=0.02)
+        tared = tmp_path / "tared.toml"
+        tared.write_text(f"{text}zero = {found['keys']['zero']}\n")
+        again = document(["drive", "monitor", str(tared), *place, "--duration", "0.3"], "drive_monitor", capsys)
+        assert again["tension_n"]["last"] == pytest.approx(1.0, abs=0.03)
+        assert not running.control.status()["torque"]
+
+
 @pytest.mark.parametrize(
     ("words", "said"),
     [
@@ -116,6 +137,7 @@ def test_a_drive_is_found_looked_at_and_zeroed_without_power(
         (["monitor", "--json"], "--json needs an end; add --duration 10"),
         (["monitor", "--duration", "-1"], "--duration is -1; expected seconds above 0"),
         (["zero", "--joint-deg", "nan"], "--joint-deg is nan; expected degrees"),
+        (["tare", "--load", "nan"], "--load is nan; expected N or N·m"),
     ],
 )
 def test_what_cannot_be_done_is_one_line(

@@ -65,8 +65,8 @@ GATE = """#include <stdio.h>
 int main(void)
 {
     static safety_state state;
-    double row[24];
-    while (fread(row, 8, 24, stdin) == 24) {
+    double row[25];
+    while (fread(row, 8, 25, stdin) == 25) {
         safety_observed observed;
         safety_verdict verdict;
 @OBSERVED@
@@ -75,7 +75,7 @@ int main(void)
             safety_cold(&warmth);
             safety_begin(&state, &observed.reading, &warmth);
         }
-        safety_supervise(&state, &observed, row[22], row[23], &verdict);
+        safety_supervise(&state, &observed, row[23], row[24], &verdict);
         fwrite(&state, sizeof state, 1, stdout);
         fwrite(&verdict, sizeof verdict, 1, stdout);
     }

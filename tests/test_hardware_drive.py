@@ -423,6 +423,10 @@ def changed(name: str) -> bool:
         "over_temperature": lambda: last.temperature > 90.0,
         "over_current": lambda: math.isclose(last.current, 30.0, abs_tol=0.1),
         "inert": lambda: last.motor_age < 2 and abs(last.motor - before.motor) < 0.1 and last.joint_age < 2,
+        "load_stuck": lambda: last.tension == seen[0].tension < rig.bus.node.bench.tension - 0.3,
+        "load_saturated": lambda: last.tension > 90.0,
+        "load_sign": lambda: last.tension < -3.0,
+        "load_drift": lambda: 2.0 < last.tension - rig.bus.node.bench.tension < 5.0,
         "bit_errors": lambda: 0 < sum(r.motor_age > 0 for r in seen) < 0.1 * len(seen),
     }[name]()
 

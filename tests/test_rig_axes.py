@@ -49,7 +49,7 @@ law = "bowden"
 [axis.limits]
 motor_high_deg = 100.0
 """
-PLAIN_HASH = "9fefa5ceee36eb1b"
+PLAIN_HASH = "e4e69db2c159dce2"
 """Of the default rig, before there were axes."""
 
 

@@ -106,6 +106,7 @@ def motor_at(angle: float, joint: float = NAN) -> Changes:
         **at,
         "reading.motor": angle,
         "state.anchor.motor": angle,
+        "state.load.motor": angle,
         "state.joint.value": joint,
         "state.decided.joint_then": joint,
         "state.decided.motor_then": angle,

@@ -78,7 +78,8 @@ def test_it_starts_stopped_and_gives_no_power_before_it_is_armed() -> None:
 
 def test_it_begins_where_the_motor_is_as_warm_as_it_was_left_and_knows_nothing_else() -> None:
     state = begin(LIMITS, READING, ThermalState(50.0, 40.0, 3.0))
-    known = dict.fromkeys(("target", "decided.target_before", "servo.position", "motor.value", "anchor.motor"), 0.5)
+    places = ("target", "decided.target_before", "servo.position", "motor.value", "anchor.motor", "load.motor")
+    known = dict.fromkeys(places, 0.5)
     known |= {"joint.value": 0.45, "anchor.joint": 0.45, "decided.joint_then": 0.45, "decided.motor_then": 0.5}
     known |= {"heat.winding": 50.0, "heat.housing": 40.0, "heat.i2t": 3.0}
     assert dict(zip(names(state), flat(state), strict=True)) == dict.fromkeys(names(state), 0.0) | known

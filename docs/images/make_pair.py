@@ -77,15 +77,15 @@ def drawn(courses: dict[float, Course]) -> Figure:
     colours = dict(_CONTRACTIONS)
     for degrees, course in courses.items():
         rms = DEGREES * float(np.sqrt(np.mean(course.error**2)))
-        label = f"{degrees:+g}°: {rms:.2f}° RMS"
+        label = f"{_signed(degrees)}: {rms:.2f}° RMS"
         error.plot(*thin(course.time, course.error * DEGREES, most=1500), color=colours[degrees], label=label)
     for degrees in (0.0, 4.0):
         for i, line in enumerate(("-", "--")):
             shown = thin(courses[degrees].time, courses[degrees].pulls[:, i], most=1500)
             who = ("agonist", "antagonist")[i]
-            pulls.plot(*shown, line, color=colours[degrees], label=f"{degrees:+g}°, {who}")
+            pulls.plot(*shown, line, color=colours[degrees], label=f"{_signed(degrees)}, {who}")
     error.set(ylabel="joint − reference [°]")
-    error.set_title("Error under a push of ±0.5 N·m, by co-contraction")
+    error.set_title("Error by co-contraction")
     pulls.set(ylabel="torque on the joint [N·m]", xlabel="time [s]")
     pulls.axhline(0.0, color=COLOURS["limit"], linewidth=0.8)
     pulls.set_title("What each cable pulls")
@@ -93,6 +93,10 @@ def drawn(courses: dict[float, Course]) -> Figure:
         style.legend(axes)
     style.finish(figure)
     return figure
+
+
+def _signed(degrees: float) -> str:
+    return f"{degrees:+g}°".replace("-", "−") if degrees else "0°"
 
 
 def main() -> None:

@@ -292,8 +292,10 @@ def _one_of(rig: Rig, name: str, own: Rig, kept: Rig) -> Live:
     made = live_run(pulling(own, pair.co_contraction), logged=kept, joint_elsewhere=opposed)
     if not opposed:
         return replace(made, name=name)
-    # where its cable is taut is where the joint is: nothing can be said of zero
-    return replace(made, name=name, opposed=True, limits=made.limits._replace(homed=0.0))
+    # where its cable is taut is where the joint is: nothing can be said of zero; and after a release it hangs, with the
+    # joint anywhere below its motor
+    allowed = made.limits._replace(homed=0.0, slope_low=0.0)
+    return replace(made, name=name, opposed=True, limits=allowed)
 
 
 def _refuse_sources(rig: Rig) -> None:

@@ -1,4 +1,4 @@
-"""What the wearer felt of a suit that followed their push, as the loop's own estimate has it."""
+"""What the wearer felt of a suit that followed their push, by the torque that the run went by."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -11,12 +11,14 @@ if TYPE_CHECKING:
     from bowden.live.mcap_read import Recording
     from bowden.rig.compose_admittance import Pushing
 
-NEEDED = ("joint_seen", "admittance.estimate.torque", "admittance.estimate.doubt")
+NEEDED = ("joint_seen", "joint_torque", "admittance.estimate.torque", "admittance.estimate.doubt")
 """Columns of the log that the figures come from, beside those of every run."""
 
 
 def figures(log: "Recording", pushing: "Pushing", period: float) -> dict[str, float] | None:
-    """RMS and peak of the estimated torque less the weight that is to be carried, and the median of its doubt [N·m].
+    """RMS and peak of the torque less the weight that is to be carried, and the median of its doubt [N·m].
+
+    The torque is the load cell's, of which no doubt is known, in a run that went by it, and else the loop's estimate.
 
     Args:
         log: of the run.
@@ -27,18 +29,20 @@ def figures(log: "Recording", pushing: "Pushing", period: float) -> dict[str, fl
     if not len(led):
         return None
     led = led[settled(period * np.arange(len(led)))]
-    torque, joint = log["admittance.estimate.torque"][led], log["joint_seen"][led]
+    measured = pushing.section.torque == "load_cell"
+    torque, joint = log["joint_torque" if measured else "admittance.estimate.torque"][led], log["joint_seen"][led]
     left = beside_load(torque, joint, pushing.suit.arm, pushing.section.carried)
     known = np.isfinite(left)
     if not known.any():
         return None
     rms, peak = rms_and_peak(left[known])
-    return {"rms_nm": rms, "peak_nm": peak, "doubt_nm": float(np.median(log["admittance.estimate.doubt"][led][known]))}
+    doubt = 0.0 if measured else float(np.median(log["admittance.estimate.doubt"][led][known]))
+    return {"rms_nm": rms, "peak_nm": peak, "doubt_nm": doubt}
 
 
 def print_figures(found: dict[str, Any]) -> None:
     """The same for a person."""
+    how = f"estimated; in doubt by {found['doubt_nm']:.2f} N·m" if found["doubt_nm"] else "measured"
     print(
-        f"the wearer feels about {found['rms_nm']:.2f} N·m RMS of the suit, {found['peak_nm']:.1f} N·m at most "
-        f"(estimated; in doubt by {found['doubt_nm']:.2f} N·m)"
+        f"the wearer feels about {found['rms_nm']:.2f} N·m RMS of the suit, {found['peak_nm']:.1f} N·m at most ({how})"
     )

@@ -50,6 +50,8 @@ class PairSettings(NamedTuple):
 
 
 NO_PAIR = PairSettings()
+_ROOM = 0.8
+"""Of the distance that the supervisor allows between joint and motor [–]."""
 
 
 def check_pair(pair: PairSettings, axes: "Sequence[Axis]", independent: bool, where: str) -> None:
@@ -84,6 +86,11 @@ def _problems(pair: PairSettings, found: Mapping[str, "Rig"], independent: bool)
             slack[0] == -slack[1],
             f"limits.slack_sign of {names} are {slack[0]:g} and {slack[1]:g}",
             "1 and -1: where one pulls, the other lets out",
+        ),
+        (
+            all(abs(pair.co_contraction) * rig.limits.slope_high <= _ROOM * rig.limits.play for rig in (one, other)),
+            f"co_contraction_deg is {pair.co_contraction / RADIANS:g}",
+            f"{_ROOM:g} of limits.play_deg at most, or the joint would seem astray before the cables are tightened",
         ),
         (
             not (one.suit.worn or other.suit.worn),

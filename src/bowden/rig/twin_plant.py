@@ -53,7 +53,7 @@ def twin_pair_of(rig: Rig, now: float) -> tuple[PlayedDrive, PlayedDrive]:
     """
     one, other = (rig.axis(name) for name in rig.pair.names)
     flip = other if one.limits.slack_sign < 0.0 else one  # the one whose motor pulls downwards
-    made = []
+    made: list[tuple[Any, TwinBench]] = []
     for axis in (one, other):
         start, drive = axis.start_motor, axis.drive_parameters
         start, drive = (-start, mirrored(drive)) if axis is flip else (start, drive)

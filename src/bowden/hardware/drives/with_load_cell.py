@@ -29,8 +29,8 @@ class DriveWithLoadCell:
         self, drive: Drive, cell: LoadCellParameters, place: BusPlace, links: Links, timeout: float, *, shared: bool
     ) -> None:
         self._drive, self._place, self._links, self._shared = drive, place, links, shared
-        self._cell, self._port, self._up = LoadCellReader(cell, timeout), None, False
-        self._port: BusPort | None
+        self._cell, self._up = LoadCellReader(cell, timeout), False
+        self._port: BusPort | None = None
         self._sync = can.Message(arbitration_id=frames.SYNC, is_extended_id=False, data=b"")
 
     def bring_up(self) -> str:

@@ -91,6 +91,7 @@ class TwinSuit:
         self.temperature = physics.ambient
         self.torque_offset: float | None = 0.0
         stiffness = motor.inertia * motor.servo.natural_frequency**2
+        self.servo_gains: tuple[float, float] | None = None
         self.servo_gains = stiffness, 2.0 * motor.servo.damping * stiffness / motor.servo.natural_frequency
         self._held = math.nan  # where a quick stop holds the motor
         first = float(self._bends[0])

@@ -19,7 +19,7 @@ from bowden.hardware.buses.opening import claim, open_bus
 from bowden.hardware.buses.unix_bus import ERROR, EXTENDED, REMOTE
 from bowden.hardware.twin.control import ControlServer, control_path
 from bowden.hardware.twin.faults import Faults
-from bowden.hardware.twin.injection import OF_CABLE, Injection, parse
+from bowden.hardware.twin.injection import OF_CABLE, OF_LOAD_CELL, Injection, parse
 from bowden.hardware.twin.node import BesideNode, Journal, Send, TwinNode
 from bowden.hardware.twin.plant import TwinPlant
 
@@ -243,7 +243,8 @@ class Twin:
             ParameterError: with why.
         """
         named = f"{fault.name} {fault.side}".rstrip()
-        if named in self._node.lacks:
+        of_beside = self._beside is not None and fault.name in OF_LOAD_CELL
+        if named in self._node.lacks and not of_beside:
             raise ParameterError(f"{named}: {self._node.lacks[named]}", expected="another fault")
         if fault.name in OF_CABLE and not self._node.bench.has_cable:
             raise ParameterError(
