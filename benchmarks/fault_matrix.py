@@ -1,7 +1,9 @@
 """The whole fault matrix: every fault at 5 moments with 100 seeds and two laws, every two, and inputs of every kind."""
 
 import itertools
+import tempfile
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,6 +13,7 @@ from bowden.rig.presets.bench import default_bench
 from bowden.sim.injected import Injected
 from kept import Kept
 from measure import Figure
+from support import family_matrix
 from support.adversary import attack
 from support.fault_matrix import MEASURED, ROWS, begins, complaints, pair_complaints, run_row
 
@@ -43,6 +46,15 @@ def attacks(cycles: int, done: int) -> Iterator[list[Any]]:
         yield [seed, *attack(MEASURED, cycles, seed)]
 
 
+def of_families() -> list[tuple[str, family_matrix.DriveRow, family_matrix.Found]]:
+    """Each family of drives with each fault of its drive, and what came of it."""
+    found = []
+    for name, row in family_matrix.cases():
+        with tempfile.TemporaryDirectory() as folder:
+            found.append((name, row, family_matrix.react(Path(folder), name, row)))
+    return found
+
+
 def figures(share: float) -> tuple[list[Figure], str]:
     """What was wrong, and a table of the faults."""
     assert set(ROWS) == set(Injected) - {Injected.NOTHING}
@@ -58,7 +70,20 @@ def figures(share: float) -> tuple[list[Figure], str]:
         print("wrong:", *row)
     wrong_ones, wrong_twos = (sum(bool(row[-1]) for row in rows) for rows in (ones, twos))
     blind = sum(not row[-2] for row in ones if max(ROWS[Injected[row[1]]].reactions) > 1)
+    drives = of_families()
+    bad = [(name, row.text, *family_matrix.complaints(row, found)) for name, row, found in drives]
+    bad = [one for one in bad if len(one) > 2]
+    for one in bad:
+        print("wrong:", *one)
+    inert = max(found.after for _, row, found in drives if row.text == "inert")
     return [
+        Figure(
+            f"a drive's fault, {len(drives)} runs of four families: too late, or torque left",
+            str(len(bad)),
+            "0",
+            not bad,
+        ),
+        Figure("of these, an inert motor, the latest [ms]", f"{inert:.0f}", "≤ 50", inert <= 50.0),
         Figure(
             f"one fault, {len(ones)} runs: wrong reaction, too late, or undetected",
             str(wrong_ones),

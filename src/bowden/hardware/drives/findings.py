@@ -1,6 +1,7 @@
 """What a driver finds out by itself, beside what the drive says: codes of `DriveReading.emergency`, with their text."""
 
 import math
+from collections import deque
 from collections.abc import Mapping
 
 INERT, LEFT, LOST_RANGE = 0xFE01, 0xFE02, 0xFE03
@@ -48,9 +49,12 @@ class InertWatch:
 
 
 class LagWatch:
-    """`InertWatch` of a drive that follows a target and tells its current.
+    """Sees an inert motor of a drive that follows a target and tells its current.
 
-    It is asked in vain where it is far from its target and draws next to no current.
+    It is asked for a torque in vain where it is far from its target and draws next to no current. It is inert where it
+    stands still meanwhile (`InertWatch`), or where it falls behind a target that moves on and loses speed: one that has
+    lost its torque on its way coasts, and one that is well gains speed as long as its lag grows, or brakes with a
+    current.
 
     Args:
         current_limit: the largest that the rig asks for; 0 for none [A].
@@ -58,11 +62,13 @@ class LagWatch:
 
     def __init__(self, current_limit: float) -> None:
         self._light = LIGHT * (current_limit or 1.0)
-        self._watch = InertWatch(STILL)
+        self._watch = InertWatch(STILL, LASTING)
+        self._past: deque[tuple[float, float, float]] = deque()  # time [s], motor, lag [rad]
 
     def begin(self) -> None:
         """Nothing has been seen."""
         self._watch.begin()
+        self._past.clear()
 
     def inert(self, motor: float, target: float, current: float, now: float, *, led: bool) -> bool:
         """Whether the motor is inert.
@@ -74,10 +80,29 @@ class LagWatch:
             now: [s]
             led: whether the drive says that it follows its target.
         """
-        in_vain = led and abs(target - motor) >= LAG and abs(current) <= self._light
-        return self._watch.inert(motor, now, in_vain=in_vain)
+        lag = target - motor
+        in_vain = led and abs(lag) >= LAG and abs(current) <= self._light
+        still = self._watch.inert(motor, now, in_vain=in_vain)
+        if not in_vain:
+            self._past.clear()
+            return still
+        self._past.append((now, motor, lag))
+        while len(self._past) > 2 and now - self._past[1][0] >= LASTING:
+            self._past.popleft()
+        return still or self._falls_behind()
+
+    def _falls_behind(self) -> bool:
+        """Whether the lag has grown for `LASTING` while the motor, on its way to its target, has lost speed."""
+        (began, first, lag), (now, last, lag_now) = self._past[0], self._past[-1]
+        half, middle, _ = self._past[len(self._past) // 2]
+        if not began < half < now or now - began < LASTING - 1e-6:
+            return False
+        side = math.copysign(1.0, lag_now)
+        before, after = side * (middle - first) / (half - began), side * (last - middle) / (now - half)
+        return side * (lag_now - lag) >= GROWN and before > 0.0 and after <= SLOWED * before
 
 
-LAG, LIGHT, STILL = 4e-3, 0.05, 2e-3
-"""A motor that is this far from its target [rad], with less current than this share of the largest, and that stands
-still within this [rad], is asked for a torque that it does not give."""
+LAG, LIGHT, STILL, GROWN, SLOWED, LASTING = 4e-3, 0.05, 2e-3, 3e-3, 0.75, 20e-3
+"""A motor this far from its target [rad], with less current than this share of the largest, is asked for a torque that
+it does not give: if it stands still within this [rad], or falls behind by this [rad] while its speed falls to this
+share, for this long [s]."""
