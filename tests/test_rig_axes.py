@@ -136,6 +136,13 @@ BAD = {
         f'{HIP}host_id = 2\n[[axis]]\nname = "knee"\n{CIA402}'
     ),
     r"drive.node_id and drive.host_id make the same frames \(100h\)": f"{MOTEUS}{TWO}host_id = 1\n",
+    r"drive.node_id and drive.node_id make the same frames \(181h\)": (
+        f'{HIP}[[axis]]\nname = "knee"\n[axis.motor]\ngear = 5.0\n[axis.drive]\nfamily = "odrive"\nnode_id = 12\n'
+    ),
+    r"load_cell.node_id and drive.node_id make the same frames": (
+        f'[load_cell]\nsource = "cia404"\nfull_scale = 900.0\n{HIP}[axis.load_cell]\nnode_id = 2\n'
+        '[[axis]]\nname = "knee"\n[axis.drive]\nnode_id = 2\n[axis.load_cell]\nnode_id = 34\n'
+    ),
     "1000000 bit/s and 500000 bit/s: name another channel": f"{TWO}bitrate = 500000\n",
     "1000000 bit/s and 1000000 bit/s with CAN-FD": f'{TWO}family = "moteus"\n',
     "two axes have the name": TWO.replace("knee", "hip"),

@@ -131,6 +131,7 @@ def _run(rig: "Rig", objects: list[str], words: tuple[list[str], list[str]], jso
     def clock() -> float:
         return monotonic.now() / SECOND
 
+    played: tuple[PlayedDrive, ...]
     if rig.pair.there:
         axes, played = [rig.axis(name) for name in rig.pair.names], twin_pair_of(rig, clock())
     else:
@@ -140,8 +141,13 @@ def _run(rig: "Rig", objects: list[str], words: tuple[list[str], list[str]], jso
         attach_load_cell(twin, one)
     running, drive = twins[0], played[0].drive
     family = family_of(drive)
+
+    def stop(*_: object) -> None:
+        for twin in twins:
+            twin.stop()
+
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-        signal.signal(number, lambda *_: [twin.stop() for twin in twins])
+        signal.signal(number, stop)
     if until_orphaned:
         threading.Thread(target=_watch_parent, args=(os.getppid(), twins), daemon=True).start()
     realtime = raise_priority()

@@ -147,6 +147,7 @@ def legend_of_all(axes: Sequence[Axes]) -> None:
     if not names:
         return
     figure = axes[0].get_figure(root=True)
+    assert figure is not None
     figure.legend(
         lines,
         names,

@@ -7,8 +7,9 @@ from bowden.control.admittance.interaction import Doubt
 from bowden.core.errors import ParameterError
 from bowden.core.units import HERTZ, RADIANS
 from bowden.cycle.one_cycle import Filters
+from bowden.hardware.drives import on_can
 from bowden.hardware.drives.family import LONGEST_SILENCE, DriveNeeds, family_of
-from bowden.hardware.drives.load_cell import ROOM, LoadCellParameters, check_cell
+from bowden.hardware.drives.load_cell import ROOM, LoadCellParameters, check_cell, identifiers_of
 from bowden.hardware.ports import Drive
 from bowden.hardware.realtime import Settings
 from bowden.models.suit.suit_angle import spool_map
@@ -170,6 +171,9 @@ def check_load(drive: Any, cell: LoadCellParameters, allowed: Limits, sample_tim
     most, key = (allowed.torque_high, "torque_high_nm") if torque else (allowed.tension_high, "tension_high_n")
     if cell.there:
         check_cell(cell, sample_time, most, key)
+        collision = on_can.collision(*devices(drive, cell)) if hasattr(drive, "interface") else ""
+        if collision:
+            raise ParameterError(f"drive and load cell {collision}", expected="frames that differ", do="correct one")
     elif at_drive and not most <= ROOM * family.load_range(drive):
         told, unit = family.load_range(drive), "N·m" if torque else "N"
         raise ParameterError(
@@ -224,6 +228,15 @@ def cell_place(parameters: Any, cell: LoadCellParameters) -> "tuple[BusPlace, bo
     if shared:
         found = place(parameters)
     return found, shared
+
+
+def devices(drive: Any, cell: LoadCellParameters) -> list[Any]:
+    """What `on_can.collision` compares: the drive's parameters and, where there is one on a bus, its load cell."""
+    if not cell.there:
+        return [drive]
+    place, _ = cell_place(drive, cell)
+    rate = getattr(drive, "data_bitrate", 0) if place.channel == getattr(drive, "channel", "") else 0
+    return [drive, on_can.Device(place.interface, place.channel, place.bitrate, rate, identifiers_of(cell))]
 
 
 def moved_cell(cell: LoadCellParameters, channel: str | None, interface: str | None) -> LoadCellParameters:

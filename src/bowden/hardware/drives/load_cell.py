@@ -23,6 +23,7 @@ from bowden.core.errors import DriveError, ParameterError
 from bowden.core.quantity import Quantity
 from bowden.hardware.buses.unix_bus import EXTENDED
 from bowden.hardware.drives import canopen_frames as frames
+from bowden.hardware.drives import on_can
 from bowden.hardware.drives.canopen_sensor import HOST, SYNCED, SensorHealth, send_in_tpdo1, try_sync
 
 if TYPE_CHECKING:
@@ -123,6 +124,15 @@ class LoadCellParameters(NamedTuple):
         if self.source == "can" and not self.signed:
             return 0, (1 << bits) - 1
         return -(1 << bits - 1), (1 << bits - 1) - 1
+
+
+def identifiers_of(cell: LoadCellParameters) -> dict[int, str]:
+    """Identifier of each frame of the device and to it → key that it follows from; the network's have none."""
+    if cell.source == "can":
+        return {cell.identifier | EXTENDED * cell.extended: "load_cell.identifier"}
+    functions = (frames.EMERGENCY, frames.TPDO1, frames.SDO_ANSWER, frames.SDO_REQUEST, frames.HEARTBEAT)
+    own = {function + cell.node_id: "load_cell.node_id" for function in functions}
+    return own | dict.fromkeys((frames.NMT, frames.SYNC), on_can.OF_ALL)
 
 
 def check_cell(cell: LoadCellParameters, sample_time: float, most: float, key: str) -> None:

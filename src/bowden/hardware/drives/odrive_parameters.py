@@ -8,7 +8,7 @@ from bowden.core.quantity import Quantity
 from bowden.hardware.drives import joint_encoder as joints
 from bowden.hardware.drives import on_can
 from bowden.hardware.drives.family import DriveNeeds
-from bowden.hardware.drives.joint_encoder import check_beside, joint_encoder_of
+from bowden.hardware.drives.joint_encoder import check_beside, identifiers_of, joint_encoder_of
 from bowden.hardware.drives.odrive_endpoints import TWIN
 from bowden.hardware.drives.odrive_frames import INT16, MOST_TURNS, Cmd, Scales, Target, identifier_of
 from bowden.hardware.drives.parameters import MOST_PUSH
@@ -108,6 +108,15 @@ class OdriveParameters(NamedTuple):
     answer_timeout: on_can.AnswerTimeout = 0.1
     spool: SpoolMap | None = None
     """Of a suit: motor angles are the joint's, and the spool turns as this says (`models.suit.suit_angle`)."""
+
+    def identifiers(self) -> dict[int, str]:
+        """See `on_can.collision`."""
+        return {**identifiers_of(joint_encoder_of(self)), **own_identifiers(self)}
+
+
+def own_identifiers(drive: OdriveParameters) -> dict[int, str]:
+    """Identifier of each frame of the board and to it → key of [drive] that it follows from."""
+    return dict.fromkeys((identifier_of(drive.node_id, cmd) for cmd in Cmd), "node_id")
 
 
 def most_push(drive: OdriveParameters) -> float:
@@ -235,7 +244,7 @@ def check_parameters(drive: OdriveParameters) -> None:
                 expected=f"at most {INT16 / scale:.4g} {unit}, which is all that a target's field can tell",
                 do="reduce the scale in the board and in [drive], or the limit in [limits]",
             )
-    check_beside(joint_encoder_of(drive), dict.fromkeys((identifier_of(drive.node_id, cmd) for cmd in Cmd), "node_id"))
+    check_beside(joint_encoder_of(drive), own_identifiers(drive))
 
 
 def completed(given: OdriveParameters, needs: DriveNeeds) -> OdriveParameters:

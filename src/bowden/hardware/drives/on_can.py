@@ -7,7 +7,7 @@ method `identifiers`, see `collision`.
 import importlib
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 from bowden.core.errors import ParameterError
 from bowden.core.quantity import Quantity
@@ -67,6 +67,21 @@ _SHARED = frozenset({OF_ALL, "host_id", "reply_id"})
 """Keys whose frames two drives may have in common."""
 
 
+class Device(NamedTuple):
+    """Another device on a bus, for `collision`."""
+
+    interface: str
+    channel: str
+    bitrate: int
+    data_bitrate: int
+    taken: dict[int, str]
+    """Identifier → key with its section."""
+
+    def identifiers(self) -> dict[int, str]:
+        """Of its frames."""
+        return self.taken
+
+
 def collision(one: Any, other: Any) -> str:
     """What keeps two drives from being on one bus, where they are; empty of others.
 
@@ -74,7 +89,7 @@ def collision(one: Any, other: Any) -> str:
     `identifiers` of their parameters says which there are: identifier → key of [drive] that it follows from.
 
     Args:
-        one: parameters of a drive.
+        one: parameters of a drive, or a `Device`.
         other: those of another, of any family.
     """
     if any(getattr(one, key, None) != getattr(other, key, "") for key in ("interface", "channel")):
@@ -87,7 +102,7 @@ def collision(one: Any, other: Any) -> str:
     for identifier in sorted({*ours} & {*theirs}):
         keys = ours[identifier], theirs[identifier]
         if keys[0] != keys[1] or keys[0] not in _SHARED:
-            said = " and ".join(f"drive.{key}" if key else "the network" for key in keys)
+            said = " and ".join((key if "." in key else f"drive.{key}") if key else "the network" for key in keys)
             return f"share the bus {one.channel}, and {said} make the same frames ({identifier:03X}h)"
     return ""
 

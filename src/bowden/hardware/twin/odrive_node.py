@@ -372,8 +372,11 @@ class OdriveNode:
             self._emit_cyclic(cmd, frames.pack_floats(self.bench.temperature, math.nan), now)
         elif cmd == Cmd.GET_VERSION:
             _, minor, revision = self._endpoints.firmware
-            minor, revision = self._set.get("firmware_minor", minor), self._set.get("firmware_revision", revision)
-            firmware, protocol = (0, int(minor), int(revision)), int(self._set.get("protocol", frames.PROTOCOL))
+            minor, revision = (
+                int(self._set.get(key, own))
+                for key, own in (("firmware_minor", minor), ("firmware_revision", revision))
+            )
+            firmware, protocol = (0, minor, revision), int(self._set.get("protocol", frames.PROTOCOL))
             version = BoardVersion(protocol, self._endpoints.hardware, firmware, unreleased=False)
             self._emit(cmd, frames.pack_version(version), now)
         elif cmd == Cmd.GET_ERROR:
