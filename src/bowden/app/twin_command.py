@@ -6,7 +6,7 @@ import shlex
 import signal
 import sys
 import threading
-from collections.abc import Sequence
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -18,7 +18,6 @@ from bowden.app.given_rig import read_given, shortened
 from bowden.core.errors import ParameterError
 
 if TYPE_CHECKING:
-    from bowden.hardware.drives.family import TwinProcess
     from bowden.rig.rig import Rig
 
 _AFTER_PARENT = 5.0
@@ -129,18 +128,23 @@ def _run(rig: "Rig", objects: list[str], words: str, json: bool, until_orphaned:
         return monotonic.now() / SECOND
 
     if rig.pair.there:
-        axes, played = [rig.axis(name) for name in rig.pair.names], twin_pair_of(rig, clock())
+        axes, played = [rig.axis(name) for name in rig.pair.names], [*twin_pair_of(rig, clock())]
     else:
-        axes, played = [rig], (PlayedDrive(rig.drive_parameters, twin_plant_of(rig, clock())),)
+        axes, played = [rig], [PlayedDrive(rig.drive_parameters, twin_plant_of(rig, clock()))]
     twins = [family_of(one.drive).twin(one.drive, one.plant, clock, objects) for one in played]
     for twin, one in zip(twins, axes, strict=True):
         attach_load_cell(twin, one)
     running, drive = twins[0], played[0].drive
     family = family_of(drive)
+
+    def stop() -> None:
+        for one in twins:
+            one.stop()
+
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-        signal.signal(number, lambda *_: [twin.stop() for twin in twins])
+        signal.signal(number, lambda *_: stop())
     if until_orphaned:
-        threading.Thread(target=_watch_parent, args=(os.getppid(), twins), daemon=True).start()
+        threading.Thread(target=_watch_parent, args=(os.getppid(), stop), daemon=True).start()
     realtime = raise_priority()
     where = {**family.address(drive), "control": str(running.path)}
     if json:
@@ -154,21 +158,23 @@ def _run(rig: "Rig", objects: list[str], words: str, json: bool, until_orphaned:
     others = [threading.Thread(target=twin.run) for twin in twins[1:]]
     for thread in others:
         thread.start()
-    running.run()
-    for thread in others:
-        thread.join()
+    try:
+        running.run()
+    finally:
+        stop()
+        for thread in others:
+            thread.join()
     if until_orphaned:
         sweep()  # the folder of this bus, where nobody else has lived to remove it
 
 
-def _watch_parent(parent: int, twins: "Sequence[TwinProcess]") -> None:
+def _watch_parent(parent: int, stop: Callable[[], None]) -> None:
     """End the twin some time after the process that started it: a loop that is left may still release its cable."""
     forever = threading.Event()
     while os.getppid() == parent:
         forever.wait(0.5)
     forever.wait(_AFTER_PARENT)
-    for twin in twins:
-        twin.stop()
+    stop()
 
 
 COMMANDS = (
