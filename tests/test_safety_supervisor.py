@@ -33,7 +33,7 @@ NAN = math.nan
 
 def seen(*, request: float = 0.0, observed: Observed = OBSERVED, **changes: float) -> Observed:
     """What is observed in a rig in order, with changes by the names of its fields."""
-    if "motor" in changes:  # the cable pulls more, the further the motor is
+    if math.isfinite(changes.get("motor", NAN)):  # the cable pulls more, the further the motor is
         changes = {"tension": observed.reading.tension + changes["motor"] - observed.reading.motor, **changes}
     reading = observed.reading._replace(**{k: float(v) for k, v in changes.items() if k in DriveReading._fields})
     rest = {k: v for k, v in changes.items() if k not in DriveReading._fields}

@@ -6,7 +6,7 @@ import shlex
 import signal
 import sys
 import threading
-from collections.abc import Sequence
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -18,7 +18,6 @@ from bowden.app.given_rig import read_given, shortened
 from bowden.core.errors import ParameterError
 
 if TYPE_CHECKING:
-    from bowden.hardware.drives.family import TwinProcess
     from bowden.rig.rig import Rig
 
 _AFTER_PARENT = 5.0
@@ -68,10 +67,8 @@ def twin(
     if talks:
         _talk(given, inject, after, lasting, clear, json)
     else:
-        named = (("--axis", axis), ("--channel", channel))
-        words = [str(rig), *(word for name, one in named if one for word in (name, one))]
-        also = ["--interface", interface] if interface else []
-        _run(given, object_ or [], (words, [*words, *also]), json, until_orphaned)
+        words = shlex.join([str(rig), *(["--channel", channel] if channel else [])])
+        _run(given, object_ or [], words, json, until_orphaned)
 
 
 def _talk(rig: "Rig", inject: str | None, after: float, lasting: float | None, clear: bool, json: bool) -> None:
@@ -118,8 +115,7 @@ def _given(rig: Path, axis: str | None) -> "Rig":
     return Rig.unpack(sys.stdin.buffer.read()) if rig == Path("-") else read_given(rig, axis, several=True)
 
 
-def _run(rig: "Rig", objects: list[str], words: tuple[list[str], list[str]], json: bool, until_orphaned: bool) -> None:
-    """Be the twin; `words` are those with which ``bowden run`` and ``bowden twin`` find it."""
+def _run(rig: "Rig", objects: list[str], words: str, json: bool, until_orphaned: bool) -> None:
     from bowden.core.clock import SECOND, MonotonicClock
     from bowden.hardware.drives.family import family_of
     from bowden.hardware.twin.twin import raise_priority
@@ -131,54 +127,54 @@ def _run(rig: "Rig", objects: list[str], words: tuple[list[str], list[str]], jso
     def clock() -> float:
         return monotonic.now() / SECOND
 
-    played: tuple[PlayedDrive, ...]
     if rig.pair.there:
-        axes, played = [rig.axis(name) for name in rig.pair.names], twin_pair_of(rig, clock())
+        axes, played = [rig.axis(name) for name in rig.pair.names], [*twin_pair_of(rig, clock())]
     else:
-        axes, played = [rig], (PlayedDrive(rig.drive_parameters, twin_plant_of(rig, clock())),)
+        axes, played = [rig], [PlayedDrive(rig.drive_parameters, twin_plant_of(rig, clock()))]
     twins = [family_of(one.drive).twin(one.drive, one.plant, clock, objects) for one in played]
     for twin, one in zip(twins, axes, strict=True):
         attach_load_cell(twin, one)
     running, drive = twins[0], played[0].drive
     family = family_of(drive)
 
-    def stop(*_: object) -> None:
-        for twin in twins:
-            twin.stop()
+    def stop() -> None:
+        for one in twins:
+            one.stop()
 
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-        signal.signal(number, stop)
+        signal.signal(number, lambda *_: stop())
     if until_orphaned:
-        threading.Thread(target=_watch_parent, args=(os.getppid(), twins), daemon=True).start()
+        threading.Thread(target=_watch_parent, args=(os.getppid(), stop), daemon=True).start()
     realtime = raise_priority()
     where = {**family.address(drive), "control": str(running.path)}
     if json:
         print_json(where | {"rig": rig.hash, "realtime": realtime, "seconds": seconds()})
     else:
         print(f"twin: {', '.join(f'{key} {value}' for key, value in where.items())}")
-        of_run, of_twin = map(shlex.join, words)
-        print(f"It runs until Ctrl-C. In another terminal: bowden run {of_run}, or bowden twin {of_twin} --status")
+        print(f"It runs until Ctrl-C. In another terminal: bowden run {words}, or bowden twin {words} --status")
         if not realtime:
             print("bowden: note: no real-time priority; allow it with: ulimit -r 50", file=sys.stderr)
     sys.stdout.flush()
     others = [threading.Thread(target=twin.run) for twin in twins[1:]]
     for thread in others:
         thread.start()
-    running.run()
-    for thread in others:
-        thread.join()
+    try:
+        running.run()
+    finally:
+        stop()
+        for thread in others:
+            thread.join()
     if until_orphaned:
         sweep()  # the folder of this bus, where nobody else has lived to remove it
 
 
-def _watch_parent(parent: int, twins: "Sequence[TwinProcess]") -> None:
+def _watch_parent(parent: int, stop: Callable[[], None]) -> None:
     """End the twin some time after the process that started it: a loop that is left may still release its cable."""
     forever = threading.Event()
     while os.getppid() == parent:
         forever.wait(0.5)
     forever.wait(_AFTER_PARENT)
-    for twin in twins:
-        twin.stop()
+    stop()
 
 
 COMMANDS = (

@@ -62,8 +62,6 @@ class DriveWithLoadCell:
                 cell.take(identifier, data, now)
         if self._port is not None and not self._shared:  # a shared bus' are the drive's
             errors = float(self._port.errors)
-        else:
-            foreign = 0.0
         load = cell.value(now)
         tension, torque = (load, reading.joint_torque) if cell.given.measures == "tension" else (reading.tension, load)
         return reading._replace(
