@@ -213,7 +213,8 @@ class OdriveDrive:
         self._fell = fell(self._before, self._state, asked=self._asked, already=self._fell, power=power)
         turns = found.motor.counts(target) if math.isfinite(target) else math.nan
         fine = abs(turns) <= frames.MOST_TURNS and math.isfinite(self._turns) and math.isfinite(self._readings.motor)
-        on = power is Power.ON and fine and not self._fell and self._state is not DriveState.FAULT and not self._lost
+        ready = self._state in (DriveState.SWITCH_ON_DISABLED, DriveState.OPERATION_ENABLED)
+        on = power is Power.ON and fine and ready and not self._fell and not self._lost
         if on and not self._expired:
             self._untouched = False
             self._lead(found, target, turns, torque, now)

@@ -205,7 +205,10 @@ def pack_floats(first: float, second: float) -> bytes:
 
 def unpack_floats(data: bytes) -> tuple[float, float] | None:
     """See `pack_floats`."""
-    return struct.unpack("<ff", data) if len(data) == 8 else None
+    if len(data) != 8:
+        return None
+    first, second = struct.unpack("<ff", data)
+    return first, second
 
 
 def pack_version(version: BoardVersion) -> bytes:

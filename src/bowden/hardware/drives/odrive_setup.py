@@ -204,7 +204,7 @@ def set_up(port: BusPort, drive: OdriveParameters, endpoints: Endpoints) -> Odri
             than the rig's, settings that a run cannot have, or limits narrower than the rig's.
     """
     board = OdriveDialogue(port, drive, endpoints)
-    board.wait(LISTENING, lambda cmd, data: None)
+    board.beats(LISTENING, lambda _: False)
     board.check_alone()
     if board.beat is None:
         raise DriveError(

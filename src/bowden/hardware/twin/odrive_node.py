@@ -371,11 +371,8 @@ class OdriveNode:
         elif cmd == Cmd.GET_TEMPERATURE:
             self._emit_cyclic(cmd, frames.pack_floats(self.bench.temperature, math.nan), now)
         elif cmd == Cmd.GET_VERSION:
-            _, minor, revision = self._endpoints.firmware
-            minor, revision = (
-                int(self._set.get(key, own))
-                for key, own in (("firmware_minor", minor), ("firmware_revision", revision))
-            )
+            released = dict(zip(("firmware_minor", "firmware_revision"), self._endpoints.firmware[1:], strict=True))
+            minor, revision = (int(self._set.get(name, given)) for name, given in released.items())
             firmware, protocol = (0, minor, revision), int(self._set.get("protocol", frames.PROTOCOL))
             version = BoardVersion(protocol, self._endpoints.hardware, firmware, unreleased=False)
             self._emit(cmd, frames.pack_version(version), now)
