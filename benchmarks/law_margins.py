@@ -1,6 +1,7 @@
 """How far our law's frozen loop is from instability: ``python benchmarks/law_margins.py``.
 
-See docs/background/our_law.md.
+On 81 rigs of a grid; with ``--check``, on the 500 rigs that `bowden check` is judged on (`check_study.py`), on whose
+cables' slopes nobody has told the law anything. See docs/background/our_law.md.
 
 The law follows (no jump, no hold, κ whole), its innovation is far above the noise and its correction below its largest
 speed, so that it is linear. Its matrices are read off the law's own kernels, one column a state, so that no equation
@@ -17,17 +18,24 @@ Two loops are looked at:
 import argparse
 import itertools
 import json
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import expm
 
+from bowden.control import LAWS
+from bowden.control.knowledge import configured
 from bowden.control.law_parts import Filtered, through_servo
 from bowden.control.our_law.gains import BowdenGains
 from bowden.control.our_law.law import UNKNOWN_LAG
 from bowden.control.our_law.observer import Observer, arrives, corrected, pace_of
 from bowden.control.stability import Array, StateSpace, frequencies, margins, response
+from bowden.plants.knowledge_of import knowledge_of
+from bowden.rig.presets.bench import default_bench
+from check_study import COUNT, SEED
+from study import random_rigs
 
 FREQUENCIES, DAMPINGS = (15.0, 53.6, 120.0), (0.4, 1.0, 1.2)
 """Of the servos [rad/s, –]."""
@@ -40,12 +48,15 @@ ROUNDING = 1e-7
 
 
 class Told(NamedTuple):
-    """A rig as the law believes it."""
+    """A rig as the law believes it, and its true slope."""
 
     frequency: float
     damping: float
     dt: float
     delay: int
+    noise: float = NOISE
+    slope: float = 1.0
+    """True one, over the one that the law is given [–]."""
 
 
 class Change(NamedTuple):
@@ -80,6 +91,7 @@ CHANGES = {
     "servo, cycle at once, slope × 1.7": tuple(
         Change(slope=1.7, servo=servo, cycles=cycles) for servo in (0.75, 1.25) for cycles in (-1, 1)
     ),
+    "servo, cycle at once": tuple(Change(servo=servo, cycles=cycles) for servo in (0.75, 1.25) for cycles in (-1, 1)),
     "joint lags by 5 ms, untold": (Change(lag=0.005),),
     "by 10 ms, untold": (Change(lag=0.01),),
     "by 20 ms, untold": (Change(lag=0.02),),
@@ -97,13 +109,43 @@ CHANGES = {
 }
 """What is looked at: a row of the table each; the worst of a row's changes counts."""
 
+OF_CHECK = (
+    *("as told", "slope × 1.3", "servo −25 % or +25 %", "a cycle less or more", "servo, cycle at once"),
+    *("joint lags by 5 ms, untold", "by 20 ms, untold", "by 50 ms, untold", "at 3 Hz, learned as 2.6 Hz"),
+)
+"""What is looked at on the rigs of the check, whose slopes differ already."""
+
+
+def grid() -> list[Told]:
+    """All servos, clocks and delays with one another."""
+    return list(itertools.starmap(Told, itertools.product(FREQUENCIES, DAMPINGS, SAMPLE_TIMES, DELAYS)))
+
+
+def rigs_of_check(count: int) -> list[Told]:
+    """The rigs of the study of `bowden check`, as our law would be told of them."""
+    told = []
+    for rig, _ in random_rigs(default_bench(), count, SEED):
+        gains = configured(LAWS["bowden"], knowledge_of(rig)).gains
+        servo = rig.servo
+        told.append(
+            Told(
+                servo.natural_frequency,
+                servo.damping,
+                rig.sample_time,
+                rig.delay,
+                gains.noise,
+                rig.cable.slope / gains.slope,
+            )
+        )
+    return told
+
 
 def law_model(told: Told, lag: float, learned: float, share: float = 1.0) -> StateSpace:
     """The frozen law from joint to minus command, for a lag [s], a load's frequency [Hz] and a share of κ.
 
     The motor misses nothing: the motions are small.
     """
-    gains = BowdenGains(told.frequency, told.damping, (told.delay + 0.5) * told.dt, noise=NOISE, lag=lag)
+    gains = BowdenGains(told.frequency, told.damping, (told.delay + 0.5) * told.dt, noise=told.noise, lag=lag)
     pace = pace_of(gains, 1.0, told.dt)
     kappa, unbounded = share * pace.kappa, pace._replace(stopping=1e9)
     time = 1.0 / (2.0 * np.pi * learned) if learned else 0.0
@@ -127,7 +169,7 @@ def plant_model(told: Told, change: Change) -> StateSpace:
     """From the command to the joint: delay, servo, and a load that lags or swings, held over each cycle."""
     omega = told.frequency * change.servo
     a, b = np.array([[0.0, 1.0], [-omega * omega, -2.0 * told.damping * omega]]), np.array([[0.0], [omega * omega]])
-    c = np.array([[change.slope, 0.0]])
+    c = np.array([[told.slope * change.slope, 0.0]])
     if change.lag > 0.0:
         a = np.block([[a, np.zeros((2, 1))], [c / change.lag, np.array([[-1.0 / change.lag]])]])
         b, c = np.vstack([b, [[0.0]]]), np.array([[0.0, 0.0, 1.0]])
@@ -136,7 +178,7 @@ def plant_model(told: Told, change: Change) -> StateSpace:
         load = np.array([[0.0, 1.0], [-own * own, -0.3 * own]])
         a = np.block([[a, np.zeros((2, 2))], [np.vstack([np.zeros((1, 2)), own * own * c]), load]])
         b, c = np.vstack([b, [[0.0], [0.0]]]), np.array([[0.0, 0.0, 1.0, 0.0]])
-    size, delay = len(a), told.delay + change.cycles
+    size, delay = len(a), max(told.delay + change.cycles, 0)
     held = expm(np.block([[a, b], [np.zeros((1, size + 1))]]) * told.dt)
     whole, into = np.zeros((size + delay, size + delay)), np.zeros((size + delay, 1))
     whole[:size, :size] = held[:size, :size]
@@ -189,10 +231,10 @@ class Row:
     median_deg: float | None
 
 
-def row(name: str, changes: tuple[Change, ...]) -> Row:
+def row(name: str, changes: tuple[Change, ...], rigs: Sequence[Told]) -> Row:
     """Every rig under the worst of the changes."""
     stable, bounded, gains, phases, delays = [], [], [], [], []
-    for told in itertools.starmap(Told, itertools.product(FREQUENCIES, DAMPINGS, SAMPLE_TIMES, DELAYS)):
+    for told in rigs:
         found, circles = [], []
         for change in changes:
             plant, law = plant_model(told, change), law_model(told, change.told, change.learned)
@@ -217,9 +259,12 @@ def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--json", action="store_true", help="one JSON document, nothing else")
-    as_json = parser.parse_args().json
-    rows = [row(name, changes) for name, changes in CHANGES.items()]
-    if as_json:
+    parser.add_argument("--check", action="store_true", help="the rigs that `bowden check` is judged on")
+    parser.add_argument("--count", type=int, default=COUNT, help="of them, for a try")
+    asked = parser.parse_args()
+    rigs = rigs_of_check(asked.count) if asked.check else grid()
+    rows = [row(name, changes, rigs) for name, changes in CHANGES.items() if not asked.check or name in OF_CHECK]
+    if asked.json:
         print(json.dumps([asdict(one) for one in rows]))
         return
     print("| the rig beside what was told | stable | circle criterion | least margins: gain, phase, delay | medians |")

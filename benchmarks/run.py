@@ -3,7 +3,7 @@
 Prints tables and writes each to its section of ``benchmarks/RESULTS.md``. Of speed it is the ratios that count: the
 times are this machine's. With the names of parts (functions of this file) only these are run, and only sections that
 were run whole are written anew. `study` and `plants` take minutes and keep what is done in ``out/bench``, so that they
-can be interrupted; with ``--count`` they run on fewer rigs (of another seed) or plants, and write nothing.
+can be interrupted; with ``--count`` they run on fewer rigs (of another seed), plants or seeds, and write nothing.
 """
 
 import argparse
@@ -76,6 +76,13 @@ def plants(count: int | None) -> Found:
     return random_plants.figures(count or random_plants.COUNT)
 
 
+def cases(count: int | None) -> Found:
+    """Our law on the cases that it was asked to meet."""
+    import named_cases
+
+    return named_cases.figures(count or named_cases.SEEDS)
+
+
 def wearers(count: int | None) -> Found:
     """The compensated suit on random wearers."""
     import suit_wearers
@@ -88,6 +95,7 @@ SECTIONS: dict[str, tuple[Callable[[int | None], Found], ...]] = {
     "Campaigns": (batch,),
     "How far `bowden check` can be trusted": (study,),
     "Our law on random plants": (plants,),
+    "Our law on named cases": (cases,),
     "The suit on random wearers": (wearers,),
 }
 
@@ -96,7 +104,7 @@ def main() -> None:
     parts = [part.__name__ for section in SECTIONS.values() for part in section]
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("parts", nargs="*", choices=[[], *parts], help="run only these parts")
-    parser.add_argument("--count", type=int, help="of the runs, rigs or plants of the last three, for a try")
+    parser.add_argument("--count", type=int, help="of the runs, rigs, plants or seeds of the last four, for a try")
     arguments = parser.parse_args()
     begin = time.perf_counter()
     for title, section in SECTIONS.items():

@@ -8,6 +8,7 @@ import numpy as np
 
 from bowden.core.primitives import TANH
 from bowden.export.graph import LIBM, Graph, Operation, evaluate
+from bowden.export.sides import Choice, Course, course
 
 _STRENGTH = (("sel",), ("or",), ("and",), ("eq", "ne"), ("lt", "le"), ("add", "sub"), ("mul", "div"), ("neg", "not"))
 _LEVEL = {kind: level for level, kinds in enumerate(_STRENGTH) for kind in kinds}
@@ -135,34 +136,93 @@ def body(
         where: the text above the first line of a function of Python; empty for none.
     """
     values = evaluate(graph, known)
-    made = FunctionBody([], [])
     folded = _folded(graph, values)
     uses = _uses(graph, folded)
-    written: list[Written] = []
-    last = ""
-    for i, one in enumerate(graph.operations):
-        expression = _expression(one, written, style, leaf)
-        value = values[i]
-        if i in folded and value is not None:
-            name = f"{style.prefix}_{one.kind}_{style.number(float(value))}"
+    writer = _Writer(graph, style, leaf, named, where, values, folded, uses)
+    writer.write(course(graph, uses, {i for i, value in enumerate(values) if value is not None}), "    ")
+    made = writer.made
+    made.texts = [writer.written[i].text for i in graph.results]
+    return made
+
+
+@dataclass
+class _Writer:
+    """Writes operations down; the fields are those of `body`."""
+
+    graph: Graph
+    style: Style
+    leaf: Callable[[str], str]
+    named: Mapping[int, str]
+    where: Callable[[Operation], str]
+    values: Sequence[float | None]
+    folded: Set[int]
+    uses: Sequence[int]
+    written: dict[int, Written] = field(default_factory=dict)
+    """Operation → its result."""
+    made: FunctionBody = field(default_factory=lambda: FunctionBody([], []))
+    last: str = ""
+    """The text that stands above the lines at the end."""
+
+    def write(self, course: Course, indent: str) -> None:
+        """Operations in their order."""
+        for item in course:
+            if isinstance(item, Choice):
+                self._choose(item, indent)
+            else:
+                self._operate(item, indent)
+
+    def _choose(self, choice: Choice, indent: str) -> None:
+        """Choices that ask the same, as one ``if``."""
+        names = [self.named.get(i, f"t{i}") for i in choice.made]
+        taken: list[list[Written]] = []
+        set_here: list[int] = []
+        self._say(choice.made[0], indent)
+        lines, declared = self.made.lines, len(self.made.lines)
+        lines.append(f"{indent}if ({_asked(self.written[choice.condition])}) {{")
+        for k, side in enumerate(choice.sides, start=1):
+            self.write(side, f"{indent}    ")
+            taken.append([self.written[self.graph.operations[i].arguments[k]] for i in choice.made])
+            set_here.append(len(lines))
+            lines += ["" for _ in names]
+            lines.append(f"{indent}}} else {{" if k == 1 else f"{indent}}}")
+        declarations = []
+        for at, (i, name) in enumerate(zip(choice.made, names, strict=True)):
+            both = [results[at] for results in taken]
+            truth = i not in self.named and _are_truths(*both)
+            for start, one in zip(set_here, both, strict=True):
+                text = _WHOLE.get(one.text, one.text) if truth else one.text
+                lines[start + at] = f"{indent}    {name} = {text};"
+            declarations.append(f"{indent}{'int' if truth else self.style.real} {name};")
+            self.written[i] = Written(name, _ATOM, truth)
+        lines[declared:declared] = declarations
+
+    def _operate(self, i: int, indent: str) -> None:
+        one, value, made = self.graph.operations[i], self.values[i], self.made
+        expression = _expression(one, self.written, self.style, self.leaf)
+        if i in self.folded and value is not None:
+            name = f"{self.style.prefix}_{one.kind}_{self.style.number(float(value))}"
             name = "".join(c if c.isalnum() else "_" for c in name)
             made.constants[name] = (
-                f"static const {style.real} {name} = {style.number(float(value))}; /* {expression.text} */"
+                f"static const {self.style.real} {name} = {self.style.number(float(value))}; /* {expression.text} */"
             )
             expression = Written(name, _ATOM)
-        elif i in named or (one.kind != "leaf" and (uses[i] > 1 or (uses[i] and len(expression.text) > _LONGEST))):
-            place = where(one)
-            if place and place != last:
-                made.lines.append(f"    /* {place} */")
-                last = place
-            name, truth = named.get(i, f"t{i}"), expression.truth and i not in named
-            made.lines.append(f"    const {'int' if truth else style.real} {name} = {expression.text};")
+        elif i in self.named or (
+            one.kind != "leaf" and (self.uses[i] > 1 or (self.uses[i] and len(expression.text) > _LONGEST))
+        ):
+            self._say(i, indent)
+            name, truth = self.named.get(i, f"t{i}"), expression.truth and i not in self.named
+            made.lines.append(f"{indent}const {'int' if truth else self.style.real} {name} = {expression.text};")
             expression = Written(name, _ATOM, truth)
-        if i not in folded and (uses[i] or i in named):
+        if i not in self.folded and (self.uses[i] or i in self.named):
             made.kinds.add(one.kind)
-        written.append(expression)
-    made.texts = [written[i].text for i in graph.results]
-    return made
+        self.written[i] = expression
+
+    def _say(self, i: int, indent: str) -> None:
+        """Where the next line comes from."""
+        place = self.where(self.graph.operations[i])
+        if place and place != self.last:
+            self.made.lines.append(f"{indent}/* {place} */")
+            self.last = place
 
 
 def _folded(graph: Graph, values: Sequence[float | None]) -> set[int]:
@@ -183,7 +243,18 @@ def _uses(graph: Graph, folded: set[int]) -> list[int]:
     return uses
 
 
-def _expression(one: Operation, written: Sequence[Written], style: Style, leaf: Callable[[str], str]) -> Written:
+def _asked(condition: Written) -> str:
+    """A condition, as C asks it."""
+    plain = condition.truth and condition.level not in (_LEVEL["sel"], _LEVEL["add"], _LEVEL["mul"])
+    return condition.text if plain else f"{_in(condition, _LEVEL['lt'])} != 0"
+
+
+def _are_truths(*sides: Written) -> bool:
+    """Whether a choice between these is a truth."""
+    return all(side.truth or side.text in _WHOLE for side in sides) and any(side.truth for side in sides)
+
+
+def _expression(one: Operation, written: Mapping[int, Written], style: Style, leaf: Callable[[str], str]) -> Written:
     arguments = [written[i] for i in one.arguments]
     if one.kind == "leaf":
         literal = one.leaf.removeprefix("literal ")
@@ -192,13 +263,11 @@ def _expression(one: Operation, written: Sequence[Written], style: Style, leaf: 
     level = _LEVEL.get(one.kind, _ATOM)
     if one.kind == "sel":
         condition, *sides = arguments
-        plain = condition.truth and condition.level not in (_LEVEL["sel"], _LEVEL["add"], _LEVEL["mul"])
-        asked = condition.text if plain else f"{_in(condition, _LEVEL['lt'])} != 0"
         a, b = (_in(side, _LEVEL["or"]) for side in sides)
-        truth = all(side.truth or side.text in _WHOLE for side in sides) and any(side.truth for side in sides)
+        truth = _are_truths(*sides)
         if truth:
             a, b = _WHOLE.get(a, a), _WHOLE.get(b, b)
-        return Written(f"{asked} ? {a} : {b}", level, truth)
+        return Written(f"{_asked(condition)} ? {a} : {b}", level, truth)
     if one.kind in ("neg", "not"):
         return Written(f"{'!' if one.kind == 'not' else '-'}{_in(arguments[0], _ATOM)}", level, one.kind == "not")
     if one.kind in _JOIN:  # one within the other stands in brackets, as compilers ask for

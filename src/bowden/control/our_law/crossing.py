@@ -3,20 +3,22 @@
 Both angles are measured at the same instant, so that o = motor − joint/a, the contact, is known without any model of
 the servo. While the cable is engaged o stays; after a turn the motor crosses the dead zone, and o moves by its width.
 All is in motor angle; a is the slope as learned, a₀ as given, I and F the observer's correction, asked for and sent.
+The *side* is the sign of the reference's way since its last turn, +1 or −1; 0 before its first motion. Times it, what
+is ahead is positive on either side: `side * smaller(side * a, side * b)` is that of two angles that is further behind.
 
-- **Width** w of each way, the lower end of what it may be: a measurement below it is believed at once, one above it
-  by a share. A jump too short costs a slower crossing; one too far is an error at once that only a crossing back takes
-  away. Where the joint follows late a touch is seen late: what the motor went meanwhile does not count. By what w of
-  one way grows that of the other does, by (1 + ω·lag)² less: a joint that is late and hit too hard swings.
+- **Width** w of each way, a lower bound: a measurement below it is believed at once, one above it by a share. A jump
+  too short costs a slower crossing; one too far is an error at once that only a crossing back takes away. Where the
+  joint follows late a touch is seen late: what the motor went meanwhile does not count. By what w of one way grows that
+  of the other does, by (1 + ω·lag)² less: a joint that is late and hit too hard swings.
 - **Slope** a: over a stretch from a touch to the next turn o stays where a is right. One Kalman step a stretch, with an
-  innovation test. It is used in the plan alone: in the feedback it would be the loop's gain.
-- **Jump**: at a turn of the reference, seen ahead by τ and half a jump, I and F go at once by what is left of w, and
-  J begins at minus that, J''' = −p³·J − 3p²·J' − 3p·J'', so that F + J is smooth. The observer sees nothing of
-  it. A jump goes to a place: what the motor has crossed before is left out.
+  innovation test. It is used in the plan and in o alone: in the feedback it would be the loop's gain.
+- **Jump**: at a turn of the reference, seen ahead by τ and half a jump, I, F and y go at once by what is left of w, and
+  J begins at minus that, J''' = −p³·J − 3p²·J' − 3p·J'', so that F + J is smooth. The observer sees nothing of it:
+  d̂ + I stays. A jump goes to a place: what the motor has crossed before is left out.
 - **Touch**: the joint moves again. What of I is beyond the contact is taken back the same way: the motor stops there.
 - **Hold**: where the joint is ahead by e, and the reference will be there before the motor has gone back through the
-  dead zone, (e/a₀)² < 2·w·(|φ̇|/a₀)·T, T the time of the observer's answer, I goes back no faster than the reference
-  comes.
+  dead zone, (e/a₀)² < 2·w·(|φ̇|/a₀)·T_a, T_a the time of the observer's answer, I goes back no faster than the
+  reference comes.
 
 | mode | becomes | when |
 |---|---|---|
@@ -126,9 +128,9 @@ class Known(NamedTuple):
     delay: float
     """τ [s]."""
     lag: float
-    """Of the joint [s]."""
+    """Of the joint, with that of a load that swings [s]."""
     answer: float
-    """T, time of the observer's answer, 1/κ + 2/q + τ [s]."""
+    """T_a, time of the observer's answer, 1/κ + 2/q + τ [s]."""
     rate: float
     """Of the motor, as expected [rad/s]."""
 
@@ -184,6 +186,8 @@ def crossed(before: Crossing, given: Known, asked_before: float, asked: float, d
     joint, motor, speed, loop = given.joint, given.motor, given.velocity, given.inverse
     first, way_before = before.furthest >= UNSEEN, np.sign(before.mode)
     pace = PACE * given.omega
+
+    # turn: the reference, as it will be, behind the furthest that it was on this side
     ahead = given.delay + MIDDLE / pace
     here = given.position + ahead * (speed + 0.5 * ahead * given.acceleration)
     fresh = before.mode == 0.0
@@ -196,7 +200,7 @@ def crossed(before: Crossing, given: Known, asked_before: float, asked: float, d
     crossing = np.abs(before.mode) > FOLLOW
     known = width_of(before, side)
 
-    # slope, at a turn
+    # slope, at a turn: o now against o at the touch, over the joint's way between
     contact = motor - joint * before.inverse
     way = joint - before.extreme
     far = np.abs(way) > STRETCH
@@ -220,13 +224,13 @@ def crossed(before: Crossing, given: Known, asked_before: float, asked: float, d
     touches = crossing * (1.0 - turns) * moved > 0.0
     follows = turns * (1.0 - fresh) * (1.0 - crossing) + (1.0 - turns) * (1.0 - touches) * crossing < 1.0
     mode = side * sel(follows, FOLLOW, CROSS)
-    gone = side * (contact - before.contact)
+    gone = side * (contact - before.contact)  # of the dead zone since the turn; while engaged about 0
     late = 1.0 + given.omega * given.lag
     more = BELIEVED * larger(gone - given.lag * larger(side * given.rate, 0.0) - known, 0.0)
     own = sel(touches, larger(smaller(sel(gone < known, gone, known + more), WIDEST), 0.0), known)
     others = width_of(before, -side)
     others = sel(touches, smaller(others + larger(own - known, 0.0) / (late * late), WIDEST), others)
-    done = smaller(larger(gone - SLACK * known, 0.0), known)
+    done = smaller(larger(gone - SLACK * known, 0.0), known)  # of the crossing, before it was asked for
     at_turn = sel(crossing, before.contact, contact - side * done)
     place = sel(touches, contact, sel(turns, at_turn, before.contact))
 
@@ -242,7 +246,7 @@ def crossed(before: Crossing, given: Known, asked_before: float, asked: float, d
     highest = larger(asked_before, answer_contact + UNANSWERED)
     asked = larger(smaller(asked, highest), lowest)  # held back and never drawn along: that would be a loop of its own
 
-    # jump, and back at a touch
+    # jump by what is left of w; at a touch back by what of I is beyond the contact
     left = side * larger(known - sel(crossing, 0.0, done), 0.0)
     beyond = side * larger(smaller(side * (asked - contact), WIDEST), 0.0)
     jump = sel(turns, sel(fresh, 0.0, left), 0.0) - sel(touches, beyond, 0.0)
@@ -253,7 +257,7 @@ def crossed(before: Crossing, given: Known, asked_before: float, asked: float, d
     pull = -pace * (pace * (stiff + 3.0 * damp) + 3.0 * before.jump_bend)
     bend = before.jump_bend + pull * (dt / (slower * slower * slower))
     rate = before.jump_rate + dt * bend
-    shift = jump - change * given.position
+    shift = jump - change * given.position  # with another slope the plan takes over a part of the correction
     return Crossed(
         Crossing(
             mode,

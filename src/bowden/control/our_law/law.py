@@ -87,13 +87,17 @@ def start(gains: BowdenGains, sample: Sample) -> BowdenState:
 def step(
     gains: BowdenGains, state: BowdenState, sample: Sample, reference: Reference, dt: float
 ) -> tuple[BowdenState, float]:
-    """One cycle: watch, observe, jump, invert the servo. A sample that is no number changes nothing."""
+    """One cycle: watch, observe, jump, invert the servo. A sample that is no number changes nothing.
+
+    The motor is counted in the direction in which it moves the joint on, so that the slope is positive.
+    """
     before, known, sign, inverse = state.observer, state.crossing, np.sign(gains.slope), 1.0 / np.abs(gains.slope)
     omega, delay = gains.servo_frequency, gains.delay
     seen = (np.abs(sample.joint) <= FURTHEST) * (np.abs(sample.motor) <= FURTHEST) > 0.0
     pace = pace_of(gains, inverse, dt)
     noise = gains.noise * inverse
 
+    # d̂: what of the error the correction that has arrived does not explain
     time = load_time(state.swing)
     lag = gains.lag + sel(time > 0.0, 0.0, UNKNOWN_LAG / omega)
     short = missing(known, sel(seen, missed(state.drive, sign * sample.motor, gains), 0.0))
@@ -104,8 +108,10 @@ def step(
     there = sel(np.abs(reference.position) <= FURTHEST, reference.position, joint)  # no NaN stays in the state
     error = joint - there
     disturbance = sel(seen * (np.abs(way) <= most) > 0.0, error * inverse - arrived.position, -before.asked)
-    slow = sel(known.furthest >= UNSEEN, disturbance, before.slow)
+    slow = sel(known.furthest >= UNSEEN, disturbance, before.slow)  # at the start all of it is slow
     slow = slow + (disturbance - slow) * (dt / (SLOW_PART + dt))
+
+    # I and F, as fast as the watch allows
     swing = watched(state.swing, disturbance - slow, noise, pace.kappa, dt)
 
     kappa = swing.share * pace.kappa
@@ -114,6 +120,8 @@ def step(
     observer, acceleration = corrected(
         before, disturbance, slow, arrived, kappa, pace, least, reference.velocity * inverse, dt
     )
+
+    # the cable
     answer = 1.0 / kappa + 2.0 / pace.quick + delay
     motor = sel(seen, sign * sample.motor, known.contact + joint * known.inverse)
     given = Known(
@@ -133,6 +141,8 @@ def step(
     after = crossed(known, given, before.asked, observer.asked, dt)
     observer = shifted(observer, after.asked, after.shift)
     cable = after.crossing
+
+    # where the motor is to be, and the servo's inverse of it
     position = (
         reference.position + delay * (reference.velocity + 0.5 * delay * reference.acceleration)
     ) * cable.inverse

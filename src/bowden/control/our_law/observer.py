@@ -8,12 +8,12 @@ error e = joint − reference, the delay τ, and F, which is sent to the servo b
     I' = −κ·x·x²/(x² + σ²),  |I'| ≤ v + s·|φ̇|               the correction asked for; φ̇ the reference's speed
     F'' = q²·(I − F) − 2q·F'                                the correction, twice differentiable
 
-The load is T²·ÿ + (lag + 2·0.25·T)·ẏ + y = F(t − τ) + what the motor missed (`drive`): its lag is given, with 0.3/ω for
-what nobody knows of it, the time T of a load that swings is learned (`swing`). In d̂ the law's own correction cancels,
-so that where servo, delay, slope and load are as given nothing is fed back: the loop's gain is the error of what was
-given. Hence κ can be wide, and is bounded by what is not known of servo and delay. v bounds what a wrong model can do:
-an unstable loop swings with a bounded amplitude and does not run away. κ, q and v follow from what is given
-(`pace_of`); σ is the noise of d̂, so that innovations within it hardly count.
+y is the correction at the joint, through a load: T²·ÿ + (lag + 2·0.25·T)·ẏ + y = F(t − τ) + what the motor missed
+(`drive`). Its lag is given, with 0.3/ω for what nobody knows of it; the time T of a load that swings is learned
+(`swing`). In d̂ the law's own correction cancels, so that where servo, delay, slope and load are as given nothing is
+fed back: the loop's gain is the error of what was given. Hence κ can be wide, and is bounded by what is not known of
+servo and delay. v bounds what a wrong model can do: an unstable loop swings with a bounded amplitude and does not run
+away. κ, q and v follow from what is given (`pace_of`); σ is the noise of d̂, so that innovations within it hardly count.
 
 Backward Euler and exact exponentials: stable at every sample time. Portable subset.
 """
