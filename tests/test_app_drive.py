@@ -4,6 +4,7 @@ import contextlib
 import json
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,9 @@ import pytest
 from bowden.app import drive_command, main
 from bowden.core.errors import DriveError
 from bowden.core.signals import EMERGENCY_STOP, DriveReading, DriveState
+from bowden.hardware.drives.family import family_of
 from bowden.hardware.ports import Power
+from bowden.live import drive_look
 from bowden.live.drive_look import DriveLook, looked_at
 from bowden.live.twin_process import RunningTwin, running_twin
 
@@ -153,12 +156,13 @@ def test_what_cannot_be_done_is_one_line(
 
 
 def test_a_family_whose_zero_is_its_makers_is_refused_before_a_bus_is_opened(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = tmp_path / "rig.toml"
-    path.write_text('[drive]\nfamily = "moteus"\n')
+    path.write_text("")
+    monkeypatch.setattr(drive_look, "family_of", lambda given: replace(family_of(given), zeroed=None))
     assert main.run(["drive", "zero", str(path), "--channel", str(tmp_path / "none")]) == 2
-    assert "the family moteus is not found by this command" in capsys.readouterr().err
+    assert "the family cia402 is not found by this command" in capsys.readouterr().err
 
 
 def test_of_several_axes_the_next_command_and_the_lines_are_those_of_the_one(

@@ -9,14 +9,10 @@ from hypothesis import strategies as st
 from bowden.core.errors import DriveError, ParameterError
 from bowden.core.signals import DriveState
 from bowden.hardware.drives import canopen_frames as frames
+from bowden.hardware.drives.canopen_sensor import MOST_SILENCE
 from bowden.hardware.drives.enabling import Silence, fell
 from bowden.hardware.drives.findings import INERT, InertWatch
-from bowden.hardware.drives.joint_encoder import (
-    MOST_SILENCE,
-    JointEncoder,
-    JointEncoderParameters,
-    check_beside,
-)
+from bowden.hardware.drives.joint_encoder import JointEncoder, JointEncoderParameters, check_beside
 from bowden.hardware.drives.limited_range import LimitedRange, nearest
 from bowden.hardware.drives.readings import Readings
 from bowden.hardware.ports import Power
