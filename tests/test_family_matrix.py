@@ -3,12 +3,27 @@
 import math
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
-from bowden.hardware.drives import ak_drive, canopen_setup, moteus_setup, odrive_setup
+from bowden.core.signals import DriveReading
+from bowden.hardware.buses.link import Links
+from bowden.hardware.drives import (
+    ak_drive,
+    ak_probe,
+    canopen_setup,
+    moteus_probe,
+    moteus_setup,
+    odrive_probe,
+    odrive_setup,
+)
+from bowden.hardware.drives.family import family_of
 from bowden.hardware.drives.findings import LagWatch
-from support.family_matrix import DriveRow, cases, complaints, react
+from bowden.hardware.ports import Power
+from bowden.hardware.twin.bench import OFF
+from support.family_matrix import DriveRow, cases, complaints, played, react
+from support.memory_bus import MemoryBus
 
 CASES = list(cases())
 SAMPLE = [(name, row) for name, row in CASES if row.text == "inert"]
@@ -17,7 +32,7 @@ SAMPLE = [(name, row) for name, row in CASES if row.text == "inert"]
 
 @pytest.fixture(autouse=True)
 def quick(monkeypatch: pytest.MonkeyPatch) -> None:
-    for module in (ak_drive, canopen_setup, moteus_setup, odrive_setup):
+    for module in (ak_drive, ak_probe, canopen_setup, moteus_probe, moteus_setup, odrive_probe, odrive_setup):
         monkeypatch.setattr(module, "LISTENING", 0.02)
 
 
@@ -30,6 +45,39 @@ def test_an_inert_motor_of_each_family_is_let_go_of_within_50_ms(tmp_path: Path,
 @pytest.mark.parametrize(("name", "row"), CASES, ids=str)
 def test_each_fault_of_a_drive_of_each_family_ends_the_run_in_time(tmp_path: Path, name: str, row: DriveRow) -> None:
     assert list(complaints(row, react(tmp_path, name, row))) == []
+
+
+def read(parameters: Any, bus: MemoryBus) -> DriveReading:
+    """What a drive says without power after its bring-up; it is let go of."""
+    drive = family_of(parameters).open(parameters, Links(bus))
+    drive.bring_up()
+    for _ in range(20):
+        reading = drive.read(bus.time)
+        drive.write(0.0, Power.OFF, bus.time)
+        bus.advance(1e-3)
+    drive.close()
+    bus.drain()  # which on another bus went with its host
+    return reading
+
+
+@pytest.mark.parametrize("name", ["ak_mit", "moteus", "odrive"])
+@pytest.mark.parametrize("home", ["counts", "hint"])
+def test_drives_of_each_family_are_found_and_zeroed_without_power(name: str, home: str) -> None:
+    rig, bus, node = played(name)
+    parameters = rig.drive_parameters._replace(answer_timeout=0.1)
+    if home == "hint" and "motor_hint" in parameters._fields:
+        parameters = parameters._replace(home="hint", motor_hint=0.1)
+    family = family_of(parameters)
+    assert family.probe is not None
+    assert family.zeroed is not None
+    (device,) = family.probe(parameters, Links(bus))
+    assert (device.node, device.state) == (1, "SWITCH_ON_DISABLED")
+    wanted = family.zeroed(parameters, read(parameters, bus), 0.7, 0.3)
+    again = read(wanted, bus)
+    assert (again.motor, again.joint) == pytest.approx((0.7, 0.3), abs=5e-3)
+    assert family.zero_hint
+    assert node.bench.doing == OFF
+    assert not any(event == "torque_on" for _, event, _ in bus.journal)
 
 
 REFERENCES: dict[str, Callable[[float], float]] = {

@@ -97,15 +97,20 @@ def cases() -> Iterator[tuple[str, DriveRow]]:
                 yield name, row
 
 
+def played(name: str) -> tuple[Rig, MemoryBus, Any]:
+    """A rig with a family, a bus in memory with its twin on it, and that."""
+    make, node_of = FAMILIES[name]
+    rig, bus = make(), MemoryBus()
+    plant = TwinBench(rig.bench, rig.bend_path, 20.0, rig.seed, rig.start_motor, bus.time)
+    node = node_of(rig.drive_parameters, plant, bus.put, bus.note)
+    bus.attach(node)
+    return rig, bus, node
+
+
 def react(folder: Path, name: str, row: DriveRow, onset: float = 0.35) -> Found:
     """Let a fault begin so long after the law has, and see what comes of it."""
-    make, node_of = FAMILIES[name]
-    rig = make()
-    bus = MemoryBus()
-    plant = TwinBench(rig.bench, rig.bend_path, 20.0, rig.seed, rig.start_motor, bus.time)
-    parameters = rig.drive_parameters
-    node = node_of(parameters, plant, bus.put, bus.note)
-    bus.attach(node)
+    rig, bus, node = played(name)
+    parameters, plant = rig.drive_parameters, node.bench
     drive = family_of(parameters).open(parameters, Links(bus))
     drive.bring_up()
     table = PeriodicMinimumJerk(0.0, 60.0 * RADIANS, PERIOD).sample(np.arange(4000) * 1e-3)
