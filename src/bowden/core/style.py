@@ -146,7 +146,7 @@ def legend_of_all(axes: Sequence[Axes]) -> None:
     lines, names = axes[0].get_legend_handles_labels()
     if not names:
         return
-    figure = axes[0].get_figure(root=True)
+    figure = axes[0].figure
     figure.legend(
         lines,
         names,
