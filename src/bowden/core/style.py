@@ -142,17 +142,16 @@ def legend(axes: Axes, columns: int = 4) -> None:
 
 
 def legend_of_all(axes: Sequence[Axes]) -> None:
-    """One legend above all axes of a figure, of what the first of them shows."""
-    lines, names = axes[0].get_legend_handles_labels()
-    if not names:
+    """One legend above all axes of a figure, each name of theirs once."""
+    lines = {name: line for one in axes for line, name in zip(*one.get_legend_handles_labels(), strict=True)}
+    if not lines:
         return
-    figure = axes[0].get_figure(root=True)
-    assert figure is not None
+    figure = axes[0].figure
     figure.legend(
-        lines,
-        names,
+        list(lines.values()),
+        list(lines),
         loc="outside upper right",
-        ncols=min(4, legend_columns(names, figure.bbox.width / figure.dpi)),
+        ncols=min(4, legend_columns(list(lines), figure.bbox.width / figure.dpi)),
         handlelength=1.6,
         fontsize=9.0,
         frameon=False,
