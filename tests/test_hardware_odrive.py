@@ -303,6 +303,7 @@ def test_a_hint_tells_in_which_turn_the_rotor_is_and_here_is_where_it_is_found()
         ({"velocity_scale": 10_000}, "all that a target's field can tell"),
         ({"joint": "cia406", "node_id": 0}, "CANopen's for the joint's encoder"),
         ({"joint": "cia406", "node_id": 13}, "CANopen's for the joint's encoder"),
+        ({"joint": "cia406", "node_id": 48}, "ask CANopen devices who they are"),
     ],
 )
 def test_what_makes_no_sense_is_refused(changed: dict[str, Any], said: str) -> None:

@@ -20,6 +20,8 @@ LOOK = 1e-3
 8000 times a second (ODrive 0.5's public firmware, `Axis::watchdog_check`) [s]."""
 LONGEST_WATCHDOG = 39e-3
 """So that the torque is off 40 ms after our last word [s]."""
+ASKED_BY_CANOPEN = range(48, 52)
+"""Numbers whose frames are 600h to 67Fh, by which CANopen looks for its devices: one of them is an emergency stop."""
 HIGHEST_NODE = 62
 """Number 63 is the broadcast."""
 
@@ -244,7 +246,14 @@ def check_parameters(drive: OdriveParameters) -> None:
                 expected=f"at most {INT16 / scale:.4g} {unit}, which is all that a target's field can tell",
                 do="reduce the scale in the board and in [drive], or the limit in [limits]",
             )
-    check_beside(joint_encoder_of(drive), own_identifiers(drive))
+    encoder = joint_encoder_of(drive)
+    if encoder is not None and drive.node_id in ASKED_BY_CANOPEN:
+        raise ParameterError(
+            f"drive.node_id is {drive.node_id}, whose frames are those that ask CANopen devices who they are",
+            expected="a number below 48 or above 51, since the joint's encoder is a CANopen device",
+            do="change axis0.config.can.node_id in the board, and drive.node_id",
+        )
+    check_beside(encoder, own_identifiers(drive))
 
 
 def completed(given: OdriveParameters, needs: DriveNeeds) -> OdriveParameters:
