@@ -114,7 +114,7 @@ def test_the_compensated_suit_on_a_few_random_wearers(number: int) -> None:
     assert found.rmse_deg < 1.5
 
 
-@pytest.mark.xfail(strict=True, reason="0.43 s instead of 0.3 s until the elbow has moved by half a degree")
+@pytest.mark.xfail(strict=True, reason="0.46 s instead of 0.3 s until the elbow has moved by half a degree")
 def test_the_elbow_sets_out_with_the_reference_after_a_rest() -> None:
     """Flexions of 2 s with rests: the dead zone is crossed as the reference sets out, and the elbow rests where it
     should."""
