@@ -19,6 +19,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+import results
 from bowden.hardware.buses.link import Links
 from bowden.hardware.buses.unix_bus import REMOTE, UnixBus
 from bowden.hardware.drives.family import family_of
@@ -31,6 +32,8 @@ from bowden.rig.rig import Rig
 
 BARE = 3.0
 """Length of each measurement of the bare loop [s]."""
+SECONDS = 60.0
+"""Length of a run whose figures are kept [s]."""
 TRIPS = 2000
 """Cycles of the round trip."""
 RIG = """[scenario]
@@ -97,7 +100,7 @@ def one(name: str, seconds: float) -> dict[str, Any]:
     bare, late = figures(np.concatenate([before, after])), figures(log["lateness"])
     return {
         "family": name,
-        "ended_well": found["ended_well"],
+        "ended": "yes" if found["ended_well"] else f"no: {json.dumps(found['faults'])[:200]}",
         "cycles": found["cycles"],
         "overruns": found["overruns"],
         "p50": (late.p50_us, bare.p50_us),
@@ -145,21 +148,35 @@ def round_trips(name: str, path: Path, channel: Path) -> list[float]:
     return found
 
 
+HEAD = (
+    "| family | ended as asked | cycles | overruns | lateness p50 (bare) | p99 (bare) | run time p50, p99 "
+    "| round trip p50, p99 | cycles that replay otherwise |"
+)
+
+
 def main() -> None:
-    """Print a table."""
-    seconds = float(sys.argv[1]) if sys.argv[1:] else 60.0
-    print(
-        "| family | ended as asked | cycles | overruns | lateness p50 (bare) | p99 (bare) | run time p50, p99 "
-        "| round trip p50, p99 | cycles that replay otherwise |"
-    )
-    print("|---|---|---|---|---|---|---|---|---|")
+    """Print a table; of whole runs it becomes a section of the page of results."""
+    seconds = float(sys.argv[1]) if sys.argv[1:] else SECONDS
+    lines = [HEAD, "|---|---|---|---|---|---|---|---|---|"]
+    print(*lines, sep="\n")
     for name in FAMILIES:
         run = one(name, seconds)
         late = [f"{own:.0f} ({bare:.0f}) µs, {own / bare:.2f}" for own, bare in (run["p50"], run["p99"])]
         took, trip = (f"{a:.0f}, {b:.0f} µs" for a, b in (run["run_time"], run["trips"]))
-        well = "yes" if run["ended_well"] else "no"
-        cells = (name, well, run["cycles"], run["overruns"], *late, took, trip, f"{run['other']} of {run['compared']}")
-        print(f"| {' | '.join(map(str, cells))} |", flush=True)
+        cells = (
+            name,
+            run["ended"],
+            run["cycles"],
+            run["overruns"],
+            *late,
+            took,
+            trip,
+            f"{run['other']} of {run['compared']}",
+        )
+        lines.append(f"| {' | '.join(map(str, cells))} |")
+        print(lines[-1], flush=True)
+    if seconds >= SECONDS:
+        results.write("Families of drives", "\n".join(lines))
 
 
 if __name__ == "__main__":

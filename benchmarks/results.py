@@ -13,7 +13,15 @@ ORDER = [
     *("Speed", "What a user waits for", "Campaigns", "A cycle of each law", "How far `bowden check` can be trusted"),
     *("Identification against others", "The forecast of an identification"),
     *("Our law on random plants", "The suit on random wearers"),
-    *("The live loop", "A long run", "Loss of a process", "Loss of the recorder", "Faults", "Hours without a fault"),
+    *(
+        "The live loop",
+        "Families of drives",
+        "A long run",
+        "Loss of a process",
+        "Loss of the recorder",
+        "Faults",
+        "Hours without a fault",
+    ),
     *("EMG streams", "Hostile streams of EMG", "Inputs that nobody would write"),
     *("Loss of the console's page", "Curves of the console", "A console for a long time", "Every command of the pages"),
 ]
