@@ -1,6 +1,6 @@
 """Each family of drives against its twin, in one run: lateness, run time, replay, and the round trip over the bus.
 
-    python benchmarks/drive_families.py [SECONDS]
+    python benchmarks/drive_families.py [SECONDS [FAMILY …]]
 
 For each family `bowden run --twin --auto`, with a loop that only sleeps measured before and after it, and its log
 replayed. Then cycles at 1 kHz without power against a twin, while this process looks at the bus: the round trip is from
@@ -167,7 +167,7 @@ def main() -> None:
     seconds = float(sys.argv[1]) if sys.argv[1:] else SECONDS
     lines = [HEAD, "|---|---|---|---|---|---|---|---|---|"]
     print(*lines, sep="\n")
-    for name in FAMILIES:
+    for name in sys.argv[2:] or FAMILIES:
         run = one(name, seconds)
         late = [f"{own:.0f} ({bare:.0f}) µs, {own / bare:.2f}" for own, bare in (run["p50"], run["p99"])]
         took, trip = (f"{a:.0f}, {b:.0f} µs" for a, b in (run["run_time"], run["trips"]))
@@ -183,7 +183,7 @@ def main() -> None:
         )
         lines.append(f"| {' | '.join(map(str, cells))} |")
         print(lines[-1], flush=True)
-    if seconds >= SECONDS:
+    if seconds >= SECONDS and not sys.argv[2:]:
         results.write("Families of drives", "\n".join(lines))
 
 
