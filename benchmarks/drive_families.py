@@ -3,8 +3,8 @@
     python benchmarks/drive_families.py [SECONDS [FAMILY …]]
 
 For each family `bowden run --twin --auto`, with a loop that only sleeps measured before and after it, and its log
-replayed. Then cycles at 1 kHz without power against a twin: the round trip is from the end of `Drive.write` until the
-first frame is there to be read.
+replayed. Then cycles at 1 kHz without power against a twin: the round trip is from the beginning of `Drive.write` until
+the first frame is there to be read.
 """
 
 import json
@@ -103,10 +103,10 @@ def round_trips(name: str, path: Path, channel: Path) -> list[float]:
         for k in range(TRIPS):
             now = time.monotonic()
             drive.read(now)
+            writes = time.monotonic()
             drive.write(0.0, Power.OFF, now)
-            wrote = time.monotonic()
             bus.poll(LONGEST)
-            found.append(time.monotonic() - wrote)
+            found.append(time.monotonic() - writes)
             time.sleep(max(0.0, begun + 1e-3 * (k + 1) - time.monotonic()))
         drive.close()
         bus.shutdown()
