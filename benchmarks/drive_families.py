@@ -28,6 +28,7 @@ from bowden.live.mcap_read import read
 from bowden.live.twin_process import running_twin
 from bowden.rig.rig import Rig
 
+TITLE = "Families of drives"
 BARE = 3.0
 """Length of each measurement of the bare loop [s]."""
 SECONDS = 60.0
@@ -141,7 +142,7 @@ def main() -> None:
         lines.append(f"| {' | '.join(map(str, cells))} |")
         print(lines[-1], flush=True)
     if seconds >= SECONDS and not sys.argv[2:]:
-        results.write("Families of drives", "\n".join(lines))
+        results.write(TITLE, "\n".join(lines))
 
 
 if __name__ == "__main__":
