@@ -21,7 +21,15 @@ ORDER = [
     *("Identification against others", "The forecast of an identification"),
     *("Time of an identification", "Twelve recorded cables, from log to running law"),
     *("Our law on random plants", "Our law on named cases", "The suit on random wearers"),
-    *("The live loop", "A long run", "Loss of a process", "Loss of the recorder", "Faults", "Hours without a fault"),
+    *(
+        "The live loop",
+        "Families of drives",
+        "A long run",
+        "Loss of a process",
+        "Loss of the recorder",
+        "Faults",
+        "Hours without a fault",
+    ),
     *("EMG streams", "Hostile streams of EMG", "Inputs that nobody would write"),
     *("Loss of the console's page", "Curves of the console", "A console for a long time", "Every command of the pages"),
 ]

@@ -80,6 +80,15 @@ def test_drives_of_each_family_are_found_and_zeroed_without_power(name: str, hom
     assert not any(event == "torque_on" for _, event, _ in bus.journal)
 
 
+def test_a_loop_that_stood_still_has_not_seen_a_motor_stand_still() -> None:
+    watch, seen = LagWatch(20.0), []
+    for now in (0.0, 0.001, 0.002, 0.05, 0.051):  # between the third and the fourth it was away
+        seen.append(watch.inert(0.0, 0.01, 0.0, now, led=True, fresh=True))
+    seen += [watch.inert(0.0, 0.01, 0.0, 0.052 + 1e-3 * k, led=True, fresh=False) for k in range(100)]
+    assert not any(seen)
+    assert any(watch.inert(0.0, 0.01, 0.0, 0.2 + 1e-3 * k, led=True, fresh=True) for k in range(25))
+
+
 REFERENCES: dict[str, Callable[[float], float]] = {
     "chirp": lambda t: 0.6 * math.sin(2.0 * math.pi * (0.2 + 0.5 * t) * t),
     "triangle": lambda t: 0.7 * abs(1.5 * t % 2.0 - 1.0),
@@ -99,4 +108,4 @@ def test_a_motor_that_is_well_is_not_inert_because_it_draws_no_current(name: str
             velocity += 1e-4 * (omega**2 * (target - position) - 1.4 * omega * velocity)
             position += 1e-4 * velocity
         noise = 1e-4 * math.sin(1234.5 * k)
-        assert not watch.inert(position + noise, target, 0.0, 1e-3 * k, led=True)
+        assert not watch.inert(position + noise, target, 0.0, 1e-3 * k, led=True, fresh=True)

@@ -151,7 +151,7 @@ class CanopenDrive:
         self._inputs_age += 1
         self._before, self._state = self._state, self._statusword_state if self._operational else DriveState(0)
         led = self._state is DriveState.OPERATION_ENABLED and self._led >= SETTLED
-        if self._lag.inert(motor, self._target, current, now, led=led):
+        if self._lag.inert(motor, self._target, current, now, led=led, fresh=motor_age == 0.0):
             emergency = emergency or float(INERT)
         if math.isnan(self._heartbeat_at):
             self._heartbeat_at = now  # of the first cycle: from here on it can be late

@@ -16,6 +16,10 @@ FINDINGS: Mapping[int, str] = {
 """Code → what it means and what to do."""
 
 
+LONGEST_GAP = 15e-3
+"""Between two looks at a motor that are of one course: after a loop that stood still it begins anew [s]."""
+
+
 class InertWatch:
     """Sees a motor that gives no torque although the drive answers and reports no fault.
 
@@ -33,7 +37,7 @@ class InertWatch:
 
     def begin(self) -> None:
         """Nothing has been seen."""
-        self._since = self._at = math.nan
+        self._since = self._at = self._looked = math.nan
 
     def inert(self, position: float, now: float, *, in_vain: bool) -> bool:
         """Whether it is, at `now` [s].
@@ -43,7 +47,9 @@ class InertWatch:
             now: [s]
             in_vain: whether it is asked for a torque, and gives none.
         """
-        if not in_vain or not abs(position - self._at) <= self._still:
+        gone = now - self._looked > LONGEST_GAP  # nobody knows what was between
+        self._looked = now
+        if gone or not in_vain or not abs(position - self._at) <= self._still:
             self._since, self._at = (now, position) if in_vain else (math.nan, math.nan)
         return now - self._since >= self._lasting
 
@@ -70,7 +76,7 @@ class LagWatch:
         self._watch.begin()
         self._past.clear()
 
-    def inert(self, motor: float, target: float, current: float, now: float, *, led: bool) -> bool:
+    def inert(self, motor: float, target: float, current: float, now: float, *, led: bool, fresh: bool) -> bool:
         """Whether the motor is inert.
 
         Args:
@@ -79,12 +85,16 @@ class LagWatch:
             current: [A]
             now: [s]
             led: whether the drive says that it follows its target.
+            fresh: whether the angle came in this cycle; an old one says nothing of a motor that stands still.
         """
+        if led and not fresh:
+            return False
         lag = target - motor
         in_vain = led and abs(lag) >= LAG and abs(current) <= self._light
         still = self._watch.inert(motor, now, in_vain=in_vain)
-        if not in_vain:
+        if not in_vain or (self._past and now - self._past[-1][0] > LONGEST_GAP):
             self._past.clear()
+        if not in_vain:
             return still
         self._past.append((now, motor, lag))
         while len(self._past) > 2 and now - self._past[1][0] >= LASTING:

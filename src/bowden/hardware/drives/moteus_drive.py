@@ -110,7 +110,9 @@ class MoteusDrive:
         if self._asked and self._before is DriveState.OPERATION_ENABLED is not state and state is not DriveState.FAULT:
             readings.found(TIMED_OUT if self._timed_out else LEFT)
         led = state is DriveState.OPERATION_ENABLED and self._commands >= SETTLED
-        if self._lag.inert(readings.motor, self._target, readings.current, now, led=led):
+        if self._lag.inert(
+            readings.motor, self._target, readings.current, now, led=led, fresh=readings.motor_age == 0.0
+        ):
             readings.found(INERT)
         return readings.reading(now, state, self._host.errors)
 

@@ -195,7 +195,9 @@ class OdriveDrive:
         if self._asked and not led and self._requests > REFUSED:
             readings.found(UNTOLD)
         led = led and self._commands >= SETTLED
-        if self._lag.inert(readings.motor, self._target, readings.current, now, led=led):
+        if self._lag.inert(
+            readings.motor, self._target, readings.current, now, led=led, fresh=readings.motor_age == 0.0
+        ):
             readings.found(INERT)
 
     def write(self, target: float, power: Power, now: float, torque: float = 0.0) -> None:
