@@ -329,6 +329,17 @@ EDGES: list[Edge] = [
     (Fault.TORQUE_LOST, "reading.joint_torque", 1e6, 1e6 + 1.0, AT_JOINT),
     (Fault.TORQUE_LOST, "reading.joint_torque", 3.0, NAN, {**AT_JOINT, **STOPPED}),
     (Fault.TORQUE_LOST, "limits.measures_torque", 0.0, 1.0, {}),
+    (Fault.TORQUE_LOST, "reading.joint_torque", -1e6, -1e6 - 1.0, AT_JOINT),
+    (Fault.OVER_TORQUE, "limits.measures_torque", 0.0, 1.0, {"limits.torque_high": 0.5, "reading.joint_torque": 3.0}),
+    (Fault.LOAD_STUCK, "state.load.motor", 0.36, 0.3, {**MUTE, "state.load.unanswered": 0.05}),
+    (Fault.LOAD_STUCK, "state.load.motor", 0.64, 0.7, {**MUTE, "state.load.unanswered": 0.05}),
+    (
+        *(Fault.LOAD_STUCK, "limits.measures_torque", 0.0, 1.0),
+        {
+            **{"limits.measures_tension": 0.0, "reading.joint_torque": 3.0, "state.load.reading": 3.0},
+            **{"state.load.unanswered": 0.1, "state.load.motor": 0.5},
+        },
+    ),
     (Fault.OVER_TORQUE, "reading.joint_torque", 16.0, 16.0 + TINY, AT_JOINT),
     (Fault.OVER_TORQUE, "reading.joint_torque", -16.0, -16.0 - TINY, AT_JOINT),
     (Fault.OVER_TORQUE, "limits.measures_torque", 0.0, 1.0, {**AT_JOINT, "reading.joint_torque": 17.0}),
@@ -353,6 +364,14 @@ def test_a_detector_speaks_beyond_its_limit_and_not_at_it(edge: Edge) -> None:
     fault, name, good, bad, also = edge
     assert fault not in faults(also, {name: good})
     assert fault in faults(also, {name: bad})
+
+
+def test_without_power_a_load_cell_may_keep_its_value_wherever_the_motor_is_turned() -> None:
+    turned = {**STOPPED, **MUTE, "state.load.motor": 0.3, "state.load.unanswered": 9.0}
+    state, _ = cycle(turned)
+    assert (state.load.motor, state.load.unanswered) == (0.5, pytest.approx(-0.15))
+    state, _ = cycle({**turned, "reading.tension": NAN})
+    assert state.load.reading == 20.0
 
 
 def test_a_current_that_is_not_known_means_no_tension() -> None:
