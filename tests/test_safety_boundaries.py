@@ -374,6 +374,20 @@ def test_without_power_a_load_cell_may_keep_its_value_wherever_the_motor_is_turn
     assert state.load.reading == 20.0
 
 
+def test_a_load_that_is_no_number_is_not_remembered_and_not_too_much() -> None:
+    for wild in (NAN, INF, -INF, 1e6 + 1.0, -1e6 - 1.0):
+        state, _ = cycle(MUTE, {"reading.tension": wild})
+        assert state.load.reading == 20.0
+        assert Fault.OVER_TORQUE not in faults(AT_JOINT, {"reading.joint_torque": wild})
+    for told in (-1e6, 21.0, 1e6):
+        state, _ = cycle(MUTE, {"reading.tension": told})
+        assert state.load.reading == told
+
+
+def test_a_cell_that_is_mute_in_a_release_changes_nothing() -> None:
+    assert cycle(MUTE, RELEASING, {"state.load.unanswered": 0.1})[1].faults == 0.0
+
+
 def test_a_current_that_is_not_known_means_no_tension() -> None:
     blind = {"limits.measures_current": 0.0, "limits.measures_tension": 0.0}
     small = {"limits.tension_high": 0.5, "limits.tension_low": 0.25}
