@@ -384,6 +384,12 @@ def test_a_load_that_is_no_number_is_not_remembered_and_not_too_much() -> None:
         assert state.load.reading == told
 
 
+def test_the_age_of_a_sample_is_its_own_whatever_the_load_cell_says() -> None:
+    for torque in (NAN, 3.0):
+        state, _ = cycle({"reading.sample_age": 0.25, "reading.joint_torque": torque})
+        assert state.sample_age == 0.25
+
+
 def test_a_cell_that_is_mute_in_a_release_changes_nothing() -> None:
     assert cycle(MUTE, RELEASING, {"state.load.unanswered": 0.1})[1].faults == 0.0
 
