@@ -329,6 +329,17 @@ EDGES: list[Edge] = [
     (Fault.TORQUE_LOST, "reading.joint_torque", 1e6, 1e6 + 1.0, AT_JOINT),
     (Fault.TORQUE_LOST, "reading.joint_torque", 3.0, NAN, {**AT_JOINT, **STOPPED}),
     (Fault.TORQUE_LOST, "limits.measures_torque", 0.0, 1.0, {}),
+    (Fault.TORQUE_LOST, "reading.joint_torque", -1e6, -1e6 - 1.0, AT_JOINT),
+    (Fault.OVER_TORQUE, "limits.measures_torque", 0.0, 1.0, {"limits.torque_high": 0.5, "reading.joint_torque": 3.0}),
+    (Fault.LOAD_STUCK, "state.load.motor", 0.36, 0.3, {**MUTE, "state.load.unanswered": 0.05}),
+    (Fault.LOAD_STUCK, "state.load.motor", 0.64, 0.7, {**MUTE, "state.load.unanswered": 0.05}),
+    (
+        *(Fault.LOAD_STUCK, "limits.measures_torque", 0.0, 1.0),
+        {
+            **{"limits.measures_tension": 0.0, "reading.joint_torque": 3.0, "state.load.reading": 3.0},
+            **{"state.load.unanswered": 0.1, "state.load.motor": 0.5},
+        },
+    ),
     (Fault.OVER_TORQUE, "reading.joint_torque", 16.0, 16.0 + TINY, AT_JOINT),
     (Fault.OVER_TORQUE, "reading.joint_torque", -16.0, -16.0 - TINY, AT_JOINT),
     (Fault.OVER_TORQUE, "limits.measures_torque", 0.0, 1.0, {**AT_JOINT, "reading.joint_torque": 17.0}),
@@ -353,6 +364,34 @@ def test_a_detector_speaks_beyond_its_limit_and_not_at_it(edge: Edge) -> None:
     fault, name, good, bad, also = edge
     assert fault not in faults(also, {name: good})
     assert fault in faults(also, {name: bad})
+
+
+def test_without_power_a_load_cell_may_keep_its_value_wherever_the_motor_is_turned() -> None:
+    turned = {**STOPPED, **MUTE, "state.load.motor": 0.3, "state.load.unanswered": 9.0}
+    state, _ = cycle(turned)
+    assert (state.load.motor, state.load.unanswered) == (0.5, pytest.approx(-0.15))
+    state, _ = cycle({**turned, "reading.tension": NAN})
+    assert state.load.reading == 20.0
+
+
+def test_a_load_that_is_no_number_is_not_remembered_and_not_too_much() -> None:
+    for wild in (NAN, INF, -INF, 1e6 + 1.0, -1e6 - 1.0):
+        state, _ = cycle(MUTE, {"reading.tension": wild})
+        assert state.load.reading == 20.0
+        assert Fault.OVER_TORQUE not in faults(AT_JOINT, {"reading.joint_torque": wild})
+    for told in (-1e6, 21.0, 1e6):
+        state, _ = cycle(MUTE, {"reading.tension": told})
+        assert state.load.reading == told
+
+
+def test_the_age_of_a_sample_is_its_own_whatever_the_load_cell_says() -> None:
+    for torque in (NAN, 3.0):
+        state, _ = cycle({"reading.sample_age": 0.25, "reading.joint_torque": torque})
+        assert state.sample_age == 0.25
+
+
+def test_a_cell_that_is_mute_in_a_release_changes_nothing() -> None:
+    assert cycle(MUTE, RELEASING, {"state.load.unanswered": 0.1})[1].faults == 0.0
 
 
 def test_a_current_that_is_not_known_means_no_tension() -> None:
