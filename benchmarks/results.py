@@ -10,15 +10,9 @@ HEAD = (
     "run's.\n"
 )
 ORDER = [
-    *(
-        "Speed",
-        "What a user waits for",
-        "Campaigns",
-        "A cycle of each law",
-        "How far `bowden check` can be trusted",
-    ),
+    *("Speed", "What a user waits for", "Campaigns", "A cycle of each law", "How far `bowden check` can be trusted"),
     *("Identification against others", "The forecast of an identification"),
-    *("Twelve recorded cables, from log to running law"),
+    "Twelve recorded cables, from log to running law",
     *("Our law on random plants", "The suit on random wearers"),
     *("The live loop", "A long run", "Loss of a process", "Loss of the recorder", "Faults", "Hours without a fault"),
     *("EMG streams", "Hostile streams of EMG", "Inputs that nobody would write"),
