@@ -30,6 +30,10 @@ from bowden.rig.rig import Rig
 from support.own_loop import in_a_thread
 
 odrive_can = pytest.importorskip("odrive_can", reason="the extra `partners` is not installed: odrive-can")
+pytestmark = [  # its thread hands frames to a loop that has ended
+    pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning"),
+    pytest.mark.filterwarnings("ignore:coroutine 'Queue.put' was never awaited:RuntimeWarning"),
+]
 DBC: Any = odrive_can.get_dbc()
 SCALES = Scales(1000.0, 1000.0)
 
@@ -129,6 +133,7 @@ def test_its_own_example_moves_our_twin(played: tuple[str, TwinBench], monkeypat
         await asyncio.gather(example, return_exceptions=True)
 
     in_a_thread(main())
+    position_control.udp._sock.close()
     assert reached[0] - start == pytest.approx(2.0 * math.pi / 5.0, abs=0.06)
 
 
