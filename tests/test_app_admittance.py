@@ -103,7 +103,7 @@ PUSH, ESTIMATE = (
         (
             [],
             [],
-            'torque is "load_cell"; expected "estimate" in a live run: the drive\'s process data carry',
+            'torque is "load_cell"; expected a load cell that measures the joint\'s torque in a live run',
         ),
         ([ESTIMATE], [], "suit.friction_feedforward_nm is 0 in a live run by [admittance]; expected at least "),
         (

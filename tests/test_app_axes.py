@@ -65,7 +65,8 @@ def asked(*words: str, capsys: pytest.CaptureFixture[str], code: int = 0) -> Any
     return found
 
 
-@pytest.mark.parametrize("buses", [1, 2])
+@pytest.mark.live
+@pytest.mark.parametrize("buses", [1, pytest.param(2, marks=pytest.mark.long)])
 def test_two_twins_run_in_one_loop_and_each_axis_replays_to_the_bit(
     buses: int, leg: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -96,6 +97,7 @@ def test_two_twins_run_in_one_loop_and_each_axis_replays_to_the_bit(
     assert not any(column.startswith("knee.") for column in columns)
 
 
+@pytest.mark.live
 def test_a_pair_with_a_load_cell_runs_on_one_twin_and_replays_to_the_bit(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -144,6 +146,7 @@ def stopped(leg: Path, out: Path, fault: str, axis: str) -> Session:
     return session
 
 
+@pytest.mark.live
 @pytest.mark.parametrize(("axis", "fault", "seen", "shown"), [
     ("hip", "drive_fault", {Fault.DRIVE_FAULT}, Fault.AXIS_OFF),
     ("knee", "encoder_frozen joint", {Fault.JOINT_FROZEN, Fault.JOINT_ASTRAY}, Fault.AXIS_RELEASED),

@@ -19,7 +19,7 @@ from bowden.export.graph import Graph, Operation
 from bowden.export.law import law_module
 from bowden.export.module import Module, files, written
 from bowden.export.readme import FLAGS
-from bowden.export.sides import Choice, Course, course
+from bowden.export.sides import Course, JointChoice, course
 
 pytest.importorskip("casadi", reason="casadi, of the extra export, is not installed")
 COMPILER = shutil.which("cc")
@@ -59,7 +59,7 @@ def uses_of(graph: Graph) -> list[int]:
 def walked(items: Course) -> Iterator[int]:
     """Operations in the order of writing; a choice's own come behind its sides."""
     for item in items:
-        if isinstance(item, Choice):
+        if isinstance(item, JointChoice):
             yield from walked(item.sides[0])
             yield from walked(item.sides[1])
             yield from item.made
@@ -71,7 +71,7 @@ def seen_from(items: Course, graph: Graph, before: set[int]) -> set[int]:
     """What is done after these; fails where something is used that was not done, or only on another side."""
     done = set(before)
     for item in items:
-        if isinstance(item, Choice):
+        if isinstance(item, JointChoice):
             assert item.condition in done
             for place, side in enumerate(item.sides, start=1):
                 there = seen_from(side, graph, done)
@@ -99,7 +99,7 @@ def test_choices_that_ask_the_same_are_one_if_with_what_only_they_need() -> None
 def test_a_side_that_saves_little_is_an_expression() -> None:
     function = Function("step", chosen, (Argument("x", 0.0), Argument("y", 0.0)), ("found",), "")
     graph, _ = written(function)
-    assert not any(isinstance(item, Choice) for item in course(graph, uses_of(graph), set(), least=1000))
+    assert not any(isinstance(item, JointChoice) for item in course(graph, uses_of(graph), set(), least=1000))
 
 
 @pytest.mark.skipif(COMPILER is None, reason="no C compiler")

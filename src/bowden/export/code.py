@@ -8,7 +8,7 @@ import numpy as np
 
 from bowden.core.primitives import TANH
 from bowden.export.graph import LIBM, Graph, Operation, evaluate
-from bowden.export.sides import Choice, Course, course
+from bowden.export.sides import Course, JointChoice, course
 
 _STRENGTH = (("sel",), ("or",), ("and",), ("eq", "ne"), ("lt", "le"), ("add", "sub"), ("mul", "div"), ("neg", "not"))
 _LEVEL = {kind: level for level, kinds in enumerate(_STRENGTH) for kind in kinds}
@@ -166,12 +166,12 @@ class _Writer:
     def write(self, course: Course, indent: str) -> None:
         """Operations in their order."""
         for item in course:
-            if isinstance(item, Choice):
+            if isinstance(item, JointChoice):
                 self._choose(item, indent)
             else:
                 self._operate(item, indent)
 
-    def _choose(self, choice: Choice, indent: str) -> None:
+    def _choose(self, choice: JointChoice, indent: str) -> None:
         """Choices that ask the same, as one ``if``."""
         names = [self.named.get(i, f"t{i}") for i in choice.made]
         taken: list[list[Written]] = []

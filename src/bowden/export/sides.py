@@ -17,7 +17,7 @@ _OF_LIBM = 20
 
 
 @dataclass(frozen=True)
-class Choice:
+class JointChoice:
     """Choices that ask the same."""
 
     condition: int
@@ -28,7 +28,7 @@ class Choice:
     """What is done only where it holds, and only where it does not."""
 
 
-Course = tuple["int | Choice", ...]
+Course = tuple["int | JointChoice", ...]
 """Operations, by their numbers, in an order in which each stands behind what it needs."""
 
 
@@ -56,13 +56,13 @@ class _Planned:
     def course(self, numbers: Iterable[int]) -> Course:
         """Of some of the operations, the others being done before or within a side."""
         free = set(numbers)
-        groups: list[Choice] = []
+        groups: list[JointChoice] = []
         together: dict[int, tuple[int, ...]] = {i: (i,) for i in free}  # what is done with each of them
         while (best := self._best(free, together)) is not None:
             condition, made, sides = best
             whole = tuple(sorted((*made, *sides[0], *sides[1])))
             together.update(dict.fromkeys(whole, whole))
-            groups.append(Choice(condition, made, (self.course(sides[0]), self.course(sides[1]))))
+            groups.append(JointChoice(condition, made, (self.course(sides[0]), self.course(sides[1]))))
         return _ordered(self._operations, free, groups, together)
 
     def _best(
@@ -129,11 +129,11 @@ def _behind(operations: Sequence[Operation], free: set[int], together: dict[int,
 
 
 def _ordered(
-    operations: Sequence[Operation], free: set[int], groups: Sequence[Choice], together: dict[int, tuple[int, ...]]
+    operations: Sequence[Operation], free: set[int], groups: Sequence[JointChoice], together: dict[int, tuple[int, ...]]
 ) -> Course:
     """Every operation as it came, a group as late as it can be."""
     number = {i: k for k, group in enumerate(groups) for i in group.made}
-    found: list[int | Choice] = []
+    found: list[int | JointChoice] = []
     done: set[int] = set()
 
     def take(i: int) -> None:
