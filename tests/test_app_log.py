@@ -110,9 +110,9 @@ def write(path: Path, rows: np.ndarray, settings: dict[str, Any], *, close: bool
 
 def test_the_columns_are_in_the_order_in_which_the_loop_fills_them() -> None:
     names = list(CYCLE)
-    assert tuple(names[4:17]) == DriveReading._fields
-    assert tuple(name.removesuffix("_seen") for name in names[17:19]) == Sample._fields
-    assert ("target", *names[21:25]) == Verdict._fields
+    assert tuple(names[4:18]) == DriveReading._fields
+    assert tuple(name.removesuffix("_seen") for name in names[18:20]) == Sample._fields
+    assert ("target", *names[22:26]) == Verdict._fields
 
 
 def document(arguments: list[str], capsys: pytest.CaptureFixture[str], schema: str, code: int = 0) -> Any:

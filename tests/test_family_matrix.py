@@ -37,7 +37,7 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.parametrize(("name", "row"), SAMPLE, ids=str)
-def test_an_inert_motor_of_each_family_is_let_go_of_within_50_ms(tmp_path: Path, name: str, row: DriveRow) -> None:
+def test_an_inert_motor_of_each_family_is_let_go_of_in_time(tmp_path: Path, name: str, row: DriveRow) -> None:
     assert list(complaints(row, react(tmp_path, name, row))) == []
 
 

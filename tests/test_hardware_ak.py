@@ -40,7 +40,7 @@ from bowden.sim.scenario import constant_bend
 from support.memory_bus import MemoryBus
 
 CYCLE = 1e-3
-DRIVE = AkParameters(answer_timeout=0.05)
+DRIVE = AkParameters(answer_timeout=0.2)
 MODEL = MODELS["AK80-9"]
 ON_RIG = '[motor]\ngear = 9.0\ntorque_constant_nm_per_a = 0.091\n[drive]\nfamily = "ak_mit"\n'
 

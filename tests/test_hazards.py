@@ -111,10 +111,10 @@ def test_no_verdict_that_is_broken_reaches_the_drive(tmp_path: Path, monkeypatch
     monkeypatch.setattr(Cycle, "step", overwritten)
     with pytest.raises(SafetyError, match="verdict is broken"):
         rig.run()
-    assert len(sent) == 1300
-    assert [power for _, power in sent[-2:]] == [Power.ON, Power.OFF]
+    assert len(sent) == 1301, "one more as the loop ends, before any drive is closed"
+    assert [power for _, power in sent[-3:]] == [Power.ON, Power.OFF, Power.OFF]
     last = rig.reader.last()
     assert last is not None
-    assert (last[AT["mode"]], last[AT["power"]], last[AT["command"]]) == (Mode.LATCHED, 0.0, sent[-2][0]), "recorded"
+    assert (last[AT["mode"]], last[AT["power"]], last[AT["command"]]) == (Mode.LATCHED, 0.0, sent[-3][0]), "recorded"
     assert np.abs(np.diff([target for target, _ in sent])).max() < 0.5
     assert drive.read(0.0).drive_state == DriveState.SWITCH_ON_DISABLED, "closed"

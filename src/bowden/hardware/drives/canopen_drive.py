@@ -15,7 +15,6 @@ from bowden.hardware.drives import canopen_frames as frames
 from bowden.hardware.drives.canopen_setup import DriveFindings, restore, set_up
 from bowden.hardware.drives.cia402 import WITH_TORQUE, Controlword, controlword, decode, fell
 from bowden.hardware.drives.emergencies import SAFE_TORQUE_OFF
-from bowden.hardware.drives.findings import INERT, LagWatch
 from bowden.hardware.drives.homing import zeroed
 from bowden.hardware.drives.parameters import DriveParameters, check_parameters, load_of
 from bowden.hardware.ports import Power, TorqueLeft
@@ -25,9 +24,6 @@ MOST_FRAMES = 64
 
 CLOSING_CYCLES = 20
 """How often `close` asks for the power to go off, 2 ms apart, while the drive still has torque."""
-
-SETTLED = 10
-"""Cycles of targets after which every reading is that of a motor that follows them."""
 
 MOST_INPUTS_AGE = 10
 """Cycles for which the digital inputs may be missing; after that the emergency stop counts as pressed, by a node that
@@ -57,7 +53,7 @@ class CanopenDrive:
         self._drive, self._links = parameters, links or Links()
         self._port: BusPort | None = None
         self._found: DriveFindings | None = None
-        self._bus_errors, self._lag = 0, LagWatch(parameters.current_limit)
+        self._bus_errors = 0
         self._begin(DriveState.NOT_READY_TO_SWITCH_ON)
         node, host = parameters.node_id, parameters.host_id
         self._pushed = parameters.torque_offset > 0.0
@@ -98,8 +94,6 @@ class CanopenDrive:
         """Nothing has been read or sent yet, and the drive is in that state."""
         self._state = self._before = self._statusword_state = state
         self._operational = self._fell = self._reset = False
-        self._target, self._led = math.nan, 0  # of the cycle before [rad]; cycles in a row in which it was followed
-        self._lag.begin()
         self._sent = int(Controlword.DISABLE_VOLTAGE)
         self._counts = 0  # the motor's position, as it came last
         self._values = NOTHING
@@ -150,9 +144,6 @@ class CanopenDrive:
             emergency = EMERGENCY_STOP
         self._inputs_age += 1
         self._before, self._state = self._state, self._statusword_state if self._operational else DriveState(0)
-        led = self._state is DriveState.OPERATION_ENABLED and self._led >= SETTLED
-        if self._lag.inert(motor, self._target, current, now, led=led, fresh=motor_age == 0.0):
-            emergency = emergency or float(INERT)
         if math.isnan(self._heartbeat_at):
             self._heartbeat_at = now  # of the first cycle: from here on it can be late
         self._values = DriveReading(
@@ -186,7 +177,6 @@ class CanopenDrive:
         if self._sent == Controlword.FAULT_RESET or self._state is not DriveState.FAULT:
             self._reset = False
         led = self._state is DriveState.OPERATION_ENABLED and self._sent == Controlword.ENABLE_OPERATION
-        self._target, self._led = (target, self._led + 1) if led else (math.nan, 0)
         self._order(self._sent, round(counts), torque if led and math.isfinite(torque) else 0.0)
         self._synced = now
         if now - self._heartbeat_sent >= self._drive.heartbeat_time - 0.5 * self._drive.sample_time:

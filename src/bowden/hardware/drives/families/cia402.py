@@ -7,7 +7,6 @@ from bowden.core.errors import ParameterError
 from bowden.hardware.drives import on_can
 from bowden.hardware.drives.emergencies import emergency_text
 from bowden.hardware.drives.family import DriveFamily, DriveNeeds, FoundDevice, TwinProcess
-from bowden.hardware.drives.findings import FINDINGS
 from bowden.hardware.drives.homing import zeroed
 from bowden.hardware.drives.parameters import (
     DriveParameters,
@@ -117,7 +116,7 @@ FAMILY = DriveFamily(
     scales=scales,
     homed=homed,
     simulated=on_can.simulated,
-    explain=lambda code: FINDINGS.get(code) or emergency_text(code),
+    explain=emergency_text,
     probe=probe,
     zeroed=zeroed,
 )
