@@ -35,6 +35,22 @@ def test_only_what_nobody_has_any_more_is_removed(tmp_path: Path, monkeypatch: p
     assert sorted(tmp_path.iterdir()) == sorted([*kept, *list(buses.values())[1:]])
 
 
+def test_an_operator_that_was_killed_is_gone_before_its_parent_has_asked(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Otherwise what ends while a shell or a supervisor of services has not looked yet would leave its blocks."""
+    monkeypatch.setattr(left_behind, "FOLDER", tmp_path)
+    with subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE) as child:
+        block = tmp_path / f"bowden-{left_behind._owner(child.pid)}-a1b2c3.block"
+        block.touch()
+        left_behind.sweep()
+        assert block.exists()
+        child.kill()
+        os.waitid(os.P_PID, child.pid, os.WEXITED | os.WNOWAIT)
+        left_behind.sweep()
+        assert not block.exists()
+
+
 def test_a_process_of_a_run_clears_up_at_its_end_whatever_ended_it() -> None:
     left = left_behind.FOLDER / f"bowden-{DEAD}-a1b2c3.ring"
     left.touch()

@@ -17,6 +17,8 @@ from bowden.live.ring import FOLDER
 
 TWIN = "bowden-twin"
 """Begins the name of such a bus' folder, in the place for temporary files."""
+_ENDED = ("Z", "X")
+"""States of a process that has ended (proc_pid_stat)."""
 _KINDS = (".ring", ".block", ".intent")
 
 
@@ -50,10 +52,12 @@ def _owner(number: int | str) -> str:
     """A process of this namespace: its number, and namespace and beginning.
 
     Raises:
-        OSError: it is there no more.
+        OSError: it is there no more, or has ended and waits for its parent to ask how.
     """
-    began = Path(f"/proc/{number}/stat").read_text(encoding="ascii", errors="replace").rpartition(")")[2].split()[19]
-    return f"{number}-{_namespace()}t{began}"
+    said = Path(f"/proc/{number}/stat").read_text(encoding="ascii", errors="replace").rpartition(")")[2].split()
+    if said[0] in _ENDED:
+        raise ProcessLookupError(f"process {number} has ended")
+    return f"{number}-{_namespace()}t{said[19]}"
 
 
 def _namespace() -> int:
