@@ -11,6 +11,7 @@ from console_page import COLUMNS, FAULT, InventedServer, idle, live, states
 
 pytestmark = [pytest.mark.browser, pytest.mark.live]
 
+SCHEMES = ["light", pytest.param("dark", marks=pytest.mark.long)]
 SIZES = {"1280x720": (1280, 720), "at 200 %": (640, 360)}
 
 
@@ -35,7 +36,7 @@ def overflow(page: Any) -> int:
     return int(page.evaluate("document.documentElement.scrollWidth - document.documentElement.clientWidth"))
 
 
-@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("scheme", SCHEMES)
 def test_no_state_has_barriers(page: Any, axe: str, scheme: str) -> None:
     page.emulate_media(color_scheme=scheme)
     server = opened(page, idle())
@@ -45,7 +46,7 @@ def test_no_state_has_barriers(page: Any, axe: str, scheme: str) -> None:
         assert barriers(page, axe) == [], name
 
 
-@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("scheme", SCHEMES)
 def test_the_other_pages_have_no_barriers(page: Any, axe: str, scheme: str) -> None:
     page.emulate_media(color_scheme=scheme)
     server = opened(page, states()["step"])
