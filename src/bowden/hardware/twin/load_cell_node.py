@@ -23,9 +23,9 @@ from bowden.hardware.drives.load_cell import (
 )
 from bowden.hardware.twin.faults import Faults
 from bowden.hardware.twin.node import Send
-from bowden.hardware.twin.objects import Entry, Key, Objects, SdoServer, overridden
-from bowden.hardware.twin.outbox import Outbox
+from bowden.hardware.twin.objects import Entry, Key, Objects, overridden
 from bowden.hardware.twin.plant import TwinPlant, torque_on_joint
+from bowden.hardware.twin.sensor_node import SensorNode, identity
 
 DEVICE_TYPE = 0x0002_0194
 """Profile 404, an analogue input."""
@@ -33,7 +33,7 @@ PERIOD = 1e-3
 """Between two plain frames [s]."""
 
 
-class LoadCellNode:
+class LoadCellNode(SensorNode):
     """The device.
 
     Args:
@@ -52,11 +52,7 @@ class LoadCellNode:
         send: Send,
         overrides: dict[Key, int | None] | None = None,
     ) -> None:
-        self._given, self._plant, self._faults = given, plant, faults
-        self._outbox = Outbox(send, faults)
-        self.nmt = frames.PRE_OPERATIONAL
-        self._next_heartbeat = self._next_reading = -math.inf
-        self._booted, self._now = False, -math.inf
+        self._given, self._plant, self._now = given, plant, -math.inf
         entries = overridden(_dictionary(given), overrides or {})
         number = given.input
         changing: dict[Key, Callable[[], int]] = {
@@ -64,10 +60,8 @@ class LoadCellNode:
             (VALUE_16, number): lambda: self._counts(self._now)[0],
             (STATUS, number): lambda: self._counts(self._now)[1],
         }
-        self._objects = Objects(
-            entries, lambda key, value: None, {key: changing[key] for key in changing if key in entries}
-        )
-        self._sdo = SdoServer(self._objects)
+        objects = Objects(entries, lambda key, value: None, {key: changing[key] for key in changing if key in entries})
+        super().__init__(given.node_id, "load_silence", faults, send, objects)
 
     def _counts(self, now: float) -> tuple[int, int]:
         """What it measures, in counts, and its status."""
@@ -80,57 +74,30 @@ class LoadCellNode:
         return counts, (OVERLOAD if (value > 0.0) is (given.scale > 0.0) else UNDERLOAD) if at_end else 0
 
     def receive(self, cob_id: int, data: bytes, now: float) -> None:
-        """A frame from the bus."""
+        """A frame from the bus; one that sends plain frames takes none."""
         self._now = now
-        node = self._given.node_id
-        if self._given.source != "cia404" or self._faults.active("deaf", now):
-            return
-        if cob_id == frames.SYNC and not data:
-            if self._objects[0x1800, 2] == 1:
-                self._transmit(now)
-        elif cob_id == frames.SDO_REQUEST + node and self.nmt in (frames.OPERATIONAL, frames.PRE_OPERATIONAL):
-            answer = self._sdo.answer(data)
-            if answer is not None:
-                self._emit(frames.SDO_ANSWER + node, answer, now)
-        elif cob_id == frames.NMT and len(data) == 2 and data[1] in (0, node):
-            self._obey(data[0])
+        if self._given.source == "cia404":
+            super().receive(cob_id, data, now)
 
     def tick(self, now: float) -> None:
-        """Let time pass: boot-up frame, heartbeat, timer; or the next plain frame."""
+        """Let time pass; or the next plain frame."""
         self._now = now
-        if self._given.source == "can":
-            if now >= self._next_reading:
-                self._next_reading = max(self._next_reading + PERIOD, now - PERIOD)
-                self._send_plain(now)
-        else:
-            self._tick_node(now)
-        self._outbox.tick(now)
-
-    def _tick_node(self, now: float) -> None:
-        beat = frames.HEARTBEAT + self._given.node_id
-        if not self._booted:
-            self._booted = True
-            self._emit(beat, bytes((frames.BOOT_UP,)), now)
-        period = 1e-3 * self._objects[0x1017, 0]
-        if period and now >= self._next_heartbeat:
-            self._next_heartbeat = max(self._next_heartbeat + period, now)
-            self._emit(beat, bytes((self.nmt,)), now)
-        timer = 1e-3 * self._objects[0x1800, 5]
-        if timer and self._objects[0x1800, 2] >= BY_TIMER - 1 and now >= self._next_reading:
-            self._next_reading = max(self._next_reading + timer, now - timer)
-            self._transmit(now)
-
-    def _send_plain(self, now: float) -> None:
-        given = self._given
-        if not self._faults.active("load_silence", now):
+        if self._given.source == "cia404":
+            return super().tick(now)
+        if now >= self._next_reading:
+            self._next_reading = max(self._next_reading + PERIOD, now - PERIOD)
+            given = self._given
             number = self._counts(now)[0].to_bytes(given.bytes, given.byte_order, signed=given.signed)
             identifier = given.identifier | EXTENDED * given.extended
-            self._outbox.emit_cyclic(identifier, (bytes(given.first_byte) + number).ljust(8, b"\0"), now)
+            self._emit_cyclic(identifier, (bytes(given.first_byte) + number).ljust(8, b"\0"), now)
+        self._outbox.tick(now)
+        return None
 
-    def _transmit(self, now: float) -> None:
-        """TPDO 1: what is mapped, of which it knows its value and its status."""
-        if self.nmt != frames.OPERATIONAL or self._objects[0x1800, 1] >> 31 or self._faults.active("load_silence", now):
-            return
+    def _timer(self) -> float:
+        return 1e-3 * self._objects[0x1800, 5] if self._objects[0x1800, 2] >= BY_TIMER - 1 else 0.0
+
+    def _measured(self, now: float) -> bytes:
+        """What is mapped, of which it knows its value and its status."""
         counts, status = self._counts(now)
         data = b""
         for i in range(self._objects[0x1A00, 0]):
@@ -138,37 +105,13 @@ class LoadCellNode:
             size = (entry & 0xFF) // 8
             value = status if entry >> 16 == STATUS else counts
             data += (value % (1 << 8 * size)).to_bytes(size, "little")
-        self._outbox.emit_cyclic(frames.TPDO1 + self._given.node_id, data, now)
-
-    def _emit(self, cob_id: int, data: bytes, now: float) -> None:
-        if not self._faults.active("load_silence", now):
-            self._outbox.emit(cob_id, data, now)
-
-    def _obey(self, order: int) -> None:
-        """NMT node control."""
-        if order in (frames.NMT_RESET_NODE, frames.NMT_RESET_COMMUNICATION):
-            self._booted = False
-        self.nmt = {
-            frames.NMT_START: frames.OPERATIONAL,
-            frames.NMT_STOP: frames.STOPPED,
-            frames.NMT_PRE_OPERATIONAL: frames.PRE_OPERATIONAL,
-            frames.NMT_RESET_NODE: frames.PRE_OPERATIONAL,
-            frames.NMT_RESET_COMMUNICATION: frames.PRE_OPERATIONAL,
-        }.get(order, self.nmt)
+        return data
 
 
 def _dictionary(given: LoadCellParameters) -> dict[Key, Entry]:
     """The objects of a measuring device with one input after power-up."""
     node, number = given.node_id, given.input
-    objects = {
-        (0x1000, 0): Entry(4, DEVICE_TYPE),
-        (0x1001, 0): Entry(1, 0),
-        (0x1005, 0): Entry(4, frames.SYNC),
-        (0x1008, 0): Entry(0, b"bowden load cell twin"),
-        (0x1014, 0): Entry(4, frames.EMERGENCY + node),
-        (0x1017, 0): Entry(2, 0, writable=True),
-        (0x1018, 0): Entry(1, 1),
-        (0x1018, 1): Entry(4, 0),
+    return identity(node, DEVICE_TYPE, b"bowden load cell twin") | {
         (UNIT, number): Entry(4, NEWTON << 16),
         (DIGITS, number): Entry(1, 2),
         (STATUS, number): Entry(1, 0),
@@ -182,4 +125,3 @@ def _dictionary(given: LoadCellParameters) -> dict[Key, Entry]:
         (0x1A00, 1): Entry(4, VALUE_16 << 16 | number << 8 | 16, writable=True),
         (0x1A00, 2): Entry(4, 0, writable=True),
     }
-    return objects
