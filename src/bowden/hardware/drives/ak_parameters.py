@@ -114,8 +114,6 @@ class AkParameters(NamedTuple):
 
 ROOM = 0.2
 """Of the drive's position, to both ends of its range: a target never comes nearer [rad]."""
-MOST_PUSH = 0.5
-"""Largest torque offset, as a share of what the largest current gives: stiffness must be able to beat it."""
 FINEST = 0.02
 """Of a field's range: a limit nearer to its end could not be distinguished from the end [–]."""
 
@@ -137,7 +135,7 @@ def largest_torque(drive: AkParameters) -> float:
 
 def most_push(drive: AkParameters) -> float:
     """Largest torque offset that is allowed, at the spool [N·m]."""
-    return MOST_PUSH * min(largest_torque(drive), model_of(drive).torque)
+    return on_can.MOST_PUSH * min(largest_torque(drive), model_of(drive).torque)
 
 
 def motor_scale(drive: AkParameters, position_at_home: float = 0.0) -> Scale | SuitScale:
@@ -211,11 +209,7 @@ def check_parameters(drive: AkParameters) -> None:
         ("torque_offset", 0.0 <= drive.torque_offset <= most_push(drive), f"0 to {most_push(drive):.4g} N·m"),
         ("answer_timeout", 0.01 <= drive.answer_timeout <= 10.0, "from 0.01 to 10 s"),
     )
-    for name, fine, expected in rules:
-        if not fine:
-            raise ParameterError(
-                f"drive: {name} is {getattr(drive, name)!r}", expected=expected, do="correct it in the rig's [drive]"
-            )
+    on_can.require(drive, rules)
     if abs(drive.gear / model.gear - 1.0) > 1e-3:
         raise ParameterError(
             f"the rig's gear is {drive.gear:g}, and an {drive.model} has {model.gear:g}",

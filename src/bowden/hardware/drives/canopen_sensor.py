@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 from bowden.core.errors import DriveError
 from bowden.hardware.drives import canopen_frames as frames
+from bowden.hardware.drives import on_can
 
 if TYPE_CHECKING:
     from bowden.hardware.drives.canopen_dialogue import Dialogue
@@ -27,6 +28,36 @@ SYNCED = 1
 """Transmission type: at every SYNC."""
 OFF = 0x8000_0000
 """Bit of a PDO's COB-ID: it is not sent."""
+
+
+def identifiers_of_node(node_id: int, key: str) -> dict[int, str]:
+    """Identifier of each frame of a sensor and to it → key that it follows from; the network's have none."""
+    functions = (frames.EMERGENCY, frames.TPDO1, frames.SDO_ANSWER, frames.SDO_REQUEST, frames.HEARTBEAT)
+    own = {function + node_id: key for function in functions}
+    return own | dict.fromkeys((frames.NMT, frames.SYNC), on_can.OF_ALL)
+
+
+def device_type(node: "Dialogue", what: str, expected: str, key: str) -> int:
+    """1000h, of a sensor that must be there: its profile in the low word.
+
+    Args:
+        node: asked.
+        what: it is, for messages: ``encoder of the joint``.
+        expected: of it.
+        key: which says its number, with its section.
+
+    Raises:
+        DriveError: nobody answers with that number; who does.
+    """
+    try:
+        return node.read(0x1000)
+    except DriveError as error:
+        there = node.others()
+        raise DriveError(
+            f"no {what} answers as {node.name}" + (f"; there is node {', '.join(map(str, there))}" if there else ""),
+            expected=f"{expected} with that number",
+            do=f"correct {key}" if there else "check its supply, cable and bit rate",
+        ) from error
 
 
 def send_in_tpdo1(node: "Dialogue", what: str, mapped: Sequence[int], kind: int, timer: Callable[[], None]) -> None:

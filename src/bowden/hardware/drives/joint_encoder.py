@@ -16,8 +16,15 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 from bowden.core.errors import DriveError, ParameterError
 from bowden.core.quantity import Quantity
 from bowden.hardware.drives import canopen_frames as frames
-from bowden.hardware.drives import on_can
-from bowden.hardware.drives.canopen_sensor import HOST, SYNCED, SensorHealth, send_in_tpdo1, try_sync
+from bowden.hardware.drives.canopen_sensor import (
+    HOST,
+    SYNCED,
+    SensorHealth,
+    device_type,
+    identifiers_of_node,
+    send_in_tpdo1,
+    try_sync,
+)
 from bowden.hardware.drives.limited_range import LimitedRange
 from bowden.hardware.drives.scale import Scale
 
@@ -92,9 +99,7 @@ def identifiers_of(encoder: JointEncoderParameters | None) -> dict[int, str]:
     """
     if encoder is None:
         return {}
-    functions = (frames.EMERGENCY, frames.TPDO1, frames.SDO_ANSWER, frames.SDO_REQUEST, frames.HEARTBEAT)
-    own = {function + encoder.node_id: "joint_node_id" for function in functions}
-    return own | dict.fromkeys((frames.NMT, frames.SYNC), on_can.OF_ALL)
+    return identifiers_of_node(encoder.node_id, "joint_node_id")
 
 
 def check_beside(encoder: JointEncoderParameters | None, taken: dict[int, str]) -> None:
@@ -193,20 +198,11 @@ class JointEncoder:
 
 def _check_kind(node: "Dialogue") -> int:
     """1000h: profile in the low word, kind of encoder in the high one."""
-    try:
-        device_type = node.read(0x1000)
-    except DriveError as error:
-        there = node.others()
-        raise DriveError(
-            f"no encoder of the joint answers as {node.name}"
-            + (f"; there is node {', '.join(map(str, there))}" if there else ""),
-            expected="a CANopen encoder (CiA 406) with that number",
-            do="correct joint_node_id in [drive]" if there else "check its supply, cable and bit rate",
-        ) from error
-    profile, kind = device_type & 0xFFFF, device_type >> 16
+    said = device_type(node, "encoder of the joint", "a CANopen encoder (CiA 406)", "joint_node_id in [drive]")
+    profile, kind = said & 0xFFFF, said >> 16
     if profile != PROFILE or kind not in KINDS:
         raise DriveError(
-            f"{node.name} has device profile {profile} and type {kind} (1000h is 0x{device_type:08X})",
+            f"{node.name} has device profile {profile} and type {kind} (1000h is 0x{said:08X})",
             expected="profile 406 and type 1 or 2, an absolute rotary encoder",
             do="correct joint_node_id in [drive]",
         )

@@ -23,8 +23,15 @@ from bowden.core.errors import DriveError, ParameterError
 from bowden.core.quantity import Quantity
 from bowden.hardware.buses.unix_bus import EXTENDED
 from bowden.hardware.drives import canopen_frames as frames
-from bowden.hardware.drives import on_can
-from bowden.hardware.drives.canopen_sensor import HOST, SYNCED, SensorHealth, send_in_tpdo1, try_sync
+from bowden.hardware.drives.canopen_sensor import (
+    HOST,
+    SYNCED,
+    SensorHealth,
+    device_type,
+    identifiers_of_node,
+    send_in_tpdo1,
+    try_sync,
+)
 
 if TYPE_CHECKING:
     from bowden.hardware.buses.link import BusPort
@@ -130,9 +137,7 @@ def identifiers_of(cell: LoadCellParameters) -> dict[int, str]:
     """Identifier of each frame of the device and to it → key that it follows from; the network's have none."""
     if cell.source == "can":
         return {cell.identifier | EXTENDED * cell.extended: "load_cell.identifier"}
-    functions = (frames.EMERGENCY, frames.TPDO1, frames.SDO_ANSWER, frames.SDO_REQUEST, frames.HEARTBEAT)
-    own = {function + cell.node_id: "load_cell.node_id" for function in functions}
-    return own | dict.fromkeys((frames.NMT, frames.SYNC), on_can.OF_ALL)
+    return identifiers_of_node(cell.node_id, "load_cell.node_id")
 
 
 def check_cell(cell: LoadCellParameters, sample_time: float, most: float, key: str) -> None:
@@ -344,18 +349,10 @@ def usable(value: float, full_scale: float, measures: str) -> float:
 
 def _check_profile(node: "Dialogue") -> None:
     """1000h: the profile in its low word."""
-    try:
-        device_type = node.read(0x1000)
-    except DriveError as error:
-        there = node.others()
+    said = device_type(node, "load cell", "a CANopen measuring device (CiA 404)", "node_id in [load_cell]")
+    if said & 0xFFFF != PROFILE:
         raise DriveError(
-            f"no load cell answers as {node.name}" + (f"; there is node {', '.join(map(str, there))}" if there else ""),
-            expected="a CANopen measuring device (CiA 404) with that number",
-            do="correct node_id in [load_cell]" if there else "check its supply, cable and bit rate",
-        ) from error
-    if device_type & 0xFFFF != PROFILE:
-        raise DriveError(
-            f"{node.name} has device profile {device_type & 0xFFFF} (1000h is 0x{device_type:08X})",
+            f"{node.name} has device profile {said & 0xFFFF} (1000h is 0x{said:08X})",
             expected="profile 404, a measuring device",
             do="correct node_id in [load_cell]",
         )

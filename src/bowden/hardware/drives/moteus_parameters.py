@@ -3,12 +3,10 @@
 import math
 from typing import Annotated, Literal, NamedTuple
 
-from bowden.core.errors import ParameterError
 from bowden.core.quantity import Quantity
 from bowden.hardware.drives import on_can
 from bowden.hardware.drives.family import DriveNeeds
 from bowden.hardware.drives.moteus_frames import MOST_TURNS, MoteusCommand
-from bowden.hardware.drives.parameters import MOST_PUSH
 from bowden.hardware.drives.scale import Scale, SuitScale, spool_scale
 from bowden.models.suit.suit_angle import SpoolMap
 
@@ -99,11 +97,6 @@ class MoteusParameters(NamedTuple):
         return {self.host_id << 8: "host_id", self.node_id << 8: "node_id"}
 
 
-def most_push(drive: MoteusParameters) -> float:
-    """Largest torque offset that is allowed, at the spool; infinite where no current is asked for [N·m]."""
-    return MOST_PUSH * drive.gear * drive.torque_constant * (drive.current_limit or math.inf)
-
-
 def check_parameters(drive: MoteusParameters) -> None:
     """Refuse parameters that make no sense, before a bus is opened.
 
@@ -111,7 +104,6 @@ def check_parameters(drive: MoteusParameters) -> None:
         ParameterError: a value out of its range, with its name and what was expected.
     """
     named = bool(drive.channel.strip(".")) and "\0" not in drive.channel
-    strongest = most_push(drive)
     rules = (
         ("channel", named, "the name of a bus"),
         ("bitrate", 0 < drive.bitrate <= 1_000_000, "1 to 1000000, 1000000 for a moteus board"),
@@ -134,22 +126,9 @@ def check_parameters(drive: MoteusParameters) -> None:
             3.0 * drive.sample_time <= drive.watchdog <= LONGEST_WATCHDOG,
             f"three cycles, {3.0 * drive.sample_time:g} s, to {LONGEST_WATCHDOG:g} s",
         ),
-        ("highest_motor", drive.lowest_motor < drive.highest_motor, "more than lowest_motor"),
-        ("speed_limit", 0.0 <= drive.speed_limit < math.inf, "0 or more"),
-        ("following_error", 0.0 <= drive.following_error < math.inf, "0 or more"),
-        ("current_limit", 0.0 <= drive.current_limit < math.inf, "0 or more"),
-        (
-            "torque_offset",
-            0.0 <= drive.torque_offset <= strongest and math.isfinite(drive.torque_offset),
-            f"0 to {strongest:.4g} N·m, half of what the largest current gives",
-        ),
-        ("answer_timeout", 0.01 <= drive.answer_timeout <= 10.0, "from 0.01 to 10 s"),
+        *on_can.rules_of_limits(drive),
     )
-    for name, fine, expected in rules:
-        if not fine:
-            raise ParameterError(
-                f"drive: {name} is {getattr(drive, name)!r}", expected=expected, do="correct it in the rig's [drive]"
-            )
+    on_can.require(drive, rules)
 
 
 def completed(given: MoteusParameters, needs: DriveNeeds) -> MoteusParameters:

@@ -11,7 +11,6 @@ from bowden.hardware.drives.family import DriveNeeds
 from bowden.hardware.drives.joint_encoder import check_beside, identifiers_of, joint_encoder_of
 from bowden.hardware.drives.odrive_endpoints import TWIN
 from bowden.hardware.drives.odrive_frames import INT16, MOST_TURNS, Cmd, Scales, Target, identifier_of
-from bowden.hardware.drives.parameters import MOST_PUSH
 from bowden.hardware.drives.scale import Scale, SuitScale, spool_scale
 from bowden.models.suit.suit_angle import SpoolMap
 
@@ -121,11 +120,6 @@ def own_identifiers(drive: OdriveParameters) -> dict[int, str]:
     return dict.fromkeys((identifier_of(drive.node_id, cmd) for cmd in Cmd), "node_id")
 
 
-def most_push(drive: OdriveParameters) -> float:
-    """Largest torque offset that is allowed, at the spool; infinite where no current is asked for [N·m]."""
-    return MOST_PUSH * drive.gear * drive.torque_constant * (drive.current_limit or math.inf)
-
-
 def scales_of(drive: OdriveParameters) -> Scales:
     """Of the feed-forward fields."""
     return Scales(float(drive.velocity_scale), float(drive.torque_scale))
@@ -198,7 +192,7 @@ def check_parameters(drive: OdriveParameters) -> None:
         ParameterError: a value out of its range, with its name and what was expected.
     """
     named = bool(drive.channel.strip(".")) and "\0" not in drive.channel
-    limits, strongest = limits_of(drive, motor_scale(drive)), most_push(drive)
+    limits = limits_of(drive, motor_scale(drive))
     reach = max((abs(end) for end in (limits.low, limits.high) if math.isfinite(end)), default=0.0)
     fastest = limits.speed if math.isfinite(limits.speed) else 0.0
     rules = (
@@ -219,22 +213,10 @@ def check_parameters(drive: OdriveParameters) -> None:
         ("heartbeat", 1e-3 <= drive.heartbeat <= 10e-3, "from 0.001 to 0.01 s, so that its state is known in time"),
         ("velocity_scale", 1 <= drive.velocity_scale <= INT16, f"from 1 to {INT16}"),
         ("torque_scale", 1 <= drive.torque_scale <= INT16, f"from 1 to {INT16}"),
-        ("highest_motor", drive.lowest_motor < drive.highest_motor, "more than lowest_motor"),
+        *on_can.rules_of_limits(drive),
         ("lowest_motor", reach <= MOST_TURNS, f"at most {MOST_TURNS:g} turns of the motor from its home"),
-        ("speed_limit", 0.0 <= drive.speed_limit < math.inf, "0 or more"),
-        ("current_limit", 0.0 <= drive.current_limit < math.inf, "0 or more"),
-        (
-            "torque_offset",
-            0.0 <= drive.torque_offset <= strongest and math.isfinite(drive.torque_offset),
-            f"0 to {strongest:.4g} N·m, half of what the largest current gives",
-        ),
-        ("answer_timeout", 0.01 <= drive.answer_timeout <= 10.0, "from 0.01 to 10 s"),
     )
-    for name, fine, expected in rules:
-        if not fine:
-            raise ParameterError(
-                f"drive: {name} is {getattr(drive, name)!r}", expected=expected, do="correct it in the rig's [drive]"
-            )
+    on_can.require(drive, rules)
     for name, most, unit in (
         ("velocity_scale", fastest, "turns/s"),
         ("torque_scale", drive.torque_offset / drive.gear, "N·m"),

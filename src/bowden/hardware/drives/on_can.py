@@ -5,7 +5,8 @@ method `identifiers`, see `collision`.
 """
 
 import importlib
-from collections.abc import Callable, Mapping
+import math
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
@@ -27,6 +28,48 @@ BusBitrate = Annotated[int, Quantity("of the bus; SocketCAN takes its interface'
 AnswerTimeout = Annotated[float, Quantity("longest wait for an answer at bring-up", "s", shown="ms", gt=0.0, le=1e4)]
 
 
+MOST_PUSH = 0.5
+"""Largest torque offset, as a share of what the largest current gives: the drive's position loop must be able to beat
+it."""
+Rule = tuple[str, bool, str]
+"""Name of a parameter, whether it is right, and what was expected."""
+
+
+def most_push(drive: Any) -> float:
+    """Largest torque offset that is allowed, at the spool; infinite where no current is asked for [N·m]."""
+    push: float = MOST_PUSH * drive.gear * drive.torque_constant * (drive.current_limit or math.inf)
+    return push
+
+
+def rules_of_limits(drive: Any) -> tuple[Rule, ...]:
+    """What must hold of the limits that a rig asks a drive for, where its largest push follows from its current."""
+    strongest = most_push(drive)
+    at_least_0 = [name for name in ("speed_limit", "following_error", "current_limit") if hasattr(drive, name)]
+    return (
+        ("highest_motor", drive.lowest_motor < drive.highest_motor, "more than lowest_motor"),
+        *((name, 0.0 <= getattr(drive, name) < math.inf, "0 or more") for name in at_least_0),
+        (
+            "torque_offset",
+            0.0 <= drive.torque_offset <= strongest and math.isfinite(drive.torque_offset),
+            f"0 to {strongest:.4g} N·m, half of what the largest current gives",
+        ),
+        ("answer_timeout", 0.01 <= drive.answer_timeout <= 10.0, "from 0.01 to 10 s"),
+    )
+
+
+def require(drive: Any, rules: Iterable[Rule]) -> None:
+    """Refuse parameters of a drive that break a rule.
+
+    Raises:
+        ParameterError: the first that does, with what was expected.
+    """
+    for name, fine, expected in rules:
+        if not fine:
+            raise ParameterError(
+                f"drive: {name} is {getattr(drive, name)!r}", expected=expected, do="correct it in the rig's [drive]"
+            )
+
+
 def opening(driver: str) -> "Callable[[Any, Links], Drive]":
     """What opens a drive by a class of this package, as ``ak_drive.AkDrive``, which is imported with python-can."""
     module, _, name = driver.partition(".")
@@ -38,12 +81,12 @@ def opening(driver: str) -> "Callable[[Any, Links], Drive]":
     return open_drive
 
 
-def pushing(most_push: Callable[[Any], float]) -> "Callable[[Any, DriveNeeds], float]":
+def pushing(most: Callable[[Any], float] = most_push) -> "Callable[[Any, DriveNeeds], float]":
     """The largest torque offset of a rig's drive, of that of the parameters which it makes complete [N·m]."""
 
     def largest(parameters: Any, needs: "DriveNeeds") -> float:
         asked = {"gear": needs.gear, "torque_constant": needs.torque_constant, "current_limit": needs.current_limit}
-        return most_push(parameters._replace(**asked))
+        return most(parameters._replace(**asked))
 
     return largest
 

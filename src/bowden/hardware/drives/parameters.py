@@ -3,7 +3,6 @@
 import math
 from typing import Annotated, Literal, NamedTuple
 
-from bowden.core.errors import ParameterError
 from bowden.core.quantity import Quantity
 from bowden.hardware.drives import canopen_frames as frames
 from bowden.hardware.drives import on_can
@@ -117,16 +116,8 @@ class DriveParameters(NamedTuple):
         return {**own, host: "host_id", **dict.fromkeys((frames.NMT, frames.SYNC), on_can.OF_ALL)}
 
 
-MOST_PUSH = 0.5
-"""Largest torque offset, as a share of what the largest current gives: the position loop must be able to beat it."""
-
 LONGEST_TIMEOUT = 40e-3
 """So that torque is zero `family.LONGEST_SILENCE` after our last heartbeat, with the drive's own delay [s]."""
-
-
-def most_push(drive: DriveParameters) -> float:
-    """Largest torque offset that is allowed, at the spool; infinite where no current is asked for [N·m]."""
-    return MOST_PUSH * drive.gear * drive.torque_constant * (drive.current_limit or math.inf)
 
 
 def check_parameters(drive: DriveParameters) -> None:
@@ -136,7 +127,6 @@ def check_parameters(drive: DriveParameters) -> None:
         ParameterError: a value out of its range, with its name and what was expected.
     """
     named = bool(drive.channel.strip(".")) and "\0" not in drive.channel
-    strongest = most_push(drive)
     whole_ms = 1.0 <= round(1e3 * drive.sample_time, 9) <= 255.0 and round(1e3 * drive.sample_time, 9) % 1.0 == 0.0
     rules = (
         ("channel", named, "the name of a bus"),
@@ -164,22 +154,9 @@ def check_parameters(drive: DriveParameters) -> None:
             "at most a third of heartbeat_timeout, like sample_time, so that one lost frame does no harm",
         ),
         ("drive_heartbeat_time", 1e-3 <= drive.drive_heartbeat_time <= 1.0, "from 0.001 to 1 s"),
-        ("highest_motor", drive.lowest_motor < drive.highest_motor, "more than lowest_motor"),
-        ("speed_limit", 0.0 <= drive.speed_limit < math.inf, "0 or more"),
-        ("following_error", 0.0 <= drive.following_error < math.inf, "0 or more"),
-        ("current_limit", 0.0 <= drive.current_limit < math.inf, "0 or more"),
-        (
-            "torque_offset",
-            0.0 <= drive.torque_offset <= strongest and math.isfinite(drive.torque_offset),
-            f"0 to {strongest:.4g} N·m, half of what the largest current gives",
-        ),
-        ("answer_timeout", 0.01 <= drive.answer_timeout <= 10.0, "from 0.01 to 10 s"),
+        *on_can.rules_of_limits(drive),
     )
-    for name, fine, expected in rules:
-        if not fine:
-            raise ParameterError(
-                f"drive: {name} is {getattr(drive, name)!r}", expected=expected, do="correct it in the rig's [drive]"
-            )
+    on_can.require(drive, rules)
 
 
 def load_of(drive: DriveParameters, millivolts: float) -> float:

@@ -12,7 +12,6 @@ from bowden.hardware.drives.parameters import (
     DriveParameters,
     check_parameters,
     load_range,
-    most_push,
     tared,
 )
 
@@ -108,7 +107,7 @@ FAMILY = DriveFamily(
     control=on_can.control,
     claim=on_can.claim_host,
     watchdog=watchdog,
-    most_push=on_can.pushing(most_push),
+    most_push=on_can.pushing(),
     measures_tension=measures_tension,
     measures_torque=measures_torque,
     load_range=load_range,

@@ -8,7 +8,7 @@ from bowden.hardware.drives import on_can
 from bowden.hardware.drives.family import DriveFamily, FoundDevice, TwinProcess
 from bowden.hardware.drives.homing import zeroed
 from bowden.hardware.drives.odrive_faults import fault_text
-from bowden.hardware.drives.odrive_parameters import LOOK, OdriveParameters, check_parameters, completed, most_push
+from bowden.hardware.drives.odrive_parameters import LOOK, OdriveParameters, check_parameters, completed
 
 if TYPE_CHECKING:
     from bowden.hardware.buses.link import Links
@@ -74,7 +74,7 @@ FAMILY = DriveFamily(
     control=on_can.control,
     claim=on_can.claim_host,
     watchdog=lambda parameters: parameters.watchdog + LOOK,
-    most_push=on_can.pushing(most_push),
+    most_push=on_can.pushing(),
     measures_tension=lambda _: False,
     scales=scales,
     homed=lambda parameters: parameters.home != "here",
