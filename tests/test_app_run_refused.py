@@ -10,6 +10,7 @@ from bowden.app import run_command
 from bowden.app.main import run
 from bowden.core.errors import ParameterError
 from bowden.hardware.buses.opening import UNIX, claim
+from bowden.live.session import prepared_loop
 from bowden.live.twin_process import running_twin
 
 pytestmark = pytest.mark.usefixtures("state")
@@ -110,3 +111,12 @@ def test_what_takes_long_to_load_is_there_before_a_run_waits_for_signs_of_life(
     (tmp_path / "rig.toml").write_text("")
     with pytest.raises(ParameterError, match=r"^loaded"):
         run_command.run(tmp_path / "rig.toml", twin=True, auto=True, console=True)
+
+
+def test_a_loop_for_which_no_run_comes_ends_without_a_word() -> None:
+    with prepared_loop() as process:
+        said, errors = process.communicate(timeout=60.0)
+    assert (said, errors, process.returncode) == ("", "", 0)
+    with prepared_loop() as process:
+        pass
+    assert process.returncode is not None

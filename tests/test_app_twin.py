@@ -68,6 +68,7 @@ def test_a_fault_injected_by_the_command_line_ends_the_run_and_is_told(
     pytest.fail(f"no run was ended by it: {told}")
 
 
+@pytest.mark.long
 def test_the_sheath_begins_to_move_with_the_law_in_every_run(tmp_path: Path) -> None:
     rig = tmp_path / "rig.toml"
     rig.write_text(RIG)

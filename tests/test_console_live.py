@@ -285,6 +285,7 @@ def test_an_event_loop_that_hangs_stops_the_run(tmp_path: Path) -> None:
         assert began - gone < LEASE + MORE
 
 
+@pytest.mark.long
 def test_a_thread_of_the_run_that_hangs_is_a_dead_operator(tmp_path: Path) -> None:
     """The page's signs of life go on, and help nothing: the loop hears none, and the page has no news any more."""
     with hanging(tmp_path, "bowden.console.runs.RunOwner._see") as (console, page, log):

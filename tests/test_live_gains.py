@@ -215,7 +215,7 @@ def test_gains_are_refused_that_do_not_hold_or_cannot_be_checked() -> None:
 @pytest.mark.filterwarnings("ignore:the run was")  # by a computer that stalls; then it is tried again
 def test_a_gain_changes_in_mid_run_on_the_twin(tmp_path: Path) -> None:
     """Checked, gone over to, told; the log has the ramp and replays to the bit; what may not be is refused."""
-    rig, finished = Rig(law="bowden", duration=15.0, limits=Limits(**SHARED_LIMITS)), False
+    rig, finished = Rig(law="bowden", duration=6.0, limits=Limits(**SHARED_LIMITS)), False
     for number in tries():
         with run(rig, twin=True, out=tmp_path / f"out{number}") as session:
             try:

@@ -40,7 +40,7 @@ def measure(
     from bowden.live.measured import NEEDED, stalls, write_motions
     from bowden.live.operator import ending_signals, operate, refuse_over_ssh, refuse_without_keys
     from bowden.live.preflight import require
-    from bowden.live.session import Session, own_twin
+    from bowden.live.session import Session, own_twin, prepared_loop
     from bowden.live.summary import document, print_summary
 
     refuse_without_keys(auto, json)
@@ -57,11 +57,12 @@ def measure(
             print(f"bowden: note: {note}", file=sys.stderr)
     with contextlib.ExitStack() as stack:
         ending = stack.enter_context(ending_signals())
+        loop = stack.enter_context(prepared_loop())
         if twin:
             live = live_run(
                 stack.enter_context(own_twin(given, measure=True, alone=axis or "")), measure=True, logged=given
             )
-        session = stack.enter_context(Session(live, new_log(out, "measure"), remembers=not twin))
+        session = stack.enter_context(Session(live, new_log(out, "measure"), remembers=not twin, loop=loop))
         if not json:
             print(f"bowden: note: {live.losses()}", file=sys.stderr)
         operate(session, ending, auto=auto, quiet=json)

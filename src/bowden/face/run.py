@@ -120,7 +120,7 @@ def live_session(
     from bowden.live.emg_process import EmgProcess
     from bowden.live.live_run import live_run
     from bowden.live.preflight import require
-    from bowden.live.session import Session, own_twin
+    from bowden.live.session import Session, own_twin, prepared_loop
 
     live = live_run(rig, measure=measure)
     for axis in () if twin else live.axes:  # another run's bus is refused at once; the drive claims it for good
@@ -129,6 +129,7 @@ def live_session(
             require_watch(axis.rig, [other.rig for other in live.axes])
         require_confirmed(axis.rig, axis.name or alone)
     with contextlib.ExitStack() as stack:
+        loop = stack.enter_context(prepared_loop())
         emg_process = None if live.emg is None else stack.enter_context(contextlib.closing(EmgProcess(rig)))
         pushing = live.pushing.notes([live.law], force=force) if live.pushing else []
         for note in (*live.notes, *pushing):
@@ -149,7 +150,7 @@ def live_session(
                 stack.enter_context(own_twin(rig, measure=measure, alone=alone)), measure=measure, logged=rig
             )
         log = new_log(out, "measure" if measure else "-".join(dict.fromkeys(axis.law.name for axis in live.axes)))
-        yield stack.enter_context(Session(live, log, emg_process, remembers=not twin, about=about))
+        yield stack.enter_context(Session(live, log, emg_process, remembers=not twin, about=about, loop=loop))
 
 
 def new_log(folder: Path, name: str) -> Path:

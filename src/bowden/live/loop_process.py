@@ -1,7 +1,8 @@
 """The loop's own process, which `session` starts: it takes the rig, compiles, brings the drive up, and cycles.
 
 It says what happens as lines of JSON on standard output, none of them while it cycles: ``ready``, ``ended`` or
-``error``.
+``error``. It may be started before there is a rig for it, and imports meanwhile what every run needs; where none comes,
+it ends without a word.
 """
 
 import contextlib
@@ -21,9 +22,10 @@ if TYPE_CHECKING:
 
 def main() -> int:
     """``python -m bowden.live.loop_process``, with a rig and the places of a run as JSON on standard input."""
-    given = json.load(sys.stdin)
     try:
-        return _run(given)
+        _import()
+        given = sys.stdin.read()
+        return _run(json.loads(given)) if given else 0
     except BowdenError as error:
         _say("error", str(error))
     except Exception as error:  # so that the operator learns why there is no loop
@@ -32,6 +34,14 @@ def main() -> int:
     finally:
         sweep()
     return 2
+
+
+def _import() -> None:
+    """Import what takes long, while whoever started this process still prepares the run."""
+    import bowden.hardware.buses.link
+    import bowden.hardware.realtime
+    import bowden.live.live_run
+    import bowden.live.loop  # noqa: F401
 
 
 def _run(given: dict[str, Any]) -> int:

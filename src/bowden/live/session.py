@@ -78,6 +78,7 @@ class Session:
         emg_process: of a run by EMG, started and ready; it is closed with the run.
         remembers: whether the motor's warmth is taken from the run before and kept for the next one.
         about: who and what for: ``subject``, ``session`` and ``notes``, for the log; those that are not empty.
+        loop: a `prepared_loop`, where the run was foreseen.
     """
 
     def __init__(
@@ -88,9 +89,11 @@ class Session:
         *,
         remembers: bool = True,
         about: Mapping[str, str] | None = None,
+        loop: "subprocess.Popen[str] | None" = None,
     ) -> None:
         self.live, self.log, self.emg_process, self._remembers = live, log, emg_process, remembers
         self._about = {name: text for name, text in (about or {}).items() if text}
+        self._prepared = loop
         self.logs = [log]
         """Files of the run: one more for each time that its recorder had to be started again."""
         self.clock = MonotonicClock()
@@ -157,7 +160,12 @@ class Session:
             "emg": None if self.emg_process is None else str(self.emg_process.block),
             "start_ns": now,
         }
-        self._loop = self._start(["bowden.live.loop_process"], json.dumps(given))
+        self._loop = self._prepared or _started(["bowden.live.loop_process"])
+        self._processes.append(self._loop)
+        assert self._loop.stdin is not None
+        with contextlib.suppress(OSError):  # one that has died already says so itself
+            self._loop.stdin.write(json.dumps(given))
+            self._loop.stdin.close()
         self._listener = threading.Thread(target=self._listen, daemon=True)
         self._listener.start()
         self.ready = self._await_ready()
@@ -165,31 +173,10 @@ class Session:
         if self.emg_process is not None:
             self.emg_process.go()
 
-    def _start(self, words: list[str], given: str | None = None) -> "subprocess.Popen[str]":
-        """A process apart from this terminal's signals: what ends it is our word, or our death.
-
-        Args:
-            words: the module and its arguments.
-            given: what it reads from its standard input.
-        """
-        process = subprocess.Popen(
-            [sys.executable, "-P", "-m", *words],
-            stdin=subprocess.DEVNULL if given is None else subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-            start_new_session=True,
-        )
-        self._processes.append(process)
-        if given is not None:
-            assert process.stdin is not None
-            with contextlib.suppress(OSError):  # one that has died already says so itself
-                process.stdin.write(given)
-                process.stdin.close()
-        return process
-
     def _record_to(self, log: Path) -> None:
-        self._recorder = self._start(["bowden.live.recorder", str(self._ring), str(log), "--rig", self._revision])
+        words = ["bowden.live.recorder", str(self._ring), str(log), "--rig", self._revision]
+        self._recorder = _started(words, subprocess.DEVNULL)
+        self._processes.append(self._recorder)
 
     def _record_again(self) -> None:
         """Have another recorder write what the ring still has, some half a minute, into a file of its own."""
@@ -661,9 +648,7 @@ class Session:
             if process.poll() is None:
                 process.kill()
             process.wait()
-            for pipe in (process.stdout, process.stderr):
-                if pipe is not None:
-                    pipe.close()
+            _close_pipes(process)
         self._ring.unlink(missing_ok=True)
         self._block.unlink(missing_ok=True)
         try:  # last: a disk that takes nothing holds up neither the reader of EMG nor the recorder
@@ -672,6 +657,42 @@ class Session:
             what = f"the fault of this run is not on the disk after {_END:g} s"
             print(f"bowden: note: {what}; the next run may not ask for an acknowledgement", file=sys.stderr)
         self._latching.shutdown(wait=False)
+
+
+@contextlib.contextmanager
+def prepared_loop() -> Iterator["subprocess.Popen[str]"]:
+    """A loop's process that waits for its rig and has imported what every run needs; it ends with the block."""
+    process = _started(["bowden.live.loop_process"])
+    try:
+        yield process
+    finally:
+        process.kill()
+        process.wait()
+        _close_pipes(process)
+
+
+def _started(words: list[str], stdin: int = subprocess.PIPE) -> "subprocess.Popen[str]":
+    """A process apart from this terminal's signals: what ends it is our word, or our death.
+
+    Args:
+        words: the module and its arguments.
+        stdin: its standard input.
+    """
+    return subprocess.Popen(
+        [sys.executable, "-P", "-m", *words],
+        stdin=stdin,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+
+
+def _close_pipes(process: "subprocess.Popen[str]") -> None:
+    for pipe in (process.stdin, process.stdout, process.stderr):
+        if pipe is not None:
+            with contextlib.suppress(OSError):  # what nobody reads any more
+                pipe.close()
 
 
 @contextlib.contextmanager
