@@ -156,7 +156,8 @@ def _slopes(plant: Plant, bend: float, stroke: tuple[float, float], reversals: b
 @lru_cache(8)
 def _servo(servo: Servo, dt: float, delay: int) -> Complex:
     """From command to motor at the frequencies of `margins` (4000,); kept, since many laws are tried on one servo."""
-    return response(servo_model(servo, dt, delay, 1.0), frequencies(dt), dt)
+    omega = frequencies(dt)
+    return response(servo_model(servo, dt, 0, 1.0), omega, dt) * np.exp(-1j * omega * dt * delay)
 
 
 class _Near(NamedTuple):
