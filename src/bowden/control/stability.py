@@ -68,6 +68,11 @@ def servo_model(servo: Servo, dt: float, delay: int, slope: float) -> StateSpace
     return StateSpace(a, b, c, 0.0)
 
 
+def servo_response(servo: Servo, dt: float, delay: int, omega: Array) -> NDArray[np.complex128]:
+    """Of `servo_model` with a slope of 1 at `omega` (n,) [rad/s]; a delay, however long, needs no states here."""
+    return response(servo_model(servo, dt, 0, 1.0), omega, dt) * np.exp(-1j * omega * dt * delay)
+
+
 def adaptive_model(gains: AdaptiveGains, dt: float, slope_inverse: float, bound: float) -> StateSpace:
     """The adaptive law near s = 0 with frozen estimates, from measured joint to minus the command.
 

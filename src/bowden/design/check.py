@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from bowden.control.law import Law
-from bowden.control.stability import Margins, servo_model
+from bowden.control.stability import Margins
 from bowden.core import shown
 from bowden.core.errors import ParameterError
 from bowden.core.nested import flat, from_columns, names
@@ -361,13 +361,12 @@ def _predicted_cycle(
     bench: Plant, law: Law, bends: tuple[float, float], estimates: list[Estimates], stroke: tuple[float, float]
 ) -> LimitCycle | None:
     """The largest cycle over the bends and over the estimates at the start and at the end of the trials."""
-    plant = servo_model(bench.servo, bench.sample_time, bench.delay, 1.0)
     cycles = []
     for bend in dict.fromkeys(bends):
         amplitudes, gains = describing_function(bench, bend, stroke)
         for values in (estimates[0], estimates[-1]):
             model = linearise(law, bench.sample_time, width=bench.joint_encoder.resolution or _IDEAL, estimates=values)
-            cycles.append(predict(gains, plant, model, bench.sample_time, amplitudes))
+            cycles.append(predict(gains, bench.servo, bench.delay, model, bench.sample_time, amplitudes))
     return max((cycle for cycle in cycles if cycle), key=lambda cycle: cycle.amplitude, default=None)
 
 

@@ -15,11 +15,12 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.control.stability import StateSpace, response
+from bowden.control.stability import response, servo_response
 from bowden.core.kernel import kernel, program
 from bowden.design.linearise import LawModel
 from bowden.models.cable.bouc_wen import PreparedCable, advance_prepared, prepare_cable
 from bowden.models.cable.sheath import slope_factor, width
+from bowden.models.drive.servo import Servo
 from bowden.plants.bench import Bench
 from bowden.plants.plant import Plant
 from bowden.plants.transmission import measured_response
@@ -92,18 +93,19 @@ def _response_of_h(cable: PreparedCable, amplitudes: tuple[float, ...]) -> Compl
     return gains
 
 
-def predict(gains: Complex, plant: StateSpace, law: LawModel, dt: float, amplitudes: Array) -> LimitCycle | None:
+def predict(gains: Complex, servo: Servo, delay: int, law: LawModel, dt: float, amplitudes: Array) -> LimitCycle | None:
     """The largest lasting limit cycle, or None where the describing function shows none.
 
     Args:
         gains: N at each amplitude (k,).
-        plant: from command to motor.
+        servo: from command to motor.
+        delay: of the command [cycles].
         law: near rest.
         dt: sample time [s].
         amplitudes: of the motor (k,) [rad].
     """
     omega = np.geomspace(0.05, 0.9 * np.pi / dt, 900)
-    moved = response(plant, omega, dt)
+    moved = servo_response(servo, dt, delay, omega)
     direct, through = (1.0 + moved * response(law.by_motor, omega, dt)), moved * response(law.by_joint, omega, dt)
     left = direct[None, :] + gains[:, None] * through[None, :]  # (amplitude, frequency)
     angle = np.angle(left)

@@ -13,7 +13,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.control.stability import Margins, StateSpace, frequencies, margins, response, servo_model
+from bowden.control.stability import Margins, StateSpace, frequencies, margins, response, servo_model, servo_response
 from bowden.core.units import DEGREES
 from bowden.design.linearise import LawModel
 from bowden.models.cable.sheath import slope_factor
@@ -156,8 +156,7 @@ def _slopes(plant: Plant, bend: float, stroke: tuple[float, float], reversals: b
 @lru_cache(8)
 def _servo(servo: Servo, dt: float, delay: int) -> Complex:
     """From command to motor at the frequencies of `margins` (4000,); kept, since many laws are tried on one servo."""
-    omega = frequencies(dt)
-    return response(servo_model(servo, dt, 0, 1.0), omega, dt) * np.exp(-1j * omega * dt * delay)
+    return servo_response(servo, dt, delay, frequencies(dt))
 
 
 class _Near(NamedTuple):
