@@ -80,7 +80,8 @@ def test_the_nine_runs_in_one_call_are_the_runs_alone_to_the_last_bit() -> None:
 @pytest.mark.parametrize("name", RIGS)
 def test_tuned_gains_beat_the_defaults_in_the_worst_case_and_keep_their_margins(name: str) -> None:
     bench = RIGS[name]
-    found = tune(bench, ADAPTIVE, generations=2)
+    # the default gains have 2.8 dB on the late rig: there the first generations only find those with margins
+    found = tune(bench, ADAPTIVE, generations=20 if name == "late" else 2)
     again = check(bench, found.law, bends=BENDS)
     assert again.verdict == "holds"
     assert again.gain_margin_db is not None
