@@ -10,6 +10,7 @@ import ctypes
 import gzip
 import io
 import random
+import re
 import resource
 import signal
 import struct
@@ -234,8 +235,12 @@ def _file(read: Callable[[Path], object], name: str) -> Callable[[bytes], object
 
 
 def _rigs() -> list[bytes]:
+    """The default, what the pages show of axes, pairs, load cells and families of drives, and files of old."""
+    pages = ("several_axes", "pair", "load_cell", "drive_ak", "drive_moteus", "drive_odrive", "admittance", "suit")
+    shown = "".join((ROOT / "docs" / f"{name}.md").read_text(encoding="utf-8") for name in pages)
     return [
         Rig().to_toml().encode(),
+        *(block.encode() for block in re.findall(r"```toml\n(.*?)```", shown, re.DOTALL)),
         *(path.read_bytes() for path in sorted((ROOT / "tests/data/older_rigs").glob("*"))),
     ]
 
