@@ -19,6 +19,7 @@ from bowden.safety.faults import Fault, of
 from bowden.safety.limits import Limits
 from bowden.safety.supervisor import (
     AHEAD,
+    DEAD_SHARE,
     Mode,
     Observed,
     Request,
@@ -500,6 +501,10 @@ R1: Changes = {"reading.joint": NAN}
 R2: Changes = {"observed.operator_age": 9.0}
 R3: Changes = {"reading.emergency": 1.0}
 THRICE: Changes = {"observed.elapsed": 3 * DT}
+HALF = 0.5 * DEAD_SHARE * LIMITS.frozen_travel
+BACKWARDS: Changes = {"state.servo.speed": -8.0}
+LEFT_BEHIND: Changes = {**motor_at(0.5, 0.8), **RELEASING, **LOADED, "state.decided.ahead": 2 * DT}
+"""A cable that its joint has left behind in a release, as soon as that was elsewhere when it began."""
 ESTIMATES: list[tuple[str, float, Changes]] = [
     ("sums.armed", 1 + DT, {**ARMED, "state.sums.armed": 1.0}),
     ("sums.armed", 1 + 3 * DT, {**ARMED, "state.sums.armed": 1.0, "observed.elapsed": 3 * DT}),
@@ -550,6 +555,17 @@ ESTIMATES: list[tuple[str, float, Changes]] = [
     ("anchor.motor", 0.51, {**STOPPED, "reading.motor": 0.51}),
     ("anchor.motor", 0.51, {**LATCHED, "reading.motor": 0.51}),
     ("anchor.motor", 0.5, {**RELEASING, "reading.motor": 0.51}),
+    ("anchor.unanswered", -HALF, {"reading.joint": 0.376, "state.anchor.unanswered": 0.1}),
+    ("anchor.current", 3.0, {"reading.current": 3.0}),
+    ("anchor.current", 2.0, {"reading.current": NAN}),
+    ("anchor.current", 2.0, {"reading.current": INF}),
+    ("anchor.current", 2.0, {"reading.current": -INF}),
+    ("anchor.travelled", 1 + (AWAY - 0.5), {**MOVING, "state.anchor.travelled": 1.0}),
+    ("anchor.travelled", 1 + (AWAY - 0.5), {**MOVING, **BACKWARDS, "state.anchor.travelled": 1.0}),
+    ("anchor.travelled", 0.0, {**MOVING, "state.anchor.travelled": 1.0, "reading.current": 3.0}),
+    ("anchor.swung", 1 + (8.0 - SPEED), {**MOVING, "state.anchor.swung": 1.0}),
+    ("anchor.swung", 1 + (8.0 - SPEED), {**MOVING, **BACKWARDS, "state.anchor.swung": 1.0}),
+    ("anchor.swung", 0.0, {**MOVING, "state.anchor.swung": 1.0, "reading.current": 3.0}),
     ("servo.position", 0.51, {**ARMED, "reading.motor": 0.51}),
     ("servo.speed", 0.0, {**ARMED, "state.servo.speed": 3.0}),
     ("servo.position", AWAY, MOVING),
@@ -584,6 +600,7 @@ ESTIMATES: list[tuple[str, float, Changes]] = [
     ("sums.strained", 3 * DT, {**STRAINED, "state.sums.strained": 2 * DT}),
     ("sums.strained", 5 * DT, {**STRAINED, "state.sums.strained": 2 * DT, "observed.elapsed": 3 * DT}),
     ("sums.strained", 0.0, {**STRAINED, "state.sums.strained": 2 * DT, "reading.current": 9.0}),
+    ("sums.strained", DT, {**STRAINED, "limits.pull_doubt": 8.0, "reading.current": 9.0}),
     ("decided.bridged", 3 * DT, {**R1, "state.decided.bridged": 2 * DT}),
     ("decided.bridged", 5 * DT, {**R1, "state.decided.bridged": 2 * DT, "observed.elapsed": 3 * DT}),
     ("decided.bridged", 2 * DT - 3 * DT / 64, {"state.decided.bridged": 2 * DT, "observed.elapsed": 3 * DT}),
@@ -609,6 +626,18 @@ ESTIMATES: list[tuple[str, float, Changes]] = [
     ),
     ("decided.eased", 0.0, {"state.decided.eased": 2 * DT, "reading.current": 0.0}),
     ("decided.eased", 0.0, {**RELEASING, **LOADED, "state.decided.eased": 2 * DT, "reading.current": 0.0}),
+    ("decided.eased", DT, {**RELEASING, "limits.lowering": 2.0, "reading.current": 0.0}),
+    ("decided.joint_then", 0.375, {"state.decided.joint_then": 0.1}),
+    ("decided.joint_then", 0.1, {**RELEASING, "state.decided.joint_then": 0.1}),
+    ("decided.motor_then", 0.5, {"state.decided.motor_then": 0.1}),
+    ("decided.motor_then", 0.1, {**RELEASING, "state.decided.motor_then": 0.1}),
+    ("decided.ahead", 3 * DT, {**LEFT_BEHIND, "state.decided.motor_then": 1.5, "state.decided.joint_then": 0.9}),
+    ("decided.ahead", 3 * DT, {**LEFT_BEHIND, "state.decided.motor_then": 0.5, "state.decided.joint_then": 0.65}),
+    ("decided.ahead", 0.0, {**LEFT_BEHIND, "state.decided.motor_then": 1.5, "state.decided.joint_then": 0.8}),
+    ("decided.met", 1.0, {**RELEASING, **LOADED}),
+    ("decided.met", 0.0, {**motor_at(0.3), **RELEASING, **LOADED, "state.target": 0.5}),
+    ("decided.met", 1.0, {**motor_at(0.3), **RELEASING, **LOADED, "state.target": 0.5, "state.decided.met": 1.0}),
+    ("decided.met", 0.0, {"state.decided.met": 1.0}),
 ]
 """A field of the state, its value after the cycle, what is so."""
 

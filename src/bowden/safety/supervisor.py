@@ -471,8 +471,8 @@ def supervise(
     grown = leads - out * (limits.slope_high * motor_then - joint_then)
     behind = beyond(leads, 0.5 * limits.play) * beyond(grown, 0.5 * limits.play)
     moves = beyond(np.abs(joint - joint_then), limits.joint_still)
-    ahead = lasting((1.0 - doubted) * behind * moves * releasing, last.ahead, late)
-    carries = limits.loaded * beyond(-out * seen.servo.position, TAUT) * (1.0 - beyond(ahead, AHEAD))
+    ahead = lasting((1.0 - doubted) * behind * moves, last.ahead, late)  # outside a release it is where it was then
+    carries = beyond(-out * seen.servo.position, TAUT) * (1.0 - beyond(ahead, AHEAD))
     most = sel(carries > 0.0, longest_release(limits), limits.release_time)
     empty = (released > most - 0.5 * dt) + (eased > limits.released_time) + (enabled == 0.0) > 0.0
     going = sel(releasing * empty, sel(latched > 0.0, LATCHED, STOPPED), going)
@@ -484,7 +484,7 @@ def supervise(
     # the target: without power it follows the motor, so that nothing moves when power comes
     slacker = np.fmax(out * state.target, out * motor)
     # once there, a load that drags the motor on is braked, and not gone after
-    let = sel(releasing * last.met > 0.0, out * state.target, slacker)
+    let = sel(last.met > 0.0, out * state.target, slacker)
     lowered = np.fmax(let, np.fmin(0.0, let + limits.lowering * np.fmin(time, 0.1)))
     paid = out * sel(limits.loaded > 0.0, lowered, slacker + limits.pay_out * late)
     led = enabled * (1.0 - outside(mode, PREFLIGHT, RUNNING))
