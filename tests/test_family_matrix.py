@@ -1,4 +1,4 @@
-"""What a drive of each family may do, through the live loop: the supervisor stops it in time, and the torque goes."""
+"""What a drive of each family and a load cell may do, through the live loop: stopped in time."""
 
 import math
 from collections.abc import Callable
@@ -22,12 +22,15 @@ from bowden.hardware.drives.family import family_of
 from bowden.hardware.drives.findings import LagWatch
 from bowden.hardware.ports import Power
 from bowden.hardware.twin.bench import OFF
-from support.family_matrix import DriveRow, cases, complaints, played, react
+from support.family_matrix import CELLS, DriveRow, LoadRow, cases, complaints, load_cases, played, react, react_load
 from support.memory_bus import MemoryBus
 
 CASES = list(cases())
 SAMPLE = [(name, row) for name, row in CASES if row.text == "inert"]
 """One for each family; the others are `long`, and in `benchmarks/fault_matrix.py`."""
+LOAD_CASES = list(load_cases())
+LOAD_SAMPLE = [next(case for case in LOAD_CASES[k::5] if case[0] == cell) for k, cell in enumerate(CELLS)]
+"""One for each kind of load cell, likewise."""
 
 
 @pytest.fixture(autouse=True)
@@ -45,6 +48,15 @@ def test_an_inert_motor_of_each_family_is_let_go_of_in_time(tmp_path: Path, name
 @pytest.mark.parametrize(("name", "row"), CASES, ids=str)
 def test_each_fault_of_a_drive_of_each_family_ends_the_run_in_time(tmp_path: Path, name: str, row: DriveRow) -> None:
     assert list(complaints(row, react(tmp_path, name, row))) == []
+
+
+@pytest.mark.parametrize(
+    ("cell", "row"),
+    [case if case in LOAD_SAMPLE else pytest.param(*case, marks=pytest.mark.long) for case in LOAD_CASES],
+    ids=str,
+)
+def test_each_fault_of_a_load_cell_ends_the_run_in_time(tmp_path: Path, cell: str, row: LoadRow) -> None:
+    assert list(complaints(row, react_load(tmp_path, cell, row))) == []
 
 
 def read(parameters: Any, bus: MemoryBus) -> DriveReading:

@@ -57,17 +57,17 @@ def test_what_is_for_the_whole_bus_follows_the_frames_of_all_drives_and_goes_out
     ports = [links.join(PLACE, f"node {k}", lambda _: True, synced=True) for k in (1, 2, 3)]
     listener = links.join(PLACE, "node 4", lambda _: True)
     for _ in range(2):
-        listener.send(frame(0x204))
+        listener.send(0x204, b"\1")
         for k, port in enumerate(ports):
-            port.send(frame(0x201 + k))
-            port.sync(frame(0x080))
+            port.send(0x201 + k, b"\1")
+            port.sync(0x080)
     assert bus.sent == [0x204, 0x201, 0x202, 0x203, 0x080] * 2
     bus.sent.clear()
     ports[1].synced = False  # it is let go of alone
-    ports[1].sync(frame(0x080))
-    ports[0].sync(frame(0x080))
+    ports[1].sync(0x080)
+    ports[0].sync(0x080)
     assert bus.sent == [0x080]
-    ports[2].sync(frame(0x080))
+    ports[2].sync(0x080)
     assert bus.sent == [0x080, 0x080]
 
 
@@ -110,8 +110,8 @@ def test_what_cannot_be_sent_is_counted_and_raises_nothing() -> None:
     bus = Loopback()
     port = Links(bus).join(PLACE, "node 1", lambda _: True)
     bus.broken = True
-    port.send(frame(1))
-    port.sync(frame(2))
+    port.send(1, b"\1")
+    port.sync(2)
     assert port.errors == 2
     port.leave()
     port.leave()
