@@ -71,6 +71,9 @@ class OdriveDrive:
         self._readings, self._lag = Readings(), LagWatch(drive.current_limit)
         self._frames = drive.node_id << 5
         """Identifier of its frames, of command 0."""
+        self._asks_position = self._frames | Cmd.GET_ENCODER_ESTIMATES | REMOTE
+        self._asks = [self._frames | cmd | REMOTE for cmd in TURN]
+        """Remote frames."""
         self._told = {identifier_of(drive.node_id, Cmd(cmd)): int(cmd) for cmd in frames.TOLD}
         """Identifier → command of what it tells."""
         self._begin(DriveState.NOT_READY_TO_SWITCH_ON, 0)
@@ -223,8 +226,8 @@ class OdriveDrive:
         if self._expired or (self._reset and not on):
             self._order(Cmd.CLEAR_ERRORS, bytes(1))
             self._reset = self._stopped = False
-        self._ask(Cmd.GET_ENCODER_ESTIMATES)
-        self._ask(TURN[self._cycles % len(TURN)])
+        self._host.send(self._asks_position, _EIGHT)
+        self._host.send(self._asks[self._cycles % len(TURN)], _EIGHT)
         self._cycles += 1
         self._written = now
         if self._encoder is not None and self._encoder.synced:
@@ -249,10 +252,6 @@ class OdriveDrive:
 
     def _order(self, cmd: Cmd, data: bytes) -> None:
         self._host.send(self._frames | cmd, data)
-
-    def _ask(self, cmd: Cmd) -> None:
-        """By a remote frame."""
-        self._host.send(self._frames | cmd | REMOTE, _EIGHT)
 
     def reset_fault(self) -> None:
         """See `hardware.ports.Drive.reset_fault`; without effect where the board has no fault."""
