@@ -101,6 +101,42 @@ def test_a_loop_that_stood_still_has_not_seen_a_motor_stand_still() -> None:
     assert any(watch.inert(0.0, 0.01, 0.0, 0.2 + 1e-3 * k, led=True, fresh=True) for k in range(25))
 
 
+LAG_CURRENT, LAG_TIME = 3.4, 37e-3
+"""Of the default bench's servo: J·ω²/(N·kτ) [A/rad], 2ζ/ω [s]."""
+
+
+@pytest.mark.parametrize("lag", [0.005, 0.05, 0.3])
+def test_a_motor_that_friction_holds_is_not_inert_and_one_without_a_current_is(lag: float) -> None:
+    """Standing still at a lag, with the current that the rig's servo draws there, and with a twentieth of it."""
+    for share, inert in ((1.0, False), (0.2, False), (0.05, True), (-0.05, True)):
+        watch = LagWatch(20.0, LAG_CURRENT, LAG_TIME)
+        seen = [
+            watch.inert(0.1, 0.1 + lag, share * LAG_CURRENT * lag, 1e-3 * k, led=True, fresh=True) for k in range(50)
+        ]
+        assert any(seen) == inert, share
+
+
+@pytest.mark.parametrize("speed", [0.05, 0.35, 2.0])
+@pytest.mark.parametrize("frequency", [2.0, 8.7])
+def test_a_soft_servo_on_its_way_is_not_inert_and_one_that_has_lost_its_torque_is(
+    speed: float, frequency: float
+) -> None:
+    """A ramp without a load: at its speed the motor draws nothing and lags by 2ζ/ω times that."""
+    omega, position, velocity, lost = 2.0 * math.pi * frequency, 0.0, 0.0, 1.0
+    watch = LagWatch(20.0, 1e-4 * omega**2 / 0.0835, 2.0 / omega)
+    seen = []
+    for k in range(1200):
+        time, drawn = 1e-3 * k, 0.0
+        for _ in range(10):
+            pull = omega**2 * (speed * time - position) - 2.0 * omega * velocity if time < lost else -velocity / 0.02
+            drawn = 1e-4 * pull / 0.0835 if time < lost else 0.0
+            velocity += 1e-4 * pull
+            position += 1e-4 * velocity
+        seen.append(watch.inert(position, speed * time, drawn, time, led=True, fresh=True))
+    assert not any(seen[:1000])
+    assert any(seen[1000:1080]) or speed < 0.3
+
+
 REFERENCES: dict[str, Callable[[float], float]] = {
     "chirp": lambda t: 0.6 * math.sin(2.0 * math.pi * (0.2 + 0.5 * t) * t),
     "triangle": lambda t: 0.7 * abs(1.5 * t % 2.0 - 1.0),

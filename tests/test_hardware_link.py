@@ -5,7 +5,7 @@ import pytest
 
 from bowden.core.errors import DriveError
 from bowden.hardware.buses.link import BusPlace, Links
-from bowden.hardware.buses.unix_bus import UnixBus
+from bowden.hardware.buses.unix_bus import EXTENDED, REMOTE, UnixBus
 
 PLACE = BusPlace("bowden_unix", "unused", 1_000_000)
 
@@ -49,6 +49,49 @@ def test_each_drive_has_its_own_frames_in_their_order_and_those_for_all_go_to_al
     two.leave()
     bus.waiting = [frame(0x12)]
     assert one.take() == (0x12, b"\1")  # whoever is alone is shown everything
+
+
+def test_all_frames_of_a_drive_are_taken_at_once_and_no_more_than_a_cycle_may_read() -> None:
+    bus = Loopback()
+    links = Links(bus)
+    one = links.join(PLACE, "node 1", lambda identifier: identifier & 0xF in (1, 0xF))
+    bus.waiting = [frame(0x11)] * 100
+    assert len(one.take_all()) == 64
+    assert len(one.take_all()) == 36
+    two = links.join(PLACE, "node 2", lambda identifier: identifier & 0xF in (2, 0xF))
+    bus.waiting = [frame(identifier) for identifier in (0x12, 0x11, 0x1F, 0x21, 0x13, 0x22)]
+    assert [identifier for identifier, _ in one.take_all()] == [0x11, 0x1F, 0x21]
+    assert [identifier for identifier, _ in two.take_all()] == [0x12, 0x1F, 0x22]
+    assert one.take_all() == two.take_all() == []
+    two.leave()
+    bus.waiting = [frame(0x12)]
+    assert one.take_all() == [(0x12, b"\1")]
+
+
+def test_a_bus_without_a_way_of_its_own_is_sent_messages() -> None:
+    class Keeping(Loopback):
+        kept: list[can.Message]
+
+        def send(self, msg: can.Message, timeout: float | None = None) -> None:
+            self.kept.append(can.Message(**{key: getattr(msg, key) for key in FIELDS}))
+
+    bus = Keeping()
+    bus.kept = []
+    port = Links(bus).join(PLACE, "node 1", lambda _: True)
+    port.send(0x201, b"\1\2")
+    port.send(0x201, b"\3")
+    port.send(REMOTE | 0x29, bytes(8))
+    port.send(EXTENDED | 0x8001, b"")
+    said = [(one.arbitration_id, one.is_extended_id, one.is_remote_frame, one.dlc, bytes(one.data)) for one in bus.kept]
+    assert said == [
+        (0x201, False, False, 2, b"\1\2"),
+        (0x201, False, False, 1, b"\3"),
+        (0x29, False, True, 8, b""),
+        (0x8001, True, False, 0, b""),
+    ]
+
+
+FIELDS = ("arbitration_id", "is_extended_id", "is_remote_frame", "dlc", "data")
 
 
 def test_what_is_for_the_whole_bus_follows_the_frames_of_all_drives_and_goes_out_once_a_cycle() -> None:

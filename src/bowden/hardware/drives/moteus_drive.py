@@ -57,7 +57,7 @@ class MoteusDrive:
         self._found: MoteusFindings | None = None
         self._readings = Readings()
         self._joint_turns = LimitedRange(1.0)
-        self._lag = LagWatch(drive.current_limit)
+        self._lag = LagWatch(drive.current_limit, drive.lag_current, drive.lag_time)
         self._to_board = frames.identifier_of(drive.host_id, drive.node_id, reply=True)
         self._to_board |= EXTENDED * (self._to_board > frames.STANDARD_ID)
         self._begin(DriveState.NOT_READY_TO_SWITCH_ON, 0)

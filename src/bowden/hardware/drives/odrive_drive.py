@@ -68,7 +68,8 @@ class OdriveDrive:
         synced = self._encoder is not None and self._encoder.synced
         self._host = HostEnd(place(drive), drive.node_id, links, self._concerns, synced=synced)
         self._found: OdriveFindings | None = None
-        self._readings, self._lag = Readings(), LagWatch(drive.current_limit)
+        self._readings = Readings()
+        self._lag = LagWatch(drive.current_limit, drive.lag_current, drive.lag_time)
         self._frames = drive.node_id << 5
         """Identifier of its frames, of command 0."""
         self._asks_position = self._frames | Cmd.GET_ENCODER_ESTIMATES | REMOTE
