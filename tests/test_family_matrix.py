@@ -134,7 +134,7 @@ def test_a_soft_servo_on_its_way_is_not_inert_and_one_that_has_lost_its_torque_i
             position += 1e-4 * velocity
         seen.append(watch.inert(position, speed * time, drawn, time, led=True, fresh=True))
     assert not any(seen[:1000])
-    assert any(seen[1000:1080]) or speed < 0.3
+    assert any(seen[1000:1050]) or speed < 0.3
 
 
 REFERENCES: dict[str, Callable[[float], float]] = {

@@ -356,7 +356,7 @@ class Cycle:
         self._settings = CycleSettings(gains, law.conditioning, source.settings, filters, 0.0)
         self._limits = np.array(flat(limits), dtype=np.float64)
         self._given, self._said = np.zeros(_GIVEN.size // 8), np.zeros(9)
-        self._given_bytes = memoryview(self._given).cast("B")
+        self._given_bytes = self._given.data.cast("B")
         self._run: Callable[..., None] = specialise(
             cycle_in_place, f"{law.name}_{source.name}", **law_and_source(law, source), **SUPERVISED
         )
@@ -381,7 +381,7 @@ class Cycle:
     def state(self, state: CycleState) -> None:
         self._like = state
         self.kept = np.array(flat((state.law, state.conditioned, state.supervisor)), dtype=np.float64)
-        self.kept_bytes = memoryview(self.kept).cast("B")
+        self.kept_bytes = self.kept.data.cast("B")
         law, conditioned = len(flat(state.law)), len(flat(state.conditioned))
         places = {"law": (0, law), "conditioned": (law, law + conditioned), "supervisor": (law + conditioned, None)}
         self._rows = [

@@ -160,7 +160,7 @@ class RingWriter(_Mapped):
 
     def __init__(self, path: Path) -> None:
         super().__init__(path)
-        self.bytes = memoryview(self._slots).cast("B")
+        self.bytes = self._slots.data.cast("B")
         """All slots; what packs numbers into them is quicker than a numpy array, and allocates nothing in the loop."""
         self._slot = self._slots.itemsize * self._slots.shape[1]
         self._places = self._numbers.data

@@ -284,8 +284,8 @@ class UnixBus(can.BusABC):
         if waiting:
             return waiting.popleft()
         if len(self._by_number) == 1:
-            (link,) = self._by_number.values()
-            frame = self._read(link)
+            (only,) = self._by_number.values()
+            frame = self._read(only)
             if frame is not None:
                 return frame
             if not self._knocks.poll(0):
