@@ -3,11 +3,12 @@
     python benchmarks/drive_families.py [SECONDS [FAMILY …]]
 
 For each family `bowden run --twin --auto`, with a loop that only sleeps measured before and after it, and its log
-replayed. Then cycles at 1 kHz without power against a twin: the round trip is from the beginning of `Drive.write` until
-the first frame is there to be read.
+replayed; the log of a run that did not end as asked stays in `out/bench`. Then cycles at 1 kHz without power against a
+twin: the round trip is from the beginning of `Drive.write` until the first frame is there to be read.
 """
 
 import json
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -27,6 +28,7 @@ from bowden.live.lateness import bare_loop_apart, figures
 from bowden.live.mcap_read import read
 from bowden.live.twin_process import running_twin
 from bowden.rig.rig import Rig
+from kept import FOLDER
 
 TITLE = "Families of drives"
 BARE = 3.0
@@ -77,11 +79,14 @@ def one(name: str, seconds: float) -> dict[str, Any]:
         after, _ = bare_loop_apart(BARE, 1e-3, Settings())
         again = bowden("log", "replay", found["log"])
         log = read(Path(found["log"]), ("lateness", "run_time"))
+        if not found["ended_well"]:
+            FOLDER.mkdir(parents=True, exist_ok=True)
+            shutil.copy(found["log"], FOLDER / f"{name}-{Path(found['log']).name}")
         trips = round_trips(name, path, Path(folder) / "b")
     bare, late = figures(np.concatenate([before, after])), figures(log["lateness"])
     return {
         "family": name,
-        "ended": "yes" if found["ended_well"] else f"no: {json.dumps(found['faults'])[:200]}",
+        "ended": "yes" if found["ended_well"] else f"no: {why(found)}",
         "cycles": found["cycles"],
         "overruns": found["overruns"],
         "p50": (late.p50_us, bare.p50_us),
@@ -91,6 +96,12 @@ def one(name: str, seconds: float) -> dict[str, Any]:
         "compared": again["cycles"],
         "trips": np.percentile(1e6 * np.array(trips), (50.0, 99.0)),
     }
+
+
+def why(found: dict[str, Any]) -> str:
+    """What ended a run that did not end as asked."""
+    stop = found["stops"][-1] if found["stops"] else {"too_busy": "", "causes": found["faults"]}
+    return str(stop["too_busy"] or ", ".join(stop["causes"]) or found["error"])
 
 
 def round_trips(name: str, path: Path, channel: Path) -> list[float]:

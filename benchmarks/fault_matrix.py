@@ -55,6 +55,15 @@ def of_families() -> list[tuple[str, family_matrix.DriveRow, family_matrix.Found
     return found
 
 
+def of_cells() -> list[tuple[str, family_matrix.LoadRow, family_matrix.Found]]:
+    """Each kind of load cell with each of its faults, and what came of it."""
+    found = []
+    for cell, row in family_matrix.load_cases():
+        with tempfile.TemporaryDirectory() as folder:
+            found.append((cell, row, family_matrix.react_load(Path(folder), cell, row)))
+    return found
+
+
 def figures(share: float) -> tuple[list[Figure], str]:
     """What was wrong, and a table of the faults."""
     assert set(ROWS) == set(Injected) - {Injected.NOTHING}
@@ -70,6 +79,11 @@ def figures(share: float) -> tuple[list[Figure], str]:
         print("wrong:", *row)
     wrong_ones, wrong_twos = (sum(bool(row[-1]) for row in rows) for rows in (ones, twos))
     blind = sum(not row[-2] for row in ones if max(ROWS[Injected[row[1]]].reactions) > 1)
+    cells = of_cells()
+    odd = [(cell, row.text, *family_matrix.complaints(row, found)) for cell, row, found in cells]
+    odd = [one for one in odd if len(one) > 2]
+    for one in odd:
+        print("wrong:", *one)
     drives = of_families()
     bad = [(name, row.text, *family_matrix.complaints(row, found)) for name, row, found in drives]
     bad = [one for one in bad if len(one) > 2]
@@ -84,6 +98,12 @@ def figures(share: float) -> tuple[list[Figure], str]:
             not bad,
         ),
         Figure("of these, an inert motor, the latest [ms]", f"{inert:.0f}", "≤ 50", inert <= 50.0),
+        Figure(
+            f"a load cell's fault, {len(cells)} runs of {len(family_matrix.CELLS)} kinds: wrong reaction, or too late",
+            str(len(odd)),
+            "0",
+            not odd,
+        ),
         Figure(
             f"one fault, {len(ones)} runs: wrong reaction, too late, or undetected",
             str(wrong_ones),

@@ -17,6 +17,7 @@ ORDER = [
     *(
         "The live loop",
         "Families of drives",
+        "Several axes",
         "A long run",
         "Loss of a process",
         "Loss of the recorder",

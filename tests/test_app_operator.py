@@ -318,6 +318,19 @@ def test_the_summary_says_what_ended_the_run_and_what_its_log_lacks(capsys: pyte
         "more_logs": [],
         "log_whole": False,
     }
+    both = [
+        {"name": name, "law": "bowden", "rmse_deg": None, "seconds_led": 0.0, "faults": faulty}
+        for name, faulty in (("hip", ["drive in fault"]), ("knee", ["another axis is off", "drive in fault"]))
+    ]
+    stop = {
+        **{"time_s": 1.0, "axis": "hip", "causes": ["drive in fault"], "remedies": ["read the error code"]},
+        **{"consequences": ["knee: another axis is off"], "too_busy": None},
+    }
+    of_two = {"axes": both, "stops": [stop], "faults": ["drive in fault", "another axis is off"]}
+    print_summary(found | of_two | {"remedies": ["read the error code", "correct it"]})
+    said = capsys.readouterr()
+    assert "ended by a fault: knee: drive in fault; read the error code" in said.out
+    assert said.out.count("another axis is off") == 1
     print_summary(found)
     said = capsys.readouterr()
     for line in ("ended by a fault: drive in fault; read", "emergency: 0x4210", "ended by an error: the loop failed"):

@@ -1,4 +1,4 @@
-"""What a drive of each family may do, through the live loop: the supervisor stops it in time, and the torque goes."""
+"""What a drive of each family and a load cell may do, through the live loop: stopped in time."""
 
 import math
 from collections.abc import Callable
@@ -22,12 +22,15 @@ from bowden.hardware.drives.family import family_of
 from bowden.hardware.drives.findings import LagWatch
 from bowden.hardware.ports import Power
 from bowden.hardware.twin.bench import OFF
-from support.family_matrix import DriveRow, cases, complaints, played, react
+from support.family_matrix import CELLS, DriveRow, LoadRow, cases, complaints, load_cases, played, react, react_load
 from support.memory_bus import MemoryBus
 
 CASES = list(cases())
 SAMPLE = [(name, row) for name, row in CASES if row.text == "inert"]
 """One for each family; the others are `long`, and in `benchmarks/fault_matrix.py`."""
+LOAD_CASES = list(load_cases())
+LOAD_SAMPLE = [next(case for case in LOAD_CASES[k::5] if case[0] == cell) for k, cell in enumerate(CELLS)]
+"""One for each kind of load cell, likewise."""
 
 
 @pytest.fixture(autouse=True)
@@ -45,6 +48,15 @@ def test_an_inert_motor_of_each_family_is_let_go_of_in_time(tmp_path: Path, name
 @pytest.mark.parametrize(("name", "row"), CASES, ids=str)
 def test_each_fault_of_a_drive_of_each_family_ends_the_run_in_time(tmp_path: Path, name: str, row: DriveRow) -> None:
     assert list(complaints(row, react(tmp_path, name, row))) == []
+
+
+@pytest.mark.parametrize(
+    ("cell", "row"),
+    [case if case in LOAD_SAMPLE else pytest.param(*case, marks=pytest.mark.long) for case in LOAD_CASES],
+    ids=str,
+)
+def test_each_fault_of_a_load_cell_ends_the_run_in_time(tmp_path: Path, cell: str, row: LoadRow) -> None:
+    assert list(complaints(row, react_load(tmp_path, cell, row))) == []
 
 
 def read(parameters: Any, bus: MemoryBus) -> DriveReading:
@@ -87,6 +99,42 @@ def test_a_loop_that_stood_still_has_not_seen_a_motor_stand_still() -> None:
     seen += [watch.inert(0.0, 0.01, 0.0, 0.052 + 1e-3 * k, led=True, fresh=False) for k in range(100)]
     assert not any(seen)
     assert any(watch.inert(0.0, 0.01, 0.0, 0.2 + 1e-3 * k, led=True, fresh=True) for k in range(25))
+
+
+LAG_CURRENT, LAG_TIME = 3.4, 37e-3
+"""Of the default bench's servo: J·ω²/(N·kτ) [A/rad], 2ζ/ω [s]."""
+
+
+@pytest.mark.parametrize("lag", [0.005, 0.05, 0.3])
+def test_a_motor_that_friction_holds_is_not_inert_and_one_without_a_current_is(lag: float) -> None:
+    """Standing still at a lag, with the current that the rig's servo draws there, and with a twentieth of it."""
+    for share, inert in ((1.0, False), (0.2, False), (0.05, True), (-0.05, True)):
+        watch = LagWatch(20.0, LAG_CURRENT, LAG_TIME)
+        seen = [
+            watch.inert(0.1, 0.1 + lag, share * LAG_CURRENT * lag, 1e-3 * k, led=True, fresh=True) for k in range(50)
+        ]
+        assert any(seen) == inert, share
+
+
+@pytest.mark.parametrize("speed", [0.05, 0.35, 2.0])
+@pytest.mark.parametrize("frequency", [2.0, 8.7])
+def test_a_soft_servo_on_its_way_is_not_inert_and_one_that_has_lost_its_torque_is(
+    speed: float, frequency: float
+) -> None:
+    """A ramp without a load: at its speed the motor draws nothing and lags by 2ζ/ω times that."""
+    omega, position, velocity, lost = 2.0 * math.pi * frequency, 0.0, 0.0, 1.0
+    watch = LagWatch(20.0, 1e-4 * omega**2 / 0.0835, 2.0 / omega)
+    seen = []
+    for k in range(1200):
+        time, drawn = 1e-3 * k, 0.0
+        for _ in range(10):
+            pull = omega**2 * (speed * time - position) - 2.0 * omega * velocity if time < lost else -velocity / 0.02
+            drawn = 1e-4 * pull / 0.0835 if time < lost else 0.0
+            velocity += 1e-4 * pull
+            position += 1e-4 * velocity
+        seen.append(watch.inert(position, speed * time, drawn, time, led=True, fresh=True))
+    assert not any(seen[:1000])
+    assert any(seen[1000:1050]) or speed < 0.3
 
 
 REFERENCES: dict[str, Callable[[float], float]] = {

@@ -5,7 +5,7 @@ import pytest
 
 from bowden.core.errors import DriveError
 from bowden.hardware.buses.link import BusPlace, Links
-from bowden.hardware.buses.unix_bus import UnixBus
+from bowden.hardware.buses.unix_bus import EXTENDED, REMOTE, UnixBus
 
 PLACE = BusPlace("bowden_unix", "unused", 1_000_000)
 
@@ -51,23 +51,66 @@ def test_each_drive_has_its_own_frames_in_their_order_and_those_for_all_go_to_al
     assert one.take() == (0x12, b"\1")  # whoever is alone is shown everything
 
 
+def test_all_frames_of_a_drive_are_taken_at_once_and_no_more_than_a_cycle_may_read() -> None:
+    bus = Loopback()
+    links = Links(bus)
+    one = links.join(PLACE, "node 1", lambda identifier: identifier & 0xF in (1, 0xF))
+    bus.waiting = [frame(0x11)] * 100
+    assert len(one.take_all()) == 64
+    assert len(one.take_all()) == 36
+    two = links.join(PLACE, "node 2", lambda identifier: identifier & 0xF in (2, 0xF))
+    bus.waiting = [frame(identifier) for identifier in (0x12, 0x11, 0x1F, 0x21, 0x13, 0x22)]
+    assert [identifier for identifier, _ in one.take_all()] == [0x11, 0x1F, 0x21]
+    assert [identifier for identifier, _ in two.take_all()] == [0x12, 0x1F, 0x22]
+    assert one.take_all() == two.take_all() == []
+    two.leave()
+    bus.waiting = [frame(0x12)]
+    assert one.take_all() == [(0x12, b"\1")]
+
+
+def test_a_bus_without_a_way_of_its_own_is_sent_messages() -> None:
+    class Keeping(Loopback):
+        kept: list[can.Message]
+
+        def send(self, msg: can.Message, timeout: float | None = None) -> None:
+            self.kept.append(can.Message(**{key: getattr(msg, key) for key in FIELDS}))
+
+    bus = Keeping()
+    bus.kept = []
+    port = Links(bus).join(PLACE, "node 1", lambda _: True)
+    port.send(0x201, b"\1\2")
+    port.send(0x201, b"\3")
+    port.send(REMOTE | 0x29, bytes(8))
+    port.send(EXTENDED | 0x8001, b"")
+    said = [(one.arbitration_id, one.is_extended_id, one.is_remote_frame, one.dlc, bytes(one.data)) for one in bus.kept]
+    assert said == [
+        (0x201, False, False, 2, b"\1\2"),
+        (0x201, False, False, 1, b"\3"),
+        (0x29, False, True, 8, b""),
+        (0x8001, True, False, 0, b""),
+    ]
+
+
+FIELDS = ("arbitration_id", "is_extended_id", "is_remote_frame", "dlc", "data")
+
+
 def test_what_is_for_the_whole_bus_follows_the_frames_of_all_drives_and_goes_out_once_a_cycle() -> None:
     bus = Loopback()
     links = Links(bus)
     ports = [links.join(PLACE, f"node {k}", lambda _: True, synced=True) for k in (1, 2, 3)]
     listener = links.join(PLACE, "node 4", lambda _: True)
     for _ in range(2):
-        listener.send(frame(0x204))
+        listener.send(0x204, b"\1")
         for k, port in enumerate(ports):
-            port.send(frame(0x201 + k))
-            port.sync(frame(0x080))
+            port.send(0x201 + k, b"\1")
+            port.sync(0x080)
     assert bus.sent == [0x204, 0x201, 0x202, 0x203, 0x080] * 2
     bus.sent.clear()
     ports[1].synced = False  # it is let go of alone
-    ports[1].sync(frame(0x080))
-    ports[0].sync(frame(0x080))
+    ports[1].sync(0x080)
+    ports[0].sync(0x080)
     assert bus.sent == [0x080]
-    ports[2].sync(frame(0x080))
+    ports[2].sync(0x080)
     assert bus.sent == [0x080, 0x080]
 
 
@@ -110,8 +153,8 @@ def test_what_cannot_be_sent_is_counted_and_raises_nothing() -> None:
     bus = Loopback()
     port = Links(bus).join(PLACE, "node 1", lambda _: True)
     bus.broken = True
-    port.send(frame(1))
-    port.sync(frame(2))
+    port.send(1, b"\1")
+    port.sync(2)
     assert port.errors == 2
     port.leave()
     port.leave()

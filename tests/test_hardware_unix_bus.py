@@ -13,7 +13,7 @@ import pytest
 from bowden.core.errors import DriveError
 from bowden.hardware.buses import opening
 from bowden.hardware.buses.opening import claim, open_bus
-from bowden.hardware.buses.unix_bus import EXTENDED, UnixBus, bus_folder
+from bowden.hardware.buses.unix_bus import EXTENDED, REMOTE, UnixBus, bus_folder
 
 
 def frame(cob_id: int, data: bytes = b"") -> can.Message:
@@ -54,6 +54,41 @@ def test_a_frame_arrives_as_it_was_sent(tmp_path: Path, message: can.Message) ->
     with UnixBus(tmp_path) as one, UnixBus(tmp_path) as two:
         one.send(message)
         assert two.recv(1.0).equals(message, timestamp_delta=None, check_channel=False, check_direction=False)
+
+
+@pytest.mark.parametrize("fd", [False, True])
+@pytest.mark.parametrize(("identifier", "data"), [(0x181, bytes(range(8))), (EXTENDED | 0x8001, b"\1\2"), (0x80, b"")])
+def test_a_frame_is_put_as_it_is_sent_in_a_message(tmp_path: Path, identifier: int, data: bytes, *, fd: bool) -> None:
+    message = can.Message(
+        arbitration_id=identifier & 0x1FFF_FFFF,
+        is_extended_id=bool(identifier & EXTENDED),
+        is_fd=fd,
+        bitrate_switch=fd,
+        data=data,
+    )
+    with UnixBus(tmp_path, fd=fd) as one, UnixBus(tmp_path, fd=fd) as two, UnixBus(tmp_path, fd=fd) as three:
+        one.put(identifier, data)
+        assert two.recv(1.0).equals(message, timestamp_delta=None, check_channel=False, check_direction=False)
+        assert three.take() == (identifier, data)
+
+
+def test_a_remote_frame_is_put_with_the_length_that_it_asks_for(tmp_path: Path) -> None:
+    with UnixBus(tmp_path) as one, UnixBus(tmp_path) as two:
+        one.put(REMOTE | 0x29, bytes(8))
+        found = two.recv(1.0)
+        assert found is not None
+        assert (found.arbitration_id, found.is_remote_frame, found.dlc) == (0x29, True, 8)
+
+
+def test_who_joins_a_bus_of_two_is_heard_in_the_next_look(tmp_path: Path) -> None:
+    with UnixBus(tmp_path) as one, UnixBus(tmp_path) as two:
+        assert one.take() is None
+        with UnixBus(tmp_path) as three:
+            three.put(0x12, b"\1")
+            two.put(0x11, b"\2")
+            assert {one.take(), one.take()} == {(0x11, b"\2"), (0x12, b"\1")}
+            assert one.take() is None
+        assert one.take() is None
 
 
 @pytest.mark.parametrize("length", [0, 8, 12, 48, 64])

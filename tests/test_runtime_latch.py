@@ -13,8 +13,9 @@ import pytest
 from bowden.control import LAWS
 from bowden.control.reference import PeriodicMinimumJerk
 from bowden.core.errors import SafetyError
+from bowden.hardware.drives.ak_parameters import AkParameters
 from bowden.hardware.drives.parameters import DriveParameters
-from bowden.live import latch_file
+from bowden.live import latch_file, thermal_file
 from bowden.live.automatic import automatic
 from bowden.live.preflight import Preflight
 from bowden.live.row import AT
@@ -36,6 +37,17 @@ FAULTS = float(2**Fault.NOT_FOLLOWING + 2**Fault.SECOND_MASTER)
 def state(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
     return tmp_path
+
+
+def test_two_families_with_one_number_on_one_bus_have_latch_and_warmth_apart() -> None:
+    other = AkParameters(interface="socketcan", channel="can0")
+    assert other.node_id == REAL.node_id
+    latch_file.write(REAL, FAULTS)
+    assert latch_file.read(other) is None
+    latch_file.write(other, float(2**Fault.SLACK))
+    latch_file.acknowledge(other)
+    assert latch_file.read(REAL) == FAULTS
+    assert thermal_file._path(REAL) != thermal_file._path(other)
 
 
 def row(mode: Mode, faults: float = 0.0) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""The fault matrix' rows of the drive, through the live loop, against the twin of each family in memory.
+"""The fault matrix' rows of drive and load cell, through the live loop, against the twin of each family in memory.
 
 The loop is `bowden.live.loop.Loop` with the rig's own supervisor, driver and twin are the family's own; bus and clock
 are the tests'. Each fault begins while the law leads, with the motor on its way.
@@ -16,13 +16,15 @@ from bowden.core.clock import SECOND
 from bowden.core.units import RADIANS
 from bowden.hardware.buses.link import Links
 from bowden.hardware.drives.ak_parameters import AkParameters
-from bowden.hardware.drives.family import family_of
+from bowden.hardware.drives.load_cell import LoadCellParameters
 from bowden.hardware.drives.moteus_parameters import MoteusParameters
 from bowden.hardware.drives.odrive_parameters import OdriveParameters
+from bowden.hardware.drives.parameters import DriveParameters
 from bowden.hardware.twin.ak_node import AkNode
 from bowden.hardware.twin.bench import OFF, TwinBench
 from bowden.hardware.twin.canopen_node import CanopenNode
 from bowden.hardware.twin.injection import parse
+from bowden.hardware.twin.load_cell_node import LoadCellNode
 from bowden.hardware.twin.moteus_node import MoteusNode
 from bowden.hardware.twin.odrive_node import OdriveNode
 from bowden.live.preflight import Preflight
@@ -101,24 +103,94 @@ def cases() -> Iterator[tuple[str, DriveRow]]:
             yield name, row._replace(within=SEEN_BY_ITS_MODEL) if (name, kind) == ("cia402", "inert") else row
 
 
-def played(name: str) -> tuple[Rig, MemoryBus, Any]:
-    """A rig with a family, a bus in memory with its twin on it, and that."""
+_CELL = LoadCellParameters(source="cia404", scale=0.01, full_scale=300.0)
+_AT_INPUT = DriveParameters(tension_scale=0.05, analog_range=10_000.0)
+CELLS: Mapping[str, tuple[str, Callable[[Rig], Rig]]] = {
+    "at the drive's input": ("cia402", lambda rig: rig.replace(drive=_AT_INPUT)),
+    "cia404": ("ak_mit", lambda rig: rig.replace(load_cell=_CELL)),
+    "plain frames": ("odrive", lambda rig: rig.replace(load_cell=_CELL._replace(source="can", bytes=3))),
+    "cia404, torque": (
+        "cia402",
+        lambda rig: rig.replace(load_cell=_CELL._replace(measures="torque", scale=0.001, full_scale=30.0)),
+    ),
+}
+"""Load cell → family of the drive that it is tried beside, and how it comes into its rig."""
+
+
+class LoadRow(NamedTuple):
+    """A fault of a load cell, and what must become of it."""
+
+    text: str
+    reaction: int
+    faults: tuple[str, ...]
+    """Any of these is what stops the run."""
+    within: int
+    """From its beginning to that, at most [ms]."""
+
+
+_LOST = ("TENSION_LOST", "TORQUE_LOST")
+LOAD_ROWS = (
+    LoadRow("load_silence", 2, _LOST, 20),
+    LoadRow("load_stuck", 2, ("LOAD_STUCK",), 500),
+    LoadRow("load_saturated 1", 3, ("OVER_TENSION", "OVER_TORQUE"), 8),
+    LoadRow("load_saturated -1", 2, ("TENSION_LOST",), 12),
+    LoadRow("load_sign", 2, ("SLACK",), 60),
+    LoadRow("load_drift 2000", 3, ("OVER_TENSION", "OVER_TORQUE"), 90),
+)
+"""What a load cell may do. Stuck, it shows once the motor has gone `frozen_travel` behind the dead zone; drifting, once
+it is beyond its limit."""
+UNSEEN = {("cia404, torque", "load_sign"), ("at the drive's input", "load_silence")}
+"""A torque that turns its sign may be right: a limb pushes either way. An input of the drive is not silent alone."""
+
+
+def load_cases() -> Iterator[tuple[str, LoadRow]]:
+    """Each kind of load cell with each of its faults that can be seen."""
+    for cell in CELLS:
+        for row in LOAD_ROWS:
+            if (cell, row.text) in UNSEEN:
+                continue
+            both = cell.endswith("torque") and row.text == "load_saturated -1"
+            yield cell, row._replace(reaction=3, faults=("OVER_TORQUE",), within=8) if both else row
+
+
+def played(name: str, fitted: Callable[[Rig], Rig] = lambda rig: rig) -> tuple[Rig, MemoryBus, Any]:
+    """A rig with a family, a bus in memory with its twin on it, and that.
+
+    Args:
+        name: of the family.
+        fitted: the rig with what else it has.
+    """
     make, node_of = FAMILIES[name]
-    rig, bus = make(), MemoryBus()
+    rig, bus = fitted(make()), MemoryBus()
     plant = TwinBench(rig.bench, rig.bend_path, 20.0, rig.seed, rig.start_motor, bus.time)
     node = node_of(rig.drive_parameters, plant, bus.put, bus.note)
     bus.attach(node)
+    if rig.load_cell.there:
+        bus.attach(LoadCellNode(rig.load_cell, plant, node.faults, bus.put))
     return rig, bus, node
 
 
-def react(folder: Path, name: str, row: DriveRow, onset: float = 0.35) -> Found:
+def react_load(folder: Path, cell: str, row: LoadRow, onset: float = 0.35) -> Found:
+    """`react` of a load cell."""
+    name, fitted = CELLS[cell]
+    return react(folder, name, row, onset, fitted)
+
+
+def react(
+    folder: Path,
+    name: str,
+    row: DriveRow | LoadRow,
+    onset: float = 0.35,
+    fitted: Callable[[Rig], Rig] = lambda rig: rig,
+) -> Found:
     """Let a fault begin so long after the law has, and see what comes of it."""
-    rig, bus, node = played(name)
-    parameters, plant = rig.drive_parameters, node.bench
-    drive = family_of(parameters).open(parameters, Links(bus))
+    rig, bus, node = played(name, fitted)
+    plant, limits = node.bench, rig.supervisor_limits
+    drive = rig.open_drive(Links(bus))
     drive.bring_up()
     table = PeriodicMinimumJerk(0.0, 60.0 * RADIANS, PERIOD).sample(np.arange(4000) * 1e-3)
-    script = Script(table, 0.0, 0.5, Preflight(), 1e-3)
+    checks = Preflight(tension=limits.measures_tension, torque=limits.measures_torque)
+    script = Script(table, 0.0, 0.5, checks, 1e-3)
     began, torque_off = [np.nan], [np.nan]
 
     def between(run: LoopRig) -> None:
@@ -132,7 +204,7 @@ def react(folder: Path, name: str, row: DriveRow, onset: float = 0.35) -> Found:
             if bus.time > began[0] + 1.0:
                 run.block.quit()
 
-    loop = LoopRig(folder, LAWS["adaptive"], rig.supervisor_limits, drive, script, between, quits=float("inf"))
+    loop = LoopRig(folder, LAWS["adaptive"], limits, drive, script, between, quits=float("inf"))
     loop.time = round(bus.time * SECOND)
     _, rows = loop.run()
     times, reaction = rows["time"], rows["reaction"]
@@ -147,8 +219,10 @@ def react(folder: Path, name: str, row: DriveRow, onset: float = 0.35) -> Found:
     )
 
 
-def complaints(row: DriveRow, found: Found) -> Iterator[str]:
+def complaints(row: DriveRow | LoadRow, found: Found) -> Iterator[str]:
     """What is wrong with it."""
+    if isinstance(row, LoadRow) and (found.reaction != row.reaction or not {*row.faults} & {*found.faults}):
+        yield f"R{found.reaction} by {', '.join(found.faults)}, not R{row.reaction} by {' or '.join(row.faults)}"
     if not found.after <= row.within:
         yield f"R2 or R3 after {found.after:.0f} ms, not {row.within}"
     if not found.off <= found.after + RELEASE:

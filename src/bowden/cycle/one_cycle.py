@@ -16,6 +16,7 @@ A part that is left out costs nothing once it is compiled. Reading and writing s
 """
 
 import math
+import struct
 from collections.abc import Callable
 from enum import IntEnum
 from typing import Any, NamedTuple
@@ -275,6 +276,12 @@ _LIMITS = Limits()
 """Of which compiled code needs the type alone."""
 
 
+_SEEN = 22
+"""Numbers of `Observed`."""
+_GIVEN = struct.Struct("27d")
+"""Those and the numbers of a `Plan`."""
+
+
 @kernel
 def cycle_in_place(
     settings: CycleSettings,
@@ -285,15 +292,16 @@ def cycle_in_place(
     conditioned: Array,
     source: Array,
     supervisor: Array,
-    observed: Observed,
-    plan: Plan,
+    given: Array,
+    said: Array,
     dt: float,
-) -> tuple[Reference, float, Verdict]:
+) -> None:
     """`one_cycle` under the supervisor on states that are kept flat; each row is written again.
 
     Of the states that begin here the types alone are needed, so that no state crosses from Python and back. The law's
     gains are kept flat too, so that one of them can be changed between two cycles; those of the settings are their
-    type. And so are the limits, whose 75 numbers would take longer on their way from Python than the cycle itself.
+    type. And so are the limits, whose 75 numbers would take longer on their way from Python than the cycle itself; what
+    there is to see with the plan, `given`; and reference, wish and verdict, which `said` is filled with.
     """
     allowed = restored(_LIMITS, limits)
     now = CycleSettings(
@@ -301,6 +309,8 @@ def cycle_in_place(
     )
     begun = Sample(0.0, 0.0)
     like = DriveReading(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    observed = restored(Observed(like, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0), given)
+    plan = restored(Plan(0.0, 0.0, Reference(0.0, 0.0, 0.0)), given[_SEEN:])
     before = CycleState(
         restored(begun, sample),
         restored(law_start(now.gains, begun), law),
@@ -314,7 +324,7 @@ def cycle_in_place(
     keep(conditioned, after.conditioned)
     keep(source, after.source)
     keep(supervisor, after.supervisor)
-    return reference, wish, verdict
+    keep(said, (reference, wish, verdict))
 
 
 @kernel
@@ -345,13 +355,17 @@ class Cycle:
         gains = rebuilt(law.gains, lambda path, value: float(value) if name_of(path) in law.live else value)
         self._settings = CycleSettings(gains, law.conditioning, source.settings, filters, 0.0)
         self._limits = np.array(flat(limits), dtype=np.float64)
-        self._run: Callable[..., tuple[Reference, float, Verdict]] = specialise(
+        self._given, self._said = np.zeros(_GIVEN.size // 8), np.zeros(9)
+        self._given_bytes = self._given.data.cast("B")
+        self._run: Callable[..., None] = specialise(
             cycle_in_place, f"{law.name}_{source.name}", **law_and_source(law, source), **SUPERVISED
         )
         self.gains = np.array(numbers_of(law.gains), dtype=np.float64)
         """The law's gains, flat, as `Law.numbers` has them: what stands here the next cycle runs with."""
         self.reference = NOWHERE
         """What the source gave last."""
+        self.kept_bytes: memoryview
+        """`kept` as bytes."""
         self.kept: Array
         """States of law, conditioner and supervisor as the last cycle handed them on, flat and in that order."""
         self._like: CycleState
@@ -367,6 +381,7 @@ class Cycle:
     def state(self, state: CycleState) -> None:
         self._like = state
         self.kept = np.array(flat((state.law, state.conditioned, state.supervisor)), dtype=np.float64)
+        self.kept_bytes = self.kept.data.cast("B")
         law, conditioned = len(flat(state.law)), len(flat(state.conditioned))
         places = {"law": (0, law), "conditioned": (law, law + conditioned), "supervisor": (law + conditioned, None)}
         self._rows = [
@@ -400,10 +415,13 @@ class Cycle:
 
     def step(self, observed: Observed, plan: Plan) -> tuple[float, Verdict]:
         """The wish for the motor [rad] and the verdict on it."""
-        self.reference, wish, verdict = self._run(
-            *(self._settings, self._limits, self.gains, *self._rows, observed, plan, self.period)
+        _GIVEN.pack_into(
+            self._given_bytes, 0, *observed.reading, *observed[1:], plan.source, plan.motor, *plan.reference
         )
-        return wish, verdict
+        self._run(self._settings, self._limits, self.gains, *self._rows, self._given, self._said, self.period)
+        position, velocity, acceleration, wish, *verdict = self._said.tolist()
+        self.reference = Reference(position, velocity, acceleration)
+        return wish, Verdict(*verdict)
 
     @property
     def latched(self) -> float:

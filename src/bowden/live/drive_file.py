@@ -7,16 +7,20 @@ from pathlib import Path
 from typing import Any
 
 from bowden.core.files import state_folder
-from bowden.hardware.drives.family import family_of
+from bowden.hardware.drives.family import DEFAULT, family_of
 
 
 def path_of(drive: Any, kind: str) -> Path:
     """Where it is; it need not be there.
 
+    Two families may have the same number on one bus, and each of these drives has files of its own.
+
     Raises:
         RuntimeError: a user without a home.
     """
-    name = hashlib.sha256(":".join(family_of(drive).address(drive).values()).encode()).hexdigest()[:16]
+    family = family_of(drive)
+    whose = [*family.address(drive).values(), *([] if family.name == DEFAULT else [family.name])]
+    name = hashlib.sha256(":".join(whose).encode()).hexdigest()[:16]
     return state_folder() / f"{kind}-{name}.json"
 
 

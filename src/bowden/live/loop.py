@@ -6,6 +6,7 @@ Of several axes all are read, then all are judged, then all are written, so that
 import contextlib
 import functools
 import operator
+import struct
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -19,7 +20,7 @@ from bowden.hardware.emg.course import EmgCourse
 from bowden.hardware.ports import Drive, Power, TorqueLeft
 from bowden.live.control_block import ControlBlock
 from bowden.live.gain_ramp import GainRamp, step_all
-from bowden.live.ring import RingWriter, Row
+from bowden.live.ring import RingWriter
 from bowden.live.ring_status import RecorderState
 from bowden.live.row import AT
 from bowden.live.script import Script
@@ -141,47 +142,47 @@ class _Axis:
         """Send the drive what was decided."""
         verdict, push = self.verdict, self._push
         self._torque = 0.0 if push is None else push.step(self.target, verdict, self.cycle.period)
-        self.drive.write(self.target, Power(int(verdict.power)), now, self._torque)
+        self.drive.write(self.target, _POWERS[verdict.power], now, self._torque)
 
     @property
     def turning(self) -> bool:
         """Whether its drive may have torque, and the supervisor has not found that it keeps it."""
         return self.reading.drive_state in _TURNING and not int(self.verdict.faults) >> Fault.NOT_DISABLED & 1
 
-    def put(self, row: Row, at: int, times: tuple[float, float, float, float, float, float] | None) -> int:
+    def put(self, ring: memoryview, at: int, times: tuple[float, float, float, float, float, float] | None) -> int:
         """Write what is kept of a cycle into its row; where the next axis' part begins.
 
         Args:
-            row: of the ring.
-            at: where this axis' part begins.
+            ring: its bytes.
+            at: where in them this axis' part begins.
             times: of the first axis, which has what is common too: the columns ``time``, ``lateness``, ``elapsed``,
                 ``overruns``, ``operator_age`` and ``recorder``.
         """
         cycle, script, reading = self.cycle, self.script, self.reading
-        head: tuple[float, ...]
         if times is not None:
             time, lateness, elapsed, skipped, age, recorder = times
-            head = (
-                *(time, *cycle.reference, *reading, *cycle.sample, self._wish),
-                *(*self.verdict, self._plan.source, lateness, elapsed, skipped, self.request, age, recorder),
+            _WHOLE.pack_into(
+                *(ring, at, time, *cycle.reference, *reading, *cycle.sample, self._wish, *self.verdict),
+                *(self._plan.source, lateness, elapsed, skipped, self.request, age, recorder),
                 *(self.outcome, script.reason, script.play, 0.0),
             )
+            states = at + _WHOLE.size
         else:
-            head = (
-                *(*cycle.reference, *reading, *cycle.sample, self._wish, *self.verdict, self._plan.source),
-                *(self.request, self.outcome, script.reason, script.play),
+            _OWN.pack_into(
+                *(ring, at, *cycle.reference, *reading, *cycle.sample, self._wish, *self.verdict),
+                *(self._plan.source, self.request, self.outcome, script.reason, script.play),
             )
-        kept, course, push = cycle.kept, self._course, self._push
+            states = at + _OWN.size
+        kept, course, push = cycle.kept_bytes, self._course, self._push
         rest = (
             *(*(() if course is None else course.row()), *(() if push is None else push.row())),
             *(*cycle.recorded_source, *self.gains.recorded, *self.together),
         )
-        states = at + len(head)
-        row[at:states] = head
         end = states + len(kept)
-        row[states:end] = kept
-        row[end : end + len(rest)] = rest
-        return end + len(rest)
+        ring[states:end] = kept
+        packed = _doubles(len(rest))
+        packed.pack_into(ring, end, *rest)
+        return end + packed.size
 
     @property
     def together(self) -> tuple[float, ...]:
@@ -315,12 +316,12 @@ class Loop:
                 axis.write(now)
 
             # what is kept
-            row = ring.next_row()
-            at = first.put(row, 0, ((woke - self._start) * 1e-9, lateness, elapsed, skipped, age, recorder))
+            row = ring.next_place()
+            at = first.put(ring.bytes, row, ((woke - self._start) * 1e-9, lateness, elapsed, skipped, age, recorder))
             for axis in axes[1:]:
-                at = axis.put(row, at, None)
+                at = axis.put(ring.bytes, at, None)
             finished = clock.now()
-            row[_RUN_TIME] = (finished - woke) * 1e-9
+            _RUN_TIME.pack_into(ring.bytes, row + _RUN_TIME_AT, (finished - woke) * 1e-9)
             ring.publish()
             if broken is not None:
                 raise broken
@@ -364,4 +365,14 @@ _POWERED = float(Mode.BRIDGING)
 _STALLS = 1 << Fault.LATE | 1 << Fault.CLOCK
 """Faults of this computer, and not of the rig."""
 _RUNNING = float(Mode.RUNNING)
-_RUN_TIME = AT["run_time"]
+_RUN_TIME, _RUN_TIME_AT = struct.Struct("d"), 8 * AT["run_time"]
+_COMMON = ("time", "lateness", "elapsed", "overruns", "operator_age", "recorder", "run_time")
+_WHOLE, _OWN = struct.Struct(f"{len(AT)}d"), struct.Struct(f"{len(AT) - len(_COMMON)}d")
+"""The first columns of the first axis, and of the others, without those of the loop."""
+_POWERS = {float(power): power for power in Power}
+
+
+@functools.cache
+def _doubles(count: int) -> struct.Struct:
+    """What packs so many numbers."""
+    return struct.Struct(f"{count}d")

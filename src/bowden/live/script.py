@@ -102,8 +102,13 @@ class Script:
             aside = reading.joint - values[0]
             self._aside = aside if abs(aside) <= _FURTHEST else 0.0  # NaN is not
         source, self._begun = (LAW if self._begun else LAW_BEGINS), True
-        back = minimum_jerk(self._aside, 0.0, _BLEND, at - self._approach)
-        return Plan(source, target, Reference(*(float(value + more) for value, more in zip(values, back, strict=True))))
+        since = at - self._approach
+        if since < _BLEND:  # later it is nothing, and took longer than the rest of the plan
+            values = [
+                value + more for value, more in zip(values, minimum_jerk(self._aside, 0.0, _BLEND, since), strict=True)
+            ]
+        position, velocity, acceleration = values
+        return Plan(source, target, Reference(float(position), float(velocity), float(acceleration)))
 
     def _values(self, row: int) -> Sequence[float]:
         """Of a row of the table, or what EMG makes of one cycle more.

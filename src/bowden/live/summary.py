@@ -124,21 +124,31 @@ lasts takes its torque off itself."""
 
 def _print_stops(found: dict[str, Any]) -> None:
     """What stopped the run, in the order of time, then what its log does not show."""
-    said: set[str] = set()
+    named = {one["name"]: one["faults"] for one in found.get("axes", ())} or {"": found["faults"]}
+    said: set[tuple[str, str]] = set()
+    """Axis, or nothing of a rig with one motor, and fault."""
     for number, stop in enumerate(found["stops"], 1):
         last = number == len(found["stops"]) and not found["ended_well"]
         how = "ended" if last else "stopped"
         for line in stops.lines(stop, twin=found["twin"]):
             print(f"{how} by a fault at {stop['time_s']:.3f} s: {line}")
-        said |= {*stop["causes"], *stop["consequences"]}
+        whose = [stop["axis"]] if stop.get("axis") else [*named]
+        told = {*stop["causes"], *stop["consequences"]}
+        said |= {(axis, meaning) for axis in whose for meaning in told}
+        said |= {
+            (axis, meaning) for axis, faulty in named.items() for meaning in faulty if f"{axis}: {meaning}" in told
+        }
     if found["stalled_ms"] and not any(stop["too_busy"] for stop in found["stops"]):
         print(STALLED.format(found["stalled_ms"]))
     if found["unattended"]:
         print(f"ended before its time: {found['unattended']}")
-        said.add(Fault.OPERATOR_LOST.meaning)
-    for meaning, remedy in zip(found["faults"], found["remedies"], strict=True):
-        if meaning not in said:
-            print(f"{'at the end' if found['ended_well'] else 'ended by a fault'}: {meaning}; {remedy}")
+        said |= {(axis, Fault.OPERATOR_LOST.meaning) for axis in named}
+    remedies = dict(zip(found["faults"], found["remedies"], strict=True))
+    for axis, faulty in named.items():
+        for meaning in faulty:
+            if (axis, meaning) not in said:
+                how = "at the end" if found["ended_well"] else "ended by a fault"
+                print(f"{how}: {f'{axis}: ' if axis else ''}{meaning}; {remedies[meaning]}")
 
 
 _NEEDED = ("source", "joint", "reference", "lateness", "run_time", "emergency")

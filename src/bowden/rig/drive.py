@@ -102,8 +102,10 @@ def drive_needs(allowed: Limits, bench: Bench, suit: Suit | None = None) -> Driv
             expected="motor_low_deg below motor_high_deg",
             do="correct them in rig.toml",
         )
+    motor, servo = (bench.motor, bench.servo) if suit is None else (suit.motor, suit.motor.servo)
+    stiffness = motor.inertia * servo.natural_frequency**2
     return DriveNeeds(
-        gear=bench.motor.gear if suit is None else suit.motor.gear,
+        gear=motor.gear,
         torque_constant=bench.motor.torque_constant,
         sample_time=bench.sample_time,
         lowest_motor=allowed.motor_low,
@@ -114,6 +116,8 @@ def drive_needs(allowed: Limits, bench: Bench, suit: Suit | None = None) -> Driv
         torque_offset=0.0 if suit is None else suit.motor.friction_feedforward,
         spool=None if suit is None else spool_map(suit.geometry, suit.spool_radius),
         heartbeat_age=allowed.heartbeat_age,
+        lag_current=stiffness / (motor.gear * motor.torque_constant),
+        lag_time=2.0 * servo.damping / servo.natural_frequency,
     )
 
 

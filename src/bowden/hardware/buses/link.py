@@ -9,7 +9,7 @@ import can
 
 from bowden.core.clock import SECOND, MonotonicClock, TimeSource
 from bowden.core.errors import DriveError
-from bowden.hardware.buses.opening import BusClaim, claim, open_bus, quieten, taker
+from bowden.hardware.buses.opening import BusClaim, claim, open_bus, putter, quieten, taker
 
 Frame = tuple[int, bytes]
 """Identifier with the flags of `unix_bus`, and data."""
@@ -113,7 +113,7 @@ class BusLink:
         self._claim: BusClaim | None = None if given is not None else claim(place.interface, place.channel, "host")
         try:
             self.bus = given if given is not None else open_place(place)
-            self._take = taker(self.bus)
+            self._take, self.put = taker(self.bus), putter(self.bus, fd=place.fd)
         except BaseException:
             if self._claim is not None:
                 self._claim.release()
@@ -122,6 +122,8 @@ class BusLink:
         self.errors = 0
         """Frames that could not be sent or read since it was opened."""
         self._synced = 0
+        self._whose: dict[int, tuple[BusPort, ...]] = {}
+        """Identifier → whose frames those are."""
 
     def join(
         self,
@@ -149,7 +151,22 @@ class BusLink:
         port = BusPort(self, node, wanted, emptied)
         port.synced, port.sends = synced, sends
         self.ports.append(port)
+        self._whose.clear()
         return port
+
+    def leave(self, port: "BusPort") -> None:
+        """Without this port from here on."""
+        self.ports.remove(port)
+        self._whose.clear()
+
+    def wanting(self, identifier: int) -> "tuple[BusPort, ...]":
+        """The ports that want frames with this identifier and these flags."""
+        ports = self._whose.get(identifier)
+        if ports is None:
+            if len(self._whose) >= _MOST_KNOWN:
+                self._whose.clear()
+            ports = self._whose[identifier] = tuple(port for port in self.ports if port._wanted(identifier))
+        return ports
 
     def take(self) -> Frame | None:
         """The next frame that is there; never waits, never raises."""
@@ -159,19 +176,32 @@ class BusLink:
             self.errors += 1
             return None
 
-    def send(self, message: can.Message) -> None:
-        """Send a frame; what cannot be sent is counted."""
+    def take_all(self, most: int) -> list[Frame]:
+        """What is there, `most` frames of it; never waits, never raises."""
+        found, take = list[Frame](), self._take
         try:
-            self.bus.send(message)
+            for _ in range(most):
+                frame = take()
+                if frame is None:
+                    break
+                found.append(frame)
+        except (can.CanError, OSError):
+            self.errors += 1
+        return found
+
+    def send(self, identifier: int, data: bytes) -> None:
+        """Send a frame, see `opening.putter`; what cannot be sent is counted."""
+        try:
+            self.put(identifier, data)
         except (can.CanError, OSError):
             self.errors += 1
 
-    def sync(self, message: can.Message) -> None:
+    def sync(self, identifier: int) -> None:
         """Send a frame for the whole bus once all whose frames it follows have asked for it in this cycle."""
         self._synced += 1
         if self._synced >= sum(port.synced for port in self.ports):
             self._synced = 0
-            self.send(message)
+            self.send(identifier, b"")
 
     def close(self) -> None:
         """Leave the bus."""
@@ -206,8 +236,7 @@ class BusPort:
 
     def take(self) -> Frame | None:
         """The next frame for this drive that is there; never waits, never raises."""
-        ports = self._link.ports
-        if len(ports) == 1:
+        if len(self._link.ports) == 1:
             return self._link.take()
         for _ in range(_MOST_WAITING):
             if self._frames:
@@ -215,21 +244,36 @@ class BusPort:
             frame = self._link.take()
             if frame is None:
                 return None
-            for port in ports:
-                if port._wanted(frame[0]):
-                    port._frames.append(frame)
+            for port in self._link.wanting(frame[0]):
+                port._frames.append(frame)
         return self._frames.popleft() if self._frames else None
 
-    def send(self, message: can.Message) -> None:
-        """Send a frame; never raises: what cannot be sent is counted."""
-        self._link.send(message)
+    def take_all(self) -> list[Frame]:
+        """The frames for this drive that are there, not more than a cycle may read; never waits, never raises."""
+        link = self._link
+        if len(link.ports) == 1:
+            return link.take_all(_MOST_WAITING)
+        for frame in link.take_all(_MOST_WAITING):
+            for port in link.wanting(frame[0]):
+                port._frames.append(frame)
+        found = list(self._frames)
+        self._frames.clear()
+        return found
 
-    def sync(self, message: can.Message) -> None:
-        """Send a frame for the whole bus, such as CANopen's SYNC: after what all others on it send in this cycle."""
-        if self.synced:
-            self._link.sync(message)
+    def send(self, identifier: int, data: bytes) -> None:
+        """Send a frame, see `opening.putter`; never raises: what cannot be sent is counted."""
+        link = self._link
+        try:
+            link.put(identifier, data)
+        except (can.CanError, OSError):
+            link.errors += 1
+
+    def sync(self, identifier: int) -> None:
+        """Send an empty frame for the whole bus, CANopen's SYNC: after what all others on it send in this cycle."""
+        if self.synced and len(self._link.ports) > 1:
+            self._link.sync(identifier)
         else:
-            self._link.send(message)
+            self.send(identifier, b"")
 
     def disturbed(self) -> None:
         """What this drive's bring-up sent for the whole bus has reached the others too: each restores itself."""
@@ -282,7 +326,7 @@ class BusPort:
     def leave(self) -> None:
         """Let go of the bus; the last one closes it. Safe to call twice."""
         if self in self._link.ports:
-            self._link.ports.remove(self)
+            self._link.leave(self)
             if not self._link.ports:
                 with contextlib.suppress(can.CanError, OSError):
                     self._link.close()
@@ -293,5 +337,7 @@ _LISTENED = 0.02
 """Without a frame, counted as this much of a silence [s]."""
 _MOST_LISTENED = 20_000
 """Frames after which a bus has been listened to for long enough: more than it carries in a second."""
+_MOST_KNOWN = 4096
+"""Identifiers whose ports are remembered: all of classic CAN, and as many of a flood of others."""
 _MOST_WAITING = 64
 """Frames that wait for one drive at most, the newest of them, and that one call looks at: a flood holds up no loop."""

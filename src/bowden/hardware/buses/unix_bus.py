@@ -23,6 +23,7 @@ import socket
 import stat
 import struct
 import tempfile
+from collections import deque
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -107,13 +108,18 @@ class UnixBus(can.BusABC):
         self._most = FD_FRAME.size if fd else FRAME.size + 1  # so that a longer one shows
         self._reads_since_look = LOOK_EVERY
         self._links: list[socket.socket] = []
+        self._by_number: dict[int, socket.socket] = {}
+        """Descriptor → link, those of `_mute` too."""
+        self._waiting: deque[bytes] = deque()
+        """Frames that were read and not taken yet."""
         self._mute: list[socket.socket] = []
         """Links whose other end has gone, kept until what it said last is read."""
         self._path = folder / f"{os.getpid()}-{os.urandom(4).hex()}.node"
         if len(os.fsencode(self._path)) > LONGEST_PATH:
             raise can.CanInitializationError(f"the name of the bus {folder} is too long for a socket")
         self._door = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_NONBLOCK)
-        self._poll = select.poll()
+        self._ready, self._knocks = select.epoll(), select.epoll()
+        """Links and door, to wait for; the door alone."""
         try:
             if create:
                 if "/" not in str(channel):
@@ -124,9 +130,12 @@ class UnixBus(can.BusABC):
                 self._join(folder)
         except OSError as error:
             self._door.close()
+            self._ready.close()
+            self._knocks.close()
             reason = "there is no such bus" if isinstance(error, FileNotFoundError) else error.strerror
             raise can.CanInitializationError(f"{folder}: {reason}") from error
-        self._poll.register(self._door, select.POLLIN)
+        self._ready.register(self._door, select.EPOLLIN)
+        self._knocks.register(self._door, select.EPOLLIN)
         super().__init__(channel=channel, can_filters=can_filters)
         self._can_protocol = can.CanProtocol.CAN_FD if fd else can.CanProtocol.CAN_20
 
@@ -150,7 +159,8 @@ class UnixBus(can.BusABC):
 
     def _add(self, link: socket.socket) -> None:
         self._links.append(link)
-        self._poll.register(link, select.POLLIN)
+        self._by_number[link.fileno()] = link
+        self._ready.register(link, select.EPOLLIN)
 
     def _open_door(self) -> bool:
         """Take in everyone who has joined since; whether anyone has."""
@@ -182,6 +192,25 @@ class UnixBus(can.BusABC):
             frame = self._packed_fd(msg, flags)
         else:
             frame = FRAME.pack(msg.arbitration_id | flags, msg.dlc, bytes(msg.data))
+        self._hand_out(frame)
+
+    def put(self, identifier: int, data: bytes) -> None:
+        """`send` without python-can's message, which costs as much as the rest.
+
+        Args:
+            identifier: with `EXTENDED`, `REMOTE`, `ERROR`.
+            data: of a length that there is; of a remote frame as many bytes as it asks for. On a bus of CAN-FD it goes
+                out as a frame of CAN-FD, at the higher bit rate.
+
+        Raises:
+            can.CanOperationError: no other node is on the bus.
+        """
+        if self._fd:
+            self._hand_out(FD_FRAME.pack(identifier, len(data), FD | SWITCHED, data))
+        else:
+            self._hand_out(FRAME.pack(identifier, len(data), data))
+
+    def _hand_out(self, frame: bytes) -> None:
         self._reads_since_look += 1
         if self._reads_since_look >= LOOK_EVERY or not self._links:
             self._open_door()
@@ -230,7 +259,7 @@ class UnixBus(can.BusABC):
     def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
         frame = self._next()
         if frame is None and timeout != 0.0:
-            self._poll.poll(None if timeout is None else max(0.0, 1e3 * timeout))
+            self._ready.poll(None if timeout is None else max(0.0, timeout))
             frame = self._next()
         if frame is None:
             return None, False
@@ -247,24 +276,48 @@ class UnixBus(can.BusABC):
         ), False
 
     def _next(self) -> bytes | None:
-        """The next frame of any link; None when there is none now."""
-        for link in (*self._links, *self._mute):
-            try:
-                frame = link.recv(self._most)
-                if len(frame) == _TOO_LONG:
-                    frame = self._skip(link)
-            except BlockingIOError:
-                if link in self._mute:
-                    self._drop(link)
-                continue
-            except OSError:
-                self._drop(link)
-                continue
-            if len(frame) in _SIZES:
+        """The next frame of any link; None when there is none now.
+
+        Of several links the kernel says which have one: to try each would cost an exception for every one without.
+        """
+        waiting = self._waiting
+        if waiting:
+            return waiting.popleft()
+        if len(self._by_number) == 1:
+            (only,) = self._by_number.values()
+            frame = self._read(only)
+            if frame is not None:
                 return frame
-            if not frame:  # its end
-                self._drop(link)
-        return self._next() if self._open_door() else None
+            if not self._knocks.poll(0):
+                self._reads_since_look = 0
+                return None
+        self._reads_since_look, knocked = 0, True
+        while knocked and not waiting:
+            knocked = False
+            for number, _ in self._ready.poll(0):
+                link = self._by_number.get(number)
+                if link is None:
+                    knocked = self._open_door()
+                elif (frame := self._read(link)) is not None:
+                    waiting.append(frame)
+        return waiting.popleft() if waiting else None
+
+    def _read(self, link: socket.socket) -> bytes | None:
+        """The next frame of a link; None of none, and of one that has gone."""
+        try:
+            frame = link.recv(self._most)
+            if len(frame) == _TOO_LONG:
+                frame = self._skip(link)
+        except BlockingIOError:
+            return None
+        except OSError:
+            self._drop(link)
+            return None
+        if len(frame) in _SIZES:
+            return frame
+        if not frame:  # its end
+            self._drop(link)
+        return None
 
     def _skip(self, link: socket.socket) -> bytes:
         """The next frame of classic CAN of a link that has sent one of CAN-FD; raises as its `recv` does."""
@@ -279,19 +332,23 @@ class UnixBus(can.BusABC):
         for links in (self._links, self._mute):
             if link in links:
                 links.remove(link)
-        with contextlib.suppress(KeyError, ValueError):
-            self._poll.unregister(link)
+        self._by_number.pop(link.fileno(), None)
+        with contextlib.suppress(OSError, ValueError):
+            self._ready.unregister(link)
         link.close()
 
     def poll(self, timeout: float) -> None:
         """Wait for something to read, at most `timeout` [s]."""
-        self._poll.poll(1e3 * timeout)
+        if not self._waiting:
+            self._ready.poll(timeout)
 
     def shutdown(self) -> None:
         """Leave the bus."""
         super().shutdown()
         self._path.unlink(missing_ok=True)
         self._door.close()
+        self._ready.close()
+        self._knocks.close()
         for link in (*self._links, *self._mute):
             link.close()
         self._links, self._mute = [], []

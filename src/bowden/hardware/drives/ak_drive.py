@@ -41,7 +41,7 @@ from bowden.hardware.drives.ak_parameters import (
 )
 from bowden.hardware.drives.enabling import Silence, fell
 from bowden.hardware.drives.findings import INERT, LOST_RANGE, InertWatch
-from bowden.hardware.drives.host_end import MOST_FRAMES, HostEnd, classic_frame
+from bowden.hardware.drives.host_end import HostEnd
 from bowden.hardware.drives.joint_encoder import JointEncoder, joint_encoder_of
 from bowden.hardware.drives.limited_range import LimitedRange, nearest
 from bowden.hardware.drives.on_can import place
@@ -89,7 +89,6 @@ class AkDrive:
         self._range = LimitedRange(2.0 * HIGHEST_POSITION)
         self._readings, self._silence = Readings(), Silence(parameters.watchdog)
         self._inert = InertWatch(math.inf)  # what gives no torque at all is inert, moving or not
-        self._frame, self._sync = classic_frame(parameters.node_id, 8), classic_frame(canopen.SYNC, 0)
         self._begin(DriveState.NOT_READY_TO_SWITCH_ON)
 
     def bring_up(self) -> str:
@@ -207,11 +206,7 @@ class AkDrive:
         """See `hardware.ports.Drive.read`."""
         readings, encoder = self._readings, self._encoder
         readings.cycle(now)
-        for _ in range(MOST_FRAMES):
-            frame = self._host.take() if self._up else None
-            if frame is None:
-                break
-            identifier, data = frame
+        for identifier, data in self._host.take_all() if self._up else ():
             if self._is_it(identifier, data):
                 reply = unpack_reply(data, self._model)
                 if reply is not None:
@@ -318,7 +313,7 @@ class AkDrive:
             self._follow(position, drive.stiffness, drive.damping, drive.motor_direction * pushed)
         self._sent_at = now
         if self._encoder is not None and self._encoder.synced:
-            self._host.sync(self._sync)
+            self._host.sync(canopen.SYNC)
 
     def _follow(self, position: float, stiffness: float, damping: float, torque: float) -> None:
         """A command; what the drive should make of it is kept."""
@@ -341,9 +336,7 @@ class AkDrive:
         """See `hardware.ports.Drive.close`; a reply to the order to leave motor mode, without torque, is its word."""
         left = self._host.power_off(self._tell_off, self._torque_told)
         if self._host.joined and self._encoder is not None:
-            stop = classic_frame(canopen.NMT, 2)
-            stop.data = bytearray((canopen.NMT_STOP, self._drive.joint_node_id))
-            self._host.send(stop)
+            self._host.send(canopen.NMT, bytes((canopen.NMT_STOP, self._drive.joint_node_id)))
         self._up = False
         self._host.leave()
         return left
@@ -359,6 +352,5 @@ class AkDrive:
         return None if reply is None else abs(reply.torque) > STRAIN * self._model.torque
 
     def _send(self, data: bytes) -> None:
-        self._frame.data = bytearray(data)
         self._unanswered = min(MOST_UNANSWERED, self._unanswered + 1)
-        self._host.send(self._frame)
+        self._host.send(self._drive.node_id, data)

@@ -141,9 +141,10 @@ def unpack_reply(data: bytes, model: AkModel) -> AkReply | None:
     position = bits >> 40 & 0xFFFF
     return AkReply(
         data[0],
-        _value(position, -HIGHEST_POSITION, HIGHEST_POSITION, 16),
-        _value(bits >> 28 & 0xFFF, -model.velocity, model.velocity, 12),
-        _value(bits >> 16 & 0xFFF, -model.torque, model.torque, 12),
+        # `_value` written out: each cycle of a run is here
+        -HIGHEST_POSITION + position * (2.0 * HIGHEST_POSITION) / 0xFFFF,
+        -model.velocity + (bits >> 28 & 0xFFF) * (2.0 * model.velocity) / 0xFFF,
+        -model.torque + (bits >> 16 & 0xFFF) * (2.0 * model.torque) / 0xFFF,
         data[6],
         data[7],
         position in (0, 0xFFFF),

@@ -6,8 +6,6 @@ Our heartbeat goes out from within `write` alone: a loop that hangs is a host th
 
 import math
 
-import can
-
 from bowden.core.signals import EMERGENCY_STOP, DriveReading, DriveState
 from bowden.hardware.buses.link import BusPlace, BusPort, Links
 from bowden.hardware.buses.unix_bus import ERROR, REMOTE
@@ -57,9 +55,9 @@ class CanopenDrive:
         self._begin(DriveState.NOT_READY_TO_SWITCH_ON)
         node, host = parameters.node_id, parameters.host_id
         self._pushed = parameters.torque_offset > 0.0
-        self._rpdo, self._sync = _frame(frames.RPDO1 + node, 8 if self._pushed else 6), _frame(frames.SYNC, 0)
-        self._heartbeat = _frame(frames.HEARTBEAT + host, 1)
-        self._heartbeat.data = bytearray((frames.OPERATIONAL,))
+        self._tpdo1, self._tpdo2, self._tpdo3 = frames.TPDO1 + node, frames.TPDO2 + node, frames.TPDO3 + node
+        self._beats, self._emergencies = frames.HEARTBEAT + node, frames.EMERGENCY + node
+        self._rpdo, self._heartbeat = frames.RPDO1 + node, frames.HEARTBEAT + host
         self._ours = frames.of_the_host(node, host)
 
     def bring_up(self) -> str:
@@ -107,35 +105,31 @@ class CanopenDrive:
         motor_age, joint_age, emergency, foreign = values.motor_age + 1.0, values.joint_age + 1.0, 0.0, 0.0
         motor, joint, current = values.motor, values.joint, values.current
         tension, temperature, joint_torque = values.tension, values.temperature, values.joint_torque
-        drive, found, node = self._drive, self._found, self._drive.node_id
-        for _ in range(MOST_FRAMES):
+        drive, found, port = self._drive, self._found, self._port
+        for cob_id, data in () if found is None or port is None else port.take_all():
             if found is None:
                 break
-            frame = self._receive()
-            if frame is None:
-                break
-            cob_id, data = frame
             if cob_id & ERROR:
                 self._bus_errors += 1
-            elif cob_id == frames.TPDO1 + node and (motion := frames.unpack_tpdo1(data)) is not None:
+            elif cob_id == self._tpdo1 and (motion := frames.unpack_tpdo1(data)) is not None:
                 self._counts = motion.position
                 self._statusword_state = decode(motion.statusword)
                 motor, motor_age = found.motor.angle(motion.position), 0.0
                 current = drive.motor_direction * motion.torque * 1e-3 * found.rated_torque / drive.torque_constant
-            elif cob_id == frames.TPDO2 + node and (sensors := frames.unpack_tpdo2(data)) is not None:
+            elif cob_id == self._tpdo2 and (sensors := frames.unpack_tpdo2(data)) is not None:
                 joint, joint_age = found.joint.angle(sensors.joint), 0.0
                 temperature = math.nan if sensors.temperature is None else 0.1 * sensors.temperature
                 if drive.tension_scale != 0.0:
                     tension = load_of(drive, sensors.analog)
                 elif drive.torque_scale != 0.0:
                     joint_torque = load_of(drive, sensors.analog)
-            elif cob_id == frames.HEARTBEAT + node and (state := frames.unpack_heartbeat(data)) is not None:
+            elif cob_id == self._beats and (state := frames.unpack_heartbeat(data)) is not None:
                 self._heartbeat_at = now
                 self._operational = self._operational and state == frames.OPERATIONAL
-            elif cob_id == frames.EMERGENCY + node and (code := frames.unpack_emergency(data)):
+            elif cob_id == self._emergencies and (code := frames.unpack_emergency(data)):
                 sent = EMERGENCY_STOP if code == SAFE_TORQUE_OFF else float(code)
                 emergency = emergency or sent  # of several in a cycle the first is the cause
-            elif cob_id == frames.TPDO3 + node and (inputs := frames.unpack_tpdo3(data)) is not None:
+            elif cob_id == self._tpdo3 and (inputs := frames.unpack_tpdo3(data)) is not None:
                 self._stop_released, self._inputs_age = bool(inputs >> drive.emergency_stop_input & 1), 0
             elif cob_id & ~REMOTE in self._ours:
                 foreign += 1.0
@@ -181,7 +175,7 @@ class CanopenDrive:
         self._synced = now
         if now - self._heartbeat_sent >= self._drive.heartbeat_time - 0.5 * self._drive.sample_time:
             self._heartbeat_sent = now
-            self._send(self._heartbeat)
+            self._send(self._heartbeat, _OPERATIONAL)
 
     def _order(self, control: int, counts: int, torque: float = 0.0) -> None:
         """RPDO 1 and the SYNC at which it is taken; the torque is at the spool [N·m]."""
@@ -190,10 +184,9 @@ class CanopenDrive:
             bounded = max(-drive.torque_offset, min(drive.torque_offset, torque))
             share = round(1e3 * drive.motor_direction * bounded / (drive.gear * self._found.rated_torque))
             share = max(-frames.INT16, min(frames.INT16 - 1, share))
-        self._rpdo.data = bytearray(frames.pack_rpdo1(control, counts, share))
-        self._send(self._rpdo)
         if self._port is not None:
-            self._port.sync(self._sync)
+            self._port.send(self._rpdo, frames.pack_rpdo1(control, counts, share))
+            self._port.sync(frames.SYNC)
 
     def reset_fault(self) -> None:
         """See `hardware.ports.Drive.reset_fault`; without effect where the drive has no fault."""
@@ -213,7 +206,7 @@ class CanopenDrive:
         if self._port is not None and self._found is not None:
             left, self._port.synced = TorqueLeft.UNKNOWN, False
             for _ in range(MOST_FRAMES):
-                if self._receive() is None:
+                if self._port is None or self._port.take() is None:
                     break
             for _ in range(CLOSING_CYCLES):
                 self._order(Controlword.DISABLE_VOLTAGE, self._counts)
@@ -223,14 +216,10 @@ class CanopenDrive:
                     left = TorqueLeft.ON if decode(motion.statusword) in WITH_TORQUE else TorqueLeft.OFF
                 if left is TorqueLeft.OFF:
                     node = self._drive.node_id
-                    unwatched = _frame(frames.SDO_REQUEST + node, 8)
-                    unwatched.data = bytearray(frames.pack_sdo_write(0x1016, 1, 0, 4))
-                    self._send(unwatched)
+                    self._send(frames.SDO_REQUEST + node, frames.pack_sdo_write(0x1016, 1, 0, 4))
                     self._wait_for(frames.SDO_ANSWER, self._drive.answer_timeout)  # none of a node that NMT has stopped
                     break
-            stop = _frame(frames.NMT, 2)
-            stop.data = bytearray((frames.NMT_STOP, self._drive.node_id))
-            self._send(stop)
+            self._send(frames.NMT, bytes((frames.NMT_STOP, self._drive.node_id)))
         self._leave()
         return left
 
@@ -249,13 +238,9 @@ class CanopenDrive:
             self._port.leave()
         self._port = self._found = None
 
-    def _receive(self) -> tuple[int, bytes] | None:
-        return self._port.take() if self._port else None
-
-    def _send(self, message: can.Message) -> None:
+    def _send(self, cob_id: int, data: bytes) -> None:
         if self._port is not None:
-            self._port.send(message)
+            self._port.send(cob_id, data)
 
 
-def _frame(cob_id: int, length: int) -> can.Message:
-    return can.Message(arbitration_id=cob_id, is_extended_id=False, data=bytes(length))
+_OPERATIONAL = bytes((frames.OPERATIONAL,))

@@ -77,10 +77,16 @@ def decode(statusword: int) -> DriveState:
     >>> decode(0x1637).name, decode(0x0250).name, decode(0x0008).name
     ('OPERATION_ENABLED', 'SWITCH_ON_DISABLED', 'FAULT')
     """
-    for state, (mask, value) in STATUS.items():
-        if statusword & mask == value:
-            return state
-    return DriveState.NOT_READY_TO_SWITCH_ON
+    return _DECODED[statusword & _STATE_BITS]
+
+
+_STATE_BITS = 0x6F
+"""Those of a statusword that any state asks for."""
+_DECODED = tuple(
+    next((state for state, (mask, value) in STATUS.items() if bits & mask == value), DriveState.NOT_READY_TO_SWITCH_ON)
+    for bits in range(_STATE_BITS + 1)
+)
+"""These bits → state."""
 
 
 def encode(state: DriveState) -> int:

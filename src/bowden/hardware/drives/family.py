@@ -50,6 +50,10 @@ class DriveNeeds(NamedTuple):
     """Of a suit: motor angles are in the joint's coordinate, and the spool turns as this says."""
     heartbeat_age: float
     """Age of the drive's sign of life from which the supervisor stops [s]."""
+    lag_current: float = math.inf
+    """Current that the rig's servo draws per lag behind its target, at rest [A/rad]."""
+    lag_time: float = 0.0
+    """Lag behind its target, per speed, at which the rig's servo draws none: 2ζ/ω [s]."""
 
 
 class TwinProcess(Protocol):

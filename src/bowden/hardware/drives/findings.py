@@ -57,17 +57,23 @@ class InertWatch:
 class LagWatch:
     """Sees an inert motor of a drive that follows a target and tells its current.
 
-    It is asked for a torque in vain where it is far from its target and draws next to no current. It is inert where it
+    It is asked for a torque in vain where it is far from its target and draws next to no current: next to none of its
+    limit, and next to none of what the rig's servo would draw there. (Friction holds a motor that is well at a lag, and
+    a soft servo far behind a target that moves; what they draw is small then, and not nothing.) It is inert where it
     stands still meanwhile (`InertWatch`), or where it falls behind a target that moves on and loses speed: one that has
     lost its torque on its way coasts, and one that is well gains speed as long as its lag grows, or brakes with a
     current.
 
     Args:
         current_limit: the largest that the rig asks for; 0 for none [A].
+        lag_current: that the rig's servo draws per lag, at rest; infinite of one that is not known [A/rad].
+        lag_time: lag per speed at which it draws none [s].
     """
 
-    def __init__(self, current_limit: float) -> None:
+    def __init__(self, current_limit: float, lag_current: float = math.inf, lag_time: float = 0.0) -> None:
         self._light = LIGHT * (current_limit or 1.0)
+        self._lag_current, self._lag_time = lag_current, lag_time
+        self._track: deque[tuple[float, float]] = deque()  # time [s], motor [rad]
         self._watch = InertWatch(STILL, LASTING)
         self._past: deque[tuple[float, float, float]] = deque()  # time [s], motor, lag [rad]
 
@@ -75,6 +81,7 @@ class LagWatch:
         """Nothing has been seen."""
         self._watch.begin()
         self._past.clear()
+        self._track.clear()
 
     def inert(self, motor: float, target: float, current: float, now: float, *, led: bool, fresh: bool) -> bool:
         """Whether the motor is inert.
@@ -90,7 +97,8 @@ class LagWatch:
         if led and not fresh:
             return False
         lag = target - motor
-        in_vain = led and abs(lag) >= LAG and abs(current) <= self._light
+        wanted = self._lag_current * abs(lag - self._lag_time * self._speed(motor, now)) if led else 0.0
+        in_vain = led and abs(lag) >= LAG and abs(current) <= min(self._light, GIVEN * wanted)
         still = self._watch.inert(motor, now, in_vain=in_vain)
         if not in_vain or (self._past and now - self._past[-1][0] > LONGEST_GAP):
             self._past.clear()
@@ -100,6 +108,19 @@ class LagWatch:
         while len(self._past) > 2 and now - self._past[1][0] >= LASTING:
             self._past.popleft()
         return still or self._falls_behind()
+
+    def _speed(self, motor: float, now: float) -> float:
+        """Of the motor [rad/s]; 0 of one that has not been looked at for long enough."""
+        if not self._lag_time:
+            return 0.0
+        track = self._track
+        if track and now - track[-1][0] > LONGEST_GAP:
+            track.clear()
+        track.append((now, motor))
+        while len(track) > 2 and now - track[1][0] >= TRACK:
+            track.popleft()
+        began, first = track[0]
+        return (motor - first) / (now - began) if now - began >= TRACK - 1e-6 else 0.0
 
     def _falls_behind(self) -> bool:
         """Whether the lag has grown for `LASTING` while the motor, on its way to its target, has lost speed."""
@@ -116,3 +137,6 @@ LAG, LIGHT, STILL, GROWN, SLOWED, LASTING = 4e-3, 0.05, 2e-3, 3e-3, 0.75, 20e-3
 """A motor this far from its target [rad], with less current than this share of the largest, is asked for a torque that
 it does not give: if it stands still within this [rad], or falls behind by this [rad] while its speed falls to this
 share, for this long [s]."""
+GIVEN, TRACK = 0.1, 5e-3
+"""Of the current that the rig's servo would draw, up to which none was given [–]; time over which the motor's speed is
+taken [s]."""

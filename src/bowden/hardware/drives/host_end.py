@@ -69,14 +69,16 @@ class HostEnd:
     def _wants(self, identifier: int) -> bool:
         return bool(identifier & ERROR) or self._concerns(identifier & ~REMOTE)
 
-    def take(self) -> Frame | None:
-        """The next frame that is there, with the flags of `buses.unix_bus`; error frames are counted and left out."""
-        for _ in range(MOST_FRAMES):
-            frame = None if self._port is None else self._port.take()
-            if frame is None or not frame[0] & ERROR:
-                return frame
-            self._errors += 1
-        return None
+    def take_all(self) -> list[Frame]:
+        """The frames that are there, with the flags of `buses.unix_bus`, and no more than a cycle may read; error
+        frames are counted and left out.
+        """
+        found = [] if self._port is None else self._port.take_all()
+        for frame in found:
+            if frame[0] & ERROR:
+                self._errors += sum(bool(one[0] & ERROR) for one in found)
+                return [one for one in found if not one[0] & ERROR]
+        return found
 
     def drain(self) -> None:
         """Take what has come up to now, and forget it."""
@@ -84,15 +86,15 @@ class HostEnd:
             if self._port is None or self._port.take() is None:
                 return
 
-    def send(self, message: can.Message) -> None:
-        """Send a frame; what cannot be sent is counted."""
+    def send(self, identifier: int, data: bytes) -> None:
+        """Send a frame, see `buses.opening.putter`; what cannot be sent is counted."""
         if self._port is not None:
-            self._port.send(message)
+            self._port.send(identifier, data)
 
-    def sync(self, message: can.Message) -> None:
+    def sync(self, identifier: int) -> None:
         """Send a frame for the whole bus, see `BusPort.sync`."""
         if self._port is not None:
-            self._port.sync(message)
+            self._port.sync(identifier)
 
     def power_off(self, tell: Callable[[int], None], torque: Callable[[int, bytes], bool | None]) -> TorqueLeft:
         """Tell the drive to take its torque off until it says that it has none, and what it said.

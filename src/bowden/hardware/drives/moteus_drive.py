@@ -10,11 +10,11 @@ import math
 
 from bowden.core.signals import DriveReading, DriveState
 from bowden.hardware.buses.link import BusPlace, BusPort, Links
-from bowden.hardware.buses.unix_bus import REMOTE
+from bowden.hardware.buses.unix_bus import EXTENDED
 from bowden.hardware.drives import moteus_frames as frames
 from bowden.hardware.drives.enabling import fell
 from bowden.hardware.drives.findings import INERT, LEFT, LagWatch
-from bowden.hardware.drives.host_end import MOST_FRAMES, HostEnd
+from bowden.hardware.drives.host_end import HostEnd
 from bowden.hardware.drives.limited_range import LimitedRange
 from bowden.hardware.drives.moteus_faults import TIMED_OUT, UNWATCHED
 from bowden.hardware.drives.moteus_frames import BoardMode
@@ -25,13 +25,13 @@ from bowden.hardware.drives.moteus_setup import (
     MoteusFindings,
     is_answer,
     is_foreign,
-    message,
     set_up,
     state_of,
 )
 from bowden.hardware.drives.readings import Readings
 from bowden.hardware.ports import Power, TorqueLeft
 
+_NO_FLAGS = ~EXTENDED & 0xFFFF_FFFF
 SETTLED = 10
 """Cycles of commands after which every reply is to one of them."""
 
@@ -51,13 +51,15 @@ class MoteusDrive:
         check_parameters(parameters)
         drive = self._drive = parameters
         place = BusPlace(drive.interface, drive.channel, drive.bitrate, fd=True, data_bitrate=drive.data_bitrate)
+        self._answer = frames.identifier_of(drive.node_id, drive.host_id)
         self._host = HostEnd(place, drive.node_id, links, self._concerns)
         self._cycle = frames.CommandFrames(parameters.joint_source)
         self._found: MoteusFindings | None = None
         self._readings = Readings()
         self._joint_turns = LimitedRange(1.0)
-        self._lag = LagWatch(drive.current_limit)
-        self._frame = message(parameters, self._cycle.stop, reply=True)
+        self._lag = LagWatch(drive.current_limit, drive.lag_current, drive.lag_time)
+        self._to_board = frames.identifier_of(drive.host_id, drive.node_id, reply=True)
+        self._to_board |= EXTENDED * (self._to_board > frames.STANDARD_ID)
         self._begin(DriveState.NOT_READY_TO_SWITCH_ON, 0)
 
     def bring_up(self) -> str:
@@ -95,14 +97,10 @@ class MoteusDrive:
         readings, drive, found = self._readings, self._drive, self._found
         readings.cycle(now)
         state = self._state
-        for _ in range(MOST_FRAMES):
-            frame = None if found is None else self._host.take()
-            if frame is None or found is None:
-                break
-            identifier, data = frame
-            if is_answer(drive, identifier) and not identifier & REMOTE:
+        for identifier, data in () if found is None else self._host.take_all():
+            if identifier & _NO_FLAGS == self._answer:
                 reply = self._cycle.reply(data)
-                if reply is not None:
+                if reply is not None and found is not None:
                     state = self._take(reply, found, now)
             elif is_foreign(drive, identifier):
                 readings.meant()
@@ -184,9 +182,7 @@ class MoteusDrive:
         return None if reply is None else reply.mode not in WITHOUT_TORQUE
 
     def _put(self, data: bytes) -> None:
-        self._frame.data = bytearray(data)
-        self._frame.dlc = len(data)
-        self._host.send(self._frame)
+        self._host.send(self._to_board, data)
 
 
 def _within_a_turn(turns: float) -> float:

@@ -16,6 +16,7 @@ diagnostic channel and the order of a server's replies are those of mjbots/mjlib
 micro_server.cc.
 """
 
+import functools
 import math
 import struct
 from collections.abc import Mapping
@@ -461,13 +462,7 @@ class CommandFrames:
 
     def command(self, given: MoteusCommand) -> bytes:
         """A command in position mode, and the questions."""
-        kp, kd = (
-            int(wire_value(register, NumberKind.INT16, min(1.0, max(0.0, share))))
-            for register, share in (
-                (Register.COMMAND_KP_SCALE, given.kp_scale),
-                (Register.COMMAND_KD_SCALE, given.kd_scale),
-            )
-        )
+        kp, kd = _shares(given.kp_scale, given.kd_scale)
         return _COMMAND.pack(
             self._mode, _MOTION, given.position, given.velocity, given.torque, _GAINS, kp, kd,
             _TORQUE, given.max_torque, _TIMEOUT, given.timeout, self.questions,
@@ -483,6 +478,16 @@ class CommandFrames:
         return MoteusReply(
             mode, position, velocity, torque, current, temperature, fault, joint, validity & 0xFF, rest[1]
         )
+
+
+@functools.lru_cache(maxsize=16)
+def _shares(kp_scale: float, kd_scale: float) -> tuple[int, int]:
+    """Shares of the board's gains on the wire; they are the same in every cycle of a run."""
+    kp, kd = (
+        int(wire_value(register, NumberKind.INT16, min(1.0, max(0.0, share))))
+        for register, share in ((Register.COMMAND_KP_SCALE, kp_scale), (Register.COMMAND_KD_SCALE, kd_scale))
+    )
+    return kp, kd
 
 
 _MOTION = subframe(WRITE, NumberKind.FLOAT, Register.COMMAND_POSITION, 3)

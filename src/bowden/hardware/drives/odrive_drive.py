@@ -21,7 +21,7 @@ from bowden.hardware.drives import canopen_frames as canopen
 from bowden.hardware.drives import odrive_frames as frames
 from bowden.hardware.drives.enabling import fell
 from bowden.hardware.drives.findings import INERT, LEFT, LagWatch
-from bowden.hardware.drives.host_end import MOST_FRAMES, HostEnd, classic_frame
+from bowden.hardware.drives.host_end import HostEnd
 from bowden.hardware.drives.joint_encoder import JointEncoder, joint_encoder_of
 from bowden.hardware.drives.odrive_endpoints import endpoints_of
 from bowden.hardware.drives.odrive_faults import ESTOP, UNTOLD, WATCHDOG, code_of
@@ -44,6 +44,7 @@ LOST = 0.1
 """Silence of the board after which it may have started again [s]."""
 SETTLED = 10
 """Cycles of targets after which every answer is to one of them."""
+_EIGHT = bytes(8)
 _IDLE, _CLOSED_LOOP = frames.pack_state(AxisState.IDLE), frames.pack_state(AxisState.CLOSED_LOOP_CONTROL)
 
 
@@ -67,16 +68,15 @@ class OdriveDrive:
         synced = self._encoder is not None and self._encoder.synced
         self._host = HostEnd(place(drive), drive.node_id, links, self._concerns, synced=synced)
         self._found: OdriveFindings | None = None
-        self._readings, self._lag = Readings(), LagWatch(drive.current_limit)
-        self._questions = {
-            cmd: classic_frame(identifier_of(drive.node_id, cmd), 8, remote=True)
-            for cmd in (Cmd.GET_ENCODER_ESTIMATES, *TURN)
-        }
-        self._orders = {
-            cmd: classic_frame(identifier_of(drive.node_id, cmd), 8)
-            for cmd in (Cmd.SET_AXIS_STATE, Cmd.SET_INPUT_POS, Cmd.CLEAR_ERRORS, Cmd.ESTOP)
-        }
-        self._sync = classic_frame(canopen.SYNC, 0)
+        self._readings = Readings()
+        self._lag = LagWatch(drive.current_limit, drive.lag_current, drive.lag_time)
+        self._frames = drive.node_id << 5
+        """Identifier of its frames, of command 0."""
+        self._asks_position = self._frames | Cmd.GET_ENCODER_ESTIMATES | REMOTE
+        self._asks = [self._frames | cmd | REMOTE for cmd in TURN]
+        """Remote frames."""
+        self._told = {identifier_of(drive.node_id, Cmd(cmd)): int(cmd) for cmd in frames.TOLD}
+        """Identifier → command of what it tells."""
         self._begin(DriveState.NOT_READY_TO_SWITCH_ON, 0)
 
     def bring_up(self) -> str:
@@ -118,15 +118,12 @@ class OdriveDrive:
         """See `hardware.ports.Drive.read`."""
         readings, found = self._readings, self._found
         readings.cycle(now)
-        for _ in range(MOST_FRAMES):
-            frame = None if found is None else self._host.take()
-            if frame is None or found is None:
-                break
-            identifier, data = frame
-            if is_foreign(self._drive.node_id, identifier, data):
+        for identifier, data in () if found is None else self._host.take_all():
+            cmd = self._told.get(identifier)
+            if cmd is not None and data and found is not None:
+                self._take(cmd, data, found, now)
+            elif is_foreign(self._drive.node_id, identifier, data):
                 readings.meant()
-            elif identifier >> 5 == self._drive.node_id:
-                self._take(identifier & 0x1F, data, found, now)
             elif self._encoder is not None:
                 self._take_joint(self._encoder, identifier, data, now)
         if math.isnan(self._beat_at):
@@ -230,12 +227,12 @@ class OdriveDrive:
         if self._expired or (self._reset and not on):
             self._order(Cmd.CLEAR_ERRORS, bytes(1))
             self._reset = self._stopped = False
-        self._host.send(self._questions[Cmd.GET_ENCODER_ESTIMATES])
-        self._host.send(self._questions[TURN[self._cycles % len(TURN)]])
+        self._host.send(self._asks_position, _EIGHT)
+        self._host.send(self._asks[self._cycles % len(TURN)], _EIGHT)
         self._cycles += 1
         self._written = now
         if self._encoder is not None and self._encoder.synced:
-            self._host.sync(self._sync)
+            self._host.sync(canopen.SYNC)
 
     def _lead(self, found: OdriveFindings, target: float, turns: float, torque: float, now: float) -> None:
         """The order with power: to closed loop, and there to the target."""
@@ -255,10 +252,7 @@ class OdriveDrive:
         self._order(Cmd.SET_INPUT_POS, frames.pack_target(sent, self._scales))
 
     def _order(self, cmd: Cmd, data: bytes) -> None:
-        message = self._orders[cmd]
-        message.data = bytearray(data)
-        message.dlc = len(data)
-        self._host.send(message)
+        self._host.send(self._frames | cmd, data)
 
     def reset_fault(self) -> None:
         """See `hardware.ports.Drive.reset_fault`; without effect where the board has no fault."""
@@ -268,9 +262,7 @@ class OdriveDrive:
         """See `hardware.ports.Drive.close`; what the board's heartbeat says after the second order is its word."""
         left = TorqueLeft.OFF if self._found is None else self._host.power_off(self._tell_off, self._torque_told)
         if self._found is not None and self._encoder is not None:
-            stop = classic_frame(canopen.NMT, 2)
-            stop.data = bytearray((canopen.NMT_STOP, self._drive.joint_node_id))
-            self._host.send(stop)
+            self._host.send(canopen.NMT, bytes((canopen.NMT_STOP, self._drive.joint_node_id)))
         self._found = None
         self._host.leave()
         return left

@@ -1,16 +1,11 @@
 """A drive of any family with a load cell beside it, as one `Drive`: on the drive's bus, or on one of its own."""
 
-import can
-
 from bowden.core.signals import DriveReading
 from bowden.hardware.buses.link import BusPlace, BusPort, Links
 from bowden.hardware.buses.unix_bus import ERROR, REMOTE
 from bowden.hardware.drives import canopen_frames as frames
 from bowden.hardware.drives.load_cell import LoadCellParameters, LoadCellReader
 from bowden.hardware.ports import Drive, Power, TorqueLeft
-
-MOST_FRAMES = 64
-"""Frames that one cycle reads at most."""
 
 
 class DriveWithLoadCell:
@@ -31,7 +26,6 @@ class DriveWithLoadCell:
         self._drive, self._place, self._links, self._shared = drive, place, links, shared
         self._cell, self._up = LoadCellReader(cell, timeout), False
         self._port: BusPort | None = None
-        self._sync = can.Message(arbitration_id=frames.SYNC, is_extended_id=False, data=b"")
 
     def bring_up(self) -> str:
         """See `hardware.ports.Drive.bring_up`: the drive first, which listens for other masters."""
@@ -51,11 +45,7 @@ class DriveWithLoadCell:
     def read(self, now: float) -> DriveReading:
         """See `hardware.ports.Drive.read`."""
         reading, cell, foreign, errors = self._drive.read(now), self._cell, 0.0, 0.0
-        for _ in range(MOST_FRAMES):
-            frame = self._port.take() if self._port is not None and self._up else None
-            if frame is None:
-                break
-            identifier, data = frame
+        for identifier, data in self._port.take_all() if self._port is not None and self._up else ():
             if cell.foreign(identifier & ~REMOTE):
                 foreign += 1.0
             elif not identifier & (ERROR | REMOTE):
@@ -75,7 +65,7 @@ class DriveWithLoadCell:
         """See `hardware.ports.Drive.write`."""
         self._drive.write(target, power, now, torque)
         if self._port is not None and self._up and self._cell.synced:
-            self._port.sync(self._sync)
+            self._port.sync(frames.SYNC)
 
     def reset_fault(self) -> None:
         """See `hardware.ports.Drive.reset_fault`."""
@@ -87,8 +77,7 @@ class DriveWithLoadCell:
             self._port.synced = False  # the drive's last SYNCs wait for nobody
         left = self._drive.close()
         if self._port is not None and self._cell.given.source == "cia404":
-            stop = (frames.NMT_STOP, self._cell.given.node_id)
-            self._port.send(can.Message(arbitration_id=frames.NMT, is_extended_id=False, data=bytearray(stop)))
+            self._port.send(frames.NMT, bytes((frames.NMT_STOP, self._cell.given.node_id)))
         self._leave()
         return left
 
