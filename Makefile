@@ -104,6 +104,7 @@ bench: .venv/dev
 	$(PIP) --editable '.[bench]'
 	$(BIN)/python benchmarks/run.py
 	$(BIN)/python benchmarks/exported.py
+	$(BIN)/python benchmarks/detector.py
 	$(BIN)/python benchmarks/fresh_process.py
 
 soak: .venv/dev

@@ -10,8 +10,15 @@ HEAD = (
     "run's.\n"
 )
 ORDER = [
-    *("Speed", "What a user waits for", "Campaigns", "A cycle of each law", "How far `bowden check` can be trusted"),
-    *("Identification against others", "The forecast of an identification"),
+    *(
+        "Speed",
+        "What a user waits for",
+        "Campaigns",
+        "A cycle of each law",
+        "A sample of the detector",
+        "How far `bowden check` can be trusted",
+    ),
+    *("Identification against others", "The forecast of an identification", "Time of an identification"),
     "Twelve recorded cables, from log to running law",
     *("Our law on random plants", "Our law on named cases", "The suit on random wearers"),
     *(

@@ -74,8 +74,8 @@ def test_figures_of_a_part_stand_in_their_section(tmp_path: Path) -> None:
 def test_every_section_of_the_page_is_known() -> None:
     results, run, soak = (importlib.import_module(name) for name in ("results", "run", "soak"))
     programs = (
-        *("drive_families", "several_axes", "exported", "fresh_process"),
-        *("identify_forecast", "twelve_cables", "walk"),
+        *("detector", "drive_families", "several_axes", "exported", "fresh_process"),
+        *("identify_forecast", "identify_time", "twelve_cables", "walk"),
     )
     alone = (importlib.import_module(name).TITLE for name in programs)
     peers = "Identification against others"  # of a program that needs torch
