@@ -87,6 +87,15 @@ def test_a_reference_that_turns_back_before_the_touch_is_on_its_old_side_again()
     assert back == pytest.approx(-there, abs=0.005)
 
 
+def test_a_reference_whose_position_steps_back_while_it_goes_on_does_not_turn() -> None:
+    cable, asked = up(0.1), 0.0
+    for k in range(200):
+        position = 0.5 + 1e-4 * k - 0.005 * (k % 5 == 4)
+        after = crossed(cable, told(0.5, 0.5, position, 0.1, 0.0, 0.0), asked, asked, DT)
+        cable, asked = after.crossing, after.asked + after.shift
+        assert cable.mode == FOLLOW
+
+
 def test_a_still_reference_never_turns() -> None:
     cable, shift = led(up(0.1), [(0.5 + 0.05 * np.sin(0.01 * k), 0.5, 0.5) for k in range(2000)])
     assert (cable.mode, shift) == (FOLLOW, 0.0)

@@ -187,14 +187,16 @@ def crossed(before: Crossing, given: Known, asked_before: float, asked: float, d
     first, way_before = before.furthest >= UNSEEN, np.sign(before.mode)
     pace = PACE * given.omega
 
-    # turn: the reference, as it will be, behind the furthest that it was on this side
+    # turn: the reference, as it will be, behind the furthest that it was on this side, and not going on: of one that is
+    # given in steps the position alone goes back now and then while it goes on
     ahead = given.delay + MIDDLE / pace
     here = given.position + ahead * (speed + 0.5 * ahead * given.acceleration)
     fresh = before.mode == 0.0
     reached = way_before * larger(way_before * here, way_before * before.furthest)
     furthest = sel(first, given.position, sel(fresh, before.furthest, reached))
     back = sel(fresh, np.abs(here - furthest), way_before * (furthest - here))
-    turns = (back > TURN + TURN_SIGMAS * given.noise) * (1.0 - first) > 0.0
+    goes_on = (1.0 - fresh) * (way_before * (speed + ahead * given.acceleration) > 0.0)
+    turns = (back > TURN + TURN_SIGMAS * given.noise) * (1.0 - goes_on) * (1.0 - first) > 0.0
     side = sel(turns, sel(fresh, np.sign(here - furthest), -way_before), way_before)
     furthest = sel(turns, here, furthest)
     crossing = np.abs(before.mode) > FOLLOW
