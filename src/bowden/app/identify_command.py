@@ -216,7 +216,7 @@ def _print_table(fit: "Fit") -> None:
     Console(width=None if sys.stdout.isatty() else 100).print(table)
     print("* recommended: the simplest whose error on left-out stretches is not clearly larger than the best's")
     left, without, counts = (value * DEGREES for value in fit.forecast)
-    bound = f"; the encoders' counts are {counts:.2g}° RMS" if counts else ""
+    bound = f"; the encoders' rounding alone makes {counts:.2g}° RMS" if counts else ""
     print(f"Forecast: {left:.2g}° RMS at the joint with this model as feed-forward, {without:.2g}° without{bound}")
     print(f"\n{fit.best.name}, with one standard deviation:")
     loop = loop_lines(fit.chosen.loop) if fit.chosen.loop else []
