@@ -225,7 +225,9 @@ def _print_table(fit: "Fit") -> None:
     for name, text in lines:
         print(f"  {name:<{room}}  {text}")
     if all(math.isnan(one) for one in fit.chosen.uncertainty.values()):
-        print("  its parameters trade with one another, so that the deviations of the loop are stated, and not theirs")
+        print(
+            "  one parameter can make up for another, so no deviation of a single one is given: take those of the loop"
+        )
     for warning in fit.warnings:
         print(f"- {warning}")
     print(f"Trust it? {fit.trust.level[0].upper()}{fit.trust.level[1:]}: {fit.trust.why}")
