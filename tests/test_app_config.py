@@ -18,7 +18,7 @@ from bowden.rig.presets.bench import default_bench, minimum_jerk
 from bowden.rig.rig import Rig
 from bowden.rig.sections import BENDS, REFERENCES, RigFile
 from bowden.sim.run import simulate
-from rig_page import json_schema, markdown
+from rig_page import json_schema, markdown, rounded
 
 pytestmark = pytest.mark.usefixtures("undrawn")
 
@@ -60,6 +60,14 @@ def test_every_commented_alternative_is_right_when_it_is_uncommented() -> None:
     gains = text.split("# [control.gains]\n")[1].split("\n\n")[0]
     given = tomllib.loads("\n".join(line.removeprefix("# ") for line in gains.splitlines()))
     assert given == LAWS["adaptive"].gains._asdict()
+
+
+@pytest.mark.parametrize(
+    ("default", "shown"),
+    [("8.52699663955155", "8.527"), ("0.02197265625", "0.0219727"), ("-36000.0", "-36000.0"), ('"play"', '"play"')],
+)
+def test_a_default_is_shown_with_six_digits_at_most(default: str, shown: str) -> None:
+    assert rounded(default) == shown
 
 
 @pytest.mark.parametrize(("name", "text"), [("rig.md", markdown()), ("json/rig.schema.json", json_schema())])

@@ -25,6 +25,11 @@ def test_every_fault_and_limit_is_in_its_table() -> None:
     assert all(f"`{name}" in limits_table() for name in Limits._fields)
 
 
+def test_the_readme_counts_the_detectors_that_there_are() -> None:
+    text = " ".join((DOCS.parent / "README.md").read_text(encoding="utf-8").split())
+    assert f"with {len(Fault)} detectors" in text
+
+
 def test_writing_fills_an_empty_page(tmp_path: Path) -> None:
     marks = "".join(f"<!-- {name}: made by make docs -->\n<!-- end of {name} -->\n" for name in ("faults", "limits"))
     (tmp_path / "safety.md").write_text(f"head\n{marks}tail\n", encoding="utf-8")

@@ -1,6 +1,7 @@
 """The protocol of unseen cells: drawn alike from one number, apart between sets, judged alike, looks counted."""
 
 import math
+import re
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -107,6 +108,15 @@ def test_looks_at_other_sets_than_the_development_set_are_counted(tmp_path: Path
     assert counts == [1, 2, 1]
     looks = tomllib.loads(file.read_text())["look"]
     assert [(look["set"], look["count"]) for look in looks] == [("validation", 1), ("validation", 2), ("judging", 1)]
+
+
+@pytest.mark.parametrize("page", ["README.md", "docs/laws.md", "docs/league.md", "docs/background/evidence.md"])
+def test_pages_name_the_share_that_was_judged_last(page: str) -> None:
+    root = Path(__file__).parents[1]
+    judged = (root / "docs/background/unseen.md").read_text(encoding="utf-8")
+    last = re.search(r"^\| \*\*judging [^|]*\| \*\*(\d+ %)\*\* \|", judged, re.MULTILINE)
+    assert last is not None
+    assert last[1] in (root / page).read_text(encoding="utf-8")
 
 
 def test_a_set_is_played_and_shown() -> None:

@@ -40,10 +40,10 @@ def markdown() -> str:
     lines = [
         "# rig.toml",
         "",
-        "Written by `bowden init`, read by every command that takes a rig. This page is made from what the values in",
-        "Python declare, by `make docs`; the schema for machines is [rig.schema.json](json/rig.schema.json). A key",
-        "that is left out has its default, and files are found from the folder of rig.toml. Angles are in degrees",
-        "here, gains in SI units and radians; in Python (`bowden.Rig`) everything is in SI and radians.",
+        "Written by `bowden init`, read by every command that takes a rig. A key that is left out has its default,",
+        "shown here with at most six digits. Files are found from the folder of rig.toml. Angles are in degrees here,",
+        "gains in SI units and radians; in Python (`bowden.Rig`) everything is in SI and radians. The schema for",
+        "machines is [rig.schema.json](json/rig.schema.json); both are made from the code, by `make docs`.",
         "",
     ]
     for title, variants in sections():
@@ -52,7 +52,7 @@ def markdown() -> str:
             lines += [f"### {_which(section)}", ""] if len(variants) > 1 else []
             lines += [sentence(section), "", "| key | default | unit | range | symbol | meaning |", "|---" * 6 + "|"]
             lines += [
-                f"| `{key.name}` | {key.default} | {key.unit} | {key.limits} | {key.symbol} | {key.meaning} |"
+                f"| `{key.name}` | {rounded(key.default)} | {key.unit} | {key.limits} | {key.symbol} | {key.meaning} |"
                 for key in keys_of(section)
             ]
             lines.append("")
@@ -71,11 +71,20 @@ def markdown() -> str:
     return "\n".join(lines)
 
 
+def rounded(default: str) -> str:
+    """A default as the page shows it: of a number with many digits six."""
+    try:
+        short = f"{float(default):.6g}"
+    except ValueError:
+        return default
+    return short if len(short) < len(default) - 2 else default
+
+
 def _pair_rows() -> list[str]:
     """The keys of [pair], which stands beside [[axis]]."""
     head = ["| key | default | unit | range | symbol | meaning |", "|---" * 6 + "|"]
     return head + [
-        f"| `{key.name}` | {key.default} | {key.unit} | {key.limits} | {key.symbol} | {key.meaning} |"
+        f"| `{key.name}` | {rounded(key.default)} | {key.unit} | {key.limits} | {key.symbol} | {key.meaning} |"
         for key in keys_of(PAIR.section)
     ]
 

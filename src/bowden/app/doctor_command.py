@@ -1,4 +1,4 @@
-"""``bowden doctor``: what this machine can hold, and what to change."""
+"""``bowden doctor``: whether this machine is fast enough for live runs, and what to change."""
 
 import shutil
 from dataclasses import asdict
@@ -154,7 +154,7 @@ COMMANDS = (
     Command(
         "doctor",
         doctor,
-        "Say what this machine can hold at 1 kHz, and what to change.",
+        "Say whether this machine keeps time at 1 kHz, and what to change.",
         (
             "bowden doctor",
             "bowden doctor --seconds 60 --cpu 1 --json",

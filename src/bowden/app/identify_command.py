@@ -216,7 +216,7 @@ def _print_table(fit: "Fit") -> None:
     Console(width=None if sys.stdout.isatty() else 100).print(table)
     print("* recommended: the simplest whose error on left-out stretches is not clearly larger than the best's")
     left, without, counts = (value * DEGREES for value in fit.forecast)
-    bound = f"; the encoders' counts are {counts:.2g}° RMS" if counts else ""
+    bound = f"; the encoders' rounding alone makes {counts:.2g}° RMS" if counts else ""
     print(f"Forecast: {left:.2g}° RMS at the joint with this model as feed-forward, {without:.2g}° without{bound}")
     print(f"\n{fit.best.name}, with one standard deviation:")
     loop = loop_lines(fit.chosen.loop) if fit.chosen.loop else []
@@ -225,7 +225,9 @@ def _print_table(fit: "Fit") -> None:
     for name, text in lines:
         print(f"  {name:<{room}}  {text}")
     if all(math.isnan(one) for one in fit.chosen.uncertainty.values()):
-        print("  its parameters trade with one another, so that the deviations of the loop are stated, and not theirs")
+        print(
+            "  one parameter can make up for another, so no deviation of a single one is given: take those of the loop"
+        )
     for warning in fit.warnings:
         print(f"- {warning}")
     print(f"Trust it? {fit.trust.level[0].upper()}{fit.trust.level[1:]}: {fit.trust.why}")

@@ -17,6 +17,7 @@ from bowden.core import arguments, metrics, plain_parquet, shown
 from bowden.core.bounded import open_file
 from bowden.core.errors import BowdenError, LogError, ParameterError, UnknownNameError, near
 from bowden.core.files import whole_file
+from bowden.core.metrics import Metrics
 from bowden.core.table import KEY, Table, csv_table, parquet_table
 from bowden.core.units import DEGREES
 
@@ -291,7 +292,7 @@ class Trace:
         """
         return metrics.is_stable(self.columns["reference"], self.columns["joint"])
 
-    def metrics(self) -> metrics.Metrics:
+    def metrics(self) -> Metrics:
         """RMSE, peak error, delay, hysteresis width, power and energy of the run.
 
         Of a live log: of the cycles in which the law led, as `bowden run` prints them. Where the clock is uneven there

@@ -39,8 +39,9 @@ def advise(
         parts.append(
             f"at rest the play makes the joint swing by ±{found.swing * DEGREES:.2g}°: "
             + (
-                "the cable's model moves the joint the wrong way after a reversal, identify it again with a log of "
-                "small motions, or end the integral's work at rest"
+                "after a reversal this model of the cable moves the joint the wrong way; record small motions and "
+                "identify again, to see whether the cable does so too; if it does, only a law without integral "
+                "action at rest does not swing"
                 if reversal < 0.0
                 else "lower the gain that acts on the integral of the error"
             )

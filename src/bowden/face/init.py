@@ -42,7 +42,7 @@ class NewRig:
         within = within if self.known else "the model does not say what its log covered: check it yourself"
         said = [f"Reference: {low} to {high}°, {within}", f"Law: {self.rig.law_name}, {self.why}"]
         if not self.rig.cable.counting.as_recorded:  # type: ignore[union-attr]
-            said.append("Angles are counted otherwise than in the log: see direction and zeros in [cable]")
+            said.append("Angles of the rig differ from those of the log: see direction and zeros in [cable]")
         return tuple(said)
 
     def __repr__(self) -> str:

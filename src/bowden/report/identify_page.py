@@ -104,7 +104,7 @@ def identify_page(fit: Fit, drawn: Sequence[str] = ()) -> Page:
     page.heading("Parameters")
     page.text(
         "± is one standard deviation; it allows for errors that are correlated over time. A dash: none is given (for "
-        "settings, and for generalised_play, whose parameters trade with one another). ∞: this log does not determine "
+        "settings, and for generalised_play, where one parameter can make up for another). ∞: this log does not show "
         "the parameter. Unit 1: a pure number."
     )
     _loop_table(page, fit)

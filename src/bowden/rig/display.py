@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from bowden.core.errors import counted
 from bowden.core.quantity import Quantity, declared
 from bowden.core.shown import listed, number
 from bowden.core.style import COLOURS, thin
@@ -24,7 +25,7 @@ _INSTANTS = 2001
 def rows(rig: "Rig") -> list[tuple[str, str]]:
     """What a rig is, a line for each part."""
     said = [("plant", "suit on an arm" if rig.worn is not None else "bench"), ("cable", _cable(rig))]
-    servo, clock = rig.servo, f"{rig.sample_time * 1e3:g} ms, delay of {rig.delay} cycles"
+    servo, clock = rig.servo, f"{rig.sample_time * 1e3:g} ms, delay of {counted(rig.delay, 'cycle')}"
     encoders = [
         f"{name} {number(one.resolution * DEGREES, '°')} a count, {number(one.noise * DEGREES, '°')} of noise"
         for name, one in (("joint", rig.joint_encoder), ("motor", rig.motor_encoder))

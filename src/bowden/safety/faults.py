@@ -116,7 +116,7 @@ class Fault(IntEnum):
                      "not a count's change over frozen_travel of the motor and 1 rad/s of its speed",
                      "look at 6077h of the drive and its PDO")
     RELEASE_PULLS = (3, 3, 0.004, "release pulls", "joint beyond 20° to the slack side, and 6° further since R2 began",
-                     "turn slack_sign of [limits] round, or the motor's direction")
+                     "change the sign of slack_sign in [limits], or the motor's direction")
     AXIS_RELEASED = (2, 2, 0.004, "another axis is being released", "a fault of another axis of the rig asks for R2",
                      "look at the fault of the other axis; an acknowledgement is for all axes")
     AXIS_OFF = (3, 3, 0.004, "another axis is off", "a fault of another axis of the rig asks for R3",

@@ -47,7 +47,7 @@ def trust(fit: "Fit") -> Trust:
         return Trust("no", "the joint turns round before the motor does: motor and joint look swapped")
     said = f"{_degrees(unseen)} RMS on the half that was not fitted, {_degrees(seen)} on the fitted one"
     said += f", {_degrees(line.test_rms)} of a straight line" if fit.best.name != "line" else ""
-    said += f"; the encoders' counts are {_degrees(counts)}" if counts else ""
+    said += f"; the encoders' rounding alone makes {_degrees(counts)}" if counts else ""
     if fit.best.name == "line":
         return Trust("with care", f"no loop is shown by this log, a straight line is all; {said}")
     if unseen > _OF_LINE * line.test_rms and unseen > max(_COUNTS * counts, SLIGHT):
