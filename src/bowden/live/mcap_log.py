@@ -4,7 +4,9 @@ import json
 import os
 import struct
 import zlib
+from array import array
 from collections.abc import Callable, Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +20,6 @@ from bowden.live.mcap_records import (
     Metadata,
     MetadataIndex,
     Opcode,
-    Record,
     Statistics,
     SummaryOffset,
     packed,
@@ -58,6 +59,52 @@ def stamps_of(start: int, time: NDArray[np.float64]) -> NDArray[np.int64]:
     return start + np.rint(1e9 * known).astype(np.int64)
 
 
+class _Chunk(NamedTuple):
+    """What is remembered of a chunk, beside its record in the index."""
+
+    begins: int
+    """In the file [bytes]."""
+    rows: int
+    events: int
+    first: int
+    """Stamp [ns]."""
+    last: int
+    """Stamp [ns]."""
+    indexed: int
+    """Where its record of the index ends [bytes]."""
+
+
+_NUMBERS = len(_Chunk._fields)
+
+
+class _Chunks:
+    """The chunks of a file, twenty a second: of each its record of the index, packed, and six numbers are kept."""
+
+    def __init__(self) -> None:
+        self.index = bytearray()
+        self._numbers = array("q")
+
+    def __len__(self) -> int:
+        return len(self._numbers) // _NUMBERS
+
+    def append(self, entry: ChunkIndex, rows: int, events: int) -> None:
+        """Take one more, behind the others."""
+        self.index += entry.packed()
+        times = entry.message_start_time, entry.message_end_time
+        self._numbers.extend((entry.chunk_start_offset, rows, events, *times, len(self.index)))
+
+    def pop(self) -> _Chunk:
+        """Forget the last one."""
+        last = _Chunk(*self._numbers[-_NUMBERS:])
+        del self._numbers[-_NUMBERS:]
+        del self.index[self._numbers[-1] if self._numbers else 0 :]
+        return last
+
+    def all_of(self, field: str) -> Sequence[int]:
+        """One of the numbers of `_Chunk`, of each."""
+        return self._numbers[_Chunk._fields.index(field) :: _NUMBERS]
+
+
 class LogFile:
     """An open log.
 
@@ -76,7 +123,7 @@ class LogFile:
         found = topics(columns, units)
         self._packing, self._declared = Packing(found), declarations(found)
         self._time, self._start = columns.index("time"), int(metadata["start_utc_ns"])
-        self._chunks: list[tuple[ChunkIndex, int, int]] = []  # with the numbers of rows and events in each
+        self._chunks = _Chunks()
         self._metadata: list[MetadataIndex] = []
         self.size = 0
         """Length of the whole records so far [bytes]."""
@@ -126,7 +173,7 @@ class LogFile:
             size=len(data),
         )
         self._append(chunk + b"".join(index))
-        self._chunks.append((entry, len(rows), len(texts)))
+        self._chunks.append(entry, len(rows), len(texts))
         self.rows += len(rows)
 
     def finish(self, closing: Mapping[str, str]) -> int:
@@ -150,14 +197,14 @@ class LogFile:
                 self._append(self._summary())
                 return given_up
             except OSError:
-                if not self._chunks:
+                if not len(self._chunks):
                     raise
                 del self._metadata[kept:]
                 self.size = before
-                while self._chunks and before - self.size < _ROOM:  # in steps, for the index of hours is long
-                    entry, rows, _ = self._chunks.pop()
-                    given_up, self.rows = given_up + rows, self.rows - rows
-                    self.size = entry.chunk_start_offset
+                while len(self._chunks) and before - self.size < _ROOM:  # in steps, for the index of hours is long
+                    last = self._chunks.pop()
+                    given_up, self.rows = given_up + last.rows, self.rows - last.rows
+                    self.size = last.begins
                 os.ftruncate(self._handle, self.size)
                 os.lseek(self._handle, self.size, os.SEEK_SET)
 
@@ -180,29 +227,28 @@ class LogFile:
 
     def _summary(self) -> bytes:
         """Everything after the end of the data."""
-        events = sum(events for _, _, events in self._chunks)
+        chunks = self._chunks
+        events = sum(chunks.all_of("events"))
         counts = dict.fromkeys(range(1, self._packing.event_channel), self.rows)
         counts |= {self._packing.event_channel: events} if events else {}
-        entries = [entry for entry, _, _ in self._chunks]
         statistics = Statistics(
             channel_count=len(self._declared),
             channel_message_counts=counts,
-            chunk_count=len(entries),
-            message_end_time=max((entry.message_end_time for entry in entries), default=0),
-            message_start_time=min((entry.message_start_time for entry in entries), default=0),
+            chunk_count=len(chunks),
+            message_end_time=max(chunks.all_of("last"), default=0),
+            message_start_time=min(chunks.all_of("first"), default=0),
             metadata_count=len(self._metadata),
             schema_count=len(self._declared),
         )
-        groups: list[tuple[Opcode, Sequence[Record]]] = [
-            (Opcode.SCHEMA, [schema for schema, _ in self._declared]),
-            (Opcode.CHANNEL, [channel for _, channel in self._declared]),
-            (Opcode.STATISTICS, [statistics]),
-            (Opcode.CHUNK_INDEX, entries),
-            (Opcode.METADATA_INDEX, self._metadata),
+        groups: list[tuple[Opcode, bytes]] = [
+            (Opcode.SCHEMA, packed([schema for schema, _ in self._declared])),
+            (Opcode.CHANNEL, packed([channel for _, channel in self._declared])),
+            (Opcode.STATISTICS, statistics.packed()),
+            (Opcode.CHUNK_INDEX, bytes(chunks.index)),
+            (Opcode.METADATA_INDEX, packed(self._metadata)),
         ]
         summary, offsets = b"", []
-        for opcode, records in groups:
-            data = packed(records)
+        for opcode, data in groups:
             if data:
                 offsets.append(SummaryOffset(opcode, self.size + len(summary), len(data)))
                 summary += data
