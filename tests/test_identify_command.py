@@ -114,7 +114,7 @@ def test_a_model_without_deviations_says_those_of_its_loop(fit: Fit, capsys: pyt
     said = capsys.readouterr().out
     assert re.search(r"loop's slope +-0\.\d+ ± \S+ rad/rad\n", said)
     assert re.search(r"loop's height +\d\.\d+ ± \S+°\n", said)
-    assert "the deviations of the loop are stated" in said
+    assert "no deviation of a single one is given: take those of the loop" in said
 
 
 def test_the_table_is_there_before_the_page_is_drawn(
