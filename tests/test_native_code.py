@@ -45,6 +45,11 @@ def curved(x: float) -> float:
 
 
 @kernel
+def around(x: float) -> float:
+    return np.sin(x) * np.cos(x)
+
+
+@kernel
 def counted(values: Any) -> int:
     return values.size
 
@@ -192,6 +197,12 @@ def test_what_cannot_be_called_without_numba_is_called_with_it(
     again = kernel_cache.Program("again", "", bare=lambda: pytest.fail("compiled"), whole=lambda: compiled(function))
     monkeypatch.setattr(again, "_path", lambda kinds: kept)
     np.testing.assert_array_equal(again(*arguments), compiled(function)(*arguments))
+
+
+def test_sine_and_cosine_of_one_angle_become_one_call_and_need_no_numba(cache: Path) -> None:
+    assert program(around)(0.3) == compiled(around)(0.3)
+    (kept,) = cache.glob("*.program")
+    assert native_code.loaded(kept.read_bytes()) is not None
 
 
 def test_an_argument_that_only_numba_knows_goes_through_it(cache: Path) -> None:

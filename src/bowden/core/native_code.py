@@ -38,7 +38,7 @@ _GIVEN_BACK = {"float64": "d", "int64": "q", "none": ""}
 
 _AS_LLVM_HAS_IT = {"double": "d", "i64": "q", "i8": "b", "ptr": "p"}
 
-_LIBM = frozenset(dir(math)) | {"cbrt", "exp2", "fabs", "fmax", "fmin", "nearbyint", "rint", "round"}
+_LIBM = frozenset(dir(math)) | {"cbrt", "exp2", "fabs", "fmax", "fmin", "nearbyint", "rint", "round", "sincos"}
 _MEMORY = {"memcpy", "memmove", "memset"}
 
 _NEVER_CALLED = "NRT_MemInfo_call_dtor"
