@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from bowden.live.log_facts import facts, needed
 from bowden.live.mcap_read import read
 from console_client import RIG, Page, RunningConsole, running_console
-from live_runs import assert_replays
+from live_runs import assert_replays, tries
 
 pytestmark = [pytest.mark.live]
 
@@ -45,9 +45,32 @@ def until(page: Page, how: str) -> None:
     page.until(there, 60.0, how)
 
 
-def test_a_gain_is_changed_while_the_law_runs(console: RunningConsole) -> None:
+def in_control(console: RunningConsole) -> Page:
+    """A page that controls a console without a session: one that a test before has left is ended."""
     page = console.page().open().take()
+    page.until(lambda state: state, 10.0, "the state")
+    if page.state["phase"] == "live":
+        page.post("/api/request", request="end")
     page.until(lambda state: state["phase"] == "idle", 60.0, "idle")
+    return page
+
+
+def test_a_gain_is_changed_while_the_law_runs(console: RunningConsole) -> None:
+    for _ in tries():
+        page = in_control(console)
+        try:
+            changed_while_the_law_runs(page, console)
+            break
+        except AssertionError:
+            if page.mode != "latched":  # else this computer stalled, and the run ended as it should
+                raise
+        finally:
+            page.close()
+    else:
+        pytest.fail("every run was latched before its gain was changed")
+
+
+def changed_while_the_law_runs(page: Page, console: RunningConsole) -> None:
     assert gain(page)["live"]
     assert not gain(page, "derivative_time")["live"]
     assert change(page, 30.0) == "no session is live"
@@ -99,7 +122,6 @@ def test_a_gain_is_changed_while_the_law_runs(console: RunningConsole) -> None:
     assert (told["name"], told["from"], told["to"]) == ("integral_gain", begun["integral_gain"]["value"], 30.0)
     assert told["in_force_s"] - told["time_s"] == pytest.approx(0.5, abs=0.1)
     assert_replays(str(log))
-    page.close()
 
 
 _PLAIN = st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=20)
@@ -114,8 +136,7 @@ _VALUE = st.one_of(
 
 def test_nothing_that_no_gain_can_be_changes_one(console: RunningConsole) -> None:
     """While a session is live, from the page that controls: refused in words, and the console goes on."""
-    page = console.page().open().take()
-    page.until(lambda state: state["phase"] == "idle", 60.0, "idle")
+    page = in_control(console)
     page.start()
     begun = page.state["settings"]["gains"]
 
@@ -145,8 +166,7 @@ def test_nothing_that_no_gain_can_be_changes_one(console: RunningConsole) -> Non
 
 
 def test_who_does_not_control_any_more_when_the_check_is_done_changes_nothing(console: RunningConsole) -> None:
-    page = console.page().open().take()
-    page.until(lambda state: state["phase"] == "idle", 60.0, "idle")
+    page = in_control(console)
     page.start()
     page.run()
     assert change(page, 30.0) == ""
