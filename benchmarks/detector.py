@@ -88,14 +88,14 @@ def interpreted_samples(onset: Onset, values: Array, out: Array) -> None:
         state, out[k, 0], out[k, 1] = DEFAULT.step(onset, state, value)
 
 
-def muscle(rate: float) -> Array:
+def muscle(rate: float, count: int = SAMPLES) -> Array:
     """Rest, hum, contractions, a signal that is lost, and one that stands still (n,)."""
-    random, time = np.random.default_rng(3), np.arange(SAMPLES) / rate
+    random, time = np.random.default_rng(3), np.arange(count) / rate
     spans = [(t, t + 1.5, 0.3) for t in np.arange(3.0, time[-1] - 3.0, 4.0)]
-    values = 0.2 + random.normal(0.0, 0.01, SAMPLES) + contractions(rate, spans, SAMPLES, seed=1)
+    values = 0.2 + random.normal(0.0, 0.01, count) + contractions(rate, spans, count, seed=1)
     values += 0.05 * np.sin(2.0 * np.pi * 50.0 * time) * (time % 7.0 > 5.0)
-    values[SAMPLES // 2 : SAMPLES // 2 + 100] = np.nan
-    values[round(rate) : round(1.7 * rate)] = values[SAMPLES // 3 : SAMPLES // 3 + 300] = 0.4
+    values[count // 2 : count // 2 + 100] = np.nan
+    values[round(rate) : round(1.7 * rate)] = values[count // 3 : count // 3 + 300] = 0.4
     return values
 
 

@@ -24,7 +24,7 @@ from bowden.safety.limits import Limits
 from bowden.safety.supervisor import Mode, Observed, Request, Verdict, begin, supervise
 from bowden.sensing.intent import IntentSettings, intent_start, intent_step
 from bowden.sensing.stream import EnvelopeFilter, OnsetDetector
-from bowden.sim.emg import contractions
+from detector import muscle
 from support.states import floated
 
 pytest.importorskip("casadi", reason="casadi, of the extra export, is not installed")
@@ -99,17 +99,6 @@ def bits(values: Array) -> NDArray[np.int64]:
     array = np.array(values, dtype=np.float64)
     array[np.isnan(array)] = np.nan
     return array.view(np.int64)
-
-
-def muscle(rate: float, count: int) -> Array:
-    """Rest, hum, contractions, a signal that is lost, and one that stands still."""
-    random, time = np.random.default_rng(3), np.arange(count) / rate
-    spans = [(t, t + 1.5, 0.3) for t in np.arange(3.0, time[-1] - 3.0, 4.0)]
-    values = 0.2 + random.normal(0.0, 0.01, count) + contractions(rate, spans, count, seed=1)
-    values += 0.05 * np.sin(2.0 * np.pi * 50.0 * time) * (time % 7.0 > 5.0)
-    values[count // 2 : count // 2 + 100] = np.nan
-    values[round(rate) : round(1.7 * rate)] = values[count // 3 : count // 3 + 300] = 0.4
-    return values
 
 
 @pytest.mark.parametrize("rate", [1925.93, *(pytest.param(other, marks=pytest.mark.long) for other in (900.0, 5000.0))])

@@ -197,11 +197,11 @@ class LogFile:
                 self._append(self._summary())
                 return given_up
             except OSError:
-                if not len(self._chunks):
+                if not self._chunks:
                     raise
                 del self._metadata[kept:]
                 self.size = before
-                while len(self._chunks) and before - self.size < _ROOM:  # in steps, for the index of hours is long
+                while self._chunks and before - self.size < _ROOM:  # in steps, for the index of hours is long
                     last = self._chunks.pop()
                     given_up, self.rows = given_up + last.rows, self.rows - last.rows
                     self.size = last.begins

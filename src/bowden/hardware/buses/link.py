@@ -113,7 +113,7 @@ class BusLink:
         self._claim: BusClaim | None = None if given is not None else claim(place.interface, place.channel, "host")
         try:
             self.bus = given if given is not None else open_place(place)
-            self._take, self.put = taker(self.bus), putter(self.bus, fd=place.fd)
+            self._take, self._put = taker(self.bus), putter(self.bus, fd=place.fd)
         except BaseException:
             if self._claim is not None:
                 self._claim.release()
@@ -192,7 +192,7 @@ class BusLink:
     def send(self, identifier: int, data: bytes) -> None:
         """Send a frame, see `opening.putter`; what cannot be sent is counted."""
         try:
-            self.put(identifier, data)
+            self._put(identifier, data)
         except (can.CanError, OSError):
             self.errors += 1
 
@@ -262,11 +262,7 @@ class BusPort:
 
     def send(self, identifier: int, data: bytes) -> None:
         """Send a frame, see `opening.putter`; never raises: what cannot be sent is counted."""
-        link = self._link
-        try:
-            link.put(identifier, data)
-        except (can.CanError, OSError):
-            link.errors += 1
+        self._link.send(identifier, data)
 
     def sync(self, identifier: int) -> None:
         """Send an empty frame for the whole bus, CANopen's SYNC: after what all others on it send in this cycle."""
