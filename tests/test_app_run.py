@@ -184,7 +184,7 @@ def test_without_its_operator_the_loop_releases_and_ends(rig: Path, twin: Runnin
     while Path(f"/proc/{loop}/cmdline").exists() and Path(f"/proc/{loop}/cmdline").read_bytes():
         assert time.monotonic() < deadline, "the loop goes on without an operator"
         time.sleep(0.05)
-    log = next(tmp_path.glob("*.mcap"))
+    log = max(tmp_path.glob("*.mcap"), key=lambda path: path.stat().st_mtime)  # a try before it may have left one
     deadline = time.monotonic() + 10.0
     while not read(log).whole:
         assert time.monotonic() < deadline, "the recorder does not close its log"
