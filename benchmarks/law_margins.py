@@ -147,16 +147,16 @@ def law_model(told: Told, lag: float, learned: float, share: float = 1.0) -> Sta
     """
     gains = BowdenGains(told.frequency, told.damping, (told.delay + 0.5) * told.dt, noise=told.noise, lag=lag)
     pace = pace_of(gains, 1.0, told.dt)
-    kappa, unbounded = share * pace.kappa, pace._replace(stopping=1e9)
+    kappa = share * pace.kappa
     time = 1.0 / (2.0 * np.pi * learned) if learned else 0.0
 
     expected = lag + (0.0 if learned else UNKNOWN_LAG / told.frequency)
 
     def after(numbers: Array, joint: float) -> Array:
         before = Observer(*numbers.tolist())
-        arrived = arrives(before, 0.0, gains.delay, expected, time, unbounded.stopping, 0.0, told.dt)
+        arrived = arrives(before, 0.0, gains.delay, expected, time, np.inf, told.dt)
         seen = joint - arrived.position
-        now, acceleration = corrected(before, seen, 0.0, arrived, kappa, unbounded, 0.0, 0.0, told.dt)
+        now, acceleration = corrected(before, seen, 0.0, arrived, kappa, pace, 0.0, np.inf, told.dt)
         wanted = Filtered(now.sent, now.rate, acceleration)
         return np.array([*now, -through_servo(wanted, gains.servo_frequency, gains.servo_damping)])
 
