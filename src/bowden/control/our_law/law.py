@@ -104,7 +104,8 @@ def step(
     lag = gains.lag + sel(time > 0.0, 0.0, UNKNOWN_LAG / omega)
     short = missing(known, sel(seen, missed(state.drive, sign * sample.motor, gains), 0.0))
     leaping = leaps(state.swing) * (np.abs(before.asked - known.answer_contact) < WIDEST)  # where a dead zone may be
-    fast = fastest(pace.stopping, reference.velocity * inverse, leaping)
+    late = gains.lag + 2.0 * LOAD_DAMPING * time
+    fast = fastest(pace.stopping, reference.velocity * inverse, leaping, omega * late)
     arrived = arrives(before, short, delay, lag, time, fast, dt)
     most = FASTEST * dt + TOUCH + TOUCH_SIGMAS * gains.noise
     way = sample.joint - known.answer_joint
@@ -136,7 +137,7 @@ def step(
         gains.noise,
         omega,
         delay,
-        gains.lag + 2.0 * LOAD_DAMPING * time,
+        late,
         answer,
         state.drive.velocity,
     )

@@ -12,7 +12,7 @@ trembles or walks: the law's correction and what it observes are tied by the law
 - **the wearer's**: the load goes, κ comes back at once, and until it is forgotten only a swing 1.6 times as large is
   suspect. It is known as soon as one of the last three half-waves is large enough: what comes later changes nothing.
 - **leap**: a swing of the loop's own grows at most fourfold in a half-wave. What is more than four times as large as
-  the half-wave before, outside a trial, came from outside, and the correction may go twice as fast (`observer`).
+  the half-wave before, outside a trial, came from outside, and the correction may go faster (`observer`).
 
 | mode | becomes | when |
 |---|---|---|
