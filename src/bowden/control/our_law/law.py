@@ -103,9 +103,10 @@ def step(
     time = load_time(state.swing)
     lag = gains.lag + sel(time > 0.0, 0.0, UNKNOWN_LAG / omega)
     short = missing(known, sel(seen, missed(state.drive, sign * sample.motor, gains), 0.0))
-    leaping = leaps(state.swing) * (np.abs(before.asked - known.answer_contact) < WIDEST)  # where a dead zone may be
     late = gains.lag + 2.0 * LOAD_DAMPING * time
-    fast = fastest(pace.stopping, reference.velocity * inverse, leaping, omega * late)
+    in_reach = np.abs(before.asked - known.answer_contact) < WIDEST  # of a dead zone
+    leaping = leaps(state.swing) * in_reach * (late <= 0.0)  # in a trial a load is tried, which is late
+    fast = fastest(pace.stopping, reference.velocity * inverse, leaping)
     arrived = arrives(before, short, delay, lag, time, fast, dt)
     most = FASTEST * dt + TOUCH + TOUCH_SIGMAS * gains.noise
     way = sample.joint - known.answer_joint

@@ -13,9 +13,9 @@ y is the correction at the joint, through a load: T²·ÿ + (lag + 2·0.25·T)·
 (`swing`). In d̂ the law's own correction cancels, so that where servo, delay, slope and load are as given nothing is
 fed back: the loop's gain is the error of what was given. Hence κ can be wide, and is bounded by what is not known of
 servo and delay. v bounds what a wrong model can do: an unstable loop swings with a bounded amplitude and does not run
-away. A disturbance that leaps (`swing`) is no such swing: V is up to 2·v + s·|φ̇| then, as far as the widest dead zone
-(`fastest`). κ, q and v follow from what is given (`pace_of`); σ is the noise of d̂, so that innovations within it hardly
-count.
+away. A disturbance that leaps (`swing`) is no such swing: V is 2·v + s·|φ̇| then, as far as the widest dead zone, and
+where the joint is not known to be late: one that is swings if it is hit too hard. κ, q and v follow from what is given
+(`pace_of`); σ is the noise of d̂, so that innovations within it hardly count.
 
 Backward Euler and exact exponentials: stable at every sample time. Portable subset.
 """
@@ -46,6 +46,9 @@ STOPPED = 0.05
 
 LEAST_SPEED = 1.0
 """Speed that the correction may always have [rad/s]."""
+
+LEAPING = 2.0
+"""Factor on v in a leap: what is certainly no swing of the loop's own may be overshot by twice the way [–]."""
 
 SLOW_PART = 0.15
 """Time constant of what of a disturbance is not fast [s]."""
@@ -106,19 +109,15 @@ class Arrived(NamedTuple):
 
 
 @kernel
-def fastest(stopping: float, speed: float, leaping: float, late: float) -> float:
-    """V = v + s·|φ̇|, the largest speed of the correction; in a leap v·(1 + 1/(1 + ω·lag)²) stands for v [rad/s].
-
-    What is certainly no swing of the loop's own may be overshot by twice the way, but a late joint hit too hard swings.
+def fastest(stopping: float, speed: float, leaping: float) -> float:
+    """V, the largest speed of the correction [rad/s].
 
     Args:
         stopping: v [rad/s].
         speed: of the reference, at the motor; NaN counts as 0, or it would stay in I [rad/s].
-        leaping: whether a disturbance leaps, and the correction is not beyond any dead zone.
-        late: ω times the joint's lag [–].
+        leaping: whether what leaps may be followed faster.
     """
-    more = stopping / ((1.0 + late) * (1.0 + late))
-    return stopping + sel(leaping > 0.0, more, 0.0) + larger(np.abs(speed), 0.0)
+    return stopping * sel(leaping > 0.0, LEAPING, 1.0) + larger(np.abs(speed), 0.0)
 
 
 @kernel

@@ -12,7 +12,7 @@ trembles or walks: the law's correction and what it observes are tied by the law
 - **the wearer's**: the load goes, κ comes back at once, and until it is forgotten only a swing 1.6 times as large is
   suspect. It is known as soon as one of the last three half-waves is large enough: what comes later changes nothing.
 - **leap**: a swing of the loop's own grows at most fourfold in a half-wave. What is more than four times as large as
-  the half-wave before, outside a trial, came from outside, and the correction may go faster (`observer`).
+  the half-wave before, outside a trial, came from outside, and the correction may go twice as fast (`observer`).
 
 | mode | becomes | when |
 |---|---|---|
@@ -112,8 +112,11 @@ def load_time(now: Swing) -> float:
 
 @kernel
 def leaps(now: Swing) -> float:
-    """Whether the disturbance is larger than a swing of the loop's own can have grown to since the half-wave before."""
-    return (np.abs(now.top) > LEAP * now.last) * (now.counted >= 0.0) > 0.0
+    """Whether the disturbance is larger than a swing of the loop's own can have grown to since the half-wave before.
+
+    Of no meaning in a trial, where `last` is kept for its end.
+    """
+    return np.abs(now.top) > LEAP * now.last
 
 
 @kernel
