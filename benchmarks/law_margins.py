@@ -99,6 +99,7 @@ CHANGES = {
     "by 20 ms, told": (Change(lag=0.02, told=0.02),),
     "by 50 ms, told": (Change(lag=0.05, told=0.05),),
     "by 50 ms, told, slope × 1.3": (Change(slope=1.3, lag=0.05, told=0.05),),
+    "load swings at 2 Hz": (Change(swing=2.0),),
     "load swings at 3 Hz": (Change(swing=3.0),),
     "load swings at 8 Hz": (Change(swing=8.0),),
     "at 3 Hz, learned": (Change(swing=3.0, learned=3.0),),
@@ -147,16 +148,16 @@ def law_model(told: Told, lag: float, learned: float, share: float = 1.0) -> Sta
     """
     gains = BowdenGains(told.frequency, told.damping, (told.delay + 0.5) * told.dt, noise=told.noise, lag=lag)
     pace = pace_of(gains, 1.0, told.dt)
-    kappa, unbounded = share * pace.kappa, pace._replace(stopping=1e9)
+    kappa = share * pace.kappa
     time = 1.0 / (2.0 * np.pi * learned) if learned else 0.0
 
     expected = lag + (0.0 if learned else UNKNOWN_LAG / told.frequency)
 
     def after(numbers: Array, joint: float) -> Array:
         before = Observer(*numbers.tolist())
-        arrived = arrives(before, 0.0, gains.delay, expected, time, unbounded.stopping, 0.0, told.dt)
+        arrived = arrives(before, 0.0, gains.delay, expected, time, np.inf, told.dt)
         seen = joint - arrived.position
-        now, acceleration = corrected(before, seen, 0.0, arrived, kappa, unbounded, 0.0, 0.0, told.dt)
+        now, acceleration = corrected(before, seen, 0.0, arrived, kappa, pace, 0.0, np.inf, told.dt)
         wanted = Filtered(now.sent, now.rate, acceleration)
         return np.array([*now, -through_servo(wanted, gains.servo_frequency, gains.servo_damping)])
 
@@ -212,6 +213,13 @@ def meets_circle_criterion(plant: StateSpace, law: StateSpace, still: StateSpace
     return bool(np.min(response(step, frequencies(dt), dt).real) > -1.0)
 
 
+def growth(plant: StateSpace, law: StateSpace, dt: float) -> float:
+    """By what the swing that grows most grows in half a period: at most 1 where the loop is stable [–]."""
+    poles = np.linalg.eigvals(closed(plant, law))
+    poles = poles[poles.imag > ROUNDING]
+    return float(np.max(np.exp(np.pi * np.log(np.abs(poles)) / np.angle(poles)), initial=0.0))
+
+
 @dataclass(frozen=True)
 class Row:
     """What was found over all rigs; margins are those of the rigs that are stable."""
@@ -229,16 +237,19 @@ class Row:
     """Least delay margin [–]."""
     median_db: float | None
     median_deg: float | None
+    growth: float
+    """Largest growth of a swing in half a period, over all rigs [–]."""
 
 
 def row(name: str, changes: tuple[Change, ...], rigs: Sequence[Told]) -> Row:
     """Every rig under the worst of the changes."""
-    stable, bounded, gains, phases, delays = [], [], [], [], []
+    stable, bounded, gains, phases, delays, grown = [], [], [], [], [], []
     for told in rigs:
         found, circles = [], []
         for change in changes:
             plant, law = plant_model(told, change), law_model(told, change.told, change.learned)
             found.append(margins(plant, law, told.dt))
+            grown.append(growth(plant, law, told.dt))
             circles.append(
                 meets_circle_criterion(plant, law, law_model(told, change.told, change.learned, 0.0), told.dt)
             )
@@ -249,10 +260,10 @@ def row(name: str, changes: tuple[Change, ...], rigs: Sequence[Told]) -> Row:
             phases.append(min(m.phase_margin_deg or np.inf for m in found))
             delays.append(min(m.delay_margin_s or np.inf for m in found) / told.dt)
     if not gains:
-        return Row(name, 0.0, 0.0, None, None, None, None, None)
+        return Row(name, 0.0, 0.0, None, None, None, None, None, max(grown))
     middle = (float(np.median(gains)), float(np.median(phases)))
     least = (float(min(gains)), float(min(phases)), float(min(delays)))
-    return Row(name, float(np.mean(stable)), float(np.mean(bounded)), *least, *middle)
+    return Row(name, float(np.mean(stable)), float(np.mean(bounded)), *least, *middle, max(grown))
 
 
 def main() -> None:
@@ -267,14 +278,17 @@ def main() -> None:
     if asked.json:
         print(json.dumps([asdict(one) for one in rows]))
         return
-    print("| the rig beside what was told | stable | circle criterion | least margins: gain, phase, delay | medians |")
-    print("|---|---|---|---|---|")
+    print(
+        "| the rig beside what was told | stable | circle criterion | least margins: gain, phase, delay | medians | "
+        "most growth in a half-wave |"
+    )
+    print("|---|---|---|---|---|---|")
     for one in rows:
         least = medians = "–"
         if one.gain_db is not None:
             least = f"{one.gain_db:.1f} dB, {one.phase_deg:.0f}°, {one.delay_cycles:.1f} cycles"
             medians = f"{one.median_db:.1f} dB, {one.median_deg:.0f}°"
-        print(f"| {one.change} | {one.stable:.0%} | {one.bounded:.0%} | {least} | {medians} |")
+        print(f"| {one.change} | {one.stable:.0%} | {one.bounded:.0%} | {least} | {medians} | {one.growth:.2f} |")
 
 
 if __name__ == "__main__":

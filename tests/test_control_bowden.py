@@ -12,6 +12,8 @@ from bowden.control.knowledge import informed
 from bowden.control.law import Law
 from bowden.control.our_law.crossing import UNANSWERED
 from bowden.control.our_law.law import UNKNOWN_LAG, BowdenState
+from bowden.control.our_law.observer import pace_of
+from bowden.control.our_law.swing import TRIED, WATCHED
 from bowden.control.reference import PeriodicMinimumJerk, PointToPoint
 from bowden.core.kernel import compiled, kernel
 from bowden.core.metrics import rmse
@@ -286,10 +288,26 @@ def test_a_wearer_who_trembles_is_told_as_the_wearers(hertz: float, amplitude_de
     _, _, states = played(STILL, slope=1.0, half_width=0.0, pushed=pushed)
     trial = np.array([state.swing.counted for state in states]) < 0.0
     assert np.sum(np.diff(trial.astype(int)) == 1) == 1
+    assert np.sum(trial) * 1e-3 < (TRIED - WATCHED + 1.0) / (2.0 * hertz)  # ended as soon as it is certain
     assert min(state.swing.share for state in states) < 0.2
     assert states[-1].swing.share == 1.0
     assert states[-1].swing.time == 0.0
     assert states[-1].swing.wearers > 0.3 * amplitude_deg * RADIANS
+
+
+def test_a_leap_is_followed_at_twice_the_speed_and_a_swing_is_not() -> None:
+    """From rest a push comes from outside; of a swing that goes on, each half-wave is like the one before."""
+    time, leap = np.arange(0.0, 6.0, 1e-3), np.zeros(6000)
+    leap[3000:] = 20.0 * RADIANS
+    swing = 20.0 * RADIANS * np.sin(2.0 * np.pi * 1.6 * time)  # too slow for a trial
+    stopping = pace_of(LAW.gains, 1.0, 1e-3).stopping
+    fastest = []
+    for pushed, begin in ((leap, 2900), (swing, 2000)):
+        _, _, states = played(STILL, slope=1.0, half_width=0.0, pushed=pushed)
+        asked = np.array([state.observer.asked for state in states[begin:]])
+        fastest.append(np.abs(np.diff(asked)).max() / 1e-3 / stopping)
+    assert 1.5 < fastest[0] <= 2.0 + 1e-9
+    assert fastest[1] <= 1.0 + 1e-9
 
 
 @pytest.mark.parametrize("damping", [0.1, 0.3])

@@ -34,10 +34,11 @@ def test_a_study_goes_on_where_it_was_left() -> None:
 
 def test_shares_are_counted_as_they_are_named() -> None:
     cases = [
-        Case(0, "holds", True, 50.0),
-        Case(1, "holds", False, 0.0),
-        Case(2, "little_margin", True, 45.0),
-        Case(3, "does_not_hold", False, 0.0),
+        Case(0, "holds", True, True, 50.0),
+        Case(1, "holds", False, False, 0.0),
+        Case(2, "little_margin", True, True, 45.0),
+        Case(3, "does_not_hold", False, False, 0.0),
+        Case(4, "limit_cycle", True, False, 50.0),
     ]
     found = Study(tuple(cases))
-    assert (found.agreement, found.unsafe, found.little_margin, found.recognised) == (0.75, 1, 0.25, 0.5)
+    assert (found.agreement, found.unsafe, found.little_margin, found.recognised) == (0.8, 1, 0.2, 0.5)

@@ -24,6 +24,7 @@ from bowden.control.our_law.crossing import (
     TURN,
     TURN_SIGMAS,
     UNSEEN,
+    WIDEST,
     Crossing,
     Known,
     at_start,
@@ -39,10 +40,11 @@ from bowden.control.our_law.observer import (
     arrives,
     at_rest,
     corrected,
+    fastest,
     pace_of,
     shifted,
 )
-from bowden.control.our_law.swing import Swing, load_time, no_swing, watched
+from bowden.control.our_law.swing import Swing, leaps, load_time, no_swing, watched
 from bowden.core.extremes import larger, smaller
 from bowden.core.kernel import kernel, sel
 from bowden.core.signals import Reference, Sample
@@ -101,7 +103,11 @@ def step(
     time = load_time(state.swing)
     lag = gains.lag + sel(time > 0.0, 0.0, UNKNOWN_LAG / omega)
     short = missing(known, sel(seen, missed(state.drive, sign * sample.motor, gains), 0.0))
-    arrived = arrives(before, short, delay, lag, time, pace.stopping, reference.velocity * inverse, dt)
+    late = gains.lag + 2.0 * LOAD_DAMPING * time
+    in_reach = np.abs(before.asked - known.answer_contact) < WIDEST  # of a dead zone
+    leaping = leaps(state.swing) * in_reach * (late <= 0.0)  # in a trial a load is tried, which is late
+    fast = fastest(pace.stopping, reference.velocity * inverse, leaping)
+    arrived = arrives(before, short, delay, lag, time, fast, dt)
     most = FASTEST * dt + TOUCH + TOUCH_SIGMAS * gains.noise
     way = sample.joint - known.answer_joint
     joint = known.answer_joint + sel(seen, larger(smaller(way, most), -most), 0.0)
@@ -117,9 +123,7 @@ def step(
     kappa = swing.share * pace.kappa
     rests = np.abs(reference.velocity) * REST < TURN + TURN_SIGMAS * gains.noise
     least = sel(rests, IDLE + IDLE_SIGMAS * noise, noise)
-    observer, acceleration = corrected(
-        before, disturbance, slow, arrived, kappa, pace, least, reference.velocity * inverse, dt
-    )
+    observer, acceleration = corrected(before, disturbance, slow, arrived, kappa, pace, least, fast, dt)
 
     # the cable
     answer = 1.0 / kappa + 2.0 / pace.quick + delay
@@ -134,7 +138,7 @@ def step(
         gains.noise,
         omega,
         delay,
-        gains.lag + 2.0 * LOAD_DAMPING * time,
+        late,
         answer,
         state.drive.velocity,
     )

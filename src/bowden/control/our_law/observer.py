@@ -5,7 +5,7 @@ error e = joint − reference, the delay τ, and F, which is sent to the servo b
 
     d̂ = e·s − y, y = F(t − τ) behind the joint's lag       what the joint would do without the correction
     x' = 1.5·q·(d̂ + I − x)                                 the innovation: what of d̂ is not yet in −I
-    I' = −κ·x·x²/(x² + σ²),  |I'| ≤ v + s·|φ̇|               the correction asked for; φ̇ the reference's speed
+    I' = −κ·x·x²/(x² + σ²),  |I'| ≤ V = v + s·|φ̇|           the correction asked for; φ̇ the reference's speed
     F'' = q²·(I − F) − 2q·F'                                the correction, twice differentiable
 
 y is the correction at the joint, through a load: T²·ÿ + (lag + 2·0.25·T)·ẏ + y = F(t − τ) + what the motor missed
@@ -13,7 +13,9 @@ y is the correction at the joint, through a load: T²·ÿ + (lag + 2·0.25·T)·
 (`swing`). In d̂ the law's own correction cancels, so that where servo, delay, slope and load are as given nothing is
 fed back: the loop's gain is the error of what was given. Hence κ can be wide, and is bounded by what is not known of
 servo and delay. v bounds what a wrong model can do: an unstable loop swings with a bounded amplitude and does not run
-away. κ, q and v follow from what is given (`pace_of`); σ is the noise of d̂, so that innovations within it hardly count.
+away. A disturbance that leaps (`swing`) is no such swing: V is 2·v + s·|φ̇| then, as far as the widest dead zone, and
+where the joint is not known to be late: one that is swings if it is hit too hard. κ, q and v follow from what is given
+(`pace_of`); σ is the noise of d̂, so that innovations within it hardly count.
 
 Backward Euler and exact exponentials: stable at every sample time. Portable subset.
 """
@@ -24,7 +26,7 @@ import numpy as np
 
 from bowden.control.our_law.gains import BowdenGains
 from bowden.core.extremes import larger, smaller
-from bowden.core.kernel import exp, kernel
+from bowden.core.kernel import exp, kernel, sel
 from bowden.core.quantity import Quantity
 
 DELAYS = 1.5
@@ -44,6 +46,9 @@ STOPPED = 0.05
 
 LEAST_SPEED = 1.0
 """Speed that the correction may always have [rad/s]."""
+
+LEAPING = 2.0
+"""Factor on v in a leap: what is certainly no swing of the loop's own may be overshot by twice the way [–]."""
 
 SLOW_PART = 0.15
 """Time constant of what of a disturbance is not fast [s]."""
@@ -104,24 +109,27 @@ class Arrived(NamedTuple):
 
 
 @kernel
-def fastest(stopping: float, speed: float) -> float:
-    """Speed that the correction may have: v, and the reference's at the motor; NaN counts as 0 [rad/s]."""
-    return stopping + larger(np.abs(speed), 0.0)
+def fastest(stopping: float, speed: float, leaping: float) -> float:
+    """V, the largest speed of the correction [rad/s].
+
+    Args:
+        stopping: v [rad/s].
+        speed: of the reference, at the motor; NaN counts as 0, or it would stay in I [rad/s].
+        leaping: whether what leaps may be followed faster.
+    """
+    return stopping * sel(leaping > 0.0, LEAPING, 1.0) + larger(np.abs(speed), 0.0)
 
 
 @kernel
-def arrives(
-    before: Observer, missed: float, delay: float, lag: float, time: float, stopping: float, speed: float, dt: float
-) -> Arrived:
+def arrives(before: Observer, missed: float, delay: float, lag: float, time: float, most: float, dt: float) -> Arrived:
     """The correction at the joint: F a delay ago, and what the motor missed, through the load.
 
     T²·ÿ + (lag + 2ζT)·ẏ + y = F(t − τ) + missed, ζ = 0.25, in one step of backward Euler; first-order where T = `time`
-    is 0. It is no faster than the correction may be, so that a motor's reading that jumps is hardly counted.
+    is 0. It is no faster than the correction may be, `most`, so that a motor's reading that jumps is hardly counted.
     """
     late = before.sent - delay * before.rate + missed
     inertia, damping = time * time, lag + 2.0 * LOAD_DAMPING * time
     rate = (inertia * before.arriving + dt * (late - before.arrived)) / (inertia + dt * (damping + dt))
-    most = fastest(stopping, speed)
     rate = larger(smaller(rate, most), -most)
     return Arrived(before.arrived + dt * rate, rate)
 
@@ -135,7 +143,7 @@ def corrected(
     kappa: float,
     pace: Pace,
     least: float,
-    speed: float,
+    most: float,
     dt: float,
 ) -> tuple[Observer, float]:
     """One cycle; the second number is F'' [rad/s²].
@@ -148,12 +156,12 @@ def corrected(
         kappa: κ now [1/s].
         pace: what follows from what is given.
         least: innovation that is no news: the noise, or more where the reference rests [rad].
-        speed: of the reference, at the motor; NaN counts as 0, or it would stay in I [rad/s].
+        most: V, largest speed of I [rad/s].
         dt: cycle [s].
     """
     share = THIRD_POLE * pace.quick * dt
     x = before.innovation + (disturbance + before.asked - before.innovation) * (share / (1.0 + share))
-    most = dt * fastest(pace.stopping, speed)
+    most = dt * most
     step = (1.0 - exp(-kappa * dt)) * x * x * x / (x * x + least * least + 1e-30)
     asked = before.asked - larger(smaller(step, most), -most)
     slower = 1.0 + pace.quick * dt
