@@ -108,16 +108,8 @@ def _print_table(runs: list[dict[str, Any]]) -> None:
 
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
     table.add_column("law", overflow="fold")
-    for title in (
-        "RMSE\n°",
-        "after 10 s\n°",
-        "peak\n°",
-        "motor",
-        "pull\nN·m",
-        "slack\n%",
-        "current\nA",
-        "Pe energy\nJ",
-    ):
+    of_motor = ("motor", "pull\nN·m", "slack\n%", "current\nA", "Pe energy\nJ")
+    for title in ("RMSE\n°", "after 10 s\n°", "peak\n°", *of_motor):
         table.add_column(title, justify="left" if title == "motor" else "right", no_wrap=True)
     for run in runs:
         joint = [_shown(run[name]) for name in ("rmse_deg", "rmse_after_10s_deg", "peak_deg")]
