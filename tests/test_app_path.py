@@ -14,7 +14,7 @@ import pytest
 from bowden.app import check_command
 from bowden.app.main import run
 from bowden.control import LAWS, Law
-from bowden.design.check import _at_rest
+from bowden.design.check import at_rest
 from bowden.design.other_law import OtherLaw, mended_law, other_law
 from bowden.design.trial import Trial
 from bowden.design.tune import NoGainsError
@@ -137,10 +137,10 @@ def test_a_swing_at_rest_counts_from_what_the_play_leaves_on(
     swing: float, zone: float, confirmed: bool, verdict: str, said: str
 ) -> None:
     trial = Trial(40.0, True, "", float(np.radians(swing)), 1.0, 0.0, 0.0, ())
-    found = _at_rest([trial], [float(np.radians(zone))], "holds", "as it was", confirmed=confirmed)
+    found = at_rest([trial], [float(np.radians(zone))], "holds", "as it was", confirmed=confirmed)
     assert found[0] == verdict
     assert said in found[1]
-    little = _at_rest([trial], [float(np.radians(zone))], "little_margin", "as it was", confirmed=confirmed)
+    little = at_rest([trial], [float(np.radians(zone))], "little_margin", "as it was", confirmed=confirmed)
     assert little[0] == verdict.replace("holds", "little_margin")
     assert little[1].startswith("as it was")
 

@@ -192,16 +192,28 @@ COB_IDS = st.sampled_from([0x081, 0x181, 0x281, 0x701, 0x080, 0x082, 0x581]) | s
 ANGLES = st.floats(-10.0, 10.0) | st.sampled_from([math.nan, math.inf, -math.inf, 1e300, -1e300, 1e5, 5e-324])
 
 
+FRAMES = st.tuples(COB_IDS, st.binary(max_size=8))
+
+
 @settings(max_examples=300, deadline=None, suppress_health_check=[HealthCheck.too_slow])
-@given(
-    st.lists(st.tuples(COB_IDS, st.binary(max_size=8)), max_size=20),
-    ANGLES,
-    st.sampled_from(Power),
-    st.booleans(),
-)
+@given(st.lists(FRAMES, max_size=20), ANGLES, st.sampled_from(Power), st.booleans())
 def test_whatever_comes_what_goes_out_is_whole_and_no_more_than_was_wanted(
     foreign: list[tuple[int, bytes]], target: float, power: Power, reset: bool
 ) -> None:
+    attacked(foreign, target, power, reset)
+
+
+@pytest.mark.long
+@settings(max_examples=5000, deadline=None, suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large])
+@given(st.lists(FRAMES, min_size=20, max_size=20), ANGLES, st.sampled_from(Power), st.booleans())
+def test_whatever_100_000_frames_say_what_goes_out_is_no_more_than_was_wanted(
+    foreign: list[tuple[int, bytes]], target: float, power: Power, reset: bool
+) -> None:
+    attacked(foreign, target, power, reset)
+
+
+def attacked(foreign: list[tuple[int, bytes]], target: float, power: Power, reset: bool) -> None:
+    """A cycle in which frames come that nobody should send."""
     drive, bus = tapped()
     for cob_id, data in foreign:
         bus._take(cob_id, data)

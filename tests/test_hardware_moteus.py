@@ -234,6 +234,21 @@ def test_nobody_and_another_master_are_told_before_anything_is_said() -> None:
     assert bus.sent == []
 
 
+def test_boards_with_a_prefix_are_heard_by_hosts_with_the_same_one_alone() -> None:
+    drive = DRIVE._replace(can_prefix=0x123)
+    bus = Bench(drive=drive).up()
+    assert {identifier >> 16 & 0x1FFF for _, identifier, _ in bus.sent} == {0x123}
+    assert abs(bus.run(100, Power.ON, speed=0.3)[-1].joint - bus.node.bench.joint) < 0.01
+    bus.put(0x8001 | EXTENDED, b"\x01\x00\x0a")  # of another prefix: not our board's
+    assert bus.drive.read(bus.time).foreign == 0.0
+    bus.put(0x0123_8001 | EXTENDED, b"\x01\x00\x0a")
+    assert bus.drive.read(bus.time).foreign == 1.0
+    with pytest.raises(DriveError, match="no moteus board answers as node 1"):
+        MoteusDrive(DRIVE, Links(Bench(drive=drive))).bring_up()
+    with pytest.raises(ParameterError, match="can_prefix is 8192; expected 0 to 8191"):
+        MoteusDrive(DRIVE._replace(can_prefix=0x2000))
+
+
 def test_a_command_never_leads_out_of_the_rigs_range_should_it_be_the_last() -> None:
     limits = limits_of(DRIVE, motor_scale(DRIVE))
     for turns in (limits.low, 0.5 * (limits.low + limits.high), limits.high - 1e-4, limits.high):

@@ -34,6 +34,7 @@ class UnixTransport:
         found = []
         for command in commands:
             identifier = (0x8000 if command.reply_required else 0) | command.source << 8 | int(command.destination)
+            identifier |= command.can_prefix << 16
             self._bus.send(
                 can.Message(
                     arbitration_id=identifier,
@@ -74,8 +75,8 @@ class UnixTransport:
 
 
 @pytest.fixture
-def played(tmp_path: Path) -> Iterator[tuple[str, TwinBench]]:
-    rig = Rig(drive=MoteusParameters(channel=str(tmp_path / "bus")))
+def played(tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[tuple[str, TwinBench]]:
+    rig = Rig(drive=MoteusParameters(channel=str(tmp_path / "bus"), can_prefix=getattr(request, "param", 0)))
     bench = TwinBench(rig.bench, rig.bend_path, 30.0, rig.seed, rig.start_motor, time.monotonic())
     twin = FAMILY.twin(rig.drive_parameters, bench, time.monotonic, ())
     thread = threading.Thread(target=twin.run)
@@ -142,3 +143,18 @@ def test_its_watchdog_its_types_and_its_console_are_understood(played: tuple[str
     assert after.values[moteus.Register.MODE] == moteus.Mode.TIMEOUT
     assert reaction.strip() == b"0"
     assert answer == b""
+
+
+@pytest.mark.parametrize("played", [0x123], indirect=True)
+def test_its_prefix_is_ours(played: tuple[str, TwinBench]) -> None:
+    channel, _ = played
+    transport = UnixTransport(channel)
+
+    async def main() -> tuple[Any, Any]:
+        with_it = await moteus.Controller(id=1, transport=transport, can_prefix=0x123).query()
+        return with_it, await moteus.Controller(id=1, transport=transport).query()
+
+    found, without = in_a_thread(main())
+    transport.close()
+    assert found.values[moteus.Register.MODE] == moteus.Mode.STOPPED
+    assert without is None

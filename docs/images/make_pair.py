@@ -1,10 +1,9 @@
-"""Draw the figure of docs/pair.md: ``python docs/images/make_pair.py``, about 20 s on a computer that is free.
+"""Draw the figure of docs/pair.md: ``python docs/images/make_pair.py``, some seconds.
 
 Two motors on one joint, each under the law `bowden`, while somebody pushes the joint to and fro. The same source gives
 the same bytes.
 """
 
-import math
 from pathlib import Path
 from typing import NamedTuple
 
@@ -15,15 +14,13 @@ from numpy.typing import NDArray
 from bowden.control import LAWS
 from bowden.control.reference import PeriodicMinimumJerk
 from bowden.core import style
-from bowden.core.signals import Reference, Sample
 from bowden.core.style import COLOURS, thin
 from bowden.core.units import DEGREES, RADIANS
-from bowden.hardware.twin.bench import FOLLOW, TwinBench
-from bowden.hardware.twin.pair import SharedJoint
 from bowden.rig.presets.bench import default_bench
+from bowden.sim.pair import PairPlant, PairSide, simulate_pair
 from bowden.sim.scenario import constant_bend
 
-_STEP, _SECONDS, _REST = 1e-3, 16.0, 1.0
+_STEP, _SECONDS = 1e-3, 16.0
 _PUSH, _HERTZ = 0.5, 0.4
 """Amplitude [N·m] and frequency [Hz] of who pushes the joint."""
 _STIFFNESS = 10.0
@@ -44,31 +41,19 @@ class Course(NamedTuple):
 
 def followed(contraction: float) -> Course:
     """A run with a co-contraction [rad]."""
-    plain, law = default_bench(), LAWS["bowden"]
-    benches = [TwinBench(plain, constant_bend(plain.sheath.bend), 1.0, seed, 0.0, 0.0) for seed in range(2)]
-    joint, signs = SharedJoint(benches[0], benches[1], _STIFFNESS), (1.0, -1.0)
-    for bench in benches:
-        bench.doing, bench.command = FOLLOW, contraction
-    rows, states = [], []
-    reference = PeriodicMinimumJerk(0.0, 60.0 * RADIANS, 8.0).sample(np.arange(0.0, _SECONDS, _STEP))
-    for k in range(round((_REST + _SECONDS) / _STEP)):
-        now, place = k * _STEP, k - round(_REST / _STEP)
-        joint.push = _PUSH * math.sin(2.0 * math.pi * _HERTZ * now)
-        for bench in benches:
-            bench.advance(now)
-        if place < 0:
-            continue
-        angle, wanted = benches[0].read_encoders()[0], Reference(*reference[place].tolist())
-        for i, (bench, sign) in enumerate(zip(benches, signs, strict=True)):
-            sample = Sample(angle, sign * (bench.read_encoders()[1] - contraction))
-            if place == 0:
-                states.append(law.start(sample))
-            states[i], command = law.step(states[i], sample, wanted, _STEP)
-            bench.command = sign * command + contraction
-        true = joint.joint(benches[0])
-        rows.append((place * _STEP, true - wanted.position, *(joint.pull(bench) for bench in benches)))
-    table = np.array(rows)
-    return Course(table[:, 0], table[:, 1], table[:, 2:])
+    bench, law = default_bench(), LAWS["bowden"]
+    bend = constant_bend(bench.sheath.bend)
+    one, other = (PairSide(name, bench, bend, k, sign) for k, (name, sign) in enumerate((("up", 1.0), ("down", -1.0))))
+    push = _PUSH * np.sin(2.0 * np.pi * _HERTZ * np.arange(0.0, _SECONDS, _STEP))
+    traces = simulate_pair(
+        PairPlant(one, other, _STIFFNESS, contraction),
+        (law, law),
+        PeriodicMinimumJerk(0.0, 60.0 * RADIANS, 8.0),
+        duration=_SECONDS,
+        push=push,
+    )
+    first = traces[0]
+    return Course(first.time, first.error, np.column_stack([trace["pull"] for trace in traces]))
 
 
 def drawn(courses: dict[float, Course]) -> Figure:

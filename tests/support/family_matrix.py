@@ -70,9 +70,6 @@ ROWS = (
     DriveRow("over_current 30", 60),
 )
 """What a drive may do; that which a family cannot have is left out for it."""
-SEEN_BY_ITS_MODEL = 80
-"""In place of 50 ms, of an inert motor of a `cia402` drive: its gains are its own, so that nobody but the supervisor's
-model of it can say that it should have turned [ms]."""
 RELEASE = 250
 """From R2 or R3 to a motor without torque, at most [ms]."""
 PERIOD = 1.6
@@ -100,7 +97,7 @@ def cases() -> Iterator[tuple[str, DriveRow]]:
             kind = row.text.split()[0]
             if {kind, f"{kind} motor"} & getattr(node, "lacks", {}).keys():
                 continue
-            yield name, row._replace(within=SEEN_BY_ITS_MODEL) if (name, kind) == ("cia402", "inert") else row
+            yield name, row
 
 
 _CELL = LoadCellParameters(source="cia404", scale=0.01, full_scale=300.0)

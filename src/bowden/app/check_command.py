@@ -28,30 +28,37 @@ def check(
 ) -> None:
     """Say whether a rig's gains hold: margins, limit cycle, chatter, the paper's bounds, and what to change.
 
-    Of a rig with several axes, of each. Exit code 0 where the loop stays bounded, with little margin or a limit cycle
-    too (the verdict says which), 1 where it does not hold, 2 where that cannot be said.
+    Of a rig with several axes, of each; of two motors on one joint (docs/pair.md), as one. Exit code 0 where the loop
+    stays bounded, with little margin or a limit cycle too (the verdict says which), 1 where it does not hold, 2 where
+    that cannot be said.
     """
     from bowden.core.errors import asked_for_by
     from bowden.core.toml_text import quoted
     from bowden.face.check import checked
+    from bowden.face.pair import checked_pair
 
     own = read_given(rig, axis, several=True)
     given = own.with_law(law, preset)
+    singles = [one for one in given.parts if not (given.axes and one.name in given.pair.names)]
     found = {}
     with progress_bar(quiet=json) as progress:
-        for number, one in enumerate(given.parts):
+        for number, one in enumerate(singles):
             progress(f"checking {one.name} {one.rig.law_name}".replace("  ", " "), number / len(given.parts))
             with asked_for_by(f"axis {quoted(one.name)}") if one.name else contextlib.nullcontext():
-                found[one.name] = checked(one.rig)
+                found[f"axis {one.name}" if one.name else ""] = checked(one.rig)
+        if given.axes and given.pair.there:
+            progress(f"checking {' and '.join(given.pair.names)} on one joint", len(singles) / len(given.parts))
+            found[_PAIR.format(*given.pair.names)] = checked_pair(given)
     for one in given.parts:
         for note in one.rig.notes:
             print(f"bowden: note: {f'axis {one.name}: ' if one.name else ''}{note}", file=sys.stderr)
+    holds = all(one.holds for one in found.values())
     if json:
-        documents = [_about(one.rig, found[one.name]) for one in given.parts]
+        documents = [_about(one.rig, check) for one, check in zip(singles, found.values(), strict=False)]
         if given.axes:
-            named = [{"axis": one.name} | about for one, about in zip(given.axes, documents, strict=True)]
-            holds = all(one.holds for one in found.values())
-            print_json({"rig": given.hash, "holds": holds, "axes": named, "seconds": seconds()})
+            named = [{"axis": one.name} | about for one, about in zip(singles, documents, strict=True)]
+            pair = {"pair": _about_pair(given, [*found.values()][-1])} if given.pair.there else {}
+            print_json({"rig": given.hash, "holds": holds, "axes": named} | pair | {"seconds": seconds()})
         else:
             print_json(documents[0] | {"seconds": seconds()})
     else:
@@ -60,8 +67,33 @@ def check(
         options = ["--law", str(law)] if given.parts[0].rig.law_name != own.parts[0].rig.law_name else []
         options += [*(("--preset", preset) if preset else ()), *(("--axis", axis) if axis else ())]
         _say_next_of(rig, given, found, options)
-    if not all(one.holds for one in found.values()):
+    if not holds:
         raise typer.Exit(1)
+
+
+_PAIR = "{} and {} on one joint"
+
+
+def _about_pair(rig: "Rig", found: "Check") -> dict[str, Any]:
+    """What ``--json`` says of two motors on one joint."""
+    assert found.pair is not None  # a pair was judged
+    loops = [
+        {
+            "at": loop.at,
+            "gain_margin_db": loop.gain_margin_db,
+            "phase_margin_deg": loop.phase_margin_deg,
+            "delay_margin_s": loop.delay_margin_s,
+        }
+        for loop in found.pair.loops
+    ]
+    own = {
+        "axes": list(rig.pair.names),
+        "co_contraction_deg": _deg(rig.pair.co_contraction),
+        "loops": loops,
+        "motors_apart_deg": _deg(found.pair.drift),
+        "largest_pole_apart": found.pair.apart,
+    }
+    return own | {"law": found.law} | _document(found) | {"advice": found.advice}
 
 
 def _about(rig: "Rig", found: "Check") -> dict[str, Any]:
@@ -73,20 +105,25 @@ def _print(found: dict[str, "Check"]) -> None:
 
     for name, one in found.items():
         if name:
-            print(f"axis {name}")
+            print(name)
+        width = max(13, *(len(label) for label, _ in check_rows(one)))
         for label, text in check_rows(one):
             if text:
-                print(f"{label:<13} {text}")
+                print(f"{label:<{width}} {text}")
 
 
 def _say_next_of(rig: Path, given: "Rig", found: dict[str, "Check"], options: list[str]) -> None:
     """What comes next; of several axes for the first that does not hold, and a run where all do."""
     for one in given.parts:
-        if not found[one.name].holds or not given.axes:
+        key = f"axis {one.name}" if one.name else ""
+        if key in found and not (found[key].holds and given.axes):
             own = ["--axis", one.name] if one.name else []
-            _say_next(rig, one.rig, found[one.name], [*options, *own])
+            _say_next(rig, one.rig, found[key], [*options, *own])
             return
-    say_next("run", rig, *options, "--twin", "--auto")
+    if all(one.holds for one in found.values()):
+        say_next("run", rig, *options, "--twin", "--auto")
+    else:
+        say_next("check", rig, *options, "--axis", given.pair.agonist)
 
 
 def _say_next(rig: Path, given: "Rig", found: "Check", options: list[str]) -> None:

@@ -11,9 +11,12 @@ from bowden.app.command import Command
 from bowden.app.console import InterruptedPartway, folder_argument, print_json, progress_bar, seconds
 from bowden.app.given_rig import read_given, shortened
 from bowden.app.next_step import say_next
+from bowden.app.simulate_pair import simulate_pair
 from bowden.core.files import output_folder, whole_files
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from bowden.core.metrics import Metrics
     from bowden.core.trace import Trace
     from bowden.rig.rig import Rig
@@ -40,24 +43,36 @@ def simulate(
 
     Before anything runs, every law is checked as bowden check does it; one that fails is refused. Interrupted
     between two laws, the command writes the traces and the page of those that are done. Of a rig with several axes each
-    is simulated by itself, into a folder of its name.
+    is simulated by itself, into a folder of its name; two motors on one joint (docs/pair.md) as one, into the folder
+    pair.
     """
     whole = shortened(read_given(rig, axis, several=True), duration, seed)
     options = {"csv": csv, "force": force, "quiet": json, "whole": duration is not None}
     documents = []
-    for one in whole.parts:
+    singles = [one for one in whole.parts if not (whole.axes and one.name in whole.pair.names)]
+    for one in singles:
         folder = out / one.name if one.name else out
         if one.name and not json:
             print(f"axis {one.name}")
         next_options = ["--axis", one.name] if one.name else ["--axis", axis] if axis else []
         documents.append(_of_axis(one.rig, rig, law or [], preset, folder, next_options, **options))
+    pair = {}
+    if whole.axes and whole.pair.there:
+        folder = out / "pair"
+
+        def written(traces: "Mapping[str, Trace]") -> list[Path]:
+            return _write(traces, folder, f"Simulation of {rig.name}: two motors on one joint", csv=csv)
+
+        pair["pair"] = simulate_pair(whole, rig.name, law or [], preset, folder, written, force=force, quiet=json)
+        if not json:
+            say_next("check", rig, *(["--law", law[0]] if law and not law[1:] else []))
     if not json:
         return
     if not whole.axes:
         print_json(documents[0] | {"seconds": seconds()})
         return
-    axes = [{"axis": one.name} | found for one, found in zip(whole.axes, documents, strict=True)]
-    print_json({"rig": whole.hash, "axes": axes, "seconds": seconds()})
+    axes = [{"axis": one.name} | found for one, found in zip(singles, documents, strict=True)]
+    print_json({"rig": whole.hash, "axes": axes} | pair | {"seconds": seconds()})
 
 
 def _of_axis(
@@ -147,7 +162,7 @@ def _interaction(rig: "Rig", trace: "Trace") -> dict[str, float | None] | None:
     return {"rms_nm": found.rms, "peak_nm": found.peak, "estimate_error_nm": found.estimate}
 
 
-def _write(traces: dict[str, "Trace"], folder: Path, title: str, *, csv: bool) -> list[Path]:
+def _write(traces: "Mapping[str, Trace]", folder: Path, title: str, *, csv: bool) -> list[Path]:
     """Write every trace and, last, the page: all or nothing."""
     from bowden.app.quick_figures import import_figures
 

@@ -30,11 +30,19 @@ def tune(
 
     Interrupted, the command writes the best gains that it has, if they are better than those before.
     """
+    from bowden.core.errors import ParameterError
     from bowden.core.units import DEGREES
     from bowden.design.tune import BrokenOff, NoGainsError
     from bowden.face.tune import tuned
 
-    given = read_given(rig, axis)
+    whole = read_given(rig, several=True)
+    if whole.pair.there and axis is None:
+        raise ParameterError(
+            f"{whole.origin} has two motors on one joint, and tune finds gains for one motor and cable by themselves",
+            expected="one of them",
+            do=f"name it with --axis {whole.pair.agonist}, give the other the same gains, and check both together",
+        )
+    given = whole.axis(axis)
     of_axis = ["--axis", axis] if axis else []
     interrupted = False
     with progress_bar(quiet=json) as report:
@@ -46,7 +54,9 @@ def tune(
             if not json:
                 error.add_note(_next_without(rig, of_axis, error))
             raise
-    for note in given.notes:
+    paired = axis in whole.pair.names
+    alone = [f"axis {axis} was tuned as if its motor were alone on the joint; check both together"] if paired else []
+    for note in (*given.notes, *alone):
         print(f"bowden: note: {note}", file=sys.stderr)
     evidence = _evidence(found, interrupted=interrupted)
     recorded = rig.suffix == ".mcap"
@@ -81,6 +91,8 @@ def tune(
     print(f"{'Wrote ' + str(rig) if files else nothing}  ({seconds():.1f} s)")
     if dry_run and found.gains and not recorded:
         say_next("tune", rig, *of_axis, why="writes these gains")
+    elif paired:
+        say_next("check", rig, why="judges both motors together")
     else:
         say_next("run", rig, "--twin", "--auto")
 

@@ -8,6 +8,7 @@ cycles and the joint moving by `slope` per motor motion,
 All functions are pure and need numpy only.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -142,31 +143,43 @@ def margins(
     poles = closed_loop_poles(plant, law)
     omega = frequencies(dt)
     answer = response(plant, omega, dt) if plant_response is None else plant_response
-    loop = answer * response(law, omega, dt)
-    if not np.any(loop):  # a law without feedback
-        return Margins(bool(np.max(np.abs(poles)) < 1.0), None, None, None, float(np.max(np.abs(poles))))
-    gain, phase = np.log(np.abs(loop)), np.unwrap(np.angle(loop))
-    margin_gains = []
-    for turn in np.arange(np.floor(phase.min() / np.pi), np.ceil(phase.max() / np.pi) + 1):
-        if turn % 2:  # the loop is real and negative
-            for i, f in _crossings(phase - turn * np.pi):
-                margin_gains.append(-(gain[i] + f * (gain[i + 1] - gain[i])))
+    return margins_of((answer * response(law, omega, dt),), poles, dt)
+
+
+def margins_of(loops: Sequence[NDArray[np.complex128]], poles: NDArray[np.complex128], dt: float) -> Margins:
+    """The smallest margins of loops that are all to be kept from −1, and whether the whole is stable.
+
+    Args:
+        loops: their answers at `frequencies`; one without feedback is 0 throughout.
+        poles: of the closed loop.
+        dt: sample time [s].
+    """
+    omega, largest = frequencies(dt), float(np.max(np.abs(poles)))
+    margin_gains, phases = list[float](), list[tuple[float, float]]()
+    for loop in loops:
+        if not np.any(loop):  # a law without feedback
+            continue
+        gain, phase = np.log(np.abs(loop)), np.unwrap(np.angle(loop))
+        for turn in np.arange(np.floor(phase.min() / np.pi), np.ceil(phase.max() / np.pi) + 1):
+            if turn % 2:  # the loop is real and negative
+                for i, f in _crossings(phase - turn * np.pi):
+                    margin_gains.append(-(gain[i] + f * (gain[i + 1] - gain[i])))
+        phases += [
+            (
+                float(np.mod(phase[i] + f * (phase[i + 1] - phase[i]) + np.pi, 2.0 * np.pi)),
+                omega[i] + f * (omega[i + 1] - omega[i]),
+            )
+            for i, f in _crossings(gain)
+        ]
     upward = [m for m in margin_gains if m > 0.0]
-    phases = [
-        (
-            float(np.mod(phase[i] + f * (phase[i + 1] - phase[i]) + np.pi, 2.0 * np.pi)),
-            omega[i] + f * (omega[i + 1] - omega[i]),
-        )
-        for i, f in _crossings(gain)
-    ]
-    stable = bool(np.max(np.abs(poles)) < 1.0)
+    stable = largest < 1.0
     signed = [p if p <= np.pi else p - 2.0 * np.pi for p, _ in phases]
     return Margins(
         stable=stable,
         gain_margin_db=float(min(upward) * 20.0 / np.log(10.0)) if upward and stable else None,
         phase_margin_deg=float(np.degrees(min(signed, key=abs))) if signed else None,
         delay_margin_s=float(min(p / w for p, w in phases)) if phases and stable else None,
-        largest_pole=float(np.max(np.abs(poles))),
+        largest_pole=largest,
     )
 
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 
@@ -31,13 +31,13 @@ STROKE = (0.0, 70.0 * RADIANS)
 """Of the trial, where none is given [rad]."""
 RESERVE = 0.25
 """Of `ENOUGH_DEG`: what a loop with all its margins must stand in simulation too, play and estimates included."""
-_IDEAL = 1e-6
+IDEAL = 1e-6
 """Width of the differences where the encoder is ideal [rad]."""
 _AT_REST = 0.5 * RADIANS
 """Half of a joint's span that is rest where nothing holds it back [rad]."""
 _MOST_ESTIMATES = 3
 """Of a law, that a reason names; a law with more is not understood by them."""
-_ROUNDING = 1e-9
+ROUNDING = 1e-9
 """By which a pole that is one may seem larger."""
 MOST_PER_COUNT = 0.5 * RADIANS
 """Change of the command in one cycle, for one count of the joint's encoder, beyond which a law is said to chatter and
@@ -64,6 +64,29 @@ class Point:
     """What else differs between the loops: of a suit the elbow's angle, and whether the extensor is taut."""
     per_count: float = 0.0
     """Largest change of the command in one cycle for one count of the joint's encoder [rad]."""
+
+
+class TautLoop(NamedTuple):
+    """The smallest margins of two motors on one joint, of a case of taut cables; None where one is unstable or none has
+    a limit."""
+
+    at: str
+    """Which cables are taut."""
+    gain_margin_db: float | None
+    phase_margin_deg: float | None
+    delay_margin_s: float | None
+
+
+class PairFindings(NamedTuple):
+    """What is found of two motors on one joint besides."""
+
+    loops: tuple[TautLoop, ...]
+    """Both cables taut, then each alone."""
+    drift: float | None
+    """How far the motors went apart in the trials beyond the co-contraction, or less far, each; None where one ran away
+    [rad]."""
+    apart: float
+    """Largest pole with which the motors part while the joint stands; what it comes to, `drift` says [–]."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -103,6 +126,8 @@ class Check:
     """What to change where it does not hold, if that was asked for (`bowden.design.advice`)."""
     instead: str = ""
     """Law that holds where this one does not, likewise (`bowden.design.other_law`); empty where none was found."""
+    pair: PairFindings | None = None
+    """Of two motors on one joint: what else was found; `trials` are then of agonist and antagonist by turns."""
 
     @property
     def holds(self) -> bool:
@@ -130,7 +155,7 @@ class Check:
     @property
     def swing(self) -> float | None:
         """Half of the joint's span while the reference rests, at the worse bend [rad]."""
-        return _swing(self.trials)
+        return swing_of(self.trials)
 
     @property
     def peak(self) -> float | None:
@@ -140,7 +165,7 @@ class Check:
     @property
     def cycle_confirmed(self) -> bool | None:
         """Whether the trials swing at rest by at least a quarter of what is predicted; None without a prediction."""
-        return _confirmed(self.cycle, self.swing)
+        return confirmed_by(self.cycle, self.swing)
 
     def plot(self, axes: "Axes | Sequence[Axes] | None" = None) -> "list[Axes]":
         """Draw phase margin over gain margin of every linear loop; little of either is shaded.
@@ -200,14 +225,14 @@ def check(
     """
     ends = _checked(law, bends or (bench.sheath.bend, bench.sheath.bend), stroke)
     trials, estimates = _tried(bench, law, tuple(dict.fromkeys(ends)), stroke, seed)
-    count = bench.joint_encoder.resolution or _IDEAL
+    count = bench.joint_encoder.resolution or IDEAL
     points = linear_points(bench, law, ends, estimates, count, stroke)
-    worst = min(points, key=_severity)
+    worst = min(points, key=severity)
     bounded = all(trial.bounded for trial in trials)
     half = 0.5 * abs(stroke[1] - stroke[0])
     wide = [] if worst.margins.stable else linear_points(bench, law, ends, estimates, half, stroke, reversals=False)
     # a memory of the path, such as a model's ĥ, keeps its value: its pole is one but for rounding, and no loop's
-    chatters = bool(wide) and all(point.margins.largest_pole < 1.0 + _ROUNDING for point in wide)
+    chatters = bool(wide) and all(point.margins.largest_pole < 1.0 + ROUNDING for point in wide)
     linear = linear_plant(bench, ends, stroke)
     alone = None if worst.margins.stable or not bounded else linear.alone
     apart = None if alone is None else run_trial(alone, law, worst.bend, stroke, seed)
@@ -215,14 +240,14 @@ def check(
     reserve = None
     if refuted:
         reserve = _stands_delay_of_servo(bench, law, worst.bend, stroke, seed)
-    elif bounded and _severity(worst) >= 1.0:
+    elif bounded and severity(worst) >= 1.0:
         reserve = _reserve(bench, law, points, worst.bend, stroke, seed)
     cycle = None if linear.leaves_out else _predicted_cycle(bench, law, ends, estimates, stroke)
-    verdict, reason = _judge(worst, trials, apart, chatters, reserve, refuted=refuted, whole=not linear.leaves_out)
+    verdict, reason = judge(worst, trials, apart, chatters, reserve, refuted=refuted, whole=not linear.leaves_out)
     if verdict != "does_not_hold" and not linear.leaves_out:
         zones = [transmission(bench, bend, stroke).dead_zone for bend in dict.fromkeys(ends)]
-        confirmed = bool(_confirmed(cycle, _swing(trials)))
-        verdict, reason = _at_rest(trials, zones, verdict, reason, confirmed=confirmed)
+        confirmed = bool(confirmed_by(cycle, swing_of(trials)))
+        verdict, reason = at_rest(trials, zones, verdict, reason, confirmed=confirmed)
     bound = None
     if law.proven is not None and not linear.leaves_out:
         found = transmission(bench, ends[1], stroke)
@@ -260,12 +285,12 @@ def _tried(
     return trials, estimates
 
 
-def _swing(trials: Sequence[Trial]) -> float | None:
+def swing_of(trials: Sequence[Trial]) -> float | None:
     """Half of the joint's span while the reference rests, at the worse bend [rad]; None where a trial ran away."""
     return None if any(t.swing is None for t in trials) else max(t.swing or 0.0 for t in trials)
 
 
-def _confirmed(cycle: LimitCycle | None, swing: float | None) -> bool | None:
+def confirmed_by(cycle: LimitCycle | None, swing: float | None) -> bool | None:
     """See `Check.cycle_confirmed`."""
     return None if cycle is None or swing is None else swing > 0.25 * cycle.amplitude
 
@@ -315,12 +340,17 @@ def stands(bench: Plant, law: Law, bend: float, stroke: tuple[float, float]) -> 
 
 def visited_estimates(law: Law, trials: Iterable[Trial], dt: float) -> list[Estimates]:
     """Values of the law's estimates: where they start, then what the trials visited, the last of them last."""
+    picked = all_estimates(law, trials, dt)
+    return [values for i, values in enumerate(picked) if values not in picked[i + 1 :]]
+
+
+def all_estimates(law: Law, trials: Iterable[Trial], dt: float) -> list[Estimates]:
+    """The same, one for each state that was visited, though it be the same as another."""
     visited = [state for trial in trials for state in trial.visited]
     start = law.start(Sample(0.0, 0.0))
     begun = dict(zip(names(start), flat(start), strict=True))
     found = find_estimates(law, from_columns(start, visited[-1]), dt) if visited else []
-    picked = [{name: state[name] for name in found} for state in (begun, *visited)]
-    return [values for i, values in enumerate(picked) if values not in picked[i + 1 :]]
+    return [{name: state[name] for name in found} for state in (begun, *visited)]
 
 
 def linear_points(
@@ -365,12 +395,12 @@ def _predicted_cycle(
     for bend in dict.fromkeys(bends):
         amplitudes, gains = describing_function(bench, bend, stroke)
         for values in (estimates[0], estimates[-1]):
-            model = linearise(law, bench.sample_time, width=bench.joint_encoder.resolution or _IDEAL, estimates=values)
+            model = linearise(law, bench.sample_time, width=bench.joint_encoder.resolution or IDEAL, estimates=values)
             cycles.append(predict(gains, bench.servo, bench.delay, model, bench.sample_time, amplitudes))
     return max((cycle for cycle in cycles if cycle), key=lambda cycle: cycle.amplitude, default=None)
 
 
-def _severity(point: Point) -> float:
+def severity(point: Point) -> float:
     """Smaller is worse: minus the largest pole of an unstable loop, else the nearer of both limits as a share."""
     if not point.margins.stable:
         return -point.margins.largest_pole
@@ -382,7 +412,7 @@ def _severity(point: Point) -> float:
     return min(shares)
 
 
-def _judge(
+def judge(
     worst: Point,
     trials: Sequence[Trial],
     apart: Trial | None,
@@ -412,7 +442,7 @@ def _judge(
         return "does_not_hold", pole if whole else f"in the trial {why}"
     if not bounded:
         return "does_not_hold", f"the linear loop is stable, but in the trial {why}"
-    if _severity(worst) < 1.0:
+    if severity(worst) < 1.0:
         found = worst.margins
         shown = [f"{found.gain_margin_db:.1f} dB" if found.gain_margin_db is not None else ""]
         shown.append(f"{found.phase_margin_deg:.0f}°" if found.phase_margin_deg is not None else "")
@@ -422,7 +452,7 @@ def _judge(
     return "holds", "every linear loop has its margins, and the trials come to rest"
 
 
-def _at_rest(
+def at_rest(
     trials: Sequence[Trial], dead_zones: Sequence[float], verdict: VerdictName, reason: str, *, confirmed: bool
 ) -> tuple[VerdictName, str]:
     """Whether a bounded loop is calm at rest too: it swings no further than play leaves a joint without a law.

@@ -38,9 +38,26 @@ def check_rows(found: "Check") -> list[tuple[str, str]]:
         ("chatter", _chatter(ripple)),
         ("error", "" if found.peak is None else f"at most {found.peak * DEGREES:.3g}° in simulation"),
         ("proven bound", _proven(found.ultimate_error)),
+        *_pair_rows(found),
         ("limits", found.leaves_out),
         ("advice", found.advice),
     ]
+
+
+def _pair_rows(found: "Check") -> list[tuple[str, str]]:
+    """Of two motors on one joint: the margins by what is taut, and how far the motors part."""
+    if found.pair is None:
+        return []
+    rows = []
+    for loop in found.pair.loops:
+        margins = (
+            number(loop.gain_margin_db, "dB"),
+            number(loop.phase_margin_deg, "°"),
+            _milliseconds(loop.delay_margin_s),
+        )
+        rows.append((loop.at, listed(margins) or "none"))
+    drift = found.pair.drift
+    return [*rows, ("motors apart", "" if drift is None else f"±{drift * DEGREES:.2g}° beyond the co-contraction")]
 
 
 def _swing(swing_deg: float) -> str:

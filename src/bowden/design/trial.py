@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from bowden.control.law import Law
 from bowden.control.reference import PointToPoint, Trajectory
 from bowden.core.order import distinct, median
+from bowden.core.trace import Trace
 from bowden.core.units import DEGREES
 from bowden.plants.plant import Plant
 from bowden.plants.suit_parts import Suit
@@ -28,6 +29,8 @@ LONGEST = 400.0
 """The longest motion of a trial [s], for estimates that settle late or never; the adaptive law's take all of it."""
 _SETTLING, _JUDGED = 10.0, 10.0
 """Of the rest that follows: what is left to the loop, and what is judged [s]."""
+AFTER = _SETTLING + _JUDGED
+"""What a trial lasts longer than it moves [s]."""
 _SNAPSHOTS = 8
 _FOLLOWS = 0.5
 """Share of the stroke that the joint of a suit goes at least."""
@@ -62,44 +65,68 @@ def run_trial(
     bench: Plant, law: Law, bend: float, stroke: tuple[float, float], seed: int = 1, moving: float = MOVING
 ) -> Trial:
     """Move between the ends of a `stroke` [rad] at a constant `bend` [rad] for so long, then rest in its middle."""
-    low, high = stroke
-    judged, end = moving + _SETTLING, moving + _SETTLING + _JUDGED
     trace = simulate(
         bench,
         law,
-        _motion(stroke, moving),
-        duration=end,
+        motion(stroke, moving),
+        duration=moving + AFTER,
         bend=constant_bend(bend),
         seed=seed,
-        initial_motor=bench.resting_motor(low, bend),
+        initial_motor=bench.resting_motor(stroke[0], bend),
     )
-    error, free = trace.columns["joint"] - trace.columns["reference"], unrest(bench, bend, stroke, _JUDGED)
-    stroke_length = abs(high - low)
-    furthest = stroke_length + min(2.0 * free.off, stroke_length) + free.span
-    near = np.abs(error) <= furthest
+    free, length = unrest(bench, bend, stroke, _JUDGED), abs(stroke[1] - stroke[0])
+    bounds = Bounds(
+        furthest=length + min(2.0 * free.off, length) + free.span,
+        most=2.0 * transmission(bench, bend, stroke).dead_zone + float(np.radians(1.0)) + free.span,
+        least=_FOLLOWS * length if isinstance(bench, Suit) else 0.0,
+    )
+    return judged(trace, length, moving, bounds)
+
+
+class Bounds(NamedTuple):
+    """What a trial's joint may do."""
+
+    furthest: float
+    """Largest error that is borne [rad]."""
+    most: float
+    """Largest span at rest that is [rad]."""
+    least: float
+    """How far it has to go in all [rad]."""
+
+
+def judged(trace: Trace, length: float, moving: float, bounds: Bounds) -> Trial:
+    """What a run along `motion` showed.
+
+    Args:
+        trace: of the run.
+        length: of the stroke [rad].
+        moving: how long it moved [s].
+        bounds: of its joint.
+    """
+    error = trace.columns["joint"] - trace.columns["reference"]
+    near = np.abs(error) <= bounds.furthest
     lasted = len(error) if near.all() else int(np.argmin(near))
     states = {name.removeprefix("law."): v for name, v in trace.columns.items() if name.startswith("law.")}
     picked = distinct(np.linspace(0, max(lasted - 1, 0), _SNAPSHOTS).astype(int))
     visited = tuple({name: float(values[k]) for name, values in states.items()} for k in picked)
     if not trace.ended:
         return Trial(moving, False, "it runs away", None, None, None, None, visited)
-    rest = error[trace.columns["time"] >= judged]
-    span = float(np.ptp(rest))
-    most = 2.0 * transmission(bench, bend, stroke).dead_zone + float(np.radians(1.0)) + free.span
+    rest = error[trace.columns["time"] >= moving + _SETTLING]
+    span, went = float(np.ptp(rest)), float(np.ptp(trace.columns["joint"]))
     commands = trace.columns["command"][-len(rest) :]
     why = ""
     if lasted < len(error):
-        why = f"the joint is off by more than {furthest * DEGREES:.3g}°"
-    elif isinstance(bench, Suit) and (went := float(np.ptp(trace.columns["joint"]))) < _FOLLOWS * stroke_length:
-        why = f"the joint moves by {went * DEGREES:.3g}° in all, where {stroke_length * DEGREES:.3g}° are asked for"
-    elif span > most:
-        why = f"the joint moves by {span * DEGREES:.3g}° at rest, where {most * DEGREES:.3g}° are borne"
+        why = f"the joint is off by more than {bounds.furthest * DEGREES:.3g}°"
+    elif went < bounds.least:
+        why = f"the joint moves by {went * DEGREES:.3g}° in all, where {length * DEGREES:.3g}° are asked for"
+    elif span > bounds.most:
+        why = f"the joint moves by {span * DEGREES:.3g}° at rest, where {bounds.most * DEGREES:.3g}° are borne"
     return Trial(
         moving=moving,
         bounded=not why,
         why=why,
         swing=0.5 * span,
-        period=_period(rest, bench.sample_time),
+        period=_period(rest, float(trace.settings["sample_time"])),
         peak=float(np.max(np.abs(error[trace.columns["time"] >= 2.0 * _HALF]))),
         ripple=float(np.sqrt(np.mean(np.diff(commands) ** 2))),
         visited=visited,
@@ -113,14 +140,13 @@ def settled_after(law: Law) -> float:
 
 
 @lru_cache(4)
-def _motion(stroke: tuple[float, float], moving: float) -> "Kept":
+def motion(stroke: tuple[float, float], moving: float) -> "Kept":
     """The motion of a trial, sampled once for all the laws and benches that are tried on it."""
     low, high = stroke
     times = np.arange(0.0, moving + 0.5 * _HALF, _HALF)
     positions = np.where(np.arange(len(times)) % 2, high, low)
     positions[-1] = 0.5 * (low + high)
-    end = moving + _SETTLING + _JUDGED
-    return Kept(PointToPoint((*times.tolist(), end), (*positions.tolist(), float(positions[-1]))))
+    return Kept(PointToPoint((*times.tolist(), moving + AFTER), (*positions.tolist(), float(positions[-1]))))
 
 
 def _period(values: Array, dt: float) -> float | None:

@@ -48,7 +48,7 @@ def verdicts(rig: Rig, laws: Sequence[Law], name: str, *, force: bool) -> list[C
         better = other_law(rig, [law.name for law, _ in failing])
         instead = "" if better is None else f"; {better} (--law {better.law})"
         raise ParameterError("; ".join(said) + f"{instead}; or run it anyway with --force{others}")
-    return [_verdict(law, found, name) for law, found in zip(laws, checks, strict=True)]
+    return [verdict_of(law, found, name) for law, found in zip(laws, checks, strict=True)]
 
 
 def _why(rig: Rig, law: Law, found: "Check") -> str:
@@ -60,7 +60,14 @@ def _why(rig: Rig, law: Law, found: "Check") -> str:
     return f"{found.reason}; {advice}"
 
 
-def _verdict(law: Law, found: "Check | str", rig: str) -> CheckVerdict:
+def verdict_of(law: Law, found: "Check | str", rig: str) -> CheckVerdict:
+    """What a check makes of a law, in a note.
+
+    Args:
+        law: that was checked.
+        found: by the check, or why it cannot judge the law.
+        rig: its name, for messages.
+    """
     if isinstance(found, str):
         return CheckVerdict(None, f"{law.name} cannot be checked ({found}) and runs unchecked")
     said = {

@@ -10,6 +10,7 @@ from bowden.design.check import check as judge
 from bowden.design.other_law import other_law
 from bowden.face import given
 from bowden.face.given import GivenLaw, GivenRig
+from bowden.face.pair import checked_pair
 from bowden.rig import ranges
 from bowden.rig.rig import Rig
 
@@ -18,13 +19,14 @@ def check(rig: GivenRig, law: GivenLaw | None = None, *, preset: str | None = No
     """Check whether a law holds on a rig: margins over all bends of the sheath, limit cycle, chatter, trial runs.
 
     Args:
-        rig: a `Rig`, or the path of a rig.toml.
+        rig: a `Rig`, or the path of a rig.toml; with two motors on one joint (docs/pair.md), both are judged as one.
         law: a key of `LAWS`, ``FILE.py:NAME`` or a `Law`; the rig's by default.
         preset: a named set of gains of that law.
 
     Returns:
         The check: ``holds``, whether the loop stays bounded; ``verdict`` (``holds``, ``little_margin``, ``limit_cycle``
-        or ``does_not_hold``), its ``reason``, the margins, and ``advice`` on what to change.
+        or ``does_not_hold``), its ``reason``, the margins, and ``advice`` on what to change; of two motors on one joint
+        ``pair`` too.
 
     Raises:
         ParameterError: a rig, law or setting that cannot be used.
@@ -34,8 +36,8 @@ def check(rig: GivenRig, law: GivenLaw | None = None, *, preset: str | None = No
     (True, 'holds', 19)
     """
     with given.in_words_of_python():
-        whole = given.under(given.rig_of(rig, "check"), law, preset, "check")
-        found = checked(whole)
+        whole = given.under(given.rig_of(rig, "check", pair=True), law, preset, "check")
+        found = checked_pair(whole) if whole.pair.there else checked(whole)
     given.tell(whole.notes)
     return found
 

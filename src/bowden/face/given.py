@@ -19,20 +19,21 @@ GivenLaw = str | Path | Law
 """A key of `LAWS`, ``FILE.py:NAME`` of a user's own, or a `Law`."""
 
 
-def rig_of(given: Any, function: str, *, several: bool = False) -> Rig:
+def rig_of(given: Any, function: str, *, several: bool = False, pair: bool = False) -> Rig:
     """The rig.
 
     Args:
         given: a `GivenRig`.
         function: of the face, for messages.
         several: whether one with several axes will do.
+        pair: whether one whose axes are two motors on one joint, and no others, will do.
 
     Raises:
         ParameterError: it is none, or its file cannot be used.
         LogError: a log without a rig.
     """
     found = _rig_of(given, function)
-    if found.axes and not several:
+    if found.axes and not (several or (pair and {one.name for one in found.axes} == {*found.pair.names})):
         names = ", ".join(one.name for one in found.axes)
         raise ParameterError(
             f"{function}: the rig has the axes {names}",

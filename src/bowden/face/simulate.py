@@ -11,6 +11,7 @@ from bowden.core.traces import Traces
 from bowden.design.verdict import CheckVerdict, verdicts
 from bowden.face import given
 from bowden.face.given import GivenLaw, GivenRig
+from bowden.face.pair import simulated_pair
 from bowden.rig.one_run import run_of
 from bowden.rig.rig import Rig
 
@@ -104,7 +105,7 @@ def simulate(
     Every law is checked first, as `bowden.check` does it. A law that does not hold is refused.
 
     Args:
-        rig: a `Rig`, or the path of a rig.toml.
+        rig: a `Rig`, or the path of a rig.toml; with two motors on one joint (docs/pair.md), both are simulated as one.
         laws: a key of `LAWS`, ``FILE.py:NAME`` or a `Law`; or a list of these. The rig's law by default.
         preset: a named set of gains, for every law of this run.
         duration: in place of the rig's [s].
@@ -112,7 +113,9 @@ def simulate(
         force: run laws that do not hold, too.
 
     Returns:
-        The trace. For a list of laws: a dictionary, name of the law → trace, which shows and draws all of them.
+        The trace. For a list of laws: a dictionary, name of the law → trace, which shows and draws all of them. Of two
+        motors on one joint it is a dictionary for one law too, name of the axis → trace, and for a list of laws
+        ``law-axis`` → trace.
 
     Raises:
         ParameterError: a rig, law or setting that cannot be used, or a law that does not hold.
@@ -124,11 +127,13 @@ def simulate(
     >>> list(simulate(Rig(duration=5.0), ["uncompensated", "adaptive"]))
     ['uncompensated', 'adaptive']
     """
-    whole = given.rig_of(rig, "simulate")
+    whole = given.rig_of(rig, "simulate", pair=True)
     force = arguments.flag(force, "simulate: force")
     changes = {"duration": duration, "seed": seed}
     whole = whole.replace(**{name: value for name, value in changes.items() if value is not None})
     listed = given.several(laws)
+    if whole.pair.there:
+        return _of_pair(whole, laws, listed, preset, force=force)
     with given.in_words_of_python():
         fitted = [given.under(whole, law, preset, "simulate").fitted() for law in (listed or [laws])]
         found = simulated(whole.offline(whole=duration is not None), fitted, given.name_of(whole), force=force)
@@ -136,3 +141,14 @@ def simulate(
     if found.interrupted:
         raise KeyboardInterrupt
     return found.traces if listed is not None else next(iter(found.traces.values()))
+
+
+def _of_pair(rig: Rig, law: Any, listed: Sequence[Any] | None, preset: str | None, *, force: bool) -> Traces:
+    """`simulate` of two motors on one joint."""
+    with given.in_words_of_python():
+        rigs = [given.under(rig, one, preset, "simulate") for one in (listed or [law])]
+        found = simulated_pair(rigs, given.name_of(rig), force=force)
+    given.tell(found.notes, at=4)
+    if found.interrupted:
+        raise KeyboardInterrupt
+    return found.together if listed is not None else next(iter(found.runs.values()))

@@ -124,6 +124,17 @@ def effort(traces: Traces, colours: Colours) -> "Figure":
     return figure
 
 
+def pulls(traces: Traces, colours: Colours) -> "Figure":
+    """Torque of the cables on the joint that they share, over time."""
+    figure, (axes,) = new_figure(height=2.8 + legend_height(list(traces)))
+    values = {name: trace["pull"] for name, trace in traces.items()}
+    _together(axes, traces, values, colours)
+    stay_near(axes, _of_stable(traces, values) or list(values.values()), list(values.values()))
+    axes.set(xlabel="time [s]", ylabel="torque on the joint [N·m]")
+    legend(axes)
+    return figure
+
+
 def law_states(trace: Trace, colour: str) -> "Figure | None":
     """A band for each of the law's own variables but its command, over time, from its smallest to its largest value.
 

@@ -68,6 +68,12 @@ def simulation_page(traces: Mapping[str, Trace], title: str) -> Page:
             "Command to the motor; command − reference, which is the compensation itself"
             + ("; the motor's current." if "current" in next(iter(traces.values())).columns else "."),
         )
+    if all("pull" in trace.columns for trace in traces.values()):
+        page.heading("What each cable pulls")
+        page.figure(
+            figures.pulls(traces, colours),
+            "Torque of each cable on the joint that both share; 0 where it is slack.",
+        )
     if suit_figures.is_suit(traces):
         page.heading("Forces of the suit")
         page.figure(

@@ -13,6 +13,7 @@ from bowden.hardware.drives import canopen_frames as frames
 from bowden.hardware.drives.canopen_setup import DriveFindings, restore, set_up
 from bowden.hardware.drives.cia402 import WITH_TORQUE, Controlword, controlword, decode, fell
 from bowden.hardware.drives.emergencies import SAFE_TORQUE_OFF
+from bowden.hardware.drives.findings import INERT, LagWatch
 from bowden.hardware.drives.homing import zeroed
 from bowden.hardware.drives.parameters import DriveParameters, check_parameters, load_of
 from bowden.hardware.ports import Power, TorqueLeft
@@ -28,6 +29,9 @@ MOST_INPUTS_AGE = 10
 sends the rest: one that sends nothing is not there, which its age shows."""
 MOST_ANGLES_AGE = 5
 """Cycles in which a node that is there has sent both angles."""
+
+SETTLED = 10
+"""Orders to follow the target, in a row, after which a drive is expected to do it."""
 
 NOTHING = DriveReading(
     math.nan, math.nan, math.nan, math.nan, math.nan, math.inf, math.inf, math.inf, 0.0, 0.0, 0.0, 0.0, 0.0
@@ -97,7 +101,20 @@ class CanopenDrive:
         self._values = NOTHING
         self._stop_released, self._inputs_age = True, 0
         self._heartbeat_at, self._heartbeat_sent = math.nan, -math.inf
-        self._synced = math.nan
+        self._synced = self._target = math.nan
+        self._followed = 0  # orders to follow the target, in a row
+        self._lag = self._watch()
+
+    def _watch(self) -> LagWatch:
+        """For an inert motor, by the current that the rig's servo would draw; the drive's own gains are not known."""
+        drive, found = self._drive, self._found
+        count = 0.0 if found is None else self._current(1, found)
+        return LagWatch(drive.current_limit, drive.lag_current, drive.lag_time, abs(count))
+
+    def _current(self, torque: int, found: DriveFindings) -> float:
+        """Of a torque in thousandths of the rated one [A]."""
+        drive = self._drive
+        return drive.motor_direction * torque * 1e-3 * found.rated_torque / drive.torque_constant
 
     def read(self, now: float) -> DriveReading:
         """See `hardware.ports.Drive.read`."""
@@ -115,7 +132,7 @@ class CanopenDrive:
                 self._counts = motion.position
                 self._statusword_state = decode(motion.statusword)
                 motor, motor_age = found.motor.angle(motion.position), 0.0
-                current = drive.motor_direction * motion.torque * 1e-3 * found.rated_torque / drive.torque_constant
+                current = self._current(motion.torque, found)
             elif cob_id == self._tpdo2 and (sensors := frames.unpack_tpdo2(data)) is not None:
                 joint, joint_age = found.joint.angle(sensors.joint), 0.0
                 temperature = math.nan if sensors.temperature is None else 0.1 * sensors.temperature
@@ -138,6 +155,9 @@ class CanopenDrive:
             emergency = EMERGENCY_STOP
         self._inputs_age += 1
         self._before, self._state = self._state, self._statusword_state if self._operational else DriveState(0)
+        led = self._state is DriveState.OPERATION_ENABLED and self._followed >= SETTLED
+        if self._lag.inert(motor, self._target, current, now, led=led, fresh=motor_age == 0.0):
+            emergency = emergency or float(INERT)
         if math.isnan(self._heartbeat_at):
             self._heartbeat_at = now  # of the first cycle: from here on it can be late
         self._values = DriveReading(
@@ -171,6 +191,7 @@ class CanopenDrive:
         if self._sent == Controlword.FAULT_RESET or self._state is not DriveState.FAULT:
             self._reset = False
         led = self._state is DriveState.OPERATION_ENABLED and self._sent == Controlword.ENABLE_OPERATION
+        self._target, self._followed = (target, self._followed + 1) if led else (math.nan, 0)
         self._order(self._sent, round(counts), torque if led and math.isfinite(torque) else 0.0)
         self._synced = now
         if now - self._heartbeat_sent >= self._drive.heartbeat_time - 0.5 * self._drive.sample_time:

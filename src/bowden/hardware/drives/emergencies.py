@@ -5,6 +5,7 @@ Sources: CiA 301, "emergency object", table of error code classes; CiA 402-1 / I
 """
 
 from bowden.core.signals import EMERGENCY_STOP
+from bowden.hardware.drives.findings import FINDINGS
 
 SAFE_TORQUE_OFF = 0x8A88
 """maxon: the drive's STO inputs are open."""
@@ -125,5 +126,7 @@ def emergency_text(code: int) -> str:
         return f"emergency stop pressed, or 0x{SAFE_TORQUE_OFF:X}: {_CODES[SAFE_TORQUE_OFF]}"
     code &= 0xFFFF
     high = code >> 8
+    if code in FINDINGS:
+        return f"0x{code:04X}: {FINDINGS[code]}"
     text = _CODES.get(code) or _CLASSES.get(high) or _CLASSES.get(high & 0xF0) or "unknown error code"
     return f"0x{code:04X}: {text}"

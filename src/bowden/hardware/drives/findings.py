@@ -68,11 +68,14 @@ class LagWatch:
         current_limit: the largest that the rig asks for; 0 for none [A].
         lag_current: that the rig's servo draws per lag, at rest; infinite of one that is not known [A/rad].
         lag_time: lag per speed at which it draws none [s].
+        count: of the current as the drive tells it; of less than that nothing can be said [A].
     """
 
-    def __init__(self, current_limit: float, lag_current: float = math.inf, lag_time: float = 0.0) -> None:
+    def __init__(
+        self, current_limit: float, lag_current: float = math.inf, lag_time: float = 0.0, count: float = 0.0
+    ) -> None:
         self._light = LIGHT * (current_limit or 1.0)
-        self._lag_current, self._lag_time = lag_current, lag_time
+        self._lag_current, self._lag_time, self._count = lag_current, lag_time, count
         self._track: deque[tuple[float, float]] = deque()  # time [s], motor [rad]
         self._watch = InertWatch(STILL, LASTING)
         self._past: deque[tuple[float, float, float]] = deque()  # time [s], motor, lag [rad]
@@ -98,7 +101,8 @@ class LagWatch:
             return False
         lag = target - motor
         wanted = self._lag_current * abs(lag - self._lag_time * self._speed(motor, now)) if led else 0.0
-        in_vain = led and abs(lag) >= LAG and abs(current) <= min(self._light, GIVEN * wanted)
+        least = GIVEN * wanted
+        in_vain = led and abs(lag) >= LAG and least >= self._count and abs(current) <= min(self._light, least)
         still = self._watch.inert(motor, now, in_vain=in_vain)
         if not in_vain or (self._past and now - self._past[-1][0] > LONGEST_GAP):
             self._past.clear()

@@ -51,14 +51,14 @@ class MoteusDrive:
         check_parameters(parameters)
         drive = self._drive = parameters
         place = BusPlace(drive.interface, drive.channel, drive.bitrate, fd=True, data_bitrate=drive.data_bitrate)
-        self._answer = frames.identifier_of(drive.node_id, drive.host_id)
+        self._answer = frames.identifier_of(drive.node_id, drive.host_id, drive.can_prefix)
         self._host = HostEnd(place, drive.node_id, links, self._concerns)
         self._cycle = frames.CommandFrames(parameters.joint_source)
         self._found: MoteusFindings | None = None
         self._readings = Readings()
         self._joint_turns = LimitedRange(1.0)
         self._lag = LagWatch(drive.current_limit, drive.lag_current, drive.lag_time)
-        self._to_board = frames.identifier_of(drive.host_id, drive.node_id, reply=True)
+        self._to_board = frames.identifier_of(drive.host_id, drive.node_id, drive.can_prefix, reply=True)
         self._to_board |= EXTENDED * (self._to_board > frames.STANDARD_ID)
         self._begin(DriveState.NOT_READY_TO_SWITCH_ON, 0)
 

@@ -27,8 +27,8 @@ REGISTER_MAP = 5
 """Version of the register map, register 102h, that all here is of."""
 REPLY_WANTED = 0x8000
 BROADCAST = 0x7F
-HIGHEST_ID = 0xFFFF
-"""Without a prefix (`can.prefix`), which is not supported."""
+HIGHEST_PREFIX = 0x1FFF
+"""Largest `can.prefix`: the upper 13 bits of an extended identifier."""
 STANDARD_ID = 0x7FF
 """Identifiers above are extended ones; whether one below is does not count."""
 MOST_TURNS = 32767.0
@@ -181,13 +181,22 @@ _TYPES = (struct.Struct("<b"), struct.Struct("<h"), struct.Struct("<i"), struct.
 _MOST = (127, 32767, 2147483647)
 
 
-def identifier_of(source: int, destination: int, *, reply: bool = False) -> int:
-    """The identifier of a frame.
+def identifier_of(source: int, destination: int, prefix: int = 0, *, reply: bool = False) -> int:
+    """The identifier of a frame; boards and hosts with another prefix (`can.prefix`) do not hear it.
 
-    >>> hex(identifier_of(0, 1, reply=True)), hex(identifier_of(1, 0))
-    ('0x8001', '0x100')
+    >>> hex(identifier_of(0, 1, reply=True)), hex(identifier_of(1, 0)), hex(identifier_of(1, 0, 0x123))
+    ('0x8001', '0x100', '0x1230100')
     """
-    return (REPLY_WANTED if reply else 0) | source << 8 | destination
+    return prefix << 16 | (REPLY_WANTED if reply else 0) | source << 8 | destination
+
+
+def prefix_of(identifier: int) -> int:
+    """The prefix of an identifier; flags above it do not count.
+
+    >>> prefix_of(0x8001), prefix_of(0x1230100)
+    (0, 291)
+    """
+    return identifier >> 16 & HIGHEST_PREFIX
 
 
 def wire_value(register: int, kind: NumberKind, value: float) -> float:

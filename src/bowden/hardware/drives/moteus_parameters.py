@@ -6,7 +6,7 @@ from typing import Annotated, Literal, NamedTuple
 from bowden.core.quantity import Quantity
 from bowden.hardware.drives import on_can
 from bowden.hardware.drives.family import DriveNeeds
-from bowden.hardware.drives.moteus_frames import MOST_TURNS, MoteusCommand
+from bowden.hardware.drives.moteus_frames import HIGHEST_PREFIX, MOST_TURNS, MoteusCommand
 from bowden.hardware.drives.scale import Scale, SuitScale, spool_scale
 from bowden.models.suit.suit_angle import SpoolMap
 
@@ -37,6 +37,9 @@ class MoteusParameters(NamedTuple):
     host_id: Annotated[
         int, Quantity("number of this computer on the bus; moteus_tool and tview have 0", ge=0, le=126)
     ] = 32
+    can_prefix: Annotated[
+        int, Quantity("the prefix of all identifiers, as on the board (can.prefix)", ge=0, le=HIGHEST_PREFIX)
+    ] = 0
     output_ratio: Annotated[
         float,
         Quantity("turns of the board's output per turn of the rotor (motor_position.rotor_to_output_ratio)", gt=0.0),
@@ -98,7 +101,8 @@ class MoteusParameters(NamedTuple):
 
     def identifiers(self) -> dict[int, str]:
         """See `on_can.collision`: of an identifier the sender's part, since each receiver knows senders by it."""
-        return {self.host_id << 8: "host_id", self.node_id << 8: "node_id"}
+        common = self.can_prefix << 16
+        return {common | self.host_id << 8: "host_id", common | self.node_id << 8: "node_id"}
 
 
 def check_parameters(drive: MoteusParameters) -> None:
@@ -114,6 +118,7 @@ def check_parameters(drive: MoteusParameters) -> None:
         ("data_bitrate", drive.bitrate <= drive.data_bitrate <= 8_000_000, "bitrate or more, 5000000 for a board"),
         ("node_id", 1 <= drive.node_id <= 126, "a number from 1 to 126"),
         ("host_id", 0 <= drive.host_id <= 126 and drive.host_id != drive.node_id, "0 to 126, not the drive's node_id"),
+        ("can_prefix", 0 <= drive.can_prefix <= HIGHEST_PREFIX, f"0 to {HIGHEST_PREFIX}"),
         ("output_ratio", 0.0 < drive.output_ratio < 1e4, "a number above 0"),
         ("gear", 0.0 < drive.gear < 1e4, "a number above 0"),
         ("motor_direction", drive.motor_direction in (1, -1), "1 or -1"),

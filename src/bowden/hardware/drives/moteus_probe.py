@@ -31,8 +31,9 @@ def probe(drive: MoteusParameters, links: Links) -> list[FoundDevice]:
 
         def looked_at(identifier: int, data: bytes) -> bool:
             node, receiver = identifier >> 8 & 0x7F, identifier & 0xFF
+            ours = receiver == drive.host_id and frames.prefix_of(identifier) == drive.can_prefix
             told, failed, _ = frames.replied(data)
-            if receiver == drive.host_id and Register.MODE in told and not failed and Register.MODEL in told:
+            if ours and Register.MODE in told and not failed and Register.MODEL in told:
                 firmware = int(told.get(Register.FIRMWARE, 0.0))
                 version = f"{firmware >> 16 & 0xFF}.{firmware >> 8 & 0xFF}.{firmware & 0xFF}"
                 said = f"model 0x{int(told[Register.MODEL]) & 0xFFFF_FFFF:X}, firmware {version}"

@@ -92,7 +92,7 @@ _STATES: Mapping[int, DriveState] = {
 
 def message(drive: MoteusParameters, data: bytes, *, reply: bool) -> can.Message:
     """A frame to the board."""
-    identifier = frames.identifier_of(drive.host_id, drive.node_id, reply=reply)
+    identifier = frames.identifier_of(drive.host_id, drive.node_id, drive.can_prefix, reply=reply)
     return can.Message(
         arbitration_id=identifier,
         is_extended_id=identifier > frames.STANDARD_ID,
@@ -104,17 +104,16 @@ def message(drive: MoteusParameters, data: bytes, *, reply: bool) -> can.Message
 
 def is_foreign(drive: MoteusParameters, identifier: int) -> bool:
     """Whether a frame is one that only this host may send, or the board's answer to somebody else."""
-    plain = identifier & 0x1FFF_FFFF
-    if plain > frames.HIGHEST_ID:
+    if frames.prefix_of(identifier) != drive.can_prefix:
         return False
-    source, receiver = plain >> 8 & 0x7F, plain & 0xFF
+    source, receiver = identifier >> 8 & 0x7F, identifier & 0xFF
     to_it = receiver in (drive.node_id, frames.BROADCAST)
     return to_it or (source == drive.node_id and receiver != drive.host_id)
 
 
 def is_answer(drive: MoteusParameters, identifier: int) -> bool:
     """Whether a frame is the board's to us."""
-    return identifier & 0x1FFF_FFFF == frames.identifier_of(drive.node_id, drive.host_id)
+    return identifier & 0x1FFF_FFFF == frames.identifier_of(drive.node_id, drive.host_id, drive.can_prefix)
 
 
 class MoteusDialogue:

@@ -99,6 +99,10 @@ class DriveParameters(NamedTuple):
     """Largest lag behind the target that the rig allows, at the spool; 0 for none [rad]."""
     current_limit: float = 0.0
     """Largest current that the rig asks for; 0 for none [A]."""
+    lag_current: float = math.inf
+    """Current that the rig's servo draws per lag behind its target, at rest [A/rad]."""
+    lag_time: float = 0.0
+    """Lag per speed at which it draws none [s]."""
     torque_offset: float = 0.0
     """Largest torque offset beside the target, at the spool; 0 where none is sent [N·m]."""
     answer_timeout: Annotated[

@@ -159,11 +159,11 @@ class MoteusNode:
 
     def receive(self, identifier: int, data: bytes, now: float) -> None:
         """A frame from the bus; whether its identifier is an extended one does not count."""
-        plain = identifier & 0x1FFF_FFFF
-        if self.faults.active("deaf", now) or now < self._ready or plain > frames.HIGHEST_ID or identifier & REMOTE:
+        prefix = self._drive.can_prefix
+        if self.faults.active("deaf", now) or now < self._ready or identifier & REMOTE:
             return
-        source, receiver = plain >> 8, plain & 0xFF
-        if receiver not in (self._drive.node_id, frames.BROADCAST):
+        source, receiver = identifier >> 8 & 0xFF, identifier & 0xFF
+        if frames.prefix_of(identifier) != prefix or receiver not in (self._drive.node_id, frames.BROADCAST):
             return
         self.host, self.commands = now, self.commands + 1
         self._move(now)
@@ -174,13 +174,13 @@ class MoteusNode:
             self._take(now)
         if not source & 0x80:
             return
-        back = frames.identifier_of(self._drive.node_id, source & 0x7F)
+        back = frames.identifier_of(self._drive.node_id, source & 0x7F, prefix)
         if reply[:1] == bytes((frames.FROM_DRIVE,)):
             self._outbox.emit(_flagged(back), frames.padded(reply), now)
             return
         self._outbox.emit_cyclic(_flagged(back), frames.padded(reply), now)
         if self.faults.active("foreign_replies", now):
-            other = frames.identifier_of(self._drive.node_id % 126 + 1, source & 0x7F)
+            other = frames.identifier_of(self._drive.node_id % 126 + 1, source & 0x7F, prefix)
             self._outbox.emit_cyclic(_flagged(other), frames.padded(reply), now)
 
     def _obey(self, data: bytes, now: float, *, answers: bool) -> bytes:

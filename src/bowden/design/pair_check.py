@@ -1,0 +1,293 @@
+"""Do two laws hold on one joint? The check of `bowden.design.check`, of both motors and cables as one."""
+
+import itertools
+from collections.abc import Iterable
+from dataclasses import replace
+
+import numpy as np
+
+from bowden.control.law import Law
+from bowden.control.stability import Margins
+from bowden.core.units import DEGREES, RADIANS
+from bowden.design.check import (
+    ENOUGH_DEG,
+    IDEAL,
+    RESERVE,
+    ROUNDING,
+    Check,
+    Estimates,
+    PairFindings,
+    Point,
+    TautLoop,
+    VerdictName,
+    all_estimates,
+    at_rest,
+    confirmed_by,
+    judge,
+    largest_change,
+    severity,
+    swing_of,
+)
+from bowden.design.limit_cycle import AMPLITUDES, MEASURED, LimitCycle, describing_function, predict
+from bowden.design.linearise import LawModel, linearise
+from bowden.design.pair_loops import BOTH, DOWN_ALONE, UP_ALONE, SideLoop, pair_margins, reaches
+from bowden.design.trial import AFTER, MOVING, Bounds, Trial, judged, motion, settled_after
+from bowden.models.cable.shared_joint import shares
+from bowden.plants.bench import Bench
+from bowden.plants.plant import changed
+from bowden.plants.transmission import transmission
+from bowden.sim.pair import PairPlant, PairSide, simulate_pair
+from bowden.sim.scenario import constant_bend
+
+Bends = tuple[float, float]
+"""Of both sheaths, the agonist's first [rad]."""
+Laws = tuple[Law, Law]
+"""The agonist's first."""
+
+
+class _Tried:
+    """What the trials of a pair showed."""
+
+    def __init__(self) -> None:
+        self.trials: list[Trial] = []  # the agonist's and the antagonist's of each bend, by turns
+        self.drift = 0.0
+        """How far the motors went apart beyond the co-contraction, or less far, each [rad]."""
+        self.estimates: list[tuple[Estimates, Estimates]] = []
+
+
+def check_pair(
+    pair: PairPlant, laws: Laws, *, bends: tuple[Bends, Bends], stroke: tuple[float, float], seed: int = 1
+) -> Check:
+    """Judge two laws on one joint.
+
+    As `bowden.design.check.check`, with the linear loops of both sides as one (`bowden.design.pair_loops`), for both
+    cables taut and for each alone, and with trials of both. Trials also show how far the motors part while the joint
+    stands, which no law feeds back: further than a joint at rest may move, and the pair does not hold.
+
+    Args:
+        pair: both sides.
+        laws: of each.
+        bends: smallest of both sheaths, and largest [rad].
+        stroke: ends of the trials' motion [rad].
+        seed: of the encoders' noise.
+
+    Raises:
+        ParameterError: sides that no one loop can have, or that do not follow their motors.
+    """
+    pair = _seeded(pair, seed)
+    ends = tuple(dict.fromkeys(bends))
+    zone = max(_dead_zone(pair, both, stroke) for both in ends)
+    tried = _tried(pair, laws, ends, stroke)
+    trials, count = tuple(tried.trials), pair.agonist.bench.joint_encoder.resolution or IDEAL
+    points, loops, apart = _linear(pair, laws, ends, tried.estimates, count, stroke)
+    worst = min(points, key=severity)
+    bounded = all(trial.bounded for trial in trials)
+    chatters = False
+    if not worst.margins.stable:
+        wide, _, _ = _linear(pair, laws, ends, tried.estimates, 0.5 * abs(stroke[1] - stroke[0]), stroke)
+        chatters = all(point.margins.largest_pole < 1.0 + ROUNDING for point in wide)
+    reserve = None
+    if bounded and severity(worst) >= 1.0:
+        reserve = _reserve(pair, laws, points, ends[-1], stroke)
+    cycle = _predicted_cycle(pair, laws, ends, tried.estimates, stroke)
+    verdict, reason = judge(worst, trials, None, chatters, reserve, refuted=False, whole=True)
+    if verdict != "does_not_hold":
+        confirmed = bool(confirmed_by(cycle, swing_of(trials)))
+        verdict, reason = at_rest(trials, [zone] * len(trials), verdict, reason, confirmed=confirmed)
+        verdict, reason = _together(verdict, reason, tried.drift, _most_drift(pair, ends, stroke))
+    return Check(
+        law=laws[0].name,
+        verdict=verdict,
+        reason=reason,
+        points=tuple(points),
+        worst=worst,
+        cycle=cycle,
+        trials=trials,
+        reserve=reserve,
+        chatters=chatters,
+        command_per_count=max(point.per_count for point in points),
+        ultimate_s=None,
+        ultimate_error=None,
+        pair=PairFindings(loops, tried.drift if bounded else None, apart),
+    )
+
+
+def _seeded(pair: PairPlant, seed: int) -> PairPlant:
+    return pair._replace(agonist=pair.agonist._replace(seed=seed), antagonist=pair.antagonist._replace(seed=seed + 1))
+
+
+def _at(pair: PairPlant, bends: Bends) -> PairPlant:
+    """The pair with its sheaths held at these bends."""
+    one, other = (side._replace(bend=constant_bend(bend)) for side, bend in zip(pair.sides, bends, strict=True))
+    return pair._replace(agonist=one, antagonist=other)
+
+
+def _dead_zone(pair: PairPlant, bends: Bends, stroke: tuple[float, float]) -> float:
+    """What the joint loses in a reversal, and what it is free by where both cables hang slack [rad]."""
+    found = [
+        transmission(side.bench, bend, side.own_stroke(stroke)) for side, bend in zip(pair.sides, bends, strict=True)
+    ]
+    slack = max(0.0, -pair.co_contraction) * sum(one.slope for one in found)
+    return max(one.dead_zone for one in found) + slack
+
+
+def _most_drift(pair: PairPlant, ends: Iterable[Bends], stroke: tuple[float, float]) -> float:
+    """How far a motor may go beyond the co-contraction: what a joint at rest may move, at the motor [rad]."""
+    tight = pair._replace(co_contraction=0.0)
+    slope = min(
+        transmission(side.bench, bend, side.own_stroke(stroke)).slope
+        for bends in ends
+        for side, bend in zip(pair.sides, bends, strict=True)
+    )
+    return (2.0 * max(_dead_zone(tight, bends, stroke) for bends in ends) + RADIANS) / slope
+
+
+def _tried(pair: PairPlant, laws: Laws, ends: Iterable[Bends], stroke: tuple[float, float]) -> _Tried:
+    """The trials; longer ones where there are estimates that settle later, and the trials stay bounded."""
+    for moving in dict.fromkeys((MOVING, max(MOVING, *(settled_after(law) for law in laws)))):
+        found = _Tried()
+        for bends in ends:
+            trials, drift = _trial(pair, laws, bends, stroke, moving)
+            found.trials += trials
+            found.drift = max(found.drift, drift)
+        pairs = zip(
+            *(all_estimates(law, found.trials[i::2], pair.sample_time) for i, law in enumerate(laws)), strict=True
+        )
+        visited = list(pairs)
+        found.estimates = [one for i, one in enumerate(visited) if one not in visited[i + 1 :]]
+        if not any(found.estimates[-1]) or not all(trial.bounded for trial in found.trials):
+            break
+    return found
+
+
+def _trial(
+    pair: PairPlant, laws: Laws, bends: Bends, stroke: tuple[float, float], moving: float
+) -> tuple[tuple[Trial, Trial], float]:
+    """One run of both, as each side shows it, and how far the motors went apart [rad]."""
+    traces = simulate_pair(
+        _at(pair, bends),
+        laws,
+        motion(stroke, moving),
+        duration=moving + AFTER,
+        initial_motors=pair.resting_motors(stroke[0], bends),
+    )
+    length = abs(stroke[1] - stroke[0])
+    bounds = Bounds(length, 2.0 * _dead_zone(pair, bends, stroke) + RADIANS, 0.0)
+    one, other = (judged(trace, length, moving, bounds) for trace in traces)
+    apart = 0.5 * (traces[0]["motor"] - traces[1]["motor"])
+    return (one, other), float(np.max(np.abs(apart - apart[0]), initial=0.0, where=np.isfinite(apart)))
+
+
+def _slopes(side: PairSide, bend: float, stroke: tuple[float, float]) -> list[float]:
+    found = transmission(side.bench, bend, side.own_stroke(stroke))
+    return [found.slope, found.steepest] if found.steepest > found.slope else [found.slope]
+
+
+def _linear(
+    pair: PairPlant,
+    laws: Laws,
+    ends: tuple[Bends, ...],
+    estimates: list[tuple[Estimates, Estimates]],
+    width: float,
+    stroke: tuple[float, float],
+) -> tuple[list[Point], tuple[TautLoop, ...], float]:
+    """Every loop: of each bend and slope, with each set of estimates, both cables taut and each alone.
+
+    Returns:
+        The loops, the smallest margins of each case, and the largest pole with which the motors part.
+    """
+    up, dt = pair.up, pair.sample_time
+    names = [pair.sides[i].name for i in (up, 1 - up)]
+    said = {BOTH: "both cables taut", UP_ALONE: f"{names[0]} alone taut", DOWN_ALONE: f"{names[1]} alone taut"}
+    points, apart = list[Point](), 0.0
+    for values in estimates:
+        models = [linearise(law, dt, width=width, estimates=one) for law, one in zip(laws, values, strict=True)]
+        jump = max(largest_change(model) for model in models) * pair.agonist.bench.joint_encoder.resolution
+        own = values[0] | {f"{pair.antagonist.name}: {name}": value for name, value in values[1].items()}
+        for bends in ends:
+            each = [_slopes(side, bend, stroke) for side, bend in zip(pair.sides, bends, strict=True)]
+            for slopes in itertools.product(*each):
+                loops = [_side(pair, i, slopes[i], models[i]) for i in (up, 1 - up)]
+                for taut, where in said.items():
+                    found = pair_margins(loops[0], loops[1], pair.load, taut, dt)
+                    reach = float(np.sum(reaches(loops[0], loops[1], pair.load, taut)))
+                    points.append(Point(bends[0], reach, own, found.joint, where, jump))
+                    apart = max(apart, found.apart)
+    return points, tuple(_taut_loop(where, points) for where in said.values()), apart
+
+
+def _side(pair: PairPlant, i: int, slope: float, model: LawModel) -> SideLoop:
+    bench = pair.sides[i].bench
+    return SideLoop(bench.servo, bench.delay, slope, model)
+
+
+def _taut_loop(where: str, points: list[Point]) -> TautLoop:
+    own = [point.margins for point in points if point.at == where]
+
+    def least(name: str) -> float | None:
+        values = [getattr(one, name) for one in own]
+        there = [value for value in values if value is not None]
+        return min(there) if there and all(one.stable for one in own) else None
+
+    return TautLoop(where, *(least(name) for name in ("gain_margin_db", "phase_margin_deg", "delay_margin_s")))
+
+
+def _reserve(
+    pair: PairPlant, laws: Laws, points: list[Point], bends: Bends, stroke: tuple[float, float]
+) -> bool | None:
+    """Whether a trial stands a part of the phase margin as delay of both commands; None where nothing limits it."""
+    found: list[Margins] = [point.margins for point in points]
+    per_degree = [
+        one.delay_margin_s / (one.phase_margin_deg % 360.0)
+        for one in found
+        if one.delay_margin_s and one.phase_margin_deg
+    ]
+    if not per_degree:
+        return None
+    further = int(np.ceil(RESERVE * ENOUGH_DEG * min(per_degree) / pair.sample_time))
+    one, other = (side._replace(bench=changed(side.bench, delay=side.bench.delay + further)) for side in pair.sides)
+    later = _tried(pair._replace(agonist=one, antagonist=other), laws, (bends,), stroke)
+    return all(trial.bounded for trial in later.trials)
+
+
+def _predicted_cycle(
+    pair: PairPlant,
+    laws: Laws,
+    ends: tuple[Bends, ...],
+    estimates: list[tuple[Estimates, Estimates]],
+    stroke: tuple[float, float],
+) -> LimitCycle | None:
+    """The largest limit cycle in which both motors go alike, both cables taut: N is what both make of it."""
+    amplitudes = AMPLITUDES if all(isinstance(side.bench, Bench) for side in pair.sides) else MEASURED
+    share, cycles = shares(pair.load, True, True), []
+    for bends in ends:
+        both = [
+            describing_function(side.bench, bend, side.own_stroke(stroke), amplitudes)[1]
+            for side, bend in zip(pair.sides, bends, strict=True)
+        ]
+        gains = share.up * both[pair.up] + share.down * both[1 - pair.up]
+        for values in (estimates[0], estimates[-1]):
+            for side, law, own in zip(pair.sides, laws, values, strict=True):
+                bench = side.bench
+                width = bench.joint_encoder.resolution or IDEAL
+                model = linearise(law, bench.sample_time, width=width, estimates=own)
+                cycles.append(predict(gains, bench.servo, bench.delay, model, bench.sample_time, amplitudes))
+    return max((cycle for cycle in cycles if cycle), key=lambda cycle: cycle.amplitude, default=None)
+
+
+def _together(verdict: VerdictName, reason: str, drift: float, most: float) -> tuple[VerdictName, str]:
+    """Whether the motors stay as far apart as they are to be."""
+    if drift <= most:
+        return verdict, reason
+    return "does_not_hold", (
+        f"the motors go apart by {drift * DEGREES:.3g}° beyond the co-contraction, where {most * DEGREES:.3g}° are "
+        "borne: no law feeds back what the joint does not show"
+    )
+
+
+def with_advice(found: Check, pair: PairPlant) -> Check:
+    """The check with what to do where it does not hold."""
+    if found.holds:
+        return found
+    one, other = (side.name for side in pair.sides)
+    return replace(found, advice=f"check each alone (--axis {one}, --axis {other}), and lower the gains of both alike")

@@ -1,0 +1,285 @@
+"""Two motors on one joint at the desk: one simulation, one linear loop, one verdict, and what the commands say."""
+
+import json
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import jsonschema
+import numpy as np
+import pytest
+
+import bowden
+from bowden.app.main import run
+from bowden.control import LAWS, Law
+from bowden.control.reference import PeriodicMinimumJerk
+from bowden.control.stability import closed_loop_poles, frequencies, margins, servo_model
+from bowden.core.errors import ParameterError
+from bowden.core.kernel import compiled, kernel
+from bowden.core.signals import Reference, Sample
+from bowden.core.units import RADIANS
+from bowden.design.linearise import linearise
+from bowden.design.pair_check import check_pair
+from bowden.design.pair_loops import BOTH, DOWN_ALONE, UP_ALONE, SideLoop, pair_margins, pair_poles, reaches
+from bowden.models.cable.backlash import Play
+from bowden.models.cable.shared_joint import Ends, JointLoad, shared_joint, shares
+from bowden.models.drive.encoder import Encoder
+from bowden.plants.bench import Bench
+from bowden.plants.cables import as_cable_plant, play
+from bowden.rig.presets.bench import default_bench
+from bowden.rig.rig import Rig
+from bowden.sim.pair import PairPlant, PairSide, simulate_pair
+from bowden.sim.run import simulate
+from bowden.sim.scenario import constant_bend
+from test_pair import PAIR
+
+ROOT = Path(__file__).parents[1]
+BENCH = default_bench()
+LAW = LAWS["bowden"]
+MOTION = PeriodicMinimumJerk(0.0, 60.0 * RADIANS, 8.0)
+STROKE = (0.0, 60.0 * RADIANS)
+LOAD = JointLoad(10.0, 0.1, 0.2)
+
+
+def pair_of(one: Bench = BENCH, other: Bench = BENCH, contraction: float = 4.0, stiffness: float = 10.0) -> PairPlant:
+    sides = [
+        PairSide(name, bench, constant_bend(bench.sheath.bend), k, sign)
+        for k, (name, bench, sign) in enumerate((("flexor", one, 1.0), ("extensor", other, -1.0)))
+    ]
+    return PairPlant(sides[0], sides[1], stiffness, contraction * RADIANS)
+
+
+def quiet(bench: Bench) -> Bench:
+    """Without noise, counts and load."""
+    exact = Encoder(0.0, 0.0)
+    motor = bench.motor._replace(pretension=0.0, spring=0.0)
+    return bench._replace(joint_encoder=exact, motor_encoder=exact, motor=motor)
+
+
+def test_the_joint_is_the_same_compiled() -> None:
+    random = np.random.default_rng(1)
+    kept = compiled(shared_joint)
+    for _ in range(200):
+        up, down, push = random.uniform(-1.0, 1.0, 3).tolist()
+        whole = random.integers(0, 2, 2).astype(bool).tolist()
+        ends = Ends(up, down, whole[0], whole[1])
+        assert kept(ends, push, LOAD) == shared_joint(ends, push, LOAD)
+
+
+@pytest.mark.parametrize(("up", "down", "taut"), [(0.5, 0.3, (True, True)), (0.5, 0.9, (True, False))])
+def test_the_shares_are_the_slopes_of_the_balance(up: float, down: float, taut: tuple[bool, bool]) -> None:
+    step = 1e-6
+    base = shared_joint(Ends(up, down, True, True), 0.0, LOAD)
+    slopes = [
+        (shared_joint(Ends(up + a, down + b, True, True), 0.0, LOAD) - base) / step for a, b in ((step, 0), (0, step))
+    ]
+    assert slopes == pytest.approx(list(shares(LOAD, *taut)), abs=1e-6)
+
+
+def test_two_like_cables_without_a_load_are_one_cable() -> None:
+    bench = quiet(BENCH)
+    both = simulate_pair(pair_of(bench, bench, 0.0), (LAW, LAW), MOTION, duration=4.0)
+    alone = simulate(as_cable_plant(bench), LAW, MOTION, duration=4.0)
+    for trace in both:
+        for name in ("joint", "motor", "command"):
+            assert np.allclose(trace[name], alone[name], atol=1e-9), name
+
+
+def test_co_contraction_keeps_both_cables_taut_under_a_push() -> None:
+    push = 0.5 * np.sin(2.0 * np.pi * 0.4 * np.arange(16_000) * 1e-3)
+    slack, rms = {}, {}
+    for degrees in (-4.0, 0.0, 4.0):
+        traces = simulate_pair(pair_of(contraction=degrees), (LAW, LAW), MOTION, duration=16.0, push=push)
+        slack[degrees] = [float((trace["pull"] <= 0.0).mean()) for trace in traces]
+        rms[degrees] = np.degrees(np.sqrt(np.mean(traces[0].error ** 2)))
+        balance = traces[0]["pull"] - traces[1]["pull"] + push - LOAD.pretension - LOAD.spring * traces[0]["joint"]
+        free = (traces[0]["pull"] == 0.0) & (traces[1]["pull"] == 0.0)
+        assert np.abs(balance[~free]).max() < 1e-9
+    assert slack[4.0] == [0.0, 0.0]
+    assert min(slack[0.0]) > 0.2
+    assert rms[4.0] < rms[0.0] < rms[-4.0]
+    assert rms == pytest.approx({-4.0: 1.23, 0.0: 0.21, 4.0: 0.16}, abs=0.02)
+
+
+def test_the_agonist_may_be_the_one_that_pulls_down() -> None:
+    one = pair_of()
+    turned = one._replace(agonist=one.antagonist, antagonist=one.agonist)
+    up, down = simulate_pair(one, (LAW, LAW), MOTION, duration=3.0)
+    first, second = simulate_pair(turned, (LAW, LAW), MOTION, duration=3.0)
+    assert np.sqrt(np.mean((first["joint"] - up["joint"]) ** 2)) < np.radians(0.1)  # the noise is another
+    assert np.mean(first["pull"] - down["pull"]) == pytest.approx(0.0, abs=0.02)
+    assert np.mean(second["pull"] - up["pull"]) == pytest.approx(0.0, abs=0.02)
+
+
+def side(slope: float = 0.938, law: str = "bowden") -> SideLoop:
+    model = linearise(Rig().with_law(law).fitted(), 1e-3, width=BENCH.joint_encoder.resolution)
+    return SideLoop(BENCH.servo, BENCH.delay, slope, model)
+
+
+@pytest.mark.parametrize("law", ["bowden", "adaptive", "cascaded_pid"])
+def test_two_like_sides_have_the_margins_of_one_with_the_share_of_both(law: str) -> None:
+    one = side(law=law)
+    plant = servo_model(one.servo, 1e-3, one.delay, 1.0)
+    for taut, share in ((BOTH, 20.0 / 20.2), (UP_ALONE, 10.0 / 10.2), (DOWN_ALONE, 10.0 / 10.2)):
+        found = pair_margins(one, one, LOAD, taut, 1e-3).joint
+        alone = margins(plant, one.law.seen_through(share * one.slope), 1e-3)
+        for name in ("gain_margin_db", "phase_margin_deg", "delay_margin_s"):
+            assert getattr(found, name) == pytest.approx(getattr(alone, name), rel=1e-4), (taut, name)
+        assert found.largest_pole == pytest.approx(alone.largest_pole, rel=1e-5)
+
+
+def test_the_poles_are_those_of_both_alike_and_of_both_against_each_other() -> None:
+    one = side()
+    poles, apart = pair_poles(one, one, reaches(one, one, LOAD, BOTH), 1e-3)
+    plant = servo_model(one.servo, 1e-3, one.delay, 1.0)
+    for mask, slope in ((~apart, 0.938 * 20.0 / 20.2), (apart, 0.0)):
+        expected = closed_loop_poles(plant, one.law.seen_through(slope))
+        assert np.max(np.abs(poles[mask])) == pytest.approx(np.max(np.abs(expected)), rel=1e-6)
+    assert len(frequencies(1e-3)) == 4000
+
+
+def test_the_certificate_of_the_pages_pair() -> None:
+    found = check_pair(pair_of(), (LAW, LAW), bends=((np.pi, np.pi),) * 2, stroke=STROKE)
+    assert found.verdict == "holds"
+    assert found.pair is not None
+    taut, *alone = found.pair.loops
+    assert [one.at for one in found.pair.loops] == ["both cables taut", "flexor alone taut", "extensor alone taut"]
+    assert found.gain_margin_db == taut.gain_margin_db
+    assert all(one.gain_margin_db > taut.gain_margin_db for one in alone)  # type: ignore[operator]
+    assert found.pair.apart > 1.0, "no law feeds back what the joint does not show"
+    assert found.pair.drift < np.radians(1.0), "and it comes to nothing"  # type: ignore[operator]
+    assert "both cables taut" in repr(found)
+
+
+class Free(NamedTuple):
+    """Gains of a law that lets its motor go where it goes."""
+
+    motor: float = 1.01
+    joint: float = 1.5
+
+
+class Nothing(NamedTuple):
+    """Its state."""
+
+    unused: float = 0.0
+
+
+@kernel
+def free_start(gains: Free, sample: Sample) -> Nothing:
+    """Nothing to remember."""
+    return Nothing(0.0)
+
+
+@kernel
+def free_step(gains: Free, state: Nothing, sample: Sample, reference: Reference, dt: float) -> tuple[Nothing, float]:
+    """The motor's own angle, and on top the joint's error."""
+    return state, gains.motor * sample.motor - gains.joint * (sample.joint - reference.position)
+
+
+PARTING = Law("parting", Free(), free_start, free_step, "a test")
+
+
+def test_laws_that_hold_alone_and_part_on_one_joint_do_not_hold() -> None:
+    from bowden.design.check import check
+
+    assert check(BENCH, PARTING, stroke=STROKE).holds
+    found = check_pair(pair_of(), (PARTING, PARTING), bends=((np.pi, np.pi),) * 2, stroke=STROKE)
+    assert found.verdict == "does_not_hold"
+    assert found.pair is not None
+    assert found.pair.apart > 1.0
+
+
+def test_sides_of_different_equations_are_refused_in_a_line() -> None:
+    with pytest.raises(ParameterError, match="have the laws bowden and adaptive; expected one law for both"):
+        simulate_pair(pair_of(), (LAW, LAWS["adaptive"]), MOTION, duration=1.0)
+    other: Any = as_cable_plant(BENCH)._replace(cable=play(Play(0.9, 0.05, 0.0)))
+    with pytest.raises(ParameterError, match="of the kinds bouc_wen and play; expected one kind for both"):
+        simulate_pair(pair_of(other=other), (LAW, LAW), MOTION, duration=1.0)
+    with pytest.raises(ParameterError, match="push has the shape"):
+        simulate_pair(pair_of(), (LAW, LAW), MOTION, duration=1.0, push=np.zeros(3))
+
+
+@pytest.fixture
+def pair_rig(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    Path("pair.toml").write_text('[control]\nlaw = "bowden"\n[scenario]\nduration_s = 8.0\n' + PAIR)
+    return Path("pair.toml")
+
+
+def said(capsys: pytest.CaptureFixture[str], *words: str, code: int = 0) -> Any:
+    assert run([*words]) == code
+    return capsys.readouterr()
+
+
+def document(capsys: pytest.CaptureFixture[str], command: str, *words: str) -> Any:
+    found = json.loads(said(capsys, command, "pair.toml", *words, "--json").out)
+    schema = json.loads((ROOT / f"docs/json/{command}.schema.json").read_text(encoding="utf-8"))
+    jsonschema.validate(found, schema)
+    return found
+
+
+@pytest.mark.usefixtures("pair_rig")
+def test_simulate_says_of_a_pair_what_both_motors_do(capsys: pytest.CaptureFixture[str]) -> None:
+    out = said(capsys, "simulate", "pair.toml", "--law", "bowden", "--law", "cascaded_pid", "--csv").out
+    assert out.startswith("pair flexor and extensor, co-contraction 4°\n")
+    assert "cascaded_pid" in out
+    assert "Next: bowden check pair.toml\n" in out
+    folder = Path("out/simulate/pair")
+    names = {f"{law}-{axis}.{kind}" for law in ("bowden", "cascaded_pid") for axis in ("flexor", "extensor")
+             for kind in ("parquet", "csv")}  # fmt: skip
+    assert {one.name for one in folder.iterdir()} == names | {"simulate.html"}
+    assert "What each cable pulls" in (folder / "simulate.html").read_text(encoding="utf-8")
+    found = document(capsys, "simulate")
+    assert found["axes"] == []
+    (only,) = found["pair"]["runs"]
+    assert [one["axis"] for one in only["motors"]] == ["flexor", "extensor"]
+    assert [one["slack_share"] for one in only["motors"]] == [0.0, 0.0]
+    assert 0.0 < only["rmse_deg"] < 0.3
+    assert found["pair"]["co_contraction_deg"] == pytest.approx(4.0)
+
+
+@pytest.mark.usefixtures("pair_rig")
+def test_check_says_of_a_pair_one_verdict_with_the_margins_by_what_is_taut(capsys: pytest.CaptureFixture[str]) -> None:
+    out = said(capsys, "check", "pair.toml").out
+    assert out.startswith("flexor and extensor on one joint\nverdict ")
+    assert "both cables taut    8.96 dB, 86.7°, 27.1 ms\n" in out
+    assert "flexor alone taut   9.05 dB, 86.9°, 27.6 ms\n" in out
+    assert "Next: bowden run pair.toml --twin --auto" in out
+    found = document(capsys, "check")
+    assert found["holds"] is True
+    assert found["axes"] == []
+    assert found["pair"]["motors_apart_deg"] < 1.0
+    assert "axis" not in document(capsys, "check", "--axis", "flexor")
+
+
+@pytest.mark.usefixtures("pair_rig")
+def test_an_axis_beside_the_pair_is_looked_at_by_itself(capsys: pytest.CaptureFixture[str]) -> None:
+    path = Path("pair.toml")
+    path.write_text(path.read_text() + '[[axis]]\nname = "wrist"\n[axis.drive]\nnode_id = 3\n')
+    found = document(capsys, "check")
+    assert [one["axis"] for one in found["axes"]] == ["wrist"]
+    assert found["pair"]["axes"] == ["flexor", "extensor"]
+    assert [one["axis"] for one in document(capsys, "simulate")["axes"]] == ["wrist"]
+    assert Path("out/simulate/wrist/simulate.html").exists()
+    with pytest.raises(ParameterError, match="the rig has the axes flexor, extensor, wrist"):
+        bowden.check(path)
+
+
+@pytest.mark.usefixtures("pair_rig")
+def test_tune_of_a_pair_says_what_it_does_not_do(capsys: pytest.CaptureFixture[str]) -> None:
+    error = said(capsys, "tune", "pair.toml", code=2).err
+    assert error.count("\n") == 1
+    assert "tune finds gains for one motor and cable by themselves; expected one of them; name it with --axis" in error
+
+
+@pytest.mark.usefixtures("pair_rig")
+def test_python_checks_and_simulates_a_pair() -> None:
+    found = bowden.check("pair.toml")
+    assert found.holds
+    assert found.pair is not None
+    traces: Any = bowden.simulate("pair.toml", duration=4.0)
+    assert list(traces) == ["flexor", "extensor"]
+    assert (traces["flexor"]["joint"] == traces["extensor"]["joint"]).all()
+    both: Any = bowden.simulate("pair.toml", ["bowden", "adaptive"], duration=4.0)
+    assert list(both) == ["bowden-flexor", "bowden-extensor", "adaptive-flexor", "adaptive-extensor"]
+    with pytest.raises(ParameterError, match="fails the check on"):
+        bowden.simulate("pair.toml", PARTING, duration=4.0)
