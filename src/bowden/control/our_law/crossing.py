@@ -12,7 +12,7 @@ is ahead is positive on either side: `side * smaller(side * a, side * b)` is tha
   of the other does, by (1 + ω·lag)² less: a joint that is late and hit too hard swings.
 - **Slope** a: over a stretch from a touch to the next turn o stays where a is right. One Kalman step a stretch, with an
   innovation test. It is used in the plan and in o alone: in the feedback it would be the loop's gain.
-- **Jump**: at a turn of the reference, seen ahead by τ and 38 % of a jump, I, F and y go at once by what is left of w, and
+- **Jump**: at a turn of the reference, seen ahead by τ and 2.2/p, I, F and y go at once by what is left of w, and
   J begins at minus that, J''' = −p³·J − 3p²·J' − 3p·J'', so that F + J is smooth. The observer sees nothing of it:
   d̂ + I stays. A jump goes to a place: what the motor has crossed before is left out. A crossing that is given up is
   taken back by the width that it began with, the other way's: else I would go away with a reference that vibrates.
