@@ -60,16 +60,20 @@ demo: .venv/runtime
 test: lint
 	$(MAKE) --no-print-directory --jobs 3 live computed types
 
-# A computer that others use stalls, and a run in real time ends by right. What failed is run once more, at the end, when
-# the tests that compute are about done; both reports are printed.
-LIVE := env -u MAKEFLAGS -u MAKELEVEL $(BIN)/python -m pytest -o cache_dir=.pytest_cache/live -m 'live and not long' tests
+# A computer that others use stalls, and a run in real time ends by right; so does a partner in another process. What
+# failed is run once more, at the end; both reports are printed.
+PYTEST := env -u MAKEFLAGS -u MAKELEVEL $(BIN)/python -m pytest
+LIVE := $(PYTEST) -o cache_dir=.pytest_cache/live -m 'live and not long' tests
+COMPUTED := nice -n 19 $(PYTEST) -o cache_dir=.pytest_cache/computed -m 'not live and not long'
 
 live: .venv/dev
 	rm -rf .pytest_cache/live
 	$(LIVE) || { [ $$? = 1 ] && echo "live tests failed; they are run once more" && $(LIVE) --last-failed; }
 
 computed: .venv/dev
-	env -u MAKEFLAGS -u MAKELEVEL nice -n 19 $(BIN)/python -m pytest -n 2 --dist worksteal -m 'not live and not long'
+	rm -rf .pytest_cache/computed
+	$(COMPUTED) -n 2 --dist worksteal || { [ $$? = 1 ] && echo "tests failed; they are run once more" && \
+		$(COMPUTED) --last-failed; }
 
 long: .venv/dev
 	$(BIN)/python -m pytest -n 2 -m 'long and not live'

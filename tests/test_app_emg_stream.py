@@ -2,6 +2,7 @@
 
 import contextlib
 import json
+import math
 import os
 import signal
 import subprocess
@@ -17,8 +18,9 @@ import pytest
 
 from bowden.app.emg_listen import listen
 from bowden.app.main import run
+from bowden.core.clock import SECOND
 from bowden.core.errors import LogError, StreamError
-from bowden.hardware.emg.lsl_outlet import LslOutlet
+from bowden.hardware.emg.lsl_outlet import LslOutlet, replay
 from bowden.hardware.emg.sources import open_source
 from bowden.hardware.ports import EmgChunk
 from bowden.rig import wearer_file
@@ -250,3 +252,36 @@ def test_the_doctor_lists_streams_and_what_is_wrong_with_them(lsl: Any, capsys: 
     assert any(f"2 LSL streams are named '{NAME}'" in advice for advice in found["advice"])
     for outlet in outlets:
         outlet.close()
+
+
+class _Reader:
+    """An outlet in memory, whose reader leaves some time after it has the last sample."""
+
+    def __init__(self, clock: "_Clock", samples: int, leaves: float) -> None:
+        self._clock, self._missing, self._leaves, self._last = clock, samples, leaves, math.inf
+
+    def push(self, values: np.ndarray, age: float = 0.0) -> None:
+        self._missing -= len(values)
+        self._last = self._clock.now() / SECOND if self._missing == 0 else math.inf
+
+    def has_readers(self) -> bool:
+        return self._clock.now() / SECOND < self._last + self._leaves
+
+
+class _Clock:
+    def __init__(self) -> None:
+        self._now = 0
+
+    def now(self) -> int:
+        return self._now
+
+    def sleep_until(self, deadline: int) -> None:
+        self._now = deadline
+
+
+@pytest.mark.parametrize(("leaves", "lasting"), [(0.5, 1.5), (60.0, 3.0)])
+def test_a_stream_that_ends_is_kept_until_its_readers_have_left_but_not_for_ever(leaves: float, lasting: float) -> None:
+    clock = _Clock()
+    outlet: Any = _Reader(clock, 1000, leaves)
+    assert replay(outlet, np.zeros((1000, 1)), RATE, False, lambda: False, lambda _: None, clock=clock) == 1000
+    assert clock.now() / SECOND == pytest.approx(lasting, abs=0.02)

@@ -340,7 +340,7 @@ export class Curves {
         scales: { x: { time: false, auto: false }, y: { auto: false } },
         axes: [
           { ...axis, show: lowest, size: 28, values: (_, splits) => splits.map((value) => `${Number(value.toFixed(3))} s`) },
-          { ...axis, size: LEFT, space: 24 },
+          { ...axis, size: LEFT, space: 24, splits: (_u, _axis, low, high, step) => ticks(low, high, step) },
         ],
         series: [
           {},
@@ -540,4 +540,12 @@ function drawLimits(u: uPlot, columns: Column[], colour: string): void {
     ctx.fillText("limit", bbox.left + bbox.width - 4, y + (y < bbox.top + 14 * uPlot.pxRatio ? 11 : -4) * uPlot.pxRatio);
   }
   ctx.restore();
+}
+
+/** Multiples of a step, or of a part of it where that is more than a scale of one number: what has one has no size. */
+function ticks(low: number, high: number, step: number): number[] {
+  const first = Math.ceil(low / step);
+  const count = Math.floor(high / step) - first + 1;
+  if (count < 2) return ticks(low, high, step / 2);
+  return Array.from({ length: count }, (_, i) => (first + i) * step);
 }

@@ -48,7 +48,7 @@ class AdaptiveGains(NamedTuple):
     bound_leakage: float = 0.005
     """σ2 [–]."""
     derivative_time: float = 0.005
-    """τ, time constant of the derivative's filter [s]; not in the paper."""
+    """τ, time constant of the derivative's filter, which is not in the paper [s]."""
 
 
 class AdaptiveState(NamedTuple):

@@ -13,9 +13,10 @@ Array = NDArray[np.float64]
 
 _TICK = SECOND // 250
 """How often a replay sends [ns]."""
+_DELIVERY = 2 * SECOND
+"""How long a stream that has come to its end is kept for its readers: what is on its way ends with it [ns]."""
 _LSL_UNITS = {"µV": "microvolts", "mV": "millivolts", "V": "volts"}
 """As LSL's description of EMG spells them."""
-
 
 _LOOK = 0.6
 """How long others of the same name are looked for [s]."""
@@ -94,6 +95,8 @@ def replay(
 ) -> int:
     """Send samples in real time, each stamped with its place in time; how many were sent.
 
+    After the last one the readers have two seconds to take what is on its way, since LSL drops it when a stream ends.
+
     Args:
         outlet: where to.
         values: (n, channels).
@@ -118,5 +121,8 @@ def replay(
             sent += len(piece)
             outlet.push(piece, since - (sent - 1) / rate)
         progress(sent / rate)
+        clock.sleep_until(clock.now() + _TICK)
+    end = clock.now() + _DELIVERY
+    while outlet.has_readers() and not until() and clock.now() < end:
         clock.sleep_until(clock.now() + _TICK)
     return sent

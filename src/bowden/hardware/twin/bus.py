@@ -1,6 +1,7 @@
 """The twin in this process and at a time of one's own, for tests: a bus in memory with the twin at its other end."""
 
 import threading
+import time
 from collections import deque
 from collections.abc import Callable
 
@@ -12,7 +13,7 @@ from bowden.hardware.twin.objects import Key
 from bowden.hardware.twin.plant import TwinPlant
 
 TICK = 1e-3
-"""Of the twin's own time, and how far a wait for a frame moves it [s]."""
+"""Of the twin's own time, and how far a wait for a frame moves it at least [s]."""
 
 
 class TwinBus(can.BusABC):
@@ -69,7 +70,8 @@ class TwinBus(can.BusABC):
 
     def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
         if not self._frames and timeout != 0.0:
+            begin = time.monotonic()
             self._still.wait(1e-4)  # for the library's other thread
-            self.advance(TICK)
+            self.advance(max(TICK, time.monotonic() - begin))  # whoever waits meanwhile does so by the clock
         with self._lock:
             return (self._frames.popleft() if self._frames else None), False
