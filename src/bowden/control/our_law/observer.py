@@ -9,13 +9,14 @@ error e = joint − reference, the delay τ, and F, which is sent to the servo b
     F'' = q²·(I − F) − 2q·F'                                the correction, twice differentiable
 
 y is the correction at the joint, through a load: T²·ÿ + (lag + 2·0.25·T)·ẏ + y = F − τ·F' + what the motor missed
-(`drive`); F − τ·F' is F a delay ago. Its lag is given, with 0.3/ω for what nobody knows of it; the time T of a load that swings is learned
-(`swing`). In d̂ the law's own correction cancels, so that where servo, delay, slope and load are as modelled and the
-cable is engaged nothing is fed back: the loop's gain is the error of the model. Hence κ can be wide, and is bounded by what is not known of
-servo and delay. v bounds what a wrong model can do: an unstable loop swings with a bounded amplitude and does not run
-away. A disturbance that leaps (`swing`) is no such swing: V is 2·v + s·|φ̇| then, as far as the widest dead zone, and
-where the joint is not known to be late: one that is swings if it is hit too hard. κ, q and v follow from what is given
-(`pace_of`); σ₀ is the noise of d̂, so that innovations within it hardly count.
+(`drive`); F − τ·F' is F a delay ago. Its lag is given, with 0.3/ω for what nobody knows of it; the time T of a load
+that swings is learned (`swing`). In d̂ the law's own correction cancels, so that where servo, delay, slope and load
+are as modelled and the cable is engaged nothing is fed back: the loop's gain is the error of the model. Hence κ can
+be wide, and is bounded by what is not known of servo and delay. v bounds what a wrong model can do: an unstable loop
+swings with a bounded amplitude and does not run away. A disturbance that leaps (`swing`) is no such swing: V is 2·v +
+s·|φ̇| then, as far as the widest dead zone, and where the joint is not known to be late: one that is swings if it is
+hit too hard. κ, q and v follow from what is given (`pace_of`); σ₀ is the noise of d̂, so that innovations within it
+hardly count.
 
 Backward Euler and exact exponentials: stable at every sample time. Portable subset.
 """
