@@ -310,6 +310,20 @@ def test_a_leap_is_followed_at_twice_the_speed_and_a_swing_is_not() -> None:
     assert fastest[1] <= 1.0 + 1e-9
 
 
+@pytest.mark.parametrize("number", range(8))
+def test_a_reference_that_vibrates_carries_no_correction_away(number: int) -> None:
+    """It turns back within a dead zone: a crossing that is given up is taken back by the width that it began with."""
+    random = np.random.default_rng((2026, number))
+    width, hertz, amplitude = random.uniform(0.3, 0.6), random.uniform(8.0, 22.0), 10.0 ** random.uniform(-3.0, -2.0)
+    phase = 2.0 * np.pi * hertz * np.arange(0.0, 3.0, 1e-3)
+    rate = 2.0 * np.pi * hertz
+    reference = amplitude * np.column_stack([1.0 - np.cos(phase), rate * np.sin(phase), rate**2 * np.cos(phase)])
+    law = dataclasses.replace(LAW, gains=LAW.gains._replace(width=width))
+    error, _, states = played(reference, law=law, slope=1.0, half_width=0.5 * width)
+    assert max(abs(state.observer.asked) for state in states) < 1.5 * width
+    assert np.abs(error[1000:]).max() < 0.1 * width
+
+
 @pytest.mark.parametrize("damping", [0.1, 0.3])
 def test_an_arm_that_swings_on_the_cable_is_found_out_and_its_load_learned(damping: float) -> None:
     """Watching → trial → own: what nobody told it rings at first, and no more once the load is known."""

@@ -12,13 +12,14 @@ is ahead is positive on either side: `side * smaller(side * a, side * b)` is tha
   of the other does, by (1 + ω·lag)² less: a joint that is late and hit too hard swings.
 - **Slope** a: over a stretch from a touch to the next turn o stays where a is right. One Kalman step a stretch, with an
   innovation test. It is used in the plan and in o alone: in the feedback it would be the loop's gain.
-- **Jump**: at a turn of the reference, seen ahead by τ and half a jump, I, F and y go at once by what is left of w, and
+- **Jump**: at a turn of the reference, seen ahead by τ and 2.2/p, I, F and y go at once by what is left of w, and
   J begins at minus that, J''' = −p³·J − 3p²·J' − 3p·J'', so that F + J is smooth. The observer sees nothing of it:
-  d̂ + I stays. A jump goes to a place: what the motor has crossed before is left out.
+  d̂ + I stays. A jump goes to a place: what the motor has crossed before is left out. A crossing that is given up is
+  taken back by the width that it began with, the other way's: else I would go away with a reference that vibrates.
 - **Touch**: the joint moves again. What of I is beyond the contact is taken back the same way: the motor stops there.
 - **Hold**: where the joint is ahead by e, and the reference will be there before the motor has gone back through the
-  dead zone, (e/a₀)² < 2·w·(|φ̇|/a₀)·T_a, T_a the time of the observer's answer, I goes back no faster than the
-  reference comes.
+  dead zone, (e/a₀)² < 2·w·(|φ̇|/a₀)·T_a, w that of the way back, T_a the time of the observer's answer, I goes back
+  no faster than the reference comes.
 
 | mode | becomes | when |
 |---|---|---|
@@ -200,7 +201,7 @@ def crossed(before: Crossing, given: Known, asked_before: float, asked: float, d
     side = sel(turns, sel(fresh, np.sign(here - furthest), -way_before), way_before)
     furthest = sel(turns, here, furthest)
     crossing = np.abs(before.mode) > FOLLOW
-    known = width_of(before, side)
+    known, known_back = width_of(before, side), width_of(before, -side)
 
     # slope, at a turn: o now against o at the touch, over the joint's way between
     contact = motor - joint * before.inverse
@@ -230,8 +231,7 @@ def crossed(before: Crossing, given: Known, asked_before: float, asked: float, d
     late = 1.0 + given.omega * given.lag
     more = BELIEVED * larger(gone - given.lag * larger(side * given.rate, 0.0) - known, 0.0)
     own = sel(touches, larger(smaller(sel(gone < known, gone, known + more), WIDEST), 0.0), known)
-    others = width_of(before, -side)
-    others = sel(touches, smaller(others + larger(own - known, 0.0) / (late * late), WIDEST), others)
+    others = sel(touches, smaller(known_back + larger(own - known, 0.0) / (late * late), WIDEST), known_back)
     done = smaller(larger(gone - SLACK * known, 0.0), known)  # of the crossing, before it was asked for
     at_turn = sel(crossing, before.contact, contact - side * done)
     place = sel(touches, contact, sel(turns, at_turn, before.contact))
@@ -239,7 +239,7 @@ def crossed(before: Crossing, given: Known, asked_before: float, asked: float, d
     # hold, and no further than a cable reaches
     behind = side * (joint - given.position) * loop
     forward = larger(side * speed, 0.0) * loop
-    waits = (behind * behind < 2.0 * known * forward * given.answer) * (behind > 0.0) * follows > 0.0
+    waits = (behind * behind < 2.0 * known_back * forward * given.answer) * (behind > 0.0) * follows > 0.0
     kept = asked_before + side * larger(side * (asked - asked_before), -forward * dt)
     asked = sel(waits, kept, asked)
     answers = np.abs(joint - before.answer_joint) > TOUCH + TOUCH_SIGMAS * given.noise
@@ -249,7 +249,7 @@ def crossed(before: Crossing, given: Known, asked_before: float, asked: float, d
     asked = larger(smaller(asked, highest), lowest)  # held back and never drawn along: that would be a loop of its own
 
     # jump by what is left of w; at a touch back by what of I is beyond the contact
-    left = side * larger(known - sel(crossing, 0.0, done), 0.0)
+    left = side * sel(crossing, known_back, known - done)
     beyond = side * larger(smaller(side * (asked - contact), WIDEST), 0.0)
     jump = sel(turns, sel(fresh, 0.0, left), 0.0) - sel(touches, beyond, 0.0)
     slower = 1.0 + pace * dt

@@ -3,19 +3,20 @@
 All that moves the joint beside the plan is one disturbance d, in motor angle. With s = 1/a₀, a₀ the slope as given, the
 error e = joint − reference, the delay τ, and F, which is sent to the servo beside the plan:
 
-    d̂ = e·s − y, y = F(t − τ) behind the joint's lag       what the joint would do without the correction
+    d̂ = e·s − y, y = F − τ·F' behind the joint's lag       what the joint would do without the correction
     x' = 1.5·q·(d̂ + I − x)                                 the innovation: what of d̂ is not yet in −I
-    I' = −κ·x·x²/(x² + σ²),  |I'| ≤ V = v + s·|φ̇|           the correction asked for; φ̇ the reference's speed
+    I' = −κ·x·x²/(x² + σ₀²),  |I'| ≤ V = v + s·|φ̇|           the correction asked for; φ̇ the reference's speed
     F'' = q²·(I − F) − 2q·F'                                the correction, twice differentiable
 
-y is the correction at the joint, through a load: T²·ÿ + (lag + 2·0.25·T)·ẏ + y = F(t − τ) + what the motor missed
-(`drive`). Its lag is given, with 0.3/ω for what nobody knows of it; the time T of a load that swings is learned
-(`swing`). In d̂ the law's own correction cancels, so that where servo, delay, slope and load are as given nothing is
-fed back: the loop's gain is the error of what was given. Hence κ can be wide, and is bounded by what is not known of
-servo and delay. v bounds what a wrong model can do: an unstable loop swings with a bounded amplitude and does not run
-away. A disturbance that leaps (`swing`) is no such swing: V is 2·v + s·|φ̇| then, as far as the widest dead zone, and
-where the joint is not known to be late: one that is swings if it is hit too hard. κ, q and v follow from what is given
-(`pace_of`); σ is the noise of d̂, so that innovations within it hardly count.
+y is the correction at the joint, through a load: T²·ÿ + (lag + 2·0.25·T)·ẏ + y = F − τ·F' + what the motor missed
+(`drive`); F − τ·F' is F a delay ago. Its lag is given, with 0.3/ω for what nobody knows of it; the time T of a load
+that swings is learned (`swing`). In d̂ the law's own correction cancels, so that where servo, delay, slope and load
+are as modelled and the cable is engaged nothing is fed back: the loop's gain is the error of the model. Hence κ can
+be wide, and is bounded by what is not known of servo and delay. v bounds what a wrong model can do: an unstable loop
+swings with a bounded amplitude and does not run away. A disturbance that leaps (`swing`) is no such swing: V is 2·v +
+s·|φ̇| then, as far as the widest dead zone, and where the joint is not known to be late: one that is swings if it is
+hit too hard. κ, q and v follow from what is given (`pace_of`); σ₀ is the noise of d̂, so that innovations within it
+hardly count.
 
 Backward Euler and exact exponentials: stable at every sample time. Portable subset.
 """
@@ -39,7 +40,7 @@ COMMAND_NOISE = 0.0035
 """What the joint's noise alone may make of F''/ω² in the command, standard deviation [rad]."""
 
 THIRD_POLE = 1.5
-"""Pole of the innovation's filter over q; with F's two poles the roll-off from d̂ to F is of third order [–]."""
+"""Pole of the innovation's filter over q, beside F's two: less chatter at the same error [–]."""
 
 STOPPED = 0.05
 """Way within which servo and delay must be able to stop the correction [rad]."""
