@@ -13,7 +13,7 @@ from bowden.identify.cable.generalised import GeneralisedPlay
 from bowden.identify.cable.line import Line
 from bowden.identify.cable.path import Path, path_of
 from bowden.identify.cable.play import PlayOperator
-from bowden.identify.cable.settling import Settling, settling
+from bowden.identify.cable.settling import Settling, from_rest, settling
 from bowden.identify.cable.stack import PrandtlIshlinskii
 from bowden.identify.cable.validation import folds, held_out_errors
 from bowden.identify.log.read import Log
@@ -92,4 +92,4 @@ def refit_whole(log: Log, noise: float, half: FittedPart) -> FittedPart:
 
 
 def _path(log: Log, stop: int, noise: float, nodes: int) -> Path:
-    return path_of(log.time[:stop], log.motor[:stop], log.joint[:stop], nodes, noise)
+    return from_rest(path_of(log.time[:stop], log.motor[:stop], log.joint[:stop], nodes, noise))
