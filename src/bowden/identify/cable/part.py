@@ -13,7 +13,7 @@ from bowden.identify.cable.generalised import GeneralisedPlay
 from bowden.identify.cable.line import Line
 from bowden.identify.cable.path import Path, path_of
 from bowden.identify.cable.play import PlayOperator
-from bowden.identify.cable.settling import Settling, from_rest, settling
+from bowden.identify.cable.settling import Settling, settling
 from bowden.identify.cable.stack import PrandtlIshlinskii
 from bowden.identify.cable.validation import folds, held_out_errors
 from bowden.identify.log.read import Log
@@ -67,10 +67,9 @@ def fit_part(log: Log, stop: int, noise: float, seed: int, tell: Progress) -> Fi
     tell(branches.name, 0.1)
     free = branches.fit(fine)
     weighting = settling(fine, free)
-    searched = searched.first(_SEARCHED_STROKES)
-    if weighting != Settling():
-        fine, judged, searched = (weighting.weighted(path) for path in (fine, judged, searched))
-        free = branches.fit(fine)
+    raw, searched = fine, searched.first(_SEARCHED_STROKES)
+    fine, judged, searched = (weighting.weighted(path) for path in (fine, judged, searched))
+    free = free if fine is raw else branches.fit(fine)
     tell("bouc_wen, searched globally", 0.2)
     cable = BoucWenCable(searched, seed)
     plain = cable.fit(fine)
@@ -92,4 +91,4 @@ def refit_whole(log: Log, noise: float, half: FittedPart) -> FittedPart:
 
 
 def _path(log: Log, stop: int, noise: float, nodes: int) -> Path:
-    return from_rest(path_of(log.time[:stop], log.motor[:stop], log.joint[:stop], nodes, noise))
+    return path_of(log.time[:stop], log.motor[:stop], log.joint[:stop], nodes, noise)

@@ -7,9 +7,9 @@ every two strokes towards the past; what predicts best is taken, and nothing is 
 tenth of the error, nor where it makes the strokes of either direction worse. All are judged on the same strokes.
 
 A log of two cycles has no later strokes to ask. But a cable that was at rest begins beside its loop, and comes to it on
-the way: so, whatever else is decided, what it does on its first way through the range counts by the square of the share
-of the range that is behind it, as if its distance from the loop fell with the inverse of that share. A log begins at
-rest, or at a turn, where the motor takes longer than usual for the first twentieth of its range.
+the way: so, where nothing is left out or weighted, what it does on its first way through the range counts by the square
+of the share of the range that is behind it, as if its distance from the loop fell with the inverse of that share. A log
+begins at rest, or at a turn, where the motor takes longer than usual for the first twentieth of its range.
 """
 
 from typing import NamedTuple
@@ -25,6 +25,8 @@ _HALF_LIFE = 2.0
 """Strokes, one cycle, within which a weight halves."""
 _FEWEST = 4
 """Strokes from which the next one is predicted."""
+_JUDGED = 0.9
+"""Least way of the strokes that are judged, over the motor's range: the sliver of a stroke decides nothing."""
 _OF_USE = 0.9**2
 """Share of the squared error that may stay where something is left out or weighted."""
 
@@ -45,9 +47,9 @@ class Settling(NamedTuple):
     """Strokes within which the weight halves towards the past."""
 
     def weighted(self, path: Path) -> Path:
-        """The path with its start and its past weighted so."""
+        """The path with its start and its past weighted so; as one from rest where neither is decided."""
         if self == Settling():
-            return path
+            return from_rest(path)
         shares = np.where(path.stroke < self.start, 0.0, 0.5 ** ((path.stroke[-1] - path.stroke) / self.half_life))
         return path.with_weight(path.weight * shares)
 
@@ -75,7 +77,8 @@ def settling(path: Path, rich: Estimate) -> Settling:
     prior = np.zeros((columns.shape[1] - 1,) * 2) if rich.prior is None else rich.prior / weights.sum()
     starts = start_ends(path)
     judged = range(max(_FEWEST, path.strokes // 2, starts[-1] + 1), path.strokes)
-    if not judged:
+    lengths = np.abs(np.diff(path.turning))
+    if float(lengths[list(judged)].sum()) < _JUDGED * path.span:
         return Settling()
     best, least, plain = Settling(), np.inf, np.full(2, np.inf)
     for half_life in (np.inf, _HALF_LIFE):
