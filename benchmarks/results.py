@@ -18,7 +18,8 @@ ORDER = [
         "A sample of the detector",
         "How far `bowden check` can be trusted",
     ),
-    *("Identification against others", "The forecast of an identification", "Time of an identification"),
+    *("Identification against others", "The forecast of an identification"),
+    *("What more cycles in a log buy", "Time of an identification"),
     "Twelve recorded cables, from log to running law",
     *("Our law on random plants", "Our law on named cases", "The suit on random wearers"),
     *(

@@ -8,7 +8,6 @@ import shlex
 import sys
 import textwrap
 import warnings
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -59,12 +58,16 @@ def test_the_tasks_run_as_they_are_printed(text: str, tmp_path: Path, monkeypatc
     """From a log to a run on a twin; only that search and run are shorter than by default."""
     monkeypatch.chdir(tmp_path)
     assert run(["sample", "cable", "."]) == 0
-    monkeypatch.setattr(bowden, "tune", partial(bowden.tune, generations=1))
-    live = bowden.run
+    tune, live, tuned = bowden.tune, bowden.run, []
+
+    def sooner(rig: bowden.Rig) -> Any:
+        tuned.append(tune(rig, generations=1))
+        return tuned[-1]
 
     def shorter(rig: bowden.Rig, **options: Any) -> Any:
         return live(rig.replace(limits=rig.limits._replace(**SHARED_LIMITS)), duration=3.0, **options)
 
+    monkeypatch.setattr(bowden, "tune", sooner)
     monkeypatch.setattr(bowden, "run", shorter)
     (printed,) = re.findall(r"^    fit = bowden\.identify\(.*?(?=^\S|\Z)", text, re.DOTALL | re.MULTILINE)
     for _ in tries():
@@ -75,7 +78,7 @@ def test_the_tasks_run_as_they_are_printed(text: str, tmp_path: Path, monkeypatc
         if not said:
             break
     assert all("the run was ended" in str(one.message) for one in said)
-    assert names["rig"].gains
+    assert names["rig"] == tuned[-1].rig  # whose gains may be as they were: the search found no better ones
     assert len(names["session"].trace()) > (1000 if "complete" in printed else 0)
 
 

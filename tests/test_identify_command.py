@@ -71,7 +71,9 @@ def test_the_document_and_the_files(capsys: pytest.CaptureFixture[str]) -> None:
     assert 0.0 < found["models"]["bouc_wen"]["test_rms_deg"] < 0.01
     assert 0.5 < found["forecast"]["compensated_rms_deg"] / found["models"]["bouc_wen"]["test_rms_deg"] < 1.5
     assert found["forecast"]["uncompensated_rms_deg"] == found["models"]["line"]["test_rms_deg"]
+    assert found["cycles"] == {"whole": 5, "more": 0, "advice": None}
     kept = tomllib.loads(Path("deep/er/model.toml").read_text())
+    assert kept["whole_cycles"] == 5
     assert kept["forecast"].keys() == found["forecast"].keys()
     assert kept["loop"].keys() == found["loop"].keys() - {"curve_error"}
     assert kept["loop"]["height_error"] == pytest.approx(found["loop"]["height_error"], rel=1e-4)

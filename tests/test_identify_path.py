@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from bowden.identify.cable.path import Path, build_path
+from bowden.identify.cable.settling import from_rest
 from bowden.identify.cable.turns import find_turns, motor_noise, polynomial, resolution, reversals
 
 Array = NDArray[np.float64]
@@ -109,3 +110,19 @@ def test_a_long_log_needs_few_nodes_a_stroke() -> None:
     assert path.strokes > 3000
     assert len(path.motor) < 16 * path.strokes
     assert path.weight.sum() == len(time)
+
+
+def test_a_start_from_rest_counts_by_the_square_of_the_way_and_any_other_start_in_full() -> None:
+    def share(motor: Array) -> Array:
+        path = path_of(motor)
+        kept = path.weight > 0.0
+        return np.asarray(from_rest(path).weight[kept] / path.weight[kept])
+
+    speed = 2.0 * np.pi * 0.3
+    from_a_turn = share(1.0 - np.cos(speed * TIME))
+    assert from_a_turn[0] == pytest.approx(0.03**2, rel=1e-6)
+    assert (np.diff(from_a_turn) >= 0.0).all()
+    assert from_a_turn[-1] == 1.0
+    assert float(np.mean(from_a_turn < 1.0)) == pytest.approx(np.pi / speed / TIME[-1], rel=0.1)
+    assert (share(np.sin(speed * TIME)) == 1.0).all()
+    assert (share(1.0 - np.cos(0.2 * TIME)) == 1.0).all()  # one stroke: nothing says what it should be like

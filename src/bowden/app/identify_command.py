@@ -183,6 +183,7 @@ def document(fit: "Fit") -> dict[str, Any]:
         "trust": fit.trust._asdict(),
         "warnings": list(fit.warnings),
         "samples": fit.samples,
+        "cycles": fit.cycles._asdict() | {"advice": fit.cycles.advice or None},
     }
 
 
@@ -231,6 +232,7 @@ def _print_table(fit: "Fit") -> None:
     for warning in fit.warnings:
         print(f"- {warning}")
     print(f"Trust it? {fit.trust.level[0].upper()}{fit.trust.level[1:]}: {fit.trust.why}")
+    print(f"The log has {fit.cycles}")
 
 
 COMMANDS = (

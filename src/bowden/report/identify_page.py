@@ -79,6 +79,7 @@ def identify_page(fit: Fit, drawn: Sequence[str] = ()) -> Page:
     page.text("{ahead}", ahead=_forecast(fit))
     trusted = fit.trust
     page.text("<strong>Trust it? {level}</strong>: {why}.", level=trusted.level.capitalize(), why=trusted.why)
+    page.text("The log has {cycles}.", cycles=str(fit.cycles))
     _models_table(page, fit)
     for warning in fit.warnings:
         page.notice(warning[0].upper() + warning[1:] + ".")

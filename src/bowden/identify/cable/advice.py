@@ -8,6 +8,7 @@ import numpy as np
 
 from bowden.core.order import median, quantile
 from bowden.core.units import DEGREES
+from bowden.identify.cable.cycles import ENOUGH
 from bowden.identify.cable.path import Path
 from bowden.identify.cable.turns import motor_noise, resolution
 from bowden.identify.log.read import Log
@@ -73,13 +74,13 @@ def _about_motion(log: Log, split: int, path: Path) -> list[str]:
     if path.strokes < 2:
         found.append(
             "the motor does not reverse in the first half, so no hysteresis shows there and its errors in the second "
-            "half say nothing: move faster or record longer, six cycles or more"
+            f"half say nothing: move faster or record longer, {ENOUGH} whole cycles or more"
         )
-    elif path.strokes < 6:
+    elif path.strokes < ENOUGH:
         found.append(
             f"the first half has only {path.strokes - 1} reversal{'s' * (path.strokes > 2)}, too few to separate a "
             f"loop from what happens once{', and the whole log chose the model' * (path.strokes < 4)}: record at least "
-            "six cycles"
+            f"{ENOUGH} whole cycles"
         )
     fitted = path.stroke[path.weight > 0]
     inner = path.turning[int(fitted[0]) + 1 : -1]

@@ -19,6 +19,7 @@ from bowden.core.errors import LogError, ParameterError
 from bowden.core.metrics import rmse
 from bowden.core.units import DEGREES
 from bowden.identify.cable import advice
+from bowden.identify.cable.cycles import Cycles, whole_cycles
 from bowden.identify.cable.forecast import Forecast, forecast
 from bowden.identify.cable.lag import time_lag
 from bowden.identify.cable.loop import HysteresisLoop, loop_lines, loop_of
@@ -93,6 +94,8 @@ class Fit:
     """What the log cannot show, what was mended in it, and what to record instead."""
     samples: int
     """Samples in the log."""
+    cycles: Cycles
+    """Whole cycles in the log, and how many more to record."""
     seconds: float = field(compare=False)
     """Time that the identification took [s]."""
     split: int
@@ -178,7 +181,7 @@ class Fit:
         notes = [("note", warning) for warning in self.warnings]
         loop, of = loop_lines(self.chosen.loop) if self.chosen.loop else [], "loop's "
         length = self.log.time[-1] - self.log.time[0]
-        log = f"{self.samples} samples, {length:.4g} s"
+        log = f"{self.samples} samples, {length:.4g} s, {self.cycles}"
         ahead = self.forecast
         left, without = (shown.number(one * DEGREES, "°") for one in (ahead.compensated, ahead.uncompensated))
         return [
@@ -315,6 +318,7 @@ def identify_log(log: Log, seed: int = 0, progress: Progress | None = None) -> F
         ),
         warnings=(*log.warnings, *warnings),
         samples=len(log.time),
+        cycles=whole_cycles(path),
         seconds=clock.perf_counter() - begin,
         split=split,
         chosen_on_whole=few,

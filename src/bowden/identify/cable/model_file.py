@@ -47,6 +47,7 @@ def model_text(fit: Fit, source: str) -> str:
         f"best = {quoted(fit.best.name)}",
         f"source = {quoted(_one_line(source))}",
         f"samples = {fit.samples}",
+        f"whole_cycles = {fit.cycles.whole}  # up and down; {fit.cycles.advice or 'enough'}",
         "warnings = [" + "".join(f"\n  {quoted(_one_line(warning))}," for warning in fit.warnings) + "\n]",
     ]
     lines += covered_lines(fit.log.covered)

@@ -67,10 +67,9 @@ def fit_part(log: Log, stop: int, noise: float, seed: int, tell: Progress) -> Fi
     tell(branches.name, 0.1)
     free = branches.fit(fine)
     weighting = settling(fine, free)
-    searched = searched.first(_SEARCHED_STROKES)
-    if weighting != Settling():
-        fine, judged, searched = (weighting.weighted(path) for path in (fine, judged, searched))
-        free = branches.fit(fine)
+    raw, searched = fine, searched.first(_SEARCHED_STROKES)
+    fine, judged, searched = (weighting.weighted(path) for path in (fine, judged, searched))
+    free = free if fine is raw else branches.fit(fine)
     tell("bouc_wen, searched globally", 0.2)
     cable = BoucWenCable(searched, seed)
     plain = cable.fit(fine)

@@ -61,6 +61,8 @@ def read_text(
     layout = _layout(path)
     _check_length(path)
     columns = find_columns(layout.names, given, str(path), known, optional)
+    if not columns:  # all that was asked for was optional: no row need be read
+        return {}, {}, lambda sample: str(path)
     for role, column in columns.items():
         unit = column.unit or layout.units[column.index]
         columns[role] = LogColumn(column.index, column.name, unit)

@@ -1,0 +1,58 @@
+"""How many whole cycles a log has, and what more of them may be expected to give.
+
+A whole cycle passes each place in the middle half of the motor's range, on the way up and on the way down. What a
+stroke tells of the next one, a fit learns only from several: a cable settles, and strays. So the error after the log
+falls with the cycles that were fitted; and what a fit states of it, the error on the half that it has not seen, rests
+on as few. Both were measured on recordings that were cut short (benchmarks/identify_cycles.py).
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from bowden.identify.cable.path import Path
+
+ENOUGH = 5
+"""Whole cycles from which on more of them are not asked for."""
+_PLACES = np.linspace(0.25, 0.75, 11)
+"""Where passes are counted, over the motor's range; not every cycle reaches its ends."""
+_LEFT = {1: 0.4, 2: 0.6, 3: 0.7, 4: 0.8}
+"""Error later on after five cycles, over that after so many: the median of 18 recordings [–]."""
+_TOO_SURE = {2: 3.4, 3: 2.9}
+"""Error later on over the stated one, the largest of 19 recordings; with other numbers of cycles it was below 2 [–]."""
+
+
+class Cycles(NamedTuple):
+    """Whole cycles of a log, and how many more to record."""
+
+    whole: int
+    """That the log has: as often the motor passed each place in the middle half of its range both ways."""
+    more: int
+    """To record; 0 where the log has five or more."""
+
+    @property
+    def advice(self) -> str:
+        """What to record, and what it may be expected to give, in one line; empty where nothing is to be recorded."""
+        if not self.more:
+            return ""
+        record = f"record {self.more} more whole cycle{'s' * (self.more > 1)} (up and down)"
+        if not self.whole:
+            return f"{record}: without one, nothing says how the loop comes back"
+        gain = f"expect some {_LEFT[self.whole]:g} times the error in later motion"
+        if self.whole not in _TOO_SURE:
+            return f"{record}: {gain}"
+        return f"{record}: {gain}; until then it can be up to {_TOO_SURE[self.whole]:g} times as large as is stated"
+
+    def __str__(self) -> str:
+        has = f"{self.whole or 'no'} whole cycle{'s' * (self.whole != 1)}"
+        return f"{has}; {self.advice}" if self.more else has
+
+
+def whole_cycles(path: Path) -> Cycles:
+    """Of the motor's path through a whole log."""
+    begin, end = path.turning[:-1], path.turning[1:]
+    places = float(path.turning.min()) + _PLACES * path.span
+    passed = (np.minimum(begin, end)[:, None] <= places) & (places <= np.maximum(begin, end)[:, None])
+    up, down = (np.count_nonzero(passed[way], axis=0) for way in (end > begin, end < begin))
+    whole = int(np.minimum(up, down).min())
+    return Cycles(whole, max(0, ENOUGH - whole))
