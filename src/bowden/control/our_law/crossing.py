@@ -249,7 +249,7 @@ def crossed(before: Crossing, given: Known, asked_before: float, asked: float, d
     asked = larger(smaller(asked, highest), lowest)  # held back and never drawn along: that would be a loop of its own
 
     # jump by what is left of w; at a touch back by what of I is beyond the contact
-    left = side * sel(crossing, known_back, known - done)
+    left = side * (sel(crossing, known_back, known) - sel(crossing, 0.0, done))
     beyond = side * larger(smaller(side * (asked - contact), WIDEST), 0.0)
     jump = sel(turns, sel(fresh, 0.0, left), 0.0) - sel(touches, beyond, 0.0)
     slower = 1.0 + pace * dt
