@@ -76,7 +76,7 @@ def _about_motion(log: Log, split: int, path: Path) -> list[str]:
             "the motor does not reverse in the first half, so no hysteresis shows there and its errors in the second "
             f"half say nothing: move faster or record longer, {ENOUGH} whole cycles or more"
         )
-    elif path.strokes < ENOUGH:
+    elif path.strokes < ENOUGH:  # of enough whole cycles, half of the log has as many strokes
         found.append(
             f"the first half has only {path.strokes - 1} reversal{'s' * (path.strokes > 2)}, too few to separate a "
             f"loop from what happens once{', and the whole log chose the model' * (path.strokes < 4)}: record at least "
