@@ -46,11 +46,19 @@ def test_fewer_than_five_ask_for_the_rest_of_them() -> None:
     for whole in range(8):
         cycles = Cycles(whole, max(0, ENOUGH - whole))
         assert bool(cycles.advice) == (whole < ENOUGH)
-        assert ("as is stated" in cycles.advice) == (whole in (2, 3))
+        assert ("the stated error" in cycles.advice) == (whole in (2, 3))
         assert "\n" not in str(cycles)
     assert str(Cycles(5, 0)) == "5 whole cycles"
     assert str(Cycles(4, 1)).startswith("4 whole cycles; record 1 more whole cycle (up and down): expect ")
     assert str(Cycles(0, 5)).startswith("no whole cycles; record 5 more whole cycles")
+
+
+def test_a_log_that_comes_back_without_a_whole_cycle_is_not_said_to_show_no_way_back() -> None:
+    """One stroke up, then six cycles in the upper half of the range."""
+    up, cycles = np.linspace(0.0, 1.0, 1000), 0.75 + 0.25 * np.cos(2.0 * np.pi * 6.0 * np.linspace(0.0, 1.0, 3000))
+    found = cycles_of(np.concatenate([up, cycles]))
+    assert found.whole == 0
+    assert found.advice.endswith("nothing says how the loop closes over the middle of the motor's range")
 
 
 def test_a_fit_says_it_of_the_whole_log() -> None:

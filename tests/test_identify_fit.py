@@ -359,16 +359,18 @@ def test_a_start_off_the_loop_is_left_out_and_said() -> None:
     [
         (0.02 * TIME, "does not reverse in the first half"),
         (0.4 * np.abs(TIME / 5.0 - 1.0), "only 1 reversal"),
+        (0.25 - 0.25 * np.cos(14.0 * math.pi * (TIME / TIME[-1]) ** 3), "as many cycles in each half"),
         (0.5 * np.sin(2.0 * TIME), "one amplitude"),
         (0.1 * np.sin(2.0 * TIME), "too small: of"),
         (0.001 * np.sin(0.3 * TIME) * np.sin(4.0 * TIME), "moves too slowly"),
         (0.3 * np.sin(2.0 * TIME) * (1.0 + TIME / 20.0), "beyond the range of the first"),
     ],
-    ids=["no reversal", "one reversal", "one amplitude", "small", "slow", "growing"],
+    ids=["no reversal", "one reversal", "slow at first", "one amplitude", "small", "slow", "growing"],
 )
 def test_what_the_motion_cannot_show_is_said(motor: Array, said: str) -> None:
     fit = identify(TIME, motor, cable(motor))
     assert any(said in warning for warning in fit.warnings), fit.warnings
+    assert not any("the cable changed" in warning for warning in fit.warnings)
 
 
 @pytest.mark.long

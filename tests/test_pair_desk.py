@@ -249,7 +249,9 @@ def test_simulate_says_of_a_pair_what_both_motors_do(capsys: pytest.CaptureFixtu
     names = {f"{law}-{axis}.{kind}" for law in ("bowden", "cascaded_pid") for axis in ("flexor", "extensor")
              for kind in ("parquet", "csv")}  # fmt: skip
     assert {one.name for one in folder.iterdir()} == names | {"simulate.html"}
-    assert "What each cable pulls" in (folder / "simulate.html").read_text(encoding="utf-8")
+    page = (folder / "simulate.html").read_text(encoding="utf-8")
+    assert "What each cable pulls" in page
+    assert "2 laws on two motors" in page
     found = document(capsys, "simulate")
     assert found["axes"] == []
     (only,) = found["pair"]["runs"]

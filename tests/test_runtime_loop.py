@@ -20,6 +20,7 @@ from bowden.live.preflight import Preflight
 from bowden.live.row import NOTHING_READ
 from bowden.live.script import Script
 from bowden.rig.presets.bench import default_bench
+from bowden.safety.faults import Fault
 from bowden.safety.limits import Limits
 from bowden.safety.supervisor import Mode
 from bowden.sim.run import simulate
@@ -139,6 +140,40 @@ def test_an_overrun_skips_and_never_bursts(tmp_path: Path) -> None:
     assert np.all((deadlines - deadlines[0]) % PERIOD == 0), "deadlines leave their grid"
     assert np.diff(deadlines).min() >= PERIOD, "two cycles for one deadline"
     assert np.abs(rows["time"] - sent * 1e-9).max() < 1e-6
+
+
+class Paused(SimulatedDrive):
+    """Samples when it is written to, by the rig's clock, while the loop's process may have stood still before."""
+
+    rig: LoopRig
+    pauses: dict[int, int]
+    """Number of the sleep before → how long the process stands still between reading and writing [ns]."""
+
+    def read(self, now: float) -> DriveReading:
+        reading = super().read(now)
+        self.rig.time += self.pauses.get(self.rig.sleeps, 0)
+        return reading
+
+    def write(self, target: float, power: Power, now: float, torque: float = 0.0) -> None:
+        super().write(target, power, self.rig.time * 1e-9, torque)
+        self._sampled = now
+
+
+def test_a_process_that_stands_still_within_a_cycle_is_no_jump_of_an_angle(tmp_path: Path) -> None:
+    """In a release, where the motor is fast: what is sampled after the pause is judged by the time that it took."""
+    table, drive = REFERENCE.sample(np.arange(round(1000 * SECONDS)) * 1e-3), Paused(twin_bench())
+    drive.pauses = {4000 + 20 * number: 8_000_000 for number in range(1, 6)}
+
+    def between(rig: LoopRig) -> None:
+        if rig.sleeps == 4000:
+            rig.loop.quit()
+
+    script = Script(table, 0.0, 0.5, Preflight(), 1e-3)
+    drive.rig = LoopRig(tmp_path, LAWS["adaptive"], Limits(), drive, script, between, quits=np.inf)
+    _, rows = drive.rig.run()
+    assert np.abs(np.diff(rows["motor"][4000:4120])).max() > 0.02
+    seen = {fault for fault in Fault if np.any(rows["faults"].astype(np.uint64) >> np.uint64(fault) & np.uint64(1))}
+    assert not seen & {Fault.MOTOR_JUMP, Fault.JOINT_JUMP}
 
 
 @pytest.mark.parametrize("late", [0, 1, 999_999, 1_000_000, 1_000_001, 7_300_000])

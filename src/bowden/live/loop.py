@@ -313,7 +313,7 @@ class Loop:
                 for axis in axes:
                     axis.switch_off()
             for axis in axes:
-                axis.write(now)
+                axis.write(clock.now() * 1e-9)  # this process may have stood still since it woke
 
             # what is kept
             row = ring.next_place()

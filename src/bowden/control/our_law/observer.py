@@ -49,7 +49,7 @@ LEAST_SPEED = 1.0
 """Speed that the correction may always have [rad/s]."""
 
 LEAPING = 2.0
-"""Factor on v in a leap: what is certainly no swing of the loop's own may be overshot by twice the way [–]."""
+"""Factor on v in a leap: what is hardly a swing of the loop's own may be overshot by twice the way [–]."""
 
 SLOW_PART = 0.15
 """Time constant of what of a disturbance is not fast [s]."""

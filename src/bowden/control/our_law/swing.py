@@ -11,8 +11,9 @@ trembles or walks: the law's correction and what it observes are tied by the law
 - **own**: the load stays in the observer, and κ comes back within seconds.
 - **the wearer's**: the load goes, κ comes back at once, and until it is forgotten only a swing 1.6 times as large is
   suspect. It is known as soon as one of the last three half-waves is large enough: what comes later changes nothing.
-- **leap**: a swing of the loop's own grows at most fourfold in a half-wave. What is more than four times as large as
-  the half-wave before, outside a trial, came from outside, and the correction may go twice as fast (`observer`).
+- **leap**: a swing of the loop's own hardly grows more than fourfold in a half-wave. What is more than four times as
+  large as the half-wave before, outside a trial, is taken to come from outside, and the correction may go twice as fast
+  (`observer`).
 
 | mode | becomes | when |
 |---|---|---|
@@ -65,7 +66,7 @@ half-waves at a damping of 0.08; a tremor that goes on has 0.65 to 0.8, since wh
 through a load that is none [–]."""
 
 LEAP = 4.0
-"""What a swing of the loop's own does not grow by in a half-wave: an unknown load with a damping of 0.15 grows by at
+"""What a swing of the loop's own hardly grows by in a half-wave: an unknown load with a damping of 0.15 grows by at
 most 4.2 at 2 Hz on the rigs of ``benchmarks/law_margins.py``, 3.9 at 3 Hz, 3.0 at 8 Hz [–]."""
 
 RETURN = 1.5
@@ -112,7 +113,7 @@ def load_time(now: Swing) -> float:
 
 @kernel
 def leaps(now: Swing) -> float:
-    """Whether the disturbance is larger than a swing of the loop's own can have grown to since the half-wave before.
+    """Whether the disturbance is larger than a swing of the loop's own will have grown to since the half-wave before.
 
     Of no meaning in a trial, where `last` is kept for its end.
     """

@@ -23,6 +23,9 @@ _SLOW = 0.5 / DEGREES
 WORSE, SLIGHT = 1.5, 0.05 / DEGREES
 """Error on the half that was not fitted over that on the fitted one, and its size [rad], from which on the cable is
 taken to have changed."""
+TOLD = 4
+"""Strokes from which on the first half decides between families, and tells a cable that changes from what happens once;
+with fewer of them the whole log decides."""
 FOLLOWS = 0.5
 """Least correlation with the motor of a joint that follows it; below it nothing but a line is recommended."""
 
@@ -40,6 +43,7 @@ def advise(
     models: Mapping[str, "ModelFit"],
     best: str,
     lag: tuple[float, float],
+    whole: int,
 ) -> list[str]:
     """Warnings about a log and what was identified from it.
 
@@ -51,6 +55,7 @@ def advise(
         models: what was identified.
         best: the recommended model.
         lag: of the joint [s], and the share of the best model's squared residual that it explains.
+        whole: cycles of the whole log.
     """
     correlation = following(log, split)
     if correlation < FOLLOWS:
@@ -60,7 +65,7 @@ def advise(
             "for the cable's play, and a larger one is needed"
         ]
     return [
-        *_about_motion(log, split, path),
+        *_about_motion(log, split, path, whole),
         *_about_settling(log, fitted_from),
         *_about_size(log, split, path, models),
         *_about_parameters(models[best], best),
@@ -69,18 +74,18 @@ def advise(
     ]
 
 
-def _about_motion(log: Log, split: int, path: Path) -> list[str]:
+def _about_motion(log: Log, split: int, path: Path, whole: int) -> list[str]:
     found = []
     if path.strokes < 2:
         found.append(
             "the motor does not reverse in the first half, so no hysteresis shows there and its errors in the second "
             f"half say nothing: move faster or record longer, {ENOUGH} whole cycles or more"
         )
-    elif path.strokes < ENOUGH:
+    elif path.strokes < ENOUGH:  # of enough whole cycles, half of the log has as many strokes
+        do = f"record at least {ENOUGH} whole cycles" if whole < ENOUGH else "record as many cycles in each half"
         found.append(
             f"the first half has only {path.strokes - 1} reversal{'s' * (path.strokes > 2)}, too few to separate a "
-            f"loop from what happens once{', and the whole log chose the model' * (path.strokes < 4)}: record at least "
-            f"{ENOUGH} whole cycles"
+            f"loop from what happens once{', and the whole log chose the model' * (path.strokes < TOLD)}: {do}"
         )
     fitted = path.stroke[path.weight > 0]
     inner = path.turning[int(fitted[0]) + 1 : -1]
@@ -169,7 +174,7 @@ def _about_the_second_half(log: Log, split: int, path: Path, best: "ModelFit") -
             f"the second half goes {beyond * DEGREES:.3g}° beyond the range of the first: the models are judged where "
             "they were not fitted"
         )
-    if best.test_rms > WORSE * best.train_rms and best.test_rms > SLIGHT:
+    if path.strokes >= TOLD and best.test_rms > WORSE * best.train_rms and best.test_rms > SLIGHT:
         found.append(
             f"the error in the second half is larger than in the first ({best.test_rms * DEGREES:.2g}° against "
             f"{best.train_rms * DEGREES:.2g}°): the cable changed during the log; let it settle, or record longer"

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from bowden.core.errors import LogError
 from bowden.core.units import DEGREES
+from bowden.identify.cable.cycles import ENOUGH
 
 Array = NDArray[np.float64]
 
@@ -93,5 +94,5 @@ def check_length(samples: int, where: str) -> None:
         raise LogError(
             f"{where}: {samples} samples are too short a log",
             expected=f"at least {FEWEST_SAMPLES}, over several cycles",
-            do="record at least six cycles",
+            do=f"record at least {ENOUGH} whole cycles",
         )

@@ -6,11 +6,12 @@ falls with the cycles that were fitted; and what a fit states of it, the error o
 on as few. Both were measured on recordings that were cut short (benchmarks/identify_cycles.py).
 """
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from bowden.identify.cable.path import Path
+if TYPE_CHECKING:
+    from bowden.identify.cable.path import Path
 
 ENOUGH = 5
 """Whole cycles from which on more of them are not asked for."""
@@ -37,18 +38,18 @@ class Cycles(NamedTuple):
             return ""
         record = f"record {self.more} more whole cycle{'s' * (self.more > 1)} (up and down)"
         if not self.whole:
-            return f"{record}: without one, nothing says how the loop comes back"
+            return f"{record}: nothing says how the loop closes over the middle of the motor's range"
         gain = f"expect some {_LEFT[self.whole]:g} times the error in later motion"
         if self.whole not in _TOO_SURE:
             return f"{record}: {gain}"
-        return f"{record}: {gain}; until then it can be up to {_TOO_SURE[self.whole]:g} times as large as is stated"
+        return f"{record}: {gain}; after logs as short it was up to {_TOO_SURE[self.whole]:g} times the stated error"
 
     def __str__(self) -> str:
         has = f"{self.whole or 'no'} whole cycle{'s' * (self.whole != 1)}"
         return f"{has}; {self.advice}" if self.more else has
 
 
-def whole_cycles(path: Path) -> Cycles:
+def whole_cycles(path: "Path") -> Cycles:
     """Of the motor's path through a whole log."""
     begin, end = path.turning[:-1], path.turning[1:]
     places = float(path.turning.min()) + _PLACES * path.span

@@ -40,8 +40,6 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-_TOLD = 4
-"""Strokes from which on the first half decides between families; with fewer of them the whole log does."""
 _OUTWARD = ("line", "play", "prandtl_ishlinskii")
 """What is offered where one reversal was seen: left-out stretches then do not show how a bent loop goes on."""
 _WORSE, _SLIGHT = 1.3, 0.01 / DEGREES
@@ -259,7 +257,7 @@ def identify_log(log: Log, seed: int = 0, progress: Progress | None = None) -> F
     _check_motion(log, "motor", log.motor[:split], "check its column, or record a larger motion from the start")
     _check_motion(log, "joint", log.joint[:split], "check its column, its encoder and the cable")
     half = fit_part(log, split, noise, seed, tell)
-    few = half.fine.strokes < _TOLD
+    few = half.fine.strokes < advice.TOLD
     tell("fitting the whole log", 0.6)
     whole = (
         fit_part(log, len(log.time), noise, seed, lambda what, share: None) if few else refit_whole(log, noise, half)
@@ -302,7 +300,8 @@ def identify_log(log: Log, seed: int = 0, progress: Progress | None = None) -> F
             test_rms=rmse(error[split:]),
             left_out_rms=math.sqrt(float(np.mean(errors[family.name]))),
         )
-    warnings = advice.advise(log, split, fine, fitted_from, models, best, time_lag(fine, half.estimates[best]))
+    cycles, lag = whole_cycles(path), time_lag(fine, half.estimates[best])
+    warnings = advice.advise(log, split, fine, fitted_from, models, best, lag, cycles.whole)
     if kept:
         warnings.append(
             f"fitted to the whole log a model was worse on it than fitted to the first half, and stays as it was: "
@@ -318,7 +317,7 @@ def identify_log(log: Log, seed: int = 0, progress: Progress | None = None) -> F
         ),
         warnings=(*log.warnings, *warnings),
         samples=len(log.time),
-        cycles=whole_cycles(path),
+        cycles=cycles,
         seconds=clock.perf_counter() - begin,
         split=split,
         chosen_on_whole=few,

@@ -36,6 +36,7 @@ from bowden.core.metrics import rmse
 from bowden.core.units import DEGREES
 from bowden.identify.cable.bouc_wen import BoucWenCable
 from bowden.identify.cable.counting import covered_by
+from bowden.identify.cable.cycles import ENOUGH
 from bowden.identify.cable.model import SCHEDULED, CableModel
 from bowden.identify.cable.non_negative import non_negative
 from bowden.identify.cable.part import Progress
@@ -336,7 +337,7 @@ def _prepared(log: Log, path: Path, frame: _Frame) -> _Moved:
         raise LogError(
             f"{log.name}: the motor does not turn back",
             expected="a log in which it goes back and forth",
-            do="record six cycles, or leave this log out",
+            do=f"record {ENOUGH} whole cycles, or leave this log out",
         )
     weight = weight / whole
     first = np.cumsum(weight) <= 0.5
