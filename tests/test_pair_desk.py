@@ -19,7 +19,7 @@ from bowden.core.signals import Reference, Sample
 from bowden.core.units import RADIANS
 from bowden.design.linearise import linearise
 from bowden.design.pair_check import check_pair
-from bowden.design.pair_loops import BOTH, DOWN_ALONE, UP_ALONE, SideLoop, pair_margins, pair_poles, reaches
+from bowden.design.pair_loops import BOTH, DOWN_ALONE, UP_ALONE, SideLoop, Taut, pair_margins, pair_poles, reaches
 from bowden.models.cable.backlash import Play
 from bowden.models.cable.shared_joint import Ends, JointLoad, shared_joint, shares
 from bowden.models.drive.encoder import Encoder
@@ -135,6 +135,28 @@ def test_the_poles_are_those_of_both_alike_and_of_both_against_each_other() -> N
         expected = closed_loop_poles(plant, one.law.seen_through(slope))
         assert np.max(np.abs(poles[mask])) == pytest.approx(np.max(np.abs(expected)), rel=1e-6)
     assert len(frequencies(1e-3)) == 4000
+
+
+@pytest.mark.parametrize("taut", [BOTH, UP_ALONE, DOWN_ALONE])
+def test_a_load_much_stiffer_than_the_cables_has_its_margins_too(taut: Taut) -> None:
+    one, stiff = side(), JointLoad(0.02, 0.1, 1.0)
+    found = pair_margins(one, one, stiff, taut, 1e-3).joint
+    share = sum(shares(stiff, taut.up, taut.down))
+    alone = margins(servo_model(one.servo, 1e-3, one.delay, 1.0), one.law.seen_through(share * one.slope), 1e-3)
+    assert found.largest_pole == pytest.approx(alone.largest_pole, rel=1e-5)
+
+
+def test_motors_that_should_go_different_ways_and_do_not_are_seen_to_part() -> None:
+    one, other = (Rig(law="bowden", cable=BENCH.cable._replace(slope=slope)) for slope in (0.95, 0.65))
+    laws = one.fitted(), other.fitted()
+    found = check_pair(pair_of(one.bench, other.bench), laws, bends=((np.pi, np.pi),) * 2, stroke=STROKE)
+    assert found.pair is not None
+    asked = 0.5 * (60.0 / 0.65 - 60.0 / 0.95)  # of each further than the joint asks, where both go alike
+    assert np.degrees(found.pair.drift) == pytest.approx(asked, abs=0.5)  # type: ignore[arg-type]
+    pair = pair_of(one.bench, other.bench)
+    up, down = simulate_pair(pair, laws, MOTION, duration=8.0)
+    pulled = 0.5 * (up["pull"] / 0.95 + down["pull"] / 0.65) / pair.stiffness
+    assert np.degrees(np.ptp(pulled)) == pytest.approx(asked, abs=2.0), "which their pulls show, but for their play"
 
 
 def test_the_certificate_of_the_pages_pair() -> None:
@@ -264,6 +286,18 @@ def test_an_axis_beside_the_pair_is_looked_at_by_itself(capsys: pytest.CaptureFi
     assert Path("out/simulate/wrist/simulate.html").exists()
     with pytest.raises(ParameterError, match="the rig has the axes flexor, extensor, wrist"):
         bowden.check(path)
+
+
+@pytest.mark.usefixtures("pair_rig")
+def test_a_pair_by_emg_ends_with_its_recording_unless_a_duration_is_asked_for() -> None:
+    time = np.arange(3000) * 1e-3
+    signal = 0.01 * np.where(time > 2.0, 20.0, 1.0) * np.random.default_rng(1).standard_normal(len(time))
+    np.savetxt("emg.csv", np.column_stack([time, signal]), "%.5f", ",", header="time_s,biceps_mV", comments="")
+    path = Path("pair.toml")
+    path.write_text('[emg]\nsource = "file:emg.csv"\nhigh_deg = 60.0\n' + path.read_text())
+    for duration, ends in ((None, 3.0), (4.0, 4.0)):
+        traces: Any = bowden.simulate("pair.toml", duration=duration)
+        assert traces["flexor"].time[-1] == pytest.approx(ends, abs=0.01)
 
 
 @pytest.mark.usefixtures("pair_rig")

@@ -163,6 +163,7 @@ BAD = {
     "independent is 1; expected true or false": f"independent = 1\n{TWO}",
     r"in a rig without \[\[axis\]\]": "independent = true\n",
     'an axis has the name "law"': TWO.replace("knee", "law"),
+    'an axis has the name "pair"': TWO.replace("knee", "pair"),
     'an axis has the name "a.b"': TWO.replace("knee", "a.b"),
     'an axis has the name "event_"': TWO.replace("knee", "event_"),
     'an axis has the name "a__b"': TWO.replace("knee", "a__b"),

@@ -22,6 +22,7 @@ from bowden.rig.presets.bench import default_bench
 from bowden.rig.rig import Rig
 from bowden.rig.settings import EmgSettings
 from bowden.sim.many import Case, simulate_many
+from bowden.sim.pair import PairPlant, PairSide, simulate_pair
 from bowden.sim.run import simulate
 from bowden.sim.scenario import constant_bend
 
@@ -123,6 +124,16 @@ def test_a_law_that_gives_no_number_is_named_by_a_batch_too(tmp_path: Path) -> N
     case = Case(default_bench(), (law,), MOTION, constant_bend(np.pi), 0)
     with pytest.raises(ParameterError, match=said):
         list(simulate_many([case], 0.5))
+
+
+@pytest.mark.parametrize("what", ["a law's command", "a law's state"])
+def test_a_law_that_gives_no_number_is_named_of_two_motors_on_one_joint_too(what: str, tmp_path: Path) -> None:
+    _, source, _, said = LATE[what]
+    (tmp_path / "own.py").write_text(source)
+    law, bench = user_law.load("own.py", tmp_path), default_bench()
+    sides = [PairSide(name, bench, constant_bend(np.pi), 0, sign) for name, sign in (("up", 1.0), ("down", -1.0))]
+    with pytest.raises(ParameterError, match=said):
+        simulate_pair(PairPlant(sides[0], sides[1], 10.0, 0.0), (law, law), MOTION, duration=0.5)
 
 
 def test_a_helper_that_raises_is_named_by_its_own_line(tmp_path: Path) -> None:

@@ -63,9 +63,13 @@ def simulate(
         def written(traces: "Mapping[str, Trace]") -> list[Path]:
             return _write(traces, folder, f"Simulation of {rig.name}: two motors on one joint", csv=csv)
 
-        pair["pair"] = simulate_pair(whole, rig.name, law or [], preset, folder, written, force=force, quiet=json)
+        entire = duration is not None
+        pair["pair"] = simulate_pair(
+            whole, rig.name, law or [], preset, folder, written, force=force, quiet=json, entire=entire
+        )
         if not json:
-            say_next("check", rig, *(["--law", law[0]] if law and not law[1:] else []))
+            asked = ["--law", law[0]] if law and not law[1:] else []
+            say_next("check", rig, *asked, *([] if preset is None else ["--preset", preset]))
     if not json:
         return
     if not whole.axes:

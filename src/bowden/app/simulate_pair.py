@@ -28,6 +28,7 @@ def simulate_pair(
     *,
     force: bool,
     quiet: bool,
+    entire: bool,
 ) -> dict[str, Any]:
     """Simulate laws on the joint of a rig's pair; what ``--json`` says of it.
 
@@ -40,6 +41,7 @@ def simulate_pair(
         written: writes the traces and their page into it.
         force: run laws that do not hold, too.
         quiet: print nothing.
+        entire: run for the whole duration, though a recording of EMG ends before.
 
     Raises:
         InterruptedPartway: after some of the laws.
@@ -51,7 +53,7 @@ def simulate_pair(
     output_folder(out)
     with progress_bar(quiet=quiet) as progress:
         rigs = [whole.with_law(law, preset) for law in laws or (None,)]
-        found = simulated_pair(rigs, name, force=force, progress=progress)
+        found = simulated_pair(rigs, name, force=force, whole=entire, progress=progress)
     runs = [
         {"law": law, "check": verdict.name} | _figures(run)
         for (law, run), verdict in zip(found.runs.items(), found.checked, strict=False)

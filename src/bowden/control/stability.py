@@ -8,7 +8,6 @@ cycles and the joint moving by `slope` per motor motion,
 All functions are pure and need numpy only.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -143,34 +142,33 @@ def margins(
     poles = closed_loop_poles(plant, law)
     omega = frequencies(dt)
     answer = response(plant, omega, dt) if plant_response is None else plant_response
-    return margins_of((answer * response(law, omega, dt),), poles, dt)
+    return margins_of(answer * response(law, omega, dt), poles, dt)
 
 
-def margins_of(loops: Sequence[NDArray[np.complex128]], poles: NDArray[np.complex128], dt: float) -> Margins:
-    """The smallest margins of loops that are all to be kept from −1, and whether the whole is stable.
+def margins_of(loop: NDArray[np.complex128], poles: NDArray[np.complex128], dt: float) -> Margins:
+    """Margins of a loop that is to be kept from −1, and whether the whole is stable.
 
     Args:
-        loops: their answers at `frequencies`; one without feedback is 0 throughout.
+        loop: its answer at `frequencies`; of one without feedback 0 throughout.
         poles: of the closed loop.
         dt: sample time [s].
     """
     omega, largest = frequencies(dt), float(np.max(np.abs(poles)))
-    margin_gains, phases = list[float](), list[tuple[float, float]]()
-    for loop in loops:
-        if not np.any(loop):  # a law without feedback
-            continue
-        gain, phase = np.log(np.abs(loop)), np.unwrap(np.angle(loop))
-        for turn in np.arange(np.floor(phase.min() / np.pi), np.ceil(phase.max() / np.pi) + 1):
-            if turn % 2:  # the loop is real and negative
-                for i, f in _crossings(phase - turn * np.pi):
-                    margin_gains.append(-(gain[i] + f * (gain[i + 1] - gain[i])))
-        phases += [
-            (
-                float(np.mod(phase[i] + f * (phase[i + 1] - phase[i]) + np.pi, 2.0 * np.pi)),
-                omega[i] + f * (omega[i + 1] - omega[i]),
-            )
-            for i, f in _crossings(gain)
-        ]
+    if not np.any(loop):  # a law without feedback
+        return Margins(largest < 1.0, None, None, None, largest)
+    gain, phase = np.log(np.abs(loop)), np.unwrap(np.angle(loop))
+    margin_gains = []
+    for turn in np.arange(np.floor(phase.min() / np.pi), np.ceil(phase.max() / np.pi) + 1):
+        if turn % 2:  # the loop is real and negative
+            for i, f in _crossings(phase - turn * np.pi):
+                margin_gains.append(-(gain[i] + f * (gain[i + 1] - gain[i])))
+    phases = [
+        (
+            float(np.mod(phase[i] + f * (phase[i + 1] - phase[i]) + np.pi, 2.0 * np.pi)),
+            omega[i] + f * (omega[i + 1] - omega[i]),
+        )
+        for i, f in _crossings(gain)
+    ]
     upward = [m for m in margin_gains if m > 0.0]
     stable = largest < 1.0
     signed = [p if p <= np.pi else p - 2.0 * np.pi for p, _ in phases]

@@ -57,7 +57,8 @@ def _pair_rows(found: "Check") -> list[tuple[str, str]]:
         )
         rows.append((loop.at, listed(margins) or "none"))
     drift = found.pair.drift
-    return [*rows, ("motors apart", "" if drift is None else f"±{drift * DEGREES:.2g}° beyond the co-contraction")]
+    apart = "" if drift is None else f"±{round(drift * DEGREES, 6):.2g}° beyond the co-contraction"
+    return [*rows, ("motors apart", apart)]
 
 
 def _swing(swing_deg: float) -> str:

@@ -8,6 +8,7 @@ import numpy as np
 
 from bowden.control.law import Law
 from bowden.control.stability import Margins
+from bowden.core.trace import Trace
 from bowden.core.units import DEGREES, RADIANS
 from bowden.design.check import (
     ENOUGH_DEG,
@@ -174,8 +175,19 @@ def _trial(
     length = abs(stroke[1] - stroke[0])
     bounds = Bounds(length, 2.0 * _dead_zone(pair, bends, stroke) + RADIANS, 0.0)
     one, other = (judged(trace, length, moving, bounds) for trace in traces)
-    apart = 0.5 * (traces[0]["motor"] - traces[1]["motor"])
-    return (one, other), float(np.max(np.abs(apart - apart[0]), initial=0.0, where=np.isfinite(apart)))
+    return (one, other), _went_apart(pair, bends, stroke, traces)
+
+
+def _went_apart(pair: PairPlant, bends: Bends, stroke: tuple[float, float], traces: tuple[Trace, Trace]) -> float:
+    """How much further, or less far, each motor came to pull than it did at first, where the joint then was [rad].
+
+    Each by its own cable: motors that go alike behind cables of two slopes pull ever further, or let go.
+    """
+    apart = np.zeros(len(traces[0].time))
+    for sign, side, bend, trace in zip((0.5, -0.5), pair.sides, bends, traces, strict=True):
+        slope = transmission(side.bench, bend, side.own_stroke(stroke)).slope
+        apart += sign * (trace["motor"] - trace["joint"] / slope)
+    return float(np.max(np.abs(apart - apart[0]), initial=0.0, where=np.isfinite(apart)))
 
 
 def _slopes(side: PairSide, bend: float, stroke: tuple[float, float]) -> list[float]:
@@ -260,6 +272,7 @@ def _predicted_cycle(
     """The largest limit cycle in which both motors go alike, both cables taut: N is what both make of it."""
     amplitudes = AMPLITUDES if all(isinstance(side.bench, Bench) for side in pair.sides) else MEASURED
     share, cycles = shares(pair.load, True, True), []
+    width = pair.agonist.bench.joint_encoder.resolution or IDEAL
     for bends in ends:
         both = [
             describing_function(side.bench, bend, side.own_stroke(stroke), amplitudes)[1]
@@ -269,7 +282,6 @@ def _predicted_cycle(
         for values in (estimates[0], estimates[-1]):
             for side, law, own in zip(pair.sides, laws, values, strict=True):
                 bench = side.bench
-                width = bench.joint_encoder.resolution or IDEAL
                 model = linearise(law, bench.sample_time, width=width, estimates=own)
                 cycles.append(predict(gains, bench.servo, bench.delay, model, bench.sample_time, amplitudes))
     return max((cycle for cycle in cycles if cycle), key=lambda cycle: cycle.amplitude, default=None)

@@ -27,7 +27,8 @@ Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 APART = 0.1
-"""Motion of the joint per motion of the cables' ends, up to which a mode is one of motors against each other [–]."""
+"""Motion of the joint, over that which it makes where the cables' ends move alike, up to which a mode is one of motors
+against each other [–]."""
 
 
 class SideLoop(NamedTuple):
@@ -88,7 +89,7 @@ def pair_margins(up: SideLoop, down: SideLoop, load: JointLoad, taut: Taut, dt: 
     shows = np.abs(np.einsum("nj,njk->nk", np.column_stack(moved) * reach, vectors))
     seen = values[np.arange(len(omega)), np.argmax(shows, axis=1)]
     poles, apart = pair_poles(up, down, reach, dt)
-    return PairMargins(margins_of((seen,), poles[~apart], dt), float(np.max(np.abs(poles[apart]), initial=0.0)))
+    return PairMargins(margins_of(seen, poles[~apart], dt), float(np.max(np.abs(poles[apart]), initial=0.0)))
 
 
 def pair_poles(up: SideLoop, down: SideLoop, reach: Array, dt: float) -> tuple[Complex, NDArray[np.bool_]]:
@@ -118,5 +119,5 @@ def pair_poles(up: SideLoop, down: SideLoop, reach: Array, dt: float) -> tuple[C
         whole[place[i], place[i]] += motors[i].a
     poles, modes = np.linalg.eig(whole)
     slopes = np.array([side.slope for side in sides])
-    cables = np.max(np.abs(slopes[:, None] * (angles @ modes)), axis=0)
-    return poles, np.abs(joint @ modes) < APART * cables
+    alike = np.sum(reach / slopes) * np.max(np.abs(slopes[:, None] * (angles @ modes)), axis=0)
+    return poles, np.abs(joint @ modes) < APART * alike

@@ -45,17 +45,22 @@ def pair_laws(rig: Rig) -> tuple[Law, Law]:
 
 def checked_pair(rig: Rig) -> Check:
     """The check of both motors on their joint, with its advice."""
-    pair, axes, leads = pair_plant_of(rig), [rig.axis(name) for name in rig.pair.names], agonist_of(rig)
+    pair, axes = pair_plant_of(rig), [rig.axis(name) for name in rig.pair.names]
     (low, high), (other_low, other_high) = (ranges.bends(axis) for axis in axes)
     laws = pair_laws(rig)
     bends = ((low, other_low), (high, other_high))
     with user_law.explained(laws[0]):
-        found = check_pair(pair, laws, bends=bends, stroke=ranges.stroke(leads), seed=leads.seed)
+        found = check_pair(pair, laws, bends=bends, stroke=ranges.stroke(axes[0]), seed=axes[0].seed)
     return with_advice(found, pair)
 
 
 def simulated_pair(
-    rigs: Sequence[Rig], name: str, *, force: bool, progress: Progress = lambda what, share: None
+    rigs: Sequence[Rig],
+    name: str,
+    *,
+    force: bool,
+    whole: bool = False,
+    progress: Progress = lambda what, share: None,
 ) -> SimulatedPair:
     """Check laws on one joint, and run them one after the other.
 
@@ -65,6 +70,7 @@ def simulated_pair(
         rigs: one rig, under each of the laws.
         name: of the rig, for messages.
         force: run laws that do not hold, too.
+        whole: see `Rig.offline`.
         progress: called with what is being done and the share of the work that is behind.
 
     Raises:
@@ -88,7 +94,7 @@ def simulated_pair(
         progress(f"simulating {own}", 0.1 + 0.7 * i / len(laws))
         try:
             with user_law.explained(both[0]):
-                runs[own] = run_of_pair(rig, both)
+                runs[own] = run_of_pair(rig, both, whole=whole)
         except KeyboardInterrupt:
             if not runs:
                 raise

@@ -133,7 +133,7 @@ def simulate(
     whole = whole.replace(**{name: value for name, value in changes.items() if value is not None})
     listed = given.several(laws)
     if whole.pair.there:
-        return _of_pair(whole, laws, listed, preset, force=force)
+        return _of_pair(whole, laws, listed, preset, force=force, entire=duration is not None)
     with given.in_words_of_python():
         fitted = [given.under(whole, law, preset, "simulate").fitted() for law in (listed or [laws])]
         found = simulated(whole.offline(whole=duration is not None), fitted, given.name_of(whole), force=force)
@@ -143,11 +143,13 @@ def simulate(
     return found.traces if listed is not None else next(iter(found.traces.values()))
 
 
-def _of_pair(rig: Rig, law: Any, listed: Sequence[Any] | None, preset: str | None, *, force: bool) -> Traces:
+def _of_pair(
+    rig: Rig, law: Any, listed: Sequence[Any] | None, preset: str | None, *, force: bool, entire: bool
+) -> Traces:
     """`simulate` of two motors on one joint."""
     with given.in_words_of_python():
         rigs = [given.under(rig, one, preset, "simulate") for one in (listed or [law])]
-        found = simulated_pair(rigs, given.name_of(rig), force=force)
+        found = simulated_pair(rigs, given.name_of(rig), force=force, whole=entire)
     given.tell(found.notes, at=4)
     if found.interrupted:
         raise KeyboardInterrupt

@@ -28,9 +28,9 @@ FEWEST, MOST = 2, 4
 COMMON: Mapping[str, str] = {"sample_time": "bench.sample_time_ms", "duration": "scenario.duration_s", "live": "[live]"}
 """Field of a rig → its key, of what is the same for all axes: there is one loop."""
 RESERVED = frozenset({*("cycle", "event", "law", "supervisor", "conditioned", "emg", "push"), *("gain", "asked")} | {
-    "admittance", "axis", "all"
+    "admittance", "axis", "all", "pair"
 })  # fmt: skip
-"""Beginnings of columns of a log; an axis' columns begin with its name."""
+"""Beginnings of columns of a log, with which an axis' columns would be mixed up; and folders of what is simulated."""
 _NAME = re.compile(r"(?!.{25})[a-z][a-z0-9]*(_[a-z0-9]+)*")
 """What stays as it is where it becomes a log's topic: no _ at its end, and no two in a row (`live.mcap_layout`)."""
 _KINDS: Mapping[str, Any] = {"family": DEFAULT_FAMILY, "law": Control().law, "model": None, "plant": None}

@@ -30,27 +30,29 @@ def pair_plant_of(rig: Rig) -> PairPlant:
     return PairPlant(sides[0], sides[1], rig.pair.stiffness, rig.pair.co_contraction)
 
 
-def agonist_of(rig: Rig) -> Rig:
+def agonist_of(rig: Rig, *, whole: bool = False) -> Rig:
     """The rig of the agonist, whose reference and duration are the pair's.
 
     Args:
         rig: with a pair.
+        whole: see `Rig.offline`.
     """
-    return rig.axis(rig.pair.agonist).offline()
+    return rig.axis(rig.pair.agonist).offline(whole=whole)
 
 
-def run_of_pair(rig: Rig, laws: tuple[Law, Law]) -> Traces:
+def run_of_pair(rig: Rig, laws: tuple[Law, Law], *, whole: bool = False) -> Traces:
     """A run of both; the trace of each by the name of its axis, with the rig's hash in its settings.
 
     Args:
         rig: with a pair.
         laws: the agonist's first.
+        whole: see `Rig.offline`.
 
     Raises:
         ParameterError: a setting that cannot be, or sides that no one loop can have.
         StreamError: a recording of EMG that cannot be used.
     """
-    pair, leads = pair_plant_of(rig), agonist_of(rig)
+    pair, leads = pair_plant_of(rig), agonist_of(rig, whole=whole)
     begin = float(leads.trajectory.sample(np.zeros(1))[0, 0])
     bends = tuple(float(side.bend(np.zeros(1))[0]) for side in pair.sides)
     resting = pair.resting_motors(begin, (bends[0], bends[1]))

@@ -5,12 +5,14 @@ the coordinate in which its motor pulls upwards; everything else, and both trace
 both laws see the joint's one encoder and their own motor's, from which the co-contraction is taken away.
 """
 
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bowden import __version__
+from bowden.control import user_law
 from bowden.control.conditioning import Conditioning
 from bowden.control.law import Law
 from bowden.control.reference import Trajectory
@@ -284,7 +286,8 @@ def simulate_pair(
         is the same in both. Of a run that ran away the rest is NaN.
 
     Raises:
-        ParameterError: a setting that cannot be, or two sides that are not moved by the same equations.
+        ParameterError: a setting that cannot be, two sides that are not moved by the same equations, or a law of the
+            user's own that gives no number.
     """
     check_alike(pair, laws)
     found = [inputs_of(side.plant, reference, duration, side.bend, side.seed) for side in pair.sides]
@@ -326,6 +329,9 @@ def simulate_pair(
         states[up],
         states[down],
     )
+    for law, record, names, numbers in zip(laws, records, columns, states, strict=True):
+        given = dict(zip(OF_SIDE, record, strict=True)) | dict(zip(names, numbers, strict=True))
+        _refuse_no_number(law, given, found[0].time[: lasted + 1])
     for block in (joints, *records, *states):
         block[:, lasted:] = np.nan
     common = {
@@ -346,6 +352,25 @@ def simulate_pair(
     return traces[0], traces[1]
 
 
+def _refuse_no_number(law: Law, found: Mapping[str, Array], time: Array) -> None:
+    """Refuse a run in which a user's own law gave what is no number.
+
+    Args:
+        law: of one side.
+        found: that side's columns.
+        time: of the cycles that were run (n,) [s].
+
+    Raises:
+        ParameterError: it did.
+    """
+    if not user_law.is_own(law):
+        return
+    given = {name: found[name] for name in found if name == "command" or name.startswith("law.")}
+    bad = np.flatnonzero(~np.isfinite([values[: len(time)] for values in given.values()]).all(axis=0))
+    if len(bad):
+        user_law.refuse_no_number(law, {name: float(given[name][bad[0]]) for name in given}, float(time[bad[0]]))
+
+
 def check_alike(pair: PairPlant, laws: tuple[Law, Law]) -> None:
     """Refuse what one loop cannot have: sides whose laws or cables have other equations, or another clock.
 
@@ -353,7 +378,7 @@ def check_alike(pair: PairPlant, laws: tuple[Law, Law]) -> None:
         ParameterError: see above.
     """
     (one, other), (law, second) = pair.sides, laws
-    do = "simulate each by itself: --axis"
+    do = f"take each by itself: --axis {one.name}"
     if (law.start_kernel, law.step_kernel) != (second.start_kernel, second.step_kernel):
         raise ParameterError(
             f"the axes {one.name} and {other.name} on one joint have the laws {law.name} and {second.name}",
