@@ -22,6 +22,10 @@ from bowden.hardware.drives.family import family_of
 from bowden.hardware.drives.findings import LagWatch
 from bowden.hardware.ports import Power
 from bowden.hardware.twin.bench import OFF
+from bowden.plants.suit_parts import Suit
+from bowden.rig.drive import drive_needs
+from bowden.rig.presets.bench import default_bench
+from bowden.safety.limits import Limits
 from support.family_matrix import CELLS, DriveRow, LoadRow, cases, complaints, load_cases, played, react, react_load
 from support.memory_bus import MemoryBus
 
@@ -114,6 +118,16 @@ def test_a_motor_that_friction_holds_is_not_inert_and_one_without_a_current_is(l
             watch.inert(0.1, 0.1 + lag, share * LAG_CURRENT * lag, 1e-3 * k, led=True, fresh=True) for k in range(50)
         ]
         assert any(seen) == inert, share
+
+
+@pytest.mark.parametrize(("integral", "silent"), [(0.0, False), (2.0, True), (25.0, True), (40.0, False)])
+def test_a_current_that_a_slow_integral_turns_says_nothing(integral: float, silent: bool) -> None:
+    """While friction holds a motor at a turn, its integral takes its current through zero: it is not inert."""
+    suit = Suit(motor=Suit().motor._replace(integral=integral))
+    needs = drive_needs(Limits(), default_bench(), suit)
+    assert (needs.lag_current == 0.0) == silent
+    watch = LagWatch(20.0, needs.lag_current, needs.lag_time)
+    assert any(watch.inert(0.1, 0.3, 0.0, 1e-3 * k, led=True, fresh=True) for k in range(50)) != silent
 
 
 @pytest.mark.parametrize("speed", [0.05, 0.35, 2.0])

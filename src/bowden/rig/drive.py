@@ -82,6 +82,12 @@ def _pull(suit: Suit) -> dict[str, float]:
     }
 
 
+SURE_INTEGRAL = 40.0
+"""Integral of a drive's position loop from which on its current passes zero sooner than a motor is called inert. At a
+slow turn, while friction holds the motor, it is within a tenth of what the servo would draw for 0.2 s·k/integral, k
+being how many times the rig's stiffness is too large; for k = 4 that is the 20 ms of `LagWatch` [1/s]."""
+
+
 def drive_needs(allowed: Limits, bench: Bench, suit: Suit | None = None) -> DriveNeeds:
     """What a rig asks of its drive: gear, torque constant and cycle from the bench, and the rest from its limits.
 
@@ -104,6 +110,7 @@ def drive_needs(allowed: Limits, bench: Bench, suit: Suit | None = None) -> Driv
         )
     motor, servo = (bench.motor, bench.servo) if suit is None else (suit.motor, suit.motor.servo)
     stiffness = motor.inertia * servo.natural_frequency**2
+    slow = suit is not None and 0.0 < suit.motor.integral < SURE_INTEGRAL
     return DriveNeeds(
         gear=motor.gear,
         torque_constant=bench.motor.torque_constant,
@@ -116,7 +123,7 @@ def drive_needs(allowed: Limits, bench: Bench, suit: Suit | None = None) -> Driv
         torque_offset=0.0 if suit is None else suit.motor.friction_feedforward,
         spool=None if suit is None else spool_map(suit.geometry, suit.spool_radius),
         heartbeat_age=allowed.heartbeat_age,
-        lag_current=stiffness / (motor.gear * motor.torque_constant),
+        lag_current=0.0 if slow else stiffness / (motor.gear * motor.torque_constant),
         lag_time=2.0 * servo.damping / servo.natural_frequency,
     )
 

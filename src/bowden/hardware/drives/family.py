@@ -51,7 +51,8 @@ class DriveNeeds(NamedTuple):
     heartbeat_age: float
     """Age of the drive's sign of life from which the supervisor stops [s]."""
     lag_current: float = math.inf
-    """Current that the rig's servo draws per lag behind its target, at rest [A/rad]."""
+    """Current that the rig's servo draws per lag behind its target, at rest; 0 where its current says nothing of that
+    for a while, infinite where it is not known [A/rad]."""
     lag_time: float = 0.0
     """Lag behind its target, per speed, at which the rig's servo draws none: 2ζ/ω [s]."""
 

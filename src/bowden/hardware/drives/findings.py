@@ -66,7 +66,8 @@ class LagWatch:
 
     Args:
         current_limit: the largest that the rig asks for; 0 for none [A].
-        lag_current: that the rig's servo draws per lag, at rest; infinite of one that is not known [A/rad].
+        lag_current: that the rig's servo draws per lag, at rest; infinite of one that is not known, 0 of one whose
+            current says nothing, and then nothing is seen here [A/rad].
         lag_time: lag per speed at which it draws none [s].
         count: of the current as the drive tells it; of less than that nothing can be said [A].
     """
@@ -102,7 +103,8 @@ class LagWatch:
         lag = target - motor
         wanted = self._lag_current * abs(lag - self._lag_time * self._speed(motor, now)) if led else 0.0
         least = GIVEN * wanted
-        in_vain = led and abs(lag) >= LAG and least >= self._count and abs(current) <= min(self._light, least)
+        told = least > 0.0 and least >= self._count
+        in_vain = led and told and abs(lag) >= LAG and abs(current) <= min(self._light, least)
         still = self._watch.inert(motor, now, in_vain=in_vain)
         if not in_vain or (self._past and now - self._past[-1][0] > LONGEST_GAP):
             self._past.clear()
