@@ -7,6 +7,7 @@ host stands in `Attack`, one field a kind of harm.
 
 import struct
 import threading
+import time
 from collections import deque
 from dataclasses import dataclass
 
@@ -328,8 +329,9 @@ class HostileBus(can.BusABC):
 
     def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
         if not self.frames and timeout != 0.0:
+            begin = time.monotonic()
             self._still.wait(5e-5)  # for the other threads
-            self.pass_time()
+            self.pass_time(max(MILLISECOND, time.monotonic() - begin))  # whoever waits meanwhile does so by the clock
         with self._lock:
             if not self.frames:
                 return None, False

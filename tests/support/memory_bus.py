@@ -1,6 +1,7 @@
 """A CAN bus in this process and at a time of one's own, with any twins' nodes at its other end."""
 
 import threading
+import time
 from collections import deque
 from typing import Any, Protocol
 
@@ -80,7 +81,8 @@ class MemoryBus(can.BusABC):
 
     def _recv_internal(self, timeout: float | None) -> tuple[Any, bool]:
         if not self._frames and timeout != 0.0:
+            begin = time.monotonic()
             self._still.wait(1e-4)  # for the library's other thread
-            self.advance(1e-3)
+            self.advance(max(1e-3, time.monotonic() - begin))  # whoever waits meanwhile does so by the clock
         with self._lock:
             return (self._frames.popleft() if self._frames else None), False
