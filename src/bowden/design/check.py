@@ -304,16 +304,26 @@ def _reserve(
     bench: Plant, law: Law, points: list[Point], bend: float, stroke: tuple[float, float], seed: int
 ) -> bool | None:
     """Whether the trial stands a part of the phase margin as delay, at the fastest crossover and in whole cycles."""
+    per_degree = delay_per_degree(points)
+    return None if per_degree is None else _stands_delay(bench, law, per_degree, bend, stroke, seed)
+
+
+def delay_per_degree(points: Iterable[Point]) -> float | None:
+    """Delay that a degree of phase is, at the fastest crossover of all loops [s/deg]; None where nothing limits it."""
     found = [(point.margins.delay_margin_s, point.margins.phase_margin_deg) for point in points]
-    shares = [delay / (phase % 360.0) for delay, phase in found if delay and phase]  # [s/deg]
-    return _stands_delay(bench, law, min(shares), bend, stroke, seed) if shares else None
+    return min((delay / (phase % 360.0) for delay, phase in found if delay and phase), default=None)
+
+
+def further_delay(per_degree: float, sample_time: float) -> int:
+    """The part of the phase margin that a trial has to stand, as whole cycles of delay, `per_degree` [s/deg]."""
+    return int(np.ceil(RESERVE * ENOUGH_DEG * per_degree / sample_time))
 
 
 def _stands_delay(
     bench: Plant, law: Law, per_degree: float, bend: float, stroke: tuple[float, float], seed: int
 ) -> bool:
     """Whether the trial stands a part of the phase margin as delay, which has so much for each degree [s/deg]."""
-    further = int(np.ceil(RESERVE * ENOUGH_DEG * per_degree / bench.sample_time))
+    further = further_delay(per_degree, bench.sample_time)
     trials, _ = _tried(changed(bench, delay=bench.delay + further), law, (bend,), stroke, seed)
     return trials[0].bounded
 

@@ -7,13 +7,10 @@ from dataclasses import replace
 import numpy as np
 
 from bowden.control.law import Law
-from bowden.control.stability import Margins
 from bowden.core.trace import Trace
 from bowden.core.units import DEGREES, RADIANS
 from bowden.design.check import (
-    ENOUGH_DEG,
     IDEAL,
-    RESERVE,
     ROUNDING,
     Check,
     Estimates,
@@ -24,6 +21,8 @@ from bowden.design.check import (
     all_estimates,
     at_rest,
     confirmed_by,
+    delay_per_degree,
+    further_delay,
     judge,
     largest_change,
     severity,
@@ -248,15 +247,10 @@ def _reserve(
     pair: PairPlant, laws: Laws, points: list[Point], bends: Bends, stroke: tuple[float, float]
 ) -> bool | None:
     """Whether a trial stands a part of the phase margin as delay of both commands; None where nothing limits it."""
-    found: list[Margins] = [point.margins for point in points]
-    per_degree = [
-        one.delay_margin_s / (one.phase_margin_deg % 360.0)
-        for one in found
-        if one.delay_margin_s and one.phase_margin_deg
-    ]
-    if not per_degree:
+    per_degree = delay_per_degree(points)
+    if per_degree is None:
         return None
-    further = int(np.ceil(RESERVE * ENOUGH_DEG * min(per_degree) / pair.sample_time))
+    further = further_delay(per_degree, pair.sample_time)
     one, other = (side._replace(bench=changed(side.bench, delay=side.bench.delay + further)) for side in pair.sides)
     later = _tried(pair._replace(agonist=one, antagonist=other), laws, (bends,), stroke)
     return all(trial.bounded for trial in later.trials)
