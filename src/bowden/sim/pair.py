@@ -11,7 +11,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden import __version__
 from bowden.control import user_law
 from bowden.control.conditioning import Conditioning
 from bowden.control.law import Law
@@ -29,8 +28,8 @@ from bowden.plants.bench import Bench
 from bowden.plants.cable_body import CableBody, Moving, cable_moved, cable_rest
 from bowden.plants.cable_plant import CablePlant, prepare_plant
 from bowden.plants.cables import as_cable_plant
-from bowden.plants.plant import SheathPath, plain, sheath_at
-from bowden.sim.run import RUNAWAY, inputs_of, state_columns
+from bowden.plants.plant import SheathPath, sheath_at
+from bowden.sim.run import RUNAWAY, inputs_of, settings_of, state_columns
 from bowden.sim.scenario import BendPath
 
 Array = NDArray[np.float64]
@@ -407,22 +406,12 @@ def _compiled(pair: PairPlant, laws: tuple[Law, Law]) -> Any:
 
 
 def _settings(pair: PairPlant, side: PairSide, law: Law, reference: Trajectory, initial: float) -> dict[str, Any]:
-    motor = side.bench.motor
-    return {
-        "bowden": __version__,
+    return settings_of(side.bench, law, reference, TABLE, initial) | {
         "axis": side.name,
-        "law": law.name,
-        "gains": plain(law.gains),
-        "reference": reference.describe(),
-        "plant": side.bench.describe(),
         "pair": {
             "agonist": pair.agonist.name,
             "antagonist": pair.antagonist.name,
             "co_contraction": pair.co_contraction,
             "stiffness": pair.stiffness,
         },
-        "sample_time": pair.sample_time,
-        "initial_motor": initial,
-        "motor_resistance": motor.resistance,
-        "torque_constant": motor.torque_constant * motor.gear,
     }

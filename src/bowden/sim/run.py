@@ -200,7 +200,7 @@ def simulate(
     units = {"time": "s", "reference": "rad", "reference_velocity": "rad/s", **RECORDED, **dynamics.columns}
     units |= {"bend": "rad", "width": "1", "slope": "rad/rad", **laws, **asked}
     return Trace(
-        values, {name: units[name] for name in values}, _settings(plant, law, reference, source, initial), seed
+        values, {name: units[name] for name in values}, settings_of(plant, law, reference, source, initial), seed
     )
 
 
@@ -304,7 +304,8 @@ def inputs_of(
     return Inputs(edges[:-1], references, path, normals)
 
 
-def _settings(plant: Plant, law: Law, reference: Trajectory, source: Source, initial: float) -> dict[str, Any]:
+def settings_of(plant: Plant, law: Law, reference: Trajectory, source: Source, initial: float) -> dict[str, Any]:
+    """What a trace keeps of how it was made."""
     own = {} if source is TABLE else {source.name: plain(source.settings)}
     return {
         "bowden": __version__,
