@@ -35,6 +35,13 @@ def test_what_came_is_kept_with_its_range_and_each_change() -> None:
     assert look.said(lambda code: f"code {code:X}") == ["code 4210", "emergency stop"]
 
 
+def test_an_emergency_stop_that_stays_pressed_is_said_once() -> None:
+    look = DriveLook()
+    for code in (0.0, EMERGENCY_STOP, EMERGENCY_STOP, 0.0, float(0x4210), EMERGENCY_STOP):
+        look.take(READING._replace(emergency=code))
+    assert look.emergencies == [EMERGENCY_STOP, float(0x4210), EMERGENCY_STOP]
+
+
 def test_an_angle_that_comes_no_more_is_silent_and_one_that_never_came_is_not() -> None:
     look = DriveLook()
     look.take(READING._replace(motor_age=0.0, joint_age=math.inf))

@@ -232,12 +232,15 @@ def _tell(sentence: str) -> None:
 
 def _show(look: "DriveLook", given: "Rig") -> None:
     """One line on a terminal, ten times a second."""
+    from bowden.core.signals import EMERGENCY_STOP
+
     if look.cycles % max(1, round(_SHOW / given.sample_time)) or not sys.stderr.isatty():
         return
     assert look.last is not None
     silent = look.silent_now(given.sample_time)
     parts = [f"{name} {value} {unit}" for name, value, unit in _values(look) if name not in silent]
     parts += [f"{name} SILENT FOR {age:.1f} s" for name, age in silent.items()]
+    parts += ["EMERGENCY STOP"] if look.last.emergency == EMERGENCY_STOP else []
     line = f"{look.states[-1].lower().replace('_', ' ')}: {', '.join(parts)}"
     print(f"\r\x1b[K{line}", end="", file=sys.stderr, flush=True)
 

@@ -50,6 +50,7 @@ class DriveLook:
 
     def take(self, reading: DriveReading) -> None:
         """Take in what came in one cycle."""
+        before = 0.0 if self.last is None else self.last.emergency
         self.cycles, self.last = self.cycles + 1, reading
         for name in SHOWN:
             value = getattr(reading, name)
@@ -63,7 +64,7 @@ class DriveLook:
         state = DriveState(int(reading.drive_state)).name
         if not self.states or self.states[-1] != state:
             self.states.append(state)
-        if reading.emergency:
+        if reading.emergency and reading.emergency != before:  # an input that stays open says so in each cycle
             self.emergencies.append(reading.emergency)
 
     def silent_now(self, period: float) -> dict[str, float]:
