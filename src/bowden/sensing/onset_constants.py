@@ -18,8 +18,13 @@ SURE = 1.5
 """Rest is taken for at most its level and this many standard deviations [–]."""
 UNKNOWN = 1.4
 """Standard deviation of the log of rest's power, of which nothing has been seen yet: a factor of two in size."""
+CHANGED = 0.7
+"""The same of the rest that follows a contraction: pauses of one recording differ from the one before by 0.65, 0.77 and
+1.3 (RMS) where muscles relax for a second, by 0.1 where they do for ten."""
 LEARNT = 1.5
-"""By e less of that variance in this much rest; after a contraction, rest is as well known as then [s]."""
+"""By e less of these variances in this much rest [s]."""
+GIVES_WAY = 0.5
+"""So much in the log of power a wearer's least rest falls with each second of rest below it [1/s]."""
 SPREAD = 0.2
 """Standard deviation of the log of power, averaged over 0.1 s, of noise as wide as the band."""
 WEIGHT = 3.0

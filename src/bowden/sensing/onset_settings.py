@@ -9,6 +9,9 @@ period, so that an open input may pass for a contraction: good for a recording, 
 LARGEST = 1e12
 """What is larger no converter gives, in whatever unit: it is missing, since its square would outlast all else."""
 
+LEAST = 1e-12
+"""σ of a signal that is silent, in whatever unit."""
+
 
 class OnsetSettings(NamedTuple):
     """What is asked of the detector: one set for all signals.
@@ -25,8 +28,9 @@ class OnsetSettings(NamedTuple):
     ends [s]."""
     quiet: float = 0.2
     """Rest of less does not end a contraction [s]."""
-    least: float = 1e-12
-    """σ is never less, in the signal's unit; see `of_wearer`."""
+    least: float = LEAST
+    """σ is taken for at least this at first, and until rest has been seen below it for some seconds, in the signal's
+    unit; see `of_wearer`."""
     shortest: float = 0.0
     """Contractions shorter than this are left out, and all others are reported this much later [s]."""
 
@@ -35,8 +39,9 @@ DEFAULTS = OnsetSettings()
 
 
 def of_wearer(rest: float) -> OnsetSettings:
-    """For a wearer whose σ at `rest` has been measured, in the signal's unit: it is never below 0.7 of that.
+    """For a wearer whose σ at `rest` has been measured, in the signal's unit: at first it is at least 0.7 of that.
 
-    So a start that is quieter, as of an amplifier that is muted, makes no contraction of the rest that follows.
+    So a start that is quieter, as of an amplifier that is muted, makes no contraction of the rest that follows. A rest
+    that stays quieter is learned within seconds.
     """
     return DEFAULTS._replace(least=max(0.7 * rest, DEFAULTS.least))
