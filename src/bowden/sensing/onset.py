@@ -48,9 +48,9 @@ from bowden.sensing.onset_constants import (
     CHANGED,
     DOUBT,
     FALLS,
+    FAMILIAR,
     FLAT,
     FORGET,
-    GIVES_WAY,
     GONE,
     LEARNT,
     LIFTED,
@@ -58,6 +58,7 @@ from bowden.sensing.onset_constants import (
     MEMORY,
     MOVED,
     REPEATS,
+    SILENT,
     SLOW_HZ,
     SPREAD,
     STAYS,
@@ -75,7 +76,7 @@ from bowden.sensing.onset_constants import (
     WEIGHT,
     WIDE_HZ,
 )
-from bowden.sensing.onset_settings import DEFAULTS, LARGEST, LEAST, QUICKEST, SAFE, SLOWEST, OnsetSettings, of_wearer
+from bowden.sensing.onset_settings import DEFAULTS, LARGEST, QUICKEST, SAFE, SLOWEST, OnsetSettings, of_wearer
 
 MAINS = (50.0, 60.0)
 """[Hz]; both are looked for."""
@@ -141,7 +142,7 @@ class Onset(NamedTuple):
     gain_of_end: float
     drift_of_end: float
     floor: float
-    """m is never less at first."""
+    """m is never less while little of rest has been seen."""
     settings: OnsetSettings
 
 
@@ -191,8 +192,6 @@ class OnsetState(NamedTuple):
     """m."""
     spread: float
     """s²."""
-    floor: float
-    """m is never less."""
     seen: float
     """Rest of which m is the mean; below 0 while filters fill [s]."""
     unknown: float
@@ -269,7 +268,7 @@ def onset_start(onset: Onset, first: float) -> OnsetState:
     """Before the `first` sample, which may be NaN."""
     by, past, o = onset.settings, (0.0,) * (max(onset.delay) + 2), 0.0
     filters = (EMPTY,) * 7
-    known = (onset.floor, SPREAD * SPREAD, onset.floor, -_SETTLES, UNKNOWN * UNKNOWN)
+    known = (onset.floor, SPREAD * SPREAD, -_SETTLES, UNKNOWN * UNKNOWN)
     signal, evidence = (o,) * 11, (o, o, o, o)
     averages = (NONE, NONE, NONE)
     return OnsetState(
@@ -370,8 +369,10 @@ def onset_step(onset: Onset, state: OnsetState, value: float) -> tuple[OnsetStat
     beside = REPEATS * loud + BROAD * power + swinging + TAIL_SHARE * TAIL_SHARE * state.size
     seen = np.fmax(state.seen, 0.0)
     deviation = np.sqrt(state.spread + state.unknown)
-    there = np.fmax(_least(powers), LEAST * LEAST)
-    off = np.fmax(log(there), state.floor) - state.level
+    strange = state.unknown > FAMILIAR
+    bound = sel(strange, by.least, SILENT)
+    there = np.fmax(_least(powers), bound * bound)
+    off = log(there) - state.level
     off = sel(off > 0.0, np.fmax(0.0, off - log(1.0 + beside / usual)), off)
     lid, count = SURE * deviation, seen + _LONG
     hidden = beside > there
@@ -380,9 +381,7 @@ def onset_step(onset: Onset, state: OnsetState, value: float) -> tuple[OnsetStat
     upward = sel(idle, calm * (1.0 - hidden) * np.fmin(off, lid), DOUBT * alive * off) / count
     downward = sel(off < -lid, alive * off / np.fmin(count, FALLS), idle * alive * off / count)
     level = sel(started, state.level + dt * sel(off < 0.0, downward, upward), sel(dead, state.level, log(there)))
-    on_floor = (log(there) < state.floor) * (state.level <= state.floor) * started * idle * alive > 0.0
-    floor = sel(on_floor, state.floor - GIVES_WAY * dt, state.floor)
-    level = sel(on_floor, floor, np.fmax(level, floor))
+    level = sel(strange, np.fmax(level, onset.floor), level)
     varied = sel(state.seen > 1.0, calm * (1.0 - hidden) * dt / (count + WEIGHT), 0.0)
     spread = state.spread + varied * (np.fmin(off * off, lid * lid) - state.spread)
 
@@ -415,7 +414,7 @@ def onset_step(onset: Onset, state: OnsetState, value: float) -> tuple[OnsetStat
     ends = (1.0 - idle) * ((rested > onset.rested) + dead > 0.0) > 0.0
 
     active = sel(begins, 1.0, sel(ends, 0.0, state.active))
-    known = sel(ends, np.fmin(known, _LONG), known)
+    known = sel(begins, np.fmax(known, LEARNT), sel(ends, np.fmin(known, _LONG), known))
     unknown = sel(ends, np.fmax(unknown, CHANGED * CHANGED), unknown)
     forgets, left = sel(ends + dead + railed > 0.0, 1.0, np.inf), sel(ends, 0.0, np.inf)
     size = sel(active > 0.5, np.fmax(new, state.size * onset.size), state.size * onset.tail)
@@ -448,7 +447,6 @@ def onset_step(onset: Onset, state: OnsetState, value: float) -> tuple[OnsetStat
         _bounded(powers, forgets * null),
         level,
         spread,
-        sel(forgotten, onset.floor, floor),
         known,
         unknown,
         null,

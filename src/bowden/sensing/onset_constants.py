@@ -23,8 +23,9 @@ CHANGED = 0.7
 1.3 (RMS) where muscles relax for a second, by 0.1 where they do for ten."""
 LEARNT = 1.5
 """By e less of these variances in this much rest [s]."""
-GIVES_WAY = 0.5
-"""So much in the log of power a wearer's least rest falls with each second of rest below it [1/s]."""
+FAMILIAR = 0.5
+"""Variance of what is unknown below which rest is taken as it is, and a wearer's file bounds it no longer: 2 s of rest
+have been seen."""
 SPREAD = 0.2
 """Standard deviation of the log of power, averaged over 0.1 s, of noise as wide as the band."""
 WEIGHT = 3.0
@@ -51,6 +52,8 @@ STAYS = 1.0
 """Time constant of the share of time that mains cover; above half of it the input is another when they go [s]."""
 GONE = 0.25
 """Below this share of their power mains have gone [–]."""
+SILENT = 1e-12
+"""σ of a signal that is none, in whatever unit."""
 FLAT = 0.02
 """A value that lasts this long is no signal [s]."""
 LIFTED = 0.5

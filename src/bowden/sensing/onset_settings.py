@@ -9,9 +9,6 @@ period, so that an open input may pass for a contraction: good for a recording, 
 LARGEST = 1e12
 """What is larger no converter gives, in whatever unit: it is missing, since its square would outlast all else."""
 
-LEAST = 1e-12
-"""σ of a signal that is silent, in whatever unit."""
-
 
 class OnsetSettings(NamedTuple):
     """What is asked of the detector: one set for all signals.
@@ -28,9 +25,8 @@ class OnsetSettings(NamedTuple):
     ends [s]."""
     quiet: float = 0.2
     """Rest of less does not end a contraction [s]."""
-    least: float = LEAST
-    """σ is taken for at least this at first, and until rest has been seen below it for some seconds, in the signal's
-    unit; see `of_wearer`."""
+    least: float = 1e-12
+    """σ is never less until 2 s of rest have been seen, in the signal's unit; see `of_wearer`."""
     shortest: float = 0.0
     """Contractions shorter than this are left out, and all others are reported this much later [s]."""
 
@@ -39,9 +35,9 @@ DEFAULTS = OnsetSettings()
 
 
 def of_wearer(rest: float) -> OnsetSettings:
-    """For a wearer whose σ at `rest` has been measured, in the signal's unit: at first it is at least 0.7 of that.
+    """For a wearer whose σ at `rest` has been measured, in its unit: it is at least 0.7 of that for 2 s of rest.
 
-    So a start that is quieter, as of an amplifier that is muted, makes no contraction of the rest that follows. A rest
-    that stays quieter is learned within seconds.
+    So a start that is quieter, as of an amplifier that is muted, makes no contraction of the rest that follows. Later
+    rest is as it is: pauses of one recording differ by a factor of two and more.
     """
     return DEFAULTS._replace(least=max(0.7 * rest, DEFAULTS.least))
