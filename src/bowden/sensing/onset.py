@@ -90,6 +90,8 @@ _SETTLES = 0.05
 """Filters and the memory of a period fill in this time [s]."""
 _LOOKS = 10.0
 """So often in a second rest has a chance to pass for a contraction: once in `_LONG` [Hz]."""
+_LEFT = UNKNOWN * UNKNOWN * math.exp(-MEMORY / LEARNT)
+"""u is never less, since rest is remembered for so long only [–]."""
 _SPIKY = 3.0
 """Single samples count up to this many times K in the average over 5 ms: noise has them [–]."""
 
@@ -396,7 +398,8 @@ def onset_step(onset: Onset, state: OnsetState, value: float) -> tuple[OnsetStat
     forgotten = gone + (flat > LIFTED) > 0.0
     known = sel(forgotten, -_SETTLES, known)
     doubted = np.fmin(UNKNOWN * UNKNOWN, state.unknown * (1.0 + dt * FORGET / LEARNT))
-    unknown = sel(idle, state.unknown * (1.0 - sel(started, calm, 0.0) * dt / LEARNT), doubted)
+    settled = np.fmax(_LEFT, state.unknown * (1.0 - sel(started, calm, 0.0) * dt / LEARNT))
+    unknown = sel(idle, settled, doubted)
     unknown = sel(forgotten, UNKNOWN * UNKNOWN, unknown)
 
     # evidence for an onset, and for an end
