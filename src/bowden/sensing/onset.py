@@ -417,7 +417,8 @@ def onset_step(onset: Onset, state: OnsetState, value: float) -> tuple[OnsetStat
     ends = (1.0 - idle) * ((rested > onset.rested) + dead > 0.0) > 0.0
 
     active = sel(begins, 1.0, sel(ends, 0.0, state.active))
-    known = sel(begins, np.fmin(known + LEARNT, MEMORY), sel(ends, np.fmin(known, _LONG), known))
+    follows = sel(strange, np.fmax(known, LEARNT), np.fmin(known + LEARNT, MEMORY))  # a level that is to outlast it
+    known = sel(begins, follows, sel(ends, np.fmin(known, _LONG), known))
     unknown = sel(ends, np.fmax(unknown, CHANGED * CHANGED), unknown)
     forgets, left = sel(ends + dead + railed > 0.0, 1.0, np.inf), sel(ends, 0.0, np.inf)
     size = sel(active > 0.5, np.fmax(new, state.size * onset.size), state.size * onset.tail)
