@@ -348,7 +348,7 @@ def test_a_wearer_whose_rest_was_louder_when_measured_loses_no_contraction() -> 
     found = spans(OnsetDetector(1000.0, of_wearer(5.0 * NOISE)).feed(values).active, 1000.0)
     without = spans(OnsetDetector(1000.0).feed(values).active, 1000.0)
     assert [round(on) for on, _ in found] == [6, 10, 14]
-    assert [on for on, _ in found] == pytest.approx([on for on, _ in without], abs=0.02)
+    assert [on for on, _ in found] == pytest.approx([on for on, _ in without], abs=0.05)
 
 
 def test_a_contraction_soon_after_another_lasts_half_a_minute_and_a_rest_that_is_louder_after_one_is_rest() -> None:
