@@ -1,6 +1,7 @@
 """Two motors on one joint at the desk: one simulation, one linear loop, one verdict, and what the commands say."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -36,6 +37,7 @@ ROOT = Path(__file__).parents[1]
 BENCH = default_bench()
 LAW = LAWS["bowden"]
 MOTION = PeriodicMinimumJerk(0.0, 60.0 * RADIANS, 8.0)
+BENDS = ((np.pi, np.pi),) * 2
 STROKE = (0.0, 60.0 * RADIANS)
 LOAD = JointLoad(10.0, 0.1, 0.2)
 
@@ -149,7 +151,7 @@ def test_a_load_much_stiffer_than_the_cables_has_its_margins_too(taut: Taut) -> 
 def test_motors_that_should_go_different_ways_and_do_not_are_seen_to_part() -> None:
     one, other = (Rig(law="bowden", cable=BENCH.cable._replace(slope=slope)) for slope in (0.95, 0.65))
     laws = one.fitted(), other.fitted()
-    found = check_pair(pair_of(one.bench, other.bench), laws, bends=((np.pi, np.pi),) * 2, stroke=STROKE)
+    found = check_pair(pair_of(one.bench, other.bench), laws, bends=BENDS, stroke=STROKE)
     assert found.pair is not None
     asked = 0.5 * (60.0 / 0.65 - 60.0 / 0.95)  # of each further than the joint asks, where both go alike
     assert np.degrees(found.pair.drift) == pytest.approx(asked, abs=0.5)  # type: ignore[arg-type]
@@ -160,7 +162,7 @@ def test_motors_that_should_go_different_ways_and_do_not_are_seen_to_part() -> N
 
 
 def test_the_certificate_of_the_pages_pair() -> None:
-    found = check_pair(pair_of(), (LAW, LAW), bends=((np.pi, np.pi),) * 2, stroke=STROKE)
+    found = check_pair(pair_of(), (LAW, LAW), bends=BENDS, stroke=STROKE)
     assert found.verdict == "holds"
     assert found.pair is not None
     taut, *alone = found.pair.loops
@@ -170,6 +172,28 @@ def test_the_certificate_of_the_pages_pair() -> None:
     assert found.pair.apart > 1.0, "no law feeds back what the joint does not show"
     assert found.pair.drift < np.radians(1.0), "and it comes to nothing"  # type: ignore[operator]
     assert "both cables taut" in repr(found)
+
+
+def test_each_bend_of_one_sheath_is_tried_with_each_of_the_other() -> None:
+    ends = (np.pi, 2.0 * np.pi)
+    alike = [check_pair(pair_of(), (LAW, LAW), bends=((end, end),) * 2, stroke=STROKE) for end in ends]
+    found = check_pair(pair_of(), (LAW, LAW), bends=(ends, ends), stroke=STROKE)
+    assert len(found.trials) == 2 * len(ends) ** 2
+    assert found.pair is not None
+    apart = [np.degrees(one.pair.drift) for one in alike]  # type: ignore[union-attr, arg-type]
+    assert max(apart) < 0.2
+    assert np.degrees(found.pair.drift) > 5.0, "cables that differ most disagree most"  # type: ignore[arg-type]
+    assert "extensor alone taut, the other sheath's 180°" in {point.at for point in found.points}
+    assert found.gain_margin_db == pytest.approx(min(one.gain_margin_db for one in alike), abs=1e-6)  # type: ignore[type-var]
+
+
+def test_gains_and_bends_that_cannot_be_are_refused_in_a_line() -> None:
+    broken = replace(LAWS["adaptive"], gains=LAWS["adaptive"].gains._replace(error_gain=np.nan))
+    for laws in ((broken, LAWS["adaptive"]), (LAWS["adaptive"], broken)):
+        with pytest.raises(ParameterError, match="gain error_gain of law 'adaptive' is nan; expected a finite number"):
+            check_pair(pair_of(), laws, bends=BENDS, stroke=STROKE)
+    with pytest.raises(ParameterError, match="expected smallest and largest, above 0 rad"):
+        check_pair(pair_of(), (LAW, LAW), bends=(BENDS[0], (2.0, 1.0)), stroke=STROKE)
 
 
 class Free(NamedTuple):
@@ -204,7 +228,7 @@ def test_laws_that_hold_alone_and_part_on_one_joint_do_not_hold() -> None:
     from bowden.design.check import check
 
     assert check(BENCH, PARTING, stroke=STROKE).holds
-    found = check_pair(pair_of(), (PARTING, PARTING), bends=((np.pi, np.pi),) * 2, stroke=STROKE)
+    found = check_pair(pair_of(), (PARTING, PARTING), bends=BENDS, stroke=STROKE)
     assert found.verdict == "does_not_hold"
     assert found.pair is not None
     assert found.pair.apart > 1.0
@@ -298,6 +322,22 @@ def test_a_pair_by_emg_ends_with_its_recording_unless_a_duration_is_asked_for() 
     for duration, ends in ((None, 3.0), (4.0, 4.0)):
         traces: Any = bowden.simulate("pair.toml", duration=duration)
         assert traces["flexor"].time[-1] == pytest.approx(ends, abs=0.01)
+
+
+@pytest.mark.usefixtures("pair_rig")
+def test_check_refuses_of_a_pair_what_a_run_refuses_in_the_same_words(capsys: pytest.CaptureFixture[str]) -> None:
+    path = Path("pair.toml")
+    plain, source = path.read_text(), 'source = "lsl:biceps"\n'
+    path.write_text("[emg]\n" + source + plain)
+    checked = said(capsys, "check", "pair.toml", code=2).err
+    assert checked == said(capsys, "run", "pair.toml", "--twin", "--auto", code=2).err
+    assert checked.startswith('bowden: axis "flexor": emg.source is set in a rig with several axes')
+    with pytest.raises(ParameterError, match=r"emg\.source is set in a rig with several axes"):
+        bowden.check("pair.toml")
+    path.write_text(plain.replace('name = "flexor"\n', 'name = "flexor"\n[axis.emg]\n' + source))
+    error = said(capsys, "check", "pair.toml", code=2).err
+    assert '"flexor" and "extensor" have [emg] of their own; expected one' in error
+    assert error.count("\n") == 1
 
 
 @pytest.mark.usefixtures("pair_rig")

@@ -25,6 +25,7 @@ from bowden.live.preflight import Preflight
 from bowden.live.run_settings import plain, run_settings
 from bowden.live.script import Script
 from bowden.live.suit_preflight import on_suit
+from bowden.rig.axes import refuse_sources
 from bowden.rig.compose_admittance import Pushing
 from bowden.rig.drive import most_push
 from bowden.rig.emg_setup import EmgRun
@@ -273,10 +274,10 @@ def live_run(rig: Rig, *, measure: bool = False, logged: Rig | None = None, join
 
 def _together(rig: Rig, logged: Rig) -> Live:
     """The live run of a rig with axes."""
+    refuse_sources(rig)
     found = []
     for (name, own), (_, kept) in zip(rig.axes, logged.axes, strict=True):
         with asked_for_by(f"axis {quoted(name)}"):
-            _refuse_sources(own)
             found.append(_one_of(rig, name, own, kept))
     notes = tuple(f"axis {quoted(axis.name)}: {note}" for axis in found for note in axis.notes)
     paired = (said_of_pair(rig.pair),) if rig.pair.there else ()
@@ -296,21 +297,6 @@ def _one_of(rig: Rig, name: str, own: Rig, kept: Rig) -> Live:
     # joint anywhere below its motor
     allowed = made.limits._replace(homed=0.0, slope_low=0.0)
     return replace(made, name=name, opposed=True, limits=allowed)
-
-
-def _refuse_sources(rig: Rig) -> None:
-    """Refuse what moves one joint only: EMG and the wearer's push.
-
-    Raises:
-        ParameterError: the rig of an axis has one of them.
-    """
-    for what, key in ((rig.emg.source is not None, "emg.source"), (rig.admittance.enabled, "admittance.enabled")):
-        if what:
-            raise ParameterError(
-                f"{key} is set in a rig with several axes",
-                expected="[reference] for each: EMG and the wearer's push move a joint that is alone",
-                do="delete it, or run that axis alone, with --axis",
-            )
 
 
 def require_joint(rig: Rig) -> None:
