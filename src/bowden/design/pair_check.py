@@ -39,6 +39,7 @@ from bowden.plants.bench import Bench
 from bowden.plants.plant import changed
 from bowden.plants.transmission import transmission
 from bowden.sim.pair import PairPlant, PairSide, simulate_pair
+from bowden.sim.parting import parting_of
 from bowden.sim.scenario import constant_bend
 
 Bends = tuple[float, float]
@@ -101,7 +102,7 @@ def check_pair(
         confirmed = bool(confirmed_by(cycle, swing_of(trials)))
         zones = [zone for both in ends for zone in [_dead_zone(pair, both, stroke)] * 2]
         verdict, reason = at_rest(trials, zones, verdict, reason, confirmed=confirmed)
-        verdict, reason = _together(verdict, reason, tried.drift, _most_drift(pair, ends, stroke))
+        verdict, reason = _together(verdict, reason, tried.drift, parting_of(pair, bends, stroke).most)
     return Check(
         law=laws[0].name,
         verdict=verdict,
@@ -136,17 +137,6 @@ def _dead_zone(pair: PairPlant, bends: Bends, stroke: tuple[float, float]) -> fl
     ]
     slack = max(0.0, -pair.co_contraction) * sum(one.slope for one in found)
     return max(one.dead_zone for one in found) + slack
-
-
-def _most_drift(pair: PairPlant, ends: Iterable[Bends], stroke: tuple[float, float]) -> float:
-    """How far a motor may go beyond the co-contraction: what a joint at rest may move, at the motor [rad]."""
-    tight = pair._replace(co_contraction=0.0)
-    slope = min(
-        transmission(side.bench, bend, side.own_stroke(stroke)).slope
-        for bends in ends
-        for side, bend in zip(pair.sides, bends, strict=True)
-    )
-    return (2.0 * max(_dead_zone(tight, bends, stroke) for bends in ends) + RADIANS) / slope
 
 
 def _tried(pair: PairPlant, laws: Laws, ends: Iterable[Bends], stroke: tuple[float, float]) -> _Tried:
@@ -185,15 +175,16 @@ def _trial(
 
 
 def _went_apart(pair: PairPlant, bends: Bends, stroke: tuple[float, float], traces: tuple[Trace, Trace]) -> float:
-    """How much further, or less far, each motor came to pull than it did at first, where the joint then was [rad].
+    """How much further, or less far, each motor came to pull than joint and co-contraction ask [rad].
 
-    Each by its own cable: motors that go alike behind cables of two slopes pull ever further, or let go.
+    Each by its own cable (`bowden.sim.parting`): motors that go alike behind cables of two slopes pull ever further, or
+    let go.
     """
     apart = np.zeros(len(traces[0].time))
     for sign, side, bend, trace in zip((0.5, -0.5), pair.sides, bends, traces, strict=True):
         slope = transmission(side.bench, bend, side.own_stroke(stroke)).slope
         apart += sign * (trace["motor"] - trace["joint"] / slope)
-    return float(np.max(np.abs(apart - apart[0]), initial=0.0, where=np.isfinite(apart)))
+    return float(np.max(np.abs(apart), initial=0.0, where=np.isfinite(apart)))
 
 
 def _slopes(side: PairSide, bend: float, stroke: tuple[float, float]) -> list[float]:
