@@ -1,8 +1,10 @@
 """Two motors on one joint at the desk: one simulation, one linear loop, one verdict, and what the commands say."""
 
 import json
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 import jsonschema
@@ -21,6 +23,9 @@ from bowden.core.units import RADIANS
 from bowden.design.linearise import linearise
 from bowden.design.pair_check import check_pair
 from bowden.design.pair_loops import BOTH, DOWN_ALONE, UP_ALONE, SideLoop, Taut, pair_margins, pair_poles, reaches
+from bowden.design.pair_tune import PairTarget, best_gains, judged_gains
+from bowden.design.tune import NoGainsError
+from bowden.design.tune_runs import RUN, references_of
 from bowden.models.cable.backlash import Play
 from bowden.models.cable.shared_joint import Ends, JointLoad, shared_joint, shares
 from bowden.models.drive.encoder import Encoder
@@ -340,11 +345,79 @@ def test_check_refuses_of_a_pair_what_a_run_refuses_in_the_same_words(capsys: py
     assert error.count("\n") == 1
 
 
+TARGET = PairTarget(pair_of(), BENDS, STROKE, 1)
+
+
+def adaptive(gain: float) -> Law:
+    return LAWS["adaptive"].with_gains(feedback_gain=gain)
+
+
+def test_the_best_gains_of_a_pair_keep_their_margins_on_the_joint_and_follow_best_there() -> None:
+    before = judged_gains(TARGET, (adaptive(20.0), adaptive(20.0)))
+    candidates = [{"feedback_gain": gain} for gain in (200.0, 60.0, 40.0)]
+    best = best_gains(TARGET, before, candidates)
+    assert [law.numbers["feedback_gain"] for law in best.laws] == [60.0, 60.0], "200 follows, and has 22° alone"
+    assert best.found.pair is not None
+    assert best.found.phase_margin_deg == pytest.approx(54.2, abs=0.1)
+    assert best.worst < 0.5 * before.worst
+    again = simulate_pair(
+        TARGET.pair,
+        best.laws,
+        references_of(STROKE)[0],
+        duration=RUN,
+        initial_motors=TARGET.pair.resting_motors(0.0, (np.pi, np.pi)),
+    )
+    assert np.sqrt(np.mean(again[0].error ** 2)) <= best.worst
+    assert best_gains(TARGET, best, candidates[2:]) is best, "what is better already stays"
+    broken = judged_gains(TARGET, (adaptive(200.0), adaptive(200.0)))
+    with pytest.raises(NoGainsError, match="do not keep them on the joint of both"):
+        best_gains(TARGET, broken, candidates[:1])
+
+
+@pytest.mark.parametrize("unlike", [False, True])
 @pytest.mark.usefixtures("pair_rig")
-def test_tune_of_a_pair_says_what_it_does_not_do(capsys: pytest.CaptureFixture[str]) -> None:
-    error = said(capsys, "tune", "pair.toml", code=2).err
-    assert error.count("\n") == 1
-    assert "tune finds gains for one motor and cable by themselves; expected one of them; name it with --axis" in error
+def test_tune_writes_the_same_gains_for_both_motors_and_says_what_they_are_worth_on_the_joint(
+    unlike: bool, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = Path("pair.toml")
+    text = path.read_text().replace('"bowden"', '"adaptive"')
+    if unlike:
+        text = text.replace('name = "extensor"\n', 'name = "extensor"\n[axis.servo]\nnatural_frequency_hz = 9.0\n')
+    path.write_text(text)
+    asked = []
+
+    def one(rig: Rig, **more: Any) -> Any:
+        asked.append(rig.servo.natural_frequency)
+        return SimpleNamespace(law=rig.fitted().with_gains(feedback_gain=60.0), generations=3)
+
+    monkeypatch.setattr("bowden.face.tune.tuned", one)
+    found = document(capsys, "tune", "--dry-run")
+    assert len(asked) == (2 if unlike else 1), "one search where both motors are the same"
+    assert found["gains"]["feedback_gain"] == 60.0
+    assert (set(found["gains"]) == {"feedback_gain"}) is not unlike, "what each had of its own servo becomes one"
+    assert found["before"]["feedback_gain"] == 40.0
+    assert found["files"] == []
+    assert found["worst_rmse_deg"] < found["worst_rmse_before_deg"]
+    out = said(capsys, "tune", "pair.toml").out
+    assert "largest RMSE over 3 runs of 20 s of both motors" in out
+    assert "Next: bowden run pair.toml --twin --auto" in out
+    again = Rig.read(path)
+    for name in ("flexor", "extensor"):
+        assert dict(again.axis(name).gains) == found["gains"]
+    assert document(capsys, "check")["pair"]["phase_margin_deg"] == pytest.approx(found["phase_margin_deg"])
+    error = said(capsys, "tune", "pair.toml", "--study", "study.toml", code=2).err
+    assert "the plants of a study have one; expected a rig with one motor, or no study; name one with --axis" in error
+
+
+@pytest.mark.usefixtures("pair_rig")
+def test_python_tunes_a_pair(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("bowden.face.tune.two_workers", lambda law, plant: nullcontext(map))
+    found = bowden.tune("pair.toml", "adaptive", generations=1)
+    assert found.gains
+    assert found.found.pair is not None
+    assert found.worst_rmse < found.worst_before  # type: ignore[operator]
+    for name in ("flexor", "extensor"):
+        assert dict(found.rig.axis(name).gains) == dict(found.gains)
 
 
 @pytest.mark.usefixtures("pair_rig")

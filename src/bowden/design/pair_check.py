@@ -124,7 +124,7 @@ def _seeded(pair: PairPlant, seed: int) -> PairPlant:
     return pair._replace(agonist=pair.agonist._replace(seed=seed), antagonist=pair.antagonist._replace(seed=seed + 1))
 
 
-def _at(pair: PairPlant, bends: Bends) -> PairPlant:
+def at_bends(pair: PairPlant, bends: Bends) -> PairPlant:
     """The pair with its sheaths held at these bends."""
     one, other = (side._replace(bend=constant_bend(bend)) for side, bend in zip(pair.sides, bends, strict=True))
     return pair._replace(agonist=one, antagonist=other)
@@ -162,7 +162,7 @@ def _trial(
 ) -> tuple[tuple[Trial, Trial], float]:
     """One run of both, as each side shows it, and how far the motors went apart [rad]."""
     traces = simulate_pair(
-        _at(pair, bends),
+        at_bends(pair, bends),
         laws,
         motion(stroke, moving),
         duration=moving + AFTER,
