@@ -408,6 +408,8 @@ def test_motors_of_a_pair_must_have_met_before_they_can_part() -> None:
     assert (state.pair.met, state.pair.parted) == (1.0, 0.0)
     state, _ = cycle(PAIRED, {"state.pair.parted": DT})
     assert (state.pair.met, state.pair.parted) == (1.0, 2 * DT)
+    state, _ = cycle(PAIRED, {"state.pair.parted": DT, "observed.elapsed": 3 * DT})
+    assert state.pair.parted == 4 * DT
     state, _ = cycle(PAIRED, near)
     assert (state.pair.met, state.pair.parted) == (1.0, 0.0)
     for over in (RELEASING, {"state.decided.passed": 0.0}, STOPPED, {"limits.paired": 0.0}):
@@ -421,6 +423,8 @@ def test_while_the_other_motor_is_not_known_nothing_is_forgotten_and_nothing_sai
             state, verdict = cycle(PAIRED, {"observed.opposite": lost, "state.pair.met": met})
             assert (state.pair.met, state.pair.parted) == (met, 0.0)
             assert verdict.faults == 0.0
+        state, _ = cycle(PAIRED, {"observed.opposite": lost, "state.pair.met": 0.0, "limits.parting": 9.0})
+        assert state.pair.met == 0.0, "an angle that cannot be is not near"
 
 
 def test_without_power_a_load_cell_may_keep_its_value_wherever_the_motor_is_turned() -> None:
