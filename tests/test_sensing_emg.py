@@ -232,6 +232,8 @@ def test_a_start_too_quiet_is_got_over_and_harmless_where_the_wearer_is_known(sh
         assert off - on < 30.0
         known = of_wearer(0.8 * NOISE)
         assert spans(OnsetDetector(1000.0, known).feed(values).active, 1000.0) == []
+        values[1000:1800] *= share  # the file bounds rest until two seconds of it have been seen
+        assert spans(OnsetDetector(1000.0, known).feed(values).active, 1000.0) == []
 
 
 @pytest.mark.parametrize("rate", [1000.0, 1111.1, *(pytest.param(r, marks=LONG) for r in (900.0, 1925.9))])
@@ -349,6 +351,16 @@ def test_a_wearer_whose_rest_was_louder_when_measured_loses_no_contraction() -> 
     without = spans(OnsetDetector(1000.0).feed(values).active, 1000.0)
     assert [round(on) for on, _ in found] == [6, 10, 14]
     assert [on for on, _ in found] == pytest.approx([on for on, _ in without], abs=0.05)
+
+
+def test_a_wearer_whose_rest_was_louder_when_measured_loses_nothing_of_a_long_contraction_soon_after_another() -> None:
+    """What is known of rest is forgotten in it; the file must not bound rest again meanwhile."""
+    want = [(5.0, 6.5, 8.0 * NOISE), (7.2, 24.2, 8.0 * NOISE)]
+    values = background(1000.0, 28_000, np.random.default_rng(7)) + contractions(1000.0, want, 28_000, 7)
+    found = spans(OnsetDetector(1000.0, of_wearer(5.0 * NOISE)).feed(values).active, 1000.0)
+    without = spans(OnsetDetector(1000.0).feed(values).active, 1000.0)
+    assert np.ravel(found)[:3] == pytest.approx(np.ravel(without)[:3], abs=0.1)
+    assert found[1][1] == pytest.approx(without[1][1], abs=1.0)
 
 
 def test_a_contraction_soon_after_another_lasts_half_a_minute_and_a_rest_that_is_louder_after_one_is_rest() -> None:

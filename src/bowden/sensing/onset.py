@@ -372,7 +372,8 @@ def onset_step(onset: Onset, state: OnsetState, value: float) -> tuple[OnsetStat
     seen = np.fmax(state.seen, 0.0)
     deviation = np.sqrt(state.spread + state.unknown)
     strange = state.unknown > FAMILIAR
-    bound = sel(strange, by.least, SILENT)
+    unsure = strange * idle > 0.0  # in a contraction rest is forgotten, and a level that rises would end it
+    bound = sel(unsure, by.least, SILENT)
     there = np.fmax(_least(powers), bound * bound)
     off = log(there) - state.level
     off = sel(off > 0.0, np.fmax(0.0, off - log(1.0 + beside / usual)), off)
@@ -383,7 +384,7 @@ def onset_step(onset: Onset, state: OnsetState, value: float) -> tuple[OnsetStat
     upward = sel(idle, calm * (1.0 - hidden) * np.fmin(off, lid), DOUBT * alive * off) / count
     downward = sel(off < -lid, alive * off / np.fmin(count, FALLS), idle * alive * off / count)
     level = sel(started, state.level + dt * sel(off < 0.0, downward, upward), sel(dead, state.level, log(there)))
-    level = sel(strange, np.fmax(level, onset.floor), level)
+    level = sel(unsure, np.fmax(level, onset.floor), level)
     varied = sel(state.seen > 1.0, calm * (1.0 - hidden) * dt / (count + WEIGHT), 0.0)
     spread = state.spread + varied * (np.fmin(off * off, lid * lid) - state.spread)
 
