@@ -127,7 +127,11 @@ def table(cases: Sequence[Case]) -> str:
     for k, stroke in enumerate(STROKES):
         errors, others, ratios = (
             np.array(values)
-            for values in ([one.errors[k] for one in own], [one.others[k] for one in own], [one.ratio(k) for one in own])
+            for values in (
+                [one.errors[k] for one in own],
+                [one.others[k] for one in own],
+                [one.ratio(k) for one in own],
+            )
         )
         lines.append(
             f"| {stroke:g} | {np.median(errors):.3f}, {errors.max():.3f} | {np.median(others):.3f}, {others.max():.3f} "

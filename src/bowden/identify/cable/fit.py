@@ -63,7 +63,8 @@ class ModelFit:
     fitted_count: int
     """How many parameters were fitted."""
     train_rms: float
-    """Error on what was fitted of the first half, of the family fitted to it, at the log's full rate [rad]."""
+    """Error on what was fitted of the first half, of the family fitted to it, at the log's full rate, each sample
+    counting as it does in the fit [rad]."""
     test_rms: float
     """Error on the second half of the family fitted to the first [rad]. No decision has seen it, but for a first half
     of fewer than four strokes, where the whole log says which family is recommended."""
@@ -278,6 +279,7 @@ def identify_log(log: Log, seed: int = 0, progress: Progress | None = None) -> F
     fitted_from = int(np.searchsorted(log.time, fine.time[np.flatnonzero(fine.weight)[0]])) if start else 0
     path = path_of(log.time, log.motor, log.joint, len(log.time), noise)
     models: dict[str, ModelFit] = {}
+    counts = half.counted_at(log.time)
     predicted, kept = np.empty(0), []
     for done, family in enumerate(half.families):
         tell("judging on the second half", 0.9 + 0.02 * done)
@@ -296,12 +298,12 @@ def identify_log(log: Log, seed: int = 0, progress: Progress | None = None) -> F
             uncertainty=standard_errors(part.fine, estimate, family),
             loop=loop_of(part.fine, estimate.fitted),
             fitted_count=len(estimate.slopes),
-            train_rms=rmse(error[fitted_from:split]),
+            train_rms=math.sqrt(float(np.average(error[fitted_from:split] ** 2, weights=counts[fitted_from:split]))),
             test_rms=rmse(error[split:]),
             left_out_rms=math.sqrt(float(np.mean(errors[family.name]))),
         )
     cycles, lag = whole_cycles(path), time_lag(fine, half.estimates[best])
-    warnings = advice.advise(log, split, fine, fitted_from, models, best, lag, cycles.whole)
+    warnings = advice.advise(log, split, fine, fitted_from, half.rest_until, models, best, lag, cycles.whole)
     if kept:
         warnings.append(
             f"fitted to the whole log a model was worse on it than fitted to the first half, and stays as it was: "

@@ -30,7 +30,15 @@ from bowden.identify.cable.non_negative import non_negative
 from bowden.identify.cable.path import Path
 from bowden.identify.cable.projection import inverse_of, products
 from bowden.identify.cable.validation import folds
-from bowden.models.cable.generalised_play import Branches, design_of, half_gap, joint_angle, mean_branch, slots_of, with_curve
+from bowden.models.cable.generalised_play import (
+    Branches,
+    design_of,
+    half_gap,
+    joint_angle,
+    mean_branch,
+    slots_of,
+    with_curve,
+)
 from bowden.models.cable.prandtl_ishlinskii import plays
 from bowden.plants.cables import branches_of
 
@@ -84,13 +92,14 @@ class GeneralisedPlay:
     def refit(self, path: Path, near: Estimate) -> Estimate:
         """See `Family.refit`; the plays stay, and so does where each is in contact.
 
-        Where the path reaches beyond the nodes they are laid again over all of it, and λ and the contacts with them.
+        Where the path reaches beyond the nodes they are laid again over all of it; λ and the contacts are found with
+        them, and the plays once more.
         """
         lag, of_mean, of_gap = (float(value) for value in near.theta)
         cable = branches_of(near.parameters)
         low, high = _range(path)
         if low < cable.low or high > cable.high:
-            return _settled(path, lag, _laid(cable, min(low, cable.low), max(high, cable.high)), 0)
+            return _settled(path, lag, _laid(cable, min(low, cable.low), max(high, cable.high)), 1)
         columns = np.column_stack([design_of(path.motor, lag, cable), path.joint])
         cable, strengths = _solved(path, columns, cable, (of_mean, of_gap))
         return _estimate(path, lag, cable, strengths)
