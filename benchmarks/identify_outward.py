@@ -5,6 +5,7 @@ recommended model follows. Where that is ``generalised_play``, its error stands 
 been recommended without it: the other family with the least error on left-out stretches.
 
     python benchmarks/identify_outward.py development 0 48
+    python benchmarks/identify_outward.py judging 0 48          # and the section of the page
 """
 
 import argparse
@@ -15,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import bowden
+import results
 from bowden.core.metrics import rmse
 from bowden.core.units import DEGREES, RADIANS
 from bowden.identify.cable.fit import Fit, follow
@@ -24,6 +26,7 @@ from unseen_cells import drawn_cable
 
 Array = NDArray[np.float64]
 
+TITLE = "Strokes larger than the log's"
 SETS = {"development": 1, "judging": 2}
 """Set → its key, which goes into every draw: no two sets share a seed."""
 KINDS = ("play", "rounded", "soft", "wedge", "stribeck", "capstan")
@@ -148,7 +151,10 @@ def main() -> None:
     parser.add_argument("first", type=int)
     parser.add_argument("stop", type=int)
     given = parser.parse_args()
-    print(table([case(draw(given.set, number), number) for number in range(given.first, given.stop)]))
+    found = table([case(draw(given.set, number), number) for number in range(given.first, given.stop)])
+    print(found)
+    if given.set == "judging":
+        results.write(TITLE, found)
 
 
 if __name__ == "__main__":
