@@ -56,6 +56,9 @@ _STRENGTHS = 10.0 ** np.array([-5.5, -4.0, -2.5, -1.0, 2.0])
 """λ tried, for either curve."""
 _STIFFEST = 1e6
 """λ from which on the branches are taken to be straight."""
+_STEPS = np.diff(np.eye(_NODES), axis=0)
+_CURVATURE = np.diff(np.eye(_NODES), 2, axis=0).T @ np.diff(np.eye(_NODES), 2, axis=0)
+"""What makes the steps of a curve's nodes, and the sum of its squared second differences."""
 _ROUNDS, _PLAYS_ROUNDS = 3, 3
 """Until the contacts are settled, and in how many more the plays are found again."""
 _REACHES = 1.15 ** np.arange(-20.0, 9.0)
@@ -86,8 +89,19 @@ class GeneralisedPlay:
 
     def fit(self, path: Path) -> Estimate:
         """See `Family.fit`."""
+        return self._fit(path, _PLAYS_ROUNDS)
+
+    def rough(self, path: Path) -> Estimate:
+        """The same with the plays as they are found first, for `bowden.identify.cable.settling`.
+
+        Where the motor came from is known to one of seven values: better plays would show that as a first stroke that
+        is unlike the others.
+        """
+        return self._fit(path, 0)
+
+    def _fit(self, path: Path, again: int) -> Estimate:
         memory = _memory(path, _LAGS * path.span)
-        return _settled(path, memory.lag, _straight(path, memory), _PLAYS_ROUNDS)
+        return _settled(path, memory.lag, _straight(path, memory), again)
 
     def refit(self, path: Path, near: Estimate) -> Estimate:
         """See `Family.refit`; the plays stay, and so does where each is in contact.
@@ -172,9 +186,8 @@ def _with_plays(path: Path, lag: float, cable: Branches) -> Branches:
     """The same branches with the plays between them that fit best: shares of one sign, which sum to one at most."""
     if not cable.gaps.any():
         return cable
-    offered = cable._replace(reaches=_REACHES)
-    mean = np.array([mean_branch(at, cable) for at in path.motor])
-    moved, wanted = slots_of(path.motor, lag, offered) - mean[:, None], path.joint - cable.offset - mean
+    slots = slots_of(path.motor, lag, cable._replace(reaches=np.append(0.0, _REACHES)))  # the first is the mean itself
+    moved, wanted = slots[:, 1:] - slots[:, :1], path.joint - cable.offset - slots[:, 0]
     root = np.sqrt(path.weight)
     total = _TOTAL * float(np.linalg.norm(root * wanted))
     rows = np.column_stack([root[:, None] * moved, np.zeros(len(root))])  # the last: of the motor itself
@@ -204,12 +217,11 @@ def _through(cable: Branches, mean: Array, gaps: Array) -> Branches:
 
 def _penalty(strengths: tuple[float, float], weight: float, cable: Branches) -> Array:
     """S (2k, 2k): cᵀSc is what the nodes c of both curves cost."""
-    second, first = np.diff(np.eye(_NODES), 2, axis=0), np.diff(np.eye(_NODES), axis=0)
     tied = min(_TIED * strengths[1], max(strengths[1], _STIFFEST))
     of_gap = np.where(_one_seen(cable), tied, strengths[1])
     found = np.zeros((2 * _NODES, 2 * _NODES))
-    found[:_NODES, :_NODES] = strengths[0] * weight * (second.T @ second)
-    found[_NODES:, _NODES:] = weight * (first.T @ (of_gap[:, None] * first))
+    found[:_NODES, :_NODES] = strengths[0] * weight * _CURVATURE
+    found[_NODES:, _NODES:] = weight * (_STEPS.T @ (of_gap[:, None] * _STEPS))
     return found
 
 
