@@ -273,7 +273,8 @@ def identify_log(log: Log, seed: int = 0, progress: Progress | None = None) -> F
     slope = seen.estimates["line"].parameters["slope"]
     blur = math.hypot(slope * noise, motor_noise(log.joint[:split]))
     complexity = {name: len(seen.estimates[name].slopes) for name in offered}
-    best: str = simplest_of_the_best(offered, complexity, unseen, blur)
+    trading = [family.name for family in seen.families if seen.estimates[family.name].prior is not None]
+    best: str = simplest_of_the_best(offered, complexity, unseen, blur, trading)
 
     fine, start = half.fine, half.settling.start
     fitted_from = int(np.searchsorted(log.time, fine.time[np.flatnonzero(fine.weight)[0]])) if start else 0
