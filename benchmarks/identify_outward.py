@@ -5,7 +5,7 @@ recommended model follows. Where that is ``generalised_play``, its error stands 
 been recommended without it: the other family with the least error on left-out stretches.
 
     python benchmarks/identify_outward.py development 0 48
-    python benchmarks/identify_outward.py judging 0 48          # and the section of the page
+    python benchmarks/identify_outward.py judging 96 144        # and the section of the page
 """
 
 import argparse
@@ -154,7 +154,7 @@ def main() -> None:
     found = table([case(draw(given.set, number), number) for number in range(given.first, given.stop)])
     print(found)
     if given.set == "judging":
-        results.write(TITLE, found)
+        results.write(TITLE, f"{found}\n\nJudging draws {given.first} to {given.stop - 1}, looked at once.")
 
 
 if __name__ == "__main__":
