@@ -193,6 +193,7 @@ def _with_plays(path: Path, lag: float, cable: Branches) -> Branches:
     rows = np.column_stack([root[:, None] * moved, np.zeros(len(root))])  # the last: of the motor itself
     corner = np.linalg.qr(np.vstack([np.column_stack([rows, root * wanted]), np.full(len(_REACHES) + 2, total)]), "r")
     shares = non_negative(corner[:, :-1], corner[:, -1])[:-1]
+    shares = shares / max(1.0, float(shares.sum()))
     kept = shares > _LEAST_SHARE
     size = float(shares[kept] @ _REACHES[kept])
     if not size > 0.0:
@@ -230,8 +231,8 @@ def _one_seen(cable: Branches) -> NDArray[np.bool_]:
     order = np.argsort(cable.reaches)
     taken_up = np.cumsum((cable.shares * cable.reaches)[order])
     reach = cable.reaches[order][int(np.searchsorted(taken_up, _TAKEN_UP * taken_up[-1]))]
-    width = 2.0 * reach * float(np.mean(cable.gaps)) / abs(cable.slope)
-    share = min(width / (cable.high - cable.low), _MOST_TIED)
+    width, rise = 2.0 * reach * float(np.mean(cable.gaps)), abs(cable.slope) * (cable.high - cable.low)
+    share = width / rise if width < _MOST_TIED * rise else _MOST_TIED
     middle = (np.arange(_NODES - 1) + 0.5) / (_NODES - 1)
     return np.asarray((middle < share) | (middle > 1.0 - share))
 
@@ -258,6 +259,7 @@ def _nodes(sums: Array, penalty: Array) -> Array:
     """The nodes (2k,) that solve a penalised Gram matrix, the joint last."""
     gram = sums[:-1, :-1] + penalty
     small = 1e-12 * float(np.trace(sums[:-1, :-1])) / len(gram) * np.eye(len(gram))  # of the data: λ may be large
+    small += 1e-15 * float(np.trace(penalty)) / len(gram) * np.eye(len(gram))
     if not sums[_NODES:-1, _NODES:-1].any():  # without a play no gap shows
         small[_NODES:, _NODES:] = np.eye(_NODES)
     return np.asarray(np.linalg.solve(gram + small, sums[:-1, -1]))
