@@ -191,7 +191,9 @@ def _with_plays(path: Path, lag: float, cable: Branches) -> Branches:
     root = np.sqrt(path.weight)
     total = _TOTAL * float(np.linalg.norm(root * wanted))
     rows = np.column_stack([root[:, None] * moved, np.zeros(len(root))])  # the last: of the motor itself
-    corner = np.linalg.qr(np.vstack([np.column_stack([rows, root * wanted]), np.full(len(_REACHES) + 2, total)]), "r")
+    corner = np.asarray(
+        np.linalg.qr(np.vstack([np.column_stack([rows, root * wanted]), np.full(len(_REACHES) + 2, total)]), "r")
+    )
     shares = non_negative(corner[:, :-1], corner[:, -1])[:-1]
     shares = shares / max(1.0, float(shares.sum()))
     kept = shares > _LEAST_SHARE
