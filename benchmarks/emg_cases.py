@@ -27,7 +27,7 @@ from bowden.sensing.envelope import PLAIN_THRESHOLD
 from bowden.sensing.onset_settings import SAFE
 from bowden.sensing.stream import EnvelopeFilter, OnsetDetector
 from emg_draw import (
-    FAMILIES,
+    CHANGING,
     QUICK,
     RECORDINGS,
     REST_SECONDS,
@@ -243,8 +243,11 @@ def by_family(told: Sequence[Told]) -> list[Row]:
     seen, rows = [one for one in told if one.ratio >= 2.5], []
     lengths = ((0.0, 0.3), (0.3, 1.0), (1.0, 3.0), (3.0, 10.1))
     rows += [row(f"length {a:g}–{b:g} s", [one for one in seen if a <= one.length < b]) for a, b in lengths]
-    for part, families in FAMILIES.items():
-        rows += [row(f"{part}: {family}", [one for one in seen if one.families[part] == family]) for family in families]
+    for part, families in CHANGING.items():
+        drawn = [one for one in seen if part in one.families]
+        rows += [
+            row(f"{part}: {family}", [one for one in drawn if one.families[part] == family]) for family in families
+        ]
     return rows
 
 
@@ -403,6 +406,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("numbers", nargs="?", default="", help=f"COUNT or FIRST:END of the cases; {COUNT} without it")
     parser.add_argument("--set", choices=list(SETS), default="development", dest="set_name")
+    parser.add_argument("--changing", action="store_true", help="draws whose rest changes, and has bursts, as people's")
     parser.add_argument("--detector", default=DEFAULT.name)
     parser.add_argument("--peers", action="store_true", help="the paper's threshold and TKEO, too")
     parser.add_argument("--wearer", action="store_true", help="the same detector with a wearer's file, too")
@@ -418,10 +422,19 @@ def main() -> None:
     finders = {given.detector: ours(given.detector)} | (PEERS if given.peers else {})
     finders |= {f"{given.detector}, wearer known": known} if given.wearer else {}
     stretches = range(numbers.start, numbers.start + math.ceil(3600.0 * given.rest / REST_SECONDS))
-    looks = look(name, numbers, f"{', '.join(finders)}; {given.rest:g} h of rest")
-    done = list(_progress(play(finders, (draw(name, k) for k in numbers)), len(numbers), "cases"))
-    rest = list(_progress(play(finders, (draw_rest(name, k) for k in stretches)), len(stretches), "stretches of rest"))
-    document: dict[str, Any] = {"set": name, "cases": [numbers.start, numbers.stop], "looks": looks, "detectors": {}}
+    kind = "rest that changes; " if given.changing else ""
+    looks = look(name, numbers, f"{kind}{', '.join(finders)}; {given.rest:g} h of rest")
+    cases = (draw(name, k, given.changing) for k in numbers)
+    rests = (draw_rest(name, k, given.changing) for k in stretches)
+    done = list(_progress(play(finders, cases), len(numbers), "cases"))
+    rest = list(_progress(play(finders, rests), len(stretches), "stretches of rest"))
+    document: dict[str, Any] = {
+        "set": name,
+        "changing": given.changing,
+        "cases": [numbers.start, numbers.stop],
+        "looks": looks,
+        "detectors": {},
+    }
     for which, find in finders.items():
         results = [(what, found[which]) for what, found in done]
         told = [one for _, result in results for one in result.told]

@@ -3,6 +3,10 @@
 Each part of a case belongs to a family of `FAMILIES`; the parts are drawn independently, so that a judging set has
 combinations that nobody thought of. Sizes are of the band of surface EMG (20 to 450 Hz): a contraction's ratio is the
 RMS of all that is there during it, rest included, over the RMS of rest without mains, heart and movement.
+
+There are two kinds of draws. In the first, rest is the same before and after a contraction. In the second, `changing`,
+it is another after each contraction, and a calm floor with bursts, as it is in people; a contraction's ratio is over
+the rest before it.
 """
 
 import gzip
@@ -25,7 +29,7 @@ Array = NDArray[np.float64]
 
 SETS = {"development": 1, "validation": 2, "judging": 3}
 """Set → its key, which goes into every draw: no two sets share a seed."""
-_CASES, _RESTS, _CALIBRATIONS = 18_001, 18_002, 18_003
+_CASES, _RESTS, _CALIBRATIONS, _CHANGING, _BURSTS = 18_001, 18_002, 18_003, 18_004, 18_005
 """What a number is drawn for."""
 RATES = (500.0, 512.0, 1000.0, 1024.0, 1925.9, 2000.0, 2048.0, 4000.0)
 """Samples a second of the rigs that are drawn [Hz]; few, since loops are compiled for each."""
@@ -51,6 +55,18 @@ FAMILIES: dict[str, dict[str, float]] = {
     "converter": {"fine": 6, "coarse": 1, "clipped": 1},
 }
 """Part → family → weight."""
+CHANGING: dict[str, dict[str, float]] = FAMILIES | {
+    "pauses": {"each its own": 1, "walking": 1},
+    "bursts": {"none": 1, "some": 2},
+}
+"""The same of draws whose rest changes: each pause has a level of its own, or that of the one before and a change."""
+JUMPS = (0.1, 1.3)
+"""RMS of the change in the log of rest's power from one pause to the next, log-uniform by case: 0.11 and 0.13 in
+BioSPPy's recordings, 0.65, 0.77 and 1.3 in those of biosignalsnotebooks [–]."""
+BURSTS_A_SECOND, BURST_SECONDS, BURST_RISE = (0.05, 3.0), (0.08, 0.5), (0.4, 1.6)
+"""How often a burst begins at rest, log-uniform by case [Hz]; how long one lasts, log-uniform [s]; how far it is above
+the floor, in the log of power, uniform: at most 2.2 times its size, since from 2.5 times on it would be a contraction
+[–]."""
 UNITS = {"V": 1e-3, "mV": 1.0, "µV": 1e3, "counts": 0.0}
 """Unit of the recording → factor from mV; counts are the converter's own."""
 
@@ -229,9 +245,9 @@ def _pick(random: np.random.Generator, names: tuple[str, ...]) -> str:
     return names[int(random.integers(len(names)))]
 
 
-def _families(random: np.random.Generator) -> dict[str, str]:
+def _families(random: np.random.Generator, families: dict[str, dict[str, float]] = FAMILIES) -> dict[str, str]:
     chosen = {}
-    for part, weights in FAMILIES.items():
+    for part, weights in families.items():
         shares = np.array(list(weights.values()))
         chosen[part] = str(random.choice(list(weights), p=shares / shares.sum()))
     if not there():
@@ -285,21 +301,58 @@ def _profile(
     return size, on if rise <= QUICK else first, last
 
 
-def draw(set_name: str, number: int) -> Case:
-    """The case of a number."""
-    random = random_of(set_name, number)
-    chosen, rate = _families(random), float(random.choice(RATES))
+def _levels(kind: str, pauses: int, random: np.random.Generator) -> Array:
+    """Log of the power of rest in each pause, over that of the first one (pauses,)."""
+    jump = _log(random, *JUMPS)
+    if kind == "walking":
+        return np.concatenate([[0.0], np.cumsum(random.normal(0.0, jump, pauses - 1))])
+    own = random.normal(0.0, jump / math.sqrt(2.0), pauses)
+    return own - own[0]
+
+
+def _bursts(count: int, rate: float, random: np.random.Generator) -> Array:
+    """Size of rest that is a calm floor with bursts, of RMS 1 (count,)."""
+    power, duration = np.zeros(count), count / rate
+    for begin in random.uniform(0.0, duration, random.poisson(duration * _log(random, *BURSTS_A_SECOND))):
+        first, length = round(begin * rate), round(_log(random, *BURST_SECONDS) * rate)
+        part = power[first : first + length]  # a view
+        shape = np.hanning(length)[: len(part)]
+        np.maximum(part, random.uniform(*BURST_RISE) * np.minimum(1.0, 2.0 * shape), out=part)
+    size = np.exp(0.5 * power)
+    return size / math.sqrt(float(np.mean(size**2)))
+
+
+def _changed(
+    time: Array, plan: list[tuple[float, ...]], chosen: dict[str, str], rate: float, random: np.random.Generator
+) -> tuple[Array, Array]:
+    """Size of rest over that of the first pause (n,), and that before each contraction (contractions,).
+
+    The level goes from one pause's to the next one's while the contraction lasts.
+    """
+    levels = _levels(chosen["pauses"], len(plan) + 1, random)
+    at = [edge for entry in plan for edge in entry[:2]]
+    size = np.exp(0.5 * np.interp(time, at, np.repeat(levels, 2)[1:-1]))
+    if chosen["bursts"] == "some" and chosen["rest"] != "recorded":
+        size *= _bursts(len(time), rate, random)
+    return size, np.exp(0.5 * levels[:-1])
+
+
+def draw(set_name: str, number: int, changing: bool = False) -> Case:
+    """The case of a number; with rest that changes across contractions, or not."""
+    random = random_of(set_name, number, _CHANGING if changing else _CASES)
+    chosen, rate = _families(random, CHANGING if changing else FAMILIES), float(random.choice(RATES))
     plan, duration = _plan(chosen, random)
     count = next_fast_len(round(duration * rate), real=True)
     time = np.arange(count) / rate
+    calm, over = _changed(time, plan, chosen, rate, random) if changing else (np.ones(count), np.ones(len(plan)))
     size, made = np.zeros(count), []
-    for entry in plan:
+    for entry, rest in zip(plan, over, strict=True):
         shape, seen, gone = _profile(time, entry, chosen["plateau"], random)
-        size += shape
+        size += rest * shape
         on, off, ratio, rise, _, judged = entry
         made.append(Contraction(on, off, ratio, rise, seen, gone, judged > 0.5))
     resting = _resting(chosen["rest"], count, rate, random)
-    muscle = NOISE * (resting + size * _contracting(chosen["contraction"], count, rate, random))
+    muscle = NOISE * (calm * resting + size * _contracting(chosen["contraction"], count, rate, random))
     facts: dict[str, float] = {}
     most = NOISE * max(1.0, float(size.max(initial=1.0)))
     beside, phase = _around(count, chosen, rate, facts, random)
@@ -319,6 +372,8 @@ def draw_calibration(set_name: str, case: Case) -> Case:
     facts: dict[str, float] = {}
     beside, _ = _around(count, chosen, case.rate, facts, random)
     resting = _resting(chosen["rest"], count, case.rate, random)
+    if chosen.get("bursts") == "some" and chosen["rest"] != "recorded":
+        resting *= _bursts(count, case.rate, random)
     muscle = resting + size * _contracting(chosen["contraction"], count, case.rate, random)
     values = case.rest * (muscle + beside / NOISE)
     only = Contraction(plan[0], plan[1], plan[2], plan[3], seen, gone, True)
@@ -420,14 +475,17 @@ REST_SECONDS = 600.0
 """Of one stretch of rest [s]."""
 
 
-def draw_rest(set_name: str, number: int) -> Case:
-    """Ten minutes of rest of a number: every third second something that is no contraction."""
-    random = random_of(set_name, number, _RESTS)
+def draw_rest(set_name: str, number: int, changing: bool = False) -> Case:
+    """Ten minutes of rest of a number: every third second something that is no contraction; with bursts, or not."""
+    random = random_of(set_name, number, _BURSTS if changing else _RESTS)
     chosen, rate = _families(random), float(random.choice(RATES))
     count = next_fast_len(round(REST_SECONDS * rate), real=True)
     facts: dict[str, float] = {}
     beside, phase = _around(count, chosen, rate, facts, random)
-    values = NOISE * _resting(chosen["rest"], count, rate, random) + beside
+    resting = _resting(chosen["rest"], count, rate, random)
+    if changing and chosen["rest"] != "recorded":
+        resting *= _bursts(count, rate, random)
+    values = NOISE * resting + beside
     rail = NOISE * _log(random, 30.0, 3000.0)
     for begin in np.arange(3.0, REST_SECONDS - 5.0, 3.0):
         kind = Artefact(random.choice(list(Artefact)))

@@ -1,6 +1,7 @@
 """Several axes by the commands: run on twins, logged, replayed, stopped together; refused where one is asked for."""
 
 import contextlib
+import io
 import json
 import subprocess
 import warnings
@@ -225,16 +226,18 @@ def test_a_rig_of_axes_that_cannot_be_gets_no_power(tmp_path: Path) -> None:
 
 
 def test_what_is_said_to_come_next_names_the_axis(capsys: pytest.CaptureFixture[str]) -> None:
-    found = {"ended_well": True, "law": "bowden"}
+    found = {"ended_well": True, "law": "bowden", "log_whole": True}
     both = [{"name": "hip", "law": "bowden"}, {"name": "knee", "law": "bowden"}]
     run_command._say_next(Path("leg.toml"), found | {"axes": both}, None, None, None)
     run_command._say_next(Path("leg.toml"), found, "bowden", None, "knee")
     run_command._say_next(Path("rig.toml"), found, None, None, None)
+    run_command._say_next(Path("rig.toml"), found | {"log_whole": False, "log": "b.mcap"}, None, None, None)
     assert capsys.readouterr().out.splitlines() == [
         "Next: bowden export leg.toml --axis hip --to firmware/hip",
         "Next: bowden export leg.toml --axis knee --to firmware/knee",
         "Next: bowden export leg.toml --law bowden --axis knee --to firmware/bowden",
         "Next: bowden export rig.toml --to firmware/bowden",
+        "Next: bowden log recover b.mcap",
     ]
 
 
@@ -243,7 +246,7 @@ def test_how_each_twin_is_reached_is_said(
 ) -> None:
     @contextlib.contextmanager
     def played(rig: Rig, channel: Path, options: list[str]) -> Iterator[Any]:
-        yield SimpleNamespace(channel=str(channel))
+        yield SimpleNamespace(channel=str(channel), process=SimpleNamespace(poll=lambda: None))
 
     monkeypatch.setattr(twin_process, "running_twin", played)
     leg.write_text(leg.read_text().replace("node_id = 2", 'node_id = 2\ninterface = "socketcan"\nchannel = "can1"'))
@@ -255,3 +258,17 @@ def test_how_each_twin_is_reached_is_said(
     assert f"bowden twin {leg} --axis hip --channel {channels[2]}\n" in told
     assert f"bowden twin {leg} --axis hip --channel {channels[0]}\n" in told
     assert f"bowden twin {leg} --axis knee --channel {channels[1]} --interface bowden_unix\n" in told
+
+
+def test_a_twin_that_ends_before_its_run_is_said_with_its_last_line(
+    leg: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    @contextlib.contextmanager
+    def ended(rig: Rig, channel: Path, options: list[str]) -> Iterator[Any]:
+        died = SimpleNamespace(poll=lambda: 1, returncode=1, stderr=io.StringIO("Traceback\nValueError: no\n"))
+        yield SimpleNamespace(channel=str(channel), process=died)
+
+    monkeypatch.setattr(twin_process, "running_twin", ended)
+    with own_twin(Rig.read(leg).axis("hip"), alone="hip"):
+        pass
+    assert "ended before the run, with exit code 1: ValueError: no; begin again" in capsys.readouterr().err

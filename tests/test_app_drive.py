@@ -35,6 +35,40 @@ def test_what_came_is_kept_with_its_range_and_each_change() -> None:
     assert look.said(lambda code: f"code {code:X}") == ["code 4210", "emergency stop"]
 
 
+def test_an_emergency_stop_that_stays_pressed_is_said_once() -> None:
+    look = DriveLook()
+    for code in (0.0, EMERGENCY_STOP, EMERGENCY_STOP, 0.0, float(0x4210), EMERGENCY_STOP):
+        look.take(READING._replace(emergency=code))
+    assert look.emergencies == [EMERGENCY_STOP, float(0x4210), EMERGENCY_STOP]
+
+
+def test_an_angle_that_comes_no_more_is_silent_and_one_that_never_came_is_not() -> None:
+    look = DriveLook()
+    look.take(READING._replace(motor_age=0.0, joint_age=math.inf))
+    look.take(READING._replace(motor_age=400.0, joint_age=math.inf))
+    assert look.silent_now(1e-3) == {"motor": pytest.approx(0.4)}
+    look.take(READING._replace(motor_age=0.0, joint_age=math.inf))
+    assert look.silent_now(1e-3) == {}
+    assert look.oldest == {"motor": 400.0}
+
+
+def test_a_drive_that_falls_silent_under_monitor_is_said(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "rig.toml"
+    path.write_text("")
+    look = DriveLook()
+    look.take(READING)
+    look.take(READING._replace(joint_age=4000.0))
+    monkeypatch.setattr(drive_command, "_brought_up", lambda _: contextlib.nullcontext((None, "it")))
+    monkeypatch.setattr(drive_command, "_looked", lambda *_: iter([look]))
+    assert main.run(["drive", "monitor", str(path), "--duration", "1"]) == 2
+    printed = capsys.readouterr()
+    assert "silent       the joint's angle, for 4.0 s at the longest" in printed.out
+    assert "Next:" not in printed.out
+    assert "the angle of the joint has not come for 4.0 s; look at the plugs" in printed.err
+
+
 class Powered:
     """A drive that has torque although it is told off."""
 
@@ -141,6 +175,7 @@ def test_a_load_cell_is_looked_at_and_tared_without_power(tmp_path: Path, capsys
         (["monitor", "--duration", "-1"], "--duration is -1; expected seconds above 0"),
         (["zero", "--joint-deg", "nan"], "--joint-deg is nan; expected degrees"),
         (["tare", "--load", "nan"], "--load is nan; expected N or N·m"),
+        (["tare", "--channel", "{none}"], "the rig has no load cell; expected [load_cell]"),
     ],
 )
 def test_what_cannot_be_done_is_one_line(

@@ -243,6 +243,19 @@ def test_a_loop_that_is_late_now_and_then_is_waited_for_and_that_is_said_once(
         assert session.seen == pytest.approx(seconds / 0.05, abs=3)
 
 
+def test_what_keeps_a_run_from_beginning_after_its_preflight_is_not_waited_for_with_power_on(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    stopped, passed = row(mode=float(Mode.STOPPED)), {"mode": float(Mode.PREFLIGHT), "preflight": 1.0}
+    full = [row(time=0.05 * k, faults=2.0**Fault.RECORDER_LOST, **passed) for k in range(1000)]
+    session = FakeSession([stopped, *full])
+    for _ in automatic(session):  # type: ignore[arg-type]
+        pass
+    assert session.seen == pytest.approx(3.0 / 0.05, abs=4)
+    assert session.asked.count(Request.RUN) > 10
+    assert "has passed, and the run does not begin: nothing is recorded: make" in capsys.readouterr().err
+
+
 def shown(
     values: dict[str, float], emergency: int = 0, log: str = "run.mcap", came: dict[Fault, float] | None = None
 ) -> str:

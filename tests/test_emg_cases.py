@@ -38,6 +38,25 @@ def test_a_contraction_has_the_ratio_that_its_case_says() -> None:
                 assert float(np.std(part)) / case.rest == pytest.approx(one.ratio, rel=0.35), number
 
 
+def test_rest_that_changes_is_drawn_apart_and_as_its_families_say() -> None:
+    levels = []
+    for number in range(60):
+        case = drawn.draw("development", number, changing=True)
+        assert set(case.families) == set(drawn.CHANGING)
+        if any(case.families[part] != family for part, family in cases.QUIET.items()):
+            continue
+        band, pauses = in_band(case.values - np.mean(case.values), case.rate), []
+        edges = [0.2, *(edge for one in case.contractions for edge in (one.onset, one.end))]
+        for begin, end in zip(edges[::2], edges[1::2], strict=False):
+            if begin > 0.0 and end - begin > 0.5:
+                pauses.append(2.0 * math.log(float(np.std(band[round(begin * case.rate) : round(end * case.rate)]))))
+        levels += list(np.diff(pauses))
+    assert 0.3 < float(np.sqrt(np.mean(np.square(levels)))) < 1.3, "as far as real pauses differ"
+    rest, again = (drawn.draw_rest("development", 0, changing=True) for _ in range(2))
+    assert np.array_equal(rest.values, again.values)
+    assert not np.array_equal(rest.values[:5000], drawn.draw_rest("development", 0).values[:5000])
+
+
 def test_a_detection_belongs_to_one_contraction_or_to_none() -> None:
     def contraction(onset: float, end: float, judged: bool = True) -> drawn.Contraction:
         return drawn.Contraction(onset, end, 5.0, 0.01, onset, end, judged)

@@ -1,6 +1,7 @@
 """Live data for Foxglove, read by a client that we did not write."""
 
 import asyncio
+import socket
 import struct
 import threading
 import time
@@ -110,6 +111,17 @@ def test_what_cannot_be_served_is_one_line_before_anything_begins(
     path.write_text("")
     assert main.run(["run", str(path), "--twin", "--auto", "--foxglove", "70000"]) == 2
     assert capsys.readouterr().err == "bowden: --foxglove is 70000; expected a port from 0 to 65535; correct it\n"
+    monkeypatch.setattr(foxglove_process, "find_spec", lambda name: name)
+    with socket.socket() as taken:
+        taken.bind((foxglove_process.HOST, 0))
+        taken.listen()
+        port = str(taken.getsockname()[1])
+        words = ["run", str(path), "--twin", "--auto", "--out", str(tmp_path / "out"), "--foxglove", port]
+        assert main.run(words) == 2
+    printed = capsys.readouterr().err
+    assert printed.startswith(f"bowden: cannot serve live data at port {port}: Address already in use; name another")
+    assert printed.count("\n") == 1
+    assert not (tmp_path / "out").exists()
     monkeypatch.setattr(foxglove_process, "find_spec", lambda name: None)
     assert main.run(["run", str(path), "--twin", "--auto", "--foxglove", "0"]) == 2
     assert "pip install 'bowden[foxglove]'" in capsys.readouterr().err

@@ -16,6 +16,7 @@ from bowden.hardware.drives import canopen_frames as frames
 from bowden.hardware.drives.ak_drive import AkDrive
 from bowden.hardware.drives.ak_parameters import AkParameters
 from bowden.hardware.drives.load_cell import VALUE_32, LoadCellParameters, LoadCellReader
+from bowden.hardware.drives.moteus_parameters import MoteusParameters
 from bowden.hardware.drives.parameters import DriveParameters, load_of, load_range, tared
 from bowden.hardware.drives.with_load_cell import DriveWithLoadCell
 from bowden.hardware.ports import Power, TorqueLeft
@@ -239,6 +240,13 @@ def test_two_nodes_with_frames_of_one_identifier_are_refused() -> None:
 def test_a_cell_that_could_not_show_what_is_to_be_seen_is_refused(cell: dict[str, Any], said: str) -> None:
     with pytest.raises(ParameterError, match=said):
         _ = Rig(load_cell={**NODE._asdict(), **cell}).drive_parameters
+
+
+def test_a_cell_of_classic_can_on_a_bus_of_can_fd_is_refused() -> None:
+    rig = Rig(drive=MoteusParameters(), load_cell=NODE)
+    with pytest.raises(ParameterError, match=r"CAN-FD at 5000000 bit/s and 1000000 bit/s: .* write channel in"):
+        _ = rig.drive_parameters
+    _ = rig.replace(load_cell=NODE._replace(channel="can1")).drive_parameters
 
 
 def test_two_cells_and_an_input_of_too_small_a_range_are_refused() -> None:

@@ -340,3 +340,22 @@ def test_a_converter_whose_count_is_larger_than_rest_will_do(counts: float) -> N
         values = background(1000.0, 10000, np.random.default_rng(seed)) + contractions(1000.0, want, 10000, seed)
         got = find(np.round(values / NOISE * counts + 500.2), 1000.0, [(on, off) for on, off, _ in want]).score
         assert (got.misses, got.false_activations) == (0, 0)
+
+
+def test_a_wearer_whose_rest_was_louder_when_measured_loses_no_contraction() -> None:
+    want = [(6.0, 7.0, 4.0 * NOISE), (10.0, 11.0, 4.0 * NOISE), (14.0, 15.0, 4.0 * NOISE)]
+    values = background(1000.0, 17_000, np.random.default_rng(6)) + contractions(1000.0, want, 17_000, 6)
+    found = spans(OnsetDetector(1000.0, of_wearer(5.0 * NOISE)).feed(values).active, 1000.0)
+    without = spans(OnsetDetector(1000.0).feed(values).active, 1000.0)
+    assert [round(on) for on, _ in found] == [6, 10, 14]
+    assert [on for on, _ in found] == pytest.approx([on for on, _ in without], abs=0.05)
+
+
+def test_a_contraction_soon_after_another_lasts_half_a_minute_and_a_rest_that_is_louder_after_one_is_rest() -> None:
+    want = [(10.0, 14.0, 30.0 * NOISE), (14.8, 44.8, 30.0 * NOISE)]
+    values = background(1000.0, 60_000, np.random.default_rng(4))
+    values[44_800:] *= 2.0
+    values += contractions(1000.0, want, 60_000, 4)
+    (_, (on, off)) = spans(OnsetDetector(1000.0).feed(values).active, 1000.0)
+    assert 14.8 < on < 14.95
+    assert 44.5 < off < 46.0

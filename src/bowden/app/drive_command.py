@@ -71,8 +71,9 @@ def monitor(
 
     The drive is brought up, as before a run, and gets no power: turn motor and joint by hand, and look.
     """
-    from bowden.core.errors import ParameterError
+    from bowden.core.errors import DriveError, ParameterError
     from bowden.hardware.drives.family import family_of
+    from bowden.live.drive_look import AGES
 
     if duration is not None and not 0.0 < duration <= 1e6:
         raise ParameterError(f"--duration is {duration:g}", expected="seconds above 0", do="correct it")
@@ -87,10 +88,19 @@ def monitor(
     if look is None:
         return
     said = look.said(family_of(given.drive).explain)
+    period = given.sample_time
     if json:
-        print_json({"drive": identity, **_document(look), "said": said, "seconds": seconds()})
+        silent = {name: round(period * look.oldest[name], 4) if name in look.oldest else None for name in AGES}
+        print_json({"drive": identity, **_document(look), "silent_s": silent, "said": said, "seconds": seconds()})
     else:
-        _print_summary(look, said)
+        _print_summary(look, said, period)
+    lost = look.silent_now(period)
+    if lost:
+        raise DriveError(
+            f"the angle of the {' and the '.join(lost)} has not come for {max(lost.values()):.1f} s",
+            do="look at the plugs of bus and encoder, at both terminations, and at the drive's supply",
+        )
+    if not json:
         say_next("confirm", rig, *_asked(axis, channel))
 
 
@@ -156,11 +166,13 @@ def tare(
     Let the cable hang slack, or hang a known weight on it, and call this. Nothing is written.
     """
     from bowden.core.errors import ParameterError
+    from bowden.live.drive_look import require_load_cell
     from bowden.live.drive_look import tare as tared
 
     if not math.isfinite(load):
         raise ParameterError(f"--load is {load:g}", expected="N or N·m", do="correct it")
     given = read_given(rig, axis).on_bus(channel)
+    require_load_cell(given)
     with _brought_up(given) as (drive, identity):
         _tell(identity)
         looks = _looked(drive, given, _LISTENED)
@@ -220,10 +232,15 @@ def _tell(sentence: str) -> None:
 
 def _show(look: "DriveLook", given: "Rig") -> None:
     """One line on a terminal, ten times a second."""
+    from bowden.core.signals import EMERGENCY_STOP
+
     if look.cycles % max(1, round(_SHOW / given.sample_time)) or not sys.stderr.isatty():
         return
     assert look.last is not None
-    parts = [f"{name} {value} {unit}" for name, value, unit in _values(look)]
+    silent = look.silent_now(given.sample_time)
+    parts = [f"{name} {value} {unit}" for name, value, unit in _values(look) if name not in silent]
+    parts += [f"{name} SILENT FOR {age:.1f} s" for name, age in silent.items()]
+    parts += ["EMERGENCY STOP"] if look.last.emergency == EMERGENCY_STOP else []
     line = f"{look.states[-1].lower().replace('_', ' ')}: {', '.join(parts)}"
     print(f"\r\x1b[K{line}", end="", file=sys.stderr, flush=True)
 
@@ -252,8 +269,8 @@ def _document(look: "DriveLook") -> dict[str, Any]:
     return {"cycles": look.cycles, **ranges, "states": look.states}
 
 
-def _print_summary(look: "DriveLook", said: list[str]) -> None:
-    from bowden.live.drive_look import SHOWN
+def _print_summary(look: "DriveLook", said: list[str], period: float) -> None:
+    from bowden.live.drive_look import SHOWN, SILENT
 
     if sys.stderr.isatty():
         print(file=sys.stderr)
@@ -263,6 +280,8 @@ def _print_summary(look: "DriveLook", said: list[str]) -> None:
             rows.append((name, f"{factor * look.least[name]:.2f} to {factor * look.most[name]:.2f} {unit}"))
         else:
             rows.append((name, "not measured"))
+    silent = {name: period * age for name, age in look.oldest.items() if period * age > SILENT}
+    rows += [("silent", f"the {name}'s angle, for {age:.1f} s at the longest") for name, age in silent.items()]
     rows += [("emergency", text) for text in said]
     for name, text in rows:
         print(f"{name:<12} {text}")

@@ -47,12 +47,12 @@ def _listed(row: Mapping[str, float], session: Watched) -> str:
 
 
 def automatic(session: Watched) -> Iterator[bool]:
-    """Arm, run and wait for the end, one look at a time; ends when the run has ended.
+    """Arm, run and wait for the end, one look at a time; ends when the run has ended, or does not begin.
 
     Raises:
         SafetyError: what speaks against arming does not go.
     """
-    begun, announced, asked = None, False, False
+    begun, passed, announced, asked = None, None, False, False
     for request, wanted in ((Request.ARM, Mode.PREFLIGHT), (Request.RUN, Mode.RUNNING)):
         while True:
             row = session.last()
@@ -63,6 +63,12 @@ def automatic(session: Watched) -> Iterator[bool]:
                 continue
             if row["mode"] == wanted:
                 break
+            if request == Request.RUN and row["mode"] == Mode.PREFLIGHT:
+                passed = row["time"] if passed is None else passed
+                if row["faults"] and row["time"] - passed > _PATIENCE:
+                    said = f"the preflight has passed, and the run does not begin: {_listed(row, session)}"
+                    print(f"bowden: note: {said}", file=sys.stderr)
+                    return
             if not asked and row["mode"] == Mode.LATCHED:
                 listed = _listed(row, session)
                 last = "the last run ended in a fault that has not been acknowledged"

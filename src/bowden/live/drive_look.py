@@ -24,6 +24,10 @@ SHOWN: Mapping[str, tuple[str, float, str]] = {
     "temperature": ("temperature_c", 1.0, "°C"),
 }
 """Field of a reading → its name at the rim, what it is multiplied by for that, and its unit."""
+AGES: Mapping[str, str] = {"motor": "motor_age", "joint": "joint_age"}
+"""Angle of `SHOWN` → field of a reading with its age."""
+SILENT = 0.1
+"""An angle that is older does not come any more [s]."""
 _WITH_TORQUE = frozenset({DriveState.OPERATION_ENABLED, DriveState.QUICK_STOP_ACTIVE})
 
 
@@ -37,6 +41,8 @@ class DriveLook:
     """Field of `SHOWN` → smallest value that came; none of what never came."""
     most: dict[str, float] = field(default_factory=dict)
     """Likewise, largest."""
+    oldest: dict[str, float] = field(default_factory=dict)
+    """Angle that has come → largest age that it has had since then [cycles]."""
     states: list[str] = field(default_factory=list)
     """Names of the drive's states, in their order."""
     emergencies: list[float] = field(default_factory=list)
@@ -44,17 +50,31 @@ class DriveLook:
 
     def take(self, reading: DriveReading) -> None:
         """Take in what came in one cycle."""
+        before = 0.0 if self.last is None else self.last.emergency
         self.cycles, self.last = self.cycles + 1, reading
         for name in SHOWN:
             value = getattr(reading, name)
             if math.isfinite(value):
                 self.least[name] = min(value, self.least.get(name, value))
                 self.most[name] = max(value, self.most.get(name, value))
+        for name, field_ in AGES.items():
+            age = getattr(reading, field_)
+            if math.isfinite(age):
+                self.oldest[name] = max(age, self.oldest.get(name, age))
         state = DriveState(int(reading.drive_state)).name
         if not self.states or self.states[-1] != state:
             self.states.append(state)
-        if reading.emergency:
+        if reading.emergency and reading.emergency != before:  # an input that stays open says so in each cycle
             self.emergencies.append(reading.emergency)
+
+    def silent_now(self, period: float) -> dict[str, float]:
+        """Angles that have come and do not come any more → for how long [s].
+
+        Args:
+            period: of a cycle [s].
+        """
+        ages = {name: period * getattr(self.last, AGES[name]) for name in self.oldest}
+        return {name: age for name, age in ages.items() if age > SILENT}
 
     def said(self, explain: Callable[[int], str]) -> list[str]:
         """What the drive sent by itself, in words."""
@@ -115,6 +135,17 @@ class Tare(NamedTuple):
     unit: str
 
 
+def require_load_cell(rig: Rig) -> None:
+    """Refuse a rig that measures no load; to be asked before its bus is opened.
+
+    Raises:
+        DriveError: it has no load cell.
+    """
+    limits = rig.supervisor_limits
+    if limits.measures_tension + limits.measures_torque == 0.0:
+        raise DriveError("the rig has no load cell", expected="[load_cell], or a scale at the drive's input in [drive]")
+
+
 def tare(rig: Rig, readings: Sequence[DriveReading], load: float) -> Tare:
     """The lines of a rig.toml with which what was read is this load.
 
@@ -126,9 +157,8 @@ def tare(rig: Rig, readings: Sequence[DriveReading], load: float) -> Tare:
     Raises:
         DriveError: the rig has no load cell, it says nothing, or its reading does not keep still.
     """
+    require_load_cell(rig)
     limits, cell = rig.supervisor_limits, rig.load_cell
-    if limits.measures_tension + limits.measures_torque == 0.0:
-        raise DriveError("the rig has no load cell", expected="[load_cell], or a scale at the drive's input in [drive]")
     torque = limits.measures_torque == 1.0
     unit, most = ("N·m", limits.torque_high) if torque else ("N", limits.tension_high)
     values = [one.joint_torque if torque else one.tension for one in readings]

@@ -9,6 +9,7 @@ package foxglove-sdk.
 import contextlib
 import json
 import select
+import socket
 import subprocess
 import sys
 import threading
@@ -49,9 +50,7 @@ def served(ring: Path, port: int, waiting: Callable[[], None] = lambda: None) ->
             waiting()
         said = json.loads(process.stdout.readline() or '{"error": "its process ended"}')
         if "error" in said:
-            raise ParameterError(
-                f"cannot serve live data at port {port}: {said['error']}", do="name another port, or 0 for any"
-            )
+            raise _taken(port, said["error"])
         yield f"ws://{HOST}:{said['port']}"
     finally:
         process.stdin.close()
@@ -67,7 +66,7 @@ def require(port: int) -> None:
     """Refuse what cannot be served, before anything is begun.
 
     Raises:
-        ParameterError: the package is missing, or the port is none.
+        ParameterError: the package is missing, or the port is none, or taken.
     """
     if not 0 <= port <= 65535:
         raise ParameterError(f"--foxglove is {port}", expected="a port from 0 to 65535", do="correct it")
@@ -75,6 +74,16 @@ def require(port: int) -> None:
         raise ParameterError(
             "live data for Foxglove need the package foxglove-sdk", do="pip install 'bowden[foxglove]'"
         )
+    with socket.socket() as tried:
+        tried.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # as the server does
+        try:
+            tried.bind((HOST, port))
+        except OSError as error:
+            raise _taken(port, error.strerror) from error
+
+
+def _taken(port: int, why: str | None) -> ParameterError:
+    return ParameterError(f"cannot serve live data at port {port}: {why}", do="name another port, or 0 for any")
 
 
 def main() -> int:

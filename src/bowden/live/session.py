@@ -13,7 +13,7 @@ import signal
 import subprocess
 import sys
 import threading
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from numbers import Real
 from pathlib import Path
@@ -713,6 +713,7 @@ def own_twin(rig: Rig, *, measure: bool = False, alone: str = "") -> Iterator[Ri
         buses: dict[tuple[str, str], Path] = {}
         axes: list[Axis] = []
         paired: RunningTwin | None = None
+        twins: list[RunningTwin] = []
         for name, own in rig.parts:
             place = family_of(own.drive).address(own.drive)
             bus = (place.get("interface", ""), place.get("channel", name))
@@ -727,6 +728,8 @@ def own_twin(rig: Rig, *, measure: bool = False, alone: str = "") -> Iterator[Ri
                 twin = paired = stack.enter_context(running_twin(rig, channel, ["--interface", UNIX]))
             else:
                 twin = paired
+            if twin not in twins:
+                twins.append(twin)
             beside = patient(own, measure=measure)
             if measure:
                 twin.control.wait(PATIENCE)
@@ -741,7 +744,28 @@ def own_twin(rig: Rig, *, measure: bool = False, alone: str = "") -> Iterator[Ri
                     file=sys.stderr,
                 )
             axes.append(Axis(name, beside.on_bus(twin.channel, UNIX)))
-        yield rig.replace(axes=tuple(axes)) if rig.axes else axes[0].rig
+        try:
+            yield rig.replace(axes=tuple(axes)) if rig.axes else axes[0].rig
+        finally:
+            _tell_of_ended((twin.channel, twin.process) for twin in twins)
+
+
+def _tell_of_ended(twins: Iterable[tuple[str, "subprocess.Popen[str]"]]) -> None:
+    """That a twin ended before its run did, which the supervisor sees as a drive that is silent.
+
+    Args:
+        twins: bus and process of each.
+    """
+    for channel, process in twins:
+        if process.poll() is None:
+            continue
+        assert process.stderr is not None
+        last = process.stderr.read().strip().rpartition("\n")[2]
+        how = f"with exit code {process.returncode}{f': {last}' if last else ''}"
+        print(
+            f"bowden: note: the twin on {channel} ended before the run, {how}; begin again, with a new twin",
+            file=sys.stderr,
+        )
 
 
 def patient(rig: Rig, *, measure: bool = False) -> Rig:

@@ -62,7 +62,7 @@ def split(tree: Mapping[str, Any], where: str) -> tuple[dict[str, Any], list[Axi
         where: for messages.
 
     Raises:
-        ParameterError: axes that are none, or too many.
+        ParameterError: axes that are none, or too many; what is of axes, in a rig without them.
     """
     common = {key: value for key, value in tree.items() if key not in (AXIS, INDEPENDENT, PAIR)}
     given, independent = tree.get(AXIS, []), tree.get(INDEPENDENT, False)
@@ -72,12 +72,13 @@ def split(tree: Mapping[str, Any], where: str) -> tuple[dict[str, Any], list[Axi
         raise ParameterError(f"{where}: axis is no list of sections", expected="[[axis]] for each", do=_CORRECT)
     if AXIS in tree and not given:
         raise ParameterError(f"{where}: axis is an empty list", expected=f"{FEWEST} to {MOST} axes", do="delete it")
-    if INDEPENDENT in tree and AXIS not in tree:
-        raise ParameterError(
-            f"{where}: independent is {str(independent).lower()} in a rig without [[axis]]",
-            expected=f"{FEWEST} to {MOST} axes",
-            do="delete it",
-        )
+    for key, said in ((INDEPENDENT, f"independent is {str(independent).lower()}"), (PAIR, "[pair] stands")):
+        if key in tree and AXIS not in tree:
+            raise ParameterError(
+                f"{where}: {said} in a rig without [[axis]]",
+                expected=f"{FEWEST} to {MOST} axes",
+                do="write them, or delete it",
+            )
     return common, [_axis(common, one, where) for one in given], independent
 
 

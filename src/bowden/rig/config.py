@@ -70,7 +70,7 @@ def values_of(tree: Mapping[str, Any], path: Path, keep: Mapping[str, Any] | Non
         ParameterError: see `read_values`.
         LogError: likewise.
     """
-    if axes.AXIS in tree or axes.INDEPENDENT in tree:
+    if {axes.AXIS, axes.INDEPENDENT, axes.PAIR} & {*tree}:
         return _values_of_axes(tree, path, keep or {})
     file = checked_file(tree, path)
     kept = keep or {}

@@ -184,7 +184,11 @@ def check_load(drive: Any, cell: LoadCellParameters, allowed: Limits, sample_tim
         check_cell(cell, sample_time, most, key)
         collision = on_can.collision(*devices(drive, cell)) if hasattr(drive, "interface") else ""
         if collision:
-            raise ParameterError(f"drive and load cell {collision}", expected="frames that differ", do="correct one")
+            raise ParameterError(
+                f"drive and load cell {collision}",
+                expected="one speed and frames that differ, or a bus for each",
+                do="correct one, or write channel in [load_cell]",
+            )
     elif at_drive and not most <= ROOM * family.load_range(drive):
         told, unit = family.load_range(drive), "N·m" if torque else "N"
         raise ParameterError(
@@ -246,8 +250,7 @@ def devices(drive: Any, cell: LoadCellParameters) -> list[Any]:
     if not cell.there:
         return [drive]
     place, _ = cell_place(drive, cell)
-    rate = getattr(drive, "data_bitrate", 0) if place.channel == getattr(drive, "channel", "") else 0
-    return [drive, on_can.Device(place.interface, place.channel, place.bitrate, rate, identifiers_of(cell))]
+    return [drive, on_can.Device(place.interface, place.channel, place.bitrate, identifiers_of(cell))]
 
 
 def moved_cell(cell: LoadCellParameters, channel: str | None, interface: str | None) -> LoadCellParameters:

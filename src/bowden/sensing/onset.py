@@ -5,14 +5,14 @@ The band from 40 to 400 Hz is looked at in three ways: as it is, and less itself
 
 **What can be there without a contraction** is one power, the null:
 
-    v₀ = exp(m + z·√(s² + w²·exp(−n/T))) + λ₁·P + λ₂·B + λ₃·W² + min(λ₄·L, λ₅·S²) + (λ₆·A)²
+    v₀ = exp(m + z·√(s² + u)) + λ₁·P + λ₂·B + λ₃·W² + min(λ₄·L, λ₅·S²) + (λ₆·A)²
 
-m and s are level and spread of the log of power at rest, averaged over 0.1 s, learned over the n seconds of rest seen;
-w is how far a rest of which nothing is known may be off. P and B, powers above 20 Hz and in the band, and W, the recent
-peak of what is faster than 5 Hz, leak a known share into what is new in the band, be they movement or mains. L is the
-power from 20 to 30 Hz and S the recent peak from 5 to 15 Hz: a swing's spectrum falls steeply from below 20 Hz, so that
-L bounds what of it is in the band, and a muscle alone has no S. A is the size of the contraction that lasts or has just
-ended, which leaves a tail.
+m and s are level and spread of the log of power at rest, averaged over 0.1 s, and u is the variance of what is not
+known of it: large at first, less after a contraction, which leaves another rest than it found, and e^(−t/T) of it after
+t seconds of rest. P and B, powers above 20 Hz and in the band, and W, the recent peak of what is faster than 5 Hz, leak
+a known share into what is new in the band, be they movement or mains. L is the power from 20 to 30 Hz and S the recent
+peak from 5 to 15 Hz: a swing's spectrum falls steeply from below 20 Hz, so that L bounds what of it is in the band, and
+a muscle alone has no S. A is the size of the contraction that lasts or has just ended, which leaves a tail.
 
 **Evidence.** Noise of bandwidth B whose power r = x²/v₀ rises by ρ² gains log likelihood against rest,
 
@@ -23,11 +23,11 @@ An onset is Λ ≥ h. h follows from how rarely rest may pass for a contraction,
 B·((1 − 1/ρ²)·K − log ρ²)·brief = h. There are two such sums, of r averaged over 5 ms, for strong contractions, and over
 0.1 s, for weak ones, whose spikes are far apart. The end is the same sum with signs turned and half of log ρ².
 
-**Rest** is learned as a mean with forgetting, of what is below v₀·ρ²·log ρ²/(ρ² − 1) while there is little evidence, in
-steps of at most z standard deviations upward; more than that only at a share of the speed, and in a contraction too, so
-that a step of rest is got over. What is quieter is learned at once: it cannot be a contraction. Nothing is learned from
-a signal that leaks explain, or that is dead. Where an electrode was off, or mains are gone that covered the signal,
-it starts again.
+**Rest** is learned as a mean with forgetting, anew after each contraction, of what is below v₀·ρ²·log ρ²/(ρ² − 1) while
+there is little evidence, in steps of at most z standard deviations upward; more than that only at a share of the speed,
+and in a contraction too, so that a step of rest is got over. What is quieter is learned at once: it cannot be a
+contraction. Nothing is learned from a signal that leaks explain, or that is dead. Where an electrode was off, or mains
+are gone that covered the signal, it starts again.
 
 A signal is dead that repeats one value for 20 ms, and one on its rails hardly moves for most of the time between its
 largest steps, as hum does that is clipped.
@@ -45,8 +45,10 @@ from bowden.sensing.onset_constants import (
     BAND_HZ,
     BANDWIDTH,
     BROAD,
+    CHANGED,
     DOUBT,
     FALLS,
+    FAMILIAR,
     FLAT,
     FORGET,
     GONE,
@@ -56,6 +58,7 @@ from bowden.sensing.onset_constants import (
     MEMORY,
     MOVED,
     REPEATS,
+    SILENT,
     SLOW_HZ,
     SPREAD,
     STAYS,
@@ -87,6 +90,8 @@ _SETTLES = 0.05
 """Filters and the memory of a period fill in this time [s]."""
 _LOOKS = 10.0
 """So often in a second rest has a chance to pass for a contraction: once in `_LONG` [Hz]."""
+_LEFT = UNKNOWN * UNKNOWN * math.exp(-MEMORY / LEARNT)
+"""u is never less, since rest is remembered for so long only [–]."""
 _SPIKY = 3.0
 """Single samples count up to this many times K in the average over 5 ms: noise has them [–]."""
 
@@ -139,7 +144,7 @@ class Onset(NamedTuple):
     gain_of_end: float
     drift_of_end: float
     floor: float
-    """m is never less."""
+    """m is never less while little of rest has been seen."""
     settings: OnsetSettings
 
 
@@ -190,7 +195,9 @@ class OnsetState(NamedTuple):
     spread: float
     """s²."""
     seen: float
-    """n; below 0 while filters fill [s]."""
+    """Rest of which m is the mean; below 0 while filters fill [s]."""
+    unknown: float
+    """u."""
     null: float
     """v₀."""
     size: float
@@ -263,7 +270,7 @@ def onset_start(onset: Onset, first: float) -> OnsetState:
     """Before the `first` sample, which may be NaN."""
     by, past, o = onset.settings, (0.0,) * (max(onset.delay) + 2), 0.0
     filters = (EMPTY,) * 7
-    known = (onset.floor, SPREAD * SPREAD, -_SETTLES)
+    known = (onset.floor, SPREAD * SPREAD, -_SETTLES, UNKNOWN * UNKNOWN)
     signal, evidence = (o,) * 11, (o, o, o, o)
     averages = (NONE, NONE, NONE)
     return OnsetState(
@@ -363,8 +370,10 @@ def onset_step(onset: Onset, state: OnsetState, value: float) -> tuple[OnsetStat
     swinging = MOVED * swing + np.fmin(STEEP * low, SWAY * swayed)
     beside = REPEATS * loud + BROAD * power + swinging + TAIL_SHARE * TAIL_SHARE * state.size
     seen = np.fmax(state.seen, 0.0)
-    deviation = np.sqrt(state.spread + UNKNOWN * UNKNOWN * exp(-seen / LEARNT))
-    there = np.fmax(_least(powers), by.least * by.least)
+    deviation = np.sqrt(state.spread + state.unknown)
+    strange = state.unknown > FAMILIAR
+    bound = sel(strange, by.least, SILENT)
+    there = np.fmax(_least(powers), bound * bound)
     off = log(there) - state.level
     off = sel(off > 0.0, np.fmax(0.0, off - log(1.0 + beside / usual)), off)
     lid, count = SURE * deviation, seen + _LONG
@@ -374,7 +383,7 @@ def onset_step(onset: Onset, state: OnsetState, value: float) -> tuple[OnsetStat
     upward = sel(idle, calm * (1.0 - hidden) * np.fmin(off, lid), DOUBT * alive * off) / count
     downward = sel(off < -lid, alive * off / np.fmin(count, FALLS), idle * alive * off / count)
     level = sel(started, state.level + dt * sel(off < 0.0, downward, upward), sel(dead, state.level, log(there)))
-    level = np.fmax(level, onset.floor)
+    level = sel(strange, np.fmax(level, onset.floor), level)
     varied = sel(state.seen > 1.0, calm * (1.0 - hidden) * dt / (count + WEIGHT), 0.0)
     spread = state.spread + varied * (np.fmin(off * off, lid * lid) - state.spread)
 
@@ -386,7 +395,12 @@ def onset_step(onset: Onset, state: OnsetState, value: float) -> tuple[OnsetStat
     gone = idle * (covered > 0.5) * (power < GONE * mains) > 0.0
     covered, mains = sel(gone, 0.0, covered), sel(gone, 0.0, mains)
     known = sel(idle, np.fmin(state.seen + calm * dt, MEMORY), np.fmax(0.0, state.seen - dt * FORGET))
-    known = sel(gone + (flat > LIFTED) > 0.0, -_SETTLES, known)
+    forgotten = gone + (flat > LIFTED) > 0.0
+    known = sel(forgotten, -_SETTLES, known)
+    doubted = np.fmin(UNKNOWN * UNKNOWN, state.unknown * (1.0 + dt * FORGET / LEARNT))
+    settled = np.fmax(_LEFT, state.unknown * (1.0 - sel(started, calm, 0.0) * dt / LEARNT))
+    unknown = sel(idle, settled, doubted)
+    unknown = sel(forgotten, UNKNOWN * UNKNOWN, unknown)
 
     # evidence for an onset, and for an end
     null = exp(level + lid) + beside
@@ -403,7 +417,9 @@ def onset_step(onset: Onset, state: OnsetState, value: float) -> tuple[OnsetStat
     ends = (1.0 - idle) * ((rested > onset.rested) + dead > 0.0) > 0.0
 
     active = sel(begins, 1.0, sel(ends, 0.0, state.active))
-    known = sel(ends, np.fmin(known, LEARNT), known)
+    follows = sel(strange, np.fmax(known, LEARNT), np.fmin(known + LEARNT, MEMORY))  # a level that is to outlast it
+    known = sel(begins, follows, sel(ends, np.fmin(known, _LONG), known))
+    unknown = sel(ends, np.fmax(unknown, CHANGED * CHANGED), unknown)
     forgets, left = sel(ends + dead + railed > 0.0, 1.0, np.inf), sel(ends, 0.0, np.inf)
     size = sel(active > 0.5, np.fmax(new, state.size * onset.size), state.size * onset.tail)
     held = sel(active > 0.5, state.held + dt, 0.0)
@@ -436,6 +452,7 @@ def onset_step(onset: Onset, state: OnsetState, value: float) -> tuple[OnsetStat
         level,
         spread,
         known,
+        unknown,
         null,
         size,
         _bounded(strong, left),

@@ -18,8 +18,14 @@ SURE = 1.5
 """Rest is taken for at most its level and this many standard deviations [–]."""
 UNKNOWN = 1.4
 """Standard deviation of the log of rest's power, of which nothing has been seen yet: a factor of two in size."""
+CHANGED = 0.7
+"""The same of the rest that follows a contraction: pauses of one recording differ from the one before by 0.65, 0.77 and
+1.3 (RMS) where muscles relax for a second, by 0.1 where they do for ten."""
 LEARNT = 1.5
-"""By e less of that variance in this much rest; after a contraction, rest is as well known as then [s]."""
+"""By e less of these variances in this much rest [s]."""
+FAMILIAR = 0.5
+"""Variance of what is unknown below which rest is taken as it is, and a wearer's file bounds it no longer: 2 s of rest
+have been seen."""
 SPREAD = 0.2
 """Standard deviation of the log of power, averaged over 0.1 s, of noise as wide as the band."""
 WEIGHT = 3.0
@@ -46,6 +52,8 @@ STAYS = 1.0
 """Time constant of the share of time that mains cover; above half of it the input is another when they go [s]."""
 GONE = 0.25
 """Below this share of their power mains have gone [–]."""
+SILENT = 1e-12
+"""σ of a signal that is none, in whatever unit."""
 FLAT = 0.02
 """A value that lasts this long is no signal [s]."""
 LIFTED = 0.5

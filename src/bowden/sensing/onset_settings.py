@@ -26,7 +26,7 @@ class OnsetSettings(NamedTuple):
     quiet: float = 0.2
     """Rest of less does not end a contraction [s]."""
     least: float = 1e-12
-    """σ is never less, in the signal's unit; see `of_wearer`."""
+    """σ is never less until 2 s of rest have been seen, in the signal's unit; see `of_wearer`."""
     shortest: float = 0.0
     """Contractions shorter than this are left out, and all others are reported this much later [s]."""
 
@@ -35,8 +35,9 @@ DEFAULTS = OnsetSettings()
 
 
 def of_wearer(rest: float) -> OnsetSettings:
-    """For a wearer whose σ at `rest` has been measured, in the signal's unit: it is never below 0.7 of that.
+    """For a wearer whose σ at `rest` has been measured, in its unit: it is at least 0.7 of that for 2 s of rest.
 
-    So a start that is quieter, as of an amplifier that is muted, makes no contraction of the rest that follows.
+    So a start that is quieter, as of an amplifier that is muted, makes no contraction of the rest that follows. Later
+    rest is as it is: pauses of one recording differ by a factor of two and more.
     """
     return DEFAULTS._replace(least=max(0.7 * rest, DEFAULTS.least))

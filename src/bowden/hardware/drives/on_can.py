@@ -111,12 +111,11 @@ _SHARED = frozenset({OF_ALL, "host_id", "reply_id"})
 
 
 class Device(NamedTuple):
-    """Another device on a bus, for `collision`."""
+    """Another device on a bus, of classic CAN, for `collision`."""
 
     interface: str
     channel: str
     bitrate: int
-    data_bitrate: int
     taken: dict[int, str]
     """Identifier → key with its section."""
 
