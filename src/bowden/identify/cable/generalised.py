@@ -218,10 +218,10 @@ def _through(cable: Branches, mean: Array, gaps: Array) -> Branches:
     return with_curve(cable._replace(slope=float(slope), offset=float(offset), bends=bends, gaps=gaps))
 
 
-def _penalty(strengths: tuple[float, float], weight: float, cable: Branches) -> Array:
+def _penalty(strengths: tuple[float, float], weight: float, one_seen: NDArray[np.bool_]) -> Array:
     """S (2k, 2k): cᵀSc is what the nodes c of both curves cost."""
     tied = min(_TIED * strengths[1], max(strengths[1], _STIFFEST))
-    of_gap = np.where(_one_seen(cable), tied, strengths[1])
+    of_gap = np.where(one_seen, tied, strengths[1])
     found = np.zeros((2 * _NODES, 2 * _NODES))
     found[:_NODES, :_NODES] = strengths[0] * weight * _CURVATURE
     found[_NODES:, _NODES:] = weight * (_STEPS.T @ (of_gap[:, None] * _STEPS))
@@ -240,40 +240,51 @@ def _one_seen(cable: Branches) -> NDArray[np.bool_]:
 
 
 def _strengths(path: Path, columns: Array, cable: Branches) -> tuple[float, float]:
-    """λₐ and λ_b with the least error on left-out stretches."""
-    blocks = [products(columns[mask], path.weight[mask]) for mask in folds(path)]
-    total, weight = np.sum(blocks, axis=0), float(path.weight.sum())
+    """λₐ and λ_b with the least error on left-out stretches.
+
+    For each λₐ the mean's nodes are eliminated once, so that for each λ_b half of the nodes are left to solve for.
+    """
+    blocks = np.array([products(columns[mask], path.weight[mask]) for mask in folds(path)])
+    kept, weight, one_seen = blocks.sum(axis=0) - blocks, float(path.weight.sum()), _one_seen(cable)
+    of_gaps = [_penalty((0.0, float(of_gap)), weight, one_seen)[_NODES:, _NODES:] for of_gap in _STRENGTHS]
+    across, crossed = kept[:, :_NODES, _NODES:], kept[:, _NODES:-1, :_NODES]
     best, found = np.inf, (float(_STRENGTHS[-1]),) * 2
     for of_mean in _STRENGTHS:
-        for of_gap in _STRENGTHS:
-            strengths = float(of_mean), float(of_gap)
-            penalty = _penalty(strengths, weight, cable)
-            error = 0.0
-            for block in blocks:
-                nodes = _nodes(total - block, penalty)
-                error += float(block[-1, -1] - 2.0 * nodes @ block[:-1, -1] + nodes @ block[:-1, :-1] @ nodes)
+        gram = _gram(kept, _penalty((float(of_mean), 0.0), weight, one_seen))
+        through = np.linalg.solve(gram[:, :_NODES, :_NODES], across)
+        rest = np.concatenate([gram[:, _NODES:, _NODES:], kept[:, _NODES:-1, -1:]], axis=2) - crossed @ through
+        for of_gap, penalty in zip(_STRENGTHS, of_gaps, strict=True):
+            gaps = np.linalg.solve(rest[:, :, :-1] + penalty, rest[:, :, -1:])
+            signs = np.concatenate([through[:, :, :-1] @ gaps - through[:, :, -1:], -gaps], axis=1)
+            missed = np.concatenate([signs, np.ones((len(blocks), 1, 1))], axis=1)[:, :, 0]
+            error = float(np.einsum("fa,fab,fb->", missed, blocks, missed))
             if error < best:
-                best, found = error, strengths
+                best, found = error, (float(of_mean), float(of_gap))
     return found
+
+
+def _gram(sums: Array, penalty: Array) -> Array:
+    """The penalised Gram matrix (..., 2k, 2k) of sums (..., 2k + 1, 2k + 1), the joint last, of full rank."""
+    of_data = sums[..., :-1, :-1]
+    small = 1e-12 * np.trace(of_data, axis1=-2, axis2=-1)  # of the data: λ may be large
+    small = (small + 1e-15 * float(np.trace(penalty)))[..., None] / (2 * _NODES)
+    without_play = ~of_data[..., _NODES:, _NODES:].any(axis=(-2, -1))[..., None]  # no gap shows
+    ridge = np.where(without_play & (np.arange(2 * _NODES) >= _NODES), 1.0, small)
+    return np.asarray(of_data + penalty + ridge[..., None] * np.eye(2 * _NODES))
 
 
 def _nodes(sums: Array, penalty: Array) -> Array:
     """The nodes (2k,) that solve a penalised Gram matrix, the joint last."""
-    gram = sums[:-1, :-1] + penalty
-    small = 1e-12 * float(np.trace(sums[:-1, :-1])) / len(gram) * np.eye(len(gram))  # of the data: λ may be large
-    small += 1e-15 * float(np.trace(penalty)) / len(gram) * np.eye(len(gram))
-    if not sums[_NODES:-1, _NODES:-1].any():  # without a play no gap shows
-        small[_NODES:, _NODES:] = np.eye(_NODES)
-    return np.asarray(np.linalg.solve(gram + small, sums[:-1, -1]))
+    return np.asarray(np.linalg.solve(_gram(sums, penalty), sums[:-1, -1]))
 
 
 def _solved(
     path: Path, columns: Array, cable: Branches, strengths: tuple[float, float]
 ) -> tuple[Branches, tuple[float, float]]:
     """The best branches of a design and the λ that they took to rise, both, with the motor."""
-    sums, weight = products(columns, path.weight), float(path.weight.sum())
+    sums, weight, one_seen = products(columns, path.weight), float(path.weight.sum()), _one_seen(cable)
     while max(strengths) < _STIFFEST:
-        nodes = _nodes(sums, _penalty(strengths, weight, cable))
+        nodes = _nodes(sums, _penalty(strengths, weight, one_seen))
         mean, gaps = nodes[:_NODES], nodes[_NODES:]
         steps = np.diff(mean) * (1.0 if mean[-1] >= mean[0] else -1.0)
         if (gaps >= 0.0).all() and (steps >= np.abs(np.diff(gaps))).all():
@@ -312,5 +323,5 @@ def _estimate(path: Path, lag: float, cable: Branches, strengths: tuple[float, f
         slopes=dict(zip(names, columns.T, strict=True)),
         fitted=joint_angle(path.motor, lag, cable),
         theta=np.array([lag, *strengths]),
-        prior=_penalty(strengths, float(path.weight.sum()), cable),
+        prior=_penalty(strengths, float(path.weight.sum()), _one_seen(cable)),
     )
