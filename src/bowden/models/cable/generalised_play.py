@@ -134,18 +134,19 @@ def joint_angle(motor: Array, lag: float, cable: Branches) -> Array:
 
 
 @kernel
-def fill_slots(motor: Array, before: float, cable: Branches, slots: Array) -> None:
+def fill_slots(motor: Array, before: float, cable: Branches, z: Array, slots: Array) -> None:
     """Every z along a motion, (n, s) [rad]; see `fill_joint`."""
-    z = np.full(cable.reaches.size, mean_branch(before, cable))
+    z[:] = mean_branch(before, cable)
     for k in range(motor.size):
         push_slots(z, motor[k], 1.0, cable)
-        slots[k] = z
+        for s in range(z.size):
+            slots[k, s] = z[s]
 
 
 def slots_of(motor: Array, lag: float, cable: Branches) -> Array:
     """Every z along a recorded motion (n, s) [rad]; before it the motor came from motor[0] + `lag`."""
-    slots = np.empty((motor.size, cable.reaches.size))
-    program(fill_slots)(np.ascontiguousarray(motor), motor[0] + lag, cable, slots)
+    slots, z = np.empty((motor.size, cable.reaches.size)), np.empty(cable.reaches.size)
+    program(fill_slots)(np.ascontiguousarray(motor), motor[0] + lag, cable, z, slots)
     return slots
 
 
