@@ -90,18 +90,27 @@ class AxesRig:
         benches: tuple[Any, ...] = (),
         joints: tuple[int, ...] = (),
         each: tuple[Limits, ...] = (),
+        laws: tuple[Law, ...] = (),
+        scripts: tuple[Script, ...] = (),
+        pair: tuple[int, ...] = (),
     ) -> None:
         self.time, self.sleeps, self.names, self.independent = SECOND, 0, names, independent
         self.asks = (10,)
         self._quits, self._between = quits, between
         whole = limits or Limits()
         table = PeriodicMinimumJerk(0.0, 1.0, 4.0).sample(np.arange(round(1000 * seconds)) * 1e-3)
-        columns = axis_columns.of_all({name: row.columns(law, together=True) for name in names})
+        laws = laws or (law,) * len(names)
+        columns = axis_columns.of_all(
+            {
+                name: row.columns(own, together=True, paired=place in pair)
+                for place, (name, own) in enumerate(zip(names, laws, strict=True))
+            }
+        )
         own = each or (whole,) * len(names)
         kept = {**run_settings(law, own[0], Filters(), PERIOD / SECOND), "seed": 1}
         axes = [
-            {**kept, **run_settings(law, one, Filters(), PERIOD / SECOND), "name": name}
-            for name, one in zip(names, own, strict=True)
+            {**kept, **run_settings(by, one, Filters(), PERIOD / SECOND), "name": name}
+            for name, one, by in zip(names, own, laws, strict=True)
         ]
         self.settings = {**kept, "axes": axes, "independent": independent}
         about = row.described(columns, self.settings, 0, 0)
@@ -110,7 +119,7 @@ class AxesRig:
         shared_memory.create(folder / "block", control_block.WORDS)
         self.reader, self.block = RingReader(folder / "ring"), ControlBlock(folder / "block")
         self.drives = [OneDrive(drive) for drive in benches] or [OneDrive() for _ in names]
-        self.scripts = [
+        self.scripts = [*scripts] or [
             Script(table, start, 0.5, preflight, 1e-3)
             for start, preflight in zip(
                 starts or (0.0,) * len(names), preflights or (Preflight(),) * len(names), strict=True
@@ -118,12 +127,12 @@ class AxesRig:
         ]
         parts = []
         latches = latched or (None,) * len(names)
-        for drive, script, latch, allowed in zip(self.drives, self.scripts, latches, own, strict=True):
-            cycle = Cycle(law, allowed, Filters(), PERIOD / SECOND)
+        for drive, script, latch, allowed, by in zip(self.drives, self.scripts, latches, own, laws, strict=True):
+            cycle = Cycle(by, allowed, Filters(), PERIOD / SECOND)
             cycle.begin(NOTHING_READ, cold(allowed.thermal), latch)
             parts.append(AxisParts(drive, cycle, script))
         writer, words = RingWriter(folder / "ring"), ControlBlock(folder / "block")
-        self.loop = Loop(parts, writer, words, self, 0, independent=independent, joints=joints)
+        self.loop = Loop(parts, writer, words, self, 0, independent=independent, joints=joints, pair=pair)
 
     def now(self) -> int:
         return self.time

@@ -207,6 +207,17 @@ def test_a_torn_cable_is_not_pulled_on_for_ever(rest: float) -> None:
     assert np.abs(command - STROKES[:, 0]).max() < UNANSWERED + rest + 0.15
 
 
+def test_a_breath_does_not_say_that_a_slack_cable_pulls() -> None:
+    """A joint that is held, and moves a little by itself, answers for as much of the motor's way as it went."""
+    state, motor, furthest = LAW.start(Sample(0.0, 0.0)), 0.0, 0.0
+    breath = 3.0 * RADIANS + 0.5 * RADIANS * np.sin(2.0 * np.pi * 0.3 * np.arange(0.0, 20.0, 1e-3))
+    for joint in breath.tolist():
+        state, command = LAW.step(state, Sample(joint, motor), Reference(0.0, 0.0, 0.0), 1e-3)
+        motor += 0.05 * (command - motor)
+        furthest = max(furthest, abs(motor))
+    assert furthest < UNANSWERED + float(np.sum(np.abs(np.diff(breath)))) + 0.2
+
+
 def test_the_motor_may_count_from_anywhere(clean: Any) -> None:
     far = played(STROKES[:6000], start=1500.0)
     np.testing.assert_allclose(far[0], clean[0][:6000], atol=1e-6)
@@ -322,6 +333,14 @@ def test_a_reference_that_vibrates_carries_no_correction_away(number: int) -> No
     error, _, states = played(reference, law=law, slope=1.0, half_width=0.5 * width)
     assert max(abs(state.observer.asked) for state in states) < 1.5 * width
     assert np.abs(error[1000:]).max() < 0.1 * width
+
+
+def test_the_steps_of_who_walks_are_no_load_that_swings() -> None:
+    """At 1.9 Hz through a dead zone: nothing on a cable swings that slowly."""
+    strokes = PeriodicMinimumJerk(0.0, 40.0 * RADIANS, 10.0).sample(np.arange(0.0, 20.0, 1e-3))
+    steps = 1.5 * RADIANS * np.sin(2.0 * np.pi * 1.9 * np.arange(0.0, 20.0, 1e-3))
+    _, _, states = played(strokes, slope=1.0, pushed=steps)
+    assert states[-1].swing.time == 0.0
 
 
 @pytest.mark.parametrize("damping", [0.1, 0.3])

@@ -65,8 +65,8 @@ GATE = """#include <stdio.h>
 int main(void)
 {
     static safety_state state;
-    double row[25];
-    while (fread(row, 8, 25, stdin) == 25) {
+    double row[26];
+    while (fread(row, 8, 26, stdin) == 26) {
         safety_observed observed;
         safety_verdict verdict;
 @OBSERVED@
@@ -75,7 +75,7 @@ int main(void)
             safety_cold(&warmth);
             safety_begin(&state, &observed.reading, &warmth);
         }
-        safety_supervise(&state, &observed, row[23], row[24], &verdict);
+        safety_supervise(&state, &observed, row[24], row[25], &verdict);
         fwrite(&state, sizeof state, 1, stdout);
         fwrite(&verdict, sizeof verdict, 1, stdout);
     }
@@ -142,12 +142,13 @@ def drives(count: int) -> Iterator[tuple[float, Observed, float]]:
         if n > 150 and random.random() < 0.02:
             values[random.integers(len(values))] = float(random.choice(wild))
         others = {300: 2.0, 320: np.nan, 350: 3.0}.get(n if k // 400 % 3 == 2 else -1, 0.0)
-        yield float(n == 0), Observed(DriveReading(*values[:14]), *values[14:21], others), values[21]
+        opposite = {200: angle + 9.0, 210: np.nan}.get(n, angle if n < 250 or k // 400 % 3 else angle - 1.0)
+        yield float(n == 0), Observed(DriveReading(*values[:14]), *values[14:21], others, opposite), values[21]
 
 
 def test_exported_gate_gives_the_bits_of_python(tmp_path: Path) -> None:
     limits, cycles = (
-        Limits(measures_temperature=1.0, measures_tension=1.0, measures_torque=1.0, uses_emg=1.0),
+        Limits(measures_temperature=1.0, measures_tension=1.0, measures_torque=1.0, uses_emg=1.0, paired=1.0),
         list(drives(4000)),
     )
     numbers = [[anew, *observed.reading, *observed[1:], wish, DT] for anew, observed, wish in cycles]

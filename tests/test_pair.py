@@ -3,19 +3,19 @@
 import math
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
 
 from axes_rig import AxesRig
-from bowden.control import LAWS
+from bowden.control import LAWS, Law
 from bowden.core.errors import ParameterError
-from bowden.core.signals import DriveReading, DriveState
+from bowden.core.kernel import kernel
+from bowden.core.signals import DriveState, Reference, Sample
 from bowden.core.units import RADIANS
 from bowden.cycle.one_cycle import Filters, WishSource
 from bowden.hardware.drives.parameters import motor_scale
-from bowden.hardware.ports import Power, TorqueLeft
 from bowden.hardware.twin.bench import TwinBench
 from bowden.hardware.twin.pair import SharedJoint
 from bowden.live.live_run import live_run
@@ -29,7 +29,7 @@ from bowden.safety.faults import Fault, of
 from bowden.safety.limits import Limits
 from bowden.safety.supervisor import Mode
 from bowden.sim.scenario import constant_bend
-from support.simulated_drive import SimulatedDrive
+from support.pair_runs import mirrors, pair_run
 
 PAIR = """
 [pair]
@@ -136,40 +136,13 @@ def test_the_joint_is_where_all_torques_on_it_are_in_balance(up: float, down: fl
         assert min(joint.pull(agonist), joint.pull(antagonist)) > 0.0
 
 
-class Mirror:
-    """The drive of a cable that pulls downwards, as the loop knows it: of its own coordinate the other way round."""
-
-    def __init__(self, drive: SimulatedDrive, shift: float, sign: float) -> None:
-        self._drive, self._shift, self._sign = drive, shift, sign
-
-    def bring_up(self) -> str:
-        return self._drive.bring_up()
-
-    def read(self, now: float) -> DriveReading:
-        told, sign = self._drive.read(now), self._sign
-        return told._replace(
-            motor=sign * (told.motor - self._shift), joint=sign * told.joint, current=sign * told.current
-        )
-
-    def write(self, target: float, power: Power, now: float, torque: float = 0.0) -> None:
-        self._drive.write(self._sign * target + self._shift, power, now)
-
-    def reset_fault(self) -> None:
-        self._drive.reset_fault()
-
-    def close(self) -> TorqueLeft:
-        return self._drive.close()
-
-
 def run_of(tmp_path: Path, contraction: float = C, **more: Any) -> AxesRig:
     benches = []
     for k in range(2):
         plain = default_bench()
         benches.append(TwinBench(plain, constant_bend(plain.sheath.bend), 1.0, k, 0.0, 1.0))
     SharedJoint(benches[0], benches[1], 10.0)
-    drives = tuple(
-        Mirror(SimulatedDrive(one), contraction, sign) for one, sign in zip(benches, (1.0, -1.0), strict=True)
-    )
+    drives = mirrors(benches, contraction)
     plain_limits = Limits()
     each = (plain_limits, plain_limits._replace(slack_sign=1.0, homed=0.0, slope_low=0.0))
     checks = (Preflight(), Preflight(light=math.inf))
@@ -235,3 +208,73 @@ def test_the_twin_of_a_pair_is_one_joint_between_two_drives(tmp_path: Path) -> N
     assert flexor.plant.tension > 3.0
     assert extensor.plant.tension > 3.0
     assert 0.2 < flexor.plant.joint < 0.6
+
+
+class Drift(NamedTuple):
+    """Gains of a law that follows, and whose motor goes further and further."""
+
+    slope: float = 0.9
+    rate: float = 0.0
+    """[rad/s]"""
+
+
+class Since(NamedTuple):
+    """Its state."""
+
+    time: float
+    """Since it began [s]."""
+
+
+@kernel
+def drift_start(gains: Drift, sample: Sample) -> Since:
+    """Just now."""
+    return Since(0.0)
+
+
+@kernel
+def drift_step(gains: Drift, state: Since, sample: Sample, reference: Reference, dt: float) -> tuple[Since, float]:
+    """Where the cable's slope asks the motor to be, and the drift; nothing is fed back."""
+    return Since(state.time + dt), reference.position / gains.slope + gains.rate * state.time
+
+
+def drifting(rate: float) -> Law:
+    return Law("drifting", Drift(rate=rate), drift_start, drift_step, "a test")
+
+
+@pytest.mark.parametrize("rate", [20.0, -20.0])
+def test_motors_that_part_are_released_before_their_cables_bear_much_more(rate: float, tmp_path: Path) -> None:
+    rig = rig_of(tmp_path).replace(duration=4.0)
+    found = live_run(rig)
+    bound = found.axes[0].limits.parting
+    assert bound == found.axes[1].limits.parting == pytest.approx(7.67 * RADIANS, abs=0.01 * RADIANS)
+    each = drifting(rate * RADIANS), drifting(-rate * RADIANS)
+    ended, rows = pair_run(tmp_path, rig, laws=each).run()
+    assert Mode(ended.mode) == Mode.LATCHED
+    for name, (law, live) in zip(("flexor", "extensor"), zip(each, found.axes, strict=True), strict=True):
+        part = rows.parts[name]
+        at = int(np.flatnonzero(part["mode"] == Mode.RELEASING)[0])
+        assert of(part["faults"][at]) == [Fault.MOTORS_APART]
+        apart = 0.5 * np.abs(part["motor"] - part["opposite"])
+        over = int(np.flatnonzero((apart > bound) & (part["supervisor.pair.met"] > 0.0))[0])
+        assert at - over == pytest.approx(51, abs=2), "slack_time later"
+        assert apart[at] < bound + 1.5 * RADIANS
+        assert not replay(part, law, live.limits, Filters(), 1e-3, same=True).differs, name
+
+
+def test_motors_that_hang_apart_before_a_run_come_together_unblamed(tmp_path: Path) -> None:
+    rig = rig_of(tmp_path).replace(duration=2.0)
+
+    def left(run: AxesRig) -> None:
+        """As a release leaves it: the antagonist's motor far out, with its cable slack."""
+        if run.sleeps == 0:
+            bench = run.drives[1]._drive._drive._bench
+            bench._motion = bench._motion._replace(position=-1.4)
+
+    run = pair_run(tmp_path, rig, between=left)
+    run.asks = (100,)  # once what moved it has been forgotten
+    ended, rows = run.run()
+    part = rows.parts["flexor"]
+    apart = np.degrees(0.5 * np.abs(part["motor"] - part["opposite"]))
+    assert apart[:300].max() > 30.0
+    assert (Mode(ended.mode), ended.faults) == (Mode.STOPPED, 0)
+    assert part["supervisor.pair.met"].max() == 1.0

@@ -1,7 +1,10 @@
 """Two motors on one joint at the desk: one simulation, one linear loop, one verdict, and what the commands say."""
 
 import json
+from contextlib import nullcontext
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 import jsonschema
@@ -20,6 +23,9 @@ from bowden.core.units import RADIANS
 from bowden.design.linearise import linearise
 from bowden.design.pair_check import check_pair
 from bowden.design.pair_loops import BOTH, DOWN_ALONE, UP_ALONE, SideLoop, Taut, pair_margins, pair_poles, reaches
+from bowden.design.pair_tune import PairTarget, best_gains, judged_gains
+from bowden.design.tune import NoGainsError
+from bowden.design.tune_runs import RUN, references_of
 from bowden.models.cable.backlash import Play
 from bowden.models.cable.shared_joint import Ends, JointLoad, shared_joint, shares
 from bowden.models.drive.encoder import Encoder
@@ -36,6 +42,7 @@ ROOT = Path(__file__).parents[1]
 BENCH = default_bench()
 LAW = LAWS["bowden"]
 MOTION = PeriodicMinimumJerk(0.0, 60.0 * RADIANS, 8.0)
+BENDS = ((np.pi, np.pi),) * 2
 STROKE = (0.0, 60.0 * RADIANS)
 LOAD = JointLoad(10.0, 0.1, 0.2)
 
@@ -149,7 +156,7 @@ def test_a_load_much_stiffer_than_the_cables_has_its_margins_too(taut: Taut) -> 
 def test_motors_that_should_go_different_ways_and_do_not_are_seen_to_part() -> None:
     one, other = (Rig(law="bowden", cable=BENCH.cable._replace(slope=slope)) for slope in (0.95, 0.65))
     laws = one.fitted(), other.fitted()
-    found = check_pair(pair_of(one.bench, other.bench), laws, bends=((np.pi, np.pi),) * 2, stroke=STROKE)
+    found = check_pair(pair_of(one.bench, other.bench), laws, bends=BENDS, stroke=STROKE)
     assert found.pair is not None
     asked = 0.5 * (60.0 / 0.65 - 60.0 / 0.95)  # of each further than the joint asks, where both go alike
     assert np.degrees(found.pair.drift) == pytest.approx(asked, abs=0.5)  # type: ignore[arg-type]
@@ -160,7 +167,7 @@ def test_motors_that_should_go_different_ways_and_do_not_are_seen_to_part() -> N
 
 
 def test_the_certificate_of_the_pages_pair() -> None:
-    found = check_pair(pair_of(), (LAW, LAW), bends=((np.pi, np.pi),) * 2, stroke=STROKE)
+    found = check_pair(pair_of(), (LAW, LAW), bends=BENDS, stroke=STROKE)
     assert found.verdict == "holds"
     assert found.pair is not None
     taut, *alone = found.pair.loops
@@ -170,6 +177,28 @@ def test_the_certificate_of_the_pages_pair() -> None:
     assert found.pair.apart > 1.0, "no law feeds back what the joint does not show"
     assert found.pair.drift < np.radians(1.0), "and it comes to nothing"  # type: ignore[operator]
     assert "both cables taut" in repr(found)
+
+
+def test_each_bend_of_one_sheath_is_tried_with_each_of_the_other() -> None:
+    ends = (np.pi, 2.0 * np.pi)
+    alike = [check_pair(pair_of(), (LAW, LAW), bends=((end, end),) * 2, stroke=STROKE) for end in ends]
+    found = check_pair(pair_of(), (LAW, LAW), bends=(ends, ends), stroke=STROKE)
+    assert len(found.trials) == 2 * len(ends) ** 2
+    assert found.pair is not None
+    apart = [np.degrees(one.pair.drift) for one in alike]  # type: ignore[union-attr, arg-type]
+    assert max(apart) < 0.2
+    assert np.degrees(found.pair.drift) > 5.0, "cables that differ most disagree most"  # type: ignore[arg-type]
+    assert "extensor alone taut, the other sheath's 180°" in {point.at for point in found.points}
+    assert found.gain_margin_db == pytest.approx(min(one.gain_margin_db for one in alike), abs=1e-6)  # type: ignore[type-var]
+
+
+def test_gains_and_bends_that_cannot_be_are_refused_in_a_line() -> None:
+    broken = replace(LAWS["adaptive"], gains=LAWS["adaptive"].gains._replace(error_gain=np.nan))
+    for laws in ((broken, LAWS["adaptive"]), (LAWS["adaptive"], broken)):
+        with pytest.raises(ParameterError, match="gain error_gain of law 'adaptive' is nan; expected a finite number"):
+            check_pair(pair_of(), laws, bends=BENDS, stroke=STROKE)
+    with pytest.raises(ParameterError, match="expected smallest and largest, above 0 rad"):
+        check_pair(pair_of(), (LAW, LAW), bends=(BENDS[0], (2.0, 1.0)), stroke=STROKE)
 
 
 class Free(NamedTuple):
@@ -204,7 +233,7 @@ def test_laws_that_hold_alone_and_part_on_one_joint_do_not_hold() -> None:
     from bowden.design.check import check
 
     assert check(BENCH, PARTING, stroke=STROKE).holds
-    found = check_pair(pair_of(), (PARTING, PARTING), bends=((np.pi, np.pi),) * 2, stroke=STROKE)
+    found = check_pair(pair_of(), (PARTING, PARTING), bends=BENDS, stroke=STROKE)
     assert found.verdict == "does_not_hold"
     assert found.pair is not None
     assert found.pair.apart > 1.0
@@ -301,10 +330,94 @@ def test_a_pair_by_emg_ends_with_its_recording_unless_a_duration_is_asked_for() 
 
 
 @pytest.mark.usefixtures("pair_rig")
-def test_tune_of_a_pair_says_what_it_does_not_do(capsys: pytest.CaptureFixture[str]) -> None:
-    error = said(capsys, "tune", "pair.toml", code=2).err
+def test_check_refuses_of_a_pair_what_a_run_refuses_in_the_same_words(capsys: pytest.CaptureFixture[str]) -> None:
+    path = Path("pair.toml")
+    plain, source = path.read_text(), 'source = "lsl:biceps"\n'
+    path.write_text("[emg]\n" + source + plain)
+    checked = said(capsys, "check", "pair.toml", code=2).err
+    assert checked == said(capsys, "run", "pair.toml", "--twin", "--auto", code=2).err
+    assert checked.startswith('bowden: axis "flexor": emg.source is set in a rig with several axes')
+    with pytest.raises(ParameterError, match=r"emg\.source is set in a rig with several axes"):
+        bowden.check("pair.toml")
+    path.write_text(plain.replace('name = "flexor"\n', 'name = "flexor"\n[axis.emg]\n' + source))
+    error = said(capsys, "check", "pair.toml", code=2).err
+    assert '"flexor" and "extensor" have [emg] of their own; expected one' in error
     assert error.count("\n") == 1
-    assert "tune finds gains for one motor and cable by themselves; expected one of them; name it with --axis" in error
+
+
+TARGET = PairTarget(pair_of(), BENDS, STROKE, 1)
+
+
+def adaptive(gain: float) -> Law:
+    return LAWS["adaptive"].with_gains(feedback_gain=gain)
+
+
+def test_the_best_gains_of_a_pair_keep_their_margins_on_the_joint_and_follow_best_there() -> None:
+    before = judged_gains(TARGET, (adaptive(20.0), adaptive(20.0)))
+    candidates = [{"feedback_gain": gain} for gain in (200.0, 60.0, 40.0)]
+    best = best_gains(TARGET, before, candidates)
+    assert [law.numbers["feedback_gain"] for law in best.laws] == [60.0, 60.0], "200 follows, and has 22° alone"
+    assert best.found.pair is not None
+    assert best.found.phase_margin_deg == pytest.approx(54.2, abs=0.1)
+    assert best.worst < 0.5 * before.worst
+    again = simulate_pair(
+        TARGET.pair,
+        best.laws,
+        references_of(STROKE)[0],
+        duration=RUN,
+        initial_motors=TARGET.pair.resting_motors(0.0, (np.pi, np.pi)),
+    )
+    assert np.sqrt(np.mean(again[0].error ** 2)) <= best.worst
+    assert best_gains(TARGET, best, candidates[2:]) is best, "what is better already stays"
+    broken = judged_gains(TARGET, (adaptive(200.0), adaptive(200.0)))
+    with pytest.raises(NoGainsError, match="do not keep them on the joint of both"):
+        best_gains(TARGET, broken, candidates[:1])
+
+
+@pytest.mark.parametrize("unlike", [False, True])
+@pytest.mark.usefixtures("pair_rig")
+def test_tune_writes_the_same_gains_for_both_motors_and_says_what_they_are_worth_on_the_joint(
+    unlike: bool, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = Path("pair.toml")
+    text = path.read_text().replace('"bowden"', '"adaptive"')
+    if unlike:
+        text = text.replace('name = "extensor"\n', 'name = "extensor"\n[axis.servo]\nnatural_frequency_hz = 9.0\n')
+    path.write_text(text)
+    asked = []
+
+    def one(rig: Rig, **more: Any) -> Any:
+        asked.append(rig.servo.natural_frequency)
+        return SimpleNamespace(law=rig.fitted().with_gains(feedback_gain=60.0), generations=3)
+
+    monkeypatch.setattr("bowden.face.tune.tuned", one)
+    found = document(capsys, "tune", "--dry-run")
+    assert len(asked) == (2 if unlike else 1), "one search where both motors are the same"
+    assert found["gains"]["feedback_gain"] == 60.0
+    assert (set(found["gains"]) == {"feedback_gain"}) is not unlike, "what each had of its own servo becomes one"
+    assert found["before"]["feedback_gain"] == 40.0
+    assert found["files"] == []
+    assert found["worst_rmse_deg"] < found["worst_rmse_before_deg"]
+    out = said(capsys, "tune", "pair.toml").out
+    assert "largest RMSE over 3 runs of 20 s of both motors" in out
+    assert "Next: bowden run pair.toml --twin --auto" in out
+    again = Rig.read(path)
+    for name in ("flexor", "extensor"):
+        assert dict(again.axis(name).gains) == found["gains"]
+    assert document(capsys, "check")["pair"]["phase_margin_deg"] == pytest.approx(found["phase_margin_deg"])
+    error = said(capsys, "tune", "pair.toml", "--study", "study.toml", code=2).err
+    assert "the plants of a study have one; expected a rig with one motor, or no study; name one with --axis" in error
+
+
+@pytest.mark.usefixtures("pair_rig")
+def test_python_tunes_a_pair(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("bowden.face.tune.two_workers", lambda law, plant: nullcontext(map))
+    found = bowden.tune("pair.toml", "adaptive", generations=1)
+    assert found.gains
+    assert found.found.pair is not None
+    assert found.worst_rmse < found.worst_before  # type: ignore[operator]
+    for name in ("flexor", "extensor"):
+        assert dict(found.rig.axis(name).gains) == dict(found.gains)
 
 
 @pytest.mark.usefixtures("pair_rig")

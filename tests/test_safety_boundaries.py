@@ -159,6 +159,15 @@ PULLED: Changes = {"limits.slack_sign": 1.0, "reading.joint": 0.36, "state.joint
 PUSHED: Changes = {**motor_at(-0.4, -0.35), "state.decided.mode": Mode.RELEASING, "state.decided.joint_then": 0.0}
 Edge = tuple[Fault, str, float, float, Changes]
 AT_JOINT: Changes = {"limits.measures_torque": 1.0, "limits.torque_high": 16.0, "reading.joint_torque": 3.0}
+PAIRED: Changes = {
+    **{"limits.paired": 1.0, "limits.parting": 0.125, "limits.parting_slope": 0.25, "limits.parting_lag": 1 / 64},
+    **{"state.pair.met": 1.0, "state.pair.parted": 48 * DT, "observed.opposite": 0.0},
+}
+"""A motor of a pair at 0.5 and a joint at 0.375, with the other motor where it has been too far away for 48 cycles: it
+is to be at 0.5 − 0.25·0.375, and may be 2·0.125 away from there."""
+ASKED = 0.5 - 0.25 * 0.375
+SLOWED, FILTERED = 4.0, 4.0 * (1.0 - DT / (3 * DT + DT))
+"""A speed, and what the filter leaves of it in a cycle in which the motor stands."""
 MUTE: Changes = {"state.load.reading": 20.0, "state.load.motor": 0.5}
 EDGES: list[Edge] = [
     (Fault.JOINT_LOST, "reading.joint", 6.5, 6.5 + TINY, {}),
@@ -356,6 +365,29 @@ EDGES: list[Edge] = [
         *(Fault.LOAD_STUCK, "state.decided.mode", Mode.RELEASING, Mode.RUNNING),
         {**MUTE, "state.load.unanswered": 0.1},
     ),
+    (Fault.MOTORS_APART, "observed.opposite", ASKED - 0.25, ASKED - 0.25 - TINY, PAIRED),
+    (Fault.MOTORS_APART, "observed.opposite", ASKED + 0.25, ASKED + 0.25 + TINY, PAIRED),
+    (Fault.MOTORS_APART, "observed.opposite", NAN, 0.0, PAIRED),
+    (Fault.MOTORS_APART, "observed.opposite", 6.5 + TINY, 6.5, PAIRED),
+    (Fault.MOTORS_APART, "observed.opposite", -6.5 - TINY, -6.5, PAIRED),
+    (Fault.MOTORS_APART, "state.pair.parted", 47 * DT, 47 * DT + TINY, PAIRED),
+    (Fault.MOTORS_APART, "state.pair.met", 0.0, 1.0, PAIRED),
+    (Fault.MOTORS_APART, "limits.paired", 0.0, 1.0, PAIRED),
+    (Fault.MOTORS_APART, "limits.slack_time", 49 * DT, 48 * DT, PAIRED),
+    (Fault.MOTORS_APART, "state.decided.passed", 0.0, 1.0, PAIRED),
+    (Fault.MOTORS_APART, "state.decided.mode", Mode.RELEASING, Mode.RUNNING, PAIRED),
+    (Fault.MOTORS_APART, "state.decided.mode", Mode.RELEASING, Mode.BRIDGING, PAIRED),
+    (Fault.MOTORS_APART, "state.servo.enabled", 0.0, 1.0, {**PAIRED, "reading.drive_state": 3.0}),
+    (
+        *(Fault.MOTORS_APART, "observed.opposite"),
+        *(ASKED - 0.25 - 2 / 64 * FILTERED + sign * TINY for sign in (1.0, -1.0)),
+        {**PAIRED, "state.motor.speed": SLOWED},
+    ),
+    (
+        *(Fault.MOTORS_APART, "observed.opposite"),
+        *(ASKED - 0.25 - 2 / 64 * FILTERED + sign * TINY for sign in (1.0, -1.0)),
+        {**PAIRED, "state.motor.speed": -SLOWED},
+    ),
 ]
 """A fault; what shows it; its last good value, its first bad one; what else is so."""
 
@@ -365,6 +397,34 @@ def test_a_detector_speaks_beyond_its_limit_and_not_at_it(edge: Edge) -> None:
     fault, name, good, bad, also = edge
     assert fault not in faults(also, {name: good})
     assert fault in faults(also, {name: bad})
+
+
+def test_motors_of_a_pair_must_have_met_before_they_can_part() -> None:
+    apart, near = {**PAIRED, "state.pair.met": 0.0}, {"observed.opposite": ASKED}
+    for _ in range(2):
+        state, _ = cycle(apart)
+        assert (state.pair.met, state.pair.parted) == (0.0, 0.0)
+    state, _ = cycle(apart, near)
+    assert (state.pair.met, state.pair.parted) == (1.0, 0.0)
+    state, _ = cycle(PAIRED, {"state.pair.parted": DT})
+    assert (state.pair.met, state.pair.parted) == (1.0, 2 * DT)
+    state, _ = cycle(PAIRED, {"state.pair.parted": DT, "observed.elapsed": 3 * DT})
+    assert state.pair.parted == 4 * DT
+    state, _ = cycle(PAIRED, near)
+    assert (state.pair.met, state.pair.parted) == (1.0, 0.0)
+    for over in (RELEASING, {"state.decided.passed": 0.0}, STOPPED, {"limits.paired": 0.0}):
+        state, _ = cycle(PAIRED, near, over)
+        assert (state.pair.met, state.pair.parted) == (0.0, 0.0)
+
+
+def test_while_the_other_motor_is_not_known_nothing_is_forgotten_and_nothing_said() -> None:
+    for lost in (NAN, 6.5 + TINY, -6.5 - TINY):
+        for met in (0.0, 1.0):
+            state, verdict = cycle(PAIRED, {"observed.opposite": lost, "state.pair.met": met})
+            assert (state.pair.met, state.pair.parted) == (met, 0.0)
+            assert verdict.faults == 0.0
+        state, _ = cycle(PAIRED, {"observed.opposite": lost, "state.pair.met": 0.0, "limits.parting": 9.0})
+        assert state.pair.met == 0.0, "an angle that cannot be is not near"
 
 
 def test_without_power_a_load_cell_may_keep_its_value_wherever_the_motor_is_turned() -> None:

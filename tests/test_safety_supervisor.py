@@ -446,6 +446,7 @@ ALONE: dict[Fault, list[Cycle]] = {
     Fault.TORQUE_LOST: lasting(9, joint_torque=NAN),
     Fault.OVER_TORQUE: lasting(9, joint_torque=-15.1),
     Fault.LOAD_STUCK: moved(tension=lambda k, tension: 20.0),
+    Fault.MOTORS_APART: lasting(1, opposite=0.5) + lasting(60, opposite=0.0),
 }
 """Each fault as the only one, or the first: what shows it."""
 
@@ -470,6 +471,8 @@ def situation(fault: Fault) -> tuple[Limits, SupervisorState, list[Cycle]]:
         limits = limits._replace(slack_sign=1.0, tracking=9.0)
         rows = [(seen(motor=0.5 + 5 * DT * k, joint=0.45 + 4.5 * DT * k), 0.5) for k in range(40)]
         cycles = [*lasting(1, request=Request.STOP), *rows]
+    elif fault == Fault.MOTORS_APART:
+        limits = limits._replace(paired=1.0)
     elif fault == Fault.WISH_FAR:
         limits = limits._replace(acceleration=1e9)
     elif fault == Fault.MOTOR_OVER_SPEED:

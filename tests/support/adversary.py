@@ -93,6 +93,7 @@ def assault(
             anything(random, 1.0, 0.0, 0.0, 1.0, wild),
             anything(random, 0.02, 0.01, 0.0, limits.emg_age, wild),
             anything(random, 0.0, 0.0, 0.0, 3.0, wild),
+            anything(random, near, 0.2, -limits.sensor_span, limits.sensor_span, wild),
         )
         state, verdict = supervise(
             limits, state, observed, anything(random, wish, 0.0, limits.motor_low, limits.motor_high, wild), dt

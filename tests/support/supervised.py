@@ -154,7 +154,7 @@ def run_supervised(
         request = ARM if k == 0 else RUN if ran < 0 else NONE
         due = k - missed  # the reference is that of the deadline
         late, elapsed = in_seconds(missed * period), in_seconds((missed + 1) * period)
-        observed = Observed(told, late, elapsed, request, OPERATOR_AGE, 1.0, 1.0, EMG_AGE, 0.0)
+        observed = Observed(told, late, elapsed, request, OPERATOR_AGE, 1.0, 1.0, EMG_AGE, 0.0, 0.0)
         missed = 0
         for i in range(len(kinds)):
             if k >= onsets[i]:

@@ -36,9 +36,11 @@ def check(
     from bowden.core.toml_text import quoted
     from bowden.face.check import checked
     from bowden.face.pair import checked_pair
+    from bowden.rig.axes import refuse_sources
 
     own = read_given(rig, axis, several=True)
     given = own.with_law(law, preset)
+    refuse_sources(given)
     singles = [one for one in given.parts if not (given.axes and one.name in given.pair.names)]
     found = {}
     with progress_bar(quiet=json) as progress:

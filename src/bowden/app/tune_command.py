@@ -1,6 +1,7 @@
 """``bowden tune``: gains with margins for a rig.toml, written back into it with their evidence."""
 
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -28,26 +29,22 @@ def tune(
 ) -> None:
     """Find gains of the rig's law that keep 6 dB and 45° and follow best in the worst case, and write them back.
 
+    Of two motors on one joint (docs/pair.md) both get the same, which are judged on the joint.
+
     Interrupted, the command writes the best gains that it has, if they are better than those before.
     """
-    from bowden.core.errors import ParameterError
     from bowden.core.units import DEGREES
     from bowden.design.tune import BrokenOff, NoGainsError
-    from bowden.face.tune import tuned
+    from bowden.face.tune import tuned, tuned_pair
 
     whole = read_given(rig, several=True)
-    if whole.pair.there and axis is None:
-        raise ParameterError(
-            f"{whole.origin} has two motors on one joint, and tune finds gains for one motor and cable by themselves",
-            expected="one of them",
-            do=f"name it with --axis {whole.pair.agonist}, give the other the same gains, and check both together",
-        )
-    given = whole.axis(axis)
+    both = whole.pair.there and axis is None
+    given = whole if both else whole.axis(axis)
     of_axis = ["--axis", axis] if axis else []
     interrupted = False
     with progress_bar(quiet=json) as report:
         try:
-            found = tuned(given, study, seed=seed, progress=report)
+            found = (tuned_pair if both else tuned)(given, study, seed=seed, progress=report)
         except BrokenOff as broken:
             found, interrupted = broken.tuning, True
         except NoGainsError as error:
@@ -60,7 +57,8 @@ def tune(
         print(f"bowden: note: {note}", file=sys.stderr)
     evidence = _evidence(found, interrupted=interrupted)
     recorded = rig.suffix == ".mcap"
-    files = [] if dry_run or recorded or not found.gains else [str(_written(rig, found, evidence, axis))]
+    places = [*whole.pair.names] if both else [axis]
+    files = [] if dry_run or recorded or not found.gains else [str(_written(rig, found, evidence, places))]
     if interrupted:
         where = f"written to {files[0]}" if files else "not written"
         raise InterruptedPartway(f"the best gains after {found.generations} generations are {where}")
@@ -69,7 +67,7 @@ def tune(
         document: dict[str, Any] = {
             "law": found.law.name,
             "rig": given.hash,
-            "preset": found.rig.preset,
+            "preset": _preset(found),
             "gains": dict(found.gains),
             "before": before,
             "verdict": found.found.verdict,
@@ -128,14 +126,20 @@ def _evidence(found: "Tuning", *, interrupted: bool) -> list[str]:
     ]
 
 
-def _written(rig: Path, found: "Tuning", evidence: list[str], axis: str | None) -> Path:
-    """The rig with the gains in it."""
+def _preset(found: "Tuning") -> str | None:
+    """On which the gains stand; of a pair, whose axes keep their own, none."""
+    return None if found.rig.axes else found.rig.preset
+
+
+def _written(rig: Path, found: "Tuning", evidence: list[str], axes: Sequence[str | None]) -> Path:
+    """The rig with the gains in it: in each of these axes, or in that of one motor."""
     from bowden.core.files import write_text
     from bowden.design import gains_text
 
-    written = rig.read_text(encoding="utf-8")
-    said = (found.gains, evidence, rig, found.rig.preset)
-    text = gains_text.with_gains(written, *said) if axis is None else gains_text.with_axis_gains(written, axis, *said)
+    text = rig.read_text(encoding="utf-8")
+    said = (found.gains, evidence, rig, _preset(found))
+    for axis in axes:
+        text = gains_text.with_gains(text, *said) if axis is None else gains_text.with_axis_gains(text, axis, *said)
     write_text(rig, text)
     return rig
 

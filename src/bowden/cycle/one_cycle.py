@@ -276,9 +276,9 @@ _LIMITS = Limits()
 """Of which compiled code needs the type alone."""
 
 
-_SEEN = 22
+_SEEN = 23
 """Numbers of `Observed`."""
-_GIVEN = struct.Struct("27d")
+_GIVEN = struct.Struct("28d")
 """Those and the numbers of a `Plan`."""
 
 
@@ -300,7 +300,7 @@ def cycle_in_place(
 
     Of the states that begin here the types alone are needed, so that no state crosses from Python and back. The law's
     gains are kept flat too, so that one of them can be changed between two cycles; those of the settings are their
-    type. And so are the limits, whose 75 numbers would take longer on their way from Python than the cycle itself; what
+    type. And so are the limits, whose 79 numbers would take longer on their way from Python than the cycle itself; what
     there is to see with the plan, `given`; and reference, wish and verdict, which `said` is filled with.
     """
     allowed = restored(_LIMITS, limits)
@@ -309,7 +309,7 @@ def cycle_in_place(
     )
     begun = Sample(0.0, 0.0)
     like = DriveReading(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    observed = restored(Observed(like, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0), given)
+    observed = restored(Observed(like, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0), given)
     plan = restored(Plan(0.0, 0.0, Reference(0.0, 0.0, 0.0)), given[_SEEN:])
     before = CycleState(
         restored(begun, sample),

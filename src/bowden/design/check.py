@@ -223,7 +223,7 @@ def check(
     Raises:
         ParameterError: gains that are not finite, bends or a stroke that cannot be.
     """
-    ends = _checked(law, bends or (bench.sheath.bend, bench.sheath.bend), stroke)
+    ends = usable(law, bends or (bench.sheath.bend, bench.sheath.bend), stroke)
     trials, estimates = _tried(bench, law, tuple(dict.fromkeys(ends)), stroke, seed)
     count = bench.joint_encoder.resolution or IDEAL
     points = linear_points(bench, law, ends, estimates, count, stroke)
@@ -482,8 +482,17 @@ def at_rest(
     return verdict, reason
 
 
-def _checked(law: Law, bends: tuple[float, float], stroke: tuple[float, float]) -> tuple[float, float]:
-    """The bends, known to be usable with the rest."""
+def usable(law: Law, bends: tuple[float, float], stroke: tuple[float, float]) -> tuple[float, float]:
+    """The bends, known to be usable with the rest.
+
+    Args:
+        law: to be judged.
+        bends: smallest and largest total bend of its sheath [rad].
+        stroke: ends of the trials' motion [rad].
+
+    Raises:
+        ParameterError: gains that are not finite, bends or a stroke that cannot be.
+    """
     for name, value in law.numbers.items():
         if not np.isfinite(value):
             raise ParameterError(f"gain {name} of law {law.name!r} is {value}", expected="a finite number")

@@ -1,8 +1,9 @@
 """Do two laws hold on one joint? The check of `bowden.design.check`, of both motors and cables as one."""
 
 import itertools
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -27,20 +28,24 @@ from bowden.design.check import (
     largest_change,
     severity,
     swing_of,
+    usable,
 )
 from bowden.design.limit_cycle import AMPLITUDES, MEASURED, LimitCycle, describing_function, predict
 from bowden.design.linearise import LawModel, linearise
-from bowden.design.pair_loops import BOTH, DOWN_ALONE, UP_ALONE, SideLoop, pair_margins, reaches
+from bowden.design.pair_loops import BOTH, DOWN_ALONE, UP_ALONE, SideLoop, Taut, pair_margins, reaches
 from bowden.design.trial import AFTER, MOVING, Bounds, Trial, judged, motion, settled_after
 from bowden.models.cable.shared_joint import shares
 from bowden.plants.bench import Bench
 from bowden.plants.plant import changed
 from bowden.plants.transmission import transmission
 from bowden.sim.pair import PairPlant, PairSide, simulate_pair
+from bowden.sim.parting import parting_of
 from bowden.sim.scenario import constant_bend
 
 Bends = tuple[float, float]
 """Of both sheaths, the agonist's first [rad]."""
+Range = tuple[float, float]
+"""Smallest and largest bend of one sheath [rad]."""
 Laws = tuple[Law, Law]
 """The agonist's first."""
 
@@ -56,7 +61,7 @@ class _Tried:
 
 
 def check_pair(
-    pair: PairPlant, laws: Laws, *, bends: tuple[Bends, Bends], stroke: tuple[float, float], seed: int = 1
+    pair: PairPlant, laws: Laws, *, bends: tuple[Range, Range], stroke: tuple[float, float], seed: int = 1
 ) -> Check:
     """Judge two laws on one joint.
 
@@ -67,39 +72,42 @@ def check_pair(
     Args:
         pair: both sides.
         laws: of each.
-        bends: smallest of both sheaths, and largest [rad].
+        bends: smallest and largest of each sheath, the agonist's first [rad]; every one of the agonist's is tried with
+            every one of the antagonist's, since it is where they differ most that the cables disagree most.
         stroke: ends of the trials' motion [rad].
         seed: of the encoders' noise.
 
     Raises:
-        ParameterError: sides that no one loop can have, or that do not follow their motors.
+        ParameterError: gains that are not finite, bends or a stroke that cannot be, sides that no one loop can have, or
+            that do not follow their motors.
     """
     pair = _seeded(pair, seed)
-    ends = tuple(dict.fromkeys(bends))
-    zone = max(_dead_zone(pair, both, stroke) for both in ends)
+    one, other = (usable(law, own, stroke) for law, own in zip(laws, bends, strict=True))
+    ends = tuple(dict.fromkeys(itertools.product(one, other)))
     tried = _tried(pair, laws, ends, stroke)
     trials, count = tuple(tried.trials), pair.agonist.bench.joint_encoder.resolution or IDEAL
-    points, loops, apart = _linear(pair, laws, ends, tried.estimates, count, stroke)
-    worst = min(points, key=severity)
+    found = _linear(pair, laws, ends, tried.estimates, count, stroke)
+    points, worst = found.points, found.worst
     bounded = all(trial.bounded for trial in trials)
     chatters = False
     if not worst.margins.stable:
-        wide, _, _ = _linear(pair, laws, ends, tried.estimates, 0.5 * abs(stroke[1] - stroke[0]), stroke)
-        chatters = all(point.margins.largest_pole < 1.0 + ROUNDING for point in wide)
+        wide = _linear(pair, laws, ends, tried.estimates, 0.5 * abs(stroke[1] - stroke[0]), stroke)
+        chatters = all(point.margins.largest_pole < 1.0 + ROUNDING for point in wide.points)
     reserve = None
     if bounded and severity(worst) >= 1.0:
-        reserve = _reserve(pair, laws, points, ends[-1], stroke)
+        reserve = _reserve(pair, laws, points, found.worst_bends, stroke)
     cycle = _predicted_cycle(pair, laws, ends, tried.estimates, stroke)
     verdict, reason = judge(worst, trials, None, chatters, reserve, refuted=False, whole=True)
     if verdict != "does_not_hold":
         confirmed = bool(confirmed_by(cycle, swing_of(trials)))
-        verdict, reason = at_rest(trials, [zone] * len(trials), verdict, reason, confirmed=confirmed)
-        verdict, reason = _together(verdict, reason, tried.drift, _most_drift(pair, ends, stroke))
+        zones = [zone for both in ends for zone in [_dead_zone(pair, both, stroke)] * 2]
+        verdict, reason = at_rest(trials, zones, verdict, reason, confirmed=confirmed)
+        verdict, reason = _together(verdict, reason, tried.drift, parting_of(pair, bends, stroke).most)
     return Check(
         law=laws[0].name,
         verdict=verdict,
         reason=reason,
-        points=tuple(points),
+        points=points,
         worst=worst,
         cycle=cycle,
         trials=trials,
@@ -108,7 +116,7 @@ def check_pair(
         command_per_count=max(point.per_count for point in points),
         ultimate_s=None,
         ultimate_error=None,
-        pair=PairFindings(loops, tried.drift if bounded else None, apart),
+        pair=PairFindings(found.taut, tried.drift if bounded else None, found.apart),
     )
 
 
@@ -116,7 +124,7 @@ def _seeded(pair: PairPlant, seed: int) -> PairPlant:
     return pair._replace(agonist=pair.agonist._replace(seed=seed), antagonist=pair.antagonist._replace(seed=seed + 1))
 
 
-def _at(pair: PairPlant, bends: Bends) -> PairPlant:
+def at_bends(pair: PairPlant, bends: Bends) -> PairPlant:
     """The pair with its sheaths held at these bends."""
     one, other = (side._replace(bend=constant_bend(bend)) for side, bend in zip(pair.sides, bends, strict=True))
     return pair._replace(agonist=one, antagonist=other)
@@ -129,17 +137,6 @@ def _dead_zone(pair: PairPlant, bends: Bends, stroke: tuple[float, float]) -> fl
     ]
     slack = max(0.0, -pair.co_contraction) * sum(one.slope for one in found)
     return max(one.dead_zone for one in found) + slack
-
-
-def _most_drift(pair: PairPlant, ends: Iterable[Bends], stroke: tuple[float, float]) -> float:
-    """How far a motor may go beyond the co-contraction: what a joint at rest may move, at the motor [rad]."""
-    tight = pair._replace(co_contraction=0.0)
-    slope = min(
-        transmission(side.bench, bend, side.own_stroke(stroke)).slope
-        for bends in ends
-        for side, bend in zip(pair.sides, bends, strict=True)
-    )
-    return (2.0 * max(_dead_zone(tight, bends, stroke) for bends in ends) + RADIANS) / slope
 
 
 def _tried(pair: PairPlant, laws: Laws, ends: Iterable[Bends], stroke: tuple[float, float]) -> _Tried:
@@ -165,7 +162,7 @@ def _trial(
 ) -> tuple[tuple[Trial, Trial], float]:
     """One run of both, as each side shows it, and how far the motors went apart [rad]."""
     traces = simulate_pair(
-        _at(pair, bends),
+        at_bends(pair, bends),
         laws,
         motion(stroke, moving),
         duration=moving + AFTER,
@@ -178,20 +175,43 @@ def _trial(
 
 
 def _went_apart(pair: PairPlant, bends: Bends, stroke: tuple[float, float], traces: tuple[Trace, Trace]) -> float:
-    """How much further, or less far, each motor came to pull than it did at first, where the joint then was [rad].
+    """How much further, or less far, each motor came to pull than joint and co-contraction ask [rad].
 
-    Each by its own cable: motors that go alike behind cables of two slopes pull ever further, or let go.
+    Each by its own cable (`bowden.sim.parting`): motors that go alike behind cables of two slopes pull ever further, or
+    let go.
     """
     apart = np.zeros(len(traces[0].time))
     for sign, side, bend, trace in zip((0.5, -0.5), pair.sides, bends, traces, strict=True):
         slope = transmission(side.bench, bend, side.own_stroke(stroke)).slope
         apart += sign * (trace["motor"] - trace["joint"] / slope)
-    return float(np.max(np.abs(apart - apart[0]), initial=0.0, where=np.isfinite(apart)))
+    return float(np.max(np.abs(apart), initial=0.0, where=np.isfinite(apart)))
 
 
 def _slopes(side: PairSide, bend: float, stroke: tuple[float, float]) -> list[float]:
     found = transmission(side.bench, bend, side.own_stroke(stroke))
     return [found.slope, found.steepest] if found.steepest > found.slope else [found.slope]
+
+
+class _Loops(NamedTuple):
+    """Every linear loop of a pair."""
+
+    points: tuple[Point, ...]
+    bends: tuple[Bends, ...]
+    """Of each point."""
+    taut: tuple[TautLoop, ...]
+    """The smallest margins of each case."""
+    apart: float
+    """The largest pole with which the motors part [–]."""
+
+    @property
+    def worst(self) -> Point:
+        """The one that decides."""
+        return min(self.points, key=severity)
+
+    @property
+    def worst_bends(self) -> Bends:
+        """Of both sheaths there."""
+        return self.bends[self.points.index(self.worst)]
 
 
 def _linear(
@@ -201,30 +221,33 @@ def _linear(
     estimates: list[tuple[Estimates, Estimates]],
     width: float,
     stroke: tuple[float, float],
-) -> tuple[list[Point], tuple[TautLoop, ...], float]:
-    """Every loop: of each bend and slope, with each set of estimates, both cables taut and each alone.
-
-    Returns:
-        The loops, the smallest margins of each case, and the largest pole with which the motors part.
-    """
+) -> _Loops:
+    """Every loop: of each bend and slope, with each set of estimates, both cables taut and each alone."""
     up, dt = pair.up, pair.sample_time
     names = [pair.sides[i].name for i in (up, 1 - up)]
     said = {BOTH: "both cables taut", UP_ALONE: f"{names[0]} alone taut", DOWN_ALONE: f"{names[1]} alone taut"}
-    points, apart = list[Point](), 0.0
+    points, of, cases, apart = list[Point](), list[Bends](), list[Taut](), 0.0
     for values in estimates:
         models = [linearise(law, dt, width=width, estimates=one) for law, one in zip(laws, values, strict=True)]
         jump = max(largest_change(model) for model in models) * pair.agonist.bench.joint_encoder.resolution
         own = values[0] | {f"{pair.antagonist.name}: {name}": value for name, value in values[1].items()}
         for bends in ends:
             each = [_slopes(side, bend, stroke) for side, bend in zip(pair.sides, bends, strict=True)]
+            beside = "" if bends[0] == bends[1] else f", the other sheath's {bends[1] * DEGREES:.0f}°"
             for slopes in itertools.product(*each):
                 loops = [_side(pair, i, slopes[i], models[i]) for i in (up, 1 - up)]
                 for taut, where in said.items():
                     found = pair_margins(loops[0], loops[1], pair.load, taut, dt)
                     reach = float(np.sum(reaches(loops[0], loops[1], pair.load, taut)))
-                    points.append(Point(bends[0], reach, own, found.joint, where, jump))
+                    points.append(Point(bends[0], reach, own, found.joint, where + beside, jump))
+                    of.append(bends)
+                    cases.append(taut)
                     apart = max(apart, found.apart)
-    return points, tuple(_taut_loop(where, points) for where in said.values()), apart
+    loops_of = [
+        _taut_loop(where, [point for point, case in zip(points, cases, strict=True) if case == taut])
+        for taut, where in said.items()
+    ]
+    return _Loops(tuple(points), tuple(of), tuple(loops_of), apart)
 
 
 def _side(pair: PairPlant, i: int, slope: float, model: LawModel) -> SideLoop:
@@ -233,7 +256,7 @@ def _side(pair: PairPlant, i: int, slope: float, model: LawModel) -> SideLoop:
 
 
 def _taut_loop(where: str, points: list[Point]) -> TautLoop:
-    own = [point.margins for point in points if point.at == where]
+    own = [point.margins for point in points]
 
     def least(name: str) -> float | None:
         values = [getattr(one, name) for one in own]
@@ -244,7 +267,7 @@ def _taut_loop(where: str, points: list[Point]) -> TautLoop:
 
 
 def _reserve(
-    pair: PairPlant, laws: Laws, points: list[Point], bends: Bends, stroke: tuple[float, float]
+    pair: PairPlant, laws: Laws, points: Sequence[Point], bends: Bends, stroke: tuple[float, float]
 ) -> bool | None:
     """Whether a trial stands a part of the phase margin as delay of both commands; None where nothing limits it."""
     per_degree = delay_per_degree(points)

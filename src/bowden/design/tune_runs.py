@@ -14,7 +14,7 @@ from bowden.sim.course import Course
 from bowden.sim.many import Case
 from bowden.sim.scenario import BendPath, constant_bend, scripted_bend
 
-_RUN = 20.0
+RUN = 20.0
 """Length of one simulation [s]."""
 _TIMES = (0.0, 2.0, 3.0, 4.0, 5.5, 7.0, 8.0, 10.0, 11.0, 13.0, 14.0, 15.5, 17.0, 18.0, 20.0)
 _SHARES = (0.0, 0.6, 0.6, 0.4, 0.9, 0.5, 0.5, 1.0, 0.7, 0.1, 0.1, 0.5, 0.2, 0.4, 0.4)
@@ -62,12 +62,12 @@ class NineRuns(NamedTuple):
     @property
     def duration(self) -> float:
         """[s]"""
-        return _RUN
+        return RUN
 
     @property
     def described(self) -> str:
         """See `TuningRuns`."""
-        return f"nine runs of {_RUN:g} s"
+        return f"nine runs of {RUN:g} s"
 
     def cases(self) -> Sequence[Case]:
         """See `TuningRuns`."""
@@ -93,15 +93,18 @@ def course_of(runs: TuningRuns) -> Course:
 @lru_cache(8)
 def runs_of(bends: tuple[float, float], stroke: tuple[float, float]) -> tuple[tuple[Trajectory, BendPath], ...]:
     """Minimum jerk of 4 and of 10 s, and strokes with rests; each with the sheath straight, bent, and moved."""
-    low, high = stroke
-    span = high - low
     paths = [constant_bend(bend) for bend in dict.fromkeys(bends)]
     if bends[0] < bends[1]:
         paths.append(scripted_bend((5.0, 10.0, 15.0), (bends[0], bends[1], bends[0])))
-    references: Sequence[Trajectory] = (
+    kept = [Kept(reference) for reference in references_of(stroke)]
+    return tuple((reference, path) for path in paths for reference in kept)
+
+
+def references_of(stroke: tuple[float, float]) -> tuple[Trajectory, ...]:
+    """Minimum jerk of 4 and of 10 s, and strokes with rests, over a stroke [rad]."""
+    low, high = stroke
+    return (
         PeriodicMinimumJerk(low, high, 4.0),
         PeriodicMinimumJerk(low, high, 10.0),
-        PointToPoint(_TIMES, tuple(low + span * share for share in _SHARES)),
+        PointToPoint(_TIMES, tuple(low + (high - low) * share for share in _SHARES)),
     )
-    kept = [Kept(reference) for reference in references]
-    return tuple((reference, path) for path in paths for reference in kept)

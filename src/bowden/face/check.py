@@ -12,6 +12,7 @@ from bowden.face import given
 from bowden.face.given import GivenLaw, GivenRig
 from bowden.face.pair import checked_pair
 from bowden.rig import ranges
+from bowden.rig.axes import refuse_sources
 from bowden.rig.rig import Rig
 
 
@@ -37,6 +38,7 @@ def check(rig: GivenRig, law: GivenLaw | None = None, *, preset: str | None = No
     """
     with given.in_words_of_python():
         whole = given.under(given.rig_of(rig, "check", pair=True), law, preset, "check")
+        refuse_sources(whole)
         found = checked_pair(whole) if whole.pair.there else checked(whole)
     given.tell(whole.notes)
     return found

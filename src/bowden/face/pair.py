@@ -46,9 +46,8 @@ def pair_laws(rig: Rig) -> tuple[Law, Law]:
 def checked_pair(rig: Rig) -> Check:
     """The check of both motors on their joint, with its advice."""
     pair, axes = pair_plant_of(rig), [rig.axis(name) for name in rig.pair.names]
-    (low, high), (other_low, other_high) = (ranges.bends(axis) for axis in axes)
-    laws = pair_laws(rig)
-    bends = ((low, other_low), (high, other_high))
+    one, other = (ranges.bends(axis) for axis in axes)
+    laws, bends = pair_laws(rig), (one, other)
     with user_law.explained(laws[0]):
         found = check_pair(pair, laws, bends=bends, stroke=ranges.stroke(axes[0]), seed=axes[0].seed)
     return with_advice(found, pair)

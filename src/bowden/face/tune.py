@@ -1,26 +1,33 @@
 """`tune`: gains with margins for a rig."""
 
 import contextlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from bowden.control import Law, user_law
 from bowden.control.knowledge import preset_of
 from bowden.core import arguments
+from bowden.core.errors import ParameterError
 from bowden.core.shown import listed
 from bowden.core.toml_text import quoted
 from bowden.design.other_law import OtherLaw, mended_law, other_law
+from bowden.design.pair_tune import PairTarget, best_gains, judged_gains, runs_described
 from bowden.design.processes import Mapper, two_workers
 from bowden.design.tune import BrokenOff, NoGainsError, Tuning
 from bowden.design.tune import tune as search
 from bowden.face import given
 from bowden.face.given import GivenLaw, GivenRig
+from bowden.face.pair import pair_laws
 from bowden.face.progress import GivenProgress, Progress, reported
 from bowden.rig import ranges
+from bowden.rig.axes import Axis
 from bowden.rig.given_law import LawFile
 from bowden.rig.given_plant import PlantFile
+from bowden.rig.pair_plant import pair_plant_of
 from bowden.rig.rig import Rig
 from bowden.study import tune_study
 from bowden.study.load import load
@@ -42,7 +49,8 @@ def tune(
     Best means the smallest error in the worst of nine runs.
 
     Args:
-        rig: a `Rig`, or the path of a rig.toml (the file is not changed).
+        rig: a `Rig`, or the path of a rig.toml (the file is not changed); with two motors on one joint (docs/pair.md),
+            the gains are for both.
         law: a key of `LAWS`, ``FILE.py:NAME`` or a `Law`; the rig's by default.
         preset: a named set of gains of that law, to begin with.
         study: the path of a study (docs/campaign.md) without a rig, or with this one. The gains are then tuned against
@@ -63,13 +71,15 @@ def tune(
     >>> tuning.rig.gains == tuning.gains, tuning.found.verdict
     (True, 'holds')
     """
-    whole = given.under(given.rig_of(rig, "tune"), law, preset, "tune")
+    whole = given.under(given.rig_of(rig, "tune", pair=True), law, preset, "tune")
     seed = arguments.whole(seed, "tune: seed", 0)
     if generations is not None:
         generations = arguments.whole(generations, "tune: generations", 1)
     path = None if study is None else arguments.path_of(study, "tune: study")
     given.tell(whole.notes)
     with given.in_words_of_python(), reported(progress, "tune") as report:
+        if whole.pair.there:
+            return tuned_pair(whole, path, seed=seed, generations=generations, progress=report)
         return tuned(whole, path, seed=seed, generations=generations, progress=report)
 
 
@@ -127,6 +137,84 @@ def tuned(
             return replace(whole(found), study=_judged(plants, law, found.law, workers, progress))
         except KeyboardInterrupt:
             raise BrokenOff(whole(found)) from None
+
+
+def tuned_pair(
+    rig: Rig, study: Path | None = None, *, seed: int, progress: Progress, generations: int | None = None
+) -> Tuning:
+    """Gains for both motors of a pair, which the laws of both axes of the tuning's rig then have.
+
+    They are sought for each motor and its cable alone, once where these are the same, and judged on their joint.
+
+    Args:
+        rig: with a pair.
+        study: none.
+        seed: of the search.
+        progress: called with what is being done and the share of the work that is behind.
+        generations: see `tune`.
+
+    Raises:
+        ParameterError: see `tune`; or a study, whose plants are of one motor.
+    """
+    one, other = rig.pair.names
+    if study is not None:
+        raise ParameterError(
+            f"{rig.origin} has two motors on one joint, and the plants of a study have one",
+            expected="a rig with one motor, or no study",
+            do=f"name one with --axis {one}, and check both together",
+        )
+    axes = [rig.axis(name) for name in (one, other)]
+    laws = pair_laws(rig)
+    target = PairTarget(
+        pair_plant_of(rig), (ranges.bends(axes[0]), ranges.bends(axes[1])), ranges.stroke(axes[0]), axes[0].seed
+    )
+    with user_law.explained(laws[0]):
+        before = judged_gains(target, laws)
+        sought = [0] if _alike(axes, laws) else [0, 1]
+        searches = []
+        for place in sought:
+            name = f"{axes[place].law_name} for {rig.pair.names[place]} alone"
+
+            def part(what: str, share: float, *, done: int = place, name: str = name) -> None:
+                progress(f"{name}: {what}", 0.9 * (done + share) / len(sought))
+
+            try:
+                searches.append(tuned(axes[place], seed=seed, generations=generations, progress=part))
+            except BrokenOff:  # what is good for one motor alone is no gains for both
+                raise KeyboardInterrupt from None
+        names = laws[0].choices
+        candidates = [{name: found.law.numbers[name] for name in names} for found in searches]
+        best = best_gains(target, before, candidates, lambda share: progress("judging on the joint", 0.9 + 0.1 * share))
+    stood = [law.numbers for law in laws]
+    values = best.laws[0].numbers
+    changed = best is not before
+    gains = {name: values[name] for name in names if changed and any(values[name] != own[name] for own in stood)}
+    given_to = [
+        Axis(name, own.replace(gains={**own.gains, **gains}) if name in rig.pair.names else own)
+        for name, own in rig.axes
+    ]
+    return Tuning(
+        law=best.laws[0],
+        gains=gains,
+        stood=stood[0],
+        found=best.found,
+        before=before.found,
+        worst_rmse=best.worst,
+        worst_before=before.worst if np.isfinite(before.worst) else None,
+        bends=(min(low for low, _ in target.bends), max(high for _, high in target.bends)),
+        runs=runs_described(target),
+        generations=max(found.generations for found in searches),
+        given=replace(rig, axes=tuple(given_to)),
+    )
+
+
+def _alike(axes: Sequence[Rig], laws: tuple[Law, Law]) -> bool:
+    """Whether both motors, their cables and laws are the same, so that gains for one are gains for the other."""
+    one, other = (
+        (ranges.judged(axis), bends_of(axis), ranges.stroke(axis), law.gains)
+        for axis, law in zip(axes, laws, strict=True)
+    )
+    return one == other
 
 
 def _instead(rig: Rig, law: Law, error: NoGainsError) -> NoGainsError:

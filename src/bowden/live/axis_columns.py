@@ -11,6 +11,9 @@ TOGETHER: Mapping[str, str] = {"others": "1", "preflight_alone": "1"}
 """Column → unit of what an axis among others has besides: what its supervisor is shown of the others, and the outcome
 of its own preflight, where ``preflight`` is that of all."""
 
+OPPOSED: Mapping[str, str] = {"opposite": "rad"}
+"""Column → unit of what an axis of a pair has besides: the angle of the other motor, as its supervisor is shown it."""
+
 
 def of_all(blocks: Mapping[str, Mapping[str, str]]) -> dict[str, str]:
     """Column → unit of a run.

@@ -25,12 +25,14 @@ from bowden.live.preflight import Preflight
 from bowden.live.run_settings import plain, run_settings
 from bowden.live.script import Script
 from bowden.live.suit_preflight import on_suit
+from bowden.rig.axes import refuse_sources
 from bowden.rig.compose_admittance import Pushing
 from bowden.rig.drive import most_push
 from bowden.rig.emg_setup import EmgRun
 from bowden.rig.given_law import LawFile
 from bowden.rig.pair import pulling
 from bowden.rig.pair import said as said_of_pair
+from bowden.rig.pair_plant import parting_in_run
 from bowden.rig.rig import Rig
 from bowden.safety.limits import Limits
 from bowden.safety.supervisor import longest_release
@@ -105,6 +107,13 @@ class Live:
         return tuple(self.names.index(agonist) if axis.opposed else i for i, axis in enumerate(self.axes))
 
     @property
+    def paired(self) -> tuple[int, ...]:
+        """Places of the axes whose motors pull at one joint, the agonist's first; empty where there are none."""
+        if self.whole is None or not self.whole.pair.there:
+            return ()
+        return tuple(self.names.index(name) for name in self.whole.pair.names)
+
+    @property
     def length(self) -> float:
         """Of the run, without what comes before the law or the motion leads [s]."""
         return max(len(axis.table) for axis in self.axes) * self.rig.sample_time
@@ -113,11 +122,14 @@ class Live:
         """Column → unit of the run's rows."""
         if not self.several:
             return self._columns(together=False)
-        return axis_columns.of_all({axis.name: axis._columns(together=True) for axis in self.several})
+        paired = [self.names[place] for place in self.paired]
+        return axis_columns.of_all(
+            {axis.name: axis._columns(together=True, paired=axis.name in paired) for axis in self.several}
+        )
 
-    def _columns(self, *, together: bool) -> dict[str, str]:
+    def _columns(self, *, together: bool, paired: bool = False) -> dict[str, str]:
         emg, pushed = self.emg is not None, self.push() is not None
-        return row.columns(self.law, emg=emg, pushed=pushed, source=self.source(), together=together)
+        return row.columns(self.law, emg=emg, pushed=pushed, source=self.source(), together=together, paired=paired)
 
     @property
     def needs(self) -> DriveNeeds:
@@ -273,10 +285,10 @@ def live_run(rig: Rig, *, measure: bool = False, logged: Rig | None = None, join
 
 def _together(rig: Rig, logged: Rig) -> Live:
     """The live run of a rig with axes."""
+    refuse_sources(rig)
     found = []
     for (name, own), (_, kept) in zip(rig.axes, logged.axes, strict=True):
         with asked_for_by(f"axis {quoted(name)}"):
-            _refuse_sources(own)
             found.append(_one_of(rig, name, own, kept))
     notes = tuple(f"axis {quoted(axis.name)}: {note}" for axis in found for note in axis.notes)
     paired = (said_of_pair(rig.pair),) if rig.pair.there else ()
@@ -290,27 +302,18 @@ def _one_of(rig: Rig, name: str, own: Rig, kept: Rig) -> Live:
         return replace(live_run(own, logged=kept), name=name)
     opposed = name == pair.antagonist
     made = live_run(pulling(own, pair.co_contraction), logged=kept, joint_elsewhere=opposed)
-    if not opposed:
-        return replace(made, name=name)
-    # where its cable is taut is where the joint is: nothing can be said of zero; and after a release it hangs, with the
-    # joint anywhere below its motor
-    allowed = made.limits._replace(homed=0.0, slope_low=0.0)
-    return replace(made, name=name, opposed=True, limits=allowed)
-
-
-def _refuse_sources(rig: Rig) -> None:
-    """Refuse what moves one joint only: EMG and the wearer's push.
-
-    Raises:
-        ParameterError: the rig of an axis has one of them.
-    """
-    for what, key in ((rig.emg.source is not None, "emg.source"), (rig.admittance.enabled, "admittance.enabled")):
-        if what:
-            raise ParameterError(
-                f"{key} is set in a rig with several axes",
-                expected="[reference] for each: EMG and the wearer's push move a joint that is alone",
-                do="delete it, or run that axis alone, with --axis",
-            )
+    parting = parting_in_run(rig)
+    allowed = made.limits._replace(
+        paired=1.0,
+        parting=parting.most + parting.bent,
+        parting_slope=-parting.slope if opposed else parting.slope,
+        parting_lag=parting.lag,
+    )
+    if opposed:
+        # where its cable is taut is where the joint is: nothing can be said of zero; and after a release it hangs, with
+        # the joint anywhere below its motor
+        allowed = allowed._replace(homed=0.0, slope_low=0.0)
+    return replace(made, name=name, opposed=opposed, limits=allowed)
 
 
 def require_joint(rig: Rig) -> None:

@@ -89,8 +89,8 @@ class AxisParts(NamedTuple):
 class _Axis:
     """One axis while the loop goes on."""
 
-    def __init__(self, parts: AxisParts, *, among: bool) -> None:
-        self._among = among
+    def __init__(self, parts: AxisParts, *, among: bool, paired: bool) -> None:
+        self._among, self._paired = among, paired
         self.drive, self.cycle, self.script, self._course, self._push = parts
         begun = self.cycle.state.supervisor
         self.mode, self.target = float(begun.decided.mode), begun.target
@@ -100,7 +100,7 @@ class _Axis:
         self.stalled = 0.0
         """See `Ended.stalled`."""
         self.reading: DriveReading
-        self.request, self.others, self.outcome = 0.0, 0.0, 0.0
+        self.request, self.others, self.outcome, self.opposite = 0.0, 0.0, 0.0, 0.0
         """What its supervisor is shown."""
         self._last_word = LastWord(self.cycle.limits, self.cycle.period, self.target)
         self._plan, self._wish, self._torque = Plan(HOLD, 0.0, NOWHERE), self.target, 0.0
@@ -116,7 +116,8 @@ class _Axis:
         """What is done: law and supervisor; an error where the verdict is broken, which the torque's end replaces."""
         cycle, before = self.cycle, self.mode
         observed = Observed(
-            *(self.reading, lateness, elapsed, self.request, age, recorder, self.outcome, self._emg_age, self.others)
+            *(self.reading, lateness, elapsed, self.request, age, recorder, self.outcome, self._emg_age),
+            *(self.others, self.opposite),
         )
         self._wish, verdict = cycle.step(observed, self._plan)
         if verdict.mode > _POWERED and before in _LED and int(verdict.faults) & _STALLS:
@@ -186,8 +187,9 @@ class _Axis:
 
     @property
     def together(self) -> tuple[float, ...]:
-        """What an axis among others has besides, `axis_columns.TOGETHER`."""
-        return (self.others, self.script.outcome) if self._among else ()
+        """What an axis among others has besides, `axis_columns.TOGETHER`, and one of a pair, `axis_columns.OPPOSED`."""
+        among = (self.others, self.script.outcome) if self._among else ()
+        return (*among, self.opposite) if self._paired else among
 
 
 class Loop:
@@ -201,6 +203,7 @@ class Loop:
         start: the clock where the column ``time`` is zero [ns].
         independent: whether an axis that is stopped by a fault leaves the others running.
         joints: for each axis the place of the one whose drive has its joint's encoder; its own where none are given.
+        pair: places of the axes whose motors pull at one joint; empty where there are none.
     """
 
     def __init__(
@@ -213,8 +216,10 @@ class Loop:
         *,
         independent: bool = False,
         joints: Sequence[int] = (),
+        pair: Sequence[int] = (),
     ) -> None:
-        self._axes = tuple(_Axis(parts, among=len(axes) > 1) for parts in axes)
+        self._axes = tuple(_Axis(parts, among=len(axes) > 1, paired=place in pair) for place, parts in enumerate(axes))
+        self._paired = [self._axes[place] for place in pair]
         self._borrowing = [(self._axes[i], self._axes[by]) for i, by in enumerate(joints) if by != i]
         self._together = Together(len(axes), independent=independent) if axes[1:] else None
         self._ring, self._block, self._clock, self._start = ring, block, clock, start
@@ -285,6 +290,8 @@ class Loop:
                 axis.reading = axis.drive.read(now)
             for axis, of in self._borrowing:
                 axis.reading = axis.reading._replace(joint=of.reading.joint, joint_age=of.reading.joint_age)
+            for axis, other in zip(self._paired, self._paired[::-1], strict=True):
+                axis.opposite = other.reading.motor
 
             # what is asked for
             age = block.age(woke)

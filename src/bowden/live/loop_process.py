@@ -81,7 +81,7 @@ def _cycle(live: "Live", given: dict[str, Any]) -> int:
         parts.append(AxisParts(drive, cycle, axis.script(course), course, axis.push()))
     ring, block = RingWriter(Path(given["ring"])), ControlBlock(Path(given["block"]))
     start, alone = given["start_ns"], live.independent
-    loop = Loop(parts, ring, block, MonotonicClock(), start, independent=alone, joints=live.joints)
+    loop = Loop(parts, ring, block, MonotonicClock(), start, independent=alone, joints=live.joints, pair=live.paired)
     for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
         signal.signal(number, lambda *_: loop.quit())
     try:

@@ -71,6 +71,7 @@ SINCE: Mapping[str, float] = {
     **{f"supervisor.decided.{name}": 0.0 for name in ("joint_then", "motor_then", "met", "ahead")},
     **{f"supervisor.anchor.{name}": 0.0 for name in ("unanswered", "current", "travelled", "swung")},
     "supervisor.sample_age": 0.0,
+    **{f"supervisor.pair.{name}": 0.0 for name in ("met", "parted")},
 }
 """Columns of a run's readings and supervisor that older logs do not have, with what stands for them."""
 

@@ -124,7 +124,8 @@ def replay(
             )
             continue
         emg_age = row[at["emg.age"]] if "emg.age" in at else 0.0
-        around = (*(row[i] for i in surroundings), emg_age, row[at["others"]] if "others" in at else 0.0)
+        among = (row[at[name]] if name in at else 0.0 for name in ("others", "opposite"))
+        around = (*(row[i] for i in surroundings), emg_age, *among)
         observed = Observed(DriveReading(*(row[i] for i in reading)), *around)
         plan = Plan(row[at["source"]], row[at["wish"]], Reference(*(row[i] for i in reference)))
         for place, column in changed:

@@ -11,7 +11,7 @@ from bowden.core.signals import DriveReading
 from bowden.cycle.torque_offset import COLUMNS as PUSH
 from bowden.hardware.emg.course import COLUMNS
 from bowden.live import gain_ramp
-from bowden.live.axis_columns import TOGETHER
+from bowden.live.axis_columns import OPPOSED, TOGETHER
 from bowden.live.ring import Description
 from bowden.models.drive.thermal import Thermal, ThermalState, cold
 from bowden.safety.limits import Limits
@@ -80,10 +80,16 @@ SUPERVISOR: Mapping[str, str] = nested.columns(STOPPED, "supervisor")
 
 
 def columns(
-    law: Law, *, emg: bool = False, pushed: bool = False, source: Source = TABLE, together: bool = False
+    law: Law,
+    *,
+    emg: bool = False,
+    pushed: bool = False,
+    source: Source = TABLE,
+    together: bool = False,
+    paired: bool = False,
 ) -> dict[str, str]:
-    """Column → unit of a run under this law, by EMG, with a torque offset, by another source than the table, and of an
-    axis among others."""
+    """Column → unit of a run under this law, by EMG, with a torque offset, by another source than the table, of an axis
+    among others, and of one of a pair."""
     return {
         **CYCLE,
         **law.columns(),
@@ -94,6 +100,7 @@ def columns(
         **({} if source is TABLE else source.columns()),
         **gain_ramp.columns(law),
         **(TOGETHER if together else {}),
+        **(OPPOSED if paired else {}),
     }
 
 

@@ -111,6 +111,10 @@ _SINCE = {
             "console_lease",
             "measures_torque",
             "torque_high",
+            "paired",
+            "parting",
+            "parting_slope",
+            "parting_lag",
         )
     },
     **{"pull_gain": 0.0, "pull_doubt": 0.0, "disable_time": math.inf},

@@ -154,6 +154,27 @@ def check(axes: Sequence[Axis], where: str) -> None:
         raise ParameterError(f"{where}: {problem}", do=_CORRECT)
 
 
+def refuse_sources(rig: "Rig") -> None:
+    """Refuse axes whose joints are moved by what moves a joint that is alone: EMG and the wearer's push.
+
+    A run refuses them, and so does a check of what would run.
+
+    Args:
+        rig: whole.
+
+    Raises:
+        ParameterError: an axis has one of them.
+    """
+    for name, own in rig.axes:
+        for there, key in ((own.emg.source is not None, "emg.source"), (own.admittance.enabled, "admittance.enabled")):
+            if there:
+                raise ParameterError(
+                    f"axis {quoted(name)}: {key} is set in a rig with several axes",
+                    expected="[reference] for each: EMG and the wearer's push move a joint that is alone",
+                    do="delete it, or take that axis alone, with --axis",
+                )
+
+
 def _twice(axes: Sequence[Axis]) -> Iterator[str]:
     for number, (name, rig) in enumerate(axes):
         for other, another in axes[:number]:

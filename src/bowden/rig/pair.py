@@ -82,6 +82,7 @@ def _problems(pair: PairSettings, found: Mapping[str, "Rig"], independent: bool)
         (pair.agonist != pair.antagonist, f"agonist and antagonist are {quoted(pair.agonist)}", "two axes"),
         (not independent, "independent is true", "false: of two cables on one joint none goes on alone"),
         (one.reference == other.reference, f"{names} have references of their own", "one: leave it to the common part"),
+        (one.emg == other.emg, f"{names} have [emg] of their own", "one: leave it to the common part"),
         (
             slack[0] == -slack[1],
             f"limits.slack_sign of {names} are {slack[0]:g} and {slack[1]:g}",

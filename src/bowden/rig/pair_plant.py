@@ -8,8 +8,10 @@ from bowden.control.law import Law
 from bowden.core.trace import Trace
 from bowden.core.traces import Traces
 from bowden.plants.user_plant import UserPlant
+from bowden.rig import ranges
 from bowden.rig.rig import Rig
 from bowden.sim.pair import PairPlant, PairSide, simulate_pair
+from bowden.sim.parting import Parting, parting_of
 
 
 def pair_plant_of(rig: Rig) -> PairPlant:
@@ -38,6 +40,19 @@ def agonist_of(rig: Rig, *, whole: bool = False) -> Rig:
         whole: see `Rig.offline`.
     """
     return rig.axis(rig.pair.agonist).offline(whole=whole)
+
+
+def parting_in_run(rig: Rig) -> Parting:
+    """How far its motors may part in a run, and by what that is seen.
+
+    Args:
+        rig: with a pair.
+
+    Raises:
+        ParameterError: a plant that cannot be, or that does not follow its motor.
+    """
+    one, other = (rig.axis(name) for name in rig.pair.names)
+    return parting_of(pair_plant_of(rig), (ranges.bends(one), ranges.bends(other)), ranges.stroke(one))
 
 
 def run_of_pair(rig: Rig, laws: tuple[Law, Law], *, whole: bool = False) -> Traces:

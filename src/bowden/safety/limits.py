@@ -110,7 +110,9 @@ class Limits(NamedTuple):
     torque_high: Annotated[
         float, Quantity("largest torque of the suit on the joint, either way, where measured", "N·m", ge=0.0, le=200.0)
     ] = 15.0
-    slack_time: Annotated[float, Quantity("how long it may be slack", "s", ge=0.0, le=1.0)] = 0.05
+    slack_time: Annotated[
+        float, Quantity("how long it may be slack, or the motors of a pair apart", "s", ge=0.0, le=1.0)
+    ] = 0.05
     reading_age: Annotated[float, Quantity("age of an angle that is still good", "cycles", ge=0.0, le=50.0)] = 2.0
     heartbeat_age: Annotated[
         float, Quantity("age of the drive's heartbeat that is still good", "s", ge=0.0, le=10.0)
@@ -197,3 +199,13 @@ class Limits(NamedTuple):
         ),
     ] = 0.3
     released_time: Annotated[float, Quantity("how long the current must be that small", "s", ge=0.0, le=0.2)] = 0.02
+    paired: Annotated[float, Quantity("1 where another motor pulls at the same joint, else 0", key=None)] = 0.0
+    parting: Annotated[
+        float, Quantity("largest distance of each motor of a pair from where the joint asks it to be", "rad", key=None)
+    ] = 0.2
+    parting_slope: Annotated[
+        float, Quantity("motor less the other motor, over the joint, by both cables' slopes", "rad/rad", key=None)
+    ] = 0.0
+    parting_lag: Annotated[
+        float, Quantity("growth of that distance with speed, of two servos that follow unlike", "s", key=None)
+    ] = 0.0

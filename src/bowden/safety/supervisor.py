@@ -45,6 +45,7 @@ class Observed(NamedTuple):
     preflight: float  # 0 not done, 1 passed, −1 failed
     emg_age: float  # since the newest EMG sample was taken; 0 in a run without EMG [s]
     others: float = 0.0  # worst reaction to faults of other axes, 2 or 3; 0 for none, and where there are no others
+    opposite: float = 0.0  # angle of the other motor of a pair; 0 where there is none [rad]
 
 
 class Verdict(NamedTuple):
@@ -106,6 +107,17 @@ class LoadAnchor(NamedTuple):
     unanswered: Annotated[float, Quantity("travel of the motor behind the dead zone without an answer", "rad")]
 
 
+class Pairing(NamedTuple):
+    """How a motor goes with the other one on its joint.
+
+    After a release, or before the co-contraction is there, both may hang anywhere: they must have been as near as they
+    are to be before they can part.
+    """
+
+    met: Annotated[float, Quantity("1 once both were that near since the run began, else 0")]
+    parted: Annotated[float, Quantity("for how long they have been further apart", "s")]
+
+
 class Sums(NamedTuple):
     """For how long something has lasted, and sums that forget."""
 
@@ -133,6 +145,7 @@ class SupervisorState(NamedTuple):
     heat: ThermalState
     sample_age: Annotated[float, Quantity("how old the drive's newest sample was", "s")]
     load: LoadAnchor
+    pair: Pairing
 
 
 class Found(NamedTuple):
@@ -186,6 +199,7 @@ class Found(NamedTuple):
     TORQUE_LOST: float
     OVER_TORQUE: float
     LOAD_STUCK: float
+    MOTORS_APART: float
 
 
 POWER_OFF, POWER_ON = 0.0, 3.0  # of `hardware.ports.Power`, which this floor cannot see
@@ -224,6 +238,7 @@ def begin(limits: Limits, reading: DriveReading, thermal: ThermalState) -> Super
         thermal,
         0.0,
         LoadAnchor(motor, 0.0, 0.0),
+        Pairing(0.0, 0.0),
     )
 
 
@@ -352,6 +367,15 @@ def look(
     measured = np.fmax(limits.measures_tension, limits.measures_torque) * (1.0 - beyond(last.mode, BRIDGING))
     slack = lasting(enabled * beyond(-tension, -limits.tension_low), sums.slack, time)
 
+    # the other motor of a pair: half of what both are further apart than the joint asks, by their cables' slopes. While
+    # its angle is not known nothing is said, which is for its own supervisor to do
+    known = 1.0 - outside(observed.opposite, -limits.sensor_span, limits.sensor_span)
+    apart = 0.5 * np.abs(motor.value - observed.opposite - limits.parting_slope * joint.value)
+    further = beyond(apart, limits.parting + limits.parting_lag * np.abs(motor.speed))
+    runs = limits.paired * enabled * last.passed * (1.0 - beyond(last.mode, BRIDGING))
+    met = runs * np.fmax(state.pair.met, known * (1.0 - further))
+    parted = lasting(met * known * further, state.pair.parted, time)
+
     # bus and time: sums that forget
     armed = lasting(powered * (1.0 - last.passed), sums.armed, time)
     unknown = outside(reading.bus_errors, 0.0, BIG * BIG)
@@ -414,6 +438,7 @@ def look(
         TORQUE_LOST=no_torque,
         OVER_TORQUE=beyond(np.abs(torque), limits.torque_high),
         LOAD_STUCK=measured * beyond(cell.unanswered, limits.frozen_travel - 2.0 * half),
+        MOTORS_APART=beyond(parted, limits.slack_time),
     )
     return (
         SupervisorState(
@@ -427,6 +452,7 @@ def look(
             heat,
             age,
             cell,
+            Pairing(met, parted),
         ),
         found,
         time,
@@ -510,6 +536,7 @@ def supervise(
             seen.heat,
             seen.sample_age,
             seen.load,
+            seen.pair,
         ),
         Verdict(target, sel(idle, POWER_OFF, POWER_ON), mode, reported, active),
     )

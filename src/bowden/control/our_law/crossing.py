@@ -86,7 +86,8 @@ FLATTEST, STEEPEST = 0.6, 1.7
 
 UNANSWERED = 1.2
 """How far the correction goes without any motion of the joint: twice the widest dead zone, so that one of them and as
-much slack are crossed; beyond, the cable is torn, the joint at a stop, or its sensor dead [rad]."""
+much slack are crossed; beyond, the cable is torn, the joint at a stop, or its sensor dead. A joint that moves answers
+for as much of the contact's way as it went itself: a breath does not say that a slack cable pulls [rad]."""
 
 
 class Crossing(NamedTuple):
@@ -243,7 +244,9 @@ def crossed(before: Crossing, given: Known, asked_before: float, asked: float, d
     kept = asked_before + side * larger(side * (asked - asked_before), -forward * dt)
     asked = sel(waits, kept, asked)
     answers = np.abs(joint - before.answer_joint) > TOUCH + TOUCH_SIGMAS * given.noise
-    answer_contact = sel(answers, contact, before.answer_contact)
+    went = np.abs(joint - before.answer_joint) * loop
+    held = before.answer_contact - change * before.answer_joint
+    answer_contact = held + sel(answers, larger(smaller(contact - held, went), -went), 0.0)
     lowest = smaller(asked_before, answer_contact - UNANSWERED)
     highest = larger(asked_before, answer_contact + UNANSWERED)
     asked = larger(smaller(asked, highest), lowest)  # held back and never drawn along: that would be a loop of its own

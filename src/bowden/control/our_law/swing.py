@@ -33,7 +33,7 @@ from bowden.core.extremes import larger, smaller
 from bowden.core.kernel import kernel, sel
 from bowden.core.quantity import Quantity
 
-SLOWEST = 0.3
+SLOWEST = 0.25
 """Half-wave beyond which nothing swings: an arm on a cable has 2 Hz and more [s]."""
 
 ALIKE = 1.6
