@@ -64,6 +64,8 @@ _ROUNDS, _PLAYS_ROUNDS = 3, 3
 _REACHES = 1.15 ** np.arange(-20.0, 9.0)
 """Of the plays that are offered then: among them a pure play's, 1."""
 _LEAST_SHARE = 1e-4
+_SMALL = 1e-12
+"""Of the mean square of a column, below what an encoder shows: so that a Gram matrix has a root."""
 _TOTAL = 30.0
 """Weight of a joint that moves with the motor as a whole, over that of the log."""
 _TIED, _TAKEN_UP = 1000.0, 0.95
@@ -188,13 +190,12 @@ def _with_plays(path: Path, lag: float, cable: Branches) -> Branches:
         return cable
     slots = slots_of(path.motor, lag, cable._replace(reaches=np.append(0.0, _REACHES)))  # the first is the mean itself
     moved, wanted = slots[:, 1:] - slots[:, :1], path.joint - cable.offset - slots[:, 0]
-    root = np.sqrt(path.weight)
-    total = _TOTAL * float(np.linalg.norm(root * wanted))
-    rows = np.column_stack([root[:, None] * moved, np.zeros(len(root))])  # the last: of the motor itself
-    corner = np.asarray(
-        np.linalg.qr(np.vstack([np.column_stack([rows, root * wanted]), np.full(len(_REACHES) + 2, total)]), "r")
-    )
-    shares = non_negative(corner[:, :-1], corner[:, -1])[:-1]
+    sums = products(np.column_stack([moved, wanted]), path.weight)
+    root = np.linalg.cholesky(sums + _SMALL * float(np.trace(sums)) / len(sums) * np.eye(len(sums))).T
+    total = _TOTAL * float(np.sqrt(sums[-1, -1]))
+    of_motor = np.append(np.zeros(len(root)), total)  # what it moves by itself is none of `moved`
+    rows = np.column_stack([np.vstack([root[:, :-1], np.full(len(_REACHES), total)]), of_motor])
+    shares = non_negative(rows, np.append(root[:, -1], total))[:-1]
     shares = shares / max(1.0, float(shares.sum()))
     kept = shares > _LEAST_SHARE
     size = float(shares[kept] @ _REACHES[kept])
@@ -268,8 +269,8 @@ def _gram(sums: Array, penalty: Array) -> Array:
     of_data = sums[..., :-1, :-1]
     small = 1e-12 * np.trace(of_data, axis1=-2, axis2=-1)  # of the data: λ may be large
     small = (small + 1e-15 * float(np.trace(penalty)))[..., None] / (2 * _NODES)
-    without_play = ~of_data[..., _NODES:, _NODES:].any(axis=(-2, -1))[..., None]  # no gap shows
-    ridge = np.where(without_play & (np.arange(2 * _NODES) >= _NODES), 1.0, small)
+    with_play = np.any(of_data[..., _NODES:, _NODES:], axis=(-2, -1), keepdims=True)[..., 0]  # without it no gap shows
+    ridge = np.where(with_play | (np.arange(2 * _NODES) < _NODES), small, 1.0)
     return np.asarray(of_data + penalty + ridge[..., None] * np.eye(2 * _NODES))
 
 
