@@ -23,7 +23,7 @@ Range = tuple[float, float]
 """Smallest and largest bend of one sheath, or ends of a stroke [rad]."""
 
 
-class Asked(NamedTuple):
+class TautLine(NamedTuple):
     """Where a cable asks its motor to be, co-contraction aside, in the joint's coordinate: offset + way·joint."""
 
     offset: float
@@ -54,7 +54,7 @@ class Parting(NamedTuple):
     """What comes on top of both for each speed of the motors, since one servo follows later than the other [s]."""
 
 
-def asked_by(side: PairSide, bend: float, stroke: Range) -> Asked:
+def asked_by(side: PairSide, bend: float, stroke: Range) -> TautLine:
     """Where a side's cable asks its motor to be: on a line through its rest in the middle of the stroke.
 
     Args:
@@ -68,7 +68,7 @@ def asked_by(side: PairSide, bend: float, stroke: Range) -> Asked:
     middle = 0.5 * (stroke[0] + stroke[1])
     rest = side.sign * side.bench.resting_motor(side.sign * middle, bend)
     found = transmission(side.bench, bend, side.own_stroke(stroke))
-    return Asked(rest - middle / found.slope, 1.0 / found.slope, 0.5 * found.dead_zone / found.slope)
+    return TautLine(rest - middle / found.slope, 1.0 / found.slope, 0.5 * found.dead_zone / found.slope)
 
 
 def parting_of(pair: PairPlant, bends: tuple[Range, Range], stroke: Range) -> Parting:
