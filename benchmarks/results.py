@@ -18,7 +18,7 @@ ORDER = [
         "A sample of the detector",
         "How far `bowden check` can be trusted",
     ),
-    *("Identification against others", "The forecast of an identification"),
+    *("Identification against others", "Strokes larger than the log's", "The forecast of an identification"),
     *("What more cycles in a log buy", "Time of an identification"),
     "Twelve recorded cables, from log to running law",
     *("Our law on random plants", "Our law on named cases", "The suit on random wearers"),

@@ -125,7 +125,7 @@ def draw(set_name: str, number: int) -> Cell:
     resolution = 2.0 * math.pi / 2.0 ** int(random.integers(12, 18))
     encoder = Encoder(resolution, float(random.uniform(0.2, 1.0)) * resolution + 0.002 * RADIANS)
     inner = CablePlant(
-        cable=_cable(random, families),
+        cable=drawn_cable(random, families),
         sheath=Sheath(bend=1.0, gap=1.0, loss=loss),
         servo=Servo(frequency, damping, speed_limit=float(random.uniform(1.5, 4.0)) if saturated else math.inf),
         joint_encoder=encoder,
@@ -151,7 +151,8 @@ def _one_of(random: np.random.Generator, weights: dict[str, float]) -> str:
     return str(list(weights)[int(random.choice(len(shares), p=shares / shares.sum()))])
 
 
-def _cable(random: np.random.Generator, families: dict[str, str]) -> Cable:
+def drawn_cable(random: np.random.Generator, families: dict[str, str]) -> Cable:
+    """A cable of the families of `cable` and `geometry`."""
     kind = families["cable"]
     if kind in ("capstan", "slack"):
         slack = float(random.uniform(0.0003, 0.0015)) if kind == "slack" else 0.0

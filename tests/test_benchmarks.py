@@ -75,7 +75,7 @@ def test_every_section_of_the_page_is_known() -> None:
     results, run, soak = (importlib.import_module(name) for name in ("results", "run", "soak"))
     programs = (
         *("detector", "drive_families", "several_axes", "exported", "fresh_process"),
-        *("identify_cycles", "identify_forecast", "identify_time", "twelve_cables", "walk"),
+        *("identify_cycles", "identify_forecast", "identify_outward", "identify_time", "twelve_cables", "walk"),
     )
     alone = (importlib.import_module(name).TITLE for name in programs)
     peers = "Identification against others"  # of a program that needs torch

@@ -218,6 +218,13 @@ def test_a_breath_does_not_say_that_a_slack_cable_pulls() -> None:
     assert furthest < UNANSWERED + float(np.sum(np.abs(np.diff(breath)))) + 0.2
 
 
+def test_a_joint_that_goes_half_as_far_as_told_answers_for_its_whole_way() -> None:
+    strokes = PeriodicMinimumJerk(0.0, 120.0 * RADIANS, 8.0).sample(np.arange(0.0, 12.0, 1e-3))
+    error, command, _ = played(strokes, slope=0.45)
+    assert command.max() - strokes[:, 0].max() / 0.9 > 1.5 * UNANSWERED
+    assert np.abs(error).max() < 2.0 * RADIANS
+
+
 def test_the_motor_may_count_from_anywhere(clean: Any) -> None:
     far = played(STROKES[:6000], start=1500.0)
     np.testing.assert_allclose(far[0], clean[0][:6000], atol=1e-6)

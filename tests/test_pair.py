@@ -261,6 +261,13 @@ def test_motors_that_part_are_released_before_their_cables_bear_much_more(rate: 
         assert not replay(part, law, live.limits, Filters(), 1e-3, same=True).differs, name
 
 
+def test_each_supervisor_knows_where_both_cables_rest(tmp_path: Path) -> None:
+    text = PAIR.replace('name = "flexor"\n', 'name = "flexor"\n[axis.cable]\noffset_deg = 6.0\n')
+    one, other = (axis.limits for axis in live_run(rig_of(tmp_path, text)).axes)
+    assert one.parting_offset == -other.parting_offset == pytest.approx(-6.0 * RADIANS / 0.9378, abs=1e-3)
+    assert one.parting == other.parting == pytest.approx(7.67 * RADIANS, abs=0.01 * RADIANS)
+
+
 def test_motors_that_hang_apart_before_a_run_come_together_unblamed(tmp_path: Path) -> None:
     rig = rig_of(tmp_path).replace(duration=2.0)
 

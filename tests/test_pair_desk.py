@@ -34,6 +34,7 @@ from bowden.plants.cables import as_cable_plant, play
 from bowden.rig.presets.bench import default_bench
 from bowden.rig.rig import Rig
 from bowden.sim.pair import PairPlant, PairSide, simulate_pair
+from bowden.sim.parting import parting_of
 from bowden.sim.run import simulate
 from bowden.sim.scenario import constant_bend
 from test_pair import PAIR
@@ -177,6 +178,21 @@ def test_the_certificate_of_the_pages_pair() -> None:
     assert found.pair.apart > 1.0, "no law feeds back what the joint does not show"
     assert found.pair.drift < np.radians(1.0), "and it comes to nothing"  # type: ignore[operator]
     assert "both cables taut" in repr(found)
+
+
+def test_cables_that_rest_elsewhere_at_zero_do_not_seem_to_part() -> None:
+    """An identified cable has an offset, which its motor makes up for: nothing pulls any harder."""
+    off = BENCH._replace(cable=BENCH.cable._replace(offset=10.0 * RADIANS))
+    pair = pair_of(off, off)
+    found = check_pair(pair, (LAW, LAW), bends=BENDS, stroke=STROKE)
+    assert found.verdict == "holds"
+    assert found.pair is not None
+    assert np.degrees(found.pair.drift) < 0.2  # type: ignore[arg-type]
+    resting = pair.resting_motors(0.0, (np.pi, np.pi))
+    parting = parting_of(pair, BENDS, STROKE)
+    assert parting.offset == pytest.approx(resting[0] - resting[1])
+    assert abs(parting.offset) > 20.0 * RADIANS
+    assert parting._replace(offset=0.0) == pytest.approx(parting_of(pair_of(), BENDS, STROKE))
 
 
 def test_each_bend_of_one_sheath_is_tried_with_each_of_the_other() -> None:

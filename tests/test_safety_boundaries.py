@@ -160,12 +160,13 @@ PUSHED: Changes = {**motor_at(-0.4, -0.35), "state.decided.mode": Mode.RELEASING
 Edge = tuple[Fault, str, float, float, Changes]
 AT_JOINT: Changes = {"limits.measures_torque": 1.0, "limits.torque_high": 16.0, "reading.joint_torque": 3.0}
 PAIRED: Changes = {
-    **{"limits.paired": 1.0, "limits.parting": 0.125, "limits.parting_slope": 0.25, "limits.parting_lag": 1 / 64},
+    **{"limits.paired": 1.0, "limits.parting": 0.125, "limits.parting_lag": 1 / 64},
+    **{"limits.parting_offset": 0.0625, "limits.parting_slope": 0.25},
     **{"state.pair.met": 1.0, "state.pair.parted": 48 * DT, "observed.opposite": 0.0},
 }
 """A motor of a pair at 0.5 and a joint at 0.375, with the other motor where it has been too far away for 48 cycles: it
-is to be at 0.5 − 0.25·0.375, and may be 2·0.125 away from there."""
-ASKED = 0.5 - 0.25 * 0.375
+is to be at 0.5 − 0.0625 − 0.25·0.375, and may be 2·0.125 away from there."""
+ASKED = 0.5 - 0.0625 - 0.25 * 0.375
 SLOWED, FILTERED = 4.0, 4.0 * (1.0 - DT / (3 * DT + DT))
 """A speed, and what the filter leaves of it in a cycle in which the motor stands."""
 MUTE: Changes = {"state.load.reading": 20.0, "state.load.motor": 0.5}

@@ -11,6 +11,7 @@ from bowden.app.next_step import after_model, free_name, say_next
 from bowden.core.files import output_folder, whole_files
 
 if TYPE_CHECKING:
+    from bowden.identify.cable.cycles import Cycles
     from bowden.identify.cable.loads import JointFit
     from bowden.identify.cable.recalibrate import Recalibration
     from bowden.identify.log.read import Log
@@ -114,7 +115,12 @@ def joint_document(fit: "JointFit") -> dict[str, Any]:
     """The figures of a joint fit for JSON, without the seconds; what does not exist is None."""
     errors = ("train_rms", "test_rms", "same_rms", "same_offset_rms", "unseen_rms", "unseen_offset_rms")
     logs = [
-        {"name": one.name, "samples": one.samples, **dict(zip(fit.variables, one.values, strict=True))}
+        {
+            "name": one.name,
+            "samples": one.samples,
+            "cycles": _cycles(one.cycles),
+            **dict(zip(fit.variables, one.values, strict=True)),
+        }
         | {f"{error}_deg": _degrees(getattr(one, error)) for error in errors}
         for one in fit.logs
     ]
@@ -147,7 +153,12 @@ def recalibration_document(found: "Recalibration") -> dict[str, Any]:
         "models": {name: {"parameters": dict(parameters)} for name, parameters in models},
         "warnings": list(found.warnings),
         "samples": found.samples,
+        "cycles": _cycles(found.cycles),
     }
+
+
+def _cycles(cycles: "Cycles") -> dict[str, Any]:
+    return cycles._asdict() | {"advice": cycles.to_record or None}
 
 
 def _degrees(value: float) -> float | None:
@@ -164,8 +175,11 @@ def _print_logs(fit: "JointFit") -> None:
     from rich.console import Console
     from rich.table import Table
 
+    from bowden.identify.cable.loads import cycle_lines
+
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
     table.add_column("log", no_wrap=True)
+    table.add_column("whole\ncycles", justify="right", no_wrap=True)
     for name, unit in zip(fit.variables, fit.units, strict=True):
         table.add_column(f"{name}\n{unit}", justify="right", no_wrap=True)
     for title in ("second half\n° RMS", "left out\n° RMS", "load left out\n° RMS", "and offset\n° RMS"):
@@ -173,10 +187,10 @@ def _print_logs(fit: "JointFit") -> None:
     for one in fit.logs:
         errors = [_degrees(v) for v in (one.test_rms, one.same_rms, one.unseen_rms, one.unseen_offset_rms)]
         cells = [f"{value:.3f}" if value is not None else "–" for value in errors]
-        table.add_row(one.name, *(f"{value:.4g}" for value in one.values), *cells)
+        table.add_row(one.name, str(one.cycles.whole), *(f"{value:.4g}" for value in one.values), *cells)
     Console(width=None if sys.stdout.isatty() else 100).print(table)
     pair = " (of other pairs of load and bend)" if len(fit.variables) > 1 else ""
     said = f"load left out: of other loads{pair}; and offset: offset fitted to a half"
     print(f"left out: a model of the other logs; {said}")
-    for warning in fit.warnings:
-        print(f"- {warning}")
+    for line in (*fit.warnings, *cycle_lines(fit.logs)):
+        print(f"- {line}")

@@ -300,7 +300,7 @@ def cycle_in_place(
 
     Of the states that begin here the types alone are needed, so that no state crosses from Python and back. The law's
     gains are kept flat too, so that one of them can be changed between two cycles; those of the settings are their
-    type. And so are the limits, whose 79 numbers would take longer on their way from Python than the cycle itself; what
+    type. And so are the limits, whose 80 numbers would take longer on their way from Python than the cycle itself; what
     there is to see with the plan, `given`; and reference, wish and verdict, which `said` is filled with.
     """
     allowed = restored(_LIMITS, limits)

@@ -39,7 +39,7 @@ from bowden.plants.bench import Bench
 from bowden.plants.plant import changed
 from bowden.plants.transmission import transmission
 from bowden.sim.pair import PairPlant, PairSide, simulate_pair
-from bowden.sim.parting import parting_of
+from bowden.sim.parting import asked_by, parting_of
 from bowden.sim.scenario import constant_bend
 
 Bends = tuple[float, float]
@@ -182,8 +182,8 @@ def _went_apart(pair: PairPlant, bends: Bends, stroke: tuple[float, float], trac
     """
     apart = np.zeros(len(traces[0].time))
     for sign, side, bend, trace in zip((0.5, -0.5), pair.sides, bends, traces, strict=True):
-        slope = transmission(side.bench, bend, side.own_stroke(stroke)).slope
-        apart += sign * (trace["motor"] - trace["joint"] / slope)
+        asked = asked_by(side, bend, stroke)
+        apart += sign * (trace["motor"] - asked.offset - asked.way * trace["joint"])
     return float(np.max(np.abs(apart), initial=0.0, where=np.isfinite(apart)))
 
 

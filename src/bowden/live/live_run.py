@@ -306,6 +306,7 @@ def _one_of(rig: Rig, name: str, own: Rig, kept: Rig) -> Live:
     allowed = made.limits._replace(
         paired=1.0,
         parting=parting.most + parting.bent,
+        parting_offset=-parting.offset if opposed else parting.offset,
         parting_slope=-parting.slope if opposed else parting.slope,
         parting_lag=parting.lag,
     )

@@ -113,6 +113,7 @@ _SINCE = {
             "torque_high",
             "paired",
             "parting",
+            "parting_offset",
             "parting_slope",
             "parting_lag",
         )

@@ -6,9 +6,9 @@ import numpy as np
 
 from bowden.core.style import new_figure
 from bowden.core.units import DEGREES
-from bowden.identify.cable.loads import JointFit
+from bowden.identify.cable.loads import JointFit, cycle_lines
 from bowden.identify.cable.plot import draw_loads, draw_residual
-from bowden.identify.cable.recalibrate import Recalibration, verdict
+from bowden.identify.cable.recalibrate import Recalibration, cycles_line, verdict
 from bowden.report.page import Page
 
 if TYPE_CHECKING:
@@ -29,7 +29,7 @@ def joint_page(fit: JointFit) -> Page:
     """Errors of each log, and the loop at the least, the middle and the largest load."""
     by = " and ".join(fit.variables) or "nothing: it is one loop for all"
     page = Page(f"The cable of {len(fit.logs)} logs", f"One model fitted to all of them, scheduled by {by}.")
-    for warning in fit.warnings:
+    for warning in (*fit.warnings, *cycle_lines(fit.logs)):
         page.notice(warning[0].upper() + warning[1:] + ".")
     page.heading("How well it predicts")
     page.text(
@@ -45,6 +45,7 @@ def joint_page(fit: JointFit) -> Page:
             one.name,
             *(f"{value * DEGREES if angle else value:.4g}" for value, angle in zip(one.values, degrees, strict=True)),
         ]
+        + [str(one.cycles.whole)]
         + [_degrees(getattr(one, _TITLES[key])) for key in shown]
         for one in fit.logs
     ]
@@ -52,7 +53,7 @@ def joint_page(fit: JointFit) -> Page:
         f"{name} [{'°' if angle else unit or '–'}]"
         for name, unit, angle in zip(fit.variables, fit.units, degrees, strict=True)
     ]
-    page.table(["log", *units, *shown], rows, "Errors of the joint angle.")
+    page.table(["log", *units, "whole cycles", *shown], rows, "Errors of the joint angle.")
     page.heading("The loop")
     page.figure(
         loops_figure(fit),
@@ -86,6 +87,7 @@ def recalibration_page(found: Recalibration, source: str) -> Page:
         ],
         f"Gain and offset of {found.best.name}, fitted again.",
     )
+    page.text(f"The log has {cycles_line(found)}.")
     page.figure(residual_figure(found), "Error of the recalibrated model over time, joint − model.")
     return page
 

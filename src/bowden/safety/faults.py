@@ -129,8 +129,8 @@ class Fault(IntEnum):
                   "not a count's change over frozen_travel of the motor, the cable's dead zone taken off",
                   "look at the load cell, its amplifier and how it sends")
     MOTORS_APART = (2, 2, 0.060, "motors of a pair go apart",
-                    "½·|motor − the other's − parting_slope × joint| > parting + parting_lag × speed for 50 ms, once "
-                    "both have been nearer",
+                    "½·|motor − the other's − parting_offset − parting_slope × joint| > parting + parting_lag × "
+                    "speed for 50 ms, once both have been nearer",
                     "look for a law that drifts, other slopes of the cables than the rig says, a slipping spool; run "
                     "`bowden check`")
 # fmt: on

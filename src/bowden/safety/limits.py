@@ -203,6 +203,9 @@ class Limits(NamedTuple):
     parting: Annotated[
         float, Quantity("largest distance of each motor of a pair from where the joint asks it to be", "rad", key=None)
     ] = 0.2
+    parting_offset: Annotated[
+        float, Quantity("motor less the other motor, with the joint at zero, by both cables", "rad", key=None)
+    ] = 0.0
     parting_slope: Annotated[
         float, Quantity("motor less the other motor, over the joint, by both cables' slopes", "rad/rad", key=None)
     ] = 0.0

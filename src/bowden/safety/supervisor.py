@@ -367,10 +367,11 @@ def look(
     measured = np.fmax(limits.measures_tension, limits.measures_torque) * (1.0 - beyond(last.mode, BRIDGING))
     slack = lasting(enabled * beyond(-tension, -limits.tension_low), sums.slack, time)
 
-    # the other motor of a pair: half of what both are further apart than the joint asks, by their cables' slopes. While
+    # the other motor of a pair: half of what both are further apart than the joint asks, by both cables. While
     # its angle is not known nothing is said, which is for its own supervisor to do
     known = 1.0 - outside(observed.opposite, -limits.sensor_span, limits.sensor_span)
-    apart = 0.5 * np.abs(motor.value - observed.opposite - limits.parting_slope * joint.value)
+    asked_apart = limits.parting_offset + limits.parting_slope * joint.value
+    apart = 0.5 * np.abs(motor.value - observed.opposite - asked_apart)
     further = beyond(apart, limits.parting + limits.parting_lag * np.abs(motor.speed))
     runs = limits.paired * enabled * last.passed * (1.0 - beyond(last.mode, BRIDGING))
     met = runs * np.fmax(state.pair.met, known * (1.0 - further))

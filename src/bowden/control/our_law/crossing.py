@@ -85,9 +85,11 @@ FLATTEST, STEEPEST = 0.6, 1.7
 """Bounds of 1/a over the given one [–]."""
 
 UNANSWERED = 1.2
-"""How far the correction goes without any motion of the joint: twice the widest dead zone, so that one of them and as
-much slack are crossed; beyond, the cable is torn, the joint at a stop, or its sensor dead. A joint that moves answers
-for as much of the contact's way as it went itself: a breath does not say that a slack cable pulls [rad]."""
+"""How far the correction goes beyond what the joint has answered for: twice the widest dead zone, so that one of them
+and as much slack are crossed; beyond, the cable is torn, the joint at a stop, or its sensor dead. A joint that moves
+answers for as much of the contact's way as it went itself, by the slope as given: a breath does not say that a slack
+cable pulls. So a cable that is less than half as steep as given, or whose contact goes further than this while the
+joint is held, is left behind [rad]."""
 
 
 class Crossing(NamedTuple):
@@ -105,7 +107,7 @@ class Crossing(NamedTuple):
     inverse: Annotated[float, Quantity("1/a", "1")]
     variance: Annotated[float, Quantity("its variance", "1")]
     answer_joint: Annotated[float, Quantity("the joint where it was last seen to move", "rad")]
-    answer_contact: Annotated[float, Quantity("o there", "rad")]
+    answer_contact: Annotated[float, Quantity("o, as far as the joint went with it", "rad")]
 
 
 class Known(NamedTuple):

@@ -40,6 +40,7 @@ def advise(
     split: int,
     path: Path,
     fitted_from: int,
+    rest_until: float | None,
     models: Mapping[str, "ModelFit"],
     best: str,
     lag: tuple[float, float],
@@ -52,6 +53,7 @@ def advise(
         split: first sample of the second half.
         path: the path of the first half, as it was fitted.
         fitted_from: first sample that was fitted.
+        rest_until: time to which the log counts less since it begins at rest [s]; None where it does not.
         models: what was identified.
         best: the recommended model.
         lag: of the joint [s], and the share of the best model's squared residual that it explains.
@@ -66,7 +68,7 @@ def advise(
         ]
     return [
         *_about_motion(log, split, path, whole),
-        *_about_settling(log, fitted_from),
+        *_about_settling(log, fitted_from, rest_until),
         *_about_size(log, split, path, models),
         *_about_parameters(models[best], best),
         *_about_rate(lag),
@@ -105,7 +107,12 @@ def _about_motion(log: Log, split: int, path: Path, whole: int) -> list[str]:
     return found
 
 
-def _about_settling(log: Log, fitted_from: int) -> list[str]:
+def _about_settling(log: Log, fitted_from: int, rest_until: float | None) -> list[str]:
+    if rest_until is not None:
+        return [
+            f"the first {rest_until - log.time[0]:.2g} s count less: the log begins at rest, and a cable that rested "
+            "comes to its loop on the motor's first way through the range"
+        ]
     if not fitted_from:
         return []
     return [

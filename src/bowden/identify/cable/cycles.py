@@ -3,7 +3,8 @@
 A whole cycle passes each place in the middle half of the motor's range, on the way up and on the way down. What a
 stroke tells of the next one, a fit learns only from several: a cable settles, and strays. So the error after the log
 falls with the cycles that were fitted; and what a fit states of it, the error on the half that it has not seen, rests
-on as few. Both were measured on recordings that were cut short (benchmarks/identify_cycles.py).
+on as few. Both were measured on recordings that were cut short (benchmarks/identify_cycles.py), each identified alone:
+of several logs fitted together, and of a recalibration, only what is to be recorded is said.
 """
 
 from typing import TYPE_CHECKING, NamedTuple
@@ -17,9 +18,9 @@ ENOUGH = 5
 """Whole cycles from which on more of them are not asked for."""
 _PLACES = np.linspace(0.25, 0.75, 11)
 """Where passes are counted, over the motor's range; not every cycle reaches its ends."""
-_LEFT = {1: 0.4, 2: 0.6, 3: 0.7, 4: 0.8}
+_LEFT = {1: 0.5, 2: 0.7, 3: 0.8, 4: 0.8}
 """Error later on after five cycles, over that after so many: the median of 18 recordings [–]."""
-_TOO_SURE = {2: 3.4, 3: 2.9}
+_TOO_SURE = {2: 3.3, 3: 2.8}
 """Error later on over the stated one, the largest of 19 recordings; with other numbers of cycles it was below 2 [–]."""
 
 
@@ -32,11 +33,21 @@ class Cycles(NamedTuple):
     """To record; 0 where the log has five or more."""
 
     @property
+    def to_record(self) -> str:
+        """What to record, in one line; empty where nothing is to be."""
+        return f"record {self.more} more whole cycle{'s' * (self.more > 1)} (up and down)" if self.more else ""
+
+    @property
+    def counted(self) -> str:
+        """How many the log has, in words."""
+        return f"{self.whole or 'no'} whole cycle{'s' * (self.whole != 1)}"
+
+    @property
     def advice(self) -> str:
         """What to record, and what it may be expected to give, in one line; empty where nothing is to be recorded."""
         if not self.more:
             return ""
-        record = f"record {self.more} more whole cycle{'s' * (self.more > 1)} (up and down)"
+        record = self.to_record
         if not self.whole:
             return f"{record}: nothing says how the loop closes over the middle of the motor's range"
         gain = f"expect some {_LEFT[self.whole]:g} times the error in later motion"
@@ -45,8 +56,7 @@ class Cycles(NamedTuple):
         return f"{record}: {gain}; after logs as short it was up to {_TOO_SURE[self.whole]:g} times the stated error"
 
     def __str__(self) -> str:
-        has = f"{self.whole or 'no'} whole cycle{'s' * (self.whole != 1)}"
-        return f"{has}; {self.advice}" if self.more else has
+        return f"{self.counted}; {self.advice}" if self.more else self.counted
 
 
 def whole_cycles(path: "Path") -> Cycles:

@@ -63,7 +63,8 @@ class ModelFit:
     fitted_count: int
     """How many parameters were fitted."""
     train_rms: float
-    """Error on what was fitted of the first half, of the family fitted to it, at the log's full rate [rad]."""
+    """Error on what was fitted of the first half, of the family fitted to it, at the log's full rate, each sample
+    counting as it does in the fit [rad]."""
     test_rms: float
     """Error on the second half of the family fitted to the first [rad]. No decision has seen it, but for a first half
     of fewer than four strokes, where the whole log says which family is recommended."""
@@ -272,12 +273,14 @@ def identify_log(log: Log, seed: int = 0, progress: Progress | None = None) -> F
     slope = seen.estimates["line"].parameters["slope"]
     blur = math.hypot(slope * noise, motor_noise(log.joint[:split]))
     complexity = {name: len(seen.estimates[name].slopes) for name in offered}
-    best: str = simplest_of_the_best(offered, complexity, unseen, blur)
+    trading = [family.name for family in seen.families if seen.estimates[family.name].prior is not None]
+    best: str = simplest_of_the_best(offered, complexity, unseen, blur, trading)
 
     fine, start = half.fine, half.settling.start
     fitted_from = int(np.searchsorted(log.time, fine.time[np.flatnonzero(fine.weight)[0]])) if start else 0
     path = path_of(log.time, log.motor, log.joint, len(log.time), noise)
     models: dict[str, ModelFit] = {}
+    counts = half.counted_at(log.time)
     predicted, kept = np.empty(0), []
     for done, family in enumerate(half.families):
         tell("judging on the second half", 0.9 + 0.02 * done)
@@ -296,12 +299,12 @@ def identify_log(log: Log, seed: int = 0, progress: Progress | None = None) -> F
             uncertainty=standard_errors(part.fine, estimate, family),
             loop=loop_of(part.fine, estimate.fitted),
             fitted_count=len(estimate.slopes),
-            train_rms=rmse(error[fitted_from:split]),
+            train_rms=math.sqrt(float(np.average(error[fitted_from:split] ** 2, weights=counts[fitted_from:split]))),
             test_rms=rmse(error[split:]),
             left_out_rms=math.sqrt(float(np.mean(errors[family.name]))),
         )
     cycles, lag = whole_cycles(path), time_lag(fine, half.estimates[best])
-    warnings = advice.advise(log, split, fine, fitted_from, models, best, lag, cycles.whole)
+    warnings = advice.advise(log, split, fine, fitted_from, half.rest_until, models, best, lag, cycles.whole)
     if kept:
         warnings.append(
             f"fitted to the whole log a model was worse on it than fitted to the first half, and stays as it was: "

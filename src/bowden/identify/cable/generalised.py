@@ -1,13 +1,20 @@
 """The generalised play fitted to a path: two free branches, smooth as far as the log shows them to be.
 
-Which plays there are, and how wide, comes of a Prandtl–Ishlinskii stack round a bent line, fitted with weights of one
-sign. With them held the joint is linear in the branches' nodes, as long as each play is in contact where it was: a few
-rounds settle that. The branches are drawn to a straight mean and a constant gap,
+Which plays there are, and how wide, comes first of a Prandtl–Ishlinskii stack round a bent line, fitted with weights of
+one sign. With them held the joint is linear in the branches' nodes, as long as each play is in contact where it was: a
+few rounds settle that. The branches are drawn to a straight mean and a constant gap,
 
-    Σ w·(joint − model)² + W·(λₐ·Σ(Δ²a)² + λ_b·Σ(Δb)²),    W = Σ w
+    Σ w·(joint − model)² + W·(λₐ·Σ(Δ²a)² + λ_b·Σ v·(Δb)²),    W = Σ w
 
-with λ chosen by stretches of the strokes left out in turn. Where a branch would go against the motor, or the gap below
-zero, λ grows until it does not; the limit, taken from some λ on, is a straight mean with one gap.
+with λ chosen by stretches of the strokes left out in turn. With the branches held the joint is linear in the plays'
+shares, so that the plays are found again between them, and the branches between those, three times.
+
+Near either end of the motor's range a log shows one branch alone: after the reversal the joint has not come to the
+other one yet. Where it is between both, a gap that is free explains how the joint goes over, which the plays should,
+and the branch that is not seen goes wrong; a larger stroke shows it. So v is 1000 there, and 1 elsewhere.
+
+Where a branch would go against the motor, or the gap below zero, λ grows until it does not; the limit, taken from some
+λ on, is a straight mean with one gap.
 
 Source: Eilers and Marx, Statistical Science 11(2), 1996 (penalised splines).
 """
@@ -16,13 +23,22 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bowden.identify.cable.family import Array, Estimate
 from bowden.identify.cable.non_negative import non_negative
 from bowden.identify.cable.path import Path
 from bowden.identify.cable.projection import inverse_of, products
 from bowden.identify.cable.validation import folds
-from bowden.models.cable.generalised_play import Branches, design_of, half_gap, joint_angle, mean_branch, with_curve
+from bowden.models.cable.generalised_play import (
+    Branches,
+    design_of,
+    half_gap,
+    joint_angle,
+    mean_branch,
+    slots_of,
+    with_curve,
+)
 from bowden.models.cable.prandtl_ishlinskii import plays
 from bowden.plants.cables import branches_of
 
@@ -40,7 +56,22 @@ _STRENGTHS = 10.0 ** np.array([-5.5, -4.0, -2.5, -1.0, 2.0])
 """λ tried, for either curve."""
 _STIFFEST = 1e6
 """λ from which on the branches are taken to be straight."""
-_ROUNDS = 3
+_STEPS = np.diff(np.eye(_NODES), axis=0)
+_CURVATURE = np.diff(np.eye(_NODES), 2, axis=0).T @ np.diff(np.eye(_NODES), 2, axis=0)
+"""What makes the steps of a curve's nodes, and the sum of its squared second differences."""
+_ROUNDS, _PLAYS_ROUNDS = 3, 3
+"""Until the contacts are settled, and in how many more the plays are found again."""
+_REACHES = 1.15 ** np.arange(-20.0, 9.0)
+"""Of the plays that are offered then: among them a pure play's, 1."""
+_LEAST_SHARE = 1e-4
+_SMALL = 1e-12
+"""Of the mean square of a column, below what an encoder shows: so that a Gram matrix has a root."""
+_TOTAL = 30.0
+"""Weight of a joint that moves with the motor as a whole, over that of the log."""
+_TIED, _TAKEN_UP = 1000.0, 0.95
+"""v where one branch is seen, which is until this share of the gap is taken up."""
+_MOST_TIED = 0.3
+"""Of the range, at either end."""
 
 
 class _Memory(NamedTuple):
@@ -60,19 +91,31 @@ class GeneralisedPlay:
 
     def fit(self, path: Path) -> Estimate:
         """See `Family.fit`."""
+        return self._fit(path, _PLAYS_ROUNDS)
+
+    def rough(self, path: Path) -> Estimate:
+        """The same with the plays as they are found first, for `bowden.identify.cable.settling`.
+
+        Where the motor came from is known to one of seven values: better plays would show that as a first stroke that
+        is unlike the others.
+        """
+        return self._fit(path, 0)
+
+    def _fit(self, path: Path, again: int) -> Estimate:
         memory = _memory(path, _LAGS * path.span)
-        return _settled(path, memory.lag, _straight(path, memory))
+        return _settled(path, memory.lag, _straight(path, memory), again)
 
     def refit(self, path: Path, near: Estimate) -> Estimate:
         """See `Family.refit`; the plays stay, and so does where each is in contact.
 
-        Where the path reaches beyond the nodes they are laid again over all of it, and λ and the contacts with them.
+        Where the path reaches beyond the nodes they are laid again over all of it; λ and the contacts are found with
+        them, and the plays once more.
         """
         lag, of_mean, of_gap = (float(value) for value in near.theta)
         cable = branches_of(near.parameters)
         low, high = _range(path)
         if low < cable.low or high > cable.high:
-            return _settled(path, lag, _laid(cable, min(low, cable.low), max(high, cable.high)))
+            return _settled(path, lag, _laid(cable, min(low, cable.low), max(high, cable.high)), 1)
         columns = np.column_stack([design_of(path.motor, lag, cable), path.joint])
         cable, strengths = _solved(path, columns, cable, (of_mean, of_gap))
         return _estimate(path, lag, cable, strengths)
@@ -125,15 +168,40 @@ def _straight(path: Path, memory: _Memory) -> Branches:
     return Branches(memory.slope, np.zeros(_NODES), gaps, *_range(path), memory.reaches, memory.shares, 0.0, 0.0)
 
 
-def _settled(path: Path, lag: float, cable: Branches) -> Estimate:
-    """The branches and λ in a few rounds, in each of which the plays are in contact where they were before it."""
+def _settled(path: Path, lag: float, cable: Branches, again: int) -> Estimate:
+    """The branches and λ in a few rounds, in each of which the plays are in contact where they were before it.
+
+    Where the plays are to be found `again` so many times, they are so once before λ is chosen too.
+    """
     strengths = (float(_STRENGTHS[2]),) * 2
-    for done in range(_ROUNDS):
+    for done in range(_ROUNDS + again):
+        if again and (done == 1 or done >= _ROUNDS):
+            cable = _with_plays(path, lag, cable)
         columns = np.column_stack([design_of(path.motor, lag, cable), path.joint])
         if done == 1:
-            strengths = _strengths(path, columns)
+            strengths = _strengths(path, columns, cable)
         cable, strengths = _solved(path, columns, cable, strengths)
     return _estimate(path, lag, cable, strengths)
+
+
+def _with_plays(path: Path, lag: float, cable: Branches) -> Branches:
+    """The same branches with the plays between them that fit best: shares of one sign, which sum to one at most."""
+    if not cable.gaps.any():
+        return cable
+    slots = slots_of(path.motor, lag, cable._replace(reaches=np.append(0.0, _REACHES)))  # the first is the mean itself
+    moved, wanted = slots[:, 1:] - slots[:, :1], path.joint - cable.offset - slots[:, 0]
+    sums = products(np.column_stack([moved, wanted]), path.weight)
+    root = np.linalg.cholesky(sums + _SMALL * float(np.trace(sums)) / len(sums) * np.eye(len(sums))).T
+    total = _TOTAL * float(np.sqrt(sums[-1, -1]))
+    of_motor = np.append(np.zeros(len(root)), total)  # what it moves by itself is none of `moved`
+    rows = np.column_stack([np.vstack([root[:, :-1], np.full(len(_REACHES), total)]), of_motor])
+    shares = non_negative(rows, np.append(root[:, -1], total))[:-1]
+    shares = shares / max(1.0, float(shares.sum()))
+    kept = shares > _LEAST_SHARE
+    size = float(shares[kept] @ _REACHES[kept])
+    if not size > 0.0:
+        return cable
+    return cable._replace(reaches=_REACHES[kept] / size, shares=shares[kept], gaps=cable.gaps * size)
 
 
 def _laid(cable: Branches, low: float, high: float) -> Branches:
@@ -151,49 +219,73 @@ def _through(cable: Branches, mean: Array, gaps: Array) -> Branches:
     return with_curve(cable._replace(slope=float(slope), offset=float(offset), bends=bends, gaps=gaps))
 
 
-def _penalty(strengths: tuple[float, float], weight: float) -> Array:
+def _penalty(strengths: tuple[float, float], weight: float, one_seen: NDArray[np.bool_]) -> Array:
     """S (2k, 2k): cᵀSc is what the nodes c of both curves cost."""
-    second, first = np.diff(np.eye(_NODES), 2, axis=0), np.diff(np.eye(_NODES), axis=0)
+    tied = min(_TIED * strengths[1], max(strengths[1], _STIFFEST))
+    of_gap = np.where(one_seen, tied, strengths[1])
     found = np.zeros((2 * _NODES, 2 * _NODES))
-    found[:_NODES, :_NODES] = strengths[0] * weight * (second.T @ second)
-    found[_NODES:, _NODES:] = strengths[1] * weight * (first.T @ first)
+    found[:_NODES, :_NODES] = strengths[0] * weight * _CURVATURE
+    found[_NODES:, _NODES:] = weight * (_STEPS.T @ (of_gap[:, None] * _STEPS))
     return found
 
 
-def _strengths(path: Path, columns: Array) -> tuple[float, float]:
-    """λₐ and λ_b with the least error on left-out stretches."""
-    blocks = [products(columns[mask], path.weight[mask]) for mask in folds(path)]
-    total, weight = np.sum(blocks, axis=0), float(path.weight.sum())
+def _one_seen(cable: Branches) -> NDArray[np.bool_]:
+    """Between which nodes (k − 1,) a stroke through them all shows one branch alone: near both ends."""
+    order = np.argsort(cable.reaches)
+    taken_up = np.cumsum((cable.shares * cable.reaches)[order])
+    reach = cable.reaches[order][int(np.searchsorted(taken_up, _TAKEN_UP * taken_up[-1]))]
+    width, rise = 2.0 * reach * float(np.mean(cable.gaps)), abs(cable.slope) * (cable.high - cable.low)
+    share = width / rise if width < _MOST_TIED * rise else _MOST_TIED
+    middle = (np.arange(_NODES - 1) + 0.5) / (_NODES - 1)
+    return np.asarray((middle < share) | (middle > 1.0 - share))
+
+
+def _strengths(path: Path, columns: Array, cable: Branches) -> tuple[float, float]:
+    """λₐ and λ_b with the least error on left-out stretches.
+
+    For each λₐ the mean's nodes are eliminated once, so that for each λ_b half of the nodes are left to solve for.
+    """
+    blocks = np.array([products(columns[mask], path.weight[mask]) for mask in folds(path)])
+    kept, weight, one_seen = blocks.sum(axis=0) - blocks, float(path.weight.sum()), _one_seen(cable)
+    of_gaps = [_penalty((0.0, float(of_gap)), weight, one_seen)[_NODES:, _NODES:] for of_gap in _STRENGTHS]
+    across, crossed = kept[:, :_NODES, _NODES:], kept[:, _NODES:-1, :_NODES]
     best, found = np.inf, (float(_STRENGTHS[-1]),) * 2
     for of_mean in _STRENGTHS:
-        for of_gap in _STRENGTHS:
-            strengths = float(of_mean), float(of_gap)
-            penalty = _penalty(strengths, weight)
-            error = 0.0
-            for block in blocks:
-                nodes = _nodes(total - block, penalty)
-                error += float(block[-1, -1] - 2.0 * nodes @ block[:-1, -1] + nodes @ block[:-1, :-1] @ nodes)
+        gram = _gram(kept, _penalty((float(of_mean), 0.0), weight, one_seen))
+        through = np.linalg.solve(gram[:, :_NODES, :_NODES], across)
+        rest = np.concatenate([gram[:, _NODES:, _NODES:], kept[:, _NODES:-1, -1:]], axis=2) - crossed @ through
+        for of_gap, penalty in zip(_STRENGTHS, of_gaps, strict=True):
+            gaps = np.linalg.solve(rest[:, :, :-1] + penalty, rest[:, :, -1:])
+            signs = np.concatenate([through[:, :, :-1] @ gaps - through[:, :, -1:], -gaps], axis=1)
+            missed = np.concatenate([signs, np.ones((len(blocks), 1, 1))], axis=1)[:, :, 0]
+            error = float(np.einsum("fa,fab,fb->", missed, blocks, missed))
             if error < best:
-                best, found = error, strengths
+                best, found = error, (float(of_mean), float(of_gap))
     return found
+
+
+def _gram(sums: Array, penalty: Array) -> Array:
+    """The penalised Gram matrix (..., 2k, 2k) of sums (..., 2k + 1, 2k + 1), the joint last, of full rank."""
+    of_data = sums[..., :-1, :-1]
+    small = 1e-12 * np.trace(of_data, axis1=-2, axis2=-1)  # of the data: λ may be large
+    small = (small + 1e-15 * float(np.trace(penalty)))[..., None] / (2 * _NODES)
+    with_play = np.any(of_data[..., _NODES:, _NODES:], axis=(-2, -1), keepdims=True)[..., 0]  # without it no gap shows
+    ridge = np.where(with_play | (np.arange(2 * _NODES) < _NODES), small, 1.0)
+    return np.asarray(of_data + penalty + ridge[..., None] * np.eye(2 * _NODES))
 
 
 def _nodes(sums: Array, penalty: Array) -> Array:
     """The nodes (2k,) that solve a penalised Gram matrix, the joint last."""
-    gram = sums[:-1, :-1] + penalty
-    small = 1e-12 * float(np.trace(sums[:-1, :-1])) / len(gram) * np.eye(len(gram))  # of the data: λ may be large
-    if not sums[_NODES:-1, _NODES:-1].any():  # without a play no gap shows
-        small[_NODES:, _NODES:] = np.eye(_NODES)
-    return np.asarray(np.linalg.solve(gram + small, sums[:-1, -1]))
+    return np.asarray(np.linalg.solve(_gram(sums, penalty), sums[:-1, -1]))
 
 
 def _solved(
     path: Path, columns: Array, cable: Branches, strengths: tuple[float, float]
 ) -> tuple[Branches, tuple[float, float]]:
     """The best branches of a design and the λ that they took to rise, both, with the motor."""
-    sums, weight = products(columns, path.weight), float(path.weight.sum())
+    sums, weight, one_seen = products(columns, path.weight), float(path.weight.sum()), _one_seen(cable)
     while max(strengths) < _STIFFEST:
-        nodes = _nodes(sums, _penalty(strengths, weight))
+        nodes = _nodes(sums, _penalty(strengths, weight, one_seen))
         mean, gaps = nodes[:_NODES], nodes[_NODES:]
         steps = np.diff(mean) * (1.0 if mean[-1] >= mean[0] else -1.0)
         if (gaps >= 0.0).all() and (steps >= np.abs(np.diff(gaps))).all():
@@ -232,5 +324,5 @@ def _estimate(path: Path, lag: float, cable: Branches, strengths: tuple[float, f
         slopes=dict(zip(names, columns.T, strict=True)),
         fitted=joint_angle(path.motor, lag, cable),
         theta=np.array([lag, *strengths]),
-        prior=_penalty(strengths, float(path.weight.sum())),
+        prior=_penalty(strengths, float(path.weight.sum()), _one_seen(cable)),
     )

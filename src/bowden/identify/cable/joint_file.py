@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping
 from bowden import __version__
 from bowden.core.toml_text import quoted
 from bowden.core.units import DEGREES
+from bowden.identify.cable.cycles import Cycles
 from bowden.identify.cable.loads import JointFit
 from bowden.identify.cable.model import meaning
 from bowden.identify.cable.model_file import covered_lines
@@ -38,6 +39,7 @@ def joint_text(fit: JointFit) -> str:
     for one in fit.logs:
         lines += ["", "[[logs]]", f"name = {quoted(_line(one.name))}"]
         lines += [f"{name} = {value!r}" for name, value in zip(fit.variables, one.values, strict=True)]
+        lines.append(_cycles(one.cycles))
         lines += _errors({name: value for name, value in dataclasses.asdict(one).items() if name.endswith("_rms")})
     return "\n".join(lines) + "\n"
 
@@ -53,6 +55,7 @@ def recalibrated_text(found: Recalibration, source: str) -> str:
         f"recalibrated_from = {quoted(_line(source))}",
         f"gain = {found.gain!r}  # over that model's",
         f"samples = {found.samples}",
+        _cycles(found.cycles),
         *_warnings(found.warnings),
         *([] if found.best.covered is None else covered_lines(found.best.covered)),
     ]
@@ -63,6 +66,10 @@ def recalibrated_text(found: Recalibration, source: str) -> str:
             lines += [f"{variable}_unit = {quoted(unit)}" for variable, unit in found.units.items()]
         lines += ["", f"[models.{name}.parameters]", *_parameters(parameters)]
     return "\n".join(lines) + "\n"
+
+
+def _cycles(cycles: Cycles) -> str:
+    return f"whole_cycles = {cycles.whole}  # up and down; {cycles.to_record or 'enough'}"
 
 
 def _warnings(warnings: Iterable[str]) -> list[str]:

@@ -36,7 +36,7 @@ from bowden.core.metrics import rmse
 from bowden.core.units import DEGREES
 from bowden.identify.cable.bouc_wen import BoucWenCable
 from bowden.identify.cable.counting import covered_by
-from bowden.identify.cable.cycles import ENOUGH
+from bowden.identify.cable.cycles import ENOUGH, Cycles, whole_cycles
 from bowden.identify.cable.model import SCHEDULED, CableModel
 from bowden.identify.cable.non_negative import non_negative
 from bowden.identify.cable.part import Progress
@@ -97,6 +97,8 @@ class JudgedLog:
     """Of the scheduling variables, its means."""
     samples: int
     """In it."""
+    cycles: Cycles
+    """Whole cycles in it, and how many more to record."""
     train_rms: float
     """Error of the model, which was fitted to this log too [rad]."""
     test_rms: float
@@ -221,8 +223,24 @@ class JointFit:
             errors = (("second half", one.test_rms), ("left out", one.same_rms), ("load left out", one.unseen_rms))
             said = [f"{what} {shown.number(v * DEGREES, '°')}" for what, v in errors if np.isfinite(v)]
             at = [f"{name} {value:.4g}" for name, value in zip(self.variables, one.values, strict=True)]
-            rows.append((one.name, ", ".join([*at, *said])))
+            rows.append((one.name, ", ".join([*at, *said, one.cycles.counted])))
+        rows += [("cycles", line) for line in cycle_lines(self.logs)]
         return [*rows, *(("note", warning) for warning in self.warnings[:4])]
+
+
+def cycle_lines(logs: Sequence[JudgedLog]) -> list[str]:
+    """What more is to be recorded of logs with too few whole cycles: a line for all that lack as many.
+
+    >>> log = JudgedLog("a.csv", (), 2000, Cycles(2, 3), 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    >>> cycle_lines([log, replace(log, name="b.csv")])
+    ['record 3 more whole cycles (up and down): a.csv, b.csv have 2 whole cycles']
+    """
+    lines = []
+    for cycles in dict.fromkeys(one.cycles for one in logs if one.cycles.more):
+        names = [one.name for one in logs if one.cycles == cycles]
+        has = "has" if len(names) == 1 else "have"
+        lines.append(f"{cycles.to_record}: {', '.join(names)} {has} {cycles.counted}")
+    return lines
 
 
 class _Moved(NamedTuple):
@@ -537,6 +555,7 @@ def _judged(
                 one.log.name,
                 tuple(at.tolist()),
                 len(one.log.time),
+                whole_cycles(one.path),
                 rmse(error),
                 rmse(late[len(late) // 2 :]),
                 *_left_out(one, same, at),

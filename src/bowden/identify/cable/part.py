@@ -35,6 +35,8 @@ class FittedPart:
 
     fine: Path
     """On which they were fitted, weighted as the cable's settling asks."""
+    counted: Array
+    """How much each node of it counts, over what it would on a cable that does not settle (n,), 0 to 1 [–]."""
     judged: Path
     """The same, thinned, on which they are compared."""
     settling: Settling
@@ -42,6 +44,17 @@ class FittedPart:
     """From the simplest on."""
     estimates: dict[str, Estimate]
     """By the family's name."""
+
+    def counted_at(self, time: Array) -> Array:
+        """How much the samples at those times count in the fit (n,), 0 to 1 [–]."""
+        return np.interp(time, self.fine.time, self.counted)
+
+    @property
+    def rest_until(self) -> float | None:
+        """Time to which the log counts less since it begins at rest [s]; None where it does not."""
+        if self.settling != Settling() or (self.counted == 1.0).all():
+            return None
+        return float(self.fine.time[self.counted < 1.0].max())
 
     def left_out_errors(self) -> dict[str, Array]:
         """Mean squared error of every family on each fold (folds,), fitted without it [rad²]."""
@@ -65,11 +78,10 @@ def fit_part(log: Log, stop: int, noise: float, seed: int, tell: Progress) -> Fi
     fine, judged, searched = (_path(log, stop, noise, nodes) for nodes in (_FINE, _JUDGED, _SEARCHED))
     branches = GeneralisedPlay()
     tell(branches.name, 0.1)
-    free = branches.fit(fine)
-    weighting = settling(fine, free)
+    weighting = settling(fine, branches.rough(fine))
     raw, searched = fine, searched.first(_SEARCHED_STROKES)
     fine, judged, searched = (weighting.weighted(path) for path in (fine, judged, searched))
-    free = free if fine is raw else branches.fit(fine)
+    free = branches.fit(fine)
     tell("bouc_wen, searched globally", 0.2)
     cable = BoucWenCable(searched, seed)
     plain = cable.fit(fine)
@@ -80,14 +92,23 @@ def fit_part(log: Log, stop: int, noise: float, seed: int, tell: Progress) -> Fi
     for family in families:
         tell(family.name, 0.3 + 0.03 * len(estimates))
         estimates[family.name] = known.get(family.name) or family.fit(fine)
-    return FittedPart(fine, judged, weighting, families, estimates)
+    return FittedPart(fine, _counted(raw, fine), judged, weighting, families, estimates)
 
 
 def refit_whole(log: Log, noise: float, half: FittedPart) -> FittedPart:
     """Every family fitted to the whole log, searched from where it was for its first half."""
-    fine, judged = (half.settling.weighted(_path(log, len(log.time), noise, nodes)) for nodes in (_FINE, _JUDGED))
+    raw, judged = (_path(log, len(log.time), noise, nodes) for nodes in (_FINE, _JUDGED))
+    fine, judged = half.settling.weighted(raw), half.settling.weighted(judged)
     estimates = {family.name: family.refit(fine, half.estimates[family.name]) for family in half.families}
-    return FittedPart(fine, judged, half.settling, half.families, estimates)
+    return FittedPart(fine, _counted(raw, fine), judged, half.settling, half.families, estimates)
+
+
+def _counted(raw: Path, weighted: Path) -> Array:
+    """Weight over weight without settling; of a reversal, which has none, that of the node before it."""
+    seen = np.flatnonzero(raw.weight > 0)
+    shares = weighted.weight[seen] / raw.weight[seen]
+    before = np.searchsorted(seen, np.arange(len(raw.weight)), side="right") - 1
+    return np.asarray(shares[np.maximum(before, 0)])
 
 
 def _path(log: Log, stop: int, noise: float, nodes: int) -> Path:

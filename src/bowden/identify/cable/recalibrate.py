@@ -36,6 +36,7 @@ from bowden.core.metrics import rmse
 from bowden.core.order import distinct
 from bowden.core.units import DEGREES
 from bowden.identify.cable.counting import Covered, fitted_range
+from bowden.identify.cable.cycles import Cycles, whole_cycles
 from bowden.identify.cable.model import SCHEDULED, CableModel, IdentifiedCable
 from bowden.identify.cable.path import Path, path_of
 from bowden.identify.cable.turns import resolution
@@ -102,6 +103,9 @@ class Recalibration:
     """What to know, and what to do."""
     samples: int
     """In the new log."""
+    cycles: Cycles
+    """Whole cycles in the new log, and how many more to record to identify the cable from it; a recalibration needs
+    none."""
     log: Log = field(compare=False)
     """The new log."""
     predicted: Array = field(compare=False)
@@ -151,8 +155,15 @@ class Recalibration:
             ("offset", shown.number(self.offset * DEGREES, "°")),
             ("RMS", f"{errors} after{judged}"),
             ("verdict", verdict(self)),
+            ("cycles", cycles_line(self)),
             *(("note", warning) for warning in self.warnings[:4]),
         ]
+
+
+def cycles_line(found: Recalibration) -> str:
+    """How many whole cycles the log has, and what more its own identification asks for."""
+    more = found.cycles.to_record
+    return f"{found.cycles.counted}; to identify the cable from this log, {more}" if more else found.cycles.counted
 
 
 def verdict(found: Recalibration) -> str:
@@ -265,6 +276,7 @@ def recalibrate(
         beyond=beyond,
         warnings=(*log.warnings, *warnings),
         samples=len(log.time),
+        cycles=whole_cycles(path),
         log=log,
         predicted=predicted,
         units=cable.units,

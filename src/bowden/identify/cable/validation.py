@@ -8,7 +8,7 @@ whole strokes of a short log are left out, a branch from which nothing is left. 
 the scatter of their difference the one with fewer parameters is taken, so that a richer model must earn its place; but
 never one whose error is a tenth above the least, unless what it errs more is below the encoders' noise. A model of
 which the log does not show every parameter (or some are at the bounds of their search) gives way to one whose error is
-as small within a tenth, and all of whose parameters are shown.
+as small within a tenth, and all of whose parameters are shown; never to free branches, of which no single one is.
 
 The start of a log is never judged, where enough is left without it: a cable settles (`bowden.identify.cable.settling`).
 
@@ -62,7 +62,11 @@ def _held_out(family: Family, path: Path, near: Estimate, mask: NDArray[np.bool_
 
 
 def simplest_of_the_best(
-    errors: Mapping[Any, Array], complexity: Mapping[Any, int], unseen: Collection[Any] = (), noise: float = 0.0
+    errors: Mapping[Any, Array],
+    complexity: Mapping[Any, int],
+    unseen: Collection[Any] = (),
+    noise: float = 0.0,
+    trading: Collection[Any] = (),
 ) -> Any:
     """The key with the fewest parameters whose error is not clearly above the smallest.
 
@@ -76,6 +80,7 @@ def simplest_of_the_best(
         unseen: those of which not every parameter is shown; one of the others goes before, where its error is not more
             than a tenth above the chosen one's, or what it errs more is below the noise.
         noise: standard deviation of the encoders' reading, at the joint [rad].
+        trading: those whose parameters trade with one another, so that none is shown by itself: they never go before.
 
     >>> best, near, far = np.array([1.0, 2.0, 3.0]), np.array([1.2, 1.9, 3.1]), np.array([2.0, 3.1, 4.0])
     >>> simplest_of_the_best({"c": best, "b": near, "a": far}, {"a": 1, "b": 2, "c": 3})
@@ -93,6 +98,6 @@ def simplest_of_the_best(
     if key in unseen:
         least = float(np.mean(errors[key]))
         most = max((1.0 + _TENTH) * least, least + noise**2)
-        shown = [one for one in errors if one not in unseen and float(np.mean(errors[one])) <= most]
+        shown = [one for one in errors if one not in {*unseen, *trading} and float(np.mean(errors[one])) <= most]
         key = min(shown, key=lambda one: complexity[one], default=key)
     return key

@@ -134,6 +134,23 @@ def joint_angle(motor: Array, lag: float, cable: Branches) -> Array:
 
 
 @kernel
+def fill_slots(motor: Array, before: float, cable: Branches, z: Array, slots: Array) -> None:
+    """Every z along a motion, (n, s) [rad]; see `fill_joint`."""
+    z[:] = mean_branch(before, cable)
+    for k in range(motor.size):
+        push_slots(z, motor[k], 1.0, cable)
+        for s in range(z.size):
+            slots[k, s] = z[s]
+
+
+def slots_of(motor: Array, lag: float, cable: Branches) -> Array:
+    """Every z along a recorded motion (n, s) [rad]; before it the motor came from motor[0] + `lag`."""
+    slots, z = np.empty((motor.size, cable.reaches.size)), np.empty(cable.reaches.size)
+    program(fill_slots)(np.ascontiguousarray(motor), motor[0] + lag, cable, z, slots)
+    return slots
+
+
+@kernel
 def add_node(row: Array, first: int, count: int, place: float, factor: float) -> None:
     """Add `factor` times the weights of the nodes around `place` (0 … 1) to `row` from `first` on."""
     place = max(0.0, min(1.0, place)) * (count - 1)
