@@ -57,6 +57,7 @@ from bowden.sensing.onset_constants import (
     MAINS_LEVEL,
     MEMORY,
     MOVED,
+    MUTED,
     REPEATS,
     SILENT,
     SLOW_HZ,
@@ -399,7 +400,8 @@ def onset_step(onset: Onset, state: OnsetState, value: float) -> tuple[OnsetStat
     forgotten = gone + (flat > LIFTED) > 0.0
     known = sel(forgotten, -_SETTLES, known)
     doubted = np.fmin(UNKNOWN * UNKNOWN, state.unknown * (1.0 + dt * FORGET / LEARNT))
-    settled = np.fmax(_LEFT, state.unknown * (1.0 - sel(started, calm, 0.0) * dt / LEARNT))
+    muted = _least(powers) < MUTED * MUTED * by.least * by.least
+    settled = np.fmax(_LEFT, state.unknown * (1.0 - sel(started * (1.0 - muted) > 0.0, calm, 0.0) * dt / LEARNT))
     unknown = sel(idle, settled, doubted)
     unknown = sel(forgotten, UNKNOWN * UNKNOWN, unknown)
 

@@ -26,6 +26,9 @@ LEARNT = 1.5
 FAMILIAR = 0.5
 """Variance of what is unknown below which rest is taken as it is, and a wearer's file bounds it no longer: 2 s of rest
 have been seen."""
+MUTED = 0.1
+"""What is smaller than this share of a wearer's least rest is no rest of theirs, as of an amplifier that is muted:
+nothing is learned from it of how far rest may be off. Pauses of one recording differ by less."""
 SPREAD = 0.2
 """Standard deviation of the log of power, averaged over 0.1 s, of noise as wide as the band."""
 WEIGHT = 3.0

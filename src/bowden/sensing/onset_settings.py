@@ -37,7 +37,8 @@ DEFAULTS = OnsetSettings()
 def of_wearer(rest: float) -> OnsetSettings:
     """For a wearer whose σ at `rest` has been measured, in its unit: it is at least 0.7 of that for 2 s of rest.
 
-    So a start that is quieter for less than that, as of an amplifier that is muted, makes no contraction of the rest
-    that follows. Later rest is as it is: pauses of one recording differ by a factor of two and more.
+    What is below a tenth of that is none. So a start that is quieter, as of an amplifier that is muted, makes no
+    contraction of the rest that follows. Later rest is as it is: pauses of one recording differ by a factor of two and
+    more.
     """
     return DEFAULTS._replace(least=max(0.7 * rest, DEFAULTS.least))
