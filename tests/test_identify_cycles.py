@@ -4,9 +4,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from bowden.identify.cable.advice import seconds_of
 from bowden.identify.cable.cycles import ENOUGH, Cycles, whole_cycles
 from bowden.identify.cable.fit import identify
 from bowden.identify.cable.path import path_of
+from bowden.identify.cable.recalibrate import to_identify
 
 Array = NDArray[np.float64]
 TIME = np.arange(0.0, 40.0, 0.01)
@@ -66,3 +68,13 @@ def test_a_fit_says_it_of_the_whole_log() -> None:
     fit = identify(TIME, motor, 0.9 * motor)
     assert fit.cycles == Cycles(3, 2)
     assert fit.cycles.advice in " ".join(repr(fit).split())
+
+
+def test_what_a_recalibration_says_of_its_cycles_is_of_an_identification() -> None:
+    assert to_identify(Cycles(2, 3)) == "to identify the cable from this log, record 3 more whole cycles (up and down)"
+    assert to_identify(Cycles(5, 0)) == ""
+
+
+@pytest.mark.parametrize(("time", "said"), [(4.23, "4.2 s"), (10.2, "10 s"), (198.7, "199 s")])
+def test_how_much_counts_less_is_said_in_seconds_whatever_their_number(time: float, said: str) -> None:
+    assert seconds_of(time) == said

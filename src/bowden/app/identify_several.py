@@ -118,7 +118,7 @@ def joint_document(fit: "JointFit") -> dict[str, Any]:
         {
             "name": one.name,
             "samples": one.samples,
-            "cycles": _cycles(one.cycles),
+            "cycles": _cycles(one.cycles, one.cycles.to_record),
             **dict(zip(fit.variables, one.values, strict=True)),
         }
         | {f"{error}_deg": _degrees(getattr(one, error)) for error in errors}
@@ -140,6 +140,8 @@ def joint_document(fit: "JointFit") -> dict[str, Any]:
 
 def recalibration_document(found: "Recalibration") -> dict[str, Any]:
     """The figures of a recalibration for JSON, without the seconds; what does not exist is None."""
+    from bowden.identify.cable.recalibrate import to_identify
+
     models = ((found.best.name, found.best.parameters), *found.best.others.items())
     return {
         "best": found.best.name,
@@ -153,12 +155,12 @@ def recalibration_document(found: "Recalibration") -> dict[str, Any]:
         "models": {name: {"parameters": dict(parameters)} for name, parameters in models},
         "warnings": list(found.warnings),
         "samples": found.samples,
-        "cycles": _cycles(found.cycles),
+        "cycles": _cycles(found.cycles, to_identify(found.cycles)),
     }
 
 
-def _cycles(cycles: "Cycles") -> dict[str, Any]:
-    return cycles._asdict() | {"advice": cycles.to_record or None}
+def _cycles(cycles: "Cycles", advice: str) -> dict[str, Any]:
+    return cycles._asdict() | {"advice": advice or None}
 
 
 def _degrees(value: float) -> float | None:

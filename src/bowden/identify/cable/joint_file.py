@@ -11,7 +11,7 @@ from bowden.identify.cable.cycles import Cycles
 from bowden.identify.cable.loads import JointFit
 from bowden.identify.cable.model import meaning
 from bowden.identify.cable.model_file import covered_lines
-from bowden.identify.cable.recalibrate import Recalibration
+from bowden.identify.cable.recalibrate import Recalibration, to_identify
 
 
 def joint_text(fit: JointFit) -> str:
@@ -39,7 +39,7 @@ def joint_text(fit: JointFit) -> str:
     for one in fit.logs:
         lines += ["", "[[logs]]", f"name = {quoted(_line(one.name))}"]
         lines += [f"{name} = {value!r}" for name, value in zip(fit.variables, one.values, strict=True)]
-        lines.append(_cycles(one.cycles))
+        lines.append(_cycles(one.cycles, one.cycles.to_record))
         lines += _errors({name: value for name, value in dataclasses.asdict(one).items() if name.endswith("_rms")})
     return "\n".join(lines) + "\n"
 
@@ -55,7 +55,7 @@ def recalibrated_text(found: Recalibration, source: str) -> str:
         f"recalibrated_from = {quoted(_line(source))}",
         f"gain = {found.gain!r}  # over that model's",
         f"samples = {found.samples}",
-        _cycles(found.cycles),
+        _cycles(found.cycles, to_identify(found.cycles)),
         *_warnings(found.warnings),
         *([] if found.best.covered is None else covered_lines(found.best.covered)),
     ]
@@ -68,8 +68,8 @@ def recalibrated_text(found: Recalibration, source: str) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _cycles(cycles: Cycles) -> str:
-    return f"whole_cycles = {cycles.whole}  # up and down; {cycles.to_record or 'enough'}"
+def _cycles(cycles: Cycles, advice: str) -> str:
+    return f"whole_cycles = {cycles.whole}  # up and down; {advice or 'enough'}"
 
 
 def _warnings(warnings: Iterable[str]) -> list[str]:

@@ -160,10 +160,14 @@ class Recalibration:
         ]
 
 
+def to_identify(cycles: Cycles) -> str:
+    """What more an identification asks for of a log that is enough to recalibrate by; nothing where it is enough."""
+    return f"to identify the cable from this log, {cycles.to_record}" if cycles.to_record else ""
+
+
 def cycles_line(found: Recalibration) -> str:
     """How many whole cycles the log has, and what more its own identification asks for."""
-    more = found.cycles.to_record
-    return f"{found.cycles.counted}; to identify the cable from this log, {more}" if more else found.cycles.counted
+    return "; ".join(filter(None, (found.cycles.counted, to_identify(found.cycles))))
 
 
 def verdict(found: Recalibration) -> str:
