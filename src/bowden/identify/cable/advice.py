@@ -116,8 +116,8 @@ def _about_settling(log: Log, fitted_from: int, rest_until: float | None) -> lis
     if not fitted_from:
         return []
     return [
-        f"the first {seconds_of(log.time[fitted_from] - log.time[0])} were not fitted: the cable was still settling, and "
-        "the strokes after it are predicted better without them"
+        f"the first {seconds_of(log.time[fitted_from] - log.time[0])} were not fitted: the cable was still settling, "
+        "and the strokes after it are predicted better without them"
     ]
 
 
