@@ -12,7 +12,6 @@ stroke to stroke, as recordings of cables do.
     python benchmarks/identify_coverage.py development 0 100
 """
 
-import argparse
 import math
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
@@ -29,11 +28,10 @@ from bowden.identify.cable.path import Path
 from bowden.models.cable.bouc_wen import BoucWen, saturation
 from bowden.models.cable.bouc_wen_sensitivity import hysteresis
 from bowden.models.cable.generalised_play import Branches, joint_angle
+from drawn_logs import SETS, asked
 
 Array = NDArray[np.float64]
 
-SETS = {"development": 1, "judging": 2}
-"""Set → its key, which goes into every draw: no two sets share a seed."""
 RATE, SECONDS = 500.0, 20.0
 """Of a log [Hz, s]."""
 FINE = 401
@@ -210,13 +208,8 @@ def share(found: Sequence[Score]) -> str:
 
 def main() -> None:
     """The table of a range of draws."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("set", choices=SETS)
-    parser.add_argument("first", type=int)
-    parser.add_argument("stop", type=int)
-    given = parser.parse_args()
-    numbers = range(given.first, given.stop)
-    print(table([score for number in numbers for score in scores(given.set, number)]))
+    set_name, numbers = asked(__doc__)
+    print(table([score for number in numbers for score in scores(set_name, number)]))
 
 
 if __name__ == "__main__":

@@ -8,7 +8,6 @@ been recommended without it: the other family with the least error on left-out s
     python benchmarks/identify_outward.py judging 96 144        # and the section of the page
 """
 
-import argparse
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -22,13 +21,12 @@ from bowden.core.units import DEGREES, RADIANS
 from bowden.identify.cable.fit import Fit, follow
 from bowden.identify.cable.path import path_of
 from bowden.plants.cable_plant import Cable
+from drawn_logs import SETS, asked
 from unseen_cells import drawn_cable
 
 Array = NDArray[np.float64]
 
 TITLE = "Strokes larger than the log's"
-SETS = {"development": 1, "judging": 2}
-"""Set → its key, which goes into every draw: no two sets share a seed."""
 KINDS = ("play", "rounded", "soft", "wedge", "stribeck", "capstan")
 STROKES = (1.0, 1.1, 1.2, 1.3)
 """Over the log's; the first is the log's own motion."""
@@ -146,15 +144,11 @@ def table(cases: Sequence[Case]) -> str:
 
 def main() -> None:
     """The table of a range of draws."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("set", choices=SETS)
-    parser.add_argument("first", type=int)
-    parser.add_argument("stop", type=int)
-    given = parser.parse_args()
-    found = table([case(draw(given.set, number), number) for number in range(given.first, given.stop)])
+    set_name, numbers = asked(__doc__)
+    found = table([case(draw(set_name, number), number) for number in numbers])
     print(found)
-    if given.set == "judging":
-        results.write(TITLE, f"{found}\n\nJudging draws {given.first} to {given.stop - 1}, looked at once.")
+    if set_name == "judging":
+        results.write(TITLE, f"{found}\n\nJudging draws {numbers[0]} to {numbers[-1]}, looked at once.")
 
 
 if __name__ == "__main__":

@@ -52,6 +52,12 @@ def test_an_angle_that_comes_no_more_is_silent_and_one_that_never_came_is_not() 
     assert look.oldest == {"motor": 400.0}
 
 
+def shown_to(monkeypatch: pytest.MonkeyPatch, look: DriveLook) -> None:
+    """Let the commands see this, without a drive."""
+    monkeypatch.setattr(drive_command, "_brought_up", lambda _: contextlib.nullcontext((None, "it")))
+    monkeypatch.setattr(drive_command, "_looked", lambda *_: iter([look]))
+
+
 def test_a_drive_that_falls_silent_under_monitor_is_said(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -60,8 +66,7 @@ def test_a_drive_that_falls_silent_under_monitor_is_said(
     look = DriveLook()
     look.take(READING)
     look.take(READING._replace(joint_age=4000.0))
-    monkeypatch.setattr(drive_command, "_brought_up", lambda _: contextlib.nullcontext((None, "it")))
-    monkeypatch.setattr(drive_command, "_looked", lambda *_: iter([look]))
+    shown_to(monkeypatch, look)
     assert main.run(["drive", "monitor", str(path), "--duration", "1"]) == 2
     printed = capsys.readouterr()
     assert "silent       the joint's angle, for 4.0 s at the longest" in printed.out
@@ -207,8 +212,7 @@ def test_of_several_axes_the_next_command_and_the_lines_are_those_of_the_one(
     path.write_text('[[axis]]\nname = "hip"\n[[axis]]\nname = "knee"\n[axis.drive]\nnode_id = 2\n')
     look = DriveLook()
     look.take(READING)
-    monkeypatch.setattr(drive_command, "_brought_up", lambda _: contextlib.nullcontext((None, "it")))
-    monkeypatch.setattr(drive_command, "_looked", lambda *_: iter([look]))
+    shown_to(monkeypatch, look)
     for command in ("monitor", "zero"):
         assert main.run(["drive", command, str(path), "--axis", "knee", "--channel", "can1"]) == 0
         said = capsys.readouterr().out

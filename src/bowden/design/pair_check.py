@@ -39,13 +39,11 @@ from bowden.plants.bench import Bench
 from bowden.plants.plant import changed
 from bowden.plants.transmission import transmission
 from bowden.sim.pair import PairPlant, PairSide, simulate_pair
-from bowden.sim.parting import asked_by, parting_of
+from bowden.sim.parting import Range, asked_by, parting_of
 from bowden.sim.scenario import constant_bend
 
 Bends = tuple[float, float]
 """Of both sheaths, the agonist's first [rad]."""
-Range = tuple[float, float]
-"""Smallest and largest bend of one sheath [rad]."""
 Laws = tuple[Law, Law]
 """The agonist's first."""
 

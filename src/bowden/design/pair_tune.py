@@ -14,12 +14,14 @@ from typing import NamedTuple
 import numpy as np
 
 from bowden.control.law import Law
+from bowden.core.metrics import rmse
 from bowden.design.check import Check
-from bowden.design.pair_check import Laws, Range, at_bends, check_pair
+from bowden.design.pair_check import Laws, at_bends, check_pair
 from bowden.design.tune import NoGainsError
 from bowden.design.tune_judge import keeps
 from bowden.design.tune_runs import RUN, references_of
 from bowden.sim.pair import PairPlant, simulate_pair
+from bowden.sim.parting import Range
 
 
 class PairTarget(NamedTuple):
@@ -118,5 +120,5 @@ def _worst(target: PairTarget, laws: tuple[Law, Law]) -> float:
             initial_motors=target.pair.resting_motors(begin, bends),
         )
         error = trace["joint"] - trace["reference"]
-        worst = max(worst, float(np.sqrt(np.mean(error**2))) if np.isfinite(error).all() else np.inf)
+        worst = max(worst, rmse(error) if np.isfinite(error).all() else np.inf)
     return worst

@@ -11,8 +11,7 @@ from bowden.design.linearise import NoNumberError
 from bowden.design.pair_check import check_pair, with_advice
 from bowden.design.verdict import CheckVerdict, verdict_of
 from bowden.face import given
-from bowden.rig import ranges
-from bowden.rig.pair_plant import agonist_of, pair_plant_of, run_of_pair
+from bowden.rig.pair_plant import agonist_of, pair_plant_of, pair_ranges, run_of_pair
 from bowden.rig.rig import Rig
 
 Progress = Callable[[str, float], None]
@@ -45,11 +44,9 @@ def pair_laws(rig: Rig) -> tuple[Law, Law]:
 
 def checked_pair(rig: Rig) -> Check:
     """The check of both motors on their joint, with its advice."""
-    pair, axes = pair_plant_of(rig), [rig.axis(name) for name in rig.pair.names]
-    one, other = (ranges.bends(axis) for axis in axes)
-    laws, bends = pair_laws(rig), (one, other)
+    pair, laws, (bends, stroke) = pair_plant_of(rig), pair_laws(rig), pair_ranges(rig)
     with user_law.explained(laws[0]):
-        found = check_pair(pair, laws, bends=bends, stroke=ranges.stroke(axes[0]), seed=axes[0].seed)
+        found = check_pair(pair, laws, bends=bends, stroke=stroke, seed=rig.axis(rig.pair.agonist).seed)
     return with_advice(found, pair)
 
 

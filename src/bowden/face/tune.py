@@ -27,7 +27,7 @@ from bowden.rig import ranges
 from bowden.rig.axes import Axis
 from bowden.rig.given_law import LawFile
 from bowden.rig.given_plant import PlantFile
-from bowden.rig.pair_plant import pair_plant_of
+from bowden.rig.pair_plant import pair_plant_of, pair_ranges
 from bowden.rig.rig import Rig
 from bowden.study import tune_study
 from bowden.study.load import load
@@ -165,9 +165,7 @@ def tuned_pair(
         )
     axes = [rig.axis(name) for name in (one, other)]
     laws = pair_laws(rig)
-    target = PairTarget(
-        pair_plant_of(rig), (ranges.bends(axes[0]), ranges.bends(axes[1])), ranges.stroke(axes[0]), axes[0].seed
-    )
+    target = PairTarget(pair_plant_of(rig), *pair_ranges(rig), axes[0].seed)
     with user_law.explained(laws[0]):
         before = judged_gains(target, laws)
         sought = [0] if _alike(axes, laws) else [0, 1]

@@ -11,7 +11,7 @@ from bowden.plants.user_plant import UserPlant
 from bowden.rig import ranges
 from bowden.rig.rig import Rig
 from bowden.sim.pair import PairPlant, PairSide, simulate_pair
-from bowden.sim.parting import Parting, parting_of
+from bowden.sim.parting import Parting, Range, parting_of
 
 
 def pair_plant_of(rig: Rig) -> PairPlant:
@@ -42,6 +42,16 @@ def agonist_of(rig: Rig, *, whole: bool = False) -> Rig:
     return rig.axis(rig.pair.agonist).offline(whole=whole)
 
 
+def pair_ranges(rig: Rig) -> tuple[tuple[Range, Range], Range]:
+    """The bends of both sheaths, the agonist's first, and the stroke of their joint [rad].
+
+    Args:
+        rig: with a pair.
+    """
+    one, other = (rig.axis(name) for name in rig.pair.names)
+    return (ranges.bends(one), ranges.bends(other)), ranges.stroke(one)
+
+
 def parting_in_run(rig: Rig) -> Parting:
     """How far its motors may part in a run, and by what that is seen.
 
@@ -51,8 +61,7 @@ def parting_in_run(rig: Rig) -> Parting:
     Raises:
         ParameterError: a plant that cannot be, or that does not follow its motor.
     """
-    one, other = (rig.axis(name) for name in rig.pair.names)
-    return parting_of(pair_plant_of(rig), (ranges.bends(one), ranges.bends(other)), ranges.stroke(one))
+    return parting_of(pair_plant_of(rig), *pair_ranges(rig))
 
 
 def run_of_pair(rig: Rig, laws: tuple[Law, Law], *, whole: bool = False) -> Traces:

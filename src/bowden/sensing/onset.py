@@ -375,7 +375,8 @@ def onset_step(onset: Onset, state: OnsetState, value: float) -> tuple[OnsetStat
     strange = state.unknown > FAMILIAR
     unsure = strange * idle > 0.0  # in a contraction rest is forgotten, and a level that rises would end it
     bound = sel(unsure, by.least, SILENT)
-    there = np.fmax(_least(powers), bound * bound)
+    heard = _least(powers)
+    there = np.fmax(heard, bound * bound)
     off = log(there) - state.level
     off = sel(off > 0.0, np.fmax(0.0, off - log(1.0 + beside / usual)), off)
     lid, count = SURE * deviation, seen + _LONG
@@ -400,7 +401,7 @@ def onset_step(onset: Onset, state: OnsetState, value: float) -> tuple[OnsetStat
     forgotten = gone + (flat > LIFTED) > 0.0
     known = sel(forgotten, -_SETTLES, known)
     doubted = np.fmin(UNKNOWN * UNKNOWN, state.unknown * (1.0 + dt * FORGET / LEARNT))
-    muted = _least(powers) < MUTED * MUTED * by.least * by.least
+    muted = heard < MUTED * MUTED * by.least * by.least
     settled = np.fmax(_LEFT, state.unknown * (1.0 - sel(started * (1.0 - muted) > 0.0, calm, 0.0) * dt / LEARNT))
     unknown = sel(idle, settled, doubted)
     unknown = sel(forgotten, UNKNOWN * UNKNOWN, unknown)

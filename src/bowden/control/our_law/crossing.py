@@ -245,8 +245,8 @@ def crossed(before: Crossing, given: Known, asked_before: float, asked: float, d
     waits = (behind * behind < 2.0 * known_back * forward * given.answer) * (behind > 0.0) * follows > 0.0
     kept = asked_before + side * larger(side * (asked - asked_before), -forward * dt)
     asked = sel(waits, kept, asked)
-    answers = np.abs(joint - before.answer_joint) > TOUCH + TOUCH_SIGMAS * given.noise
-    went = np.abs(joint - before.answer_joint) * loop
+    moves = np.abs(joint - before.answer_joint)
+    answers, went = moves > TOUCH + TOUCH_SIGMAS * given.noise, moves * loop
     held = before.answer_contact - change * before.answer_joint
     answer_contact = held + sel(answers, larger(smaller(contact - held, went), -went), 0.0)
     lowest = smaller(asked_before, answer_contact - UNANSWERED)

@@ -167,7 +167,7 @@ def to_identify(cycles: Cycles) -> str:
 
 def cycles_line(found: Recalibration) -> str:
     """How many whole cycles the log has, and what more its own identification asks for."""
-    return "; ".join(filter(None, (found.cycles.counted, to_identify(found.cycles))))
+    return shown.listed((found.cycles.counted, to_identify(found.cycles)), "; ")
 
 
 def verdict(found: Recalibration) -> str:
