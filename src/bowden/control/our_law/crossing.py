@@ -134,7 +134,7 @@ class Known(NamedTuple):
     lag: float
     """Of the joint, with that of a load that swings [s]."""
     answer: float
-    """T_a, time of the observer's answer, 1/κ + 2/q + τ [s]."""
+    """T_a, time of the observer's answer, 1/κ + 2.2/q + τ [s]."""
     rate: float
     """Of the motor, as expected [rad/s]."""
 

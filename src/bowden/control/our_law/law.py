@@ -34,6 +34,7 @@ from bowden.control.our_law.crossing import (
 from bowden.control.our_law.drive import ExpectedMotor, missed, moves_on
 from bowden.control.our_law.gains import BowdenGains
 from bowden.control.our_law.observer import (
+    FILTER_DELAY,
     LOAD_DAMPING,
     SLOW_PART,
     Observer,
@@ -49,7 +50,7 @@ from bowden.core.extremes import larger, smaller
 from bowden.core.kernel import kernel, sel
 from bowden.core.signals import Reference, Sample
 
-UNKNOWN_LAG = 0.3
+UNKNOWN_LAG = 0.35
 """Lag of the joint that the observer expects beside the one that is known, over 1/ω, until it has found a load that
 swings: most joints follow a little late. Too much of it costs a slower answer, too little a loop that rings [–]."""
 
@@ -126,7 +127,7 @@ def step(
     observer, acceleration = corrected(before, disturbance, slow, arrived, kappa, pace, least, fast, dt)
 
     # the cable
-    answer = 1.0 / kappa + 2.0 / pace.quick + delay
+    answer = 1.0 / kappa + FILTER_DELAY / pace.quick + delay
     motor = sel(seen, sign * sample.motor, known.contact + joint * known.inverse)
     given = Known(
         joint,
