@@ -11,6 +11,8 @@ trembles or walks: the law's correction and what it observes are tied by the law
 - **own**: the load stays in the observer, and κ comes back within seconds.
 - **the wearer's**: the load goes, κ comes back at once, and until it is forgotten only a swing 1.6 times as large is
   suspect. It is known as soon as one of the last three half-waves is large enough: what comes later changes nothing.
+  A swing at the frequency of a load that was learned is never the wearer's, and the load stays as it is: one of little
+  damping decays so slowly that it would be taken for it, and with κ whole at once it would grow.
 - **leap**: a swing of the loop's own hardly grows more than fourfold in a half-wave. What is more than four times as
   large as the half-wave before, outside a trial, is taken to come from outside, and the correction may go twice as fast
   (`observer`).
@@ -18,7 +20,7 @@ trembles or walks: the law's correction and what it observes are tied by the law
 | mode | becomes | when |
 |---|---|---|
 | watching | trial | 3.9 are counted, of 1 a half-wave that keeps its size and up to 2 one that grows |
-| trial | watching, the wearer's | in its last three half-waves > 0.6 of the swing that was suspect |
+| trial | watching, the wearer's | > 0.6 of the suspect swing in its last three half-waves; no such load is known |
 | trial | watching, own | seven half-waves are over |
 
 The fast part is d̂ less its slow part; a half-wave lasts from one change of its sign to the next. Portable
@@ -37,7 +39,7 @@ SLOWEST = 0.25
 """Half-wave beyond which nothing swings: an arm on a cable has 2 Hz and more [s]."""
 
 ALIKE = 1.6
-"""Ratio of two half-waves' times up to which they are of one swing [–]."""
+"""Ratio of two times up to which they are of one swing: of half-waves, or of what is tried and a load known [–]."""
 
 KEPT, GROWN = 0.8, 1.3
 """Sizes over the half-wave's before: from the first a swing does not decay, from the second it grows [–]."""
@@ -149,7 +151,9 @@ def watched(before: Swing, fast: float, noise: float, kappa: float, dt: float) -
     suspected = enough * (1.0 - tried) > 0.0
     left = -before.counted - dt / before.lasted
     late = sel(left <= WATCHED, larger(before.last, size), before.last)
-    theirs = tried * (late > STILL_THERE * before.wearers) > 0.0
+    load = of_swing(before.lasted)
+    known = (load < ALIKE * before.time) * (before.time < ALIKE * load)
+    theirs = tried * (1.0 - known) * (late > STILL_THERE * before.wearers) > 0.0
     own = tried * (left <= 0.0) * (1.0 - theirs) > 0.0
     ends = theirs + own > 0.0
     period = larger(sel(soon, before.lasted, before.lasts), 2.0 * dt)
@@ -164,6 +168,6 @@ def watched(before: Swing, fast: float, noise: float, kappa: float, dt: float) -
         sel(suspected, period, sel(turned * (1.0 - tried) > 0.0, larger(before.lasts, dt), before.lasted)),
         counted,
         sel(suspected, slowed, sel(theirs, 1.0, back)),
-        sel(own, of_swing(before.lasted), before.time),
+        sel(own * (1.0 - known) > 0.0, load, before.time),
         wearers,
     )
