@@ -66,6 +66,8 @@ _REACHES = 1.15 ** np.arange(-20.0, 9.0)
 _LEAST_SHARE = 1e-4
 _SMALL = 1e-12
 """Of the mean square of a column, below what an encoder shows: so that a Gram matrix has a root."""
+_ROUNDED = 1e-14
+"""Of a penalty's mean diagonal element, above what rounding takes off what it leaves free: a gap of one height."""
 _TOTAL = 30.0
 """Weight of a joint that moves with the motor as a whole, over that of the log."""
 _TIED, _TAKEN_UP = 1000.0, 0.95
@@ -248,6 +250,8 @@ def _strengths(path: Path, columns: Array, cable: Branches) -> tuple[float, floa
     blocks = np.array([products(columns[mask], path.weight[mask]) for mask in folds(path)])
     kept, weight, one_seen = blocks.sum(axis=0) - blocks, float(path.weight.sum()), _one_seen(cable)
     of_gaps = [_penalty((0.0, float(of_gap)), weight, one_seen)[_NODES:, _NODES:] for of_gap in _STRENGTHS]
+    # a play that no stroke takes up is an offset, which the mean has too, so that nothing holds the height of the gap
+    of_gaps = [one + _ROUNDED * float(np.trace(one)) / _NODES * np.eye(_NODES) for one in of_gaps]
     across, crossed = kept[:, :_NODES, _NODES:], kept[:, _NODES:-1, :_NODES]
     best, found = np.inf, (float(_STRENGTHS[-1]),) * 2
     for of_mean in _STRENGTHS:
@@ -268,7 +272,7 @@ def _gram(sums: Array, penalty: Array) -> Array:
     """The penalised Gram matrix (..., 2k, 2k) of sums (..., 2k + 1, 2k + 1), the joint last, of full rank."""
     of_data = sums[..., :-1, :-1]
     small = 1e-12 * np.trace(of_data, axis1=-2, axis2=-1)  # of the data: λ may be large
-    small = (small + 1e-15 * float(np.trace(penalty)))[..., None] / (2 * _NODES)
+    small = (small + _ROUNDED * float(np.trace(penalty)))[..., None] / (2 * _NODES)
     with_play = np.any(of_data[..., _NODES:, _NODES:], axis=(-2, -1), keepdims=True)[..., 0]  # without it no gap shows
     ridge = np.where(with_play | (np.arange(2 * _NODES) < _NODES), small, 1.0)
     return np.asarray(of_data + penalty + ridge[..., None] * np.eye(2 * _NODES))
