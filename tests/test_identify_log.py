@@ -165,6 +165,35 @@ def test_jitter_is_resampled_with_a_warning(write: Write) -> None:
     assert "resampled" in log.warnings[0]
 
 
+def test_an_even_clock_hides_no_count_of_an_encoder(write: Write) -> None:
+    time = np.arange(2000) * 1e-3
+    motor = np.round(np.degrees(0.5 * np.sin(3.0 * time)) / 0.1) * 0.1
+    late = time + 5e-5 * np.random.default_rng(2).uniform(-1.0, 1.0, len(time))
+    logs = [read_log(write(text(rows(one, motor, 0.9 * motor), "time_s,motor_deg,joint_deg"))) for one in (time, late)]
+    assert "resampled" in logs[1].warnings[0]
+    for log in logs:
+        assert np.degrees(log.resolutions) == pytest.approx([0.1, 0.09], rel=1e-3)
+
+
+@pytest.mark.parametrize(("time", "motor"), [(TIME, MOTOR), (np.arange(9000) / 1e3, np.sin(np.arange(9000) / 1e3))])
+@pytest.mark.parametrize("long", [1, 2])
+def test_readings_that_were_disturbed_are_filled_with_a_note(
+    time: Array, motor: Array, long: int, write: Write
+) -> None:
+    joint = 0.9 * motor + 0.1 + 1e-3 * np.random.default_rng(1).standard_normal(len(time))
+    there = read_log(write(text(rows(time, motor, joint))))
+    assert not there.warnings
+    struck = joint.copy()
+    struck[200 : 200 + long] = 2.5
+    log = read_log(write(text(rows(time, motor, struck))))
+    (said,) = log.warnings
+    assert "line 202: joint_rad is 2.5 rad, between" in said
+    assert ("1 reading stands" if long == 1 else "2 readings stand") in said
+    assert np.abs(log.joint - there.joint).max() < 0.02
+    stepped = joint + np.where(time > 2.0, 0.3, 0.0)
+    assert not read_log(write(text(rows(time, motor, stepped)))).warnings, "a joint that slips stays where it is"
+
+
 def test_one_late_sample_is_no_gap(write: Write) -> None:
     late = TIME.copy()
     late[200:] += 0.004
@@ -291,6 +320,8 @@ def test_milliseconds_declared_as_seconds_are_noticed(write: Write) -> None:
     slow = rows(*(np.repeat(column, 2) for column in (TIME, MOTOR, JOINT)))
     lines = [f"{i}.0,{row.split(',', 1)[1]}" for i, row in enumerate(slow)]
     assert "look like milliseconds" in read_log(write(text(lines))).warnings[0]
+    lines = [f"{i}000.0,{row.split(',', 1)[1]}" for i, row in enumerate(slow)]
+    assert "look like microseconds" in read_log(write(text(lines))).warnings[0]
 
 
 REFUSED: dict[str, tuple[str | bytes, str]] = {

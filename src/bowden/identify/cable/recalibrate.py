@@ -39,7 +39,6 @@ from bowden.identify.cable.counting import Covered, fitted_range
 from bowden.identify.cable.cycles import Cycles, whole_cycles
 from bowden.identify.cable.model import SCHEDULED, CableModel, IdentifiedCable
 from bowden.identify.cable.path import Path, path_of
-from bowden.identify.cable.turns import resolution
 from bowden.identify.log.read import Log
 from bowden.models.cable.scheduled import VARIABLES
 from bowden.plants.cables import DISTRIBUTED
@@ -238,7 +237,7 @@ def recalibrate(
     changed = None
     if math.isfinite(judged):
         scatter = float(np.std(squares, ddof=1)) / math.sqrt(len(squares))
-        count = resolution(log.joint)
+        count = log.resolutions[1]
         most = max((_WORSE * judged) ** 2 + count**2 / 12.0, _LEAST**2)
         changed = bool(squares.mean() - 2.0 * scatter > most)
     after, ratio = rmse(predicted - log.joint), max(gain, 1.0 / gain)
