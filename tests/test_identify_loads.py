@@ -171,7 +171,7 @@ def test_a_load_and_a_bend_that_change_together_are_refused() -> None:
     ("logs", "load", "message"),
     [
         ([0.1], [0.1], "a joint fit of 1 logs; expected two logs or more"),
-        ([0.1, 0.2], [0.1], r"1 values of the load for 2 logs; expected one for each"),
+        ([0.1, 0.2], [0.1], r"1 value of the load for 2 logs; expected one for each"),
         ([0.1, 0.2], [0.1, math.nan], r"log at 0.2: the load is nan; expected a number"),
         ([0.1, -0.2], [0.1, 0.2], r"moves \+0.8\d* times as far as the motor, in log at 0.1 -0.8\d* times"),
     ],
@@ -312,7 +312,7 @@ def test_a_rig_is_told_of_the_bends_of_its_run() -> None:
     plain = dict(bowden.BoucWen()._asdict()) | {"initial_h": 0.0}
     cable = CableModel("scheduled", values, others={"bouc_wen": plain})
     bent = bowden.Rig(cable=cable)
-    assert any("the bend 3.142 lies outside" in note for note in bent.notes)
+    assert any("the bend 180° lies outside" in note for note in bent.notes)
     assert any("is 180° in this run" in note and "not the 17.19°" in note for note in bent.notes)
     assert bent.moved.sheath.loss == 0.0
     within = bowden.Rig(cable=cable, bend=ConstantBend(0.5))
@@ -365,12 +365,24 @@ def test_several_logs_become_a_model_that_a_rig_and_a_recalibration_take(
     assert "loop" in Path("together/identify.html").read_text()
 
 
+def test_a_bend_is_shown_in_degrees(files: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["identify", *files[:3], "--load", "none", "--bend", "100,140,180", "--out", "bent"]) == 0
+    said = capsys.readouterr().out
+    assert "rad" not in said.splitlines()[2]
+    assert [line.split()[2] for line in said.splitlines() if line.strip().startswith(tuple(files[:3]))][:3] == [
+        *("100", "140", "180")
+    ]
+    fit = bowden.identify_together(files[:3], load="none", bend=[1.0, 2.0, 3.0])
+    assert "bend 57.3°" in repr(fit)
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
         (["0.csv", "--load", "0.1"], "--load with one log, which cannot tell what the load changes"),
         (["0.csv", "3.csv"], "3.csv has no column for the load, others have 'joint_torque_nm'"),
-        (["0.csv", "1.csv", "--load", "0.1"], "1 values of the load for 2 logs"),
+        (["0.csv", "1.csv", "--load", "0.1"], "1 value of the load for 2 logs"),
+        (["0.csv", "1.csv", "--load", "0.1,a"], "'a' among the values '0.1,a'; expected numbers with commas between"),
         (["0.csv", "1.csv", "--load", "tension"], "no column 'tension' for the load"),
         (["0.csv", "1.csv", "--model", "model.toml"], "--model with 2 logs"),
         (["0.csv", "--model", "none.toml"], "none.toml cannot be read"),

@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 
 from bowden.core import shown
 from bowden.core.arguments import path_of as path_of_file
-from bowden.core.errors import LogError, ParameterError
+from bowden.core.errors import LogError, ParameterError, counted
 from bowden.core.files import write_text
 from bowden.core.metrics import rmse
 from bowden.core.units import DEGREES
@@ -43,6 +43,7 @@ from bowden.identify.cable.part import Progress
 from bowden.identify.cable.path import Path, path_of
 from bowden.identify.cable.projection import inverse_of, products
 from bowden.identify.log.read import Log
+from bowden.identify.log.variables import shown_value
 from bowden.models.cable.prandtl_ishlinskii import plays
 from bowden.models.cable.scheduled import (
     VARIABLES,
@@ -222,7 +223,7 @@ class JointFit:
         for one in self.logs:
             errors = (("second half", one.test_rms), ("left out", one.same_rms), ("load left out", one.unseen_rms))
             said = [f"{what} {shown.number(v * DEGREES, '°')}" for what, v in errors if np.isfinite(v)]
-            at = [f"{name} {value:.4g}" for name, value in zip(self.variables, one.values, strict=True)]
+            at = [f"{name} {shown_value(name, value)}" for name, value in zip(self.variables, one.values, strict=True)]
             rows.append((one.name, ", ".join([*at, *said, one.cycles.counted])))
         rows += [("cycles", line) for line in cycle_lines(self.logs)]
         return [*rows, *(("note", warning) for warning in self.warnings[:4])]
@@ -402,7 +403,7 @@ def _scheduling(
             continue
         if len(numbers) != len(logs):
             raise ParameterError(
-                f"{len(numbers)} values of the {name} for {len(logs)} logs",
+                f"{counted(len(numbers), 'value')} of the {name} for {len(logs)} logs",
                 expected="one for each log, in their order",
                 do="give them in that order",
             )
@@ -416,8 +417,8 @@ def _scheduling(
             )
         if not np.ptp(values) > _LEAST_RANGE * float(np.abs(values).max()):
             warnings.append(
-                f"the {name} is {_said(values.mean(), units[name])} in all logs, so that it schedules nothing: one "
-                f"model was fitted to all; record logs at three values of it or more"
+                f"the {name} is {shown_value(name, values.mean(), units[name])} in all logs, so that it schedules "
+                "nothing: one model was fitted to all; record logs at three values of it or more"
             )
             continue
         count = len(_levels(values))
@@ -438,10 +439,6 @@ def _scheduling(
         warnings.append("the logs do not differ in load or bend: one model was fitted to all of them")
     found = np.array(columns).T if columns else np.empty((len(logs), 0))
     return names, found, warnings
-
-
-def _said(value: float, unit: str) -> str:
-    return f"{value:.4g} {unit}".strip()
 
 
 def _levels(values: Array) -> list[Array]:

@@ -40,6 +40,7 @@ from bowden.identify.cable.cycles import Cycles, whole_cycles
 from bowden.identify.cable.model import SCHEDULED, CableModel, IdentifiedCable
 from bowden.identify.cable.path import Path, path_of
 from bowden.identify.log.read import Log
+from bowden.identify.log.variables import shown_value
 from bowden.models.cable.scheduled import VARIABLES
 from bowden.plants.cables import DISTRIBUTED
 
@@ -342,8 +343,9 @@ def outside(parameters: Mapping[str, float], values: Mapping[str, float]) -> lis
         low, high = parameters[f"{name}_low"], parameters[f"{name}_high"]
         if max(low - value, value - high) > 0.1 * (high - low):
             found.append(
-                f"the {name} {value:.4g} lies outside those of the logs that the model was identified from "
-                f"({low:.4g} to {high:.4g}): the model goes on straight, at most as far as that range is wide"
+                f"the {name} {shown_value(name, value)} lies outside those of the logs that the model was identified "
+                f"from ({shown_value(name, low)} to {shown_value(name, high)}): the model goes on straight, at most as "
+                "far as that range is wide"
             )
     return found
 
