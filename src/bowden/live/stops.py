@@ -33,14 +33,14 @@ FOLLOWS_LATENESS = _OLD | {
 _STOPPING = sum(1 << fault for fault in Fault if fault.then)
 """Bits of the faults that end a run."""
 _ALIVE = frozenset({Fault.OPERATOR_LOST})
-_SILENT = "the twin ended, or hangs, or was not let run (`bowden doctor`); begin again"
+_SILENT = "it ended or hangs, or this computer is too busy for it (`bowden doctor`); begin again"
 _ASTRAY = "it was injected into the twin, or slope_low, slope_high and play_deg of [limits] are not of the rig's cable"
 _OF_TWIN = {
-    Fault.NOT_DISABLED: f"no motor has torque; {_SILENT}",
-    Fault.HEARTBEAT_LOST: _SILENT,
-    Fault.BUS_ERRORS: f"a twin's bus has no cable; {_SILENT}",
-    Fault.MOTOR_STALE: _SILENT,
-    Fault.JOINT_STALE: _SILENT,
+    Fault.NOT_DISABLED: f"no motor has torque; the twin is silent: {_SILENT}",
+    Fault.HEARTBEAT_LOST: f"the twin is silent: {_SILENT}",
+    Fault.BUS_ERRORS: f"a twin's bus has no cable; the twin is silent: {_SILENT}",
+    Fault.MOTOR_STALE: f"the twin is late or silent: {_SILENT}",
+    Fault.JOINT_STALE: f"the twin is late or silent: {_SILENT}",
     Fault.JOINT_ASTRAY: _ASTRAY,
     Fault.EMERGENCY_STOP: "it was injected into the twin; begin again",
     Fault.MOTOR_HOT: "the twin's motor is a model; begin again, it is cold then",
@@ -232,7 +232,8 @@ def lines(stop: dict[str, Any], *, twin: bool = False) -> Iterator[str]:
         remedies = {fault.meaning: remedy_of(fault, twin=twin) for fault in Fault}
         for meaning in stop["consequences"]:
             remedy = remedies[meaning.rpartition(": ")[2]]
-            yield f"at the same time: {meaning}{f'; {remedy}' if remedy not in stop['too_busy'] else ''}"
+            again = remedy.endswith(_SILENT) and _SILENT in stop["too_busy"]
+            yield f"at the same time: {meaning}{'' if again else f'; {remedy}'}"
         return
     for meaning, remedy in zip(stop["causes"], stop["remedies"], strict=True):
         yield f"{axis}{meaning}; {remedy}"
