@@ -258,6 +258,12 @@ def test_counts_are_angles_once_their_turn_is_known(write: Write, tmp_path: Path
             read_log(path, **bad)
 
 
+def test_counts_that_nobody_named_are_suspected(write: Write) -> None:
+    counted = [np.round(angle / (2.0 * np.pi) * 8192.0) for angle in (MOTOR, JOINT)]
+    with pytest.raises(LogError, match=r"look like counts of an encoder; .*--unit counts --counts-per-turn 8192"):
+        read_log(write(text(rows(TIME, *counted), "time_s,motor,joint")))
+
+
 def test_counts_per_turn_alone_leave_named_columns_as_they_are(write: Write) -> None:
     counted = np.round(MOTOR * 8192.0 / math.tau)
     log = read_log(write(text(rows(TIME, counted, np.degrees(JOINT)), "time_s,motor_counts,joint_deg")), **TURN)

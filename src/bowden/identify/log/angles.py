@@ -282,6 +282,14 @@ def _many_turns(motor: Angle, joint: Angle) -> bool:
 def _beyond(angle: Angle, motor: bool, place: str, value: float) -> LogError:
     limit = CABLE_LOG_LIMIT / angle.factor
     turns = " (more of a motor that moves without jumps while the joint moves by less than a turn)" if motor else ""
+    if angle.unit == "rad" and not angle.known and np.array_equal(angle.values, np.round(angle.values)):
+        return LogError(
+            f"{place}: {angle.name} is {value:.9g}, without a unit in its name; whole numbers beyond "
+            f"±{CABLE_LOG_LIMIT:g} look like counts of an encoder",
+            expected="counts with how many make a turn, or the unit",
+            do="give --unit counts --counts-per-turn 8192 (8192,4000 for motor and joint), or --unit deg; in Python "
+            "unit= and counts_per_turn=",
+        )
     if angle.unit == "rad":
         named = "declared as radians" if angle.known else "without a unit in its name"
         return LogError(
