@@ -332,6 +332,7 @@ def test_milliseconds_declared_as_seconds_are_noticed(write: Write) -> None:
 
 REFUSED: dict[str, tuple[str | bytes, str]] = {
     "missing column": (text(header="time_s,torque,joint_rad"), "no motor column among 'time_s', 'torque', 'joint_rad'"),
+    "a name twice": (text(rows(TIME, MOTOR, JOINT, JOINT), HEADER + ",motor_rad"), "2 columns are called 'motor_rad'"),
     "two missing": (text(header="a,b,joint_rad"), "no time column and no motor column among"),
     "no names": ("\n".join(LINES), "no column names above the 3 columns of numbers"),
     "text in a number": (text(put(LINES, 17, "0.15,abc,0.2")), "line 17: 'abc' in column 'motor_rad'"),
