@@ -25,6 +25,7 @@ from bowden.models.cable.scheduled import (
     line_of,
     straight,
     turned,
+    widening_at,
 )
 from bowden.models.cable.sheath import Sheath
 from bowden.plants.cable_body import Seen
@@ -52,15 +53,27 @@ class ScheduledMemory(NamedTuple):
     """(k,) [rad]."""
     values: Array
     """Of the variables (V,)."""
-    powers: Array
-    """(M,) [–]."""
+    stays: Array
+    """Factors of the rows of ordinates, `fill_powers` within what was seen (M,) [–]."""
+    goes: Array
+    """The same beyond it (M,) [–]."""
 
 
 @kernel
 def scheduled_start(cable: MovedSchedule, motor: float, width: float, slope_factor: float) -> ScheduledMemory:
     """At rest, every play centred on the motor."""
     plays = np.full(cable.cable.half_widths.size, motor)
-    return ScheduledMemory(plays, np.empty(cable.at.size), np.empty(cable.cable.middle.shape[0]))
+    rows = cable.cable.middle.shape[0]
+    return ScheduledMemory(plays, np.empty(cable.at.size), np.empty(rows), np.empty(rows))
+
+
+@kernel
+def place(cable: MovedSchedule, memory: ScheduledMemory, width: float) -> None:
+    """The factors of the rows of ordinates at a width of the sheath, into `memory`."""
+    for v in range(memory.values.size):
+        memory.values[v] = cable.at[v] + cable.per_width[v] * width
+    fill_powers(memory.values, cable.cable, memory.stays, 0.0)
+    fill_powers(memory.values, cable.cable, memory.goes, 1.0)
 
 
 @kernel
@@ -74,7 +87,8 @@ def scheduled_advance(
     dt: float,
 ) -> ScheduledMemory:
     """Every play pushed by the motor; in place."""
-    wide = 1.0 + cable.widened * (width - 1.0)
+    place(cable, memory, width)
+    wide = (1.0 + cable.widened * (width - 1.0)) * widening_at(memory.goes, cable.cable)
     for i in range(memory.z.size):
         memory.z[i] = push(memory.z[i], after, wide * cable.cable.half_widths[i])
     return memory
@@ -85,17 +99,16 @@ def scheduled_look(
     cable: MovedSchedule, memory: ScheduledMemory, motor: float, width: float, slope_factor: float
 ) -> Seen:
     """joint = f(0) + slope_factor·(f − f(0)) + g·Σ ηᵢ·(motor − zᵢ); a wider loop is as much higher."""
-    for v in range(memory.values.size):
-        memory.values[v] = cable.at[v] + cable.per_width[v] * width
-    fill_powers(memory.values, cable.cable, memory.powers)
+    place(cable, memory, width)
     one = cable.cable
     behind = 0.0
     for i in range(memory.z.size):
         behind += one.shares[i] * (motor - memory.z[i])
-    middle = straight(motor, one.first, one.step, one.middle, memory.powers, 1.0)
-    height = straight(motor, one.first, one.step, one.height, memory.powers, 0.0)
+    behind /= widening_at(memory.goes, one)
+    middle = straight(motor, one.first, one.step, one.middle, memory.stays, memory.goes, 1.0)
+    height = straight(motor, one.first, one.step, one.height, memory.stays, memory.goes, 0.0)
     if slope_factor != 1.0:  # f(0) is the offset, of which a bend takes nothing
-        offset = straight(0.0, one.first, one.step, one.middle, memory.powers, 1.0)
+        offset = straight(0.0, one.first, one.step, one.middle, memory.stays, memory.goes, 1.0)
         middle = offset + slope_factor * (middle - offset)
     return Seen(middle + height * behind, np.nan, np.nan)
 

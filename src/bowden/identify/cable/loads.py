@@ -6,7 +6,11 @@ variables. Everything in it is linear but the plays' half-widths, which lie on a
 1. shares of the plays: non-negative least squares of all logs, each with a static curve of its own;
 2. ordinates of f and g for all logs at once: least squares with a small penalty on their roughness, which fills what no
    log passed through and gives way to the data anywhere else. Where a branch of the loop would run against the cable's
-   direction the penalty is raised until none does.
+   direction it is held flat;
+3. shares and ordinates again, with plays that are as much wider at a load as the loop is higher there, and so that the
+   joint nowhere goes against the motor. After a reversal all plays are free, and the joint moves by |f′| − |g′| −
+   |g|·Σ ηᵢ a radian of the motor: Σ ηᵢ is at most what the mean slope and the largest g allow, since the narrowest
+   plays would else take more than there is, and f and g give way where the cable is flatter.
 
 Every log counts the same, however long it is. Its first long stroke is simulated and not fitted: what the cable had
 been through before is not known, and forgotten after it.
@@ -20,6 +24,7 @@ the same load at another bend stay in the fit. The model itself is fitted to all
 """
 
 import itertools
+import math
 import time as clock
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -51,6 +56,7 @@ from bowden.models.cable.scheduled import (
     joint_angle,
     parameters_of,
     powers,
+    widening_at,
 )
 
 if TYPE_CHECKING:
@@ -75,6 +81,14 @@ _ROUGH = 1e-3
 1e-4 and 1e-2 nothing changes but what no log passed through."""
 _SCHEDULE_ROUGH = 10.0
 """The same of what the variables change, over that of the base: a shape changes less than it is [–]."""
+_PLACES, _ROUNDS = 5, 30
+"""At how many values of each variable it is asked that the joint never goes against the motor; rounds until it holds."""
+_MARGIN = 2e-3
+"""What a broken bound is held at, over the cable's slope [–]."""
+_BOUND = 1e4
+"""Weight of a bound, over that of the logs."""
+_LEAST_HEIGHT = 0.1
+"""Of ḡ over that in the middle, where plays are to grow with it [–]."""
 _ALIKE = 0.05
 """Loads that differ by less than this share of all loads' range are one level [–]."""
 _LEAST_RANGE = 0.02
@@ -252,16 +266,23 @@ class _Moved(NamedTuple):
     """Of the nodes, 1 in all; zero on the first long stroke (n,)."""
     first: NDArray[np.bool_]
     """Nodes of the first half of what counts (n,)."""
-    lag: Array
-    """motor − zᵢ (n, k) [rad]."""
     middle: Array
     """(n, K), see `hats`."""
     height: Array
     """(n, K)."""
     slope: float
     """Of the line through the log [rad/rad]."""
-    memory: Array
-    """Products of −sign(slope)·lag and joint beside a static curve of the log's own (k + 1, k + 1)."""
+    static: Array
+    """Terms of a static curve of the log's own (n, c)."""
+
+
+class _Plays(NamedTuple):
+    """The plays of one log at its load."""
+
+    behind: Array
+    """(motor − zᵢ)/w (n, k) [rad]."""
+    sums: Array
+    """Products of −sign(slope)·behind and joint beside the log's own static curve (k + 1, k + 1)."""
 
 
 class _Frame(NamedTuple):
@@ -359,25 +380,14 @@ def _prepared(log: Log, path: Path, frame: _Frame) -> _Moved:
         )
     weight = weight / whole
     first = np.cumsum(weight) <= 0.5
-    lag = path.motor[:, None] - plays(path.motor, frame.half_widths)
     middle, height = (hats(path.motor, frame.first, frame.step, _KNOTS, outward) for outward in (1.0, 0.0))
     counted = path.weight > 0.0
     motor, joint = path.motor[counted], path.joint[counted]
     slope = float(np.polyfit(motor, joint, 1, w=np.sqrt(path.weight[counted]))[0])
-    moved = _Moved(log, path, weight, first, lag, middle, height, slope, np.empty(0))
-    return _weighted(moved, weight, frame)
-
-
-def _weighted(one: _Moved, weight: Array, frame: _Frame) -> _Moved:
-    """A log whose nodes are weighted otherwise (n,)."""
     last = frame.first + frame.step * (_KNOTS - 1)
-    place = np.clip((2.0 * one.path.motor - frame.first - last) / (last - frame.first), -1.0, 1.0)
-    static = np.polynomial.chebyshev.chebvander(place, _STATIC_DEGREE)
-    sums = products(np.column_stack([static, -np.sign(one.slope) * one.lag, one.path.joint]), weight)
-    own = static.shape[1]
-    return one._replace(
-        weight=weight, memory=sums[own:, own:] - sums[own:, :own] @ inverse_of(sums[:own, :own]) @ sums[:own, own:]
-    )
+    place = np.clip((2.0 * path.motor - frame.first - last) / (last - frame.first), -1.0, 1.0)
+    static = np.asarray(np.polynomial.chebyshev.chebvander(place, _STATIC_DEGREE), dtype=np.float64)
+    return _Moved(log, path, weight, first, middle, height, slope, static)
 
 
 def _check_alike(moved: Sequence[_Moved]) -> None:
@@ -458,45 +468,140 @@ def _fitted(moved: Sequence[_Moved], values: Array, frame: _Frame) -> ScheduledC
     """The scheduled cable of some logs at `values` (logs, V)."""
     degree = np.array([min(_HIGHEST, len(_levels(column)) - 1) for column in values.T], dtype=np.int64)
     rows = 1 + int(degree.sum())
-    shares = _shares(moved, frame)
-    kept = shares > 0.0
-    empty = np.zeros((rows, _KNOTS))
+    none, fixed = np.zeros((rows, _KNOTS)), np.append(1.0, np.zeros(rows - 1))
+    low, high = (pick(values, axis=0) if len(degree) else np.empty(0) for pick in (np.min, np.max))
     cable = ScheduledCable(
-        frame.first,
-        frame.step,
-        empty,
-        empty,
-        frame.half_widths[kept],
-        shares[kept],
-        values.min(axis=0, initial=np.inf) if len(degree) else np.empty(0),
-        values.max(axis=0, initial=-np.inf) if len(degree) else np.empty(0),
-        degree,
+        frame.first, frame.step, none, none, frame.half_widths, np.empty(0), low, high, degree, fixed
     )
-    count = 2 * rows * _KNOTS
-    gram, moments = np.zeros((count, count)), np.zeros(count)
-    for one, at in zip(moved, values, strict=True):
-        basis = np.column_stack([one.middle, one.height * (one.lag @ shares)[:, None], one.path.joint])
+    sign, weights = float(np.sign(moved[0].slope)), [powers(at.tolist(), cable) for at in values]
+    own = [_plays_of(one, cable, at) for one, at in zip(moved, weights, strict=True)]
+    cable = cable._replace(shares=_shares([one.sums for one in own], frame, np.inf))
+    cable = _with_ordinates(moved, own, weights, cable, _branch_bounds(cable, sign))
+    cable = cable._replace(widening=_widening(cable))
+    own = [_plays_of(one, cable, at) for one, at in zip(moved, weights, strict=True)]
+    cable = cable._replace(shares=_shares([one.sums for one in own], frame, _most(cable, sign)))
+    bounds = np.concatenate([_branch_bounds(cable, sign), _reversal_bounds(cable, sign)])
+    cable = _with_ordinates(moved, own, weights, cable, bounds)
+    kept = cable.shares > 0.0
+    return cable._replace(half_widths=cable.half_widths[kept], shares=cable.shares[kept])
+
+
+def _widening(cable: ScheduledCable) -> Array:
+    """w's ordinates (M,): as the mean of g, 1 in the middle; w = 1 where there is hardly a loop at some load."""
+    height = cable.height.mean(axis=1)
+    of_middle = float(powers((0.5 * (cable.low + cable.high)).tolist(), cable) @ height)
+    least = min(float(weights @ height) / of_middle for weights in _places(cable)) if of_middle else 0.0
+    return height / of_middle if least >= _LEAST_HEIGHT else cable.widening
+
+
+def _plays_of(one: _Moved, cable: ScheduledCable, weights: Array) -> _Plays:
+    wide = widening_at(weights, cable)
+    behind = (one.path.motor[:, None] - plays(one.path.motor, wide * cable.half_widths)) / wide
+    sums = products(np.column_stack([one.static, -np.sign(one.slope) * behind, one.path.joint]), one.weight)
+    own = one.static.shape[1]
+    rest = sums[own:, own:] - sums[own:, :own] @ inverse_of(sums[:own, :own]) @ sums[:own, own:]
+    return _Plays(behind, rest)
+
+
+def _with_ordinates(
+    moved: Sequence[_Moved], own: Sequence[_Plays], weights: Sequence[Array], cable: ScheduledCable, bounds: Array
+) -> ScheduledCable:
+    """The cable with the f and g that fit all logs best, its plays held, where C·(f, g) ≥ 0.
+
+    A bound that is broken is held from then on, a little above zero, until none is.
+
+    Args:
+        moved: the logs.
+        own: their plays.
+        weights: of the rows of ordinates at their loads, (M,) each.
+        cable: whose plays they are.
+        bounds: C (b, M·2·K), ordered as the unknowns are: row, then f and g, then knot.
+    """
+    rows = len(cable.middle)
+    gram, moments = _roughness(rows) * len(moved), np.zeros(2 * rows * _KNOTS)
+    for one, played, factors in zip(moved, own, weights, strict=True):
+        basis = np.column_stack([one.middle, one.height * (played.behind @ cable.shares)[:, None], one.path.joint])
         sums = products(basis, one.weight)
-        factors = powers(at.tolist(), cable)
-        turned = np.kron(np.outer(factors, factors), sums[:-1, :-1].reshape(2 * _KNOTS, 2 * _KNOTS))
-        gram += turned
+        gram = gram + np.kron(np.outer(factors, factors), sums[:-1, :-1])
         moments += np.kron(factors, sums[:-1, -1])
-    roughness = _roughness(rows) * len(moved)
-    sign = np.sign(moved[0].slope)
-    for stiffer in 10.0 ** np.arange(7):  # at most to where f is a straight line and g a constant
-        found = np.linalg.solve(gram + stiffer * roughness, moments).reshape(rows, 2, _KNOTS)
-        cable = cable._replace(middle=found[:, 0].copy(), height=found[:, 1].copy())
-        if _runs_one_way(cable, sign):
+    heavy = _BOUND * float(np.trace(gram)) / len(gram)
+    margin = _MARGIN * abs(moved[0].slope) * cable.step
+    held, found = np.zeros(len(bounds), dtype=bool), np.linalg.solve(gram, moments)
+    for _ in range(_ROUNDS):
+        broken = (bounds @ found < 0.0) & ~held
+        if not broken.any():
             break
-    return cable
+        held |= broken
+        kept = bounds[held]
+        found = np.linalg.solve(gram + heavy * kept.T @ kept, moments + heavy * margin * kept.sum(axis=0))
+    middle, height = (np.array(found.reshape(rows, 2, _KNOTS)[:, one], dtype=np.float64) for one in (0, 1))
+    return cable._replace(middle=middle, height=height)
 
 
-def _shares(moved: Sequence[_Moved], frame: _Frame) -> Array:
-    """ηᵢ (k,) [1/rad], by non-negative least squares; each log has a static curve of its own beside the plays."""
-    sums = np.sum([one.memory for one in moved], axis=0)
+def _places(cable: ScheduledCable) -> list[Array]:
+    """The weights of the rows of ordinates (M,) at values of the variables all over what was seen."""
+    ways = [np.linspace(low, high, _PLACES).tolist() for low, high in zip(cable.low, cable.high, strict=True)]
+    return [powers(place, cable) for place in itertools.product(*ways)]
+
+
+def _branch_bounds(cable: ScheduledCable, sign: float) -> Array:
+    """Neither branch goes against the motor: sign·Δf ± Δg ≥ 0 between all knots, at all places."""
+    step = np.diff(np.eye(_KNOTS), axis=0)
+    return _bounds(cable, [np.column_stack([sign * step, side * step]) for side in (1.0, -1.0)])
+
+
+def _reversal_bounds(cable: ScheduledCable, sign: float) -> Array:
+    """Nor does the joint where all plays are free: sign·(Δf + g·Σ ηᵢ·Δm) ± Δg ≥ 0 with g of either knot."""
+    step, here = np.diff(np.eye(_KNOTS), axis=0), np.eye(_KNOTS)
+    whole = sign * float(cable.shares.sum()) * cable.step
+    return np.concatenate(
+        [
+            _bounds(cable, [np.column_stack([sign * step, side * step + whole / wide * g])], [weights])
+            for weights, wide in ((one, widening_at(one, cable)) for one in _places(cable))
+            for side in (1.0, -1.0)
+            for g in (here[:-1], here[1:])
+        ]
+    )
+
+
+def _bounds(cable: ScheduledCable, of_knots: Sequence[Array], places: Sequence[Array] | None = None) -> Array:
+    """Bounds on f and g at a place, (b, 2·K) each, as bounds on all ordinates."""
+    return np.concatenate(
+        [np.kron(weights, one) for weights in (_places(cable) if places is None else places) for one in of_knots]
+    )
+
+
+def _most(cable: ScheduledCable, sign: float) -> float:
+    """Σ η⁰ᵢ with which, where the loop is highest, the joint after a reversal moves not at all on average [1/rad].
+
+    Where the cable is flatter than that f and g give way.
+    """
+    least = np.inf
+    for weights in _places(cable):
+        middle, height = weights @ cable.middle, weights @ cable.height
+        moves = float(np.mean(sign * np.diff(middle) - np.abs(np.diff(height)))) / cable.step
+        highest = float((-sign * height).max())
+        if highest > 0.0:
+            least = min(least, moves / highest * widening_at(weights, cable))
+    return least
+
+
+def _shares(memories: Sequence[Array], frame: _Frame, most: float) -> Array:
+    """η⁰ᵢ (k,) [1/rad] with Σ η⁰ᵢ ≤ `most`, by non-negative least squares.
+
+    With cᵢ for the shares before they are scaled to Σ cᵢ·rᵢ = 1 the bound is Σ cᵢ·(1 − most·rᵢ) ≤ 0: a row of great
+    weight, with a slack of its own.
+    """
+    sums = np.sum(memories, axis=0)
     size = np.sqrt(np.maximum(np.diag(sums)[:-1], 1e-300))
     lower = np.linalg.cholesky(sums[:-1, :-1] / np.outer(size, size) + 1e-11 * np.eye(len(size)))
-    found = non_negative(lower.T, np.asarray(np.linalg.solve(lower, sums[:-1, -1] / size))) / size
+    rows, wanted = lower.T, np.asarray(np.linalg.solve(lower, sums[:-1, -1] / size))
+    if math.isfinite(most):
+        bound = (1.0 / most - frame.half_widths) / size
+        bound *= _BOUND / float(np.abs(bound).max())
+        rows = np.vstack([np.column_stack([rows, np.zeros(len(size))]), np.append(bound, _BOUND)])
+        wanted = np.append(wanted, 0.0)
+    found = non_negative(rows, wanted)[: len(size)] / size
     if not found.any():  # a cable without a loop: any memory will do, and g says that there is none
         found[0] = 1.0
     return np.asarray(found / (found @ frame.half_widths))
@@ -512,16 +617,6 @@ def _roughness(rows: int) -> Array:
     return np.asarray(_ROUGH * np.kron(np.diag([1.0] + [_SCHEDULE_ROUGH] * (rows - 1)), own))
 
 
-def _runs_one_way(cable: ScheduledCable, sign: float) -> bool:
-    """Whether both branches of the loop go the cable's way at every corner of the scheduling variables."""
-    for corner in itertools.product(*zip(cable.low.tolist(), cable.high.tolist(), strict=True)):
-        weights = powers(corner, cable)
-        middle, height = np.diff(weights @ cable.middle), np.diff(weights @ cable.height)
-        if (sign * middle < np.abs(height)).any():
-            return False
-    return True
-
-
 def _error(one: _Moved, cable: ScheduledCable, values: Array) -> tuple[Array, Array]:
     """Error of the joint at the log's full rate, and its time, from the end of the first long stroke on [rad], [s]."""
     counted = one.path.weight > 0.0
@@ -534,7 +629,7 @@ def _error(one: _Moved, cable: ScheduledCable, values: Array) -> tuple[Array, Ar
 def _judged(
     moved: Sequence[_Moved], values: Array, names: Sequence[str], frame: _Frame, cable: ScheduledCable
 ) -> list[JudgedLog]:
-    halves = _fitted([_weighted(one, np.where(one.first, one.weight, 0.0), frame) for one in moved], values, frame)
+    halves = _fitted([one._replace(weight=np.where(one.first, one.weight, 0.0)) for one in moved], values, frame)
     level = np.zeros(values.shape, dtype=np.int64)
     for v, column in enumerate(values.T):
         for number, members in enumerate(_levels(column)):

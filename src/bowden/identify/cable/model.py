@@ -71,6 +71,8 @@ _MEANINGS = (
     (r"knot_first", "rad", "motor angle of the first knot"),
     (r"knot_step", "rad", "motor angle between two knots"),
     (r"eta_\d+", "1/rad", "η of the play of that half-width"),
+    (r"widening", "1", "w, by which the half-widths grow and the η shrink, at the least load and bend"),
+    (r"widening_(load|bend)_[12]", "1", "what that power of the scaled load or bend adds to it"),
     (r"middle_\d+", "rad", "f, the middle of the loop at that knot, at the least load and bend"),
     (r"middle_\d+_(load|bend)_[12]", "rad", "what that power of the scaled load or bend adds to it"),
     (r"height_\d+", "rad", "g, half the height of the loop at that knot, at the least load and bend"),

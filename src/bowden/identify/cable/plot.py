@@ -7,7 +7,7 @@ import numpy as np
 
 from bowden.core.style import COLOURS, legend, note_cut, thin, widened
 from bowden.core.units import DEGREES
-from bowden.models.cable.scheduled import cable_of, hats, powers
+from bowden.models.cable.scheduled import cable_of, curves, hats
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -63,11 +63,11 @@ def draw_loads(axes: "Axes", fit: "JointFit") -> None:
     motor = np.linspace(cable.first, cable.first + cable.step * (count - 1), 200)
     middle, height = (hats(motor, cable.first, cable.step, count, outward) for outward in (1.0, 0.0))
     ends = [cable.low.tolist(), list(values), cable.high.tolist()] if fit.variables else [[]]
-    line = np.polyfit(motor, middle @ (powers(values, cable) @ cable.middle), 1)
+    line = np.polyfit(motor, middle @ curves(values, cable)[0], 1)
     degrees = [unit == "rad" for unit in fit.units]
     for at, (colour, dashes) in zip(ends, _SHOWN, strict=False):
-        weights = powers(at, cable)
-        curve, half = middle @ (weights @ cable.middle), height @ (weights @ cable.height)
+        of_middle, of_height = curves(at, cable)
+        curve, half = middle @ of_middle, height @ of_height
         label = ", ".join(
             f"{name} {value * DEGREES:.3g}°" if angle else f"{name} {value:.3g} {unit}".strip()
             for name, value, unit, angle in zip(fit.variables, at, fit.units, degrees, strict=False)

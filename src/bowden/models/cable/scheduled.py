@@ -3,13 +3,16 @@
     joint = f(motor, s) + g(motor, s)·h,    h = Σ ηᵢ·(motor − zᵢ),    Σ ηᵢ·rᵢ = 1
 
 f is the middle of the loop and g half its height, each drawn straight between knots that lie evenly over the motor's
-range; beyond it f goes on straight and g stays. zᵢ are play operators of fixed half-widths rᵢ that all loads share, so
-that h runs from −1 (the motor has fallen far enough) to 1 (it has risen) by a curve that does not change with the load.
-With every scheduling variable s scaled to 0…1 over the range in which it was seen, each ordinate is
+range; beyond it f goes on straight and g stays. zᵢ are play operators of half-widths rᵢ = w(s)·r⁰ᵢ with shares
+ηᵢ = η⁰ᵢ/w(s), so that h runs from −1 (the motor has fallen far enough) to 1 (it has risen), by one curve at all loads:
+where the loop is higher it takes a longer way of the motor to go over from one branch to the other. With every
+scheduling variable s scaled to 0…1 over the range in which it was seen, each ordinate is
 
     f(s) = f₀ + Σ over the variables of f₁·s + f₂·s² + …
 
-and likewise g. Beyond 0…1 a power goes on along its tangent, and no variable counts further than its range once more.
+and likewise g and w. Beyond 0…1 the means of f and of g, and w, go on along the tangents of the powers, and no variable
+counts further than its range once more; the rest of the shape stays, since it is what stretch and friction do not tell.
+w is a tenth at least.
 
 The elastic stretch of the cable under its tension T, T·L/(EA), makes f depend on the load, and friction μ·N, which is
 proportional to the tension by the capstan's law, makes g grow with it. Source: the paper's Section 3.2 for the bend;
@@ -44,20 +47,29 @@ class ScheduledCable(NamedTuple):
     height: Array
     """Ordinates of g, likewise (M, K) [rad]."""
     half_widths: Array
-    """rᵢ (k,) [rad]."""
+    """r⁰ᵢ (k,) [rad]."""
     shares: Array
-    """ηᵢ (k,) [1/rad]."""
+    """η⁰ᵢ (k,) [1/rad]."""
     low: Array
     """Least seen value of each variable (V,); its own unit."""
     high: Array
     """Largest seen value of each variable (V,); its own unit."""
     degree: NDArray[np.int64]
     """Highest power of each variable, from 1 on (V,)."""
+    widening: Array
+    """Ordinates of w, of the base and of the powers (M,) [–]."""
+
+
+_LEAST_WIDENING = 0.1
+"""Of w [–]: far beyond the loads that were seen a loop may come to nothing."""
 
 
 @kernel
-def fill_powers(values: Array, cable: ScheduledCable, found: Array) -> None:
-    """The factors of the M rows of ordinates at `values` (V,) of the variables, into `found` (M,)."""
+def fill_powers(values: Array, cable: ScheduledCable, found: Array, beyond: float) -> None:
+    """The factors of the M rows of ordinates at `values` (V,) of the variables, into `found` (M,).
+
+    They go on beyond what was seen where `beyond` is 1, and stay where it is 0.
+    """
     found[0] = 1.0
     row = 1
     for v in range(values.size):
@@ -66,21 +78,39 @@ def fill_powers(values: Array, cable: ScheduledCable, found: Array) -> None:
         inside = max(0.0, min(1.0, s))
         power = 1.0
         for m in range(1, cable.degree[v] + 1):
-            found[row] = power * (inside + m * (s - inside))
+            found[row] = power * (inside + beyond * m * (s - inside))
             power *= inside
             row += 1
 
 
-def powers(values: Sequence[float], cable: ScheduledCable) -> Array:
+def powers(values: Sequence[float], cable: ScheduledCable, beyond: float = 1.0) -> Array:
     """`fill_powers`: the factors of the ordinates (M,)."""
     found = np.empty(1 + int(cable.degree.sum()))
-    fill_powers(np.array(values, dtype=np.float64), cable, found)
+    fill_powers(np.array(values, dtype=np.float64), cable, found, beyond)
     return found
 
 
+def curves(values: Sequence[float], cable: ScheduledCable) -> tuple[Array, Array]:
+    """The ordinates of f and of g (K,) [rad] at `values` (V,) of the variables."""
+    stays, goes = powers(values, cable, 0.0), powers(values, cable)
+    middle, height = (stays @ rows + (goes - stays) @ rows.mean(axis=1) for rows in (cable.middle, cable.height))
+    return middle, height
+
+
 @kernel
-def straight(motor: float, first: float, step: float, ordinates: Array, weights: Array, outward: float) -> float:
-    """Rows of ordinates (M, K), summed with `weights` (M,), between the two knots round a motor angle.
+def widening_at(weights: Array, cable: ScheduledCable) -> float:
+    """w where the rows of ordinates have these `weights` (M,) [–]."""
+    found = 0.0
+    for m in range(weights.size):
+        found += weights[m] * cable.widening[m]
+    return max(found, _LEAST_WIDENING)
+
+
+@kernel
+def straight(
+    motor: float, first: float, step: float, ordinates: Array, stays: Array, goes: Array, outward: float
+) -> float:
+    """Rows of ordinates (M, K) between the two knots round a motor angle, as `curves` sums them.
 
     `outward` is 1 where the line goes on beyond the knots, and 0 where it stays.
     """
@@ -90,8 +120,10 @@ def straight(motor: float, first: float, step: float, ordinates: Array, weights:
     k = min(int(inside), last - 1)
     part = inside - k + outward * (place - inside)
     found = 0.0
-    for m in range(weights.size):
-        found += weights[m] * (ordinates[m, k] + part * (ordinates[m, k + 1] - ordinates[m, k]))
+    for m in range(stays.size):
+        found += stays[m] * (ordinates[m, k] + part * (ordinates[m, k + 1] - ordinates[m, k]))
+        if goes[m] != stays[m]:
+            found += (goes[m] - stays[m]) * np.mean(ordinates[m])
     return found
 
 
@@ -108,11 +140,10 @@ def hats(motor: Array, first: float, step: float, count: int, outward: float) ->
 
 def joint_angle(motor: Array, cable: ScheduledCable, values: Sequence[float]) -> Array:
     """Joint angle along a recorded motion at fixed `values` (V,) of the variables (n,) [rad], every play centred."""
-    count, weights = cable.middle.shape[1], powers(values, cable)
-    memory = (motor[:, None] - plays(motor, cable.half_widths)) @ cable.shares
-    middle = hats(motor, cable.first, cable.step, count, 1.0) @ (weights @ cable.middle)
-    height = hats(motor, cable.first, cable.step, count, 0.0) @ (weights @ cable.height)
-    return np.asarray(middle + height * memory)
+    wide, (middle, height) = widening_at(powers(values, cable), cable), curves(values, cable)
+    memory = (motor[:, None] - plays(motor, wide * cable.half_widths)) @ cable.shares / wide
+    of_middle, of_height = (hats(motor, cable.first, cable.step, len(middle), outward) for outward in (1.0, 0.0))
+    return np.asarray(of_middle @ middle + of_height @ height * memory)
 
 
 def turned(cable: ScheduledCable) -> ScheduledCable:
@@ -127,11 +158,11 @@ def turned(cable: ScheduledCable) -> ScheduledCable:
 
 def line_of(cable: ScheduledCable, values: Sequence[float]) -> tuple[float, float, float]:
     """Slope [rad/rad] and offset [rad] of the line through f's knots, and the mean of g [rad], at `values` (V,)."""
-    weights, count = powers(values, cable), cable.middle.shape[1]
-    knots = cable.first + cable.step * np.arange(count)
-    middle, centred = weights @ cable.middle, knots - knots.mean()
+    middle, height = curves(values, cable)
+    knots = cable.first + cable.step * np.arange(len(middle))
+    centred = knots - knots.mean()
     slope = float(centred @ middle / (centred @ centred))
-    return slope, float(middle.mean() - slope * knots.mean()), float((weights @ cable.height).mean())
+    return slope, float(middle.mean() - slope * knots.mean()), float(height.mean())
 
 
 def bouc_wen_at(cable: ScheduledCable, values: Sequence[float], like: BoucWen) -> BoucWen:
@@ -158,6 +189,7 @@ def cable_of(parameters: Mapping[str, float]) -> tuple[ScheduledCable, tuple[flo
     variables = [name for name in VARIABLES if f"{name}_low" in parameters]
     degrees = [sum(key.startswith(f"middle_1_{name}_") for key in parameters) for name in variables]
     rows = _rows(variables, degrees)
+    fixed = [1.0, *np.zeros(len(rows) - 1)]  # of files that say nothing of it
     found = ScheduledCable(
         first=parameters["knot_first"],
         step=parameters["knot_step"],
@@ -168,6 +200,7 @@ def cable_of(parameters: Mapping[str, float]) -> tuple[ScheduledCable, tuple[flo
         low=np.array([parameters[f"{name}_low"] for name in variables]),
         high=np.array([parameters[f"{name}_high"] for name in variables]),
         degree=np.array(degrees, dtype=np.int64),
+        widening=np.array([parameters.get(f"widening{row}", one) for row, one in zip(rows, fixed, strict=True)]),
     )
     return found, tuple(parameters[name] for name in variables)
 
@@ -176,7 +209,8 @@ def parameters_of(cable: ScheduledCable, variables: Sequence[str], values: Seque
     """The parameters of a cable by name, with the values of its variables (V,) at which it is to be looked at.
 
     ``load`` and ``bend`` are where it is; ``load_low`` and ``load_high`` between what it was seen. ``middle_3`` is the
-    third ordinate of f, ``middle_3_load_2`` what the square of the scaled load adds to it; ``height_…`` are those of g.
+    third ordinate of f, ``middle_3_load_2`` what the square of the scaled load adds to it; ``height_…`` are those of g,
+    ``widening…`` those of w, left out where it is 1.
     """
     found: dict[str, float] = {}
     for v, name in enumerate(variables):
@@ -184,8 +218,11 @@ def parameters_of(cable: ScheduledCable, variables: Sequence[str], values: Seque
     found |= {"knot_first": float(cable.first), "knot_step": float(cable.step)}
     for i, (width, share) in enumerate(zip(cable.half_widths, cable.shares, strict=True), 1):
         found |= {f"half_width_{i}": float(width), f"eta_{i}": float(share)}
+    rows = _rows(variables, cable.degree)
+    if cable.widening[0] != 1.0 or cable.widening[1:].any():
+        found |= {f"widening{row}": float(value) for row, value in zip(rows, cable.widening, strict=True)}
     for what, table in (("middle", cable.middle), ("height", cable.height)):
-        for row, ordinates in zip(_rows(variables, cable.degree), table, strict=True):
+        for row, ordinates in zip(rows, table, strict=True):
             found |= {f"{what}_{k}{row}": float(value) for k, value in enumerate(ordinates, 1)}
     return found
 
