@@ -28,12 +28,9 @@ from bowden.models.cable.scheduled import (
     ScheduledCable,
     bouc_wen_at,
     cable_of,
-    curves,
     joint_angle,
     line_of,
     parameters_of,
-    powers,
-    widening_at,
 )
 from bowden.models.cable.sheath import Sheath
 from bowden.plants.cable_plant import Cable
@@ -49,15 +46,12 @@ KNOTS = np.linspace(-0.5, 0.5, 9)
 
 
 def true_cable(slope: float = -0.9) -> ScheduledCable:
-    """Offset, slope, height and shape depend on the load, the plays as the height; the offset also on its square."""
-    sign = math.copysign(1.0, slope)
+    """Offset, slope, height and shape depend on the load; the offset also on its square."""
     middle = np.array([slope * KNOTS + 0.03 * KNOTS**2 + 0.4, 0.15 + 0.02 * KNOTS, np.full(9, -0.04)])
-    height = -sign * np.array([0.012 + 0.004 * KNOTS, np.full(9, 0.006), np.zeros(9)])
-    widths = np.array([0.02, 0.06])
-    shares = np.array([0.7 / 0.02, 0.3 / 0.06])
-    widening = np.array([0.8, 0.4, 0.0])
+    height = np.array([0.03 + 0.01 * KNOTS, np.full(9, 0.015), np.zeros(9)])
+    reaches, shares = np.array([0.8, 2.0]), np.array([0.5, 0.3])
     low, high = np.array([LOADS[0]]), np.array([LOADS[-1]])
-    return ScheduledCable(-0.5, 0.125, middle, height, widths, shares, low, high, np.array([2]), widening)
+    return ScheduledCable(-0.5, 0.125, middle, height, reaches, shares, low, high, np.array([2]))
 
 
 def log_at(load: float, slope: float = -0.9, noise: float = 2e-4) -> Log:
@@ -113,27 +107,19 @@ def test_the_joint_never_goes_against_the_motor(of_plays: JointFit, load: float)
     assert np.ptp(joint) > 0.7
 
 
-def test_plays_are_as_much_wider_as_the_loop_is_higher(fit: JointFit, of_plays: JointFit) -> None:
-    for one, expected in ((fit, 0.018 / 0.012), (of_plays, 0.025 / 0.013)):
-        cable, _ = cable_of(one.best.parameters)
-        low, high = (widening_at(powers([load], cable), cable) for load in (LOADS[0], LOADS[-1]))
-        assert high / low == pytest.approx(expected, rel=0.1)
+def test_plays_are_those_of_the_cable(fit: JointFit, of_plays: JointFit) -> None:
+    cable, _ = cable_of(of_plays.best.parameters)
+    assert cable.shares.sum() == pytest.approx(1.0, abs=0.01)
+    assert cable.shares @ np.abs(cable.reaches - 1.0) < 0.1
+    cable, _ = cable_of(fit.best.parameters)
+    assert cable.shares.sum() == pytest.approx(0.8, abs=0.1)
 
 
-def test_plays_of_a_file_that_says_nothing_of_them_stay() -> None:
-    parameters = parameters_of(true_cable(), ["load"], [LOADS[-1]])
-    old, _ = cable_of({name: value for name, value in parameters.items() if not name.startswith("widening")})
-    assert widening_at(powers([LOADS[-1]], old), old) == 1.0
-    kept = parameters_of(old, ["load"], [LOADS[-1]])
-    assert not any(name.startswith("widening") for name in kept)
-
-
-def test_beyond_its_range_a_load_changes_no_shape() -> None:
-    cable = true_cable()
-    last, beyond = (curves([load], cable) for load in (LOADS[-1], LOADS[-1] + 0.3))
-    for one, other in zip(last, beyond, strict=True):
-        assert np.ptp(other - one) < 1e-12
-        assert abs(float((other - one).mean())) > 1e-3
+def test_a_file_of_the_form_before_is_refused() -> None:
+    old = parameters_of(true_cable(), ["load"], [0.3])
+    old = {name: value for name, value in old.items() if not name.startswith(("reach", "share"))}
+    with pytest.raises(BowdenError, match=r"no parameter 'reach_1'.*identify the logs again"):
+        CableModel("scheduled", old | {"half_width_1": 0.02, "eta_1": 50.0}).joint_angle(MOTOR)
 
 
 def test_parameters_by_name_are_the_cable() -> None:
@@ -173,8 +159,17 @@ def test_a_load_that_changes_is_moved_by_the_sheath() -> None:
     half = len(TIME) // 2
     joint = moved(cable, -MOTOR, np.where(np.arange(len(TIME)) < half, 1.0, 2.0))
     assert np.allclose(joint[:half], low[:half], atol=1e-12)
-    settled = half + int(75.0 * 2.0 * np.pi / 1.7)  # its plays are wider: until all have been taken up both ways
+    settled = half + int(75.0 * 2.0 * np.pi / 1.7)  # until every play has been taken up both ways
     assert np.allclose(joint[settled:], high[settled:], atol=1e-12)
+
+
+def test_a_load_that_changes_at_rest_leaves_the_joint_where_it_was_in_its_loop() -> None:
+    cable = scheduled(parameters_of(true_cable(), ["load"], [0.3]), "load")
+    motor = np.concatenate([np.linspace(0.0, 0.3, 100), np.full(2, 0.3)])
+    joint = moved(cable, -motor, np.where(np.arange(102) < 101, 1.0, 2.0))
+    ways = [joint_angle(motor, true_cable(), [load])[-1] for load in (LOADS[0], LOADS[-1])]
+    assert joint[-2] == pytest.approx(ways[0], abs=1e-12)
+    assert joint[-1] == pytest.approx(ways[1], abs=1e-12)
 
 
 def test_a_bend_that_schedules_is_the_sheaths_own() -> None:

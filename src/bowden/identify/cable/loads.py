@@ -1,16 +1,15 @@
 """Several logs of one cable fitted together, and their model scheduled by the load, the bend, or both.
 
-The model is `bowden.models.cable.scheduled`: one loop of free shape, whose ordinates are polynomials of the scheduling
-variables. Everything in it is linear but the plays' half-widths, which lie on a fixed grid:
+The model is `bowden.models.cable.scheduled`: plays between two free branches, whose ordinates are polynomials of the
+scheduling variables.
 
-1. shares of the plays: non-negative least squares of all logs, each with a static curve of its own;
-2. ordinates of f and g for all logs at once: least squares with a small penalty on their roughness, which fills what no
-   log passed through and gives way to the data anywhere else. Where a branch of the loop would run against the cable's
-   direction it is held flat;
-3. shares and ordinates again, with plays that are as much wider at a load as the loop is higher there, and so that the
-   joint nowhere goes against the motor. After a reversal all plays are free, and the joint moves by |f′| − |g′| −
-   |g|·Σ ηᵢ a radian of the motor: Σ ηᵢ is at most what the mean slope and the largest g allow, since the narrowest
-   plays would else take more than there is, and f and g give way where the cable is flatter.
+1. The plays of a stack round each log's own bent line, with shares of one sign, by the sums of all logs; each log's
+   branches are its line and one gap.
+2. In turns: where each play is in contact is held, so that the joint is linear in the ordinates of the branches, which
+   are fitted to all logs at once, with a small penalty on their roughness, which fills what no log passed through and
+   gives way to the data anywhere else. Where a branch would run against the cable's direction, or the gap below zero,
+   at any load that was seen, it is held there. Then the plays are found again between the branches, with shares of one
+   sign that sum to one at most: so the joint never goes against the motor.
 
 Every log counts the same, however long it is. Its first long stroke is simulated and not fitted: what the cable had
 been through before is not known, and forgotten after it.
@@ -24,7 +23,6 @@ the same load at another bend stay in the fit. The model itself is fitted to all
 """
 
 import itertools
-import math
 import time as clock
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -42,22 +40,16 @@ from bowden.core.units import DEGREES
 from bowden.identify.cable.bouc_wen import BoucWenCable
 from bowden.identify.cable.counting import covered_by
 from bowden.identify.cable.cycles import ENOUGH, Cycles, whole_cycles
+from bowden.identify.cable.generalised import play_sums, plays_between
 from bowden.identify.cable.model import SCHEDULED, CableModel
 from bowden.identify.cable.non_negative import non_negative
 from bowden.identify.cable.part import Progress
 from bowden.identify.cable.path import Path, path_of
 from bowden.identify.cable.projection import inverse_of, products
 from bowden.identify.log.read import Log
+from bowden.models.cable.generalised_play import Branches, design_of
 from bowden.models.cable.prandtl_ishlinskii import plays
-from bowden.models.cable.scheduled import (
-    VARIABLES,
-    ScheduledCable,
-    hats,
-    joint_angle,
-    parameters_of,
-    powers,
-    widening_at,
-)
+from bowden.models.cable.scheduled import VARIABLES, ScheduledCable, branches_at, joint_angle, parameters_of, powers
 
 if TYPE_CHECKING:
     import pathlib
@@ -69,26 +61,28 @@ Array = NDArray[np.float64]
 _NODES, _SEARCHED = 1500, 150
 """Nodes of a log's path: where it is fitted, and where the plain Bouc–Wen cable is searched for."""
 _KNOTS = 20
-"""Ordinates of f and of g. With 14 or 30 the figures of docs/decisions/0032 change by 0.006° at most."""
+"""Ordinates of a and of b."""
 _GRID = np.geomspace(2e-3, 0.3, 14)
-"""Half-widths offered, over the motor's range [–]; those of the stack that a log of one amplitude can show."""
-_EDGE = 0.005
-"""Share of the samples beyond the first knot, and beyond the last: a jerk of the motor shall not stretch the knots."""
-_STATIC_DEGREE = 8
-"""Of the static curve that each log has of its own while the plays' shares are found."""
-_ROUGH = 1e-3
-"""Penalty on the squared second differences of f and first differences of g, over the mean squared error [–]; between
-1e-4 and 1e-2 nothing changes but what no log passed through."""
-_SCHEDULE_ROUGH = 10.0
-"""The same of what the variables change, over that of the base: a shape changes less than it is [–]."""
-_PLACES, _ROUNDS = 5, 30
-"""At how many values of each variable it is asked that the joint never goes against the motor; rounds until it holds."""
-_MARGIN = 2e-3
+"""Half-widths offered first, over the motor's range [–]; those of the stack that a log of one amplitude can show."""
+_ROUNDS = 4
+"""Turns of branches and plays; a fifth changes errors by less than 1 %."""
+_HELD_ROUNDS = 30
+"""Until no bound is broken."""
+_MARGIN = 1e-3
 """What a broken bound is held at, over the cable's slope [–]."""
 _BOUND = 1e4
 """Weight of a bound, over that of the logs."""
-_LEAST_HEIGHT = 0.1
-"""Of ḡ over that in the middle, where plays are to grow with it [–]."""
+_PLACES = 5
+"""At how many values of each variable the bounds are asked."""
+_EDGE = 0.005
+"""Share of the samples beyond the first knot, and beyond the last: a jerk of the motor shall not stretch the knots."""
+_STATIC_DEGREE = 8
+"""Of the bent line that each log has of its own while plays are found first."""
+_ROUGH = 1e-3
+"""Penalty on the squared second differences of a and first differences of b, over the mean squared error [–]; between
+1e-4 and 1e-2 nothing changes but what no log passed through."""
+_SCHEDULE_ROUGH = 10.0
+"""The same of what the variables change, over that of the base: a shape changes less than it is [–]."""
 _ALIKE = 0.05
 """Loads that differ by less than this share of all loads' range are one level [–]."""
 _LEAST_RANGE = 0.02
@@ -98,7 +92,7 @@ _TOGETHER = 0.95
 _BESIDE = 0.005
 """A log whose mean error is above that share of the motor's range and half its scatter lies beside the others [–]."""
 _HIGHEST = 2
-"""Highest power of a variable. f bends with the load as a cable's stiffness rises with its tension."""
+"""Highest power of a variable. a bends with the load as a cable's stiffness rises with its tension."""
 
 
 @dataclass(frozen=True)
@@ -266,23 +260,10 @@ class _Moved(NamedTuple):
     """Of the nodes, 1 in all; zero on the first long stroke (n,)."""
     first: NDArray[np.bool_]
     """Nodes of the first half of what counts (n,)."""
-    middle: Array
-    """(n, K), see `hats`."""
-    height: Array
-    """(n, K)."""
     slope: float
     """Of the line through the log [rad/rad]."""
-    static: Array
-    """Terms of a static curve of the log's own (n, c)."""
-
-
-class _Plays(NamedTuple):
-    """The plays of one log at its load."""
-
-    behind: Array
-    """(motor − zᵢ)/w (n, k) [rad]."""
-    sums: Array
-    """Products of −sign(slope)·behind and joint beside the log's own static curve (k + 1, k + 1)."""
+    offset: float
+    """[rad]"""
 
 
 class _Frame(NamedTuple):
@@ -290,7 +271,11 @@ class _Frame(NamedTuple):
 
     first: float
     step: float
-    half_widths: Array
+
+    @property
+    def high(self) -> float:
+        """Last knot [rad]."""
+        return self.first + (_KNOTS - 1) * self.step
 
 
 def identify_loads(
@@ -323,7 +308,7 @@ def identify_loads(
     tell("following the motors", 0.1)
     paths = [_path(log, _NODES) for log in logs]
     frame = _frame(paths)
-    moved = [_prepared(log, path, frame) for log, path in zip(logs, paths, strict=True)]
+    moved = [_prepared(log, path) for log, path in zip(logs, paths, strict=True)]
     _check_alike(moved)
     names, values, warnings = _scheduling(logs, {"load": load, "bend": bend}, dict(zip(VARIABLES, units, strict=True)))
     tell("fitting all logs", 0.3)
@@ -359,7 +344,7 @@ def _frame(paths: Sequence[Path]) -> _Frame:
         float(pick([np.quantile(_counted(path), edge) for path in paths]))
         for pick, edge in ((np.min, _EDGE), (np.max, 1.0 - _EDGE))
     )
-    return _Frame(low, (high - low) / (_KNOTS - 1), _GRID * (high - low))
+    return _Frame(low, (high - low) / (_KNOTS - 1))
 
 
 def _counted(path: Path) -> Array:
@@ -367,7 +352,7 @@ def _counted(path: Path) -> Array:
     return np.repeat(path.motor, path.weight.astype(np.intp))
 
 
-def _prepared(log: Log, path: Path, frame: _Frame) -> _Moved:
+def _prepared(log: Log, path: Path) -> _Moved:
     lengths = np.abs(np.diff(path.turning))
     begun = int(np.argmax(lengths >= 0.5 * path.span)) + 1
     weight = np.where(path.stroke < begun, 0.0, path.weight) if begun < path.strokes else path.weight
@@ -380,14 +365,10 @@ def _prepared(log: Log, path: Path, frame: _Frame) -> _Moved:
         )
     weight = weight / whole
     first = np.cumsum(weight) <= 0.5
-    middle, height = (hats(path.motor, frame.first, frame.step, _KNOTS, outward) for outward in (1.0, 0.0))
     counted = path.weight > 0.0
     motor, joint = path.motor[counted], path.joint[counted]
-    slope = float(np.polyfit(motor, joint, 1, w=np.sqrt(path.weight[counted]))[0])
-    last = frame.first + frame.step * (_KNOTS - 1)
-    place = np.clip((2.0 * path.motor - frame.first - last) / (last - frame.first), -1.0, 1.0)
-    static = np.asarray(np.polynomial.chebyshev.chebvander(place, _STATIC_DEGREE), dtype=np.float64)
-    return _Moved(log, path, weight, first, middle, height, slope, static)
+    slope, offset = np.polyfit(motor, joint, 1, w=np.sqrt(path.weight[counted])).tolist()
+    return _Moved(log, path, weight, first, slope, offset)
 
 
 def _check_alike(moved: Sequence[_Moved]) -> None:
@@ -467,67 +448,71 @@ def _levels(values: Array) -> list[Array]:
 def _fitted(moved: Sequence[_Moved], values: Array, frame: _Frame) -> ScheduledCable:
     """The scheduled cable of some logs at `values` (logs, V)."""
     degree = np.array([min(_HIGHEST, len(_levels(column)) - 1) for column in values.T], dtype=np.int64)
-    rows = 1 + int(degree.sum())
-    none, fixed = np.zeros((rows, _KNOTS)), np.append(1.0, np.zeros(rows - 1))
+    rows = np.zeros((1 + int(degree.sum()), _KNOTS))
     low, high = (pick(values, axis=0) if len(degree) else np.empty(0) for pick in (np.min, np.max))
-    cable = ScheduledCable(
-        frame.first, frame.step, none, none, frame.half_widths, np.empty(0), low, high, degree, fixed
-    )
-    sign, weights = float(np.sign(moved[0].slope)), [powers(at.tolist(), cable) for at in values]
-    own = [_plays_of(one, cable, at) for one, at in zip(moved, weights, strict=True)]
-    cable = cable._replace(shares=_shares([one.sums for one in own], frame, np.inf))
-    cable = _with_ordinates(moved, own, weights, cable, _branch_bounds(cable, sign))
-    cable = cable._replace(widening=_widening(cable))
-    own = [_plays_of(one, cable, at) for one, at in zip(moved, weights, strict=True)]
-    cable = cable._replace(shares=_shares([one.sums for one in own], frame, _most(cable, sign)))
-    bounds = np.concatenate([_branch_bounds(cable, sign), _reversal_bounds(cable, sign)])
-    cable = _with_ordinates(moved, own, weights, cable, bounds)
-    kept = cable.shares > 0.0
-    return cable._replace(half_widths=cable.half_widths[kept], shares=cable.shares[kept])
+    branches = _begun(moved, frame)
+    held = branches[0]
+    cable = ScheduledCable(frame.first, frame.step, rows, rows, held.reaches, held.shares, low, high, degree)
+    weights, bounds = [powers(at.tolist(), cable) for at in values], _bounds(cable, float(np.sign(moved[0].slope)))
+    for _ in range(_ROUNDS):
+        cable = _with_ordinates(moved, branches, weights, cable, bounds)
+        cable = _with_plays(moved, [branches_at(at.tolist(), cable) for at in values], cable)
+        branches = [branches_at(at.tolist(), cable) for at in values]
+    return _with_ordinates(moved, branches, weights, cable, bounds)
 
 
-def _widening(cable: ScheduledCable) -> Array:
-    """w's ordinates (M,): as the mean of g, 1 in the middle; w = 1 where there is hardly a loop at some load."""
-    height = cable.height.mean(axis=1)
-    of_middle = float(powers((0.5 * (cable.low + cable.high)).tolist(), cable) @ height)
-    least = min(float(weights @ height) / of_middle for weights in _places(cable)) if of_middle else 0.0
-    return height / of_middle if least >= _LEAST_HEIGHT else cable.widening
-
-
-def _plays_of(one: _Moved, cable: ScheduledCable, weights: Array) -> _Plays:
-    wide = widening_at(weights, cable)
-    behind = (one.path.motor[:, None] - plays(one.path.motor, wide * cable.half_widths)) / wide
-    sums = products(np.column_stack([one.static, -np.sign(one.slope) * behind, one.path.joint]), one.weight)
-    own = one.static.shape[1]
-    rest = sums[own:, own:] - sums[own:, :own] @ inverse_of(sums[:own, :own]) @ sums[:own, own:]
-    return _Plays(behind, rest)
+def _begun(moved: Sequence[_Moved], frame: _Frame) -> list[Branches]:
+    """Straight branches of each log with one gap, and the plays between them that fit all logs best."""
+    widths = _GRID * (frame.high - frame.first)
+    count, sums = len(widths) + 1, np.zeros((len(widths) + 1,) * 2)
+    for one in moved:
+        place = np.clip((2.0 * one.path.motor - frame.first - frame.high) / (frame.high - frame.first), -1.0, 1.0)
+        bent = np.polynomial.chebyshev.chebvander(place, _STATIC_DEGREE)
+        lag = one.path.motor[:, None] - plays(one.path.motor, widths)
+        own = products(np.column_stack([bent, -np.sign(one.slope) * lag, one.path.joint]), one.weight)
+        free = len(own) - count
+        sums += own[free:, free:] - own[free:, :free] @ inverse_of(own[:free, :free]) @ own[:free, free:]
+    size = np.sqrt(np.maximum(np.diag(sums)[:-1], 1e-300))
+    lower = np.linalg.cholesky(sums[:-1, :-1] / np.outer(size, size) + 1e-11 * np.eye(len(size)))
+    found = non_negative(lower.T, np.asarray(np.linalg.solve(lower, sums[:-1, -1] / size))) / size
+    slope, gap = float(np.mean([abs(one.slope) for one in moved])), float(found @ widths)
+    shares = found / max(slope, float(found.sum()))
+    size_of = float(shares @ widths)
+    kept = shares > 0.0
+    reaches, shares = (widths[kept] / size_of, shares[kept]) if gap > 0.0 else (np.ones(1), np.zeros(1))
+    gaps, straight = np.full(_KNOTS, gap), np.zeros(_KNOTS)
+    ends = frame.first, frame.high
+    return [Branches(one.slope, straight, gaps, *ends, reaches, shares, one.offset, 0.0) for one in moved]
 
 
 def _with_ordinates(
-    moved: Sequence[_Moved], own: Sequence[_Plays], weights: Sequence[Array], cable: ScheduledCable, bounds: Array
+    moved: Sequence[_Moved],
+    branches: Sequence[Branches],
+    weights: Sequence[Array],
+    cable: ScheduledCable,
+    bounds: Array,
 ) -> ScheduledCable:
-    """The cable with the f and g that fit all logs best, its plays held, where C·(f, g) ≥ 0.
+    """The cable whose ordinates fit all logs best, where C·(a, b) ≥ 0.
 
     A bound that is broken is held from then on, a little above zero, until none is.
 
     Args:
         moved: the logs.
-        own: their plays.
+        branches: of each log, which say when a play is in contact.
         weights: of the rows of ordinates at their loads, (M,) each.
         cable: whose plays they are.
-        bounds: C (b, M·2·K), ordered as the unknowns are: row, then f and g, then knot.
+        bounds: C (c, M·2·K), ordered as the unknowns are: row, then a and b, then knot.
     """
     rows = len(cable.middle)
     gram, moments = _roughness(rows) * len(moved), np.zeros(2 * rows * _KNOTS)
-    for one, played, factors in zip(moved, own, weights, strict=True):
-        basis = np.column_stack([one.middle, one.height * (played.behind @ cable.shares)[:, None], one.path.joint])
-        sums = products(basis, one.weight)
+    for one, near, factors in zip(moved, branches, weights, strict=True):
+        sums = products(np.column_stack([design_of(one.path.motor, 0.0, near), one.path.joint]), one.weight)
         gram = gram + np.kron(np.outer(factors, factors), sums[:-1, :-1])
         moments += np.kron(factors, sums[:-1, -1])
     heavy = _BOUND * float(np.trace(gram)) / len(gram)
     margin = _MARGIN * abs(moved[0].slope) * cable.step
     held, found = np.zeros(len(bounds), dtype=bool), np.linalg.solve(gram, moments)
-    for _ in range(_ROUNDS):
+    for _ in range(_HELD_ROUNDS):
         broken = (bounds @ found < 0.0) & ~held
         if not broken.any():
             break
@@ -538,83 +523,35 @@ def _with_ordinates(
     return cable._replace(middle=middle, height=height)
 
 
-def _places(cable: ScheduledCable) -> list[Array]:
-    """The weights of the rows of ordinates (M,) at values of the variables all over what was seen."""
-    ways = [np.linspace(low, high, _PLACES).tolist() for low, high in zip(cable.low, cable.high, strict=True)]
-    return [powers(place, cable) for place in itertools.product(*ways)]
-
-
-def _branch_bounds(cable: ScheduledCable, sign: float) -> Array:
-    """Neither branch goes against the motor: sign·Δf ± Δg ≥ 0 between all knots, at all places."""
-    step = np.diff(np.eye(_KNOTS), axis=0)
-    return _bounds(cable, [np.column_stack([sign * step, side * step]) for side in (1.0, -1.0)])
-
-
-def _reversal_bounds(cable: ScheduledCable, sign: float) -> Array:
-    """Nor does the joint where all plays are free: sign·(Δf + g·Σ ηᵢ·Δm) ± Δg ≥ 0 with g of either knot."""
-    step, here = np.diff(np.eye(_KNOTS), axis=0), np.eye(_KNOTS)
-    whole = sign * float(cable.shares.sum()) * cable.step
-    return np.concatenate(
-        [
-            _bounds(cable, [np.column_stack([sign * step, side * step + whole / wide * g])], [weights])
-            for weights, wide in ((one, widening_at(one, cable)) for one in _places(cable))
-            for side in (1.0, -1.0)
-            for g in (here[:-1], here[1:])
-        ]
-    )
-
-
-def _bounds(cable: ScheduledCable, of_knots: Sequence[Array], places: Sequence[Array] | None = None) -> Array:
-    """Bounds on f and g at a place, (b, 2·K) each, as bounds on all ordinates."""
-    return np.concatenate(
-        [np.kron(weights, one) for weights in (_places(cable) if places is None else places) for one in of_knots]
-    )
-
-
-def _most(cable: ScheduledCable, sign: float) -> float:
-    """Σ η⁰ᵢ with which, where the loop is highest, the joint after a reversal moves not at all on average [1/rad].
-
-    Where the cable is flatter than that f and g give way.
-    """
-    least = np.inf
-    for weights in _places(cable):
-        middle, height = weights @ cable.middle, weights @ cable.height
-        moves = float(np.mean(sign * np.diff(middle) - np.abs(np.diff(height)))) / cable.step
-        highest = float((-sign * height).max())
-        if highest > 0.0:
-            least = min(least, moves / highest * widening_at(weights, cable))
-    return least
-
-
-def _shares(memories: Sequence[Array], frame: _Frame, most: float) -> Array:
-    """η⁰ᵢ (k,) [1/rad] with Σ η⁰ᵢ ≤ `most`, by non-negative least squares.
-
-    With cᵢ for the shares before they are scaled to Σ cᵢ·rᵢ = 1 the bound is Σ cᵢ·(1 − most·rᵢ) ≤ 0: a row of great
-    weight, with a slack of its own.
-    """
-    sums = np.sum(memories, axis=0)
-    size = np.sqrt(np.maximum(np.diag(sums)[:-1], 1e-300))
-    lower = np.linalg.cholesky(sums[:-1, :-1] / np.outer(size, size) + 1e-11 * np.eye(len(size)))
-    rows, wanted = lower.T, np.asarray(np.linalg.solve(lower, sums[:-1, -1] / size))
-    if math.isfinite(most):
-        bound = (1.0 / most - frame.half_widths) / size
-        bound *= _BOUND / float(np.abs(bound).max())
-        rows = np.vstack([np.column_stack([rows, np.zeros(len(size))]), np.append(bound, _BOUND)])
-        wanted = np.append(wanted, 0.0)
-    found = non_negative(rows, wanted)[: len(size)] / size
-    if not found.any():  # a cable without a loop: any memory will do, and g says that there is none
-        found[0] = 1.0
-    return np.asarray(found / (found @ frame.half_widths))
+def _with_plays(moved: Sequence[_Moved], branches: Sequence[Branches], cable: ScheduledCable) -> ScheduledCable:
+    """The same branches with the plays between them that fit all logs best."""
+    if not cable.height.any():
+        return cable
+    pairs = zip(moved, branches, strict=True)
+    sums = [play_sums(one.path.motor, one.path.joint, one.weight, 0.0, near) for one, near in pairs]
+    reaches, shares, size = plays_between(np.sum(sums, axis=0))
+    if not size > 0.0:
+        return cable
+    return cable._replace(reaches=reaches, shares=shares, height=cable.height * size)
 
 
 def _roughness(rows: int) -> Array:
-    """The penalty's quadratic form, ordered as the unknowns are: row, then f and g, then knot."""
+    """The penalty's quadratic form, ordered as the unknowns are: row, then a and b, then knot."""
     bends = np.diff(np.eye(_KNOTS), 2, axis=0)
     steps = np.diff(np.eye(_KNOTS), 1, axis=0)
     own = np.zeros((2 * _KNOTS,) * 2)
     own[:_KNOTS, :_KNOTS], own[_KNOTS:, _KNOTS:] = bends.T @ bends, steps.T @ steps
     own += 1e-6 * np.eye(2 * _KNOTS)
     return np.asarray(_ROUGH * np.kron(np.diag([1.0] + [_SCHEDULE_ROUGH] * (rows - 1)), own))
+
+
+def _bounds(cable: ScheduledCable, sign: float) -> Array:
+    """Neither branch goes against the cable, sign·Δa ± Δb ≥ 0, and b ≥ 0, at values all over what was seen."""
+    step, none = np.diff(np.eye(_KNOTS), axis=0), np.zeros((_KNOTS, _KNOTS))
+    of_knots = [np.column_stack([sign * step, side * step]) for side in (1.0, -1.0)]
+    of_knots.append(np.column_stack([none, np.eye(_KNOTS)]))
+    ways = [np.linspace(low, high, _PLACES).tolist() for low, high in zip(cable.low, cable.high, strict=True)]
+    return np.concatenate([np.kron(powers(at, cable), one) for at in itertools.product(*ways) for one in of_knots])
 
 
 def _error(one: _Moved, cable: ScheduledCable, values: Array) -> tuple[Array, Array]:
