@@ -22,6 +22,8 @@ from typing import Any
 
 import numpy as np
 
+import screen
+
 sys.path.append(str(Path(__file__).parents[1] / "tests"))  # where the page's client is
 
 from bowden.live.row import AT
@@ -240,14 +242,14 @@ def memory(minutes: float) -> tuple[list[Figure], str]:
             for one in pages:
                 frames += len(one.frames)
                 one.frames.clear()
-            print(f"\rmemory: {now:.0f} s, {samples[-1][1]:.1f} MB", end="", file=sys.stderr, flush=True)
+            screen.line(f"memory: {now:.0f} s, {samples[-1][1]:.1f} MB")
             time.sleep(EVERY)
         seconds = time.monotonic() - begun
         share, load = (used(console.process.pid) - before) / seconds, os.getloadavg()[0]
         for one in pages[1:]:
             one.close()
         end(page)
-    print(file=sys.stderr)
+    screen.end()
     settled = FILLED if 60.0 * minutes > 1.5 * FILLED else 0.5 * seconds
     later = np.array([one for one in samples if one[0] >= settled])
     half = max(1, min(len(later) // 2, 30))

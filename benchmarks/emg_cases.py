@@ -8,7 +8,6 @@ import argparse
 import itertools
 import json
 import math
-import sys
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass
@@ -18,6 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+import screen
 from bowden.core.errors import BowdenError
 from bowden.identify.emg.levels import EnvelopeLevels, check_contraction, envelope_levels
 from bowden.identify.emg.log import check_signal
@@ -397,8 +397,8 @@ def _progress(items: Iterable[Any], total: int, what: str) -> Iterator[Any]:
         taken = time.perf_counter() - begun
         if taken > said + 0.5 or done == total:
             said = taken
-            print(f"\r{done} of {total} {what}, {taken:.0f} s", end="", file=sys.stderr, flush=True)
-    print(file=sys.stderr)
+            screen.line(f"{done} of {total} {what}, {taken:.0f} s")
+    screen.end()
 
 
 def main() -> None:

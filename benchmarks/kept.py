@@ -1,12 +1,12 @@
 """Results of a long part, kept one a line while it runs: interrupted, it goes on where it was left."""
 
 import json
-import sys
 import time
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
+import screen
 from bowden.core.kernel_cache import source_hash
 
 FOLDER = Path(__file__).parents[1] / "out" / "bench"
@@ -47,12 +47,11 @@ class Kept:
                     taken = time.perf_counter() - start
                     if taken > said + 2.0:
                         said, left = taken, taken / (len(rows) - before) * (wanted - len(rows))
-                        told = f"{self._name}: {len(rows)} of {wanted}, {left:.0f} s left"
-                        print(f"\r{told:<70}", end="", file=sys.stderr, flush=True)
+                        screen.line(f"{self._name}: {len(rows)} of {wanted}, {left:.0f} s left")
         except KeyboardInterrupt:
             raise SystemExit(
                 f"\n{self._name}: {len(rows)} of {wanted} are kept in {self._file}; run it again"
             ) from None
         finally:
-            print(file=sys.stderr)
+            screen.end()
         return rows

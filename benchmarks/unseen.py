@@ -10,7 +10,6 @@ the validation and judging sets are counted in ``unseen_looks.toml`` before anyt
 import argparse
 import json
 import math
-import sys
 import time
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
@@ -19,6 +18,7 @@ from typing import Any
 
 import numpy as np
 
+import screen
 from bowden.control import LAWS, user_law
 from bowden.control.knowledge import configured
 from bowden.control.law import Law
@@ -252,8 +252,8 @@ def main() -> None:
         taken = time.perf_counter() - begun
         if taken > said + 0.5 or done == total:
             said = taken
-            print(f"\r{done} of {total} runs, {taken:.0f} s", end="", file=sys.stderr, flush=True)
-    print(file=sys.stderr)
+            screen.line(f"{done} of {total} runs, {taken:.0f} s")
+    screen.end()
     shown = given.shown if given.shown in {run.law for run in runs} else names[0]
     seconds = time.perf_counter() - begun
     if given.json:

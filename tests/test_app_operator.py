@@ -478,6 +478,15 @@ def test_a_busy_computer_is_said_with_its_figure_and_is_no_fault_of_the_rig() ->
     (line,) = stops.lines(stops.document(stale, LIMITS._asdict(), twin=True)[0])
     assert "answered 3 cycles late (2 are allowed, reading_age of [limits])" in line
     assert not stops.document(stale, LIMITS._asdict(), twin=False)[0]["too_busy"], "a drive of its own is a rig's"
+    dead = log_of(
+        (Mode.RUNNING, 99, ()),
+        (Mode.LATCHED, 9, (Fault.MOTOR_STALE, Fault.JOINT_STALE)),
+        (Mode.LATCHED, 9, (Fault.MOTOR_STALE, Fault.JOINT_STALE, Fault.HEARTBEAT_LOST)),
+    )
+    line, beside = stops.lines(stops.document(dead, LIMITS._asdict(), twin=True)[0], twin=True)
+    assert line.startswith("the twin fell silent, its last answer is 3 cycles old (2 are allowed, reading_age of ")
+    assert "it ended or hangs, or this computer is too busy for it" in line, "the log does not show which"
+    assert beside == f"at the same time: {Fault.HEARTBEAT_LOST.meaning}"
     slower = LIMITS._replace(reading_age=3.0)._asdict()
     assert not stops.document(stale, slower, twin=True)[0]["too_busy"], "3 cycles are allowed: it is something else"
     assert not stops.document(late, {}, twin=True)[0]["too_busy"], "a log without limits says none"

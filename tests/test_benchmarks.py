@@ -41,7 +41,7 @@ def test_margins_are_those_of_the_laws_own_kernels() -> None:
     assert not found("load swings at 3 Hz").stable
 
 
-def test_a_long_part_goes_on_where_it_was_left(tmp_path: Path) -> None:
+def test_a_long_part_goes_on_where_it_was_left(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     kept = importlib.import_module("kept").Kept("squares", tmp_path)
 
     def squares(first: int) -> Iterator[list[int]]:
@@ -54,6 +54,7 @@ def test_a_long_part_goes_on_where_it_was_left(tmp_path: Path) -> None:
         kept.filled(squares(0), 9)
     (file,) = tmp_path.iterdir()
     file.write_text(file.read_text() + "[5, 2")  # cut off
+    assert not capsys.readouterr().err, "no terminal, no progress"
     there = kept.rows()
     assert there == [[k, k * k] for k in range(5)]
     assert kept.filled(squares(len(there)), 9) == kept.rows() == [[k, k * k] for k in range(9)]

@@ -15,7 +15,9 @@ import pytest
 
 import bowden
 from bowden.app.main import run
+from bowden.control import LAWS
 from bowden.core.errors import BowdenError, ParameterError
+from bowden.face.in_turn import in_turn
 from bowden.face.progress import reported
 from bowden.live.log_rig import rig_of_log
 from bowden.live.row import AT
@@ -525,3 +527,19 @@ def test_a_line_of_progress_ends_where_the_call_fails(
     with pytest.raises(ZeroDivisionError):
         failing()
     assert capsys.readouterr().err.endswith("a step\n")
+
+
+def test_laws_run_in_turn_until_an_interruption() -> None:
+    laws = [LAWS["adaptive"], LAWS["observer"], LAWS["adaptive"]]
+    said: list[tuple[str, float]] = []
+
+    def run(i: int) -> int:
+        if i == 2:
+            raise KeyboardInterrupt
+        return 10 * i
+
+    assert in_turn(laws, run, lambda what, share: said.append((what, share))) == ({"adaptive": 0, "observer": 10}, True)
+    assert [what for what, _ in said] == [f"simulating {name}" for name in ("adaptive", "observer", "adaptive-2")]
+    with pytest.raises(KeyboardInterrupt):
+        in_turn(laws[2:] * 3, lambda i: run(2), lambda what, share: None)
+    assert in_turn(laws[:2], run, lambda what, share: None) == ({"adaptive": 0, "observer": 10}, False)

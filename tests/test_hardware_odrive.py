@@ -327,6 +327,19 @@ def test_the_makers_list_says_where_settings_are_and_a_bad_one_is_refused(tmp_pa
         OdriveDrive(DRIVE._replace(endpoints=str(tmp_path / "none")))
 
 
+def test_the_makers_list_is_found_from_the_rigs_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder = tmp_path / "board"
+    folder.mkdir()
+    rig, drive = folder / "rig.toml", '[drive]\nfamily = "odrive"\n'
+    rig.write_text(drive + 'endpoints = "flat_endpoints.json"\n')
+    monkeypatch.chdir(tmp_path)
+    assert Rig.read("board/rig.toml").drive_parameters.endpoints == str(Path("board/flat_endpoints.json"))
+    rig.write_text(drive + f'endpoints = "{folder / "other.json"}"\n')
+    assert Rig.read("board/rig.toml").drive_parameters.endpoints == str(folder / "other.json")
+    rig.write_text(drive)
+    assert Rig.read("board/rig.toml").drive_parameters.endpoints == "twin"
+
+
 def test_a_target_never_asks_for_more_speed_or_torque_than_the_rig() -> None:
     limits = odrive_setup.limits_of(DRIVE, odrive_setup.motor_scale(DRIVE))
     drive = DRIVE._replace(torque_offset=0.1)

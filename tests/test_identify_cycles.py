@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from bowden.identify.cable.advice import seconds_of
+from bowden.identify.cable.advice import seconds_text
 from bowden.identify.cable.cycles import ENOUGH, Cycles, whole_cycles
 from bowden.identify.cable.fit import identify
 from bowden.identify.cable.path import path_of
@@ -77,4 +77,4 @@ def test_what_a_recalibration_says_of_its_cycles_is_of_an_identification() -> No
 
 @pytest.mark.parametrize(("time", "said"), [(4.23, "4.2 s"), (10.2, "10 s"), (198.7, "199 s")])
 def test_how_much_counts_less_is_said_in_seconds_whatever_their_number(time: float, said: str) -> None:
-    assert seconds_of(time) == said
+    assert seconds_text(time) == said

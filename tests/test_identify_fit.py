@@ -514,3 +514,14 @@ def test_judged_blocks_do_not_overlap() -> None:
     masks = np.array(folds(path))
     assert np.all(masks.sum(axis=0) <= 1)
     assert len(masks) == 5
+
+
+@pytest.mark.parametrize("seed", [8, 22, 27, 50])
+def test_a_rigid_joint_is_a_line(seed: int) -> None:
+    """No play is taken up, and so a constant gap is an offset: nothing in the log holds its height."""
+    time = np.arange(2000) * 2e-3
+    motor = 0.5 - 0.5 * np.cos(2.0 * math.pi * 2.5 * time)
+    joint = 0.9 * motor + 1e-3 * np.random.default_rng(seed).standard_normal(len(time))
+    fit = identify(time, motor, joint)
+    assert fit.best.name == "line"
+    assert abs(fit.best.parameters["slope"] - 0.9) < 1e-3

@@ -24,7 +24,14 @@ from bowden.identify.cable.recalibrate import recalibrate, recalibrated, verdict
 from bowden.identify.log.read import Log, read_log
 from bowden.identify.log.variables import scheduled_by
 from bowden.models.cable.bouc_wen import saturation
-from bowden.models.cable.scheduled import ScheduledCable, bouc_wen_at, cable_of, joint_angle, line_of, parameters_of
+from bowden.models.cable.scheduled import (
+    ScheduledCable,
+    bouc_wen_at,
+    cable_of,
+    joint_angle,
+    line_of,
+    parameters_of,
+)
 from bowden.models.cable.sheath import Sheath
 from bowden.plants.cable_plant import Cable
 from bowden.plants.scheduled_cable import scheduled
@@ -40,13 +47,11 @@ KNOTS = np.linspace(-0.5, 0.5, 9)
 
 def true_cable(slope: float = -0.9) -> ScheduledCable:
     """Offset, slope, height and shape depend on the load; the offset also on its square."""
-    sign = math.copysign(1.0, slope)
     middle = np.array([slope * KNOTS + 0.03 * KNOTS**2 + 0.4, 0.15 + 0.02 * KNOTS, np.full(9, -0.04)])
-    height = -sign * np.array([0.03 + 0.01 * KNOTS, np.full(9, 0.015), np.zeros(9)])
-    widths = np.array([0.01, 0.05])
-    shares = np.array([0.7 / 0.01, 0.3 / 0.05])
+    height = np.array([0.03 + 0.01 * KNOTS, np.full(9, 0.015), np.zeros(9)])
+    reaches, shares = np.array([0.8, 2.0]), np.array([0.5, 0.3])
     low, high = np.array([LOADS[0]]), np.array([LOADS[-1]])
-    return ScheduledCable(-0.5, 0.125, middle, height, widths, shares, low, high, np.array([2]))
+    return ScheduledCable(-0.5, 0.125, middle, height, reaches, shares, low, high, np.array([2]))
 
 
 def log_at(load: float, slope: float = -0.9, noise: float = 2e-4) -> Log:
@@ -75,6 +80,46 @@ def test_both_branches_go_one_way_at_every_load_that_was_seen(fit: JointFit) -> 
         middle, height = weights @ cable.middle, weights @ cable.height
         assert np.all(np.diff(middle + height) < 0.0)
         assert np.all(np.diff(middle - height) < 0.0)
+
+
+def pure_play_at(load: float) -> Log:
+    """A log of a cable whose joint rests after a reversal until its play, wider as the load grows, is taken up."""
+    half = 0.01 + 0.03 * load
+    joint, z = np.empty(len(TIME)), float(MOTOR[0])
+    for k, motor in enumerate(MOTOR.tolist()):
+        z = max(motor - half, min(motor + half, z))
+        joint[k] = 0.3 - 0.9 * z + 0.03 * z**2 - 0.2 * load
+    joint = joint + 1e-3 * np.random.default_rng(int(1000 * load)).standard_normal(len(TIME))
+    return Log(TIME, MOTOR, joint, f"play at {load}", ())
+
+
+@pytest.fixture(scope="module")
+def of_plays() -> JointFit:
+    return identify_loads([pure_play_at(load) for load in LOADS], LOADS)
+
+
+@pytest.mark.parametrize("load", [*np.linspace(LOADS[0], LOADS[-1], 9), 0.0, 0.7])
+def test_the_joint_never_goes_against_the_motor(of_plays: JointFit, load: float) -> None:
+    back_and_forth = np.cumsum(np.where(np.arange(4000) % 50 < 30, 1.0, -1.0)) * 1.2e-3  # reversals all over the stroke
+    motor = np.concatenate([np.linspace(0.0, -0.5, 400), -0.5 + back_and_forth, np.linspace(0.4, -0.5, 400)])
+    joint = of_plays.at(load=float(load)).joint_angle(motor)
+    assert (np.diff(joint) * np.sign(np.diff(motor)) <= 1e-6).all()
+    assert np.ptp(joint) > 0.7
+
+
+def test_plays_are_those_of_the_cable(fit: JointFit, of_plays: JointFit) -> None:
+    cable, _ = cable_of(of_plays.best.parameters)
+    assert cable.shares.sum() == pytest.approx(1.0, abs=0.01)
+    assert cable.shares @ np.abs(cable.reaches - 1.0) < 0.1
+    cable, _ = cable_of(fit.best.parameters)
+    assert cable.shares.sum() == pytest.approx(0.8, abs=0.1)
+
+
+def test_a_file_of_the_form_before_is_refused() -> None:
+    old = parameters_of(true_cable(), ["load"], [0.3])
+    old = {name: value for name, value in old.items() if not name.startswith(("reach", "share"))}
+    with pytest.raises(BowdenError, match=r"no parameter 'reach_1'.*identify the logs again"):
+        CableModel("scheduled", old | {"half_width_1": 0.02, "eta_1": 50.0}).joint_angle(MOTOR)
 
 
 def test_parameters_by_name_are_the_cable() -> None:
@@ -114,7 +159,17 @@ def test_a_load_that_changes_is_moved_by_the_sheath() -> None:
     half = len(TIME) // 2
     joint = moved(cable, -MOTOR, np.where(np.arange(len(TIME)) < half, 1.0, 2.0))
     assert np.allclose(joint[:half], low[:half], atol=1e-12)
-    assert np.allclose(joint[half:], high[half:], atol=1e-12)
+    settled = half + int(75.0 * 2.0 * np.pi / 1.7)  # until every play has been taken up both ways
+    assert np.allclose(joint[settled:], high[settled:], atol=1e-12)
+
+
+def test_a_load_that_changes_at_rest_leaves_the_joint_where_it_was_in_its_loop() -> None:
+    cable = scheduled(parameters_of(true_cable(), ["load"], [0.3]), "load")
+    motor = np.concatenate([np.linspace(0.0, 0.3, 100), np.full(2, 0.3)])
+    joint = moved(cable, -motor, np.where(np.arange(102) < 101, 1.0, 2.0))
+    ways = [joint_angle(motor, true_cable(), [load])[-1] for load in (LOADS[0], LOADS[-1])]
+    assert joint[-2] == pytest.approx(ways[0], abs=1e-12)
+    assert joint[-1] == pytest.approx(ways[1], abs=1e-12)
 
 
 def test_a_bend_that_schedules_is_the_sheaths_own() -> None:
@@ -171,7 +226,7 @@ def test_a_load_and_a_bend_that_change_together_are_refused() -> None:
     ("logs", "load", "message"),
     [
         ([0.1], [0.1], "a joint fit of 1 logs; expected two logs or more"),
-        ([0.1, 0.2], [0.1], r"1 values of the load for 2 logs; expected one for each"),
+        ([0.1, 0.2], [0.1], r"1 value of the load for 2 logs; expected one for each"),
         ([0.1, 0.2], [0.1, math.nan], r"log at 0.2: the load is nan; expected a number"),
         ([0.1, -0.2], [0.1, 0.2], r"moves \+0.8\d* times as far as the motor, in log at 0.1 -0.8\d* times"),
     ],
@@ -312,7 +367,7 @@ def test_a_rig_is_told_of_the_bends_of_its_run() -> None:
     plain = dict(bowden.BoucWen()._asdict()) | {"initial_h": 0.0}
     cable = CableModel("scheduled", values, others={"bouc_wen": plain})
     bent = bowden.Rig(cable=cable)
-    assert any("the bend 3.142 lies outside" in note for note in bent.notes)
+    assert any("the bend 180° lies outside" in note for note in bent.notes)
     assert any("is 180° in this run" in note and "not the 17.19°" in note for note in bent.notes)
     assert bent.moved.sheath.loss == 0.0
     within = bowden.Rig(cable=cable, bend=ConstantBend(0.5))
@@ -365,12 +420,24 @@ def test_several_logs_become_a_model_that_a_rig_and_a_recalibration_take(
     assert "loop" in Path("together/identify.html").read_text()
 
 
+def test_a_bend_is_shown_in_degrees(files: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["identify", *files[:3], "--load", "none", "--bend", "100,140,180", "--out", "bent"]) == 0
+    said = capsys.readouterr().out
+    assert "rad" not in said.splitlines()[2]
+    assert [line.split()[2] for line in said.splitlines() if line.strip().startswith(tuple(files[:3]))][:3] == [
+        *("100", "140", "180")
+    ]
+    fit = bowden.identify_together(files[:3], load="none", bend=[1.0, 2.0, 3.0])
+    assert "bend 57.3°" in repr(fit)
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
         (["0.csv", "--load", "0.1"], "--load with one log, which cannot tell what the load changes"),
         (["0.csv", "3.csv"], "3.csv has no column for the load, others have 'joint_torque_nm'"),
-        (["0.csv", "1.csv", "--load", "0.1"], "1 values of the load for 2 logs"),
+        (["0.csv", "1.csv", "--load", "0.1"], "1 value of the load for 2 logs"),
+        (["0.csv", "1.csv", "--load", "0.1,a"], "'a' among the values '0.1,a'; expected numbers with commas between"),
         (["0.csv", "1.csv", "--load", "tension"], "no column 'tension' for the load"),
         (["0.csv", "1.csv", "--model", "model.toml"], "--model with 2 logs"),
         (["0.csv", "--model", "none.toml"], "none.toml cannot be read"),

@@ -165,6 +165,35 @@ def test_jitter_is_resampled_with_a_warning(write: Write) -> None:
     assert "resampled" in log.warnings[0]
 
 
+def test_an_even_clock_hides_no_count_of_an_encoder(write: Write) -> None:
+    time = np.arange(2000) * 1e-3
+    motor = np.round(np.degrees(0.5 * np.sin(3.0 * time)) / 0.1) * 0.1
+    late = time + 5e-5 * np.random.default_rng(2).uniform(-1.0, 1.0, len(time))
+    logs = [read_log(write(text(rows(one, motor, 0.9 * motor), "time_s,motor_deg,joint_deg"))) for one in (time, late)]
+    assert "resampled" in logs[1].warnings[0]
+    for log in logs:
+        assert np.degrees(log.resolutions) == pytest.approx([0.1, 0.09], rel=1e-3)
+
+
+@pytest.mark.parametrize(("time", "motor"), [(TIME, MOTOR), (np.arange(9000) / 1e3, np.sin(np.arange(9000) / 1e3))])
+@pytest.mark.parametrize("long", [1, 2])
+def test_readings_that_were_disturbed_are_filled_with_a_note(
+    time: Array, motor: Array, long: int, write: Write
+) -> None:
+    joint = 0.9 * motor + 0.1 + 1e-3 * np.random.default_rng(1).standard_normal(len(time))
+    there = read_log(write(text(rows(time, motor, joint))))
+    assert not there.warnings
+    struck = joint.copy()
+    struck[200 : 200 + long] = 2.5
+    log = read_log(write(text(rows(time, motor, struck))))
+    (said,) = log.warnings
+    assert "line 202: joint_rad is 2.5 rad, between" in said
+    assert ("1 reading stands" if long == 1 else "2 readings stand") in said
+    assert np.abs(log.joint - there.joint).max() < 0.02
+    stepped = joint + np.where(time > 2.0, 0.3, 0.0)
+    assert not read_log(write(text(rows(time, motor, stepped)))).warnings, "a joint that slips stays where it is"
+
+
 def test_one_late_sample_is_no_gap(write: Write) -> None:
     late = TIME.copy()
     late[200:] += 0.004
@@ -229,6 +258,12 @@ def test_counts_are_angles_once_their_turn_is_known(write: Write, tmp_path: Path
             read_log(path, **bad)
 
 
+def test_counts_that_nobody_named_are_suspected(write: Write) -> None:
+    counted = [np.round(angle / (2.0 * np.pi) * 8192.0) for angle in (MOTOR, JOINT)]
+    with pytest.raises(LogError, match=r"look like counts of an encoder; .*--unit counts --counts-per-turn 8192"):
+        read_log(write(text(rows(TIME, *counted), "time_s,motor,joint")))
+
+
 def test_counts_per_turn_alone_leave_named_columns_as_they_are(write: Write) -> None:
     counted = np.round(MOTOR * 8192.0 / math.tau)
     log = read_log(write(text(rows(TIME, counted, np.degrees(JOINT)), "time_s,motor_counts,joint_deg")), **TURN)
@@ -291,10 +326,13 @@ def test_milliseconds_declared_as_seconds_are_noticed(write: Write) -> None:
     slow = rows(*(np.repeat(column, 2) for column in (TIME, MOTOR, JOINT)))
     lines = [f"{i}.0,{row.split(',', 1)[1]}" for i, row in enumerate(slow)]
     assert "look like milliseconds" in read_log(write(text(lines))).warnings[0]
+    lines = [f"{i}000.0,{row.split(',', 1)[1]}" for i, row in enumerate(slow)]
+    assert "look like microseconds" in read_log(write(text(lines))).warnings[0]
 
 
 REFUSED: dict[str, tuple[str | bytes, str]] = {
     "missing column": (text(header="time_s,torque,joint_rad"), "no motor column among 'time_s', 'torque', 'joint_rad'"),
+    "a name twice": (text(rows(TIME, MOTOR, JOINT, JOINT), HEADER + ",motor_rad"), "2 columns are called 'motor_rad'"),
     "two missing": (text(header="a,b,joint_rad"), "no time column and no motor column among"),
     "no names": ("\n".join(LINES), "no column names above the 3 columns of numbers"),
     "text in a number": (text(put(LINES, 17, "0.15,abc,0.2")), "line 17: 'abc' in column 'motor_rad'"),

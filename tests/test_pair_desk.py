@@ -346,6 +346,31 @@ def test_a_pair_by_emg_ends_with_its_recording_unless_a_duration_is_asked_for() 
 
 
 @pytest.mark.usefixtures("pair_rig")
+def test_simulate_of_a_pair_by_emg_names_no_check_that_would_refuse_it(capsys: pytest.CaptureFixture[str]) -> None:
+    time = np.arange(3000) * 1e-3
+    signal = 0.01 * np.where(time > 2.0, 20.0, 1.0) * np.random.default_rng(1).standard_normal(len(time))
+    np.savetxt("emg.csv", np.column_stack([time, signal]), "%.5f", ",", header="time_s,biceps_mV", comments="")
+    path = Path("pair.toml")
+    path.write_text('[emg]\nsource = "file:emg.csv"\nhigh_deg = 60.0\n' + path.read_text())
+    out = said(capsys, "simulate", "pair.toml").out
+    refused = said(capsys, "check", "pair.toml", code=2).err
+    assert "Next: bowden" not in out
+    assert f"Next: nothing yet, neither check nor run take this rig: {refused.removeprefix('bowden: ')}" in out
+
+
+@pytest.mark.usefixtures("pair_rig")
+def test_a_pair_with_a_negative_slope_is_refused_by_each_command(capsys: pytest.CaptureFixture[str]) -> None:
+    path = Path("pair.toml")
+    path.write_text(path.read_text().replace('name = "flexor"\n', 'name = "flexor"\n[axis.cable]\nslope = -0.9\n'))
+    refused = {said(capsys, *words, code=2).err for words in REFUSING}
+    assert len(refused) == 1
+    assert "an axis has a cable whose slope is negative; expected joint angles that grow" in refused.pop()
+
+
+REFUSING = (["check", "pair.toml"], ["simulate", "pair.toml"], ["run", "pair.toml", "--twin", "--auto"])
+
+
+@pytest.mark.usefixtures("pair_rig")
 def test_check_refuses_of_a_pair_what_a_run_refuses_in_the_same_words(capsys: pytest.CaptureFixture[str]) -> None:
     path = Path("pair.toml")
     plain, source = path.read_text(), 'source = "lsl:biceps"\n'

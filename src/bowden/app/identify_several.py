@@ -178,18 +178,20 @@ def _print_logs(fit: "JointFit") -> None:
     from rich.table import Table
 
     from bowden.identify.cable.loads import cycle_lines
+    from bowden.identify.log.variables import in_degrees
 
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
     table.add_column("log", no_wrap=True)
     table.add_column("whole\ncycles", justify="right", no_wrap=True)
     for name, unit in zip(fit.variables, fit.units, strict=True):
-        table.add_column(f"{name}\n{unit}", justify="right", no_wrap=True)
+        table.add_column(f"{name}\n{in_degrees(name, 0.0, unit)[1]}", justify="right", no_wrap=True)
     for title in ("second half\n° RMS", "left out\n° RMS", "load left out\n° RMS", "and offset\n° RMS"):
         table.add_column(title, justify="right", no_wrap=True)
     for one in fit.logs:
         errors = [_degrees(v) for v in (one.test_rms, one.same_rms, one.unseen_rms, one.unseen_offset_rms)]
         cells = [f"{value:.3f}" if value is not None else "–" for value in errors]
-        table.add_row(one.name, str(one.cycles.whole), *(f"{value:.4g}" for value in one.values), *cells)
+        values = [f"{in_degrees(*pair)[0]:.4g}" for pair in zip(fit.variables, one.values, strict=True)]
+        table.add_row(one.name, str(one.cycles.whole), *values, *cells)
     Console(width=None if sys.stdout.isatty() else 100).print(table)
     pair = " (of other pairs of load and bend)" if len(fit.variables) > 1 else ""
     said = f"load left out: of other loads{pair}; and offset: offset fitted to a half"

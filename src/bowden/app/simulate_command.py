@@ -11,7 +11,7 @@ from bowden.app.command import Command
 from bowden.app.console import InterruptedPartway, folder_argument, print_json, progress_bar, seconds
 from bowden.app.given_rig import read_given, shortened
 from bowden.app.next_step import say_next
-from bowden.app.simulate_pair import simulate_pair
+from bowden.app.simulate_pair import say_next_of_pair, simulate_pair
 from bowden.core.files import output_folder, whole_files
 
 if TYPE_CHECKING:
@@ -69,7 +69,7 @@ def simulate(
         )
         if not json:
             asked = ["--law", law[0]] if law and not law[1:] else []
-            say_next("check", rig, *asked, *([] if preset is None else ["--preset", preset]))
+            say_next_of_pair(whole, rig, *asked, *([] if preset is None else ["--preset", preset]))
     if not json:
         return
     if not whole.axes:

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from bowden.app.console import InterruptedPartway, progress_bar, seconds
+from bowden.app.next_step import say_next
 from bowden.core.files import output_folder
 
 if TYPE_CHECKING:
@@ -76,6 +77,19 @@ def simulate_pair(
         "runs": runs,
         "files": [str(file) for file in files],
     }
+
+
+def say_next_of_pair(whole: "Rig", file: Path, *options: str) -> None:
+    """Print what comes next: the check of both, or why there is none of what was simulated."""
+    from bowden.core.errors import ParameterError
+    from bowden.rig.axes import refuse_sources
+
+    try:
+        refuse_sources(whole)
+    except ParameterError as error:
+        print(f"Next: nothing yet, neither check nor run take this rig: {error}")
+    else:
+        say_next("check", file, *options)
 
 
 def _figures(run: "Traces") -> dict[str, Any]:

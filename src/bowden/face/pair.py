@@ -1,6 +1,6 @@
 """`check` and `simulate` of two motors on one joint."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from bowden.control import Law, user_law
@@ -10,11 +10,10 @@ from bowden.design.check import Check
 from bowden.design.linearise import NoNumberError
 from bowden.design.pair_check import check_pair, with_advice
 from bowden.design.verdict import CheckVerdict, verdict_of
-from bowden.face import given
+from bowden.face.in_turn import in_turn
+from bowden.face.progress import Progress
 from bowden.rig.pair_plant import agonist_of, pair_plant_of, pair_ranges, run_of_pair
 from bowden.rig.rig import Rig
-
-Progress = Callable[[str, float], None]
 
 
 @dataclass(frozen=True)
@@ -84,18 +83,9 @@ def simulated_pair(
         raise ParameterError("; ".join(failing) + "; or run it anyway with --force")
     verdicts = [verdict_of(one, found, name) for (one, _), found in zip(laws, checks, strict=True)]
     notes = (*agonist_of(rigs[0]).notes, *(verdict.note for verdict in verdicts if verdict.note))
-    runs = dict[str, Traces]()
-    names = given.numbered([one.name for one, _ in laws])
-    for i, (rig, own, both) in enumerate(zip(rigs, names, laws, strict=True)):
-        progress(f"simulating {own}", 0.1 + 0.7 * i / len(laws))
-        try:
-            with user_law.explained(both[0]):
-                runs[own] = run_of_pair(rig, both, whole=whole)
-        except KeyboardInterrupt:
-            if not runs:
-                raise
-            return SimulatedPair(runs, verdicts, notes, True)
-    return SimulatedPair(runs, verdicts, notes, False)
+    firsts = [one for one, _ in laws]
+    runs, interrupted = in_turn(firsts, lambda i: run_of_pair(rigs[i], laws[i], whole=whole), progress)
+    return SimulatedPair(runs, verdicts, notes, interrupted)
 
 
 def _checked(rig: Rig) -> "Check | str":

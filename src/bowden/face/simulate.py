@@ -1,21 +1,21 @@
 """`simulate`: laws on a rig, checked before they run."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, overload
 
-from bowden.control import Law, user_law
+from bowden.control import Law
 from bowden.core import arguments
 from bowden.core.trace import Trace
 from bowden.core.traces import Traces
 from bowden.design.verdict import CheckVerdict, verdicts
 from bowden.face import given
 from bowden.face.given import GivenLaw, GivenRig
+from bowden.face.in_turn import in_turn
 from bowden.face.pair import simulated_pair
+from bowden.face.progress import Progress
 from bowden.rig.one_run import run_of
 from bowden.rig.rig import Rig
-
-Progress = Callable[[str, float], None]
 
 
 @dataclass(frozen=True)
@@ -53,18 +53,8 @@ def simulated(
     checked = verdicts(rig, laws, name, force=force)
     pushing = rig.pushing.notes(list(laws), force=force) if rig.pushing else []
     notes = (*rig.notes, *pushing, *(verdict.note for verdict in checked if verdict.note))
-    traces = Traces()
-    names = given.numbered([law.name for law in laws])
-    for i, (law, own) in enumerate(zip(laws, names, strict=True)):
-        progress(f"simulating {own}", 0.1 + 0.7 * i / len(laws))
-        try:
-            with user_law.explained(law):
-                traces[own] = run_of(rig, law)
-        except KeyboardInterrupt:
-            if not traces:
-                raise
-            return Simulated(traces, checked, notes, True)
-    return Simulated(traces, checked, notes, False)
+    found, interrupted = in_turn(laws, lambda i: run_of(rig, laws[i]), progress)
+    return Simulated(Traces(found), checked, notes, interrupted)
 
 
 @overload

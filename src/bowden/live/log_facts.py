@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from bowden.core.errors import ParameterError, counted
 from bowden.core.files import printable
+from bowden.core.metrics import rmse
 from bowden.cycle.one_cycle import WishSource
 from bowden.hardware.drives.emergencies import emergency_text
 from bowden.hardware.drives.family import family_named
@@ -124,7 +125,7 @@ def followed(found: Recording) -> Tracking:
     if not len(error):
         return Tracking(None, None, 0.0)
     step = float(np.nanmedian(np.diff(found["time"])))
-    return Tracking(float(np.sqrt(np.mean(error**2))), float(np.abs(error).max()), round(len(error) * step, 3))
+    return Tracking(rmse(error), float(np.abs(error).max()), round(len(error) * step, 3))
 
 
 def _percentiles(found: Recording, column: str) -> dict[str, float] | None:

@@ -12,6 +12,7 @@ from bowden.control.conditioning import Conditioned
 from bowden.control.law import Law
 from bowden.control.source import TABLE, Measurement, Source
 from bowden.core.errors import LogError
+from bowden.core.metrics import rmse
 from bowden.core.nested import from_columns
 from bowden.core.signals import DriveReading, Reference, Sample
 from bowden.cycle.one_cycle import LAW_BEGINS, Cycle, CycleState, Filters, Plan
@@ -190,7 +191,7 @@ def _compared(found: Recording, gaps: Any, wishes: Any, said: Any, recorded: Any
         beginnings=int(gaps.sum()),
         law_cycles=int(law_had.sum()),
         wish_largest=float(np.abs(difference).max()) if len(difference) else None,
-        wish_rms=float(np.sqrt(np.mean(difference**2))) if len(difference) else None,
+        wish_rms=rmse(difference) if len(difference) else None,
         first_difference=first(law_had & ~equal),
         verdicts_differing=int(other.sum()),
         command_largest=float(command.max()) if len(command) else 0.0,

@@ -33,8 +33,15 @@ FOLLOWS_LATENESS = _OLD | {
 _STOPPING = sum(1 << fault for fault in Fault if fault.then)
 """Bits of the faults that end a run."""
 _ALIVE = frozenset({Fault.OPERATOR_LOST})
+_SILENT = "it ended or hangs, or this computer is too busy for it (`bowden doctor`); begin again"
+_ASTRAY = "it was injected into the twin, or slope_low, slope_high and play_deg of [limits] are not of the rig's cable"
 _OF_TWIN = {
-    Fault.NOT_DISABLED: "no motor has torque: the twin answered too late; close other programs, and begin again",
+    Fault.NOT_DISABLED: f"no motor has torque; the twin is silent: {_SILENT}",
+    Fault.HEARTBEAT_LOST: f"the twin is silent: {_SILENT}",
+    Fault.BUS_ERRORS: f"a twin's bus has no cable; the twin is silent: {_SILENT}",
+    Fault.MOTOR_STALE: f"the twin is late or silent: {_SILENT}",
+    Fault.JOINT_STALE: f"the twin is late or silent: {_SILENT}",
+    Fault.JOINT_ASTRAY: _ASTRAY,
     Fault.EMERGENCY_STOP: "it was injected into the twin; begin again",
     Fault.MOTOR_HOT: "the twin's motor is a model; begin again, it is cold then",
     Fault.DRIVE_HOT: "the twin's drive is a model; begin again",
@@ -224,7 +231,9 @@ def lines(stop: dict[str, Any], *, twin: bool = False) -> Iterator[str]:
         yield stop["too_busy"]
         remedies = {fault.meaning: remedy_of(fault, twin=twin) for fault in Fault}
         for meaning in stop["consequences"]:
-            yield f"at the same time: {meaning}; {remedies[meaning.rpartition(': ')[2]]}"
+            remedy = remedies[meaning.rpartition(": ")[2]]
+            again = remedy.endswith(_SILENT) and _SILENT in stop["too_busy"]
+            yield f"at the same time: {meaning}{'' if again else f'; {remedy}'}"
         return
     for meaning, remedy in zip(stop["causes"], stop["remedies"], strict=True):
         yield f"{axis}{meaning}; {remedy}"
@@ -233,7 +242,10 @@ def lines(stop: dict[str, Any], *, twin: bool = False) -> Iterator[str]:
 
 
 def too_busy(stop: Stop, limits: Mapping[str, Any], *, twin: bool) -> str:
-    """That it was this computer that stopped a run, by how much, and what to do; empty where it was not.
+    """That it was this computer that stopped a run, or its twin, by how much, and what to do; empty where neither did.
+
+    A twin that is late answers again. One that falls silent has ended, or hangs, or this computer does not let it run,
+    and the log does not show which.
 
     Args:
         stop: of the run.
@@ -252,8 +264,10 @@ def too_busy(stop: Stop, limits: Mapping[str, Any], *, twin: bool) -> str:
         return unattended(stop.alone, alone)
     if not (twin and {*stop.causes} <= _OLD | {Fault.HEARTBEAT_LOST}) or age is None or not stop.oldest > age:
         return ""
-    late = f"the twin, which runs on it too, answered {stop.oldest:.0f} cycles late"
     allowed = f"{age:.3g} are allowed, reading_age of [limits]"
+    if Fault.HEARTBEAT_LOST in (*stop.causes, *stop.consequences):  # nothing came after it
+        return f"the twin fell silent, its last answer is {stop.oldest:.0f} cycles old ({allowed}): {_SILENT}"
+    late = f"the twin, which runs on it too, answered {stop.oldest:.0f} cycles late"
     return f"this computer is too busy: {late} ({allowed}); {do}"
 
 

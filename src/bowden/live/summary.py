@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.core.errors import counted
+from bowden.core.metrics import rmse
 from bowden.core.units import RADIANS
 from bowden.cycle.one_cycle import WishSource
 from bowden.hardware.drives.family import family_of
@@ -83,7 +84,7 @@ def _followed(axis: "SessionAxis", log: Recording) -> dict[str, Any]:
     codes, explain = log["emergency"], family_of(axis.live.rig.drive).explain
     return {
         "seconds_led": round(len(error) * axis.live.rig.sample_time, 6),
-        "rmse_deg": float(np.sqrt(np.mean(error**2)) / RADIANS) if len(error) else None,
+        "rmse_deg": rmse(error) / RADIANS if len(error) else None,
         "peak_deg": float(np.abs(error).max() / RADIANS) if len(error) else None,
         "emergencies": [explain(int(code)) for code in dict.fromkeys(codes[codes > 0.0].tolist())],
     }

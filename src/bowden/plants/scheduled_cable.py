@@ -16,14 +16,15 @@ from numpy.typing import NDArray
 
 from bowden.core.errors import ParameterError
 from bowden.core.kernel import kernel
-from bowden.models.cable.backlash import push
+from bowden.models.cable.generalised_play import half_gap, joined, mean_branch, push_slots
 from bowden.models.cable.scheduled import (
     VARIABLES,
     ScheduledCable,
+    branches_of,
     cable_of,
+    fill_branches,
     fill_powers,
     line_of,
-    straight,
     turned,
 )
 from bowden.models.cable.sheath import Sheath
@@ -46,21 +47,63 @@ class MovedSchedule(NamedTuple):
 
 
 class ScheduledMemory(NamedTuple):
-    """Where the plays are, and room to work in; changed in place."""
+    """Where the plays are, the branches as they are, and room to work in; changed in place."""
 
     z: Array
     """(k,) [rad]."""
+    width: Array
+    """For which the branches are (1,) [–]."""
     values: Array
     """Of the variables (V,)."""
     powers: Array
     """(M,) [–]."""
+    bends: Array
+    """(K,) [rad]."""
+    gaps: Array
+    """(K,) [rad]."""
+    line: Array
+    """Slope, offset and curve (3,)."""
 
 
 @kernel
 def scheduled_start(cable: MovedSchedule, motor: float, width: float, slope_factor: float) -> ScheduledMemory:
-    """At rest, every play centred on the motor."""
-    plays = np.full(cable.cable.half_widths.size, motor)
-    return ScheduledMemory(plays, np.empty(cable.at.size), np.empty(cable.cable.middle.shape[0]))
+    """At rest, every play centred."""
+    rows, knots = cable.cable.middle.shape
+    memory = ScheduledMemory(
+        np.zeros(cable.cable.reaches.size),
+        np.full(1, np.nan),
+        np.empty(cable.at.size),
+        np.empty(rows),
+        np.empty(knots),
+        np.empty(knots),
+        np.zeros(3),
+    )
+    fill_at(cable, memory, width)
+    memory.z[:] = mean_branch(motor, branches_of(cable.cable, memory.bends, memory.gaps, memory.line))
+    return memory
+
+
+@kernel
+def fill_at(cable: MovedSchedule, memory: ScheduledMemory, width: float) -> None:
+    """The branches at a width of the sheath, into `memory`."""
+    memory.width[0] = width
+    for v in range(memory.values.size):
+        memory.values[v] = cable.at[v] + cable.per_width[v] * width
+    fill_powers(memory.values, cable.cable, memory.powers)
+    fill_branches(memory.powers, cable.cable, memory.bends, memory.gaps, memory.line)
+
+
+@kernel
+def follow(cable: MovedSchedule, memory: ScheduledMemory, motor: float, width: float) -> None:
+    """The branches at a new width of the sheath, and every play where it was between them."""
+    if cable.widened == 1.0 or width == memory.width[0]:
+        return
+    before = branches_of(cable.cable, memory.bends, memory.gaps, memory.line)
+    mean, gap = mean_branch(motor, before), half_gap(motor, before)
+    memory.z[:] = (memory.z - mean) / max(gap, 1e-12)
+    fill_at(cable, memory, width)
+    after = branches_of(cable.cable, memory.bends, memory.gaps, memory.line)
+    memory.z[:] = mean_branch(motor, after) + half_gap(motor, after) * memory.z
 
 
 @kernel
@@ -74,9 +117,9 @@ def scheduled_advance(
     dt: float,
 ) -> ScheduledMemory:
     """Every play pushed by the motor; in place."""
+    follow(cable, memory, before, width)
     wide = 1.0 + cable.widened * (width - 1.0)
-    for i in range(memory.z.size):
-        memory.z[i] = push(memory.z[i], after, wide * cable.cable.half_widths[i])
+    push_slots(memory.z, after, wide, branches_of(cable.cable, memory.bends, memory.gaps, memory.line))
     return memory
 
 
@@ -84,20 +127,11 @@ def scheduled_advance(
 def scheduled_look(
     cable: MovedSchedule, memory: ScheduledMemory, motor: float, width: float, slope_factor: float
 ) -> Seen:
-    """joint = f(0) + slope_factor·(f − f(0)) + g·Σ ηᵢ·(motor − zᵢ); a wider loop is as much higher."""
-    for v in range(memory.values.size):
-        memory.values[v] = cable.at[v] + cable.per_width[v] * width
-    fill_powers(memory.values, cable.cable, memory.powers)
-    one = cable.cable
-    behind = 0.0
-    for i in range(memory.z.size):
-        behind += one.shares[i] * (motor - memory.z[i])
-    middle = straight(motor, one.first, one.step, one.middle, memory.powers, 1.0)
-    height = straight(motor, one.first, one.step, one.height, memory.powers, 0.0)
-    if slope_factor != 1.0:  # f(0) is the offset, of which a bend takes nothing
-        offset = straight(0.0, one.first, one.step, one.middle, memory.powers, 1.0)
-        middle = offset + slope_factor * (middle - offset)
-    return Seen(middle + height * behind, np.nan, np.nan)
+    """joint = a(0) + slope_factor·(joint − a(0)), of which a bend takes nothing; a wider loop is as much higher."""
+    follow(cable, memory, motor, width)
+    branches = branches_of(cable.cable, memory.bends, memory.gaps, memory.line)
+    joint, offset = joined(memory.z, motor, 1.0, branches), branches.offset + mean_branch(0.0, branches)
+    return Seen(offset + slope_factor * (joint - offset), np.nan, np.nan)
 
 
 def scheduled(parameters: Mapping[str, float], moved: str | None = None, sheath: Sheath | None = None) -> Cable:

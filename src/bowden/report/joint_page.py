@@ -9,6 +9,7 @@ from bowden.core.units import DEGREES
 from bowden.identify.cable.loads import JointFit, cycle_lines
 from bowden.identify.cable.plot import draw_loads, draw_residual
 from bowden.identify.cable.recalibrate import Recalibration, cycles_line, verdict
+from bowden.identify.log.variables import in_degrees
 from bowden.report.page import Page
 
 if TYPE_CHECKING:
@@ -39,19 +40,17 @@ def joint_page(fit: JointFit) -> Page:
         "was first fitted to the log's first half; the error is that of its second."
     )
     shown = [key for key in _TITLES if any(np.isfinite(getattr(one, _TITLES[key])) for one in fit.logs)]
-    degrees = [unit == "rad" for unit in fit.units]
     rows = [
         [
             one.name,
-            *(f"{value * DEGREES if angle else value:.4g}" for value, angle in zip(one.values, degrees, strict=True)),
+            *(f"{in_degrees(*pair)[0]:.4g}" for pair in zip(fit.variables, one.values, strict=True)),
         ]
         + [str(one.cycles.whole)]
         + [_degrees(getattr(one, _TITLES[key])) for key in shown]
         for one in fit.logs
     ]
     units = [
-        f"{name} [{'°' if angle else unit or '–'}]"
-        for name, unit, angle in zip(fit.variables, fit.units, degrees, strict=True)
+        f"{name} [{in_degrees(name, 0.0, unit)[1] or '–'}]" for name, unit in zip(fit.variables, fit.units, strict=True)
     ]
     page.table(["log", *units, "whole cycles", *shown], rows, "Errors of the joint angle.")
     page.heading("The loop")

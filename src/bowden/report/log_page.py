@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from bowden.core.metrics import rmse
 from bowden.core.style import COLOURS
 from bowden.core.trace import Trace
 from bowden.core.units import DEGREES
@@ -112,7 +113,7 @@ def _summary(page: Page, trace: Trace, facts: Mapping[str, Any]) -> None:
         error = trace.error[leads]
         error = error[np.isfinite(error)] * DEGREES
         if len(error):
-            rows.append(["RMSE while the law led", f"{np.sqrt(np.mean(error**2)):.3f}", "°"])
+            rows.append(["RMSE while the law led", f"{rmse(error):.3f}", "°"])
             rows.append(["peak error", f"{np.max(np.abs(error)):.2f}", "°"])
             rows.append(["the law led for", f"{len(error) * _step(trace):.4g}", "s"])
     if facts["lateness_s"] is not None:

@@ -1,6 +1,7 @@
 """The drive, the supervisor's limits and the loop's settings as a rig has them."""
 
 import math
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from bowden.control.admittance.interaction import Doubt
@@ -128,12 +129,13 @@ def drive_needs(allowed: Limits, bench: Bench, suit: Suit | None = None) -> Driv
     )
 
 
-def drive_parameters(given: Any, needs: DriveNeeds) -> Any:
+def drive_parameters(given: Any, needs: DriveNeeds, folder: Path) -> Any:
     """A rig's drive with what the rig asks of it.
 
     Args:
         given: what the rig says of the drive itself, parameters of a family.
         needs: of `drive_needs`.
+        folder: from which the files that it names are found.
 
     Raises:
         ParameterError: values that make no sense together, or a drive that would keep its torque without us.
@@ -155,7 +157,7 @@ def drive_parameters(given: Any, needs: DriveNeeds) -> Any:
             expected=f"a drive that does it within {1e3 * LONGEST_SILENCE:g} ms by itself",
             do="set the drive's own timeout with its maker's tool, and say it in [drive]; or take another drive",
         )
-    return parameters
+    return family.found_from(parameters, folder)
 
 
 def check_load(drive: Any, cell: LoadCellParameters, allowed: Limits, sample_time: float) -> None:

@@ -108,6 +108,12 @@ def _problems(pair: PairSettings, found: Mapping[str, "Rig"], independent: bool)
             "an axis has a plant of your own",
             "cables, which the twin can put on one joint",
         ),
+        (
+            not any(rig.plant is None and rig.turned for rig in (one, other)),
+            "an axis has a cable whose slope is negative",
+            "joint angles that grow with each motor's, as a run needs them: direction = -1 below an identified model "
+            "in [cable], if the log counted the motor the other way round than this drive does",
+        ),
     )
     return [(problem, expected) for fine, problem, expected in rules if not fine]
 

@@ -933,7 +933,7 @@ class Rig:
             ParameterError: values that make no sense together.
         """
         live_parts.check_load(self.drive, self.load_cell, self.supervisor_limits, self.sample_time)
-        return live_parts.drive_parameters(self.drive, self.drive_needs)
+        return live_parts.drive_parameters(self.drive, self.drive_needs, Path(self.origin).parent)
 
     def open_drive(self, links: Any) -> Drive:
         """The drive, with the load cell beside it where there is one; nothing is sent before it is brought up.

@@ -5,13 +5,11 @@ the coordinate in which its motor pulls upwards; everything else, and both trace
 both laws see the joint's one encoder and their own motor's, from which the co-contraction is taken away.
 """
 
-from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.control import user_law
 from bowden.control.conditioning import Conditioning
 from bowden.control.law import Law
 from bowden.control.reference import Trajectory
@@ -29,7 +27,7 @@ from bowden.plants.cable_body import CableBody, Moving, cable_moved, cable_rest
 from bowden.plants.cable_plant import CablePlant, prepare_plant
 from bowden.plants.cables import as_cable_plant
 from bowden.plants.plant import SheathPath, sheath_at
-from bowden.sim.run import RUNAWAY, inputs_of, settings_of, state_columns
+from bowden.sim.run import RUNAWAY, inputs_of, refuse_no_number_in, settings_of, state_columns
 from bowden.sim.scenario import BendPath
 
 Array = NDArray[np.float64]
@@ -330,7 +328,7 @@ def simulate_pair(
     )
     for law, record, names, numbers in zip(laws, records, columns, states, strict=True):
         given = dict(zip(OF_SIDE, record, strict=True)) | dict(zip(names, numbers, strict=True))
-        _refuse_no_number(law, given, found[0].time[: lasted + 1])
+        refuse_no_number_in(given, found[0].time, lasted, law)
     for block in (joints, *records, *states):
         block[:, lasted:] = np.nan
     common = {
@@ -349,25 +347,6 @@ def simulate_pair(
         settings = _settings(pair, side, laws[i], reference, initial_motors[i])
         traces.append(Trace(values, {name: own[name] for name in values}, settings, side.seed))
     return traces[0], traces[1]
-
-
-def _refuse_no_number(law: Law, found: Mapping[str, Array], time: Array) -> None:
-    """Refuse a run in which a user's own law gave what is no number.
-
-    Args:
-        law: of one side.
-        found: that side's columns.
-        time: of the cycles that were run (n,) [s].
-
-    Raises:
-        ParameterError: it did.
-    """
-    if not user_law.is_own(law):
-        return
-    given = {name: found[name] for name in found if name == "command" or name.startswith("law.")}
-    bad = np.flatnonzero(~np.isfinite([values[: len(time)] for values in given.values()]).all(axis=0))
-    if len(bad):
-        user_law.refuse_no_number(law, {name: float(given[name][bad[0]]) for name in given}, float(time[bad[0]]))
 
 
 def check_alike(pair: PairPlant, laws: tuple[Law, Law]) -> None:

@@ -1,6 +1,6 @@
 """The closed loop: a law against any plant, compiled as one function, with a trace of every cycle."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -186,7 +186,7 @@ def simulate(
             np.empty((2, len(inputs.time) if fault.kind > 0.0 else 0)),
         )
     if fault.kind == 0.0:  # of a sensor that fails, no number is what it is to show
-        _refuse_no_number(dynamics, law, dict(zip([*rows, *laws], block, strict=False)), inputs.time, lasted)
+        refuse_no_number_in(dict(zip([*rows, *laws], block, strict=False)), inputs.time, lasted, law, dynamics)
     block[:, lasted:] = np.nan
     if source is not TABLE:
         references[:, lasted:] = np.nan
@@ -204,24 +204,32 @@ def simulate(
     )
 
 
-def _refuse_no_number(dynamics: Dynamics, law: Law, found: dict[str, Array], time: Array, lasted: int) -> None:
+def refuse_no_number_in(
+    found: Mapping[str, Array], time: Array, lasted: int, law: Law, dynamics: Dynamics | None = None
+) -> None:
     """Refuse a run in which a user's own plant or law gave what is no number, by what was the first.
+
+    Args:
+        found: columns of the run, or of one side of a pair.
+        time: of its cycles (n,) [s].
+        lasted: how many cycles were run.
+        law: that led.
+        dynamics: of a plant that may be the user's own.
 
     Raises:
         ParameterError: one of them did.
     """
-    own_law = user_law.is_own(law)
-    if not (dynamics.file or own_law):
+    if not (user_law.is_own(law) or (dynamics is not None and dynamics.file)):
         return
     end = min(lasted + 1, len(time))
-    seen = [*dynamics.columns, "joint_measured", "motor_measured"]
+    seen = [] if dynamics is None else [*dynamics.columns, "joint_measured", "motor_measured"]
     given = ["command", *(name for name in found if name.startswith("law."))]
     firsts = []
     for names in (seen, given):
-        bad = np.flatnonzero(~np.isfinite([found[name][:end] for name in names]).all(axis=0))
-        firsts.append(int(bad[0]) if len(bad) else end)
+        fine = np.isfinite([found[name][:end] for name in names]).all(axis=0)
+        firsts.append(int(np.flatnonzero(~fine)[0]) if not np.all(fine) else end)
     k = min(firsts)
-    if k < end and firsts[0] <= firsts[1]:  # a law that is shown no number gives none
+    if dynamics is not None and k < end and firsts[0] <= firsts[1]:  # a law that is shown no number gives none
         refuse_no_number(dynamics, {name: float(found[name][k]) for name in seen}, float(time[k]))
     elif k < end:
         user_law.refuse_no_number(law, {name: float(found[name][k]) for name in given}, float(time[k]))

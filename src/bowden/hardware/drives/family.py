@@ -151,6 +151,8 @@ class DriveFamily:
     back. With a limb in the rig such a drive is refused, and without one the rig has to say so (`no_limb`)."""
     no_limb: Callable[[Any], bool] = lambda _: False
     """Whether the rig says that no limb can be in it."""
+    found_from: Callable[[Any, Path], Any] = lambda parameters, _: parameters
+    """``found_from(parameters, folder)``: the parameters with the files that they name found from there."""
 
 
 _REGISTERED: dict[str, DriveFamily] = {}

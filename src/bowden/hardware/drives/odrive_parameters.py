@@ -1,6 +1,7 @@
 """What has to be known of an ODrive board, of the joint's encoder, and of the bus to both."""
 
 import math
+from pathlib import Path
 from typing import Annotated, Literal, NamedTuple
 
 from bowden.core.errors import ParameterError
@@ -41,7 +42,8 @@ class OdriveParameters(NamedTuple):
     endpoints: Annotated[
         str,
         Quantity(
-            "path of the maker's flat_endpoints.json for the board's firmware and hardware; twin for the twin's own"
+            "the maker's flat_endpoints.json for the board's firmware and hardware, found from this file; twin for the "
+            "twin's own"
         ),
     ] = TWIN
     gear: float = 5.0
@@ -240,6 +242,11 @@ def check_parameters(drive: OdriveParameters) -> None:
             do="change axis0.config.can.node_id in the board, and drive.node_id",
         )
     check_beside(encoder, own_identifiers(drive))
+
+
+def found_from(given: OdriveParameters, folder: Path) -> OdriveParameters:
+    """The parameters with the board's list of endpoints found from a folder."""
+    return given if given.endpoints == TWIN else given._replace(endpoints=str(folder / given.endpoints))
 
 
 def completed(given: OdriveParameters, needs: DriveNeeds) -> OdriveParameters:

@@ -110,18 +110,18 @@ def _about_motion(log: Log, split: int, path: Path, whole: int) -> list[str]:
 def _about_settling(log: Log, fitted_from: int, rest_until: float | None) -> list[str]:
     if rest_until is not None:
         return [
-            f"the first {seconds_of(rest_until - log.time[0])} count less: the log begins at rest or at a turn, and a "
-            "cable that rested comes to its loop on the motor's first way through the range"
+            f"the first {seconds_text(rest_until - log.time[0])} count less: the log begins at rest or at a turn, and "
+            "a cable that rested comes to its loop on the motor's first way through the range"
         ]
     if not fitted_from:
         return []
     return [
-        f"the first {seconds_of(log.time[fitted_from] - log.time[0])} were not fitted: the cable was still settling, "
+        f"the first {seconds_text(log.time[fitted_from] - log.time[0])} were not fitted: the cable was still settling, "
         "and the strokes after it are predicted better without them"
     ]
 
 
-def seconds_of(time: float) -> str:
+def seconds_text(time: float) -> str:
     """With two digits, or whole seconds."""
     return f"{time:.0f} s" if time >= 10.0 else f"{time:.2g} s"
 

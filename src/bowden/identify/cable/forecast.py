@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.identify.cable.turns import motor_noise, resolution
+from bowden.identify.cable.turns import motor_noise
 from bowden.identify.log.read import Log
 
 if TYPE_CHECKING:
@@ -53,7 +53,8 @@ def forecast(log: Log, split: int, predicted: Array, best: "ModelFit", line: "Mo
         line: the straight line.
     """
     slope = abs(line.parameters["slope"])
-    counts = math.hypot(slope * resolution(log.motor), resolution(log.joint))
+    of_motor, of_joint = log.resolutions
+    counts = math.hypot(slope * of_motor, of_joint)
     share = _share(log.motor[split:], predicted[split:], log.joint[split:] - predicted[split:], slope)
     return Forecast(share * best.test_rms, line.test_rms, counts / math.sqrt(12.0))
 

@@ -66,6 +66,8 @@ _REACHES = 1.15 ** np.arange(-20.0, 9.0)
 _LEAST_SHARE = 1e-4
 _SMALL = 1e-12
 """Of the mean square of a column, below what an encoder shows: so that a Gram matrix has a root."""
+_ROUNDED = 1e-14
+"""Of a penalty's mean diagonal element, above what rounding takes off what it leaves free: a gap of one height."""
 _TOTAL = 30.0
 """Weight of a joint that moves with the motor as a whole, over that of the log."""
 _TIED, _TAKEN_UP = 1000.0, 0.95
@@ -188,20 +190,38 @@ def _with_plays(path: Path, lag: float, cable: Branches) -> Branches:
     """The same branches with the plays between them that fit best: shares of one sign, which sum to one at most."""
     if not cable.gaps.any():
         return cable
-    slots = slots_of(path.motor, lag, cable._replace(reaches=np.append(0.0, _REACHES)))  # the first is the mean itself
-    moved, wanted = slots[:, 1:] - slots[:, :1], path.joint - cable.offset - slots[:, 0]
-    sums = products(np.column_stack([moved, wanted]), path.weight)
+    reaches, shares, size = plays_between(play_sums(path.motor, path.joint, path.weight, lag, cable))
+    return cable._replace(reaches=reaches, shares=shares, gaps=cable.gaps * size) if size > 0.0 else cable
+
+
+def play_sums(motor: Array, joint: Array, weight: Array, lag: float, cable: Branches) -> Array:
+    """Weighted products of what each play on offer adds to the mean and of what the joint does beside the mean.
+
+    Args:
+        motor: (n,) [rad].
+        joint: (n,) [rad].
+        weight: (n,).
+        lag: where the motor came from, beside where it began [rad].
+        cable: whose branches they are.
+    """
+    slots = slots_of(motor, lag, cable._replace(reaches=np.append(0.0, _REACHES)))  # the first is the mean itself
+    return products(np.column_stack([slots[:, 1:] - slots[:, :1], joint - cable.offset - slots[:, 0]]), weight)
+
+
+def plays_between(sums: Array) -> tuple[Array, Array, float]:
+    """The plays that fit `play_sums` best: reaches (k,), shares (k,), and what the gap is to be multiplied by.
+
+    The shares are of one sign and sum to one at most; where there are none the last is zero.
+    """
     root = np.linalg.cholesky(sums + _SMALL * float(np.trace(sums)) / len(sums) * np.eye(len(sums))).T
     total = _TOTAL * float(np.sqrt(sums[-1, -1]))
-    of_motor = np.append(np.zeros(len(root)), total)  # what it moves by itself is none of `moved`
+    of_motor = np.append(np.zeros(len(root)), total)  # what it moves by itself is none of the plays'
     rows = np.column_stack([np.vstack([root[:, :-1], np.full(len(_REACHES), total)]), of_motor])
     shares = non_negative(rows, np.append(root[:, -1], total))[:-1]
     shares = shares / max(1.0, float(shares.sum()))
     kept = shares > _LEAST_SHARE
     size = float(shares[kept] @ _REACHES[kept])
-    if not size > 0.0:
-        return cable
-    return cable._replace(reaches=_REACHES[kept] / size, shares=shares[kept], gaps=cable.gaps * size)
+    return (_REACHES[kept] / size, shares[kept], size) if size > 0.0 else (np.empty(0), np.empty(0), 0.0)
 
 
 def _laid(cable: Branches, low: float, high: float) -> Branches:
@@ -248,6 +268,8 @@ def _strengths(path: Path, columns: Array, cable: Branches) -> tuple[float, floa
     blocks = np.array([products(columns[mask], path.weight[mask]) for mask in folds(path)])
     kept, weight, one_seen = blocks.sum(axis=0) - blocks, float(path.weight.sum()), _one_seen(cable)
     of_gaps = [_penalty((0.0, float(of_gap)), weight, one_seen)[_NODES:, _NODES:] for of_gap in _STRENGTHS]
+    # a play that no stroke takes up is an offset, which the mean has too, so that nothing holds the height of the gap
+    of_gaps = [one + _ROUNDED * float(np.trace(one)) / _NODES * np.eye(_NODES) for one in of_gaps]
     across, crossed = kept[:, :_NODES, _NODES:], kept[:, _NODES:-1, :_NODES]
     best, found = np.inf, (float(_STRENGTHS[-1]),) * 2
     for of_mean in _STRENGTHS:
@@ -268,7 +290,7 @@ def _gram(sums: Array, penalty: Array) -> Array:
     """The penalised Gram matrix (..., 2k, 2k) of sums (..., 2k + 1, 2k + 1), the joint last, of full rank."""
     of_data = sums[..., :-1, :-1]
     small = 1e-12 * np.trace(of_data, axis1=-2, axis2=-1)  # of the data: λ may be large
-    small = (small + 1e-15 * float(np.trace(penalty)))[..., None] / (2 * _NODES)
+    small = (small + _ROUNDED * float(np.trace(penalty)))[..., None] / (2 * _NODES)
     with_play = np.any(of_data[..., _NODES:, _NODES:], axis=(-2, -1), keepdims=True)[..., 0]  # without it no gap shows
     ridge = np.where(with_play | (np.arange(2 * _NODES) < _NODES), small, 1.0)
     return np.asarray(of_data + penalty + ridge[..., None] * np.eye(2 * _NODES))

@@ -39,8 +39,8 @@ from bowden.identify.cable.counting import Covered, fitted_range
 from bowden.identify.cable.cycles import Cycles, whole_cycles
 from bowden.identify.cable.model import SCHEDULED, CableModel, IdentifiedCable
 from bowden.identify.cable.path import Path, path_of
-from bowden.identify.cable.turns import resolution
 from bowden.identify.log.read import Log
+from bowden.identify.log.variables import shown_value
 from bowden.models.cable.scheduled import VARIABLES
 from bowden.plants.cables import DISTRIBUTED
 
@@ -238,7 +238,7 @@ def recalibrate(
     changed = None
     if math.isfinite(judged):
         scatter = float(np.std(squares, ddof=1)) / math.sqrt(len(squares))
-        count = resolution(log.joint)
+        count = log.resolutions[1]
         most = max((_WORSE * judged) ** 2 + count**2 / 12.0, _LEAST**2)
         changed = bool(squares.mean() - 2.0 * scatter > most)
     after, ratio = rmse(predicted - log.joint), max(gain, 1.0 / gain)
@@ -343,8 +343,9 @@ def outside(parameters: Mapping[str, float], values: Mapping[str, float]) -> lis
         low, high = parameters[f"{name}_low"], parameters[f"{name}_high"]
         if max(low - value, value - high) > 0.1 * (high - low):
             found.append(
-                f"the {name} {value:.4g} lies outside those of the logs that the model was identified from "
-                f"({low:.4g} to {high:.4g}): the model goes on straight, at most as far as that range is wide"
+                f"the {name} {shown_value(name, value)} lies outside those of the logs that the model was identified "
+                f"from ({shown_value(name, low)} to {shown_value(name, high)}): the model goes on straight, at most as "
+                "far as that range is wide"
             )
     return found
 

@@ -24,6 +24,9 @@ _STROKE = 0.25
 """Share of a signal's range by which no step of a motion goes; a larger one is an outlier or a wrapped angle."""
 _GEARED = 5.0
 """Motion of the motor over the joint's that no cable has: those are 0.8 to 1.2, slack and play included below 5."""
+_OUTLIER, _BEYOND_USUAL, _RARE = 0.02, 10.0, 1e-3
+"""How far a reading stands beside the median of the five round it, over the motion and over what others are beside
+theirs, to be none of the motion; and of how many at most: of more it is what is usual."""
 _COUNTERS = (2.0**16, 2.0**32)
 """Counts at which counters overflow."""
 _EXPECTED = "deg, rad or counts, or one for the motor and one for the joint: counts,deg"
@@ -182,6 +185,37 @@ def unwrapped(angle: Angle) -> tuple[Angle, list[str]]:
     return replace(angle, values=values), warnings
 
 
+def without_outliers(angle: Angle, where: Callable[[int], str]) -> tuple[Angle, list[str]]:
+    """The angle without single readings, one or two in a row, that stand far beside their neighbours.
+
+    A disturbed reading goes out and comes back, as no joint does: it is beside the median of the five round it by more
+    than 2 % of the motion, and by more than ten times what all but one in a thousand are. It is filled between good
+    ones.
+
+    Args:
+        angle: unwrapped.
+        where: sample → place, for messages.
+
+    """
+    values = angle.values
+    around = np.lib.stride_tricks.sliding_window_view(np.pad(values, 2, mode="edge"), 5)
+    middle = np.partition(around, 2, axis=1)[:, 2]  # the median; numpy's imports much that is not needed otherwise
+    beside = np.abs(values - middle)
+    usual = float(np.sort(beside)[-1 - max(2, int(_RARE * len(beside)))])
+    bad = np.flatnonzero(beside > max(_OUTLIER * float(np.ptp(middle)), _BEYOND_USUAL * usual))
+    if not len(bad):
+        return angle, []
+    unit = "°" if angle.unit == "deg" else f" {angle.unit}"
+    first = f"{where(int(bad[0]))}: {angle.name} is {values[bad[0]]:.6g}{unit}, between {middle[bad[0]]:.6g}{unit}"
+    good = np.delete(np.arange(len(values)), bad)
+    filled = values.copy()
+    filled[bad] = np.interp(bad, good, values[good])
+    stand, were = ("1 reading stands", "was") if len(bad) == 1 else (f"{len(bad)} readings stand", "were")
+    return replace(angle, values=filled), [
+        f"{first}: {stand} far beside the ones round it, as a disturbed one does, and {were} filled between them"
+    ]
+
+
 def check_plausible(motor: Angle, joint: Angle, where: Callable[[int], str]) -> None:
     """Refuse angles that no cable's log holds, and a signal that does not move.
 
@@ -248,6 +282,14 @@ def _many_turns(motor: Angle, joint: Angle) -> bool:
 def _beyond(angle: Angle, motor: bool, place: str, value: float) -> LogError:
     limit = CABLE_LOG_LIMIT / angle.factor
     turns = " (more of a motor that moves without jumps while the joint moves by less than a turn)" if motor else ""
+    if angle.unit == "rad" and not angle.known and np.array_equal(angle.values, np.round(angle.values)):
+        return LogError(
+            f"{place}: {angle.name} is {value:.9g}, without a unit in its name; whole numbers beyond "
+            f"±{CABLE_LOG_LIMIT:g} look like counts of an encoder",
+            expected="counts with how many make a turn, or the unit",
+            do="give --unit counts --counts-per-turn 8192 (8192,4000 for motor and joint), or --unit deg; in Python "
+            "unit= and counts_per_turn=",
+        )
     if angle.unit == "rad":
         named = "declared as radians" if angle.known else "without a unit in its name"
         return LogError(

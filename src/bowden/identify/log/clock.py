@@ -26,6 +26,10 @@ _REPEATED = 0.5
 nothing of when they were taken."""
 
 
+_MICROSECONDS = 50.0
+"""A step from here on is one of microseconds that were declared as seconds: of milliseconds it would be 20 Hz [s]."""
+
+
 def even_clock(
     time: Array, signals: Sequence[Array], where: Callable[[int], str]
 ) -> tuple[Array, list[Array], list[str]]:
@@ -123,7 +127,7 @@ def _first_of_each(time: Array, steps: Array, where: Callable[[int], str]) -> tu
 
 
 def odd_time(time: Array, motor: Array) -> list[str]:
-    """A warning where time looks like milliseconds that were declared as seconds.
+    """A warning where time looks like milli- or microseconds that were declared as seconds.
 
     Args:
         time: even (n,) [s].
@@ -132,9 +136,10 @@ def odd_time(time: Array, motor: Array) -> list[str]:
     step = median(np.diff(time))
     speed = quantile(np.abs(np.diff(motor)), 0.95) / step * DEGREES
     if step >= 0.5 and len(time) > 500:
+        unit, ending = ("milliseconds", "ms") if step < _MICROSECONDS else ("microseconds", "us")
         return [
-            f"a time step of {step:g} s and a log of {time[-1] - time[0]:.0f} s look like milliseconds; the models do "
-            "not depend on time, but the figures' time axes do (name the column time_ms)"
+            f"a time step of {step:g} s and a log of {time[-1] - time[0]:.0f} s look like {unit}; the models do "
+            f"not depend on time, but the figures' time axes do (name the column time_{ending})"
         ]
     if speed > 1e5:
         return [f"the motor moves at {speed:.2g} °/s: the unit of time or of the motor is probably wrong"]

@@ -92,7 +92,7 @@ def find_columns(
         optional: roles that a log need not have, unless the user names a column for them.
 
     Raises:
-        LogError: a column is not there; the message lists those that are.
+        LogError: a column is not there, and the message lists those that are; or is there twice.
     """
     found: dict[str, LogColumn] = {}
     missing: list[str] = []
@@ -118,6 +118,14 @@ def find_columns(
             f"{where}: no {' and no '.join(part.removeprefix('a ') for part in missing)} among {listed}",
             do=f"name the columns: {options}, or {keywords} in Python{rate}",
         )
+    written = [name.strip() for name in names]
+    for column in found.values():
+        if written.count(column.name) > 1:
+            raise LogError(
+                f"{where}: {written.count(column.name)} columns are called {column.name!r}",
+                expected="a name of its own for each",
+                do="rename or delete one",
+            )
     if len({column.index for column in found.values()}) < len(found):
         chosen = ", ".join(f"{role} = {column.name!r}" for role, column in found.items())
         raise LogError(f"{where}: one column is taken twice ({chosen})", expected="three different columns")

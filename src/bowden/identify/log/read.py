@@ -15,6 +15,7 @@ from bowden.core.errors import LogError, ParameterError
 from bowden.core.table import read_table
 from bowden.identify.cable import checks
 from bowden.identify.cable.counting import Covered
+from bowden.identify.cable.turns import resolution
 from bowden.identify.log.angles import (
     SIDES,
     Angle,
@@ -24,6 +25,7 @@ from bowden.identify.log.angles import (
     geared,
     unit_doubt,
     unwrapped,
+    without_outliers,
 )
 from bowden.identify.log.clock import even_clock, odd_time
 from bowden.identify.log.columns import CABLE, FACTORS, LogColumn, find_columns, unit_of
@@ -49,6 +51,14 @@ class Log:
     """What was mended or guessed."""
     unit_doubt: str = ""
     """Why the angles hardly have the unit that they were taken in; empty where they may well have it."""
+    counts: tuple[float, float] | None = None
+    """One count of motor's and joint's encoder, as recorded: an even clock's angles lie between them. None where the
+    angles are as recorded [rad]."""
+
+    @property
+    def resolutions(self) -> tuple[float, float]:
+        """One count of motor's and joint's encoder; zero where none can be determined [rad]."""
+        return self.counts or (resolution(self.motor), resolution(self.joint))
 
     @property
     def covered(self) -> Covered:
@@ -234,6 +244,8 @@ def prepare(
         checks.check_finite(what, values, place)
     (motor, notes), (joint, more) = (unwrapped(angles[side]) for side in SIDES)
     check_plausible(motor, joint, place)
+    (motor, filled), (joint, further) = (without_outliers(one, place) for one in (motor, joint))
+    notes, more = notes + filled, more + further
     if not apart:
         checks.check_same_unit(motor.radians, joint.radians, name)
     more += geared(motor, joint)
@@ -242,4 +254,5 @@ def prepare(
     doubt = unit_doubt(joint)
     doubts = [*([f"{doubt} (--unit, unit= in Python)"] if doubt else []), *checks.swapped(motor_at, joint_at)]
     said = (*warnings, *notes, *more, *clock, *odd_time(even, motor_at), *doubts)
-    return Log(even, motor_at, joint_at, name, said, doubt)
+    counts = (resolution(motor.radians), resolution(joint.radians)) if clock else None
+    return Log(even, motor_at, joint_at, name, said, doubt, counts)

@@ -7,11 +7,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from bowden.core.errors import LogError, ParameterError
-from bowden.core.units import RADIANS
+from bowden.core.errors import LogError, ParameterError, counted
+from bowden.core.units import DEGREES, RADIANS
 from bowden.identify.log.columns import split_name
 from bowden.identify.log.read import read_columns
 
+BEND = "bend"
+"""The variable that is an angle."""
 NONE = "none"
 """In place of a column's name: no such variable, whatever columns the logs have."""
 
@@ -25,6 +27,21 @@ COMMON: Mapping[str, Sequence[str]] = {
     "bend": _BENDS,
 }
 """Variable → common names of its column, the likeliest first."""
+
+
+def in_degrees(name: str, value: float, unit: str = "") -> tuple[float, str]:
+    """A load as it is, and a bend, which is an angle [rad], in degrees: for whoever reads it; value and unit."""
+    return (value * DEGREES, "°") if name == BEND else (value, unit)
+
+
+def shown_value(name: str, value: float, unit: str = "") -> str:
+    """The same as text.
+
+    >>> shown_value("load", 0.12, "N·m"), shown_value("bend", 3.14159265)
+    ('0.12 N·m', '180°')
+    """
+    found, its = in_degrees(name, value, unit)
+    return f"{found:.4g}{its}" if its == "°" else f"{found:.4g} {its}".strip()
 
 
 class Scheduled(NamedTuple):
@@ -94,7 +111,7 @@ def of_numbers(name: str, values: Sequence[float], logs: Sequence[str]) -> Sched
     """
     if len(values) != len(logs):
         raise ParameterError(
-            f"{len(values)} values of the {name} for {len(logs)} logs",
+            f"{counted(len(values), 'value')} of the {name} for {len(logs)} logs",
             expected="one for each log, in their order",
             do="give them in that order, with commas between on a command line",
         )
@@ -109,11 +126,24 @@ def numbers(text: str) -> list[float] | None:
 
     >>> numbers("0.1, 2"), numbers("torque")
     ([0.1, 2.0], None)
+
+    Raises:
+        ParameterError: numbers, and something else between them.
     """
-    try:
-        return [float(part) for part in text.split(",")]
-    except ValueError:
-        return None
+    found: list[float] = []
+    others: list[str] = []
+    for part in text.split(","):
+        try:
+            found.append(float(part))
+        except ValueError:
+            others.append(part)
+    if found and others:
+        raise ParameterError(
+            f"{others[0]!r} among the values {text!r}",
+            expected="numbers with commas between, or the name of a column",
+            do="correct it",
+        )
+    return None if others else found
 
 
 def _mean(file: Path, name: str, column: str | None) -> tuple[float, str, str] | None:

@@ -8,7 +8,13 @@ from bowden.hardware.drives import on_can
 from bowden.hardware.drives.family import DriveFamily, FoundDevice, TwinProcess
 from bowden.hardware.drives.homing import zeroed
 from bowden.hardware.drives.odrive_faults import fault_text
-from bowden.hardware.drives.odrive_parameters import LOOK, OdriveParameters, check_parameters, completed
+from bowden.hardware.drives.odrive_parameters import (
+    LOOK,
+    OdriveParameters,
+    check_parameters,
+    completed,
+    found_from,
+)
 
 if TYPE_CHECKING:
     from bowden.hardware.buses.link import Links
@@ -83,6 +89,7 @@ FAMILY = DriveFamily(
     measures_joint=lambda parameters: parameters.joint != "none",
     probe=probe,
     zeroed=zeroed,
+    found_from=found_from,
     zero_hint="An ODrive board knows its place within a turn of its rotor after a loss of its supply, if its "
     'encoder is absolute; which turn is told by home = "hint". Until then it is told where it is by '
     "Set_Absolute_Position, or axis0.set_abs_pos(TURNS) in odrivetool.",
