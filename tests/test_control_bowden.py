@@ -359,6 +359,15 @@ def test_an_arm_that_swings_on_the_cable_is_found_out_and_its_load_learned(dampi
     assert rmse(error[8000:]) < 0.5 * rmse(error[:4000])
 
 
+def test_a_known_load_that_swings_again_is_not_taken_for_the_wearers() -> None:
+    """It decays so slowly in a trial that κ came back whole, time after time, and the arm swung on by 33°."""
+    strokes = PeriodicMinimumJerk(0.0, 40.0 * RADIANS, 6.0).sample(np.arange(0.0, 12.0, 1e-3))
+    error, _, states = played(strokes, slope=1.0, arm=(2.0 * np.pi * 2.6, 0.1))
+    learned = [state.swing.time for state in states if state.swing.time > 0.0]
+    assert min(learned) == max(learned)
+    assert rmse(error[8000:]) < 2.0 * RADIANS
+
+
 def test_a_drive_that_sticks_does_not_wind_the_correction_up() -> None:
     """A motor that stands for 0.3 s: what it missed did not reach the joint, so that the correction waits for it."""
     wanted = PeriodicMinimumJerk(0.0, 60.0 * RADIANS, 6.0).sample(np.arange(0.0, 3.0, 1e-3))
