@@ -24,6 +24,7 @@ from bowden.identify.cable.recalibrate import recalibrate, recalibrated, verdict
 from bowden.identify.log.read import Log, read_log
 from bowden.identify.log.variables import scheduled_by
 from bowden.models.cable.bouc_wen import saturation
+from bowden.models.cable.prandtl_ishlinskii import plays
 from bowden.models.cable.scheduled import (
     ScheduledCable,
     bouc_wen_at,
@@ -105,6 +106,29 @@ def test_the_joint_never_goes_against_the_motor(of_plays: JointFit, load: float)
     joint = of_plays.at(load=float(load)).joint_angle(motor)
     assert (np.diff(joint) * np.sign(np.diff(motor)) <= 1e-6).all()
     assert np.ptp(joint) > 0.7
+
+
+def test_no_branch_goes_back_between_the_loads_where_it_is_flat() -> None:
+    swing = np.sin(1.7 * TIME + 0.2) * (1.0 + 0.04 * np.sin(0.31 * TIME))
+    loads, halves, logs = (0.1, 0.3, 0.5), (0.02, 0.3, 0.49), []
+    for load, half in zip(loads, halves, strict=True):
+        motor = 0.5 * swing
+        joint = 0.3 - 0.9 * plays(motor, np.array([half]))[:, 0] - 0.1 * load
+        logs.append(Log(TIME, motor, joint + 1e-3 * np.random.default_rng(7).standard_normal(len(TIME)), f"{load}", ()))
+    cable, _ = cable_of(identify_loads(logs, loads).best.parameters)
+    for share in np.linspace(0.0, 1.0, 81):  # the loads of 0.775 to 0.975 lay between those that were asked
+        middle, height = (np.array([1.0, share, share**2]) @ rows for rows in (cable.middle, cable.height))
+        assert np.diff(middle + height).max() <= 0.0
+        assert np.diff(middle - height).max() <= 0.0
+        assert height.min() >= 0.0
+
+
+def test_logs_of_different_places_are_fitted_though_no_stroke_takes_up_the_widest_plays() -> None:
+    swing, logs = 0.1 * np.clip(1.5 * np.sin(1.7 * TIME + 0.2), -1.0, 1.0), []
+    for load, centre in zip(LOADS[:3], (-2.0, 0.0, 2.0), strict=True):
+        joint = 0.3 - 0.9 * (centre + plays(swing, np.array([0.02]))[:, 0])
+        logs.append(Log(TIME, centre + swing, joint, f"{load}", ()))
+    assert all(one.test_rms < 0.05 / DEGREES for one in identify_loads(logs, LOADS[:3]).logs)
 
 
 def test_plays_are_those_of_the_cable(fit: JointFit, of_plays: JointFit) -> None:
