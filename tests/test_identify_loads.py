@@ -3,6 +3,7 @@
 import dataclasses
 import json
 import math
+import re
 from pathlib import Path
 from typing import Any
 
@@ -144,6 +145,26 @@ def test_a_file_of_the_form_before_is_refused() -> None:
     old = {name: value for name, value in old.items() if not name.startswith(("reach", "share"))}
     with pytest.raises(BowdenError, match=r"no parameter 'reach_1'.*identify the logs again"):
         CableModel("scheduled", old | {"half_width_1": 0.02, "eta_1": 50.0}).joint_angle(MOTOR)
+
+
+@pytest.mark.parametrize(
+    ("pattern", "instead", "said"),
+    [
+        (r"share_", "eta_", "no model has a parameter 'eta_1'.*identify the logs again: up to version 0.2"),
+        (r"(reach|share)_\d+ = .*\n", "", "scheduled has no parameter 'reach_1'.*identify the logs again"),
+        (r"middle_1_load_2 = .*\n", "", "scheduled has a parameter 'middle_2_load_2' beside those of its form"),
+        (r"(middle|height)_(?![12](_| ))\d+(_load_\d)? = .*\n", "", "scheduled has 2 knots; expected 3 or more"),
+        (r"share_1 = \S+", "share_1 = -1.0", "share_1 of scheduled is -1; expected 0 or more"),
+    ],
+    ids=["before", "no plays", "a power short", "no parabola", "negative share"],
+)
+def test_a_file_of_another_form_is_refused_with_its_name(
+    fit: JointFit, tmp_path: Path, pattern: str, instead: str, said: str
+) -> None:
+    path = tmp_path / "model.toml"
+    path.write_text(re.sub(rf"(?m)^{pattern}", instead, joint_text(fit)))
+    with pytest.raises(BowdenError, match=rf"model\.toml: {said}"):
+        load_cable(path)
 
 
 def test_parameters_by_name_are_the_cable() -> None:
