@@ -37,6 +37,7 @@ from bowden.models.cable.scheduled import (
 from bowden.models.cable.sheath import Sheath
 from bowden.plants.cable_plant import Cable
 from bowden.plants.scheduled_cable import scheduled
+from bowden.report.joint_page import joint_page
 from bowden.rig.bends import ConstantBend
 
 Array = NDArray[np.float64]
@@ -251,6 +252,19 @@ def test_equal_loads_make_one_model_and_two_loads_are_said() -> None:
     assert any("in all logs, so that it schedules nothing" in said for said in found.warnings)
     assert not any(name.startswith("load") for name in found.best.parameters)
     assert any("two values only" in said for said in identify_loads([log_at(0.1), log_at(0.5)], [0.1, 0.5]).warnings)
+
+
+def test_what_an_error_to_expect_was_judged_on_is_said(fit: JointFit) -> None:
+    assert fit.judged_on == "load left out"
+    assert "of\n# the load left out." in joint_text(fit)
+    two = identify_loads([log_at(0.1), log_at(0.5)], [0.1, 0.5])
+    assert two.judged == two.test_rms
+    for text in (two.judged_on, joint_text(two), joint_page(two).html()):
+        assert "second halves alone, which flatters" in text
+    one = identify_loads([log_at(0.1), log_at(0.1)])
+    assert one.judged_on == "log left out"
+    assert "load = …" not in joint_text(one)
+    assert "A rig's bend is its sheath's" in joint_text(identify_loads([log_at(0.1), log_at(0.5)], None, [1.0, 2.0]))
 
 
 def test_a_log_with_another_zero_is_named() -> None:
@@ -474,6 +488,9 @@ def test_a_bend_is_shown_in_degrees(files: list[str], capsys: pytest.CaptureFixt
     ]
     fit = bowden.identify_together(files[:3], load="none", bend=[1.0, 2.0, 3.0])
     assert "bend 57.3°" in repr(fit)
+    for text in (said, repr(fit), joint_page(fit).html()):
+        assert "bend left out" in text.replace("Bend", "bend")
+        assert "load left out" not in text
 
 
 @pytest.mark.parametrize(

@@ -160,13 +160,26 @@ class JointFit:
 
     @property
     def judged(self) -> float:
-        """What to expect of another log of this cable once its offset was refitted: on unseen loads where those were
-        judged, then on unseen logs, then on second halves [rad]."""
-        for name in ("unseen_offset_rms", "same_offset_rms", "test_rms"):
-            found = [getattr(one, name) for one in self.logs]
-            if np.isfinite(found).any():
-                return _over_logs(found)
-        return float("nan")
+        """What to expect of another log of this cable once its offset was refitted, as `judged_on` says [rad]."""
+        return self._judged()[1]
+
+    @property
+    def judged_on(self) -> str:
+        """What `judged` is the error on: unseen loads where those were judged, then unseen logs, then second halves."""
+        return self._judged()[0]
+
+    def _judged(self) -> tuple[str, float]:
+        ways = (f"{self.left_out} left out", "unseen_offset_rms"), ("log left out", "same_offset_rms")
+        for what, name in ways:
+            error = _over_logs([getattr(one, name) for one in self.logs])
+            if np.isfinite(error):
+                return what, error
+        return "second halves alone, which flatters: another log may be missed by more", self.test_rms
+
+    @property
+    def left_out(self) -> str:
+        """What is left out where a log is judged by those of other values: ``load``, ``bend``, or ``pair`` of both."""
+        return self.variables[0] if len(self.variables) == 1 else "pair"
 
     def at(self, **values: float) -> CableModel:
         """The model at a load, at a bend, or both.
@@ -230,7 +243,8 @@ class JointFit:
     def _rows(self) -> list[tuple[str, str]]:
         rows = []
         for one in self.logs:
-            errors = (("second half", one.test_rms), ("left out", one.same_rms), ("load left out", one.unseen_rms))
+            errors = [("second half", one.test_rms), ("left out", one.same_rms)]
+            errors.append((f"{self.left_out} left out", one.unseen_rms))
             said = [f"{what} {shown.number(v * DEGREES, '°')}" for what, v in errors if np.isfinite(v)]
             at = [f"{name} {shown_value(name, value)}" for name, value in zip(self.variables, one.values, strict=True)]
             rows.append((one.name, ", ".join([*at, *said, one.cycles.counted])))
