@@ -25,6 +25,7 @@ from bowden.identify.cable.recalibrate import recalibrate, recalibrated, verdict
 from bowden.identify.log.read import Log, read_log
 from bowden.identify.log.variables import scheduled_by
 from bowden.models.cable.bouc_wen import saturation
+from bowden.models.cable.generalised_play import Branches
 from bowden.models.cable.prandtl_ishlinskii import plays
 from bowden.models.cable.scheduled import (
     ScheduledCable,
@@ -182,11 +183,11 @@ def test_beyond_its_range_a_load_goes_on_straight_and_then_stays() -> None:
     assert at[4] == at[3]
 
 
-def moved(cable: Cable, motor: Array, widths: Array) -> Array:
-    memory, joints = cable.start(cable.prepared, float(motor[0]), widths[0], 1.0), np.empty(len(motor))
+def moved(cable: Cable, motor: Array, widths: Array, factor: float = 1.0) -> Array:
+    memory, joints = cable.start(cable.prepared, float(motor[0]), widths[0], factor), np.empty(len(motor))
     for i, after in enumerate(motor.tolist()):
-        memory = cable.advance(cable.prepared, memory, float(motor[max(i - 1, 0)]), after, widths[i], 1.0, 0.01)
-        joints[i] = cable.look(cable.prepared, memory, after, widths[i], 1.0).joint
+        memory = cable.advance(cable.prepared, memory, float(motor[max(i - 1, 0)]), after, widths[i], factor, 0.01)
+        joints[i] = cable.look(cable.prepared, memory, after, widths[i], factor).joint
     return joints
 
 
@@ -196,6 +197,17 @@ def test_the_plant_moves_as_the_model(slope: float) -> None:
     expected = CableModel("scheduled", parameters).joint_angle(MOTOR)
     turned = math.copysign(1.0, slope)
     assert np.allclose(moved(scheduled(parameters), turned * MOTOR, np.ones(len(TIME))), expected, atol=1e-12)
+
+
+def test_a_load_that_stays_is_simulated_as_one_logs_plays(fit: JointFit) -> None:
+    cable = scheduled(fit.best.parameters)
+    assert isinstance(cable.prepared, Branches)  # 20 ns a cycle; with a load that may change it is 20 times as long
+    assert cable.name == "scheduled"
+    at_zero, other = np.zeros(2), np.full(2, 0.3)
+    taken = [moved(cable, motor, np.ones(2), factor)[-1] for motor in (at_zero, other) for factor in (1.0, 0.5)]
+    low, high = line_of(true_cable(0.9), [0.3])[1] - 0.04, line_of(true_cable(0.9), [0.3])[1] + 0.04
+    assert low < taken[0] == taken[1] < high  # a bend takes nothing of the joint at zero, and half of the motion
+    assert taken[3] - taken[0] == pytest.approx(0.5 * (taken[2] - taken[0]), rel=1e-9)
 
 
 def test_a_load_that_changes_is_moved_by_the_sheath() -> None:
