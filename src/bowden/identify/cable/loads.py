@@ -26,6 +26,7 @@ import itertools
 import time as clock
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -74,7 +75,7 @@ _MARGIN = 1e-3
 _BOUND = 1e4
 """Weight of a bound, over that of the logs."""
 _PLACES = 5
-"""At how many values of each variable the bounds are asked."""
+"""Values of each variable between which the bounds are asked."""
 _EDGE = 0.005
 """Share of the samples beyond the first knot, and beyond the last: a jerk of the motor shall not stretch the knots."""
 _STATIC_DEGREE = 8
@@ -159,13 +160,26 @@ class JointFit:
 
     @property
     def judged(self) -> float:
-        """What to expect of another log of this cable once its offset was refitted: on unseen loads where those were
-        judged, then on unseen logs, then on second halves [rad]."""
-        for name in ("unseen_offset_rms", "same_offset_rms", "test_rms"):
-            found = [getattr(one, name) for one in self.logs]
-            if np.isfinite(found).any():
-                return _over_logs(found)
-        return float("nan")
+        """What to expect of another log of this cable once its offset was refitted, as `judged_on` says [rad]."""
+        return self._judged()[1]
+
+    @property
+    def judged_on(self) -> str:
+        """What `judged` is the error on: unseen loads where those were judged, then unseen logs, then second halves."""
+        return self._judged()[0]
+
+    def _judged(self) -> tuple[str, float]:
+        ways = (f"{self.left_out} left out", "unseen_offset_rms"), ("log left out", "same_offset_rms")
+        for what, name in ways:
+            error = _over_logs([getattr(one, name) for one in self.logs])
+            if np.isfinite(error):
+                return what, error
+        return "second halves alone, which flatters: another log may be missed by more", self.test_rms
+
+    @property
+    def left_out(self) -> str:
+        """What is left out where a log is judged by those of other values: ``load``, ``bend``, or ``pair`` of both."""
+        return self.variables[0] if len(self.variables) == 1 else "pair"
 
     def at(self, **values: float) -> CableModel:
         """The model at a load, at a bend, or both.
@@ -229,7 +243,8 @@ class JointFit:
     def _rows(self) -> list[tuple[str, str]]:
         rows = []
         for one in self.logs:
-            errors = (("second half", one.test_rms), ("left out", one.same_rms), ("load left out", one.unseen_rms))
+            errors = [("second half", one.test_rms), ("left out", one.same_rms)]
+            errors.append((f"{self.left_out} left out", one.unseen_rms))
             said = [f"{what} {shown.number(v * DEGREES, '°')}" for what, v in errors if np.isfinite(v)]
             at = [f"{name} {shown_value(name, value)}" for name, value in zip(self.variables, one.values, strict=True)]
             rows.append((one.name, ", ".join([*at, *said, one.cycles.counted])))
@@ -464,17 +479,20 @@ def _fitted(moved: Sequence[_Moved], values: Array, frame: _Frame) -> ScheduledC
 def _begun(moved: Sequence[_Moved], frame: _Frame) -> list[Branches]:
     """Straight branches of each log with one gap, and the plays between them that fit all logs best."""
     widths = _GRID * (frame.high - frame.first)
-    count, sums = len(widths) + 1, np.zeros((len(widths) + 1,) * 2)
+    count, size = len(widths) + 1, np.zeros(len(widths))
+    sums = np.zeros((count, count))
     for one in moved:
-        place = np.clip((2.0 * one.path.motor - frame.first - frame.high) / (frame.high - frame.first), -1.0, 1.0)
-        bent = np.polynomial.chebyshev.chebvander(place, _STATIC_DEGREE)
+        inside = np.clip(one.path.motor, frame.first, frame.high)
+        low, high = float(inside.min()), float(inside.max())  # its own: over a part of it polynomials are nearly one
+        bent = np.polynomial.chebyshev.chebvander((2.0 * inside - low - high) / (high - low), _STATIC_DEGREE)
         lag = one.path.motor[:, None] - plays(one.path.motor, widths)
         own = products(np.column_stack([bent, -np.sign(one.slope) * lag, one.path.joint]), one.weight)
         free = len(own) - count
         sums += own[free:, free:] - own[free:, :free] @ inverse_of(own[:free, :free]) @ own[:free, free:]
-    size = np.sqrt(np.maximum(np.diag(sums)[:-1], 1e-300))
+        size += np.diag(own)[free:-1]
+    size = np.sqrt(size)  # of the lags as they are: nothing is left of a play that none takes up
     lower = np.linalg.cholesky(sums[:-1, :-1] / np.outer(size, size) + 1e-11 * np.eye(len(size)))
-    found = non_negative(lower.T, np.asarray(np.linalg.solve(lower, sums[:-1, -1] / size))) / size
+    found = non_negative(np.asarray(lower.T), np.asarray(np.linalg.solve(lower, sums[:-1, -1] / size))) / size
     slope, gap = float(np.mean([abs(one.slope) for one in moved])), float(found @ widths)
     shares = found / max(slope, float(found.sum()))
     size_of = float(shares @ widths)
@@ -494,7 +512,8 @@ def _with_ordinates(
 ) -> tuple[ScheduledCable, float]:
     """The cable whose ordinates fit all logs best, where C·(a, b) ≥ 0, and its squared error with the plays held.
 
-    A bound that is broken is held from then on, a little above zero, until none is.
+    A bound that is broken is held from then on, a little above zero, and pulled harder until none is (the method of
+    multipliers: Nocedal and Wright, Numerical Optimization, 2006, Section 17.3).
 
     Args:
         moved: the logs.
@@ -513,13 +532,15 @@ def _with_ordinates(
     heavy = _BOUND * float(np.trace(gram)) / len(gram)
     margin = _MARGIN * abs(moved[0].slope) * cable.step
     held, found = np.zeros(len(bounds), dtype=bool), np.linalg.solve(gram, moments)
+    pull = np.full(len(bounds), heavy * margin)  # the multipliers, and what the margin makes
     for _ in range(_HELD_ROUNDS):
-        broken = (bounds @ found < 0.0) & ~held
+        broken = bounds @ found < 0.0
         if not broken.any():
             break
         held |= broken
         kept = bounds[held]
-        found = np.linalg.solve(gram + heavy * kept.T @ kept, moments + heavy * margin * kept.sum(axis=0))
+        found = np.linalg.solve(gram + heavy * kept.T @ kept, moments + pull[held] @ kept)
+        pull[held] += heavy * (margin - kept @ found)
     middle, height = (np.array(found.reshape(rows, 2, _KNOTS)[:, one], dtype=np.float64) for one in (0, 1))
     return cable._replace(middle=middle, height=height), float(power - 2.0 * moments @ found + found @ gram @ found)
 
@@ -547,12 +568,19 @@ def _roughness(rows: int) -> Array:
 
 
 def _bounds(cable: ScheduledCable, sign: float) -> Array:
-    """Neither branch goes against the cable, sign·Δa ± Δb ≥ 0, and b ≥ 0, at values all over what was seen."""
+    """Neither branch goes against the cable, sign·Δa ± Δb ≥ 0, and b ≥ 0, at every value between those seen.
+
+    What is asked of is the Bézier polygon of the ordinates from place to place: on it is s² = s·s′ between s and s′. No
+    square lies below its polygon.
+    """
     step, none = np.diff(np.eye(_KNOTS), axis=0), np.zeros((_KNOTS, _KNOTS))
     of_knots = [np.column_stack([sign * step, side * step]) for side in (1.0, -1.0)]
     of_knots.append(np.column_stack([none, np.eye(_KNOTS)]))
-    ways = [np.linspace(low, high, _PLACES).tolist() for low, high in zip(cable.low, cable.high, strict=True)]
-    return np.concatenate([np.kron(powers(at, cable), one) for at in itertools.product(*ways) for one in of_knots])
+    places = np.linspace(0.0, 1.0, _PLACES)
+    corners = [*zip(places, places, strict=True), *pairwise(places)]
+    ways = [[[0.5 * (s + t), s * t][:most] for s, t in corners] for most in cable.degree]
+    factors = [np.array([1.0, *itertools.chain(*at)]) for at in itertools.product(*ways)]
+    return np.concatenate([np.kron(at, one) for at in factors for one in of_knots])
 
 
 def _error(one: _Moved, cable: ScheduledCable, values: Array) -> tuple[Array, Array]:
