@@ -118,7 +118,6 @@ def test_a_run_asks_the_check_of_the_suit() -> None:
         bowden.simulate(rig, force=True)
 
 
-@pytest.mark.xfail(strict=True, reason="our law has little margin under the wearer's push")
 def test_under_the_wearers_push_the_loop_inside_is_judged() -> None:
     firm = WearerSettings(share=1.0, resisting_stiffness=100.0, resisting_damping=3.0, swing=0.3)
     rig = Rig(suit=SuitSettings(worn=True), wearer=firm, law="bowden")

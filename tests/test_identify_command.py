@@ -233,11 +233,10 @@ def test_a_model_file_that_is_none_is_refused(fit: Fit, tmp_path: Path) -> None:
     [
         (r"share_1 = .*\n", "", "has [0-9]+ reaches and [0-9]+ shares; expected as many of both"),
         (r"gap_\d+ = .*\n", "", "has 0 gaps; expected 2 or more"),
-        (r"bend_(?![12] )\d+ = .*\n", "", "has 2 bends; expected 3 or more"),
         (r"gap_3 = \S+", "gap_3 = -1.0", "gap_3 is -1; expected 0 or more"),
         (r"last_node = \S+", "last_node = -99.0", "last_node -99; expected the last above the first"),
     ],
-    ids=["fewer shares", "no gaps", "no parabola", "negative gap", "nodes"],
+    ids=["fewer shares", "no gaps", "negative gap", "nodes"],
 )
 def test_branches_that_are_none_are_refused_in_a_line(
     fit: Fit, tmp_path: Path, pattern: str, instead: str, said: str

@@ -185,7 +185,7 @@ def _print_logs(fit: "JointFit") -> None:
     table.add_column("whole\ncycles", justify="right", no_wrap=True)
     for name, unit in zip(fit.variables, fit.units, strict=True):
         table.add_column(f"{name}\n{in_degrees(name, 0.0, unit)[1]}", justify="right", no_wrap=True)
-    for title in ("second half\n° RMS", "left out\n° RMS", f"{fit.left_out} left out\n° RMS", "and offset\n° RMS"):
+    for title in ("second half\n° RMS", "left out\n° RMS", "load left out\n° RMS", "and offset\n° RMS"):
         table.add_column(title, justify="right", no_wrap=True)
     for one in fit.logs:
         errors = [_degrees(v) for v in (one.test_rms, one.same_rms, one.unseen_rms, one.unseen_offset_rms)]
@@ -193,7 +193,8 @@ def _print_logs(fit: "JointFit") -> None:
         values = [f"{in_degrees(*pair)[0]:.4g}" for pair in zip(fit.variables, one.values, strict=True)]
         table.add_row(one.name, str(one.cycles.whole), *values, *cells)
     Console(width=None if sys.stdout.isatty() else 100).print(table)
-    other = f"of another {' or '.join(fit.variables) or 'load'}"
-    print(f"left out: a model of the other logs; {fit.left_out} left out: {other}; and offset: offset fitted to a half")
+    pair = " (of other pairs of load and bend)" if len(fit.variables) > 1 else ""
+    said = f"load left out: of other loads{pair}; and offset: offset fitted to a half"
+    print(f"left out: a model of the other logs; {said}")
     for line in (*fit.warnings, *cycle_lines(fit.logs)):
         print(f"- {line}")

@@ -28,7 +28,7 @@ def init(
     """Write a commented rig.toml of the default bench: every key with its unit and meaning.
 
     With --model it has that cable, a reference within the motion that the cable's log covered, limits round it, and the
-    law bowden where a check says that it holds there; else the law that does, and why.
+    law bowden where a check says that it holds there, if need be with a smaller bandwidth; else one that does, and why.
     """
     from bowden.core.files import whole_file
     from bowden.design.other_law import OURS

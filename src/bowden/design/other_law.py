@@ -56,17 +56,35 @@ class OtherLaw(NamedTuple):
         return f"the law {self.law}{given} {said}, with {number(self.rmse_deg, '°')} RMS over {self.seconds:g} s"
 
 
-def chosen_law(rig: Rig) -> tuple[str, str]:
-    """The law to begin with on a rig, and why: ours where it holds, else the first that does."""
+class ChosenLaw(NamedTuple):
+    """The law to begin with."""
+
+    law: str
+    why: str
+    gains: Mapping[str, float] = MappingProxyType({})
+    """Name → value of those that are not the law's own."""
+
+
+def chosen_law(rig: Rig) -> ChosenLaw:
+    """The law to begin with on a rig, and why: ours where it holds, if need be with a gain of its choice changed.
+
+    Else the first other law that holds.
+    """
     ours = rig.with_law(OURS)
-    found = check_rig(ours, ours.fitted())
+    law = ours.fitted()
+    found = check_rig(ours, law)
     if isinstance(found, str) or found.verdict == "holds":
-        return OURS, "our own, which learns the cable while it runs; bowden check says that it holds here"
+        return ChosenLaw(OURS, "our own, which learns the cable while it runs; bowden check says that it holds here")
     said = f"{_WORDS[found.verdict]} here: {found.reason}"
+    gain = mending_gain(ranges.judged(ours), law, found, bends=ranges.bends(ours), stroke=ranges.stroke(ours))
+    if gain is not None and gain[0] in LAWS[OURS].choices:
+        name, value = gain
+        why = f"our own, which learns the cable while it runs; with its usual {name} it {said}"
+        return ChosenLaw(OURS, why, {name: value})
     better = other_law(rig, [OURS])
     if better is None or (better.verdict != "holds" and found.verdict != "does_not_hold"):
-        return OURS, f"our own, though it {said}"
-    return better.law, f"since our own, {OURS}, {said}; {better}"
+        return ChosenLaw(OURS, f"our own, though it {said}")
+    return ChosenLaw(better.law, f"since our own, {OURS}, {said}; {better}")
 
 
 def mended_law(rig: Rig, law: Law) -> OtherLaw | None:

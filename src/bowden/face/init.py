@@ -40,10 +40,14 @@ class NewRig:
         low, high = (f"{end / RADIANS:g}" for end in (self.rig.reference.low, self.rig.reference.high))  # type: ignore[attr-defined]
         within = "within what the log covered"
         within = within if self.known else "the model does not say what its log covered: check it yourself"
-        said = [f"Reference: {low} to {high}°, {within}", f"Law: {self.rig.law_name}, {self.why}"]
+        said = [f"Reference: {low} to {high}°, {within}", f"Law: {self.rig.law_name}{self._gains()}, {self.why}"]
         if not self.rig.cable.counting.as_recorded:  # type: ignore[union-attr]
             said.append("Angles of the rig differ from those of the log: see direction and zeros in [cable]")
         return tuple(said)
+
+    def _gains(self) -> str:
+        given = ", ".join(f"{name} = {value:.3g}" for name, value in self.rig.gains.items())
+        return f" with {given}" if given else ""
 
     def __repr__(self) -> str:
         """One screen: reference, law and why, and how angles are counted."""
@@ -129,6 +133,6 @@ def around(cable: IdentifiedCable, path: Path, place: str, parts: dict[str, Any]
     name = path.name if path.suffix else "rig.toml"
     first = model_text(name, place, cable, Chosen(OURS, ""))
     rig = Rig.of_tree(tomllib.loads(first), path, keep=Rig(cable=counted)).replace(**(parts or {}))
-    law, why = chosen_law(rig)
-    text = model_text(name, place, cable, Chosen(law, why))
-    return NewRig(rig.with_law(law), why, cable.covered is not None, text)
+    law, why, gains = chosen_law(rig)
+    text = model_text(name, place, cable, Chosen(law, why, gains))
+    return NewRig(rig.with_law(law).replace(gains=gains), why, cable.covered is not None, text)

@@ -14,10 +14,9 @@ from bowden.models.cable.backlash import Play, push
 from bowden.models.cable.bouc_wen import BoucWen, PreparedCable, advance_prepared, prepare_cable, saturation, upright
 from bowden.models.cable.bouc_wen_static import StaticTerms, joint_angle
 from bowden.models.cable.capstan import Tendon
-from bowden.models.cable.generalised_play import Branches, with_curve
+from bowden.models.cable.generalised_play import Branches, joined, mean_branch, push_slots, with_curve
 from bowden.models.cable.lumped_cable import LumpedTendon
 from bowden.plants.bench import Bench, check_bouc_wen
-from bowden.plants.branches_cable import Slots, branches_advance, branches_look, branches_start
 from bowden.plants.cable_body import Seen
 from bowden.plants.cable_plant import Cable, CablePlant
 from bowden.plants.friction_cables import lumped, sliding
@@ -35,6 +34,13 @@ class Stack(NamedTuple):
     """wᵢ (k,) [rad/rad]."""
     offset: float
     """[rad]"""
+
+
+class Slots(NamedTuple):
+    """Where the slots are; changed in place."""
+
+    z: NDArray[np.float64]
+    """(k,) [rad]."""
 
 
 @kernel
@@ -60,6 +66,27 @@ def stack_look(cable: Stack, memory: Slots, motor: float, width: float, slope_fa
     for i in range(memory.z.size):
         joint += cable.weights[i] * memory.z[i]
     return Seen(slope_factor * joint + cable.offset, np.nan, np.nan)
+
+
+@kernel
+def branches_start(cable: Branches, motor: float, width: float, slope_factor: float) -> Slots:
+    """Every z in the middle between the branches."""
+    return Slots(np.full(cable.reaches.size, mean_branch(motor, cable)))
+
+
+@kernel
+def branches_advance(
+    cable: Branches, memory: Slots, before: float, after: float, width: float, slope_factor: float, dt: float
+) -> Slots:
+    """Every z pushed by the branches, `width` times as far apart; in place."""
+    push_slots(memory.z, after, width, cable)
+    return memory
+
+
+@kernel
+def branches_look(cable: Branches, memory: Slots, motor: float, width: float, slope_factor: float) -> Seen:
+    """See `bowden.models.cable.generalised_play`."""
+    return Seen(joined(memory.z, motor, slope_factor, cable), np.nan, np.nan)
 
 
 class Bent(NamedTuple):

@@ -5,8 +5,7 @@ The sheath's width, which a run's bend drives, is what moves a scheduling variab
 - The bend of a model that is scheduled by it is the sheath's own: per_width = θ₀/(g/g₀).
 - A load that changes goes the same way: with ``Sheath(bend=θ₀)`` the bend θ₀ is the least load that was seen, 2·θ₀ the
   largest, and between two it is between (as the poses of `bowden.plants.pose_cable`).
-- A variable that stays has per_width = 0. Where none is moved, the cable is the generalised play at its values, and the
-  width widens the loop as it does any cable's.
+- A variable that stays has per_width = 0. Where none is moved, the width widens the loop as it does any cable's.
 """
 
 from collections.abc import Mapping
@@ -17,20 +16,17 @@ from numpy.typing import NDArray
 
 from bowden.core.errors import ParameterError
 from bowden.core.kernel import kernel
-from bowden.models.cable.generalised_play import Branches, half_gap, joined, mean_branch, push_slots
+from bowden.models.cable.backlash import push
 from bowden.models.cable.scheduled import (
     VARIABLES,
     ScheduledCable,
-    branches_at,
-    branches_of,
     cable_of,
-    fill_branches,
     fill_powers,
     line_of,
+    straight,
     turned,
 )
 from bowden.models.cable.sheath import Sheath
-from bowden.plants.branches_cable import branches_advance, branches_look, branches_start
 from bowden.plants.cable_body import Seen
 from bowden.plants.cable_plant import Cable
 
@@ -45,67 +41,26 @@ class MovedSchedule(NamedTuple):
     """(V,); the variables' own units."""
     per_width: Array
     """(V,); the variables' own units."""
+    widened: float
+    """1 where the width widens the loop, 0 where it moves a variable instead [–]."""
 
 
 class ScheduledMemory(NamedTuple):
-    """Where the plays are, the branches as they are, and room to work in; changed in place."""
+    """Where the plays are, and room to work in; changed in place."""
 
     z: Array
     """(k,) [rad]."""
-    width: Array
-    """For which the branches are (1,) [–]."""
     values: Array
     """Of the variables (V,)."""
     powers: Array
     """(M,) [–]."""
-    bends: Array
-    """(K,) [rad]."""
-    gaps: Array
-    """(K,) [rad]."""
-    line: Array
-    """Slope, offset and curve (3,)."""
 
 
 @kernel
 def scheduled_start(cable: MovedSchedule, motor: float, width: float, slope_factor: float) -> ScheduledMemory:
-    """At rest, every play centred."""
-    rows, knots = cable.cable.middle.shape
-    memory = ScheduledMemory(
-        np.zeros(cable.cable.reaches.size),
-        np.full(1, np.nan),
-        np.empty(cable.at.size),
-        np.empty(rows),
-        np.empty(knots),
-        np.empty(knots),
-        np.zeros(3),
-    )
-    fill_at(cable, memory, width)
-    memory.z[:] = mean_branch(motor, branches_of(cable.cable, memory.bends, memory.gaps, memory.line))
-    return memory
-
-
-@kernel
-def fill_at(cable: MovedSchedule, memory: ScheduledMemory, width: float) -> None:
-    """The branches at a width of the sheath, into `memory`."""
-    memory.width[0] = width
-    for v in range(memory.values.size):
-        memory.values[v] = cable.at[v] + cable.per_width[v] * width
-    fill_powers(memory.values, cable.cable, memory.powers)
-    fill_branches(memory.powers, cable.cable, memory.bends, memory.gaps, memory.line)
-
-
-@kernel
-def follow(cable: MovedSchedule, memory: ScheduledMemory, motor: float, width: float) -> None:
-    """The branches at a new width of the sheath, and every play where it was between them."""
-    if width == memory.width[0]:
-        return
-    before = branches_of(cable.cable, memory.bends, memory.gaps, memory.line)
-    mean, gap = mean_branch(motor, before), max(half_gap(motor, before), 1e-12)
-    fill_at(cable, memory, width)
-    after = branches_of(cable.cable, memory.bends, memory.gaps, memory.line)
-    then, wide = mean_branch(motor, after), half_gap(motor, after)
-    for i in range(memory.z.size):
-        memory.z[i] = then + wide * (memory.z[i] - mean) / gap
+    """At rest, every play centred on the motor."""
+    plays = np.full(cable.cable.half_widths.size, motor)
+    return ScheduledMemory(plays, np.empty(cable.at.size), np.empty(cable.cable.middle.shape[0]))
 
 
 @kernel
@@ -119,8 +74,9 @@ def scheduled_advance(
     dt: float,
 ) -> ScheduledMemory:
     """Every play pushed by the motor; in place."""
-    follow(cable, memory, before, width)
-    push_slots(memory.z, after, 1.0, branches_of(cable.cable, memory.bends, memory.gaps, memory.line))
+    wide = 1.0 + cable.widened * (width - 1.0)
+    for i in range(memory.z.size):
+        memory.z[i] = push(memory.z[i], after, wide * cable.cable.half_widths[i])
     return memory
 
 
@@ -128,11 +84,20 @@ def scheduled_advance(
 def scheduled_look(
     cable: MovedSchedule, memory: ScheduledMemory, motor: float, width: float, slope_factor: float
 ) -> Seen:
-    """joint = a(0) + slope_factor·(joint − a(0)), of which a bend takes nothing."""
-    follow(cable, memory, motor, width)
-    branches = branches_of(cable.cable, memory.bends, memory.gaps, memory.line)
-    joint, offset = joined(memory.z, motor, 1.0, branches), branches.offset + mean_branch(0.0, branches)
-    return Seen(offset + slope_factor * (joint - offset), np.nan, np.nan)
+    """joint = f(0) + slope_factor·(f − f(0)) + g·Σ ηᵢ·(motor − zᵢ); a wider loop is as much higher."""
+    for v in range(memory.values.size):
+        memory.values[v] = cable.at[v] + cable.per_width[v] * width
+    fill_powers(memory.values, cable.cable, memory.powers)
+    one = cable.cable
+    behind = 0.0
+    for i in range(memory.z.size):
+        behind += one.shares[i] * (motor - memory.z[i])
+    middle = straight(motor, one.first, one.step, one.middle, memory.powers, 1.0)
+    height = straight(motor, one.first, one.step, one.height, memory.powers, 0.0)
+    if slope_factor != 1.0:  # f(0) is the offset, of which a bend takes nothing
+        offset = straight(0.0, one.first, one.step, one.middle, memory.powers, 1.0)
+        middle = offset + slope_factor * (middle - offset)
+    return Seen(middle + height * behind, np.nan, np.nan)
 
 
 def scheduled(parameters: Mapping[str, float], moved: str | None = None, sheath: Sheath | None = None) -> Cable:
@@ -152,25 +117,18 @@ def scheduled(parameters: Mapping[str, float], moved: str | None = None, sheath:
     slope, _, _ = line_of(cable, values)
     if slope < 0.0:
         cable = turned(cable)
-    if moved is None:
-        return _standing(branches_at(values, cable))
-    if moved not in variables:
-        raise ParameterError(
-            f"the model is scheduled by {', '.join(variables) or 'nothing'}, not by {moved!r}",
-            expected="a variable of the model",
-            do="identify logs that differ in it",
-        )
     at, per_width = np.array(values, dtype=np.float64), np.zeros(len(values))
-    place, own = variables.index(moved), sheath or Sheath()
-    reach = float(cable.high[place] - cable.low[place])
-    per_width[place] = reach if moved == "load" else own.bend / own.gap
-    at[place] = cable.low[place] - reach if moved == "load" else 0.0
-    prepared = MovedSchedule(cable, at, per_width)
+    if moved is not None:
+        if moved not in variables:
+            raise ParameterError(
+                f"the model is scheduled by {', '.join(variables) or 'nothing'}, not by {moved!r}",
+                expected="a variable of the model",
+                do="identify logs that differ in it",
+            )
+        place = variables.index(moved)
+        reach = float(cable.high[place] - cable.low[place])
+        own = sheath or Sheath()
+        per_width[place] = reach if moved == "load" else own.bend / own.gap
+        at[place] = cable.low[place] - reach if moved == "load" else 0.0
+    prepared = MovedSchedule(cable, at, per_width, 1.0 if moved is None else 0.0)
     return Cable("scheduled", prepared, prepared, scheduled_start, scheduled_advance, scheduled_look, abs(slope))
-
-
-def _standing(branches: Branches) -> Cable:
-    """The generalised play that stays, a(0) with its offset, of which a bend of the sheath takes nothing."""
-    zero = mean_branch(0.0, branches)
-    branches = branches._replace(bends=branches.bends - zero, offset=branches.offset + zero)
-    return Cable("scheduled", branches, branches, branches_start, branches_advance, branches_look, branches.slope)

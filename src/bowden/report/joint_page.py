@@ -15,6 +15,16 @@ from bowden.report.page import Page
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+_TITLES = {
+    "fitted [° RMS]": "train_rms",
+    "second half [° RMS]": "test_rms",
+    "log left out [° RMS]": "same_rms",
+    "log left out, offset known [° RMS]": "same_offset_rms",
+    "load left out [° RMS]": "unseen_rms",
+    "load left out, offset known [° RMS]": "unseen_offset_rms",
+}
+"""Head of a column → what of a log stands there; a column without any number is left out."""
+
 
 def joint_page(fit: JointFit) -> Page:
     """Errors of each log, and the loop at the least, the middle and the largest load."""
@@ -25,19 +35,18 @@ def joint_page(fit: JointFit) -> Page:
     page.heading("How well it predicts")
     page.text(
         "Fitted: error of the model, which was fitted to this log too. Second half: of a model that was fitted to the "
-        f"first halves of all logs. Log left out: of one fitted to all other logs.{_left_out(fit)} Offset known: the "
-        "offset was first fitted to the log's first half; the error is that of its second. Expect of another log of "
-        f"this cable, once its offset is known, {fit.judged * DEGREES:.3f}° ({fit.judged_on})."
+        "first halves of all logs. Log left out: of one fitted to all other logs. Load left out: of one fitted to the "
+        "other loads (with load and bend: to all logs but those with the same load and bend). Offset known: the offset "
+        "was first fitted to the log's first half; the error is that of its second."
     )
-    titles = _titles(fit.left_out)
-    shown = [key for key in titles if any(np.isfinite(getattr(one, titles[key])) for one in fit.logs)]
+    shown = [key for key in _TITLES if any(np.isfinite(getattr(one, _TITLES[key])) for one in fit.logs)]
     rows = [
         [
             one.name,
             *(f"{in_degrees(*pair)[0]:.4g}" for pair in zip(fit.variables, one.values, strict=True)),
         ]
         + [str(one.cycles.whole)]
-        + [_degrees(getattr(one, titles[key])) for key in shown]
+        + [_degrees(getattr(one, _TITLES[key])) for key in shown]
         for one in fit.logs
     ]
     units = [
@@ -51,26 +60,6 @@ def joint_page(fit: JointFit) -> Page:
         "straight line (that of the middle one).",
     )
     return page
-
-
-def _titles(left_out: str) -> dict[str, str]:
-    """Head of a column → what of a log stands there; a column without any number is left out."""
-    return {
-        "fitted [° RMS]": "train_rms",
-        "second half [° RMS]": "test_rms",
-        "log left out [° RMS]": "same_rms",
-        "log left out, offset known [° RMS]": "same_offset_rms",
-        f"{left_out} left out [° RMS]": "unseen_rms",
-        f"{left_out} left out, offset known [° RMS]": "unseen_offset_rms",
-    }
-
-
-def _left_out(fit: JointFit) -> str:
-    """What it means that a value of the variables is left out; nothing where there are none."""
-    if not fit.variables:
-        return ""
-    same = " and ".join(fit.variables)
-    return f" {fit.left_out.capitalize()} left out: of one fitted to all logs but those of the same {same}."
 
 
 def loops_figure(fit: JointFit) -> "Figure":

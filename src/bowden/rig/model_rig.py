@@ -1,7 +1,9 @@
 """The rig.toml that ``bowden init --model`` writes: a bench round an identified cable, within what its log covered."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import replace
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -46,7 +48,7 @@ noise_deg = {noise:.2f}                # [°] standard deviation
 
 [control]
 law = {law}  # {why}
-
+{gains}
 [reference]  # {within}
 kind = "periodic_minimum_jerk"
 low_deg = {low}    # [°] lower end
@@ -66,6 +68,8 @@ class Chosen(NamedTuple):
 
     law: str
     why: str
+    gains: Mapping[str, float] = MappingProxyType({})
+    """Name → value of those that are not the law's own."""
 
 
 def with_stroke(cable: IdentifiedCable) -> IdentifiedCable:
@@ -142,12 +146,19 @@ def model_text(name: str, model: str, cable: IdentifiedCable, chosen: Chosen) ->
         noise=bench.joint_encoder.noise * DEGREES,
         law=quoted(chosen.law),
         why=chosen.why,
+        gains=_gain_lines(chosen.gains),
         within=within,
         low=low,
         high=high,
         limited=f"angles {_ROOM:g}° beyond what the log covered, slopes round the model's" if seen else "of the model",
         limits="\n".join(_limits(counted)),
     )
+
+
+def _gain_lines(gains: Mapping[str, float]) -> str:
+    if not gains:
+        return ""
+    return "\n".join(["\n[control.gains]", *(f"{name} = {value!r}" for name, value in gains.items()), ""])
 
 
 def _counting_lines(counting: Counting) -> str:

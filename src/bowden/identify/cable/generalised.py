@@ -190,38 +190,20 @@ def _with_plays(path: Path, lag: float, cable: Branches) -> Branches:
     """The same branches with the plays between them that fit best: shares of one sign, which sum to one at most."""
     if not cable.gaps.any():
         return cable
-    reaches, shares, size = plays_between(play_sums(path.motor, path.joint, path.weight, lag, cable))
-    return cable._replace(reaches=reaches, shares=shares, gaps=cable.gaps * size) if size > 0.0 else cable
-
-
-def play_sums(motor: Array, joint: Array, weight: Array, lag: float, cable: Branches) -> Array:
-    """Weighted products of what each play on offer adds to the mean and of what the joint does beside the mean.
-
-    Args:
-        motor: (n,) [rad].
-        joint: (n,) [rad].
-        weight: (n,).
-        lag: where the motor came from, beside where it began [rad].
-        cable: whose branches they are.
-    """
-    slots = slots_of(motor, lag, cable._replace(reaches=np.append(0.0, _REACHES)))  # the first is the mean itself
-    return products(np.column_stack([slots[:, 1:] - slots[:, :1], joint - cable.offset - slots[:, 0]]), weight)
-
-
-def plays_between(sums: Array) -> tuple[Array, Array, float]:
-    """The plays that fit `play_sums` best: reaches (k,), shares (k,), and what the gap is to be multiplied by.
-
-    The shares are of one sign and sum to one at most; where there are none the last is zero.
-    """
+    slots = slots_of(path.motor, lag, cable._replace(reaches=np.append(0.0, _REACHES)))  # the first is the mean itself
+    moved, wanted = slots[:, 1:] - slots[:, :1], path.joint - cable.offset - slots[:, 0]
+    sums = products(np.column_stack([moved, wanted]), path.weight)
     root = np.linalg.cholesky(sums + _SMALL * float(np.trace(sums)) / len(sums) * np.eye(len(sums))).T
     total = _TOTAL * float(np.sqrt(sums[-1, -1]))
-    of_motor = np.append(np.zeros(len(root)), total)  # what it moves by itself is none of the plays'
+    of_motor = np.append(np.zeros(len(root)), total)  # what it moves by itself is none of `moved`
     rows = np.column_stack([np.vstack([root[:, :-1], np.full(len(_REACHES), total)]), of_motor])
     shares = non_negative(rows, np.append(root[:, -1], total))[:-1]
     shares = shares / max(1.0, float(shares.sum()))
     kept = shares > _LEAST_SHARE
     size = float(shares[kept] @ _REACHES[kept])
-    return (_REACHES[kept] / size, shares[kept], size) if size > 0.0 else (np.empty(0), np.empty(0), 0.0)
+    if not size > 0.0:
+        return cable
+    return cable._replace(reaches=_REACHES[kept] / size, shares=shares[kept], gaps=cable.gaps * size)
 
 
 def _laid(cable: Branches, low: float, high: float) -> Branches:

@@ -13,19 +13,13 @@ from bowden.identify.cable.model import meaning
 from bowden.identify.cable.model_file import covered_lines
 from bowden.identify.cable.recalibrate import Recalibration, to_identify
 
-_RIGS = {
-    "load": "# A rig sets the load with load = … under [cable.parameters].",
-    "bend": "# A rig's bend is its sheath's, bend_deg under [sheath], or that of [scenario.bend].",
-}
-
 
 def joint_text(fit: JointFit) -> str:
     """The content of model.toml of several logs: the scheduled model, the plain one, how each log was judged."""
     lines = [
         f"# The cable of {len(fit.logs)} logs, identified by bowden {__version__}. All angles are in radians.",
-        *(_RIGS[name] for name in fit.variables),
-        "# judged_rms_deg is the error to expect of another log of this cable once its offset is known; it is of",
-        f"# the {fit.judged_on}. The model itself was fitted to all logs.",
+        "# A rig sets the load with load = … under [cable.parameters]. judged_rms_deg is the error to expect of",
+        "# another log of this cable once its offset is known; the model itself was fitted to all logs.",
         "",
         f"best = {quoted(fit.best.name)}",
         f"source = {quoted(', '.join(_line(one.name) for one in fit.logs))}",

@@ -1,15 +1,12 @@
 """Several logs of one cable fitted together, and their model scheduled by the load, the bend, or both.
 
-The model is `bowden.models.cable.scheduled`: plays between two free branches, whose ordinates are polynomials of the
-scheduling variables.
+The model is `bowden.models.cable.scheduled`: one loop of free shape, whose ordinates are polynomials of the scheduling
+variables. Everything in it is linear but the plays' half-widths, which lie on a fixed grid:
 
-1. The plays of a stack round each log's own bent line, with shares of one sign, by the sums of all logs; each log's
-   branches are its line and one gap.
-2. In turns: where each play is in contact is held, so that the joint is linear in the ordinates of the branches, which
-   are fitted to all logs at once, with a small penalty on their roughness, which fills what no log passed through and
-   gives way to the data anywhere else. Where a branch would run against the cable's direction, or the gap below zero,
-   at any load that was seen, it is held there. Then the plays are found again between the branches, with shares of one
-   sign that sum to one at most: so the joint never goes against the motor.
+1. shares of the plays: non-negative least squares of all logs, each with a static curve of its own;
+2. ordinates of f and g for all logs at once: least squares with a small penalty on their roughness, which fills what no
+   log passed through and gives way to the data anywhere else. Where a branch of the loop would run against the cable's
+   direction the penalty is raised until none does.
 
 Every log counts the same, however long it is. Its first long stroke is simulated and not fitted: what the cable had
 been through before is not known, and forgotten after it.
@@ -26,7 +23,6 @@ import itertools
 import time as clock
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -41,7 +37,6 @@ from bowden.core.units import DEGREES
 from bowden.identify.cable.bouc_wen import BoucWenCable
 from bowden.identify.cable.counting import covered_by
 from bowden.identify.cable.cycles import ENOUGH, Cycles, whole_cycles
-from bowden.identify.cable.generalised import play_sums, plays_between
 from bowden.identify.cable.model import SCHEDULED, CableModel
 from bowden.identify.cable.non_negative import non_negative
 from bowden.identify.cable.part import Progress
@@ -49,9 +44,15 @@ from bowden.identify.cable.path import Path, path_of
 from bowden.identify.cable.projection import inverse_of, products
 from bowden.identify.log.read import Log
 from bowden.identify.log.variables import shown_value
-from bowden.models.cable.generalised_play import Branches, design_of
 from bowden.models.cable.prandtl_ishlinskii import plays
-from bowden.models.cable.scheduled import VARIABLES, ScheduledCable, branches_at, joint_angle, parameters_of, powers
+from bowden.models.cable.scheduled import (
+    VARIABLES,
+    ScheduledCable,
+    hats,
+    joint_angle,
+    parameters_of,
+    powers,
+)
 
 if TYPE_CHECKING:
     import pathlib
@@ -63,25 +64,15 @@ Array = NDArray[np.float64]
 _NODES, _SEARCHED = 1500, 150
 """Nodes of a log's path: where it is fitted, and where the plain Bouc–Wen cable is searched for."""
 _KNOTS = 20
-"""Ordinates of a and of b."""
-_GRID = np.geomspace(2e-3, 0.12, 12)
-"""Half-widths offered first, over the motor's range [–]; a wider one may be a bend."""
-_ROUNDS, _SETTLED = 12, 0.97
-"""Most turns of branches and plays, and the share of the squared error that is left where they end."""
-_HELD_ROUNDS = 30
-"""Until no bound is broken."""
-_MARGIN = 1e-3
-"""What a broken bound is held at, over the cable's slope [–]."""
-_BOUND = 1e4
-"""Weight of a bound, over that of the logs."""
-_PLACES = 5
-"""Values of each variable between which the bounds are asked."""
+"""Ordinates of f and of g. With 14 or 30 the figures of docs/decisions/0032 change by 0.006° at most."""
+_GRID = np.geomspace(2e-3, 0.3, 14)
+"""Half-widths offered, over the motor's range [–]; those of the stack that a log of one amplitude can show."""
 _EDGE = 0.005
 """Share of the samples beyond the first knot, and beyond the last: a jerk of the motor shall not stretch the knots."""
 _STATIC_DEGREE = 8
-"""Of the bent line that each log has of its own while plays are found first."""
+"""Of the static curve that each log has of its own while the plays' shares are found."""
 _ROUGH = 1e-3
-"""Penalty on the squared second differences of a and first differences of b, over the mean squared error [–]; between
+"""Penalty on the squared second differences of f and first differences of g, over the mean squared error [–]; between
 1e-4 and 1e-2 nothing changes but what no log passed through."""
 _SCHEDULE_ROUGH = 10.0
 """The same of what the variables change, over that of the base: a shape changes less than it is [–]."""
@@ -94,7 +85,7 @@ _TOGETHER = 0.95
 _BESIDE = 0.005
 """A log whose mean error is above that share of the motor's range and half its scatter lies beside the others [–]."""
 _HIGHEST = 2
-"""Highest power of a variable. a bends with the load as a cable's stiffness rises with its tension."""
+"""Highest power of a variable. f bends with the load as a cable's stiffness rises with its tension."""
 
 
 @dataclass(frozen=True)
@@ -160,26 +151,13 @@ class JointFit:
 
     @property
     def judged(self) -> float:
-        """What to expect of another log of this cable once its offset was refitted, as `judged_on` says [rad]."""
-        return self._judged()[1]
-
-    @property
-    def judged_on(self) -> str:
-        """What `judged` is the error on: unseen loads where those were judged, then unseen logs, then second halves."""
-        return self._judged()[0]
-
-    def _judged(self) -> tuple[str, float]:
-        ways = (f"{self.left_out} left out", "unseen_offset_rms"), ("log left out", "same_offset_rms")
-        for what, name in ways:
-            error = _over_logs([getattr(one, name) for one in self.logs])
-            if np.isfinite(error):
-                return what, error
-        return "second halves alone, which flatters: another log may be missed by more", self.test_rms
-
-    @property
-    def left_out(self) -> str:
-        """What is left out where a log is judged by those of other values: ``load``, ``bend``, or ``pair`` of both."""
-        return self.variables[0] if len(self.variables) == 1 else "pair"
+        """What to expect of another log of this cable once its offset was refitted: on unseen loads where those were
+        judged, then on unseen logs, then on second halves [rad]."""
+        for name in ("unseen_offset_rms", "same_offset_rms", "test_rms"):
+            found = [getattr(one, name) for one in self.logs]
+            if np.isfinite(found).any():
+                return _over_logs(found)
+        return float("nan")
 
     def at(self, **values: float) -> CableModel:
         """The model at a load, at a bend, or both.
@@ -243,8 +221,7 @@ class JointFit:
     def _rows(self) -> list[tuple[str, str]]:
         rows = []
         for one in self.logs:
-            errors = [("second half", one.test_rms), ("left out", one.same_rms)]
-            errors.append((f"{self.left_out} left out", one.unseen_rms))
+            errors = (("second half", one.test_rms), ("left out", one.same_rms), ("load left out", one.unseen_rms))
             said = [f"{what} {shown.number(v * DEGREES, '°')}" for what, v in errors if np.isfinite(v)]
             at = [f"{name} {shown_value(name, value)}" for name, value in zip(self.variables, one.values, strict=True)]
             rows.append((one.name, ", ".join([*at, *said, one.cycles.counted])))
@@ -276,10 +253,16 @@ class _Moved(NamedTuple):
     """Of the nodes, 1 in all; zero on the first long stroke (n,)."""
     first: NDArray[np.bool_]
     """Nodes of the first half of what counts (n,)."""
+    lag: Array
+    """motor − zᵢ (n, k) [rad]."""
+    middle: Array
+    """(n, K), see `hats`."""
+    height: Array
+    """(n, K)."""
     slope: float
     """Of the line through the log [rad/rad]."""
-    offset: float
-    """[rad]"""
+    memory: Array
+    """Products of −sign(slope)·lag and joint beside a static curve of the log's own (k + 1, k + 1)."""
 
 
 class _Frame(NamedTuple):
@@ -287,11 +270,7 @@ class _Frame(NamedTuple):
 
     first: float
     step: float
-
-    @property
-    def high(self) -> float:
-        """Last knot [rad]."""
-        return self.first + (_KNOTS - 1) * self.step
+    half_widths: Array
 
 
 def identify_loads(
@@ -324,7 +303,7 @@ def identify_loads(
     tell("following the motors", 0.1)
     paths = [_path(log, _NODES) for log in logs]
     frame = _frame(paths)
-    moved = [_prepared(log, path) for log, path in zip(logs, paths, strict=True)]
+    moved = [_prepared(log, path, frame) for log, path in zip(logs, paths, strict=True)]
     _check_alike(moved)
     names, values, warnings = _scheduling(logs, {"load": load, "bend": bend}, dict(zip(VARIABLES, units, strict=True)))
     tell("fitting all logs", 0.3)
@@ -360,7 +339,7 @@ def _frame(paths: Sequence[Path]) -> _Frame:
         float(pick([np.quantile(_counted(path), edge) for path in paths]))
         for pick, edge in ((np.min, _EDGE), (np.max, 1.0 - _EDGE))
     )
-    return _Frame(low, (high - low) / (_KNOTS - 1))
+    return _Frame(low, (high - low) / (_KNOTS - 1), _GRID * (high - low))
 
 
 def _counted(path: Path) -> Array:
@@ -368,7 +347,7 @@ def _counted(path: Path) -> Array:
     return np.repeat(path.motor, path.weight.astype(np.intp))
 
 
-def _prepared(log: Log, path: Path) -> _Moved:
+def _prepared(log: Log, path: Path, frame: _Frame) -> _Moved:
     lengths = np.abs(np.diff(path.turning))
     begun = int(np.argmax(lengths >= 0.5 * path.span)) + 1
     weight = np.where(path.stroke < begun, 0.0, path.weight) if begun < path.strokes else path.weight
@@ -381,10 +360,25 @@ def _prepared(log: Log, path: Path) -> _Moved:
         )
     weight = weight / whole
     first = np.cumsum(weight) <= 0.5
+    lag = path.motor[:, None] - plays(path.motor, frame.half_widths)
+    middle, height = (hats(path.motor, frame.first, frame.step, _KNOTS, outward) for outward in (1.0, 0.0))
     counted = path.weight > 0.0
     motor, joint = path.motor[counted], path.joint[counted]
-    slope, offset = np.polyfit(motor, joint, 1, w=np.sqrt(path.weight[counted])).tolist()
-    return _Moved(log, path, weight, first, slope, offset)
+    slope = float(np.polyfit(motor, joint, 1, w=np.sqrt(path.weight[counted]))[0])
+    moved = _Moved(log, path, weight, first, lag, middle, height, slope, np.empty(0))
+    return _weighted(moved, weight, frame)
+
+
+def _weighted(one: _Moved, weight: Array, frame: _Frame) -> _Moved:
+    """A log whose nodes are weighted otherwise (n,)."""
+    last = frame.first + frame.step * (_KNOTS - 1)
+    place = np.clip((2.0 * one.path.motor - frame.first - last) / (last - frame.first), -1.0, 1.0)
+    static = np.polynomial.chebyshev.chebvander(place, _STATIC_DEGREE)
+    sums = products(np.column_stack([static, -np.sign(one.slope) * one.lag, one.path.joint]), weight)
+    own = static.shape[1]
+    return one._replace(
+        weight=weight, memory=sums[own:, own:] - sums[own:, :own] @ inverse_of(sums[:own, :own]) @ sums[:own, own:]
+    )
 
 
 def _check_alike(moved: Sequence[_Moved]) -> None:
@@ -460,105 +454,53 @@ def _levels(values: Array) -> list[Array]:
 def _fitted(moved: Sequence[_Moved], values: Array, frame: _Frame) -> ScheduledCable:
     """The scheduled cable of some logs at `values` (logs, V)."""
     degree = np.array([min(_HIGHEST, len(_levels(column)) - 1) for column in values.T], dtype=np.int64)
-    rows = np.zeros((1 + int(degree.sum()), _KNOTS))
-    low, high = (pick(values, axis=0) if len(degree) else np.empty(0) for pick in (np.min, np.max))
-    branches = _begun(moved, frame)
-    held = branches[0]
-    cable = ScheduledCable(frame.first, frame.step, rows, rows, held.reaches, held.shares, low, high, degree)
-    weights, bounds = [powers(at.tolist(), cable) for at in values], _bounds(cable, float(np.sign(moved[0].slope)))
-    cable, left = _with_ordinates(moved, branches, weights, cable, bounds)
-    for _ in range(_ROUNDS):
-        cable = _with_plays(moved, [branches_at(at.tolist(), cable) for at in values], cable)
-        branches, before = [branches_at(at.tolist(), cable) for at in values], left
-        cable, left = _with_ordinates(moved, branches, weights, cable, bounds)
-        if left > _SETTLED * before:
+    rows = 1 + int(degree.sum())
+    shares = _shares(moved, frame)
+    kept = shares > 0.0
+    empty = np.zeros((rows, _KNOTS))
+    cable = ScheduledCable(
+        frame.first,
+        frame.step,
+        empty,
+        empty,
+        frame.half_widths[kept],
+        shares[kept],
+        values.min(axis=0, initial=np.inf) if len(degree) else np.empty(0),
+        values.max(axis=0, initial=-np.inf) if len(degree) else np.empty(0),
+        degree,
+    )
+    count = 2 * rows * _KNOTS
+    gram, moments = np.zeros((count, count)), np.zeros(count)
+    for one, at in zip(moved, values, strict=True):
+        basis = np.column_stack([one.middle, one.height * (one.lag @ shares)[:, None], one.path.joint])
+        sums = products(basis, one.weight)
+        factors = powers(at.tolist(), cable)
+        turned = np.kron(np.outer(factors, factors), sums[:-1, :-1].reshape(2 * _KNOTS, 2 * _KNOTS))
+        gram += turned
+        moments += np.kron(factors, sums[:-1, -1])
+    roughness = _roughness(rows) * len(moved)
+    sign = np.sign(moved[0].slope)
+    for stiffer in 10.0 ** np.arange(7):  # at most to where f is a straight line and g a constant
+        found = np.linalg.solve(gram + stiffer * roughness, moments).reshape(rows, 2, _KNOTS)
+        cable = cable._replace(middle=found[:, 0].copy(), height=found[:, 1].copy())
+        if _runs_one_way(cable, sign):
             break
     return cable
 
 
-def _begun(moved: Sequence[_Moved], frame: _Frame) -> list[Branches]:
-    """Straight branches of each log with one gap, and the plays between them that fit all logs best."""
-    widths = _GRID * (frame.high - frame.first)
-    count, size = len(widths) + 1, np.zeros(len(widths))
-    sums = np.zeros((count, count))
-    for one in moved:
-        inside = np.clip(one.path.motor, frame.first, frame.high)
-        low, high = float(inside.min()), float(inside.max())  # its own: over a part of it polynomials are nearly one
-        bent = np.polynomial.chebyshev.chebvander((2.0 * inside - low - high) / (high - low), _STATIC_DEGREE)
-        lag = one.path.motor[:, None] - plays(one.path.motor, widths)
-        own = products(np.column_stack([bent, -np.sign(one.slope) * lag, one.path.joint]), one.weight)
-        free = len(own) - count
-        sums += own[free:, free:] - own[free:, :free] @ inverse_of(own[:free, :free]) @ own[:free, free:]
-        size += np.diag(own)[free:-1]
-    size = np.sqrt(size)  # of the lags as they are: nothing is left of a play that none takes up
+def _shares(moved: Sequence[_Moved], frame: _Frame) -> Array:
+    """ηᵢ (k,) [1/rad], by non-negative least squares; each log has a static curve of its own beside the plays."""
+    sums = np.sum([one.memory for one in moved], axis=0)
+    size = np.sqrt(np.maximum(np.diag(sums)[:-1], 1e-300))
     lower = np.linalg.cholesky(sums[:-1, :-1] / np.outer(size, size) + 1e-11 * np.eye(len(size)))
-    found = non_negative(np.asarray(lower.T), np.asarray(np.linalg.solve(lower, sums[:-1, -1] / size))) / size
-    slope, gap = float(np.mean([abs(one.slope) for one in moved])), float(found @ widths)
-    shares = found / max(slope, float(found.sum()))
-    size_of = float(shares @ widths)
-    kept = shares > 0.0
-    reaches, shares = (widths[kept] / size_of, shares[kept]) if gap > 0.0 else (np.ones(1), np.zeros(1))
-    gaps, straight = np.full(_KNOTS, gap), np.zeros(_KNOTS)
-    ends = frame.first, frame.high
-    return [Branches(one.slope, straight, gaps, *ends, reaches, shares, one.offset, 0.0) for one in moved]
-
-
-def _with_ordinates(
-    moved: Sequence[_Moved],
-    branches: Sequence[Branches],
-    weights: Sequence[Array],
-    cable: ScheduledCable,
-    bounds: Array,
-) -> tuple[ScheduledCable, float]:
-    """The cable whose ordinates fit all logs best, where C·(a, b) ≥ 0, and its squared error with the plays held.
-
-    A bound that is broken is held from then on, a little above zero, and pulled harder until none is (the method of
-    multipliers: Nocedal and Wright, Numerical Optimization, 2006, Section 17.3).
-
-    Args:
-        moved: the logs.
-        branches: of each log, which say when a play is in contact.
-        weights: of the rows of ordinates at their loads, (M,) each.
-        cable: whose plays they are.
-        bounds: C (c, M·2·K), ordered as the unknowns are: row, then a and b, then knot.
-    """
-    rows = len(cable.middle)
-    gram, moments, power = _roughness(rows) * len(moved), np.zeros(2 * rows * _KNOTS), 0.0
-    for one, near, factors in zip(moved, branches, weights, strict=True):
-        sums = products(np.column_stack([design_of(one.path.motor, 0.0, near), one.path.joint]), one.weight)
-        gram = gram + np.kron(np.outer(factors, factors), sums[:-1, :-1])
-        moments += np.kron(factors, sums[:-1, -1])
-        power += float(sums[-1, -1])
-    heavy = _BOUND * float(np.trace(gram)) / len(gram)
-    margin = _MARGIN * abs(moved[0].slope) * cable.step
-    held, found = np.zeros(len(bounds), dtype=bool), np.linalg.solve(gram, moments)
-    pull = np.full(len(bounds), heavy * margin)  # the multipliers, and what the margin makes
-    for _ in range(_HELD_ROUNDS):
-        broken = bounds @ found < 0.0
-        if not broken.any():
-            break
-        held |= broken
-        kept = bounds[held]
-        found = np.linalg.solve(gram + heavy * kept.T @ kept, moments + pull[held] @ kept)
-        pull[held] += heavy * (margin - kept @ found)
-    middle, height = (np.array(found.reshape(rows, 2, _KNOTS)[:, one], dtype=np.float64) for one in (0, 1))
-    return cable._replace(middle=middle, height=height), float(power - 2.0 * moments @ found + found @ gram @ found)
-
-
-def _with_plays(moved: Sequence[_Moved], branches: Sequence[Branches], cable: ScheduledCable) -> ScheduledCable:
-    """The same branches with the plays between them that fit all logs best."""
-    if not cable.height.any():
-        return cable
-    pairs = zip(moved, branches, strict=True)
-    sums = [play_sums(one.path.motor, one.path.joint, one.weight, 0.0, near) for one, near in pairs]
-    reaches, shares, size = plays_between(np.sum(sums, axis=0))
-    if not size > 0.0:
-        return cable
-    return cable._replace(reaches=reaches, shares=shares, height=cable.height * size)
+    found = non_negative(lower.T, np.asarray(np.linalg.solve(lower, sums[:-1, -1] / size))) / size
+    if not found.any():  # a cable without a loop: any memory will do, and g says that there is none
+        found[0] = 1.0
+    return np.asarray(found / (found @ frame.half_widths))
 
 
 def _roughness(rows: int) -> Array:
-    """The penalty's quadratic form, ordered as the unknowns are: row, then a and b, then knot."""
+    """The penalty's quadratic form, ordered as the unknowns are: row, then f and g, then knot."""
     bends = np.diff(np.eye(_KNOTS), 2, axis=0)
     steps = np.diff(np.eye(_KNOTS), 1, axis=0)
     own = np.zeros((2 * _KNOTS,) * 2)
@@ -567,20 +509,14 @@ def _roughness(rows: int) -> Array:
     return np.asarray(_ROUGH * np.kron(np.diag([1.0] + [_SCHEDULE_ROUGH] * (rows - 1)), own))
 
 
-def _bounds(cable: ScheduledCable, sign: float) -> Array:
-    """Neither branch goes against the cable, sign·Δa ± Δb ≥ 0, and b ≥ 0, at every value between those seen.
-
-    What is asked of is the Bézier polygon of the ordinates from place to place: on it is s² = s·s′ between s and s′. No
-    square lies below its polygon.
-    """
-    step, none = np.diff(np.eye(_KNOTS), axis=0), np.zeros((_KNOTS, _KNOTS))
-    of_knots = [np.column_stack([sign * step, side * step]) for side in (1.0, -1.0)]
-    of_knots.append(np.column_stack([none, np.eye(_KNOTS)]))
-    places = np.linspace(0.0, 1.0, _PLACES)
-    corners = [*zip(places, places, strict=True), *pairwise(places)]
-    ways = [[[0.5 * (s + t), s * t][:most] for s, t in corners] for most in cable.degree]
-    factors = [np.array([1.0, *itertools.chain(*at)]) for at in itertools.product(*ways)]
-    return np.concatenate([np.kron(at, one) for at in factors for one in of_knots])
+def _runs_one_way(cable: ScheduledCable, sign: float) -> bool:
+    """Whether both branches of the loop go the cable's way at every corner of the scheduling variables."""
+    for corner in itertools.product(*zip(cable.low.tolist(), cable.high.tolist(), strict=True)):
+        weights = powers(corner, cable)
+        middle, height = np.diff(weights @ cable.middle), np.diff(weights @ cable.height)
+        if (sign * middle < np.abs(height)).any():
+            return False
+    return True
 
 
 def _error(one: _Moved, cable: ScheduledCable, values: Array) -> tuple[Array, Array]:
@@ -595,7 +531,7 @@ def _error(one: _Moved, cable: ScheduledCable, values: Array) -> tuple[Array, Ar
 def _judged(
     moved: Sequence[_Moved], values: Array, names: Sequence[str], frame: _Frame, cable: ScheduledCable
 ) -> list[JudgedLog]:
-    halves = _fitted([one._replace(weight=np.where(one.first, one.weight, 0.0)) for one in moved], values, frame)
+    halves = _fitted([_weighted(one, np.where(one.first, one.weight, 0.0), frame) for one in moved], values, frame)
     level = np.zeros(values.shape, dtype=np.int64)
     for v, column in enumerate(values.T):
         for number, members in enumerate(_levels(column)):

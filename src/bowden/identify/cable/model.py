@@ -70,9 +70,10 @@ _MEANINGS = (
     (r"bend_(low|high)", "rad", "least or largest bend among the logs"),
     (r"knot_first", "rad", "motor angle of the first knot"),
     (r"knot_step", "rad", "motor angle between two knots"),
-    (r"middle_\d+", "rad", "a, the middle of the loop at that knot, at the least load and bend"),
+    (r"eta_\d+", "1/rad", "η of the play of that half-width"),
+    (r"middle_\d+", "rad", "f, the middle of the loop at that knot, at the least load and bend"),
     (r"middle_\d+_(load|bend)_[12]", "rad", "what that power of the scaled load or bend adds to it"),
-    (r"height_\d+", "rad", "b, half the height of the loop at that knot, at the least load and bend"),
+    (r"height_\d+", "rad", "g, half the height of the loop at that knot, at the least load and bend"),
     (r"height_\d+_(load|bend)_[12]", "rad", "what that power of the scaled load or bend adds to it"),
     (r"length", "m", "L, of the sheath"),
     (r"stiffness", "N", "EA, of tendon and sheath in series: force per strain"),
@@ -314,11 +315,7 @@ def _scheduled(parameters: Mapping[str, float]) -> tuple[scheduling.ScheduledCab
     try:
         return scheduling.cable_of(parameters)
     except KeyError as error:
-        raise ParameterError(
-            f"cable model {SCHEDULED!r} has no parameter {error.args[0]!r}",
-            expected="the form that bowden identify writes",
-            do="identify the logs again: up to version 0.2 the form was another",
-        ) from error
+        raise ParameterError(f"cable model {SCHEDULED!r} has no parameter {error.args[0]!r}") from error
 
 
 _BEGUN = ("initial_h", "initial_lag")

@@ -9,19 +9,16 @@ import numpy as np
 
 from bowden import __version__
 from bowden.core.bounded import read_toml
-from bowden.core.errors import ParameterError, counted
+from bowden.core.errors import ParameterError
 from bowden.core.files import write_text
 from bowden.core.toml_text import quoted
 from bowden.core.units import DEGREES
 from bowden.identify.cable.counting import Covered
 from bowden.identify.cable.fit import Fit, ModelFit
 from bowden.identify.cable.loop import HysteresisLoop
-from bowden.identify.cable.model import KNOWN, NAMES, SCHEDULED, CableModel, IdentifiedCable, meaning
-from bowden.models.cable.scheduled import VARIABLES, cable_of, parameters_of
+from bowden.identify.cable.model import KNOWN, NAMES, CableModel, IdentifiedCable, meaning
+from bowden.models.cable.scheduled import VARIABLES
 from bowden.plants.cables import DISTRIBUTED
-
-_LEAST_KNOTS = 3
-"""Of a parabola."""
 
 
 def write_model(path: Path | str, fit: Fit, source: str) -> None:
@@ -219,7 +216,7 @@ def _checked(file: Path, name: str, table: Any) -> Mapping[str, float]:
     if not isinstance(parameters, dict):
         raise ParameterError(f"{file}: [models.{name}.parameters] is missing", do="write the file again")
     for key, value in parameters.items():
-        _check_name(file, name, key)
+        meaning(key)
         if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
             raise ParameterError(f"{file}: {key} of {name} is {value!r}", expected="a finite number")
     bounds = {"rate": 0.0, "shape": 0.5, "exponent": 0.0, "knot_step": 0.0}
@@ -229,46 +226,9 @@ def _checked(file: Path, name: str, table: Any) -> Mapping[str, float]:
             raise ParameterError(f"{file}: {key} of {name} is {parameters[key]}", expected=f"a number above {least:g}")
     if name == "generalised_play":
         _check_branches(file, parameters)
-    if name == SCHEDULED:
-        _check_schedule(file, parameters)
     model = CableModel(name, {key: float(value) for key, value in parameters.items()})
     model.joint_angle(np.zeros(2))  # names what is missing
     return model.parameters
-
-
-def _check_name(file: Path, name: str, key: str) -> None:
-    """That a model has such a parameter."""
-    try:
-        meaning(key)
-    except ParameterError as error:
-        raise _other_form(file, name, str(error)) from error
-
-
-def _other_form(file: Path, name: str, what: str) -> ParameterError:
-    again = "identify the logs again: up to version 0.2 the form was another"
-    return ParameterError(
-        f"{file}: {what}",
-        expected="what `bowden identify` writes",
-        do=again if name == SCHEDULED else "write the file again",
-    )
-
-
-def _check_schedule(file: Path, given: Mapping[str, float]) -> None:
-    """That the parameters are those of a scheduled cable, all of them and no others."""
-    try:
-        cable, values = cable_of(given)
-    except KeyError as error:
-        raise _other_form(file, SCHEDULED, f"scheduled has no parameter {error.args[0]!r}") from error
-    known = parameters_of(cable, [name for name in VARIABLES if f"{name}_low" in given], values)
-    for key in given:
-        if key not in known:
-            raise _other_form(file, SCHEDULED, f"scheduled has a parameter {key!r} beside those of its form")
-    if cable.middle.shape[1] < _LEAST_KNOTS:
-        said = f"{file}: scheduled has {counted(cable.middle.shape[1], 'knot')}"
-        raise ParameterError(said, expected=f"{_LEAST_KNOTS} or more")
-    for key, value in given.items():
-        if key.startswith(("reach_", "share_")) and value < 0.0:
-            raise ParameterError(f"{file}: {key} of scheduled is {value:g}", expected="0 or more")
 
 
 def _check_branches(file: Path, given: Mapping[str, float]) -> None:
@@ -277,9 +237,9 @@ def _check_branches(file: Path, given: Mapping[str, float]) -> None:
     said, what = f"{file}: generalised_play", f"{sizes['reach']} reaches and {sizes['share']} shares"
     if sizes["reach"] != sizes["share"]:
         raise ParameterError(f"{said} has {what}", expected="as many of both")
-    for kind, least in (("bend", _LEAST_KNOTS), ("gap", 2)):
-        if sizes[kind] < least:
-            raise ParameterError(f"{said} has {counted(sizes[kind], kind)}", expected=f"{least} or more")
+    for kind in ("bend", "gap"):
+        if sizes[kind] < 2:
+            raise ParameterError(f"{said} has {sizes[kind]} {kind}s", expected="2 or more")
     for key, value in given.items():
         if key.startswith(("gap_", "reach_", "share_")) and value < 0.0:
             raise ParameterError(f"{said}: {key} is {value:g}", expected="0 or more")

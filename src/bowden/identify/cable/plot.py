@@ -7,8 +7,7 @@ import numpy as np
 
 from bowden.core.style import COLOURS, legend, note_cut, thin, widened
 from bowden.core.units import DEGREES
-from bowden.models.cable.generalised_play import half_gap, mean_branch
-from bowden.models.cable.scheduled import branches_at, cable_of
+from bowden.models.cable.scheduled import cable_of, hats, powers
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -62,18 +61,19 @@ def draw_loads(axes: "Axes", fit: "JointFit") -> None:
     cable, values = cable_of(fit.best.parameters)
     count = cable.middle.shape[1]
     motor = np.linspace(cable.first, cable.first + cable.step * (count - 1), 200)
+    middle, height = (hats(motor, cable.first, cable.step, count, outward) for outward in (1.0, 0.0))
     ends = [cable.low.tolist(), list(values), cable.high.tolist()] if fit.variables else [[]]
-    line = branches_at(values, cable)
+    line = np.polyfit(motor, middle @ (powers(values, cable) @ cable.middle), 1)
     degrees = [unit == "rad" for unit in fit.units]
     for at, (colour, dashes) in zip(ends, _SHOWN, strict=False):
-        branches = branches_at(at, cable)
-        curve, half = (np.array([of(place, branches) for place in motor]) for of in (mean_branch, half_gap))
+        weights = powers(at, cable)
+        curve, half = middle @ (weights @ cable.middle), height @ (weights @ cable.height)
         label = ", ".join(
             f"{name} {value * DEGREES:.3g}°" if angle else f"{name} {value:.3g} {unit}".strip()
             for name, value, unit, angle in zip(fit.variables, at, fit.units, degrees, strict=False)
         )
         for side in (1.0, -1.0):
-            drawn = (curve + side * half + branches.offset - line.offset - line.slope * motor) * DEGREES
+            drawn = (curve + side * half - np.polyval(line, motor)) * DEGREES
             said = label if label and side > 0.0 else None
             axes.plot(motor * DEGREES, drawn, color=colour, ls=dashes, lw=1.3, label=said)
     axes.set(xlabel="motor [°]", ylabel="joint − straight line [°]")

@@ -47,7 +47,7 @@ class Branches(NamedTuple):
     """Of the bends' least-squares parabola, along which the mean goes on beyond the nodes [1/rad]."""
 
 
-STEEPEST = 0.25
+_STEEPEST = 0.25
 """Most that the curve may be, over slope/span: half a span beyond the nodes half of the slope is left then."""
 
 
@@ -55,7 +55,7 @@ def with_curve(cable: Branches) -> Branches:
     """The cable with the curve that its bends have."""
     row, span = np.zeros(cable.bends.size), cable.high - cable.low
     add_curve(row, cable.bends.size, 1.0 / span**2)
-    most = STEEPEST * abs(cable.slope) / span
+    most = _STEEPEST * abs(cable.slope) / span
     return cable._replace(curve=float(np.clip(row @ cable.bends, -most, most)))
 
 

@@ -1,30 +1,30 @@
-"""Plays between two branches that are scheduled by the cable's load, by its bend, or by both.
+"""A hysteresis loop of free shape whose shape is scheduled by the cable's load, by its bend, or by both.
 
-It is the generalised play of `bowden.models.cable.generalised_play`, whose mean branch a and half gap b go straight
-from knot to knot. With every scheduling variable s scaled to 0…1 over the range in which it was seen, each ordinate is
+    joint = f(motor, s) + g(motor, s)·h,    h = Σ ηᵢ·(motor − zᵢ),    Σ ηᵢ·rᵢ = 1
 
-    a(s) = a₀ + Σ over the variables of a₁·s + a₂·s² + …
+f is the middle of the loop and g half its height, each drawn straight between knots that lie evenly over the motor's
+range; beyond it f goes on straight and g stays. zᵢ are play operators of fixed half-widths rᵢ that all loads share, so
+that h runs from −1 (the motor has fallen far enough) to 1 (it has risen) by a curve that does not change with the load.
+With every scheduling variable s scaled to 0…1 over the range in which it was seen, each ordinate is
 
-and likewise b, which is nowhere below zero. Beyond 0…1 a power goes on along its tangent, and no variable counts
-further than its range once more. Reaches and shares of the plays are the same at all loads: a slot is as much wider as
-the gap is. Where both branches go the cable's way the joint never goes against the motor.
+    f(s) = f₀ + Σ over the variables of f₁·s + f₂·s² + …
 
-The elastic stretch of the cable under its tension T, T·L/(EA), makes a depend on the load, and friction μ·N, which is
-proportional to the tension by the capstan's law, makes b grow with it. Source: the paper's Section 3.2 for the bend;
+and likewise g. Beyond 0…1 a power goes on along its tangent, and no variable counts further than its range once more.
+
+The elastic stretch of the cable under its tension T, T·L/(EA), makes f depend on the load, and friction μ·N, which is
+proportional to the tension by the capstan's law, makes g grow with it. Source: the paper's Section 3.2 for the bend;
 Kaneko, Wada, Maekawa and Tanie, ICRA 1991, 1252, for the load.
 """
 
-import math
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.core.kernel import kernel, program
+from bowden.core.kernel import kernel
 from bowden.models.cable.bouc_wen import BoucWen, saturation
-from bowden.models.cable.generalised_play import STEEPEST, Branches
-from bowden.models.cable.generalised_play import joint_angle as between_branches
+from bowden.models.cable.prandtl_ishlinskii import plays
 
 Array = NDArray[np.float64]
 
@@ -40,13 +40,13 @@ class ScheduledCable(NamedTuple):
     step: float
     """Between two knots [rad]."""
     middle: Array
-    """Ordinates of a: of the base, then of each variable's powers (M, K) [rad]."""
+    """Ordinates of f: of the base, then of each variable's powers (M, K) [rad]."""
     height: Array
-    """Ordinates of b, likewise (M, K) [rad]."""
-    reaches: Array
-    """Half the slot of each play over b (k,) [–]."""
+    """Ordinates of g, likewise (M, K) [rad]."""
+    half_widths: Array
+    """rᵢ (k,) [rad]."""
     shares: Array
-    """Of the joint's motion that each play makes (k,) [–]."""
+    """ηᵢ (k,) [1/rad]."""
     low: Array
     """Least seen value of each variable (V,); its own unit."""
     high: Array
@@ -79,73 +79,68 @@ def powers(values: Sequence[float], cable: ScheduledCable) -> Array:
 
 
 @kernel
-def fill_branches(weights: Array, cable: ScheduledCable, bends: Array, gaps: Array, line: Array) -> None:
-    """`branches_at` where the rows of ordinates have these `weights` (M,); `line` is slope, offset and curve (3,)."""
-    count, span = bends.size, cable.step * (bends.size - 1)
-    bends[:], gaps[:] = 0.0, 0.0
+def straight(motor: float, first: float, step: float, ordinates: Array, weights: Array, outward: float) -> float:
+    """Rows of ordinates (M, K), summed with `weights` (M,), between the two knots round a motor angle.
+
+    `outward` is 1 where the line goes on beyond the knots, and 0 where it stays.
+    """
+    last = ordinates.shape[1] - 1
+    place = (motor - first) / step
+    inside = max(0.0, min(float(last), place))
+    k = min(int(inside), last - 1)
+    part = inside - k + outward * (place - inside)
+    found = 0.0
     for m in range(weights.size):
-        for k in range(count):
-            bends[k] += weights[m] * cable.middle[m, k]
-            gaps[k] += weights[m] * cable.height[m, k]
-    middle, last = 0.5 * (count - 1), count - 1.0
-    rise, mean, curve = 0.0, 0.0, 0.0
-    for k in range(count):
-        rise += (k - middle) * bends[k]
-        mean += bends[k] / count
-        gaps[k] = max(gaps[k], 0.0)
-    line[0] = 12.0 * rise / (count * (count * count - 1.0)) / cable.step
-    line[1] = mean - line[0] * (cable.first + middle * cable.step)
-    for k in range(count):
-        bends[k] -= line[0] * (cable.first + k * cable.step) + line[1]
-        curve += ((k - middle) ** 2 - (count * count - 1.0) / 12.0) * bends[k]
-    curve *= last * last / span**2 * 180.0 / (count * (count * count - 1.0) * (count * count - 4.0))
-    most = STEEPEST * abs(line[0]) / span
-    line[2] = max(-most, min(most, curve))
+        found += weights[m] * (ordinates[m, k] + part * (ordinates[m, k + 1] - ordinates[m, k]))
+    return found
 
 
-@kernel
-def branches_of(cable: ScheduledCable, bends: Array, gaps: Array, line: Array) -> Branches:
-    """What `fill_branches` has filled."""
-    high = cable.first + cable.step * (bends.size - 1)
-    return Branches(line[0], bends, gaps, cable.first, high, cable.reaches, cable.shares, line[1], line[2])
-
-
-def branches_at(values: Sequence[float], cable: ScheduledCable) -> Branches:
-    """The generalised play at `values` (V,) of the variables."""
-    (bends, gaps), line = np.empty((2, cable.middle.shape[1])), np.empty(3)
-    program(fill_branches)(powers(values, cable), cable, bends, gaps, line)
-    return branches_of(cable, bends, gaps, line)
+def hats(motor: Array, first: float, step: float, count: int, outward: float) -> Array:
+    """How much of each knot's ordinate there is at each motor angle (n, count), as `straight` has it."""
+    place = (motor - first) / step
+    inside = np.clip(place, 0.0, count - 1.0)
+    k = np.minimum(inside.astype(np.intp), count - 2)
+    part = inside - k + outward * (place - inside)
+    found, rows = np.zeros((len(motor), count)), np.arange(len(motor))
+    found[rows, k], found[rows, k + 1] = 1.0 - part, part
+    return found
 
 
 def joint_angle(motor: Array, cable: ScheduledCable, values: Sequence[float]) -> Array:
     """Joint angle along a recorded motion at fixed `values` (V,) of the variables (n,) [rad], every play centred."""
-    return between_branches(motor, 0.0, branches_at(values, cable))
+    count, weights = cable.middle.shape[1], powers(values, cable)
+    memory = (motor[:, None] - plays(motor, cable.half_widths)) @ cable.shares
+    middle = hats(motor, cable.first, cable.step, count, 1.0) @ (weights @ cable.middle)
+    height = hats(motor, cable.first, cable.step, count, 0.0) @ (weights @ cable.height)
+    return np.asarray(middle + height * memory)
 
 
 def turned(cable: ScheduledCable) -> ScheduledCable:
-    """The same cable with its motor counted the other way."""
+    """The same cable with its motor counted the other way: f(−motor), and h changes its sign."""
     last = cable.first + (cable.middle.shape[1] - 1) * cable.step
     return cable._replace(
         first=-last,
         middle=np.ascontiguousarray(cable.middle[:, ::-1]),
-        height=np.ascontiguousarray(cable.height[:, ::-1]),
+        height=np.ascontiguousarray(-cable.height[:, ::-1]),
     )
 
 
 def line_of(cable: ScheduledCable, values: Sequence[float]) -> tuple[float, float, float]:
-    """Slope [rad/rad] and offset [rad] of the line through a's knots, and the mean of b [rad], at `values` (V,)."""
-    found = branches_at(values, cable)
-    return found.slope, found.offset, float(found.gaps.mean())
+    """Slope [rad/rad] and offset [rad] of the line through f's knots, and the mean of g [rad], at `values` (V,)."""
+    weights, count = powers(values, cable), cable.middle.shape[1]
+    knots = cable.first + cable.step * np.arange(count)
+    middle, centred = weights @ cable.middle, knots - knots.mean()
+    slope = float(centred @ middle / (centred @ centred))
+    return slope, float(middle.mean() - slope * knots.mean()), float((weights @ cable.height).mean())
 
 
 def bouc_wen_at(cable: ScheduledCable, values: Sequence[float], like: BoucWen) -> BoucWen:
     """The plain Bouc–Wen cable with the slope, the offset and the dead zone at `values` (V,).
 
-    Its loop is that of `like`, drawn out along the motor as its dead zone is longer: |αh|·h* is the mean of b, and
+    Its loop is that of `like`, drawn out along the motor as its dead zone is longer: αh·h* is the mean of g, and
     ρ changes as one over the dead zone.
     """
     slope, offset, height = line_of(cable, values)
-    height = -math.copysign(height, slope)
     gain = height / float(saturation(like))
     wider = abs(gain / slope) / abs(like.hysteresis_gain / like.slope)
     found = like._replace(slope=slope, offset=offset, rate=like.rate / wider)
@@ -159,9 +154,7 @@ def cable_of(parameters: Mapping[str, float]) -> tuple[ScheduledCable, tuple[flo
         KeyError: a parameter that is missing.
     """
     count = sum(name.startswith("middle_") and name.count("_") == 1 for name in parameters)
-    if "reach_1" not in parameters:
-        raise KeyError("reach_1")
-    plays_of = sum(name.startswith("reach_") for name in parameters)
+    plays_of = sum(name.startswith("eta_") for name in parameters)
     variables = [name for name in VARIABLES if f"{name}_low" in parameters]
     degrees = [sum(key.startswith(f"middle_1_{name}_") for key in parameters) for name in variables]
     rows = _rows(variables, degrees)
@@ -170,8 +163,8 @@ def cable_of(parameters: Mapping[str, float]) -> tuple[ScheduledCable, tuple[flo
         step=parameters["knot_step"],
         middle=np.array([[parameters[f"middle_{k}{row}"] for k in range(1, count + 1)] for row in rows]),
         height=np.array([[parameters[f"height_{k}{row}"] for k in range(1, count + 1)] for row in rows]),
-        reaches=np.array([parameters[f"reach_{i}"] for i in range(1, plays_of + 1)]),
-        shares=np.array([parameters[f"share_{i}"] for i in range(1, plays_of + 1)]),
+        half_widths=np.array([parameters[f"half_width_{i}"] for i in range(1, plays_of + 1)]),
+        shares=np.array([parameters[f"eta_{i}"] for i in range(1, plays_of + 1)]),
         low=np.array([parameters[f"{name}_low"] for name in variables]),
         high=np.array([parameters[f"{name}_high"] for name in variables]),
         degree=np.array(degrees, dtype=np.int64),
@@ -183,14 +176,14 @@ def parameters_of(cable: ScheduledCable, variables: Sequence[str], values: Seque
     """The parameters of a cable by name, with the values of its variables (V,) at which it is to be looked at.
 
     ``load`` and ``bend`` are where it is; ``load_low`` and ``load_high`` between what it was seen. ``middle_3`` is the
-    third ordinate of a, ``middle_3_load_2`` what the square of the scaled load adds to it; ``height_…`` are those of b.
+    third ordinate of f, ``middle_3_load_2`` what the square of the scaled load adds to it; ``height_…`` are those of g.
     """
     found: dict[str, float] = {}
     for v, name in enumerate(variables):
         found |= {name: float(values[v]), f"{name}_low": float(cable.low[v]), f"{name}_high": float(cable.high[v])}
     found |= {"knot_first": float(cable.first), "knot_step": float(cable.step)}
-    for i, (reach, share) in enumerate(zip(cable.reaches, cable.shares, strict=True), 1):
-        found |= {f"reach_{i}": float(reach), f"share_{i}": float(share)}
+    for i, (width, share) in enumerate(zip(cable.half_widths, cable.shares, strict=True), 1):
+        found |= {f"half_width_{i}": float(width), f"eta_{i}": float(share)}
     for what, table in (("middle", cable.middle), ("height", cable.height)):
         for row, ordinates in zip(_rows(variables, cable.degree), table, strict=True):
             found |= {f"{what}_{k}{row}": float(value) for k, value in enumerate(ordinates, 1)}
