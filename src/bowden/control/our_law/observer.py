@@ -43,8 +43,8 @@ THIRD_POLE = 2.0
 """Pole of the innovation's filter over q, beside F's two: less chatter at the same error [–]."""
 
 FILTER_DAMPING = 0.85
-"""Of F's two poles: with the third at 2q they delay F by 2.2/q, which critically damped and with the third at 1.5q, at
-hardly less noise in the command, are 2.7/q. Below 0.8 the loop bears less of a wrong slope [–]."""
+"""Of F's two poles: with the third at 2q they delay F by 2.2/q. Critically damped, and with the third at 1.5q, it would
+be 2.7/q, and white noise of the joint a fifth less in F''. Below 0.8 the loop bears much less of a wrong slope [–]."""
 
 FILTER_DELAY = 2.0 * FILTER_DAMPING + 1.0 / THIRD_POLE
 """Of all three poles, times q [–]."""

@@ -12,7 +12,8 @@ trembles or walks: the law's correction and what it observes are tied by the law
 - **the wearer's**: the load goes, κ comes back at once, and until it is forgotten only a swing 1.6 times as large is
   suspect. It is known as soon as one of the last three half-waves is large enough: what comes later changes nothing.
   A swing at the frequency of a load that was learned is never the wearer's, and the load stays as it is: one of little
-  damping decays so slowly that it would be taken for it, and with κ whole at once it would grow.
+  damping decays so slowly that it would be taken for it, and with κ whole at once it would grow. The price: a wearer
+  who trembles at that frequency is tried again and again, and each trial halves κ, without a floor.
 - **leap**: a swing of the loop's own hardly grows more than fourfold in a half-wave. What is more than four times as
   large as the half-wave before, outside a trial, is taken to come from outside, and the correction may go twice as fast
   (`observer`).
