@@ -12,8 +12,8 @@ trembles or walks: the law's correction and what it observes are tied by the law
 - **the wearer's**: the load goes, κ comes back at once, and until it is forgotten only a swing 1.6 times as large is
   suspect. It is known as soon as one of the last three half-waves is large enough: what comes later changes nothing.
   A swing at the frequency of a load that was learned is never the wearer's, and the load stays as it is: one of little
-  damping decays so slowly that it would be taken for it, and with κ whole at once it would grow. The price: a wearer
-  who trembles at that frequency is tried again and again, and each trial halves κ, without a floor.
+  damping decays so slowly that it would be taken for it, and with κ whole at once it would grow. The price: while a
+  wearer trembles at that frequency κ stays as low as in a trial. Where the swing did decay, T is learned anew.
 - **leap**: a swing of the loop's own hardly grows more than fourfold in a half-wave. What is more than four times as
   large as the half-wave before, outside a trial, is taken to come from outside, and the correction may go twice as fast
   (`observer`).
@@ -60,8 +60,9 @@ BEYOND = 1.6
 TRIED, WATCHED = 7.0, 3.0
 """Half-waves of a trial, and those at its end that are looked at [–]."""
 
-SLOWED = 0.3
-"""Largest κ in a trial over the swing's angular frequency [–]."""
+SLOWED, SLOWEST_OWN = 0.3, 0.1
+"""Largest κ in a trial over the swing's angular frequency, and what no trial takes it below: such a κ does not even
+swing a load with a damping of 0.05, of which it is 2ζ [–]."""
 
 STILL_THERE = 0.6
 """What is the wearer's: size at the trial's end over that of the swing before it. A load alone has 0.37 after four
@@ -154,13 +155,15 @@ def watched(before: Swing, fast: float, noise: float, kappa: float, dt: float) -
     late = sel(left <= WATCHED, larger(before.last, size), before.last)
     load = of_swing(before.lasted)
     known = (load < ALIKE * before.time) * (before.time < ALIKE * load)
-    theirs = tried * (1.0 - known) * (late > STILL_THERE * before.wearers) > 0.0
+    still = late > STILL_THERE * before.wearers
+    theirs = tried * (1.0 - known) * still > 0.0
     own = tried * (left <= 0.0) * (1.0 - theirs) > 0.0
     ends = theirs + own > 0.0
     period = larger(sel(soon, before.lasted, before.lasts), 2.0 * dt)
     counted = sel(suspected, -TRIED, sel(ends, 0.0, sel(tried, -left, count)))
     wearers = sel(suspected, larger(before.wearers, top), sel(own, 0.0, before.wearers * (1.0 - dt / FORGOTTEN)))
-    slowed = smaller(0.5 * before.share, SLOWED * np.pi / (period * kappa))
+    pace = np.pi / (period * kappa)  # the swing's angular frequency, over κ
+    slowed = smaller(larger(0.5 * before.share, SLOWEST_OWN * pace), SLOWED * pace)
     back = sel(counted < 0.0, before.share, smaller(before.share * (1.0 + dt / RETURN), 1.0))
     return Swing(
         sel(turned, fast, sel(fast < 0.0, -top, top)),
@@ -169,6 +172,6 @@ def watched(before: Swing, fast: float, noise: float, kappa: float, dt: float) -
         sel(suspected, period, sel(turned * (1.0 - tried) > 0.0, larger(before.lasts, dt), before.lasted)),
         counted,
         sel(suspected, slowed, sel(theirs, 1.0, back)),
-        sel(own * (1.0 - known) > 0.0, load, before.time),
+        sel(own * (1.0 - known * still) > 0.0, load, before.time),
         wearers,
     )
