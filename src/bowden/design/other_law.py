@@ -15,11 +15,12 @@ from bowden.core.shown import number
 from bowden.design.advice import mending_gain
 from bowden.design.check_rig import check_rig
 from bowden.rig import ranges
+from bowden.rig.model_rig import Chosen
 from bowden.rig.one_run import run_of
 from bowden.rig.rig import Rig
 
 if TYPE_CHECKING:
-    from bowden.design.check import VerdictName
+    from bowden.design.check import Check, VerdictName
 
 OURS = "bowden"
 """The law that is looked at first, and that `bowden init` writes where it holds."""
@@ -56,16 +57,7 @@ class OtherLaw(NamedTuple):
         return f"the law {self.law}{given} {said}, with {number(self.rmse_deg, '°')} RMS over {self.seconds:g} s"
 
 
-class ChosenLaw(NamedTuple):
-    """The law to begin with."""
-
-    law: str
-    why: str
-    gains: Mapping[str, float] = MappingProxyType({})
-    """Name → value of those that are not the law's own."""
-
-
-def chosen_law(rig: Rig) -> ChosenLaw:
+def chosen_law(rig: Rig) -> Chosen:
     """The law to begin with on a rig, and why: ours where it holds, if need be with a gain of its choice changed.
 
     Else the first other law that holds.
@@ -74,17 +66,16 @@ def chosen_law(rig: Rig) -> ChosenLaw:
     law = ours.fitted()
     found = check_rig(ours, law)
     if isinstance(found, str) or found.verdict == "holds":
-        return ChosenLaw(OURS, "our own, which learns the cable while it runs; bowden check says that it holds here")
+        return Chosen(OURS, "our own, which learns the cable while it runs; bowden check says that it holds here")
     said = f"{_WORDS[found.verdict]} here: {found.reason}"
-    gain = mending_gain(ranges.judged(ours), law, found, bends=ranges.bends(ours), stroke=ranges.stroke(ours))
-    if gain is not None and gain[0] in LAWS[OURS].choices:
-        name, value = gain
-        why = f"our own, which learns the cable while it runs; with its usual {name} it {said}"
-        return ChosenLaw(OURS, why, {name: value})
+    gain = _mending(ours, law, found)
+    if gain is not None and gain[0] in law.choices:
+        why = f"our own, which learns the cable while it runs; with its usual {gain[0]} it {said}"
+        return Chosen(OURS, why, dict([gain]))
     better = other_law(rig, [OURS])
     if better is None or (better.verdict != "holds" and found.verdict != "does_not_hold"):
-        return ChosenLaw(OURS, f"our own, though it {said}")
-    return ChosenLaw(better.law, f"since our own, {OURS}, {said}; {better}")
+        return Chosen(OURS, f"our own, though it {said}")
+    return Chosen(better.law, f"since our own, {OURS}, {said}; {better}")
 
 
 def mended_law(rig: Rig, law: Law) -> OtherLaw | None:
@@ -99,10 +90,15 @@ def mended_law(rig: Rig, law: Law) -> OtherLaw | None:
         return None
     verdict, gains = found.verdict, {}
     if verdict != "holds":
-        gain = mending_gain(ranges.judged(rig), law, found, bends=ranges.bends(rig), stroke=ranges.stroke(rig))
+        gain = _mending(rig, law, found)
         if gain is not None:
             verdict, gains = "holds", dict([gain])
     return None if verdict == "does_not_hold" else _with_error(rig, law.with_gains(**gains), verdict, gains)
+
+
+def _mending(rig: Rig, law: Law, found: "Check") -> tuple[str, float] | None:
+    """The gain that the check of a rig advises, and its value; None where no single one mends it."""
+    return mending_gain(ranges.judged(rig), law, found, bends=ranges.bends(rig), stroke=ranges.stroke(rig))
 
 
 def _with_error(rig: Rig, law: Law, verdict: "VerdictName", gains: Mapping[str, float]) -> OtherLaw | None:

@@ -133,6 +133,7 @@ def around(cable: IdentifiedCable, path: Path, place: str, parts: dict[str, Any]
     name = path.name if path.suffix else "rig.toml"
     first = model_text(name, place, cable, Chosen(OURS, ""))
     rig = Rig.of_tree(tomllib.loads(first), path, keep=Rig(cable=counted)).replace(**(parts or {}))
-    law, why, gains = chosen_law(rig)
-    text = model_text(name, place, cable, Chosen(law, why, gains))
-    return NewRig(rig.with_law(law).replace(gains=gains), why, cable.covered is not None, text)
+    chosen = chosen_law(rig)
+    text = model_text(name, place, cable, chosen)
+    rig = rig.with_law(chosen.law).replace(gains=chosen.gains)
+    return NewRig(rig, chosen.why, cable.covered is not None, text)
