@@ -191,7 +191,6 @@ def test_default_limits_agree() -> None:
         {"release_time": -1.0},
         {"sensor_span": 2.0},
         {"joint_high": 4.0},
-        {"pay_out": 14.0},
         {"tracking": 1.0},
         {"target_speed": 1e4},
         {"reading_age": 50.0},
@@ -245,7 +244,7 @@ def test_gains_that_do_not_hold_are_refused(verdict: str) -> None:
             "jump_deg",
             "play_deg",
         ),
-        *("tracking_deg", "target_reach_deg", "frozen_travel_deg", "acceleration_deg_per_s2", "pay_out_deg_per_s"),
+        *("tracking_deg", "target_reach_deg", "frozen_travel_deg", "acceleration_deg_per_s2", "lowering_deg_per_s"),
         *("target_speed_deg_per_s", "reading_age", "joint_still_deg", "slope_high"),
     ],
 )

@@ -49,7 +49,7 @@ LIMITS = Limits(
         "bridge_time": 5 * DT,
         "bridge_leak": 1 / 64,
     },
-    **{"release_time": 256 * DT, "pay_out": 8.0, "released_current": 0.25, "released_time": 16 * DT},
+    **{"release_time": 256 * DT, "lowering": 2.5, "force_release": 5.0, "released_current": 0.25},
     **{"operator_age": 1.25, "uses_emg": 1.0, "emg_age": 0.25},
 )
 THERMAL = LIMITS.thermal
@@ -128,7 +128,6 @@ ARMED: Changes = {
     "observed.preflight": 0.0,
 }
 RELEASING: Changes = {"state.decided.mode": Mode.RELEASING}
-LOADED: Changes = {"limits.loaded": 1.0, "limits.lowering": 2.0}
 LATCHED: Changes = {"state.decided.mode": Mode.LATCHED, "state.decided.latched": 2.0**Fault.EMERGENCY}
 
 
@@ -564,7 +563,7 @@ R3: Changes = {"reading.emergency": 1.0}
 THRICE: Changes = {"observed.elapsed": 3 * DT}
 HALF = 0.5 * DEAD_SHARE * LIMITS.frozen_travel
 BACKWARDS: Changes = {"state.servo.speed": -8.0}
-LEFT_BEHIND: Changes = {**motor_at(0.5, 0.8), **RELEASING, **LOADED, "state.decided.ahead": 2 * DT}
+LEFT_BEHIND: Changes = {**motor_at(0.5, 0.8), **RELEASING, "state.decided.ahead": 2 * DT}
 """A cable that its joint has left behind in a release, as soon as that was elsewhere when it began."""
 ESTIMATES: list[tuple[str, float, Changes]] = [
     ("sums.armed", 1 + DT, {**ARMED, "state.sums.armed": 1.0}),
@@ -675,19 +674,6 @@ ESTIMATES: list[tuple[str, float, Changes]] = [
     ("decided.released", DT, {**R2, "state.sample_age": 2 * DT}),
     ("decided.released", 4 * DT, {**RELEASING, "state.decided.released": DT, "observed.elapsed": 3 * DT}),
     ("decided.released", 0.0, {"state.decided.released": DT}),
-    ("decided.eased", 3 * DT, {**RELEASING, "state.decided.eased": 2 * DT, "reading.current": 0.25}),
-    ("decided.eased", 3 * DT, {**RELEASING, "state.decided.eased": 2 * DT, "reading.current": -0.25}),
-    ("decided.eased", 3 * DT, {**RELEASING, "reading.current": 0.0, **THRICE}),
-    ("decided.eased", 0.0, {**RELEASING, "state.decided.eased": 2 * DT, "reading.current": 0.25 + TINY}),
-    ("decided.eased", 0.0, {**RELEASING, "state.decided.eased": 2 * DT, "reading.current": -0.25 - TINY}),
-    (
-        "decided.eased",
-        0.0,
-        {**RELEASING, "state.decided.eased": 2 * DT, "reading.current": 0.0, "limits.measures_current": 0.0},
-    ),
-    ("decided.eased", 0.0, {"state.decided.eased": 2 * DT, "reading.current": 0.0}),
-    ("decided.eased", 0.0, {**RELEASING, **LOADED, "state.decided.eased": 2 * DT, "reading.current": 0.0}),
-    ("decided.eased", DT, {**RELEASING, "limits.lowering": 2.0, "reading.current": 0.0}),
     ("decided.joint_then", 0.375, {"state.decided.joint_then": 0.1}),
     ("decided.joint_then", 0.1, {**RELEASING, "state.decided.joint_then": 0.1}),
     ("decided.motor_then", 0.5, {"state.decided.motor_then": 0.1}),
@@ -695,9 +681,9 @@ ESTIMATES: list[tuple[str, float, Changes]] = [
     ("decided.ahead", 3 * DT, {**LEFT_BEHIND, "state.decided.motor_then": 1.5, "state.decided.joint_then": 0.9}),
     ("decided.ahead", 3 * DT, {**LEFT_BEHIND, "state.decided.motor_then": 0.5, "state.decided.joint_then": 0.65}),
     ("decided.ahead", 0.0, {**LEFT_BEHIND, "state.decided.motor_then": 1.5, "state.decided.joint_then": 0.8}),
-    ("decided.met", 1.0, {**RELEASING, **LOADED}),
-    ("decided.met", 0.0, {**motor_at(0.3), **RELEASING, **LOADED, "state.target": 0.5}),
-    ("decided.met", 1.0, {**motor_at(0.3), **RELEASING, **LOADED, "state.target": 0.5, "state.decided.met": 1.0}),
+    ("decided.met", 1.0, {**RELEASING}),
+    ("decided.met", 0.0, {**motor_at(0.3), **RELEASING, "state.target": 0.5}),
+    ("decided.met", 1.0, {**motor_at(0.3), **RELEASING, "state.target": 0.5, "state.decided.met": 1.0}),
     ("decided.met", 0.0, {"state.decided.met": 1.0}),
 ]
 """A field of the state, its value after the cycle, what is so."""
@@ -763,25 +749,24 @@ def test_every_change_of_mode(mode: Mode) -> None:
         assert state.decided.passed == float(ran and mode not in (Mode.STOPPED, Mode.LATCHED)), told
 
 
+TAUT_NOW: Changes = {**motor_at(0.05), **RELEASING}
 LAST: list[tuple[str, float, Mode, Mode, Changes]] = [
     ("state.decided.bridged", 4.5 * DT, Mode.BRIDGING, Mode.RELEASING, R1),
     ("state.decided.bridged", 4.5 * DT, Mode.BRIDGING, Mode.LATCHED, {"reading.motor": NAN}),
     ("state.decided.bridged", 2.5 * DT, Mode.BRIDGING, Mode.RELEASING, {**R1, "observed.elapsed": 3 * DT}),
-    ("state.decided.released", 254.5 * DT, Mode.RELEASING, Mode.STOPPED, RELEASING),
-    ("state.decided.released", 252.5 * DT, Mode.RELEASING, Mode.STOPPED, {**RELEASING, "observed.elapsed": 3 * DT}),
-    ("state.decided.released", 254.5 * DT, Mode.RELEASING, Mode.LATCHED, {**RELEASING, "state.decided.latched": 1.0}),
-    ("state.decided.released", 254.5 * DT, Mode.RELEASING, Mode.LATCHED, {**RELEASING, **R2}),
-    ("state.decided.released", 1278.5 * DT, Mode.RELEASING, Mode.STOPPED, {**RELEASING, **LOADED}),
+    ("state.decided.released", 1278.5 * DT, Mode.RELEASING, Mode.STOPPED, RELEASING),
+    ("state.decided.released", 1276.5 * DT, Mode.RELEASING, Mode.STOPPED, {**RELEASING, "observed.elapsed": 3 * DT}),
+    ("state.decided.released", 254.5 * DT, Mode.RELEASING, Mode.LATCHED, {**TAUT_NOW, "state.decided.latched": 1.0}),
+    ("state.decided.released", 254.5 * DT, Mode.RELEASING, Mode.LATCHED, {**TAUT_NOW, **R2}),
     (
         *("state.decided.released", 510.5 * DT, Mode.RELEASING, Mode.STOPPED),
-        {**motor_at(-0.25), **RELEASING, **LOADED, "limits.slack_sign": 1.0},
+        {**motor_at(-0.25), **RELEASING, "limits.slack_sign": 1.0},
     ),
+    ("state.decided.released", 254.5 * DT, Mode.RELEASING, Mode.STOPPED, TAUT_NOW),
     (
         *("state.decided.released", 254.5 * DT, Mode.RELEASING, Mode.STOPPED),
-        {**motor_at(0.05), **RELEASING, **LOADED},
+        {**motor_at(0.3), **RELEASING, "limits.taut": 0.25},
     ),
-    ("state.decided.eased", 15 * DT, Mode.RELEASING, Mode.STOPPED, {**RELEASING, "reading.current": 0.0}),
-    ("state.decided.eased", 15 * DT, Mode.RELEASING, Mode.LATCHED, {**RELEASING, **R1, "reading.current": 0.0}),
 ]
 """A time that runs out, its last value, the mode up to it and the mode beyond it, what else is so."""
 
@@ -797,26 +782,29 @@ def test_times_run_out_in_their_cycle(last: tuple[str, float, Mode, Mode, Change
 
 
 def test_a_release_that_begins_is_not_over_whatever_was_counted_before() -> None:
-    stale = {"state.decided.released": 9.0, "state.decided.eased": 9.0, "reading.current": 0.0}
+    stale = {"state.decided.released": 9.0, "reading.current": 0.0}
     assert cycle(stale, {"observed.request": Request.STOP})[1].mode == Mode.RELEASING
     assert cycle(stale, R2)[1].mode == Mode.RELEASING
 
 
 def test_the_longest_release_is_from_the_end_at_which_the_cable_pulls() -> None:
-    loaded = LIMITS._replace(loaded=1.0, lowering=2.0)
-    assert longest_release(LIMITS) == LIMITS.release_time
-    assert longest_release(loaded) == LIMITS.release_time + 1.0
-    assert longest_release(loaded._replace(motor_low=-3.0)) == LIMITS.release_time + 1.0
-    assert longest_release(loaded._replace(slack_sign=1.0)) == LIMITS.release_time + 0.25
+    assert longest_release(LIMITS) == LIMITS.release_time + 1.0
+    assert longest_release(LIMITS._replace(motor_low=-3.0)) == LIMITS.release_time + 1.0
+    assert longest_release(LIMITS._replace(slack_sign=1.0)) == LIMITS.release_time + 0.25
+    assert longest_release(LIMITS._replace(taut=-0.5)) == LIMITS.release_time + 1.25
+    assert longest_release(LIMITS._replace(slope_low=-2.5)) == LIMITS.release_time + 2.0
 
 
 def test_a_load_is_let_down_until_the_servo_is_where_the_cable_is_taut_or_the_cable_is_slack() -> None:
-    lowering: Changes = {**RELEASING, **LOADED, "state.decided.released": 0.5}
+    lowering: Changes = {**RELEASING, "state.decided.released": 0.5}
     assert cycle(lowering, motor_at(0.05 + TINY))[1].mode == Mode.RELEASING
     assert cycle(lowering, motor_at(0.05))[1].mode == Mode.STOPPED
-    upwards = {**lowering, "limits.slack_sign": 1.0, "limits.lowering": 0.5}
+    upwards = {**lowering, "limits.slack_sign": 1.0, "limits.lowering": 0.625}
     assert cycle(upwards, motor_at(-0.05 - TINY))[1].mode == Mode.RELEASING
     assert cycle(upwards, motor_at(-0.05))[1].mode == Mode.STOPPED
+    elsewhere = {**lowering, "limits.taut": -0.25}
+    assert cycle(elsewhere, motor_at(-0.2 + TINY))[1].mode == Mode.RELEASING
+    assert cycle(elsewhere, motor_at(-0.2 - TINY))[1].mode == Mode.STOPPED
     then: Changes = {
         "state.decided.motor_then": 1.0,
         "state.decided.joint_then": 0.74,
@@ -890,6 +878,8 @@ def test_what_leads_to_a_stop_is_latched_and_nothing_else() -> None:
 
 
 SLACKER_UP: Changes = {**RELEASING, "limits.slack_sign": 1.0}
+DRAGGED: Changes = {"state.decided.met": 1.0, "reading.motor": 0.49}
+STRAINING: Changes = {"reading.current": 16.0, "state.sums.saturated": 1.0}
 TARGETS: list[tuple[str, float, Changes]] = [
     ("the wish", 0.51, {"law.wish": 0.51}),
     (
@@ -901,37 +891,29 @@ TARGETS: list[tuple[str, float, Changes]] = [
     ("the last, while bridging", 0.5, {**R1, "law.wish": 0.51, "reading.motor": 0.49}),
     ("the last, not the one before", 0.5, {**R1, "state.decided.target_before": 0.51}),
     ("the last, also when the wish is wrong", 0.5, {"law.wish": NAN, "reading.motor": 0.49}),
-    ("slacker than the target", 0.5 - 8 * DT, {**RELEASING, "law.wish": 0.6}),
-    ("slacker than the last, not the one before", 0.5 - 8 * DT, {**RELEASING, "state.decided.target_before": 0.4}),
-    ("slacker than the motor", 0.49 - 8 * DT, {**RELEASING, "reading.motor": 0.49}),
-    ("not towards a tighter motor", 0.5 - 8 * DT, {**RELEASING, "reading.motor": 0.51}),
-    ("slacker upwards", 0.5 + 8 * DT, {**SLACKER_UP, "reading.motor": 0.49}),
-    ("slacker upwards than the motor", 0.51 + 8 * DT, {**SLACKER_UP, "reading.motor": 0.51}),
-    ("from the first cycle on", 0.5 - 8 * DT, {**R2, "law.wish": 0.51}),
-    ("a load down at its own speed", 0.5 - 2 * DT, {**RELEASING, **LOADED}),
-    ("a load from where the motor is", 0.49 - 2 * DT, {**R2, **LOADED, "reading.motor": 0.49}),
-    (
-        "a load that drags the motor on is braked",
-        0.5 - 2 * DT,
-        {**RELEASING, **LOADED, "state.decided.met": 1.0, "reading.motor": 0.49},
-    ),
-    (
-        "a load from where the motor is, until it has been there",
-        0.49 - 2 * DT,
-        {**RELEASING, **LOADED, "reading.motor": 0.49},
-    ),
-    ("a load in a late cycle", 0.5 - 6 * DT, {**RELEASING, **LOADED, "observed.elapsed": 3 * DT}),
-    ("a load in a very late cycle", 0.5 - 18 * DT, {**RELEASING, **LOADED, "observed.elapsed": 9 * DT}),
-    ("a load in a stall, for a tenth of a second", 0.3, {**RELEASING, **LOADED, "observed.elapsed": 0.2}),
-    ("a load to where the cable is taut", 0.0, {**motor_at(DT), **RELEASING, **LOADED}),
-    ("a load no further", -0.25, {**motor_at(-0.25), **RELEASING, **LOADED}),
-    ("a load upwards", 2 * DT - 0.25, {**motor_at(-0.25), **SLACKER_UP, **LOADED}),
-    ("a load upwards to where the cable is taut", 0.0, {**motor_at(-DT), **SLACKER_UP, **LOADED}),
-    ("a load upwards no further", 0.25, {**motor_at(0.25), **SLACKER_UP, **LOADED}),
-    ("in a late cycle", 0.5 - 24 * DT, {**RELEASING, "observed.elapsed": 3 * DT}),
-    ("in a very late cycle", 0.5 - 40 * DT, {**RELEASING, "observed.elapsed": 9 * DT}),
-    ("to the lowest", -0.5, {**motor_at(-0.499), **RELEASING}),
-    ("to the highest", 2.0, {**motor_at(1.999), **SLACKER_UP}),
+    ("down from the target", 0.5 - 2 * DT, {**RELEASING, "law.wish": 0.6}),
+    ("down from the last, not the one before", 0.5 - 2 * DT, {**RELEASING, "state.decided.target_before": 0.4}),
+    ("not towards a tighter motor", 0.5 - 2 * DT, {**RELEASING, "reading.motor": 0.51}),
+    ("up from the target", 0.5 + 2 * DT, {**SLACKER_UP, "reading.motor": 0.49, "limits.taut": 1.0}),
+    ("up from the motor", 0.51 + 2 * DT, {**SLACKER_UP, "reading.motor": 0.51, "limits.taut": 1.0}),
+    ("from the first cycle on", 0.5 - 2 * DT, {**R2, "law.wish": 0.51}),
+    ("from where the motor is", 0.49 - 2 * DT, {**R2, "reading.motor": 0.49}),
+    ("a load that drags the motor on is braked", 0.5 - 2 * DT, {**RELEASING, **DRAGGED}),
+    ("from where the motor is, until the target has been there", 0.49 - 2 * DT, {**RELEASING, "reading.motor": 0.49}),
+    ("quicker out of a force", 0.5 - 4 * DT, {**RELEASING, "state.decided.latched": 2.0**Fault.SATURATED}),
+    ("quicker out of a force from the first cycle on", 0.5 - 4 * DT, STRAINING),
+    ("no quicker for another cause", 0.5 - 2 * DT, {**RELEASING, "state.decided.latched": 2.0**Fault.OVER_TENSION}),
+    ("to where the cable is taut elsewhere", 0.25, {**motor_at(0.25 + DT), **RELEASING, "limits.taut": 0.25}),
+    ("a load in a late cycle", 0.5 - 6 * DT, {**RELEASING, "observed.elapsed": 3 * DT}),
+    ("a load in a very late cycle", 0.5 - 18 * DT, {**RELEASING, "observed.elapsed": 9 * DT}),
+    ("a load in a stall, for a tenth of a second", 0.3, {**RELEASING, "observed.elapsed": 0.2}),
+    ("a load to where the cable is taut", 0.0, {**motor_at(DT), **RELEASING}),
+    ("a load no further", -0.25, {**motor_at(-0.25), **RELEASING}),
+    ("a load upwards", 2 * DT - 0.25, {**motor_at(-0.25), **SLACKER_UP}),
+    ("a load upwards to where the cable is taut", 0.0, {**motor_at(-DT), **SLACKER_UP}),
+    ("a load upwards no further", 0.25, {**motor_at(0.25), **SLACKER_UP}),
+    ("to the lowest", -0.5, {**motor_at(-0.499), **RELEASING, "limits.taut": -1.0}),
+    ("to the highest", 2.0, {**motor_at(1.999), **SLACKER_UP, "limits.taut": 3.0}),
     ("the motor, when stopped", 0.51, {**STOPPED, "reading.motor": 0.51, "law.wish": 0.6}),
     ("the motor, when a release is over", 0.49, {**RELEASING, "state.decided.released": 9.0, "reading.motor": 0.49}),
     ("the motor, when latched", 0.51, {**LATCHED, "reading.motor": 0.51, "law.wish": 0.6}),

@@ -23,7 +23,7 @@ from bowden.live import axis_columns, excitation, row
 from bowden.live.admittance_live import live_pushing
 from bowden.live.preflight import Preflight
 from bowden.live.run_settings import plain, run_settings
-from bowden.live.script import Script
+from bowden.live.script import Home, Script
 from bowden.live.suit_preflight import on_suit
 from bowden.rig.axes import refuse_sources
 from bowden.rig.compose_admittance import Pushing
@@ -35,7 +35,7 @@ from bowden.rig.pair import said as said_of_pair
 from bowden.rig.pair_plant import parting_in_run
 from bowden.rig.rig import Rig
 from bowden.safety.limits import Limits
-from bowden.safety.supervisor import longest_release
+from bowden.safety.supervisor import longest_release, release_speed
 from bowden.sensing.intent import FOLLOWED_ACCELERATION, FOLLOWED_SPEED, TURNED_ACCELERATION, TURNED_SPEED
 
 WRONG_WAY = 1.5 * RADIANS
@@ -169,8 +169,7 @@ class Live:
         """How soon the power is off when somebody of the run is gone, for whoever starts it."""
         limits = max((axis.limits for axis in self.axes), key=longest_release)
         late = longest_release(limits) + self.rig.sample_time
-        how = f"let down at {limits.lowering / RADIANS:.0f}°/s" if limits.loaded else "let out"
-        what = f"the {'arm' if limits.loaded else 'cable'} is {how}"
+        what = f"the {'joint' if self.rig.worn is None else 'arm'} is let down at {limits.lowering / RADIANS:.0f}°/s"
         off = f"{self.patience + late:.2f} s (operator_age_s of [limits])"
         said = f"if this terminal closes, or this command is killed, {what}; the power is off within {off}"
         if self.emg is None:
@@ -199,7 +198,17 @@ class Live:
         suit = self.rig.worn
         checks = checks if suit is None else on_suit(checks, suit)
         slope = 1.0 if suit is not None else self.rig.slope
-        return Script(self.table, self.start, speed, checks, self.rig.sample_time, course, slope)
+        return Script(self.table, self.start, speed, checks, self.rig.sample_time, course, slope, self.home)
+
+    @property
+    def home(self) -> Home | None:
+        """Where the reference leads at the end; None where the wearer's push makes it."""
+        limits = self.limits
+        if self.pushing is not None:
+            return None
+        if self.measure:
+            return Home(limits.taut, float(release_speed(limits, 0.0)))
+        return Home(0.0 if limits.paired else self.rig.home, limits.lowering)
 
     def log_settings(self) -> dict[str, Any]:
         """What the log keeps of the run: law, limits, and all of the rig, so that a log is enough.
@@ -309,6 +318,7 @@ def _one_of(rig: Rig, name: str, own: Rig, kept: Rig) -> Live:
         parting_offset=-parting.offset if opposed else parting.offset,
         parting_slope=-parting.slope if opposed else parting.slope,
         parting_lag=parting.lag,
+        taut=own.limits.slack_sign * pair.co_contraction,
     )
     if opposed:
         # where its cable is taut is where the joint is: nothing can be said of zero; and after a release it hangs, with

@@ -301,17 +301,7 @@ def contradictions(limits: Limits, dt: float, *, opposed: bool = False) -> list[
             f"({written('slope_low', 'slope_high', 'play')}) the motor ({written('motor_low', 'motor_high')}) brings "
             f"the joint no further than {low:.4g}° to {high:.4g}°"
         )
-    pay_out = limits.lowering if limits.loaded == 1.0 else limits.pay_out
-    if (
-        pay_out >= limits.motor_speed
-        or pay_out * max(abs(limits.slope_low), abs(limits.slope_high)) >= limits.joint_speed
-    ):
-        speed = written("lowering" if limits.loaded == 1.0 else "pay_out")
-        found.append(
-            f"{speed} is faster than {written('motor_speed')} or, by {written('slope_high')}, {written('joint_speed')} "
-            "allow: a release would end in R3"
-        )
-    if limits.loaded == 1.0 and longest_release(limits) > _LONGEST:
+    if longest_release(limits) > _LONGEST:
         found.append(
             f"{written('lowering')} takes a release {longest_release(limits):.1f} s from the end of the motor's range, "
             f"and must not take more than {_LONGEST:g} s"
@@ -352,10 +342,11 @@ def contradictions(limits: Limits, dt: float, *, opposed: bool = False) -> list[
     if limits.slack_sign not in (-1.0, 1.0):
         found.append(f"{written('slack_sign')} is neither −1 nor 1")
     out, back = (limits.motor_low, limits.motor_high)[:: 1 if limits.slack_sign < 0.0 else -1]
-    if abs(out) > abs(back) and not opposed:
+    if abs(out - limits.taut) > abs(back - limits.taut) and not opposed:
         found.append(
             f"{written('slack_sign')} lets the cable out towards the far end of the motor's range "
-            f"({written('motor_low', 'motor_high')}), but there it pulls, since it is just taut at zero"
+            f"({written('motor_low', 'motor_high')}), but there it pulls, since it is just taut at "
+            f"{limits.taut * DEGREES:.4g}°"
         )
     measured = {name: value for name, value in limits._asdict().items() if name.startswith(("measures_", "uses_"))}
     found += [f"{written(name)} is neither 0 nor 1" for name, value in measured.items() if value not in (0.0, 1.0)]
@@ -410,17 +401,8 @@ _POSITIVE = (
     *("sensor_span", "jump", "motor_speed", "joint_speed", "speed_filter", "target_speed", "target_reach"),
     *("acceleration", "servo_frequency", "servo_damping", "tracking", "play", "frozen_travel", "current_peak"),
     *("saturation", "i2t_time", "heartbeat_age", "enable_time", "lateness", "clock_gap", "operator_age"),
-    *(
-        "console_lease",
-        "emg_age",
-        "preflight_time",
-        "bridge_time",
-        "release_time",
-        "pay_out",
-        "lowering",
-        "released_current",
-    ),
-    *("released_time", "torque_high"),
+    *("console_lease", "emg_age", "preflight_time", "bridge_time", "release_time", "lowering", "released_current"),
+    "torque_high",
 )
 
 

@@ -1,6 +1,5 @@
 """What a log must know of its run so that it can be read and replayed years later, as JSON values."""
 
-import math
 from collections.abc import Mapping
 from typing import Any, get_type_hints
 
@@ -85,45 +84,15 @@ def source_of(settings: Mapping[str, Any]) -> references.Source:
     """
     if "admittance" not in settings:
         return references.TABLE
-    given = settings["admittance"]
-    if isinstance(given, Mapping) and isinstance(given.get("under"), Mapping):
-        given = {**given, "under": {**_LED_SINCE, **given["under"]}}
-    return push_source(_again(Push, {"admittance": given}, "admittance"))
+    return push_source(_again(Push, settings, "admittance"))
 
 
 def _again(kind: Any, settings: Mapping[str, Any], name: str) -> Any:
     try:
-        return _made(kind, {**(_SINCE if kind is Limits else {}), **settings[name]})
+        return _made(kind, settings[name])
     except (KeyError, TypeError, ValueError) as error:
         do = "replay it with the version of bowden that wrote it (bowden log info says which)"
         raise LogError(f"the log's settings have no {name} that this version knows: {error}", do=do) from error
-
-
-_SINCE = {
-    **{
-        name: Limits._field_defaults[name]
-        for name in (
-            "uses_emg",
-            "emg_age",
-            "loaded",
-            "lowering",
-            "homed",
-            "console_lease",
-            "measures_torque",
-            "torque_high",
-            "paired",
-            "parting",
-            "parting_offset",
-            "parting_slope",
-            "parting_lag",
-        )
-    },
-    **{"pull_gain": 0.0, "pull_doubt": 0.0, "disable_time": math.inf},
-}
-"""Limits that older logs do not have, as they were in force then: not at all."""
-
-_LED_SINCE = {"room": math.inf}
-"""What older logs do not have of the lead, as it was then: without a bound, of the push neither."""
 
 
 def _made(kind: Any, values: Mapping[str, Any]) -> Any:

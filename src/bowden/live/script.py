@@ -1,4 +1,4 @@
-"""What a run does, cycle by cycle: hold, preflight, approach, and then the law on its reference or a planned motion.
+"""What a run does, cycle by cycle: hold, preflight, approach, then the law on its reference or a planned motion, home.
 
 The reference is a table that was made beforehand, or is made cycle by cycle of what EMG says.
 
@@ -8,6 +8,7 @@ this goes out of the reference by minimum jerk in the run's first second.
 
 import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,10 +19,19 @@ from bowden.hardware.emg.course import EmgCourse
 from bowden.live import preflight
 from bowden.live.dead_zone import dead_zone
 from bowden.live.row import NOTHING_READ
-from bowden.models.minimum_jerk import PEAK_SPEED, minimum_jerk
+from bowden.models.minimum_jerk import PEAK_SPEED, minimum_jerk, minimum_jerk_from
 from bowden.safety.supervisor import Mode
 
 _PREFLIGHT, _RUNNING, _BRIDGING = float(Mode.PREFLIGHT), float(Mode.RUNNING), float(Mode.BRIDGING)
+
+
+class Home(NamedTuple):
+    """Where a run ends."""
+
+    place: float
+    """The joint's rest, or, of a table for the motor, the motor's angle there [rad]."""
+    speed: float
+    """Of the way there, at its quickest [rad/s]."""
 
 
 class Script:
@@ -36,6 +46,7 @@ class Script:
         period: of a cycle [s].
         course: of a run by EMG.
         slope: about what the joint moves by per motor angle [rad/rad].
+        home: where the reference leads once the table, or the run by EMG, has come to its end; None to stay there.
     """
 
     def __init__(
@@ -47,8 +58,11 @@ class Script:
         period: float,
         course: EmgCourse | None = None,
         slope: float = 1.0,
+        home: Home | None = None,
     ) -> None:
-        self._slope = slope
+        self._slope, self._home = slope, home
+        self._homing: tuple[Reference, float, float] | None = None
+        """Where the way home begins, when, and how long it takes [s]."""
         self._table, self._width = np.ascontiguousarray(table, dtype=np.float64).reshape(-1).data, table.shape[1]
         self._course, self._last = course, (len(table) if course is None else course.cycles) - 1
         self._start, self._speed, self._checks, self._period = start, speed, checks, period
@@ -63,7 +77,7 @@ class Script:
         self.least = 0.0
         """The approach takes at least this long: where several axes begin together, as long as the longest [s]."""
         self.done = False
-        """Whether the table has come to its end since the run began."""
+        """Whether the run has come to its end since it began, and the joint home."""
 
     def plan(self, mode: float, target: float, reading: DriveReading, cycles: int) -> Plan:
         """What to do in this cycle.
@@ -94,8 +108,9 @@ class Script:
         if at < self._approach:
             return Plan(MOTION, float(minimum_jerk(self._from, self._start, self._approach, at).position), NOWHERE)
         row = round((at - self._approach) / self._period)
-        self.done = row >= self._last or (self._course is not None and self._course.over)
-        values = self._values(row)
+        over = row >= self._last or (self._course is not None and self._course.over)
+        values = self._to_home(row, at) if over and self._home is not None else self._values(row)
+        self.done = over and (self._homing is None or at >= self._homing[1] + self._homing[2])
         if self._width == 1:
             return Plan(MOTION, values[0], NOWHERE)
         if not self._begun:
@@ -123,12 +138,24 @@ class Script:
         place = self._width * min(row, self._last)
         return self._table[place : place + self._width]  # no array is indexed in the loop
 
+    def _to_home(self, row: int, at: float) -> Sequence[float]:
+        """The way from where the reference has come to, `at` [s] after the run began."""
+        assert self._home is not None
+        if self._homing is None:
+            begin = Reference(*self._values(row), *(0.0,) * (3 - self._width))
+            way = abs(begin.position - self._home.place)
+            moves = way > _THERE or abs(begin.velocity) > _THERE
+            longest = max(_BLEND, PEAK_SPEED * way / self._home.speed) if moves else self._period
+            self._homing = begin, at, longest
+        begin, since, takes = self._homing
+        return minimum_jerk_from(begin, self._home.place, takes, at - since)
+
     def _enter(self, mode: float, target: float, reading: DriveReading, cycles: int) -> None:
         if mode == _PREFLIGHT:
             self.outcome = 0.0
             self._checked = preflight.begin(self._checks, reading)
         if mode == _RUNNING:
-            self._from, self._cycles, self._begun, self.done = target, -cycles, False, False
+            self._from, self._cycles, self._begun, self.done, self._homing = target, -cycles, False, False, None
             self._approach = max(self.least, self.approach(target))
         self._mode = mode
 
@@ -145,5 +172,7 @@ class Script:
 _BLEND = 1.0
 """Time in which the reference goes from where the joint is to its own motion [s]."""
 
+_THERE = 1e-3
+"""A reference so near to its home, and so slow, is there [rad, rad/s]."""
 _FURTHEST = 0.3
 """A joint further from the reference than this is not explained by play: the law is shown it as it is [rad]."""

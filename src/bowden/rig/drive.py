@@ -17,7 +17,7 @@ from bowden.models.suit.suit_angle import spool_map
 from bowden.plants.bench import Bench
 from bowden.plants.suit_parts import Suit
 from bowden.rig.settings import LiveSettings
-from bowden.safety.limits import Limits
+from bowden.safety.limits import ARM_LOWERING, FASTEST_RELEASE, Limits
 from bowden.safety.supervisor import DEAD_SHARE
 
 if TYPE_CHECKING:
@@ -26,6 +26,9 @@ if TYPE_CHECKING:
 _LEAST_TRAVEL = 0.1
 """Travel of the motor that shows a frozen joint where the cable has next to no dead zone: what noise, a joint that
 follows late and a limb that is held do not explain [rad]."""
+_BELOW = 0.5
+"""Speed of a release over those at which joint and motor are too fast. An arm that friction lets go of goes for a
+moment at twice the speed of its motor."""
 
 
 NO_CELL = LoadCellParameters()
@@ -38,6 +41,7 @@ def limits(
     dead_zone: float = math.nan,
     suit: Suit | None = None,
     cell: LoadCellParameters = NO_CELL,
+    taut: float = 0.0,
 ) -> Limits:
     """A rig's limits, with the servo's model, the motor's currents and what is measured from its other parts.
 
@@ -48,8 +52,11 @@ def limits(
         dead_zone: the widest that its identified cable has, NaN where none is identified [rad].
         suit: where one is worn.
         cell: a load cell of its own.
+        taut: motor angle at which the cable is just taut, the joint at its rest [rad].
     """
     family = family_of(drive)
+    steepest = max(abs(given.slope_low), abs(given.slope_high))
+    fastest = _BELOW * min(given.joint_speed, given.motor_speed * steepest)
     travel = max(_LEAST_TRAVEL, dead_zone / DEAD_SHARE)
     return given._replace(
         frozen_travel=given.frozen_travel if math.isnan(dead_zone) else min(given.frozen_travel, travel),
@@ -60,7 +67,9 @@ def limits(
         measures_current=1.0,
         measures_tension=float(family.measures_tension(drive) or (cell.there and cell.measures == "tension")),
         measures_torque=float(family.measures_torque(drive) or (cell.there and cell.measures == "torque")),
-        loaded=float(suit is not None),
+        lowering=min(given.lowering, fastest, math.inf if suit is None else ARM_LOWERING),
+        force_release=min(FASTEST_RELEASE, fastest),
+        taut=min(max(taut, given.motor_low), given.motor_high),
         homed=float(family_of(drive).homed(drive)),
         **({} if suit is None else _pull(suit)),
     )

@@ -797,8 +797,12 @@ class Rig:
         if used < given and abs(given - Limits().frozen_travel) > _WRITTEN:
             known = f"the identified cable explains no more than {used / RADIANS:.3g}, which is used"
             notes.append(f"limits.frozen_travel_deg is {given / RADIANS:.4g}; {known}")
-        if self.suit.worn and abs(self.limits.pay_out - Limits().pay_out) > _WRITTEN:
-            notes.append("limits.pay_out_deg_per_s lets out a cable without a load; an arm is let down at lowering")
+        asked, slower = self.limits.lowering, self.supervisor_limits.lowering
+        if slower < asked and abs(asked - Limits().lowering) > _WRITTEN:
+            why = "an arm is let down no faster" if self.suit.worn else "joint_speed and motor_speed allow no more"
+            notes.append(
+                f"limits.lowering_deg_per_s is {asked / RADIANS:.4g}; {why} than {slower / RADIANS:.3g}, which is used"
+            )
         if self.emg.source is None and self.emg != PARTS["emg"].default:
             notes.append(
                 "[emg] has no source, so the joint follows [reference]; set emg.source, or use bowden run --emg"
@@ -913,8 +917,19 @@ class Rig:
     @cached_property
     def supervisor_limits(self) -> Limits:
         """All limits of the supervisor, those that follow from other parts too."""
-        dead_zone = _WIDER * self.knowledge.width
-        return live_parts.limits(self.limits, self.bench, self.drive, dead_zone, self.worn, self.load_cell)
+        dead_zone, taut = _WIDER * self.knowledge.width, self.home / self.slope if self.worn is None else 0.0
+        return live_parts.limits(self.limits, self.bench, self.drive, dead_zone, self.worn, self.load_cell, taut)
+
+    @cached_property
+    def home(self) -> float:
+        """The joint's rest, where the cable is just taut: zero, or the end of the reference where the cable is longer
+        [rad].
+        """
+        if self.worn is not None:
+            return 0.0
+        path = self.trajectory.sample(np.linspace(0.0, min(self.duration, _LOOKED_AT), _INSTANTS))[:, 0]
+        end = float(min(0.0, path.min()) if self.limits.slack_sign < 0.0 else max(0.0, path.max()))
+        return min(max(end, self.limits.joint_low), self.limits.joint_high)
 
     @cached_property
     def drive_needs(self) -> DriveNeeds:

@@ -3,7 +3,13 @@
 from typing import Annotated, NamedTuple
 
 from bowden.core.quantity import Quantity
+from bowden.core.units import RADIANS
 from bowden.models.drive.thermal import Thermal
+
+FASTEST_RELEASE = 90.0 * RADIANS
+"""Speed of a joint in a release, without an arm on the cable or where a force is to end [rad/s]."""
+ARM_LOWERING = 40.0 * RADIANS
+"""Speed at which an arm is let down [rad/s]."""
 
 
 class Limits(NamedTuple):
@@ -56,7 +62,7 @@ class Limits(NamedTuple):
     tracking_lag: Annotated[float, Quantity("growth of that distance with speed", "s", ge=0.0, le=0.1)] = 0.01
     tracking_time: Annotated[float, Quantity("how long it may be exceeded", "s", ge=0.0, le=0.1)] = 0.005
     slope_low: Annotated[float, Quantity("smallest slope of the cable, joint over motor", "rad/rad")] = 0.7
-    slope_high: Annotated[float, Quantity("largest slope of the cable", "rad/rad", ge=0.0, le=10.0)] = 1.05
+    slope_high: Annotated[float, Quantity("largest slope of the cable", "rad/rad", gt=0.0, le=10.0)] = 1.05
     play: Annotated[
         float, Quantity("largest distance of the joint from what these slopes allow", "rad", ge=0.0, le=57.0)
     ] = 0.3
@@ -133,8 +139,8 @@ class Limits(NamedTuple):
     operator_age: Annotated[
         float,
         Quantity(
-            "age of the operator's last sign of life; the power is off at most `release_time` later, on a suit "
-            "at most 3.1 s later",
+            "age of the operator's last sign of life; then the cable is let out, and the power is off within the time "
+            "that `bowden run` prints",
             "s",
             ge=0.0,
             le=5.0,
@@ -168,37 +174,35 @@ class Limits(NamedTuple):
     release_time: Annotated[
         float,
         Quantity(
-            "R2 at most, power off afterwards; with a worn suit longer by what its arm needs at `lowering`, "
-            "up to 3.1 s in all",
+            "R2 at most where the cable carries nothing, power off afterwards; longer by what it takes at `lowering` "
+            "to where the cable is just taut",
             "s",
             ge=0.0,
         ),
     ] = 0.2
-    pay_out: Annotated[
-        float, Quantity("speed at which R2 lets out a cable that no load hangs on", "rad/s", ge=0.0, le=2900.0)
-    ] = 7.0
-    loaded: Annotated[float, Quantity("1 where a load hangs on the cable: a suit that is worn, else 0", key=None)] = 0.0
     lowering: Annotated[
         float,
         Quantity(
-            "speed at which R2 lets a worn suit's arm down, to where the cable is just taut: 250 mm/s of the hand, "
-            "0.35 m from the elbow, is what ISO 10218-1 allows where people are within reach",
+            "largest speed of the joint in R2, by the cable's steepest slope; on a worn suit 40°/s at most: 250 mm/s "
+            "of the hand, 0.35 m from the elbow, is what ISO 10218-1 allows where people are within reach",
             "rad/s",
             ge=15.0,
-            le=120.0,
+            le=90.0,
         ),
-    ] = 0.7
+    ] = FASTEST_RELEASE
+    force_release: Annotated[
+        float, Quantity("the same where the cause of R2 is a force: a saturated drive", "rad/s", key=None)
+    ] = FASTEST_RELEASE
+    taut: Annotated[
+        float, Quantity("motor angle at which the cable is just taut, the joint at its rest", "rad", key=None)
+    ] = 0.0
     slack_sign: Annotated[float, Quantity("direction of the motor that lets the cable out: −1 or 1")] = -1.0
     homed: Annotated[
         float, Quantity("1 where the cable is just taut at zero, 0 where zero is where the limb was found", key=None)
     ] = 1.0
     released_current: Annotated[
-        float,
-        Quantity(
-            "current below which the cable carries nothing, if it lasts for `released_time`", "A", ge=0.0, le=10.0
-        ),
+        float, Quantity("current below which the motor of an untensioned cable is at rest", "A", ge=0.0, le=10.0)
     ] = 0.3
-    released_time: Annotated[float, Quantity("how long the current must be that small", "s", ge=0.0, le=0.2)] = 0.02
     paired: Annotated[float, Quantity("1 where another motor pulls at the same joint, else 0", key=None)] = 0.0
     parting: Annotated[
         float, Quantity("largest distance of each motor of a pair from where the joint asks it to be", "rad", key=None)

@@ -26,7 +26,7 @@ class Mode(IntEnum):
     PREFLIGHT = 1  # armed: the preflight moves the motor, then it waits there for the request to run
     RUNNING = 2  # the law moves the motor
     BRIDGING = 3  # R1: the last valid target
-    RELEASING = 4  # R2, or an operator's stop: the cable is let out, then power off
+    RELEASING = 4  # R2, or an operator's stop: the cable is let out until it is just taut, then power off
     LATCHED = 5  # power off until an operator acknowledges
 
 
@@ -66,7 +66,6 @@ class Decided(NamedTuple):
     target_before: Annotated[float, Quantity("what the drive was sent a cycle before the last", "rad")]
     bridged: Annotated[float, Quantity("time in R1, of which good time forgets a share", "s")]
     released: Annotated[float, Quantity("time in R2", "s")]
-    eased: Annotated[float, Quantity("time in R2 for which the motor has carried nothing", "s")]
     latched: Annotated[float, Quantity("the faults that have to be acknowledged, a sum of 2**fault")]
     joint_then: Annotated[float, Quantity("joint angle when R2 began, or now where it has not", "rad")]
     motor_then: Annotated[float, Quantity("motor angle when R2 began, or now where it has not", "rad")]
@@ -209,14 +208,15 @@ DEAD_SHARE = (
     0.8  # of `frozen_travel`: the widest dead zone; the rest separates a frozen joint from one that starts late
 )
 SWING = 1.0  # changes of speed that no motor makes at one and the same current [rad/s]
-REST, FURTHER = 0.35, 0.1  # a joint this far to the slack side of zero, where the cable is just taut, is pulled [rad]
+REST, FURTHER = 0.35, 0.1  # a joint this far to the slack side of where the cable is just taut is pulled [rad]
 AHEAD = 0.05  # time for which a joint is ahead of the cable before the cable counts as slack [s]
-TAUT = 0.05  # a servo's model so near to zero, where the cable is just taut, has let the load down [rad]
+TAUT = 0.05  # a servo's model so near to where the cable is just taut has let the load down [rad]
 BIG = 1e6  # what is larger is no number that anything here can mean
 COUNT = len(Fault)
 BIT = Found(**{fault.name: 2.0**fault for fault in Fault})
 AT_ONCE = Found(**{fault.name: float(fault.at_once) for fault in Fault})
 _JOINTS = (Fault.JOINT_LOST, Fault.JOINT_JUMP, Fault.JOINT_STALE, Fault.JOINT_FROZEN, Fault.JOINT_ASTRAY)
+OF_FORCE = Found(**{fault.name: float(fault is Fault.SATURATED) for fault in Fault})  # 1 of a force that R2 ends
 OF_JOINT = Found(**{fault.name: float(fault in _JOINTS) for fault in Fault})  # 1 where its angle is in doubt
 THEN = Found(**{fault.name: float(fault.then) for fault in Fault})
 
@@ -229,7 +229,7 @@ def begin(limits: Limits, reading: DriveReading, thermal: ThermalState) -> Super
     target = np.fmax(limits.motor_low, np.fmin(limits.motor_high, motor))
     return SupervisorState(
         target,
-        Decided(STOPPED, 0.0, target, 0.0, 0.0, 0.0, 0.0, joint, motor, 0.0, 0.0),
+        Decided(STOPPED, 0.0, target, 0.0, 0.0, 0.0, joint, motor, 0.0, 0.0),
         ModelledServo(0.0, motor, 0.0, 0.0),
         Followed(motor, 0.0, 0.0),
         Followed(joint, 0.0, 0.0),
@@ -249,10 +249,22 @@ def most_step(limits: Limits, time: float, dt: float) -> float:
 
 
 @kernel
+def release_speed(limits: Limits, force: float) -> float:
+    """Speed of the target in R2, at which the joint is no faster than it may be on the cable's steepest slope [rad/s].
+
+    Args:
+        limits: of the rig.
+        force: 1 where the cause is a force, else 0.
+    """
+    steepest = np.fmax(np.abs(limits.slope_low), np.abs(limits.slope_high))
+    return sel(force > 0.0, limits.force_release, limits.lowering) / steepest
+
+
+@kernel
 def longest_release(limits: Limits) -> float:
-    """How long R2 may last [s]: with a load, until it would have been let down from the end of the motor's range."""
+    """How long R2 may last [s]: from the end of the motor's range to where the cable is just taut."""
     pulled = np.fmax(-limits.slack_sign * limits.motor_low, -limits.slack_sign * limits.motor_high)
-    return limits.release_time + limits.loaded * pulled / limits.lowering
+    return limits.release_time + (pulled + limits.slack_sign * limits.taut) / release_speed(limits, 0.0)
 
 
 class SensedAngles(NamedTuple):
@@ -334,8 +346,10 @@ def look(
         sel(flows, 0.0, anchor.swung + np.abs(model_speed - servo.speed)),
     )
     stuck = beyond(anchor.travelled, limits.frozen_travel) * beyond(anchor.swung, SWING)
-    way = limits.slack_sign * joint.value
-    pulls = beyond(way, REST) * beyond(way - limits.slack_sign * last.joint_then, FURTHER)
+    rest = limits.slack_sign * limits.taut
+    rest = np.fmax(limits.slope_low * rest, limits.slope_high * rest)
+    way = limits.slack_sign * joint.value - rest
+    pulls = beyond(way, REST) * beyond(limits.slack_sign * (joint.value - last.joint_then), FURTHER)
 
     # current, heat, tension; while the current of a powered motor is unknown, the worst is taken for true, but for a
     # tension, which is none unless there is no doubt of it
@@ -467,7 +481,7 @@ def supervise(
     """One cycle of `dt` [s]: the law's `wish` [rad], if nothing speaks against it, and power, if nothing forbids it."""
     seen, found, time = look(limits, state, observed, wish, dt)
     last, enabled, motor = state.decided, seen.servo.enabled, seen.motor.value
-    once, eventually, latched, active, doubted = 0.0, 0.0, 0.0, 0.0, 0.0
+    once, eventually, latched, active, doubted, force = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for i in range(COUNT):
         once, eventually = np.fmax(once, found[i] * AT_ONCE[i]), np.fmax(eventually, found[i] * THEN[i])
     powered, releasing = 1.0 - outside(last.mode, PREFLIGHT, RELEASING), last.mode == RELEASING
@@ -483,13 +497,11 @@ def supervise(
     going = sel((reaction >= 2.0) + (observed.request == STOP) + releasing > 0.0, RELEASING, going)
     released = lasting(going == RELEASING, last.released, time)
     out = limits.slack_sign
-    light = limits.measures_current * (1.0 - beyond(np.abs(observed.reading.current), limits.released_current))
-    eased = lasting((1.0 - limits.loaded) * light * releasing, last.eased, time)
     for i in range(COUNT):
         kept = np.floor(last.latched / BIT[i]) - 2.0 * np.floor(last.latched / (2.0 * BIT[i]))
         kept = np.fmax(kept, sel((reaction >= 2.0) * (THEN[i] >= 2.0), found[i], 0.0))
         latched, active = latched + kept * BIT[i], active + np.fmax(kept, found[i]) * BIT[i]
-        doubted = np.fmax(doubted, kept * OF_JOINT[i])
+        doubted, force = np.fmax(doubted, kept * OF_JOINT[i]), np.fmax(force, kept * OF_FORCE[i])
     # a cable that the joint has left behind since R2 began carries nothing, if the joint's angle is to be believed:
     # it is not in doubt, it moves, and one that was wrong by as much before says nothing
     joint, late = seen.joint.value, np.fmin(time, 5.0 * dt)
@@ -499,9 +511,9 @@ def supervise(
     behind = beyond(leads, 0.5 * limits.play) * beyond(grown, 0.5 * limits.play)
     moves = beyond(np.abs(joint - joint_then), limits.joint_still)
     ahead = lasting((1.0 - doubted) * behind * moves, last.ahead, late)  # outside a release it is where it was then
-    carries = beyond(-out * seen.servo.position, TAUT) * (1.0 - beyond(ahead, AHEAD))
+    carries = beyond(out * (limits.taut - seen.servo.position), TAUT) * (1.0 - beyond(ahead, AHEAD))
     most = sel(carries > 0.0, longest_release(limits), limits.release_time)
-    empty = (released > most - 0.5 * dt) + (eased > limits.released_time) + (enabled == 0.0) > 0.0
+    empty = (released > most - 0.5 * dt) + (enabled == 0.0) > 0.0
     going = sel(releasing * empty, sel(latched > 0.0, LATCHED, STOPPED), going)
     going = sel(reaction >= 3.0, LATCHED, going)
     arms = (observed.request == ARM) * (last.mode == STOPPED) * (active == 0.0)
@@ -509,13 +521,12 @@ def supervise(
     mode = sel(powered > 0.0, going, sel(found.NOT_DISABLED > 0.0, LATCHED, rests))
 
     # the target: without power it follows the motor, so that nothing moves when power comes
-    slacker = np.fmax(out * state.target, out * motor)
-    # once there, a load that drags the motor on is braked, and not gone after
-    let = sel(last.met > 0.0, out * state.target, slacker)
-    lowered = np.fmax(let, np.fmin(0.0, let + limits.lowering * np.fmin(time, 0.1)))
-    paid = out * sel(limits.loaded > 0.0, lowered, slacker + limits.pay_out * late)
+    # from the target, or from a motor that could not pull as far; once the target has been where the motor is, a load
+    # that drags the motor on is braked, and not gone after
+    let = sel(last.met > 0.0, out * state.target, np.fmax(out * state.target, out * motor))
+    lowered = np.fmax(let, np.fmin(out * limits.taut, let + release_speed(limits, force) * np.fmin(time, 0.1)))
     led = enabled * (1.0 - outside(mode, PREFLIGHT, RUNNING))
-    aim = sel(led > 0.0, wish, sel(mode == RELEASING, paid, sel(mode == BRIDGING, state.target, motor)))
+    aim = sel(led > 0.0, wish, sel(mode == RELEASING, out * lowered, sel(mode == BRIDGING, state.target, motor)))
     step = most_step(limits, time, dt)
     aim = np.fmax(state.target - step, np.fmin(state.target + step, aim))
     target = np.fmax(limits.motor_low, np.fmin(limits.motor_high, aim))
@@ -524,7 +535,7 @@ def supervise(
     held = sel(mode == STOPPED, 0.0, latched)
     met = (mode == RELEASING) * np.fmax(last.met, 1.0 - beyond(out * motor, out * target))
     then = joint_then, motor_then, met, ahead
-    decided = Decided(mode, passed, state.target, bridged, released, eased, held, *then)
+    decided = Decided(mode, passed, state.target, bridged, released, held, *then)
     return (
         SupervisorState(
             target,
