@@ -20,6 +20,8 @@ from bowden.safety.limits import Limits
 from bowden.safety.supervisor import (
     AHEAD,
     DEAD_SHARE,
+    OVERSPEED,
+    WAITS,
     Mode,
     Observed,
     Request,
@@ -27,6 +29,7 @@ from bowden.safety.supervisor import (
     Verdict,
     begin,
     longest_release,
+    release_target,
     supervise,
 )
 
@@ -749,17 +752,24 @@ def test_every_change_of_mode(mode: Mode) -> None:
         assert state.decided.passed == float(ran and mode not in (Mode.STOPPED, Mode.LATCHED)), told
 
 
+LONGEST, UPWARDS = longest_release(LIMITS), longest_release(LIMITS._replace(slack_sign=1.0))
 TAUT_NOW: Changes = {**motor_at(0.05), **RELEASING}
 LAST: list[tuple[str, float, Mode, Mode, Changes]] = [
     ("state.decided.bridged", 4.5 * DT, Mode.BRIDGING, Mode.RELEASING, R1),
     ("state.decided.bridged", 4.5 * DT, Mode.BRIDGING, Mode.LATCHED, {"reading.motor": NAN}),
     ("state.decided.bridged", 2.5 * DT, Mode.BRIDGING, Mode.RELEASING, {**R1, "observed.elapsed": 3 * DT}),
-    ("state.decided.released", 1278.5 * DT, Mode.RELEASING, Mode.STOPPED, RELEASING),
-    ("state.decided.released", 1276.5 * DT, Mode.RELEASING, Mode.STOPPED, {**RELEASING, "observed.elapsed": 3 * DT}),
+    ("state.decided.released", LONGEST - 1.5 * DT, Mode.RELEASING, Mode.STOPPED, RELEASING),
+    (
+        "state.decided.released",
+        LONGEST - 3.5 * DT,
+        Mode.RELEASING,
+        Mode.STOPPED,
+        {**RELEASING, "observed.elapsed": 3 * DT},
+    ),
     ("state.decided.released", 254.5 * DT, Mode.RELEASING, Mode.LATCHED, {**TAUT_NOW, "state.decided.latched": 1.0}),
     ("state.decided.released", 254.5 * DT, Mode.RELEASING, Mode.LATCHED, {**TAUT_NOW, **R2}),
     (
-        *("state.decided.released", 510.5 * DT, Mode.RELEASING, Mode.STOPPED),
+        *("state.decided.released", UPWARDS - 1.5 * DT, Mode.RELEASING, Mode.STOPPED),
         {**motor_at(-0.25), **RELEASING, "limits.slack_sign": 1.0},
     ),
     ("state.decided.released", 254.5 * DT, Mode.RELEASING, Mode.STOPPED, TAUT_NOW),
@@ -788,11 +798,15 @@ def test_a_release_that_begins_is_not_over_whatever_was_counted_before() -> None
 
 
 def test_the_longest_release_is_from_the_end_at_which_the_cable_pulls() -> None:
-    assert longest_release(LIMITS) == LIMITS.release_time + 1.0
-    assert longest_release(LIMITS._replace(motor_low=-3.0)) == LIMITS.release_time + 1.0
-    assert longest_release(LIMITS._replace(slack_sign=1.0)) == LIMITS.release_time + 0.25
-    assert longest_release(LIMITS._replace(taut=-0.5)) == LIMITS.release_time + 1.25
-    assert longest_release(LIMITS._replace(slope_low=-2.5)) == LIMITS.release_time + 2.0
+    for changed, way, steepest in (
+        ({}, 2.0, 1.25),
+        ({"motor_low": -3.0}, 2.0, 1.25),
+        ({"slack_sign": 1.0}, 0.5, 1.25),
+        ({"taut": -0.5}, 2.5, 1.25),
+        ({"slope_low": -2.5}, 2.0, 2.5),
+    ):
+        takes = LIMITS.release_time + WAITS * way * steepest / LIMITS.lowering
+        assert longest_release(LIMITS._replace(**changed)) == pytest.approx(takes, rel=1e-15), changed
 
 
 def test_a_load_is_let_down_until_the_servo_is_where_the_cable_is_taut_or_the_cable_is_slack() -> None:
@@ -878,6 +892,13 @@ def test_what_leads_to_a_stop_is_latched_and_nothing_else() -> None:
 
 
 SLACKER_UP: Changes = {**RELEASING, "limits.slack_sign": 1.0}
+
+
+def still(motor: float) -> Changes:
+    """A motor that stands there, and not at its target."""
+    return {"reading.motor": motor, "state.motor.value": motor}
+
+
 DRAGGED: Changes = {"state.decided.met": 1.0, "reading.motor": 0.49}
 STRAINING: Changes = {"reading.current": 16.0, "state.sums.saturated": 1.0}
 TARGETS: list[tuple[str, float, Changes]] = [
@@ -895,11 +916,11 @@ TARGETS: list[tuple[str, float, Changes]] = [
     ("down from the last, not the one before", 0.5 - 2 * DT, {**RELEASING, "state.decided.target_before": 0.4}),
     ("not towards a tighter motor", 0.5 - 2 * DT, {**RELEASING, "reading.motor": 0.51}),
     ("up from the target", 0.5 + 2 * DT, {**SLACKER_UP, "reading.motor": 0.49, "limits.taut": 1.0}),
-    ("up from the motor", 0.51 + 2 * DT, {**SLACKER_UP, "reading.motor": 0.51, "limits.taut": 1.0}),
+    ("up from the motor", 0.51 + 2 * DT, {**SLACKER_UP, **still(0.51), "limits.taut": 1.0}),
     ("from the first cycle on", 0.5 - 2 * DT, {**R2, "law.wish": 0.51}),
-    ("from where the motor is", 0.49 - 2 * DT, {**R2, "reading.motor": 0.49}),
+    ("from where the motor is", 0.49 - 2 * DT, {**R2, **still(0.49)}),
     ("a load that drags the motor on is braked", 0.5 - 2 * DT, {**RELEASING, **DRAGGED}),
-    ("from where the motor is, until the target has been there", 0.49 - 2 * DT, {**RELEASING, "reading.motor": 0.49}),
+    ("from where the motor is, until the target has been there", 0.49 - 2 * DT, {**RELEASING, **still(0.49)}),
     ("quicker out of a force", 0.5 - 4 * DT, {**RELEASING, "state.decided.latched": 2.0**Fault.SATURATED}),
     ("quicker out of a force from the first cycle on", 0.5 - 4 * DT, STRAINING),
     ("no quicker for another cause", 0.5 - 2 * DT, {**RELEASING, "state.decided.latched": 2.0**Fault.OVER_TENSION}),
@@ -941,6 +962,27 @@ def test_the_target(row: tuple[str, float, Changes]) -> None:
     _, target, changes = row
     state, verdict = cycle(changes)
     assert verdict.target == state.target == pytest.approx(target, abs=1e-12)
+
+
+@pytest.mark.parametrize("out", [-1.0, 1.0])
+@pytest.mark.parametrize(("force", "allowed"), [(0.0, LIMITS.lowering), (1.0, LIMITS.force_release)])
+def test_a_release_waits_at_the_motor_while_motor_or_joint_is_too_quick(
+    out: float, force: float, allowed: float
+) -> None:
+    limits = LIMITS._replace(slack_sign=out, taut=out, slope_low=-1.25, slope_high=1.0)
+    motor, joint = OVERSPEED * allowed / 1.25, OVERSPEED * allowed
+    goes = out * allowed / 1.25 * DT
+    for motor_speed, joint_speed, waits in (
+        (motor - TINY, joint - TINY, False),
+        (motor + TINY, 0.0, True),
+        (0.0, joint + TINY, True),
+        (-2.0 * motor, -2.0 * joint, False),
+    ):
+        seen = Followed(-0.125 * out, out * motor_speed, 0.0), Followed(0.0, out * joint_speed, 0.0)
+        target = release_target(limits, 1.0, 0.0, *seen, force, DT)
+        assert target == pytest.approx(-0.125 * out if waits else goes, abs=1e-12), (motor_speed, joint_speed)
+        ahead = release_target(limits, 1.0, 0.0, seen[0]._replace(value=0.125 * out), seen[1], force, DT)
+        assert ahead == pytest.approx(goes, abs=1e-12), "the target never goes back further than it came"
 
 
 def test_it_begins_within_its_limits_whatever_it_reads() -> None:

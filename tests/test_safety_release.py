@@ -140,8 +140,8 @@ def test_an_arm_is_let_down_and_not_dropped(suit: Suit, lost: bool) -> None:
 
 def test_whoever_starts_a_run_is_told_how_long_it_takes() -> None:
     suit, bench = (live_run(Rig(suit=SuitSettings(worn=worn))).losses() for worn in (True, False))
-    assert "the arm is let down at 40°/s; the power is off within 3.34 s" in suit
-    assert "the cable is let out; the power is off within 0.48 s" in bench
+    assert "the arm is let down at 40°/s; the power is off within 3.49 s" in suit
+    assert "the joint is let down at 90°/s; the power is off within 1.82 s" in bench
 
 
 def test_an_arm_that_hangs_is_let_go_of_at_once() -> None:

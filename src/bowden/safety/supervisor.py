@@ -210,6 +210,8 @@ DEAD_SHARE = (
 SWING = 1.0  # changes of speed that no motor makes at one and the same current [rad/s]
 REST, FURTHER = 0.35, 0.1  # a joint this far to the slack side of where the cable is just taut is pulled [rad]
 AHEAD = 0.05  # time for which a joint is ahead of the cable before the cable counts as slack [s]
+OVERSPEED = 1.1  # speed over that of a release at which its target waits: more than a servo's own ripple
+WAITS = 1.3  # time of a release over that without friction: 1.26 at most of 1000 (benchmarks/releases.py)
 TAUT = 0.05  # a servo's model so near to where the cable is just taut has let the load down [rad]
 BIG = 1e6  # what is larger is no number that anything here can mean
 COUNT = len(Fault)
@@ -249,6 +251,12 @@ def most_step(limits: Limits, time: float, dt: float) -> float:
 
 
 @kernel
+def steepest(limits: Limits) -> float:
+    """The most that the joint moves by per motor angle [rad/rad]."""
+    return np.fmax(np.abs(limits.slope_low), np.abs(limits.slope_high))
+
+
+@kernel
 def release_speed(limits: Limits, force: float) -> float:
     """Speed of the target in R2, at which the joint is no faster than it may be on the cable's steepest slope [rad/s].
 
@@ -256,15 +264,42 @@ def release_speed(limits: Limits, force: float) -> float:
         limits: of the rig.
         force: 1 where the cause is a force, else 0.
     """
-    steepest = np.fmax(np.abs(limits.slope_low), np.abs(limits.slope_high))
-    return sel(force > 0.0, limits.force_release, limits.lowering) / steepest
+    return sel(force > 0.0, limits.force_release, limits.lowering) / steepest(limits)
+
+
+@kernel
+def release_target(
+    limits: Limits, met: float, target: float, motor: Followed, joint: Followed, force: float, time: float
+) -> float:
+    """The motor's next target in R2 [rad]: let down at `release_speed`, to where the cable is just taut.
+
+    It begins at the target, or at a motor that could not pull as far. Once the target has been where the motor is, a
+    load that drags the motor on is braked, and not gone after. Where friction lets go of the motor, or of the joint,
+    both would run after the target: it waits at the motor until they are slow again.
+
+    Args:
+        limits: of the rig.
+        met: 1 once the target of this release has been where the motor is, else 0.
+        target: what the drive was sent last [rad].
+        motor: as it is believed.
+        joint: likewise.
+        force: 1 where the cause is a force, else 0.
+        time: since the cycle before [s].
+    """
+    out, speed = limits.slack_sign, release_speed(limits, force)
+    begin = sel(met > 0.0, out * target, np.fmax(out * target, out * motor.value))
+    lowered = np.fmax(begin, np.fmin(out * limits.taut, begin + speed * np.fmin(time, 0.1)))
+    quick = beyond(out * motor.speed, OVERSPEED * speed) + beyond(
+        out * joint.speed, OVERSPEED * speed * steepest(limits)
+    )
+    return out * sel(quick > 0.0, np.fmin(lowered, out * motor.value), lowered)
 
 
 @kernel
 def longest_release(limits: Limits) -> float:
     """How long R2 may last [s]: from the end of the motor's range to where the cable is just taut."""
     pulled = np.fmax(-limits.slack_sign * limits.motor_low, -limits.slack_sign * limits.motor_high)
-    return limits.release_time + (pulled + limits.slack_sign * limits.taut) / release_speed(limits, 0.0)
+    return limits.release_time + WAITS * (pulled + limits.slack_sign * limits.taut) / release_speed(limits, 0.0)
 
 
 class SensedAngles(NamedTuple):
@@ -521,12 +556,9 @@ def supervise(
     mode = sel(powered > 0.0, going, sel(found.NOT_DISABLED > 0.0, LATCHED, rests))
 
     # the target: without power it follows the motor, so that nothing moves when power comes
-    # from the target, or from a motor that could not pull as far; once the target has been where the motor is, a load
-    # that drags the motor on is braked, and not gone after
-    let = sel(last.met > 0.0, out * state.target, np.fmax(out * state.target, out * motor))
-    lowered = np.fmax(let, np.fmin(out * limits.taut, let + release_speed(limits, force) * np.fmin(time, 0.1)))
+    lowered = release_target(limits, last.met, state.target, seen.motor, seen.joint, force, time)
     led = enabled * (1.0 - outside(mode, PREFLIGHT, RUNNING))
-    aim = sel(led > 0.0, wish, sel(mode == RELEASING, out * lowered, sel(mode == BRIDGING, state.target, motor)))
+    aim = sel(led > 0.0, wish, sel(mode == RELEASING, lowered, sel(mode == BRIDGING, state.target, motor)))
     step = most_step(limits, time, dt)
     aim = np.fmax(state.target - step, np.fmin(state.target + step, aim))
     target = np.fmax(limits.motor_low, np.fmin(limits.motor_high, aim))

@@ -1,0 +1,230 @@
+"""Releases at random places, for random causes, on random rigs: what the joint does until the power is off.
+
+Each is drawn from its number: a bench with a cable of any slope, dead zone and zero, or a suit on an arm; a motion of
+its reference; and the moment in it at which R2, or an operator's stop, begins. The supervisor sees the twin's plant.
+"""
+
+import functools
+import math
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from bowden.control.reference import PeriodicMinimumJerk
+from bowden.core.kernel import compiled
+from bowden.core.signals import DriveReading
+from bowden.core.units import DEGREES, RADIANS
+from bowden.hardware.twin.bench import FOLLOW
+from bowden.hardware.twin.suit import TwinSuit
+from bowden.models.cable.bouc_wen import BoucWen, saturation
+from bowden.models.drive.servo import Servo
+from bowden.models.drive.thermal import cold
+from bowden.rig.rig import Rig
+from bowden.rig.suit_rig import TEXT
+from bowden.rig.twin_plant import twin_plant_of
+from bowden.safety.faults import Fault
+from bowden.safety.limits import Limits
+from bowden.safety.supervisor import Mode, Observed, Request, begin, longest_release, supervise
+from kept import Kept
+from measure import Figure
+from wearers import random_wearer
+
+COUNT = 1000
+STRIDE = 5
+"""Cycles over which a speed is taken: the step of a stiff cable within one is none."""
+BEFORE = 0.3
+"""Time for which the supervisor sees the motion before its release [s]."""
+CAUSES = ("stop", "operator lost", "joint lost", "late", "recorder and law", "saturated")
+
+
+class Release(NamedTuple):
+    """What a release came to, in degrees and seconds."""
+
+    number: int
+    kind: str
+    cause: str
+    start: float
+    """Joint where the release begins, less the joint's rest."""
+    end: float
+    """The same where the power goes off."""
+    lowest: float
+    """The least of it, until half a second after the power is off."""
+    before: float
+    """Largest speed of the joint in the motion that is released."""
+    speed: float
+    """Largest speed of the joint towards its rest in the release."""
+    allowed: float
+    """Largest speed of the joint that the rig allows in this release."""
+    seconds: float
+    """From the cause to the power's being off."""
+    longest: float
+    """The longest that this may take."""
+    mode: int
+    faults: int
+
+
+class Drawn(NamedTuple):
+    """A rig and when it is released."""
+
+    kind: str
+    rig: Rig
+    cause: str
+    moment: float
+    """After the beginning of the motion [s]."""
+
+
+@functools.cache
+def _suit() -> Rig:
+    """What `bowden init --suit` writes."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "suit.toml"
+        path.write_text(TEXT.format(name="suit.toml"), encoding="utf-8")
+        return Rig.read(path)
+
+
+def drawn(number: int) -> Drawn:
+    """The rig of that number."""
+    random = np.random.default_rng(number)
+    cause, moment = CAUSES[int(random.integers(len(CAUSES)))], random.uniform(0.3, 3.0)
+    high, period = random.uniform(30.0, 85.0), random.uniform(3.0, 8.0)
+    if random.random() < 0.3:
+        rig = _suit().replace(reference=PeriodicMinimumJerk(0.0, high * RADIANS, 2.0 * period))
+        return Drawn("suit", rig, cause, moment)
+    slope = math.exp(random.uniform(math.log(0.4), math.log(2.5)))
+    unit = BoucWen()
+    dead_zone = random.uniform(1.0, 12.0) * RADIANS
+    share = random.uniform(0.2, 0.9)  # of a monotone cable's αh·ρ over αφ
+    gain = -0.5 * dead_zone / saturation(unit)
+    cable = BoucWen(slope, gain, share * slope / abs(gain), unit.shape, unit.exponent)
+    low = random.uniform(-40.0, 10.0)
+    reference = PeriodicMinimumJerk(low * RADIANS, (low + high) * RADIANS, period)
+    ends = sorted((0.0, low * RADIANS / slope, (low + high) * RADIANS / slope))
+    room = (dead_zone + 0.25) / slope
+    limits = Limits(
+        motor_low=ends[0] - room,
+        motor_high=ends[2] + room,
+        joint_low=min(0.0, low * RADIANS) - 0.4,
+        joint_high=(low + high) * RADIANS + 0.4,
+        slope_low=0.75 * slope,
+        slope_high=1.12 * slope,
+        play=0.3 + dead_zone,
+        frozen_travel=1.0 + dead_zone / slope,
+        target_reach=3.0,
+        motor_speed=max(15.0, 15.0 / slope),
+    )
+    servo = Servo(natural_frequency=random.uniform(25.0, 120.0), damping=random.uniform(0.7, 1.2))
+    return Drawn("bench", Rig(cable=cable, servo=servo, reference=reference, limits=limits), cause, moment)
+
+
+def release(number: int) -> Release:
+    """The release of that number."""
+    kind, rig, cause, moment = drawn(number)
+    limits, dt = rig.supervisor_limits, rig.sample_time
+    slope, plant = rig.slope, twin_plant_of(rig, 0.0)
+    if rig.worn is not None:
+        worn = random_wearer(number, rig.worn)
+        slope, plant = 1.0, TwinSuit(worn.suit, worn.bend, rig.duration, number, rig.start_motor, 0.0)
+    times = np.arange(0.0, 12.0, dt)
+    wishes = (rig.start_motor + (rig.trajectory.sample(times)[:, 0] - rig.begin) / slope).tolist()
+    caused = round((BEFORE + moment) / dt)
+    plant.doing = FOLLOW
+    for k in range(caused - round(BEFORE / dt)):
+        plant.command = wishes[k]
+        plant.advance(k * dt)
+
+    def reading(lost: bool, current: float, drive_state: float) -> DriveReading:
+        joint, motor = plant.read_encoders()
+        return DriveReading(
+            *(motor, math.nan if lost else joint, current, 20.0, math.nan, 0.0, 0.0, 0.0),
+            *(drive_state, 0.0, 0.0, 0.0, 0.0),
+        )
+
+    target, first = plant.command, caused - round(BEFORE / dt)
+    state = begin(limits, reading(False, 0.0, 4.0), cold(limits.thermal))
+    state = state._replace(
+        target=target,
+        decided=state.decided._replace(mode=float(Mode.RUNNING), passed=1.0, target_before=target),
+        servo=state.servo._replace(enabled=1.0, position=plant.motor, speed=plant.velocity),
+    )
+    step = compiled(supervise)
+    home = rig.home
+    sign, began, off, power = -limits.slack_sign, -1, -1, 3.0
+    fastest, lowest, faults, start, end, mode = 0.0, math.inf, 0.0, math.nan, math.nan, 0
+    before, joint, moved = 0.0, sign * (plant.joint - home), 0.0
+    for k in range(first, len(times)):
+        plant.advance(k * dt)
+        given = k >= caused
+        current = limits.current_peak if given and cause == "saturated" and k < caused + 60 else plant.current
+        state, verdict = step(
+            limits,
+            state,
+            Observed(
+                reading(given and cause == "joint lost", current, 4.0 if power else 1.0),
+                0.03 if k == caused and cause == "late" else 0.0,
+                dt,
+                float(Request.STOP if k == caused and cause == "stop" else Request.NONE),
+                9.0 if given and cause == "operator lost" else 0.0,
+                0.0 if given and cause == "recorder and law" else 1.0,
+                1.0,
+                0.0,
+            ),
+            math.nan if given and cause == "recorder and law" else wishes[k],
+            dt,
+        )
+        power = verdict.power
+        plant.doing, plant.command = (FOLLOW, verdict.target) if power else (0, plant.command)
+        faults = max(faults, verdict.faults)
+        place = sign * (plant.joint - home)
+        if (k - first) % STRIDE == 0:
+            moved, joint = (place - joint) / (STRIDE * dt), place
+        if began < 0 and verdict.mode >= Mode.RELEASING:
+            began, start = k, place
+        if began < 0:
+            before = max(before, abs(moved))
+        else:
+            lowest = min(lowest, place)
+            if off < 0:
+                fastest, mode = max(fastest, -moved), int(verdict.mode)
+                if not power:
+                    off, end = k, place
+            elif k > off + 500:
+                break
+    force = int(faults) >> Fault.SATURATED & 1
+    allowed = limits.force_release if force else limits.lowering
+    return Release(
+        *(number, kind, cause, start * DEGREES, end * DEGREES, lowest * DEGREES),
+        *(before * DEGREES, fastest * DEGREES),
+        *(allowed * DEGREES, (off - began) * dt, float(longest_release(limits)), mode, int(faults)),
+    )
+
+
+def runs(count: int, done: int) -> Iterator[list[Any]]:
+    for number in range(done, count):
+        yield list(release(number))
+
+
+def figures(share: float) -> tuple[list[Figure], str]:
+    """What the worst of them did."""
+    count = round(share * COUNT)
+    kept = Kept(f"releases_{count}")
+    found = [Release(*row) for row in kept.filled(runs(count, len(kept.rows())), count)]
+    return [], str(len(found))
+
+
+if __name__ == "__main__":
+    import sys
+
+    for n in range(int(sys.argv[1]), int(sys.argv[2])):
+        r = release(n)
+        print(
+            r.number,
+            r.kind,
+            r.cause,
+            *(f"{v:.1f}" for v in r[3:9]),
+            f"{r.seconds:.3f} {r.longest:.2f}",
+            r.mode,
+            [f.name for f in __import__("bowden.safety.faults", fromlist=["of"]).of(r.faults)],
+        )
