@@ -28,7 +28,7 @@ from bowden.rig.axes import Axis
 from bowden.rig.rig import Rig
 from bowden.safety.faults import Fault, of
 from bowden.safety.limits import Limits
-from bowden.safety.supervisor import Mode, Request
+from bowden.safety.supervisor import Mode, Request, longest_release
 
 LAW = LAWS["bowden"]
 STOP, NONE, ARM, RUN = (float(one) for one in (Request.STOP, Request.NONE, Request.ARM, Request.RUN))
@@ -140,7 +140,7 @@ def test_a_fault_of_any_axis_stops_all_within_the_limits(seed: int, tmp_path: Pa
         if not powered[i]:
             continue
         assert part["mode"][at + 1] >= Mode.RELEASING, "the others see it in the next cycle"
-        longest = 2 if r3 else 2 + round(1000 * (Limits().release_time + 0.005))
+        longest = 2 if r3 else 2 + round(1000 * (longest_release(Limits()) + 0.005))
         off = min(at + longest, len(part.rows) - 1)  # or the run has ended, which it does without power
         assert part["power"][off] == Power.OFF
         assert all(power == Power.OFF for power, _ in rig.drives[i].told[at + longest :])

@@ -33,7 +33,7 @@ from bowden.models.drive.geared_motor import GearedMotor
 from bowden.models.suit.suit_angle import spool_map
 from bowden.plants.suit_parts import Suit
 from bowden.safety.faults import Fault
-from bowden.safety.limits import Limits
+from bowden.safety.limits import ARM_LOWERING, Limits
 from bowden.safety.supervisor import Mode
 from bowden.sim.run import simulate
 from bowden.sim.scenario import constant_bend
@@ -49,7 +49,7 @@ LIMITS = Limits(
     joint_high=105.0 * RADIANS,
     play=20.0 * RADIANS,
     tracking=35.0 * RADIANS,
-    loaded=1.0,
+    lowering=ARM_LOWERING,
     thermal=Limits().thermal._replace(continuous_current=12.0),
 )
 SETTINGS = push_of(SUIT, LAW, Admittance(high=100.0 * RADIANS), estimated=True)

@@ -31,7 +31,8 @@ from bowden.live.preflight import Preflight
 from bowden.live.script import Script
 from bowden.rig.rig import Rig
 from bowden.safety.faults import of
-from bowden.safety.supervisor import Mode
+from bowden.safety.limits import Limits
+from bowden.safety.supervisor import Mode, longest_release
 from loop_rig import LoopRig
 from support.memory_bus import MemoryBus
 
@@ -70,7 +71,7 @@ ROWS = (
     DriveRow("over_current 30", 60),
 )
 """What a drive may do; that which a family cannot have is left out for it."""
-RELEASE = 250
+RELEASE = 50 + round(1000.0 * longest_release(Limits()))
 """From R2 or R3 to a motor without torque, at most [ms]."""
 PERIOD = 1.6
 """Of the reference, quick enough for every fault to show [s]."""

@@ -11,6 +11,7 @@ from bowden.core.units import RADIANS
 from bowden.plants.plant import Plant
 from bowden.safety.faults import Fault, of
 from bowden.safety.limits import Limits
+from bowden.safety.supervisor import longest_release
 from bowden.sim.injected import Injected
 from support.supervised import Outcome, supervised
 
@@ -113,7 +114,7 @@ HIDING = {
 """What writes another figure over the one by which a fault would be seen: it cannot show then."""
 ASLEEP = {Injected.OVERRUN: 22, Injected.OVERRUNS: 3}
 """Cycles in which a loop that is late does nothing, whatever happens."""
-RELEASE = 204
+RELEASE = 4 + round(1000.0 * longest_release(MEASURED))
 """From R2 to power off, at most [cycles]."""
 
 
