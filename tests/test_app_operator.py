@@ -71,6 +71,8 @@ class FakeSession:
     )
 
     beats: int = 0
+    stops: int = 0
+    stop_waits: bool = False
     ended: bool = False
     running: bool = True
     began_latched: bool = False
@@ -87,7 +89,11 @@ class FakeSession:
         self.seen += 1
         return self.rows[min(self.seen, len(self.rows)) - 1]
 
-    def ask(self, request: Request) -> None:
+    @property
+    def block(self) -> "FakeSession":
+        return self
+
+    def ask(self, request: Request, stops: int | None = None) -> None:
         self.asked.append(request)
 
     def judged(self, row: dict[str, float]) -> list[dict[str, float]]:

@@ -79,7 +79,7 @@ class FakeRun:
         self.live = limits
         self.description = SimpleNamespace(columns=tuple(AT))
         self.rows = SimpleNamespace(last=self.row, description=self.description)
-        self.block = SimpleNamespace(ask=lambda request: self.take(Request(request)))
+        self.block, self.stops, self.stop_waits = self, 0, False
 
     def __enter__(self) -> "FakeRun":
         return self
@@ -105,12 +105,10 @@ class FakeRun:
     def remember(self, row: Any) -> None:
         pass
 
-    def ask(self, request: Request) -> None:
-        self.beats.append(time.monotonic())
-        self.take(request)
-
-    def take(self, request: Request) -> None:
+    def ask(self, request: Request, stops: int | None = None) -> None:
+        assert stops in (None, self.stops)
         self.asked.append(request)
+        self.stops += request == Request.STOP
         if request == Request.ARM:
             self.mode = Mode.PREFLIGHT
         if request == Request.RUN:
