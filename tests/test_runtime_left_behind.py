@@ -3,17 +3,25 @@
 import contextlib
 import mmap
 import os
+import signal
 import subprocess
 import sys
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
+from bowden.core import shared_memory
 from bowden.core.clock import SECOND
-from bowden.core.errors import DriveError
-from bowden.live import left_behind
+from bowden.core.errors import DriveError, SafetyError
+from bowden.live import control_block, left_behind, loop_process
+from bowden.live.live_run import live_run
+from bowden.live.ring import create
+from bowden.live.row import described
+from bowden.models.drive.thermal import cold
+from bowden.rig.rig import Rig
 
 THIS = left_behind.name_of_this().split("-")[2]
 HERE = THIS.partition("t")[0]
@@ -105,3 +113,19 @@ def test_a_loop_without_its_operator_is_waited_for_and_another_run_is_not(
     assert clock.time == pytest.approx(waited * SECOND, abs=0.1 * SECOND)
     assert len(said) == (waited > 0.0)
     assert all("has a host already" in note and "waiting 10 s at most" in note for note in said)
+
+
+def test_a_loop_whose_operator_has_gone_brings_no_drive_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It would claim the bus of the next run, which has found it free."""
+    live, brought_up, closed = live_run(Rig()), list[str](), list[str]()
+    drive = SimpleNamespace(bring_up=lambda: brought_up.append("up"), close=lambda: closed.append("closed"))
+    monkeypatch.setattr(Rig, "open_drive", lambda rig, links: drive)
+    monkeypatch.setattr(signal, "signal", lambda number, handler: None)
+    create(tmp_path / "ring", described(live.columns(), {}, 0, 0), 64)
+    shared_memory.create(tmp_path / "block", control_block.WORDS)
+    thermal = [cold(axis.limits.thermal) for axis in live.axes]
+    given = {"emg": None, "start_ns": 0, "thermal": thermal, "latched": [None], "remembers": False}
+    given |= {"ring": str(tmp_path / "ring"), "block": str(tmp_path / "block"), "operator": os.getpid()}
+    with pytest.raises(SafetyError, match="operator's process has ended"):
+        loop_process._cycle(live, given)
+    assert (brought_up, closed) == ([], ["closed"])

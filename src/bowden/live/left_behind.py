@@ -71,13 +71,14 @@ def await_host(
         DriveError: another run has it, or that loop still has it after `ENDS`.
     """
     clock, told = clock or MonotonicClock(), False
-    until = clock.now() + round(ENDS * SECOND)
+    until, loops = clock.now() + round(ENDS * SECOND), [*Path("/proc").glob("[0-9]*/maps")]
     while True:
         try:
             claim()()
             return
         except DriveError as error:
-            if clock.now() >= until or not _loop_without_operator():
+            loops = [maps for maps in loops if _is_loop_without_operator(maps)]
+            if clock.now() >= until or not loops:
                 raise
             if not told:
                 tell(
@@ -87,12 +88,10 @@ def await_host(
         clock.sleep_until(clock.now() + round(_LOOK * SECOND))
 
 
-def _loop_without_operator() -> bool:
-    """Whether the loop of a run goes on whose operator is gone; its block may have been removed already."""
-    for process in Path("/proc").glob("[0-9]*/maps"):
-        with contextlib.suppress(OSError):  # it has ended, or is another user's
-            if any(_gone(*owner) for owner in _BLOCK.findall(process.read_text(errors="replace"))):
-                return True
+def _is_loop_without_operator(maps: Path) -> bool:
+    """Whether a process has the block of a run whose operator is gone, by its maps; the file may have been removed."""
+    with contextlib.suppress(OSError):  # it has ended, or is another user's
+        return any(_gone(*owner) for owner in _BLOCK.findall(maps.read_text(errors="replace")))
     return False
 
 
