@@ -185,6 +185,20 @@ def test_a_stop_that_does_not_take_ends_the_signs_of_life() -> None:
         owner.close()
 
 
+def test_a_stop_is_handed_on_at_once_and_answered_when_the_loop_has_taken_it() -> None:
+    run, lease = FakeRun(), Lease(30.0)
+    owner = begun(run, lease)
+    run.stop_waits = True
+    answers = [owner.ask("", Request.STOP) for _ in range(2)]
+    assert run.asked[-2:] == [Request.STOP] * 2, "by the thread that asks"
+    looked = owner.clock.now()
+    wait(lambda: owner.looked > looked)
+    assert not any(answer.done() for answer in answers)
+    run.stop_waits = False
+    assert [answer.result(5.0) for answer in answers] == ["", ""]
+    owner.close()
+
+
 def test_a_stamp_is_good_while_it_is_young_and_no_stop_came_after_it() -> None:
     stamps = Stamps(0.5)
     first = stamps.issue(at(1.0))
@@ -398,6 +412,11 @@ def test_a_terminals_rows_are_read_by_a_reader_for_each_thread_and_pages_change_
         sys.setswitchinterval(before)
     assert failed == []
     assert run.ask_gain("a", "bandwidth", 4.0).result(1.0) == "the terminal controls this run"
+    asked = list[Request]()
+    session.block = SimpleNamespace(ask=asked.append)
+    for request in (Request.RUN, Request.STOP):
+        assert (run.ask("a", request).result(1.0) == "") == (request == Request.STOP)
+    assert asked == [Request.STOP]
 
 
 def test_settings_make_the_rig_that_runs() -> None:
