@@ -27,6 +27,7 @@ ORDER = [
         "Families of drives",
         "Several axes",
         "A long run",
+        "Stops among other requests",
         "Loss of a process",
         "Loss of the recorder",
         "Faults",

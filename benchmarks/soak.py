@@ -1,18 +1,19 @@
 """The long tests, each of which can be interrupted and goes on where it was left: ``make soak``.
 
-    python benchmarks/soak.py [live steady kills recorder faults hours streams hostile fuzzing page drawing console]
-        [--minutes 10]
+    python benchmarks/soak.py [live steady stops kills recorder faults hours streams hostile fuzzing page drawing]
+        [console] [--minutes 10]
 
 `live`: the loop against the twin for so many minutes a law, beside a loop that only sleeps and cyclictest. `steady`:
-one run for as long, whose processes may not grow. `kills`: any process of a run killed or stopped, 1000 times.
-`recorder`: the recorder killed 500 times, and a log cut at every byte. `faults`: the whole matrix of faults, every two
-of them, and ten million inputs of every kind. `hours`: a day without a fault. `streams`: EMG over LSL and the Trigno
-protocol for five minutes each. `hostile`: every attack on such a stream 20 times. `fuzzing`: a million inputs that
-nobody would write, for everything that reads what others wrote. `page`: the console's tab, browser, network or process
-killed or halted 200 times. `drawing`: its curves in Chromium for so many minutes, beside the loop. `console`: its
-memory for so many minutes with three viewers. What is done of the others is kept in ``out/bench`` until the package
-changes. Each part that was run whole writes its section of ``benchmarks/RESULTS.md``; a `--share` below 1 is a try, and
-writes nothing. Exit code 1 if a target is missed.
+one run for as long, whose processes may not grow. `stops`: 200 bursts of keys in live runs and 10 000 interleavings of
+requests, each with a stop. `kills`: any process of a run killed or stopped, 1000 times. `recorder`: it is killed 500
+times, and a log cut at every byte. `faults`: the whole matrix of faults, every two of them, and ten million inputs of
+every kind. `hours`: a day without a fault. `streams`: EMG over LSL and the Trigno protocol for five minutes each.
+`hostile`: every attack on such a stream 20 times. `fuzzing`: a million inputs that nobody would write, for everything
+that reads what others wrote. `page`: the console's tab, browser, network or process killed or halted 200 times.
+`drawing`: its curves in Chromium for so many minutes, beside the loop. `console`: its memory for so many minutes with
+three viewers. What is done of the others is kept in ``out/bench`` until the package changes. Each part that was run
+whole writes its section of ``benchmarks/RESULTS.md``; a `--share` below 1 is a try, and writes nothing. Exit code 1 if
+a target is missed.
 """
 
 import argparse
@@ -35,6 +36,10 @@ def live(given: argparse.Namespace) -> Found:
 
 def steady(given: argparse.Namespace) -> Found:
     return import_module("steady_run").figures(given.minutes)
+
+
+def stops(given: argparse.Namespace) -> Found:
+    return import_module("key_bursts").figures(given.share)
 
 
 def kills(given: argparse.Namespace) -> Found:
@@ -82,6 +87,7 @@ def console(given: argparse.Namespace) -> Found:
 PARTS: dict[str, tuple[str, Callable[[argparse.Namespace], Found]]] = {
     "live": ("The live loop", live),
     "steady": ("A long run", steady),
+    "stops": ("Stops among other requests", stops),
     "kills": ("Loss of a process", kills),
     "recorder": ("Loss of the recorder", recorder),
     "faults": ("Faults", faults),

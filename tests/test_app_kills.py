@@ -1,4 +1,4 @@
-"""A sample of the kills of `make soak`: torque off in time, nothing left, nothing of the log lost."""
+"""Samples of `make soak`: what is killed leaves no torque and loses nothing; no stop is lost in a burst of keys."""
 
 import sys
 from pathlib import Path
@@ -31,3 +31,12 @@ def test_what_is_killed_leaves_no_torque_and_nothing_else(
     assert found["left"] == []
     assert np.isnan(found["off"]) or found["off"] <= process_kills.OFF[victim]
     assert found["lost"] <= process_kills.MOST_LOST
+
+
+def test_no_stop_is_lost_in_a_burst_of_keys(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys, "path", [str(BENCHMARKS), *sys.path])
+    import key_bursts
+
+    found = list(key_bursts.bursts(range(10), led=5))
+    assert len(found) == 10
+    assert [keys for keys, taken in found if not taken] == []

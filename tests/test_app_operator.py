@@ -71,6 +71,8 @@ class FakeSession:
     )
 
     beats: int = 0
+    stops: int = 0
+    stop_waits: bool = False
     ended: bool = False
     running: bool = True
     began_latched: bool = False
@@ -87,7 +89,11 @@ class FakeSession:
         self.seen += 1
         return self.rows[min(self.seen, len(self.rows)) - 1]
 
-    def ask(self, request: Request) -> None:
+    @property
+    def block(self) -> "FakeSession":
+        return self
+
+    def ask(self, request: Request, stops: int | None = None) -> None:
         self.asked.append(request)
 
     def judged(self, row: dict[str, float]) -> list[dict[str, float]]:
@@ -184,6 +190,43 @@ def test_a_terminal_that_takes_no_more_holds_up_no_key(monkeypatch: pytest.Monke
         os.close(master)
         until(lambda: threading.active_count() == threads)
     os.close(slave)
+
+
+def test_of_keys_that_wait_together_a_stop_is_taken_and_nothing_beside_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Typed at once, pasted, or held up by a connection: looked at together, and not one a round."""
+    master, slave = os.openpty()
+    rounds: dict[str, int] = {}
+
+    class Typed(FakeSession):
+        def beat(self) -> None:
+            super().beat()
+            if self.beats == self.typed + 1:  # the terminal has been set up, or the last burst was answered
+                os.write(master, self.bursts[0].encode())
+
+        def ask(self, request: Request, stops: int | None = None) -> None:
+            super().ask(request, stops)
+            rounds[self.bursts.pop(0)] = self.beats - self.typed
+            self.typed = self.beats
+
+    bursts = {" k": Request.STOP, "ks": Request.STOP, "arka rr": Request.STOP, "ar": Request.RUN}
+    bursts |= {"x" * 4000 + "s": Request.STOP, "q": Request.NONE}
+    session: Any = Typed([row()])
+    session.typed, session.bursts = 0, list(bursts)
+    with open(slave) as keys:
+        monkeypatch.setattr("sys.stdin", keys)
+        operator.operate(session, operator.Ending(), auto=False, quiet=True)
+    os.close(master)
+    assert session.asked == list(bursts.values())[:-1]
+    assert max(rounds.values()) < 50, rounds
+
+
+def test_nothing_is_armed_without_keys_after_a_stop() -> None:
+    session = FakeSession([row()])
+    steps = automatic(session, session.stops)  # type: ignore[arg-type]
+    assert next(steps)
+    session.stops = 1
+    assert list(steps) == []
+    assert session.asked == [Request.ARM]
 
 
 def test_a_signal_interrupts_once_while_a_run_is_put_together_and_is_noted_afterwards() -> None:

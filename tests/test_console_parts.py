@@ -79,7 +79,7 @@ class FakeRun:
         self.live = limits
         self.description = SimpleNamespace(columns=tuple(AT))
         self.rows = SimpleNamespace(last=self.row, description=self.description)
-        self.block = SimpleNamespace(ask=lambda request: self.take(Request(request)))
+        self.block, self.stops, self.stop_waits = self, 0, False
 
     def __enter__(self) -> "FakeRun":
         return self
@@ -105,12 +105,10 @@ class FakeRun:
     def remember(self, row: Any) -> None:
         pass
 
-    def ask(self, request: Request) -> None:
-        self.beats.append(time.monotonic())
-        self.take(request)
-
-    def take(self, request: Request) -> None:
+    def ask(self, request: Request, stops: int | None = None) -> None:
+        assert stops in (None, self.stops)
         self.asked.append(request)
+        self.stops += request == Request.STOP
         if request == Request.ARM:
             self.mode = Mode.PREFLIGHT
         if request == Request.RUN:
@@ -185,6 +183,20 @@ def test_a_stop_that_does_not_take_ends_the_signs_of_life() -> None:
         run.mode = Mode.LATCHED
         wait(lambda run=run: time.monotonic() - run.beats[-1] < 0.1)  # type: ignore[misc]
         owner.close()
+
+
+def test_a_stop_is_handed_on_at_once_and_answered_when_the_loop_has_taken_it() -> None:
+    run, lease = FakeRun(), Lease(30.0)
+    owner = begun(run, lease)
+    run.stop_waits = True
+    answers = [owner.ask("", Request.STOP) for _ in range(2)]
+    assert run.asked[-2:] == [Request.STOP] * 2, "by the thread that asks"
+    looked = owner.clock.now()
+    wait(lambda: owner.looked > looked)
+    assert not any(answer.done() for answer in answers)
+    run.stop_waits = False
+    assert [answer.result(5.0) for answer in answers] == ["", ""]
+    owner.close()
 
 
 def test_a_stamp_is_good_while_it_is_young_and_no_stop_came_after_it() -> None:
@@ -400,6 +412,11 @@ def test_a_terminals_rows_are_read_by_a_reader_for_each_thread_and_pages_change_
         sys.setswitchinterval(before)
     assert failed == []
     assert run.ask_gain("a", "bandwidth", 4.0).result(1.0) == "the terminal controls this run"
+    asked = list[Request]()
+    session.block = SimpleNamespace(ask=asked.append)
+    for request in (Request.RUN, Request.STOP):
+        assert (run.ask("a", request).result(1.0) == "") == (request == Request.STOP)
+    assert asked == [Request.STOP]
 
 
 def test_settings_make_the_rig_that_runs() -> None:

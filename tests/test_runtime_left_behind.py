@@ -1,14 +1,27 @@
 """What a killed operator leaves is removed by whoever comes next; what somebody still has is left alone."""
 
+import contextlib
+import mmap
 import os
+import signal
 import subprocess
 import sys
 import tempfile
+from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
-from bowden.live import left_behind
+from bowden.core import shared_memory
+from bowden.core.clock import SECOND
+from bowden.core.errors import DriveError, SafetyError
+from bowden.live import control_block, left_behind, loop_process
+from bowden.live.live_run import live_run
+from bowden.live.ring import create
+from bowden.live.row import described
+from bowden.models.drive.thermal import cold
+from bowden.rig.rig import Rig
 
 THIS = left_behind.name_of_this().split("-")[2]
 HERE = THIS.partition("t")[0]
@@ -57,3 +70,62 @@ def test_a_process_of_a_run_clears_up_at_its_end_whatever_ended_it() -> None:
     words = [sys.executable, "-P", "-m", "bowden.live.recorder", "nothing.ring", "nothing.mcap"]
     assert subprocess.run(words, capture_output=True).returncode == 2
     assert not left.exists()
+
+
+class Slept:
+    """A clock on which time passes only while somebody sleeps."""
+
+    time = 0
+
+    def now(self) -> int:
+        return self.time
+
+    def sleep_until(self, deadline: int) -> None:
+        self.time = deadline
+
+
+@pytest.mark.parametrize(
+    ("owner", "held", "waited"),
+    [
+        (DEAD, 2.0, 2.0),  # in bring-up, or a release
+        (DEAD, 1e9, left_behind.ENDS),
+        (ALIVE, 2.0, 0.0),
+        (ELSEWHERE, 2.0, 0.0),
+        (DEAD, 0.0, 0.0),
+    ],
+)
+def test_a_loop_without_its_operator_is_waited_for_and_another_run_is_not(
+    owner: str, held: float, waited: float, tmp_path: Path
+) -> None:
+    clock, said = Slept(), list[str]()
+
+    def claim() -> Callable[[], None]:
+        if clock.time < held * SECOND:
+            raise DriveError("the bus can0 (socketcan) has a host already", do="end the other run first")
+        return lambda: None
+
+    block = tmp_path / f"bowden-{owner}-a1b2c3.block"
+    block.write_bytes(bytes(8))
+    with block.open("r+b") as file, mmap.mmap(file.fileno(), 8):  # by this process, in place of the loop
+        block.unlink()  # another one that ended has cleared up
+        with contextlib.nullcontext() if held <= waited else pytest.raises(DriveError, match="has a host already"):
+            left_behind.await_host(claim, said.append, clock)
+    assert clock.time == pytest.approx(waited * SECOND, abs=0.1 * SECOND)
+    assert len(said) == (waited > 0.0)
+    assert all("has a host already" in note and "waiting 10 s at most" in note for note in said)
+
+
+def test_a_loop_whose_operator_has_gone_brings_no_drive_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It would claim the bus of the next run, which has found it free."""
+    live, brought_up, closed = live_run(Rig()), list[str](), list[str]()
+    drive = SimpleNamespace(bring_up=lambda: brought_up.append("up"), close=lambda: closed.append("closed"))
+    monkeypatch.setattr(Rig, "open_drive", lambda rig, links: drive)
+    monkeypatch.setattr(signal, "signal", lambda number, handler: None)
+    create(tmp_path / "ring", described(live.columns(), {}, 0, 0), 64)
+    shared_memory.create(tmp_path / "block", control_block.WORDS)
+    thermal = [cold(axis.limits.thermal) for axis in live.axes]
+    given = {"emg": None, "start_ns": 0, "thermal": thermal, "latched": [None], "remembers": False}
+    given |= {"ring": str(tmp_path / "ring"), "block": str(tmp_path / "block"), "operator": os.getpid()}
+    with pytest.raises(SafetyError, match="operator's process has ended"):
+        loop_process._cycle(live, given)
+    assert (brought_up, closed) == ([], ["closed"])

@@ -3,6 +3,7 @@
 import contextlib
 import shlex
 import sys
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -34,7 +35,9 @@ def measure(
     No law takes part; the joint follows as the cable lets it. Everything is supervised as in bowden run.
     """
     from bowden.face.run import new_log
+    from bowden.hardware.drives.family import family_of
     from bowden.live.by_hand import require_confirmed, require_watch, unseen_watch
+    from bowden.live.left_behind import await_host
     from bowden.live.live_run import live_run
     from bowden.live.mcap_read import read
     from bowden.live.measured import NEEDED, stalls, write_motions
@@ -50,11 +53,11 @@ def measure(
     live = live_run(given, measure=True)
     require(live.limits, live.rig.sample_time, "holds")  # no gains take part
     if not twin:
+        await_host(partial(family_of(given.drive).claim, given.drive), _tell)
         require_watch(given)
         require_confirmed(given, axis or "")
-    for note in (*live.notes, unseen_watch(given)):
-        if note:
-            print(f"bowden: note: {note}", file=sys.stderr)
+    for note in filter(None, (*live.notes, unseen_watch(given))):
+        _tell(note)
     with contextlib.ExitStack() as stack:
         ending = stack.enter_context(ending_signals())
         loop = stack.enter_context(prepared_loop())
@@ -64,7 +67,7 @@ def measure(
             )
         session = stack.enter_context(Session(live, new_log(out, "measure"), remembers=not twin, loop=loop))
         if not json:
-            print(f"bowden: note: {live.losses()}", file=sys.stderr)
+            _tell(live.losses())
         operate(session, ending, auto=auto, quiet=json)
     found = document(session)
     files = write_motions(session.live, session.log, out) if found["ended_well"] else []
@@ -81,6 +84,10 @@ def measure(
     if not json:
         first, second = (shlex.quote(str(file)) for file in files[:2])
         print(f"Next: bowden identify {first}, and bowden identify-servo {second}")
+
+
+def _tell(note: str) -> None:
+    print(f"bowden: note: {note}", file=sys.stderr)
 
 
 _KEYS = (

@@ -2,7 +2,7 @@
 
 import contextlib
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -62,7 +62,7 @@ def run(
     if foxglove is not None:
         require(foxglove)
     if console:
-        import bowden.console.open  # noqa: F401  # now: it takes longer than an operator may be silent
+        from bowden.console.open import beside  # now: it takes longer than an operator may be silent
     given = shortened(read_given(rig, axis, several=True), duration).with_law(law, preset).on_bus(channel)
     given = given if emg is None else given.with_emg(emg)
     if not twin:
@@ -73,11 +73,10 @@ def run(
     ):
         if not json:
             _tell(session.live.losses())
-        with (
-            _live_data(session, foxglove),
-            _page(session, rig.name, twin=twin, console=console) as stopped,
-        ):
-            operate(session, ending, auto=auto, quiet=json, stopped=stopped)
+        with _live_data(session, foxglove), contextlib.ExitStack() as page:
+            if console:
+                page.enter_context(beside(session, rig.name, twin=twin, notes=[session.live.losses()]))
+            operate(session, ending, auto=auto, quiet=json)
     found = document(session)
     if json:
         print_json(found | {"seconds": seconds()})
@@ -99,18 +98,6 @@ def _live_data(session: "Session", port: int | None) -> Iterator[None]:
     with served(session.rows.path, port, session.beat) as address:
         print(f"Live data for Foxglove: {address}", file=sys.stderr, flush=True)
         yield
-
-
-@contextlib.contextmanager
-def _page(session: "Session", name: str, *, twin: bool, console: bool) -> Iterator[Callable[[], bool]]:
-    """Whether a page asks for a stop; none does where no page is served."""
-    if not console:
-        yield lambda: False
-        return
-    from bowden.console.open import beside
-
-    with beside(session, name, twin=twin, notes=[session.live.losses()]) as stopped:
-        yield stopped
 
 
 def _say_next(rig: Path, found: dict[str, Any], law: str | None, preset: str | None, axis: str | None) -> None:

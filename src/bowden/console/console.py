@@ -377,9 +377,9 @@ class Console:
         elif change["state"] == "going" and seen.session.gains.get(change["name"]) == change["to"]:
             change["state"] = "in force"
 
-    async def stop(self) -> str:
-        """Stop the run, whoever asks."""
-        return await asyncio.wrap_future(self.owner.ask("", Request.STOP))
+    def stop(self) -> "asyncio.Future[str]":
+        """Stop the run, whoever asks; the answer comes when the loop has taken it."""
+        return asyncio.wrap_future(self.owner.ask("", Request.STOP))
 
     def start(self) -> str:
         """Begin a session with the settings."""

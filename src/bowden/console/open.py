@@ -85,7 +85,7 @@ def opened(
 
 
 @contextlib.contextmanager
-def beside(session: "Session", name: str, *, twin: bool, notes: Sequence[str]) -> Iterator[Callable[[], bool]]:
+def beside(session: "Session", name: str, *, twin: bool, notes: Sequence[str]) -> Iterator[None]:
     """Serve pages that look on at a run of a terminal, and may stop it; prints the link.
 
     Args:
@@ -93,9 +93,6 @@ def beside(session: "Session", name: str, *, twin: bool, notes: Sequence[str]) -
         name: of the rig's file.
         twin: whether it runs on a twin of its own.
         notes: what the terminal has shown.
-
-    Yields:
-        Whether a page has asked for a stop since the last call.
 
     Raises:
         DriveError: no port is free.
@@ -110,7 +107,7 @@ def beside(session: "Session", name: str, *, twin: bool, notes: Sequence[str]) -
     print(f"Console of {name}: http://{_HERE[0]}:{where}/?token={guard.token}", file=sys.stderr, flush=True)
     thread.start()
     try:
-        yield run.stopped
+        yield
     finally:
         made.should_exit = True
         thread.join(_ENDS)

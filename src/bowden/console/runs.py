@@ -7,7 +7,8 @@ Why nothing moves without somebody at the page, whoever of the chain page → se
   this thread does not need the event loop to see that.
 - This thread hangs: it alone beats, in the same round in which it looks at the lease and takes the requests, so the
   loop's `operator_age` grows, and the loop releases. A thread that holds the interpreter is the same case.
-- A stop that was asked for does not take: after `TAKEN` this thread beats no more while there is power.
+- A stop that was asked for does not take: after `TAKEN` this thread beats no more while there is power. Whatever thread a
+  stop comes to hands it to the loop, without this one.
 - This process is killed: no beat.
 - A request that gives power comes late, after a stop that its sender did not see: its stamp is older than the stop.
 
@@ -120,7 +121,11 @@ class RunOwner:
         self._mode: Mode | None = None
         self._begins: queue.Queue[Begin | None] = queue.Queue()
         self._asked: queue.SimpleQueue[_Asked | None] = queue.SimpleQueue()
-        self._stop, self._end, self._over = threading.Event(), threading.Event(), threading.Event()
+        self._end, self._over = threading.Event(), threading.Event()
+        self._stops = 0
+        """Number of the last stop of the run that this thread has seen."""
+        self._stopping: list[_Asked] = []
+        """Stops that the loop has not taken yet."""
         self._thread = threading.Thread(target=self._live, name="run", daemon=True)
         self._thread.start()
 
@@ -139,7 +144,8 @@ class RunOwner:
         self._begins.put(begin)
 
     def ask(self, tab: str, request: Request, seen: object = None) -> "Future[str]":
-        """Ask for something; the answer is empty, or why it does nothing. A stop needs no lease, and never waits.
+        """Ask for something; the answer is empty, or why it does nothing. A stop needs no lease, is handed to the loop
+        at once, and answered when the loop has taken it.
 
         Args:
             tab: who asks.
@@ -153,14 +159,14 @@ class RunOwner:
         return self._handed(_Asked(tab, None, (name, value)))
 
     def _handed(self, asked: _Asked) -> "Future[str]":
-        request = asked.request
-        if request == Request.STOP:
+        stop, seen = asked.request == Request.STOP, self.seen
+        if stop:
             self.stamps.stop(self.clock.now())
-        if self.seen.phase != "live":
-            asked.answer.set_result("there is no session: start one first" if request != Request.STOP else "")
+        if seen.phase != "live" or seen.session is None:
+            asked.answer.set_result("" if stop else "there is no session: start one first")
             return asked.answer
-        if request == Request.STOP:
-            self._stop.set()
+        if stop:
+            seen.session.block.ask(Request.STOP)  # `ask` of the session would be a sign of life
         self._asked.put(asked)
         return asked.answer
 
@@ -197,9 +203,9 @@ class RunOwner:
     def _see_through(self, begin: Begin, notes: list[str]) -> None:
         error: BowdenError | None = None
         with begin(notes.append) as session:
-            self.seen, self._mode = RunSeen("live", session, notes=(*notes, session.live.losses())), None
-            self._stop.clear()
             self._answer_all("the session has only just begun")  # what was asked of the one before
+            self.seen, self._mode = RunSeen("live", session, notes=(*notes, session.live.losses())), None
+            self._stops = 0
             with keeping(session) as keep, prompt():
                 self._operate(session, keep)
             self.seen = self._look(session, "ending")
@@ -234,24 +240,27 @@ class RunOwner:
             self._take(session, now + round(ROUND * SECOND))
 
     def _look_after(self, session: "Session", now: int, asked_at: int | None) -> int | None:
-        """Have the run stopped where somebody asks for it or nobody is there; when that was asked for [ns]."""
+        """Have the run stopped where nobody is there; when a stop was asked for that still has to take [ns]."""
+        block = session.block
+        if not block.stop_waits:
+            while self._stopping:
+                _give(self._stopping.pop(), "")
         row = session.rows.last()
         mode = None if row is None else Mode(int(session.row_of(row)["mode"]))
+        asked, self._stops = block.stops != self._stops, block.stops
         if mode not in POWERED:
-            self._stop.clear()
             return None
-        if asked_at is None:
-            view = self.lease.look(now)
-            if not self._stop.is_set():
-                if view.fresh:
-                    return None
-                self.seen = self._look(session, "live", lost=_why_lost(view.holder, self.lease.limit))
-                self.lease.drop()
-                self.stamps.stop(now)
-            self._stop.clear()
-            asked_at = now
-        session.block.ask(int(Request.STOP))  # again each round until it has taken; `ask` of the session would beat
-        return asked_at
+        if asked_at is not None or asked:
+            return asked_at or now
+        view = self.lease.look(now)
+        if view.fresh:
+            return None
+        self.seen = self._look(session, "live", lost=_why_lost(view.holder, self.lease.limit))
+        self.lease.drop()
+        self.stamps.stop(now)
+        block.ask(Request.STOP)
+        self._stops = block.stops
+        return now
 
     def _see(self, session: "Session") -> None:
         """Look at the run; a mode without power that has come since the last look is a stop, by whomever."""
@@ -271,16 +280,14 @@ class RunOwner:
                 return
             if asked is None:
                 return
-            _give(asked, self._granted(session, asked))
             if asked.request == Request.STOP:
+                self._stopping.append(asked)
                 return
+            _give(asked, self._granted(session, asked))
 
     def _granted(self, session: "Session", asked: _Asked) -> str:
         """Hand a request on; why it does nothing where it does nothing."""
-        if asked.request == Request.STOP:
-            session.ask(Request.STOP)
-            return ""
-        view = self.lease.look(self.clock.now())
+        stops, view = session.block.stops, self.lease.look(self.clock.now())
         if not view.holder or view.holder != asked.tab:
             return "this page does not control: take the control first"
         if not view.fresh:
@@ -298,7 +305,7 @@ class RunOwner:
                 return late
         why = why_not(asked.request, session.judged(self.seen.row))
         if not why:
-            session.ask(asked.request)
+            session.block.ask(asked.request, stops)  # a stop that has come since is asked for by another thread
             if asked.request == Request.ARM:
                 self.seen = self._look(session, "live", lost="")
         return why
@@ -318,11 +325,13 @@ class RunOwner:
         )
 
     def _answer_all(self, why: str) -> None:
+        while self._stopping:
+            _give(self._stopping.pop(), "")
         with contextlib.suppress(queue.Empty):
             while True:
                 asked = self._asked.get_nowait()
                 if asked is not None:
-                    _give(asked, why)
+                    _give(asked, "" if asked.request == Request.STOP else why)
 
 
 class TerminalRun:
@@ -337,7 +346,6 @@ class TerminalRun:
         self.clock = MonotonicClock()
         self._session, self._notes = session, tuple(notes)
         self._rows = RingReader(session.rows.path)  # of its own: a reader is one thread's, and the terminal has one
-        self._stop = threading.Event()
 
     @property
     def looked(self) -> int:
@@ -362,10 +370,10 @@ class TerminalRun:
         raise SafetyError(_OF_TERMINAL, do="use its keys")
 
     def ask(self, tab: str, request: Request, seen: object = None) -> "Future[str]":
-        """A stop is handed to the terminal's process; all else is its own."""
+        """A stop is asked for; all else is the terminal's."""
         answer: Future[str] = Future()
         if request == Request.STOP:
-            self._stop.set()
+            self._session.block.ask(request)  # `ask` of the session would be the terminal's sign of life
         answer.set_result("" if request == Request.STOP else _OF_TERMINAL)
         return answer
 
@@ -374,12 +382,6 @@ class TerminalRun:
         answer: Future[str] = Future()
         answer.set_result(_OF_TERMINAL)
         return answer
-
-    def stopped(self) -> bool:
-        """Whether a page has asked for a stop since the last call."""
-        there = self._stop.is_set()
-        self._stop.clear()
-        return there
 
     def end(self) -> None:
         """The terminal ends its run."""

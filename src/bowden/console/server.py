@@ -252,7 +252,7 @@ async def _take(console: Console, viewer: Viewer, page: WebSocket) -> None:
         try:
             given = document(text)
             if given.get("stop") is True:
-                await console.stop()
+                console.stop()  # nothing is waited for: signs of life come the same way
             elif not bucket.take(time.monotonic()):
                 return
             else:

@@ -2,6 +2,7 @@
 
 import contextlib
 from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -116,6 +117,7 @@ def live_session(
     """
     from bowden.design.verdict import CheckVerdict, verdicts
     from bowden.hardware.drives.family import family_of
+    from bowden.live import left_behind
     from bowden.live.by_hand import require_confirmed, require_watch, unseen_watch
     from bowden.live.emg_process import EmgProcess
     from bowden.live.live_run import live_run
@@ -124,7 +126,7 @@ def live_session(
 
     live = live_run(rig, measure=measure)
     for axis in () if twin else live.axes:  # another run's bus is refused at once; the drive claims it for good
-        family_of(axis.rig.drive).claim(axis.rig.drive)()
+        left_behind.await_host(partial(family_of(axis.rig.drive).claim, axis.rig.drive), tell)
         with asked_for_by(f"axis {quoted(axis.name)}") if axis.name else contextlib.nullcontext():
             require_watch(axis.rig, [other.rig for other in live.axes])
         require_confirmed(axis.rig, axis.name or alone)

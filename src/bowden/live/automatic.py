@@ -5,6 +5,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any, Protocol
 
 from bowden.core.errors import SafetyError
+from bowden.live.control_block import ControlBlock
 from bowden.live.stops import AxisFaults, remedy_of
 from bowden.safety import faults
 from bowden.safety.faults import Fault
@@ -20,6 +21,7 @@ class Watched(Protocol):
     """What is to be known of a session here."""
 
     ready: dict[str, Any]
+    block: ControlBlock
     began_latched: bool
     """Whether a run before it was latched by what has not been acknowledged."""
 
@@ -33,9 +35,6 @@ class Watched(Protocol):
     def faults(self, row: Mapping[str, float]) -> list[AxisFaults]:
         """The faults of a row, of each axis that has some."""
 
-    def ask(self, request: Request) -> None:
-        """Ask the supervisor for something."""
-
 
 def _listed(row: Mapping[str, float], session: Watched) -> str:
     """The faults of a row with what to do, of several axes with whose they are."""
@@ -46,8 +45,12 @@ def _listed(row: Mapping[str, float], session: Watched) -> str:
     )
 
 
-def automatic(session: Watched) -> Iterator[bool]:
+def automatic(session: Watched, stops: int = 0) -> Iterator[bool]:
     """Arm, run and wait for the end, one look at a time; ends when the run has ended, or does not begin.
+
+    Args:
+        session: the run.
+        stops: `ControlBlock.stops` at its beginning: after another stop nothing is armed or run.
 
     Raises:
         SafetyError: what speaks against arming does not go.
@@ -79,6 +82,8 @@ def automatic(session: Watched) -> Iterator[bool]:
                 )
             if row["mode"] >= Mode.RELEASING or (request == Request.RUN and row["mode"] == Mode.STOPPED):
                 return
+            if session.block.stops != stops:
+                return
             waited = row["time"] - begun
             if row["faults"] and row["mode"] == Mode.STOPPED and waited > _PATIENCE:
                 found = list(faults.of(row["faults"]))
@@ -93,7 +98,7 @@ def automatic(session: Watched) -> Iterator[bool]:
                     said = f"not armed yet, {listed}; waiting, for {_LATE_PATIENCE:g} s at most"
                     print(f"bowden: note: {said}", file=sys.stderr)
                 announced = True
-            session.ask(request)
+            session.block.ask(request, stops)
             asked = True
             yield True
     while (row := session.last()) is not None and row["mode"] in (Mode.RUNNING, Mode.BRIDGING, Mode.RELEASING):

@@ -1,18 +1,27 @@
 """The few words that the operator's process sends to the loop, in shared memory: a sign of life, requests, gains, the
 end.
 
-Words of int64, each written by the operator's side alone. There is nothing to lock: a word is written whole, and a
-request is distinguished from the one before by its number.
+Words of int64, each written by one side alone, and whole.
+
+A stop is never overwritten. All requests are numbered in the order in which they are asked. A stop has a word of its
+own, which is its number and only grows; any other request has one word for its number and what it is. The loop takes a
+stop first, drops what waits beside it, and takes no request that was asked before a stop. It writes the number of the
+stop back.
 """
 
 import struct
+import threading
 from pathlib import Path
 
 from bowden.core import shared_memory
+from bowden.safety.supervisor import Request
 
 WORDS = 8
 """Of the block."""
-_HEARTBEAT, _REQUEST, _NUMBER, _QUIT, _GAIN, _VALUE, _GAIN_NUMBER = range(7)
+_HEARTBEAT, _REQUEST, _STOP, _STOP_TAKEN, _QUIT, _GAIN, _VALUE, _GAIN_NUMBER = range(WORDS)
+_KIND = 8
+"""The word of a request is its number times this, and the `Request`."""
+assert max(Request) < _KIND
 
 
 class ControlBlock:
@@ -26,15 +35,36 @@ class ControlBlock:
         memory = shared_memory.mapped(path, WORDS, "control block")
         self._words = memoryview(memory).cast("q")
         self._taken, self._gain_taken = 0, 0
+        self._asking = threading.RLock()  # whoever is interrupted by a signal may ask again
 
     def beat(self, now: int) -> None:
         """The operator lives at `now` [ns]."""
         self._words[_HEARTBEAT] = now
 
-    def ask(self, request: int) -> None:
-        """The operator asks for a `safety.supervisor.Request`."""
-        self._words[_REQUEST] = request
-        self._words[_NUMBER] += 1
+    def ask(self, request: Request, stops: int | None = None) -> None:
+        """The operator asks for something; any thread of its process may.
+
+        Args:
+            request: for what.
+            stops: `stops` when this was decided on: nothing is asked if there was a stop since. Any will do by default.
+        """
+        with self._asking:
+            last = self._words[_STOP]
+            number = 1 + max(last, self._words[_REQUEST] // _KIND)
+            if request == Request.STOP:
+                self._words[_STOP] = number
+            elif stops in (None, last):
+                self._words[_REQUEST] = number * _KIND + request
+
+    @property
+    def stops(self) -> int:
+        """Number of the last stop that was asked for; it only grows, and is 0 before the first."""
+        return self._words[_STOP]
+
+    @property
+    def stop_waits(self) -> bool:
+        """Whether the loop has not taken the last stop yet."""
+        return self._words[_STOP_TAKEN] != self._words[_STOP]
 
     def quit(self) -> None:
         """The operator wants the run to end, in a controlled release."""
@@ -45,12 +75,13 @@ class ControlBlock:
         return (now - self._words[_HEARTBEAT]) * 1e-9
 
     def take(self) -> int:
-        """The request that came since the last call, 0 for none."""
-        number = self._words[_NUMBER]
-        if number == self._taken:
-            return 0
-        self._taken = number
-        return self._words[_REQUEST]
+        """The `Request` that came since the last call, 0 for none; for the loop."""
+        asked, stop = self._words[_REQUEST], self._words[_STOP]
+        new, self._taken = asked != self._taken, asked
+        if stop != self._words[_STOP_TAKEN]:
+            self._words[_STOP_TAKEN] = stop
+            return Request.STOP
+        return asked % _KIND if new and asked // _KIND > stop else 0
 
     def ask_gain(self, which: int, value: float) -> None:
         """The operator wants another value of a gain, which has been checked; one after the other.

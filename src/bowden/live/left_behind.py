@@ -8,11 +8,14 @@ beginning as well, and of another namespace nothing is removed: whether its proc
 
 import contextlib
 import os
+import re
 import shutil
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
+from bowden.core.clock import SECOND, MonotonicClock, TimeSource
+from bowden.core.errors import DriveError
 from bowden.live.ring import FOLDER
 
 TWIN = "bowden-twin"
@@ -20,6 +23,12 @@ TWIN = "bowden-twin"
 _ENDED = ("Z", "X")
 """States of a process that has ended (proc_pid_stat)."""
 _KINDS = (".ring", ".block", ".intent")
+_BLOCK = re.compile(r"/bowden-(\d+)-(\w+)-\w+\.block\b")
+"""The control block of a run, in the list of what a process has mapped; its loop maps it, and its operator."""
+ENDS = 10.0
+"""A loop without its operator has let go of its drive after this: of a bring-up the rest, or a release [s]."""
+_LOOK = 0.05
+"""Between two looks whether it has [s]."""
 
 
 def name_of_this() -> str:
@@ -46,6 +55,44 @@ def sweep() -> None:
         nodes = (node.name.split("-")[0] for node in bus.rglob("*.node"))
         if _gone(*bus.name.split("-")[2:4]) and not any(Path(f"/proc/{node}").exists() for node in nodes):
             shutil.rmtree(bus, ignore_errors=True)
+
+
+def await_host(
+    claim: Callable[[], Callable[[], None]], tell: Callable[[str], None], clock: TimeSource | None = None
+) -> None:
+    """See that nobody is host of a drive's bus; the loop of a run whose operator was killed is waited for.
+
+    Args:
+        claim: claims the host's part, and gives what lets go of it.
+        tell: called with what is waited for.
+        clock: to go by, in place of this computer's.
+
+    Raises:
+        DriveError: another run has it, or that loop still has it after `ENDS`.
+    """
+    clock, told = clock or MonotonicClock(), False
+    until, loops = clock.now() + round(ENDS * SECOND), [*Path("/proc").glob("[0-9]*/maps")]
+    while True:
+        try:
+            claim()()
+            return
+        except DriveError as error:
+            loops = [maps for maps in loops if _is_loop_without_operator(maps)]
+            if clock.now() >= until or not loops:
+                raise
+            if not told:
+                tell(
+                    f"{error.what}: the loop of a run whose operator was killed; waiting {ENDS:g} s at most for its end"
+                )
+        told = True
+        clock.sleep_until(clock.now() + round(_LOOK * SECOND))
+
+
+def _is_loop_without_operator(maps: Path) -> bool:
+    """Whether a process has the block of a run whose operator is gone, by its maps; the file may have been removed."""
+    with contextlib.suppress(OSError):  # it has ended, or is another user's
+        return any(_gone(*owner) for owner in _BLOCK.findall(maps.read_text(errors="replace")))
+    return False
 
 
 def _owner(number: int | str) -> str:

@@ -7,6 +7,7 @@ it ends without a word.
 
 import contextlib
 import json
+import os
 import signal
 import sys
 from dataclasses import asdict
@@ -87,6 +88,8 @@ def _cycle(live: "Live", given: dict[str, Any]) -> int:
     try:
         drives = []
         for axis, one in zip(live.axes, parts, strict=True):
+            if os.getppid() != given["operator"]:
+                raise SafetyError("the operator's process has ended before the drive was brought up", do="run it again")
             with asked_for_by(f"axis {quoted(axis.name)}") if axis.name else contextlib.nullcontext():
                 drives.append(one.drive.bring_up())
         grants = become_realtime(live.rig.system)

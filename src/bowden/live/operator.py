@@ -34,6 +34,9 @@ _REMEMBER = 100
 """Looks between two times that the motor's warmth is kept."""
 _PRIORITY = 1
 """Of SCHED_RR, the lowest there is [–]."""
+_MOST_KEYS = 4096
+"""Looked at together; a terminal holds no more of them (N_TTY_BUF_SIZE of Linux)."""
+_NOT_TAKEN = "the loop has not taken the stop yet: use the emergency stop"
 _LETTERS = {Request.ARM: "a", Request.RUN: "r", Request.ACKNOWLEDGE: "k"}
 _KEYS = {"a": Request.ARM, "r": Request.RUN, "s": Request.STOP, " ": Request.STOP, "k": Request.ACKNOWLEDGE}
 
@@ -112,9 +115,7 @@ def ending_signals() -> Iterator[Ending]:
             signal.signal(number, handler)
 
 
-def operate(
-    session: "Session", ending: Ending, *, auto: bool, quiet: bool, stopped: Callable[[], bool] = lambda: False
-) -> None:
+def operate(session: "Session", ending: Ending, *, auto: bool, quiet: bool) -> None:
     """See a run through, until the operator or a signal ends it, or with `auto` the script or a fault does.
 
     The sign of life is given here, between two looks at the keys, and by nobody else: whoever cannot read a key gives
@@ -125,7 +126,6 @@ def operate(
         ending: the signals that ask for its end.
         auto: let the script arm and run it.
         quiet: show nothing.
-        stopped: whether somebody else has asked for a stop since the last call; never waits.
 
     Raises:
         SafetyError: with `auto`, the supervisor or the preflight did not let it run.
@@ -133,7 +133,7 @@ def operate(
     ending.ends(session.end)
     _tell_grants(session)
     with (
-        _keys() as key,
+        _keys() as keys,
         _screen(session, auto, quiet) as show,
         keeping(session) as keep,
         prompt(),
@@ -150,18 +150,18 @@ def operate(
             if row is not None:
                 if row["mode"] != pressed_in:
                     answer = ""
-                show(row, answer)
+                show(row, _NOT_TAKEN if session.stop_waits and session.still > _LOOK else answer)
                 if steps is not None and next(steps, None) is None:
                     return
-            if stopped():
-                session.ask(Request.STOP)
-            pressed = key()
-            if pressed == "q":
+            pressed = keys()
+            if "q" in pressed:
                 return
-            if pressed in _KEYS:
-                answer = ignored(_KEYS[pressed], session.judged(row))
+            wanted = [_KEYS[key] for key in pressed if key in _KEYS]
+            if wanted:
+                request = Request.STOP if Request.STOP in wanted else wanted[-1]
+                answer = ignored(request, session.judged(row))
                 pressed_in = -1.0 if row is None else row["mode"]
-                session.ask(_KEYS[pressed])
+                session.ask(request)
             looks += 1
             if looks % _REMEMBER == 0 and row is not None:
                 keep(row)
@@ -235,24 +235,24 @@ def _tell_grants(session: "Session") -> None:
 
 
 @contextlib.contextmanager
-def _keys() -> Iterator[Callable[..., Any]]:
-    """A function that waits a little for a key and gives it; the empty text for none."""
+def _keys() -> Iterator[Callable[[], str]]:
+    """A function that waits a little for keys and gives all that were pressed; the empty text for none."""
     if not sys.stdin.isatty():
         yield lambda: ""
         return
     handle = sys.stdin.fileno()
     before = termios.tcgetattr(handle)
 
-    def key() -> str:
+    def keys() -> str:
         ready, _, _ = select.select([handle], [], [], _LOOK)
         pressed = b""
         with contextlib.suppress(OSError):
-            pressed = os.read(handle, 1) if ready else b""
+            pressed = os.read(handle, _MOST_KEYS) if ready else b""
         return "q" if ready and not pressed else pressed.decode(errors="replace")  # the terminal is gone
 
     try:
         tty.setcbreak(handle)
-        yield key
+        yield keys
     finally:
         with contextlib.suppress(termios.error):
             termios.tcsetattr(handle, termios.TCSANOW, before)

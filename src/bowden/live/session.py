@@ -7,6 +7,7 @@ no thread of its own: it would go on for an operator who can no longer stop the 
 import contextlib
 import json
 import math
+import os
 import queue
 import shlex
 import signal
@@ -159,6 +160,7 @@ class Session:
             "block": str(self._block),
             "emg": None if self.emg_process is None else str(self.emg_process.block),
             "start_ns": now,
+            "operator": os.getpid(),
         }
         self._loop = self._prepared or _started(["bowden.live.loop_process"])
         self._processes.append(self._loop)
@@ -409,9 +411,14 @@ class Session:
         return (self.clock.now() - self._came) / SECOND
 
     def ask(self, request: Request) -> None:
-        """Ask the supervisor for something."""
+        """Ask the supervisor for something. A stop comes before whatever else is asked for in the same cycle."""
         self.beat()
-        self.block.ask(int(request))
+        self.block.ask(request)
+
+    @property
+    def stop_waits(self) -> bool:
+        """Whether a stop was asked for that the loop has not taken yet."""
+        return self.block.stop_waits
 
     @property
     def gains(self) -> dict[str, float]:
@@ -578,7 +585,7 @@ class Session:
 
     def _stepped(self) -> Iterator[bool]:
         """Arm, run and look on, one look after the other: whether it goes on; False at last."""
-        self._steps = automatic(self) if self._steps is None else self._steps
+        self._steps = automatic(self, self.block.stops) if self._steps is None else self._steps
         while self.running:
             row = self.last()
             if row is not None and next(self._steps, None) is None:
