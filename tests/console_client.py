@@ -11,12 +11,15 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
+import pytest
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection, connect
 
-from live_runs import COMMAND, SHARED
+from live_runs import COMMAND, SHARED, tries
+
+T = TypeVar("T")
 
 RIG = (
     """
@@ -61,6 +64,8 @@ class Page:
         self.frames: list[bytes] = []
         self.tab, self.alive, self.count = "", threading.Event(), 0
         self.closed: threading.Event = threading.Event()
+        self.dropped = False
+        """Whether the server has closed the stream."""
         self._threads: list[threading.Thread] = []
         self.socket: ClientConnection | None = None
         self._open = contextlib.ExitStack()
@@ -90,6 +95,7 @@ class Page:
                 else:
                     found = json.loads(message)
                     self.state, self.seen = found.get("state", self.state), found["beat"]
+        self.dropped = not self.closed.is_set()
         self.closed.set()
 
     def _live(self) -> None:
@@ -207,16 +213,53 @@ class Page:
         self.until(lambda state: state["run"]["mode"] != "running" or state["run"]["elapsed"] > 0.3, 20.0, "the law")
         return self.mode == "running"
 
+    @property
+    def cut_off(self) -> bool:
+        """Whether it has lost what a computer that stalls loses by right: stream, control, the law by a fault."""
+        if self.dropped:
+            return True
+        state = self.get_json("/api/state")
+        return self.alive.is_set() and (not state["you"]["controls"] or (state["run"] or {}).get("mode") == "latched")
+
 
 class RunningConsole:
     """A console in a process of its own."""
 
     def __init__(self, process: "subprocess.Popen[str]", port: int, token: str, out: Path) -> None:
         self.process, self.port, self.token, self.out = process, port, token, out
+        self._pages: list[Page] = []
 
     def page(self, cookie: str = "", *, reads: bool = True) -> Page:
         """A page of a browser of its own, or of one with a cookie."""
-        return Page(self.port, "" if cookie else self.token, cookie, reads=reads)
+        self._pages.append(Page(self.port, "" if cookie else self.token, cookie, reads=reads))
+        return self._pages[-1]
+
+    def in_control(self) -> Page:
+        """A page that controls, without a session: one that a test before has left is ended."""
+        page = self.page().open().take()
+        page.until(lambda state: state, 10.0, "the state")
+        if page.state["phase"] == "live":
+            page.post("/api/request", request="end")
+        page.until(lambda state: state["phase"] == "idle", 60.0, "idle")
+        return page
+
+    def carried_through(self, run: Callable[[Page, "RunningConsole"], T]) -> T:
+        """What a run gives that comes to its end; one of which a page was cut off is tried again.
+
+        A page that is not woken for half a second has lost the control, and one for a second its stream: by right.
+        """
+        for _ in tries():
+            self._pages = []
+            page = self.in_control()
+            try:
+                return run(page, self)
+            except (AssertionError, ConnectionClosed) as error:
+                if not any(one.cut_off for one in self._pages):
+                    raise
+                print(f"cut off: {error}")
+            finally:
+                page.close()
+        pytest.fail("each time a page was cut off")
 
 
 @contextlib.contextmanager

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from bowden.live.log_facts import facts, needed
 from bowden.live.mcap_read import read
 from console_client import RIG, Page, RunningConsole, running_console
-from live_runs import assert_replays, tries
+from live_runs import assert_replays
 
 pytestmark = [pytest.mark.live]
 
@@ -45,29 +45,8 @@ def until(page: Page, how: str) -> None:
     page.until(there, 60.0, how)
 
 
-def in_control(console: RunningConsole) -> Page:
-    """A page that controls a console without a session: one that a test before has left is ended."""
-    page = console.page().open().take()
-    page.until(lambda state: state, 10.0, "the state")
-    if page.state["phase"] == "live":
-        page.post("/api/request", request="end")
-    page.until(lambda state: state["phase"] == "idle", 60.0, "idle")
-    return page
-
-
 def test_a_gain_is_changed_while_the_law_runs(console: RunningConsole) -> None:
-    for _ in tries():
-        page = in_control(console)
-        try:
-            changed_while_the_law_runs(page, console)
-            break
-        except AssertionError:
-            if page.mode != "latched":  # else this computer stalled, and the run ended as it should
-                raise
-        finally:
-            page.close()
-    else:
-        pytest.fail("every run was latched before its gain was changed")
+    console.carried_through(changed_while_the_law_runs)
 
 
 def changed_while_the_law_runs(page: Page, console: RunningConsole) -> None:
@@ -136,7 +115,7 @@ _VALUE = st.one_of(
 
 def test_nothing_that_no_gain_can_be_changes_one(console: RunningConsole) -> None:
     """While a session is live, from the page that controls: refused in words, and the console goes on."""
-    page = in_control(console)
+    page = console.in_control()
     page.start()
     begun = page.state["settings"]["gains"]
 
@@ -166,7 +145,7 @@ def test_nothing_that_no_gain_can_be_changes_one(console: RunningConsole) -> Non
 
 
 def test_who_does_not_control_any_more_when_the_check_is_done_changes_nothing(console: RunningConsole) -> None:
-    page = in_control(console)
+    page = console.in_control()
     page.start()
     page.run()
     assert change(page, 30.0) == ""

@@ -18,8 +18,12 @@ from live_runs import tries
 
 pytestmark = [pytest.mark.browser, pytest.mark.live]
 
-LEASE, MORE = 0.5, 0.25
-"""Limit of the lease, and how much later a release may begin [s]."""
+LEASE, MORE = 2.0, 0.25
+"""Limit of the lease, and how much later a release may begin [s].
+
+The longest that may be set: Chromium's page is not woken for half a second where others use the computer too, and has
+then lost the control by right. `test_console_live` tries the half second that is set otherwise.
+"""
 FRAMES, LONGEST_FRAME = 30.0, 0.040
 """Fewest a second; 95th percentile of the time from one to the next [s]."""
 TRIES = 4
@@ -29,7 +33,7 @@ TRIES = 4
 @pytest.fixture(scope="module")
 def console(browser: Any, tmp_path_factory: pytest.TempPathFactory) -> Iterator[RunningConsole]:
     folder = tmp_path_factory.mktemp("console")
-    (folder / "rig.toml").write_text(RIG)
+    (folder / "rig.toml").write_text(f"{RIG}console_lease_s = {LEASE}\n")
     with running_console(folder / "rig.toml", folder / "out", "--twin") as running:
         yield running
 
@@ -115,6 +119,7 @@ def armed(page: Any, press: Callable[[Any], None] = hold) -> None:
     for _ in range(TRIES):
         press(page)
         if banner(page, "Ready", "Latched", seconds=20.0) == "Ready":
+            assert page.locator(".ticks .done").count() == 5
             return
         enabled(page, "Acknowledge fault").click()
         banner(page, "Stopped", seconds=20.0)
@@ -159,25 +164,39 @@ def running(page: Any) -> None:
 
 
 def regained(page: Any) -> None:
-    """Control again, where a busy computer did not wake the page for half a second; a fault is acknowledged."""
+    """Control again, where a busy computer did not wake the page for too long; a fault is mended and acknowledged."""
+    page.locator(".who", has_text="control").filter(has_not_text="Not known").wait_for()  # it is connected
     if page.get_by_text("Nobody controls").count():
         button(page, "Take control").click()
         page.get_by_text("You control the rig").wait_for()
+    if page.locator(".banner-word").text_content() == "Running":
+        page.locator("#stop").click()
     if button(page, "Acknowledge fault").is_visible():
+        button(page, "Mend all").click()
         button(page, "Acknowledge fault").click()
     banner(page, "Stopped", 20.0)
 
 
-def running_at_last(page: Any) -> None:
-    """`running`, on a computer that may be busy."""
+def cut_off(page: Any) -> bool:
+    """Whether a computer that stalls has by right ended what the page did: its stream, its control, or the law."""
+    lost = page.locator(".who").filter(has_text="Nobody").or_(page.locator(".who").filter(has_text="Not known"))
+    said = " ".join(page.locator(".message, .problem").all_inner_texts())
+    return lost.count() > 0 or "not connected" in said or page.locator(".banner-word").text_content() == "Latched"
+
+
+def carried_through(page: Any, *steps: Callable[[Any], None]) -> None:
+    """All steps with the law running, one after another; from the first again where the page was cut off."""
     for _ in tries():
         try:
-            running(page)
+            for step in (running, *steps):
+                step(page)
             return
         except AssertionError as error:
+            if not cut_off(page):
+                raise
             print(error)
         regained(page)
-    raise AssertionError("it does not run")
+    raise AssertionError("each time the page was cut off")
 
 
 def end(page: Any) -> None:
@@ -192,6 +211,34 @@ def value(page: Any, title: str) -> float:
 
 
 def test_the_whole_path_on_the_twin(page: Any, console: RunningConsole, request: pytest.FixtureRequest) -> None:
+    def curves_move(page: Any) -> None:
+        page.wait_for_timeout(2500)
+        seen = []
+        for _ in range(8):
+            seen.append(value(page, "joint"))
+            page.wait_for_timeout(250)
+        assert max(seen) - min(seen) > 5.0
+        picture(page, request, "running")
+
+    def stops_by_a_fault(page: Any) -> None:
+        page.select_option("#inject", "encoder_frozen joint")
+        enabled(page, "Inject").click()
+        banner(page, "Latched", seconds=20.0)
+        fault = page.locator(".fault").first
+        assert fault.inner_text().startswith("First fault: joint")
+        assert "What to do: look" in fault.inner_text()
+        page.evaluate("scrollTo(0, 0)")
+        page.wait_for_timeout(300)
+        picture(page, request, "fault")
+        button(page, "Mend all").click()
+        enabled(page, "Acknowledge fault").click()
+        banner(page, "Stopped", seconds=20.0)
+
+    def stops_as_asked(page: Any) -> None:
+        page.wait_for_timeout(1500)
+        page.locator("#stop").click()
+        banner(page, "Stopped", seconds=20.0)
+
     page.goto(link(console))
     assert "token" not in page.url
     button(page, "Take control").click()
@@ -204,35 +251,8 @@ def test_the_whole_path_on_the_twin(page: Any, console: RunningConsole, request:
     picture(page, request, "settings")
     enabled(page, "Start").click()
     banner(page, "Stopped", seconds=60.0)
-    armed(page)
-    assert page.locator(".ticks .done").count() == 5
-    enabled(page, "Run").click()
-    banner(page, "Running", seconds=20.0)
-    page.wait_for_timeout(2500)
-    seen = []
-    for _ in range(8):
-        seen.append(value(page, "joint"))
-        page.wait_for_timeout(250)
-    assert max(seen) - min(seen) > 5.0  # the curves move
-    page.wait_for_timeout(4000)
-    picture(page, request, "running")
-
-    page.select_option("#inject", "encoder_frozen joint")
-    button(page, "Inject").click()
-    banner(page, "Latched", seconds=20.0)
-    fault = page.locator(".fault").first
-    assert fault.inner_text().startswith("First fault: joint")
-    assert "What to do: look" in fault.inner_text()
-    page.evaluate("scrollTo(0, 0)")
-    page.wait_for_timeout(300)
-    picture(page, request, "fault")
-    button(page, "Mend all").click()
-    enabled(page, "Acknowledge fault").click()
-    banner(page, "Stopped", seconds=20.0)
-    running(page)
-    page.wait_for_timeout(1500)
-    page.locator("#stop").click()
-    banner(page, "Stopped", seconds=20.0)
+    carried_through(page, curves_move, stops_by_a_fault)
+    carried_through(page, stops_as_asked)
     end(page)
 
     button(page, "Earlier runs").click()
@@ -382,7 +402,7 @@ def test_the_guided_path(page: Any, console: RunningConsole) -> None:
         button(page, "Identify and tune").click()
         enabled(page, "Begin: measure").click()
         banner(page, "Stopped", 240.0)  # compiled for the first time
-        running_at_last(page)
+        carried_through(page)
         deadline = time.monotonic() + 240.0
         while page.locator(".banner-word").inner_text() not in ("Stopped", "Latched"):
             assert time.monotonic() < deadline
@@ -406,7 +426,7 @@ def test_the_guided_path(page: Any, console: RunningConsole) -> None:
     checked(page)
     enabled(page, "Start").click()
     banner(page, "Stopped", 240.0)
-    running_at_last(page)
+    carried_through(page)
     page.wait_for_timeout(1500)
     page.keyboard.press("Space")
     banner(page, "Stopped", 20.0)
