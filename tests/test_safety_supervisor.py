@@ -288,15 +288,18 @@ def test_a_drive_that_keeps_its_torque_is_found_in_every_mode_without_power(keep
         assert {v.faults for v in follow(innocent, LIMITS, stopped)} == {0.0}
 
 
-@pytest.mark.parametrize(
-    ("speed", "current", "measured", "found"),
-    [(1.2, NAN, 1, True), (1.2, 2.0, 0, True), (1.2, 0.0, 1, False), (0.9, NAN, 1, False), (-9.0, NAN, 1, False)],
-)
+PULLS_UNPOWERED = [(1.2, NAN, 1, True), (1.2, 2.0, 0, True), (1.2, 0.0, 1, False), (0.9, NAN, 1, False)]
+PULLS_UNPOWERED += [(-9.0, NAN, 1, False)]
+"""Speed [rad/s], current [A], whether it is measured, whether the drive is found to have torque."""
+
+
+@pytest.mark.parametrize("row", PULLS_UNPOWERED)
 def test_a_motor_that_pulls_without_power_is_found_where_its_current_is_unknown(
-    speed: float, current: float, measured: float, found: bool
+    row: tuple[float, float, float, bool],
 ) -> None:
-    """Not one that a limb drags, or a hand turns: more slowly, or with a drive that measures no current."""
-    limits = LIMITS._replace(measures_current=float(measured))
+    """Not one that a limb drags, or that a hand turns, which is slower or has a current of nothing."""
+    speed, current, measured, found = row
+    limits = LIMITS._replace(measures_current=measured)
     turned = [(seen(drive_state=1.0, current=current, motor=0.5 + speed * DT * i), 0.5) for i in range(150)]
     verdicts = follow(turned, limits, begin(limits, READING, COLD))
     assert any(Fault.NOT_DISABLED in of(verdict.faults) for verdict in verdicts) is found
