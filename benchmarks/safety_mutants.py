@@ -38,7 +38,7 @@ from kept import FOLDER, Kept
 ROOT = Path(__file__).parents[1]
 TESTS = [ROOT / "tests" / f"test_safety_{name}.py" for name in ("boundaries", "supervisor")]
 KERNELS: list[FunctionType] = [
-    *(supervisor.begin, supervisor.most_step, supervisor.longest_release, supervisor.see),
+    *(supervisor.begin, supervisor.is_new, supervisor.most_step, supervisor.longest_release, supervisor.see),
     *(supervisor.steepest, supervisor.release_speed, supervisor.release_target),
     *(supervisor.look, supervisor.supervise),
     *(plausible.outside, plausible.beyond, plausible.lasting, plausible.follow, servo.servo_predict, thermal.warm),

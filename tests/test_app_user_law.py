@@ -1,5 +1,6 @@
 """A law from a user's own file: it runs beside the built-in ones, and what is wrong with it is said in one line."""
 
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -27,6 +28,23 @@ def test_the_example_law_follows_better_than_no_compensation() -> None:
     assert own.stable
     assert np.sqrt(np.mean(own.error**2)) < 0.2 * np.sqrt(np.mean(none.error**2))
     assert own["law.integral"][-1] != 0.0
+
+
+@pytest.mark.parametrize(
+    ("at", "holds"),
+    [
+        ("return State(0.0)", "sample.joint > -9.0"),
+        (RETURN, "reference.position > -9.0"),
+        (RETURN, "reference.position > 1.0"),  # the law's first cycles are below
+    ],
+)
+def test_a_law_that_never_returns_is_refused_with_its_name_and_line(at: str, holds: str, tmp_path: Path) -> None:
+    loop = f"ahead = 0.0\n    while {holds}:\n        ahead = ahead + 1.0\n    "
+    (tmp_path / "law.py").write_text(SOURCE.replace(at, loop + at))
+    trace = sys.gettrace()
+    with pytest.raises(ParameterError, match=r"law\.py:\d+: the law 'law' does not return from one cycle"):
+        user_law.load("law.py", tmp_path)
+    assert sys.gettrace() is trace
 
 
 def test_an_edited_law_is_not_met_by_its_old_code(tmp_path: Path) -> None:

@@ -101,6 +101,9 @@ SYNC, TARGET, START, HEARTBEAT = (0x080, b""), (0x201, b"\x0f\0\0\0\0\0"), (0x00
 QUESTION = (0x601, b"\x40\0\x10\0\0\0\0\0")
 RUNS: dict[str, Row] = {
     "keeps its torque": Row(Attack(keeps_torque=True), (Fault.NOT_DISABLED,), (TorqueLeft.ON,)),
+    "keeps its torque and denies it": Row(
+        Attack(keeps_torque=True, lies=True), (Fault.NOT_DISABLED,), (TorqueLeft.ON,)
+    ),
     "enables itself": Row(Attack(enables_itself=0.005), (Fault.NOT_DISABLED,), (TorqueLeft.ON,)),
     "vanishes at rest": Row(Attack(vanishes=0.005), (Fault.HEARTBEAT_LOST,), (TorqueLeft.UNKNOWN,)),
     "vanishes under power": Row(Attack(vanishes=0.5), (Fault.HEARTBEAT_LOST, Fault.MOTOR_STALE), (TorqueLeft.UNKNOWN,)),
@@ -116,9 +119,15 @@ RUNS: dict[str, Row] = {
     "inputs that are told no more": Row(Attack(hides_inputs=0.5), (Fault.EMERGENCY_STOP,), drive=STOPPABLE),
     "safe torque off": Row(Attack(stops_itself=0.5), (Fault.EMERGENCY_STOP,)),
     "a current stuck at nothing": Row(Attack(current_stuck=0.0), (Fault.CURRENT_STUCK,)),  # in the preflight
-    "a current that gets stuck": Row(Attack(current_stuck=1.5), (Fault.CURRENT_STUCK,), cycles=3000),
+    "a current that gets stuck": Row(
+        Attack(current_stuck=1.5), (Fault.CURRENT_STUCK,), (TorqueLeft.ON,), cycles=3000
+    ),  # it is seen without power, too
+    "a current that gets stuck but for a count": Row(
+        Attack(current_stuck=1.5, dithers=True), (Fault.CURRENT_STUCK,), (TorqueLeft.ON,), cycles=3000
+    ),
     "a cable on the other side": Row(Attack(load=-600), (Fault.PREFLIGHT_FAILED,)),
     "a joint encoder that freezes": Row(Attack(joint_stuck=1.5), (Fault.JOINT_FROZEN,)),
+    "a joint encoder that freezes but for a count": Row(Attack(joint_stuck=1.5, dithers=True), (Fault.JOINT_FROZEN,)),
 }
 
 

@@ -195,8 +195,6 @@ def test_default_limits_agree() -> None:
         {"target_speed": 1e4},
         {"reading_age": 50.0},
         {"heartbeat_age": 0.001},
-        {"bridge_time": 0.02},
-        {"release_time": 1.0},
         {"lateness": 0.1},
         {"current_peak": 5.0},
         {"housing_limit": 200.0},
@@ -246,6 +244,8 @@ def test_gains_that_do_not_hold_are_refused(verdict: str) -> None:
         ),
         *("tracking_deg", "target_reach_deg", "frozen_travel_deg", "acceleration_deg_per_s2", "lowering_deg_per_s"),
         *("target_speed_deg_per_s", "reading_age", "joint_still_deg", "slope_high"),
+        *("slope_low", "bridge_time_s", "release_time_s", "slack_sign", "tension_low_n"),
+        *("thermal_ambient_c", "thermal_continuous_current_a"),
     ],
 )
 def test_a_limit_has_a_ceiling(key: str, tmp_path: Path) -> None:

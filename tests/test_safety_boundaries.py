@@ -21,6 +21,7 @@ from bowden.safety.supervisor import (
     AHEAD,
     DEAD_SHARE,
     OVERSPEED,
+    PULLED_SPEED,
     WAITS,
     Mode,
     Observed,
@@ -123,6 +124,7 @@ STOPPED: Changes = {
     "state.decided.passed": 0.0,
     "state.servo.enabled": 0.0,
     "reading.drive_state": 1.0,
+    "reading.current": 0.0,
 }
 ARMED: Changes = {
     **STOPPED,
@@ -172,6 +174,9 @@ ASKED = 0.5 - 0.0625 - 0.25 * 0.375
 SLOWED, FILTERED = 4.0, 4.0 * (1.0 - DT / (3 * DT + DT))
 """A speed, and what the filter leaves of it in a cycle in which the motor stands."""
 MUTE: Changes = {"state.load.reading": 20.0, "state.load.motor": 0.5}
+WENT: Changes = {"state.anchor.motor": 0.0}
+KEPT: Changes = {**STOPPED, "state.sums.undisabled": 1.0}
+PULLS = PULLED_SPEED * SLOWED / FILTERED
 EDGES: list[Edge] = [
     (Fault.JOINT_LOST, "reading.joint", 6.5, 6.5 + TINY, {}),
     (Fault.JOINT_LOST, "reading.joint", -6.5, -6.5 - TINY, {}),
@@ -189,8 +194,11 @@ EDGES: list[Edge] = [
     (Fault.JOINT_FROZEN, "state.anchor.motor", 0.275 + TINY, 0.275 - TINY, {}),
     (Fault.JOINT_FROZEN, "state.anchor.motor", 0.725 - TINY, 0.725 + TINY, {}),
     (Fault.JOINT_FROZEN, "state.anchor.unanswered", 0.075 - TINY, 0.075 + TINY, {}),
-    (Fault.JOINT_FROZEN, "state.anchor.joint", 0.375 - 2.0**-12 - TINY, 0.375 - 2.0**-12, {"state.anchor.motor": 0.0}),
-    (Fault.JOINT_FROZEN, "state.anchor.joint", 0.375 + 2.0**-12 + TINY, 0.375 + 2.0**-12, {"state.anchor.motor": 0.0}),
+    *(
+        (Fault.JOINT_FROZEN, name, 0.375 + sign * (2.0**-12 + TINY), 0.375 + sign * 2.0**-12, {**WENT, other: 1.0})
+        for name, other in itertools.permutations(("state.anchor.joint", "state.anchor.joint_before"))
+        for sign in (-1.0, 1.0)
+    ),
     (Fault.JOINT_ASTRAY, "reading.joint", 0.5, 0.5 - TINY, motor_at(1.0, 0.5)),
     (Fault.JOINT_ASTRAY, "reading.joint", 1.5, 1.5 + TINY, motor_at(1.0, 1.5)),
     (Fault.JOINT_ASTRAY, "reading.joint", -0.71875, -0.71875 - TINY, motor_at(-0.375, -0.71875)),
@@ -319,6 +327,17 @@ EDGES: list[Edge] = [
     (Fault.CURRENT_STUCK, "state.anchor.swung", 1.0, 1.0 + TINY, {"state.anchor.travelled": 2.0}),
     (Fault.CURRENT_STUCK, "reading.current", 2.0 + TINY, 2.0, SWINGING),
     (Fault.CURRENT_STUCK, "reading.current", NAN, 2.0, SWINGING),
+    (Fault.CURRENT_STUCK, "state.anchor.current_before", 3.0 + TINY, 3.0, {**SWINGING, "reading.current": 3.0}),
+    *((Fault.NOT_DISABLED, "reading.current", sign * 0.25, sign * (0.25 + TINY), KEPT) for sign in (-1.0, 1.0)),
+    (Fault.NOT_DISABLED, "reading.current", NAN, 1.0, KEPT),
+    (Fault.NOT_DISABLED, "reading.motor_age", 2.0 + TINY, 2.0, {**KEPT, "reading.current": 1.0}),
+    (Fault.NOT_DISABLED, "reading.drive_state", 3.0, 4.0, {**KEPT, "reading.motor_age": 9.0}),
+    (Fault.NOT_DISABLED, "state.motor.speed", PULLS - TINY, PULLS + TINY, {**KEPT, "reading.current": NAN}),
+    (Fault.NOT_DISABLED, "state.motor.speed", PULLS - TINY, PULLS + TINY, {**KEPT, "limits.measures_current": 0.0}),
+    (Fault.NOT_DISABLED, "limits.slack_sign", 1.0, -1.0, {**KEPT, "state.motor.speed": 9.0, "reading.current": NAN}),
+    (Fault.NOT_DISABLED, "reading.current", 0.25, NAN, {**KEPT, "state.motor.speed": 9.0}),
+    (Fault.NOT_DISABLED, "limits.measures_current", 0.0, 1.0, {**KEPT, "reading.current": 9.0}),
+    (Fault.NOT_DISABLED, "state.sums.undisabled", 0.05 - DT, 0.05 - DT + TINY, {**KEPT, "reading.current": 1.0}),
     (Fault.CURRENT_STUCK, "state.decided.mode", Mode.RELEASING, Mode.RUNNING, SWINGING),
     (Fault.CURRENT_STUCK, "limits.measures_current", 0.0, 1.0, SWINGING),
     (Fault.RELEASE_PULLS, "reading.joint", -0.35, -0.35 - TINY, PUSHED),
@@ -359,6 +378,10 @@ EDGES: list[Edge] = [
     (Fault.LOAD_STUCK, "state.load.unanswered", 0.075 - TINY, 0.075 + TINY, MUTE),
     (Fault.LOAD_STUCK, "reading.tension", 20.0 + TINY, 20.0, {**MUTE, "state.load.unanswered": 0.1}),
     (Fault.LOAD_STUCK, "reading.tension", NAN, 20.0, {**MUTE, "state.load.unanswered": 0.1}),
+    (
+        *(Fault.LOAD_STUCK, "state.load.reading_before", 21.0 + TINY, 21.0),
+        {**MUTE, "state.load.unanswered": 0.1, "reading.tension": 21.0},
+    ),
     (Fault.LOAD_STUCK, "limits.measures_tension", 0.0, 1.0, {**MUTE, "state.load.unanswered": 0.1}),
     (
         *(Fault.LOAD_STUCK, "reading.joint_torque", 3.0 + TINY, 3.0),
@@ -613,6 +636,9 @@ ESTIMATES: list[tuple[str, float, Changes]] = [
     ("joint.value", 0.376, {"reading.joint": 0.376}),
     ("anchor.joint", 0.376, {"reading.joint": 0.376}),
     ("anchor.joint", 0.375, {"reading.joint": 0.375 + 2.0**-13}),
+    ("anchor.joint_before", 0.375, {"reading.joint": 0.376, "state.anchor.joint_before": 0.3}),
+    ("anchor.joint_before", 0.3, {"reading.joint": 0.375 + 2.0**-13, "state.anchor.joint_before": 0.3}),
+    ("anchor.joint", 0.375, {"reading.joint": 0.376, "state.anchor.joint_before": 0.376}),
     ("anchor.motor", 0.51, {"reading.joint": 0.376, "reading.motor": 0.51}),
     ("anchor.motor", 0.5, {"reading.motor": 0.51}),
     ("anchor.motor", 0.51, {**STOPPED, "reading.motor": 0.51}),
@@ -620,6 +646,15 @@ ESTIMATES: list[tuple[str, float, Changes]] = [
     ("anchor.motor", 0.5, {**RELEASING, "reading.motor": 0.51}),
     ("anchor.unanswered", -HALF, {"reading.joint": 0.376, "state.anchor.unanswered": 0.1}),
     ("anchor.current", 3.0, {"reading.current": 3.0}),
+    ("anchor.current_before", 2.0, {"reading.current": 3.0, "state.anchor.current_before": 7.0}),
+    ("anchor.current_before", 7.0, {"reading.current": NAN, "state.anchor.current_before": 7.0}),
+    ("anchor.current_before", 7.0, {"state.anchor.current_before": 7.0}),
+    ("anchor.current", 2.0, {"reading.current": 7.0, "state.anchor.current_before": 7.0}),
+    ("load.reading", 21.0, {"reading.tension": 21.0}),
+    ("load.reading", 20.0, {"reading.tension": 7.0, "state.load.reading_before": 7.0}),
+    ("load.reading", 20.0, {"reading.tension": NAN}),
+    ("load.reading_before", 20.0, {"reading.tension": 21.0}),
+    ("load.reading_before", 7.0, {"state.load.reading_before": 7.0}),
     ("anchor.current", 2.0, {"reading.current": NAN}),
     ("anchor.current", 2.0, {"reading.current": INF}),
     ("anchor.current", 2.0, {"reading.current": -INF}),

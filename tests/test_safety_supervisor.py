@@ -80,7 +80,13 @@ def test_it_begins_where_the_motor_is_as_warm_as_it_was_left_and_knows_nothing_e
     state = begin(LIMITS, READING, ThermalState(50.0, 40.0, 3.0))
     places = ("target", "decided.target_before", "servo.position", "motor.value", "anchor.motor", "load.motor")
     known = dict.fromkeys(places, 0.5)
-    known |= {"joint.value": 0.45, "anchor.joint": 0.45, "decided.joint_then": 0.45, "decided.motor_then": 0.5}
+    known |= {
+        "joint.value": 0.45,
+        "anchor.joint": 0.45,
+        "anchor.joint_before": 0.45,
+        "decided.joint_then": 0.45,
+        "decided.motor_then": 0.5,
+    }
     known |= {"heat.winding": 50.0, "heat.housing": 40.0, "heat.i2t": 3.0}
     assert dict(zip(names(state), flat(state), strict=True)) == dict.fromkeys(names(state), 0.0) | known
     nowhere = begin(LIMITS, READING._replace(motor=NAN, joint=9.0), COLD)
@@ -228,7 +234,7 @@ def test_a_worse_fault_ends_a_release_at_once() -> None:
 
 
 def test_an_operators_stop_releases_and_does_not_latch() -> None:
-    rows = [*lasting(1, request=Request.STOP), *lasting(199), *lasting(100, drive_state=1.0)]
+    rows = [*lasting(1, request=Request.STOP), *lasting(199), *lasting(100, drive_state=1.0, current=0.0)]
     verdicts = follow(rows, LOOSE._replace(taut=0.5))
     assert verdicts[0].mode == Mode.RELEASING
     assert (verdicts[-1].mode, verdicts[-1].power, verdicts[-1].faults) == (Mode.STOPPED, Power.OFF, 0.0)
@@ -244,7 +250,7 @@ def test_a_stop_before_the_drive_is_enabled_is_off_at_once() -> None:
 
 
 def test_a_latch_holds_until_it_is_acknowledged_and_then_a_new_preflight_is_due() -> None:
-    off = {"drive_state": 1.0}
+    off = {"drive_state": 1.0, "current": 0.0}
     rows = [
         *lasting(1, emergency=0x5530),
         *lasting(50, request=Request.ARM, **off),
@@ -259,21 +265,44 @@ def test_a_latch_holds_until_it_is_acknowledged_and_then_a_new_preflight_is_due(
     assert follow([*rows, *rest])[-1].mode == Mode.PREFLIGHT
 
 
-@pytest.mark.parametrize("drive_state", [4.0, 5.0, 6.0])
-def test_a_drive_that_keeps_its_torque_is_found_in_every_mode_without_power(drive_state: float) -> None:
+@pytest.mark.parametrize("keeps", [(4.0, 2.0), (4.0, 0.0), (5.0, 0.0), (6.0, 0.0), (1.0, 1.3), (1.0, -2.0)])
+def test_a_drive_that_keeps_its_torque_is_found_in_every_mode_without_power(keeps: tuple[float, float]) -> None:
+    drive_state, current = keeps
     stopped = begin(LIMITS, READING, COLD)
-    on, off = lasting(60, drive_state=drive_state), lasting(1, drive_state=1.0, request=Request.ACKNOWLEDGE)
+    on = lasting(60, drive_state=drive_state, current=current)
+    off = lasting(1, drive_state=1.0, current=0.0, request=Request.ACKNOWLEDGE)
     verdicts = follow(on, LIMITS, stopped)
     assert [v.mode for v in verdicts].index(Mode.LATCHED) in (49, 50, 51)
     assert [Fault.NOT_DISABLED in of(v.faults) for v in verdicts].index(True) in (49, 50, 51)
-    again = follow([*on, *lasting(1, drive_state=drive_state, request=Request.ACKNOWLEDGE)], LIMITS, stopped)
+    again = follow(
+        [*on, *lasting(1, request=Request.ACKNOWLEDGE, drive_state=drive_state, current=current)], LIMITS, stopped
+    )
     assert again[-1].mode == Mode.LATCHED, "no word leads out of it while it lasts"
     assert follow([*on, *off], LIMITS, stopped)[-1].mode == Mode.STOPPED
-    gone = follow([*on, *lasting(9, drive_state=1.0)], LIMITS, stopped)[-1]
+    gone = follow([*on, *lasting(9, drive_state=1.0, current=0.0)], LIMITS, stopped)[-1]
     assert (gone.mode, of(gone.faults)[-1]) == (Mode.LATCHED, Fault.NOT_DISABLED), "it is held until acknowledged"
     latched = follow([*lasting(1, emergency=1.0), *on])
     assert [Fault.NOT_DISABLED in of(v.faults) for v in latched].index(True) in (50, 51, 52)
-    assert {v.faults for v in follow(lasting(60, drive_state=1.0), LIMITS, stopped)} == {0.0}
+    decaying = [(seen(drive_state=1.0, current=5.0 * 0.93**i), 0.5) for i in range(99)]
+    for innocent in (decaying, lasting(60, drive_state=1.0, current=0.3)):
+        assert {v.faults for v in follow(innocent, LIMITS, stopped)} == {0.0}
+
+
+PULLS_UNPOWERED = [(1.2, NAN, 1, True), (1.2, 2.0, 0, True), (1.2, 0.0, 1, False), (0.9, NAN, 1, False)]
+PULLS_UNPOWERED += [(-9.0, NAN, 1, False)]
+"""Speed [rad/s], current [A], whether it is measured, whether the drive is found to have torque."""
+
+
+@pytest.mark.parametrize("row", PULLS_UNPOWERED)
+def test_a_motor_that_pulls_without_power_is_found_where_its_current_is_unknown(
+    row: tuple[float, float, float, bool],
+) -> None:
+    """Not one that a limb drags, or that a hand turns, which is slower or has a current of nothing."""
+    speed, current, measured, found = row
+    limits = LIMITS._replace(measures_current=measured)
+    turned = [(seen(drive_state=1.0, current=current, motor=0.5 + speed * DT * i), 0.5) for i in range(150)]
+    verdicts = follow(turned, limits, begin(limits, READING, COLD))
+    assert any(Fault.NOT_DISABLED in of(verdict.faults) for verdict in verdicts) is found
 
 
 def test_what_comes_and_goes_while_it_is_latched_is_not_held() -> None:

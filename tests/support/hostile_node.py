@@ -88,6 +88,8 @@ class Attack:
     """Of the cable on the motor, in thousandths of the rated torque, in the direction of lower counts."""
     joint_stuck: float = float("inf")
     """From then on its joint encoder stands still."""
+    dithers: bool = False
+    """What is stuck goes to and fro by a count."""
     endless_text: bool = False
     """The upload of its name, 1008h, never ends."""
     stops: float = float("inf")
@@ -229,7 +231,9 @@ class HostileNode:
         if since < self.attack.current_stuck:
             lag = max(-20_000.0, min(20_000.0, self.objects[0x607A, 0] - self.motor))
             self._torque = self.torque * round(self.attack.load + 0.02 * self.motor + 0.1 * lag)
-        joint, torque = self._joint, self._torque
+        flip = self.attack.dithers * round(self.now / MILLISECOND) % 2
+        joint, torque = self._joint + flip * (since >= self.attack.joint_stuck), self._torque
+        torque += flip * (since >= self.attack.current_stuck)
         self._emit(0x180 + NODE, struct.pack("<Hih", STATUSWORD[said], round(self.motor), torque))
         self._emit(0x280 + NODE, struct.pack("<ihh", joint, 0, 300))
         if not self.objects[0x1802, 1] >> 31 and self.now - self._begun < self.attack.hides_inputs:

@@ -7,8 +7,8 @@ Why nothing moves without somebody at the page, whoever of the chain page → se
   this thread does not need the event loop to see that.
 - This thread hangs: it alone beats, in the same round in which it looks at the lease and takes the requests, so the
   loop's `operator_age` grows, and the loop releases. A thread that holds the interpreter is the same case.
-- A stop that was asked for does not take: after `TAKEN` this thread beats no more while there is power. Whatever thread a
-  stop comes to hands it to the loop, without this one.
+- A stop that was asked for does not take: after `TAKEN` this thread beats no more while there is power. The thread that
+  a stop comes to hands it to the loop, without this one.
 - This process is killed: no beat.
 - A request that gives power comes late, after a stop that its sender did not see: its stamp is older than the stop.
 

@@ -4,17 +4,22 @@ The file either defines a `Law` object, or the three parts of one: a NamedTuple 
 field, and the kernels ``start(gains, sample)`` and ``step(gains, state, sample, reference, dt)``; with them, if it
 likes, ``FROM_RIG``, what its gains take from a rig (`Law.from_rig`), and ``TUNABLE``, which of them are a choice
 (`Law.tunable`). What it defines is tried for a few cycles, interpreted, before anything is compiled, because Python's
-messages name the line and a compiler's rarely do. Compiled code is kept under what it is made of
-(`bowden.core.kernel_cache`), so an edited law is never met by stale code.
+messages name the line and a compiler's rarely do, and because compiled code that never returns cannot be ended.
+Compiled code is kept under what it is made of (`bowden.core.kernel_cache`), so an edited law is never met by stale
+code.
 """
 
 import contextlib
 import math
 import re
+import sys
 from collections.abc import Iterator, Mapping
+from itertools import pairwise
 from pathlib import Path
-from types import ModuleType
+from types import FrameType, ModuleType
 from typing import Any
+
+import numpy as np
 
 from bowden.control.knowledge import Knowledge, informed
 from bowden.control.law import FromRig, Law
@@ -29,6 +34,10 @@ _CORRECT = "correct the law there"
 _RENAME = "give it another name"
 _TRIAL_CYCLES = 5
 _TRIAL_TIME = 1e-3
+_SWEEP = [0.02 * k for k in (*range(66), *range(66, 0, -1))]
+"""References through which a law must return, whatever it gives there: up to 75° and back [rad]."""
+_MOST_LINES = 300_000
+"""Lines of Python in one call of a law; so many, compiled, are no cycle's any more."""
 _EXAMPLE = Knowledge(50.0, 1.0, 1.5e-3, 1e-3, 1.0, 0.1, 0.1, BoucWen(), 0.0, 1e-4, 1e-4, 1e-4, 1e-4)
 """What a law's own functions of what it knows are tried with, beside nothing known."""
 
@@ -179,10 +188,12 @@ def check_law(law: Law, path: Path | None = None) -> None:
         _check_numbers(gains, "gains that come from the rig", str(path), whole=True)
     sample = Sample(0.01, 0.02)
     try:
-        state = law.start(sample)
+        with _returning(law):
+            state = law.start(sample)
         _check_numbers(state, "the state from start", user_file.line(law.start_kernel, path))
         for k in range(_TRIAL_CYCLES):
-            answer = law.step(state, sample, Reference(0.1 + 1e-4 * k, 0.1, 0.0), _TRIAL_TIME)
+            with _returning(law):
+                answer = law.step(state, sample, Reference(0.1 + 1e-4 * k, 0.1, 0.0), _TRIAL_TIME)
             if not isinstance(answer, tuple) or len(answer) != 2:
                 raise ParameterError(
                     f"{where}: step returns {answer!r}", expected="a pair, state and command", do=_CORRECT
@@ -201,6 +212,44 @@ def check_law(law: Law, path: Path | None = None) -> None:
         raise
     except Exception as error:
         raise user_file.mistake(error, path) from error
+    try:
+        for before, angle in pairwise(_SWEEP):
+            speed = (angle - before) / _TRIAL_TIME
+            with _returning(law), np.errstate(all="ignore"):
+                state, _ = law.step(state, Sample(before, before), Reference(angle, speed, 0.0), _TRIAL_TIME)
+    except ParameterError:
+        raise
+    except Exception:  # it need not be fit for angles that its rig does not reach
+        return
+
+
+@contextlib.contextmanager
+def _returning(law: Law) -> Iterator[None]:
+    """Refuse a law that does not return from one call, by the lines that it goes through: no clock is in this."""
+    file, gone = law.step_kernel.__code__.co_filename, 0
+
+    def line(frame: FrameType, _event: str, _arg: Any) -> Any:
+        nonlocal gone
+        gone += 1
+        if gone <= _MOST_LINES:
+            return line
+        own: FrameType | None = frame
+        while own is not None and own.f_code.co_filename != file:
+            own = own.f_back
+        at = frame if own is None else own
+        raise ParameterError(
+            f"{at.f_code.co_filename}:{at.f_lineno}: the law {law.name!r} does not return from one cycle: it has gone "
+            f"through {_MOST_LINES} lines there",
+            expected="a start and a step that end within a cycle",
+            do=_CORRECT,
+        )
+
+    before = sys.gettrace()
+    sys.settrace(line)
+    try:
+        yield
+    finally:
+        sys.settrace(before)
 
 
 def _check_numbers(values: Any, what: str, where: str, *, whole: bool = False) -> None:

@@ -30,7 +30,7 @@ class TorqueLeft(IntEnum):
     UNKNOWN = 1
     """It has not said so: it is silent."""
     ON = 2
-    """It says that it still has torque."""
+    """It still has torque, as it says or as its current does."""
 
 
 TORQUE_LEFT = {

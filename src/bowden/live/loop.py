@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 from bowden.core.clock import SECOND, TimeSource, next_deadline
 from bowden.core.errors import SafetyError
-from bowden.core.signals import DriveReading, DriveState
+from bowden.core.signals import DriveReading
 from bowden.cycle.one_cycle import HOLD, NOWHERE, Cycle, Plan
 from bowden.cycle.torque_offset import TorqueOffset
 from bowden.hardware.emg.course import EmgCourse
@@ -31,11 +31,6 @@ from bowden.safety.supervisor import POWER_OFF, Mode, Observed, Request, Verdict
 
 _STOP, _ACKNOWLEDGE = float(Request.STOP), float(Request.ACKNOWLEDGE)
 _RESTING = (float(Mode.STOPPED), float(Mode.LATCHED))
-_TURNING = (
-    *(float(DriveState.OPERATION_ENABLED), float(DriveState.QUICK_STOP_ACTIVE)),
-    float(DriveState.FAULT_REACTION_ACTIVE),
-)
-"""States of a drive that may have torque."""
 _LAST = 10
 """Cycles with the power off before the loop ends, in which the drive learns of it and says so."""
 
@@ -146,9 +141,14 @@ class _Axis:
         self.drive.write(self.target, _POWERS[verdict.power], now, self._torque)
 
     @property
+    def pulls(self) -> bool:
+        """Whether its drive has a sign of torque, by its state or its current, although its power is off."""
+        return self.cycle.state.supervisor.sums.undisabled > 0.0
+
+    @property
     def turning(self) -> bool:
-        """Whether its drive may have torque, and the supervisor has not found that it keeps it."""
-        return self.reading.drive_state in _TURNING and not int(self.verdict.faults) >> Fault.NOT_DISABLED & 1
+        """Whether it has one, and the supervisor has not found that it keeps it."""
+        return not int(self.verdict.faults) >> Fault.NOT_DISABLED & 1 and self.pulls
 
     def put(self, ring: memoryview, at: int, times: tuple[float, float, float, float, float, float] | None) -> int:
         """Write what is kept of a cycle into its row; where the next axis' part begins.
@@ -232,7 +232,8 @@ class Loop:
     def run(self) -> Ended:
         """Cycle until the end is asked for, or the operator is gone, and the power is off; then close the drives.
 
-        The end waits until each drive says that its torque is off, or the supervisor has found that it keeps it.
+        The end waits until no drive has a sign of torque, or the supervisor has found that it keeps it; one that has a
+        sign of it then is not believed that it has none.
 
         Raises:
             SafetyError: a supervisor's verdict was broken; the torque is switched off, and the cycle is recorded.
@@ -245,7 +246,10 @@ class Loop:
         finally:
             left = self._close()
         ended = [
-            EndedAxis(int(axis.mode), int(axis.verdict.faults), int(torque), int(axis.script.reason))
+            EndedAxis(
+                *(int(axis.mode), int(axis.verdict.faults)),
+                *(int(TorqueLeft.ON if axis.pulls and not torque else torque), int(axis.script.reason)),
+            )
             for axis, torque in zip(self._axes, left, strict=True)
         ]
         return Ended(

@@ -321,10 +321,6 @@ def contradictions(limits: Limits, dt: float, *, opposed: bool = False) -> list[
             f"{written('heartbeat_age')} is below two cycles of {1e3 * dt:g} ms, or {written('reading_age')} is above "
             "10 ms"
         )
-    if limits.bridge_time > 0.005:
-        found.append(f"{written('bridge_time')} is above 0.005")
-    if limits.release_time > 0.2:
-        found.append(f"{written('release_time')} is above 0.2")
     if limits.lateness + limits.bridge_time > limits.heartbeat_age:
         found.append(
             f"{written('lateness')} and {written('bridge_time')} are longer together than the drive's own watch over "

@@ -3,6 +3,7 @@
 A fault that comes in a later cycle than the first, at most half a second after the power went off, may follow from it;
 and a loop that is late, or a clock that is stepped, in the first of these cycles explains what is old, jumps, or is not
 noticed in that cycle. What comes later, such as a computer that is busy while everything is latched, explains nothing.
+Angles that come no more, and then no heartbeat either, are a drive that has fallen silent.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -18,7 +19,7 @@ from bowden.safety.supervisor import Mode
 
 Array = NDArray[np.float64]
 
-NEEDED = ("time", "mode", "faults", "lateness", "supervisor.sums.late", "motor_age", "joint_age", "operator_age")
+NEEDED = ("time", "mode", "faults", "lateness", "supervisor.sums.late", "operator_age")
 """Columns of the log that are looked at; the last one may be missing."""
 OF_THE_COMPUTER = frozenset({Fault.LATE, Fault.CLOCK})
 """Faults of this computer, and not of the rig."""
@@ -33,10 +34,10 @@ FOLLOWS_LATENESS = _OLD | {
 _STOPPING = sum(1 << fault for fault in Fault if fault.then)
 """Bits of the faults that end a run."""
 _ALIVE = frozenset({Fault.OPERATOR_LOST})
-_SILENT = "it ended or hangs, or this computer is too busy for it (`bowden doctor`); begin again"
+_SILENT = "a fault was injected into it, it ended, or it was not let run (`bowden doctor`); begin again"
 _ASTRAY = "it was injected into the twin, or slope_low, slope_high and play_deg of [limits] are not of the rig's cable"
 _OF_TWIN = {
-    Fault.NOT_DISABLED: f"no motor has torque; the twin is silent: {_SILENT}",
+    Fault.NOT_DISABLED: f"no motor has torque; the twin is silent, or its current is wrong: {_SILENT}",
     Fault.HEARTBEAT_LOST: f"the twin is silent: {_SILENT}",
     Fault.BUS_ERRORS: f"a twin's bus has no cable; the twin is silent: {_SILENT}",
     Fault.MOTOR_STALE: f"the twin is late or silent: {_SILENT}",
@@ -73,8 +74,6 @@ class Stop(NamedTuple):
     """What came after it, or follows from it, in its order."""
     latest: float
     """Largest lateness of a cycle, or of the last ones together, in the half second before [s]."""
-    oldest: float
-    """Largest age of an angle in that time [cycles]."""
     alone: float = 0.0
     """Largest age of the operator's sign of life in that time [s]."""
 
@@ -109,7 +108,6 @@ def _stops(log: Recording) -> Iterator[Stop]:
             float(time[begin] - time[0]),
             *told_apart(onsets(bits[begin:over], time[begin:over])),
             _most(log["lateness"][since], log["supervisor.sums.late"][since]),
-            _most(log["motor_age"][since], log["joint_age"][since]),
             _most(log["operator_age"][since]) if "operator_age" in log.columns else 0.0,
         )
 
@@ -144,6 +142,8 @@ def told_apart(came: Mapping[Fault, float]) -> tuple[tuple[Fault, ...], tuple[Fa
     computer = OF_THE_COMPUTER & {*first} if {*first} <= OF_THE_COMPUTER | FOLLOWS_LATENESS else frozenset()
     if computer:
         first = [fault for fault in first if fault in computer]
+    if Fault.MOTOR_STALE in first and {*first} <= _OLD and Fault.HEARTBEAT_LOST in came:
+        first = [Fault.HEARTBEAT_LOST]
     return tuple(first), tuple(fault for fault in came if fault not in first)
 
 
@@ -204,7 +204,7 @@ def _said(stop: Stop, limits: Mapping[str, Any], *, twin: bool) -> dict[str, Any
         "causes": [fault.meaning for fault in stop.causes],
         "remedies": [remedy_of(fault, twin=twin) for fault in stop.causes],
         "consequences": [fault.meaning for fault in stop.consequences],
-        "too_busy": too_busy(stop, limits, twin=twin) or None,
+        "too_busy": too_busy(stop, limits) or None,
     }
 
 
@@ -231,9 +231,7 @@ def lines(stop: dict[str, Any], *, twin: bool = False) -> Iterator[str]:
         yield stop["too_busy"]
         remedies = {fault.meaning: remedy_of(fault, twin=twin) for fault in Fault}
         for meaning in stop["consequences"]:
-            remedy = remedies[meaning.rpartition(": ")[2]]
-            again = remedy.endswith(_SILENT) and _SILENT in stop["too_busy"]
-            yield f"at the same time: {meaning}{'' if again else f'; {remedy}'}"
+            yield f"at the same time: {meaning}; {remedies[meaning.rpartition(': ')[2]]}"
         return
     for meaning, remedy in zip(stop["causes"], stop["remedies"], strict=True):
         yield f"{axis}{meaning}; {remedy}"
@@ -241,34 +239,23 @@ def lines(stop: dict[str, Any], *, twin: bool = False) -> Iterator[str]:
         yield f"as a consequence: {', '.join(stop['consequences'])}"
 
 
-def too_busy(stop: Stop, limits: Mapping[str, Any], *, twin: bool) -> str:
-    """That it was this computer that stopped a run, or its twin, by how much, and what to do; empty where neither did.
-
-    A twin that is late answers again. One that falls silent has ended, or hangs, or this computer does not let it run,
-    and the log does not show which.
+def too_busy(stop: Stop, limits: Mapping[str, Any]) -> str:
+    """That it was this computer that stopped a run, by how much, and what to do; empty where its loop was in time.
 
     Args:
         stop: of the run.
         limits: the supervisor's, by their names in `safety.limits.Limits`.
-        twin: whether this computer plays the drive as well, which then answers late.
     """
-    do = _LESS
-    lateness, age = limits.get("lateness"), limits.get("reading_age")
+    lateness = limits.get("lateness")
     if OF_THE_COMPUTER & {*stop.causes}:
         if lateness is None or not stop.latest > lateness:
             return ""  # a clock that is stepped, or the row that was late is not in the log
         allowed = f"{1e3 * lateness:.3g} ms are allowed, lateness_s of [limits]"
-        return f"this computer is too busy: cycles came {1e3 * stop.latest:.0f} ms late ({allowed}); {do}"
+        return f"this computer is too busy: cycles came {1e3 * stop.latest:.0f} ms late ({allowed}); {_LESS}"
     alone = limits.get("operator_age")
     if {*stop.causes} == _ALIVE and alone is not None and stop.alone > alone:
         return unattended(stop.alone, alone)
-    if not (twin and {*stop.causes} <= _OLD | {Fault.HEARTBEAT_LOST}) or age is None or not stop.oldest > age:
-        return ""
-    allowed = f"{age:.3g} are allowed, reading_age of [limits]"
-    if Fault.HEARTBEAT_LOST in (*stop.causes, *stop.consequences):  # nothing came after it
-        return f"the twin fell silent, its last answer is {stop.oldest:.0f} cycles old ({allowed}): {_SILENT}"
-    late = f"the twin, which runs on it too, answered {stop.oldest:.0f} cycles late"
-    return f"this computer is too busy: {late} ({allowed}); {do}"
+    return ""
 
 
 def unattended(age: float, allowed: float) -> str:

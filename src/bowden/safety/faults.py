@@ -36,7 +36,7 @@ class Fault(IntEnum):
     JOINT_STALE = (1, 2, 0.020, "joint angle is late", "joint_age > reading_age",
                    "look at the bus load and at the drive's PDO settings")
     JOINT_FROZEN = (2, 2, 0.008, "joint angle does not change",
-                    "not a count's change over frozen_travel of the motor, or in strokes beyond the dead zone",
+                    "at most one count to and fro over frozen_travel of the motor, or in strokes beyond the dead zone",
                     "look at the joint encoder, its coupling and the cable")
     JOINT_ASTRAY = (2, 2, 0.008, "joint and motor disagree", "joint outside slope_low…slope_high × motor ± play",
                     "look for a broken or slack cable and for wrong zeros or directions of the encoders")
@@ -106,14 +106,16 @@ class Fault(IntEnum):
                      "make room on the disk, start the recorder again; a running loop goes on, no new one is armed")
     EMG_LOST = (2, 2, 0.004, "EMG lost", "newest sample older than emg_age, or trouble away from rest, in a run by EMG",
                 "look at the electrodes, their base station, its network and the program that sends; then arm again")
-    NOT_DISABLED = (3, 3, 0.004, "drive keeps its torque", "its state has torque for disable_time after power off",
+    NOT_DISABLED = (3, 3, 0.004, "drive keeps its torque",
+                    "for disable_time after power off: its state has torque, |current| > released_current, or, where "
+                    "that is not known, the motor pulls at 1 rad/s",
                     "press the emergency stop, and keep away; do not use this drive before it has been repaired")
     SECOND_MASTER = (3, 3, 0.004, "another master on the bus", "a frame came that this host alone may send",
                      "end the other program or take the other device off the bus")
     EMERGENCY_STOP = (3, 3, 0.004, "emergency stop pressed", "its input, where the rig names one, or safe torque off",
                       "find out why it was pressed; release it, and acknowledge")
     CURRENT_STUCK = (2, 2, 0.004, "motor current does not change",
-                     "not a count's change over frozen_travel of the motor and 1 rad/s of its speed",
+                     "at most one count to and fro over frozen_travel of the motor and 1 rad/s of its speed",
                      "look at 6077h of the drive and its PDO")
     RELEASE_PULLS = (3, 3, 0.004, "release pulls", "joint beyond 20° to the slack side, and 6° further since R2 began",
                      "change the sign of slack_sign in [limits], or the motor's direction")
@@ -126,7 +128,7 @@ class Fault(IntEnum):
     OVER_TORQUE = (3, 3, 0.004, "too much torque on the joint", "|joint torque| > torque_high, where measured",
                    "first check for a caught limb or a jam")
     LOAD_STUCK = (2, 2, 0.008, "load cell does not change",
-                  "not a count's change over frozen_travel of the motor, the cable's dead zone taken off",
+                  "at most one count to and fro over frozen_travel of the motor, less the cable's dead zone",
                   "look at the load cell, its amplifier and how it sends")
     MOTORS_APART = (2, 2, 0.060, "motors of a pair go apart",
                     "½·|motor − the other's − parting_offset − parting_slope × joint| > parting + parting_lag × "

@@ -61,7 +61,7 @@ class Limits(NamedTuple):
     ] = 0.1
     tracking_lag: Annotated[float, Quantity("growth of that distance with speed", "s", ge=0.0, le=0.1)] = 0.01
     tracking_time: Annotated[float, Quantity("how long it may be exceeded", "s", ge=0.0, le=0.1)] = 0.005
-    slope_low: Annotated[float, Quantity("smallest slope of the cable, joint over motor", "rad/rad")] = 0.7
+    slope_low: Annotated[float, Quantity("smallest slope of the cable, joint over motor", "rad/rad", le=10.0)] = 0.7
     slope_high: Annotated[float, Quantity("largest slope of the cable", "rad/rad", gt=0.0, le=10.0)] = 1.05
     play: Annotated[
         float, Quantity("largest distance of the joint from what these slopes allow", "rad", ge=0.0, le=57.0)
@@ -111,7 +111,7 @@ class Limits(NamedTuple):
     ] = 0.0
     pull_doubt: Annotated[float, Quantity("tension that the gears' friction may take", "N", key=None)] = 0.0
     tension_high: Annotated[float, Quantity("largest tension of the cable", "N", ge=0.0, le=2000.0)] = 150.0
-    tension_low: Annotated[float, Quantity("below it the cable is slack", "N")] = 2.0
+    tension_low: Annotated[float, Quantity("below it the cable is slack", "N", le=2000.0)] = 2.0
     measures_torque: Annotated[float, Quantity("1 where the joint's torque is measured, else 0", key=None)] = 0.0
     torque_high: Annotated[
         float, Quantity("largest torque of the suit on the joint, either way, where measured", "N·m", ge=0.0, le=200.0)
@@ -167,7 +167,7 @@ class Limits(NamedTuple):
         ),
     ] = 0.2
     preflight_time: Annotated[float, Quantity("from arming to running, at most", "s", ge=0.0, le=600.0)] = 60.0
-    bridge_time: Annotated[float, Quantity("R1 at most, R2 or R3 afterwards", "s", ge=0.0)] = 0.005
+    bridge_time: Annotated[float, Quantity("R1 at most, R2 or R3 afterwards", "s", ge=0.0, le=0.005)] = 0.005
     bridge_leak: Annotated[
         float, Quantity("share of good time by which bridged time is forgotten: worse readings stop", ge=0.0, le=1.0)
     ] = 0.02
@@ -178,6 +178,7 @@ class Limits(NamedTuple):
             "to where the cable is just taut",
             "s",
             ge=0.0,
+            le=0.2,
         ),
     ] = 0.2
     lowering: Annotated[
@@ -196,7 +197,9 @@ class Limits(NamedTuple):
     taut: Annotated[
         float, Quantity("motor angle at which the cable is just taut, the joint at its rest", "rad", key=None)
     ] = 0.0
-    slack_sign: Annotated[float, Quantity("direction of the motor that lets the cable out: −1 or 1")] = -1.0
+    slack_sign: Annotated[
+        float, Quantity("direction of the motor that lets the cable out: −1 or 1", ge=-1.0, le=1.0)
+    ] = -1.0
     homed: Annotated[
         float, Quantity("1 where the cable is just taut at zero, 0 where zero is where the limb was found", key=None)
     ] = 1.0

@@ -85,6 +85,8 @@ class ModelledServo(NamedTuple):
 class Anchor(NamedTuple):
     """What the motor has done since the joint's reading last changed, and since the current did.
 
+    A reading that only goes to and fro between two values has not changed: the last bit of a frozen sensor does so.
+
     A joint that stands still while the motor crosses the cable's dead zone is in order. So the motor's angle goes
     through a play as wide as the widest dead zone, `DEAD_SHARE` of `frozen_travel`, and what comes out of it is added
     up: over one stroke, or over several of which each is a little longer than the dead zone.
@@ -92,8 +94,10 @@ class Anchor(NamedTuple):
 
     motor: Annotated[float, Quantity("motor angle behind the widest dead zone", "rad")]
     joint: Annotated[float, Quantity("joint angle", "rad")]
+    joint_before: Annotated[float, Quantity("joint angle before it last changed", "rad")]
     unanswered: Annotated[float, Quantity("travel of the motor behind the dead zone without an answer", "rad")]
     current: Annotated[float, Quantity("motor current", "A")]
+    current_before: Annotated[float, Quantity("motor current before it last changed", "A")]
     travelled: Annotated[float, Quantity("travel of the servo's model at that current", "rad")]
     swung: Annotated[float, Quantity("changes of its speed at that current, added up", "rad/s")]
 
@@ -103,6 +107,7 @@ class LoadAnchor(NamedTuple):
 
     motor: Annotated[float, Quantity("motor angle behind the widest dead zone", "rad")]
     reading: Annotated[float, Quantity("of the load cell, in its unit")]
+    reading_before: Annotated[float, Quantity("of the load cell before it last changed, in its unit")]
     unanswered: Annotated[float, Quantity("travel of the motor behind the dead zone without an answer", "rad")]
 
 
@@ -128,7 +133,7 @@ class Sums(NamedTuple):
     failures: Annotated[float, Quantity("frames that could not be sent; one is forgiven each second")]
     armed: Annotated[float, Quantity("time with power and without a run", "s")]
     strained: Annotated[float, Quantity("time of a current that leaves no doubt of too much tension", "s")]
-    undisabled: Annotated[float, Quantity("time with torque after the power was switched off", "s")]
+    undisabled: Annotated[float, Quantity("time with a sign of torque after the power was switched off", "s")]
 
 
 class SupervisorState(NamedTuple):
@@ -208,6 +213,7 @@ DEAD_SHARE = (
     0.8  # of `frozen_travel`: the widest dead zone; the rest separates a frozen joint from one that starts late
 )
 SWING = 1.0  # changes of speed that no motor makes at one and the same current [rad/s]
+PULLED_SPEED = 1.0  # a motor without power, and of unknown current, that pulls faster is not turned by hand [rad/s]
 REST, FURTHER = 0.35, 0.1  # a joint this far to the slack side of where the cable is just taut is pulled [rad]
 AHEAD = 0.05  # time for which a joint is ahead of the cable before the cable counts as slack [s]
 OVERSPEED = 1.1  # speed over that of a release at which its target waits: more than a servo's own ripple
@@ -235,13 +241,19 @@ def begin(limits: Limits, reading: DriveReading, thermal: ThermalState) -> Super
         ModelledServo(0.0, motor, 0.0, 0.0),
         Followed(motor, 0.0, 0.0),
         Followed(joint, 0.0, 0.0),
-        Anchor(motor, joint, 0.0, 0.0, 0.0, 0.0),
+        Anchor(motor, joint, joint, 0.0, 0.0, 0.0, 0.0, 0.0),
         Sums(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
         thermal,
         0.0,
-        LoadAnchor(motor, 0.0, 0.0),
+        LoadAnchor(motor, 0.0, 0.0, 0.0),
         Pairing(0.0, 0.0),
     )
+
+
+@kernel
+def is_new(value: float, last: float, before: float, still: float) -> float:
+    """1 where a reading is neither of its last two values, within `still`, else 0; 1 for what is not a number."""
+    return beyond(np.abs(value - last), still) * beyond(np.abs(value - before), still)
 
 
 @kernel
@@ -353,6 +365,7 @@ def look(
     clock, time, sampled, age, motor, motor_lost, motor_jump, joint, joint_lost, joint_jump = see(
         limits, state, observed, dt
     )
+    stale = outside(reading.motor_age, 0.0, limits.reading_age)
     flat, steep, margin = limits.slope_low * motor.value, limits.slope_high * motor.value, limits.motor_margin
 
     # the drive's state and its servo
@@ -360,7 +373,6 @@ def look(
     fault, left = 1.0 - outside(reading.drive_state, 5.5, 7.5), powered * servo.enabled * off
     enabled = powered * np.fmax(servo.enabled, 1.0 - off)
     pressed = 1.0 - outside(reading.emergency, EMERGENCY_STOP, EMERGENCY_STOP)
-    undisabled = lasting((1.0 - powered) * (1.0 - outside(reading.drive_state, 3.5, 6.5)), sums.undisabled, time)
     moved, speed = servo_predict(servo.position, servo.speed, last.target_before, omega, zeta, sampled)
     model, model_speed = sel(servo.enabled > 0.0, moved, motor.value), sel(servo.enabled > 0.0, speed, 0.0)
     lag = beyond(np.abs(motor.value - model), limits.tracking + limits.tracking_lag * np.abs(model_speed))
@@ -368,15 +380,18 @@ def look(
 
     # signs of life: of the joint while the motor moves beyond the dead zone, of the current while it accelerates
     anchor, half = state.anchor, 0.5 * DEAD_SHARE * limits.frozen_travel
-    alive = (powered == 0.0) + (np.abs(joint.value - anchor.joint) > limits.joint_still) > 0.0
+    alive = (powered == 0.0) + is_new(joint.value, anchor.joint, anchor.joint_before, limits.joint_still) > 0.0
     behind = np.fmax(motor.value - half, np.fmin(motor.value + half, anchor.motor))
     unanswered = anchor.unanswered + np.abs(behind - anchor.motor)
-    flows = (enabled == 0.0) + (1.0 - (reading.current == anchor.current)) > 0.0
+    flows = (enabled == 0.0) + is_new(reading.current, anchor.current, anchor.current_before, 0.0) > 0.0
+    taken = flows * (1.0 - outside(reading.current, -BIG, BIG))
     anchor = Anchor(
         sel(alive, motor.value, behind),
         sel(alive, joint.value, anchor.joint),
+        sel(alive, anchor.joint, anchor.joint_before),
         sel(alive, 0.0 - half, unanswered),
-        sel(outside(reading.current, -BIG, BIG) > 0.0, anchor.current, reading.current),
+        sel(taken > 0.0, reading.current, anchor.current),
+        sel(taken > 0.0, anchor.current, anchor.current_before),
         sel(flows, 0.0, anchor.travelled + np.abs(model - servo.position)),
         sel(flows, 0.0, anchor.swung + np.abs(model_speed - servo.speed)),
     )
@@ -391,6 +406,12 @@ def look(
     no_current = limits.measures_current * beyond(np.abs(reading.current), 2.0 * peak)
     known = limits.measures_current * (1.0 - no_current)
     current = sel(known > 0.0, np.abs(reading.current), no_current * powered * peak)
+    # a drive that says it has no torque is believed by its current; where that is not known, by a motor that does not
+    # pull: by hand it is turned more slowly, and a limb that sinks turns it the other way
+    pulled = beyond(-limits.slack_sign * motor.speed, PULLED_SPEED)
+    works = sel(known > 0.0, beyond(current, limits.released_current), pulled)
+    works = np.fmax(1.0 - outside(reading.drive_state, 3.5, 6.5), works * (1.0 - stale))
+    undisabled = lasting((1.0 - powered) * works, sums.undisabled, time)
     overload = lasting(beyond(current, peak), sums.overload, time)
     saturated = lasting(beyond(current, limits.saturation * peak), sums.saturated, time)
     heat = warm(limits.thermal, state.heat, current, np.fmin(time, 0.1))
@@ -405,12 +426,14 @@ def look(
 
     # the load cell's sign of life, as the joint's
     load = sel(limits.measures_tension > 0.0, reading.tension, reading.joint_torque)
-    answers = (powered == 0.0) + (1.0 - (load == state.load.reading)) > 0.0
+    answers = (powered == 0.0) + is_new(load, state.load.reading, state.load.reading_before, 0.0) > 0.0
+    held = answers * (1.0 - outside(load, -BIG, BIG))
     beside = np.fmax(motor.value - half, np.fmin(motor.value + half, state.load.motor))
     mute = state.load.unanswered + np.abs(beside - state.load.motor)
     cell = LoadAnchor(
         sel(answers, motor.value, beside),
-        sel(outside(load, -BIG, BIG) > 0.0, state.load.reading, load),
+        sel(held > 0.0, load, state.load.reading),
+        sel(held > 0.0, state.load.reading, state.load.reading_before),
         sel(answers, 0.0 - half, mute),
     )
     measured = np.fmax(limits.measures_tension, limits.measures_torque) * (1.0 - beyond(last.mode, BRIDGING))
@@ -449,7 +472,7 @@ def look(
         JOINT_OVER_SPEED=beyond(np.abs(joint.speed), limits.joint_speed),
         MOTOR_LOST=motor_lost,
         MOTOR_JUMP=motor_jump,
-        MOTOR_STALE=outside(reading.motor_age, 0.0, limits.reading_age),
+        MOTOR_STALE=stale,
         NOT_FOLLOWING=beyond(astray, limits.tracking_time),
         MOTOR_OVER_TRAVEL=outside(motor.value, limits.motor_low - margin, limits.motor_high + margin),
         MOTOR_OVER_SPEED=beyond(np.abs(motor.speed), limits.motor_speed),

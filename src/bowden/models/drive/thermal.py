@@ -33,8 +33,10 @@ class Thermal(NamedTuple):
     ] = 7.0
     winding_capacity: Annotated[float, Quantity("of the winding; τw = 12 s", "J/K", symbol="Cw", ge=0.0)] = 15.0
     housing_capacity: Annotated[float, Quantity("of the housing; τh = 770 s", "J/K", symbol="Ch", ge=0.0)] = 110.0
-    ambient: Annotated[float, Quantity("temperature of the surroundings", "°C", symbol="Ta", ge=0.0)] = 25.0
-    continuous_current: Annotated[float, Quantity("largest current that may last", "A", symbol="Ic", ge=0.0)] = 6.0
+    ambient: Annotated[float, Quantity("temperature of the surroundings", "°C", symbol="Ta", ge=0.0, le=60.0)] = 25.0
+    continuous_current: Annotated[
+        float, Quantity("largest current that may last", "A", symbol="Ic", ge=0.0, le=1e4)
+    ] = 6.0
 
 
 class ThermalState(NamedTuple):
