@@ -66,6 +66,7 @@ def measure(
         if not json:
             print(f"bowden: note: {live.losses()}", file=sys.stderr)
         operate(session, ending, auto=auto, quiet=json)
+    session.require_log()
     found = document(session)
     files = write_motions(session.live, session.log, out) if found["ended_well"] else []
     left_out = stalls(read(session.log, NEEDED), session.live.rig.sample_time)
