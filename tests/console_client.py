@@ -304,6 +304,40 @@ def running_console(
             assert "Traceback" not in said, said
 
 
+@contextlib.contextmanager
+def half_open(page: Page, count: int) -> Iterator[list[socket.socket]]:
+    """Connections whose request never ends, for 20 s at most, with the cookie of a page.
+
+    By turns they send: nothing, a head from its first byte on, half a head, the rest of it, a body; what comes a byte
+    at a time has one each half second.
+    """
+    head = f"POST /api/stop HTTP/1.1\r\nHost: {page.host}\r\nOrigin: http://{page.host}\r\nCookie: {page.cookie}\r\n"
+    text = f"{head}Content-Type: application/json\r\nContent-Length: 999\r\n\r\n{{".encode()
+    kinds = ((0, b""), (0, b"G"), (len(text) // 2, b""), (len(text) // 2, b"x"), (len(text), b" "))
+    ended = threading.Event()
+
+    def drip() -> None:
+        for _ in range(40):
+            if ended.wait(0.5):
+                return
+            for number, one in enumerate(there):
+                with contextlib.suppress(OSError):
+                    one.sendall(kinds[number % len(kinds)][1])
+
+    with contextlib.ExitStack() as stack:
+        there = []
+        for number in range(count):
+            there.append(stack.enter_context(socket.create_connection(("127.0.0.1", page.port), 5.0)))
+            there[-1].sendall(text[: kinds[number % len(kinds)][0]])
+        thread = threading.Thread(target=drip)
+        thread.start()
+        try:
+            yield there
+        finally:
+            ended.set()
+            thread.join()
+
+
 def await_answer(port: int) -> None:
     """Until it answers."""
     for _ in range(200):

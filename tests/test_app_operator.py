@@ -373,6 +373,7 @@ def test_the_summary_says_what_ended_the_run_and_what_its_log_lacks(capsys: pyte
         "log": "a.mcap",
         "more_logs": [],
         "log_whole": False,
+        "log_lost": None,
     }
     both = [
         {"name": name, "law": "bowden", "rmse_deg": None, "seconds_led": 0.0, "faults": faulty}
@@ -403,6 +404,11 @@ def test_the_summary_says_what_ended_the_run_and_what_its_log_lacks(capsys: pyte
     said = capsys.readouterr()
     assert "ended by a fault" not in said.out
     assert said.err == ""
+    print_summary(found | {"cycles_logged": 0, "log_lost": "a.mcap was removed during the run"})
+    said = capsys.readouterr()
+    assert "a.mcap" not in said.out, "nothing is advised that finds no file"
+    assert said.err.count("\n") == 1
+    assert "100 cycles of 100 are not in the log, nor in these figures: a.mcap was removed" in said.err
 
 
 @pytest.fixture

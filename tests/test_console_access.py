@@ -1,5 +1,6 @@
 """Who may ask a console, and what: token, cookie, Host, Origin, sizes, rates, and whatever else comes over a wire."""
 
+import asyncio
 import http.client
 import json
 import shutil
@@ -9,13 +10,15 @@ import subprocess
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 from websockets.exceptions import InvalidStatus
 
 from bowden.app.main import run
-from bowden.console.access import COOKIE, LARGEST_BODY, LARGEST_MESSAGE, POLICY, Bucket
-from console_client import RIG, STRANGE, Page, RunningConsole, running_console
+from bowden.console.access import COOKIE, LARGEST_BODY, LARGEST_MESSAGE, POLICY, Bucket, Guard
+from bowden.console.connections import MOST_NEW, REQUEST_WITHIN
+from console_client import RIG, STRANGE, Page, RunningConsole, half_open, running_console
 
 GETS = ("/", "/api/state", "/api/runs", "/api/runs/adaptive-1", "/api/runs/adaptive-1/log.csv", "/static/console.js")
 UPGRADE = (
@@ -286,6 +289,74 @@ def test_a_flood_is_refused_and_a_stop_is_not(console: RunningConsole) -> None:
             break
     assert page.closed.wait(5.0), "too many messages end the connection"
     page.close()
+
+
+def test_requests_without_an_end_keep_nobody_out(console: RunningConsole, calm: Page) -> None:
+    """Each has two seconds for all of its request, and gives way where there are too many of them."""
+    with half_open(calm, 130) as there:
+        began = time.monotonic()
+        assert calm.request("POST", "/api/stop", b"{}")[0] == 200
+        assert console.page().get("/api/state")[0] == 200, "nor a browser that comes with the link now"
+        assert time.monotonic() - began < 1.0
+        assert sum(is_open(one) for one in there) <= MOST_NEW
+        time.sleep(max(0.0, REQUEST_WITHIN + 1.0 - (time.monotonic() - began)))
+        assert not any(is_open(one) for number, one in enumerate(there) if number % 5)
+
+
+def is_open(link: socket.socket) -> bool:
+    link.setblocking(False)
+    try:
+        while link.recv(4096):
+            pass
+    except BlockingIOError:
+        return True
+    except OSError:
+        pass
+    return False
+
+
+def test_too_many_requests_at_once_are_refused_in_json_and_a_stop_is_not() -> None:
+    """In memory: requests that are never answered, from a browser with the token."""
+    hangs, found, cookie = asyncio.Event(), [], b""
+
+    async def never(*_: object) -> None:
+        await hangs.wait()
+
+    async def ask(path: str, method: str = "GET", query: bytes = b"") -> list[Any]:
+        said: list[Any] = []
+        headers = [(b"host", b"a:1"), (b"origin", b"http://a:1"), (b"content-type", b"application/json")]
+        scope = {"type": "http", "method": method, "path": path, "query_string": query}
+
+        async def receive() -> dict[str, Any]:
+            return {"type": "http.request", "body": b"{}"}
+
+        async def send(message: Any) -> None:
+            said.append(message)
+
+        await guard({**scope, "headers": [*headers, (b"cookie", cookie)]}, receive, send)
+        return said
+
+    async def all_of_it() -> None:
+        nonlocal cookie
+        head = (await ask("/", query=b"token=" + guard.token.encode()))[0]
+        cookie = dict(head["headers"])[b"set-cookie"].partition(b";")[0]
+        guard._sessions = {name: Bucket(1e3, 1e3) for name in guard._sessions}
+        waiting = [asyncio.create_task(ask("/api/state")) for _ in range(128)]
+        await asyncio.sleep(0.0)
+        found.extend(await ask("/api/state"))
+        stop = asyncio.create_task(ask("/api/stop", "POST"))
+        await asyncio.sleep(0.0)
+        assert not stop.done(), "it is taken in"
+        hangs.set()
+        await asyncio.gather(*waiting, stop)
+        assert await ask("/api/state") == []
+
+    guard = Guard(never, ("a",), 1, secure=False, clock=time.monotonic)
+    asyncio.run(all_of_it())
+    start, body = found
+    assert dict(start["headers"])[b"content-type"] == b"application/json"
+    assert "at once" in error_of(start["status"], body["body"])["what"]
+    assert start["status"] == 503
 
 
 def test_a_message_that_is_too_large_ends_the_connection(console: RunningConsole) -> None:

@@ -19,7 +19,7 @@ from bowden.live.log_facts import NEEDED, facts, lines
 from bowden.live.mcap_read import read
 from bowden.safety.faults import Fault
 from bowden.safety.supervisor import Mode
-from console_client import RIG, STRANGE, Page, RunningConsole, await_answer, running_console
+from console_client import RIG, STRANGE, Page, RunningConsole, await_answer, half_open, running_console
 from live_runs import COMMAND, tries
 
 pytestmark = [pytest.mark.live]
@@ -185,6 +185,30 @@ def test_a_page_without_a_sign_of_life_has_the_run_released_in_time(page: Page, 
         print(f"{how}: release began {1e3 * (at - gone):.0f} ms after the page was gone")
         assert at - gone < LEASE + MORE
     page.close()
+
+
+def test_a_stop_passes_beside_130_requests_without_an_end_and_viewers_that_never_read(
+    page: Page, console: RunningConsole
+) -> None:
+    """From a browser that comes then, without a stream of its own; the page in control loses nothing meanwhile."""
+    page.start()
+    page.run()
+    late = console.page()
+    with contextlib.ExitStack() as stack:
+        for _ in range(8):
+            deaf = console.page(late.cookie, reads=False)
+            stack.callback(deaf.close)
+            deaf.open()
+        stack.enter_context(half_open(page, 130))
+        time.sleep(1.0)
+        assert page.mode == "running", page.state["run"]["events"]
+        began = time.monotonic()
+        assert late.post("/api/stop") == ""
+        taken = time.monotonic() - began
+        page.until(lambda state: state["run"]["mode"] == "stopped", 5.0, "the stop")
+        print(f"stop taken in {1e3 * taken:.0f} ms, power off in {1e3 * (time.monotonic() - began):.0f} ms")
+        assert taken < 1.0
+    ended(page, console)
 
 
 def priority(pid: int) -> int:

@@ -13,6 +13,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from bowden.console.earlier import EarlierRuns
+from bowden.console.jobs import Jobs
 from bowden.console.lease import Lease
 from bowden.console.runs import TAKEN, RunOwner, TerminalRun
 from bowden.console.settings import RunSettings
@@ -498,3 +500,16 @@ def test_a_recorded_reference_of_the_rig_can_be_returned_to(tmp_path: Path) -> N
         away.changed({"reference": {"kind": "recorded", "file": "/etc/passwd"}})
     with pytest.raises(ParameterError, match="reference is"):
         RunSettings(Rig()).changed({"reference": {"kind": "recorded"}})
+
+
+def test_a_log_that_is_removed_while_the_list_is_made_is_left_out(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    runs = EarlierRuns(tmp_path / "out", Jobs(), lambda: ())
+    assert runs._files() == {}, "there is no folder"
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "kept.mcap").touch()
+    there = [tmp_path / "out" / name for name in ("removed.mcap", "kept.mcap")]
+    monkeypatch.setattr(Path, "glob", lambda *_: iter(there))
+    assert list(runs._files()) == ["kept"]
+    runs.close()

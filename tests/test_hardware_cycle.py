@@ -1,6 +1,7 @@
 """One cycle between host and drive: what acts when, what is told of it, and how it ends."""
 
 import math
+import random
 from collections import deque
 
 import can
@@ -12,9 +13,10 @@ from hypothesis import strategies as st
 from bowden.core.signals import DriveState
 from bowden.hardware.buses.link import Links
 from bowden.hardware.drives import canopen_frames as frames
-from bowden.hardware.drives.canopen_drive import CanopenDrive
+from bowden.hardware.drives.canopen_drive import MOST_DUE, CanopenDrive
+from bowden.hardware.drives.canopen_setup import DriveFindings
 from bowden.hardware.drives.cia402 import Controlword
-from bowden.hardware.drives.parameters import DriveParameters
+from bowden.hardware.drives.parameters import DriveParameters, joint_scale, motor_scale
 from bowden.hardware.ports import Power
 from bowden.hardware.twin.bench import TwinBench
 from bowden.hardware.twin.bus import TwinBus
@@ -272,3 +274,62 @@ def test_any_fault_that_is_taken_leaves_the_twin_alive(text: str) -> None:
         bus.advance(CYCLE)
     bus.node.faults.clear()
     bus._frames.clear()
+
+
+class Port:
+    """A bus in which a drive answers each SYNC by TPDO 1, in order: late, lost or received twice by chance.
+
+    Args:
+        seed: of the chance.
+        losses: share of the SYNCs, and of the answers, that are lost.
+        twice: share of the answers that are received twice, as after a bit error in the last bit of a frame.
+        stall: longest stall of the drive, after which all that it has to say comes at once [cycles].
+    """
+
+    errors = 0
+
+    def __init__(self, seed: int, losses: float, twice: float, stall: int) -> None:
+        self._chance, self._losses, self._twice, self._stall = random.Random(seed), losses, twice, stall
+        self._waiting: deque[float] = deque()
+        self.now, self.doubled = 0.0, False
+
+    def sync(self, _: int) -> None:
+        chance = self._chance
+        if chance.random() >= self._losses:
+            late = chance.expovariate(1.0) + (chance.random() < 0.02) * chance.uniform(0.0, self._stall)
+            at = max(self._waiting[-1] if self._waiting else 0.0, self.now + late)
+            self._waiting.extend([at] * ((chance.random() >= self._losses) + (chance.random() < self._twice)))
+            self._waiting.extend([at] * self.doubled)
+
+    def take_all(self) -> list[tuple[int, bytes]]:
+        found = []
+        while self._waiting and self._waiting[0] <= self.now:
+            self._waiting.popleft()
+            found.append((0x181, frames.pack_tpdo1(frames.Motion(0x1237, 0, 0))))
+        return found
+
+    def send(self, *_: object) -> None:
+        pass
+
+
+@given(
+    st.integers(0, 2**32), st.sampled_from([0.0, 0.01, 0.3]), st.sampled_from([0.0, 0.01]), st.sampled_from([0, 10, 50])
+)
+@settings(max_examples=15)
+def test_no_drive_is_wronged_for_late_frames_and_a_second_one_of_its_number_is_found(
+    seed: int, losses: float, twice: float, stall: int
+) -> None:
+    """Jitter of a cycle, lost SYNCs, stalls of the drive; then each SYNC has two answers."""
+    port, drive = Port(seed, losses, twice, stall), CanopenDrive(DRIVE)
+    drive._port = port  # type: ignore[assignment]
+    drive._found = DriveFindings("", motor_scale(DRIVE), joint_scale(DRIVE), 0.2, DriveState.SWITCH_ON_DISABLED)
+    port._waiting.extend([0.0] * 4)  # to the SYNCs of the bring-up
+    foreign = []
+    for cycle in range(2000):
+        port.now, port.doubled = float(cycle), cycle >= 1300
+        foreign.append(drive.read(1e-3 * cycle).foreign)
+        drive.write(0.0, Power.OFF, 1e-3 * cycle)
+    assert sum(foreign[:1300]) == 0.0
+    excess = (1.0 - losses) * (2.0 - losses) - 1.05
+    within = 25 + 4 * stall if losses == 0.0 else MOST_DUE / excess + 60 + 4 * stall
+    assert sum(foreign[1300 : 1300 + math.ceil(within)]) > 0.0

@@ -15,6 +15,7 @@ from bowden.hardware.buses.link import Links
 from bowden.hardware.drives import canopen_frames as frames
 from bowden.hardware.drives.canopen_drive import CanopenDrive
 from bowden.hardware.drives.cia402 import WITH_TORQUE
+from bowden.hardware.drives.findings import UNWATCHED
 from bowden.hardware.drives.parameters import DriveParameters
 from bowden.hardware.ports import Drive, Power, TorqueLeft
 from bowden.hardware.twin.bench import TwinBench
@@ -408,6 +409,8 @@ def changed(name: str) -> bool:
         "deaf": lambda: rig.bus.node.error == 0x8130,
         "late_pdos": lambda: any(r.motor_age >= 4 for r in seen) and last.motor_age < 2,
         "dropped_pdos": lambda: 0.1 < sum(r.motor_age > 0 for r in seen) / len(seen) < 0.6,
+        "doubled_pdos": lambda: all(r.foreign == 1.0 for r in seen[12:]),
+        "watch_off": lambda: rig.bus.node.objects[0x1016, 1] == 0 and last.emergency == UNWATCHED,
         "emergency_stop": lambda: rig.bus.node.error == 0x8A88 and last.drive_state == DriveState.FAULT,
         "bus_off": lambda: last.bus_errors > 100,
         "delayed_readings": lambda: abs(seen[3].motor - before.motor) < 1e-3 < abs(seen[60].motor - before.motor),

@@ -114,6 +114,8 @@ RUNS: dict[str, Row] = {
     "another's questions": Row(Attack(foreign=(QUESTION,), foreign_from=0.5), (Fault.SECOND_MASTER,)),
     "another's NMT": Row(Attack(foreign=(START,), foreign_from=0.5), (Fault.SECOND_MASTER,)),
     "another's heartbeat": Row(Attack(foreign=(HEARTBEAT,), foreign_from=0.5), (Fault.SECOND_MASTER,)),
+    "a second device of its number": Row(Attack(doubles=0.5), (Fault.SECOND_MASTER,)),
+    "a watch over us that is switched off": Row(Attack(unwatched=0.5), (Fault.EMERGENCY,)),
     "its emergency stop": Row(Attack(stops=0.5), (Fault.EMERGENCY_STOP,), drive=STOPPABLE),
     "its emergency stop before arming": Row(Attack(stops=0.001), (Fault.EMERGENCY_STOP,), drive=STOPPABLE),
     "inputs that are told no more": Row(Attack(hides_inputs=0.5), (Fault.EMERGENCY_STOP,), drive=STOPPABLE),

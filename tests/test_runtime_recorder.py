@@ -2,29 +2,35 @@
 
 import contextlib
 import errno
+import functools
 import os
 import random
+import re
 import shutil
 import signal
 import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 from mcap.stream_reader import StreamReader
 
 from bowden.core.clock import MonotonicClock
-from bowden.core.errors import OutputError
-from bowden.live import recorder
+from bowden.core.errors import LogError, OutputError
+from bowden.live import recorder, summary
 from bowden.live.mcap_read import read
 from bowden.live.mcap_recover import recover
 from bowden.live.provenance import rig_revision
-from bowden.live.ring import Batch, Description, RingWriter, create
+from bowden.live.ring import Batch, Description, RingReader, RingWriter, create
 from bowden.live.ring_status import RecorderState
+from bowden.live.session import Session, _close_pipes, _started
 
 pytestmark = pytest.mark.live
 
@@ -310,6 +316,81 @@ def test_a_disk_without_room_for_a_beginning_is_told_and_keeps_no_empty_file(
         recorder.record(rig.ring, rig.file)
     assert not rig.file.exists()
     assert rig.writer.recorder.read().state == RecorderState.FULL
+
+
+def in_another_place(file: Path, how: str) -> None:
+    """What somebody does to a log that is being written."""
+    if how == "folder removed":
+        shutil.rmtree(file.parent)
+    elif how == "folder renamed":
+        file.parent.rename(file.parent.with_name("elsewhere"))
+    else:
+        file.unlink()
+    if how == "file replaced":
+        file.write_bytes(b"another")
+
+
+@pytest.mark.parametrize(
+    ("how", "said"),
+    [
+        ("file removed", "removed during the run, which went on: what it held is lost"),
+        ("file replaced", "replaced by another file during the run, which went on: what it held is lost"),
+        ("folder removed", "removed during the run, which went on: what it held is lost"),
+        ("folder renamed", "moved during the run, which went on: its log is .*elsewhere/a.mcap"),
+    ],
+)
+def test_a_log_that_is_taken_away_is_told_while_it_is_written_and_at_the_end(
+    how: str, said: str, rig: Rig, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(recorder, "SYNC_EVERY", 0.05)
+    file = tmp_path / "logs" / "a.mcap"
+    file.parent.mkdir()
+    with ThreadPoolExecutor(1) as own:
+        recording = own.submit(recorder.record, rig.ring, file)
+        rig.write(100)
+        rig.wait_for(lambda: rig.writer.recorder.read().rows == 100)
+        time.sleep(0.1)
+        assert rig.state() == RecorderState.OK
+        in_another_place(file, how)
+        rig.wait_for(lambda: rig.state() == RecorderState.FILE_GONE)
+        rig.write(100)
+        rig.writer.close()
+        with pytest.raises(OutputError, match=said) as lost:
+            recording.result(PATIENCE)
+    assert rig.writer.recorder.read().state == RecorderState.FILE_GONE
+    session: Any = SimpleNamespace(rows=RingReader(rig.ring), logs=[file], log_lost=str(lost.value))
+    left, why = summary._read(session, ("time", "mode"))
+    assert (len(left["time"]), left.whole, why) == (0, False, str(lost.value))
+    if how == "folder renamed":
+        assert len(read(tmp_path / "elsewhere" / "a.mcap").rows) == 200
+    session.log_lost = ""  # taken away after the recorder had ended
+    assert re.match("cannot read|.* is no MCAP file", summary._read(session, ("time",))[1])
+
+
+def test_a_session_says_what_became_of_its_log(rig: Rig, tmp_path: Path) -> None:
+    rig.file = tmp_path / "logs" / "a.mcap"
+    rig.file.parent.mkdir()
+    process = _started(["bowden.live.recorder", str(rig.ring), str(rig.file)])
+    ended: Any = SimpleNamespace(rows=RingReader(rig.ring), _recorder=process, logs=[rig.file], log_lost="", ready={})
+    rig.wait_for(lambda: rig.state() == RecorderState.OK)
+    in_another_place(rig.file, "folder removed")
+    Session._end_recorder(ended)
+    _close_pipes(process)
+    assert ended.logs == [rig.file], "no second recorder is started for a file that somebody took away"
+    with pytest.raises(LogError, match=r"a\.mcap was removed during the run, which went on"):
+        Session.require_log(ended)
+
+
+def test_a_log_that_comes_back_to_its_place_is_well(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(recorder, "SYNC_EVERY", 0.02)
+    with (file := tmp_path / "a.mcap").open("xb") as open_file:
+        there = functools.partial(recorder._is_there, file, open_file.fileno())
+        disk = recorder.Disk(open_file.fileno(), ABOUT, {}, MonotonicClock(), there=there)
+        file.rename(tmp_path / "b.mcap")
+        wait_for_state(disk, RecorderState.FILE_GONE)
+        (tmp_path / "b.mcap").rename(file)
+        wait_for_state(disk, RecorderState.OK)
+        disk.finish(0)
 
 
 class Unwilling:

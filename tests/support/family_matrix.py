@@ -62,6 +62,8 @@ ROWS = (
     DriveRow("silence", 60),
     DriveRow("deaf", 60),
     DriveRow("late_pdos 40", 60),
+    DriveRow("doubled_pdos", 60),
+    DriveRow("watch_off", 260),
     DriveRow("drive_fault 3", 20),
     DriveRow("emergency_stop", 20),
     DriveRow("reboot", 60),

@@ -98,6 +98,10 @@ class Attack:
     """It goes into safe torque off, in one emergency frame and a fault."""
     hides_inputs: float = float("inf")
     """It tells its digital inputs no more, and all else as before."""
+    doubles: float = float("inf")
+    """From then on a second device of its number answers each SYNC too, with the same position."""
+    unwatched: float = float("inf")
+    """Somebody has switched off its heartbeat consumer by then, over another port than this bus."""
     loses_answer: int = 0
     """Its answer to that SDO request is lost."""
 
@@ -234,7 +238,10 @@ class HostileNode:
         flip = self.attack.dithers * round(self.now / MILLISECOND) % 2
         joint, torque = self._joint + flip * (since >= self.attack.joint_stuck), self._torque
         torque += flip * (since >= self.attack.current_stuck)
-        self._emit(0x180 + NODE, struct.pack("<Hih", STATUSWORD[said], round(self.motor), torque))
+        if since >= self.attack.unwatched:
+            self.objects[0x1016, 1] = 0
+        for _ in range(2 if since >= self.attack.doubles else 1):
+            self._emit(0x180 + NODE, struct.pack("<Hih", STATUSWORD[said], round(self.motor), torque))
         self._emit(0x280 + NODE, struct.pack("<ihh", joint, 0, 300))
         if not self.objects[0x1802, 1] >> 31 and self.now - self._begun < self.attack.hides_inputs:
             self._emit(0x380 + NODE, struct.pack("<I", self.objects[0x60FD, 0]))

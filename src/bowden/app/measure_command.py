@@ -69,6 +69,7 @@ def measure(
         if not json:
             _tell(live.losses())
         operate(session, ending, auto=auto, quiet=json)
+    session.require_log()
     found = document(session)
     files = write_motions(session.live, session.log, out) if found["ended_well"] else []
     left_out = stalls(read(session.log, NEEDED), session.live.rig.sample_time)

@@ -102,6 +102,8 @@ def _live_data(session: "Session", port: int | None) -> Iterator[None]:
 
 def _say_next(rig: Path, found: dict[str, Any], law: str | None, preset: str | None, axis: str | None) -> None:
     """The export of what has run, of each axis; what ended a run that did not end as asked; a log that is in parts."""
+    if found["log_lost"]:
+        return
     if not (found["ended_well"] and found["log_whole"]):
         say_next("log", "info" if found["log_whole"] else "recover", found["log"])
         return

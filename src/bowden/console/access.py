@@ -27,6 +27,8 @@ LARGEST_MESSAGE = 4096
 """Of a message of a page's WebSocket [bytes]."""
 _MOST_SESSIONS = 64
 """Browsers at a time; the one that came first gives way."""
+_MOST_AT_ONCE = 128
+"""Requests that are being answered; a stop is taken beside them."""
 _WILDCARDS = ("0.0.0.0", "::")
 
 POLICY = (
@@ -125,6 +127,7 @@ class Guard:
         self._names = frozenset(name.lower() for name in names if name not in _WILDCARDS)
         self._anywhere = not {*names}.isdisjoint(_WILDCARDS)
         self._sessions: dict[bytes, Bucket] = {}
+        self._going = 0
         self._strangers = Bucket(10.0, 30.0)
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
@@ -142,7 +145,11 @@ class Guard:
             await _answer(send, 303, b"", {"location": "/", "set-cookie": cookie}, "text/plain")
             return
         if scope["type"] == "http":
-            await self._inner(scope, _given(body, receive), _with_headers(send))
+            self._going += 1
+            try:
+                await self._inner(scope, _given(body, receive), _with_headers(send))
+            finally:
+                self._going -= 1
         else:
             await self._inner(scope, receive, send)
 
@@ -171,6 +178,8 @@ class Guard:
         stops = scope.get("path") == "/api/stop"
         if not stops and not bucket.take(self._clock()):
             raise Refused(429, "too many requests", expected="at most 40 a second", do="wait a moment")
+        if not stops and self._going >= _MOST_AT_ONCE:
+            raise Refused(503, "too many requests at once", expected=f"at most {_MOST_AT_ONCE}", do="wait a moment")
         if scope["type"] == "http" and changes:
             if scope["method"] != "POST":
                 raise Refused(405, "this method is not known here", expected="GET or POST", do="reload the page")

@@ -440,7 +440,7 @@ class Console:
         if session.live.measure:
             ended = session.ended or {}
             well = not session.error and ended.get("mode") == Mode.STOPPED and not ended.get("torque")
-            self.path.measured(session.live, session.log, well=well)
+            self.path.measured(session.live, session.log, well=well, lost=session.log_lost)
 
     async def inject(self, fault: Any) -> None:
         """Give the twin a fault.

@@ -1,7 +1,9 @@
 """Earlier runs: the logs in the console's folder, what each came to, and what can be made of them."""
 
 import base64
+import contextlib
 import re
+import stat
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
@@ -42,32 +44,35 @@ class EarlierRuns:
         """Remove what was made for downloads."""
         self._made.cleanup()
 
-    def _files(self) -> dict[str, Path]:
-        """Name → log, the newest first; no link and no log that is being written."""
+    def _files(self) -> dict[str, tuple[Path, tuple[int, int]]]:
+        """Name → log, with when it was changed [ns] and its size, the newest first; no link and no log that is being
+        written.
+        """
         going = {*self._going()}
-        found = [
-            one
-            for one in self._folder.glob("*.mcap")
-            if NAME.fullmatch(one.stem) and one.name not in going and one.is_file() and not one.is_symlink()
-        ]
-        found.sort(key=lambda one: one.stat().st_mtime_ns, reverse=True)
-        return {one.stem: one for one in found[:_MOST]}
+        found = []
+        for one in self._folder.glob("*.mcap"):
+            if NAME.fullmatch(one.stem) and one.name not in going:
+                with contextlib.suppress(OSError):  # removed just now
+                    about = one.lstat()
+                    if stat.S_ISREG(about.st_mode):
+                        found.append((one, (about.st_mtime_ns, about.st_size)))
+        found.sort(key=lambda file: file[1], reverse=True)
+        return {file[0].stem: file for file in found[:_MOST]}
 
     async def listed(self, search: str = "") -> list[dict[str, Any]]:
         """The runs whose words have all that is searched for."""
         files = self._files()
-        stamps = {name: (path.stat().st_mtime_ns, path.stat().st_size) for name, path in files.items()}
-        new = [name for name in files if self._known.get(name, ((0, 0), {}))[0] != stamps[name]]
+        new = [name for name, (_, stamp) in files.items() if self._known.get(name, ((0, 0), {}))[0] != stamp]
         if new:
-            found = await self._jobs.do("summaries", paths=[str(files[name].absolute()) for name in new])
+            found = await self._jobs.do("summaries", paths=[str(files[name][0].absolute()) for name in new])
             for name in new:
-                self._known[name] = stamps[name], finite(found[str(files[name].absolute())])
+                self._known[name] = files[name][1], finite(found[str(files[name][0].absolute())])
         runs = [{"id": name, **self._known[name][1]} for name in files if name in self._known]
         words = search.casefold().split()
         return [run for run in runs if all(_has(run, word) for word in words)]
 
-    def _file(self, name: str) -> Path:
-        """The log of that name.
+    def _file(self, name: str) -> tuple[Path, int]:
+        """The log of that name, and when it was changed [ns].
 
         Raises:
             Refused: there is none.
@@ -75,11 +80,12 @@ class EarlierRuns:
         found = self._files().get(name) if NAME.fullmatch(name) else None
         if found is None:
             raise Refused(404, f"there is no run {shortly(name)}", do="choose one of the list")
-        return found.absolute()
+        path, (changed, _) = found
+        return path.absolute(), changed
 
     async def details(self, name: str) -> dict[str, Any]:
         """All of one but its curves."""
-        found: dict[str, Any] = finite(await self._jobs.do("details", path=str(self._file(name))))
+        found: dict[str, Any] = finite(await self._jobs.do("details", path=str(self._file(name)[0])))
         return {"id": name, **found}
 
     async def page(self, name: str) -> Path:
@@ -94,11 +100,11 @@ class EarlierRuns:
         """
         if kind not in KINDS:
             raise Refused(404, "a log is not to be had like this", expected=", ".join(KINDS), do="choose one of them")
-        return self._file(name) if kind == "mcap" else await self._derived(name, kind, "export")
+        return self._file(name)[0] if kind == "mcap" else await self._derived(name, kind, "export")
 
     async def _derived(self, name: str, ending: str, work: str) -> Path:
-        log = self._file(name)
-        to = Path(self._made.name) / f"{name}-{log.stat().st_mtime_ns}.{ending}"
+        log, changed = self._file(name)
+        to = Path(self._made.name) / f"{name}-{changed}.{ending}"
         if not to.exists():
             await self._jobs.do(work, path=str(log), to=str(to))
         return to
@@ -123,7 +129,7 @@ class EarlierRuns:
                 do="choose others",
             )
         named: dict[str, Any] = {"columns": columns, "begin": begin, "end": end, "pixels": round(pixels)}
-        return base64.b64decode(await self._jobs.do("curves", path=str(self._file(name)), **named))
+        return base64.b64decode(await self._jobs.do("curves", path=str(self._file(name)[0]), **named))
 
 
 def _has(run: dict[str, Any], word: str) -> bool:

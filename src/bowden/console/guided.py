@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from bowden.console.jobs import Jobs
-from bowden.core.errors import BowdenError, ParameterError
+from bowden.core.errors import BowdenError, LogError, ParameterError
 from bowden.core.files import whole_files
 from bowden.live.live_run import Live
 from bowden.live.measured import write_motions
@@ -109,11 +109,13 @@ class GuidedPath:
             self._steps[self.going] = PathStep("failed" if failed else "done", said, files)
         self.going, self.fraction = "", None
 
-    def measured(self, live: Live, log: Path, *, well: bool) -> None:
+    def measured(self, live: Live, log: Path, *, well: bool, lost: str = "") -> None:
         """A measurement has ended: write what was measured, for any thread."""
         try:
             if not well:
                 raise ParameterError("the motion was not ended well", do="look at the run, then measure again")
+            if lost:
+                raise LogError(lost)
             files = write_motions(live, log, self.folder)
         except BowdenError as error:
             self.end(str(error), [log.name], failed=True)

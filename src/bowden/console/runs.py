@@ -29,7 +29,7 @@ from typing import TYPE_CHECKING
 from bowden.console.lease import Lease
 from bowden.console.stamps import Stamps
 from bowden.core.clock import SECOND, MonotonicClock
-from bowden.core.errors import BowdenError, SafetyError
+from bowden.core.errors import BowdenError, LogError, SafetyError
 from bowden.core.files import printable
 from bowden.live.operator import STANDS_STILL, keeping, prompt, why_not
 from bowden.live.ring import RingReader
@@ -211,6 +211,8 @@ class RunOwner:
             self.seen = self._look(session, "ending")
         if session.error:
             error = SafetyError(session.error, do="look at the log, then start again")
+        elif session.log_lost:
+            error = LogError(session.log_lost)
         self._ended(session)
         self.seen = RunSeen(
             session=session,

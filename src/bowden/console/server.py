@@ -22,6 +22,7 @@ from starlette.routing import Route, WebSocketRoute
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from bowden.console.access import LARGEST_BODY, LARGEST_MESSAGE, PAGE_POLICY, Bucket, Guard, Refused, document, said
+from bowden.console.connections import Connection
 from bowden.console.console import Console, Viewer
 from bowden.console.earlier import KINDS
 from bowden.console.settings import shortly
@@ -394,8 +395,7 @@ def server(console: Console, guard: Guard, tls: tuple[Path, Path] | None = None)
         ws_ping_interval=_PING,
         ws_ping_timeout=_PONG,
         h11_max_incomplete_event_size=LARGEST_BODY,
-        http="h11",
-        limit_concurrency=128,
+        http=Connection,
         timeout_keep_alive=15,
         timeout_graceful_shutdown=3,
         server_header=False,

@@ -128,7 +128,7 @@ def run_of(seen: RunSeen, watch: Watch | None) -> dict[str, Any] | None:
             "most_us": 1e6 * watch.latest,
             "overruns": watch.overruns,
         },
-        "recorder": RecorderState(seen.recorder).name.lower(),
+        "recorder": RecorderState(seen.recorder).name.lower().replace("_", " "),
     }
 
 

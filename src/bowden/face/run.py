@@ -84,7 +84,8 @@ def run(
         ) as session,
     ):
         yield session
-    given.tell([] if session.ended_well else [session.outcome], at=4)  # beyond contextlib's own frame: the user's with
+    said = [session.outcome] if not session.ended_well else [session.log_lost] if session.log_lost else []
+    given.tell(said, at=4)  # beyond contextlib's own frame: the user's with
 
 
 @contextlib.contextmanager

@@ -7,6 +7,7 @@ memory, up to `MOST_WAITING` rows; then rows are dropped, and counted.
 
 import argparse
 import contextlib
+import functools
 import os
 import shutil
 import signal
@@ -67,6 +68,7 @@ class Disk:
         more: for the file's first metadata record, beside what the description says.
         clock: where time comes from.
         write: in place of `os.write`.
+        there: whether the file is still under its name; asked at each sync, and at the end.
 
     Raises:
         OSError: the disk does not even take the file's beginning.
@@ -79,13 +81,14 @@ class Disk:
         more: Mapping[str, str],
         clock: TimeSource,
         write: Callable[[int, bytes], int] = os.write,
+        there: Callable[[], bool] = lambda: True,
     ) -> None:
-        self._handle, self._clock = handle, clock
+        self._handle, self._clock, self._there = handle, clock, there
         self._file = LogFile(handle, about(description, more), write)
         self._changes = Changes(description)
         self._lock, self._end, self._synced = threading.Lock(), threading.Event(), threading.Event()
         self._waiting = _Waiting()
-        self._full = False
+        self._full = self._gone = False
         self._threads = [threading.Thread(target=part, daemon=True) for part in (self._write_on, self._sync_on)]
         for thread in self._threads:
             thread.start()
@@ -107,6 +110,7 @@ class Disk:
             waiting = self._waiting
             slow = waiting.since and now - waiting.since > _SLOW_AFTER
             state = RecorderState.FULL if self._full else RecorderState.SLOW if slow else RecorderState.OK
+            state = RecorderState.FILE_GONE if self._gone else state
             return Report(state, now, self._file.rows, lost, waiting.dropped, waiting.count)
 
     def finish(self, lost: int) -> int:
@@ -122,6 +126,7 @@ class Disk:
         dropped = self._waiting.dropped + self._waiting.count
         given_up = self._file.finish({"lost": str(lost), "dropped": str(dropped)})
         os.fsync(self._handle)
+        self._gone = not self._there()
         return dropped + given_up
 
     def _write_on(self) -> None:
@@ -158,6 +163,7 @@ class Disk:
         while not self._end.wait(SYNC_EVERY):
             with contextlib.suppress(OSError):  # a disk that cannot sync: the writes say so
                 os.fsync(self._handle)
+            self._gone = not self._there()
 
 
 def check_room(target: Path, description: Description, length: float) -> None:
@@ -200,7 +206,7 @@ def record(ring: Path, target: Path, rig: str = "") -> int:
 
     Raises:
         LogError: no ring.
-        OutputError: the file cannot be made, or not be ended.
+        OutputError: the file cannot be made, or not be ended, or is not under its name any more.
     """
     clock, reader = MonotonicClock(), RingReader(ring)
     try:
@@ -210,14 +216,18 @@ def record(ring: Path, target: Path, rig: str = "") -> int:
     try:
         try:
             _sync_name(target)
-            disk = Disk(handle, reader.description, provenance(rig), clock)
+            there = functools.partial(_is_there, target, handle)
+            disk = Disk(handle, reader.description, provenance(rig), clock, there=there)
         except OSError as error:
             target.unlink(missing_ok=True)
             raise _refused(reader, clock, target, error) from error
         _drain(reader, disk, clock)
         missing = disk.finish(reader.lost)
-        now = clock.now()
-        reader.recorder.write(disk.report(now, reader.lost)._replace(state=RecorderState.ENDED))
+        last = disk.report(clock.now(), reader.lost)
+        if last.state == RecorderState.FILE_GONE:
+            reader.recorder.write(last)
+            raise _gone(target, handle)
+        reader.recorder.write(last._replace(state=RecorderState.ENDED))
         return missing + reader.lost
     except OSError as error:
         _give_up(reader, clock)
@@ -250,6 +260,25 @@ def _sync_name(path: Path) -> None:
         os.fsync(folder)
     finally:
         os.close(folder)
+
+
+def _is_there(path: Path, handle: int) -> bool:
+    """Whether a name still leads to the open file."""
+    try:
+        return os.path.samestat(path.stat(), os.fstat(handle))
+    except OSError:
+        return False
+
+
+def _gone(target: Path, handle: int) -> OutputError:
+    """What became of a file that is not under its name any more."""
+    do = "leave a log where it is until its run has ended"
+    with contextlib.suppress(OSError):
+        place = Path(f"/proc/self/fd/{handle}").readlink()  # where it is now; what was removed has a name of no file
+        if _is_there(place, handle):
+            return OutputError(f"{target} was moved during the run, which went on: its log is {place}", do=do)
+    how = "replaced by another file" if target.exists() else "removed"
+    return OutputError(f"{target} was {how} during the run, which went on: what it held is lost", do=do)
 
 
 def _refused(reader: RingReader, clock: TimeSource, target: Path, error: OSError) -> OutputError:

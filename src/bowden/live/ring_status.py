@@ -27,6 +27,8 @@ class RecorderState(IntEnum):
     """No sign of life for a second."""
     ENDED = 5
     """It closed its file properly."""
+    FILE_GONE = 6
+    """What it writes is no longer under the file's name: removed, replaced or moved."""
 
 
 class Report(NamedTuple):

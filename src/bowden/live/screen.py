@@ -75,7 +75,9 @@ def picture(session: "Session", row: dict[str, float], auto: bool, answer: str =
         table.add_row("push", _push(row))
     if not session.live.several:
         table.add_row("motor", f"{row['current']:.2f} A, winding {row['supervisor.heat.winding']:.0f} °C{_load(row)}")
-    table.add_row("recorder", f"{RecorderState(session.recorder).name.lower()}  {escape(str(session.log))}")
+    table.add_row(
+        "recorder", f"{RecorderState(session.recorder).name.lower().replace('_', ' ')}  {escape(str(session.log))}"
+    )
     table.add_row("lateness", f"{1e6 * row['lateness']:.0f} µs; the cycle takes {1e6 * row['run_time']:.0f} µs")
     laws = [(name[4:], value) for name, value in row.items() if name.startswith("law.")]
     table.add_row("estimates", ", ".join(f"{name} {value:.3g}" for name, value in laws[:_MOST_ESTIMATES]))

@@ -97,6 +97,8 @@ class Session:
         self._prepared = loop
         self.logs = [log]
         """Files of the run: one more for each time that its recorder had to be started again."""
+        self.log_lost = ""
+        """Why the last of them is not there at the end: it was removed, replaced or moved during the run."""
         self.clock = MonotonicClock()
         self.ended: dict[str, Any] | None = None
         """What the loop said at its end."""
@@ -197,7 +199,14 @@ class Session:
         while True:
             with contextlib.suppress(subprocess.TimeoutExpired):
                 self._recorder.wait(_END)
-            if self._recorder.poll() == 0 or not hasattr(self, "ready") or len(self.logs) >= _MOST_LOGS:
+            if self._recorder.poll() and self.rows.recorder.read().state == RecorderState.FILE_GONE:
+                self.log_lost = _complaint(self._recorder)
+            if (
+                self.log_lost
+                or self._recorder.poll() == 0
+                or not hasattr(self, "ready")
+                or len(self.logs) >= _MOST_LOGS
+            ):
                 return
             self._recorder.kill()
             self._record_again()
@@ -246,8 +255,7 @@ class Session:
             if self.clock.now() > deadline:
                 break
         if self._recorder.poll() is not None:
-            assert self._recorder.stderr is not None
-            raise OutputError(self._recorder.stderr.read().strip().removeprefix("bowden: "))
+            raise OutputError(_complaint(self._recorder))
 
     @property
     def on_twin(self) -> bool:
@@ -603,11 +611,21 @@ class Session:
         """The record of the run, from its log, once it has ended.
 
         Raises:
-            LogError: nothing was recorded, or the run goes on.
+            LogError: nothing was recorded, the run goes on, or the log is not there any more.
         """
         if self.running:
             raise LogError(f"the run goes on, and {self.log} is not closed", do="leave the with block first")
+        self.require_log()
         return read(self.log).trace()
+
+    def require_log(self) -> None:
+        """The log is still where it was made, once the run has ended.
+
+        Raises:
+            LogError: it was removed, replaced or moved during the run.
+        """
+        if self.log_lost:
+            raise LogError(self.log_lost)
 
     def __repr__(self) -> str:
         """One screen: law, rig, drive, where it stands, and the log."""
@@ -693,6 +711,12 @@ def _started(words: list[str], stdin: int = subprocess.PIPE) -> "subprocess.Pope
         text=True,
         start_new_session=True,
     )
+
+
+def _complaint(process: "subprocess.Popen[str]") -> str:
+    """What a process that has ended said of why."""
+    assert process.stderr is not None
+    return process.stderr.read().strip().removeprefix("bowden: ")
 
 
 def _close_pipes(process: "subprocess.Popen[str]") -> None:

@@ -2,13 +2,14 @@
 
 import shlex
 import sys
+from collections.abc import Sequence
 from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.core.errors import counted
+from bowden.core.errors import LogError, counted
 from bowden.core.metrics import rmse
 from bowden.core.units import RADIANS
 from bowden.cycle.one_cycle import WishSource
@@ -16,7 +17,9 @@ from bowden.hardware.drives.family import family_of
 from bowden.hardware.ports import TorqueLeft, torque_left
 from bowden.live import emg_summary, push_summary, stops
 from bowden.live.lateness import figures
+from bowden.live.mcap_log import about as describing
 from bowden.live.mcap_read import Recording, read
+from bowden.live.mcap_reader import Damage
 from bowden.safety import faults
 from bowden.safety.faults import Fault
 from bowden.safety.supervisor import Mode
@@ -32,7 +35,7 @@ def document(session: "Session") -> dict[str, Any]:
     pushing = session.live.pushing
     more = (*(() if emg_process is None else emg_summary.NEEDED), *(() if pushing is None else push_summary.NEEDED))
     needed = tuple(dict.fromkeys((*_NEEDED, *stops.NEEDED, *more)))
-    log = _joined([read(path, needed) for path in session.logs if path.exists()])
+    log, log_lost = _read(session, needed)
     ended = session.ended or {}
     mode = Mode(ended["mode"]).name.lower() if ended else None
     gone = ended.get("unattended", 0.0)
@@ -73,6 +76,7 @@ def document(session: "Session") -> dict[str, Any]:
         "log": str(session.log),
         "more_logs": [str(path) for path in session.logs[1:]],
         "log_whole": log.whole,
+        "log_lost": log_lost or None,
     }
 
 
@@ -107,6 +111,21 @@ def _axes(session: "Session", each: list[dict[str, Any]]) -> list[dict[str, Any]
         }
         for axis, drive, end, one in zip(session.axes, session.ready["drives"], ended, each, strict=True)
     ]
+
+
+def _read(session: "Session", needed: Sequence[str]) -> tuple[Recording, str]:
+    """What is left of a run's logs, and why nothing of the last one is; no row where none is left."""
+    about, found, lost = session.rows.description, [], session.log_lost
+    for path in session.logs[:-1] if lost else session.logs:
+        try:
+            found.append(read(path, needed))
+        except LogError as error:
+            lost = lost or str(error)
+    if found:
+        return _joined(found), lost
+    nothing = np.empty(0, np.int64), np.empty((0, len(about.columns)))
+    said, settings = describing(about, {}), dict(about.settings)
+    return Recording(said, None, about.columns, about.units, *nothing, [], Damage(0, 0, 0), settings), lost
 
 
 def _joined(logs: list[Recording]) -> Recording:
@@ -192,15 +211,14 @@ def print_summary(found: dict[str, Any]) -> None:
         print(f"preflight: {found['preflight']}")
     if found["error"]:
         print(f"ended by an error: {found['error']}")
-    whole = found["log_whole"]
-    print(f"Log: {found['log']}  ({shlex.join(['bowden', 'log', 'info' if whole else 'recover', found['log']])})")
-    for path in found["more_logs"]:
-        print(f"  and {path}")
+    whole, gone = found["log_whole"], found["log_lost"]
+    if not gone:
+        print(f"Log: {found['log']}  ({shlex.join(['bowden', 'log', 'info' if whole else 'recover', found['log']])})")
+        for path in found["more_logs"]:
+            print(f"  and {path}")
     lost = (found["cycles"] or 0) - found["cycles_logged"]
-    if lost > 0:
-        print(
-            f"bowden: note: {lost} cycles of {found['cycles']} are not in the log, nor in these figures",
-            file=sys.stderr,
-        )
-    if not whole:
+    if lost > 0 or gone:
+        missing = f"{lost} cycles of {found['cycles']} are not in the log, nor in these figures" if lost > 0 else ""
+        print(f"bowden: note: {': '.join(filter(None, (missing, gone)))}", file=sys.stderr)
+    if not whole and not gone:
         print(f"bowden: note: {found['log']} was not closed properly", file=sys.stderr)

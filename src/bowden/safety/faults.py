@@ -102,8 +102,9 @@ class Fault(IntEnum):
                      "come back to the terminal, acknowledge")
     PREFLIGHT_FAILED = (2, 2, 0.004, "preflight failed, or armed for too long", "its outcome, or preflight_time",
                         "read its reason; arm again when you are ready to run")
-    RECORDER_LOST = (0, 0, 0.0, "nothing is recorded", "recorder dead, behind, or disk full",
-                     "make room on the disk, start the recorder again; a running loop goes on, no new one is armed")
+    RECORDER_LOST = (0, 0, 0.0, "nothing is recorded", "recorder dead, behind, disk full, or its file gone",
+                     "make room on the disk, leave the log in its place, begin another run; a running loop goes on, no "
+                     "new one is armed")
     EMG_LOST = (2, 2, 0.004, "EMG lost", "newest sample older than emg_age, or trouble away from rest, in a run by EMG",
                 "look at the electrodes, their base station, its network and the program that sends; then arm again")
     NOT_DISABLED = (3, 3, 0.004, "drive keeps its torque",

@@ -10,10 +10,17 @@ from bowden.core.signals import EMERGENCY_STOP, DriveReading, DriveState
 from bowden.hardware.buses.link import BusPlace, BusPort, Links
 from bowden.hardware.buses.unix_bus import ERROR, REMOTE
 from bowden.hardware.drives import canopen_frames as frames
-from bowden.hardware.drives.canopen_setup import DriveFindings, restore, set_up
+from bowden.hardware.drives.canopen_setup import (
+    DISABLE_VOLTAGE,
+    FAULT_SIGNAL,
+    DriveFindings,
+    heartbeat_consumer,
+    restore,
+    set_up,
+)
 from bowden.hardware.drives.cia402 import WITH_TORQUE, Controlword, controlword, decode, fell
 from bowden.hardware.drives.emergencies import SAFE_TORQUE_OFF
-from bowden.hardware.drives.findings import INERT, LagWatch
+from bowden.hardware.drives.findings import INERT, UNWATCHED, WATCH_EVERY, LagWatch
 from bowden.hardware.drives.homing import zeroed
 from bowden.hardware.drives.parameters import DriveParameters, check_parameters, load_of
 from bowden.hardware.ports import Power, TorqueLeft
@@ -29,6 +36,14 @@ MOST_INPUTS_AGE = 10
 sends the rest: one that sends nothing is not there, which its age shows."""
 MOST_ANGLES_AGE = 5
 """Cycles in which a node that is there has sent both angles."""
+
+MOST_DUE = 64
+"""TPDO 1 of this drive that may still come, at most: later ones are stale by every limit."""
+SPARE, REFILL = 8.0, 0.05
+"""TPDO 1 that may come beyond one for each SYNC, as after a bit error at a frame's end, whose repetition is received
+twice; and how soon these are forgiven, a cycle. A second device that sends as often is found within nine cycles."""
+WATCH = ((0x1016, 1), (0x6007, 0))
+"""What the watch over us rests on: the heartbeat consumer, and what the drive does without one; asked for by turns."""
 
 SETTLED = 10
 """Orders to follow the target, in a row, after which a drive is expected to do it."""
@@ -62,6 +77,8 @@ class CanopenDrive:
         self._tpdo1, self._tpdo2, self._tpdo3 = frames.TPDO1 + node, frames.TPDO2 + node, frames.TPDO3 + node
         self._beats, self._emergencies = frames.HEARTBEAT + node, frames.EMERGENCY + node
         self._rpdo, self._heartbeat = frames.RPDO1 + node, frames.HEARTBEAT + host
+        self._answers, self._questions = frames.SDO_ANSWER + node, frames.SDO_REQUEST + node
+        self._watch_as_set = {0x1016: (heartbeat_consumer(parameters),), 0x6007: (FAULT_SIGNAL, DISABLE_VOLTAGE)}
         self._ours = frames.of_the_host(node, host)
 
     def bring_up(self) -> str:
@@ -103,6 +120,9 @@ class CanopenDrive:
         self._heartbeat_at, self._heartbeat_sent = math.nan, -math.inf
         self._synced = self._target = math.nan
         self._followed = 0  # orders to follow the target, in a row
+        self._due = SPARE  # TPDO 1 that may come
+        self._asked, self._asked_at = 0, -math.inf  # questions about the watch
+        self._unwatched: set[int] = set()  # objects that are not as they were set
         self._lag = self._watch()
 
     def _watch(self) -> LagWatch:
@@ -133,6 +153,9 @@ class CanopenDrive:
                 self._statusword_state = decode(motion.statusword)
                 motor, motor_age = found.motor.angle(motion.position), 0.0
                 current = self._current(motion.torque, found)
+                self._due -= 1.0
+                if self._due < 0.0:  # not the drive's: it sends one for each SYNC
+                    self._due, foreign = 0.0, foreign + 1.0
             elif cob_id == self._tpdo2 and (sensors := frames.unpack_tpdo2(data)) is not None:
                 joint, joint_age = found.joint.angle(sensors.joint), 0.0
                 temperature = math.nan if sensors.temperature is None else 0.1 * sensors.temperature
@@ -148,6 +171,8 @@ class CanopenDrive:
                 emergency = emergency or sent  # of several in a cycle the first is the cause
             elif cob_id == self._tpdo3 and (inputs := frames.unpack_tpdo3(data)) is not None:
                 self._stop_released, self._inputs_age = bool(inputs >> drive.emergency_stop_input & 1), 0
+            elif cob_id == self._answers and (said := frames.unpack_sdo_value(data)) is not None:
+                self._see_watch(*said)
             elif cob_id & ~REMOTE in self._ours:
                 foreign += 1.0
         missing = self._inputs_age > MOST_INPUTS_AGE and max(motor_age, joint_age) <= MOST_ANGLES_AGE
@@ -158,6 +183,8 @@ class CanopenDrive:
         led = self._state is DriveState.OPERATION_ENABLED and self._followed >= SETTLED
         if self._lag.inert(motor, self._target, current, now, led=led, fresh=motor_age == 0.0):
             emergency = emergency or float(INERT)
+        if self._unwatched and self._operational:
+            emergency = emergency or float(UNWATCHED)
         if math.isnan(self._heartbeat_at):
             self._heartbeat_at = now  # of the first cycle: from here on it can be late
         self._values = DriveReading(
@@ -166,6 +193,11 @@ class CanopenDrive:
             0.0 if math.isnan(self._synced) else now - self._synced, joint_torque,
         )  # fmt: skip
         return self._values
+
+    def _see_watch(self, index: int, value: int) -> None:
+        """What the drive says of an object of its watch over us; one that has started again says it at bring-up."""
+        if index in self._watch_as_set and self._operational:
+            (self._unwatched.discard if value in self._watch_as_set[index] else self._unwatched.add)(index)
 
     def write(self, target: float, power: Power, now: float, torque: float = 0.0) -> None:
         """See `hardware.ports.Drive.write`.
@@ -193,7 +225,10 @@ class CanopenDrive:
         led = self._state is DriveState.OPERATION_ENABLED and self._sent == Controlword.ENABLE_OPERATION
         self._target, self._followed = (target, self._followed + 1) if led else (math.nan, 0)
         self._order(self._sent, round(counts), torque if led and math.isfinite(torque) else 0.0)
-        self._synced = now
+        self._synced, self._due = now, min(self._due + (1.0 + REFILL if self._due < SPARE else 1.0), MOST_DUE)
+        if now - self._asked_at >= WATCH_EVERY:  # after the SYNC, which it does not delay
+            self._asked, self._asked_at = self._asked + 1, now
+            self._send(self._questions, frames.pack_sdo_read(*WATCH[self._asked % len(WATCH)]))
         if now - self._heartbeat_sent >= self._drive.heartbeat_time - 0.5 * self._drive.sample_time:
             self._heartbeat_sent = now
             self._send(self._heartbeat, _OPERATIONAL)

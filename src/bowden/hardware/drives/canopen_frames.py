@@ -143,6 +143,18 @@ def unpack_heartbeat(data: bytes | bytearray) -> int | None:
     return data[0] & 0x7F if len(data) == 1 else None
 
 
+def pack_sdo_read(index: int, sub: int) -> bytes:
+    """The request of an SDO upload (CiA 301, "SDO upload")."""
+    return struct.pack("<BHB4x", 0x40, index, sub)
+
+
+def unpack_sdo_value(data: bytes | bytearray) -> tuple[int, int] | None:
+    """Index and value of an expedited SDO upload's answer; None of any other frame."""
+    if len(data) != 8 or data[0] & 0xE3 != 0x43:
+        return None
+    return int.from_bytes(data[1:3], "little"), int.from_bytes(data[4 : 8 - (data[0] >> 2 & 3)], "little")
+
+
 def pack_sdo_write(index: int, sub: int, value: int, size: int) -> bytes:
     """An expedited SDO download of `size` bytes, 1 to 4 (CiA 301, "SDO download")."""
     return struct.pack("<BHB4s", 0x23 | (4 - size) << 2, index, sub, (value & 0xFFFF_FFFF).to_bytes(4, "little"))

@@ -363,7 +363,12 @@ def _configure(node: Dialogue, drive: DriveParameters) -> None:
         _map(node, 0x1801, NO_REMOTE | frames.TPDO2 + drive.node_id, frames.TPDO2_MAPPING[:2])
     _map_inputs(node, drive)
     node.write(0x1017, 0, round(1e3 * drive.drive_heartbeat_time), 2)
-    node.write(0x1016, 1, drive.host_id << 16 | math.ceil(round(1e3 * drive.heartbeat_timeout, 6)), 4)
+    node.write(0x1016, 1, heartbeat_consumer(drive), 4)
+
+
+def heartbeat_consumer(drive: DriveParameters) -> int:
+    """1016h: whose heartbeat the drive waits for, and for how long [ms]."""
+    return drive.host_id << 16 | math.ceil(round(1e3 * drive.heartbeat_timeout, 6))
 
 
 def _map_orders(node: Dialogue, drive: DriveParameters) -> None:

@@ -4,18 +4,22 @@ import math
 from collections import deque
 from collections.abc import Mapping
 
-INERT, LEFT, LOST_RANGE = 0xFE01, 0xFE02, 0xFE03
+INERT, LEFT, LOST_RANGE, UNWATCHED = 0xFE01, 0xFE02, 0xFE03, 0xFE04
 """Codes that no family uses for an error of its own."""
 
 FINDINGS: Mapping[int, str] = {
     INERT: "the motor is inert: the drive reports no fault and answers, but neither turns nor draws current; check the "
     "motor's phases, its supply and its calibration",
     LEFT: "the drive has left its mode by itself and reports no fault; check its supply and its own limits",
+    UNWATCHED: "the drive does not watch its host as it was set up to: it may keep its torque if this computer dies. "
+    "Another device or program writes to it, or its firmware differs: end that, and begin another run",
     LOST_RANGE: "the motor has left the range that the drive's position can show",
 }
 """Code → what it means and what to do."""
 
 
+WATCH_EVERY = 0.1
+"""Between two questions to a drive about its watch over its host [s]."""
 LONGEST_GAP = 15e-3
 """Between two looks at a motor that are of one course: after a loop that stood still it begins anew [s]."""
 

@@ -13,10 +13,10 @@ from bowden.hardware.buses.link import BusPlace, BusPort, Links
 from bowden.hardware.buses.unix_bus import EXTENDED
 from bowden.hardware.drives import moteus_frames as frames
 from bowden.hardware.drives.enabling import fell
-from bowden.hardware.drives.findings import INERT, LEFT, LagWatch
+from bowden.hardware.drives.findings import INERT, LEFT, UNWATCHED, LagWatch
 from bowden.hardware.drives.host_end import HostEnd
 from bowden.hardware.drives.limited_range import LimitedRange
-from bowden.hardware.drives.moteus_faults import TIMED_OUT, UNWATCHED
+from bowden.hardware.drives.moteus_faults import TIMED_OUT
 from bowden.hardware.drives.moteus_frames import BoardMode
 from bowden.hardware.drives.moteus_parameters import MoteusParameters, check_parameters, command_of
 from bowden.hardware.drives.moteus_setup import (

@@ -8,8 +8,8 @@ from collections.abc import Mapping
 
 from bowden.hardware.drives.findings import FINDINGS
 
-TIMED_OUT, UNWATCHED = 0xFE11, 0xFE12
-"""Codes of the driver's own."""
+TIMED_OUT = 0xFE11
+"""Code of the driver's own."""
 FIRST_LIMIT = 96
 """From here on a code says what limits the output, and is no fault."""
 
@@ -45,8 +45,6 @@ FAULTS: Mapping[int, str] = {
 _OURS: Mapping[int, str] = {
     TIMED_OUT: "the board's watchdog ran out and it took its torque off (mode 11): commands came too late or were "
     "lost; check the bus and the load of this computer",
-    UNWATCHED: "the board's watchdog is not set as it was commanded: another master writes to it, or its "
-    "firmware differs",
 }
 
 

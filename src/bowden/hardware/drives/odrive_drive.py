@@ -20,14 +20,14 @@ from bowden.hardware.buses.unix_bus import REMOTE
 from bowden.hardware.drives import canopen_frames as canopen
 from bowden.hardware.drives import odrive_frames as frames
 from bowden.hardware.drives.enabling import fell
-from bowden.hardware.drives.findings import INERT, LEFT, LagWatch
+from bowden.hardware.drives.findings import INERT, LEFT, UNWATCHED, WATCH_EVERY, LagWatch
 from bowden.hardware.drives.host_end import HostEnd
 from bowden.hardware.drives.joint_encoder import JointEncoder, joint_encoder_of
-from bowden.hardware.drives.odrive_endpoints import endpoints_of
+from bowden.hardware.drives.odrive_endpoints import ENABLED, TIMEOUT, endpoints_of
 from bowden.hardware.drives.odrive_faults import ESTOP, UNTOLD, WATCHDOG, code_of
 from bowden.hardware.drives.odrive_frames import AxisState, Beat, Cmd, identifier_of
 from bowden.hardware.drives.odrive_parameters import OdriveParameters, check_parameters, scales_of, target_of
-from bowden.hardware.drives.odrive_setup import OdriveFindings, is_foreign, set_up, state_of
+from bowden.hardware.drives.odrive_setup import SAME, OdriveFindings, is_foreign, set_up, state_of
 from bowden.hardware.drives.on_can import place
 from bowden.hardware.drives.readings import Readings
 from bowden.hardware.ports import Power, TorqueLeft
@@ -75,6 +75,12 @@ class OdriveDrive:
         self._asks_position = self._frames | Cmd.GET_ENCODER_ESTIMATES | REMOTE
         self._asks = [self._frames | cmd | REMOTE for cmd in TURN]
         """Remote frames."""
+        where = self._endpoints.where
+        self._watch = {
+            where[ENABLED].number: (where[ENABLED], 1.0),
+            where[TIMEOUT].number: (where[TIMEOUT], drive.watchdog),
+        }
+        """Number → setting of the watchdog, and its value."""
         self._told = {identifier_of(drive.node_id, Cmd(cmd)): int(cmd) for cmd in frames.TOLD}
         """Identifier → command of what it tells."""
         self._begin(DriveState.NOT_READY_TO_SWITCH_ON, 0)
@@ -107,7 +113,9 @@ class OdriveDrive:
         self._fell = self._reset = self._asked = self._lost = False
         self._stopped = False  # by our own Estop
         self._asked_at, self._requests, self._disobeyed = -math.inf, 0, 0
-        self._commands = self._cycles = 0
+        self._commands = self._cycles = self._questions = 0
+        self._asked_watch_at = -math.inf
+        self._unwatched: set[int] = set()  # settings of the watchdog that are not as they were
         self._turns = self._target = self._before_turns = math.nan  # as read; as sent [rad], [turns]
         self._temperature = self._written = self._beat_at = math.nan
         self._readings.begin()
@@ -155,6 +163,11 @@ class OdriveDrive:
             readings.current = self._drive.motor_direction * told[1] if math.isfinite(told[1]) else math.nan
         elif cmd == Cmd.GET_TEMPERATURE and (told := frames.unpack_floats(data)) is not None:
             self._temperature = told[0] if math.isfinite(told[0]) else math.nan
+        elif cmd == Cmd.TX_SDO and (answer := frames.unpack_answer(data)) is not None and answer[0] in self._watch:
+            endpoint, wanted = self._watch[answer[0]]
+            value = endpoint.unpack(answer[1])
+            as_set = value is None or abs(value - wanted) <= SAME * wanted
+            (self._unwatched.discard if as_set else self._unwatched.add)(endpoint.number)
 
     def _take_joint(self, encoder: JointEncoder, identifier: int, data: bytes, now: float) -> None:
         angle = encoder.read(identifier, data, now)
@@ -191,6 +204,8 @@ class OdriveDrive:
             readings.found(LEFT)
         if self._asked and not led and self._requests > REFUSED:
             readings.found(UNTOLD)
+        if self._unwatched and not self._lost:
+            readings.found(UNWATCHED)
         led = led and self._commands >= SETTLED
         if self._lag.inert(
             readings.motor, self._target, readings.current, now, led=led, fresh=readings.motor_age == 0.0
@@ -228,7 +243,11 @@ class OdriveDrive:
             self._order(Cmd.CLEAR_ERRORS, bytes(1))
             self._reset = self._stopped = False
         self._host.send(self._asks_position, _EIGHT)
-        self._host.send(self._asks[self._cycles % len(TURN)], _EIGHT)
+        if now - self._asked_watch_at >= WATCH_EVERY:
+            self._questions, self._asked_watch_at = self._questions + 1, now
+            self._order(Cmd.RX_SDO, frames.pack_question([*self._watch][self._questions % len(self._watch)]))
+        else:
+            self._host.send(self._asks[self._cycles % len(TURN)], _EIGHT)
         self._cycles += 1
         self._written = now
         if self._encoder is not None and self._encoder.synced:

@@ -36,6 +36,7 @@ from bowden.hardware.drives.ak_parameters import AkParameters, model_of, motor_s
 from bowden.hardware.drives.joint_encoder import joint_encoder_of
 from bowden.hardware.twin.bench import FOLLOW, OFF
 from bowden.hardware.twin.faults import Faults
+from bowden.hardware.twin.injection import UNCOUNTED
 from bowden.hardware.twin.joint_encoder_node import JointEncoderNode
 from bowden.hardware.twin.node import Journal, Send
 from bowden.hardware.twin.objects import Key
@@ -67,6 +68,8 @@ class AkNode:
     """
 
     lacks: Mapping[str, str] = {
+        "doubled_pdos": UNCOUNTED,
+        "watch_off": "its CAN timeout is set with its maker's tool, over another port",
         "emergency_stop": "an AK drive has no input for it, and its supply is cut: inject reboot, or silence",
         "encoder_nan motor": "its position has no number that means none",
     }

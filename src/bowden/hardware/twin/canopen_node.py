@@ -156,6 +156,8 @@ class CanopenNode:
                 self._power_up(now + REBOOT_TIME)
             else:
                 self._fail(int(injection.amount) & 0xFFFF, now)
+        if self.faults.active("watch_off", now):
+            self.objects.change((0x1016, 1), 0)
         self._watch(now)
         self._see_emergency_stop(now)
         if now - self._moved >= STEP:
@@ -210,9 +212,10 @@ class CanopenNode:
             sensors = sensors._replace(temperature=None)
         node = self._drive.node_id
         if self.objects[0x1800, 1] >> 31 == 0:
-            self._outbox.emit_cyclic(
-                frames.TPDO1 + node, frames.pack_tpdo1(motion._replace(statusword=self._statusword())), now
-            )
+            for _ in range(2 if self.faults.active("doubled_pdos", now) else 1):
+                self._outbox.emit_cyclic(
+                    frames.TPDO1 + node, frames.pack_tpdo1(motion._replace(statusword=self._statusword())), now
+                )
         if self.objects[0x1801, 1] >> 31 == 0:
             self._outbox.emit_cyclic(frames.TPDO2 + node, frames.pack_tpdo2(sensors), now)
         if self.objects[0x1802, 1] >> 31 == 0:

@@ -28,6 +28,8 @@ KINDS: dict[str, Kind] = {
     "deaf": Kind("the drive receives nothing"),
     "late_pdos": Kind("the drive's PDOs arrive late", amount=5.0, unit="ms"),
     "dropped_pdos": Kind("a share of the drive's PDOs is lost", amount=0.3, unit="1", most=1.0),
+    "doubled_pdos": Kind("a second device sends with the drive's number: each of its readings comes twice"),
+    "watch_off": Kind("another device switches off the drive's watch over its host"),
     "bus_off": Kind("the drive's controller has left the bus"),
     "delayed_readings": Kind("the drive's PDOs carry what was measured before", amount=10.0, unit="cycles"),
     "drive_fault": Kind(
@@ -63,6 +65,9 @@ KINDS: dict[str, Kind] = {
     "load_drift": Kind("the load cell's zero drifts, in N or N·m a second", amount=10.0, unit="1/s", least=-1e6),
     "over_current": Kind("the motor draws this current", amount=30.0, unit="A", least=-1e6),
 }
+
+UNCOUNTED = "it answers questions, and what comes beyond its answers is not counted"
+"""Why families without SYNC lack ``doubled_pdos``."""
 
 OF_LOAD_CELL = ("load_silence", "load_stuck", "load_saturated", "load_sign", "load_drift")
 """Those of a load cell, which a rig may have or not."""

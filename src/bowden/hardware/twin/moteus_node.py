@@ -27,6 +27,7 @@ from bowden.hardware.drives.moteus_parameters import MoteusParameters, joint_sca
 from bowden.hardware.drives.moteus_setup import HOMED, state_of
 from bowden.hardware.twin.bench import BRAKE, FOLLOW, OFF
 from bowden.hardware.twin.faults import NO_NUMBER, Faults
+from bowden.hardware.twin.injection import UNCOUNTED
 from bowden.hardware.twin.moteus_console import MoteusConsole, usual
 from bowden.hardware.twin.node import Journal, Send
 from bowden.hardware.twin.outbox import Outbox
@@ -96,6 +97,8 @@ class MoteusNode:
     """
 
     lacks: Mapping[str, str] = {
+        "doubled_pdos": UNCOUNTED,
+        "watch_off": "each command sets its watchdog anew",
         "emergency_stop": "a board has no input for it that is read: it cuts the supply, so inject reboot",
         "joint_silence": "the joint's encoder hangs on the board: inject encoder_frozen joint, or encoder_nan joint",
     }

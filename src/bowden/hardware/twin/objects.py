@@ -61,6 +61,10 @@ class Objects:
         value = self._values.get(key, 0)
         return value if isinstance(value, int) else 0
 
+    def change(self, key: Key, value: int) -> None:
+        """Give an object another value from elsewhere than the bus."""
+        self._values[key] = value
+
     def read(self, key: Key) -> bytes:
         """The bytes of an object, as SDO carries them."""
         entry = self._entries.get(key)

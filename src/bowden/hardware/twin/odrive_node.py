@@ -25,6 +25,7 @@ from bowden.hardware.drives.odrive_parameters import OdriveParameters, motor_sca
 from bowden.hardware.drives.odrive_setup import state_of
 from bowden.hardware.twin.bench import FOLLOW, OFF
 from bowden.hardware.twin.faults import NO_NUMBER, Faults
+from bowden.hardware.twin.injection import UNCOUNTED
 from bowden.hardware.twin.joint_encoder_node import JointEncoderNode
 from bowden.hardware.twin.node import Journal, Send
 from bowden.hardware.twin.objects import Key
@@ -76,7 +77,10 @@ class OdriveNode:
         joint: objects of the joint's encoder that are otherwise than usual; None takes one away.
     """
 
-    lacks: Mapping[str, str] = {"saturated": "its numbers are floating-point, which have no ends"}
+    lacks: Mapping[str, str] = {
+        "doubled_pdos": UNCOUNTED,
+        "saturated": "its numbers are floating-point, which have no ends",
+    }
     """See `hardware.twin.node.TwinNode`."""
 
     def __init__(
@@ -301,6 +305,8 @@ class OdriveNode:
         if now >= self._arming:
             self._arm(now)
         armed = self.state is AxisState.CLOSED_LOOP_CONTROL
+        if self.faults.active("watch_off", now):
+            self._set[settings.ENABLED] = 0.0
         limit = max(self._set[settings.TIMEOUT], self.patience if armed else 0.0)
         runs = self._set[settings.ENABLED] and (armed or self._set[WATCHDOG_IDLE])
         if runs and now >= self._ready and now - self._fed >= limit:
