@@ -62,7 +62,9 @@ def _cycle(live: "Live", given: dict[str, Any]) -> int:
     from bowden.core.toml_text import quoted
     from bowden.hardware.buses.link import Links
     from bowden.hardware.realtime import become_realtime
+    from bowden.hardware.ports import serial_of
     from bowden.live import latch_file
+    from bowden.live.by_hand import require_same
     from bowden.live.control_block import ControlBlock
     from bowden.live.loop import AxisParts, Loop
     from bowden.live.preflight import REASONS, Reason
@@ -89,6 +91,9 @@ def _cycle(live: "Live", given: dict[str, Any]) -> int:
         for axis, one in zip(live.axes, parts, strict=True):
             with asked_for_by(f"axis {quoted(axis.name)}") if axis.name else contextlib.nullcontext():
                 drives.append(one.drive.bring_up())
+        require_same(
+            [(axis.name, axis.rig, serial_of(one.drive)) for axis, one in zip(live.axes, parts, strict=True)]
+        )
         grants = become_realtime(live.rig.system)
         named = [f"{axis.name}: {drive}" if axis.name else drive for axis, drive in zip(live.axes, drives, strict=True)]
         _say("ready", {"drive": "; ".join(named), "drives": drives, "grants": [asdict(grant) for grant in grants]})

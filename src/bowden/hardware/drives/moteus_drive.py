@@ -57,6 +57,8 @@ class MoteusDrive:
         self._host = HostEnd(place, drive.node_id, links, self._concerns)
         self._cycle = frames.CommandFrames(parameters.joint_source)
         self._found: MoteusFindings | None = None
+        self.serial = ""
+        """See `hardware.ports.serial_of`."""
         self._readings = Readings()
         self._joint_turns = LimitedRange(1.0)
         self._lag = LagWatch(drive.current_limit, drive.lag_current, drive.lag_time)
@@ -71,7 +73,7 @@ class MoteusDrive:
 
     def _set_up(self, port: BusPort) -> str:
         found = set_up(port, self._drive)
-        self._found = found
+        self._found, self.serial = found, found.serial
         self._begin(found.state, found.fault)
         return found.identity
 

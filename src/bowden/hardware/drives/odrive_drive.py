@@ -69,6 +69,8 @@ class OdriveDrive:
         synced = self._encoder is not None and self._encoder.synced
         self._host = HostEnd(place(drive), drive.node_id, links, self._concerns, synced=synced)
         self._found: OdriveFindings | None = None
+        self.serial = ""
+        """See `hardware.ports.serial_of`."""
         self._readings = Readings()
         self._lag = LagWatch(drive.current_limit, drive.lag_current, drive.lag_time)
         self._frames = drive.node_id << 5
@@ -90,7 +92,7 @@ class OdriveDrive:
         said = found.identity
         if self._encoder is not None:
             said += f"; joint: {self._encoder.bring_up(port.bus)}"
-        self._found = found
+        self._found, self.serial = found, found.serial
         self._begin(found.state, found.errors)
         return said
 
