@@ -223,7 +223,7 @@ def test_a_model_of_a_million_plays_or_without_a_slope_is_refused(tmp_path: Path
         many |= {f"half_width_{one}": 0.1, f"weight_{one}": 0.0}
     with pytest.raises(ParameterError, match=rf"{len(many)} parameters; expected at most 1000"):
         load_cable(model_file(file, "prandtl_ishlinskii", many))
-    with pytest.raises(ParameterError, match="the slope of play, of all its parts, is 1e-09"):
+    with pytest.raises(ParameterError, match="slope of play is 1e-09"):
         load_cable(model_file(file, "play", {"slope": 1e-9, "half_width": 0.1, "offset": 0.0, "initial_lag": 0.0}))
     million = "".join(f"half_width_{one} = 0.1\n" for one in range(1_000_000))
     file.write_text(f"best = 'play'\n[models.play.parameters]\n{million}")

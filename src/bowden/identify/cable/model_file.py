@@ -160,7 +160,7 @@ def load_cable(path: Path | str, name: str = "") -> IdentifiedCable:
     for wanted in needed:
         if "slope" in found[wanted] and abs(whole_slope(found[wanted])) < LEAST_SLOPE:
             raise ParameterError(
-                f"{file}: the slope of {wanted}, of all its parts, is {whole_slope(found[wanted]):g}",
+                f"{file}: slope of {wanted} is {whole_slope(found[wanted]):g}, of all its parts",
                 expected=f"{LEAST_SLOPE:g} at least, either way: the joint has to move with the motor",
                 do="identify the cable again",
             )
@@ -253,9 +253,6 @@ def _check_branches(file: Path, given: Mapping[str, float]) -> None:
     for kind in ("bend", "gap"):
         if sizes[kind] < 2:
             raise ParameterError(f"{said} has {sizes[kind]} {kind}s", expected="2 or more")
-    for key, value in given.items():
-        if key.startswith(("gap_", "reach_", "share_")) and value < 0.0:
-            raise ParameterError(f"{said}: {key} is {value:g}", expected="0 or more")
     low, high = given.get("first_node", -math.inf), given.get("last_node", math.inf)
     if not high > low:
         raise ParameterError(f"{said}: first_node {low:g}, last_node {high:g}", expected="the last above the first")
