@@ -1,8 +1,10 @@
 """What a drive of each family and a load cell may do, through the live loop: stopped in time."""
 
+import contextlib
 import math
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -21,9 +23,9 @@ from bowden.hardware.drives import (
 )
 from bowden.hardware.drives.family import family_of
 from bowden.hardware.drives.findings import LagWatch
+from bowden.hardware.drives.load_cell import LoadCellParameters, LoadCellReader
 from bowden.hardware.ports import Power, serial_of
 from bowden.hardware.twin.bench import OFF
-from bowden.hardware.twin.injection import parse
 from bowden.plants.suit_parts import Suit
 from bowden.rig.drive import drive_needs
 from bowden.rig.presets.bench import default_bench
@@ -34,7 +36,7 @@ from support.memory_bus import MemoryBus
 
 CASES = list(cases())
 SAMPLE = [(name, row) for name, row in CASES if row.text == "inert" or (name, row.text) == ("moteus", "turns_lost -1")]
-"""One for each family, and the quickest to throw a joint; the others are `long`, and in `benchmarks/fault_matrix.py`."""
+"""One for each family, and the quickest to throw a joint; others are `long`, and in `benchmarks/fault_matrix.py`."""
 LOAD_CASES = list(load_cases())
 LOAD_SAMPLE = [next(case for case in LOAD_CASES[k::5] if case[0] == cell) for k, cell in enumerate(CELLS)]
 """One for each kind of load cell, likewise."""
@@ -47,7 +49,9 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.parametrize(("name", "row"), SAMPLE, ids=str)
-def test_an_inert_motor_and_one_that_loses_turns_are_let_go_of_in_time(tmp_path: Path, name: str, row: DriveRow) -> None:
+def test_an_inert_motor_and_one_that_loses_turns_are_let_go_of_in_time(
+    tmp_path: Path, name: str, row: DriveRow
+) -> None:
     assert list(complaints(row, react(tmp_path, name, row))) == []
 
 
@@ -75,12 +79,15 @@ def test_a_load_cell_that_says_all_twice_or_drifts_by_a_hundredth_in_a_quarter_o
     assert (found.faults, found.mode) == ((), Mode.STOPPED)
 
 
-@pytest.mark.parametrize(("text", "said"), [("load_slow 0.5", "come too seldom: . of 8"), ("load_half", "have 4 bytes")])
-def test_a_load_cell_that_is_slow_or_cut_from_the_first_gets_no_run(text: str, said: str) -> None:
-    rig, bus, node = played(*CELLS["plain frames"])
-    node.faults.inject(parse(text))
-    with pytest.raises(DriveError, match=said):
-        rig.open_drive(Links(bus)).bring_up()
+@pytest.mark.parametrize(
+    ("missed", "length", "said"), [(4, 8, ""), (5, 8, "come too seldom: 5 of 8"), (0, 4, "have 4 bytes")]
+)
+def test_a_load_cell_that_is_slow_or_cut_from_the_first_gets_no_run(missed: int, length: int, said: str) -> None:
+    cell = LoadCellParameters(source="can", full_scale=300.0, first_byte=5, bytes=3)
+    came = iter([(cell.identifier, bytes(length)), *[None] * missed, *[(cell.identifier, bytes(length))] * 8])
+    port: Any = SimpleNamespace(wait_for=lambda is_it, span: next(came))
+    with pytest.raises(DriveError, match=said) if said else contextlib.nullcontext():
+        LoadCellReader(cell, 0.1).bring_up(port)
 
 
 @pytest.mark.parametrize(

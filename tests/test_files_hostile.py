@@ -167,7 +167,8 @@ MODELS = {
     "play": "slope 0.9 half_width 0.1 offset 0 initial_lag 0",
     "bouc_wen": BOUC_WEN,
     "bouc_wen_static": f"{BOUC_WEN} static_2 0.01 hysteresis_gain_1 0.01 static_centre 0.6 static_half_range 0.7",
-    "prandtl_ishlinskii": "slope 0.5 half_width_1 0.05 half_width_2 0.1 weight_1 0.2 weight_2 0.2 offset 0 initial_lag 0",
+    "prandtl_ishlinskii": "slope 0.5 half_width_1 0.05 half_width_2 0.1 weight_1 0.2 weight_2 0.2 offset 0 "
+    "initial_lag 0",
     "generalised_play": "slope 0.9 bend_1 0 bend_2 0.01 bend_3 0 gap_1 0.05 gap_2 0.06 reach_1 0.5 reach_2 1.5 "
     "share_1 0.5 share_2 0.5 first_node 0 last_node 1.5 offset 0 initial_lag 0",
     "sliding": "friction 0.1 motor_radius 0.01 joint_radius 0.01 length 1 stiffness 11000 spring 0.2 pretension 0.1 "

@@ -291,7 +291,9 @@ def set_up(port: BusPort, drive: MoteusParameters) -> MoteusFindings:
     identity = f"moteus board at {board.name}, {who}, supply {seen[Register.VOLTAGE]:.1f} V"
     if in_fault:
         identity += f"; in fault, {fault_text(fault)}"
-    return MoteusFindings(identity, motor, joint, limits, state_of(int(seen[Register.MODE])), fault if in_fault else 0, serial)
+    return MoteusFindings(
+        identity, motor, joint, limits, state_of(int(seen[Register.MODE])), fault if in_fault else 0, serial
+    )
 
 
 def _check_version(board: MoteusDialogue) -> tuple[str, str]:
