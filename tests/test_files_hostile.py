@@ -199,9 +199,9 @@ def test_a_coefficient_that_no_cable_has_is_refused_and_any_other_moves_the_join
     assert load_cable(model_file(file, name, usual)).best == name
     taken = 0
     for key in usual:
-        for value in ("nan", "inf", "-inf", "true", "'1'"):
+        for none in ("nan", "inf", "-inf", "true", "'1'"):
             with pytest.raises(ParameterError, match=rf"{key} of {name} is .*; expected a number from .* to .*; "):
-                load_cable(model_file(file, name, usual | {key: value}))
+                load_cable(model_file(file, name, usual | {key: none}))
         for value in EXTREMES:
             try:
                 found = load_cable(model_file(file, name, usual | {key: repr(value)}))

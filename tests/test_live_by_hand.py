@@ -2,6 +2,7 @@
 
 import math
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -175,7 +176,7 @@ def found_serial(number: int) -> str:
 
 
 @pytest.mark.parametrize("apart", [{"node_id": 2}, {"channel": "can1"}], ids=["numbers", "buses"])
-def test_swapped_drives_of_two_axes_and_a_replaced_one_get_no_power(apart: dict[str, int | str]) -> None:
+def test_swapped_drives_of_two_axes_and_a_replaced_one_get_no_power(apart: dict[str, Any]) -> None:
     hip, knee = Rig(drive=REAL), Rig(drive=REAL._replace(**apart))
     first, second = found_serial(7), found_serial(8)
     for rig, serial in ((hip, first), (knee, second)):
