@@ -1,12 +1,15 @@
 """What a drive of each family and a load cell may do, through the live loop: stopped in time."""
 
+import contextlib
 import math
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
+from bowden.core.errors import DriveError
 from bowden.core.signals import DriveReading
 from bowden.hardware.buses.link import Links
 from bowden.hardware.drives import (
@@ -20,18 +23,20 @@ from bowden.hardware.drives import (
 )
 from bowden.hardware.drives.family import family_of
 from bowden.hardware.drives.findings import LagWatch
-from bowden.hardware.ports import Power
+from bowden.hardware.drives.load_cell import LoadCellParameters, LoadCellReader
+from bowden.hardware.ports import Power, serial_of
 from bowden.hardware.twin.bench import OFF
 from bowden.plants.suit_parts import Suit
 from bowden.rig.drive import drive_needs
 from bowden.rig.presets.bench import default_bench
 from bowden.safety.limits import Limits
+from bowden.safety.supervisor import Mode
 from support.family_matrix import CELLS, DriveRow, LoadRow, cases, complaints, load_cases, played, react, react_load
 from support.memory_bus import MemoryBus
 
 CASES = list(cases())
-SAMPLE = [(name, row) for name, row in CASES if row.text == "inert"]
-"""One for each family; the others are `long`, and in `benchmarks/fault_matrix.py`."""
+SAMPLE = [(name, row) for name, row in CASES if row.text == "inert" or (name, row.text) == ("moteus", "turns_lost -1")]
+"""One for each family, and the quickest to throw a joint; others are `long`, and in `benchmarks/fault_matrix.py`."""
 LOAD_CASES = list(load_cases())
 LOAD_SAMPLE = [next(case for case in LOAD_CASES[k::5] if case[0] == cell) for k, cell in enumerate(CELLS)]
 """One for each kind of load cell, likewise."""
@@ -44,7 +49,9 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.parametrize(("name", "row"), SAMPLE, ids=str)
-def test_an_inert_motor_of_each_family_is_let_go_of_in_time(tmp_path: Path, name: str, row: DriveRow) -> None:
+def test_an_inert_motor_and_one_that_loses_turns_are_let_go_of_in_time(
+    tmp_path: Path, name: str, row: DriveRow
+) -> None:
     assert list(complaints(row, react(tmp_path, name, row))) == []
 
 
@@ -61,6 +68,37 @@ def test_each_fault_of_a_drive_of_each_family_ends_the_run_in_time(tmp_path: Pat
 )
 def test_each_fault_of_a_load_cell_ends_the_run_in_time(tmp_path: Path, cell: str, row: LoadRow) -> None:
     assert list(complaints(row, react_load(tmp_path, cell, row))) == []
+
+
+@pytest.mark.parametrize("text", ["load_doubled", pytest.param("load_drift 0.0044", marks=pytest.mark.long)])
+def test_a_load_cell_that_says_all_twice_or_drifts_by_a_hundredth_in_a_quarter_of_an_hour_stops_nothing(
+    tmp_path: Path, text: str
+) -> None:
+    """The drift, 4 % of its range in 45 min, is not seen."""
+    found = react_load(tmp_path, "plain frames", LoadRow(text, 0, (), 0))
+    assert (found.faults, found.mode) == ((), Mode.STOPPED)
+
+
+@pytest.mark.parametrize(
+    ("missed", "length", "said"), [(4, 8, ""), (5, 8, "come too seldom: 5 of 8"), (0, 4, "have 4 bytes")]
+)
+def test_a_load_cell_that_is_slow_or_cut_from_the_first_gets_no_run(missed: int, length: int, said: str) -> None:
+    cell = LoadCellParameters(source="can", full_scale=300.0, first_byte=5, bytes=3)
+    came = iter([(cell.identifier, bytes(length)), *[None] * missed, *[(cell.identifier, bytes(length))] * 8])
+    port: Any = SimpleNamespace(wait_for=lambda is_it, span: next(came))
+    with pytest.raises(DriveError, match=said) if said else contextlib.nullcontext():
+        LoadCellReader(cell, 0.1).bring_up(port)
+
+
+@pytest.mark.parametrize(
+    ("name", "serial"),
+    [("cia402", "0-1-1"), ("ak_mit", ""), ("moteus", "7477696e0000656e626f7764"), ("odrive", "626f7764656e")],
+)
+def test_a_drive_tells_its_serial_number_where_its_family_has_one(name: str, serial: str) -> None:
+    rig, bus, _ = played(name)
+    drive = rig.open_drive(Links(bus))
+    drive.bring_up()
+    assert serial_of(drive) == serial
 
 
 def read(parameters: Any, bus: MemoryBus) -> DriveReading:

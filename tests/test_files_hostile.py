@@ -1,6 +1,7 @@
 """Files that were made to do harm: each is refused in one line, within seconds and with little memory."""
 
 import gzip
+import itertools
 import os
 import struct
 import tracemalloc
@@ -14,13 +15,14 @@ import pytest
 
 from bowden.app.main import run
 from bowden.core import bounded
-from bowden.core.errors import BowdenError
+from bowden.core.errors import BowdenError, ParameterError
 from bowden.core.table import MOST_CELLS, read_table
 from bowden.face.read_trace import read_trace
 from bowden.identify.cable.model_file import load_cable
 from bowden.identify.emg.log import read_emg
 from bowden.identify.log.read import read_log
 from bowden.live.mcap_read import read as read_mcap
+from bowden.plants.cables import identified
 from bowden.rig import wearer_file
 from bowden.rig.config import read_values
 from bowden.rig.given_law import law_file
@@ -158,3 +160,73 @@ def test_a_message_is_one_line_of_text(tmp_path: Path, capsys: pytest.CaptureFix
     assert "\x1b" not in said
     assert len(said) < 2100
     assert said.count("\n") == 1
+
+
+BOUC_WEN = "slope 0.938 hysteresis_gain -0.114 rate 10.5 shape 9.4 exponent 3 offset 0.01 initial_h 0.1"
+MODELS = {
+    "play": "slope 0.9 half_width 0.1 offset 0 initial_lag 0",
+    "bouc_wen": BOUC_WEN,
+    "bouc_wen_static": f"{BOUC_WEN} static_2 0.01 hysteresis_gain_1 0.01 static_centre 0.6 static_half_range 0.7",
+    "prandtl_ishlinskii": "slope 0.5 half_width_1 0.05 half_width_2 0.1 weight_1 0.2 weight_2 0.2 offset 0 "
+    "initial_lag 0",
+    "generalised_play": "slope 0.9 bend_1 0 bend_2 0.01 bend_3 0 gap_1 0.05 gap_2 0.06 reach_1 0.5 reach_2 1.5 "
+    "share_1 0.5 share_2 0.5 first_node 0 last_node 1.5 offset 0 initial_lag 0",
+    "sliding": "friction 0.1 motor_radius 0.01 joint_radius 0.01 length 1 stiffness 11000 spring 0.2 pretension 0.1 "
+    "slack 0 bend 3.1 elements 5",
+    "lumped_dahl": "friction 0.1 elements 5 density 0.01 inertia 0.002 damping 0.02 presliding 0.0001 step 0.001",
+}
+"""Model → its parameters as they are usual."""
+EXTREMES = (*(s * 10.0**e for s in (1.0, -1.0) for e in (-320, -9, -4, -3, 0, 1, 2, 4, 6, 9, 300)), 0.0)
+
+
+def model_file(path: Path, name: str, parameters: dict[str, Any]) -> Path:
+    pairs = BOUC_WEN.split()
+    models = {"bouc_wen": dict(zip(pairs[::2], pairs[1::2], strict=True)), name: parameters}
+    lines = [f"best = '{name}'"]
+    for one, given in models.items():
+        lines += [f"[models.{one}.parameters]", *(f"{key} = {value}" for key, value in given.items())]
+    path.write_text("\n".join(lines))
+    return path
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_a_coefficient_that_no_cable_has_is_refused_and_any_other_moves_the_joint_to_a_number(
+    name: str, tmp_path: Path
+) -> None:
+    words, file = MODELS[name].split(), tmp_path / "model.toml"
+    usual = dict(zip(words[::2], words[1::2], strict=True))
+    way = np.concatenate([np.linspace(0.0, 1.5, 12), np.linspace(1.5, -0.5, 12)])
+    assert load_cable(model_file(file, name, usual)).best == name
+    taken = 0
+    for key in usual:
+        for none in ("nan", "inf", "-inf", "true", "'1'"):
+            with pytest.raises(ParameterError, match=rf"{key} of {name} is .*; expected a number from .* to .*; "):
+                load_cable(model_file(file, name, usual | {key: none}))
+        for value in EXTREMES:
+            try:
+                found = load_cable(model_file(file, name, usual | {key: repr(value)}))
+                cable = identified(name, found.models[name])
+            except ParameterError:
+                continue
+            taken += 1
+            memory = cable.start(cable.prepared, 0.0, 1.0, 1.0)
+            for before, after in itertools.pairwise(way):
+                memory = cable.advance(cable.prepared, memory, before, after, 1.0, 1.0, 1e-3)
+                joint = cable.look(cable.prepared, memory, after, 1.0, 1.0).joint
+                assert np.isfinite(joint), (key, value)
+    assert taken > len(usual)
+
+
+def test_a_model_of_a_million_plays_or_without_a_slope_is_refused(tmp_path: Path) -> None:
+    file, count = tmp_path / "model.toml", 1001
+    many = {"slope": 0.9, "offset": 0.0}
+    for one in range(1, count // 2 + 1):
+        many |= {f"half_width_{one}": 0.1, f"weight_{one}": 0.0}
+    with pytest.raises(ParameterError, match=rf"{len(many)} parameters; expected at most 1000"):
+        load_cable(model_file(file, "prandtl_ishlinskii", many))
+    with pytest.raises(ParameterError, match="slope of play is 1e-09"):
+        load_cable(model_file(file, "play", {"slope": 1e-9, "half_width": 0.1, "offset": 0.0, "initial_lag": 0.0}))
+    million = "".join(f"half_width_{one} = 0.1\n" for one in range(1_000_000))
+    file.write_text(f"best = 'play'\n[models.play.parameters]\n{million}")
+    with pytest.raises(BowdenError):
+        load_cable(file)

@@ -429,6 +429,9 @@ def changed(name: str) -> bool:
         "load_stuck": lambda: last.tension == seen[0].tension < rig.bus.node.bench.tension - 0.3,
         "load_saturated": lambda: last.tension > 90.0,
         "load_sign": lambda: last.tension < -3.0,
+        "load_slow": lambda: len({r.tension for r in seen}) < 8,
+        "position_saturated": lambda: abs(last.motor) > 1e4 and last.motor_age < 2,
+        "short_frames": lambda: last.motor_age > 250 and last.heartbeat_age < 0.1,
         "load_drift": lambda: 2.0 < last.tension - rig.bus.node.bench.tension < 5.0,
         "bit_errors": lambda: 0 < sum(r.motor_age > 0 for r in seen) < 0.1 * len(seen),
     }[name]()

@@ -150,6 +150,16 @@ def stuck(values: Any, stamps: Any) -> Any:
     return said[np.round(stamps * hostile_outlet.RATE).astype(int) % 700, None], stamps
 
 
+def shifted_by(seconds: float) -> Any:
+    """From now on."""
+    return lambda values, stamps: (values, stamps + seconds)
+
+
+def now_and_then(seconds: float) -> Any:
+    """In every fourth quarter of a second."""
+    return lambda values, stamps: (values, stamps + seconds * (stamps[:1] % 1.0 > 0.75))
+
+
 def repeated(times: int) -> Any:
     return lambda values, stamps: (np.repeat(values, times, 0), np.repeat(stamps, times))
 
@@ -163,6 +173,29 @@ OUTLETS: dict[str, Row] = {
     "stamps of the future": Row(outlet(lambda v, s: (v, s + 3.0)), lost="in the future", old=True),
     "old samples": Row(outlet(lambda v, s: (v, s - 5.0)), lost="go back", old=True),
     "stamps that jump about": Row(outlet(jumbled), lost="sends stamps that", old=True),
+    "stamps 300 ms ahead": Row(outlet(shifted_by(0.3)), lost="in the future", old=True),
+    "stamps 300 ms back": Row(outlet(shifted_by(-0.3)), lost="go back", old=True),
+    "stamps 300 ms ahead now and then": Row(outlet(now_and_then(0.3)), lost="in the future", old=True),
+    "stamps 300 ms back now and then": Row(outlet(now_and_then(-0.3)), lost="go back", old=True),
+    "stamps 12 s ahead": Row(outlet(shifted_by(12.0)), lost="in the future", old=True),
+    "stamps 12 s back": Row(outlet(shifted_by(-12.0)), lost="go back", old=True),
+    "stamps 12 s ahead now and then": Row(outlet(now_and_then(12.0)), lost="in the future", old=True),
+    "stamps back by one sample": Row(outlet(lambda v, s: (v, s[::-1]))),
+    "two channels swapped": Row(outlet(lambda v, s: (v[:, ::-1], s), channels=2)),
+    "comes back with its channels swapped": Row(
+        outlet(
+            channels=2,
+            labels=("flexor", "extensor"),
+            closes_after=2.0,
+            again_with=2,
+            labels_again=("extensor", "flexor"),
+        ),
+        lost="has come back with other channels",
+        old=True,
+    ),
+    "comes back as it was": Row(
+        outlet(channels=2, labels=("flexor", "extensor"), closes_after=3.0, again_with=2), lost="nothing from", old=True
+    ),
     "one stamp for all": Row(outlet(lambda v, s: (v, s // 100.0 * 0.0 + s[:1])), lost="", old=False),
     "half the rate": Row(outlet(lambda v, s: (v[::2], s[::2])), lost="declares 1000 Hz and sends", old=True),
     "twice the rate": Row(outlet(repeated(2)), lost="declares 1000 Hz and sends", old=True),
@@ -178,7 +211,7 @@ OUTLETS: dict[str, Row] = {
     "falls silent": Row(outlet(silent_after=2.0), lost="nothing from", old=True),
     "goes for good": Row(outlet(closes_after=2.0), lost="nothing from", old=True),
     "goes without a source id": Row(outlet(closes_after=2.0, source=""), lost="the LSL stream", old=True),
-    "comes back with another channel": Row(outlet(closes_after=2.0, again_with=2), lost="nothing from", old=True),
+    "comes back with another channel": Row(outlet(closes_after=2.0, again_with=2), lost="the LSL stream", old=True),
     "goes and comes back all the time": Row(outlet(storm=True), lost="the LSL stream", old=True),
     "a second of its name": Row(outlet(twin_after=2.0), lost="shares its name and source with another one", old=True),
     "sends nothing": Row(outlet(silent_after=-1.0), refused="sends nothing"),
@@ -261,6 +294,9 @@ SERVERS: dict[str, Row] = {
     "twice the rate": Row(server(speed=2.0), lost="samples a second", old=True),
     "a flood": Row(server(speed=30.0), lost="samples a second", old=True),
     "falls silent": Row(server(silent_after=2.0), lost="nothing comes from", old=True),
+    "pauses for 300 ms": Row(server(pauses=0.3), lost="nothing comes from", old=True),
+    "pauses for 3 s": Row(server(pauses=3.0), lost="nothing comes from", old=True),
+    "two channels swapped": Row(server(lambda frame: whole(frame[:, [1, 0, *range(2, 16)]]))),
     "half samples": Row(server(shifted), lost="is no EMG", old=True),
     "no numbers": Row(server(lambda frame: whole(frame * np.float32(np.nan))), lost="is no EMG", old=True),
     "infinite values": Row(server(lambda frame: whole(frame + np.float32(np.inf))), lost="is no EMG", old=True),

@@ -91,6 +91,21 @@ def test_frames_are_those_of_the_public_examples() -> None:
     assert (found[Register.VOLTAGE], found[Register.TEMPERATURE], found[Register.FAULT]) == (12.0, 20.0, 0.0)
 
 
+def test_a_reply_of_any_other_length_is_whole_or_says_nothing() -> None:
+    cycle, heads = frames.CommandFrames(1), ((0, 0, (10,)), (3, 1, (0.5, 0.1, 0.2, 1.0)), (0, 14, (35, 0)))
+    tail = (
+        (3, frames.SOURCES[1], (0.25,)),
+        (0, Register.ENCODER_VALIDITY, (5,)),
+        (3, Register.COMMAND_TIMEOUT, (0.03,)),
+    )
+    reply = b"".join(frames.values(frames.REPLY, NumberKind(kind), at, *said) for kind, at, said in (*heads, *tail))
+    whole = cycle.reply(reply)
+    assert whole is not None
+    assert (whole.position, whole.joint) == (0.5, 0.25)
+    for length in range(65):
+        assert cycle.reply(reply.ljust(64, b"P")[:length]) == (whole if length >= len(reply) else None)
+
+
 @given(st.floats(-1e9, 1e9, width=32), st.sampled_from(sorted(frames.SCALES)), st.sampled_from(list(NumberKind)[:3]))
 def test_an_integer_stands_at_its_end_for_what_is_beyond_and_never_for_none(
     value: float, register: int, kind: NumberKind

@@ -233,7 +233,7 @@ def test_a_model_file_that_is_none_is_refused(fit: Fit, tmp_path: Path) -> None:
     [
         (r"share_1 = .*\n", "", "has [0-9]+ reaches and [0-9]+ shares; expected as many of both"),
         (r"gap_\d+ = .*\n", "", "has 0 gaps; expected 2 or more"),
-        (r"gap_3 = \S+", "gap_3 = -1.0", "gap_3 is -1; expected 0 or more"),
+        (r"gap_3 = \S+", "gap_3 = -1.0", "gap_3 of generalised_play is -1.0; expected a number from 0"),
         (r"last_node = \S+", "last_node = -99.0", "last_node -99; expected the last above the first"),
     ],
     ids=["fewer shares", "no gaps", "negative gap", "nodes"],

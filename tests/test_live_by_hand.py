@@ -2,6 +2,7 @@
 
 import math
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -13,8 +14,8 @@ from bowden.core.units import RADIANS
 from bowden.hardware.buses.link import Links
 from bowden.hardware.drives.canopen_drive import CanopenDrive
 from bowden.hardware.drives.parameters import DriveParameters
-from bowden.hardware.ports import Power
-from bowden.live.by_hand import SETTLED, confirm, confirmed, contradictions, require_confirmed, turned
+from bowden.hardware.ports import Power, serial_of
+from bowden.live.by_hand import SETTLED, confirm, confirmed, contradictions, require_confirmed, require_same, turned
 from bowden.rig.rig import Rig
 from bowden.safety.limits import Limits
 from support.hostile_node import GEAR, SLOPE, Attack, HostileBus
@@ -165,3 +166,28 @@ def test_no_run_powers_a_motor_that_nobody_has_confirmed(
     assert f"bowden confirm {rig}" in said
     assert run(["confirm", str(rig)]) == 2
     assert "no terminal" in capsys.readouterr().err
+
+
+def found_serial(number: int) -> str:
+    drive = CanopenDrive(REAL, Links(HostileBus(Attack(objects=(((0x1018, 4), number),)))))
+    drive.bring_up()
+    drive.close()
+    return serial_of(drive)
+
+
+@pytest.mark.parametrize("apart", [{"node_id": 2}, {"channel": "can1"}], ids=["numbers", "buses"])
+def test_swapped_drives_of_two_axes_and_a_replaced_one_get_no_power(apart: dict[str, Any]) -> None:
+    hip, knee = Rig(drive=REAL), Rig(drive=REAL._replace(**apart))
+    first, second = found_serial(7), found_serial(8)
+    for rig, serial in ((hip, first), (knee, second)):
+        confirm(rig, math.radians(45.0), math.radians(45.0), math.radians(50.0), serial)
+    require_same([("hip", hip, first), ("knee", knee, second)])
+    with pytest.raises(SafetyError, match=r"axis 'hip' .*confirmed as axis 'knee': .* are swapped.*; swap them back"):
+        require_same([("hip", hip, second), ("knee", knee, first)])
+    for other in (found_serial(9), ""):
+        with pytest.raises(SafetyError, match=r"if it was replaced: bowden confirm Rig"):
+            require_same([("", hip, other)])
+    require_same([("", Rig(), first)])  # a twin
+    nobody = Rig(drive=REAL._replace(node_id=9))
+    confirm(nobody, math.radians(45.0), math.radians(45.0), math.radians(50.0))
+    require_same([("", nobody, found_serial(0))])  # a drive that tells none

@@ -114,7 +114,19 @@ def frozen_joint(onset: int) -> Misread:
     return lambda cycle, reading: reading._replace(joint=0.3) if cycle >= onset else reading
 
 
-KINDS = (lost_joint, drive_fault, silent, second_master, emergency, over_current, frozen_joint)
+def late(onset: int) -> Misread:
+    """Its frames run late, ever more: by one cycle in ten."""
+    past: list[DriveReading] = []
+
+    def misread(cycle: int, reading: DriveReading) -> DriveReading:
+        past.append(reading)
+        behind = max(0, cycle - onset) // 10
+        return past[-1 - behind]._replace(motor_age=float(behind), joint_age=float(behind))
+
+    return misread
+
+
+KINDS = (lost_joint, drive_fault, silent, second_master, emergency, over_current, frozen_joint, late)
 
 
 @pytest.mark.parametrize("seed", [*range(12), *(pytest.param(k, marks=pytest.mark.long) for k in range(12, 100))])

@@ -71,6 +71,13 @@ ROWS = (
     DriveRow("inert", 50),
     DriveRow("encoder_nan motor", 20),
     DriveRow("over_current 30", 60),
+    DriveRow("position_saturated 1", 20),
+    DriveRow("position_saturated -1", 20),
+    DriveRow("turns_lost 1", 3),
+    DriveRow("turns_lost -1", 3),
+    DriveRow("turns_lost 100", 3),
+    DriveRow("short_frames 7", 60),
+    DriveRow("short_frames 1", 60),
 )
 """What a drive may do; that which a family cannot have is left out for it."""
 RELEASE = 50 + round(1000.0 * longest_release(Limits()))
@@ -108,7 +115,7 @@ _AT_INPUT = DriveParameters(tension_scale=0.05, analog_range=10_000.0)
 CELLS: Mapping[str, tuple[str, Callable[[Rig], Rig]]] = {
     "at the drive's input": ("cia402", lambda rig: rig.replace(drive=_AT_INPUT)),
     "cia404": ("ak_mit", lambda rig: rig.replace(load_cell=_CELL)),
-    "plain frames": ("odrive", lambda rig: rig.replace(load_cell=_CELL._replace(source="can", bytes=3))),
+    "plain frames": ("odrive", lambda rig: rig.replace(load_cell=_CELL._replace(source="can", bytes=3, first_byte=5))),
     "cia404, torque": (
         "cia402",
         lambda rig: rig.replace(load_cell=_CELL._replace(measures="torque", scale=0.001, full_scale=30.0)),
@@ -136,11 +143,17 @@ LOAD_ROWS = (
     LoadRow("load_saturated -1", 2, ("TENSION_LOST",), 12),
     LoadRow("load_sign", 2, ("SLACK",), 60),
     LoadRow("load_drift 2000", 3, ("OVER_TENSION", "OVER_TORQUE"), 90),
+    LoadRow("load_slow 12", 2, _LOST, 20),
+    LoadRow("load_half", 2, _LOST, 20),
 )
 """What a load cell may do. Stuck, it shows once the motor has gone `frozen_travel` behind the dead zone; drifting, once
 it is beyond its limit."""
-UNSEEN = {("cia404, torque", "load_sign"), ("at the drive's input", "load_silence")}
-"""A torque that turns its sign may be right: a limb pushes either way. An input of the drive is not silent alone."""
+UNSEEN = {
+    ("cia404, torque", "load_sign"),
+    *(("at the drive's input", text) for text in ("load_silence", "load_slow 12", "load_half")),
+}
+"""A torque that turns its sign may be right: a limb pushes either way. An input of the drive is not silent alone, and
+what is slow before it is told in every cycle."""
 
 
 def load_cases() -> Iterator[tuple[str, LoadRow]]:

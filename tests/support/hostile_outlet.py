@@ -40,6 +40,8 @@ class Attack:
     """Comes back a second after it has gone, with so many channels."""
     channels: int = 1
     labels: Sequence[str] = ()
+    labels_again: Sequence[str] = ()
+    """Of an outlet that comes back."""
     unit: str = "microvolts"
     kind: str = "EMG"
     rate: float = RATE
@@ -53,18 +55,18 @@ class HostileOutlet:
 
     def __init__(self, lsl: Any, name: str, attack: Attack) -> None:
         self._lsl, self.name, self._attack = lsl, name, attack
-        self._outlets = [self._make(attack.channels)]
+        self._outlets = [self._make(attack.channels, attack.labels)]
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run)
         self._thread.start()
 
-    def _make(self, channels: int) -> Any:
+    def _make(self, channels: int, labels: Sequence[str]) -> Any:
         attack, lsl = self._attack, self._lsl
         source = self.name if attack.source is None else attack.source
         info = lsl.StreamInfo(self.name, attack.kind, channels, attack.rate, "double64", source)
-        if attack.labels:
+        if labels:
             described = info.desc().append_child("channels")
-            for label in attack.labels:
+            for label in labels:
                 one = described.append_child("channel")
                 one.append_child_value("label", label)
                 one.append_child_value("unit", attack.unit)
@@ -84,9 +86,9 @@ class HostileOutlet:
             if gone:
                 self._outlets.clear()
             elif not self._outlets:
-                self._outlets.append(self._make(channels))
+                self._outlets.append(self._make(channels, attack.labels_again or attack.labels))
             if since > attack.twin_after and len(self._outlets) == 1:
-                self._outlets.append(self._make(channels))
+                self._outlets.append(self._make(channels, attack.labels))
             due = int(since * RATE)
             stamps = zero + np.arange(sent, due) / RATE
             values = 0.01 * random.standard_normal((due - sent, channels))

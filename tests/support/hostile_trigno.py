@@ -41,6 +41,8 @@ class Attack:
     calm: float = CALM
     speed: float = 1.0
     """How quickly it sends, once it has been calm."""
+    pauses: float = 0.0
+    """Once it has been calm it sends nothing for so long, and then all that is due at once [s]."""
     silent_after: float = float("inf")
     """[s]"""
     drops_after: float = float("inf")
@@ -132,7 +134,8 @@ class HostileTrigno:
             if self._started != started:
                 started, sent = self._started, 0.0
             since = time.monotonic() - started
-            if not 0.0 < since < attack.silent_after:
+            pauses = attack.calm < since < attack.calm + attack.pauses
+            if pauses or not 0.0 < since < attack.silent_after:
                 continue
             if since >= self._drops_after():
                 self._let_go()

@@ -30,6 +30,7 @@ def confirm(
     from bowden.core.errors import ParameterError
     from bowden.core.units import DEGREES
     from bowden.hardware.buses.link import Links
+    from bowden.hardware.ports import serial_of
     from bowden.live import by_hand
 
     if not sys.stdin.isatty():
@@ -42,7 +43,7 @@ def confirm(
         _tell(identity)
         moved, before, after = by_hand.turned(drive, _line, _tell, MonotonicClock(), given.sample_time)
     joint, motor = after.joint - before.joint, after.motor - before.motor
-    kept = by_hand.confirm(given, moved, joint, motor)
+    kept = by_hand.confirm(given, moved, joint, motor, serial_of(drive))
     if json:
         angles = {"told_deg": moved * DEGREES, "joint_deg": joint * DEGREES, "motor_deg": motor * DEGREES}
         print_json({"drive": identity, **angles, "file": str(kept), "seconds": seconds()})

@@ -48,6 +48,11 @@ def torque_left(left: TorqueLeft, *, twin: bool) -> str:
     return "the twin has not confirmed that its torque is off; no motor has any: nothing is to be done"
 
 
+def serial_of(drive: "Drive") -> str:
+    """The maker's serial number of a drive that was brought up; empty of one that tells none."""
+    return str(getattr(drive, "serial", ""))  # a user's own family need not have it
+
+
 class Drive(Protocol):
     """A position-controlled motor drive with a motor and a joint angle."""
 

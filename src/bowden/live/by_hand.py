@@ -13,7 +13,7 @@ import hashlib
 import json
 import math
 import shlex
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 
 from bowden.core.clock import TimeSource, unix_seconds
@@ -128,8 +128,8 @@ def _path(rig: Rig) -> Path:
     return state_folder() / f"by-hand-{name.hexdigest()[:16]}.json"
 
 
-def confirm(rig: Rig, moved: float, joint: float, motor: float) -> Path:
-    """Keep that the angles of a rig's drive were confirmed; where it is kept.
+def confirm(rig: Rig, moved: float, joint: float, motor: float, serial: str = "") -> Path:
+    """Keep that the angles of a rig's drive, of that serial number, were confirmed; where it is kept.
 
     Raises:
         SafetyError: they do not agree with what was read by hand.
@@ -139,7 +139,7 @@ def confirm(rig: Rig, moved: float, joint: float, motor: float) -> Path:
     if found:
         raise SafetyError("; ".join(found))
     kept = {"rig": rig.hash, "utc": unix_seconds(), "told_deg": moved * DEGREES}
-    kept |= {"joint_deg": joint * DEGREES, "motor_deg": motor * DEGREES}
+    kept |= {"joint_deg": joint * DEGREES, "motor_deg": motor * DEGREES, "serial": serial}
     try:
         path = _path(rig)
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -178,6 +178,41 @@ def require_confirmed(rig: Rig, axis: str = "") -> None:
             expected="the joint turned once by hand, without power, and compared with both encoders",
             do=shlex.join(["bowden", "confirm", rig.origin, *(["--axis", axis] if axis else [])]),
         )
+
+
+def require_same(axes: Sequence[tuple[str, Rig, str]]) -> None:
+    """Refuse to power drives that are not those that were confirmed: numbers or buses of two may be swapped.
+
+    Args:
+        axes: name, rig and serial number of each drive that was brought up; a family without one has the empty text.
+
+    Raises:
+        SafetyError: another serial number than when it was confirmed.
+    """
+    confirmed_as = {name: _serial(rig) for name, rig, _ in axes}
+    for name, rig, serial in axes:
+        expected = confirmed_as[name]
+        if not expected or serial == expected:
+            continue
+        other = next((one for one, kept in confirmed_as.items() if one != name and kept == serial), "")
+        drive = f"the drive of axis {name!r}" if name else "the drive"
+        again = shlex.join(["bowden", "confirm", rig.origin, *(["--axis", name] if name else [])])
+        raise SafetyError(
+            f"{drive} has the serial number {serial or 'none'}"
+            + (f", which was confirmed as axis {other!r}: numbers or buses of the two are swapped" if other else ""),
+            expected=f"{expected}, as it was confirmed by hand",
+            do="swap them back, at the drives or in rig.toml" if other else f"if it was replaced: {again}",
+        )
+
+
+def _serial(rig: Rig) -> str:
+    """Of the drive whose angles were confirmed; empty where nothing says it, and of a twin."""
+    if family_of(rig.drive).simulated(rig.drive):
+        return ""
+    try:
+        return str(json.loads(_path(rig).read_text(encoding="utf-8"))["serial"])
+    except (OSError, RuntimeError, ValueError, KeyError, TypeError, RecursionError):
+        return ""
 
 
 def unseen_watch(rig: Rig) -> str:

@@ -62,8 +62,10 @@ def _cycle(live: "Live", given: dict[str, Any]) -> int:
     from bowden.core.errors import asked_for_by
     from bowden.core.toml_text import quoted
     from bowden.hardware.buses.link import Links
+    from bowden.hardware.ports import serial_of
     from bowden.hardware.realtime import become_realtime
     from bowden.live import latch_file
+    from bowden.live.by_hand import require_same
     from bowden.live.control_block import ControlBlock
     from bowden.live.loop import AxisParts, Loop
     from bowden.live.preflight import REASONS, Reason
@@ -92,6 +94,7 @@ def _cycle(live: "Live", given: dict[str, Any]) -> int:
                 raise SafetyError("the operator's process has ended before the drive was brought up", do="run it again")
             with asked_for_by(f"axis {quoted(axis.name)}") if axis.name else contextlib.nullcontext():
                 drives.append(one.drive.bring_up())
+        require_same([(axis.name, axis.rig, serial_of(one.drive)) for axis, one in zip(live.axes, parts, strict=True)])
         grants = become_realtime(live.rig.system)
         named = [f"{axis.name}: {drive}" if axis.name else drive for axis, drive in zip(live.axes, drives, strict=True)]
         _say("ready", {"drive": "; ".join(named), "drives": drives, "grants": [asdict(grant) for grant in grants]})

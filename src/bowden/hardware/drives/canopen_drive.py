@@ -71,6 +71,8 @@ class CanopenDrive:
         self._port: BusPort | None = None
         self._found: DriveFindings | None = None
         self._bus_errors = 0
+        self.serial = ""
+        """See `hardware.ports.serial_of`."""
         self._begin(DriveState.NOT_READY_TO_SWITCH_ON)
         node, host = parameters.node_id, parameters.host_id
         self._pushed = parameters.torque_offset > 0.0
@@ -95,6 +97,7 @@ class CanopenDrive:
         except BaseException:
             self._leave()
             raise
+        self.serial = self._found.serial
         self._begin(self._found.state)
         self._operational = True
         return self._found.identity

@@ -54,6 +54,7 @@ class DriveFindings(NamedTuple):
     rated_torque: float
     """6076h, of which 6077h is in thousandths [N·m]."""
     state: DriveState
+    serial: str
 
 
 def set_up(bus: can.BusABC, drive: DriveParameters) -> DriveFindings:
@@ -92,7 +93,7 @@ def set_up(bus: can.BusABC, drive: DriveParameters) -> DriveFindings:
                 do="set the motor's data in the drive with its maker's tool",
             )
         _check_rated(node, drive, rated_torque / drive.torque_constant)
-        said = identity(node, state)
+        said, serial = identity(node, state), serial_of(node)
         _start(node)
         _try_watch(node, drive, state)
         check_alone(node, drive)
@@ -102,7 +103,7 @@ def set_up(bus: can.BusABC, drive: DriveParameters) -> DriveFindings:
             expected="a drive that stays on",
             do="check its supply, and start again",
         )
-    return DriveFindings(said, motor, joint, rated_torque, state)
+    return DriveFindings(said, motor, joint, rated_torque, state, serial)
 
 
 def check_alone(node: Dialogue, drive: DriveParameters) -> None:
@@ -412,6 +413,12 @@ def _map(node: Dialogue, index: int, cob_id: int, objects: tuple[int, ...]) -> N
         node.write(index + 0x200, sub, entry, 4)
     node.write(index + 0x200, 0, len(objects), 1)
     node.write(index, 1, cob_id, 4, COB_ID_BITS)
+
+
+def serial_of(node: Dialogue) -> str:
+    """Vendor, product and serial number (1018h); empty where it tells no serial number."""
+    vendor, product, serial = (node.read_if_there(0x1018, sub) or 0 for sub in (1, 2, 4))
+    return f"{vendor:X}-{product:X}-{serial}" if serial else ""
 
 
 def identity(node: Dialogue, state: DriveState | None) -> str:

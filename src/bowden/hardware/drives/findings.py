@@ -4,7 +4,7 @@ import math
 from collections import deque
 from collections.abc import Mapping
 
-INERT, LEFT, LOST_RANGE, UNWATCHED = 0xFE01, 0xFE02, 0xFE03, 0xFE04
+INERT, LEFT, LOST_RANGE, UNWATCHED, LOST_TURNS = 0xFE01, 0xFE02, 0xFE03, 0xFE04, 0xFE05
 """Codes that no family uses for an error of its own."""
 
 FINDINGS: Mapping[int, str] = {
@@ -14,6 +14,8 @@ FINDINGS: Mapping[int, str] = {
     UNWATCHED: "the drive does not watch its host as it was set up to: it may keep its torque if this computer dies. "
     "Another device or program writes to it, or its firmware differs: end that, and begin another run",
     LOST_RANGE: "the motor has left the range that the drive's position can show",
+    LOST_TURNS: "the drive has lost count of its motor's turns: its position jumped further than the motor can turn; "
+    "check its supply and its encoder, bring the motor home, and start the run again",
 }
 """Code → what it means and what to do."""
 

@@ -52,6 +52,8 @@ ROOM = 0.95
 """Of what a cell can tell: the largest load allowed is no more, so that it is seen before the cell saturates [–]."""
 LOOKED = 0.5
 """So long a plain frame is waited for at bring-up [s]."""
+TRIAL = 8
+"""Times that one is waited for after it, as long as a reading lasts: a computer that stalls misses fewer than half."""
 
 
 class LoadCellParameters(NamedTuple):
@@ -259,6 +261,14 @@ class LoadCellReader:
                 f"the frames {given.identifier:03X}h of {WHAT} have {len(frame[1])} bytes",
                 expected=f"{given.first_byte + given.bytes} at least",
                 do="correct first_byte and bytes in [load_cell]",
+            )
+        missed = sum(port.wait_for(is_it, given.silence) is None for _ in range(TRIAL))
+        if missed > TRIAL // 2:
+            raise DriveError(
+                f"frames {given.identifier:03X}h of {WHAT} come too seldom: {missed} of {TRIAL} times none came within "
+                f"{1e3 * given.silence:g} ms",
+                expected="one within load_cell.silence_ms",
+                do="set a quicker rate in the device or its amplifier, 100 Hz at least",
             )
         return f"frames {given.identifier:03X}h, {abs(given.scale):g} {given.unit} a count"
 

@@ -60,6 +60,7 @@ class MoteusFindings(NamedTuple):
     state: DriveState
     fault: int
     """Its code; 0 for none."""
+    serial: str
 
 
 def state_of(mode: int) -> DriveState:
@@ -272,7 +273,7 @@ def set_up(port: BusPort, drive: MoteusParameters) -> MoteusFindings:
     """
     board = MoteusDialogue(port, drive)
     board.listen(LISTENING)
-    who = _check_version(board)
+    who, serial = _check_version(board)
     seen = _check_without_torque(board, drive)
     _check_reaction(board)
     _check_control(board)
@@ -290,10 +291,13 @@ def set_up(port: BusPort, drive: MoteusParameters) -> MoteusFindings:
     identity = f"moteus board at {board.name}, {who}, supply {seen[Register.VOLTAGE]:.1f} V"
     if in_fault:
         identity += f"; in fault, {fault_text(fault)}"
-    return MoteusFindings(identity, motor, joint, limits, state_of(int(seen[Register.MODE])), fault if in_fault else 0)
+    return MoteusFindings(
+        identity, motor, joint, limits, state_of(int(seen[Register.MODE])), fault if in_fault else 0, serial
+    )
 
 
-def _check_version(board: MoteusDialogue) -> str:
+def _check_version(board: MoteusDialogue) -> tuple[str, str]:
+    """Who it is, and its serial number."""
     wanted = (Register.MODEL, Register.FIRMWARE, Register.REGISTER_MAP)
     first = board.ask(frames.subframe(frames.READ, NumberKind.INT32, Register.MODEL, 3), wanted)
     serial = board.ask(frames.subframe(frames.READ, NumberKind.INT32, Register.SERIAL_1, 3), (Register.SERIAL_3,))
@@ -306,10 +310,11 @@ def _check_version(board: MoteusDialogue) -> str:
         )
     firmware = int(first[Register.FIRMWARE])
     number = "".join(f"{int(serial[register]) & 0xFFFF_FFFF:08x}" for register in sorted(serial, reverse=True))
-    return (
+    who = (
         f"model 0x{int(first[Register.MODEL]) & 0xFFFF_FFFF:X}, firmware "
         f"{firmware >> 16 & 0xFF}.{firmware >> 8 & 0xFF}.{firmware & 0xFF}, serial number {number}"
     )
+    return who, number
 
 
 def _check_without_torque(board: MoteusDialogue, drive: MoteusParameters) -> dict[int, float]:

@@ -52,6 +52,7 @@ class OdriveFindings(NamedTuple):
     state: DriveState
     errors: int
     """Flags, but for the watchdog's, which runs out before the first cycle."""
+    serial: str
 
 
 def is_foreign(node: int, identifier: int, data: bytes) -> bool:
@@ -161,6 +162,15 @@ class OdriveDialogue:
             do="load a later firmware with its maker's tool; check the cable and its termination",
         )
 
+    def serial(self) -> str:
+        """Its serial number, bytes 1 to 6 of its frame Address; empty of a firmware that does not tell it."""
+        address = identifier_of(self._drive.node_id, Cmd.ADDRESS)
+        send_now(self._port.bus, classic_frame(address, 8, remote=True))
+        frame = self._port.wait_for(
+            lambda identifier, data: identifier == address and len(data) == 8, self._drive.answer_timeout
+        )
+        return "" if frame is None else frame[1][1:7].hex()
+
     def tell(self, cmd: Cmd, data: bytes) -> None:
         """An order."""
         message = classic_frame(identifier_of(self._drive.node_id, cmd), len(data))
@@ -230,7 +240,7 @@ def set_up(port: BusPort, drive: OdriveParameters, endpoints: Endpoints) -> Odri
     state = DriveState.SWITCH_ON_DISABLED
     if failed:
         identity, state = f"{identity}; in fault, {errors_text(failed)}", DriveState.FAULT
-    return OdriveFindings(identity, motor, limits, state, failed)
+    return OdriveFindings(identity, motor, limits, state, failed, board.serial())
 
 
 def _check_version(board: OdriveDialogue, endpoints: Endpoints) -> str:

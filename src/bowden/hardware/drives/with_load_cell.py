@@ -5,7 +5,7 @@ from bowden.hardware.buses.link import BusPlace, BusPort, Links
 from bowden.hardware.buses.unix_bus import ERROR, REMOTE
 from bowden.hardware.drives import canopen_frames as frames
 from bowden.hardware.drives.load_cell import LoadCellParameters, LoadCellReader
-from bowden.hardware.ports import Drive, Power, TorqueLeft
+from bowden.hardware.ports import Drive, Power, TorqueLeft, serial_of
 
 
 class DriveWithLoadCell:
@@ -41,6 +41,11 @@ class DriveWithLoadCell:
             raise
         self._up = True
         return f"{said}; load cell: {found}"
+
+    @property
+    def serial(self) -> str:
+        """See `hardware.ports.serial_of`."""
+        return serial_of(self._drive)
 
     def read(self, now: float) -> DriveReading:
         """See `hardware.ports.Drive.read`."""

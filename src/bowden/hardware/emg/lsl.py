@@ -104,6 +104,7 @@ class LslStream:
         self._counted = 0
         self._others: Any = None
         self._host, self._looked_at, self._two_since, self._another = "", 0.0, math.inf, ""
+        self._known, self._other_channels = set[str](), ""
 
     def open(self) -> str:
         """See `EmgStream.open`."""
@@ -123,7 +124,7 @@ class LslStream:
             ours, theirs = min((self._now(), lsl.local_clock()) for _ in range(3))
             self._offset = ours - theirs
             self._listen()
-            self._host = found.hostname()
+            self._host, self._known = found.hostname(), {found.uid()}
             self._others = lsl.ContinuousResolver(pred=self._where(), forget_after=_FORGET)
         except StreamError:
             self.close()
@@ -239,6 +240,8 @@ class LslStream:
             return []
         with contextlib.suppress(RuntimeError):  # there is none for a moment after a stream has come back
             self._correct(self._inlet.time_correction(0.0))
+        if len(stamps) and now - self._came_at > SILENCE:
+            self._looked_at = -math.inf  # who comes back is looked at before anything of it is believed
         self._look_for_others(now)
         if not len(stamps):
             if now - self._came_at > SILENCE:
@@ -297,13 +300,34 @@ class LslStream:
         if self._others is None or now < self._looked_at + _LOOK:
             return
         self._looked_at = now
-        hosts = [info.hostname() for info in self._others.results()]
+        there = self._others.results()
+        hosts = [info.hostname() for info in there]
+        for info in there:
+            if info.uid() not in self._known:
+                self._look_at_channels(info)
         self._two_since = min(self._two_since, now) if len(hosts) > 1 else math.inf
         self._another = ""
         if now - self._two_since > _FORGET:
             self._another = f"shares its name and source with another one, of {shown(hosts)}"
         elif hosts and self._host not in hosts:
             self._another = f"has come back from another computer, {shown(hosts)}"
+        self._another = self._another or self._other_channels
+
+    def _look_at_channels(self, info: Any) -> None:
+        """See whether a sender that has begun anew says the same of its channels; liblsl finds it again unasked.
+
+        This waits for its answer; the stream is old meanwhile, as one is that nobody reads.
+        """
+        inlet = library().StreamInlet(info, recover=False)
+        try:
+            channels = channel_names(inlet.info(_LOOK))
+        except (StreamError, RuntimeError):  # it has gone again, or is none: the next look finds out
+            return
+        finally:
+            inlet.close_stream()
+        self._known.add(info.uid())
+        same = channels == self.channels
+        self._other_channels = "" if same else f"has come back with other channels, {shown(channels)}"
 
     def lost(self) -> str:
         """See `EmgStream.lost`."""

@@ -79,7 +79,7 @@ class OdriveNode:
 
     lacks: Mapping[str, str] = {
         "doubled_pdos": UNCOUNTED,
-        "saturated": "its numbers are floating-point, which have no ends",
+        **dict.fromkeys(("saturated", "position_saturated"), "its numbers are floating-point, which have no ends"),
     }
     """See `hardware.twin.node.TwinNode`."""
 
@@ -277,6 +277,8 @@ class OdriveNode:
                 self._restart(now)
             elif injection.name == "mode_left":
                 self._enter(AxisState.IDLE, now, "by itself")
+            elif injection.name == "turns_lost":
+                self._shift += injection.amount
             else:
                 code = int(injection.amount)
                 self._fail(1 << code - 1 if 0 < code <= 32 else DRV_FAULT, now)

@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -96,6 +97,73 @@ _MEANINGS = (
     (r"step", "s", "longest step of the calculation"),
     (r"static_half_range", "rad", "half the fitted range; the polynomials' argument is (motor − centre)/half range"),
 )
+
+
+_RANGES: Mapping[str, tuple[float, float]] = {
+    "rad": (-1e4, 1e4),
+    "rad/rad": (-100.0, 100.0),
+    "1/rad": (-1e6, 1e6),
+    "1": (-1e4, 1e4),
+    "as given": (-1e9, 1e9),
+    "half_width": (0.0, 1e4),
+    "half_width_1": (0.0, 1e4),
+    "gap_1": (0.0, 1e4),
+    "reach_1": (0.0, 1e4),
+    "share_1": (0.0, 1e4),
+    "rate": (1e-6, 1e6),
+    "exponent": (0.01, 50.0),
+    "static_half_range": (1e-6, 1e4),
+    "knot_step": (1e-6, 1e4),
+    "length": (1e-3, 100.0),
+    "stiffness": (1.0, 1e9),
+    "friction": (0.0, 5.0),
+    "bend": (1e-6, 63.0),
+    "motor_radius": (1e-4, 1.0),
+    "joint_radius": (1e-4, 1.0),
+    "spring": (0.0, 1e4),
+    "pretension": (-1e3, 1e3),
+    "slack": (-10.0, 10.0),
+    "elements": (1.0, 1000.0),
+    "density": (1e-9, 10.0),
+    "inertia": (1e-9, 100.0),
+    "damping": (0.0, 1e3),
+    "presliding": (1e-9, 1.0),
+    "step": (1e-7, 1e-2),
+}
+"""Parameter, numbered ones by their first, or else unit → least and largest value: wide for any cable, and its model
+is finite."""
+LEAST_SLOPE = 1e-4
+"""Of all parts of a model together, either way: a law divides by it [rad/rad]."""
+MOST_PARAMETERS = 1000
+"""Of one model: each play takes its time in every cycle."""
+
+
+def check_parameters(name: str, given: Mapping[str, Any], where: str) -> None:
+    """Refuse a model that no cable has.
+
+    Args:
+        name: of the model.
+        given: its parameters.
+        where: they stand, for messages.
+
+    Raises:
+        ParameterError: an unknown parameter, one that is no number or out of its range, or too many.
+    """
+    if len(given) > MOST_PARAMETERS:
+        raise ParameterError(
+            f"{where}: {name} has {len(given)} parameters",
+            expected=f"at most {MOST_PARAMETERS}",
+            do="identify the cable again",
+        )
+    for key, value in given.items():
+        unit, _ = meaning(key)
+        low, high = _RANGES.get(re.sub(r"_\d+$", "_1", key)) or _RANGES[unit]
+        if isinstance(value, bool) or not isinstance(value, int | float) or not low <= value <= high:
+            raise ParameterError(
+                f"{where}: {key} of {name} is {value!r}",
+                expected=f"a number from {low:g} to {high:g} ({unit})",
+                do="correct it, or identify the cable again",
+            )
 
 
 def meaning(parameter: str) -> tuple[str, str]:
@@ -254,6 +322,7 @@ class IdentifiedCable:
                     expected=f"a number {'above' if before > 0.0 else 'below'} 0, as its file has it ({before:g})",
                 )
         changed = {**self.models[self.simulated], **differing}
+        check_parameters(self.simulated, changed, "cable.parameters")
         identified(self.simulated, changed)
         models = {**self.models, self.simulated: changed}
         return replace(self, models=models, changed={**self.changed, **differing})

@@ -16,9 +16,17 @@ from bowden.core.units import DEGREES
 from bowden.identify.cable.counting import Covered
 from bowden.identify.cable.fit import Fit, ModelFit
 from bowden.identify.cable.loop import HysteresisLoop
-from bowden.identify.cable.model import KNOWN, NAMES, CableModel, IdentifiedCable, meaning
+from bowden.identify.cable.model import (
+    KNOWN,
+    LEAST_SLOPE,
+    NAMES,
+    CableModel,
+    IdentifiedCable,
+    check_parameters,
+    meaning,
+)
 from bowden.models.cable.scheduled import VARIABLES
-from bowden.plants.cables import DISTRIBUTED
+from bowden.plants.cables import DISTRIBUTED, whole_slope
 
 
 def write_model(path: Path | str, fit: Fit, source: str) -> None:
@@ -144,10 +152,18 @@ def load_cable(path: Path | str, name: str = "") -> IdentifiedCable:
     """
     file = Path(path)
     models, best = _document(file)
-    for wanted in (best,) if best in DISTRIBUTED else ("bouc_wen", best):
+    needed = (best,) if best in DISTRIBUTED else ("bouc_wen", best)
+    for wanted in needed:
         if wanted not in models or wanted not in KNOWN:
             raise ParameterError(f"{file} has no model {wanted!r}", expected=f"one of {', '.join(models)}")
     found = {one: _checked(file, one, table) for one, table in models.items() if one in KNOWN}
+    for wanted in needed:
+        if "slope" in found[wanted] and abs(whole_slope(found[wanted])) < LEAST_SLOPE:
+            raise ParameterError(
+                f"{file}: slope of {wanted} is {whole_slope(found[wanted]):g}, of all its parts",
+                expected=f"{LEAST_SLOPE:g} at least, either way: the joint has to move with the motor",
+                do="identify the cable again",
+            )
     said = {one: models[best].get(f"{one}_unit") for one in VARIABLES}
     units = {one: unit for one, unit in said.items() if isinstance(unit, str) and unit}
     return IdentifiedCable(best, found, name or str(file), units=units, covered=_covered(file))
@@ -215,11 +231,8 @@ def _checked(file: Path, name: str, table: Any) -> Mapping[str, float]:
     parameters = table.get("parameters") if isinstance(table, dict) else None
     if not isinstance(parameters, dict):
         raise ParameterError(f"{file}: [models.{name}.parameters] is missing", do="write the file again")
-    for key, value in parameters.items():
-        meaning(key)
-        if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-            raise ParameterError(f"{file}: {key} of {name} is {value!r}", expected="a finite number")
-    bounds = {"rate": 0.0, "shape": 0.5, "exponent": 0.0, "knot_step": 0.0}
+    check_parameters(name, parameters, str(file))
+    bounds = {"shape": 0.5}
     bounds |= {f"{key}_high": parameters[f"{key}_low"] for key in ("load", "bend") if f"{key}_low" in parameters}
     for key, least in bounds.items():
         if key in parameters and not parameters[key] > least:
@@ -240,9 +253,6 @@ def _check_branches(file: Path, given: Mapping[str, float]) -> None:
     for kind in ("bend", "gap"):
         if sizes[kind] < 2:
             raise ParameterError(f"{said} has {sizes[kind]} {kind}s", expected="2 or more")
-    for key, value in given.items():
-        if key.startswith(("gap_", "reach_", "share_")) and value < 0.0:
-            raise ParameterError(f"{said}: {key} is {value:g}", expected="0 or more")
     low, high = given.get("first_node", -math.inf), given.get("last_node", math.inf)
     if not high > low:
         raise ParameterError(f"{said}: first_node {low:g}, last_node {high:g}", expected="the last above the first")
