@@ -68,6 +68,13 @@ ROWS = (
     DriveRow("inert", 50),
     DriveRow("encoder_nan motor", 20),
     DriveRow("over_current 30", 60),
+    DriveRow("position_saturated 1", 20),
+    DriveRow("position_saturated -1", 20),
+    DriveRow("turns_lost 1", 20),
+    DriveRow("turns_lost -1", 20),
+    DriveRow("turns_lost 100", 20),
+    DriveRow("short_frames 7", 60),
+    DriveRow("short_frames 1", 60),
 )
 """What a drive may do; that which a family cannot have is left out for it."""
 RELEASE = 250
@@ -133,6 +140,8 @@ LOAD_ROWS = (
     LoadRow("load_saturated -1", 2, ("TENSION_LOST",), 12),
     LoadRow("load_sign", 2, ("SLACK",), 60),
     LoadRow("load_drift 2000", 3, ("OVER_TENSION", "OVER_TORQUE"), 90),
+    LoadRow("load_slow 12", 2, _LOST, 20),
+    LoadRow("load_half", 2, _LOST, 20),
 )
 """What a load cell may do. Stuck, it shows once the motor has gone `frozen_travel` behind the dead zone; drifting, once
 it is beyond its limit."""

@@ -26,6 +26,7 @@ from bowden.hardware.buses.unix_bus import ERROR
 from bowden.hardware.drives.ak_frames import (
     ENTER,
     EXIT,
+    HIGHEST_POSITION,
     ZERO,
     AkCommand,
     AkReply,
@@ -148,6 +149,8 @@ class AkNode:
                 self._restart(now)
             elif injection.name == "mode_left":
                 self._leave(now, "by itself")
+            elif injection.name == "turns_lost":
+                self._shift += injection.amount * 2.0 * math.pi / self._model.gear
             else:
                 amount = int(injection.amount)
                 self._fail(amount if amount <= 0xFF else OVER_CURRENT, now)
@@ -254,6 +257,8 @@ class AkNode:
             bench.temperature = hot.amount
         position = self._scale.counts(bench.read_encoders()[1]) + self._shift
         position = faults.encoder("motor", position, 1.0, now)
+        if math.isinf(position):
+            position = math.copysign(HIGHEST_POSITION - 1e-6, position)  # begins again at the other end from there on
         torque = self._torque()
         if flows:
             torque = drive.motor_direction * flows.amount * drive.gear * drive.torque_constant

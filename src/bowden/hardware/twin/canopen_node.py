@@ -110,6 +110,10 @@ class CanopenNode:
         "foreign_replies": "its frames have numbers of their own",
         "saturated": "its PDOs have no fields that end so soon",
         "joint_silence": "the joint's encoder hangs on the drive: inject encoder_frozen joint",
+        "turns_lost": "its counter is its encoder's: inject encoder_offset motor",
+        **dict.fromkeys(
+            ("load_half", "load_doubled"), "a load cell at the drive's input sends no frames: inject load_stuck"
+        ),
         "load_silence": "a load cell at the drive's input sends nothing by itself: inject load_stuck",
     }
     """See `hardware.twin.node.TwinNode`."""

@@ -22,7 +22,8 @@ class Faults:
         self._held: dict[tuple[str, str], float] = {}
         self._random = random.Random(0)
         self._cycles = {"motor": 0, "joint": 0}
-        self._load = math.nan  # that a stuck cell keeps
+        self._load = math.nan  # that a stuck cell keeps, and a slow one
+        self._load_until = -math.inf  # for so long a slow one does
 
     def inject(self, injection: Injection) -> None:
         """Take a fault in; one that happens once does so at its start."""
@@ -75,8 +76,10 @@ class Faults:
             value = -value
         if end:
             value = math.copysign(full_scale, end.amount)
-        if self.active("load_stuck", now):
-            self._load = value if math.isnan(self._load) else self._load
+        slow = self.active("load_slow", now)
+        if slow or self.active("load_stuck", now):
+            if math.isnan(self._load) or (slow and now >= self._load_until):
+                self._load, self._load_until = value, now + (1.0 / slow.amount if slow else math.inf)
             value = self._load
         else:
             self._load = math.nan
@@ -116,4 +119,7 @@ class Faults:
             counts += math.radians(offset.amount) / step
         if spike and self._cycles[side] % SPIKE_EVERY == 0:
             counts += math.radians(spike.amount) / step
+        end = self.active("position_saturated", now) if side == "motor" else None
+        if end:
+            counts = math.copysign(math.inf, end.amount)  # the node has its own ends
         return NO_NUMBER if self.active("encoder_nan", now, side) else counts

@@ -47,6 +47,18 @@ KINDS: dict[str, Kind] = {
     "mode_left": Kind("the drive leaves its mode by itself, without a fault", moment=True),
     "foreign_replies": Kind("frames of another drive's number come in between"),
     "saturated": Kind("the fields of the drive's replies stand at their ends, but for the position's"),
+    "position_saturated": Kind(
+        "the field of the motor's position stands at an end, 1 or -1", amount=1.0, unit="1", least=-1.0, most=1.0
+    ),
+    "turns_lost": Kind(
+        "the drive loses count of its motor's turns, by so many: what it reports and what it controls jump together",
+        amount=1.0,
+        unit="turns",
+        moment=True,
+        least=-1000.0,
+        most=1000.0,
+    ),
+    "short_frames": Kind("frames with readings are cut to this many bytes", amount=7.0, unit="bytes", most=63.0),
     "bit_errors": Kind(
         "a share of all frames is destroyed, as with a loosened ground: an error frame comes in their place",
         amount=0.01,
@@ -61,10 +73,13 @@ KINDS: dict[str, Kind] = {
     ),
     "load_sign": Kind("the load cell has the wrong sign from here on"),
     "load_drift": Kind("the load cell's zero drifts, in N or N·m a second", amount=10.0, unit="1/s", least=-1e6),
+    "load_slow": Kind("the load cell measures and sends at this rate", amount=12.0, unit="Hz", least=0.1),
+    "load_half": Kind("the load cell sends half the bytes of its frames"),
+    "load_doubled": Kind("the load cell sends every frame twice"),
     "over_current": Kind("the motor draws this current", amount=30.0, unit="A", least=-1e6),
 }
 
-OF_LOAD_CELL = ("load_silence", "load_stuck", "load_saturated", "load_sign", "load_drift")
+OF_LOAD_CELL = tuple(name for name in KINDS if name.startswith("load_"))
 """Those of a load cell, which a rig may have or not."""
 
 OF_CABLE = ("broken_cable", "slack_cable")

@@ -53,6 +53,7 @@ class LoadCellNode(SensorNode):
         overrides: dict[Key, int | None] | None = None,
     ) -> None:
         self._given, self._plant, self._now = given, plant, -math.inf
+        self._slow_until = -math.inf  # for so long nothing is sent
         entries = overridden(_dictionary(given), overrides or {})
         number = given.input
         changing: dict[Key, Callable[[], int]] = {
@@ -92,6 +93,16 @@ class LoadCellNode(SensorNode):
             self._emit_cyclic(identifier, (bytes(given.first_byte) + number).ljust(8, b"\0"), now)
         self._outbox.tick(now)
         return None
+
+    def _emit_cyclic(self, cob_id: int, data: bytes, now: float) -> None:
+        slow = self._faults.active("load_slow", now)
+        if slow and now < self._slow_until:
+            return
+        self._slow_until = now + 1.0 / slow.amount if slow else -math.inf
+        if self._faults.active("load_half", now):
+            data = data[: len(data) // 2]
+        for _ in range(2 if self._faults.active("load_doubled", now) else 1):
+            super()._emit_cyclic(cob_id, data, now)
 
     def _timer(self) -> float:
         return 1e-3 * self._objects[0x1800, 5] if self._objects[0x1800, 2] >= BY_TIMER - 1 else 0.0

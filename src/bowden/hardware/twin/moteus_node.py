@@ -113,6 +113,7 @@ class MoteusNode:
         self._outbox, self._journal, self._overrides = Outbox(send, self.faults), journal, overrides or {}
         self._motor, self._joint = motor_scale(drive), joint_scale(drive)
         self._history: deque[Sampled] = deque(maxlen=1000)
+        self._shift = 0.0  # between the board's position and the plant's [turns]
         self.patience = 0.0
         self.scenario_noted = False
         self.commands = 0
@@ -145,6 +146,10 @@ class MoteusNode:
             elif isinstance(name, str) and value is not None:
                 self._named[name] = value
         self.console = MoteusConsole(self._named, lambda: self._write(Register.MODE, BoardMode.STOPPED))
+
+    def _position(self) -> float:
+        """Of the output, as the board counts it [turns]."""
+        return self._motor.counts(self.bench.motor) + self._shift
 
     def status(self) -> dict[str, Any]:
         """See `hardware.twin.node.TwinNode`."""
@@ -315,6 +320,7 @@ class MoteusNode:
         flows = faults.active("over_current", now)
         current = self._drive.motor_direction * (flows.amount if flows else bench.current)
         shown, turned = (math.nan if value == NO_NUMBER else value for value in turns)
+        shown = math.copysign(frames.MOST_TURNS, shown) if math.isinf(shown) else shown + self._shift
         self._history.append(Sampled(shown, turned % 1.0 if math.isfinite(turned) else math.nan, current))
 
     def _shown(self, now: float) -> Sampled:
@@ -335,7 +341,7 @@ class MoteusNode:
         self._commanded, self._deadline = now, now + timeout if not math.isnan(timeout) else math.inf
         self._held = self._command[Register.COMMAND_POSITION]
         if math.isnan(self._held):
-            self._held = self._motor.counts(self.bench.motor)
+            self._held = self._position()
         if wanted is BoardMode.STOPPED:
             self._enter(BoardMode.STOPPED, now)
         elif self.mode is BoardMode.STOPPED:
@@ -347,7 +353,7 @@ class MoteusNode:
     def _begin(self, now: float) -> None:
         """From one mode with torque to the one that is wanted; position mode not from outside its limits."""
         low, high = self._bounds()
-        outside = not low <= self._motor.counts(self.bench.motor) <= high
+        outside = not low <= self._position() <= high
         if self._wanted is BoardMode.POSITION and outside and not self._command[Register.COMMAND_IGNORE_BOUNDS]:
             self._fail(OUTSIDE_LIMITS, now)
         else:
@@ -411,6 +417,8 @@ class MoteusNode:
                 self._power_up(now + REBOOT_TIME)
             elif injection.name == "mode_left":
                 self._enter(BoardMode.STOPPED, now)
+            elif injection.name == "turns_lost":
+                self._shift += injection.amount * self._drive.output_ratio
             else:
                 code = int(injection.amount)
                 self._fail(code if FIRST_FAULT <= code < FIRST_LIMIT else DRIVER_FAULT, now)
@@ -441,7 +449,7 @@ class MoteusNode:
         doing = self._doing(now)
         bench.doing = doing
         if doing == FOLLOW:
-            bench.command = self._motor.angle(self._control(now))
+            bench.command = self._motor.angle(self._control(now) - self._shift)
             if bench.torque_offset is not None:
                 feed = self._command[Register.COMMAND_TORQUE] * self._drive.output_ratio * self._drive.gear
                 bench.torque_offset = self._drive.motor_direction * feed if math.isfinite(feed) else 0.0
@@ -449,7 +457,7 @@ class MoteusNode:
         window = self._named.get("servo.fault_position_error", math.nan)
         if self.mode is not BoardMode.POSITION:
             return
-        if math.isfinite(window) and abs(self._control(now) - self._motor.counts(bench.motor)) > window:
+        if math.isfinite(window) and abs(self._control(now) - self._position()) > window:
             self._fail(POSITION_ERROR, now)
         if bench.temperature >= self._named.get("servo.fault_temperature", math.inf):
             self._fail(OVER_TEMPERATURE, now)

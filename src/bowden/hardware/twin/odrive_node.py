@@ -76,7 +76,9 @@ class OdriveNode:
         joint: objects of the joint's encoder that are otherwise than usual; None takes one away.
     """
 
-    lacks: Mapping[str, str] = {"saturated": "its numbers are floating-point, which have no ends"}
+    lacks: Mapping[str, str] = dict.fromkeys(
+        ("saturated", "position_saturated"), "its numbers are floating-point, which have no ends"
+    )
     """See `hardware.twin.node.TwinNode`."""
 
     def __init__(
@@ -273,6 +275,8 @@ class OdriveNode:
                 self._restart(now)
             elif injection.name == "mode_left":
                 self._enter(AxisState.IDLE, now, "by itself")
+            elif injection.name == "turns_lost":
+                self._shift += injection.amount
             else:
                 code = int(injection.amount)
                 self._fail(1 << code - 1 if 0 < code <= 32 else DRV_FAULT, now)

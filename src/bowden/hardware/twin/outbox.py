@@ -31,7 +31,8 @@ class Outbox:
         """A frame with readings, of every cycle; those alone are lost or late."""
         if self._faults.active("silence", now) or self._faults.drops_pdo(now):
             return
-        late = self._faults.active("late_pdos", now)
+        late, short = self._faults.active("late_pdos", now), self._faults.active("short_frames", now)
+        data = data[: int(short.amount)] if short else data
         if late:
             self._waiting.append((now + 1e-3 * late.amount, identifier, data))
         else:
