@@ -78,7 +78,7 @@ class OdriveNode:
 
     lacks: Mapping[str, str] = dict.fromkeys(
         ("saturated", "position_saturated"), "its numbers are floating-point, which have no ends"
-    )
+    ) | {"kick": "it begins at its own position"}
     """See `hardware.twin.node.TwinNode`."""
 
     def __init__(
@@ -183,7 +183,7 @@ class OdriveNode:
         elif cmd in frames.TOLD or cmd == Cmd.ADDRESS:
             if asked:
                 self._tell(cmd, now)
-        elif not identifier & REMOTE:
+        elif not identifier & REMOTE and not self.faults.active("commands_ignored", now):
             self._obey(cmd, data, now)
 
     def _obey(self, cmd: int, data: bytes, now: float) -> None:

@@ -1,0 +1,73 @@
+"""Public failures of the field, on the twin: what stops the run, and in how many milliseconds of the twin's time."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from bowden.hardware.drives import ak_drive, canopen_setup, moteus_setup, odrive_setup
+from bowden.identify.emg.score import find
+from bowden.safety.supervisor import Mode
+from failures.book import BOOK, NEVER, PAGE, Failure, page
+from failures.by_emg import CONTRACTS, contraction, react_by_emg
+from support.family_matrix import DriveRow, react
+
+NEAR = 4.0
+"""A bring-up waits by the computer's clock, and so a fault falls in another part of a cycle from run to run [ms]."""
+ON_TWIN = [
+    pytest.param(row, marks=[pytest.mark.long] if row.long else [], id=name)
+    for name, row in BOOK.items()
+    if row.play is not None
+]
+
+
+@pytest.fixture(autouse=True)
+def quick(monkeypatch: pytest.MonkeyPatch) -> None:
+    for module in (ak_drive, canopen_setup, moteus_setup, odrive_setup):
+        monkeypatch.setattr(module, "LISTENING", 0.02)
+
+
+def check(row: Failure, faults: Any, stops: float, off: float) -> None:
+    """Whether a row of the page is what was found."""
+    assert {*row.faults} & {*faults}, faults
+    assert stops == pytest.approx(row.stops, abs=NEAR)
+    assert off == pytest.approx(row.off, abs=NEAR)
+
+
+@pytest.mark.parametrize("row", ON_TWIN)
+def test_failure(tmp_path: Path, row: Failure) -> None:
+    play = row.play
+    assert play is not None
+    late = None if play.late is None else play.late()
+    found = react(
+        tmp_path, play.family, DriveRow(play.text, 0), play.onset, play.fitted, play.lasting, play.each, late, play.watched
+    )
+    if not row.faults:
+        assert (found.mode, found.last) == (Mode.STOPPED, ())
+        assert found.after > 1e3 * play.watched - NEAR, "it ended by itself"
+    elif row.stops == 0.0:
+        assert found.mode == Mode.STOPPED
+        assert {*row.faults} & {*found.last}
+        assert found.pulled == 0.0
+    else:
+        assert found.mode == Mode.LATCHED
+        check(row, found.faults, found.after, found.off)
+
+
+def test_stamps_of_a_stream_jump(tmp_path: Path) -> None:
+    found = react_by_emg(tmp_path, jumps=2.0e5)
+    check(BOOK["stamps_of_a_stream_jump"], *found)
+
+
+def test_a_recording_ends_in_a_contraction(tmp_path: Path) -> None:
+    signal = contraction(ends=True)
+    (span,) = find(signal, 1000.0).found
+    assert span == pytest.approx((CONTRACTS, len(signal) / 1000.0), abs=0.06)
+    found = react_by_emg(tmp_path, ends=True)
+    check(BOOK["a_recording_ends_in_a_contraction"], *found)
+
+
+def test_the_page_has_these_rows() -> None:
+    assert PAGE.read_text() == page(PAGE.read_text()), "PYTHONPATH=src:tests python -m failures.book writes it"
+    assert NEVER not in [row.stops for row in BOOK.values() if row.faults]
