@@ -34,16 +34,17 @@ from bowden.hardware.drives.ak_parameters import (
     AkParameters,
     check_parameters,
     check_range,
+    fastest,
     largest_torque,
     model_of,
     motor_scale,
     reply_id,
 )
 from bowden.hardware.drives.enabling import Silence, fell
-from bowden.hardware.drives.findings import INERT, LOST_RANGE, InertWatch
+from bowden.hardware.drives.findings import INERT, LOST_RANGE, LOST_TURNS, InertWatch
 from bowden.hardware.drives.host_end import HostEnd
 from bowden.hardware.drives.joint_encoder import JointEncoder, joint_encoder_of
-from bowden.hardware.drives.limited_range import LimitedRange, nearest
+from bowden.hardware.drives.limited_range import LimitedRange, TurnCount, nearest
 from bowden.hardware.drives.on_can import place
 from bowden.hardware.drives.readings import Readings
 from bowden.hardware.ports import Power, TorqueLeft
@@ -87,6 +88,7 @@ class AkDrive:
         self._host = HostEnd(place(parameters), parameters.node_id, links, self._concerns, synced=synced)
         self._scale = motor_scale(parameters)
         self._range = LimitedRange(2.0 * HIGHEST_POSITION)
+        self._turns = TurnCount(2.0 * math.pi / self._model.gear, fastest(parameters, self._scale))
         self._readings, self._silence = Readings(), Silence(parameters.watchdog)
         self._inert = InertWatch(math.inf)  # what gives no torque at all is inert, moving or not
         self._begin(DriveState.NOT_READY_TO_SWITCH_ON)
@@ -183,7 +185,8 @@ class AkDrive:
     def _commands(self, identifier: int, data: bytes) -> bool:
         """Whether a frame is one that only this host may send."""
         plain = identifier & ~REMOTE
-        return plain == self._drive.node_id and not self._is_it(identifier, data)
+        cut = 0 < len(data) < 8 and data[0] == self._drive.node_id  # of a reply, since no drive obeys so few bytes
+        return plain == self._drive.node_id and not self._is_it(identifier, data) and not cut
 
     def _begin(self, state: DriveState) -> None:
         """Nothing has been read or sent yet, and the drive is in that state."""
@@ -199,6 +202,7 @@ class AkDrive:
         self._sent_at = self._replied_at = math.nan
         self._readings.begin()
         self._range.begin()
+        self._turns.begin()
         self._silence.begin()
         self._inert.begin()
 
@@ -219,8 +223,8 @@ class AkDrive:
                     readings.turned(angle)
                 elif encoder.foreign(identifier & ~REMOTE):
                     readings.meant()
-        if now - self._replied_at > LOST:
-            self._lost = True
+        self._lost = self._lost or now - self._replied_at > LOST
+        if self._lost:
             readings.motor = math.nan
         self._before, self._state = self._state, self._standing()
         return readings.reading(now, self._state, self._host.errors)
@@ -243,6 +247,10 @@ class AkDrive:
                 readings.found(LOST_RANGE)
             return
         self._position = self._range.follow(reply.position)
+        if self._turns.lost(self._position, now):
+            self._lost = True
+            readings.found(LOST_TURNS)
+            return
         current = drive.motor_direction * reply.torque / (drive.gear * drive.torque_constant)
         temperature = float((reply.temperature + 128) % 256 - 128 if drive.temperature_zero == 0 else reply.temperature)
         sampled = now if math.isnan(self._sent_at) else self._sent_at

@@ -123,6 +123,12 @@ def reply_id(drive: AkParameters) -> int:
     return drive.node_id if drive.reply_id < 0 else drive.reply_id
 
 
+def fastest(drive: AkParameters, motor: Scale | SuitScale) -> float:
+    """The rig's largest speed as the drive counts; infinite for none [rad/s]."""
+    steepest = motor.steepest(drive.lowest_motor, drive.highest_motor)
+    return drive.speed_limit * steepest / abs(motor.step) if drive.speed_limit > 0.0 else math.inf
+
+
 def model_of(drive: AkParameters) -> AkModel:
     """Its ranges."""
     return MODELS[drive.model]

@@ -4,7 +4,7 @@ import math
 from collections import deque
 from collections.abc import Mapping
 
-INERT, LEFT, LOST_RANGE = 0xFE01, 0xFE02, 0xFE03
+INERT, LEFT, LOST_RANGE, LOST_TURNS = 0xFE01, 0xFE02, 0xFE03, 0xFE04
 """Codes that no family uses for an error of its own."""
 
 FINDINGS: Mapping[int, str] = {
@@ -12,6 +12,8 @@ FINDINGS: Mapping[int, str] = {
     "motor's phases, its supply and its calibration",
     LEFT: "the drive has left its mode by itself and reports no fault; check its supply and its own limits",
     LOST_RANGE: "the motor has left the range that the drive's position can show",
+    LOST_TURNS: "the drive has lost count of its motor's turns: its position jumped further than the motor can turn; "
+    "check its supply and its encoder, bring the motor home, and start the run again",
 }
 """Code → what it means and what to do."""
 

@@ -1,4 +1,4 @@
-"""Encoders of limited range, followed over their end; and the turn that a hint names."""
+"""Encoders of limited range, followed over their end; a drive that loses count of turns; the turn that a hint names."""
 
 import math
 
@@ -29,6 +29,32 @@ class LimitedRange:
             self._offset -= math.copysign(self._span, moved)
         self._last = value
         return value + self._offset
+
+
+class TurnCount:
+    """Sees a drive that has lost count of its motor's turns.
+
+    What it reports is what it controls: it pulls at once, as far as it is wrong. So what one reading of an encoder
+    might be forgiven is not here: a change of half a turn that the motor is too slow for.
+
+    Args:
+        turn: of the motor, in the drive's unit.
+        fastest: speed that the rig allows, in that unit a second; infinite where it says none, and nothing is seen.
+    """
+
+    def __init__(self, turn: float, fastest: float) -> None:
+        self._turn, self._fastest = turn, fastest
+        self.begin()
+
+    def begin(self) -> None:
+        """Nothing has been read."""
+        self._last = self._at = math.nan
+
+    def lost(self, position: float, now: float) -> bool:
+        """Whether it has, by the position that came at `now` [s] and the one before."""
+        moved, gap = abs(position - self._last), now - self._at
+        self._last, self._at = position, now
+        return moved > max(0.5 * self._turn, 1.5 * self._fastest * gap)
 
 
 def nearest(angle: float, period: float, hint: float) -> float:

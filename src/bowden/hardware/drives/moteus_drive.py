@@ -13,9 +13,9 @@ from bowden.hardware.buses.link import BusPlace, BusPort, Links
 from bowden.hardware.buses.unix_bus import EXTENDED
 from bowden.hardware.drives import moteus_frames as frames
 from bowden.hardware.drives.enabling import fell
-from bowden.hardware.drives.findings import INERT, LEFT, LagWatch
+from bowden.hardware.drives.findings import INERT, LEFT, LOST_TURNS, LagWatch
 from bowden.hardware.drives.host_end import HostEnd
-from bowden.hardware.drives.limited_range import LimitedRange
+from bowden.hardware.drives.limited_range import LimitedRange, TurnCount
 from bowden.hardware.drives.moteus_faults import TIMED_OUT, UNWATCHED
 from bowden.hardware.drives.moteus_frames import BoardMode
 from bowden.hardware.drives.moteus_parameters import MoteusParameters, check_parameters, command_of
@@ -32,6 +32,8 @@ from bowden.hardware.drives.readings import Readings
 from bowden.hardware.ports import Power, TorqueLeft
 
 _NO_FLAGS = ~EXTENDED & 0xFFFF_FFFF
+LOST = 0.1
+"""Silence of the board after which it may have started again, and its position be off by whole turns [s]."""
 SETTLED = 10
 """Cycles of commands after which every reply is to one of them."""
 
@@ -80,7 +82,10 @@ class MoteusDrive:
     def _begin(self, state: DriveState, fault: int) -> None:
         """Nothing has been read or sent yet, and the board is in that state."""
         self._state = self._before = state
-        self._fell = self._reset = self._asked = False
+        self._fell = self._reset = self._asked = self._lost = False
+        self._replied = math.nan  # [s]
+        fastest = math.inf if self._found is None else self._found.limits.speed
+        self._count = TurnCount(self._drive.output_ratio, fastest)
         self._commands = 0  # in a row
         self._target = self._turns = math.nan  # of the cycle before [rad], [turns]
         self._written = math.nan
@@ -104,6 +109,10 @@ class MoteusDrive:
                     state = self._take(reply, found, now)
             elif is_foreign(drive, identifier):
                 readings.meant()
+        self._replied = now if math.isnan(self._replied) else self._replied  # of the first cycle: from here on
+        self._lost = self._lost or now - self._replied > LOST
+        if self._lost:
+            readings.motor, state = math.nan, DriveState.NOT_READY_TO_SWITCH_ON
         self._before, self._state = self._state, state
         if self._asked and self._before is DriveState.OPERATION_ENABLED is not state and state is not DriveState.FAULT:
             readings.found(TIMED_OUT if self._timed_out else LEFT)
@@ -118,6 +127,10 @@ class MoteusDrive:
         """What a reply says; the state that it means."""
         readings, drive = self._readings, self._drive
         readings.replied(now)
+        self._replied = now
+        if self._count.lost(reply.position, now):
+            self._lost = True
+            readings.found(LOST_TURNS)
         readings.moved(
             found.motor.angle(reply.position) if math.isfinite(reply.position) else math.nan,
             drive.motor_direction * reply.q_current if math.isfinite(reply.q_current) else math.nan,

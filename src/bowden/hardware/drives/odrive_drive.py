@@ -20,9 +20,10 @@ from bowden.hardware.buses.unix_bus import REMOTE
 from bowden.hardware.drives import canopen_frames as canopen
 from bowden.hardware.drives import odrive_frames as frames
 from bowden.hardware.drives.enabling import fell
-from bowden.hardware.drives.findings import INERT, LEFT, LagWatch
+from bowden.hardware.drives.findings import INERT, LEFT, LOST_TURNS, LagWatch
 from bowden.hardware.drives.host_end import HostEnd
 from bowden.hardware.drives.joint_encoder import JointEncoder, joint_encoder_of
+from bowden.hardware.drives.limited_range import TurnCount
 from bowden.hardware.drives.odrive_endpoints import endpoints_of
 from bowden.hardware.drives.odrive_faults import ESTOP, UNTOLD, WATCHDOG, code_of
 from bowden.hardware.drives.odrive_frames import AxisState, Beat, Cmd, identifier_of
@@ -89,8 +90,8 @@ class OdriveDrive:
         said = found.identity
         if self._encoder is not None:
             said += f"; joint: {self._encoder.bring_up(port.bus)}"
-        self._begin(found.state, found.errors)
         self._found = found
+        self._begin(found.state, found.errors)
         return said
 
     def _concerns(self, identifier: int) -> bool:
@@ -110,6 +111,7 @@ class OdriveDrive:
         self._commands = self._cycles = 0
         self._turns = self._target = self._before_turns = math.nan  # as read; as sent [rad], [turns]
         self._temperature = self._written = self._beat_at = math.nan
+        self._count = TurnCount(1.0, math.inf if self._found is None else self._found.limits.speed)
         self._readings.begin()
         self._readings.failed(code_of(errors))  # one that was there before is no news
         self._lag.begin()
@@ -148,6 +150,9 @@ class OdriveDrive:
             self._beat = beat
             self._lost = self._lost or beat.state == AxisState.UNDEFINED
         elif cmd == Cmd.GET_ENCODER_ESTIMATES and (told := frames.unpack_floats(data)) is not None:
+            if self._count.lost(told[0], now):
+                self._lost = True
+                readings.found(LOST_TURNS)
             if not self._lost and abs(told[0]) <= 2.0 * frames.MOST_TURNS:
                 self._turns = told[0]
                 readings.moved(found.motor.angle(told[0]), readings.current, self._temperature, self._written)
