@@ -16,6 +16,7 @@ from support.memory_bus import MemoryBus
 
 PAGE = Path(__file__).parents[2] / "docs" / "failures.md"
 BEGIN, END = "<!-- failures: made from tests/failures/book.py -->\n", "<!-- end -->"
+HEAD = ("what happened, and where", "on the twin", "what bowden does", "finds", "stops after [ms]", "no torque after [ms]")
 NEVER = math.inf
 
 
@@ -96,7 +97,7 @@ BOOK: Mapping[str, Failure] = {
         long=True,
     ),
     "an_ak_motor_never_turns": Failure(
-        "Below its nominal voltage an AK60-6 answers every command with error code 0, and gives no torque at all.",
+        "At 18.5 V in place of 24 V an AK60-6 answered every command with error code 0, and gave no torque at all.",
         _aries(5),
         "the same finding, in the first motion of the preflight",
         ("EMERGENCY",),
@@ -105,10 +106,10 @@ BOOK: Mapping[str, Failure] = {
         Play("ak_mit", "inert", onset=None, watched=1.0),
     ),
     "a_position_is_off_by_a_turn_after_a_restart": Failure(
-        "After some restarts the position of an AK10-9 was off by a multiple of 40°, one turn of its rotor, until it was "
+        "After some restarts the position of an AK10-9 was off by a multiple of 40° (one turn of its rotor) until it was "
         "switched off again.",
         _github("neurobionics/TMotorCANControl", 14),
-        'joint and motor disagree: it cannot be armed; `home = "hint"` in [drive] finds the right turn by itself',
+        'joint and motor disagree: it cannot be armed; `home = "hint"` in `[drive]` finds the turn by itself',
         ("JOINT_ASTRAY",),
         0.0,
         0.0,
@@ -117,14 +118,14 @@ BOOK: Mapping[str, Failure] = {
     "a_turn_is_lost_in_a_run": Failure(
         "The same, should the drive restart within a run and be led on.",
         _github("neurobionics/TMotorCANControl", 14),
-        "R3",
-        ("MOTOR_JUMP",),
-        3.0,
-        3.0,
+        "the driver sees a whole number of turns in one cycle: R3, and it has to be brought up again",
+        ("EMERGENCY",),
+        1.0,
+        1.0,
         Play("ak_mit", "turns_lost 1"),
     ),
     "a_kick_on_entering_motor_mode": Failure(
-        "On entering motor mode an AK80-6 jumped to a position that it seemed to remember.",
+        "On entering motor mode a motor moved fast to a position that it seemed to remember; the maintainers know this kick.",
         _github("dfki-ric-underactuated-lab/mini-cheetah-tmotor-can", 4),
         "the gains are taken away before the mode is left, and the first command goes out with the order to enter. A drive "
         "that pulls all the same shows a torque in the trial of eight cycles with the smallest gains: R3, after 1.1° of the "
@@ -146,14 +147,15 @@ BOOK: Mapping[str, Failure] = {
     "commands_are_ignored_in_a_run": Failure(
         "The same, with the cable plugged in while the motor is led.",
         _aries(2),
-        "inert, R3; but the drive ignores the order to let go as well",
+        "inert, R3; but the order to let go is ignored as well: **press the emergency stop**. Once the run has ended and nobody "
+        "speaks to the drive any more, its CAN timeout takes the torque off, within 20 ms",
         ("EMERGENCY",),
         55.0,
         NEVER,
         Play("ak_mit", "commands_ignored"),
     ),
     "the_send_queue_is_full_after_100_frames": Failure(
-        "After 100 frames in a row each further one failed with ENOBUFS, whatever time limit was given to it.",
+        "Within 100 frames in a row sending failed at once with ENOBUFS, though each had a time limit of 1 s.",
         f"{_github('hardbyte/python-can', 2004)}; {_aries(4)}",
         "nothing that is sent waits; no reading comes: R3. The order to let go is stuck too: the drive's own watch acts",
         ("MOTOR_STALE", "BUS_ERRORS"),
@@ -171,8 +173,8 @@ BOOK: Mapping[str, Failure] = {
         Play("cia402", "bus_off"),
     ),
     "bus_off_with_a_restart": Failure(
-        "With restart-ms the same bus comes back by itself, in the middle of a run.",
-        f"{_github('linux-can/can-utils', 52)} (restart-ms 10)",
+        "A bus that had stopped while frames were played to it came back by itself with restart-ms 10.",
+        _github("linux-can/can-utils", 52),
         "the same; what comes back stays latched and without power until it is acknowledged",
         ("BUS_ERRORS",),
         2.0,
@@ -198,9 +200,9 @@ BOOK: Mapping[str, Failure] = {
         Play("ak_mit", "", each=_flood),
     ),
     "sync_jitter_on_a_loaded_core": Failure(
-        "A SYNC from Python came up to 1.2 ms early or late; the drive moved in jerks.",
+        "A SYNC from Python, every 25 ms, jittered by some 1.2 ms, and the drive often had its data too late to move smoothly.",
         _github("canopen-python/canopen", 285),
-        "at 1 kHz, each cycle up to 1.2 ms late: R2 as soon as the delays add up; up to 0.9 ms the run goes on",
+        "at 1 kHz, each cycle up to 1.2 ms late: R2 as soon as the delays add up",
         ("LATE", "CLOCK"),
         172.0,
         370.0,
@@ -237,7 +239,7 @@ BOOK: Mapping[str, Failure] = {
         Play(**_CELL, text="load_drift 12", watched=1.0),
     ),
     "a_load_cell_sends_at_12_hz": Failure(
-        "Cells with an HX711 set for 80 samples a second sent 11 to 12.",
+        "A cell whose amplifier was set for 80 samples a second sent 10.8; another one sent 11.7.",
         f"{_github('garethky/klipper', 14)}, {_github('olkal/HX711_ADC', 80)}",
         "silent for longer than `silence_ms` between two frames: it cannot be armed",
         ("TENSION_LOST",),
@@ -284,20 +286,20 @@ BOOK: Mapping[str, Failure] = {
 """Name of the test → the row."""
 
 
-def _shown(value: float, never: str) -> str:
-    return never if math.isinf(value) else f"{value:.0f}"
-
-
 def table() -> str:
     """The page's table."""
-    lines = ["| what happened | source | on the twin | what bowden does | stops after [ms] | no torque after [ms] |", "|---" * 6 + "|"]
+    lines = [f"| {' | '.join(HEAD)} |", "|" + "---|" * len(HEAD)]
     for name, row in BOOK.items():
         played = "a stream in memory" if row.play is None else _played(row.play)
-        goes_on = not row.faults
-        stops = "goes on" if goes_on else _shown(row.stops, "") if row.stops else "not armed"
-        off = "–" if goes_on else _shown(row.off, "**never**, by software") if row.off or row.stops else "never had"
-        cells = (f"<a id=\"{name}\"></a>{row.happened}", row.source, played, f"{row.does} ({', '.join(f'`{one}`' for one in row.faults)})" if row.faults else row.does, stops, off)
-        lines.append(f"| {' | '.join(cells)} |")
+        found = ", ".join(f"`{fault}`" for fault in row.faults)
+        if not row.faults:
+            stops, off = "goes on", "–"
+        elif not row.stops:
+            stops, off = "not armed", "never had"
+        else:
+            stops, off = f"{row.stops:.0f}", f"{row.off:.0f}" if math.isfinite(row.off) else "**never**, by software"
+        happened = f"**{name.replace('_', ' ').capitalize()}.** {row.happened} {row.source}"
+        lines.append(f"| {' | '.join((happened, played, row.does, found or '–', stops, off))} |")
     return "\n".join(lines) + "\n"
 
 

@@ -3,15 +3,18 @@
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
+from bowden.hardware.buses.link import Links
 from bowden.hardware.drives import ak_drive, canopen_setup, moteus_setup, odrive_setup
+from bowden.hardware.drives.family import family_of
+from bowden.hardware.ports import Power
+from bowden.hardware.twin.injection import parse
 from bowden.identify.emg.score import find
 from bowden.safety.supervisor import Mode
 from failures.book import BOOK, NEVER, PAGE, Failure, page
 from failures.by_emg import CONTRACTS, contraction, react_by_emg
-from support.family_matrix import DriveRow, react
+from support.family_matrix import DriveRow, played, react
 
 NEAR = 4.0
 """A bring-up waits by the computer's clock, and so a fault falls in another part of a cycle from run to run [ms]."""
@@ -53,6 +56,21 @@ def test_failure(tmp_path: Path, row: Failure) -> None:
     else:
         assert found.mode == Mode.LATCHED
         check(row, found.faults, found.after, found.off)
+        assert found.silenced <= 50.0, "the drive's own watch acts once nobody speaks to it"
+
+
+def test_a_hint_of_where_the_rig_is_finds_the_turn_after_a_restart() -> None:
+    rig, bus, node = played("ak_mit")
+    node.faults.inject(parse("turns_lost 2"))
+    bus.advance(1e-3)
+    parameters = rig.drive_parameters._replace(home="hint", motor_hint=node.bench.motor + 0.1)
+    drive = family_of(parameters).open(parameters, Links(bus))
+    drive.bring_up()
+    for _ in range(20):
+        reading = drive.read(bus.time)
+        drive.write(0.0, Power.OFF, bus.time)
+        bus.advance(1e-3)
+    assert reading.motor == pytest.approx(node.bench.motor, abs=5e-3)
 
 
 def test_stamps_of_a_stream_jump(tmp_path: Path) -> None:

@@ -105,6 +105,8 @@ class Found(NamedTuple):
     """How far the motor was from where it stood then [rad]."""
     last: tuple[str, ...] = ()
     """Faults at the end."""
+    silenced: float = 0.0
+    """Time with torque after the run's end, when nobody speaks to the drive any more; infinite for all of it [ms]."""
 
 
 def cases() -> Iterator[tuple[str, DriveRow]]:
@@ -263,16 +265,21 @@ def react(
         began[0] = float(times[armed[0]]) if len(armed) else np.inf
     stops = np.flatnonzero((reaction > 1.5) & (times >= began[0]))
     first = int(stops[0]) if len(stops) else len(times) - 1
+    held, ended = plant.doing != OFF, bus.time
+    while plant.doing != OFF and bus.time < ended + 0.1:
+        bus.advance(1e-3)
+    silenced = float("inf") if plant.doing != OFF else 1e3 * (bus.time - ended)
     return Found(
         int(reaction[: first + 1].max()),
         1e3 * (float(times[first]) - began[0]) if len(stops) else float("inf"),
-        float("inf") if plant.doing != OFF else 1e3 * max(0.0, np.nan_to_num(torque_off[0] - began[0])),
+        float("inf") if held else 1e3 * max(0.0, np.nan_to_num(torque_off[0] - began[0])),
         tuple(fault.name for fault in of(rows["faults"][first])),
         Mode(int(rows["mode"][-1])),
         Reason(int(np.nanmax(rows["preflight_reason"]))),
         1e3 * pulled[0],
         moved[0],
         tuple(fault.name for fault in of(rows["faults"][-1])),
+        silenced,
     )
 
 
