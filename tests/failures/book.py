@@ -16,7 +16,14 @@ from support.memory_bus import MemoryBus
 
 PAGE = Path(__file__).parents[2] / "docs" / "failures.md"
 BEGIN, END = "<!-- failures: made from tests/failures/book.py -->\n", "<!-- end -->"
-HEAD = ("what happened, and where", "on the twin", "what bowden does", "finds", "stops after [ms]", "no torque after [ms]")
+HEAD = (
+    "what happened, and where",
+    "on the twin",
+    "what bowden does",
+    "finds",
+    "stops after [ms]",
+    "no torque after [ms]",
+)
 NEVER = math.inf
 
 
@@ -86,7 +93,8 @@ _CELL = {"family": _PLAIN[0], "fitted": _PLAIN[1]}
 
 BOOK: Mapping[str, Failure] = {
     "an_ak_motor_goes_inert": Failure(
-        "8.84 s into a run a motor gave no torque any more, with error code 0, while the loop went on commanding 44 rad/s "
+        "8.84 s into a run a motor gave no torque any more, with error code 0, while the loop went on commanding 44 "
+        "rad/s "
         "for 16 s.",
         "reported publicly; source not found again",
         "the driver asks for a torque in vain for 20 ms: the motor is inert, R3",
@@ -106,7 +114,8 @@ BOOK: Mapping[str, Failure] = {
         Play("ak_mit", "inert", onset=None, watched=1.0),
     ),
     "a_position_is_off_by_a_turn_after_a_restart": Failure(
-        "After some restarts the position of an AK10-9 was off by a multiple of 40° (one turn of its rotor) until it was "
+        "After some restarts the position of an AK10-9 was off by a multiple of 40° (one turn of its rotor) until it "
+        "was "
         "switched off again.",
         _github("neurobionics/TMotorCANControl", 14),
         'joint and motor disagree: it cannot be armed; `home = "hint"` in `[drive]` finds the turn by itself',
@@ -125,10 +134,13 @@ BOOK: Mapping[str, Failure] = {
         Play("ak_mit", "turns_lost 1"),
     ),
     "a_kick_on_entering_motor_mode": Failure(
-        "On entering motor mode a motor moved fast to a position that it seemed to remember; the maintainers know this kick.",
+        "On entering motor mode a motor moved fast to a position that it seemed to remember; the maintainers know "
+        "this kick.",
         _github("dfki-ric-underactuated-lab/mini-cheetah-tmotor-can", 4),
-        "the gains are taken away before the mode is left, and the first command goes out with the order to enter. A drive "
-        "that pulls all the same shows a torque in the trial of eight cycles with the smallest gains: R3, after 1.1° of the "
+        "the gains are taken away before the mode is left, and the first command goes out with the order to enter. A "
+        "drive "
+        "that pulls all the same shows a torque in the trial of eight cycles with the smallest gains: R3, after 1.1° "
+        "of the "
         "motor",
         ("EMERGENCY",),
         1.0,
@@ -147,7 +159,8 @@ BOOK: Mapping[str, Failure] = {
     "commands_are_ignored_in_a_run": Failure(
         "The same, with the cable plugged in while the motor is led.",
         _aries(2),
-        "inert, R3; but the order to let go is ignored as well: **press the emergency stop**. Once the run has ended and nobody "
+        "inert, R3; but the order to let go is ignored as well: **press the emergency stop**. Once the run has ended "
+        "and nobody "
         "speaks to the drive any more, its CAN timeout takes the torque off, within 20 ms",
         ("EMERGENCY",),
         55.0,
@@ -157,7 +170,8 @@ BOOK: Mapping[str, Failure] = {
     "the_send_queue_is_full_after_100_frames": Failure(
         "Within 100 frames in a row sending failed at once with ENOBUFS, though each had a time limit of 1 s.",
         f"{_github('hardbyte/python-can', 2004)}; {_aries(4)}",
-        "nothing that is sent waits; no reading comes: R3. The order to let go is stuck too: the drive's own watch acts",
+        "nothing that is sent waits; no reading comes: R3. The order to let go is stuck too: the drive's own watch "
+        "acts",
         ("MOTOR_STALE", "BUS_ERRORS"),
         8.0,
         37.0,
@@ -200,7 +214,8 @@ BOOK: Mapping[str, Failure] = {
         Play("ak_mit", "", each=_flood),
     ),
     "sync_jitter_on_a_loaded_core": Failure(
-        "A SYNC from Python, every 25 ms, jittered by some 1.2 ms, and the drive often had its data too late to move smoothly.",
+        "A SYNC from Python, every 25 ms, jittered by some 1.2 ms, and the drive often had its data too late to move "
+        "smoothly.",
         _github("canopen-python/canopen", 285),
         "at 1 kHz, each cycle up to 1.2 ms late: R2 as soon as the delays add up",
         ("LATE", "CLOCK"),
@@ -210,7 +225,8 @@ BOOK: Mapping[str, Failure] = {
         long=True,
     ),
     "an_encoder_reads_0_at_start": Failure(
-        "Joints of an exoskeleton read an angle of 0 after start-up until their boards had begun; a reviewer asked whether "
+        "Joints of an exoskeleton read an angle of 0 after start-up until their boards had begun; a reviewer asked "
+        "whether "
         "one may actuate them.",
         _github("project-march/hardware-interface", 191, "pull"),
         "the motor's: the preflight's first motion is not seen, no law runs",
@@ -222,7 +238,8 @@ BOOK: Mapping[str, Failure] = {
     "a_joint_encoder_reads_0_at_start": Failure(
         "The same at the joint.",
         _github("project-march/hardware-interface", 191, "pull"),
-        "the preflight goes on to its largest motion, 30° of the motor, since the cable may have play; then no law runs",
+        "the preflight goes on to its largest motion, 30° of the motor, since the cable may have play; then no law "
+        "runs",
         ("PREFLIGHT_FAILED",),
         4303.0,
         4502.0,
@@ -237,6 +254,7 @@ BOOK: Mapping[str, Failure] = {
         NEVER,
         NEVER,
         Play(**_CELL, text="load_drift 12", watched=1.0),
+        long=True,
     ),
     "a_load_cell_sends_at_12_hz": Failure(
         "A cell whose amplifier was set for 80 samples a second sent 10.8; another one sent 11.7.",
@@ -255,6 +273,7 @@ BOOK: Mapping[str, Failure] = {
         16.0,
         215.0,
         Play(**_CELL, text="load_slow 12"),
+        long=True,
     ),
     "a_load_cell_counts_the_wrong_way": Failure(
         "A cell's reading fell while it was pulled.",
@@ -276,7 +295,8 @@ BOOK: Mapping[str, Failure] = {
     "a_recording_ends_in_a_contraction": Failure(
         "A signal whose last contraction has no end within it made the analysis fail.",
         _github("neuropsychology/NeuroKit", 524),
-        "`bowden emg` ends the contraction with the signal. A stream that ends so in a run: no new motion begins, R2 after "
+        "`bowden emg` ends the contraction with the signal. A stream that ends so in a run: no new motion begins, R2 "
+        "after "
         "200 ms",
         ("EMG_LOST",),
         201.0,

@@ -26,7 +26,7 @@ from support.simulated_drive import SimulatedDrive
 RATE = 1000.0
 """Of the stream [Hz]."""
 CONTRACTS = 3.0
-"""When the muscle contracts, from the signal's beginning on; the law has the motor since 1.1 s before [s]."""
+"""When the muscle contracts, from the signal's beginning on; the law has the motor by then [s]."""
 BREAKS = 3.3
 """When stamps jump, or nothing more comes [s]."""
 _LOOK = 10
@@ -42,7 +42,7 @@ def contraction(ends: bool) -> NDArray[np.float64]:
 
 
 class Inlet:
-    """What pylsl's inlet does, of a signal that began at `began` [s]; from `BREAKS` on its stamps are off by `jumps`."""
+    """What pylsl's inlet does, of a signal that begins at `began`; from `BREAKS` on stamps are off by `jumps` [s]."""
 
     def __init__(self, signal: NDArray[np.float64], began: float, jumps: float) -> None:
         self._signal, self._began, self._jumps, self._given = signal, began, jumps, 0

@@ -42,10 +42,8 @@ def check(row: Failure, faults: Any, stops: float, off: float) -> None:
 def test_failure(tmp_path: Path, row: Failure) -> None:
     play = row.play
     assert play is not None
-    late = None if play.late is None else play.late()
-    found = react(
-        tmp_path, play.family, DriveRow(play.text, 0), play.onset, play.fitted, play.lasting, play.each, late, play.watched
-    )
+    given = play._asdict() | {"late": None if play.late is None else play.late()}
+    found = react(tmp_path, given.pop("family"), DriveRow(given.pop("text"), 0), **given)
     if not row.faults:
         assert (found.mode, found.last) == (Mode.STOPPED, ())
         assert found.after > 1e3 * play.watched - NEAR, "it ended by itself"
