@@ -259,7 +259,7 @@ BOOK: Mapping[str, Failure] = {
     "a_load_cell_sends_at_12_hz": Failure(
         "A cell whose amplifier was set for 80 samples a second sent 10.8; another one sent 11.7.",
         f"{_github('garethky/klipper', 14)}, {_github('olkal/HX711_ADC', 80)}",
-        "silent for longer than `silence_ms` between two frames: it cannot be armed",
+        "silent for longer than `silence_ms` between two frames: it is refused before any power",
         ("TENSION_LOST",),
         0.0,
         0.0,

@@ -5,6 +5,7 @@ from typing import Any
 
 import pytest
 
+from bowden.core.errors import DriveError
 from bowden.hardware.buses.link import Links
 from bowden.hardware.drives import ak_drive, canopen_setup, moteus_setup, odrive_setup
 from bowden.hardware.drives.family import family_of
@@ -43,7 +44,11 @@ def test_failure(tmp_path: Path, row: Failure) -> None:
     play = row.play
     assert play is not None
     given = play._asdict() | {"late": None if play.late is None else play.late()}
-    found = react(tmp_path, given.pop("family"), DriveRow(given.pop("text"), 0), **given)
+    try:
+        found = react(tmp_path, given.pop("family"), DriveRow(given.pop("text"), 0), **given)
+    except DriveError:  # refused at bring-up, which is without power
+        assert row.stops == 0.0
+        return
     if not row.faults:
         assert (found.mode, found.last) == (Mode.STOPPED, ())
         assert found.after > 1e3 * play.watched - NEAR, "it ended by itself"
