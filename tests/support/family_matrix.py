@@ -4,6 +4,7 @@ The loop is `bowden.live.loop.Loop` with the rig's own supervisor, driver and tw
 are the tests'. Each fault begins while the law leads, with the motor on its way.
 """
 
+import math
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -27,7 +28,7 @@ from bowden.hardware.twin.injection import parse
 from bowden.hardware.twin.load_cell_node import LoadCellNode
 from bowden.hardware.twin.moteus_node import MoteusNode
 from bowden.hardware.twin.odrive_node import OdriveNode
-from bowden.live.preflight import Preflight
+from bowden.live.preflight import Preflight, Reason
 from bowden.live.script import Script
 from bowden.rig.rig import Rig
 from bowden.safety.faults import of
@@ -92,12 +93,23 @@ class Found(NamedTuple):
     reaction: int
     """The worst until and with the first R2 or R3."""
     after: float
-    """From the fault's beginning to it; infinite where there is none [ms]."""
+    """From the fault's beginning, or from arming where it was there before, to it; infinite where there is none
+    [ms]."""
     off: float
     """From the fault's beginning to a motor without torque; infinite where it has some at the end [ms]."""
     faults: tuple[str, ...]
     mode: Mode
     """At the end."""
+    preflight: Reason = Reason.NONE
+    """Why the preflight refused."""
+    pulled: float = 0.0
+    """Time with torque since the fault's beginning [ms]."""
+    moved: float = 0.0
+    """How far the motor was from where it stood then [rad]."""
+    last: tuple[str, ...] = ()
+    """Faults at the end."""
+    silenced: float = 0.0
+    """Time with torque after the run's end, when nobody speaks to the drive any more; infinite for all of it [ms]."""
 
 
 def cases() -> Iterator[tuple[str, DriveRow]]:
@@ -177,6 +189,7 @@ def played(name: str, fitted: Callable[[Rig], Rig] = lambda rig: rig) -> tuple[R
     rig, bus = fitted(make()), MemoryBus()
     plant = TwinBench(rig.bench, rig.bend_path, 20.0, rig.seed, rig.start_motor, bus.time)
     node = node_of(rig.drive_parameters, plant, bus.put, bus.note)
+    bus.faults = node.faults
     bus.attach(node)
     if rig.load_cell.there:
         bus.attach(LoadCellNode(rig.load_cell, plant, node.faults, bus.put))
@@ -193,42 +206,87 @@ def react(
     folder: Path,
     name: str,
     row: DriveRow | LoadRow,
-    onset: float = 0.35,
+    onset: float | None = 0.35,
     fitted: Callable[[Rig], Rig] = lambda rig: rig,
+    lasting: float = math.inf,
+    each: Callable[[MemoryBus], None] = lambda bus: None,
+    late: Callable[[], float] | None = None,
+    watched: float = 1.0,
 ) -> Found:
-    """Let a fault begin so long after the law has, and see what comes of it."""
+    """Let a fault begin so long after the law has, and see what comes of it.
+
+    Args:
+        folder: for ring and control block.
+        name: of the family.
+        row: the fault; several are parted by semicolons.
+        onset: after the law has the motor; None for a fault that is there before the bring-up [s].
+        fitted: the rig with what else it has.
+        lasting: of the fault [s].
+        each: what else happens in a cycle, from the fault's beginning on.
+        late: how late the loop wakes, from then on [s].
+        watched: for how long it is looked at [s].
+    """
     rig, bus, node = played(name, fitted)
-    plant, limits = node.bench, rig.supervisor_limits
+    plant, limits, faults = node.bench, rig.supervisor_limits, node.faults
+
+    def begin() -> None:
+        began[0], before[0], at[0] = bus.time, bus.time, plant.motor
+        for text in filter(None, row.text.split(";")):
+            faults.inject(parse(text.strip())._replace(start=bus.time, end=bus.time + lasting))
+        node.tick(bus.time)
+
+    began, before, torque_off, at, pulled, moved = [np.nan], [np.nan], [np.nan], [np.nan], [0.0], [0.0]
+    if onset is None:
+        begin()
     drive = rig.open_drive(Links(bus))
     drive.bring_up()
-    table = PeriodicMinimumJerk(0.0, 60.0 * RADIANS, PERIOD).sample(np.arange(4000) * 1e-3)
+    table = PeriodicMinimumJerk(0.0, 60.0 * RADIANS, PERIOD).sample(np.arange(4000 + 1000 * int(onset or 0)) * 1e-3)
     checks = Preflight(tension=limits.measures_tension, torque=limits.measures_torque)
     script = Script(table, 0.0, 0.5, checks, 1e-3)
-    began, torque_off = [np.nan], [np.nan]
 
     def between(run: LoopRig) -> None:
-        bus.advance(1e-3)
+        if late is None or np.isnan(began[0]):
+            bus.advance(1e-3)
+        else:
+            span = max(0.0, run.time / SECOND - bus.time) + late()
+            bus.advance(span % 1e-3)
+            for _ in range(int(span / 1e-3)):
+                bus.advance(1e-3)
         run.time = round(bus.time * SECOND)
-        if run.led == round(1000.0 * onset) and np.isnan(began[0]):
-            began[0] = bus.time
-            node.faults.inject(parse(row.text)._replace(start=bus.time))
+        if np.isnan(began[0]) and run.led == round(1000.0 * (onset or 0.0)):
+            begin()
         if not np.isnan(began[0]):
-            torque_off[0] = bus.time if plant.doing != OFF else torque_off[0]
-            if bus.time > began[0] + 1.0:
+            each(bus)
+            moved[0] = max(moved[0], abs(plant.motor - at[0]))
+            if plant.doing != OFF:
+                pulled[0], torque_off[0] = pulled[0] + bus.time - before[0], bus.time
+            before[0] = bus.time
+            if bus.time > began[0] + watched:
                 run.block.quit()
 
     loop = LoopRig(folder, LAWS["adaptive"], limits, drive, script, between, quits=float("inf"))
     loop.time = round(bus.time * SECOND)
     _, rows = loop.run()
-    times, reaction = rows["time"], rows["reaction"]
+    times, reaction, armed = rows["time"], rows["reaction"], np.flatnonzero(rows["mode"] != Mode.STOPPED)
+    if onset is None:
+        began[0] = float(times[armed[0]]) if len(armed) else np.inf
     stops = np.flatnonzero((reaction > 1.5) & (times >= began[0]))
     first = int(stops[0]) if len(stops) else len(times) - 1
+    held, ended = plant.doing != OFF, bus.time
+    while plant.doing != OFF and bus.time < ended + 0.1:
+        bus.advance(1e-3)
+    silenced = float("inf") if plant.doing != OFF else 1e3 * (bus.time - ended)
     return Found(
         int(reaction[: first + 1].max()),
         1e3 * (float(times[first]) - began[0]) if len(stops) else float("inf"),
-        float("inf") if plant.doing != OFF else 1e3 * (np.nan_to_num(torque_off[0], nan=began[0]) - began[0]),
+        float("inf") if held else 1e3 * max(0.0, np.nan_to_num(torque_off[0] - began[0])),
         tuple(fault.name for fault in of(rows["faults"][first])),
         Mode(int(rows["mode"][-1])),
+        Reason(int(np.nanmax(rows["preflight_reason"]))),
+        1e3 * pulled[0],
+        moved[0],
+        tuple(fault.name for fault in of(rows["faults"][-1])),
+        silenced,
     )
 
 

@@ -44,6 +44,8 @@ class MemoryBus(can.BusABC):
 
     def put(self, identifier: int, data: bytes) -> None:
         """A frame from a node, or from whoever else is on the bus."""
+        if self.faults and (self.faults.active("bus_off", self.time) or self.faults.active("queue_full", self.time)):
+            return
         self._frames.append(message_of(identifier, data))
 
     def note(self, time: float, event: str, detail: str) -> None:
@@ -66,6 +68,10 @@ class MemoryBus(can.BusABC):
         """Hand a frame to all nodes."""
         with self._lock:
             self.sent.append((self.time, msg.arbitration_id, bytes(msg.data)))
+            if self.faults and self.faults.off_bus(self.time):
+                raise can.CanOperationError("no other node on the bus acknowledges")
+            if self.faults and self.faults.swallows(self.time):
+                return
             for node in self._nodes:
                 node.receive(msg.arbitration_id | REMOTE * msg.is_remote_frame, bytes(msg.data), self.time)
 

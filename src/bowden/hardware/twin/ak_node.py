@@ -52,6 +52,8 @@ REBOOT_TIME = 0.3
 """[s]"""
 STEP = 0.9e-3
 """The bench is moved on at every command, and without one after this [s]."""
+KICK = 20e-3
+"""How long it pulls towards a target that it remembers, where that is injected [s]."""
 CLEARED = 0.1
 """How long a drive in error must be ordered to leave motor mode [s]."""
 IDLE = AkCommand(0.0, 0.0, 0.0, 0.0, 0.0)
@@ -101,6 +103,7 @@ class AkNode:
         self._host_at = self._moved = self._ready = -math.inf
         self._error, self._leaving = 0, math.nan
         self._moded, self._command = False, IDLE
+        self._kicks_until = -math.inf  # towards the target that it remembers
 
     def _position(self) -> float:
         """Of the output shaft, as the drive counts it [rad]."""
@@ -134,13 +137,15 @@ class AkNode:
         self._move(now)  # up to here under the command before
         self._host_at = now
         command = unpack_command(data, self._model)
-        if data == ENTER:
+        if self.faults.active("commands_ignored", now):
+            pass  # and what it does not obey counts for its timeout: nothing says otherwise
+        elif data == ENTER:
             self._enter(now)
         elif data == EXIT:
             self._told_to_leave(now)
         elif data == ZERO:
             self._shift -= self._position()
-        elif command is not None and self._moded:
+        elif command is not None and self._moded and now >= self._kicks_until:
             self._command = command
         self._order(now)
         self._reply(now)
@@ -173,6 +178,11 @@ class AkNode:
             return
         self._moded = True
         self._journal(now, "state", DriveState.OPERATION_ENABLED.name)
+        kick = self.faults.active("kick", now)
+        if kick:
+            place = self._position() + math.radians(kick.amount)
+            self._command = AkCommand(place, 0.0, self._drive.stiffness, self._drive.damping, 0.0)
+            self._kicks_until = now + KICK
         if not self.scenario_noted:
             self.scenario_noted = True
             self.bench.start_scenario(now)

@@ -44,7 +44,7 @@ class TwinBus(can.BusABC):
         self.advance(TICK)
 
     def _take(self, cob_id: int, data: bytes) -> None:
-        if not self.node.faults.active("bus_off", self.time):
+        if not (self.node.faults.active("bus_off", self.time) or self.node.faults.active("queue_full", self.time)):
             self._frames.append(can.Message(arbitration_id=cob_id, data=data, is_extended_id=False))
 
     def _note(self, time: float, event: str, detail: str) -> None:
@@ -61,12 +61,13 @@ class TwinBus(can.BusABC):
         """Hand a frame to the twin.
 
         Raises:
-            can.CanOperationError: the twin is bus-off, and there is no other node.
+            can.CanOperationError: the twin is bus-off, and there is no other node; or the host's queue is full.
         """
         with self._lock:
-            if self.node.faults.active("bus_off", self.time):
+            if self.node.faults.off_bus(self.time):
                 raise can.CanOperationError("no other node on the bus acknowledges")
-            self.node.receive(msg.arbitration_id, bytes(msg.data), self.time)
+            if not self.node.faults.swallows(self.time):
+                self.node.receive(msg.arbitration_id, bytes(msg.data), self.time)
 
     def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
         if not self._frames and timeout != 0.0:

@@ -106,6 +106,7 @@ class CanopenNode:
         }
 
     lacks: Mapping[str, str] = {
+        "kick": "it takes its target with the order that enables it",
         "mode_left": "it says so in its statusword: inject drive_fault",
         "foreign_replies": "its frames have numbers of their own",
         "saturated": "its PDOs have no fields that end so soon",
@@ -136,6 +137,8 @@ class CanopenNode:
         node = self._drive.node_id
         if cob_id == frames.SYNC and not data:
             self._synchronise(now)
+        elif cob_id in (frames.RPDO1 + node, frames.NMT) and self.faults.active("commands_ignored", now):
+            pass
         elif cob_id == frames.RPDO1 + node and self.nmt == frames.OPERATIONAL:
             self._pending = frames.unpack_rpdo1(data, pushed=self.objects[0x1600, 0] == 3) or self._pending
         elif cob_id == frames.SDO_REQUEST + node and self.nmt in (frames.OPERATIONAL, frames.PRE_OPERATIONAL):

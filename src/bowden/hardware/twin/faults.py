@@ -22,6 +22,7 @@ class Faults:
         self._held: dict[tuple[str, str], float] = {}
         self._random = random.Random(0)
         self._cycles = {"motor": 0, "joint": 0}
+        self._queued = 0  # frames that the host's queue holds
         self._load = math.nan  # that a stuck cell keeps, and a slow one
         self._load_until = -math.inf  # for so long a slow one does
 
@@ -55,6 +56,17 @@ class Faults:
         """Whether this PDO is lost."""
         dropped = self.active("dropped_pdos", now)
         return dropped is not None and self._random.random() < dropped.amount
+
+    def swallows(self, now: float) -> bool:
+        """Whether a frame of the host is left in its queue, since nothing goes over the bus."""
+        full = self.active("queue_full", now) is not None
+        self._queued = self._queued + 1 if full else 0
+        return full
+
+    def off_bus(self, now: float) -> bool:
+        """Whether the bus takes no frame: no node acknowledges, or the host's queue has no room."""
+        full = self.active("queue_full", now)
+        return self.active("bus_off", now) is not None or (full is not None and self._queued >= full.amount)
 
     def destroys(self, now: float) -> bool:
         """Whether this frame is destroyed by a bit error: every node of the bus sees an error frame in its place."""
@@ -122,4 +134,5 @@ class Faults:
         end = self.active("position_saturated", now) if side == "motor" else None
         if end:
             counts = math.copysign(math.inf, end.amount)  # the node has its own ends
+        counts = 0.0 if self.active("encoder_zero", now, side) else counts
         return NO_NUMBER if self.active("encoder_nan", now, side) else counts

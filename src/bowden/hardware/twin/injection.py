@@ -31,6 +31,18 @@ KINDS: dict[str, Kind] = {
     "doubled_pdos": Kind("a second device sends with the drive's number: each of its readings comes twice"),
     "watch_off": Kind("another device switches off the drive's watch over its host"),
     "bus_off": Kind("the drive's controller has left the bus"),
+    "queue_full": Kind(
+        "nothing goes over the bus any more: the host's queue takes this many frames, and refuses the next",
+        amount=100.0,
+        unit="frames",
+    ),
+    "commands_ignored": Kind("the drive answers on, and obeys no command"),
+    "kick": Kind(
+        "when it is enabled the drive pulls towards a target that it remembers, this far off, for 20 ms",
+        amount=20.0,
+        unit="deg",
+        least=-1e6,
+    ),
     "delayed_readings": Kind("the drive's PDOs carry what was measured before", amount=10.0, unit="cycles"),
     "drive_fault": Kind(
         "the drive goes into fault with this error code", amount=0x2310, unit="code", moment=True, least=1, most=0xFFFF
@@ -41,6 +53,7 @@ KINDS: dict[str, Kind] = {
     "encoder_spike": Kind("an encoder jumps for one cycle in ten", side=True, amount=10.0, unit="deg", least=-1e6),
     "encoder_offset": Kind("an encoder is off by an angle", side=True, amount=400.0, unit="deg", least=-1e6),
     "encoder_flipped": Kind("an encoder counts the wrong way from here on", side=True),
+    "encoder_zero": Kind("an encoder reads 0 counts, as one that has not begun", side=True),
     "encoder_nan": Kind("an encoder sends the number that means no value, −2³¹", side=True),
     "broken_cable": Kind("the cable is torn: the joint goes where its spring pulls it"),
     "slack_cable": Kind("the cable has slack, at the spool", amount=20.0, unit="deg"),

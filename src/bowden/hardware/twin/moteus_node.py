@@ -99,6 +99,7 @@ class MoteusNode:
     lacks: Mapping[str, str] = {
         "doubled_pdos": UNCOUNTED,
         "watch_off": "each command sets its watchdog anew",
+        "kick": "its target comes with the order that enables it",
         "emergency_stop": "a board has no input for it that is read: it cuts the supply, so inject reboot",
         "joint_silence": "the joint's encoder hangs on the board: inject encoder_frozen joint, or encoder_nan joint",
     }
@@ -179,7 +180,8 @@ class MoteusNode:
         reply = self._obey(data, now, answers=bool(source & 0x80))
         if self._valid:
             self._valid = False
-            self._take(now)
+            if not self.faults.active("commands_ignored", now):
+                self._take(now)
         if not source & 0x80:
             return
         back = frames.identifier_of(self._drive.node_id, source & 0x7F, prefix)

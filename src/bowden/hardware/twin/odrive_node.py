@@ -80,6 +80,7 @@ class OdriveNode:
     lacks: Mapping[str, str] = {
         "doubled_pdos": UNCOUNTED,
         **dict.fromkeys(("saturated", "position_saturated"), "its numbers are floating-point, which have no ends"),
+        "kick": "it begins at its own position",
     }
     """See `hardware.twin.node.TwinNode`."""
 
@@ -185,7 +186,7 @@ class OdriveNode:
         elif cmd in frames.TOLD or cmd == Cmd.ADDRESS:
             if asked:
                 self._tell(cmd, now)
-        elif not identifier & REMOTE:
+        elif not identifier & REMOTE and not self.faults.active("commands_ignored", now):
             self._obey(cmd, data, now)
 
     def _obey(self, cmd: int, data: bytes, now: float) -> None:

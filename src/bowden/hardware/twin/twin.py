@@ -135,7 +135,7 @@ class Twin:
             for _ in range(64):
                 if message is None:
                     break
-                if not message.is_error_frame:
+                if not message.is_error_frame and not self._node.faults.swallows(self._clock()):
                     identifier = message.arbitration_id | EXTENDED * message.is_extended_id
                     identifier |= REMOTE * message.is_remote_frame
                     self._node.receive(identifier, bytes(message.data), self._clock())
@@ -157,7 +157,7 @@ class Twin:
 
     def _join_or_leave(self, now: float) -> None:
         """A controller that is bus-off neither receives nor acknowledges: it is not there."""
-        off = self._node.faults.active("bus_off", now) is not None
+        off = self._node.faults.off_bus(now)
         if off and self._bus is not None:
             self._bus.shutdown()
             self._bus = None
@@ -195,7 +195,7 @@ class Twin:
                 self._own_bus.send(message_of(cob_id, data))
 
     def _send(self, cob_id: int, data: bytes) -> None:
-        if self._bus is None:
+        if self._bus is None or self._node.faults.active("queue_full", self._clock()):
             return
         try:
             self._bus.send(message_of(cob_id, data, fd=self._place.fd))
