@@ -116,9 +116,10 @@ _SINCE = {
             "parting_offset",
             "parting_slope",
             "parting_lag",
+            "off_reference",
         )
     },
-    **{"pull_gain": 0.0, "pull_doubt": 0.0, "disable_time": math.inf},
+    **{"pull_gain": 0.0, "pull_doubt": 0.0, "disable_time": math.inf, "off_reference_time": math.inf},
 }
 """Limits that older logs do not have, as they were in force then: not at all."""
 
