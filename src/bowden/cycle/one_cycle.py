@@ -267,9 +267,20 @@ def supervised(
     limits: Limits, watched: SupervisorState, observed: Observed, wish: float, reference: float, dt: float
 ) -> tuple[SupervisorState, Verdict]:
     """`cycle_watch` under the supervisor, which is shown the reference beside all else."""
-    reading, lateness, elapsed, request, operator_age, recorder, preflight, emg_age, others, opposite, _ = observed
-    around = lateness, elapsed, request, operator_age, recorder, preflight, emg_age, others, opposite, reference
-    return supervise(limits, watched, Observed(reading, *around), wish, dt)
+    seen = Observed(
+        observed.reading,
+        observed.lateness,
+        observed.elapsed,
+        observed.request,
+        observed.operator_age,
+        observed.recorder,
+        observed.preflight,
+        observed.emg_age,
+        observed.others,
+        observed.opposite,
+        reference,
+    )
+    return supervise(limits, watched, seen, wish, dt)
 
 
 SUPERVISED: dict[str, Callable[..., Any]] = {"cycle_sense": believed, "cycle_lead": led, "cycle_watch": supervised}
