@@ -1,12 +1,11 @@
 """A joint that does not follow its reference: how far and for how long a run may, and what is found by it."""
 
-import math
 from typing import NamedTuple
 
 import pytest
 
 from bowden.control import LAWS, Law
-from bowden.control.reference import PeriodicMinimumJerk, Recorded
+from bowden.control.reference import PeriodicMinimumJerk
 from bowden.core.kernel import kernel
 from bowden.core.signals import Reference, Sample
 from bowden.core.units import RADIANS
@@ -51,9 +50,7 @@ def tired_start(gains: Tired, sample: Sample) -> Command:
 
 
 @kernel
-def tired_step(
-    gains: Tired, state: Command, sample: Sample, reference: Reference, dt: float
-) -> tuple[Command, float]:
+def tired_step(gains: Tired, state: Command, sample: Sample, reference: Reference, dt: float) -> tuple[Command, float]:
     motor = reference.position if state.cycles < gains.last else state.motor
     return Command(state.cycles + 1.0, motor), motor
 

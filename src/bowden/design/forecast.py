@@ -1,11 +1,10 @@
 """How far the joint may be off its reference in a run, by what simulated runs of the same rig and law show."""
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from numpy.typing import NDArray
 
 from bowden.control.law import Law
+from bowden.core.trace import Trace
 from bowden.design.trial import motion
 from bowden.plants.plant import Plant
 from bowden.rig import ranges
@@ -15,13 +14,10 @@ from bowden.safety.limits import Limits
 from bowden.sim.run import simulate
 from bowden.sim.scenario import constant_bend
 
-if TYPE_CHECKING:
-    from bowden.core.trace import Trace
-
 HALF_AGAIN = 1.5
-"""Error that lasts in a real run over that of the simulated one, at most, of what `play` does not explain: it covers 150
-wearers who are not the one that was simulated, and benches with other slopes, dead zones and servos than the rig says
-(docs/background/safety.md)."""
+"""Error that lasts in a real run over that of the simulated one, at most, of what `play` does not explain: it covers
+150 wearers who are not the one that was simulated, and benches with other slopes, dead zones and servos than the rig
+says (docs/background/safety.md)."""
 _LONGEST, _MOVING = 60.0, 20.0
 """Of the rig's own run, and of the check's motion, of which the first strokes are the worst [s]."""
 _HALVINGS = 12
@@ -54,7 +50,7 @@ def _short(rig: Rig) -> Rig:
     return rig if rig.duration <= _LONGEST else rig.replace(duration=_LONGEST)
 
 
-def _moved(plant: Plant, law: Law, bend: float, stroke: tuple[float, float], seed: int) -> "Trace":
+def _moved(plant: Plant, law: Law, bend: float, stroke: tuple[float, float], seed: int) -> Trace:
     begin = plant.resting_motor(stroke[0], bend)
     path = constant_bend(bend)
     return simulate(plant, law, motion(stroke, _MOVING), duration=_MOVING, bend=path, seed=seed, initial_motor=begin)

@@ -135,8 +135,8 @@ class Fault(IntEnum):
                     "`bowden check`")
     JOINT_OFF_REFERENCE = (2, 2, 0.004, "joint does not follow its reference",
                            "|joint − reference| > off_reference for off_reference_time longer than it is not",
-                           "look for a held limb, a slipping spool, a cable beside its pulley, a law that gives up; run "
-                           "`bowden check`")
+                           "look for a held limb, a slipping spool, a cable beside its pulley, a law that gives up; "
+                           "run `bowden check`")
 # fmt: on
 
 OF_OTHERS = (Fault.AXIS_RELEASED, Fault.AXIS_OFF)
