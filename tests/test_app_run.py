@@ -20,11 +20,12 @@ from bowden.control import LAWS
 from bowden.control.reference import PeriodicMinimumJerk
 from bowden.core.errors import BowdenError
 from bowden.cycle.one_cycle import WishSource
-from bowden.design import verdict
+from bowden.design import forecast, verdict
 from bowden.live.mcap_read import read
 from bowden.live.twin_process import RunningTwin, running_twin
 from bowden.rig.presets.bench import default_bench
 from bowden.rig.rig import Rig
+from bowden.safety.faults import Fault
 from bowden.sim.run import simulate
 from live_runs import SHARED, assert_replays, finished, started, tries
 
@@ -100,6 +101,23 @@ def test_a_file_that_is_edited_after_the_check_changes_nothing(
     assert log.settings["gains"]["feedback_gain"] == log.settings["rig"]["gains"]["feedback_gain"] == 3.0
     assert found["rig"] != checked, "the duration and the bus are the command's"
     path.unlink()
+    assert_replays(found["log"])
+
+
+def test_the_limit_that_the_simulation_gives_is_the_one_that_the_loop_has(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A forecast that no run keeps to ends the run."""
+    path = tmp_path / "rig.toml"
+    path.write_text(RIG + "off_reference_time_s = 0.4\n")
+    monkeypatch.setattr(forecast, "off_reference", lambda rig, law: 1e-4)
+    for number in tries():
+        out = tmp_path / f"out{number}"
+        main.run(["run", str(path), "--twin", "--auto", "--json", "--duration", "3", "--out", str(out)])
+        found = json.loads(capsys.readouterr().out)
+        if Fault.JOINT_OFF_REFERENCE.meaning in found["faults"]:
+            break
+    assert found["faults"] == [Fault.JOINT_OFF_REFERENCE.meaning]
     assert_replays(found["log"])
 
 

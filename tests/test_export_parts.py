@@ -20,6 +20,7 @@ from bowden.export.module import Module, files
 from bowden.export.parts import emg_modules, safety_module
 from bowden.export.readme import FLAGS
 from bowden.models.drive.thermal import ThermalState, cold
+from bowden.safety.faults import Fault
 from bowden.safety.limits import Limits
 from bowden.safety.supervisor import Mode, Observed, Request, Verdict, begin, supervise
 from bowden.sensing.intent import IntentSettings, intent_start, intent_step
@@ -65,8 +66,8 @@ GATE = """#include <stdio.h>
 int main(void)
 {
     static safety_state state;
-    double row[26];
-    while (fread(row, 8, 26, stdin) == 26) {
+    double row[27];
+    while (fread(row, 8, 27, stdin) == 27) {
         safety_observed observed;
         safety_verdict verdict;
 @OBSERVED@
@@ -75,7 +76,7 @@ int main(void)
             safety_cold(&warmth);
             safety_begin(&state, &observed.reading, &warmth);
         }
-        safety_supervise(&state, &observed, row[24], row[25], &verdict);
+        safety_supervise(&state, &observed, row[25], row[26], &verdict);
         fwrite(&state, sizeof state, 1, stdout);
         fwrite(&verdict, sizeof verdict, 1, stdout);
     }
@@ -143,12 +144,17 @@ def drives(count: int) -> Iterator[tuple[float, Observed, float]]:
             values[random.integers(len(values))] = float(random.choice(wild))
         others = {300: 2.0, 320: np.nan, 350: 3.0}.get(n if k // 400 % 3 == 2 else -1, 0.0)
         opposite = {200: angle + 9.0, 210: np.nan}.get(n, angle if n < 250 or k // 400 % 3 else angle - 1.0)
-        yield float(n == 0), Observed(DriveReading(*values[:14]), *values[14:21], others, opposite), values[21]
+        reference = {60: np.nan, 330: np.inf}.get(n, 0.9 * angle + (0.6 if n % 120 < 40 and k // 400 % 4 == 1 else 0.0))
+        rest = others, opposite, reference
+        yield float(n == 0), Observed(DriveReading(*values[:14]), *values[14:21], *rest), values[21]
 
 
 def test_exported_gate_gives_the_bits_of_python(tmp_path: Path) -> None:
     limits, cycles = (
-        Limits(measures_temperature=1.0, measures_tension=1.0, measures_torque=1.0, uses_emg=1.0, paired=1.0),
+        Limits(
+            **dict.fromkeys(("measures_temperature", "measures_tension", "measures_torque", "uses_emg", "paired"), 1.0),
+            off_reference_time=0.03,
+        ),
         list(drives(4000)),
     )
     numbers = [[anew, *observed.reading, *observed[1:], wish, DT] for anew, observed, wish in cycles]
@@ -171,6 +177,7 @@ def test_exported_gate_gives_the_bits_of_python(tmp_path: Path) -> None:
     rows = np.array(expected)
     modes = set(rows[:, -len(Verdict._fields) + Verdict._fields.index("mode")])
     assert {float(mode) for mode in Mode} <= modes
+    assert (rows[:, -1] // 2.0**Fault.JOINT_OFF_REFERENCE % 2.0 == 1.0).any()
     assert (bits(found) == bits(rows)).all()
 
 

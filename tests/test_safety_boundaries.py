@@ -55,6 +55,7 @@ LIMITS = Limits(
     },
     **{"release_time": 256 * DT, "lowering": 2.5, "force_release": 5.0, "released_current": 0.25},
     **{"operator_age": 1.25, "uses_emg": 1.0, "emg_age": 0.25},
+    **{"off_reference": 0.5, "off_reference_time": 32 * DT},
 )
 THERMAL = LIMITS.thermal
 READING = DriveReading(0.5, 0.375, 2.0, 20.0, 40.0, 0.0, 0.0, 0.01, 4.0, 0.0, 0.0, 0.0, 0.0)
@@ -163,6 +164,8 @@ PULLED: Changes = {"limits.slack_sign": 1.0, "reading.joint": 0.36, "state.joint
 PUSHED: Changes = {**motor_at(-0.4, -0.35), "state.decided.mode": Mode.RELEASING, "state.decided.joint_then": 0.0}
 Edge = tuple[Fault, str, float, float, Changes]
 AT_JOINT: Changes = {"limits.measures_torque": 1.0, "limits.torque_high": 16.0, "reading.joint_torque": 3.0}
+OFF: Changes = {"observed.reference": 1.0, "state.sums.off_reference": 31 * DT + TINY}
+"""A joint that has been off its reference for as long as it may."""
 PAIRED: Changes = {
     **{"limits.paired": 1.0, "limits.parting": 0.125, "limits.parting_lag": 1 / 64},
     **{"limits.parting_offset": 0.0625, "limits.parting_slope": 0.25},
@@ -414,6 +417,18 @@ EDGES: list[Edge] = [
         *(ASKED - 0.25 - 2 / 64 * FILTERED + sign * TINY for sign in (1.0, -1.0)),
         {**PAIRED, "state.motor.speed": -SLOWED},
     ),
+    (Fault.JOINT_OFF_REFERENCE, "observed.reference", 0.875, 0.875 + TINY, OFF),
+    (Fault.JOINT_OFF_REFERENCE, "observed.reference", -0.125, -0.125 - TINY, OFF),
+    (Fault.JOINT_OFF_REFERENCE, "observed.reference", NAN, 1.0, OFF),
+    (Fault.JOINT_OFF_REFERENCE, "observed.reference", 1e6 + 1.0, 1e6, OFF),
+    (Fault.JOINT_OFF_REFERENCE, "observed.reference", -1e6 - 1.0, -1e6, OFF),
+    (Fault.JOINT_OFF_REFERENCE, "reading.joint", 0.375, 0.375 - TINY, {**OFF, "observed.reference": 0.875}),
+    (Fault.JOINT_OFF_REFERENCE, "state.sums.off_reference", 31 * DT, 31 * DT + TINY, OFF),
+    (Fault.JOINT_OFF_REFERENCE, "limits.off_reference_time", 33 * DT, 32 * DT, OFF),
+    (Fault.JOINT_OFF_REFERENCE, "state.decided.passed", 0.0, 1.0, OFF),
+    (Fault.JOINT_OFF_REFERENCE, "state.decided.mode", Mode.RELEASING, Mode.RUNNING, OFF),
+    (Fault.JOINT_OFF_REFERENCE, "state.decided.mode", Mode.RELEASING, Mode.BRIDGING, OFF),
+    (Fault.JOINT_OFF_REFERENCE, "state.servo.enabled", 0.0, 1.0, {**OFF, "reading.drive_state": 3.0}),
 ]
 """A fault; what shows it; its last good value, its first bad one; what else is so."""
 
@@ -608,6 +623,13 @@ ESTIMATES: list[tuple[str, float, Changes]] = [
     ("sums.undisabled", 1 + DT, {**STOPPED, "state.sums.undisabled": 1.0, "reading.drive_state": 6.0}),
     ("sums.undisabled", 0.0, {**STOPPED, "state.sums.undisabled": 1.0, "reading.drive_state": 7.0}),
     ("sums.undisabled", 0.0, {"state.sums.undisabled": 1.0}),
+    ("sums.off_reference", 3 * DT, {"observed.reference": 1.0, "state.sums.off_reference": 2 * DT}),
+    ("sums.off_reference", 3 * DT, {"observed.reference": 1.0, **THRICE}),
+    ("sums.off_reference", 4 * DT, {"observed.reference": 0.375, "state.sums.off_reference": 5 * DT}),
+    ("sums.off_reference", 2 * DT, {"observed.reference": 0.375, "state.sums.off_reference": 5 * DT, **THRICE}),
+    ("sums.off_reference", 0.0, {"observed.reference": 0.375}),
+    ("sums.off_reference", 0.0, {"state.sums.off_reference": 5 * DT}),
+    ("sums.off_reference", 0.0, {**OFF, **RELEASING}),
     ("sample_age", 3 * DT, {"reading.sample_age": 3 * DT}),
     ("sample_age", 0.0, {"reading.sample_age": NAN}),
     ("sample_age", 0.0, {"reading.sample_age": -DT}),

@@ -478,6 +478,7 @@ ALONE: dict[Fault, list[Cycle]] = {
     Fault.OVER_TORQUE: lasting(9, joint_torque=-15.1),
     Fault.LOAD_STUCK: moved(tension=lambda k, tension: 20.0),
     Fault.MOTORS_APART: lasting(1, opposite=0.5) + lasting(60, opposite=0.0),
+    Fault.JOINT_OFF_REFERENCE: lasting(60, reference=1.1),
 }
 """Each fault as the only one, or the first: what shows it."""
 
@@ -504,6 +505,8 @@ def situation(fault: Fault) -> tuple[Limits, SupervisorState, list[Cycle]]:
         cycles = [*lasting(1, request=Request.STOP), *rows]
     elif fault == Fault.MOTORS_APART:
         limits = limits._replace(paired=1.0)
+    elif fault == Fault.JOINT_OFF_REFERENCE:
+        limits = limits._replace(off_reference_time=0.05)
     elif fault == Fault.WISH_FAR:
         limits = limits._replace(acceleration=1e9)
     elif fault == Fault.MOTOR_OVER_SPEED:

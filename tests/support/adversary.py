@@ -94,6 +94,7 @@ def assault(
             anything(random, 0.02, 0.01, 0.0, limits.emg_age, wild),
             anything(random, 0.0, 0.0, 0.0, 3.0, wild),
             anything(random, near, 0.2, -limits.sensor_span, limits.sensor_span, wild),
+            anything(random, near, 0.2, -limits.off_reference, limits.off_reference, wild),
         )
         state, verdict = supervise(
             limits, state, observed, anything(random, wish, 0.0, limits.motor_low, limits.motor_high, wild), dt

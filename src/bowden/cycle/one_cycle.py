@@ -10,7 +10,7 @@ alone):
 
     cycle_sense(settings, state, observed, dt) -> (sample, measured)           what law and source see of the readings
     cycle_lead(limits, command, added) -> wish                              the law's command, with what the source adds
-    cycle_watch(limits, watched, observed, wish, dt) -> (watched, verdict)  the last word
+    cycle_watch(limits, watched, observed, wish, reference, dt) -> (watched, verdict)  the last word
 
 A part that is left out costs nothing once it is compiled. Reading and writing stand around the cycle.
 """
@@ -32,7 +32,17 @@ from bowden.core.nested import flat, name_of, names, numbers_of, rebuilt, refill
 from bowden.core.signals import DriveReading, Reference, Sample
 from bowden.models.drive.thermal import ThermalState
 from bowden.safety.limits import Limits
-from bowden.safety.supervisor import LATCHED, POWER_ON, RUNNING, Observed, Verdict, begin, see, supervise
+from bowden.safety.supervisor import (
+    LATCHED,
+    POWER_ON,
+    RUNNING,
+    Observed,
+    SupervisorState,
+    Verdict,
+    begin,
+    see,
+    supervise,
+)
 from bowden.sensing.filters import low_pass
 
 Array = NDArray[np.float64]
@@ -123,7 +133,9 @@ def cycle_lead(limits: Any, command: float, added: float) -> float:
 
 
 @stand_in
-def cycle_watch(limits: Any, watched: Any, observed: Any, wish: float, dt: float) -> tuple[Any, Verdict]:
+def cycle_watch(
+    limits: Any, watched: Any, observed: Any, wish: float, reference: float, dt: float
+) -> tuple[Any, Verdict]:
     """Stand-in for the supervisor."""
     raise NotImplementedError  # always replaced
 
@@ -158,7 +170,7 @@ def one_cycle(
         wish = cycle_lead(settings.limits, command, added)
     elif plan.source == MOTION:
         wish = plan.motor
-    supervisor, verdict = cycle_watch(settings.limits, state.supervisor, observed, wish, dt)
+    supervisor, verdict = cycle_watch(settings.limits, state.supervisor, observed, wish, reference.position, dt)
     return CycleState(sample, law, conditioned, source, supervisor), reference, wish, verdict
 
 
@@ -184,7 +196,9 @@ def summed(limits: Any, command: float, added: float) -> float:
 
 
 @kernel
-def unwatched(limits: Any, watched: Unwatched, observed: Any, wish: float, dt: float) -> tuple[Unwatched, Verdict]:
+def unwatched(
+    limits: Any, watched: Unwatched, observed: Any, wish: float, reference: float, dt: float
+) -> tuple[Unwatched, Verdict]:
     """`cycle_watch` of a bare law: the wish itself, at power on."""
     return Unwatched(wish), Verdict(wish, POWER_ON, RUNNING, 0.0, 0.0)
 
@@ -248,7 +262,28 @@ def led(limits: Limits, command: float, added: float) -> float:
     return wish
 
 
-SUPERVISED: dict[str, Callable[..., Any]] = {"cycle_sense": believed, "cycle_lead": led, "cycle_watch": supervise}
+@kernel
+def supervised(
+    limits: Limits, watched: SupervisorState, observed: Observed, wish: float, reference: float, dt: float
+) -> tuple[SupervisorState, Verdict]:
+    """`cycle_watch` under the supervisor, which is shown the reference beside all else."""
+    seen = Observed(
+        observed.reading,
+        observed.lateness,
+        observed.elapsed,
+        observed.request,
+        observed.operator_age,
+        observed.recorder,
+        observed.preflight,
+        observed.emg_age,
+        observed.others,
+        observed.opposite,
+        reference,
+    )
+    return supervise(limits, watched, seen, wish, dt)
+
+
+SUPERVISED: dict[str, Callable[..., Any]] = {"cycle_sense": believed, "cycle_lead": led, "cycle_watch": supervised}
 """A law as it runs live: `Observed` in, and the supervisor's last word out."""
 
 
@@ -276,9 +311,9 @@ _LIMITS = Limits()
 """Of which compiled code needs the type alone."""
 
 
-_SEEN = 23
+_SEEN = 24
 """Numbers of `Observed`."""
-_GIVEN = struct.Struct("28d")
+_GIVEN = struct.Struct("29d")
 """Those and the numbers of a `Plan`."""
 
 
@@ -309,7 +344,7 @@ def cycle_in_place(
     )
     begun = Sample(0.0, 0.0)
     like = DriveReading(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    observed = restored(Observed(like, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0), given)
+    observed = restored(Observed(like, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0), given)
     plan = restored(Plan(0.0, 0.0, Reference(0.0, 0.0, 0.0)), given[_SEEN:])
     before = CycleState(
         restored(begun, sample),

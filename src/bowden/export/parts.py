@@ -103,7 +103,7 @@ def safety_module(limits: Limits) -> Module:
                 (
                     bound,
                     Argument("state", state),
-                    Argument("observed", Observed(_NOTHING, *(0.0,) * 9)),
+                    Argument("observed", Observed(_NOTHING, *(0.0,) * 10)),
                     Argument("wish", 0.0),
                     Argument("dt", 0.001),
                 ),

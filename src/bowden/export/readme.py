@@ -158,7 +158,8 @@ their numbers are in `safety.h`. `verdict.faults` is a sum of 2^fault: with `<st
 `(uint64_t)verdict.faults >> SAFETY_FAULT_LATE & 1` is 1 if the loop was too late.
 
 The operator's requests go into `observed.request`, each for one cycle: `SAFETY_REQUEST_ARM`, `_RUN`, `_STOP` or
-`_ACKNOWLEDGE`; else `SAFETY_REQUEST_NONE`.
+`_ACKNOWLEDGE`; else `SAFETY_REQUEST_NONE`. `observed.reference` is where the law is to have the joint, and `NAN` while
+the law does not lead.
 
 **The preflight is not exported.** In Python it moves the motor by some degrees after arming, and looks whether current,
 motor and joint answer. Here you write it: in `SAFETY_MODE_PREFLIGHT` let `wish` make such small motions. Then set

@@ -13,6 +13,7 @@ from bowden.control import Law, user_law
 from bowden.core import arguments, shown
 from bowden.core.errors import OutputError, ParameterError
 from bowden.core.files import output_folder, whole_files
+from bowden.design.forecast import off_reference
 from bowden.design.verdict import verdicts
 from bowden.face import given
 from bowden.face.given import GivenLaw, GivenRig
@@ -173,16 +174,16 @@ def _modules(rig: Rig, law: Law, emg_rate: float | None, *, safety: bool) -> "li
     if emg_rate is not None:
         modules += emg_modules(emg_rate, detector_named(rig.emg.detector))
     if safety:
-        modules.append(safety_module(_limits(rig)))
+        modules.append(safety_module(_limits(rig, law)))
     names = [module.prefix for module in modules]
     if len(set(names)) < len(names) or names[0] in ("replay", "math", "stdio", "stdlib", "string"):
         raise ParameterError(f"the law {law.name!r} has the name of another file", do="give it another name")
     return modules
 
 
-def _limits(rig: Rig) -> Limits:
+def _limits(rig: Rig, law: Law) -> Limits:
     _ = rig.drive_parameters  # which refuses limits that contradict one another
-    return rig.supervisor_limits
+    return rig.supervisor_limits._replace(off_reference=off_reference(rig, law))
 
 
 def _said(rig: str, law: Law, preset: str | None, *, float32: bool, turned: bool) -> str:

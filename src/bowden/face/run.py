@@ -116,6 +116,7 @@ def live_session(
         about: who and what for, for the log; see `Session`.
         alone: name of the axis that the rig is, of a file with several.
     """
+    from bowden.design.forecast import off_reference
     from bowden.design.verdict import CheckVerdict, verdicts
     from bowden.hardware.drives.family import family_of
     from bowden.live import left_behind
@@ -137,6 +138,7 @@ def live_session(
         pushing = live.pushing.notes([live.law], force=force) if live.pushing else []
         for note in (*live.notes, *pushing):
             tell(note)
+        allowed = []
         for axis in live.axes:
             of_axis = f"axis {quoted(axis.name)}"
             with asked_for_by(of_axis) if axis.name else contextlib.nullcontext():
@@ -146,12 +148,14 @@ def live_session(
                     tell(f"{of_axis}: {note}" if axis.name else note)
                 verdict = "little_margin" if force else found.name or "little_margin"
                 require(axis.limits, axis.rig.sample_time, verdict, opposed=axis.opposed)
+                allowed.append(axis.limits.off_reference if measure else off_reference(axis.rig, axis.law))
         if emg_process is not None:
             emg_process.await_ready()  # a stream that cannot be used is refused before anything else is started
         if twin:
             live = live_run(
                 stack.enter_context(own_twin(rig, measure=measure, alone=alone)), measure=measure, logged=rig
             )
+        live = live.following(allowed)
         log = new_log(out, "measure" if measure else "-".join(dict.fromkeys(axis.law.name for axis in live.axes)))
         yield stack.enter_context(Session(live, log, emg_process, remembers=not twin, about=about, loop=loop))
 

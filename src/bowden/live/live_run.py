@@ -1,7 +1,7 @@
 """From a rig to a live run of it."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -117,6 +117,14 @@ class Live:
     def length(self) -> float:
         """Of the run, without what comes before the law or the motion leads [s]."""
         return max(len(axis.table) for axis in self.axes) * self.rig.sample_time
+
+    def following(self, off_reference: Sequence[float]) -> "Live":
+        """The same run whose joints may be this far off their references, one number an axis [rad]."""
+        axes = [
+            replace(axis, limits=axis.limits._replace(off_reference=most))
+            for axis, most in zip(self.axes, off_reference, strict=True)
+        ]
+        return replace(self, limits=axes[0].limits, several=tuple(axes) if self.several else ())
 
     def columns(self) -> dict[str, str]:
         """Column → unit of the run's rows."""

@@ -50,7 +50,7 @@ def _run(given: dict[str, Any]) -> int:
     from bowden.live.live_run import live_run
     from bowden.rig.rig import Rig
 
-    live = live_run(Rig.unpack(given["rig"]), measure=given["measure"])
+    live = live_run(Rig.unpack(given["rig"]), measure=given["measure"]).following(given["off_reference"])
     with contextlib.ExitStack() as stack:
         for axis in live.axes:
             stack.enter_context(user_law.explained(axis.law))

@@ -68,6 +68,7 @@ SINCE: Mapping[str, float] = {
     **{f"supervisor.load.{name}": 0.0 for name in ("motor", "reading", "unanswered")},
     "supervisor.sums.strained": 0.0,
     "supervisor.sums.undisabled": 0.0,
+    "supervisor.sums.off_reference": 0.0,
     **{f"supervisor.decided.{name}": 0.0 for name in ("joint_then", "motor_then", "met", "ahead")},
     **{f"supervisor.anchor.{name}": 0.0 for name in ("unanswered", "current", "travelled", "swung")},
     "supervisor.sample_age": 0.0,

@@ -155,6 +155,7 @@ class Session:
         given = {
             "rig": (live.whole or live.rig).document(),
             "measure": live.measure,
+            "off_reference": [axis.limits.off_reference for axis in live.axes],
             "thermal": [axis.thermal for axis in self.axes],
             "latched": [axis.latched for axis in self.axes],
             "remembers": self._remembers,

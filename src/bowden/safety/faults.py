@@ -136,6 +136,10 @@ class Fault(IntEnum):
                     "speed for 50 ms, once both have been nearer",
                     "look for a law that drifts, other slopes of the cables than the rig says, a slipping spool; run "
                     "`bowden check`")
+    JOINT_OFF_REFERENCE = (2, 2, 0.004, "joint does not follow its reference",
+                           "|joint − reference| > off_reference for off_reference_time longer than it is not",
+                           "look for a held limb, a slipping spool, a cable beside its pulley, a law that gives up; "
+                           "run `bowden check`")
 # fmt: on
 
 OF_OTHERS = (Fault.AXIS_RELEASED, Fault.AXIS_OFF)

@@ -219,3 +219,16 @@ class Limits(NamedTuple):
     parting_lag: Annotated[
         float, Quantity("growth of that distance with speed, of two servos that follow unlike", "s", key=None)
     ] = 0.0
+    off_reference: Annotated[
+        float,
+        Quantity(
+            "distance of the joint from its reference beyond which it does not follow; left as it is, a run has `play` "
+            "and 1.5 times what its own simulation shows for `off_reference_time`",
+            "rad",
+            ge=0.0,
+            le=180.0,
+        ),
+    ] = 0.5
+    off_reference_time: Annotated[
+        float, Quantity("how much longer it may be further off than nearer", "s", ge=0.0, le=10.0)
+    ] = 1.0

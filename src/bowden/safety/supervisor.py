@@ -46,6 +46,7 @@ class Observed(NamedTuple):
     emg_age: float  # since the newest EMG sample was taken; 0 in a run without EMG [s]
     others: float = 0.0  # worst reaction to faults of other axes, 2 or 3; 0 for none, and where there are no others
     opposite: float = 0.0  # angle of the other motor of a pair; 0 where there is none [rad]
+    reference: float = float("nan")  # where a law is to have the joint; NaN while none leads [rad]
 
 
 class Verdict(NamedTuple):
@@ -134,6 +135,7 @@ class Sums(NamedTuple):
     armed: Annotated[float, Quantity("time with power and without a run", "s")]
     strained: Annotated[float, Quantity("time of a current that leaves no doubt of too much tension", "s")]
     undisabled: Annotated[float, Quantity("time with a sign of torque after the power was switched off", "s")]
+    off_reference: Annotated[float, Quantity("time of a joint off its reference, less the time near it", "s")]
 
 
 class SupervisorState(NamedTuple):
@@ -204,6 +206,7 @@ class Found(NamedTuple):
     OVER_TORQUE: float
     LOAD_STUCK: float
     MOTORS_APART: float
+    JOINT_OFF_REFERENCE: float
 
 
 POWER_OFF, POWER_ON = 0.0, 3.0  # of `hardware.ports.Power`, which this floor cannot see
@@ -242,7 +245,7 @@ def begin(limits: Limits, reading: DriveReading, thermal: ThermalState) -> Super
         Followed(motor, 0.0, 0.0),
         Followed(joint, 0.0, 0.0),
         Anchor(motor, joint, joint, 0.0, 0.0, 0.0, 0.0, 0.0),
-        Sums(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+        Sums(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
         thermal,
         0.0,
         LoadAnchor(motor, 0.0, 0.0, 0.0),
@@ -461,6 +464,10 @@ def look(
     no_wish = led * outside(wish, limits.motor_low, limits.motor_high)
     asked = sel(led * (1.0 - no_wish) > 0.0, wish, state.target)
     hard = omega * (omega * (asked - model) - 2.0 * zeta * model_speed)
+    # the joint beside its reference; time near it counts back, so that one that swings about it is found too
+    follows = led * last.passed * (1.0 - outside(observed.reference, -BIG, BIG))
+    missed = beyond(np.abs(joint.value - observed.reference), limits.off_reference)
+    off_reference = follows * np.fmax(0.0, sums.off_reference + sel(missed > 0.0, time, -time))
     failed = np.fmax(outside(observed.preflight, -0.5, 1.5), beyond(armed, limits.preflight_time))
     found = Found(
         JOINT_LOST=joint_lost,
@@ -512,6 +519,7 @@ def look(
         OVER_TORQUE=beyond(np.abs(torque), limits.torque_high),
         LOAD_STUCK=measured * beyond(cell.unanswered, limits.frozen_travel - 2.0 * half),
         MOTORS_APART=beyond(parted, limits.slack_time),
+        JOINT_OFF_REFERENCE=beyond(off_reference, limits.off_reference_time),
     )
     return (
         SupervisorState(
@@ -521,7 +529,7 @@ def look(
             motor,
             joint,
             anchor,
-            Sums(overload, saturated, slack, late, errors, failures, armed, strained, undisabled),
+            Sums(overload, saturated, slack, late, errors, failures, armed, strained, undisabled, off_reference),
             heat,
             age,
             cell,
