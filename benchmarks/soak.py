@@ -1,7 +1,7 @@
 """The long tests, each of which can be interrupted and goes on where it was left: ``make soak``.
 
-    python benchmarks/soak.py [live steady stops kills recorder faults hours streams hostile fuzzing page drawing]
-        [console] [--minutes 10]
+    python benchmarks/soak.py [live steady stops kills recorder faults releases hours streams hostile fuzzing page
+        drawing console] [--minutes 10]
 
 `live`: the loop against the twin for so many minutes a law, beside a loop that only sleeps and cyclictest. `steady`:
 one run for as long, whose processes may not grow. `stops`: 200 bursts of keys in live runs and 10 000 interleavings of
@@ -54,6 +54,10 @@ def faults(given: argparse.Namespace) -> Found:
     return import_module("fault_matrix").figures(given.share)
 
 
+def releases(given: argparse.Namespace) -> Found:
+    return import_module("releases").figures(given.share)
+
+
 def hours(given: argparse.Namespace) -> Found:
     return import_module("soak_supervisor").figures(given.share)
 
@@ -91,6 +95,7 @@ PARTS: dict[str, tuple[str, Callable[[argparse.Namespace], Found]]] = {
     "kills": ("Loss of a process", kills),
     "recorder": ("Loss of the recorder", recorder),
     "faults": ("Faults", faults),
+    "releases": ("A thousand releases", releases),
     "hours": ("Hours without a fault", hours),
     "streams": ("EMG streams", streams),
     "hostile": ("Hostile streams of EMG", hostile),

@@ -20,6 +20,7 @@ from bowden.rig.rig import Rig
 from bowden.rig.settings import SuitSettings
 from bowden.safety.limits import Limits
 from bowden.safety.supervisor import Mode, Observed, Request, begin, longest_release, supervise
+from releases import release, throws
 
 SUIT = Suit()._replace(motor=Suit().motor._replace(integral=40.0))
 STILL = Bends(math.pi, math.pi)
@@ -142,6 +143,12 @@ def test_whoever_starts_a_run_is_told_how_long_it_takes() -> None:
     suit, bench = (live_run(Rig(suit=SuitSettings(worn=worn))).losses() for worn in (True, False))
     assert "the arm is let down at 40°/s; the power is off within 3.49 s" in suit
     assert "the joint is let down at 90°/s; the power is off within 1.82 s" in bench
+
+
+@pytest.mark.parametrize("number", range(30))
+def test_a_release_throws_no_joint(number: int) -> None:
+    """A random rig, place and cause; a thousand are in `make soak`, and as a figure in hazards.md."""
+    assert throws(release(number)) == ""
 
 
 def test_an_arm_that_hangs_is_let_go_of_at_once() -> None:
