@@ -22,7 +22,7 @@ from bowden.safety.limits import Limits
 from bowden.safety.supervisor import Mode, Request
 from loop_rig import PERIOD
 
-QUICK = Limits()._replace(release_time=2e-3, released_time=0.0)
+QUICK = Limits()._replace(release_time=2e-3)
 """A release of two cycles: what is asked for is tried in every mode, ten thousand times."""
 POWERED = (Mode.PREFLIGHT, Mode.RUNNING, Mode.BRIDGING)
 TOWARDS = {Mode.STOPPED: Request.ARM, Mode.PREFLIGHT: Request.RUN, Mode.LATCHED: Request.ACKNOWLEDGE}
