@@ -54,9 +54,9 @@ def test_a_drive_that_will_not_do_is_refused_and_never_enabled(
             "thermal_winding_capacity_j_per_k = 0, but must be a number above 0",
         ),
         (
-            "[limits]\npay_out_deg_per_s = 2800.0",
+            "[limits]\nlowering_deg_per_s = 20.0\nmotor_high_deg = 340.0",
             ["--auto"],
-            "pay_out_deg_per_s = 2800 is faster than motor_speed_deg_per_s = 859",
+            "lowering_deg_per_s = 20 takes a release",
         ),
         ("[live]\njoint_cutoff_hz = 900.0", ["--auto"], "live.joint_cutoff_hz is 900"),
         (

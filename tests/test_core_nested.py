@@ -11,7 +11,6 @@ from bowden.control import LAWS
 from bowden.core.kernel import compiled, kernel
 from bowden.core.nested import columns, flat, from_columns, names, refilled, restored
 from bowden.core.signals import Sample
-from bowden.live.old_names import _RENAMED, SINCE, names_of_today
 from bowden.live.row import STOPPED, SUPERVISOR
 
 STATES = [STOPPED, *(law.start(Sample(0.1, 0.2)) for law in LAWS.values())]
@@ -54,15 +53,6 @@ def test_units_are_those_of_the_types() -> None:
     assert units["law.crossing.width"] == "rad"
     assert units["law.swing.time"] == "s"
     assert LAWS["adaptive"].columns()["law.joint_rate"] == "rad/s"
-
-
-def test_old_names_are_those_of_today_where_a_log_has_them_all() -> None:
-    supervisor, push = _RENAMED
-    assert set(supervisor.values()) | {"supervisor.target"} == set(SUPERVISOR) - set(SINCE)
-    assert len(push) == 17
-    assert names_of_today(("time", *supervisor, "law.width")) == ("time", *supervisor.values(), "law.width")
-    assert names_of_today((*supervisor, *push)) == (*supervisor.values(), *push.values())
-    assert names_of_today(tuple(SUPERVISOR)) == tuple(SUPERVISOR)
 
 
 def sliced_states(source: str) -> list[int]:

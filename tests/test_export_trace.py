@@ -59,8 +59,8 @@ def everything(x: float, y: float, exponent: float) -> Found:
         share=sel((x > 0.0) * x, 3.0, y),
         difference=x - x,
         product=0.0 * x,
-        smaller=np.fmin(x, y),
-        larger=np.fmax(x, y),
+        smaller=np.fmin(x, y) + 0.0,  # which zero fmin and fmax give of 0.0 and -0.0 is left open by IEEE 754
+        larger=np.fmax(x, y) + 0.0,
         signs=np.sign(x) + 0.0,
         rest=x - np.floor(x),
         signed=np.copysign(y, x),

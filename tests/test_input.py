@@ -372,18 +372,6 @@ def test_a_rig_that_is_too_large_to_be_handed_on_is_refused_before_a_live_run(mo
         live_run(Rig())
 
 
-# older versions
-
-OLDER = sorted((Path(__file__).parent / "data" / "older_rigs").glob("*.toml"))
-
-
-@pytest.mark.parametrize("path", OLDER, ids=lambda path: path.stem)
-def test_a_rig_that_an_older_version_wrote_is_read(path: Path) -> None:
-    rig = Rig.read(path)
-    assert Rig.unpack(rig.pack()).hash == rig.hash
-    assert rig.fitted().name == "adaptive" or rig.suit.worn
-
-
 def test_a_key_that_there_is_no_more_is_told_with_what_became_of_it(tmp_path: Path) -> None:
     path = tmp_path / "rig.toml"
     for gain, became in bowden.LAWS["bowden"].former.items():

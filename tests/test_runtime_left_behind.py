@@ -93,6 +93,7 @@ class Slept:
         (ELSEWHERE, 2.0, 0.0),
         (DEAD, 0.0, 0.0),
     ],
+    ids=["dead", "dead for good", "alive", "elsewhere", "dead and let go"],  # the owners hold numbers of processes
 )
 def test_a_loop_without_its_operator_is_waited_for_and_another_run_is_not(
     owner: str, held: float, waited: float, tmp_path: Path

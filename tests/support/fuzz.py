@@ -241,7 +241,6 @@ def _rigs() -> list[bytes]:
     return [
         Rig().to_toml().encode(),
         *(block.encode() for block in re.findall(r"```toml\n(.*?)```", shown, re.DOTALL)),
-        *(path.read_bytes() for path in sorted((ROOT / "tests/data/older_rigs").glob("*"))),
     ]
 
 

@@ -17,7 +17,6 @@ from bowden.live import axis_columns
 from bowden.live.mcap_layout import Event, Packing, topics
 from bowden.live.mcap_log import ABOUT, CLOSING, MAGIC, checksum, stamps_of
 from bowden.live.mcap_records import Metadata, Opcode, read_metadata
-from bowden.live.old_names import names_of_today
 from bowden.live.ring import Description
 
 _HEAD = 9  # of a record: opcode and length
@@ -82,12 +81,11 @@ class LogReader:
             raise LogError(f"{path} does not say what its rows are: {error}", do=_DO) from error
         self._packing = Packing(topics(columns, units))
         self._start, self._time = int(about["start_utc_ns"]), columns.index("time")
-        named = names_of_today(columns)
         names = [str(one["name"]) for one in self.settings.get("axes") or ()]
         wanted = None if only is None else {*axis_columns.named(tuple(only), names)} if names else {*only}
-        kept = [i for i, name in enumerate(named) if wanted is None or name in wanted]
+        kept = [i for i, name in enumerate(columns) if wanted is None or name in wanted]
         self._kept = slice(None) if only is None else kept
-        self.columns, self.units = tuple(named[i] for i in kept), tuple(units[i] for i in kept)
+        self.columns, self.units = tuple(columns[i] for i in kept), tuple(units[i] for i in kept)
         self.closing: dict[str, str] | None = None
         """The last metadata record, once all is read; None where the file was not closed properly."""
         self.count = 0

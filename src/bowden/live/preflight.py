@@ -304,7 +304,8 @@ def contradictions(limits: Limits, dt: float, *, opposed: bool = False) -> list[
     if longest_release(limits) > _LONGEST:
         found.append(
             f"{written('lowering')} takes a release {longest_release(limits):.1f} s from the end of the motor's range, "
-            f"and must not take more than {_LONGEST:g} s"
+            f"and must not take more than {_LONGEST:g} s: raise it, or make that range smaller "
+            f"({written('motor_low', 'motor_high')})"
         )
     if limits.tracking_lag * limits.motor_speed + limits.tracking >= limits.target_reach:
         widest = (limits.tracking_lag * limits.motor_speed + limits.tracking) * DEGREES

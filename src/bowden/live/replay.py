@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -19,7 +18,6 @@ from bowden.cycle.one_cycle import LAW_BEGINS, Cycle, CycleState, Filters, Plan
 from bowden.cycle.torque_offset import COLUMNS, TorqueOffset
 from bowden.live.gain_ramp import IN_FORCE
 from bowden.live.mcap_read import Recording
-from bowden.live.old_names import SINCE
 from bowden.live.row import STOPPED, SUPERVISOR
 from bowden.live.run_settings import push_of
 from bowden.safety.limits import Limits
@@ -93,7 +91,6 @@ def replay(
     Raises:
         LogError: a column is missing, or the record has fewer than two rows.
     """
-    found = _completed(found)
     _check(found, law, same, source)
     cycle = Cycle(law, limits, filters, period, source)
     at = {name: i for i, name in enumerate(found.columns)}
@@ -198,15 +195,6 @@ def _compared(found: Recording, gaps: Any, wishes: Any, said: Any, recorded: Any
         first_other_verdict=first(other),
         torque_largest=None if torques is None else float(np.nanmax(torques, initial=0.0)),
     )
-
-
-def _completed(found: Recording) -> Recording:
-    """The record with the columns that its version did not have yet."""
-    new = [name for name in SINCE if name not in found.columns]
-    if not new:
-        return found
-    rows = np.hstack([found.rows, np.full((len(found.rows), len(new)), [SINCE[name] for name in new])])
-    return replace(found, columns=(*found.columns, *new), units=(*found.units, *("1" for _ in new)), rows=rows)
 
 
 def _check(found: Recording, law: Law, same: bool, source: Source) -> None:
