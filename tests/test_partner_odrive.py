@@ -193,7 +193,7 @@ def test_our_master_moves_its_mock_as_far_as_it_goes(tmp_path: Path, monkeypatch
             board = OdriveDialogue(port, given, endpoints_of("twin"))
             board.tell(Cmd.SET_CONTROLLER_MODE, frames.pack_modes(frames.POSITION_CONTROL, frames.PASSTHROUGH))
             scale = motor_scale(given)
-            return OdriveFindings("mock", scale, limits_of(given, scale), DriveState.SWITCH_ON_DISABLED, 0)
+            return OdriveFindings("mock", scale, limits_of(given, scale), DriveState.SWITCH_ON_DISABLED, 0, "")
 
         monkeypatch.setattr(odrive_drive, "set_up", told)
         monkeypatch.setattr(odrive_drive, "LOST", 10.0)

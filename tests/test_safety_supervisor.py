@@ -202,12 +202,12 @@ def test_r1_lasts_5_ms_at_most_and_counts_what_came_before() -> None:
     assert Mode.RELEASING not in [v.mode for v in follow(seldom)]
 
 
-@pytest.mark.parametrize("sign", [-1.0, 1.0])
-@pytest.mark.parametrize("cause", ["operator", "force"])
+@pytest.mark.parametrize("case", list(itertools.product((-1.0, 1.0), ("operator", "force"))))
 def test_r2_lets_the_joint_down_at_its_speed_until_the_cable_is_taut_and_is_off_and_latched(
-    sign: float, cause: str
+    case: tuple[float, str],
 ) -> None:
     """The motor follows its target, on a rig whose cable is just taut 0.4 rad from where the motor begins."""
+    sign, cause = case
     limits = LOOSE._replace(slack_sign=sign, lowering=0.7, taut=0.5 + 0.4 * sign, target_reach=2.0)
     speed = (limits.force_release if cause == "force" else limits.lowering) / limits.slope_high
     state, motor, verdicts = running(limits), 0.5, []

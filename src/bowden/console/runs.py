@@ -249,10 +249,11 @@ class RunOwner:
                 _give(self._stopping.pop(), "")
         row = session.rows.last()
         mode = None if row is None else Mode(int(session.row_of(row)["mode"]))
-        asked, self._stops = block.stops != self._stops, block.stops
-        if mode not in POWERED:
+        stops = block.stops  # read once: a stop may come from any thread
+        asked, self._stops = stops != self._stops, stops
+        if mode not in POWERED and not block.stop_waits:
             return None
-        if asked_at is not None or asked:
+        if asked_at is not None or asked or block.stop_waits:
             return asked_at or now
         view = self.lease.look(now)
         if view.fresh:

@@ -34,8 +34,8 @@ _CORRECT = "correct the law there"
 _RENAME = "give it another name"
 _TRIAL_CYCLES = 5
 _TRIAL_TIME = 1e-3
-_SWEEP = [0.02 * k for k in (*range(66), *range(66, 0, -1))]
-"""References through which a law must return, whatever it gives there: up to 75° and back [rad]."""
+_SWEEP = [0.02 * k for k in (*range(66), *range(66, -66, -1), *range(-66, 1))]
+"""References through which a law must return, whatever it gives there: to 75°, to −75° and back [rad]."""
 _MOST_LINES = 300_000
 """Lines of Python in one call of a law; so many, compiled, are no cycle's any more."""
 _EXAMPLE = Knowledge(50.0, 1.0, 1.5e-3, 1e-3, 1.0, 0.1, 0.1, BoucWen(), 0.0, 1e-4, 1e-4, 1e-4, 1e-4)

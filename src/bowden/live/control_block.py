@@ -5,8 +5,8 @@ Words of int64, each written by one side alone, and whole.
 
 A stop is never overwritten. All requests are numbered in the order in which they are asked. A stop has a word of its
 own, which is its number and only grows; any other request has one word for its number and what it is. The loop takes a
-stop first, drops what waits beside it, and takes no request that was asked before a stop. It writes the number of the
-stop back.
+stop first, drops any other request that it finds in the same cycle, and takes none that was asked before a stop. It
+writes the number of the stop back.
 """
 
 import struct

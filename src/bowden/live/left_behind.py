@@ -77,13 +77,11 @@ def await_host(
             claim()()
             return
         except DriveError as error:
-            loops = [maps for maps in loops if _is_loop_without_operator(maps)]
             if clock.now() >= until or not loops:
                 raise
+            loops = [maps for maps in loops if _is_loop_without_operator(maps)]  # the last may have ended just now
             if not told:
-                tell(
-                    f"{error.what}: the loop of a run whose operator was killed; waiting {ENDS:g} s at most for its end"
-                )
+                tell(f"{error.what}: waiting up to {ENDS:g} s for the loop of a run whose operator was killed to end")
         told = True
         clock.sleep_until(clock.now() + round(_LOOK * SECOND))
 

@@ -36,7 +36,7 @@ _PRIORITY = 1
 """Of SCHED_RR, the lowest there is [–]."""
 _MOST_KEYS = 4096
 """Looked at together; a terminal holds no more of them (N_TTY_BUF_SIZE of Linux)."""
-_NOT_TAKEN = "the loop has not taken the stop yet: use the emergency stop"
+_NOT_TAKEN = "the loop does not answer the stop: use the emergency stop"
 _LETTERS = {Request.ARM: "a", Request.RUN: "r", Request.ACKNOWLEDGE: "k"}
 _KEYS = {"a": Request.ARM, "r": Request.RUN, "s": Request.STOP, " ": Request.STOP, "k": Request.ACKNOWLEDGE}
 

@@ -303,9 +303,10 @@ def contradictions(limits: Limits, dt: float, *, opposed: bool = False) -> list[
         )
     if longest_release(limits) > _LONGEST:
         found.append(
-            f"{written('lowering')} takes a release {longest_release(limits):.1f} s from the end of the motor's range, "
-            f"and must not take more than {_LONGEST:g} s: raise it, or make that range smaller "
-            f"({written('motor_low', 'motor_high')})"
+            f"a release takes {longest_release(limits):.1f} s from the end of the motor's range "
+            f"({written('motor_low', 'motor_high')}), at {limits.lowering * DEGREES:.3g}°/s of the joint on the "
+            f"steepest slope ({written('slope_high')}), and must not take more than {_LONGEST:g} s: make that range or "
+            f"slope smaller, or raise what bounds the speed: lowering, half of joint_speed or of motor_speed"
         )
     if limits.tracking_lag * limits.motor_speed + limits.tracking >= limits.target_reach:
         widest = (limits.tracking_lag * limits.motor_speed + limits.tracking) * DEGREES
@@ -399,7 +400,7 @@ _POSITIVE = (
     *("acceleration", "servo_frequency", "servo_damping", "tracking", "play", "frozen_travel", "current_peak"),
     *("saturation", "i2t_time", "heartbeat_age", "enable_time", "lateness", "clock_gap", "operator_age"),
     *("console_lease", "emg_age", "preflight_time", "bridge_time", "release_time", "lowering", "released_current"),
-    "torque_high",
+    *("torque_high", "off_reference", "off_reference_time"),
 )
 
 

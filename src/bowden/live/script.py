@@ -19,7 +19,7 @@ from bowden.hardware.emg.course import EmgCourse
 from bowden.live import preflight
 from bowden.live.dead_zone import dead_zone
 from bowden.live.row import NOTHING_READ
-from bowden.models.minimum_jerk import PEAK_SPEED, minimum_jerk, minimum_jerk_from
+from bowden.models.minimum_jerk import PEAK_SPEED, minimum_jerk
 from bowden.safety.supervisor import Mode
 
 _PREFLIGHT, _RUNNING, _BRIDGING = float(Mode.PREFLIGHT), float(Mode.RUNNING), float(Mode.BRIDGING)
@@ -61,8 +61,8 @@ class Script:
         home: Home | None = None,
     ) -> None:
         self._slope, self._home = slope, home
-        self._homing: tuple[Reference, float, float] | None = None
-        """Where the way home begins, when, and how long it takes [s]."""
+        self._homing: tuple[float, float, float] | None = None
+        """Where the way home begins [rad], when, and how long it takes [s]."""
         self._table, self._width = np.ascontiguousarray(table, dtype=np.float64).reshape(-1).data, table.shape[1]
         self._course, self._last = course, (len(table) if course is None else course.cycles) - 1
         self._start, self._speed, self._checks, self._period = start, speed, checks, period
@@ -139,16 +139,19 @@ class Script:
         return self._table[place : place + self._width]  # no array is indexed in the loop
 
     def _to_home(self, row: int, at: float) -> Sequence[float]:
-        """The way from where the reference has come to, `at` [s] after the run began."""
+        """The way from where the reference has come to, `at` [s] after the run began.
+
+        It begins at rest, also where the reference moved: a way that slowed down first would leave the reference's
+        range. What the law is shown is a motion all the same (`control.conditioning`).
+        """
         assert self._home is not None
         if self._homing is None:
-            begin = Reference(*self._values(row), *(0.0,) * (3 - self._width))
-            way = abs(begin.position - self._home.place)
-            moves = way > _THERE or abs(begin.velocity) > _THERE
-            longest = max(_BLEND, PEAK_SPEED * way / self._home.speed) if moves else self._period
-            self._homing = begin, at, longest
+            begin = float(self._values(row)[0])
+            way = abs(begin - self._home.place)
+            takes = max(_BLEND, PEAK_SPEED * way / self._home.speed) if way > _THERE else self._period
+            self._homing = begin, at, takes
         begin, since, takes = self._homing
-        return minimum_jerk_from(begin, self._home.place, takes, at - since)
+        return minimum_jerk(begin, self._home.place, takes, at - since)
 
     def _enter(self, mode: float, target: float, reading: DriveReading, cycles: int) -> None:
         if mode == _PREFLIGHT:
@@ -173,6 +176,6 @@ _BLEND = 1.0
 """Time in which the reference goes from where the joint is to its own motion [s]."""
 
 _THERE = 1e-3
-"""A reference so near to its home, and so slow, is there [rad, rad/s]."""
+"""A reference so near to its home is there [rad]."""
 _FURTHEST = 0.3
 """A joint further from the reference than this is not explained by play: the law is shown it as it is [rad]."""

@@ -110,15 +110,18 @@ class Fault(IntEnum):
     NOT_DISABLED = (3, 3, 0.004, "drive keeps its torque",
                     "for disable_time after power off: its state has torque, |current| > released_current, or, where "
                     "that is not known, the motor pulls at 1 rad/s",
-                    "press the emergency stop, and keep away; do not use this drive before it has been repaired")
-    SECOND_MASTER = (3, 3, 0.004, "another master on the bus", "a frame came that this host alone may send",
-                     "end the other program or take the other device off the bus")
+                    "press the emergency stop, and keep away; do not use this drive before it has been repaired. If "
+                    "its motor turns freely, released_current of [limits] is below what it reads without torque")
+    SECOND_MASTER = (3, 3, 0.004, "another master on the bus",
+                     "a frame came that this host alone may send, or more readings of a drive than it was asked for",
+                     "end the other program, take the other device off the bus, or look for two with one number")
     EMERGENCY_STOP = (3, 3, 0.004, "emergency stop pressed", "its input, where the rig names one, or safe torque off",
                       "find out why it was pressed; release it, and acknowledge")
     CURRENT_STUCK = (2, 2, 0.004, "motor current does not change",
                      "at most one count to and fro over frozen_travel of the motor and 1 rad/s of its speed",
                      "look at 6077h of the drive and its PDO")
-    RELEASE_PULLS = (3, 3, 0.004, "release pulls", "joint beyond 20° to the slack side, and 6° further since R2 began",
+    RELEASE_PULLS = (3, 3, 0.004, "release pulls",
+                     "joint 20° to the slack side of where the cable is just taut, and 6° further since R2 began",
                      "change the sign of slack_sign in [limits], or the motor's direction")
     AXIS_RELEASED = (2, 2, 0.004, "another axis is being released", "a fault of another axis of the rig asks for R2",
                      "look at the fault of the other axis; an acknowledgement is for all axes")

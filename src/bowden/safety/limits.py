@@ -174,8 +174,8 @@ class Limits(NamedTuple):
     release_time: Annotated[
         float,
         Quantity(
-            "R2 at most where the cable carries nothing, power off afterwards; longer by what it takes at `lowering` "
-            "to where the cable is just taut",
+            "R2 of a cable that hangs, power off afterwards; one that is taut has, besides, 1.3 times what the way to "
+            "where it is just taut takes at `lowering`",
             "s",
             ge=0.0,
             le=0.2,
@@ -184,8 +184,9 @@ class Limits(NamedTuple):
     lowering: Annotated[
         float,
         Quantity(
-            "largest speed of the joint in R2, by the cable's steepest slope; on a worn suit 40°/s at most: 250 mm/s "
-            "of the hand, 0.35 m from the elbow, is what ISO 10218-1 allows where people are within reach",
+            "speed that R2 asks of the joint at most, by the cable's steepest slope; where friction lets go it may be "
+            "1.3 times that for a moment. On a worn suit 40°/s at most: 250 mm/s of the hand, 0.35 m from the elbow, "
+            "is what ISO 10218-1 allows where people are within reach",
             "rad/s",
             ge=15.0,
             le=90.0,
@@ -204,7 +205,8 @@ class Limits(NamedTuple):
         float, Quantity("1 where the cable is just taut at zero, 0 where zero is where the limb was found", key=None)
     ] = 1.0
     released_current: Annotated[
-        float, Quantity("current below which the motor of an untensioned cable is at rest", "A", ge=0.0, le=10.0)
+        float,
+        Quantity("largest current of a motor without power, and of one that holds a slack cable", "A", ge=0.0, le=10.0),
     ] = 0.3
     paired: Annotated[float, Quantity("1 where another motor pulls at the same joint, else 0", key=None)] = 0.0
     parting: Annotated[

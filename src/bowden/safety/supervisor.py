@@ -217,7 +217,8 @@ DEAD_SHARE = (
 )
 SWING = 1.0  # changes of speed that no motor makes at one and the same current [rad/s]
 PULLED_SPEED = 1.0  # a motor without power, and of unknown current, that pulls faster is not turned by hand [rad/s]
-REST, FURTHER = 0.35, 0.1  # a joint this far to the slack side of where the cable is just taut is pulled [rad]
+# a joint so far to the slack side of where the cable is just taut, and so much further than when R2 began, is pulled
+REST, FURTHER = 0.35, 0.1  # [rad]
 AHEAD = 0.05  # time for which a joint is ahead of the cable before the cable counts as slack [s]
 OVERSPEED = 1.1  # speed over that of a release at which its target waits: more than a servo's own ripple
 WAITS = 1.3  # time of a release over that without friction: 1.26 at most of 1000 (benchmarks/releases.py)
@@ -284,7 +285,7 @@ def release_speed(limits: Limits, force: float) -> float:
 
 @kernel
 def release_target(
-    limits: Limits, met: float, target: float, motor: Followed, joint: Followed, force: float, time: float
+    limits: Limits, met: float, target: float, motor: Followed, joint_speed: float, force: float, time: float
 ) -> float:
     """The motor's next target in R2 [rad]: let down at `release_speed`, to where the cable is just taut.
 
@@ -297,7 +298,7 @@ def release_target(
         met: 1 once the target of this release has been where the motor is, else 0.
         target: what the drive was sent last [rad].
         motor: as it is believed.
-        joint: likewise.
+        joint_speed: likewise; 0 where it is in doubt [rad/s].
         force: 1 where the cause is a force, else 0.
         time: since the cycle before [s].
     """
@@ -305,7 +306,7 @@ def release_target(
     begin = sel(met > 0.0, out * target, np.fmax(out * target, out * motor.value))
     lowered = np.fmax(begin, np.fmin(out * limits.taut, begin + speed * np.fmin(time, 0.1)))
     quick = beyond(out * motor.speed, OVERSPEED * speed) + beyond(
-        out * joint.speed, OVERSPEED * speed * steepest(limits)
+        out * joint_speed, OVERSPEED * speed * steepest(limits)
     )
     return out * sel(quick > 0.0, np.fmin(lowered, out * motor.value), lowered)
 
@@ -587,7 +588,9 @@ def supervise(
     mode = sel(powered > 0.0, going, sel(found.NOT_DISABLED > 0.0, LATCHED, rests))
 
     # the target: without power it follows the motor, so that nothing moves when power comes
-    lowered = release_target(limits, last.met, state.target, seen.motor, seen.joint, force, time)
+    lowered = release_target(
+        limits, last.met, state.target, seen.motor, sel(doubted > 0.0, 0.0, seen.joint.speed), force, time
+    )
     led = enabled * (1.0 - outside(mode, PREFLIGHT, RUNNING))
     aim = sel(led > 0.0, wish, sel(mode == RELEASING, lowered, sel(mode == BRIDGING, state.target, motor)))
     step = most_step(limits, time, dt)

@@ -157,7 +157,8 @@ def check_parameters(name: str, given: Mapping[str, Any], where: str) -> None:
         )
     for key, value in given.items():
         unit, _ = meaning(key)
-        low, high = _RANGES.get(re.sub(r"_\d+$", "_1", key)) or _RANGES[unit]
+        scheduled = key == "bend" and "bend_low" in given  # then it is a place between two, in their unit
+        low, high = _RANGES.get("bend_low" if scheduled else re.sub(r"_\d+$", "_1", key)) or _RANGES[unit]
         if isinstance(value, bool) or not isinstance(value, int | float) or not low <= value <= high:
             raise ParameterError(
                 f"{where}: {key} of {name} is {value!r}",
