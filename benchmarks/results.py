@@ -31,6 +31,7 @@ ORDER = [
         "Loss of a process",
         "Loss of the recorder",
         "Faults",
+        "A thousand releases",
         "Hours without a fault",
     ),
     *("EMG streams", "Hostile streams of EMG", "Inputs that nobody would write"),

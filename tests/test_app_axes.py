@@ -226,7 +226,7 @@ def test_a_rig_of_axes_that_cannot_be_gets_no_power(tmp_path: Path) -> None:
 
 
 def test_what_is_said_to_come_next_names_the_axis(capsys: pytest.CaptureFixture[str]) -> None:
-    found = {"ended_well": True, "law": "bowden", "log_whole": True}
+    found = {"ended_well": True, "law": "bowden", "log_whole": True, "log_lost": None}
     both = [{"name": "hip", "law": "bowden"}, {"name": "knee", "law": "bowden"}]
     run_command._say_next(Path("leg.toml"), found | {"axes": both}, None, None, None)
     run_command._say_next(Path("leg.toml"), found, "bowden", None, "knee")

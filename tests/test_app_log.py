@@ -55,7 +55,7 @@ def live_run() -> np.ndarray:
     for k in range(CYCLES):
         joint = math.nan if k in (1500, 1501) else 0.93 * motor - 0.02 + noise[k, 0]
         reading = DriveReading(
-            motor, joint, 0.4 + noise[k, 0], math.nan, 35.0, 0.0, 0.0, 0.01, drive, 0.0, 0.0, 0.0, 0.0
+            motor, joint, 0.1 + noise[k, 0], math.nan, 35.0, 0.0, 0.0, 0.01, drive, 0.0, 0.0, 0.0, 0.0
         )
         if not begun:
             cycle.begin(reading, cold(limits.thermal))

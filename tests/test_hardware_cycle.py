@@ -322,7 +322,7 @@ def test_no_drive_is_wronged_for_late_frames_and_a_second_one_of_its_number_is_f
     """Jitter of a cycle, lost SYNCs, stalls of the drive; then each SYNC has two answers."""
     port, drive = Port(seed, losses, twice, stall), CanopenDrive(DRIVE)
     drive._port = port  # type: ignore[assignment]
-    drive._found = DriveFindings("", motor_scale(DRIVE), joint_scale(DRIVE), 0.2, DriveState.SWITCH_ON_DISABLED)
+    drive._found = DriveFindings("", motor_scale(DRIVE), joint_scale(DRIVE), 0.2, DriveState.SWITCH_ON_DISABLED, "")
     port._waiting.extend([0.0] * 4)  # to the SYNCs of the bring-up
     foreign = []
     for cycle in range(2000):

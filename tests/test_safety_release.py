@@ -141,8 +141,8 @@ def test_an_arm_is_let_down_and_not_dropped(suit: Suit, lost: bool) -> None:
 
 def test_whoever_starts_a_run_is_told_how_long_it_takes() -> None:
     suit, bench = (live_run(Rig(suit=SuitSettings(worn=worn))).losses() for worn in (True, False))
-    assert "the arm is let down at 40°/s; the power is off within 3.49 s" in suit
-    assert "the joint is let down at 90°/s; the power is off within 1.82 s" in bench
+    assert "the arm is let down at 40°/s; the power is off within 4.39 s" in suit
+    assert "the joint is let down at 90°/s; the power is off within 2.22 s" in bench
 
 
 @pytest.mark.parametrize("number", range(30))
@@ -166,10 +166,11 @@ def test_an_arm_that_its_wearer_holds_up_is_not_pulled_down() -> None:
 @pytest.mark.parametrize("limits", [LIMITS, OF_INIT], ids=["default", "bowden init --suit"])
 @pytest.mark.parametrize("lead", [0.0, 12.0])
 def test_a_motor_that_cannot_pull_any_more_begins_to_let_go_at_once(limits: Limits, lead: float) -> None:
-    """From its own angle, though the target is beyond it and may only go back in several cycles."""
+    """From its own angle, though the target is beyond it and may only go back in several cycles: from 40° to where a
+    limb that is caught at 20° bears less than 60 N takes 1 s at 40°/s."""
     let = let_go(SUIT, 57.0, held=CAUGHT, limits=limits._replace(target_speed=20.0), lead=lead)
-    assert let.strained < 0.8
-    assert let.lasted < 1.5
+    assert let.strained < 1.1
+    assert let.lasted < 2.0
 
 
 @pytest.mark.parametrize(

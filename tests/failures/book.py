@@ -232,7 +232,7 @@ BOOK: Mapping[str, Failure] = {
         "the motor's: the preflight's first motion is not seen, no law runs",
         ("PREFLIGHT_FAILED",),
         704.0,
-        766.0,
+        902.0,
         Play("cia402", "encoder_zero motor", onset=None, watched=1.5),
     ),
     "a_joint_encoder_reads_0_at_start": Failure(
@@ -290,7 +290,7 @@ BOOK: Mapping[str, Failure] = {
         "none of those samples is taken; after 200 ms without one the run ends, R2",
         ("EMG_LOST",),
         191.0,
-        390.0,
+        459.0,
     ),
     "a_recording_ends_in_a_contraction": Failure(
         "A signal whose last contraction has no end within it made the analysis fail.",
@@ -300,7 +300,7 @@ BOOK: Mapping[str, Failure] = {
         "200 ms",
         ("EMG_LOST",),
         201.0,
-        401.0,
+        479.0,
     ),
 }
 """Name of the test → the row."""

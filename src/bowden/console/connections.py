@@ -2,7 +2,6 @@
 
 import asyncio
 
-import h11
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
 REQUEST_WITHIN = 2.0
@@ -35,7 +34,7 @@ class Connection(H11Protocol):
         """A part of a request: the rest of it has its deadline from the first one on."""
         super().data_received(data)
         is_stream = self.transport.get_protocol() is not self  # which h11 then shows as a request without its body
-        if is_stream or self.conn.their_state not in (h11.IDLE, h11.SEND_BODY):
+        if is_stream or self.conn.their_state.__name__ not in ("IDLE", "SEND_BODY"):
             self.begun, self._under_way = -1.0, False
             self._expect(None)
         elif not self._under_way:

@@ -60,9 +60,9 @@ def lasting_error(error: NDArray[np.float64], dt: float, time: float) -> float:
     """The smallest bound beyond which |error| (n,) is never `time` [s] longer than it is within, as the supervisor
     counts it [rad].
 
-    >>> lasting_error(np.repeat([0.0, 5.0, 1.0], [100, 50, 200]), 0.01, 1.0)
+    >>> round(lasting_error(np.repeat([0.0, 5.0, 1.0], [100, 50, 200]), 0.01, 1.0), 2)
     1.0
-    >>> lasting_error(np.repeat([0.0, 5.0, 1.0], [100, 50, 200]), 0.01, 0.4)
+    >>> round(lasting_error(np.repeat([0.0, 5.0, 1.0], [100, 50, 200]), 0.01, 0.4), 2)
     5.0
     """
     size = np.abs(error)

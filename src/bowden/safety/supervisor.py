@@ -284,30 +284,25 @@ def release_speed(limits: Limits, force: float) -> float:
 
 
 @kernel
-def release_target(
-    limits: Limits, met: float, target: float, motor: Followed, joint_speed: float, force: float, time: float
-) -> float:
+def release_target(limits: Limits, met: float, target: float, motor: Followed, force: float, time: float) -> float:
     """The motor's next target in R2 [rad]: let down at `release_speed`, to where the cable is just taut.
 
     It begins at the target, or at a motor that could not pull as far. Once the target has been where the motor is, a
-    load that drags the motor on is braked, and not gone after. Where friction lets go of the motor, or of the joint,
-    both would run after the target: it waits at the motor until they are slow again.
+    load that drags the motor on is braked, and not gone after. Where friction lets go of the motor, it would run after
+    the target: that waits at the motor until it is slow again.
 
     Args:
         limits: of the rig.
         met: 1 once the target of this release has been where the motor is, else 0.
         target: what the drive was sent last [rad].
         motor: as it is believed.
-        joint_speed: likewise; 0 where it is in doubt [rad/s].
         force: 1 where the cause is a force, else 0.
         time: since the cycle before [s].
     """
     out, speed = limits.slack_sign, release_speed(limits, force)
     begin = sel(met > 0.0, out * target, np.fmax(out * target, out * motor.value))
     lowered = np.fmax(begin, np.fmin(out * limits.taut, begin + speed * np.fmin(time, 0.1)))
-    quick = beyond(out * motor.speed, OVERSPEED * speed) + beyond(
-        out * joint_speed, OVERSPEED * speed * steepest(limits)
-    )
+    quick = beyond(out * motor.speed, OVERSPEED * speed)
     return out * sel(quick > 0.0, np.fmin(lowered, out * motor.value), lowered)
 
 
@@ -588,9 +583,7 @@ def supervise(
     mode = sel(powered > 0.0, going, sel(found.NOT_DISABLED > 0.0, LATCHED, rests))
 
     # the target: without power it follows the motor, so that nothing moves when power comes
-    lowered = release_target(
-        limits, last.met, state.target, seen.motor, sel(doubted > 0.0, 0.0, seen.joint.speed), force, time
-    )
+    lowered = release_target(limits, last.met, state.target, seen.motor, force, time)
     led = enabled * (1.0 - outside(mode, PREFLIGHT, RUNNING))
     aim = sel(led > 0.0, wish, sel(mode == RELEASING, lowered, sel(mode == BRIDGING, state.target, motor)))
     step = most_step(limits, time, dt)
