@@ -22,6 +22,7 @@ from bowden.safety.supervisor import (
     DEAD_SHARE,
     OVERSPEED,
     PULLED_SPEED,
+    REST,
     WAITS,
     Mode,
     Observed,
@@ -1033,6 +1034,18 @@ def test_a_release_waits_at_the_motor_while_that_is_too_quick(case: tuple[float,
         assert target == pytest.approx(-0.125 * out if waits else goes, abs=1e-12), speed
         ahead = release_target(limits, 1.0, 0.0, motor._replace(value=0.125 * out), force, DT)
         assert ahead == pytest.approx(goes, abs=1e-12), "the target never goes back further than it came"
+
+
+@pytest.mark.parametrize("case", list(itertools.product((0.25, -0.25), (-1.0, 1.0))))
+def test_a_release_pulls_beyond_where_the_cable_is_taut_on_this_rig(case: tuple[float, float]) -> None:
+    """By the slope, of those that the cable may have, that leaves the joint the most room."""
+    taut, out = case
+    room = max(out * slope * taut for slope in (LIMITS.slope_low, LIMITS.slope_high)) + REST
+    for more, pulls in ((TINY, True), (-TINY, False)):
+        joint = out * (room + more)
+        place = {**motor_at(joint, joint), **RELEASING, "limits.slack_sign": out, "limits.taut": taut}
+        place |= {"state.decided.joint_then": joint - 0.2 * out, "limits.joint_low": -1.0, "limits.homed": 1.0}
+        assert (Fault.RELEASE_PULLS in faults(place)) is pulls
 
 
 def test_it_begins_within_its_limits_whatever_it_reads() -> None:

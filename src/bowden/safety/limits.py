@@ -185,7 +185,7 @@ class Limits(NamedTuple):
         float,
         Quantity(
             "speed that R2 asks of the joint at most, by the cable's steepest slope; where friction lets go it may be "
-            "1.3 times that for a moment. On a worn suit 40°/s at most: 250 mm/s of the hand, 0.35 m from the elbow, "
+            "1.4 times that for a moment. On a worn suit 40°/s at most: 250 mm/s of the hand, 0.35 m from the elbow, "
             "is what ISO 10218-1 allows where people are within reach",
             "rad/s",
             ge=15.0,
