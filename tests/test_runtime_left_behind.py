@@ -113,7 +113,7 @@ def test_a_loop_without_its_operator_is_waited_for_and_another_run_is_not(
             left_behind.await_host(claim, said.append, clock)
     assert clock.time == pytest.approx(waited * SECOND, abs=0.1 * SECOND)
     assert len(said) == (waited > 0.0)
-    assert all("has a host already" in note and "waiting 10 s at most" in note for note in said)
+    assert all("has a host already" in note and "waiting up to 10 s" in note for note in said)
 
 
 def test_a_loop_whose_operator_has_gone_brings_no_drive_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

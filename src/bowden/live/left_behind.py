@@ -77,9 +77,10 @@ def await_host(
             claim()()
             return
         except DriveError as error:
-            if clock.now() >= until or not loops:
+            again = told and bool(loops)  # the last of them may have ended just now
+            loops = [maps for maps in loops if _is_loop_without_operator(maps)]
+            if clock.now() >= until or not (loops or again):
                 raise
-            loops = [maps for maps in loops if _is_loop_without_operator(maps)]  # the last may have ended just now
             if not told:
                 tell(f"{error.what}: waiting up to {ENDS:g} s for the loop of a run whose operator was killed to end")
         told = True
