@@ -229,17 +229,18 @@ def test_claims_file_is_plain_toml() -> None:
 
 THEORY = "docs/background/theory.md"
 GAINS = "docs/background/adaptive_gains.md"
+EVIDENCE = "docs/background/evidence.md"
 FIGURES = {
-    "table1.observer.constant": ("{:.3f}°", "README.md"),
-    "table1.observer.varying": ("{:.3f}°", "README.md"),
-    "table1.adaptive.constant": ("{:.3f}°", "README.md", THEORY, GAINS),
-    "table1.adaptive.varying": ("{:.3f}°", "README.md", THEORY, GAINS),
+    "table1.observer.constant": ("{:.3f}°", EVIDENCE),
+    "table1.observer.varying": ("{:.3f}°", EVIDENCE),
+    "table1.adaptive.constant": ("{:.3f}°", EVIDENCE, THEORY, GAINS),
+    "table1.adaptive.varying": ("{:.3f}°", EVIDENCE, THEORY, GAINS),
     "fig4.ratio": ("{:.3f}", THEORY),
     "fig4.mismatch": ("{:.1f} mm", THEORY),
     "fig4.residual": ("{:.2f} mm", THEORY),
     "fig14.convergence.slope_inverse": ("{:.0f} s", THEORY, GAINS),
     "fig14.convergence.bound": ("{:.0f} s", THEORY, GAINS),
-    "fig16.adaptive.bandwidth": ("{:.0f} rad/s", "README.md", THEORY, GAINS),
+    "fig16.adaptive.bandwidth": ("{:.0f} rad/s", THEORY, GAINS),
     "erratum.spools.flexor_travel": ("{:.1f} mm", THEORY),
     "erratum.eq14.command": ("{:.3f}°", THEORY),
     "erratum.eq14.absorbed": ("{:.3f}°", THEORY),
