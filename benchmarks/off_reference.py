@@ -9,6 +9,8 @@ docs/background/safety.md.
 
 import sys
 from collections.abc import Callable
+from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 
@@ -28,9 +30,11 @@ from bowden.models.cable.bouc_wen import BoucWen
 from bowden.models.drive.thermal import cold
 from bowden.plants.suit_parts import Suit
 from bowden.rig.bends import RandomBend
+from bowden.rig.emg_motion import EmgMotion
 from bowden.rig.one_run import run_of
 from bowden.rig.presets.suit import suit, suit_adaptive_integral, suit_ours
 from bowden.rig.rig import Rig
+from bowden.rig.suit_rig import TEXT
 from bowden.safety.faults import of
 from bowden.safety.supervisor import Mode, Observed, Request
 from bowden.sim.run import simulate
@@ -132,6 +136,30 @@ def wearers(count: int) -> list[str]:
     return rows
 
 
+def by_emg(count: int) -> list[str]:
+    """Runs by EMG on wearers that were not simulated: contractions of 0.2 to 3 s with 0.2 to 6 s between them, so that
+    motions are reversed half-way."""
+    rows = []
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "suit.toml"
+        path.write_text(TEXT.format(name=path.name).replace('# source = "lsl:EMG" ', 'source = "lsl:EMG"'))
+        own = Rig.read(path)
+    run, dt, seconds = own.emg_run, own.sample_time, 2.0 * PERIOD
+    assert run is not None
+    for name in ("bowden", "adaptive"):
+        rig = own.with_law(name)
+        law, errors = rig.fitted(), []
+        for number in range(count):
+            drawn, random = random_wearer(number, worn_suit()), np.random.default_rng([number, 78])
+            edges = np.cumsum(random.uniform([0.2, 0.2], [6.0, 3.0], (200, 2)).ravel())
+            active = (np.searchsorted(edges, np.arange(round(seconds / dt)) * dt) % 2).astype(float)
+            motion = EmgMotion(run, active, np.zeros_like(active), active, dt)
+            found = simulate(drawn.suit, law, motion, duration=seconds, bend=drawn.bend, seed=number)
+            errors.append(lasting_error(found.error, dt, TIME))
+        rows.append(row(f"`{name}`, {count} wearers of the suit by EMG", off_reference(rig, law), errors))
+    return rows
+
+
 def stopped(name: str, what: str, begins: float) -> tuple[float, str, float]:
     """Time from its beginning to R2 or R3 [s], by what, and how far the joint then was off the reference [rad]."""
     rig = Rig(law=name, duration=40.0)
@@ -180,7 +208,7 @@ def wrongs() -> list[str]:
 if __name__ == "__main__":
     draws = int(sys.argv[1]) if sys.argv[1:] else 40
     print("| in order | limit | largest error that lasts | share |\n|---|---|---|---|")
-    for part in (benches, cables, wearers):
+    for part in (benches, cables, wearers, by_emg):
         print("\n".join(part(draws)), flush=True)
     print("\n| wrong | law | R2 after | by | off by, at most |\n|---|---|---|---|---|")
     print("\n".join(wrongs()))
