@@ -477,6 +477,13 @@ def test_without_power_a_load_cell_may_keep_its_value_wherever_the_motor_is_turn
     assert state.load.reading == 20.0
 
 
+def test_without_power_a_current_may_keep_its_value_whatever_the_servo_s_model_does() -> None:
+    kept = {"reading.current": 2.0, "state.anchor.travelled": 9.0, "state.anchor.swung": 9.0}
+    for changes, stuck in (({}, 9.0), (STOPPED | {"reading.current": 2.0}, 0.0)):
+        state, _ = cycle(kept, changes)
+        assert (state.anchor.travelled, state.anchor.swung) == (stuck, stuck)
+
+
 def test_a_load_that_is_no_number_is_not_remembered_and_not_too_much() -> None:
     for wild in (NAN, INF, -INF, 1e6 + 1.0, -1e6 - 1.0):
         state, _ = cycle(MUTE, {"reading.tension": wild})
@@ -493,8 +500,9 @@ def test_the_age_of_a_sample_is_its_own_whatever_the_load_cell_says() -> None:
         assert state.sample_age == 0.25
 
 
-def test_a_cell_that_is_mute_in_a_release_changes_nothing() -> None:
+def test_what_is_stuck_in_a_release_changes_nothing() -> None:
     assert cycle(MUTE, RELEASING, {"state.load.unanswered": 0.1})[1].faults == 0.0
+    assert cycle(SWINGING, RELEASING)[1].faults == 0.0
 
 
 def test_a_current_that_is_not_known_means_no_tension() -> None:
@@ -896,6 +904,9 @@ def test_a_load_is_let_down_until_the_servo_is_where_the_cable_is_taut_or_the_ca
         {"state.decided.motor_then": 0.5, "state.decided.joint_then": 0.7},  # it was as wrong before
     ):
         assert cycle(slack, doubtful)[1].mode == Mode.RELEASING, doubtful
+    for elapsed, counted in ((3.0 * DT, 3.0 * DT), (0.1, 5.0 * DT)):  # of a late cycle, five cycles at most
+        state, _ = cycle(slack, {"state.decided.ahead": 0.0, "observed.elapsed": elapsed})
+        assert state.decided.ahead == pytest.approx(counted)
     of_joint = (Fault.JOINT_LOST, Fault.JOINT_JUMP, Fault.JOINT_STALE, Fault.JOINT_FROZEN, Fault.JOINT_ASTRAY)
     for fault in LATCHABLE:
         mode = cycle(slack, {"state.decided.latched": 2.0**fault})[1].mode

@@ -269,7 +269,7 @@ def most_step(limits: Limits, time: float, dt: float) -> float:
 @kernel
 def steepest(limits: Limits) -> float:
     """The most that the joint moves by per motor angle [rad/rad]."""
-    return np.fmax(np.abs(limits.slope_low), limits.slope_high)
+    return np.fmax(-limits.slope_low, limits.slope_high)  # the smaller one may be below zero
 
 
 @kernel
