@@ -34,6 +34,7 @@ from bowden.rig.pair import pulling
 from bowden.rig.pair import said as said_of_pair
 from bowden.rig.pair_plant import parting_in_run
 from bowden.rig.rig import Rig
+from bowden.rig.settings import LiveSettings
 from bowden.safety.limits import Limits
 from bowden.safety.supervisor import longest_release, release_speed
 from bowden.sensing.intent import FOLLOWED_ACCELERATION, FOLLOWED_SPEED, TURNED_ACCELERATION, TURNED_SPEED
@@ -190,8 +191,8 @@ class Live:
 
     def script(self, course: EmgCourse | None = None) -> Script:
         """The run's plan."""
-        speed = self.rig.live.approach
-        limits = self.limits
+        limits, basis = self.limits, self.rig.basis
+        speed = LiveSettings().approach / basis.slope if math.isnan(self.rig.live.approach) else self.rig.live.approach
         checks = Preflight(
             pull_sign=-limits.slack_sign,
             moved=WRONG_WAY,
@@ -200,7 +201,7 @@ class Live:
             high=limits.motor_high,
             tension=limits.measures_tension,
             torque=limits.measures_torque,
-        )
+        ).on_cable(basis.slope, basis.width + 2.0 * WRONG_WAY / basis.flat, self.rig.motor_encoder)
         if self.opposed:  # both motors of a pair move the joint the agonist's way, or neither would
             checks = checks._replace(pull_sign=-checks.pull_sign, load_sign=-1.0)
         suit = self.rig.worn

@@ -22,10 +22,6 @@ _LEAST_SPAN = 1.0
 """Of the joint's covered motion, from which on a rig is made of it [deg]: a dozen counts of its encoder."""
 _ROOM = 15.0
 """What motor and joint may go beyond the covered motion [deg]: a law crosses the play, and overshoots."""
-_GENTLER, _STEEPER = 0.75, 1.15
-"""Smallest and largest slope that the supervisor takes for the cable's, over its own."""
-_PLAYS = 1.5
-"""Distance of the joint from where these slopes have it that is the cable's play, over its dead zone."""
 
 TEXT = """\
 # {name}: a bench with your cable. Next: bowden simulate {name}
@@ -58,8 +54,9 @@ period_s = 10.0  # [s] there and back
 [scenario]
 duration_s = 60.0  # [s]
 
-[limits]  # of bowden run: {limited}; all others as bowden init writes them
-{limits}
+[limits]  # of bowden run; what is not here follows from the cable, this range and the cycle (docs/safety.md)
+joint_low_deg = {joint_low}    # [°] smallest angle of the joint: {limited}
+joint_high_deg = {joint_high}  # [°] largest
 """
 
 
@@ -136,6 +133,7 @@ def model_text(name: str, model: str, cable: IdentifiedCable, chosen: Chosen) ->
     counted = cable.counted(counting)
     bench, seen = default_bench(), counted.covered
     low, high, within = _reference(seen)
+    ends, room = ((Limits().joint_low, Limits().joint_high), 0.0) if seen is None else ((seen.joint_low, seen.joint_high), _ROOM)
     return TEXT.format(
         name=name,
         model=quoted(model),
@@ -150,8 +148,9 @@ def model_text(name: str, model: str, cable: IdentifiedCable, chosen: Chosen) ->
         within=within,
         low=low,
         high=high,
-        limited=f"angles {_ROOM:g}° beyond what the log covered, slopes round the model's" if seen else "of the model",
-        limits="\n".join(_limits(counted)),
+        joint_low=math.floor(ends[0] * DEGREES - room),
+        joint_high=math.ceil(ends[1] * DEGREES + room),
+        limited=f"{_ROOM:g}° beyond what the log covered" if seen else "of the paper's bench: put your own here",
     )
 
 
@@ -187,33 +186,6 @@ def _reference(seen: Covered | None) -> tuple[float, float, str]:
     scale = 10.0**digits
     ends = math.ceil(scale * (low + inside)) / scale, math.floor(scale * (high - inside)) / scale
     return *ends, f"within the motion that the log covered, {low:.4g} to {high:.4g}° at the joint"
-
-
-def _limits(cable: IdentifiedCable) -> list[str]:
-    """Keys of [limits], with their units."""
-    seen, slope = cable.covered, cable.bouc_wen.slope
-    lost = 2.0 * cable.models["play"]["half_width"] * slope * DEGREES if "play" in cable.models else 0.0
-    found = [
-        ("slope_low", _GENTLER * slope, "[rad/rad] joint over motor"),
-        ("slope_high", _STEEPER * slope, "[rad/rad]"),
-        (
-            "play_deg",
-            max(Limits().play * DEGREES, _PLAYS * lost),
-            "[°] the joint's distance from these slopes",
-        ),
-    ]
-    if seen is not None:
-        angles = [one * DEGREES for one in seen]
-        found = [
-            ("motor_low_deg", math.floor(angles[0] - _ROOM), "[°] smallest target of the motor"),
-            ("motor_high_deg", math.ceil(angles[1] + _ROOM), "[°] largest target of the motor"),
-            ("joint_low_deg", math.floor(angles[2] - _ROOM), "[°] smallest angle of the joint"),
-            ("joint_high_deg", math.ceil(angles[3] + _ROOM), "[°] largest angle of the joint"),
-            *found,
-        ]
-    rows = [(f"{name} = {float(f'{value:.4g}')}", said) for name, value, said in found]
-    room = max(len(left) for left, _ in rows)
-    return [f"{left:<{room}}  # {said}" for left, said in rows]
 
 
 def _tenth(angle: float) -> float:

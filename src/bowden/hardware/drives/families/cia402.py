@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 from bowden.core.errors import ParameterError
 from bowden.hardware.drives import on_can
 from bowden.hardware.drives.emergencies import emergency_text
-from bowden.hardware.drives.family import DriveFamily, DriveNeeds, FoundDevice, TwinProcess
+from bowden.hardware.drives.family import LOST, DriveFamily, DriveNeeds, FoundDevice, TwinProcess
 from bowden.hardware.drives.homing import zeroed
 from bowden.hardware.drives.parameters import (
     DriveParameters,
@@ -31,6 +31,8 @@ def completed(given: DriveParameters, needs: DriveNeeds) -> DriveParameters:
     """
     asked = {name: value for name, value in needs._asdict().items() if name in DriveParameters._fields}
     parameters = given._replace(**asked)
+    least = LOST * parameters.sample_time  # of a loop for which what is written, at most 40 ms, is too short
+    parameters = parameters._replace(heartbeat_timeout=max(parameters.heartbeat_timeout, least))
     check_parameters(parameters)
     if 2.0 * parameters.drive_heartbeat_time > needs.heartbeat_age:
         raise ParameterError(
