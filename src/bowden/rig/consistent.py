@@ -38,8 +38,8 @@ OLDEST = 0.010
 """Age of an angle that is still good, but for one cycle where that is longer [s]."""
 CYCLES = 3.0
 """Cycles of silence that are a fault, of drive and host: one frame may be lost, and the next one late."""
-STEP = 0.5
-"""Of `target_reach`: what the target may go in one slow cycle; two of them in one direction leave it."""
+STEP = 0.9
+"""Of `target_reach`: what the target may go in one slow cycle, in which a law crosses the dead zone at a reversal."""
 SPAN = 1.25
 """What an encoder shows over what angles at their limits may come to."""
 

@@ -14,6 +14,7 @@ from bowden.core.units import DEGREES, RADIANS
 from bowden.identify.cable.counting import Counting, Covered, fitted_range
 from bowden.identify.cable.model import IdentifiedCable
 from bowden.rig.presets.bench import default_bench
+from bowden.rig.sections import DEFAULT_CABLE
 from bowden.safety.limits import Limits
 
 _INSIDE = 0.1
@@ -33,7 +34,7 @@ model = {model}
 [servo]  # of the paper's bench: put your own here; bowden identify-servo finds it from a log
 natural_frequency_hz = {frequency:.4g}  # [Hz] it decides how much gain a law may have
 damping = {damping:.1f}                 # ratio; 1 is critical
-
+{motor}
 [encoder.joint]  # of the paper's bench: put your own here
 resolution_deg = {count:.11g}  # [°] one count
 noise_deg = {noise:.2f}                # [°] standard deviation
@@ -140,6 +141,7 @@ def model_text(name: str, model: str, cable: IdentifiedCable, chosen: Chosen) ->
         counting=_counting_lines(counting),
         frequency=bench.servo.natural_frequency / (2.0 * math.pi),
         damping=bench.servo.damping,
+        motor=_motor_lines(bench.motor.gear, counted.bouc_wen.slope / DEFAULT_CABLE.slope),
         count=bench.joint_encoder.resolution * DEGREES,
         noise=bench.joint_encoder.noise * DEGREES,
         law=quoted(chosen.law),
@@ -152,6 +154,16 @@ def model_text(name: str, model: str, cable: IdentifiedCable, chosen: Chosen) ->
         joint_high=math.ceil(ends[1] * DEGREES + room),
         limited=f"{_ROOM:g}° beyond what the log covered" if seen else "of the paper's bench: put your own here",
     )
+
+
+def _motor_lines(gear: float, slope: float) -> str:
+    """The motor behind a gear that makes it as strong at the joint as on the bench, where the slope takes from that."""
+    if slope <= 1.0:
+        return ""
+    return f"""
+[motor]  # of the paper's bench: put your own here
+gear = {gear * slope:.4g}  # motor turns per spool turn: as strong at the joint as on the bench
+"""
 
 
 def _gain_lines(gains: Mapping[str, float]) -> str:
