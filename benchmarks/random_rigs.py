@@ -20,6 +20,7 @@ from bowden.core.errors import BowdenError
 from bowden.core.units import RADIANS
 from bowden.cycle.one_cycle import Cycle
 from bowden.design.forecast import off_reference
+from bowden.design.other_law import chosen_law
 from bowden.design.verdict import verdicts
 from bowden.face.init import init
 from bowden.hardware.ports import Power
@@ -47,8 +48,8 @@ LONGEST = 120.0
 ARMED = 100
 """Cycle in which it is armed."""
 SAMPLE_TIMES = (1e-3, 2e-3, 5e-3, 10e-3, 20e-3)
-SUITS = 0.15
-"""Share of the rigs that are suits."""
+SUITS, BY_HAND = 0.15, 0.25
+"""Share of the rigs that are suits, and of the others that `init` has not made."""
 
 
 @functools.cache
@@ -85,12 +86,28 @@ def cable(random: np.random.Generator) -> IdentifiedCable:
     return IdentifiedCable("play", {"play": play, "bouc_wen": bouc_wen}, covered=covered)
 
 
+def by_hand(random: np.random.Generator) -> dict[str, Any]:
+    """Parts of a rig whose cable is written by hand, and whose joint has its zero anywhere in its range."""
+    slope = math.exp(random.uniform(math.log(0.02), math.log(50.0)))
+    lost = math.exp(random.uniform(math.log(0.1), math.log(20.0))) * RADIANS
+    low, span, usual, bench = random.uniform(-70.0, 20.0) * RADIANS, random.uniform(30.0, 70.0) * RADIANS, BoucWen(), Rig()
+    gain = -0.5 * lost / saturation(usual)
+    return {
+        "cable": BoucWen(slope, gain, random.uniform(0.2, 0.9) * slope / abs(gain), usual.shape, usual.exponent),
+        "motor": bench.motor._replace(gear=bench.motor.gear * max(1.0, slope / bench.slope)),
+        "reference": PeriodicMinimumJerk(low, low + span, random.uniform(6.0, 12.0)),
+        "limits": {"joint_low": min(0.0, low) - 0.3, "joint_high": max(0.0, low + span) + 0.3},
+    }
+
+
 def drawn(number: int) -> tuple[str, Any, float]:
     """Kind, identified cable or reference of a suit, and sample time of that number."""
     random = np.random.default_rng(number)
     dt = float(random.choice(SAMPLE_TIMES))
     if random.random() < SUITS:
         return "suit", PeriodicMinimumJerk(0.0, random.uniform(30.0, 75.0) * RADIANS, random.uniform(6.0, 12.0)), dt
+    if random.random() < BY_HAND:
+        return "by hand", by_hand(random), dt
     return "bench", cable(random), dt
 
 
@@ -103,6 +120,10 @@ def rig_of(number: int) -> Rig:
     kind, given, dt = drawn(number)
     if kind == "suit":
         return _suit().replace(sample_time=dt, reference=given, duration=SECONDS)
+    if kind == "by hand":
+        rig = Rig(**given, sample_time=dt, duration=SECONDS)
+        chosen = chosen_law(rig)
+        return rig.with_law(chosen.law).replace(gains=chosen.gains)
     return init(given, sample_time=dt).rig.replace(duration=SECONDS)
 
 

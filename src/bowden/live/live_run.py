@@ -201,7 +201,7 @@ class Live:
             high=limits.motor_high,
             tension=limits.measures_tension,
             torque=limits.measures_torque,
-        ).on_cable(basis.slope, basis.width + 2.0 * WRONG_WAY / basis.flat, self.rig.motor_encoder)
+        ).on_cable(basis, self.rig.motor_encoder)
         if self.opposed:  # both motors of a pair move the joint the agonist's way, or neither would
             checks = checks._replace(pull_sign=-checks.pull_sign, load_sign=-1.0)
         suit = self.rig.worn

@@ -17,7 +17,7 @@ from bowden.core.signals import DriveReading, DriveState
 from bowden.core.units import RADIANS
 from bowden.models.minimum_jerk import minimum_jerk_share
 from bowden.models.drive.encoder import Encoder
-from bowden.rig.consistent import contradictions
+from bowden.rig.consistent import Basis, contradictions
 from bowden.safety.limits import Limits
 
 
@@ -59,17 +59,19 @@ class Preflight(NamedTuple):
     load_sign: float = 1.0
     """−1 of a cable that is let out in this motion, since another one pulls the joint: its load falls."""
 
-    def on_cable(self, slope: float, dead: float, encoder: Encoder) -> "Preflight":
-        """The motions of a cable whose slope is so many times the bench's.
+    def on_cable(self, basis: Basis, encoder: Encoder) -> "Preflight":
+        """The motions on a cable.
 
         Args:
-            slope: over the bench's [–].
-            dead: way of the motor until the joint has moved for sure [rad].
-            encoder: the motor's, which has to show the first of them.
+            basis: what of it there is to follow.
+            encoder: the motor's, which has to show the first motion; where it holds, it holds to its counts.
         """
-        first = max(self.first / slope, COUNTS * (encoder.resolution + encoder.noise))
-        largest = max(self.largest / slope, 2.0 * max(first, dead))  # they double: the last is more than half of it
-        return self._replace(first=first, largest=largest, speed=self.speed / slope)
+        counts = encoder.resolution + encoder.noise
+        first = max(self.first / basis.slope, COUNTS * counts)
+        dead = basis.width + 2.0 * self.moved / basis.flat
+        largest = max(self.largest / basis.slope, 2.0 * max(first, dead))  # they double: the last is over half of it
+        noise = self.noise + counts * basis.flat
+        return self._replace(first=first, largest=largest, speed=self.speed / basis.slope, noise=noise)
 
 
 COUNTS = 6.0
