@@ -31,6 +31,7 @@ from bowden.live.preflight import REASONS, Reason, require
 from bowden.live.row import NOTHING_READ
 from bowden.models.cable.bouc_wen import BoucWen, saturation
 from bowden.models.drive.thermal import cold
+from bowden.rig.objections import objections
 from bowden.rig.rig import Rig
 from bowden.rig.suit_rig import TEXT
 from bowden.rig.twin_plant import twin_plant_of
@@ -90,7 +91,12 @@ def by_hand(random: np.random.Generator) -> dict[str, Any]:
     """Parts of a rig whose cable is written by hand, and whose joint has its zero anywhere in its range."""
     slope = math.exp(random.uniform(math.log(0.02), math.log(50.0)))
     lost = math.exp(random.uniform(math.log(0.1), math.log(20.0))) * RADIANS
-    low, span, usual, bench = random.uniform(-70.0, 20.0) * RADIANS, random.uniform(30.0, 70.0) * RADIANS, BoucWen(), Rig()
+    low, span, usual, bench = (
+        random.uniform(-70.0, 20.0) * RADIANS,
+        random.uniform(30.0, 70.0) * RADIANS,
+        BoucWen(),
+        Rig(),
+    )
     gain = -0.5 * lost / saturation(usual)
     return {
         "cable": BoucWen(slope, gain, random.uniform(0.2, 0.9) * slope / abs(gain), usual.shape, usual.exponent),
@@ -142,6 +148,8 @@ def run(rig: Rig) -> str:
     Raises:
         BowdenError: it is refused.
     """
+    if found := objections(rig):
+        return f"objected: {'; '.join(found)}"
     live = live_run(rig)
     verdict = verdicts(rig, [live.law], "rig.toml", force=True)[0]
     require(live.limits, rig.sample_time, verdict.name or "holds", opposed=live.opposed)

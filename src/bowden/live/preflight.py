@@ -7,6 +7,7 @@ the cable's load, which no cable has in the direction in which it is let out.
 Where a load cell says what the cable pulls, its reading must rise as the motor pulls, by more than it changed at rest.
 """
 
+from collections.abc import Iterable
 from enum import IntEnum
 from typing import NamedTuple
 
@@ -15,8 +16,8 @@ import numpy as np
 from bowden.core.errors import SafetyError
 from bowden.core.signals import DriveReading, DriveState
 from bowden.core.units import RADIANS
-from bowden.models.minimum_jerk import minimum_jerk_share
 from bowden.models.drive.encoder import Encoder
+from bowden.models.minimum_jerk import minimum_jerk_share
 from bowden.rig.consistent import Basis, contradictions
 from bowden.safety.limits import Limits
 
@@ -273,21 +274,34 @@ def step(
     return _answer(state._replace(step=float(Step.OUT), since=0.0, amplitude=larger, charge=0.0), state.motor)
 
 
-def require(limits: Limits, dt: float, verdict: str, *, opposed: bool = False) -> None:
-    """Refuse a run whose limits contradict one another, or whose gains do not hold.
+def require(
+    limits: Limits,
+    dt: float,
+    verdict: str,
+    *,
+    opposed: bool = False,
+    given: Limits | None = None,
+    mismatches: Iterable[str] = (),
+) -> None:
+    """Refuse a run whose limits contradict one another or its rig, or whose gains do not hold.
 
     Args:
         limits: the supervisor's.
         dt: cycle time [s].
         verdict: of `bowden check` on these gains (`design.check.VerdictName`).
         opposed: see `contradictions`.
+        given: likewise.
+        mismatches: of the rig (`rig.objections`).
 
     Raises:
         SafetyError: with every contradiction, or the verdict.
     """
-    found = contradictions(limits, dt, opposed=opposed)
-    if found:
-        raise SafetyError(f"limits contradict one another: {'; '.join(found)}", do="correct them in rig.toml")
+    if found := contradictions(limits, dt, opposed=opposed, given=given):
+        raise SafetyError(
+            f"limits contradict one another: {'; '.join(found)}", do="correct what is written in rig.toml"
+        )
+    if found := [*mismatches]:
+        raise SafetyError("; ".join(found))
     if verdict not in ("holds", "little_margin", "limit_cycle"):
         raise SafetyError(f"`bowden check` says {verdict!r}", expected="gains that hold", do="run `bowden tune`")
 

@@ -11,7 +11,6 @@ A limit that is written rules. Whether all of them go together says `contradicti
 """
 
 import math
-from collections.abc import Iterable
 from functools import partial
 from typing import NamedTuple
 
@@ -99,15 +98,16 @@ def _widest(limits: Limits, dt: float) -> float:
     return max(map(abs, ends)) + limits.motor_speed * (limits.bridge_time + 2.0 * dt)
 
 
-def contradictions(limits: Limits, dt: float, *, opposed: bool = False) -> list[str]:
+def contradictions(limits: Limits, dt: float, *, opposed: bool = False, given: Limits | None = None) -> list[str]:
     """What in a rig's limits cannot go together, in sentences; empty if all can.
 
     Args:
         limits: the supervisor's.
         dt: cycle time [s].
         opposed: whether the cable pulls the joint down, against another one: it is let out as the joint goes up.
+        given: what of them the rig writes, as in `follow`; all where it is not given.
     """
-    written = partial(_written, limits)
+    written = partial(_written, limits, limits if given is None else given)
     reaction = limits.bridge_time + 2.0 * dt
     brake = limits.motor_speed * reaction
     found = [
@@ -200,11 +200,12 @@ _ELSEWHERE = {"current_peak": "motor.current_limit_a"}
 """What another section of rig.toml says."""
 
 
-def _written(limits: Limits, *names: str) -> str:
+def _written(limits: Limits, given: Limits, *names: str) -> str:
     """Limits as they stand in rig.toml, by its keys and in its units.
 
     Args:
         limits: the supervisor's.
+        given: what of them is written; what is not is named without its key.
         names: of their fields, of the thermal model with ``thermal.``.
     """
     items = {".".join(item.path): item for item in items_of(Limits)}
@@ -212,7 +213,13 @@ def _written(limits: Limits, *names: str) -> str:
     for name in names:
         value = at(limits, tuple(name.split(".")))
         key = items[name].key if name in items else _ELSEWHERE.get(name, name)
-        said.append(f"{key} = {in_file(value, items[name].quantity) if name in items else value:.6g}")
+        number = f"{in_file(value, items[name].quantity) if name in items else value:.6g}"
+        if name in FOLLOWING and math.isnan(getattr(given, name)):
+            said.append(
+                f"the {name.replace('_', ' ')} that follows ({number}{items[name].quantity.file_unit.strip('–')})"
+            )
+        else:
+            said.append(f"{key} = {number}")
     return ", ".join(said)
 
 

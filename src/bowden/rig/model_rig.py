@@ -134,7 +134,9 @@ def model_text(name: str, model: str, cable: IdentifiedCable, chosen: Chosen) ->
     counted = cable.counted(counting)
     bench, seen = default_bench(), counted.covered
     low, high, within = _reference(seen)
-    ends, room = ((Limits().joint_low, Limits().joint_high), 0.0) if seen is None else ((seen.joint_low, seen.joint_high), _ROOM)
+    ends, room = (
+        ((Limits().joint_low, Limits().joint_high), 0.0) if seen is None else ((seen.joint_low, seen.joint_high), _ROOM)
+    )
     return TEXT.format(
         name=name,
         model=quoted(model),

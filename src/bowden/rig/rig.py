@@ -49,9 +49,9 @@ from bowden.rig import drive as live_parts
 from bowden.rig.axes import Axis
 from bowden.rig.bends import Bend, ConstantBend, RandomBend, ScriptedBend
 from bowden.rig.checked import Gains, checked, checked_number, shown
-from bowden.rig.consistent import Basis
 from bowden.rig.compose_admittance import Pushing, pushing_of
 from bowden.rig.compose_suit import suit_of
+from bowden.rig.consistent import Basis
 from bowden.rig.declaration import tree_of as section_tree
 from bowden.rig.emg_setup import EmgRun
 from bowden.rig.given_law import LawFile
