@@ -91,12 +91,8 @@ def by_hand(random: np.random.Generator) -> dict[str, Any]:
     """Parts of a rig whose cable is written by hand, and whose joint has its zero anywhere in its range."""
     slope = math.exp(random.uniform(math.log(0.02), math.log(50.0)))
     lost = math.exp(random.uniform(math.log(0.1), math.log(20.0))) * RADIANS
-    low, span, usual, bench = (
-        random.uniform(-70.0, 20.0) * RADIANS,
-        random.uniform(30.0, 70.0) * RADIANS,
-        BoucWen(),
-        Rig(),
-    )
+    low, span = random.uniform(-70.0, 20.0) * RADIANS, random.uniform(30.0, 70.0) * RADIANS
+    usual, bench = BoucWen(), Rig()
     gain = -0.5 * lost / saturation(usual)
     return {
         "cable": BoucWen(slope, gain, random.uniform(0.2, 0.9) * slope / abs(gain), usual.shape, usual.exponent),

@@ -297,9 +297,7 @@ def require(
         SafetyError: with every contradiction, or the verdict.
     """
     if found := contradictions(limits, dt, opposed=opposed, given=given):
-        raise SafetyError(
-            f"limits contradict one another: {'; '.join(found)}", do="correct what is written in rig.toml"
-        )
+        raise SafetyError(f"limits contradict one another: {'; '.join(found)}", do="correct those in rig.toml")
     if found := [*mismatches]:
         raise SafetyError("; ".join(found))
     if verdict not in ("holds", "little_margin", "limit_cycle"):

@@ -26,7 +26,7 @@ USUAL = rounded(Limits(), 4)
 """Of the paper's bench, as a file has them."""
 FOLLOWING = frozenset(one.name for one in declared(Limits) if one.quantity.follows)
 """Names of those that follow where they are not written."""
-UNWRITTEN = USUAL._replace(**dict.fromkeys(FOLLOWING, math.nan))
+UNWRITTEN = USUAL._replace(**dict.fromkeys(FOLLOWING, math.nan))  # type: ignore[arg-type]
 """Of a rig that writes none of them."""
 
 PLAYS = 1.5
@@ -70,7 +70,7 @@ def follow(given: Limits, basis: Basis) -> Limits:
     def follows(name: str, value: float) -> None:
         nonlocal found
         if math.isnan(getattr(found, name)):
-            found = found._replace(**{name: value})
+            found = found._replace(**{name: value})  # type: ignore[arg-type]
 
     for name in ("slope_low", "slope_high"):
         follows(name, getattr(USUAL, name) * slope)
@@ -213,11 +213,10 @@ def _written(limits: Limits, given: Limits, *names: str) -> str:
     for name in names:
         value = at(limits, tuple(name.split(".")))
         key = items[name].key if name in items else _ELSEWHERE.get(name, name)
-        number = f"{in_file(value, items[name].quantity) if name in items else value:.6g}"
+        number = in_file(value, items[name].quantity) if name in items else f"{value:.6g}"
         if name in FOLLOWING and math.isnan(getattr(given, name)):
-            said.append(
-                f"the {name.replace('_', ' ')} that follows ({number}{items[name].quantity.file_unit.strip('–')})"
-            )
+            unit = items[name].quantity.file_unit.strip("–")
+            said.append(f"the {name.replace('_', ' ')} that follows ({number:.4g}{unit})")
         else:
             said.append(f"{key} = {number}")
     return ", ".join(said)

@@ -134,9 +134,7 @@ def model_text(name: str, model: str, cable: IdentifiedCable, chosen: Chosen) ->
     counted = cable.counted(counting)
     bench, seen = default_bench(), counted.covered
     low, high, within = _reference(seen)
-    ends, room = (
-        ((Limits().joint_low, Limits().joint_high), 0.0) if seen is None else ((seen.joint_low, seen.joint_high), _ROOM)
-    )
+    ends, room = (Limits(), 0.0) if seen is None else (seen, _ROOM)
     return TEXT.format(
         name=name,
         model=quoted(model),
@@ -152,8 +150,8 @@ def model_text(name: str, model: str, cable: IdentifiedCable, chosen: Chosen) ->
         within=within,
         low=low,
         high=high,
-        joint_low=math.floor(ends[0] * DEGREES - room),
-        joint_high=math.ceil(ends[1] * DEGREES + room),
+        joint_low=math.floor(ends.joint_low * DEGREES - room),
+        joint_high=math.ceil(ends.joint_high * DEGREES + room),
         limited=f"{_ROOM:g}° beyond what the log covered" if seen else "of the paper's bench: put your own here",
     )
 

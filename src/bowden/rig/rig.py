@@ -561,6 +561,12 @@ class Rig:
     def __getstate__(self) -> dict[str, Any]:
         return self.fields
 
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        for name, value in state.items():  # parts anew: a NaN that was pickled equals no other
+            part = PARTS.get(name)
+            given = value if part is None else checked(value, part.kind, name, part.default)
+            object.__setattr__(self, name, given)
+
     @cached_property
     def hash(self) -> str:
         """A short name of the rig: equal ones have the same, whether they come from Python or a file."""

@@ -150,8 +150,8 @@ def completed(given: MoteusParameters, needs: DriveNeeds) -> MoteusParameters:
     """
     asked = {name: value for name, value in needs._asdict().items() if name in MoteusParameters._fields}
     parameters = given._replace(**asked)
-    watchdog = max(parameters.watchdog, LOST * parameters.sample_time)  # it is sent with each command
-    parameters = parameters._replace(watchdog=watchdog)
+    if parameters.watchdog == MoteusParameters().watchdog:  # it is sent with each command, and follows
+        parameters = parameters._replace(watchdog=max(parameters.watchdog, LOST * parameters.sample_time))
     check_parameters(parameters)
     return parameters
 

@@ -9,6 +9,7 @@ from bowden.hardware.drives.emergencies import emergency_text
 from bowden.hardware.drives.family import LOST, DriveFamily, DriveNeeds, FoundDevice, TwinProcess
 from bowden.hardware.drives.homing import zeroed
 from bowden.hardware.drives.parameters import (
+    LONGEST_TIMEOUT,
     DriveParameters,
     check_parameters,
     load_range,
@@ -31,8 +32,8 @@ def completed(given: DriveParameters, needs: DriveNeeds) -> DriveParameters:
     """
     asked = {name: value for name, value in needs._asdict().items() if name in DriveParameters._fields}
     parameters = given._replace(**asked)
-    least = LOST * parameters.sample_time  # of a loop for which what is written, at most 40 ms, is too short
-    parameters = parameters._replace(heartbeat_timeout=max(parameters.heartbeat_timeout, least))
+    if parameters.heartbeat_timeout == LONGEST_TIMEOUT:  # which follows, and is as much as can be written
+        parameters = parameters._replace(heartbeat_timeout=max(LONGEST_TIMEOUT, LOST * parameters.sample_time))
     check_parameters(parameters)
     if 2.0 * parameters.drive_heartbeat_time > needs.heartbeat_age:
         raise ParameterError(
