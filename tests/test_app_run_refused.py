@@ -62,7 +62,7 @@ def test_a_drive_that_will_not_do_is_refused_and_never_enabled(
         (
             "[reference]\nkind = 'periodic_minimum_jerk'\nhigh_deg = 70.0\n[limits]\njoint_high_deg = 60.0",
             ["--auto"],
-            "the reference goes from 0° to 70°; expected within the joint's limits, -28.65° to 60°",
+            "the reference goes from 0° to 70°, and the joint's limits are -28.65° to 60°",
         ),
         ("[cable]\nslope = -0.9", ["--auto"], "the cable's slope is negative"),
         ("[control]\npreset = 'paper'", ["--auto"], "adaptive fails the check"),

@@ -37,6 +37,7 @@ def check(
     from bowden.face.check import checked
     from bowden.face.pair import checked_pair
     from bowden.rig.axes import refuse_sources
+    from bowden.rig.objections import refusals
 
     own = read_given(rig, axis, several=True)
     given = own.with_law(law, preset)
@@ -54,6 +55,8 @@ def check(
     for one in given.parts:
         for note in one.rig.notes:
             print(f"bowden: note: {f'axis {one.name}: ' if one.name else ''}{note}", file=sys.stderr)
+    for note in (refused := refusals(given)):
+        print(f"bowden: note: {note}", file=sys.stderr)
     holds = all(one.holds for one in found.values())
     if json:
         documents = [_about(one.rig, check) for one, check in zip(singles, found.values(), strict=False)]
@@ -68,7 +71,10 @@ def check(
         print(f"({seconds():.1f} s)")
         options = ["--law", str(law)] if given.parts[0].rig.law_name != own.parts[0].rig.law_name else []
         options += [*(("--preset", preset) if preset else ()), *(("--axis", axis) if axis else ())]
-        _say_next_of(rig, given, found, options)
+        if refused:
+            print("Next: correct what bowden run refuses, see the note, then check it again")
+        else:
+            _say_next_of(rig, given, found, options)
     if not holds:
         raise typer.Exit(1)
 

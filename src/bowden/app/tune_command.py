@@ -36,6 +36,7 @@ def tune(
     from bowden.core.units import DEGREES
     from bowden.design.tune import BrokenOff, NoGainsError
     from bowden.face.tune import tuned, tuned_pair
+    from bowden.rig.objections import refusals
 
     whole = read_given(rig, several=True)
     both = whole.pair.there and axis is None
@@ -53,7 +54,7 @@ def tune(
             raise
     paired = axis in whole.pair.names
     alone = [f"axis {axis} was tuned as if its motor were alone on the joint; check both together"] if paired else []
-    for note in (*given.notes, *alone):
+    for note in (*given.notes, *refusals(given), *alone):
         print(f"bowden: note: {note}", file=sys.stderr)
     evidence = _evidence(found, interrupted=interrupted)
     recorded = rig.suffix == ".mcap"

@@ -34,7 +34,7 @@ def off_reference(rig: Rig, law: Law) -> float:
         ParameterError: a setting that cannot be.
         StreamError: a recording of EMG that cannot be used.
     """
-    limits, given = rig.limits, Limits().off_reference
+    limits, given = rig.supervisor_limits, Limits().off_reference
     if not np.isclose(limits.off_reference, given, rtol=1e-3):
         return limits.off_reference
     plant, stroke, traces = ranges.judged(rig), ranges.stroke(rig), [run_of(_short(rig), law)]

@@ -13,6 +13,7 @@ from bowden.face.given import GivenLaw, GivenRig
 from bowden.face.pair import checked_pair
 from bowden.rig import ranges
 from bowden.rig.axes import refuse_sources
+from bowden.rig.objections import refusals
 from bowden.rig.rig import Rig
 
 
@@ -40,7 +41,7 @@ def check(rig: GivenRig, law: GivenLaw | None = None, *, preset: str | None = No
         whole = given.under(given.rig_of(rig, "check", pair=True), law, preset, "check")
         refuse_sources(whole)
         found = checked_pair(whole) if whole.pair.there else checked(whole)
-    given.tell(whole.notes)
+    given.tell((*whole.notes, *refusals(whole)))
     return found
 
 

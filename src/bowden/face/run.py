@@ -125,6 +125,7 @@ def live_session(
     from bowden.live.live_run import live_run
     from bowden.live.preflight import require
     from bowden.live.session import Session, own_twin, prepared_loop
+    from bowden.rig.objections import mismatches
 
     live = live_run(rig, measure=measure)
     for axis in () if twin else live.axes:  # another run's bus is refused at once; the drive claims it for good
@@ -147,7 +148,12 @@ def live_session(
                 for note in filter(None, (unseen_watch(axis.rig), found.note)):
                     tell(f"{of_axis}: {note}" if axis.name else note)
                 verdict = "little_margin" if force else found.name or "little_margin"
-                require(axis.limits, axis.rig.sample_time, verdict, opposed=axis.opposed)
+                require(
+                    *(axis.limits, axis.rig.sample_time, verdict),
+                    opposed=axis.opposed,
+                    given=axis.rig.limits,
+                    mismatches=() if axis.limits.paired else mismatches(axis.rig, axis.limits),
+                )
                 allowed.append(axis.limits.off_reference if measure else off_reference(axis.rig, axis.law))
         if emg_process is not None:
             emg_process.await_ready()  # a stream that cannot be used is refused before anything else is started

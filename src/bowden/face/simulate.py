@@ -14,6 +14,7 @@ from bowden.face.given import GivenLaw, GivenRig
 from bowden.face.in_turn import in_turn
 from bowden.face.pair import simulated_pair
 from bowden.face.progress import Progress
+from bowden.rig.objections import refusals
 from bowden.rig.one_run import run_of
 from bowden.rig.rig import Rig
 
@@ -52,7 +53,7 @@ def simulated(
     progress(f"checking {', '.join(law.name for law in laws)} (compiled at first)", 0.0)
     checked = verdicts(rig, laws, name, force=force)
     pushing = rig.pushing.notes(list(laws), force=force) if rig.pushing else []
-    notes = (*rig.notes, *pushing, *(verdict.note for verdict in checked if verdict.note))
+    notes = (*rig.notes, *refusals(rig), *pushing, *(verdict.note for verdict in checked if verdict.note))
     found, interrupted = in_turn(laws, lambda i: run_of(rig, laws[i]), progress)
     return Simulated(Traces(found), checked, notes, interrupted)
 

@@ -27,6 +27,7 @@ from bowden.rig import ranges
 from bowden.rig.axes import Axis
 from bowden.rig.given_law import LawFile
 from bowden.rig.given_plant import PlantFile
+from bowden.rig.objections import refusals
 from bowden.rig.pair_plant import pair_plant_of, pair_ranges
 from bowden.rig.rig import Rig
 from bowden.study import tune_study
@@ -76,7 +77,7 @@ def tune(
     if generations is not None:
         generations = arguments.whole(generations, "tune: generations", 1)
     path = None if study is None else arguments.path_of(study, "tune: study")
-    given.tell(whole.notes)
+    given.tell((*whole.notes, *refusals(whole)))
     with given.in_words_of_python(), reported(progress, "tune") as report:
         if whole.pair.there:
             return tuned_pair(whole, path, seed=seed, generations=generations, progress=report)

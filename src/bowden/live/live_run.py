@@ -16,7 +16,7 @@ from bowden.core.toml_text import quoted
 from bowden.core.units import RADIANS
 from bowden.cycle.one_cycle import Cycle
 from bowden.cycle.torque_offset import TorqueOffset
-from bowden.hardware.drives.family import DriveNeeds, family_of
+from bowden.hardware.drives.family import DriveNeeds
 from bowden.hardware.emg.course import EmgCourse
 from bowden.hardware.emg.intent_block import IntentReader
 from bowden.live import axis_columns, excitation, row
@@ -30,10 +30,12 @@ from bowden.rig.compose_admittance import Pushing
 from bowden.rig.drive import most_push
 from bowden.rig.emg_setup import EmgRun
 from bowden.rig.given_law import LawFile
+from bowden.rig.objections import require_joint, turned
 from bowden.rig.pair import pulling
 from bowden.rig.pair import said as said_of_pair
 from bowden.rig.pair_plant import parting_in_run
 from bowden.rig.rig import Rig
+from bowden.rig.settings import LiveSettings
 from bowden.safety.limits import Limits
 from bowden.safety.supervisor import longest_release, release_speed
 from bowden.sensing.intent import FOLLOWED_ACCELERATION, FOLLOWED_SPEED, TURNED_ACCELERATION, TURNED_SPEED
@@ -190,8 +192,8 @@ class Live:
 
     def script(self, course: EmgCourse | None = None) -> Script:
         """The run's plan."""
-        speed = self.rig.live.approach
-        limits = self.limits
+        limits, basis = self.limits, self.rig.basis
+        speed = LiveSettings().approach / basis.slope if math.isnan(self.rig.live.approach) else self.rig.live.approach
         checks = Preflight(
             pull_sign=-limits.slack_sign,
             moved=WRONG_WAY,
@@ -200,7 +202,7 @@ class Live:
             high=limits.motor_high,
             tension=limits.measures_tension,
             torque=limits.measures_torque,
-        )
+        ).on_cable(basis, self.rig.motor_encoder)
         if self.opposed:  # both motors of a pair move the joint the agonist's way, or neither would
             checks = checks._replace(pull_sign=-checks.pull_sign, load_sign=-1.0)
         suit = self.rig.worn
@@ -268,12 +270,7 @@ def live_run(rig: Rig, *, measure: bool = False, logged: Rig | None = None, join
         _ = rig.axis() if measure else rig.pack()
         return _together(rig, logged or rig)
     if rig.turned:
-        raise ParameterError(
-            f"{rig.origin}: the cable's slope is negative",
-            expected="a joint angle that grows with the motor's",
-            do="write direction = -1 below the model in [cable], if the log counted the motor the other way round than "
-            "this drive does; else change the sign of motor_direction or joint_direction of [drive], and measure again",
-        )
+        raise turned(rig)
     _ = rig.drive_parameters  # which refuses what makes no sense together
     if not joint_elsewhere:
         require_joint(rig)
@@ -295,8 +292,6 @@ def live_run(rig: Rig, *, measure: bool = False, logged: Rig | None = None, join
         return Live(rig, measure, LAWS["uncompensated"], limits, table, moved.servo_from, start, pushing, notes, logged)
     time = np.arange(round(rig.duration / rig.sample_time), dtype=np.float64) * rig.sample_time
     table = rig.trajectory.sample(time)
-    if emg is None and pushing is None:
-        _check_reference(table[:, 0], limits)
     return Live(rig, measure, rig.fitted(), limits, table, 0, rig.start_motor, pushing, notes, logged)
 
 
@@ -333,33 +328,6 @@ def _one_of(rig: Rig, name: str, own: Rig, kept: Rig) -> Live:
         # the joint anywhere below its motor
         allowed = allowed._replace(homed=0.0, slope_low=0.0)
     return replace(made, name=name, opposed=opposed, limits=allowed)
-
-
-def require_joint(rig: Rig) -> None:
-    """Refuse a rig that does not measure its joint: laws feed it back, an excitation looks for it, and the supervisor
-    watches the cable by it.
-
-    Raises:
-        ParameterError: with what to do.
-    """
-    if not family_of(rig.drive).measures_joint(rig.drive):
-        raise ParameterError(
-            f"{rig.origin}: the joint's angle is not measured (drive.joint is none)",
-            expected="an encoder at the joint, without which neither a law nor bowden measure nor the supervisor knows "
-            "what the cable does",
-            do='fit a CANopen encoder (CiA 406) beside the drive, and set joint = "cia406" in [drive]',
-        )
-
-
-def _check_reference(positions: NDArray[np.float64], limits: Limits) -> None:
-    """Refuse a reference (n,) that the joint cannot follow to its ends without the supervisor's ending the run."""
-    low, high = float(positions.min()), float(positions.max())
-    if not limits.joint_low <= low <= high <= limits.joint_high:
-        raise ParameterError(
-            f"the reference goes from {low / RADIANS:g}° to {high / RADIANS:g}°",
-            expected=f"within the joint's limits, {limits.joint_low / RADIANS:g}° to {limits.joint_high / RADIANS:g}°",
-            do="correct it, or [limits]",
-        )
 
 
 def _check_range(emg: EmgRun, limits: Limits) -> None:

@@ -7,19 +7,19 @@ the cable's load, which no cable has in the direction in which it is let out.
 Where a load cell says what the cable pulls, its reading must rise as the motor pulls, by more than it changed at rest.
 """
 
+from collections.abc import Iterable
 from enum import IntEnum
-from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 
 from bowden.core.errors import SafetyError
 from bowden.core.signals import DriveReading, DriveState
-from bowden.core.units import DEGREES, RADIANS
+from bowden.core.units import RADIANS
+from bowden.models.drive.encoder import Encoder
 from bowden.models.minimum_jerk import minimum_jerk_share
-from bowden.rig.declaration import at, in_file, items_of
+from bowden.rig.consistent import Basis, contradictions
 from bowden.safety.limits import Limits
-from bowden.safety.supervisor import longest_release
 
 
 class Preflight(NamedTuple):
@@ -59,6 +59,24 @@ class Preflight(NamedTuple):
     """1 where the joint's torque is measured."""
     load_sign: float = 1.0
     """−1 of a cable that is let out in this motion, since another one pulls the joint: its load falls."""
+
+    def on_cable(self, basis: Basis, encoder: Encoder) -> "Preflight":
+        """The motions on a cable.
+
+        Args:
+            basis: what of it there is to follow.
+            encoder: the motor's, which has to show the first motion; where it holds, it holds to its counts.
+        """
+        counts = encoder.resolution + encoder.noise
+        first = max(self.first / basis.slope, COUNTS * counts)
+        dead = basis.width + 2.0 * self.moved / basis.flat
+        largest = max(self.largest / basis.slope, 2.0 * max(first, dead))  # they double: the last is over half of it
+        noise = self.noise + counts * basis.flat
+        return self._replace(first=first, largest=largest, speed=self.speed / basis.slope, noise=noise)
+
+
+COUNTS = 6.0
+"""Counts and noise of the motor's encoder in the first motion, of which the motor must show a share, `follows`."""
 
 
 class Step(IntEnum):
@@ -256,152 +274,34 @@ def step(
     return _answer(state._replace(step=float(Step.OUT), since=0.0, amplitude=larger, charge=0.0), state.motor)
 
 
-def contradictions(limits: Limits, dt: float, *, opposed: bool = False) -> list[str]:
-    """What in a rig's limits cannot go together, in sentences; empty if all can.
-
-    Args:
-        limits: the supervisor's.
-        dt: cycle time [s].
-        opposed: whether the cable pulls the joint down, against another one: it is let out as the joint goes up.
-    """
-    written = partial(_written, limits)
-    reaction = limits.bridge_time + 2.0 * dt
-    brake = limits.motor_speed * reaction
-    found = [
-        (f"{written(name)}, but must be a number above 0")
-        for name, value in limits._asdict().items()
-        if name in _POSITIVE and not 0.0 < value < np.inf
-    ]
-    found += [
-        f"{written(f'thermal.{name}')}, but must be a number above 0"
-        for name, value in limits.thermal._asdict().items()
-        if name != "ambient" and not 0.0 < value < np.inf
-    ]
-    if not limits.motor_low < limits.motor_high:
-        found.append(f"{written('motor_low')} is not below {written('motor_high')}")
-    if not limits.joint_low < limits.joint_high:
-        found.append(f"{written('joint_low')} is not below {written('joint_high')}")
-    if limits.measures_tension == 1.0 and not limits.tension_low < limits.tension_high:
-        found.append(f"{written('tension_low')} is not below {written('tension_high')}")
-    if not limits.slope_low <= limits.slope_high:
-        found.append(f"{written('slope_low')} is above {written('slope_high')}")
-    if found:
-        return found
-    ends = (limits.motor_low, limits.motor_high)
-    reach = [slope * motor for slope in (limits.slope_low, limits.slope_high) for motor in ends]
-    if max(map(abs, (*ends, limits.joint_low, limits.joint_high))) + brake > limits.sensor_span:
-        found.append(
-            f"an angle at its limit ({written('motor_low', 'motor_high', 'joint_low', 'joint_high')}), and "
-            f"{brake * DEGREES:.0f}° in {reaction * 1e3:.0f} ms, is beyond {written('sensor_span')}"
-        )
-    if limits.joint_high > max(reach) + limits.play or limits.joint_low < min(reach) - limits.play:
-        low, high = (min(reach) - limits.play) * DEGREES, (max(reach) + limits.play) * DEGREES
-        found.append(
-            f"{written('joint_low', 'joint_high')} would never act: with slopes and play "
-            f"({written('slope_low', 'slope_high', 'play')}) the motor ({written('motor_low', 'motor_high')}) brings "
-            f"the joint no further than {low:.4g}° to {high:.4g}°"
-        )
-    if longest_release(limits) > _LONGEST:
-        found.append(
-            f"a release takes {longest_release(limits):.1f} s from the end of the motor's range "
-            f"({written('motor_low', 'motor_high')}), at {limits.lowering * DEGREES:.3g}°/s of the joint on the "
-            f"steepest slope ({written('slope_high')}), and must not take more than {_LONGEST:g} s: make that range or "
-            f"slope smaller, or raise what bounds the speed: lowering, half of joint_speed or of motor_speed"
-        )
-    if limits.tracking_lag * limits.motor_speed + limits.tracking >= limits.target_reach:
-        widest = (limits.tracking_lag * limits.motor_speed + limits.tracking) * DEGREES
-        found.append(
-            f"{written('tracking', 'tracking_lag')} let the motor be {widest:.4g}° off at {written('motor_speed')}, "
-            f"{written('target_reach')} less: a motor that does not follow would be seen too late"
-        )
-    if limits.target_speed * dt >= limits.target_reach:
-        found.append(
-            f"{written('target_speed')} allows more in one cycle of {1e3 * dt:g} ms than {written('target_reach')}"
-        )
-    if limits.heartbeat_age < 2.0 * dt or limits.reading_age * dt > 0.01:
-        found.append(
-            f"{written('heartbeat_age')} is below two cycles of {1e3 * dt:g} ms, or {written('reading_age')} is above "
-            "10 ms"
-        )
-    if limits.lateness + limits.bridge_time > limits.heartbeat_age:
-        found.append(
-            f"{written('lateness')} and {written('bridge_time')} are longer together than the drive's own watch over "
-            f"the loop lets a cycle be, {written('heartbeat_age')}"
-        )
-    if limits.thermal.continuous_current >= limits.current_peak:
-        found.append(f"{written('thermal.continuous_current')} is not below {written('current_peak')}")
-    if not limits.thermal.ambient < limits.housing_limit < limits.winding_limit:
-        found.append(
-            f"{written('housing_limit')} is not between {written('thermal.ambient')} and {written('winding_limit')}"
-        )
-    if limits.thermal.winding_capacity * limits.thermal.winding_to_housing < _QUICKEST:
-        parts = written("thermal.winding_capacity", "thermal.winding_to_housing")
-        found.append(f"the winding would cool within {_QUICKEST:g} s: {parts} are too small together")
-    if limits.slack_sign not in (-1.0, 1.0):
-        found.append(f"{written('slack_sign')} is neither −1 nor 1")
-    out, back = (limits.motor_low, limits.motor_high)[:: 1 if limits.slack_sign < 0.0 else -1]
-    if abs(out - limits.taut) > abs(back - limits.taut) and not opposed:
-        found.append(
-            f"{written('slack_sign')} lets the cable out towards the far end of the motor's range "
-            f"({written('motor_low', 'motor_high')}), but there it pulls, since it is just taut at "
-            f"{limits.taut * DEGREES:.4g}°"
-        )
-    measured = {name: value for name, value in limits._asdict().items() if name.startswith(("measures_", "uses_"))}
-    found += [f"{written(name)} is neither 0 nor 1" for name, value in measured.items() if value not in (0.0, 1.0)]
-    return found
-
-
-_ELSEWHERE = {"current_peak": "motor.current_limit_a"}
-"""What another section of rig.toml says."""
-
-
-def _written(limits: Limits, *names: str) -> str:
-    """Limits as they stand in rig.toml, by its keys and in its units.
-
-    Args:
-        limits: the supervisor's.
-        names: of their fields, of the thermal model with ``thermal.``.
-    """
-    items = {".".join(item.path): item for item in items_of(Limits)}
-    said = []
-    for name in names:
-        value = at(limits, tuple(name.split(".")))
-        key = items[name].key if name in items else _ELSEWHERE.get(name, name)
-        said.append(f"{key} = {in_file(value, items[name].quantity) if name in items else value:.6g}")
-    return ", ".join(said)
-
-
-def require(limits: Limits, dt: float, verdict: str, *, opposed: bool = False) -> None:
-    """Refuse a run whose limits contradict one another, or whose gains do not hold.
+def require(
+    limits: Limits,
+    dt: float,
+    verdict: str,
+    *,
+    opposed: bool = False,
+    given: Limits | None = None,
+    mismatches: Iterable[str] = (),
+) -> None:
+    """Refuse a run whose limits contradict one another or its rig, or whose gains do not hold.
 
     Args:
         limits: the supervisor's.
         dt: cycle time [s].
         verdict: of `bowden check` on these gains (`design.check.VerdictName`).
         opposed: see `contradictions`.
+        given: likewise.
+        mismatches: of the rig (`rig.objections`).
 
     Raises:
         SafetyError: with every contradiction, or the verdict.
     """
-    found = contradictions(limits, dt, opposed=opposed)
-    if found:
-        raise SafetyError(f"limits contradict one another: {'; '.join(found)}", do="correct them in rig.toml")
+    if found := contradictions(limits, dt, opposed=opposed, given=given):
+        raise SafetyError(f"limits contradict one another: {'; '.join(found)}", do="correct those in rig.toml")
+    if found := [*mismatches]:
+        raise SafetyError("; ".join(found))
     if verdict not in ("holds", "little_margin", "limit_cycle"):
         raise SafetyError(f"`bowden check` says {verdict!r}", expected="gains that hold", do="run `bowden tune`")
-
-
-_LONGEST = 5.0
-"""Of a release that lets a load down: whoever is in the suit waits for it [s]."""
-_QUICKEST = 1.0
-"""Shortest thermal time constant: `models.drive.thermal.rested` goes in steps of a second, and none is so small [s]."""
-
-_POSITIVE = (
-    *("sensor_span", "jump", "motor_speed", "joint_speed", "speed_filter", "target_speed", "target_reach"),
-    *("acceleration", "servo_frequency", "servo_damping", "tracking", "play", "frozen_travel", "current_peak"),
-    *("saturation", "i2t_time", "heartbeat_age", "enable_time", "lateness", "clock_gap", "operator_age"),
-    *("console_lease", "emg_age", "preflight_time", "bridge_time", "release_time", "lowering", "released_current"),
-    *("torque_high", "off_reference", "off_reference_time"),
-)
 
 
 def _within(settings: Preflight, motor: float) -> float:

@@ -132,6 +132,8 @@ def checked_number(value: Any, kind: Any, quantity: Quantity, name: str) -> Any:
     if isinstance(value, bool) or not isinstance(value, needed):
         raise ParameterError(f"Rig: {name} is {shown(value)}", expected=_expected(kind, quantity), do=_GIVE)
     number = int(value) if isinstance(value, numbers.Integral) and kind is int else float(value)
+    if quantity.follows and math.isnan(number):
+        return math.nan  # the one object, so that equal rigs are equal
     if not quantity.holds(number):
         raise ParameterError(
             f"Rig: {name} is {number:g}", expected=_expected(kind, quantity), do=_in_degrees(number, quantity)

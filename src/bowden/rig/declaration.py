@@ -1,6 +1,8 @@
 """From a declared NamedTuple to a section of a file and back: keys, defaults, pydantic's class, values in SI."""
 
+import math
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
 from functools import cache
 from typing import Annotated, Any, Literal, NamedTuple, TypeVar, get_args, get_origin, get_type_hints
 
@@ -62,6 +64,8 @@ def in_file(value: Any, quantity: Quantity) -> Any:
     """A value of a field as a file has it."""
     if isinstance(value, tuple):
         return [in_unit(float(one), quantity.factor) for one in value]
+    if quantity.follows and isinstance(value, float) and math.isnan(value):
+        return None
     return in_unit(value, quantity.factor) if isinstance(value, float) else value
 
 
@@ -69,6 +73,8 @@ def from_file(value: Any, quantity: Quantity) -> Any:
     """The other way round."""
     if isinstance(value, list):
         return tuple(float(one) * quantity.factor for one in value)
+    if value is None and quantity.follows:
+        return math.nan
     number = isinstance(value, float | int) and not isinstance(value, bool)
     return value * quantity.factor if number and quantity.factor != 1.0 else value
 
@@ -151,6 +157,8 @@ def _own_default(kind: Any, item: Item) -> Any:
 
 def key_of(kind: Any, quantity: Quantity, default: Any) -> tuple[Any, Any]:
     """Type and field of one key, as pydantic's `create_model` takes them; `default` is in SI, or ``...``."""
+    if quantity.follows:  # left out, it follows; the example is what follows on the default bench
+        quantity, kind, default = replace(quantity, example=default), kind | None, None
     inner: Any = optional(kind) or kind
     rules: dict[str, Any] = dict(quantity.rules)
     extra = {"unit": quantity.file_unit, "symbol": quantity.symbol}

@@ -9,13 +9,14 @@ from bowden.core.errors import ParameterError
 from bowden.core.units import HERTZ, RADIANS
 from bowden.cycle.one_cycle import Filters
 from bowden.hardware.drives import on_can
-from bowden.hardware.drives.family import LONGEST_SILENCE, DriveNeeds, family_of
+from bowden.hardware.drives.family import DriveNeeds, family_of, longest_silence
 from bowden.hardware.drives.load_cell import ROOM, LoadCellParameters, check_cell, identifiers_of
 from bowden.hardware.ports import Drive
 from bowden.hardware.realtime import Settings
 from bowden.models.suit.suit_angle import spool_map
 from bowden.plants.bench import Bench
 from bowden.plants.suit_parts import Suit
+from bowden.rig.consistent import Basis, follow
 from bowden.rig.settings import LiveSettings
 from bowden.safety.limits import ARM_LOWERING, FASTEST_RELEASE, Limits
 from bowden.safety.supervisor import DEAD_SHARE
@@ -24,8 +25,8 @@ if TYPE_CHECKING:
     from bowden.hardware.buses.link import BusPlace
 
 _LEAST_TRAVEL = 0.1
-"""Travel of the motor that shows a frozen joint where the cable has next to no dead zone: what noise, a joint that
-follows late and a limb that is held do not explain [rad]."""
+"""Travel of the motor, of the bench's slope, that shows a frozen joint where the cable has next to no dead zone: what
+noise, a joint that follows late and a limb that is held do not explain [rad]."""
 _BELOW = 0.5
 """Speed of a release over those at which joint and motor are too fast. An arm that friction lets go of goes for a
 moment at twice the speed of its motor."""
@@ -36,6 +37,7 @@ NO_CELL = LoadCellParameters()
 
 def limits(
     given: Limits,
+    basis: Basis,
     bench: Bench,
     drive: Any,
     dead_zone: float = math.nan,
@@ -47,6 +49,7 @@ def limits(
 
     Args:
         given: what the rig says of them.
+        basis: what those follow from that it does not.
         bench: of the rig.
         drive: of the rig.
         dead_zone: the widest that its identified cable has, NaN where none is identified [rad].
@@ -54,12 +57,14 @@ def limits(
         cell: a load cell of its own.
         taut: motor angle at which the cable is just taut, the joint at its rest [rad].
     """
-    family = family_of(drive)
+    family, written = family_of(drive), not math.isnan(given.frozen_travel)
+    given = follow(given, basis)
     steepest = max(abs(given.slope_low), abs(given.slope_high))
     fastest = _BELOW * min(given.joint_speed, given.motor_speed * steepest)
-    travel = max(_LEAST_TRAVEL, dead_zone / DEAD_SHARE)
+    travel = max(_LEAST_TRAVEL / basis.slope, dead_zone / DEAD_SHARE)
+    travel = min(given.frozen_travel, travel) if written else travel
     return given._replace(
-        frozen_travel=given.frozen_travel if math.isnan(dead_zone) else min(given.frozen_travel, travel),
+        frozen_travel=given.frozen_travel if math.isnan(dead_zone) else travel,
         servo_frequency=bench.servo.natural_frequency,
         servo_damping=bench.servo.damping,
         current_peak=bench.motor.current_limit,
@@ -158,12 +163,12 @@ def drive_parameters(given: Any, needs: DriveNeeds, folder: Path) -> Any:
         )
     family = family_of(given)
     parameters = family.completed(given, needs)
-    watch = family.watchdog(parameters)
-    if not watch <= LONGEST_SILENCE:
+    watch, longest = family.watchdog(parameters), longest_silence(needs.sample_time)
+    if not watch <= longest:
         never = "never" if math.isinf(watch) else f"{1e3 * watch:g} ms after our last word"
         raise ParameterError(
             f"the drive ({family.name}) takes its torque off {never}, should the loop die",
-            expected=f"a drive that does it within {1e3 * LONGEST_SILENCE:g} ms by itself",
+            expected=f"a drive that does it within {1e3 * longest:g} ms by itself",
             do="set the drive's own timeout with its maker's tool, and say it in [drive]; or take another drive",
         )
     return family.found_from(parameters, folder)

@@ -14,6 +14,7 @@ from bowden.core.units import DEGREES, RADIANS
 from bowden.identify.cable.counting import Counting, Covered, fitted_range
 from bowden.identify.cable.model import IdentifiedCable
 from bowden.rig.presets.bench import default_bench
+from bowden.rig.sections import DEFAULT_CABLE
 from bowden.safety.limits import Limits
 
 _INSIDE = 0.1
@@ -22,10 +23,6 @@ _LEAST_SPAN = 1.0
 """Of the joint's covered motion, from which on a rig is made of it [deg]: a dozen counts of its encoder."""
 _ROOM = 15.0
 """What motor and joint may go beyond the covered motion [deg]: a law crosses the play, and overshoots."""
-_GENTLER, _STEEPER = 0.75, 1.15
-"""Smallest and largest slope that the supervisor takes for the cable's, over its own."""
-_PLAYS = 1.5
-"""Distance of the joint from where these slopes have it that is the cable's play, over its dead zone."""
 
 TEXT = """\
 # {name}: a bench with your cable. Next: bowden simulate {name}
@@ -37,7 +34,7 @@ model = {model}
 [servo]  # of the paper's bench: put your own here; bowden identify-servo finds it from a log
 natural_frequency_hz = {frequency:.4g}  # [Hz] it decides how much gain a law may have
 damping = {damping:.1f}                 # ratio; 1 is critical
-
+{motor}
 [encoder.joint]  # of the paper's bench: put your own here
 resolution_deg = {count:.11g}  # [°] one count
 noise_deg = {noise:.2f}                # [°] standard deviation
@@ -58,8 +55,9 @@ period_s = 10.0  # [s] there and back
 [scenario]
 duration_s = 60.0  # [s]
 
-[limits]  # of bowden run: {limited}; all others as bowden init writes them
-{limits}
+[limits]  # of bowden run; what is not here follows from the cable, this range and the cycle (docs/safety.md)
+joint_low_deg = {joint_low}    # [°] smallest angle of the joint: {limited}
+joint_high_deg = {joint_high}  # [°] largest
 """
 
 
@@ -136,12 +134,14 @@ def model_text(name: str, model: str, cable: IdentifiedCable, chosen: Chosen) ->
     counted = cable.counted(counting)
     bench, seen = default_bench(), counted.covered
     low, high, within = _reference(seen)
+    ends, room = (Limits(), 0.0) if seen is None else (seen, _ROOM)
     return TEXT.format(
         name=name,
         model=quoted(model),
         counting=_counting_lines(counting),
         frequency=bench.servo.natural_frequency / (2.0 * math.pi),
         damping=bench.servo.damping,
+        motor=_motor_lines(bench.motor.gear, counted.bouc_wen.slope / DEFAULT_CABLE.slope),
         count=bench.joint_encoder.resolution * DEGREES,
         noise=bench.joint_encoder.noise * DEGREES,
         law=quoted(chosen.law),
@@ -150,9 +150,20 @@ def model_text(name: str, model: str, cable: IdentifiedCable, chosen: Chosen) ->
         within=within,
         low=low,
         high=high,
-        limited=f"angles {_ROOM:g}° beyond what the log covered, slopes round the model's" if seen else "of the model",
-        limits="\n".join(_limits(counted)),
+        joint_low=math.floor(ends.joint_low * DEGREES - room),
+        joint_high=math.ceil(ends.joint_high * DEGREES + room),
+        limited=f"{_ROOM:g}° beyond what the log covered" if seen else "of the paper's bench: put your own here",
     )
+
+
+def _motor_lines(gear: float, slope: float) -> str:
+    """The motor behind a gear that makes it as strong at the joint as on the bench, where the slope takes from that."""
+    if slope <= 1.0:
+        return ""
+    return f"""
+[motor]  # of the paper's bench: put your own here
+gear = {gear * slope:.4g}  # motor turns per spool turn: as strong at the joint as on the bench
+"""
 
 
 def _gain_lines(gains: Mapping[str, float]) -> str:
@@ -187,33 +198,6 @@ def _reference(seen: Covered | None) -> tuple[float, float, str]:
     scale = 10.0**digits
     ends = math.ceil(scale * (low + inside)) / scale, math.floor(scale * (high - inside)) / scale
     return *ends, f"within the motion that the log covered, {low:.4g} to {high:.4g}° at the joint"
-
-
-def _limits(cable: IdentifiedCable) -> list[str]:
-    """Keys of [limits], with their units."""
-    seen, slope = cable.covered, cable.bouc_wen.slope
-    lost = 2.0 * cable.models["play"]["half_width"] * slope * DEGREES if "play" in cable.models else 0.0
-    found = [
-        ("slope_low", _GENTLER * slope, "[rad/rad] joint over motor"),
-        ("slope_high", _STEEPER * slope, "[rad/rad]"),
-        (
-            "play_deg",
-            max(Limits().play * DEGREES, _PLAYS * lost),
-            "[°] the joint's distance from these slopes",
-        ),
-    ]
-    if seen is not None:
-        angles = [one * DEGREES for one in seen]
-        found = [
-            ("motor_low_deg", math.floor(angles[0] - _ROOM), "[°] smallest target of the motor"),
-            ("motor_high_deg", math.ceil(angles[1] + _ROOM), "[°] largest target of the motor"),
-            ("joint_low_deg", math.floor(angles[2] - _ROOM), "[°] smallest angle of the joint"),
-            ("joint_high_deg", math.ceil(angles[3] + _ROOM), "[°] largest angle of the joint"),
-            *found,
-        ]
-    rows = [(f"{name} = {float(f'{value:.4g}')}", said) for name, value, said in found]
-    room = max(len(left) for left, _ in rows)
-    return [f"{left:<{room}}  # {said}" for left, said in rows]
 
 
 def _tenth(angle: float) -> float:

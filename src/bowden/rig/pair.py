@@ -89,7 +89,10 @@ def _problems(pair: PairSettings, found: Mapping[str, "Rig"], independent: bool)
             "1 and -1: where one pulls, the other lets out",
         ),
         (
-            all(abs(pair.co_contraction) * rig.limits.slope_high <= _ROOM * rig.limits.play for rig in (one, other)),
+            all(
+                abs(pair.co_contraction) * rig.supervisor_limits.slope_high <= _ROOM * rig.supervisor_limits.play
+                for rig in (one, other)
+            ),
             f"co_contraction_deg is {pair.co_contraction / RADIANS:g}",
             f"{_ROOM:g} of limits.play_deg at most, or the joint would seem astray before the cables are tightened",
         ),

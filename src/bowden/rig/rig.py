@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from bowden.control import LAWS, Law
-from bowden.control.knowledge import Knowledge, configured, preset_of
+from bowden.control.knowledge import Knowledge, configured, preset_of, with_cable
 from bowden.control.reference import Recorded, Trajectory
 from bowden.core import arguments
 from bowden.core.errors import OutputError, ParameterError, asked_for_by, near
@@ -51,6 +51,7 @@ from bowden.rig.bends import Bend, ConstantBend, RandomBend, ScriptedBend
 from bowden.rig.checked import Gains, checked, checked_number, shown
 from bowden.rig.compose_admittance import Pushing, pushing_of
 from bowden.rig.compose_suit import suit_of
+from bowden.rig.consistent import Basis
 from bowden.rig.declaration import tree_of as section_tree
 from bowden.rig.emg_setup import EmgRun
 from bowden.rig.given_law import LawFile
@@ -152,7 +153,8 @@ class Rig:
     load_cell: LoadCellParameters = PARTS["load_cell"].default
     """A load cell on a CAN bus; one at the drive's own input is in `drive`."""
     limits: Limits = PARTS["limits"].default
-    """What only the rig itself says of them; `supervisor_limits` is the whole."""
+    """What only the rig itself says of them, NaN where it says nothing; `supervisor_limits` is the whole. By those that
+    differ, ``limits={"play": 0.5}``, the others follow; ``Limits(play=0.5)`` writes those of the paper's bench."""
     live: LiveSettings = PARTS["live"].default
     emg: EmgSettings = PARTS["emg"].default
     axes: tuple[Axis, ...] = ()
@@ -559,6 +561,12 @@ class Rig:
     def __getstate__(self) -> dict[str, Any]:
         return self.fields
 
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        for name, value in state.items():  # parts anew: a NaN that was pickled equals no other
+            part = PARTS.get(name)
+            given = value if part is None else checked(value, part.kind, name, part.default)
+            object.__setattr__(self, name, given)
+
     @cached_property
     def hash(self) -> str:
         """A short name of the rig: equal ones have the same, whether they come from Python or a file."""
@@ -794,7 +802,7 @@ class Rig:
             )
             notes.append(f"{why}: motor angles are counted the other way round here")
         given, used = self.limits.frozen_travel, self.supervisor_limits.frozen_travel
-        if used < given and abs(given - Limits().frozen_travel) > _WRITTEN:
+        if used < given:
             known = f"the identified cable explains no more than {used / RADIANS:.3g}, which is used"
             notes.append(f"limits.frozen_travel_deg is {given / RADIANS:.4g}; {known}")
         asked, slower = self.limits.lowering, self.supervisor_limits.lowering
@@ -835,8 +843,7 @@ class Rig:
         if self.emg.source is not None:
             what, ends = "emg.low_deg and high_deg", (self.emg.low, self.emg.high)
         else:
-            path = self.trajectory.sample(np.linspace(0.0, min(self.duration, _LOOKED_AT), _INSTANTS))[:, 0]
-            what, ends = "the reference", (float(path.min()), float(path.max()))
+            what, ends = "the reference", self._ends
         furthest = max(map(abs, ends)) / RADIANS
         if ends[0] == ends[1] or furthest > math.pi:
             return []
@@ -848,8 +855,7 @@ class Rig:
         covered = self.cable.covered if isinstance(self.cable, IdentifiedCable) else None
         if covered is None or self.worn is not None or self.plant is not None:
             return []
-        path = self.trajectory.sample(np.linspace(0.0, min(self.duration, _LOOKED_AT), _INSTANTS))[:, 0]
-        low, high = float(path.min()), float(path.max())
+        low, high = self._ends
         span = covered.joint_high - covered.joint_low
         if max(covered.joint_low - low, high - covered.joint_high) <= _BEYOND * span:
             return []
@@ -918,7 +924,25 @@ class Rig:
     def supervisor_limits(self) -> Limits:
         """All limits of the supervisor, those that follow from other parts too."""
         dead_zone, taut = _WIDER * self.knowledge.width, self.home / self.slope if self.worn is None else 0.0
-        return live_parts.limits(self.limits, self.bench, self.drive, dead_zone, self.worn, self.load_cell, taut)
+        parts = self.bench, self.drive, dead_zone, self.worn, self.load_cell, taut
+        return live_parts.limits(self.limits, self.basis, *parts)
+
+    @cached_property
+    def basis(self) -> Basis:
+        """What limits that are not written follow from."""
+        if self.worn is not None or (self.plant is not None and not self.own_plant.slope > 0.0):
+            return Basis(1.0, DEFAULT_CABLE.slope, 0.0, 0.0, self.sample_time)
+        cable, width = self.bench.cable, 0.0
+        if self.plant is None:
+            width = with_cable(self.knowledge, cable, self.bench.sheath.gap, identified=True).width
+        low = min(0.0, self._ends[0])
+        return Basis(self.slope / DEFAULT_CABLE.slope, self.slope, width, low, self.sample_time)
+
+    @cached_property
+    def _ends(self) -> tuple[float, float]:
+        """Least and largest angle of the reference [rad]."""
+        path = self.trajectory.sample(np.linspace(0.0, min(self.duration, _LOOKED_AT), _INSTANTS))[:, 0]
+        return float(path.min()), float(path.max())
 
     @cached_property
     def home(self) -> float:
@@ -927,8 +951,8 @@ class Rig:
         """
         if self.worn is not None:
             return 0.0
-        path = self.trajectory.sample(np.linspace(0.0, min(self.duration, _LOOKED_AT), _INSTANTS))[:, 0]
-        end = float(min(0.0, path.min()) if self.limits.slack_sign < 0.0 else max(0.0, path.max()))
+        low, high = self._ends
+        end = min(0.0, low) if self.limits.slack_sign < 0.0 else max(0.0, high)
         return min(max(end, self.limits.joint_low), self.limits.joint_high)
 
     @cached_property

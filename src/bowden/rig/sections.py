@@ -4,6 +4,7 @@ Everything else about the file (the commented default, ``docs/rig.md``, the JSON
 from the values' own declarations (`bowden.core.quantity`).
 """
 
+import math
 from collections.abc import Callable, Mapping
 from functools import cache
 from typing import Annotated, Any, Literal, NamedTuple
@@ -20,11 +21,11 @@ from bowden.hardware.drives.load_cell import LoadCellParameters
 from bowden.identify.cable.counting import Counting
 from bowden.models.cable.bouc_wen import BoucWen
 from bowden.rig.bends import ConstantBend, RandomBend, ScriptedBend
+from bowden.rig.consistent import UNWRITTEN, USUAL
 from bowden.rig.declaration import Section, at, items_of, key_of, rounded, section_of
 from bowden.rig.pair import PairSettings
 from bowden.rig.presets.bench import chirp, default_bench, document, minimum_jerk
 from bowden.rig.settings import AdmittanceSettings, EmgSettings, LiveSettings, SuitSettings, WearerSettings
-from bowden.safety.limits import Limits
 
 _BENCH, _CHOSEN = default_bench(), document()["chosen"]
 
@@ -129,10 +130,12 @@ PARTS: Mapping[str, Part] = {
     "limits": _part(
         "LimitsSection",
         "What the supervisor allows, and the motor's thermal model; see docs/safety.md.",
-        rounded(Limits(), 4),
-    ),
+        USUAL,
+    )._replace(default=UNWRITTEN),
     "load_cell": _part("LoadCellSection", LoadCellParameters.__doc__ or "", LoadCellParameters()),
-    "live": _part("LiveSection", LiveSettings.__doc__ or "", LiveSettings()),
+    "live": _part("LiveSection", LiveSettings.__doc__ or "", LiveSettings())._replace(
+        default=LiveSettings(approach=math.nan)
+    ),
     "emg": _part("EmgSection", EmgSettings.__doc__ or "", rounded(EmgSettings(), 4)),
 }
 """Field of a rig → the part that stands for it, of those whose section holds nothing else."""

@@ -174,7 +174,10 @@ class LiveSettings(NamedTuple):
         float, Quantity("low-pass on the motor angle that the law sees; 0 for none", "rad/s", shown="Hz", ge=0.0)
     ] = 0.0
     approach: Annotated[
-        float, Quantity("top speed of the motor on its way to where the run begins", "rad/s", gt=0.0, le=360.0)
+        float,
+        Quantity(
+            "top speed of the motor on its way to where the run begins", "rad/s", gt=0.0, le=36000.0, follows=True
+        ),
     ] = 20.0 * RADIANS
 
 

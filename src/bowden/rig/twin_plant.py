@@ -67,7 +67,7 @@ def twin_pair_of(rig: Rig, now: float) -> tuple[PlayedDrive, PlayedDrive]:
 
 
 def twin_plant_of(rig: Rig, now: float) -> TwinPlant:
-    """The rig's plant in real time, at rest where a run begins.
+    """The rig's plant in real time, at rest where a run begins; the joint's spring is at its rest where the rig's is.
 
     Args:
         rig: any.
@@ -80,4 +80,7 @@ def twin_plant_of(rig: Rig, now: float) -> TwinPlant:
     if rig.worn is not None:
         return TwinSuit(rig.worn, *rest)
     plant = rig.cabled
-    return TwinUser(plant, *rest) if isinstance(plant, UserPlant) else TwinBench(plant, *rest)
+    if isinstance(plant, UserPlant):
+        return TwinUser(plant, *rest)
+    motor = plant.motor._replace(pretension=plant.motor.pretension - plant.motor.spring * rig.home)
+    return TwinBench(plant._replace(motor=motor), *rest)

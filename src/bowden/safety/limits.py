@@ -27,44 +27,63 @@ class Limits(NamedTuple):
     joint that is 57° from where its cable holds it is no longer held, and a target half a turn away is none of a law's.
     """
 
-    motor_low: Annotated[float, Quantity("smallest target of the motor", "rad", ge=-2300.0, le=2300.0)] = -0.3
-    motor_high: Annotated[float, Quantity("largest target of the motor", "rad", ge=0.0, le=2300.0)] = 2.0
+    motor_low: Annotated[
+        float, Quantity("smallest target of the motor", "rad", ge=-36000.0, le=36000.0, follows=True)
+    ] = -0.3
+    motor_high: Annotated[
+        float, Quantity("largest target of the motor", "rad", ge=-36000.0, le=36000.0, follows=True)
+    ] = 2.0
     motor_margin: Annotated[
-        float, Quantity("how far the motor may be beyond its targets' range", "rad", ge=0.0, le=30.0)
+        float, Quantity("how far the motor may be beyond its targets' range", "rad", ge=0.0, le=360.0, follows=True)
     ] = 0.05
     joint_low: Annotated[float, Quantity("smallest angle of the joint", "rad", ge=-360.0, le=360.0)] = -0.5
     joint_high: Annotated[float, Quantity("largest angle of the joint", "rad", ge=0.0, le=360.0)] = 1.5
     sensor_span: Annotated[
-        float, Quantity("largest size of an angle that an encoder can show", "rad", ge=0.0, le=2900.0)
+        float, Quantity("largest size of an angle that an encoder can show", "rad", ge=0.0, le=72000.0, follows=True)
     ] = 6.5
     jump: Annotated[
         float, Quantity("change of a reading in one cycle, beyond what the speed limit allows", "rad", ge=0.0, le=12.0)
     ] = 0.02
-    motor_speed: Annotated[float, Quantity("largest speed of the motor at the spool", "rad/s", ge=0.0, le=5700.0)] = (
-        15.0
-    )
+    motor_speed: Annotated[
+        float, Quantity("largest speed of the motor at the spool", "rad/s", ge=0.0, le=57000.0, follows=True)
+    ] = 15.0
     joint_speed: Annotated[float, Quantity("largest speed of the joint", "rad/s", ge=0.0, le=1150.0)] = 8.0
     speed_filter: Annotated[float, Quantity("time constant of both measured speeds", "s", ge=0.0, le=0.1)] = 0.005
     target_speed: Annotated[
-        float, Quantity("largest change of the target in a cycle, over the cycle's time", "rad/s", ge=0.0, le=57000.0)
+        float,
+        Quantity(
+            "largest change of the target in a cycle, over the cycle's time", "rad/s", ge=0.0, le=1e6, follows=True
+        ),
     ] = 200.0
     target_reach: Annotated[
-        float, Quantity("largest distance of the target from the measured motor", "rad", ge=0.0, le=180.0)
+        float,
+        Quantity("largest distance of the target from the measured motor", "rad", ge=0.0, le=36000.0, follows=True),
     ] = 0.9
     acceleration: Annotated[
-        float, Quantity("largest acceleration that a target may ask of the servo's model", "rad/s²", ge=0.0, le=1.2e6)
+        float,
+        Quantity(
+            "largest acceleration that a target may ask of the servo's model", "rad/s²", ge=0.0, le=1.2e7, follows=True
+        ),
     ] = 2500.0
     servo_frequency: Annotated[float, Quantity("ω of the servo's model", "rad/s", key=None)] = 53.5767
     servo_damping: Annotated[float, Quantity("ζ of the servo's model", key=None)] = 1.0
     tracking: Annotated[
-        float, Quantity("largest distance of the motor from the servo's model at rest", "rad", ge=0.0, le=45.0)
+        float,
+        Quantity(
+            "largest distance of the motor from the servo's model at rest", "rad", ge=0.0, le=2300.0, follows=True
+        ),
     ] = 0.1
     tracking_lag: Annotated[float, Quantity("growth of that distance with speed", "s", ge=0.0, le=0.1)] = 0.01
-    tracking_time: Annotated[float, Quantity("how long it may be exceeded", "s", ge=0.0, le=0.1)] = 0.005
-    slope_low: Annotated[float, Quantity("smallest slope of the cable, joint over motor", "rad/rad", le=10.0)] = 0.7
-    slope_high: Annotated[float, Quantity("largest slope of the cable", "rad/rad", gt=0.0, le=10.0)] = 1.05
+    tracking_time: Annotated[float, Quantity("how long it may be exceeded", "s", ge=0.0, le=0.1, follows=True)] = 0.005
+    slope_low: Annotated[
+        float, Quantity("smallest slope of the cable, joint over motor", "rad/rad", le=100.0, follows=True)
+    ] = 0.7
+    slope_high: Annotated[float, Quantity("largest slope of the cable", "rad/rad", gt=0.0, le=100.0, follows=True)] = (
+        1.05
+    )
     play: Annotated[
-        float, Quantity("largest distance of the joint from what these slopes allow", "rad", ge=0.0, le=57.0)
+        float,
+        Quantity("largest distance of the joint from what these slopes allow", "rad", ge=0.0, le=57.0, follows=True),
     ] = 0.3
     joint_still: Annotated[
         float, Quantity("a change of the joint's reading that is a sign of life", "rad", ge=0.0, le=1.0)
@@ -76,12 +95,13 @@ class Limits(NamedTuple):
             "at twice its bend",
             "rad",
             ge=0.0,
-            le=90.0,
+            le=36000.0,
+            follows=True,
         ),
     ] = 0.4
     measures_current: Annotated[float, Quantity("1 if the drive reports its current, else 0", key=None)] = 1.0
     current_peak: Annotated[float, Quantity("largest current", "A", key=None)] = 20.0
-    current_time: Annotated[float, Quantity("how long it may be exceeded", "s", ge=0.0, le=0.1)] = 0.002
+    current_time: Annotated[float, Quantity("how long it may be exceeded", "s", ge=0.0, le=0.1, follows=True)] = 0.002
     saturation: Annotated[
         float, Quantity("share of the largest current at which the drive counts as saturated", ge=0.0, le=1.0)
     ] = 0.95
@@ -119,13 +139,15 @@ class Limits(NamedTuple):
     slack_time: Annotated[
         float, Quantity("how long it may be slack, or the motors of a pair apart", "s", ge=0.0, le=1.0)
     ] = 0.05
-    reading_age: Annotated[float, Quantity("age of an angle that is still good", "cycles", ge=0.0, le=50.0)] = 2.0
+    reading_age: Annotated[
+        float, Quantity("age of an angle that is still good", "cycles", ge=0.0, le=50.0, follows=True)
+    ] = 2.0
     heartbeat_age: Annotated[
-        float, Quantity("age of the drive's heartbeat that is still good", "s", ge=0.0, le=10.0)
+        float, Quantity("age of the drive's heartbeat that is still good", "s", ge=0.0, le=10.0, follows=True)
     ] = 0.05
     enable_time: Annotated[float, Quantity("from arming to the drive's operation enabled", "s", ge=0.0, le=10.0)] = 1.0
     disable_time: Annotated[
-        float, Quantity("longest time with torque after the power was switched off", "s", ge=0.0, le=0.5)
+        float, Quantity("longest time with torque after the power was switched off", "s", ge=0.0, le=0.5, follows=True)
     ] = 0.05
     bus_errors: Annotated[
         float, Quantity("frames that could not be sent; one is forgiven each second", ge=0.0, le=100.0)
@@ -167,7 +189,9 @@ class Limits(NamedTuple):
         ),
     ] = 0.2
     preflight_time: Annotated[float, Quantity("from arming to running, at most", "s", ge=0.0, le=600.0)] = 60.0
-    bridge_time: Annotated[float, Quantity("R1 at most, R2 or R3 afterwards", "s", ge=0.0, le=0.005)] = 0.005
+    bridge_time: Annotated[float, Quantity("R1 at most, R2 or R3 afterwards", "s", ge=0.0, le=0.1, follows=True)] = (
+        0.005
+    )
     bridge_leak: Annotated[
         float, Quantity("share of good time by which bridged time is forgotten: worse readings stop", ge=0.0, le=1.0)
     ] = 0.02

@@ -9,7 +9,7 @@ from bowden.core.units import RADIANS
 from bowden.hardware.drives import joint_encoder as joints
 from bowden.hardware.drives import on_can
 from bowden.hardware.drives.ak_frames import HIGHEST_KD, HIGHEST_KP, HIGHEST_POSITION, MODELS, AkModel
-from bowden.hardware.drives.family import DriveNeeds
+from bowden.hardware.drives.family import LOST, DriveNeeds
 from bowden.hardware.drives.joint_encoder import check_beside, identifiers_of, joint_encoder_of
 from bowden.hardware.drives.scale import Scale, SuitScale, spool_scale
 from bowden.models.suit.suit_angle import SpoolMap
@@ -190,7 +190,7 @@ def check_parameters(drive: AkParameters) -> None:
     encoder = joint_encoder_of(drive)
     named = bool(drive.channel.strip(".")) and "\0" not in drive.channel
     spool = motor_scale(drive).steepest(drive.lowest_motor, drive.highest_motor)
-    least = 3.0 * drive.sample_time
+    least = LOST * drive.sample_time
     torque = drive.gear * drive.torque_constant * drive.current_limit
     most = (1.0 - FINEST) * model.torque
     rules = (

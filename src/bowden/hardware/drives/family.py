@@ -23,6 +23,17 @@ DEFAULT = "cia402"
 
 LONGEST_SILENCE = 50e-3
 """Time after our last word in which a drive's torque must be off, whatever has become of the loop [s]."""
+LOST = 3.0
+"""Cycles without a word of ours that a drive waits at least: one frame may be lost, and the next one late."""
+
+
+def longest_silence(sample_time: float) -> float:
+    """`LONGEST_SILENCE`; of a loop so slow that `LOST` cycles, and 10 ms for the drive, take longer, these [s].
+
+    >>> longest_silence(1e-3), longest_silence(20e-3)
+    (0.05, 0.07)
+    """
+    return max(LONGEST_SILENCE, LOST * sample_time + 10e-3)
 
 
 class DriveNeeds(NamedTuple):

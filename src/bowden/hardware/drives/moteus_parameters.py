@@ -5,7 +5,7 @@ from typing import Annotated, Literal, NamedTuple
 
 from bowden.core.quantity import Quantity
 from bowden.hardware.drives import on_can
-from bowden.hardware.drives.family import DriveNeeds
+from bowden.hardware.drives.family import LOST, DriveNeeds
 from bowden.hardware.drives.moteus_frames import HIGHEST_PREFIX, MOST_TURNS, MoteusCommand
 from bowden.hardware.drives.scale import Scale, SuitScale, spool_scale
 from bowden.models.suit.suit_angle import SpoolMap
@@ -14,7 +14,7 @@ LOOK = 1e-3
 """Time in which a board has taken its torque off once its watchdog has run out; it looks 15 000 times a second or
 more (mjbots/moteus, fw/bldc_servo_control.h: the control interrupt counts the time down) [s]."""
 LONGEST_WATCHDOG = 39e-3
-"""So that the torque is off 40 ms after our last word [s]."""
+"""So that the torque is off 40 ms after our last word; of a slow loop, `family.LOST` cycles [s]."""
 
 
 class MoteusParameters(NamedTuple):
@@ -72,7 +72,7 @@ class MoteusParameters(NamedTuple):
     watchdog: Annotated[
         float,
         Quantity(
-            "the board switches its torque off when no command has come for this long", "s", shown="ms", gt=0.0, le=39.0
+            "the board switches its torque off when no command has come for this long", "s", shown="ms", gt=0.0, le=60.0
         ),
     ] = 35e-3
     sample_time: float = 1e-3
@@ -112,6 +112,8 @@ def check_parameters(drive: MoteusParameters) -> None:
         ParameterError: a value out of its range, with its name and what was expected.
     """
     named = bool(drive.channel.strip(".")) and "\0" not in drive.channel
+    least = LOST * drive.sample_time
+    longest = max(LONGEST_WATCHDOG, least)
     rules = (
         ("channel", named, "the name of a bus"),
         ("bitrate", 0 < drive.bitrate <= 1_000_000, "1 to 1000000, 1000000 for a moteus board"),
@@ -129,11 +131,11 @@ def check_parameters(drive: MoteusParameters) -> None:
         ("torque_constant", 0.0 < drive.torque_constant < math.inf, "a number above 0"),
         ("kp_scale", 0.01 <= drive.kp_scale <= 1.0, "0.01 to 1"),
         ("kd_scale", 0.0 <= drive.kd_scale <= 1.0, "0 to 1"),
-        ("sample_time", 5e-4 <= drive.sample_time <= 0.013, "0.0005 to 0.013 s"),
+        ("sample_time", 5e-4 <= drive.sample_time <= 0.02, "0.0005 to 0.02 s"),
         (
             "watchdog",
-            3.0 * drive.sample_time <= drive.watchdog <= LONGEST_WATCHDOG,
-            f"three cycles, {3.0 * drive.sample_time:g} s, to {LONGEST_WATCHDOG:g} s",
+            least <= drive.watchdog <= longest,
+            f"three cycles, {least:g} s, to {longest:g} s",
         ),
         *on_can.rules_of_limits(drive),
     )
@@ -148,6 +150,8 @@ def completed(given: MoteusParameters, needs: DriveNeeds) -> MoteusParameters:
     """
     asked = {name: value for name, value in needs._asdict().items() if name in MoteusParameters._fields}
     parameters = given._replace(**asked)
+    if parameters.watchdog == MoteusParameters().watchdog:  # it is sent with each command, and follows
+        parameters = parameters._replace(watchdog=max(parameters.watchdog, LOST * parameters.sample_time))
     check_parameters(parameters)
     return parameters
 

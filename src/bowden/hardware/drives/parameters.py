@@ -6,6 +6,7 @@ from typing import Annotated, Literal, NamedTuple
 from bowden.core.quantity import Quantity
 from bowden.hardware.drives import canopen_frames as frames
 from bowden.hardware.drives import on_can
+from bowden.hardware.drives.family import LOST
 from bowden.hardware.drives.scale import Scale, SuitScale, spool_scale
 from bowden.models.suit.suit_angle import SpoolMap
 
@@ -121,7 +122,8 @@ class DriveParameters(NamedTuple):
 
 
 LONGEST_TIMEOUT = 40e-3
-"""So that torque is zero `family.LONGEST_SILENCE` after our last heartbeat, with the drive's own delay [s]."""
+"""So that torque is zero `family.longest_silence` after our last heartbeat, with the drive's own delay; of a slow loop,
+`family.LOST` cycles [s]."""
 
 
 def check_parameters(drive: DriveParameters) -> None:
@@ -132,6 +134,7 @@ def check_parameters(drive: DriveParameters) -> None:
     """
     named = bool(drive.channel.strip(".")) and "\0" not in drive.channel
     whole_ms = 1.0 <= round(1e3 * drive.sample_time, 9) <= 255.0 and round(1e3 * drive.sample_time, 9) % 1.0 == 0.0
+    longest = max(LONGEST_TIMEOUT, LOST * drive.sample_time)
     rules = (
         ("channel", named, "the name of a bus"),
         ("node_id", 1 <= drive.node_id <= 126, "a number from 1 to 126"),
@@ -150,11 +153,11 @@ def check_parameters(drive: DriveParameters) -> None:
         ("torque_scale", not (drive.torque_scale and drive.tension_scale), "0 where tension_n_per_mv is not"),
         ("analog_range", 0.0 < drive.analog_range <= 32767.0, "above 0, at most 32767 mV"),
         ("sample_time", whole_ms, "whole milliseconds from 1 to 255, as the drive's interpolation time"),
-        ("heartbeat_timeout", 0.0 < drive.heartbeat_timeout <= LONGEST_TIMEOUT, "above 0, at most 0.04 s"),
+        ("heartbeat_timeout", 0.0 < drive.heartbeat_timeout <= longest, f"above 0, at most {longest:g} s"),
         (
             "heartbeat_time",
             drive.heartbeat_time > 0.0
-            and max(drive.heartbeat_time, drive.sample_time) <= drive.heartbeat_timeout / 3.0,
+            and LOST * max(drive.heartbeat_time, drive.sample_time) <= drive.heartbeat_timeout,
             "at most a third of heartbeat_timeout, like sample_time, so that one lost frame does no harm",
         ),
         ("drive_heartbeat_time", 1e-3 <= drive.drive_heartbeat_time <= 1.0, "from 0.001 to 1 s"),

@@ -28,7 +28,7 @@ class BoucWen(NamedTuple):
     """
 
     slope: Annotated[
-        float, Quantity("joint motion per motor motion; not 0", "rad/rad", symbol="αφ", ge=-20.0, le=20.0)
+        float, Quantity("joint motion per motor motion; not 0", "rad/rad", symbol="αφ", ge=-100.0, le=100.0)
     ] = 0.938
     """Once the play is taken up."""
     hysteresis_gain: Annotated[

@@ -6,9 +6,10 @@ from typing import TYPE_CHECKING
 from bowden.core.errors import ParameterError
 from bowden.hardware.drives import on_can
 from bowden.hardware.drives.emergencies import emergency_text
-from bowden.hardware.drives.family import DriveFamily, DriveNeeds, FoundDevice, TwinProcess
+from bowden.hardware.drives.family import LOST, DriveFamily, DriveNeeds, FoundDevice, TwinProcess
 from bowden.hardware.drives.homing import zeroed
 from bowden.hardware.drives.parameters import (
+    LONGEST_TIMEOUT,
     DriveParameters,
     check_parameters,
     load_range,
@@ -31,6 +32,8 @@ def completed(given: DriveParameters, needs: DriveNeeds) -> DriveParameters:
     """
     asked = {name: value for name, value in needs._asdict().items() if name in DriveParameters._fields}
     parameters = given._replace(**asked)
+    if parameters.heartbeat_timeout == LONGEST_TIMEOUT:  # which follows, and is as much as can be written
+        parameters = parameters._replace(heartbeat_timeout=max(LONGEST_TIMEOUT, LOST * parameters.sample_time))
     check_parameters(parameters)
     if 2.0 * parameters.drive_heartbeat_time > needs.heartbeat_age:
         raise ParameterError(

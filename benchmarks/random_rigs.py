@@ -1,0 +1,210 @@
+"""Rigs round random cables: made by `init`, judged as `check` does it, run for some seconds on the twin, and ended.
+
+Each is drawn from its number: a cable of any slope, play, direction and zeros, or a suit, and a sample time. Loop,
+preflight and supervisor are those of a live run, on a clock of their own.
+"""
+
+import functools
+import math
+import sys
+import tempfile
+from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from bowden.control.reference import PeriodicMinimumJerk
+from bowden.core.errors import BowdenError
+from bowden.core.units import RADIANS
+from bowden.cycle.one_cycle import Cycle
+from bowden.design.forecast import off_reference
+from bowden.design.other_law import chosen_law
+from bowden.design.verdict import verdicts
+from bowden.face.init import init
+from bowden.hardware.ports import Power
+from bowden.identify.cable.counting import Covered
+from bowden.identify.cable.model import IdentifiedCable
+from bowden.live.live_run import live_run
+from bowden.live.preflight import REASONS, Reason, require
+from bowden.live.row import NOTHING_READ
+from bowden.models.cable.bouc_wen import BoucWen, saturation
+from bowden.models.drive.thermal import cold
+from bowden.rig.objections import objections
+from bowden.rig.rig import Rig
+from bowden.rig.suit_rig import TEXT
+from bowden.rig.twin_plant import twin_plant_of
+from bowden.safety.faults import of
+from bowden.safety.supervisor import Mode, Observed, Request
+from kept import Kept
+from measure import Figure
+from support.simulated_drive import SimulatedDrive
+
+COUNT = 1000
+SECONDS = 5.0
+"""Of the run, after the way to its beginning."""
+LONGEST = 120.0
+"""A run that has not ended by then does not end [s]."""
+ARMED = 100
+"""Cycle in which it is armed."""
+SAMPLE_TIMES = (1e-3, 2e-3, 5e-3, 10e-3, 20e-3)
+SUITS, BY_HAND = 0.15, 0.25
+"""Share of the rigs that are suits, and of the others that `init` has not made."""
+
+
+@functools.cache
+def _suit() -> Rig:
+    """What `bowden init --suit` writes."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "suit.toml"
+        path.write_text(TEXT.format(name="suit.toml"), encoding="utf-8")
+        return Rig.read(path)
+
+
+def cable(random: np.random.Generator) -> IdentifiedCable:
+    """What an identification of a pure play says, with the motion of its log in the log's own angles."""
+    slope = math.exp(random.uniform(math.log(0.02), math.log(50.0)))
+    lost = math.exp(random.uniform(math.log(0.1), math.log(20.0))) * RADIANS  # of the joint, at a reversal
+    span = random.uniform(40.0, 90.0) * RADIANS
+    direction = 1.0 if random.random() < 0.5 else -1.0
+    low = random.choice([0.0, -0.5 * span, random.uniform(-200.0, 200.0) * RADIANS])
+    middle = random.choice([0.5 * (span + lost) / slope, 0.0, random.uniform(-20.0, 20.0)])
+    half = 0.5 * (span + lost) / slope
+    offset = low + 0.5 * span - direction * slope * middle
+    usual = BoucWen()
+    bouc_wen = {
+        "slope": direction * slope,
+        "offset": offset,
+        "hysteresis_gain": -direction * 0.5 * lost / saturation(usual),
+        "rate": 4.0 * slope / lost * saturation(usual),
+        "shape": usual.shape,
+        "exponent": usual.exponent,
+        "initial_h": 0.0,
+    }
+    play = {"slope": direction * slope, "offset": offset, "half_width": 0.5 * lost / slope, "initial_lag": 0.0}
+    covered = Covered(middle - half, middle + half, low, low + span)
+    return IdentifiedCable("play", {"play": play, "bouc_wen": bouc_wen}, covered=covered)
+
+
+def by_hand(random: np.random.Generator) -> dict[str, Any]:
+    """Parts of a rig whose cable is written by hand, and whose joint has its zero anywhere in its range."""
+    slope = math.exp(random.uniform(math.log(0.02), math.log(50.0)))
+    lost = math.exp(random.uniform(math.log(0.1), math.log(20.0))) * RADIANS
+    low, span = random.uniform(-70.0, 20.0) * RADIANS, random.uniform(30.0, 70.0) * RADIANS
+    usual, bench = BoucWen(), Rig()
+    gain = -0.5 * lost / saturation(usual)
+    return {
+        "cable": BoucWen(slope, gain, random.uniform(0.2, 0.9) * slope / abs(gain), usual.shape, usual.exponent),
+        "motor": bench.motor._replace(gear=bench.motor.gear * max(1.0, slope / bench.slope)),
+        "reference": PeriodicMinimumJerk(low, low + span, random.uniform(6.0, 12.0)),
+        "limits": {"joint_low": min(0.0, low) - 0.3, "joint_high": max(0.0, low + span) + 0.3},
+    }
+
+
+def drawn(number: int) -> tuple[str, Any, float]:
+    """Kind, identified cable or reference of a suit, and sample time of that number."""
+    random = np.random.default_rng(number)
+    dt = float(random.choice(SAMPLE_TIMES))
+    if random.random() < SUITS:
+        return "suit", PeriodicMinimumJerk(0.0, random.uniform(30.0, 75.0) * RADIANS, random.uniform(6.0, 12.0)), dt
+    if random.random() < BY_HAND:
+        return "by hand", by_hand(random), dt
+    return "bench", cable(random), dt
+
+
+def rig_of(number: int) -> Rig:
+    """The rig of that number.
+
+    Raises:
+        BowdenError: none can be made.
+    """
+    kind, given, dt = drawn(number)
+    if kind == "suit":
+        return _suit().replace(sample_time=dt, reference=given, duration=SECONDS)
+    if kind == "by hand":
+        rig = Rig(**given, sample_time=dt, duration=SECONDS)
+        chosen = chosen_law(rig)
+        return rig.with_law(chosen.law).replace(gains=chosen.gains)
+    return init(given, sample_time=dt).rig.replace(duration=SECONDS)
+
+
+def outcome(number: int) -> str:
+    """What is wrong with the rig of that number or its run; empty if nothing is."""
+    try:
+        rig = rig_of(number)
+        return run(rig)
+    except BowdenError as error:
+        return f"refused: {error}"
+
+
+def run(rig: Rig) -> str:
+    """How a run of a rig ends, where that is not as it should; empty otherwise.
+
+    Raises:
+        BowdenError: it is refused.
+    """
+    if found := objections(rig):
+        return f"objected: {'; '.join(found)}"
+    live = live_run(rig)
+    verdict = verdicts(rig, [live.law], "rig.toml", force=True)[0]
+    require(live.limits, rig.sample_time, verdict.name or "holds", opposed=live.opposed)
+    live = live.following([off_reference(rig, live.law)])
+    cycle, script = live.cycle(), live.script()
+    drive = SimulatedDrive(twin_plant_of(rig, 0.0))
+    cycle.begin(NOTHING_READ, cold(live.limits.thermal))
+    return _run(cycle, script, drive, live.push())
+
+
+def _run(cycle: Cycle, script: Any, drive: SimulatedDrive, push: Any) -> str:
+    mode, target = float(Mode.STOPPED), cycle.state.supervisor.target
+    asked_to_end = False
+    for k in range(1, round(LONGEST / cycle.period)):
+        now = k * cycle.period
+        reading = drive.read(now)
+        request = Request.ARM if k == ARMED else Request.NONE
+        if mode == Mode.PREFLIGHT and script.outcome == 1.0:
+            request = Request.RUN
+        elif script.done and mode == Mode.RUNNING:
+            request, asked_to_end = Request.STOP, True
+        plan = script.plan(mode, target, reading, 1)
+        observed = Observed(reading, 0.0, cycle.period, float(request), 0.0, 1.0, script.outcome, 0.0)
+        _, verdict = cycle.step(observed, plan)
+        mode, target = verdict.mode, verdict.target
+        torque = 0.0 if push is None else push.step(target, verdict, cycle.period)
+        drive.write(target, Power(int(verdict.power)), now, torque)
+        if verdict.faults and k > ARMED:
+            faults = ", ".join(fault.name for fault in of(verdict.faults))
+            why = REASONS[Reason(int(script.reason))] if script.reason else ""
+            return f"fault: {faults} {'at the end' if asked_to_end else f'in {Mode(int(mode)).name}'} {why}".strip()
+        if asked_to_end and mode == Mode.STOPPED:
+            return ""
+    return "the run does not end"
+
+
+def runs(count: int, done: int) -> Iterator[list[Any]]:
+    for number in range(done, count):
+        yield [number, outcome(number)]
+
+
+def figures(share: float) -> tuple[list[Figure], str]:
+    """How many are refused or end in a fault, and why."""
+    count = round(share * COUNT)
+    kept = Kept(f"random_rigs_{count}")
+    wrong = [row for row in kept.filled(runs(count, len(kept.rows())), count) if row[1]]
+    lines = [f"- {number}: {why}" for number, why in wrong[:20]]
+    return [Figure(f"rigs refused or faulty, of {count}", str(len(wrong)), "0", not wrong)], "\n".join(lines)
+
+
+def main(first: int, stop: int) -> None:
+    """Print how many rigs of a range of numbers pass, and what is wrong with each of the others."""
+    found = {number: outcome(number) for number in range(first, stop)}
+    wrong = {number: why for number, why in found.items() if why}
+    for number, why in wrong.items():
+        print(number, drawn(number)[0], why[:300])
+    print(Counter(why[:45] for why in wrong.values()).most_common())
+    print(f"{len(found) - len(wrong)} of {len(found)} pass")
+
+
+if __name__ == "__main__":
+    main(int(sys.argv[1]), int(sys.argv[2]))

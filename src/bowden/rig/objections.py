@@ -1,0 +1,130 @@
+"""All for which `bowden run` refuses a rig: one list, which check, simulate and tune say before a run does."""
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowden.core.errors import ParameterError
+from bowden.core.toml_text import quoted
+from bowden.core.units import DEGREES
+from bowden.hardware.drives.family import family_of
+from bowden.plants.cable_plant import CablePlant
+from bowden.plants.user_plant import UserPlant
+from bowden.rig.consistent import contradictions
+from bowden.rig.rig import Rig
+from bowden.safety.limits import Limits
+
+_INSTANTS = 601
+
+
+def objections(rig: Rig) -> tuple[str, ...]:
+    """What is wrong with a rig that `bowden run` refuses, in sentences; empty if it takes it."""
+    found = []
+    for name, own in rig.parts:
+        paired = rig.pair.there and name in rig.pair.names
+        said = _of_motor(own, paired=paired, opposed=paired and name == rig.pair.antagonist)
+        found += [f"axis {quoted(name)}: {one}" if name else one for one in said]
+    return tuple(found)
+
+
+def refusals(rig: Rig) -> tuple[str, ...]:
+    """The same as notes, for whoever does not run it."""
+    return tuple(f"bowden run will refuse this rig: {one}" for one in objections(rig))
+
+
+def _of_motor(rig: Rig, *, paired: bool, opposed: bool) -> Iterator[str]:
+    if rig.turned:
+        yield str(turned(rig))
+        return
+    limits = rig.supervisor_limits
+    try:
+        _ = rig.drive_parameters
+        if not opposed:
+            require_joint(rig)
+    except ParameterError as error:
+        yield str(error)
+    yield from contradictions(limits, rig.sample_time, opposed=opposed, given=rig.limits)
+    if not paired:
+        yield from mismatches(rig, limits)
+
+
+def turned(rig: Rig) -> ParameterError:
+    """That a cable's slope is negative."""
+    return ParameterError(
+        f"{rig.origin}: the cable's slope is negative",
+        expected="a joint angle that grows with the motor's",
+        do="write direction = -1 below the model in [cable], if the log counted the motor the other way round than "
+        "this drive does; else change the sign of motor_direction or joint_direction of [drive], and measure again",
+    )
+
+
+def require_joint(rig: Rig) -> None:
+    """Refuse a rig that does not measure its joint: laws feed it back, an excitation looks for it, and the supervisor
+    watches the cable by it.
+
+    Raises:
+        ParameterError: with what to do.
+    """
+    if not family_of(rig.drive).measures_joint(rig.drive):
+        raise ParameterError(
+            f"{rig.origin}: the joint's angle is not measured (drive.joint is none)",
+            expected="an encoder at the joint, without which neither a law nor bowden measure nor the supervisor knows "
+            "what the cable does",
+            do='fit a CANopen encoder (CiA 406) beside the drive, and set joint = "cia406" in [drive]',
+        )
+
+
+def mismatches(rig: Rig, limits: Limits) -> Iterator[str]:
+    """What of a rig its own limits would end a run for.
+
+    Args:
+        rig: of one motor, not of a pair.
+        limits: the supervisor's.
+    """
+    path = rig.trajectory.sample(np.linspace(0.0, rig.duration, _INSTANTS))[:, 0]
+    low, high = float(path.min()), float(path.max())
+    if rig.emg_run is None and rig.pushing is None and not limits.joint_low <= low <= high <= limits.joint_high:
+        yield (
+            f"the reference goes from {low * DEGREES:.4g}° to {high * DEGREES:.4g}°, and the joint's limits are "
+            f"{limits.joint_low * DEGREES:.4g}° to {limits.joint_high * DEGREES:.4g}°: correct [reference], or "
+            "joint_low_deg and joint_high_deg of [limits]"
+        )
+    if rig.worn is not None or rig.plant is not None:
+        return
+    slope, ends = rig.slope, (limits.slope_low, limits.slope_high)
+    if not ends[0] <= slope <= ends[1]:
+        yield (
+            f"the cable's slope is {slope:.4g}, and slope_low = {ends[0]:.4g}, slope_high = {ends[1]:.4g}: the joint "
+            "would seem astray; leave both out of [limits]"
+        )
+        return
+    start, begin = rig.start_motor, rig.begin
+    allowed = sorted(end * start for end in ends)
+    if rig.initial_motor is None and not allowed[0] - limits.play <= begin <= allowed[1] + limits.play:
+        yield (
+            f"the joint is at {begin * DEGREES:.4g}° where the motor is at {start * DEGREES:.4g}°, and the supervisor "
+            f"counts both from where the cable is just taut (slope {slope:.4g}, play {limits.play * DEGREES:.3g}°): "
+            "correct offset in [cable], or motor_zero_deg and joint_zero_deg below its model; bowden init --model "
+            "finds them"
+        )
+    yield from _weak(rig, limits, path)
+
+
+def _weak(rig: Rig, limits: Limits, path: NDArray[np.float64]) -> Iterator[str]:
+    """Whether the motor can hold the joint's spring along the reference."""
+    plant, motor = rig.cabled, rig.motor
+    if isinstance(plant, UserPlant) or (isinstance(plant, CablePlant) and plant.cable.physical):
+        return
+    load = rig.slope * (motor.pretension + motor.spring * (path - rig.home))
+    current = load / (motor.gear * motor.torque_constant)
+    peak, lasting = float(np.abs(current).max()), float(np.sqrt(np.mean(current**2)))
+    more = max(peak / (limits.saturation * limits.current_peak), lasting / limits.thermal.continuous_current)
+    if more > 1.0 or math.isnan(more):
+        yield (
+            f"to hold the joint's spring through a cable of slope {rig.slope:.4g} the motor needs {peak:.3g} A, "
+            f"{lasting:.3g} A RMS; it has {limits.current_peak:.3g} A, {limits.thermal.continuous_current:.3g} A for "
+            f"long: write its gear in [motor], {motor.gear:.4g} now, {math.ceil(more * motor.gear):g} would do, or "
+            "spring_nm_per_rad and pretension_nm as they are"
+        )
