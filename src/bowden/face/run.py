@@ -85,7 +85,7 @@ def run(
     ):
         yield session
     said = [session.outcome] if not session.ended_well else [session.log_lost] if session.log_lost else []
-    given.tell(said, at=4)  # beyond contextlib's own frame: the user's with
+    given.tell(said)
 
 
 @contextlib.contextmanager

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from bowden.core.arguments import number, path_of
 from bowden.core.errors import ParameterError, near
 from bowden.core.files import write_text
+from bowden.core.guesses import Answering, answering
 from bowden.identify.cable.bouc_wen import cable_of, simulate
 from bowden.identify.cable.counting import Counting, Covered, recounted
 from bowden.identify.cable.generalised import GeneralisedPlay
@@ -182,8 +183,17 @@ def meaning(parameter: str) -> tuple[str, str]:
     raise ParameterError(f"no model has a parameter {parameter!r}")
 
 
+@answering(
+    {
+        **dict.fromkeys(("predict", "simulate", "joint"), "model.joint_angle(motor)"),
+        **dict.fromkeys(("save", "to_file", "to_toml"), "model.write(path)"),
+        **dict.fromkeys(("load", "open", "from_file"), "CableModel.read(path)"),
+        "params": "model.parameters",
+    },
+    "make another: CableModel(name, parameters)",
+)
 @dataclass(frozen=True)
-class CableModel:
+class CableModel(metaclass=Answering):
     """One model of a cable.
 
     >>> model = CableModel("line", {"slope": -0.9, "offset": 0.5})
