@@ -166,7 +166,10 @@ def _in_python(words: str) -> str:
 def tell(notes: Iterable[str]) -> None:
     """Say what the user should know, as Python says it: a warning at the line that called the face."""
     frame, level = sys._getframe(1), 2
-    while frame.f_back is not None and frame.f_globals["__name__"].partition(".")[0] in ("bowden", "contextlib"):
+    while frame.f_back is not None and frame.f_globals.get("__name__", "").partition(".")[0] in (
+        "bowden",
+        "contextlib",
+    ):
         frame, level = frame.f_back, level + 1
     for note in notes:
         warnings.warn(_in_python(note), stacklevel=level)

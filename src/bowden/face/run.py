@@ -170,7 +170,7 @@ def new_log(folder: Path, name: str) -> Path:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise OutputError(f"cannot make the folder {folder}: {error.strerror}", do="choose another one") from error
+        raise OutputError(f"cannot make the folder {folder}: {error.strerror}", do="choose another one") from None
     number = 1
     while (path := folder / f"{name}-{number}.mcap").exists():
         number += 1

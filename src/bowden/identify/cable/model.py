@@ -258,7 +258,7 @@ class CableModel(metaclass=Answering):
         try:
             return _PREDICT[self.name](self.parameters, np.ascontiguousarray(motor, dtype=np.float64))
         except KeyError as error:
-            raise ParameterError(f"cable model {self.name!r} has no parameter {error.args[0]!r}") from error
+            raise ParameterError(f"cable model {self.name!r} has no parameter {error.args[0]!r}") from None
 
     def to_bouc_wen(self) -> BoucWen:
         """The cable for simulation and control.
@@ -273,7 +273,7 @@ class CableModel(metaclass=Answering):
         try:
             return cable_of(self.parameters)
         except KeyError as error:
-            raise ParameterError(f"cable model 'bouc_wen' has no parameter {error.args[0]!r}") from error
+            raise ParameterError(f"cable model 'bouc_wen' has no parameter {error.args[0]!r}") from None
 
 
 @dataclass(frozen=True)
@@ -395,7 +395,7 @@ def _scheduled(parameters: Mapping[str, float]) -> tuple[scheduling.ScheduledCab
     try:
         return scheduling.cable_of(parameters)
     except KeyError as error:
-        raise ParameterError(f"cable model {SCHEDULED!r} has no parameter {error.args[0]!r}") from error
+        raise ParameterError(f"cable model {SCHEDULED!r} has no parameter {error.args[0]!r}") from None
 
 
 _BEGUN = ("initial_h", "initial_lag")
