@@ -225,10 +225,11 @@ def _error(trace: Trace) -> str:
 
 
 def _times_less(traces: Mapping[str, Trace]) -> str:
-    errors = [trace.metrics().rmse_deg for trace in traces.values() if trace.stable]
+    errors = [trace.metrics().rmse_deg or 0.0 for trace in traces.values() if trace.stable]
     if len(errors) < 2 or not all(errors):
         return ""
-    return f", {errors[0] / errors[1]:.0f} times less"
+    times = errors[0] / errors[1]
+    return f", {times:.2g} times less" if times > 1.0 else ", no less than without"
 
 
 def _room(found: Check) -> str:
