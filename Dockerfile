@@ -1,9 +1,9 @@
-# The paper's bench in a container:
+# The demo in a container:
 #
 #     docker build -t bowden .
 #     docker run --rm -v "$PWD/out:/bowden/out" bowden
 #
-# writes its report to out/demo on the host. Any other command follows the name: docker run --rm -it bowden bowden doctor.
+# writes its page to out/demo on the host. Any other command follows the name: docker run --rm -it bowden bowden doctor.
 FROM python:3.13-slim
 
 RUN apt-get update && apt-get install --yes --no-install-recommends make && rm -rf /var/lib/apt/lists/*

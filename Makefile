@@ -1,4 +1,4 @@
-# make demo: reproduce the paper's bench; make test: everything that must hold; make help: the rest.
+# make demo: from a log of a cable to a law that runs, on one page; make test: everything that must hold; make help: the rest.
 
 PYTHON ?= python3
 BIN := .venv/bin
@@ -6,10 +6,11 @@ PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-com
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test computed live long portable lint types docs console notebooks site lock release bench soak walk clean
+.PHONY: help demo paper test computed live long portable lint types docs console notebooks site lock release bench soak walk clean
 
 help:
-	@echo "make demo    reproduce the paper's bench and say where the report is"
+	@echo "make demo    a cable before and after, on one page: log, model, rig, check, law, live on a twin; LOG=my.csv for yours"
+	@echo "make paper   reproduce the paper's bench and say where the report is"
 	@echo "make test    tests, doctests, lint and types"
 	@echo "make long    more cases of what make test tries: other cables, rigs and plants, some minutes"
 	@echo "make portable    some of the tests as another processor computes, half a minute"
@@ -26,14 +27,14 @@ help:
 	@echo "make walk    all commands of README and of every page, in a fresh environment (half an hour)"
 	@echo "make clean   remove what make and the tools have made"
 	@echo
-	@echo "make LOCKED=1 demo (or test) installs the very versions of requirements/, and no file with another hash"
+	@echo "make LOCKED=1 demo (or paper, test) installs the very versions of requirements/, and no file with another hash"
 
 .venv/made:
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "bowden needs Python 3.11 or newer: make PYTHON=python3.11")'
 	test -x $(BIN)/python || $(PYTHON) -m venv .venv
 	touch $@
 
-# What is in it is installed anew when pyproject.toml changes. The demo needs the package alone. Python compiles what it
+# What is in it is installed anew when pyproject.toml changes. Demo and paper need the package alone. Python compiles what it
 # imports when it does; all of it at once would take half a minute more.
 .venv/runtime: pyproject.toml | .venv/made
 ifdef LOCKED
@@ -54,7 +55,10 @@ endif
 	touch .venv/runtime $@
 
 demo: .venv/runtime
-	$(BIN)/bowden reproduce --out out/demo
+	$(BIN)/bowden demo $(if $(LOG),'$(LOG)') --out out/demo
+
+paper: .venv/runtime
+	$(BIN)/bowden reproduce --out out/paper
 
 # What runs in real time mostly waits; what computes meanwhile gives way to it. A make that a test calls is no part of
 # this one.

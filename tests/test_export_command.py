@@ -10,13 +10,18 @@ from pathlib import Path
 from typing import Any
 
 import jsonschema
+import numpy as np
 import pytest
 
+import bowden
 from bowden.app import main
 from bowden.control.conditioning import Conditioned
 from bowden.core.signals import EMERGENCY_STOP, DriveState
 from bowden.export.readme import FLAGS
 from bowden.hardware.ports import Power
+from bowden.identify.cable.counting import Counting
+from bowden.identify.cable.model import CableModel
+from bowden.rig.rig import Rig
 from bowden.safety.faults import Fault
 from bowden.safety.supervisor import Mode, Request
 
@@ -25,10 +30,10 @@ COMPILER, MAKE = shutil.which("cc"), shutil.which("make")
 SCHEMA = Path(__file__).parents[1] / "docs" / "json" / "export.schema.json"
 RIG = "[reference]\nkind = 'periodic_minimum_jerk'\nperiod_s = 2.0\n[scenario]\nduration_s = 3.0\n"
 STUBS = """
-double read_joint_angle(void);
-double read_motor_angle(void);
+double read_joint_counts(void);
+double read_motor_counts(void);
 @NAME@_reference next_reference(void);
-void write_motor_target(double target);
+void write_motor_counts(double target);
 """
 GATE_STUBS = "safety_observed observe(void);\nvoid write_drive(double target, double power);\n"
 
@@ -202,3 +207,41 @@ def step(gains, state, sample, reference, dt):
     # libm's own, which numbers pass and symbols do not
     return State(math.tanh(state.total)), reference.position
 """
+
+
+COUNTING_C = """
+#include <stdio.h>
+#include "uncompensated.h"
+
+int main(void)
+{
+    double motor, joint;
+    while (scanf("%lf %lf", &motor, &joint) == 2) {
+        const double angle = uncompensated_motor_angle(motor);
+        printf("%.17g %.17g %.17g\\n", angle, uncompensated_joint_angle(joint), uncompensated_motor_counts(angle));
+    }
+    return 0;
+}
+"""
+
+
+@pytest.mark.skipif(COMPILER is None, reason="no C compiler")
+def test_in_c_the_counts_of_a_log_lie_on_the_cable_of_the_rig() -> None:
+    """Of a cable whose joint falls as its motor rises, and whose zeros are anywhere; commands become counts again."""
+    shape = {"hysteresis_gain": 0.05, "rate": 9.0, "shape": 8.0, "exponent": 2.0, "initial_h": 0.1}
+    log = CableModel("bouc_wen", {"slope": -0.9, "offset": 1.5} | shape)
+    rig = Rig(cable=log.identified().counted(Counting(-1, 0.7, 0.4)), duration=2.0)
+    steps = np.array([rig.motor_encoder.resolution, rig.joint_encoder.resolution])
+    motor = 0.4 + 0.4 * np.sin(np.linspace(0.0, 9.0, 300))
+    counts = np.round(np.column_stack([motor, log.joint_angle(motor)]) / steps)
+    bowden.export(rig, "code", "uncompensated")
+    Path("code/main.c").write_text(COUNTING_C)
+    subprocess.run(["cc", *FLAGS.split(), "main.c", "uncompensated.c", "-o", "main", "-lm"], cwd="code", check=True)
+    fed = "\n".join(f"{one:.0f} {other:.0f}" for one, other in counts)
+    said = subprocess.run(["code/main"], input=fed, capture_output=True, text=True, check=True).stdout
+    angle, joint, back = np.array([line.split() for line in said.splitlines()], float).T
+    assert np.allclose(angle, -(counts[:, 0] * steps[0] - 0.7), rtol=0.0, atol=1e-12)
+    assert np.allclose(rig.cable.model().joint_angle(angle), joint, rtol=0.0, atol=2.0 * steps.max())
+    assert np.allclose(back, counts[:, 0], rtol=0.0, atol=1e-6)
+    assert "motor [rad]     = -(0.000383495·counts - 0.7)" in Path("code/README.md").read_text()
+    assert "the other way round than its encoder; zero is at 40.11°" in Path("code/uncompensated.h").read_text()

@@ -1,11 +1,15 @@
 """What ``import bowden`` offers: quick to import, documented, shown on one screen, and refusals that say what to do."""
 
+import copy
 import inspect
+import pickle
+import re
 import subprocess
 import sys
+import traceback
 import warnings
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import FrozenInstanceError, replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -55,10 +59,85 @@ def test_every_name_is_there_and_has_a_docstring_with_an_example(name: str) -> N
     assert ">>>" in text
 
 
-def test_a_name_that_is_not_there_is_answered_with_the_likely_one() -> None:
-    with pytest.raises(AttributeError, match=r"simulate \(did you mean this\?\)"):
-        _ = bowden.simulat  # type: ignore[attr-defined]
+TRACE = bowden.Trace({"time": T, "joint": JOINT, "reference": MOTOR}, {"time": "s", "joint": "rad", "reference": "rad"})
+CABLE = bowden.CableModel("line", {"slope": 0.9, "offset": 0.1})
+
+
+@pytest.mark.parametrize(
+    ("asked", "answered"),
+    [
+        ("bowden.simulat", "bowden has no 'simulat': did you mean simulate?"),
+        ("bowden.load_log", "bowden has no 'load_log': bowden.read_log(path)"),
+        ("bowden.fit", "bowden has no 'fit': bowden.identify(log)"),
+        ("Rig.load", "Rig has no 'load': Rig.read(path)"),
+        ("Rig().save", "Rig has no 'save': rig.write(path)"),
+        ("Rig().cabel", "Rig has no 'cabel': did you mean cable?"),
+        ("TRACE.joint", "Trace has no 'joint': trace['joint'], in its unit; trace.array('joint', 'deg') in degrees"),
+        ("TRACE.joint_deg", "Trace has no 'joint_deg': trace.array('joint', 'deg')"),
+        ("TRACE.to_frame", "Trace has no 'to_frame': trace.to_pandas() or trace.to_polars()"),
+        ("TRACE.rmse", "Trace has no 'rmse': trace.metrics().rmse_deg"),
+        ("CABLE.predict", "CableModel has no 'predict': model.joint_angle(motor)"),
+        ("LAWS['adaptive'].set_gains", "Law has no 'set_gains': law.with_gains(name=value)"),
+    ],
+)
+def test_a_name_that_is_not_there_is_answered_with_the_likely_one(asked: str, answered: str) -> None:
+    with pytest.raises(AttributeError) as caught:
+        eval(asked, {**globals(), "Rig": bowden.Rig})
+    assert str(caught.value) == answered
     assert not hasattr(bowden, "__wrapped__")
+
+
+def test_what_a_table_of_guesses_names_is_there() -> None:
+    """Nobody is sent to the next name that is not there."""
+    fit = bowden.identify(T, MOTOR, JOINT)
+    objects = {"trace": TRACE, "fit": fit, "model": fit.best, "rig": bowden.Rig(), "law": LAWS["adaptive"]}
+    objects |= {
+        "bowden": bowden,
+        "Rig": bowden.Rig,
+        "CableModel": bowden.CableModel,
+        "check": bowden.check(bowden.Rig()),
+    }
+    tables = [getattr(type(one), "_guesses", {}) for one in objects.values()] + [bowden._GUESSES]
+    for text in {text for table in tables for text in table.values()}:
+        for name in re.findall(r"\b(?:\w+\.)+\w+", text):
+            first, *rest = name.split(".")
+            found = objects[first]
+            for word in rest:
+                found = getattr(found, word)
+    assert sum(map(len, tables)) > 50
+
+
+def test_a_rig_does_not_change_and_says_how_another_is_made() -> None:
+    rig = bowden.Rig()
+    with pytest.raises(FrozenInstanceError, match=r"^a Rig does not change: rig\.replace\(duration=5\)$"):
+        rig.duration = 5  # type: ignore[misc]
+    with pytest.raises(AttributeError, match="Rig has no 'durtion': did you mean duration"):
+        rig.durtion = 5  # type: ignore[attr-defined]
+    assert pickle.loads(pickle.dumps(rig)) == copy.deepcopy(rig) == rig
+    assert pickle.loads(pickle.dumps(bowden.simulate)) is bowden.simulate
+
+
+@pytest.mark.parametrize(
+    ("call", "said"),
+    [
+        ("simulate(Rig(), gains={})", r"simulate has no 'gains': rig\.replace\(gains="),
+        ("identify(T, MOTOR, JOINT, units='deg')", "identify has no 'units': unit="),
+        ("check()", "check: missing a required argument: 'rig'"),
+        ("simulate('no.toml')", "cannot read no.toml"),
+        ("Rig.read('no.toml')", "cannot read no.toml"),
+        ("Rig(gains={'x': 1.0})", "has no gain 'x'"),
+        ("simulate(Rig(duration=2.0), 'adaptive', preset='paper')", "or run it anyway with force=True"),
+        ("init('no.toml')", "no.toml cannot be read"),
+        ("read_trace('no.csv')", "cannot read no.csv"),
+        ("identify('no.csv')", "no.csv does not exist"),
+    ],
+)
+def test_an_error_is_one_line_without_a_chain(call: str, said: str) -> None:
+    with pytest.raises(BowdenError, match=said) as caught:
+        eval(f"bowden.{call}", {**globals(), "Rig": bowden.Rig})
+    text = "".join(traceback.format_exception(caught.value))
+    assert text.count("Traceback (most recent call last)") == 1
+    assert "\n" not in str(caught.value)
 
 
 @pytest.mark.parametrize(

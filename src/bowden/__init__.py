@@ -16,8 +16,9 @@ All angles are in radians, all else in SI. The names below are loaded when they 
 """
 
 import sys
+from functools import cache
 from importlib import import_module
-from types import ModuleType
+from types import FunctionType, ModuleType
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -90,6 +91,36 @@ _HOMES = {
 }
 """Each name that is offered, and the module that it is taken from when it is first asked for."""
 
+_GUESSES = {
+    "fit": "bowden.identify(log)",
+    "load": "bowden.Rig.read(path), bowden.read_log(path) or bowden.read_trace(path)",
+    "load_log": "bowden.read_log(path)",
+    "load_rig": "bowden.Rig.read(path)",
+    "read_rig": "bowden.Rig.read(path)",
+    "load_model": "bowden.CableModel.read(path)",
+    "read_model": "bowden.CableModel.read(path)",
+    "load_trace": "bowden.read_trace(path)",
+    "calibrate": "bowden.recalibrate(log, model), or bowden.emg_calibrate(mvc)",
+    "plot": "trace.plot(), fit.plot(), rig.plot()",
+    "optimize": "bowden.tune(rig)",
+    "laws": "bowden.LAWS",
+}
+"""Name that is often guessed → what to write."""
+
+_ARGUMENTS = {
+    "gains": "rig.replace(gains={…}), or a law with them: bowden.LAWS[name].with_gains(…)",
+    "gain": "rig.with_gain(name, value)",
+    "units": "unit=",
+    "fs": "rate=, in Hz",
+    "dt": "rate=, in Hz; of a rig its sample_time",
+    "sample_time": "rig.replace(sample_time=…)",
+    "reference": "rig.replace(reference=…)",
+    "delay": "rig.replace(delay=…)",
+    "out": "folder=",
+    "verbose": "progress=True, where a function has it",
+}
+"""Argument of a function that is often guessed → what to write."""
+
 _ROOMS = ("identify", "export")
 """Names that are a function here and a folder of the package as well: the folder can be called as the function."""
 
@@ -101,13 +132,24 @@ def __getattr__(name: str) -> Any:
     if name in _ROOMS:
         return import_module(f"{__name__}.{name}")
     if name in _HOMES:
-        found = globals()[name] = getattr(import_module(_HOMES[name]), name)
+        found = globals()[name] = _loaded(name)
         return found
     if name.startswith("__"):
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    from bowden.core.errors import near
+    from bowden.core.guesses import answer
 
-    raise AttributeError(f"bowden has no {name!r}; expected {near(name, _HOMES)}")
+    raise AttributeError(answer("bowden", name, _HOMES, _GUESSES))
+
+
+@cache
+def _loaded(name: str) -> Any:
+    """What a name of `_HOMES` stands for; a function of the face answers arguments that it does not have."""
+    found = getattr(import_module(_HOMES[name]), name)
+    if not (_HOMES[name].startswith(f"{__name__}.face.") and isinstance(found, FunctionType)):
+        return found
+    from bowden.core.guesses import public
+
+    return public(found, _ARGUMENTS)
 
 
 def __dir__() -> list[str]:
@@ -122,8 +164,7 @@ class _Room(ModuleType):
 
     @property
     def _function(self) -> Any:
-        name = self.__name__.rpartition(".")[2]
-        return getattr(import_module(_HOMES[name]), name)
+        return _loaded(self.__name__.rpartition(".")[2])
 
     @property
     def __doc__(self) -> str:  # type: ignore[override]  # help shows how it is called, and then the folder

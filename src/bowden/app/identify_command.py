@@ -19,6 +19,21 @@ if TYPE_CHECKING:
     from bowden.identify.cable.loop import HysteresisLoop
     from bowden.report.identify_page import Blank
 
+TimeColumn = Annotated[str | None, typer.Option(help="Name of the time column; guessed by default.")]
+MotorColumn = Annotated[str | None, typer.Option(help="Name of the motor-side angle's column.")]
+JointColumn = Annotated[str | None, typer.Option(help="Name of the joint-side angle's column.")]
+Unit = Annotated[
+    str | None,
+    typer.Option(
+        metavar="UNIT[,UNIT]",
+        help="deg, rad or counts, of both angles or of motor and joint; by default as the columns' names end.",
+    ),
+]
+Counts = Annotated[
+    str | None, typer.Option(metavar="N[,N]", help="Counts in a turn of both encoders, or of motor and joint.")
+]
+Rate = Annotated[float | None, typer.Option(metavar="HZ", help="Rows a second, of a log without times.")]
+
 
 def identify(
     logs: Annotated[
@@ -27,20 +42,12 @@ def identify(
             metavar="LOG...", help="CSV, gzipped CSV, MATLAB or Parquet: time, motor, joint; one file or more."
         ),
     ],
-    time: Annotated[str | None, typer.Option(help="Name of the time column; guessed by default.")] = None,
-    motor: Annotated[str | None, typer.Option(help="Name of the motor-side angle's column.")] = None,
-    joint: Annotated[str | None, typer.Option(help="Name of the joint-side angle's column.")] = None,
-    unit: Annotated[
-        str | None,
-        typer.Option(
-            metavar="UNIT[,UNIT]",
-            help="deg, rad or counts, of both angles or of motor and joint; by default as the columns' names end.",
-        ),
-    ] = None,
-    counts_per_turn: Annotated[
-        str | None, typer.Option(metavar="N[,N]", help="Counts in a turn of both encoders, or of motor and joint.")
-    ] = None,
-    rate: Annotated[float | None, typer.Option(metavar="HZ", help="Rows a second, of a log without times.")] = None,
+    time: TimeColumn = None,
+    motor: MotorColumn = None,
+    joint: JointColumn = None,
+    unit: Unit = None,
+    counts_per_turn: Counts = None,
+    rate: Rate = None,
     load: Annotated[
         str | None,
         typer.Option(

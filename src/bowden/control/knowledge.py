@@ -170,10 +170,10 @@ def _value(law: Law, gain: str, known: Knowledge) -> float:
         return float(what(known))
     try:
         return float(attrgetter(what)(known))
-    except (AttributeError, TypeError) as error:
+    except (AttributeError, TypeError):
         names = [*(f for f in Knowledge._fields if f != "cable"), *(_CABLE + f for f in BoucWen._fields)]
         raise ParameterError(
             f"gain {gain} of law {law.name!r} takes {what!r} from the rig",
             expected=near(str(what), names),
             do="correct it",
-        ) from error
+        ) from None

@@ -20,6 +20,7 @@ from bowden.control.conditioning import Conditioning
 from bowden.core import shown
 from bowden.core.arguments import said
 from bowden.core.errors import ParameterError, near
+from bowden.core.guesses import answering
 from bowden.core.kernel import stand_in
 from bowden.core.nested import columns, is_named, leaves, name_of, quantity_at, rebuilt
 from bowden.core.part import signed
@@ -55,6 +56,14 @@ class UltimateBounds(NamedTuple):
     """Bound on |e| [rad]."""
 
 
+@answering(
+    {
+        **dict.fromkeys(("set_gains", "replace", "tuned", "set"), "law.with_gains(name=value)"),
+        **dict.fromkeys(("gain", "params", "parameters"), "law.numbers, or law.gains"),
+        "simulate": "bowden.simulate(rig, law)",
+    },
+    "law.with_gains(name=value)",
+)
 @signed
 @dataclass(frozen=True, repr=False)
 class Law:

@@ -46,7 +46,7 @@ def signal(value: Any, what: str) -> Array:
     except ValueError as error:  # rows of different lengths
         raise ParameterError(
             f"{what} is no row of numbers: {error}", expected="an array (n,)", do="pass one signal"
-        ) from error
+        ) from None
     if found.ndim != 1:
         raise ParameterError(
             f"{what} is {said(found) if found.ndim else said(value)}",

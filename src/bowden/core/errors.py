@@ -96,7 +96,7 @@ def asked_for_by(key: str) -> Iterator[None]:
         yield
     except BowdenError as error:
         do = error.do or "correct it there"
-        raise type(error)(f"{key}: {error.what}", expected=error.expected, do=do) from error
+        raise type(error)(f"{key}: {error.what}", expected=error.expected, do=do) from None
 
 
 def check_positive(what: str, **values: float) -> None:

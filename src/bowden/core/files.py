@@ -70,7 +70,7 @@ def _folders(target: Path) -> Iterator[None]:
                     folder.mkdir(exist_ok=True)
                     made.append(folder)
         except (OSError, ValueError) as error:  # ValueError: a null byte in its name
-            raise OutputError(f"cannot make the folder {target}: {_reason(error)}", do="choose another one") from error
+            raise OutputError(f"cannot make the folder {target}: {_reason(error)}", do="choose another one") from None
         yield
     except BaseException:
         for folder in reversed(made):
@@ -88,9 +88,9 @@ def _staged(folder: Path, what: str) -> Iterator[Path]:
         yield stage
         _move(stage, folder)
     except OSError as error:
-        raise OutputError(f"cannot write {what}: {_reason(error)}", do=_DO) from error
+        raise OutputError(f"cannot write {what}: {_reason(error)}", do=_DO) from None
     except OutputError as error:  # of one file in the stage: say where it was to go
-        raise OutputError(error.what.replace(str(stage), str(folder)), expected=error.expected, do=error.do) from error
+        raise OutputError(error.what.replace(str(stage), str(folder)), expected=error.expected, do=error.do) from None
     finally:
         if stage is not None:
             shutil.rmtree(stage, ignore_errors=True)
@@ -137,7 +137,7 @@ def output_folder(path: Path, option: str = "--out") -> Path:
         is_folder, is_writable = nearest.is_dir(), os.access(nearest, os.W_OK)
     except (OSError, ValueError) as error:
         reason = (isinstance(error, OSError) and error.strerror) or str(error)
-        raise OutputError(f"cannot write to {shortened(str(path))}: {reason}", do=do) from error
+        raise OutputError(f"cannot write to {shortened(str(path))}: {reason}", do=do) from None
     if not is_folder:
         raise OutputError(f"cannot write to {path}: {nearest} is not a folder", do=do)
     if not is_writable:

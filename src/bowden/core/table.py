@@ -90,13 +90,13 @@ def readable(path: Path) -> Iterator[None]:
     try:
         yield
     except DAMAGED as error:
-        raise LogError(f"{path} is damaged: {error}", do="copy it again") from error
+        raise LogError(f"{path} is damaged: {error}", do="copy it again") from None
     except OSError as error:
         why = "no such file" if isinstance(error, FileNotFoundError) else error.strerror or error
-        raise LogError(f"cannot read {path}: {why}", expected="a CSV or Parquet file") from error
+        raise LogError(f"cannot read {path}: {why}", expected="a CSV or Parquet file") from None
     except (ValueError, csv.Error) as error:
         said = _printable(" ".join(str(error).split()))
-        raise LogError(f"{path} is not a table: {said}", expected="CSV or Parquet with a row of names") from error
+        raise LogError(f"{path} is not a table: {said}", expected="CSV or Parquet with a row of names") from None
 
 
 def parquet_table(path: Path) -> Table:
@@ -160,7 +160,7 @@ def _arrow_errors() -> Iterator[None]:
     try:
         yield
     except (pa.ArrowException, KeyError) as error:
-        raise ValueError(str(error)) from error
+        raise ValueError(str(error)) from None
 
 
 def _as_numbers(column: Any, name: str, path: Path) -> Array:

@@ -6,7 +6,7 @@ import io
 import itertools
 import json
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
@@ -17,6 +17,7 @@ from bowden.core import arguments, metrics, plain_parquet, shown
 from bowden.core.bounded import open_file
 from bowden.core.errors import BowdenError, LogError, ParameterError, UnknownNameError, near
 from bowden.core.files import whole_file
+from bowden.core.guesses import Answering, answering
 from bowden.core.metrics import Metrics
 from bowden.core.table import KEY, Table, csv_table, parquet_table
 from bowden.core.units import DEGREES
@@ -46,8 +47,33 @@ LED = 2.0
 """Column ``source`` of a live log from which on the law leads: `bowden.cycle.one_cycle.WishSource.LAW_BEGINS`."""
 
 
+def _meant(trace: "Trace", name: str) -> str:
+    """What to write for a column, with or without the unit asked for, or for a figure of merit."""
+    column, _, unit = name.rpartition("_")
+    columns = trace.__dict__.get("columns", {})
+    if name in columns:
+        return f"trace[{name!r}], in its unit; trace.array({name!r}, 'deg') in degrees"
+    if column in columns and unit in ("deg", "rad", "ms"):
+        return f"trace.array({column!r}, {unit!r})"
+    figures = [one.name for one in fields(Metrics)]
+    return next((f"trace.metrics().{one}" for one in figures if one.startswith(name)), "")
+
+
+@answering(
+    {
+        **dict.fromkeys(("to_frame", "to_dataframe", "dataframe", "df"), "trace.to_pandas() or trace.to_polars()"),
+        **dict.fromkeys(("save", "write", "to_file"), "trace.to_parquet(path) or trace.to_csv(path)"),
+        **dict.fromkeys(("load", "read", "from_file"), "bowden.read_trace(path)"),
+        **dict.fromkeys(("show", "draw"), "trace.plot()"),
+        **dict.fromkeys(("t", "times"), "trace.time"),
+        **dict.fromkeys(("data", "values", "signals", "keys"), "trace.columns"),
+        "rms": "trace.metrics().rmse_deg",
+    },
+    "make another: Trace({{**trace.columns, …}}, trace.units)",
+    _meant,
+)
 @dataclass(frozen=True, repr=False)
-class Trace:
+class Trace(metaclass=Answering):
     """The record of a run: signals sampled on one clock, with their units and the settings of the run.
 
     >>> t = np.linspace(0.0, 10.0, 1001)
@@ -473,7 +499,7 @@ def _frames(name: str) -> Any:
         raise ParameterError(
             f"to_{name} needs {name}, which cannot be imported ({error})",
             do=f"pip install {name}, or take NumPy arrays with trace.array(name)",
-        ) from error
+        ) from None
 
 
 @contextlib.contextmanager
@@ -485,6 +511,6 @@ def _reading(path: Path | str, kind: str) -> Iterator[None]:
         reason = (error.strerror if isinstance(error, OSError) else "") or " ".join(str(error).split())
         if isinstance(error, KeyError):
             reason = f"it does not say its {error.args[0]!s}"
-        raise LogError(f"cannot read {path}: {reason}", expected=f"a {kind} file written by bowden") from error
+        raise LogError(f"cannot read {path}: {reason}", expected=f"a {kind} file written by bowden") from None
     except RecursionError:  # what it says of itself is nested without end
         raise LogError(f"cannot read {path}", expected=f"a {kind} file written by bowden") from None

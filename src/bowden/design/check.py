@@ -10,6 +10,7 @@ from bowden.control.law import Law
 from bowden.control.stability import Margins
 from bowden.core import shown
 from bowden.core.errors import ParameterError
+from bowden.core.guesses import answering
 from bowden.core.nested import flat, from_columns, names
 from bowden.core.signals import Sample
 from bowden.core.style import new_figure
@@ -89,6 +90,16 @@ class PairFindings(NamedTuple):
     """Largest pole with which the motors part while the joint stands; what it comes to, `drift` says [–]."""
 
 
+@answering(
+    {
+        **dict.fromkeys(("ok", "passed", "stable", "passes", "result"), "check.holds, and check.verdict"),
+        **dict.fromkeys(("margins", "margin"), "check.gain_margin_db, check.phase_margin_deg, check.delay_margin_s"),
+        "gain_margin": "check.gain_margin_db",
+        "phase_margin": "check.phase_margin_deg",
+        "delay_margin": "check.delay_margin_s",
+    },
+    "change the rig, and check it again",
+)
 @dataclass(frozen=True, repr=False)
 class Check:
     """What was found."""

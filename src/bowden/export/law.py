@@ -10,9 +10,10 @@ from bowden.core.signals import Reference, Sample
 from bowden.export.checked import Argument, Function
 from bowden.export.layout import identifier
 from bowden.export.module import Module
+from bowden.rig import counts
 
 
-def law_module(law: Law, sample_time: float) -> Module:
+def law_module(law: Law, sample_time: float, encoders: counts.Counts | None = None) -> Module:
     """``NAME_start`` and ``NAME_step``, with the law's gains as constants, and the conditioner of its reference within.
 
     What one cycle does between source and wish, `bowden.cycle.one_cycle`, is one function of C. The cycle's length is a
@@ -21,6 +22,7 @@ def law_module(law: Law, sample_time: float) -> Module:
     Args:
         law: with its gains.
         sample_time: length of a cycle [s].
+        encoders: how the rig's count, where the code is to have their conversions.
     """
     sample, reference, state = Sample(0.0, 0.0), Reference(0.0, 0.0, 0.0), state_of(law)
     own: Any = type(law.start(sample))
@@ -58,10 +60,25 @@ def law_module(law: Law, sample_time: float) -> Module:
                 f"One cycle, to be called every {sample_time:g} s: the motor's target angle [rad].",
                 law.step_kernel,
             ),
+            *(() if encoders is None else _conversions(encoders)),
         ),
         structs={"state": "state", "sample": "sample", "reference": "reference"},
         units=law.state_units,
         meanings=dict(meanings(own)),
+    )
+
+
+def _conversions(encoders: counts.Counts) -> tuple[Function, ...]:
+    """``NAME_motor_angle``, ``NAME_joint_angle`` and ``NAME_motor_counts``."""
+    constant, said = (
+        Argument("encoders", encoders, constant=True),
+        "from counts of an encoder that counts as in its log",
+    )
+    n, angle = Argument("counts", 0.0), Argument("angle", 0.0)
+    return (
+        Function("motor_angle", counts.motor_angle, (constant, n), ("return",), f"The motor's angle [rad] {said}."),
+        Function("joint_angle", counts.joint_angle, (constant, n), ("return",), f"The joint's angle [rad] {said}."),
+        Function("motor_counts", counts.motor_counts, (constant, angle), ("return",), "A target [rad] in counts."),
     )
 
 

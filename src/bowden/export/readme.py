@@ -1,9 +1,11 @@
 """The page and the Makefile that go with exported code."""
 
+import math
 from collections.abc import Sequence
 
 from bowden.export import cortex
 from bowden.export.module import Module
+from bowden.rig.counts import Counts
 from bowden.safety.faults import Fault
 
 FLAGS = "-std=c99 -pedantic -Wall -Wextra -Werror -O2 -ffp-contract=off"
@@ -28,12 +30,15 @@ def makefile(prefixes: Sequence[str]) -> str:
     )
 
 
-def readme(law: Module, parts: Sequence[Module], said: str, sample_time: float, *, single: bool) -> str:
+def readme(
+    law: Module, parts: Sequence[Module], counts: Counts | None, said: str, sample_time: float, *, single: bool
+) -> str:
     """How to build and call the code.
 
     Args:
         law: the law's module.
         parts: the EMG detector and the safety gate, if they were asked for.
+        counts: of the rig's encoders; None on a suit.
         said: what the code was made from.
         sample_time: of the rig [s].
         single: the law is in float.
@@ -75,6 +80,7 @@ and link with `-lm`. For another chip change the `-m…` options, and keep `-ffp
 Do not edit the constants in the headers: some in the `.c` files were worked out from them. Change the rig and export
 again. Angles are in radians, times in seconds.
 
+{_angles(name, counts)}
 ## The loop
 
 Every {sample_time * 1e3:g} ms, from a timer's interrupt: the cycle's length is a constant like the gains. `read_…` and
@@ -93,7 +99,42 @@ what the law is shown is made of it within `{name}_step`, as in Python. A sample
 most laws, but some remember it: hand on the last good one, as `bowden run` does. The interrupt must be able to use the
 FPU (`CPACR` is set before the first cycle).
 """
+    if counts is not None:
+        for call, converted in (
+            ("read_joint_angle()", "@NAME@_joint_angle(read_joint_counts())"),
+            ("read_motor_angle()", "@NAME@_motor_angle(read_motor_counts())"),
+            ("write_motor_target(@NAME@_step(&law, &sample, &reference))", _WRITTEN),
+            ("write_drive(verdict.target,", "write_drive(@NAME@_motor_counts(verdict.target),"),
+        ):
+            page = page.replace(call, converted)
     return page.replace("@NAME@", name).replace("@PERIOD@", f"{sample_time!r}")
+
+
+_WRITTEN = "write_motor_counts(@NAME@_motor_counts(@NAME@_step(&law, &sample, &reference)))"
+
+
+def _angles(name: str, counts: Counts | None) -> str:
+    """In which angles the law works."""
+    if counts is None:
+        return """## Angles
+
+On a suit the law has the motor's angle in the joint's coordinate, through the spool (docs/suit.md), and zero where the
+cable is just taut. The conversion from counts is yours.
+"""
+    rows = "\n".join(f"    {signal:15} = {formula}" for signal, formula in counts.formulas())
+    turns = " and ".join(f"{2.0 * math.pi / count:.6g}" for count in (counts.motor_count, counts.joint_count))
+    return f"""## Angles
+
+{counts.notes()}
+From the counts of encoders that have the direction and the zero of the rig's log, as `{name}_motor_angle`,
+`{name}_joint_angle` and `{name}_motor_counts` have it:
+
+{rows}
+
+One count is the resolution of `motor_encoder` and `joint_encoder` in the rig: {turns} counts a turn. Where yours have
+others, or count otherwise, correct the rig and export again. Before you close the loop, move the joint by hand: both
+angles must rise together, from zero where the cable is just taut. With a wrong sign the law drives the joint away.
+"""
 
 
 _LOOP = """void timer_interrupt(void)

@@ -199,7 +199,7 @@ def computed(
         raise Partway(_standing(store, len(cut))) from None
     except BowdenError as error:
         do = shown.listed((error.do, _standing(store, len(cut))), "; ")
-        raise type(error)(error.what, expected=error.expected, do=do) from error
+        raise type(error)(error.what, expected=error.expected, do=do) from None
     progress("drawing the page", 1.0)
     summary = _summed_up(study, store, again)
     files = (store.folder / "runs", store.folder / "campaign.html")

@@ -23,6 +23,7 @@ from bowden.sensing.detectors import detector_named
 
 if TYPE_CHECKING:
     from bowden.export.module import Module
+    from bowden.rig.counts import Counts
 
 RECORDED = 5.0
 """Length of the run that goes with the code, at most [s]."""
@@ -135,9 +136,12 @@ def exported(
     law = rig.fitted()
     output_folder(folder, "--to")
     progress("tracing the kernels", 0.0)
-    modules = _modules(rig, law, emg_rate, safety=safety)
-    said = _said(name, law, preset, float32=float32, turned=rig.turned)
-    texts = _texts(modules, law, rig.sample_time, said, float32=float32)
+    from bowden.rig.counts import counts_of
+
+    counts = counts_of(rig)
+    modules = _modules(rig, law, counts, emg_rate, safety=safety)
+    said = _said(name, law, preset, float32=float32, counts=counts)
+    texts = _texts(modules, law, counts, rig.sample_time, said, float32=float32)
     _only_ours(folder, set(texts) | {"recording.csv", "replay"})
     progress(f"checking {law.name}", 0.3)
     verdict = verdicts(rig, [law], name, force=force)[0]
@@ -161,7 +165,7 @@ def exported(
     )
 
 
-def _modules(rig: Rig, law: Law, emg_rate: float | None, *, safety: bool) -> "list[Module]":
+def _modules(rig: Rig, law: Law, counts: "Counts | None", emg_rate: float | None, *, safety: bool) -> "list[Module]":
     """The law's module first.
 
     Raises:
@@ -170,7 +174,7 @@ def _modules(rig: Rig, law: Law, emg_rate: float | None, *, safety: bool) -> "li
     from bowden.export.law import law_module
     from bowden.export.parts import emg_modules, safety_module
 
-    modules = [law_module(law, rig.sample_time)]
+    modules = [law_module(law, rig.sample_time, counts)]
     if emg_rate is not None:
         modules += emg_modules(emg_rate, detector_named(rig.emg.detector))
     if safety:
@@ -186,17 +190,17 @@ def _limits(rig: Rig, law: Law) -> Limits:
     return rig.supervisor_limits._replace(off_reference=off_reference(rig, law))
 
 
-def _said(rig: str, law: Law, preset: str | None, *, float32: bool, turned: bool) -> str:
+def _said(rig: str, law: Law, preset: str | None, *, float32: bool, counts: "Counts | None") -> str:
     """What the code was made from."""
     gains = f" with the preset {preset}" if preset else ""
     kind = "float" if float32 else "double"
-    other_way = (
-        " Motor angles are counted the other way round, since the joint falls where the motor rises." if turned else ""
-    )
-    return f"Written by bowden {bowden.__version__}: the law {law.name}{gains} for {rig}, in {kind}.{other_way}"
+    angles = "" if counts is None else f" {counts.notes()}"
+    return f"Written by bowden {bowden.__version__}: the law {law.name}{gains} for {rig}, in {kind}.{angles}"
 
 
-def _texts(modules: "list[Module]", law: Law, period: float, said: str, *, float32: bool) -> dict[str, str]:
+def _texts(
+    modules: "list[Module]", law: Law, counts: "Counts | None", period: float, said: str, *, float32: bool
+) -> dict[str, str]:
     """Name → text of every file but the recording."""
     from bowden.export.code import Style
     from bowden.export.module import files
@@ -210,7 +214,7 @@ def _texts(modules: "list[Module]", law: Law, period: float, said: str, *, float
     return texts | {
         "replay.c": replay_source(law, single=float32),
         "Makefile": makefile([module.prefix for module in modules]),
-        "README.md": readme(modules[0], modules[1:], said, period, single=float32),
+        "README.md": readme(modules[0], modules[1:], counts, said, period, single=float32),
     }
 
 

@@ -3,6 +3,7 @@
 import contextlib
 import difflib
 import re
+import sys
 import warnings
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
@@ -139,8 +140,8 @@ def in_words_of_python() -> Iterator[None]:
     except BowdenError as error:
         words = [_in_python(part) for part in (error.what, error.expected, error.do)]
         if words == [error.what, error.expected, error.do]:
-            raise
-        raise type(error)(words[0], expected=words[1], do=words[2]) from error
+            raise error from None
+        raise type(error)(words[0], expected=words[1], do=words[2]) from None
 
 
 _SWITCH = re.compile(r"(?<![\w-])--([a-z][a-z-]*)(?: (\d+)\b)?")
@@ -162,7 +163,13 @@ def _in_python(words: str) -> str:
     return _SWITCH.sub(argument, words)
 
 
-def tell(notes: Iterable[str], *, at: int = 3) -> None:
-    """Say what the user should know, as Python says it: a warning at the line that called the face, `at` frames up."""
+def tell(notes: Iterable[str]) -> None:
+    """Say what the user should know, as Python says it: a warning at the line that called the face."""
+    frame, level = sys._getframe(1), 2
+    while frame.f_back is not None and frame.f_globals.get("__name__", "").partition(".")[0] in (
+        "bowden",
+        "contextlib",
+    ):
+        frame, level = frame.f_back, level + 1
     for note in notes:
-        warnings.warn(_in_python(note), stacklevel=at)
+        warnings.warn(_in_python(note), stacklevel=level)

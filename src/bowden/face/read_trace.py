@@ -35,7 +35,7 @@ def read_trace(path: str | Path) -> Trace:
     except OSError as error:
         raise LogError(
             f"cannot read {file}: {reason(error)}", expected="a Parquet, CSV or MCAP file of bowden"
-        ) from error
+        ) from None
     if head == _MCAP:
         from bowden.live.mcap_read import read
 

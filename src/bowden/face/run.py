@@ -85,7 +85,7 @@ def run(
     ):
         yield session
     said = [session.outcome] if not session.ended_well else [session.log_lost] if session.log_lost else []
-    given.tell(said, at=4)  # beyond contextlib's own frame: the user's with
+    given.tell(said)
 
 
 @contextlib.contextmanager
@@ -176,7 +176,7 @@ def new_log(folder: Path, name: str) -> Path:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise OutputError(f"cannot make the folder {folder}: {error.strerror}", do="choose another one") from error
+        raise OutputError(f"cannot make the folder {folder}: {error.strerror}", do="choose another one") from None
     number = 1
     while (path := folder / f"{name}-{number}.mcap").exists():
         number += 1

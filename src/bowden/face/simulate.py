@@ -141,7 +141,7 @@ def _of_pair(
     with given.in_words_of_python():
         rigs = [given.under(rig, one, preset, "simulate") for one in (listed or [law])]
         found = simulated_pair(rigs, given.name_of(rig), force=force, whole=entire)
-    given.tell(found.notes, at=4)
+    given.tell(found.notes)
     if found.interrupted:
         raise KeyboardInterrupt
     return found.together if listed is not None else next(iter(found.runs.values()))

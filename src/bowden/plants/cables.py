@@ -219,7 +219,7 @@ def identified(name: str, parameters: Mapping[str, float]) -> Cable:
             f"no cable from the model {name!r} with {', '.join(parameters) or 'no parameters'}",
             expected=f"one of {', '.join(_IDENTIFIED)} with all its parameters",
             do=f"{error.args[0]!r} is missing",
-        ) from error
+        ) from None
 
 
 def plant_of_model(name: str, parameters: Mapping[str, float], bench: Bench) -> Bench | CablePlant:

@@ -72,7 +72,7 @@ class Pushing:
             except ParameterError as error:
                 if not force:
                     do = f"{do} in rig.toml, or run it anyway with --force"
-                    raise ParameterError(error.what, expected=error.expected, do=do) from error
+                    raise ParameterError(error.what, expected=error.expected, do=do) from None
                 notes.append(f"{error.what}; it runs because of --force")
         others = [law.name for law in laws if law.feeds_back]
         if others:

@@ -118,7 +118,7 @@ def _pair(tree: Mapping[str, Any], path: Path) -> PairSettings:
     try:
         given = _PairFile.model_validate({axes.PAIR: tree[axes.PAIR]} if axes.PAIR in tree else {}).pair
     except ValidationError as error:
-        raise explained(error, path, _PairFile) from error
+        raise explained(error, path, _PairFile) from None
     found: PairSettings = value_of(PairSettings, given.model_dump(), PAIR.default)
     return found
 
@@ -144,7 +144,7 @@ def checked_file(tree: Mapping[str, Any], path: Path) -> Any:
     try:
         file: Any = RigFile.model_validate(tree)
     except ValidationError as error:
-        raise explained(error, path, inner={"drive": _drive_section(tree)}) from error
+        raise explained(error, path, inner={"drive": _drive_section(tree)}) from None
     if file.cable.parameters and file.cable.plant is None and file.cable.model is None:
         raise ParameterError(
             f"{path}: [cable] has parameters and neither plant nor model",
@@ -304,11 +304,11 @@ def read_toml(path: Path, do: str = "write one with: bowden init") -> dict[str, 
         return bounded.read_toml(path)
     except OSError as error:
         do = do if isinstance(error, FileNotFoundError) else "give the path of a TOML file"
-        raise ParameterError(f"cannot read {path}: {bounded.reason(error)}", do=do) from error
-    except UnicodeDecodeError as error:
-        raise ParameterError(f"{path} is not text", expected="a TOML file in UTF-8", do="save it as that") from error
+        raise ParameterError(f"cannot read {path}: {bounded.reason(error)}", do=do) from None
+    except UnicodeDecodeError:
+        raise ParameterError(f"{path} is not text", expected="a TOML file in UTF-8", do="save it as that") from None
     except ValueError as error:  # also a null byte in the path
-        raise ParameterError(f"{path} is not TOML: {error}", do="correct it there") from error
+        raise ParameterError(f"{path} is not TOML: {error}", do="correct it there") from None
 
 
 _CORRECT = "correct it there"

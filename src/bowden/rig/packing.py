@@ -271,7 +271,7 @@ def _understood(name: str, given: Any) -> Iterator[None]:
             f"the packed rig's {name} is {said(given)}: {why}",
             expected="what Rig.pack or Rig.document gave",
             do="pack the rig again",
-        ) from error
+        ) from None
 
 
 def _read(pack: bytes) -> Mapping[str, Any]:

@@ -16,6 +16,7 @@ from bowden.control.reference import Recorded, Trajectory
 from bowden.core import arguments
 from bowden.core.errors import OutputError, ParameterError, asked_for_by, near
 from bowden.core.files import whole_file
+from bowden.core.guesses import Answering, answering
 from bowden.core.part import signed
 from bowden.core.quantity import Quantity, declared
 from bowden.core.shown import axes_for, fragment, screen
@@ -91,9 +92,22 @@ _LINE = "line"
 _CLOCK, _SCENARIO, _CONTROL = Clock(), Scenario(), Control()
 
 
+@answering(
+    {
+        **dict.fromkeys(("load", "open", "from_file", "from_toml", "read_toml"), "Rig.read(path)"),
+        **dict.fromkeys(("save", "to_file", "dump"), "rig.write(path)"),
+        **dict.fromkeys(("copy", "update", "set", "with_"), "rig.replace(name=value)"),
+        **{name: f"bowden.{name}(rig)" for name in ("simulate", "run", "check", "tune")},
+        "to_dict": "rig.tree()",
+        "path": "rig.origin",
+        "model": "rig.cable",
+        "dt": "rig.sample_time",
+    },
+    "rig.replace({name}={value})",
+)
 @signed
 @dataclass(frozen=True, kw_only=True, repr=False)
-class Rig:
+class Rig(metaclass=Answering):
     """Everything that a run needs; the default is the bench of the paper. All numbers are in SI and radians.
 
     Files that it names (a cable's model, a recorded motion, a wearer, a law) are read when the rig is made and are part
@@ -304,7 +318,7 @@ class Rig:
                 f"{error.what} ({own.name} is the law in [control])",
                 expected=f"gains of {own.name}, whichever law a command is asked for; these are gains of {named}",
                 do=f'set law = "{others[0]}" in [control], or delete them',
-            ) from error
+            ) from None
 
     @classmethod
     def read(cls, path: Path | str) -> "Rig":

@@ -108,10 +108,10 @@ def read(path: Path) -> MuscleCalibration:
         found = MuscleCalibration(rest, mvc, str(section["channel"]), str(section["source"]), sigma, mains)
         unknown = set(section) - {"rest", "mvc", "sigma", "channel", "source", "mains_hz"}
     except OSError as error:
-        raise ParameterError(f"cannot read {path}: {error.strerror or error}", do="run bowden emg calibrate") from error
+        raise ParameterError(f"cannot read {path}: {error.strerror or error}", do="run bowden emg calibrate") from None
     except (KeyError, TypeError, ValueError) as error:  # TOMLDecodeError and UnicodeDecodeError are ValueErrors
         said = f"no key {error}" if isinstance(error, KeyError) else str(error)
-        raise ParameterError(f"{path}: {said}", expected="[emg] with channel, rest, mvc and source") from error
+        raise ParameterError(f"{path}: {said}", expected="[emg] with channel, rest, mvc and source") from None
     if unknown:
         raise ParameterError(f"{path}: unknown key {sorted(unknown)[0]!r} in [emg]")
     return check(found, str(path))

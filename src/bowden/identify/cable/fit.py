@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from bowden.core import shown
 from bowden.core.arguments import path_of as path_of_file
 from bowden.core.errors import LogError, ParameterError
+from bowden.core.guesses import answering
 from bowden.core.metrics import rmse
 from bowden.core.units import DEGREES
 from bowden.identify.cable import advice
@@ -81,6 +82,21 @@ _MOST_NOTES = 4
 """Of a fit, on its screen."""
 
 
+@answering(
+    {
+        **dict.fromkeys(("predict", "simulate"), "fit.best.joint_angle(motor)"),
+        **dict.fromkeys(("save", "to_file", "to_toml"), "fit.write(path)"),
+        **dict.fromkeys(("load", "read"), "bowden.CableModel.read(path)"),
+        **dict.fromkeys(("parameters", "params"), "fit.best.parameters"),
+        **dict.fromkeys(("rms", "rmse", "error", "score"), "fit.chosen.test_rms, in rad"),
+        **dict.fromkeys(("residual", "residuals"), "fit.log.joint - fit.predicted"),
+        "model": "fit.best",
+        "loop": "fit.chosen.loop",
+        "summary": "print(fit)",
+        "rig": "bowden.init(fit).rig",
+    },
+    "identify a log again",
+)
 @dataclass(frozen=True, repr=False)
 class Fit:
     """What a log says about its cable."""

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from bowden.core.arguments import number, path_of
 from bowden.core.errors import ParameterError, near
 from bowden.core.files import write_text
+from bowden.core.guesses import Answering, answering
 from bowden.identify.cable.bouc_wen import cable_of, simulate
 from bowden.identify.cable.counting import Counting, Covered, recounted
 from bowden.identify.cable.generalised import GeneralisedPlay
@@ -182,8 +183,17 @@ def meaning(parameter: str) -> tuple[str, str]:
     raise ParameterError(f"no model has a parameter {parameter!r}")
 
 
+@answering(
+    {
+        **dict.fromkeys(("predict", "simulate", "joint"), "model.joint_angle(motor)"),
+        **dict.fromkeys(("save", "to_file", "to_toml"), "model.write(path)"),
+        **dict.fromkeys(("load", "open", "from_file"), "CableModel.read(path)"),
+        "params": "model.parameters",
+    },
+    "make another: CableModel(name, parameters)",
+)
 @dataclass(frozen=True)
-class CableModel:
+class CableModel(metaclass=Answering):
     """One model of a cable.
 
     >>> model = CableModel("line", {"slope": -0.9, "offset": 0.5})
@@ -248,7 +258,7 @@ class CableModel:
         try:
             return _PREDICT[self.name](self.parameters, np.ascontiguousarray(motor, dtype=np.float64))
         except KeyError as error:
-            raise ParameterError(f"cable model {self.name!r} has no parameter {error.args[0]!r}") from error
+            raise ParameterError(f"cable model {self.name!r} has no parameter {error.args[0]!r}") from None
 
     def to_bouc_wen(self) -> BoucWen:
         """The cable for simulation and control.
@@ -263,7 +273,7 @@ class CableModel:
         try:
             return cable_of(self.parameters)
         except KeyError as error:
-            raise ParameterError(f"cable model 'bouc_wen' has no parameter {error.args[0]!r}") from error
+            raise ParameterError(f"cable model 'bouc_wen' has no parameter {error.args[0]!r}") from None
 
 
 @dataclass(frozen=True)
@@ -385,7 +395,7 @@ def _scheduled(parameters: Mapping[str, float]) -> tuple[scheduling.ScheduledCab
     try:
         return scheduling.cable_of(parameters)
     except KeyError as error:
-        raise ParameterError(f"cable model {SCHEDULED!r} has no parameter {error.args[0]!r}") from error
+        raise ParameterError(f"cable model {SCHEDULED!r} has no parameter {error.args[0]!r}") from None
 
 
 _BEGUN = ("initial_h", "initial_lag")

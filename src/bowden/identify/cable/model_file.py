@@ -218,9 +218,9 @@ def _document(file: Path) -> tuple[dict[str, Any], str]:
     try:
         document = read_toml(file)
     except OSError as error:
-        raise ParameterError(f"{file} cannot be read: {error.strerror or error}", do="check the path") from error
+        raise ParameterError(f"{file} cannot be read: {error.strerror or error}", do="check the path") from None
     except ValueError as error:
-        raise ParameterError(f"{file} is no TOML file: {error}", expected="what `bowden identify` writes") from error
+        raise ParameterError(f"{file} is no TOML file: {error}", expected="what `bowden identify` writes") from None
     models, best = document.get("models"), document.get("best")
     if not isinstance(models, dict) or not isinstance(best, str):
         raise ParameterError(f"{file} has no models in it", expected="what `bowden identify` writes")

@@ -41,7 +41,7 @@ def read_matlab(
     except (ValueError, zlib.error) as error:
         raise LogError(
             f"{path} cannot be read as a MATLAB file: {error}", do="save it in MATLAB with save(…, '-v7'), or as CSV"
-        ) from error
+        ) from None
     vectors = dict(vectors_of(content))
     if len(vectors) < len(known) - len(optional):
         for name, value in content.items():

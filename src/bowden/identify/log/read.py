@@ -167,12 +167,12 @@ def read_columns(
         read = _read_parquet if head.startswith(b"PAR1") else read_matlab if is_matlab(file, head) else read_text
         columns, values, place = read(file, given, known, optional)
         return RawLog(columns, {role: np.asarray(part, dtype=np.float64) for role, part in values.items()}, place)
-    except FileNotFoundError as error:
-        raise LogError(f"{file} does not exist", do="check the path") from error
+    except FileNotFoundError:
+        raise LogError(f"{file} does not exist", do="check the path") from None
     except OSError as error:
         raise LogError(
             f"{file} cannot be read: {error.strerror or error}", do="check the file and its permissions"
-        ) from error
+        ) from None
 
 
 def _read_parquet(

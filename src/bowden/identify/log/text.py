@@ -69,9 +69,9 @@ def read_text(
     try:
         table = _numbers(path, layout, [column.index for column in columns.values()])
     except DAMAGED as error:
-        raise _damaged(path, error) from error
+        raise _damaged(path, error) from None
     except ValueError as error:
-        raise _explained(path, layout, columns, error) from error
+        raise _explained(path, layout, columns, error) from None
     values = {role: np.ascontiguousarray(table[:, i]) for i, role in enumerate(columns)}
     return columns, values, lambda sample: f"{path}, line {_line_of(path, layout, sample)}"
 
@@ -81,7 +81,7 @@ def _check_length(path: Path) -> None:
     try:
         lines = sum(piece.count(b"\n") for piece in pieces(path))
     except DAMAGED as error:
-        raise _damaged(path, error) from error
+        raise _damaged(path, error) from None
     if lines > MOST_ROWS:
         raise LogError(f"{path} has more than {MOST_ROWS} rows", do="shorten it, or reduce it to about 1 kHz")
 
@@ -126,7 +126,7 @@ def _head(path: Path) -> tuple[str, str]:
         except UnicodeError:
             continue
         except DAMAGED as error:
-            raise _damaged(path, error) from error
+            raise _damaged(path, error) from None
         if not head.strip():
             raise LogError(f"{path} is empty", expected="columns for time, motor and joint", do=_RECORD_AGAIN)
         if not _CONTROL.search(head):

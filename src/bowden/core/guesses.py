@@ -1,0 +1,120 @@
+"""Names that are guessed: what is not there is answered in one line with what was meant."""
+
+import difflib
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import FrozenInstanceError
+from functools import wraps
+from inspect import Parameter, signature
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from bowden.core.errors import BowdenError, ParameterError
+
+Kind = TypeVar("Kind", bound=type)
+Meant = Callable[[Any, str], str]
+
+
+class UnknownArgumentError(ParameterError, TypeError):
+    """An argument that a function does not have, or one that is missing; also a `TypeError`, as Python's own."""
+
+
+def answer(owner: str, name: str, known: Iterable[str], guesses: Mapping[str, str]) -> str:
+    """What is said of a name that is not there.
+
+    Args:
+        owner: what does not have it.
+        name: that was asked for.
+        known: names that there are.
+        guesses: name that is often guessed → what to write.
+
+    >>> answer("Rig", "load", [], {"load": "Rig.read(path)"})
+    "Rig has no 'load': Rig.read(path)"
+    >>> answer("Rig", "cabel", ["cable", "plant"], {})
+    "Rig has no 'cabel': did you mean cable?"
+    """
+    public = [one for one in known if not one.startswith("_")]
+    alike = difflib.get_close_matches(name, [*guesses, *public], 1, 0.75)
+    if alike:
+        return f"{owner} has no {name!r}: {guesses.get(alike[0]) or f'did you mean {alike[0]}?'}"
+    return f"{owner} has no {name!r}; it has {', '.join(public)}"
+
+
+class Answering(type):
+    """The class of a class that is asked for names, too: ``Rig.load``."""
+
+    if not TYPE_CHECKING:  # to a type checker a class has the names that it has
+
+        def __getattr__(cls, name: str) -> Any:
+            if name.startswith("_"):
+                raise AttributeError(f"type object {cls.__name__!r} has no attribute {name!r}")
+            raise AttributeError(answer(cls.__name__, name, dir(cls), cls.__dict__.get("_guesses", {})))
+
+
+def answering(guesses: Mapping[str, str], change: str, meant: Meant = lambda one, name: "") -> Callable[[Kind], Kind]:
+    """Let the objects of a frozen dataclass answer a name that they do not have, and an assignment.
+
+    Args:
+        guesses: name that is often guessed → what to write.
+        change: how another one is made, with ``{name}`` and ``{value}``.
+        meant: what to write for a name of one object, such as a column; empty where it has none either.
+    """
+
+    def decorated(kind: Kind) -> Kind:
+        made: Any = kind
+        made._guesses = guesses
+
+        def missing(self: Any, name: str) -> Any:
+            if name.startswith("_") or hasattr(kind, name):  # a property that failed says so itself
+                return object.__getattribute__(self, name)
+            found = meant(self, name)
+            said = f"{kind.__name__} has no {name!r}: {found}" if found else ""
+            raise AttributeError(said or answer(kind.__name__, name, dir(self), guesses))
+
+        def refused(self: Any, name: str, *value: Any) -> None:
+            if not hasattr(self, name):
+                getattr(self, name)
+            given = repr(value[0]) if value else "…"
+            how = change.format(name=name, value=given if len(given) < _LONG else "…")
+            raise FrozenInstanceError(f"a {kind.__name__} does not change: {how}")
+
+        made.__getattr__, made.__setattr__, made.__delattr__ = missing, refused, refused
+        return kind
+
+    return decorated
+
+
+_LONG = 40
+"""A value with more characters is not repeated."""
+
+
+def public(function: Callable[..., Any], guesses: Mapping[str, str]) -> Callable[..., Any]:
+    """A function that answers an argument that it does not have, and whose errors are one line without a chain.
+
+    Args:
+        function: of the package's face.
+        guesses: argument that is often guessed → what to write.
+    """
+    form = signature(function)
+    any_name = any(one.kind is Parameter.VAR_KEYWORD for one in form.parameters.values())
+
+    @wraps(function)
+    def called(*given: Any, **named: Any) -> Any:
+        for name in named:
+            if name not in form.parameters and not any_name:
+                raise UnknownArgumentError(answer(function.__name__, name, form.parameters, guesses))
+        try:
+            form.bind(*given, **named)
+        except TypeError as error:
+            raise UnknownArgumentError(
+                f"{function.__name__}: {error}", expected=f"{function.__name__}{_names(form.parameters)}"
+            ) from None
+        try:
+            return function(*given, **named)
+        except BowdenError as error:
+            raise error from None
+
+    called.__module__ = "bowden"  # where it is found again, by another process too
+    return called
+
+
+def _names(parameters: Iterable[str]) -> str:
+    return f"({', '.join(parameters)})"

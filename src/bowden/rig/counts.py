@@ -1,0 +1,70 @@
+"""From encoder counts to the angles in which a law works, and from its command back to counts."""
+
+from typing import Annotated, NamedTuple
+
+from bowden.core.quantity import Quantity
+from bowden.core.units import DEGREES
+from bowden.identify.cable.counting import Counting
+from bowden.identify.cable.model import IdentifiedCable
+from bowden.rig.rig import Rig
+
+
+class Counts(NamedTuple):
+    """How the encoders of a rig's log count: motor = direction·(count·n − zero), joint = count·n − zero."""
+
+    motor_direction: Annotated[float, Quantity("-1 where the law counts the motor the other way round")]
+    motor_count: Annotated[float, Quantity("one count of the motor's encoder", "rad")]
+    motor_zero: Annotated[float, Quantity("motor angle of the log at which the law has zero", "rad")]
+    joint_count: Annotated[float, Quantity("one count of the joint's encoder", "rad")]
+    joint_zero: Annotated[float, Quantity("joint angle of the log at which the law has zero", "rad")]
+
+    def formulas(self) -> list[tuple[str, str]]:
+        """Signal and formula, for a person."""
+        sign = "-" if self.motor_direction < 0.0 else ""
+        motor = f"{sign}({self.motor_count:.6g}·counts - {self.motor_zero:.6g})"
+        return [
+            ("motor [rad]", motor),
+            ("joint [rad]", f"{self.joint_count:.6g}·counts - {self.joint_zero:.6g}"),
+            ("target [counts]", f"({sign}command + {self.motor_zero:.6g})/{self.motor_count:.6g}"),
+        ]
+
+    def notes(self) -> str:
+        """The rig's own numbers behind the formulas."""
+        turned = "the other way round than its encoder" if self.motor_direction < 0.0 else "as its encoder does"
+        motor, joint = (f"{zero * DEGREES:.4g}°" for zero in (self.motor_zero, self.joint_zero))
+        return (
+            f"The law counts the motor {turned}; zero is at {motor} of the motor's encoder and {joint} of the joint's."
+        )
+
+
+def counts_of(rig: Rig) -> Counts | None:
+    """How the encoders of a rig's log count; None on a suit, whose motor is counted through its spool.
+
+    One count is the resolution of the rig's encoder; of an ideal one it is a radian.
+    """
+    if rig.worn is not None:
+        return None
+    cable = rig.cable
+    counting = cable.counting if isinstance(cable, IdentifiedCable) else Counting()
+    return Counts(
+        counting.direction * (-1.0 if rig.turned else 1.0),
+        rig.motor_encoder.resolution or 1.0,
+        counting.motor_zero,
+        rig.joint_encoder.resolution or 1.0,
+        counting.joint_zero,
+    )
+
+
+def motor_angle(counts: Counts, n: float) -> float:
+    """The motor's angle [rad]."""
+    return counts.motor_direction * (counts.motor_count * n - counts.motor_zero)
+
+
+def joint_angle(counts: Counts, n: float) -> float:
+    """The joint's angle [rad]."""
+    return counts.joint_count * n - counts.joint_zero
+
+
+def motor_counts(counts: Counts, angle: float) -> float:
+    """What the motor's encoder shows at an angle [rad], not rounded."""
+    return (counts.motor_direction * angle + counts.motor_zero) / counts.motor_count
