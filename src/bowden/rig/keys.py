@@ -44,7 +44,7 @@ def plant_keys(rig: Rig) -> dict[str, str]:
     cable = rig.cable
     if rig.plant is not None or not isinstance(cable, IdentifiedCable):
         return {}
-    if rig.suit.worn and (rig.suit.cable, cable.simulated) != ("bouc_wen", "bouc_wen"):
+    if rig.suit.worn and rig.suit.cable != "play" and (rig.suit.cable, cable.simulated) != ("bouc_wen", "bouc_wen"):
         return {}
     units = {f"cable.parameters.{name}": meaning(name)[0] for name in cable.parameters}
     return {name: "–" if unit == "1" else unit for name, unit in units.items()}

@@ -146,7 +146,7 @@ def model_text(name: str, model: str, cable: IdentifiedCable, chosen: Chosen) ->
         noise=bench.joint_encoder.noise * DEGREES,
         law=quoted(chosen.law),
         why=chosen.why,
-        gains=_gain_lines(chosen.gains),
+        gains=gain_lines(chosen.gains),
         within=within,
         low=low,
         high=high,
@@ -155,7 +155,8 @@ def model_text(name: str, model: str, cable: IdentifiedCable, chosen: Chosen) ->
     )
 
 
-def _gain_lines(gains: Mapping[str, float]) -> str:
+def gain_lines(gains: Mapping[str, float]) -> str:
+    """The section of a law's gains between two others; empty where there are none."""
     if not gains:
         return ""
     return "\n".join(["\n[control.gains]", *(f"{name} = {value!r}" for name, value in gains.items()), ""])
