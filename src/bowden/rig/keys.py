@@ -50,18 +50,6 @@ def plant_keys(rig: Rig) -> dict[str, str]:
     return {name: "–" if unit == "1" else unit for name, unit in units.items()}
 
 
-def missing_for(key: str, rig: Rig) -> str | None:
-    """What the rig would need for a simulation to feel one of its numeric keys; None where it does feel it.
-
-    >>> missing_for("wearer.share", Rig()), missing_for("cable.slope", Rig())
-    ('suit.worn = true', None)
-    """
-    section = key.partition(".")[0]
-    if section in ("suit", "wearer") and not rig.suit.worn:
-        return "suit.worn = true"
-    return "admittance.enabled = true" if section == "admittance" and not rig.admittance.enabled else None
-
-
 def _numbers(path: str, section: Any) -> Iterator[tuple[str, str]]:
     for name, field in type(section).model_fields.items():
         key, value = f"{path}.{name}", getattr(section, name)

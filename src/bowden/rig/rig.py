@@ -53,6 +53,7 @@ from bowden.rig.checked import Gains, checked, checked_number, shown
 from bowden.rig.compose_admittance import Pushing, pushing_of
 from bowden.rig.compose_suit import suit_of
 from bowden.rig.declaration import tree_of as section_tree
+from bowden.rig.effect import refuse_idle
 from bowden.rig.emg_setup import EmgRun
 from bowden.rig.given_law import LawFile
 from bowden.rig.given_plant import PlantFile
@@ -284,6 +285,8 @@ class Rig:
             _ = self.worn
         with asked_for_by(f"{self.origin}: [admittance]"):
             _ = self.pushing
+        if not self.axes:
+            refuse_idle(self)
 
     def _check_gains(self) -> None:
         """Refuse gains that the rig's law does not have, and say whose they are: --law does not change that.
@@ -824,7 +827,7 @@ class Rig:
 
     @property
     def whose_cable(self) -> str:
-        """Of a suit with an identified cable: what it has of that, and whether that moved its joint as the suit would."""
+        """What a suit has of its identified cable, and whether that moved its joint as the suit does the elbow."""
         cable, spool = self.cable, self.suit.spool_radius
         lost = cable.lost  # type: ignore[union-attr]
         said = (
@@ -837,8 +840,8 @@ class Rig:
             return said
         return (
             f"{said}; in its log the joint turned {slope:.3g}° for a degree of the motor, and here the elbow turns "
-            f"{least:.2g} to {most:.2g}° for one of the spool (suit.spool_radius_mm): if that motor did not turn a spool "
-            "like this one, delete [cable] and set suit.play_mm"
+            f"{least:.2g} to {most:.2g}° for one of the spool (suit.spool_radius_mm): if that motor did not turn such "
+            "a spool, delete [cable] and set suit.play_mm"
         )
 
     def _bend_notes(self) -> list[str]:
