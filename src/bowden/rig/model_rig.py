@@ -13,6 +13,7 @@ from bowden.core.toml_text import quoted
 from bowden.core.units import DEGREES, RADIANS
 from bowden.identify.cable.counting import Counting, Covered, fitted_range
 from bowden.identify.cable.model import IdentifiedCable
+from bowden.identify.servo.keys import NOT_YOURS
 from bowden.rig.presets.bench import default_bench
 from bowden.safety.limits import Limits
 
@@ -34,7 +35,7 @@ TEXT = """\
 [cable]
 model = {model}
 {counting}
-[servo]  # of the paper's bench: put your own here; bowden identify-servo finds it from a log
+{servo}
 natural_frequency_hz = {frequency:.4g}  # [Hz] it decides how much gain a law may have
 damping = {damping:.1f}                 # ratio; 1 is critical
 
@@ -140,6 +141,7 @@ def model_text(name: str, model: str, cable: IdentifiedCable, chosen: Chosen) ->
         name=name,
         model=quoted(model),
         counting=_counting_lines(counting),
+        servo=NOT_YOURS,
         frequency=bench.servo.natural_frequency / (2.0 * math.pi),
         damping=bench.servo.damping,
         count=bench.joint_encoder.resolution * DEGREES,
