@@ -1,14 +1,21 @@
 """[suit] and [wearer] of a rig.toml: from the file to the run, and wearers that cannot be."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from bowden.app.main import run
 from bowden.app.simulate_command import _of_suit
 from bowden.control import LAWS
 from bowden.core.errors import ParameterError
+from bowden.core.toml_text import quoted
 from bowden.core.units import RADIANS
+from bowden.face.init import init
+from bowden.identify.cable.model import CableModel, IdentifiedCable
+from bowden.models.cable.bouc_wen import BoucWen, saturation
 from bowden.report.simulate_page import simulation_page
+from bowden.rig.page import toml_text
 from bowden.rig.presets.suit import suit
 from bowden.rig.rig import Rig
 from bowden.rig.settings import SuitSettings
@@ -117,3 +124,72 @@ def test_a_drive_without_an_integral_is_said() -> None:
     assert "drive_integral_per_s is 0" in _of_suit(Rig(suit=worn))[0]
     assert not _of_suit(Rig(suit=worn._replace(drive_integral=40.0)))
     assert not _of_suit(Rig())
+
+
+PLAY = CableModel("play", {"slope": -0.5, "half_width": 0.03, "offset": 0.2, "initial_lag": 0.0})
+CURVED = BoucWen(slope=0.4, hysteresis_gain=-0.02, rate=200.0)
+
+
+@pytest.mark.parametrize("spool", [0.01, 0.04])
+@pytest.mark.parametrize("kind", ["play", "bouc_wen"])
+def test_a_suit_loses_at_its_spool_what_the_identified_cable_does(kind: str, spool: float) -> None:
+    parameters = {"initial_h": 0.0, **CURVED._asdict()}
+    cable = IdentifiedCable(kind, {"play": PLAY.parameters, "bouc_wen": parameters})
+    lost = 0.03 if kind == "play" else -CURVED.hysteresis_gain * saturation(CURVED) / CURVED.slope
+    made = Rig(cable=cable, suit=SuitSettings(worn=True, spool_radius=spool))
+    flexor = made.moved.flexor  # type: ignore[union-attr]
+    assert flexor.half_width == pytest.approx(lost * spool, rel=1e-3)
+    own = flexor.bouc_wen  # the model itself loses the same length, and has the suit's slope in place of its own
+    length = -own.hysteresis_gain * saturation(own) * flexor.radius
+    assert (own.slope, length) == (1.0, pytest.approx(0.02 * saturation(CURVED) / 0.4 * spool))
+    assert f"±{1e3 * lost * spool:.3g} mm" in made.whose_cable
+    assert ("play_mm" in made.whose_cable) == (not 0.29 < 0.4 * 0.025 / spool < 0.71)
+    assert not made.turned
+
+
+def test_init_writes_a_suit_with_the_cable(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    model = replace(PLAY, others={"bouc_wen": {"initial_h": 0.0, **CURVED._asdict()}})
+    model.write("model.toml")
+    assert run(["init", "suit.toml", "--suit", "--model", "model.toml"]) == 0
+    said = capsys.readouterr().out
+    assert "what model.toml does, ±1.72° or ±0.75 mm of the spool" in said
+    rig = Rig.read("suit.toml")
+    assert rig == init(model, suit=True).rig
+    assert f"law = {quoted(rig.law_name)}" in Path("suit.toml").read_text()
+    assert any("model.toml" in note for note in rig.notes)
+    assert "play of model.toml, ±0.75 mm" in str(rig)
+
+
+WORN = "[suit]\nworn = true\n"
+CAPSTAN = WORN + 'cable = "capstan"\n'
+
+
+@pytest.mark.parametrize(
+    ("text", "key", "do"),
+    [
+        (WORN + "[encoder.joint]\nnoise_deg = 0.1\n", "encoder.joint.noise_deg", WORN + "sensor_noise_deg = 0.1\n"),
+        (WORN + "[motor]\ninertia_kg_m2 = 0.1\n", "motor.inertia_kg_m2", WORN + "rotor_inertia_kg_m2 = 0.1\n"),
+        (WORN + "[cable]\nslope = 0.8\n", "cable.slope", WORN + 'cable = "bouc_wen"\n[cable]\nslope = 0.8\n'),
+        (WORN + "[cable]\nwidth = 0.8\n", "cable.width", WORN + "[sheath]\ngap = 0.8\n"),
+        (CAPSTAN + "play_mm = 1.0\n", "suit.play_mm", WORN + "play_mm = 1.0\n"),
+        (WORN + "capstan_friction = 0.3\n", "suit.capstan_friction", CAPSTAN + "capstan_friction = 0.3\n"),
+        ("[wearer]\nmass_kg = 80.0\n", "wearer.mass_kg", WORN + "[wearer]\nmass_kg = 80.0\n"),
+        ("[wearer]\nmass_kg = 80.0\n", "wearer.mass_kg", "[suit]\nworn = false\n[wearer]\nmass_kg = 80.0\n"),
+        ("[admittance]\nrest_deg = 3.0\n", "admittance.rest_deg", "[admittance]\nenabled = false\nrest_deg = 3.0\n"),
+        ("[load_cell]\nscale = 3.0\n", "load_cell.scale", '[load_cell]\nsource = "none"\nscale = 3.0\n'),
+    ],
+)  # fmt: skip
+def test_a_key_without_effect_is_refused_and_what_the_message_says_is_read(
+    tmp_path: Path, text: str, key: str, do: str
+) -> None:
+    with pytest.raises(ParameterError, match=rf"{key} has no effect here"):
+        Rig.read(written(tmp_path, text))
+    Rig.read(written(tmp_path, do))
+
+
+def test_a_default_may_be_written_anywhere(tmp_path: Path) -> None:
+    whole = toml_text().replace("worn = false", "worn = true")
+    assert Rig.read(written(tmp_path, whole)) == Rig.read(written(tmp_path, WORN))

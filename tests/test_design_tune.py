@@ -198,7 +198,7 @@ def test_the_file_keeps_its_comments_and_the_other_keys() -> None:
     assert "[control.gains]  # these\n# bowden tune: why else\n" in twice
     assert "why\n" not in twice
     assert tomllib.loads(with_gains("", {"a": 1.0}, [], Path("x")))["control"]["gains"] == {"a": 1.0}
-    with pytest.raises(OutputError, match="not a section of their own"):
+    with pytest.raises(OutputError, match="not a section of its own"):
         with_gains("[control]\ngains = { a = 2.0 }\n", {"a": 1.0}, [], Path("rig.toml"))
 
 
@@ -288,13 +288,19 @@ def test_a_law_of_ones_own_is_tuned_against_a_study(
     assert json.loads(capsys.readouterr().out)["study"]["after"]["runs"] == 10
 
 
+PUSHED = '[set]\n"suit.worn" = true\n"suit.cable" = "bouc_wen"\n"admittance.enabled" = true\n'
+
+
 @pytest.mark.parametrize(
     ("text", "said"),
     [
         (STUDY + '"control.gains.error_gain" = 0.1\n', "study.toml varies control.gains.error_gain; expected a study"),
         ("runs = 3\n", "runs is 3; expected 4 or more"),
         ('rig = "other.toml"\n', "its rig is 'other.toml', and the given one rig.toml; expected the same file"),
-        ('[set]\n"suit.worn" = true\n"admittance.enabled" = true\n', "the wearer's push makes the reference"),
+        (
+            '[set]\n"suit.worn" = true\n"suit.cable" = "bouc_wen"\n"admittance.enabled" = true\n',
+            "the wearer's push makes the reference",
+        ),
     ],
 )
 def test_studies_that_gains_cannot_be_tuned_against(

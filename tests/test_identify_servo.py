@@ -16,6 +16,8 @@ from bowden.core.units import RADIANS
 from bowden.identify.servo.fit import ServoEstimate, identify_servo
 from bowden.identify.servo.log import read_servo_log
 from bowden.models.drive.servo import Servo, prepare
+from bowden.rig.page import toml_text
+from bowden.rig.rig import Rig
 from bowden.sim.samples.cable import follow
 
 pytestmark = pytest.mark.usefixtures("undrawn")
@@ -116,6 +118,32 @@ def test_the_command_writes_keys_of_a_rig(folder: Path, capsys: pytest.CaptureFi
     (folder / "rig.toml").write_text((folder / "out/servo/servo.toml").read_text(encoding="utf-8"))
     assert run(["check", "rig.toml", "--law", "uncompensated", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["verdict"] == "holds"
+
+
+@pytest.mark.parametrize(
+    "rig",
+    ["", "# mine\n[servo]  # this one\ndamping = 0.9 # ζ\n[bench]\nsample_time_ms = 2.0\n[live]\ncpu = 1\n", None],
+)
+def test_the_values_go_into_a_rig_and_all_else_of_it_stays(
+    folder: Path, capsys: pytest.CaptureFixture[str], rig: str | None
+) -> None:
+    rig = toml_text() if rig is None else rig
+    (folder / "rig.toml").write_text(rig, encoding="utf-8")
+    for _ in range(2):  # the second time changes nothing
+        assert run(["identify-servo", "step.csv", "--into", "rig.toml", "--json"]) == 0
+        document = json.loads(capsys.readouterr().out)
+        made = (folder / "rig.toml").read_text(encoding="utf-8")
+        left = [line for line in rig.splitlines() if "=" not in line or line.startswith("#")]
+        assert [line for line in made.splitlines() if line in left] == left
+        assert made.count("# bowden identify-servo: from step.csv") == 1
+        before, after = Rig.of_tree(tomllib.loads(rig), folder / "rig.toml"), Rig.read(folder / "rig.toml")
+        servo = before.servo._replace(natural_frequency=after.servo.natural_frequency, damping=after.servo.damping)
+        assert after == before.replace(servo=servo, delay=document["delay_cycles"])
+        assert after.servo.natural_frequency == pytest.approx(2.0 * np.pi * 6.0, rel=0.01)
+        assert document["delay_cycles"] == np.ceil(2.4e-3 / before.sample_time)
+    assert not (folder / "out").exists()
+    assert run(["identify-servo", "step.csv", "--into", "rig.toml", "--sample-time-ms", "5"]) == 2
+    assert "leave the option out" in capsys.readouterr().err
 
 
 def test_a_log_has_times_or_a_rate_and_repeated_times_are_dropped(tmp_path: Path) -> None:

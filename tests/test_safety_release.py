@@ -15,9 +15,9 @@ from bowden.models.drive.thermal import cold
 from bowden.models.suit.arm import Wearer
 from bowden.plants.suit_parts import Suit, prepare_suit
 from bowden.plants.suit_plant import Bends, SuitState, suit_motor, suit_start, suit_step
-from bowden.rig import suit_rig
 from bowden.rig.rig import Rig
 from bowden.rig.settings import SuitSettings
+from bowden.rig.suit_rig import suit_text
 from bowden.safety.limits import Limits
 from bowden.safety.supervisor import Mode, Observed, Request, begin, longest_release, supervise
 from releases import release, throws
@@ -27,7 +27,7 @@ STILL = Bends(math.pi, math.pi)
 LOOSE = SUIT.motor._replace(friction=0.0, efficiency=1.0)
 HEAVY = SUIT.arm._replace(mass=2.0 * SUIT.arm.mass, inertia=2.0 * SUIT.arm.inertia)
 LIMITS, DT = Rig(suit=SuitSettings(worn=True)).supervisor_limits, 1e-3
-FRESH = tomllib.loads(suit_rig.TEXT.format(name="rig.toml"))["limits"]
+FRESH = tomllib.loads(suit_text("rig.toml"))["limits"]
 OF_INIT = LIMITS._replace(
     **{name[:-4]: value * RADIANS for name, value in FRESH.items() if name.endswith("_deg")}, reading_age=10.0
 )

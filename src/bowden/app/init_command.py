@@ -9,7 +9,7 @@ import typer
 from bowden.app.command import Command
 from bowden.app.console import print_json, seconds
 from bowden.app.next_step import say_next
-from bowden.core.errors import OutputError, ParameterError
+from bowden.core.errors import OutputError
 from bowden.core.files import shortened
 
 
@@ -29,14 +29,13 @@ def init(
 
     With --model it has that cable, a reference within the motion that the cable's log covered, limits round it, and the
     law bowden where a check says that it holds there, if need be with a smaller bandwidth; else one that does, and why.
+    With --suit too, both cables of the suit lose what that one does.
     """
     from bowden.core.files import whole_file
     from bowden.design.other_law import OURS
-    from bowden.rig import suit_rig
     from bowden.rig.page import toml_text
+    from bowden.rig.suit_rig import suit_text
 
-    if suit and model is not None:
-        raise ParameterError("--suit with --model", expected="one of them", do="leave one out")
     try:
         is_there, is_folder = path.exists(), path.is_dir()
     except OSError as error:
@@ -47,9 +46,9 @@ def init(
         raise OutputError(f"{path} is there already", do="choose another name, or overwrite it with --force")
     said: list[str] = []
     if model is not None:
-        text, said = _with_model(path, model)
+        text, said = _with_model(path, model, suit=suit)
     else:
-        text = suit_rig.TEXT.format(name=path.name) if suit else toml_text(path.name, OURS)
+        text = suit_text(path.name) if suit else toml_text(path.name, OURS)
     with whole_file(path) as part:
         part.write_text(text, encoding="utf-8")
     if json:
@@ -61,7 +60,7 @@ def init(
     say_next(*(("run", path, "--twin") if suit else ("simulate", path)))
 
 
-def _with_model(path: Path, model: Path) -> tuple[str, list[str]]:
+def _with_model(path: Path, model: Path, *, suit: bool) -> tuple[str, list[str]]:
     """The text of a rig with an identified cable, and what is said of it.
 
     Raises:
@@ -71,7 +70,7 @@ def _with_model(path: Path, model: Path) -> tuple[str, list[str]]:
     from bowden.identify.cable.model_file import load_cable
 
     place = Path(os.path.relpath(model.absolute(), path.absolute().parent)).as_posix()
-    made = around(load_cable(model), path, place)
+    made = around(load_cable(model), path, place, suit=suit)
     return made.text, list(made.notes)
 
 
@@ -84,6 +83,7 @@ COMMANDS = (
             "bowden init",
             "bowden init my_rig.toml --force",
             "bowden init --model out/identify/model.toml",
+            "bowden init suit.toml --suit --model out/identify/model.toml",
         ),
         place=10,
     ),

@@ -88,7 +88,7 @@ def _files(kind: SampleKind, seed: int) -> "Mapping[str, SampleFile]":
     from bowden.rig import suit_rig
     from bowden.sim.samples.files import SampleFile
 
-    rig = SampleFile(suit_rig.TEXT.format(name="suit.toml"), "a suit on an arm, as bowden init --suit writes it")
+    rig = SampleFile(suit_rig.suit_text("suit.toml"), "a suit on an arm, as bowden init --suit writes it")
     return {"suit.toml": rig} | suit_files(seed)
 
 

@@ -106,7 +106,9 @@ def _of_axis(
         _print_table(metrics)  # drawing takes longer than all that was before
     with progress_bar(quiet=quiet) as progress:
         progress("writing traces, drawing the page", 0.8)
-        files = _write(traces, out, f"Simulation of {rig.name}", csv=csv)
+        cable = getattr(setup.cable, "file", "") if setup.worn is not None else ""
+        whose = f", with the cable of {cable}" if cable else ""
+        files = _write(traces, out, f"Simulation of {rig.name}{whose}", csv=csv)
     if interrupted:
         raise InterruptedPartway(f"{', '.join(traces)} (of {len(laws)} laws) done and written to {out}")
     for note in (*found.notes, *_of_suit(setup)):

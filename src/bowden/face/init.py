@@ -17,6 +17,7 @@ from bowden.identify.cable.model_file import load_cable
 from bowden.identify.cable.recalibrate import Recalibration
 from bowden.rig.model_rig import Chosen, counting_of, model_text, with_stroke
 from bowden.rig.rig import Rig
+from bowden.rig.suit_rig import suit_text
 
 GivenModel = str | Path | Fit | JointFit | Recalibration | CableModel | IdentifiedCable
 
@@ -36,11 +37,14 @@ class NewRig:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Reference, law, and how angles are counted, in words."""
+        """Reference, law, and how angles are counted, in words; of a suit, whose cables it has."""
+        law = f"Law: {self.rig.law_name}{self._gains()}, {self.why}"
+        if self.rig.worn is not None:
+            return f"Cables: {self.rig.whose_cable}", law
         low, high = (f"{end / RADIANS:g}" for end in (self.rig.reference.low, self.rig.reference.high))  # type: ignore[attr-defined]
         within = "within what the log covered"
         within = within if self.known else "the model does not say what its log covered: check it yourself"
-        said = [f"Reference: {low} to {high}°, {within}", f"Law: {self.rig.law_name}{self._gains()}, {self.why}"]
+        said = [f"Reference: {low} to {high}°, {within}", law]
         if not self.rig.cable.counting.as_recorded:  # type: ignore[union-attr]
             said.append("Angles of the rig differ from those of the log: see direction and zeros in [cable]")
         return tuple(said)
@@ -61,6 +65,8 @@ class NewRig:
 
     def _rows(self) -> list[tuple[str, str]]:
         said = [note.partition(": ") for note in self.notes[:2]]
+        if self.rig.worn is not None:
+            return [(name.lower(), text) for name, _, text in said]
         counting = self.rig.cable.counting  # type: ignore[union-attr]
         turned = "against the log's direction, " if counting.direction < 0 else ""
         zeros = f"{counting.motor_zero / RADIANS:.1f}° of the log's motor and {counting.joint_zero / RADIANS:.1f}°"
@@ -68,7 +74,7 @@ class NewRig:
         return [*((name.lower(), text) for name, _, text in said), ("counted", counted or "as in the log")]
 
 
-def init(model: GivenModel, **parts: Any) -> NewRig:
+def init(model: GivenModel, *, suit: bool = False, **parts: Any) -> NewRig:
     """Make a rig round an identified cable, as ``bowden init --model`` does.
 
     A cable whose joint falls as its motor rises, or whose log does not count from where it is just taut, is counted so
@@ -79,6 +85,8 @@ def init(model: GivenModel, **parts: Any) -> NewRig:
     Args:
         model: what `identify`, `identify_together` or `recalibrate` returned, its ``best``, or the path of a
             model.toml.
+        suit: True for a suit on an arm, both cables of which lose what this one does, as ``bowden init --suit --model``
+            makes it.
         **parts: of the rig that are not as on the paper's bench, as `Rig` takes them, such as ``servo``. The law is
             chosen for the rig with them.
 
@@ -96,6 +104,7 @@ def init(model: GivenModel, **parts: Any) -> NewRig:
     >>> made.rig.law, made.rig.cable.counting.direction
     ('bowden', -1)
     """
+    worn = arguments.flag(suit, "init: suit")
     for name in ("cable", "plant", "law", "reference"):
         if name in parts:
             raise ParameterError(
@@ -113,10 +122,12 @@ def init(model: GivenModel, **parts: Any) -> NewRig:
             )
         cable = Rig(cable=model).cable  # type: ignore[assignment]  # an identified one, in whatever form it came
     with given.in_words_of_python():
-        return around(cable, Path("Rig"), "model.toml", parts)
+        return around(cable, Path("Rig"), "model.toml", parts, suit=worn)
 
 
-def around(cable: IdentifiedCable, path: Path, place: str, parts: dict[str, Any] | None = None) -> NewRig:
+def around(
+    cable: IdentifiedCable, path: Path, place: str, parts: dict[str, Any] | None = None, *, suit: bool = False
+) -> NewRig:
     """A rig round a cable.
 
     Args:
@@ -124,16 +135,21 @@ def around(cable: IdentifiedCable, path: Path, place: str, parts: dict[str, Any]
         path: of the rig's file, which is not written here; without an ending, no file.
         place: of the model's file, from the rig's folder.
         parts: of the rig that are not as on the paper's bench.
+        suit: whether it is a suit on an arm.
 
     Raises:
         ParameterError: see `init`.
     """
-    cable = with_stroke(cable)
-    counted = replace(cable.counted(counting_of(cable)), file=place)
     name = path.name if path.suffix else "rig.toml"
-    first = model_text(name, place, cable, Chosen(OURS, ""))
+    cable = with_stroke(cable)
+    counted = replace(cable if suit else cable.counted(counting_of(cable)), file=place)
+
+    def written(chosen: Chosen) -> str:
+        return suit_text(name, place, chosen) if suit else model_text(name, place, cable, chosen)
+
+    first = written(Chosen(OURS, ""))
     rig = Rig.of_tree(tomllib.loads(first), path, keep=Rig(cable=counted)).replace(**(parts or {}))
     chosen = chosen_law(rig)
-    text = model_text(name, place, cable, chosen)
+    text = written(chosen)
     rig = rig.with_law(chosen.law).replace(gains=chosen.gains)
     return NewRig(rig, chosen.why, cable.covered is not None, text)

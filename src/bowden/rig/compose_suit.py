@@ -1,5 +1,7 @@
 """From a rig's suit and wearer to a suit on an arm."""
 
+from bowden.identify.cable.model import IdentifiedCable
+from bowden.models.cable.bouc_wen import BoucWen
 from bowden.models.cable.sheath import Sheath
 from bowden.models.drive.geared_motor import GearedMotor
 from bowden.models.suit.arm import Wearer, arm_of
@@ -10,14 +12,20 @@ from bowden.plants.suit_parts import Suit, prepare_suit
 from bowden.rig.settings import SuitSettings, WearerSettings
 
 
-def suit_of(given: SuitSettings, wearer: WearerSettings, bench: Bench, gap: float) -> Suit:
+def suit_of(
+    given: SuitSettings, wearer: WearerSettings, bench: Bench, gap: float, identified: IdentifiedCable | None
+) -> Suit:
     """The suit of a rig.
+
+    Of an identified cable it has what that loses, as a length at the spool; what its joint does per motion of the motor
+    is the suit's own geometry.
 
     Args:
         given: its settings.
         wearer: who wears it.
         bench: made of the rig's other parts.
         gap: of the sheath over the one at the identification [–].
+        identified: the cable, where a log says what it loses.
 
     Raises:
         ParameterError: a wearer or a part that cannot be.
@@ -25,10 +33,11 @@ def suit_of(given: SuitSettings, wearer: WearerSettings, bench: Bench, gap: floa
     cable = SuitCable(
         kind=given.cable,
         stiffness=given.cable_stiffness,
-        half_width=given.play,
+        half_width=given.play if identified is None else identified.lost * given.spool_radius,
         friction=given.capstan_friction,
-        bouc_wen=bench.cable,
     )
+    own = bench.cable if identified is None else _at_the_arm(bench.cable, given.spool_radius / cable.radius)
+    cable = cable._replace(bouc_wen=own)
     physical = given.cable == "capstan"  # it computes what its sheath loses
     suit = Suit(
         spool_radius=given.spool_radius,
@@ -49,6 +58,12 @@ def suit_of(given: SuitSettings, wearer: WearerSettings, bench: Bench, gap: floa
     )
     prepare_suit(suit)
     return suit
+
+
+def _at_the_arm(cable: BoucWen, ratio: float) -> BoucWen:
+    """Eqs 6–7 over angles of the spool, as over those angles times a ratio; without its slope, which the suit has."""
+    gain = ratio * cable.hysteresis_gain / cable.slope
+    return cable._replace(slope=1.0, hysteresis_gain=gain, rate=cable.rate / ratio, offset=0.0)
 
 
 def _motor(given: SuitSettings, bench: Bench) -> GearedMotor:

@@ -23,6 +23,7 @@ from bowden.models.cable.bouc_wen import BoucWen
 from bowden.rig import axes, emg_setup
 from bowden.rig.checked import Gains
 from bowden.rig.declaration import Section, items_of, value_of
+from bowden.rig.effect import refuse_switched_off
 from bowden.rig.given_law import LawFile, law_file
 from bowden.rig.given_plant import PlantFile, plant_file
 from bowden.rig.pair import PairSettings
@@ -58,13 +59,16 @@ def read_values(path: Path) -> dict[str, Any]:
     return values_of(read_toml(path), path)
 
 
-def values_of(tree: Mapping[str, Any], path: Path, keep: Mapping[str, Any] | None = None) -> dict[str, Any]:
+def values_of(
+    tree: Mapping[str, Any], path: Path, keep: Mapping[str, Any] | None = None, *, whole: bool = True
+) -> dict[str, Any]:
     """`read_values` for a file that is parsed already.
 
     Args:
         tree: sections as they stand in a rig.toml.
         path: for messages, and to find the files that it names.
         keep: fields of a rig whose contents of files serve where these name the same files.
+        whole: whether it is a whole rig, and not what several axes have in common.
 
     Raises:
         ParameterError: see `read_values`.
@@ -73,6 +77,8 @@ def values_of(tree: Mapping[str, Any], path: Path, keep: Mapping[str, Any] | Non
     if {axes.AXIS, axes.INDEPENDENT, axes.PAIR} & {*tree}:
         return _values_of_axes(tree, path, keep or {})
     file = checked_file(tree, path)
+    if whole:
+        refuse_switched_off(file, path)
     kept = keep or {}
     values: dict[str, Any] = {name: _part(file, name) for name in PARTS}
     drive = drive_part(file.drive.family)
@@ -104,7 +110,7 @@ def _values_of_axes(tree: Mapping[str, Any], path: Path, keep: Mapping[str, Any]
         with asked_for_by(f"axis {quoted(name)}"):
             found.append((name, values_of(whole, path, known.get(name))))
     pair = _pair(tree, path)
-    return values_of(common, path, keep) | {"axes": tuple(found), "independent": independent, "pair": pair}
+    return values_of(common, path, keep, whole=False) | {"axes": tuple(found), "independent": independent, "pair": pair}
 
 
 class _PairFile(Section):

@@ -50,6 +50,9 @@ def rows(rig: "Rig") -> list[tuple[str, str]]:
 def _cable(rig: "Rig") -> str:
     """Where the cable is known from, and the parameters of what a simulation runs."""
     cable = rig.cable
+    if rig.worn is not None:
+        whose = f"of {cable.file or 'a log'}" if isinstance(cable, IdentifiedCable) else "by hand"
+        return f"{rig.suit.cable} {whose}, ±{number(1e3 * rig.worn.flexor.half_width, 'mm')} at the spool"
     known, given = "by hand", rig.bench.cable._asdict()
     if isinstance(cable, IdentifiedCable):
         known, given = f"identified as {cable.best}", cable.parameters

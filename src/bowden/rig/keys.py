@@ -44,22 +44,10 @@ def plant_keys(rig: Rig) -> dict[str, str]:
     cable = rig.cable
     if rig.plant is not None or not isinstance(cable, IdentifiedCable):
         return {}
-    if rig.suit.worn and (rig.suit.cable, cable.simulated) != ("bouc_wen", "bouc_wen"):
+    if rig.suit.worn and rig.suit.cable != "play" and (rig.suit.cable, cable.simulated) != ("bouc_wen", "bouc_wen"):
         return {}
     units = {f"cable.parameters.{name}": meaning(name)[0] for name in cable.parameters}
     return {name: "–" if unit == "1" else unit for name, unit in units.items()}
-
-
-def missing_for(key: str, rig: Rig) -> str | None:
-    """What the rig would need for a simulation to feel one of its numeric keys; None where it does feel it.
-
-    >>> missing_for("wearer.share", Rig()), missing_for("cable.slope", Rig())
-    ('suit.worn = true', None)
-    """
-    section = key.partition(".")[0]
-    if section in ("suit", "wearer") and not rig.suit.worn:
-        return "suit.worn = true"
-    return "admittance.enabled = true" if section == "admittance" and not rig.admittance.enabled else None
 
 
 def _numbers(path: str, section: Any) -> Iterator[tuple[str, str]]:

@@ -13,6 +13,7 @@ from bowden.core.toml_text import quoted
 from bowden.core.units import DEGREES, RADIANS
 from bowden.identify.cable.counting import Counting, Covered, fitted_range
 from bowden.identify.cable.model import IdentifiedCable
+from bowden.identify.servo.keys import NOT_YOURS
 from bowden.rig.presets.bench import default_bench
 from bowden.rig.sections import DEFAULT_CABLE
 from bowden.safety.limits import Limits
@@ -31,7 +32,7 @@ TEXT = """\
 [cable]
 model = {model}
 {counting}
-[servo]  # of the paper's bench: put your own here; bowden identify-servo finds it from a log
+{servo}
 natural_frequency_hz = {frequency:.4g}  # [Hz] it decides how much gain a law may have
 damping = {damping:.1f}                 # ratio; 1 is critical
 {motor}
@@ -139,6 +140,7 @@ def model_text(name: str, model: str, cable: IdentifiedCable, chosen: Chosen) ->
         name=name,
         model=quoted(model),
         counting=_counting_lines(counting),
+        servo=NOT_YOURS,
         frequency=bench.servo.natural_frequency / (2.0 * math.pi),
         damping=bench.servo.damping,
         motor=_motor_lines(bench.motor.gear, counted.bouc_wen.slope / DEFAULT_CABLE.slope),
@@ -146,7 +148,7 @@ def model_text(name: str, model: str, cable: IdentifiedCable, chosen: Chosen) ->
         noise=bench.joint_encoder.noise * DEGREES,
         law=quoted(chosen.law),
         why=chosen.why,
-        gains=_gain_lines(chosen.gains),
+        gains=gain_lines(chosen.gains),
         within=within,
         low=low,
         high=high,
@@ -166,7 +168,8 @@ gear = {gear * slope:.4g}  # motor turns per spool turn: as strong at the joint 
 """
 
 
-def _gain_lines(gains: Mapping[str, float]) -> str:
+def gain_lines(gains: Mapping[str, float]) -> str:
+    """The section of a law's gains between two others; empty where there are none."""
     if not gains:
         return ""
     return "\n".join(["\n[control.gains]", *(f"{name} = {value!r}" for name, value in gains.items()), ""])

@@ -37,6 +37,7 @@ from bowden.models.cable.sheath import Sheath
 from bowden.models.drive.encoder import Encoder
 from bowden.models.drive.motor import Motor
 from bowden.models.drive.servo import Servo
+from bowden.models.suit.geometry import ELBOW_RANGE, SuitGeometry, flexor_moment_arm
 from bowden.plants.bench import Bench
 from bowden.plants.cable_plant import CablePlant
 from bowden.plants.cables import plant_of_model
@@ -54,6 +55,7 @@ from bowden.rig.compose_admittance import Pushing, pushing_of
 from bowden.rig.compose_suit import suit_of
 from bowden.rig.consistent import Basis
 from bowden.rig.declaration import tree_of as section_tree
+from bowden.rig.effect import refuse_idle
 from bowden.rig.emg_setup import EmgRun
 from bowden.rig.given_law import LawFile
 from bowden.rig.given_plant import PlantFile
@@ -299,6 +301,8 @@ class Rig(metaclass=Answering):
             _ = self.worn
         with asked_for_by(f"{self.origin}: [admittance]"):
             _ = self.pushing
+        if not self.axes:
+            refuse_idle(self)
 
     def _check_gains(self) -> None:
         """Refuse gains that the rig's law does not have, and say whose they are: --law does not change that.
@@ -655,6 +659,8 @@ class Rig(metaclass=Answering):
     @cached_property
     def turned(self) -> bool:
         """Whether motor angles are counted the other way round, because the joint falls when the motor rises."""
+        if self.suit.worn:  # the motor is counted in the joint's coordinate
+            return False
         return self._plain_cable.slope < 0.0 if self.plant is None else self.own_plant.turned
 
     @property
@@ -700,7 +706,10 @@ class Rig(metaclass=Answering):
         Raises:
             ParameterError: a wearer or a part that cannot be.
         """
-        return suit_of(self.suit, self.wearer, self.bench, self.sheath.gap) if self.suit.worn else None
+        if not self.suit.worn:
+            return None
+        identified = self.cable if isinstance(self.cable, IdentifiedCable) else None
+        return suit_of(self.suit, self.wearer, self.bench, self.sheath.gap, identified)
 
     @property
     def own_plant(self) -> UserPlant:
@@ -808,6 +817,8 @@ class Rig(metaclass=Answering):
         if isinstance(self.cable, IdentifiedCable) and self.cable.best == SCHEDULED:
             own = self.cable.model().parameters
             notes += outside(own, {"load": own["load"]} if "load" in own else {})
+        if self.worn is not None and self.identified:
+            notes.append(self.whose_cable)
         if self._scheduled_by_bend:
             notes += self._bend_notes()
         if self.turned:
@@ -835,6 +846,25 @@ class Rig(metaclass=Answering):
             notes += self._like_radians()
             notes += self._beyond_the_log()
         return tuple(notes)
+
+    @property
+    def whose_cable(self) -> str:
+        """What a suit has of its identified cable, and whether that moved its joint as the suit does the elbow."""
+        cable, spool = self.cable, self.suit.spool_radius
+        lost = cable.lost  # type: ignore[union-attr]
+        said = (
+            f"both cables of the suit lose what {cable.file or 'the identified cable'} does, "  # type: ignore[union-attr]
+            f"±{lost * DEGREES:.3g}° or ±{1e3 * lost * spool:.3g} mm of the spool"
+        )
+        slope = abs(self._plain_cable.slope)
+        least, most = (spool / flexor_moment_arm(end, SuitGeometry()) for end in reversed(ELBOW_RANGE))
+        if least <= slope <= most:
+            return said
+        return (
+            f"{said}; in its log the joint turned {slope:.3g}° for a degree of the motor, and here the elbow turns "
+            f"{least:.2g} to {most:.2g}° for one of the spool (suit.spool_radius_mm): if that motor did not turn such "
+            "a spool, delete [cable] and set suit.play_mm"
+        )
 
     def _bend_notes(self) -> list[str]:
         """What is said of the bends of a run whose cable is scheduled by them."""

@@ -139,6 +139,8 @@ PARTS: Mapping[str, Part] = {
     "emg": _part("EmgSection", EmgSettings.__doc__ or "", rounded(EmgSettings(), 4)),
 }
 """Field of a rig → the part that stands for it, of those whose section holds nothing else."""
+TITLES: Mapping[str, tuple[str, ...]] = {"joint_encoder": ("encoder", "joint"), "motor_encoder": ("encoder", "motor")}
+"""Field of a rig → its section, where that has another name."""
 
 PAIR = _part("PairSection", PairSettings.__doc__ or "", PairSettings())
 """[pair], which stands beside [[axis]]."""

@@ -1,12 +1,15 @@
 """The rig.toml that ``bowden init --suit`` writes: the suit on an arm, moved by EMG, live against its twin."""
 
-TEXT = """\
+from bowden.core.toml_text import quoted
+from bowden.rig.model_rig import Chosen, gain_lines
+
+_TEXT = """\
 # {name}: a suit on an arm, moved by EMG. What is not here is as bowden init writes it; docs/live.md says why.
 #
 #   bowden run {name} --twin --auto --emg file:RECORDING.csv      # a recording, against the twin
 #   bowden run {name} --twin --emg lsl:NAME                       # a stream
 
-[suit]
+{cable}[suit]
 worn = true
 # friction_feedforward_nm = 2.79  # [N·m] 0.7 of what identify.suit_friction reads; the drive has to map object 60B2h
 drive_integral_per_s = 40.0  # [1/s] without an integral a drive does not follow its target against this friction
@@ -17,8 +20,8 @@ height_m = 1.75   # [m] of the body
 share = 0.0       # share of the arm's weight that the wearer carries
 
 [control]
-law = "bowden"    # begins with its gains for a suit
-
+law = {law}  # {why}
+{gains}
 [scenario]
 duration_s = 60.0  # [s] a run by a recording ends with it
 
@@ -38,4 +41,22 @@ low_deg = 0.0
 high_deg = 60.0
 duration_s = 2.0           # [s] of the whole motion
 """
-"""With the file's name as ``name``."""
+_CABLE = """\
+[cable]  # both cables lose what this one does, as a length at the spool; what the elbow does is the suit's geometry
+model = {}
+
+"""
+_OWN = Chosen("bowden", "begins with its gains for a suit")
+
+
+def suit_text(name: str, model: str | None = None, chosen: Chosen = _OWN) -> str:
+    """The rig.toml.
+
+    Args:
+        name: of the file, as it is typed.
+        model: the path of a model.toml, from the file's folder, where the cables are identified.
+        chosen: the law.
+    """
+    cable = "" if model is None else _CABLE.format(quoted(model))
+    gains = gain_lines(chosen.gains)
+    return _TEXT.format(name=name, cable=cable, law=quoted(chosen.law), why=chosen.why, gains=gains)

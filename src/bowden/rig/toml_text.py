@@ -17,9 +17,7 @@ from bowden.rig.declaration import tree_of as section_tree
 from bowden.rig.given_law import LawFile, packable
 from bowden.rig.given_plant import PlantFile, as_file
 from bowden.rig.recorded import RecordedMotion
-from bowden.rig.sections import BENDS, MODEL_FILE, PARTS, REFERENCES, Clock, RigFile, Scenario
-
-_TITLES = {"joint_encoder": ("encoder", "joint"), "motor_encoder": ("encoder", "motor")}
+from bowden.rig.sections import BENDS, MODEL_FILE, PARTS, REFERENCES, TITLES, Clock, RigFile, Scenario
 
 
 def tree_of(values: Mapping[str, Any]) -> dict[str, Any]:
@@ -30,7 +28,7 @@ def tree_of(values: Mapping[str, Any]) -> dict[str, Any]:
     """
     found: dict[str, Any] = {name: {} for name in RigFile.model_fields}
     for name, part in PARTS.items():
-        section, *side = _TITLES.get(name, (name,))
+        section, *side = TITLES.get(name, (name,))
         _refuse_unnamed(values[name], part.default, name)
         target = found[section].setdefault(side[0], {}) if side else found[section]
         target |= section_tree(values[name])

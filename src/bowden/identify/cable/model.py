@@ -3,7 +3,7 @@
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -306,6 +306,21 @@ class IdentifiedCable:
         given = {name: value for name, value in self.model(self.simulated).parameters.items() if name not in _BEGUN}
         return distributed_parameters(self.simulated) | given if self.simulated in DISTRIBUTED else given
 
+    @cached_property
+    def lost(self) -> float:
+        """Half of the motor's travel that a reversal loses: half the loop's height over its slope, in mid-stroke [rad].
+
+        Of a play it is its half width. The loop is the recommended model's over the motion that its log covered; where
+        nothing says that, over a turn of the motor.
+        """
+        low, high = (-np.pi, np.pi) if self.covered is None else self.covered[:2]
+        up = np.linspace(low, high, _PLACES)
+        joint = self.model(self.simulated).joint_angle(np.concatenate([up, up[::-1], up]))
+        down, again = joint[_PLACES : 2 * _PLACES][::-1], joint[2 * _PLACES :]
+        middle = slice(_PLACES // 4, -(_PLACES // 4))
+        slope = np.polyfit(up[middle], (down + again)[middle], 1)[0]  # of both ways together
+        return float(abs(np.mean((down - again)[middle]) / slope))
+
     def with_parameters(self, given: Mapping[str, float]) -> "IdentifiedCable":
         """The same cable with these parameters of the simulated model; other models, which laws take, stay.
 
@@ -398,6 +413,8 @@ def _scheduled(parameters: Mapping[str, float]) -> tuple[scheduling.ScheduledCab
         raise ParameterError(f"cable model {SCHEDULED!r} has no parameter {error.args[0]!r}") from None
 
 
+_PLACES = 400
+"""Along a stroke, at which a loop's height is looked at."""
 _BEGUN = ("initial_h", "initial_lag")
 """Parameters that say where a log began; a simulation begins at rest."""
 

@@ -3,6 +3,7 @@
 import math
 from typing import Any
 
+from bowden.core.toml_text import with_keys
 from bowden.core.units import HERTZ, RADIANS
 from bowden.identify.servo.fit import ServoEstimate, ServoFit
 
@@ -44,24 +45,38 @@ def keys_of(document: dict[str, Any], name: str) -> str:
         document: of the fit.
         name: of the log.
     """
-    frequency, damping, delay = (document[key] for key in ("natural_frequency_hz", "damping", "delay_s"))
-    speed, acceleration = document["speed_limit_deg_per_s"], document["acceleration_limit_deg_per_s2"]
-    lines = [
-        f"# Identified from {name}; {document['residual_deg']:.3g}° of the motor's motion are left, root mean square.",
-        "",
-        "[bench]",
-        f"delay_cycles = {document['delay_cycles']}  # {1e3 * delay['value']:.3g} ± {1e3 * delay['uncertainty']:.1g} ms"
-        f" rounded up at {document['sample_time_ms']:g} ms a cycle",
-        "",
-        "[servo]",
-        f"natural_frequency_hz = {frequency['value']:.5g}  # ± {frequency['uncertainty']:.1g}",
-        f"damping = {damping['value']:.4g}  # ± {damping['uncertainty']:.1g}",
-    ]
-    if speed:
-        lines.append(f"speed_limit_deg_per_s = {speed['value']:.5g}  # ± {speed['uncertainty']:.1g}")
-    if acceleration:
-        said = f"{acceleration['value']:.4g} ± {acceleration['uncertainty']:.1g}"
-        lines.append(
-            f"# largest acceleration {said} °/s²; rig.toml has it by [motor] current_limit_a and inertia_kg_m2"
-        )
-    return "\n".join(lines) + "\n"
+    return into("", document, name, "servo.toml")
+
+
+def into(text: str, document: dict[str, Any], name: str, where: str) -> str:
+    """The text of a rig.toml with the values of a fit, and what is known of them as comments; all else as it stands.
+
+    Args:
+        text: of the file.
+        document: of the fit, for the cycle of that rig.
+        name: of the log.
+        where: the file, for messages.
+
+    Raises:
+        OutputError: a section that cannot be changed line by line.
+    """
+    delay, cycle = document["delay_s"], document["sample_time_ms"]
+    said = f"{1e3 * delay['value']:.3g} ± {1e3 * delay['uncertainty']:.1g} ms rounded up at {cycle:g} ms a cycle"
+    cycles = {"delay_cycles": str(document["delay_cycles"])}
+    text = with_keys(text, "bench", cycles, where, [f"{_MARK}delay_cycles is {said}"])
+    found = {key: document[key] for key in _SERVO if document[key]}
+    values = {key: f"{one['value']:.5g}" for key, one in found.items()}
+    spread = ", ".join(f"{key} ± {one['uncertainty']:.1g}" for key, one in found.items())
+    left = f"{document['residual_deg']:.3g}° of the motor's motion are left, root mean square"
+    evidence = [f"{_MARK}from {name}; {left}", f"{_MARK}{spread}"]
+    if fastest := document["acceleration_limit_deg_per_s2"]:
+        most = f"{fastest['value']:.4g} ± {fastest['uncertainty']:.1g} °/s²"
+        own = "rig.toml has it by [motor] current_limit_a and inertia_kg_m2"
+        evidence.append(f"{_MARK}largest acceleration {most}; {own}")
+    return with_keys(text.replace(NOT_YOURS, "[servo]"), "servo", values, where, evidence)
+
+
+_MARK = "bowden identify-servo: "
+_SERVO = ("natural_frequency_hz", "damping", "speed_limit_deg_per_s")
+NOT_YOURS = "[servo]  # of the paper's bench: put your own here; bowden identify-servo --into finds it from a log"
+"""Head of a section that ``bowden init`` writes, until there is a log."""
