@@ -265,7 +265,7 @@ def identify_log(log: Log, seed: int = 0, progress: Progress | None = None) -> F
     )
     seen = whole if few else half
     tell("comparing on left-out stretches", 0.7)
-    errors = seen.left_out_errors()
+    errors = seen.left_out_errors(log)
     shown_by_log = seen.fine.strokes > 1 and advice.following(log, split) >= advice.FOLLOWS  # a reversal, and a cable
     names = ("line",) if not shown_by_log else _OUTWARD if seen.fine.strokes < 3 else tuple(errors)
     offered = {name: errors[name] for name in names}

@@ -16,8 +16,8 @@ Source: Hastie, Tibshirani and Friedman, *The Elements of Statistical Learning*,
 rule); Roberts et al., Ecography 40(8), 2017 (blocks in cross-validation of what is correlated).
 """
 
-from collections.abc import Collection, Mapping, Sequence
-from typing import Any
+from collections.abc import Collection, Mapping
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,25 +40,55 @@ def start_ends(path: Path) -> list[int]:
     return [0] + [end for end in ends if path.strokes - end >= 4]
 
 
-def folds(path: Path) -> list[NDArray[np.bool_]]:
-    """Masks (n,) of the nodes judged together."""
+def fold_of(path: Path) -> NDArray[np.int64]:
+    """The fold that judges each node (n,); −1 where none does."""
     judged = (path.weight > 0) & (path.stroke >= start_ends(path)[-1])
     place = (path.motor - np.min(path.turning)) / max(path.span, 1e-300)
     stretch = np.clip(_STRETCHES * place, 0, _STRETCHES - 1).astype(np.int64)
     dealt = (stretch + 2 * (path.stroke % 2) + path.stroke // 2) % _FOLDS  # both directions shift from cycle to cycle
-    found = [judged & (dealt == fold) for fold in range(_FOLDS)]
-    return [mask for mask in found if mask.any()]
+    return np.where(judged, dealt, -1)
 
 
-def held_out_errors(family: Family, path: Path, near: Estimate, masks: Sequence[NDArray[np.bool_]]) -> Array:
-    """Mean squared error of each left-out block (folds,) [rad²]."""
-    return np.array([_held_out(family, path, near, mask) for mask in masks])
+def folds(path: Path) -> list[NDArray[np.bool_]]:
+    """Masks (n,) of the nodes judged together."""
+    fold = fold_of(path)
+    return [fold == one for one in range(_FOLDS) if (fold == one).any()]
 
 
-def _held_out(family: Family, path: Path, near: Estimate, mask: NDArray[np.bool_]) -> float:
-    kept = np.where(mask, 0.0, path.weight)
-    fitted = family.refit(path.with_weight(kept), near).fitted
-    return float(np.average((fitted - path.joint)[mask] ** 2, weights=path.weight[mask]))
+class Samples(NamedTuple):
+    """What a log holds where a model is judged."""
+
+    time: Array
+    """(n,) [s]"""
+    joint: Array
+    """(n,) [rad]"""
+    share: Array
+    """How much they count (n,) [–]."""
+    fold: NDArray[np.int64]
+    """That judges them (n,)."""
+
+
+def held_out_errors(family: Family, path: Path, near: Estimate, along: Path, samples: Samples) -> Array:
+    """Mean squared error of each left-out fold (folds,) [rad²].
+
+    Args:
+        family: fitted to `path` without it.
+        path: thinned.
+        near: the family's member for all of it.
+        along: the same motion, on which the joint is predicted.
+        samples: on which it is judged, between the nodes of `along`.
+    """
+    fold, counted = fold_of(path), along.weight > 0
+    found = []
+    for one in range(_FOLDS):
+        mine = samples.fold == one
+        if not (fold == one).any() or not mine.any():
+            continue
+        member = family.refit(path.with_weight(np.where(fold == one, 0.0, path.weight)), near)
+        joint = family.predict(member.parameters, along.motor)[counted]
+        error = np.interp(samples.time[mine], along.time[counted], joint) - samples.joint[mine]
+        found.append(float(np.average(error**2, weights=samples.share[mine])))
+    return np.array(found)
 
 
 def simplest_of_the_best(
