@@ -270,11 +270,9 @@ def identify_log(log: Log, seed: int = 0, progress: Progress | None = None) -> F
     names = ("line",) if not shown_by_log else _OUTWARD if seen.fine.strokes < 3 else tuple(errors)
     offered = {name: errors[name] for name in names}
     unseen = [family.name for family in seen.families if not all_shown(seen.fine, seen.estimates[family.name])]
-    slope = seen.estimates["line"].parameters["slope"]
-    blur = math.hypot(slope * noise, motor_noise(log.joint[:split]))
     complexity = {name: len(seen.estimates[name].slopes) for name in offered}
     trading = [family.name for family in seen.families if seen.estimates[family.name].prior is not None]
-    best: str = simplest_of_the_best(offered, complexity, unseen, blur, trading)
+    best: str = simplest_of_the_best(offered, complexity, unseen, trading)
 
     fine, start = half.fine, half.settling.start
     fitted_from = int(np.searchsorted(log.time, fine.time[np.flatnonzero(fine.weight)[0]])) if start else 0

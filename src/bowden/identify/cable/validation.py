@@ -6,9 +6,9 @@ weight; the model is still simulated straight through them), the family is fitte
 model so has to predict a stretch from those beside it and from the same stretch of other strokes, and not, as where
 whole strokes of a short log are left out, a branch from which nothing is left. Of two models that differ by less than
 the scatter of their difference the one with fewer parameters is taken, so that a richer model must earn its place; but
-never one whose error is a tenth above the least, unless what it errs more is below the encoders' noise. A model of
-which the log does not show every parameter (or some are at the bounds of their search) gives way to one whose error is
-as small within a tenth, and all of whose parameters are shown; never to free branches, of which no single one is.
+never one whose error is a twentieth above the least. A model of which the log does not show every parameter (or some
+are at the bounds of their search) gives way to one whose error is as small within a twentieth, and all of whose
+parameters are shown; never to free branches, of which no single one is.
 
 The start of a log is never judged, where enough is left without it: a cable settles (`bowden.identify.cable.settling`).
 
@@ -26,8 +26,8 @@ from bowden.identify.cable.family import Array, Estimate, Family
 from bowden.identify.cable.path import Path
 
 _FOLDS, _STRETCHES = 5, 20
-_TENTH = 1.1**2 - 1.0
-"""Of the squared error, what a tenth of the error is."""
+_TWENTIETH = 1.05**2 - 1.0
+"""Of the squared error, what a twentieth of the error is."""
 
 
 def start_ends(path: Path) -> list[int]:
@@ -95,21 +95,19 @@ def simplest_of_the_best(
     errors: Mapping[Any, Array],
     complexity: Mapping[Any, int],
     unseen: Collection[Any] = (),
-    noise: float = 0.0,
     trading: Collection[Any] = (),
 ) -> Any:
     """The key with the fewest parameters whose error is not clearly above the smallest.
 
     Clearly: the mean over the blocks of its difference to the best is more than one standard error of that mean, and
-    more than a twentieth of the smallest error, below which a difference is of no use; or more than a tenth in the root
-    mean square, whatever the scatter. What a model errs more, as a root mean square, is nothing below `noise`.
+    more than a twentieth of the smallest squared error, below which a difference is of no use; or more than a twentieth
+    in the root mean square, whatever the scatter.
 
     Args:
         errors: mean squared error of each on the blocks (folds,) [rad²].
         complexity: how many parameters each has.
         unseen: those of which not every parameter is shown; one of the others goes before, where its error is not more
-            than a tenth above the chosen one's, or what it errs more is below the noise.
-        noise: standard deviation of the encoders' reading, at the joint [rad].
+            than a twentieth above the chosen one's.
         trading: those whose parameters trade with one another, so that none is shown by itself: they never go before.
 
     >>> best, near, far = np.array([1.0, 2.0, 3.0]), np.array([1.2, 1.9, 3.1]), np.array([2.0, 3.1, 4.0])
@@ -121,13 +119,12 @@ def simplest_of_the_best(
         above = errors[key] - errors[best]
         scatter = float(np.std(above, ddof=1)) / np.sqrt(len(above)) if len(above) > 1 else 0.0
         least = float(np.mean(errors[best]))
-        if float(np.mean(above)) <= max(min(max(scatter, 0.05 * least), _TENTH * least), noise**2):
+        if float(np.mean(above)) <= min(max(scatter, 0.05 * least), _TWENTIETH * least):
             break
     else:
         key = best
     if key in unseen:
-        least = float(np.mean(errors[key]))
-        most = max((1.0 + _TENTH) * least, least + noise**2)
+        most = (1.0 + _TWENTIETH) * float(np.mean(errors[key]))
         shown = [one for one in errors if one not in {*unseen, *trading} and float(np.mean(errors[one])) <= most]
         key = min(shown, key=lambda one: complexity[one], default=key)
     return key
