@@ -1,6 +1,6 @@
 """Families found, and trust given, on logs drawn at random.
 
-    python benchmarks/identify_trust.py families development 0 40
+python benchmarks/identify_trust.py families development 0 40
 """
 
 import argparse
@@ -87,9 +87,17 @@ def family_row(set_name: str, number: int, most: float) -> list[Any]:
     fit = bowden.identify(time, motor, joint)
     own = fit.models[family].test_rms
     return [
-        number, family, round(seconds), rate, fit.best.name, round(fit.chosen.test_rms * DEGREES, 4),
-        round(own * DEGREES, 4), round(fit.chosen.test_rms / own, 3), fit.trust.level,
-        round(clock.process_time() - begun, 1), fit.cycles.whole,
+        number,
+        family,
+        round(seconds),
+        rate,
+        fit.best.name,
+        round(fit.chosen.test_rms * DEGREES, 4),
+        round(own * DEGREES, 4),
+        round(fit.chosen.test_rms / own, 3),
+        fit.trust.level,
+        round(clock.process_time() - begun, 1),
+        fit.cycles.whole,
     ]
 
 

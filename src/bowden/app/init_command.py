@@ -67,11 +67,14 @@ def _with_model(path: Path, model: Path) -> tuple[str, list[str]]:
     Raises:
         ParameterError: a model that cannot be read.
     """
+    from bowden.app.given_rig import say_trust
     from bowden.face.init import around
     from bowden.identify.cable.model_file import load_cable
 
     place = Path(os.path.relpath(model.absolute(), path.absolute().parent)).as_posix()
-    made = around(load_cable(model), path, place)
+    cable = load_cable(model)
+    say_trust(cable.trust)
+    made = around(cable, path, place)
     return made.text, list(made.notes)
 
 

@@ -69,7 +69,9 @@ class FittedPart:
         nodes, stroke = self.fine.time[counted], self.fine.stroke[counted]
         after = np.searchsorted(nodes, log.time).clip(1, len(nodes) - 1)
         own = fold[counted][after]
-        inside = (stroke[after - 1] == stroke[after]) & (own >= 0) & (log.time <= nodes[-1])  # of a stroke that was read
+        inside = (
+            (stroke[after - 1] == stroke[after]) & (own >= 0) & (log.time <= nodes[-1])
+        )  # of a stroke that was read
         seen = Samples(log.time[inside], log.joint[inside], self.counted_at(log.time[inside]), own[inside])
         return {
             family.name: held_out_errors(family, self.judged, self.estimates[family.name], self.fine, seen)

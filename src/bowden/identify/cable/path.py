@@ -81,9 +81,7 @@ def path_of(
     return build_path(time, motor, joint, turns, nodes, most)
 
 
-def build_path(
-    time: Array, motor: Array, joint: Array, turns: Turns, nodes: int, most: int | None = None
-) -> Path:
+def build_path(time: Array, motor: Array, joint: Array, turns: Turns, nodes: int, most: int | None = None) -> Path:
     """The path of a log.
 
     Args:
