@@ -8,6 +8,8 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+import click
+
 from bowden.app import STARTED
 from bowden.core.errors import OutputError
 
@@ -19,6 +21,9 @@ def seconds() -> float:
 
 def print_json(document: dict[str, Any]) -> None:
     """The one JSON document of a command; a number that does not exist must be None, never NaN."""
+    context = click.get_current_context(silent=True)
+    trust = None if context is None else context.find_root().meta.get("trust")
+    document = document if trust is None else {**document, "trust": trust._asdict()}
     print(json.dumps(document, ensure_ascii=False, allow_nan=False, indent=2))
 
 

@@ -114,7 +114,7 @@ def identify(
         print_json(document(fit) | {"seconds": seconds()})
     else:
         print(f"\nModel: {out / 'model.toml'}\nPage: {out / 'identify.html'}  ({seconds():.1f} s)")
-        after_model(out / "model.toml")
+        after_model(out / "model.toml", fit.trust)
 
 
 def _several(
@@ -222,7 +222,7 @@ def _print_table(fit: "Fit") -> None:
         errors = (f"{value * DEGREES:.3f}" for value in (fitted.train_rms, fitted.test_rms))
         table.add_row(f"{name} *" if name == fit.best.name else name, str(fitted.fitted_count), *errors)
     Console(width=None if sys.stdout.isatty() else 100).print(table)
-    print("* recommended: the simplest whose error on left-out stretches is not clearly larger than the best's")
+    print("* the simplest whose error on left-out stretches is not clearly larger than the best's")
     left, without, counts = (value * DEGREES for value in fit.forecast)
     bound = f"; the encoders' rounding alone makes {counts:.2g}° RMS" if counts else ""
     print(f"Forecast: {left:.2g}° RMS at the joint with this model as feed-forward, {without:.2g}° without{bound}")
@@ -238,8 +238,8 @@ def _print_table(fit: "Fit") -> None:
         )
     for warning in fit.warnings:
         print(f"- {warning}")
-    print(f"Trust it? {fit.trust.level[0].upper()}{fit.trust.level[1:]}: {fit.trust.why}")
-    print(f"The log has {fit.cycles}")
+    print(f"Trust it? {fit.trust.level.capitalize()}: {'; '.join(fit.trust.reasons)}")
+    print(f"The log has {fit.cycles}; {fit.motion}")
 
 
 COMMANDS = (

@@ -53,8 +53,9 @@ def several(
     if json:
         print_json(joint_document(fit) | {"seconds": seconds()})
     else:
+        print(f"Trust it? {fit.trust.level.capitalize()}: {'; '.join(fit.trust.reasons)}")
         print(f"\nModel: {out / 'model.toml'}\nPage: {out / 'identify.html'}  ({seconds():.1f} s)")
-        after_model(out / "model.toml")
+        after_model(out / "model.toml", fit.trust)
 
 
 def again(
@@ -108,7 +109,7 @@ def again(
     if result.changed:
         say_next("identify", file, *options, "--out", free_name(Path("out/identify")))
     else:
-        after_model(out / "model.toml")
+        after_model(out / "model.toml", result.best.trust)
 
 
 def joint_document(fit: "JointFit") -> dict[str, Any]:
@@ -133,6 +134,7 @@ def joint_document(fit: "JointFit") -> dict[str, Any]:
         },
         "logs": logs,
         "judged_rms_deg": _degrees(fit.judged),
+        "trust": fit.trust._asdict(),
         "warnings": list(fit.warnings),
         "samples": fit.samples,
     }
@@ -153,6 +155,7 @@ def recalibration_document(found: "Recalibration") -> dict[str, Any]:
         "judged_rms_deg": _degrees(found.judged_rms),
         "changed": found.changed,
         "models": {name: {"parameters": dict(parameters)} for name, parameters in models},
+        "trust": None if found.best.trust is None else found.best.trust._asdict(),
         "warnings": list(found.warnings),
         "samples": found.samples,
         "cycles": _cycles(found.cycles, to_identify(found.cycles)),

@@ -66,11 +66,14 @@ def _with_model(path: Path, model: Path, *, suit: bool) -> tuple[str, list[str]]
     Raises:
         ParameterError: a model that cannot be read.
     """
+    from bowden.app.given_rig import say_trust
     from bowden.face.init import around
     from bowden.identify.cable.model_file import load_cable
 
     place = Path(os.path.relpath(model.absolute(), path.absolute().parent)).as_posix()
-    made = around(load_cable(model), path, place, suit=suit)
+    cable = load_cable(model)
+    say_trust(cable.trust)
+    made = around(cable, path, place, suit=suit)
     return made.text, list(made.notes)
 
 

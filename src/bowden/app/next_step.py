@@ -5,6 +5,10 @@ From a log to a running law: identify, init, simulate, check, tune, run, export.
 
 import shlex
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from bowden.identify.cable.trusted import Trust
 
 
 def say_next(*words: str | Path, why: str = "") -> None:
@@ -34,7 +38,19 @@ def free_name(path: Path) -> Path:
     return found
 
 
-def after_model(model: Path) -> None:
-    """What comes after a model has been written."""
+def record_again() -> str:
+    """What to do about a model that is not to be trusted."""
+    from bowden.identify.cable.cycles import ENOUGH
+
+    return (
+        f"For a better one record {ENOUGH} whole cycles or more, up and down, angles in deg or rad, and identify them"
+    )
+
+
+def after_model(model: Path, trust: "Trust | None" = None) -> None:
+    """What comes after a model has been written; a new log where it is not to be trusted."""
+    if trust is not None and trust.level == "no":
+        print(f"Next: record again: {trust.reasons[0]}. {record_again()}")
+        return
     rig = free_name(Path("rig.toml"))
     say_next("init", *([] if rig == Path("rig.toml") else [rig]), "--model", model)

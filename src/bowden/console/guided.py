@@ -167,7 +167,7 @@ def identified(progress: Callable[[str, float], None], rig: Mapping[str, Any], f
     made = given.replace(cable=load_cable(place / "model.toml"))
     files = ["model.toml", "identify.html", *_written(made, place, "identified")]
     left, without, _ = (value * DEGREES for value in fit.forecast)
-    trust = f"trust: {fit.trust.level}, {fit.trust.why}"
+    trust = f"trust: {fit.trust}"
     said = f"{fit.best.name}: {left:.2g}° RMS left with this model as feed-forward, {without:.2g}° without; {trust}"
     return {"rig": made.document(), "said": said, "files": files}
 

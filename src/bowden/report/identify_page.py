@@ -78,7 +78,9 @@ def identify_page(fit: Fit, drawn: Sequence[str] = ()) -> Page:
     page.text("{why}", why=recommendation(fit))
     page.text("{ahead}", ahead=_forecast(fit))
     trusted = fit.trust
-    page.text("<strong>Trust it? {level}</strong>: {why}.", level=trusted.level.capitalize(), why=trusted.why)
+    page.text(
+        "<strong>Trust it? {level}</strong>: {why}.", level=trusted.level.capitalize(), why="; ".join(trusted.reasons)
+    )
     page.text("The log has {cycles}.", cycles=str(fit.cycles))
     _models_table(page, fit)
     for warning in fit.warnings:
@@ -121,7 +123,8 @@ def recommendation(fit: Fit) -> str:
     lowest = min(fit.models, key=lambda name: fit.models[name].left_out_rms)
     unseen = "it was not fitted to" if fit.chosen_on_whole else "nothing was fitted to or chosen by"
     text = (
-        f"Use the model {fit.best.name} ({TITLES[fit.best.name]}): on the second half of the log, which "
+        f"{'Use none of them; the best is' if fit.trust.level == 'no' else 'Use the model'} {fit.best.name} "
+        f"({TITLES[fit.best.name]}): on the second half of the log, which "
         f"{unseen}, it predicts the joint within {best.test_rms * DEGREES:.2g}° RMS. "
     )
     if lowest == fit.best.name:

@@ -22,6 +22,7 @@ from bowden.core.kernel_content import code_of
 from bowden.core.quantity import optional
 from bowden.identify.cable.counting import Counting, Covered
 from bowden.identify.cable.model import IdentifiedCable
+from bowden.identify.cable.trusted import Trust
 from bowden.models.cable.bouc_wen import BoucWen
 from bowden.plants.user_plant import UserPlant
 from bowden.rig.checked import Gains
@@ -119,7 +120,8 @@ def _written(name: str, value: Any) -> Any:
         counted = {} if value.counting.as_recorded else {"counting": _plain(value.counting)}
         covered = {} if value.covered is None else {"covered": _plain(value.covered)}
         found = {"best": value.best, "models": _dicts(value.models), "file": value.file}
-        return found | changed | counted | covered
+        trust = {} if value.trust is None else {"trust": _plain(value.trust)}
+        return found | changed | counted | covered | trust
     if isinstance(value, LawFile):
         return user_file.written(value)
     if isinstance(value, UserPlant | PlantFile):
@@ -306,6 +308,7 @@ def _value(name: str, given: Any, remarks: list[str]) -> Any:
                 given.get("changed", {}),
                 counting=Counting(**given.get("counting", {})),
                 covered=Covered(**given["covered"]) if "covered" in given else None,
+                trust=Trust(given["trust"]["level"], tuple(given["trust"]["reasons"])) if "trust" in given else None,
             )
         return _made(BoucWen, given, BoucWen(), name, remarks)
     if name == "reference":

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from bowden.core.order import median, quantile
 from bowden.core.units import DEGREES
 from bowden.identify.cable.cycles import ENOUGH
 from bowden.identify.cable.path import Path
@@ -16,9 +15,8 @@ from bowden.identify.log.read import Log
 if TYPE_CHECKING:
     from bowden.identify.cable.fit import ModelFit
 
-_SLOW = 0.5 / DEGREES
-"""Below this peak speed friction makes most cables stick and slip [rad/s]; a rule of thumb."""
-
+_LAG = 0.3
+"""Share of the squared residual that a lag explains, from which on it is taken for one [–]."""
 
 WORSE, SLIGHT = 1.5, 0.05 / DEGREES
 """Error on the half that was not fitted over that on the fitted one, and its size [rad], from which on the cable is
@@ -43,7 +41,6 @@ def advise(
     rest_until: float | None,
     models: Mapping[str, "ModelFit"],
     best: str,
-    lag: tuple[float, float],
     whole: int,
 ) -> list[str]:
     """Warnings about a log and what was identified from it.
@@ -56,22 +53,18 @@ def advise(
         rest_until: time to which the log counts less since it begins at rest [s]; None where it does not.
         models: what was identified.
         best: the recommended model.
-        lag: of the joint [s], and the share of the best model's squared residual that it explains.
         whole: cycles of the whole log.
     """
-    correlation = following(log, split)
-    if correlation < FOLLOWS:
+    if following(log, split) < FOLLOWS:
         return [
-            f"the joint does not follow the motor (correlation {correlation:.2f}), do not rely on these results: "
-            "check the columns, the units, and whether both were recorded on one clock; or the motion is too small "
-            "for the cable's play, and a larger one is needed"
+            "do not rely on these results: check the columns, the units, and whether both were recorded on one clock; "
+            "or the motion is too small for the cable's play, and a larger one is needed"
         ]
     return [
         *_about_motion(log, split, path, whole),
         *_about_settling(log, fitted_from, rest_until),
         *_about_size(log, split, path, models),
         *_about_parameters(models[best], best),
-        *_about_rate(lag),
         *_about_the_second_half(log, split, path, models[best]),
     ]
 
@@ -95,14 +88,6 @@ def _about_motion(log: Log, split: int, path: Path, whole: int) -> list[str]:
         found.append(
             f"all strokes have one amplitude ({path.span * DEGREES:.3g}° peak to peak): how the cable behaves inside "
             "that loop is not seen; record strokes of a half and a quarter of it as well"
-        )
-    step = median(np.diff(log.time))
-    stride = max(1, min(round(0.1 / step), split // 4))
-    speed = quantile(np.abs(log.motor[stride:split] - log.motor[: split - stride]), 0.95) / (stride * step)
-    if speed < _SLOW:
-        found.append(
-            f"the motor moves too slowly ({speed * DEGREES:.2g} °/s at most): stick and slip and creep hide the loop; "
-            "record at 5 °/s or more"
         )
     return found
 
@@ -167,14 +152,10 @@ def _about_parameters(fitted: "ModelFit", name: str) -> list[str]:
     ]
 
 
-def _about_rate(lag: tuple[float, float]) -> list[str]:
+def lags(lag: tuple[float, float]) -> bool:
+    """Whether a lag [s] explains so much of what the model leaves that it is one."""
     seconds, share = lag
-    if share < 0.3 or abs(seconds) < 2e-3:
-        return []
-    return [
-        f"what the best model leaves looks like a lag of the joint of {1e3 * seconds:.2g} ms: the cable or the "
-        "recording depends on speed, the models do not; record more slowly, and both angles on one clock"
-    ]
+    return share > _LAG and abs(seconds) > 2e-3
 
 
 def _about_the_second_half(log: Log, split: int, path: Path, best: "ModelFit") -> list[str]:
@@ -185,10 +166,5 @@ def _about_the_second_half(log: Log, split: int, path: Path, best: "ModelFit") -
         found.append(
             f"the second half goes {beyond * DEGREES:.3g}° beyond the range of the first: the models are judged where "
             "they were not fitted"
-        )
-    if path.strokes >= TOLD and best.test_rms > WORSE * best.train_rms and best.test_rms > SLIGHT:
-        found.append(
-            f"the error in the second half is larger than in the first ({best.test_rms * DEGREES:.2g}° against "
-            f"{best.train_rms * DEGREES:.2g}°): the cable changed during the log; let it settle, or record longer"
         )
     return found

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from bowden.core.errors import LogError
 from bowden.core.units import DEGREES
 from bowden.identify.cable.cycles import ENOUGH
+from bowden.identify.cable.turns import least_swing, reversals
 
 Array = NDArray[np.float64]
 
@@ -69,19 +70,14 @@ def look_swapped(motor: Array, joint: Array) -> bool:
         motor: (n,) [rad].
         joint: (n,) [rad].
     """
+    turns = reversals(motor, least_swing(motor))
+    if len(turns) < 3:  # nothing is gone round: the chord of an open path has an area too
+        return False
+    round_ = slice(turns[0], turns[2 * ((len(turns) - 1) // 2)])
+    motor, joint = motor[round_], joint[round_]
     m, j = motor - motor.mean(), joint - joint.mean()
     area = 0.5 * float(np.sum(m[:-1] * np.diff(j) - j[:-1] * np.diff(m)) * np.sign(np.sum(m * j)))
     return area < -_LEADS * float(np.abs(np.diff(m)).sum() * np.ptp(j))
-
-
-def swapped(motor: Array, joint: Array) -> list[str]:
-    """A warning where motor and joint look swapped; see `look_swapped`."""
-    if not look_swapped(motor, joint):
-        return []
-    return [
-        "the joint turns round before the motor does, as the driven end of a cable does: motor and joint look swapped "
-        "(--motor and --joint, motor= and joint= in Python)"
-    ]
 
 
 def check_length(samples: int, where: str) -> None:

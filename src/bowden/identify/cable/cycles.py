@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 
 ENOUGH = 5
 """Whole cycles from which on more of them are not asked for."""
+FOR_YES = 4
+"""Whole cycles from which on the stated error held, see `_TOO_SURE`."""
 _PLACES = np.linspace(0.25, 0.75, 11)
 """Where passes are counted, over the motor's range; not every cycle reaches its ends."""
 _LEFT = {1: 0.5, 2: 0.7, 3: 0.8, 4: 0.8}

@@ -28,7 +28,7 @@ from bowden.identify.cable.model import CableModel
 from bowden.identify.cable.part import Progress, fit_part, refit_whole
 from bowden.identify.cable.path import Path, path_of
 from bowden.identify.cable.trust import Trust, parameter_lines, trust
-from bowden.identify.cable.turns import motor_noise
+from bowden.identify.cable.turns import motor_noise, peak_speed
 from bowden.identify.cable.uncertainty import all_shown, standard_errors
 from bowden.identify.cable.validation import simplest_of_the_best
 from bowden.identify.log.angles import SIDES, angle_units, angles_of
@@ -119,6 +119,10 @@ class Fit:
     """Whether the whole log says which family is recommended, its first half having fewer than four strokes."""
     fitted_from: int
     """First sample that was fitted; above zero where the cable was still settling."""
+    reversals: int
+    """Of the motor."""
+    lag: tuple[float, float]
+    """Of the joint behind the motor [s], and the share of what the recommended model leaves that it explains [–]."""
     predicted: Array = field(compare=False)
     """Joint angle of the recommended family, fitted to the first half, simulated through the whole log (n,) [rad]."""
     log: Log = field(compare=False)
@@ -138,6 +142,13 @@ class Fit:
     def trust(self) -> Trust:
         """Whether to trust the recommended model, and why."""
         return trust(self)
+
+    @property
+    def motion(self) -> str:
+        """How long the log is, and how fast its motor and its joint move."""
+        time, *angles = self.log.time, self.log.motor, self.log.joint
+        motor, joint = (peak_speed(time, one) * DEGREES for one in angles)
+        return f"{time[-1] - time[0]:.4g} s, up to {motor:.3g}°/s at the motor and {joint:.3g}°/s at the joint"
 
     def write(self, path: "pathlib.Path | str") -> None:
         """Write all models with units, uncertainties and errors, as the model.toml of ``bowden identify``.
@@ -184,7 +195,8 @@ class Fit:
 
     def _title(self) -> str:
         error = shown.number(self.chosen.test_rms * DEGREES, "°")
-        return f"Fit of {self.log.name}: use {self.best.name}, {error} RMS on the unseen half"
+        do = "do not use" if self.trust.level == "no" else "use"
+        return f"Fit of {self.log.name}: {do} {self.best.name}, {error} RMS on the unseen half"
 
     def _rows(self) -> list[tuple[str, str]]:
         given = [f"{name} {text}" for name, text in parameter_lines(self.best.parameters, self.chosen.uncertainty)]
@@ -195,8 +207,7 @@ class Fit:
         ]
         notes = [("note", warning) for warning in self.warnings]
         loop, of = loop_lines(self.chosen.loop) if self.chosen.loop else [], "loop's "
-        length = self.log.time[-1] - self.log.time[0]
-        log = f"{self.samples} samples, {length:.4g} s, {self.cycles}"
+        log = f"{self.samples} samples, {self.motion}, {self.cycles}"
         ahead = self.forecast
         left, without = (shown.number(one * DEGREES, "°") for one in (ahead.compensated, ahead.uncompensated))
         return [
@@ -281,16 +292,14 @@ def identify_log(log: Log, seed: int = 0, progress: Progress | None = None) -> F
     )
     seen = whole if few else half
     tell("comparing on left-out stretches", 0.7)
-    errors = seen.left_out_errors()
+    errors = seen.left_out_errors(log)
     shown_by_log = seen.fine.strokes > 1 and advice.following(log, split) >= advice.FOLLOWS  # a reversal, and a cable
     names = ("line",) if not shown_by_log else _OUTWARD if seen.fine.strokes < 3 else tuple(errors)
     offered = {name: errors[name] for name in names}
     unseen = [family.name for family in seen.families if not all_shown(seen.fine, seen.estimates[family.name])]
-    slope = seen.estimates["line"].parameters["slope"]
-    blur = math.hypot(slope * noise, motor_noise(log.joint[:split]))
     complexity = {name: len(seen.estimates[name].slopes) for name in offered}
     trading = [family.name for family in seen.families if seen.estimates[family.name].prior is not None]
-    best: str = simplest_of_the_best(offered, complexity, unseen, blur, trading)
+    best: str = simplest_of_the_best(offered, complexity, unseen, trading)
 
     fine, start = half.fine, half.settling.start
     fitted_from = int(np.searchsorted(log.time, fine.time[np.flatnonzero(fine.weight)[0]])) if start else 0
@@ -320,14 +329,14 @@ def identify_log(log: Log, seed: int = 0, progress: Progress | None = None) -> F
             left_out_rms=math.sqrt(float(np.mean(errors[family.name]))),
         )
     cycles, lag = whole_cycles(path), time_lag(fine, half.estimates[best])
-    warnings = advice.advise(log, split, fine, fitted_from, half.rest_until, models, best, lag, cycles.whole)
+    warnings = advice.advise(log, split, fine, fitted_from, half.rest_until, models, best, cycles.whole)
     if kept:
         warnings.append(
             f"fitted to the whole log a model was worse on it than fitted to the first half, and stays as it was: "
             f"{', '.join(kept)}; its error beyond the first half's range is not known to be small"
         )
     tell("done", 1.0)
-    return Fit(
+    found = Fit(
         models=models,
         best=replace(
             models[best].model,
@@ -341,9 +350,12 @@ def identify_log(log: Log, seed: int = 0, progress: Progress | None = None) -> F
         split=split,
         chosen_on_whole=few,
         fitted_from=fitted_from,
+        reversals=path.strokes - 1,
+        lag=lag,
         predicted=predicted,
         log=log,
     )
+    return replace(found, best=replace(found.best, trust=found.trust))
 
 
 def follow(model: CableModel, path: Path, time: Array) -> Array:

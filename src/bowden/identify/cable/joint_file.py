@@ -12,6 +12,7 @@ from bowden.identify.cable.loads import JointFit
 from bowden.identify.cable.model import meaning
 from bowden.identify.cable.model_file import covered_lines
 from bowden.identify.cable.recalibrate import Recalibration, to_identify
+from bowden.identify.cable.trusted import trust_lines
 
 
 def joint_text(fit: JointFit) -> str:
@@ -25,6 +26,7 @@ def joint_text(fit: JointFit) -> str:
         f"source = {quoted(', '.join(_line(one.name) for one in fit.logs))}",
         f"samples = {fit.samples}",
         *_warnings(fit.warnings),
+        *trust_lines(fit.trust),
         *([] if fit.best.covered is None else covered_lines(fit.best.covered)),
         "",
         f"[models.{fit.best.name}]",
@@ -57,6 +59,7 @@ def recalibrated_text(found: Recalibration, source: str) -> str:
         f"samples = {found.samples}",
         _cycles(found.cycles, to_identify(found.cycles)),
         *_warnings(found.warnings),
+        *trust_lines(found.best.trust),
         *([] if found.best.covered is None else covered_lines(found.best.covered)),
     ]
     for name, parameters in ((found.best.name, found.best.parameters), *found.best.others.items()):

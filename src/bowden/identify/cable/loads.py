@@ -36,12 +36,13 @@ from bowden.core.metrics import rmse
 from bowden.core.units import DEGREES
 from bowden.identify.cable.bouc_wen import BoucWenCable
 from bowden.identify.cable.counting import covered_by
-from bowden.identify.cable.cycles import ENOUGH, Cycles, whole_cycles
+from bowden.identify.cable.cycles import ENOUGH, FOR_YES, Cycles, whole_cycles
 from bowden.identify.cable.model import SCHEDULED, CableModel
 from bowden.identify.cable.non_negative import non_negative
 from bowden.identify.cable.part import Progress
 from bowden.identify.cable.path import Path, path_of
 from bowden.identify.cable.projection import inverse_of, products
+from bowden.identify.cable.trusted import QUARTER, Trust, least
 from bowden.identify.log.read import Log
 from bowden.identify.log.variables import shown_value
 from bowden.models.cable.prandtl_ishlinskii import plays
@@ -158,6 +159,26 @@ class JointFit:
             if np.isfinite(found).any():
                 return _over_logs(found)
         return float("nan")
+
+    @property
+    def trust(self) -> Trust:
+        """Whether to trust the model: the gravest of what any of its logs gives reason to doubt."""
+        doubts = [
+            Trust(one.level, tuple(f"{log.name}: {why}" for why in one.reasons))
+            for log in self.read
+            for one in log.doubts
+        ]
+        short = [one.name for one in self.logs if one.cycles.whole < FOR_YES]
+        if short:
+            doubts.append(Trust("with care", (f"fewer than {FOR_YES} whole cycles in {', '.join(short)}",)))
+        for log, one in zip(self.read, self.logs, strict=True):
+            if one.test_rms > QUARTER * float(
+                np.std(log.joint - np.polyval(np.polyfit(log.motor, log.joint, 1), log.motor))
+            ):
+                doubts.append(
+                    Trust("with care", (f"{log.name}: the model leaves a quarter or more of what a line does",))
+                )
+        return least([Trust("yes", ("within the motion of these logs",)), *doubts])
 
     def at(self, **values: float) -> CableModel:
         """The model at a load, at a bend, or both.
@@ -318,7 +339,7 @@ def identify_loads(
     seen = covered_by([log.covered for log in logs])
     best = CableModel(SCHEDULED, parameters_of(cable, names, middle), others={"bouc_wen": plain}, covered=seen)
     tell("done", 1.0)
-    return JointFit(
+    fit = JointFit(
         best=best,
         variables=tuple(names),
         units=tuple(dict(zip(VARIABLES, units, strict=True))[name] for name in names),
@@ -327,6 +348,7 @@ def identify_loads(
         seconds=clock.perf_counter() - begin,
         read=tuple(logs),
     )
+    return replace(fit, best=replace(best, trust=fit.trust))
 
 
 def _path(log: Log, nodes: int) -> Path:

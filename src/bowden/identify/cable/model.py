@@ -20,6 +20,7 @@ from bowden.identify.cable.generalised import GeneralisedPlay
 from bowden.identify.cable.line import Line
 from bowden.identify.cable.play import PlayOperator
 from bowden.identify.cable.stack import PrandtlIshlinskii
+from bowden.identify.cable.trusted import Trust
 from bowden.models.cable import scheduled as scheduling
 from bowden.models.cable.bouc_wen import BoucWen
 from bowden.models.cable.capstan import Tendon
@@ -209,6 +210,8 @@ class CableModel(metaclass=Answering):
     """The parameters of other models of the same log, by their names: laws get from a rig what ``bouc_wen`` says."""
     covered: Covered | None = field(default=None, compare=False, repr=False)
     """The motion that the log covered; None where nothing says it."""
+    trust: Trust | None = field(default=None, compare=False, repr=False)
+    """Whether to trust it, and why; None where nothing says it."""
 
     @classmethod
     def read(cls, path: Path | str) -> "CableModel":
@@ -221,7 +224,7 @@ class CableModel(metaclass=Answering):
 
         found = load_cable(path_of(path, "CableModel.read: path"))
         others = {name: one for name, one in found.models.items() if name != found.best}
-        return cls(found.best, found.models[found.best], others, found.covered)
+        return cls(found.best, found.models[found.best], others, found.covered, found.trust)
 
     def write(self, path: Path | str) -> None:
         """Write the model as a model.toml, which `read`, a rig.toml and ``bowden init --model`` take.
@@ -238,7 +241,7 @@ class CableModel(metaclass=Answering):
     def identified(self) -> "IdentifiedCable":
         """All that is known of its cable: itself, as the recommended model, and the others of its log."""
         models = {self.name: dict(self.parameters)} | {name: dict(one) for name, one in self.others.items()}
-        return IdentifiedCable(self.name, models, covered=self.covered)
+        return IdentifiedCable(self.name, models, covered=self.covered, trust=self.trust)
 
     def joint_angle(self, motor: Array) -> Array:
         """Joint angle along a recorded motion of the motor, simulated straight through: (n,) [rad] → (n,) [rad].
@@ -294,6 +297,8 @@ class IdentifiedCable:
     """How the parameters' angles are counted, against the log's; `models` has them so already."""
     covered: Covered | None = field(default=None, compare=False)
     """The motion that the log covered, counted likewise; None where the file does not say it."""
+    trust: Trust | None = field(default=None, compare=False)
+    """Whether to trust the recommended model, and why; None where the file does not say it."""
 
     @property
     def simulated(self) -> str:

@@ -25,6 +25,7 @@ from bowden.identify.cable.model import (
     check_parameters,
     meaning,
 )
+from bowden.identify.cable.trusted import trust_lines, trust_of
 from bowden.models.cable.scheduled import VARIABLES
 from bowden.plants.cables import DISTRIBUTED, whole_slope
 
@@ -58,6 +59,7 @@ def model_text(fit: Fit, source: str) -> str:
         f"whole_cycles = {fit.cycles.whole}  # up and down; {fit.cycles.advice or 'enough'}",
         "warnings = [" + "".join(f"\n  {quoted(_one_line(warning))}," for warning in fit.warnings) + "\n]",
     ]
+    lines += trust_lines(fit.trust)
     lines += covered_lines(fit.log.covered)
     left, without, counts = (_number(value * DEGREES) for value in fit.forecast)
     lines += [
@@ -166,7 +168,8 @@ def load_cable(path: Path | str, name: str = "") -> IdentifiedCable:
             )
     said = {one: models[best].get(f"{one}_unit") for one in VARIABLES}
     units = {one: unit for one, unit in said.items() if isinstance(unit, str) and unit}
-    return IdentifiedCable(best, found, name or str(file), units=units, covered=_covered(file))
+    trust = trust_of(read_toml(file), file)
+    return IdentifiedCable(best, found, name or str(file), units=units, covered=_covered(file), trust=trust)
 
 
 def load_judged(path: Path | str, name: str = "") -> tuple[IdentifiedCable, float]:
@@ -187,6 +190,7 @@ def load_judged(path: Path | str, name: str = "") -> tuple[IdentifiedCable, floa
 def cable_text(cable: IdentifiedCable) -> str:
     """A model.toml that `load_cable` reads back; what an identification says beside the models is not in it."""
     lines = [f"# An identified cable, written by bowden {__version__}.", f"best = {quoted(cable.best)}"]
+    lines += trust_lines(cable.trust)
     lines += [] if cable.covered is None else covered_lines(cable.covered)
     for name, parameters in cable.models.items():
         lines += ["", f"[models.{name}.parameters]"]

@@ -15,7 +15,7 @@ from bowden.identify.cable.path import Path, path_of
 from bowden.identify.cable.play import PlayOperator
 from bowden.identify.cable.settling import Settling, settling
 from bowden.identify.cable.stack import PrandtlIshlinskii
-from bowden.identify.cable.validation import folds, held_out_errors
+from bowden.identify.cable.validation import Samples, fold_of, held_out_errors
 from bowden.identify.log.read import Log
 
 Array = NDArray[np.float64]
@@ -24,6 +24,9 @@ Progress = Callable[[str, float], None]
 
 _FINE, _JUDGED, _SEARCHED = 2500, 600, 150
 """Nodes of the path on which models are fitted, compared with one another, and searched for globally."""
+
+_READ = 250
+"""Strokes of a long log that are fitted, spread over all of it: they say what a cable's loop is, and how it strays."""
 
 _SEARCHED_STROKES = 30
 """The global search needs no more of a long log; the gradient stage sees all of it."""
@@ -56,11 +59,22 @@ class FittedPart:
             return None
         return float(self.fine.time[self.counted < 1.0].max())
 
-    def left_out_errors(self) -> dict[str, Array]:
-        """Mean squared error of every family on each fold (folds,), fitted without it [rad²]."""
-        masks = folds(self.judged)
+    def left_out_errors(self, log: Log) -> dict[str, Array]:
+        """Mean squared error of every family on each fold (folds,), fitted without it [rad²].
+
+        They are fitted to the thinned path, and judged at the log's full rate: what averages the samples round a corner
+        of the loop is not better on the samples themselves.
+        """
+        fold, counted = fold_of(self.fine), self.fine.weight > 0
+        nodes, stroke = self.fine.time[counted], self.fine.stroke[counted]
+        after = np.searchsorted(nodes, log.time).clip(1, len(nodes) - 1)
+        own = fold[counted][after]
+        inside = (
+            (stroke[after - 1] == stroke[after]) & (own >= 0) & (log.time <= nodes[-1])
+        )  # of a stroke that was read
+        seen = Samples(log.time[inside], log.joint[inside], self.counted_at(log.time[inside]), own[inside])
         return {
-            family.name: held_out_errors(family, self.judged, self.estimates[family.name], masks)
+            family.name: held_out_errors(family, self.judged, self.estimates[family.name], self.fine, seen)
             for family in self.families
         }
 
@@ -75,7 +89,8 @@ def fit_part(log: Log, stop: int, noise: float, seed: int, tell: Progress) -> Fi
         seed: of the global search.
         tell: called with what is being done and the share done.
     """
-    fine, judged, searched = (_path(log, stop, noise, nodes) for nodes in (_FINE, _JUDGED, _SEARCHED))
+    fine, judged = (_path(log, stop, noise, nodes) for nodes in (_FINE, _JUDGED))
+    searched = path_of(log.time[:stop], log.motor[:stop], log.joint[:stop], _SEARCHED, noise)
     branches = GeneralisedPlay()
     tell(branches.name, 0.1)
     weighting = settling(fine, branches.rough(fine))
@@ -112,4 +127,4 @@ def _counted(raw: Path, weighted: Path) -> Array:
 
 
 def _path(log: Log, stop: int, noise: float, nodes: int) -> Path:
-    return path_of(log.time[:stop], log.motor[:stop], log.joint[:stop], nodes, noise)
+    return path_of(log.time[:stop], log.motor[:stop], log.joint[:stop], nodes, noise, _READ)

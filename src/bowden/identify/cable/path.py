@@ -17,6 +17,10 @@ from bowden.identify.cable.turns import Turns, find_turns, motor_noise
 
 Array = NDArray[np.float64]
 
+_STROKES = 25
+"""Strokes for which the nodes that are asked for are enough: more of them get as many each."""
+_GOLDEN = 0.6180339887498949
+
 
 @dataclass(frozen=True)
 class Path:
@@ -60,7 +64,9 @@ class Path:
         return replace(self, weight=weight)
 
 
-def path_of(time: Array, motor: Array, joint: Array, nodes: int, noise: float | None = None) -> "Path":
+def path_of(
+    time: Array, motor: Array, joint: Array, nodes: int, noise: float | None = None, most: int | None = None
+) -> "Path":
     """`build_path` between the turns of the motor.
 
     Args:
@@ -69,12 +75,13 @@ def path_of(time: Array, motor: Array, joint: Array, nodes: int, noise: float | 
         joint: (n,) [rad].
         nodes: see `build_path`.
         noise: of the motor's readings [rad]; what it shows itself where it is not given.
+        most: see `build_path`.
     """
     turns = find_turns(motor, motor_noise(motor) if noise is None else noise)
-    return build_path(time, motor, joint, turns, nodes)
+    return build_path(time, motor, joint, turns, nodes, most)
 
 
-def build_path(time: Array, motor: Array, joint: Array, turns: Turns, nodes: int) -> Path:
+def build_path(time: Array, motor: Array, joint: Array, turns: Turns, nodes: int, most: int | None = None) -> Path:
     """The path of a log.
 
     Args:
@@ -82,19 +89,25 @@ def build_path(time: Array, motor: Array, joint: Array, turns: Turns, nodes: int
         motor: (n,) [rad].
         joint: (n,) [rad].
         turns: of the motor.
-        nodes: about how many nodes are wanted; a log of many strokes gets more, so that each keeps its shape. Ten
-            times as many are enough: a longer log repeats itself, and eight nodes a stroke then do.
+        nodes: about how many nodes are wanted; a log of many strokes gets more, so that each keeps its shape, up to
+            ten times as many.
+        most: strokes that are read. Of the others only the reversals are kept, which is all that a rate-independent
+            model needs of them: a longer log has as many nodes in a stroke as a short one, and the corners of its loop
+            stay as sharp. All strokes are read where it is not given.
     """
     strokes = len(turns.at) + 1
-    nodes = max(nodes, 8 * strokes, min(strokes * max(8, nodes // 60), 10 * nodes))
-    travel = float(np.sum(np.abs(np.diff(turns.angle))))
-    fast = quantile(np.abs(motor[9:] - motor[:-9]), 0.9) / 9.0  # per sample; nine outweigh the noise
-    together = max(1, int(travel / nodes / max(fast, 1e-12)), len(motor) // (4 * nodes))
-    together = min(together, max(1, len(motor) // nodes))
     bounds = np.array([0, *turns.at, len(motor)])
+    # Multiples of the golden ratio modulo one: no repeating programme of amplitudes falls between those that are read.
+    read = (np.arange(strokes) // 2 * _GOLDEN) % 1.0 < (most or strokes) / strokes
+    samples, travels = np.diff(bounds)[read].sum(), np.abs(np.diff(turns.angle))[read].sum()
+    strokes = int(read.sum())
+    nodes = max(nodes, 8 * strokes, min(strokes * max(8, nodes // _STROKES), 10 * nodes))
+    fast = quantile(np.abs(motor[9:] - motor[:-9]), 0.9) / 9.0  # per sample; nine outweigh the noise
+    together = max(1, int(float(travels) / nodes / max(fast, 1e-12)), int(samples) // (4 * nodes))
+    together = min(together, max(1, int(samples) // nodes))
     size = len(motor) // together + 2 * len(bounds)
     nodes_of, stroke = np.empty((4, size)), np.empty(size, np.int64)
-    count = program(gather)(time, motor, joint, bounds, turns.angle, together, nodes_of, stroke)
+    count = program(gather)(time, motor, joint, bounds, turns.angle, read, together, nodes_of, stroke)
     m, j, w, t = (np.array(row[:count]) for row in nodes_of)
     return Path(m, j, w, t, stroke[:count].copy(), turns.angle, turns.start_error, turns.common_error)
 
@@ -106,6 +119,7 @@ def gather(
     joint: Array,
     bounds: NDArray[np.int64],
     turning: Array,
+    read: NDArray[np.bool_],
     together: int,
     nodes: Array,
     owner: NDArray[np.int64],
@@ -122,6 +136,7 @@ def gather(
         joint: (n,) [rad].
         bounds: first sample of each stroke, and one past the last.
         turning: motor angle at both ends of each stroke [rad].
+        read: strokes of which more than the reversals is wanted.
         together: samples in a node.
         nodes: (4, m) to be filled with motor, joint, weight and time of each node.
         owner: (m,) to be filled with its stroke.
@@ -137,6 +152,8 @@ def gather(
         t[n], owner[n] = time[bounds[stroke]], stroke
         n += 1
         first = n
+        if not read[stroke]:
+            continue
         for begin in range(bounds[stroke], bounds[stroke + 1], together):
             stop = min(begin + together, bounds[stroke + 1])
             m[n], j[n] = np.mean(motor[begin:stop]), np.mean(joint[begin:stop])

@@ -39,6 +39,7 @@ from bowden.identify.cable.counting import Covered, fitted_range
 from bowden.identify.cable.cycles import Cycles, whole_cycles
 from bowden.identify.cable.model import SCHEDULED, CableModel, IdentifiedCable
 from bowden.identify.cable.path import Path, path_of
+from bowden.identify.cable.trusted import Trust, least
 from bowden.identify.log.read import Log
 from bowden.identify.log.variables import shown_value
 from bowden.models.cable.scheduled import VARIABLES
@@ -267,7 +268,10 @@ def recalibrate(
     others = {name: parameters for name, parameters in models.items() if name != given.best}
     joints = None if given.covered is None else [gain * one + offset for one in given.covered[2:]]
     covered = None if joints is None or given.covered is None else Covered(*given.covered[:2], *joints)
-    best = CableModel(given.best, models[given.best], others, covered)
+    known_before = [] if cable.trust is None else [cable.trust]
+    renewed = [Trust("no", ("the cable has changed since its model was identified",))] if changed else []
+    trust = least([*known_before, *renewed, *log.doubts]) if known_before or renewed or log.doubts else None
+    best = CableModel(given.best, models[given.best], others, covered, trust)
     return Recalibration(
         best=best,
         gain=gain,

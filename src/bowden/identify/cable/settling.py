@@ -84,7 +84,7 @@ def settling(path: Path, rich: Estimate) -> Settling:
     for half_life in (np.inf, _HALF_LIFE):
         for start in starts:
             given = Settling(start, half_life)
-            errors = np.array([_error(blocks, weights, prior, k, given) for k in judged])
+            errors = _errors(blocks, weights, prior, judged, given)
             ways = np.array([errors[0::2].sum(), errors[1::2].sum()])
             if given == Settling():
                 least, plain = float(ways.sum()), ways
@@ -95,13 +95,15 @@ def settling(path: Path, rich: Estimate) -> Settling:
     return best
 
 
-def _error(blocks: list[Array], weights: Array, prior: Array, stroke: int, given: Settling) -> float:
-    """Squared error on a stroke of what those before it say."""
-    before = np.arange(given.start, stroke)
-    shares = 0.5 ** ((stroke - 1 - before) / given.half_life)
-    sums = np.einsum("s,sab->ab", shares, np.array([blocks[s] for s in before]))
-    gram = sums[:-1, :-1] + float(shares @ weights[before]) * prior
-    small = 1e-12 * float(np.trace(gram)) / len(gram)
-    nodes = np.linalg.solve(gram + small * np.eye(len(gram)), sums[:-1, -1])
-    judged = blocks[stroke]
-    return float(judged[-1, -1] - 2.0 * nodes @ judged[:-1, -1] + nodes @ judged[:-1, :-1] @ nodes)
+def _errors(blocks: list[Array], weights: Array, prior: Array, judged: range, given: Settling) -> Array:
+    """Squared error on each judged stroke of what those before it say."""
+    sums, weight, fade, errors = np.zeros_like(blocks[0]), 0.0, 0.5 ** (1.0 / given.half_life), []
+    for stroke in range(given.start, judged.stop):
+        if stroke in judged:
+            gram = sums[:-1, :-1] + weight * prior
+            small = 1e-12 * float(np.trace(gram)) / len(gram)
+            nodes = np.linalg.solve(gram + small * np.eye(len(gram)), sums[:-1, -1])
+            own = blocks[stroke]
+            errors.append(float(own[-1, -1] - 2.0 * nodes @ own[:-1, -1] + nodes @ own[:-1, :-1] @ nodes))
+        sums, weight = fade * sums + blocks[stroke], fade * weight + float(weights[stroke])
+    return np.array(errors)

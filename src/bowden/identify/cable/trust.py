@@ -1,66 +1,77 @@
-"""Whether an identified model is to be trusted, in one line, from figures that its fit has."""
+"""Whether an identified model is to be trusted, from what its log and its fit say."""
 
 import math
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from typing import TYPE_CHECKING, Literal
 
 from bowden.core.units import DEGREES
-from bowden.identify.cable.advice import FOLLOWS, SLIGHT, WORSE, following
-from bowden.identify.cable.checks import look_swapped
+from bowden.identify.cable.advice import FOLLOWS, SLIGHT, WORSE, following, lags
+from bowden.identify.cable.cycles import FOR_YES
 from bowden.identify.cable.model import meaning
+from bowden.identify.cable.trusted import QUARTER, Trust, least
 
 if TYPE_CHECKING:
     from bowden.identify.cable.fit import Fit
 
-_OF_LINE = 0.5
+_HALF = 0.5
 """Share of a straight line's error that a model leaves at most, if its loop is to be of use."""
 _COUNTS = 3.0
 """Errors below this many times the encoders' counts are their noise."""
 
 
-class Trust(NamedTuple):
-    """Whether to trust a model."""
-
-    level: Literal["yes", "with care", "no"]
-    """``yes`` for motions like the log's."""
-    why: str
-    """In one line."""
-
-    def __str__(self) -> str:
-        return f"{self.level}: {self.why}"
-
-
 def trust(fit: "Fit") -> Trust:
-    """Whether to trust the recommended model.
-
-    *No* where the joint does not follow the motor or turns round before it, or where the model errs by more than half
-    of what a straight line does (and more than its encoders' counts explain), a line being no loop. *With care* where
-    the angles hardly have the unit they were taken in, where the half that was not fitted is predicted clearly worse
-    than the other one was fitted, or where that half helped to choose the model.
-    """
-    chosen, line, counts = fit.chosen, fit.models["line"], fit.forecast.resolution
+    """Whether to trust the recommended model: the gravest of what its log and its fit give reason to doubt."""
+    chosen, line, log = fit.chosen, fit.models["line"], fit.log
     seen, unseen = chosen.train_rms, chosen.test_rms
-    correlation = following(fit.log, fit.split)
-    if correlation < FOLLOWS:
-        return Trust("no", f"the joint does not follow the motor (correlation {correlation:.2f})")
-    if look_swapped(fit.log.motor, fit.log.joint):
-        return Trust("no", "the joint turns round before the motor does: motor and joint look swapped")
+    counts = fit.forecast.resolution
     said = f"{_degrees(unseen)} RMS on the half that was not fitted, {_degrees(seen)} on the fitted one"
     said += f", {_degrees(line.test_rms)} of a straight line" if fit.best.name != "line" else ""
     said += f"; the encoders' rounding alone makes {_degrees(counts)}" if counts else ""
-    if fit.best.name == "line":
-        return Trust("with care", f"no loop is shown by this log, a straight line is all; {said}")
-    if unseen > _OF_LINE * line.test_rms and unseen > max(_COUNTS * counts, SLIGHT):
-        return Trust("no", f"the model predicts hardly better than a straight line; {said}")
-    if fit.log.unit_doubt:
-        return Trust("with care", f"{fit.log.unit_doubt}; {said}")
-    if fit.chosen_on_whole:
-        return Trust("with care", f"too few strokes: the half that judges it helped to choose it; {said}")
-    if unseen > WORSE * seen and unseen > SLIGHT:
-        return Trust("with care", f"the cable changed during the log; {said}")
-    covered = fit.log.covered
-    ends = f"{covered.joint_low * DEGREES:.1f} to {covered.joint_high * DEGREES:.1f}°"
-    return Trust("yes", f"within the motion of this log ({ends} at the joint); {said}")
+    ends = f"{log.covered.joint_low * DEGREES:.1f} to {log.covered.joint_high * DEGREES:.1f}°"
+    found = [Trust("yes", (f"within the motion of this log ({ends} at the joint)", said)), *log.doubts]
+
+    def doubt(level: Literal["with care", "no"], why: str) -> None:
+        found.append(Trust(level, (why,)))
+
+    correlation = following(log, fit.split)
+    if correlation < FOLLOWS:
+        doubt("no", f"the joint does not follow the motor (correlation {correlation:.2f})")
+    if not fit.reversals:
+        doubt("no", "the motor never reverses, so that no loop shows")
+    elif fit.best.name == "line":
+        doubt("with care", f"no loop is shown by this log, a straight line is all; {said}")
+    elif unseen > max(_HALF * line.test_rms, _COUNTS * counts, SLIGHT):
+        doubt("no", f"the model predicts hardly better than a straight line; {said}")
+    elif unseen > max(QUARTER * line.test_rms, _COUNTS * counts, SLIGHT):
+        doubt("with care", f"the model leaves a quarter or more of what a straight line does; {said}")
+    if fit.reversals and (fit.chosen_on_whole or fit.cycles.whole < FOR_YES):
+        doubt("with care", f"{fit.cycles.counted}, too few to judge a model on cycles that it has not seen; {said}")
+    if (rate := drift(fit)) is not None:
+        doubt("with care", f"the joint's sensor drifts by {rate * DEGREES * 60.0:.2g}°/min against the motor's")
+    elif unseen > WORSE * seen and unseen > SLIGHT and fit.best.name != "line":
+        doubt("with care", f"the cable changed during the log; {said}")
+    if lags(fit.lag):
+        doubt("with care", f"the joint is {1e3 * fit.lag[0]:.2g} ms late, which makes its loop look wider")
+    return least(found)
+
+
+def drift(fit: "Fit") -> float | None:
+    """How fast the joint's reading leaves the motor's, evenly over the whole log [rad/s]; None where it does not.
+
+    A ramp in what the line leaves, cycle by cycle, that is none of the cable's: it goes on in both halves alike and
+    explains what the second half errs more.
+    """
+    time, rest = fit.log.time, fit.log.joint - fit.predicted
+    halves = []
+    for part in (slice(0, fit.split), slice(fit.split, None)):
+        t = time[part] - time[part].mean()
+        halves.append(float(t @ rest[part] / (t @ t)))
+    first, second = halves
+    t = time - time.mean()
+    whole = float(t @ rest / (t @ t))
+    alike = 0.5 < first / second < 2.0 if second else False
+    large = abs(whole) * (time[-1] - time[0]) > max(SLIGHT, WORSE * fit.chosen.train_rms)
+    return whole if alike and large else None
 
 
 def parameter_lines(parameters: Mapping[str, float], spreads: Mapping[str, float]) -> list[tuple[str, str]]:

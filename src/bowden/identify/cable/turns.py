@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.core.kernel import kernel, program
-from bowden.core.order import distinct, median
+from bowden.core.order import distinct, median, quantile
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -58,13 +58,24 @@ def _room(values: Array, degree: int) -> Room:
 
 def find_turns(motor: Array, noise: float) -> Turns:
     """The reversals of a motion (n,) [rad] whose reading has that `noise` [rad]; see `motor_noise`."""
-    at = reversals(motor, max(8.0 * noise, 2e-3 * float(np.ptp(motor)), 1e-9))
+    at = reversals(motor, least_swing(motor, noise))
     sums = np.concatenate([[0.0], np.cumsum(motor)])
     (start, start_error), (end, _) = _first_value(motor, noise), _first_value(motor[::-1], noise)
     tops = np.empty(len(at))
     program(extremes)(motor, sums, at, noise, _room(motor, 4), tops)
     angle = np.concatenate([[start], tops, [end]])
     return Turns(at, angle, start_error, _common_error(motor))
+
+
+def least_swing(motor: Array, noise: float | None = None) -> float:
+    """The least swing of a motion that is no noise [rad]."""
+    noise = motor_noise(motor) if noise is None else noise
+    return max(8.0 * noise, 2e-3 * float(np.ptp(motor)), 1e-9)
+
+
+def peak_speed(time: Array, angle: Array) -> float:
+    """The speed that a signal hardly ever exceeds [rad/s]; nine samples outweigh its noise."""
+    return float(quantile(np.abs(angle[9:] - angle[:-9]), 0.95)) / (9.0 * float(median(np.diff(time))))
 
 
 def motor_noise(motor: Array) -> float:

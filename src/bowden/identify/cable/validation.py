@@ -6,9 +6,9 @@ weight; the model is still simulated straight through them), the family is fitte
 model so has to predict a stretch from those beside it and from the same stretch of other strokes, and not, as where
 whole strokes of a short log are left out, a branch from which nothing is left. Of two models that differ by less than
 the scatter of their difference the one with fewer parameters is taken, so that a richer model must earn its place; but
-never one whose error is a tenth above the least, unless what it errs more is below the encoders' noise. A model of
-which the log does not show every parameter (or some are at the bounds of their search) gives way to one whose error is
-as small within a tenth, and all of whose parameters are shown; never to free branches, of which no single one is.
+never one whose error is a twentieth above the least. A model of which the log does not show every parameter (or some
+are at the bounds of their search) gives way to one whose error is as small within a twentieth, and all of whose
+parameters are shown; never to free branches, of which no single one is.
 
 The start of a log is never judged, where enough is left without it: a cable settles (`bowden.identify.cable.settling`).
 
@@ -16,8 +16,8 @@ Source: Hastie, Tibshirani and Friedman, *The Elements of Statistical Learning*,
 rule); Roberts et al., Ecography 40(8), 2017 (blocks in cross-validation of what is correlated).
 """
 
-from collections.abc import Collection, Mapping, Sequence
-from typing import Any
+from collections.abc import Collection, Mapping
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,8 +26,8 @@ from bowden.identify.cable.family import Array, Estimate, Family
 from bowden.identify.cable.path import Path
 
 _FOLDS, _STRETCHES = 5, 20
-_TENTH = 1.1**2 - 1.0
-"""Of the squared error, what a tenth of the error is."""
+_TWENTIETH = 1.05**2 - 1.0
+"""Of the squared error, what a twentieth of the error is."""
 
 
 def start_ends(path: Path) -> list[int]:
@@ -40,46 +40,74 @@ def start_ends(path: Path) -> list[int]:
     return [0] + [end for end in ends if path.strokes - end >= 4]
 
 
-def folds(path: Path) -> list[NDArray[np.bool_]]:
-    """Masks (n,) of the nodes judged together."""
+def fold_of(path: Path) -> NDArray[np.int64]:
+    """The fold that judges each node (n,); −1 where none does."""
     judged = (path.weight > 0) & (path.stroke >= start_ends(path)[-1])
     place = (path.motor - np.min(path.turning)) / max(path.span, 1e-300)
     stretch = np.clip(_STRETCHES * place, 0, _STRETCHES - 1).astype(np.int64)
     dealt = (stretch + 2 * (path.stroke % 2) + path.stroke // 2) % _FOLDS  # both directions shift from cycle to cycle
-    found = [judged & (dealt == fold) for fold in range(_FOLDS)]
-    return [mask for mask in found if mask.any()]
+    return np.where(judged, dealt, -1)
 
 
-def held_out_errors(family: Family, path: Path, near: Estimate, masks: Sequence[NDArray[np.bool_]]) -> Array:
-    """Mean squared error of each left-out block (folds,) [rad²]."""
-    return np.array([_held_out(family, path, near, mask) for mask in masks])
+def folds(path: Path) -> list[NDArray[np.bool_]]:
+    """Masks (n,) of the nodes judged together."""
+    fold = fold_of(path)
+    return [fold == one for one in range(_FOLDS) if (fold == one).any()]
 
 
-def _held_out(family: Family, path: Path, near: Estimate, mask: NDArray[np.bool_]) -> float:
-    kept = np.where(mask, 0.0, path.weight)
-    fitted = family.refit(path.with_weight(kept), near).fitted
-    return float(np.average((fitted - path.joint)[mask] ** 2, weights=path.weight[mask]))
+class Samples(NamedTuple):
+    """What a log holds where a model is judged."""
+
+    time: Array
+    """(n,) [s]"""
+    joint: Array
+    """(n,) [rad]"""
+    share: Array
+    """How much they count (n,) [–]."""
+    fold: NDArray[np.int64]
+    """That judges them (n,)."""
+
+
+def held_out_errors(family: Family, path: Path, near: Estimate, along: Path, samples: Samples) -> Array:
+    """Mean squared error of each left-out fold (folds,) [rad²].
+
+    Args:
+        family: fitted to `path` without it.
+        path: thinned.
+        near: the family's member for all of it.
+        along: the same motion, on which the joint is predicted.
+        samples: on which it is judged, between the nodes of `along`.
+    """
+    fold, counted = fold_of(path), along.weight > 0
+    found = []
+    for one in range(_FOLDS):
+        mine = samples.fold == one
+        if not (fold == one).any() or not mine.any():
+            continue
+        member = family.refit(path.with_weight(np.where(fold == one, 0.0, path.weight)), near)
+        joint = family.predict(member.parameters, along.motor)[counted]
+        error = np.interp(samples.time[mine], along.time[counted], joint) - samples.joint[mine]
+        found.append(float(np.average(error**2, weights=samples.share[mine])))
+    return np.array(found)
 
 
 def simplest_of_the_best(
     errors: Mapping[Any, Array],
     complexity: Mapping[Any, int],
     unseen: Collection[Any] = (),
-    noise: float = 0.0,
     trading: Collection[Any] = (),
 ) -> Any:
     """The key with the fewest parameters whose error is not clearly above the smallest.
 
     Clearly: the mean over the blocks of its difference to the best is more than one standard error of that mean, and
-    more than a twentieth of the smallest error, below which a difference is of no use; or more than a tenth in the root
-    mean square, whatever the scatter. What a model errs more, as a root mean square, is nothing below `noise`.
+    more than a twentieth of the smallest squared error, below which a difference is of no use; or more than a twentieth
+    in the root mean square, whatever the scatter.
 
     Args:
         errors: mean squared error of each on the blocks (folds,) [rad²].
         complexity: how many parameters each has.
         unseen: those of which not every parameter is shown; one of the others goes before, where its error is not more
-            than a tenth above the chosen one's, or what it errs more is below the noise.
-        noise: standard deviation of the encoders' reading, at the joint [rad].
+            than a twentieth above the chosen one's.
         trading: those whose parameters trade with one another, so that none is shown by itself: they never go before.
 
     >>> best, near, far = np.array([1.0, 2.0, 3.0]), np.array([1.2, 1.9, 3.1]), np.array([2.0, 3.1, 4.0])
@@ -91,13 +119,12 @@ def simplest_of_the_best(
         above = errors[key] - errors[best]
         scatter = float(np.std(above, ddof=1)) / np.sqrt(len(above)) if len(above) > 1 else 0.0
         least = float(np.mean(errors[best]))
-        if float(np.mean(above)) <= max(min(max(scatter, 0.05 * least), _TENTH * least), noise**2):
+        if float(np.mean(above)) <= min(max(scatter, 0.05 * least), _TWENTIETH * least):
             break
     else:
         key = best
     if key in unseen:
-        least = float(np.mean(errors[key]))
-        most = max((1.0 + _TENTH) * least, least + noise**2)
+        most = (1.0 + _TWENTIETH) * float(np.mean(errors[key]))
         shown = [one for one in errors if one not in {*unseen, *trading} and float(np.mean(errors[one])) <= most]
         key = min(shown, key=lambda one: complexity[one], default=key)
     return key

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from bowden.core.arguments import said
 from bowden.core.errors import LogError, ParameterError
 from bowden.core.units import CABLE_LOG_LIMIT, RADIANS
+from bowden.identify.cable.trusted import Trust
 
 Array = NDArray[np.float64]
 
@@ -57,6 +58,8 @@ class Angle:
     """Whether the log or the user named that unit."""
     factor: float
     """Radians in one of it."""
+    guessed: bool = False
+    """Whether nobody named the unit of a file's column."""
 
     @property
     def radians(self) -> Array:
@@ -133,6 +136,14 @@ def angles_of(
     Raises:
         LogError: counts, of which nobody says how many make a turn.
     """
+    for (side, (name, found)), unit in zip(columns.items(), given.unit, strict=True):
+        if found not in (None, *UNITS) and unit is None:
+            raise LogError(
+                f"the {side}'s column {name!r} is in {found}",
+                expected=f"an angle: {', '.join(UNITS)}",
+                do="divide a length by the radius of its spool (rad), and name the column so; or give --unit where the "
+                "name is wrong",
+            )
     own = {side: found if found in UNITS else None for side, (_, found) in columns.items()}
     angles: dict[str, Angle] = {}
     warnings: list[str] = []
@@ -140,11 +151,11 @@ def angles_of(
         name, named = columns[side][0], own[side] or own[other]
         if unit is None and counts is not None and own[side] is None:
             unit = "counts"
-        chosen = unit or named or "rad"
+        chosen, guessed = unit or named or "rad", False
         if unit is not None and own[side] not in (None, unit):
             warnings.append(f"column {name!r} names {own[side]}, but {unit} was given and is taken")
         if unit is None and own[side] is None:
-            warnings.append(f"column {name!r} names no unit and was taken as {chosen} (unless a unit is given)")
+            guessed = True
         if chosen == "counts" and counts is None:
             raise LogError(
                 f"{name!r} is in counts, and nothing says how many make a turn",
@@ -152,7 +163,7 @@ def angles_of(
                 do="give them: --counts-per-turn 8192, or 8192,4000 for motor and joint (counts_per_turn= in Python)",
             )
         factor = {"deg": RADIANS, "rad": 1.0, "counts": _TURN / (counts or 1.0)}[chosen]
-        angles[side] = Angle(name, values[side], chosen, unit is not None or named is not None, factor)
+        angles[side] = Angle(name, values[side], chosen, unit is not None or named is not None, factor, guessed)
     if given.counts_per_turn != (None, None) and all(one.unit != "counts" for one in angles.values()):
         names = " and ".join(columns[side][0] for side in SIDES)
         warnings.append(f"{names} name their units, so that the counts per turn are not used (unless a unit is given)")
@@ -244,21 +255,23 @@ def check_plausible(motor: Angle, joint: Angle, where: Callable[[int], str]) -> 
             raise _beyond(one, one is motor, where(worst), float(one.values[worst]))
 
 
-def unit_doubt(joint: Angle) -> str:
-    """Why a joint's angle is hardly in the unit that it was taken in; empty where it may well be.
+def unit_doubts(motor: Angle, joint: Angle) -> list[Trust]:
+    """Why angles are perhaps not in the units that they were taken in.
 
-    A joint moves by less than half a turn, and a log of one that can be fitted by more than π°: what is taken for
-    radians and moves by more than π may be degrees, and what is taken for degrees and moves by less than π, radians.
-
-    Args:
-        joint: as the log has it.
+    A unit that nobody named is a guess. And a joint moves by less than half a turn, and a log of one that can be fitted
+    by more than π°: what is taken for radians and moves by more than π may be degrees, and what is taken for degrees
+    and moves by less than π, radians.
     """
+    guessed = [f"{one.name!r} (taken as {one.unit})" for one in (motor, joint) if one.guessed]
+    found = [f"no unit is named for {' and '.join(guessed)}: give --unit, or end the names in _deg or _rad"] * bool(
+        guessed
+    )
     span = float(np.ptp(joint.values))
     if joint.unit == "rad" and span > math.pi:
-        return f"{joint.name} was taken as rad and so moves by {span / RADIANS:.4g}°: is it in degrees?"
+        found.append(f"{joint.name} was taken as rad and so moves by {span / RADIANS:.4g}°: is it in degrees?")
     if joint.unit == "deg" and span < math.pi:
-        return f"{joint.name} was taken as deg and so moves by {span:.2g}° only: is it in radians?"
-    return ""
+        found.append(f"{joint.name} was taken as deg and so moves by {span:.2g}° only: is it in radians?")
+    return [Trust("with care", (one,)) for one in found]
 
 
 def geared(motor: Angle, joint: Angle) -> list[str]:

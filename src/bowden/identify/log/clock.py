@@ -8,6 +8,8 @@ from numpy.typing import NDArray
 from bowden.core.errors import LogError
 from bowden.core.order import median, quantile
 from bowden.core.units import DEGREES
+from bowden.identify.cable.trusted import Trust
+from bowden.identify.cable.turns import peak_speed
 
 Array = NDArray[np.float64]
 
@@ -26,8 +28,13 @@ _REPEATED = 0.5
 nothing of when they were taken."""
 
 
-_MICROSECONDS = 50.0
-"""A step from here on is one of microseconds that were declared as seconds: of milliseconds it would be 20 Hz [s]."""
+_FASTEST = 5e3
+"""Of a joint that turns back [rad/s²]. The bare rotor of a small servo motor makes 1e4 to 1e5 at its rated torque, and
+a cable and a joint leave it a tenth; recordings have 300 at most, and in a wrong unit from 5e4 on."""
+_SLOWEST = 0.5
+"""Peak speed below which friction makes most cables stick and slip [°/s]: 1000 times less than a fast motor's."""
+_READINGS, _COUNTS = 50, 3.0
+"""New readings from which on their distance tells, and how many counts they differ by then, in the median."""
 
 
 def even_clock(
@@ -126,21 +133,45 @@ def _first_of_each(time: Array, steps: Array, where: Callable[[int], str]) -> tu
     return kept, [f"{share}, as two rows within one tick of the clock do, and were dropped"]
 
 
-def odd_time(time: Array, motor: Array) -> list[str]:
-    """A warning where time looks like milli- or microseconds that were declared as seconds.
+def odd_time(time: Array, motor: Array, joint: Array) -> list[Trust]:
+    """Why the unit of time is perhaps another: a motion that no motor makes, or hardly any.
+
+    The joint turns back with v²/(range/2) at least, v being its speed half way: time that is a thousand times too short
+    makes a million times as much of it.
 
     Args:
         time: even (n,) [s].
         motor: (n,) [rad].
+        joint: (n,) [rad].
     """
-    step = median(np.diff(time))
-    speed = quantile(np.abs(np.diff(motor)), 0.95) / step * DEGREES
-    if step >= 0.5 and len(time) > 500:
-        unit, ending = ("milliseconds", "ms") if step < _MICROSECONDS else ("microseconds", "us")
-        return [
-            f"a time step of {step:g} s and a log of {time[-1] - time[0]:.0f} s look like {unit}; the models do "
-            f"not depend on time, but the figures' time axes do (name the column time_{ending})"
-        ]
-    if speed > 1e5:
-        return [f"the motor moves at {speed:.2g} °/s: the unit of time or of the motor is probably wrong"]
+    took = f"{time[-1] - time[0]:.4g} s in all"
+    speed, fast = peak_speed(time, joint), peak_speed(time, motor) * DEGREES
+    if speed**2 > _FASTEST * 0.5 * float(np.ptp(joint)):
+        why = f"the joint moves at {speed * DEGREES:.3g}°/s and back ({took}), as no motor moves it"
+        return [Trust("no", (f"{why}: check the unit of time (a column time_ms is in ms)",))]
+    if max(fast, speed * DEGREES) < _SLOWEST:
+        why = f"the motor moves at {fast:.2g}°/s at most ({took}): is time in ms?"
+        return [Trust("with care", (f"{why} Else stick and slip and creep hide the loop: record at 5°/s or more",))]
     return []
+
+
+def held_rows(angle: Array) -> tuple[int, int | None]:
+    """How many rows a reading is repeated, and which of them is the new one; None where they are not always as many.
+
+    An encoder that counts repeats itself too, but goes on by one count then. One that is read more seldom than its log
+    has rows goes on by many.
+
+    >>> held_rows(np.repeat(np.sin(0.1 * np.arange(100.0)), 4)[1:])
+    (4, 3)
+    """
+    steps = np.diff(angle)
+    at = np.flatnonzero(steps) + 1
+    if len(at) < _READINGS:
+        return 1, None
+    rows, sizes = median(np.diff(at)), np.abs(steps[at - 1])
+    if rows < 2.0 or median(sizes) < _COUNTS * quantile(sizes, 0.02):
+        return 1, None
+    rows = int(rows)
+    phases = np.bincount(at % rows, minlength=rows)
+    first = int(phases.argmax())
+    return rows, first if phases[first] > 0.98 * len(at) else None

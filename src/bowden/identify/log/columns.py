@@ -31,6 +31,8 @@ _UNITS = {
     **dict.fromkeys(("s", "sec", "secs", "second", "seconds"), "s"),
     **dict.fromkeys(("ms", "msec", "millis", "milliseconds"), "ms"),
     **dict.fromkeys(("us", "µs", "μs", "usec", "micros", "microseconds"), "us"),
+    **dict.fromkeys(("mm", "millimeter", "millimeters", "millimetre", "millimetres"), "mm"),
+    **dict.fromkeys(("cm", "centimeter", "centimeters", "centimetre", "centimetres"), "cm"),
     **dict.fromkeys(("count", "counts", "cnt", "cnts", "tick", "ticks", "inc", "increments", "pulses"), "counts"),
 }
 
@@ -47,7 +49,7 @@ class LogColumn:
     name: str
     """As written in the log."""
     unit: str | None
-    """``deg``, ``rad``, ``counts``, ``s``, ``ms`` or ``us``; None where the log does not say."""
+    """``deg``, ``rad``, ``counts``, ``mm``, ``cm``, ``s``, ``ms`` or ``us``; None where the log does not say."""
 
 
 def unit_of(text: str) -> str | None:

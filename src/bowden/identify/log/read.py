@@ -15,6 +15,7 @@ from bowden.core.errors import LogError, ParameterError
 from bowden.core.table import read_table
 from bowden.identify.cable import checks
 from bowden.identify.cable.counting import Covered
+from bowden.identify.cable.trusted import Trust
 from bowden.identify.cable.turns import resolution
 from bowden.identify.log.angles import (
     SIDES,
@@ -23,11 +24,11 @@ from bowden.identify.log.angles import (
     angles_of,
     check_plausible,
     geared,
-    unit_doubt,
+    unit_doubts,
     unwrapped,
     without_outliers,
 )
-from bowden.identify.log.clock import even_clock, odd_time
+from bowden.identify.log.clock import even_clock, held_rows, odd_time
 from bowden.identify.log.columns import CABLE, FACTORS, LogColumn, find_columns, unit_of
 from bowden.identify.log.mat import is_matlab, read_matlab
 from bowden.identify.log.text import read_text
@@ -49,8 +50,8 @@ class Log:
     """The file's name, for reports."""
     warnings: tuple[str, ...]
     """What was mended or guessed."""
-    unit_doubt: str = ""
-    """Why the angles hardly have the unit that they were taken in; empty where they may well have it."""
+    doubts: tuple[Trust, ...] = ()
+    """Why no model of it is to be trusted without care: its units, its time, what its sensors did."""
     counts: tuple[float, float] | None = None
     """One count of motor's and joint's encoder, as recorded: an even clock's angles lie between them. None where the
     angles are as recorded [rad]."""
@@ -115,7 +116,9 @@ def read_log(
     named = {side: (raw.columns[side].name, raw.columns[side].unit) for side in SIDES}
     angles, guessed = angles_of(named, raw.values, units)
     seconds, timed = seconds_of(raw, rate, file)
-    return prepare(seconds, angles, file.name, raw.place, units.apart, (*warnings, *guessed, *timed))
+    doubts = [Trust("with care", (said,)) for said in timed if rate is None]
+    timed = timed if rate is not None else []
+    return prepare(seconds, angles, file.name, raw.place, units.apart, (*warnings, *guessed, *timed), doubts)
 
 
 def checked_rate(rate: Any, time: object = None) -> None:
@@ -197,14 +200,16 @@ def seconds_of(raw: RawLog, rate: float | None, file: Path) -> tuple[Array, list
         notes = [f"column {unread.name!r} was not read: the rate of the rows was given"] if unread else []
         return np.arange(len(raw.values["motor"])) / rate, notes
     column = raw.columns["time"]
-    unit = column.unit or "s"
+    named = column.unit or unit_of(column.name)
+    unit = named or "s"
     if unit not in ("s", "ms", "us"):
         raise LogError(
             f"{file}: the times in {column.name!r} are in {unit}",
             expected="s, ms or us",
             do="name another column, or give the rows' rate: --rate 1000 (rate= in Python)",
         )
-    return raw.values["time"] * FACTORS[unit], []
+    notes = [f"no unit is named for {column.name!r} (taken as s): end the name in _s or _ms"] if named is None else []
+    return raw.values["time"] * FACTORS[unit], notes
 
 
 def from_the_first_reading(raw: RawLog) -> tuple[RawLog, list[str]]:
@@ -225,6 +230,7 @@ def prepare(
     place: Callable[[int], str],
     apart: bool = False,
     warnings: Sequence[str] = (),
+    doubts: Sequence[Trust] = (),
 ) -> Log:
     """Check time and both angles, and put them on an even clock, in radians.
 
@@ -235,6 +241,7 @@ def prepare(
         place: sample → place, for messages.
         apart: whether the unit of each side was said by itself; a ratio of 57 between them is then a gear.
         warnings: what was mended or guessed before.
+        doubts: in what was read.
 
     Raises:
         LogError: too short, not finite, not moving, angles that no cable has, or no clock.
@@ -251,8 +258,34 @@ def prepare(
     more += geared(motor, joint)
     even, (motor_at, joint_at), clock = even_clock(time, (motor.radians, joint.radians), place)
     checks.check_length(len(even), name)
-    doubt = unit_doubt(joint)
-    doubts = [*([f"{doubt} (--unit, unit= in Python)"] if doubt else []), *checks.swapped(motor_at, joint_at)]
-    said = (*warnings, *notes, *more, *clock, *odd_time(even, motor_at), *doubts)
     counts = (resolution(motor.radians), resolution(joint.radians)) if clock else None
-    return Log(even, motor_at, joint_at, name, said, doubt, counts)
+    even, motor_at, joint_at, repeats, seldom = at_new_readings(even, motor_at, joint_at)
+    swapped = Trust("no", ("the joint turns round before the motor does: motor and joint look swapped",))
+    doubts = (
+        *doubts,
+        *unit_doubts(motor, joint),
+        *odd_time(even, motor_at, joint_at),
+        *seldom,
+        *([swapped] if checks.look_swapped(motor_at, joint_at) else []),
+    )
+    return Log(even, motor_at, joint_at, name, (*warnings, *notes, *more, *clock, *repeats), doubts, counts)
+
+
+def at_new_readings(time: Array, motor: Array, joint: Array) -> tuple[Array, Array, Array, list[str], list[Trust]]:
+    """A log without the rows that repeat a reading of its joint or of its motor, where a new one comes evenly.
+
+    A repeated reading is late by up to as many rows, which a fit takes for a wider loop.
+
+    Returns:
+        Time, motor and joint; what was left out; why what is left is to be doubted.
+    """
+    for name in SIDES:
+        rows, first = held_rows(joint if name == "joint" else motor)
+        if rows == 1:
+            continue
+        said = f"the {name} repeats {rows} rows: {1.0 / (rows * (time[1] - time[0])):.4g} Hz"
+        if first is None or len(time) // rows < checks.FEWEST_SAMPLES:
+            return time, motor, joint, [], [Trust("with care", (f"{said}, unevenly, which makes the loop look wider",))]
+        time, motor, joint = (one[first::rows] for one in (time, motor, joint))
+        return time, motor, joint, [f"{said}; the others were left out"], []
+    return time, motor, joint, [], []
