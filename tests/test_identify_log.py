@@ -507,7 +507,7 @@ def test_no_trust_in_a_log_whose_columns_look_swapped() -> None:
     swapped = identify(t, joint, motor)
     assert any("look swapped" in warning for warning in swapped.warnings)
     assert swapped.trust.level == "no"
-    assert "look swapped" in swapped.trust.why
+    assert "look swapped" in str(swapped.trust)
     few = identify(t, np.rad2deg(0.15 * motor), np.rad2deg(0.15 * joint))  # ±8.6°, without a unit
     assert few.trust.level == "with care"
     assert any("is it in degrees" in warning for warning in few.warnings)

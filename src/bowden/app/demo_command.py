@@ -81,7 +81,7 @@ def demo(
         _tell(warning)
     if fit.trust.level == "no":
         raise LogError(
-            f"the model of {read.name} is not to be trusted: {fit.trust.why}",
+            f"the model of {read.name} is not to be trusted: {'; '.join(fit.trust.reasons)}",
             do=f"record another log; {shlex.join(['bowden', 'identify', *words])} draws what this one shows",
         )
     fit.write(model)

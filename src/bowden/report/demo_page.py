@@ -44,7 +44,7 @@ def model_lines(fit: Fit) -> list[str]:
     lines = [f"Model: {TITLES[fit.best.name]}, {error} (a straight line: {_angle(line.test_rms)})"]
     if best.loop is not None:
         lines.append(f"The cable loses {_lost(fit)}: {_MEANT_LOST}")
-    return [*lines, f"Trust it? {fit.trust.level.capitalize()}: {fit.trust.why}"]
+    return [*lines, f"Trust it? {fit.trust.level.capitalize()}: {'; '.join(fit.trust.reasons)}"]
 
 
 def check_line(found: Check) -> str:
@@ -123,7 +123,9 @@ def demo_page(
     page.figure(figures.error(runs, colours), "How far the joint is from where it should be.")
     page.heading("What the log shows")
     page.text(
-        "Trust the model? <strong>{level}</strong>: {why}.", level=fit.trust.level.capitalize(), why=fit.trust.why
+        "Trust the model? <strong>{level}</strong>: {why}.",
+        level=fit.trust.level.capitalize(),
+        why="; ".join(fit.trust.reasons),
     )
     for warning in fit.warnings:
         page.notice(warning[0].upper() + warning[1:] + ".")
