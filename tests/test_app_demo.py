@@ -110,6 +110,7 @@ def test_the_commands_for_ones_own_log_are_commands() -> None:
         assert run([shlex.split(line)[1], "--help"]) == 0
 
 
+@pytest.mark.long
 @pytest.mark.live
 def test_it_runs_live_on_a_twin() -> None:
     for _ in tries():

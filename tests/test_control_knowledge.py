@@ -78,7 +78,7 @@ def handed(monkeypatch: pytest.MonkeyPatch) -> dict[str, list[Law]]:
     monkeypatch.setattr("bowden.face.simulate.verdicts", catching("simulate", lambda setup, laws, *_: list(laws)))
     monkeypatch.setattr("bowden.face.check.judge", catching("check", lambda bench, law: [law]))
     monkeypatch.setattr("bowden.face.tune.search", catching("tune", lambda bench, law: [law]))
-    monkeypatch.setattr(export_law, "law_module", catching("export", lambda law, _: [law]))
+    monkeypatch.setattr(export_law, "law_module", catching("export", lambda law, *_: [law]))
     monkeypatch.setattr("bowden.face.tune.two_workers", lambda *_, **__: contextlib.nullcontext(map))
     monkeypatch.setattr(league, "exact_travel", lambda *_, **__: 1.0)
     monkeypatch.setattr(league, "simulate_each", catching("league", lambda case, duration: list(case.laws)))

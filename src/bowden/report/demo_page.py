@@ -231,7 +231,7 @@ def _times_less(traces: Mapping[str, Trace]) -> str:
     if len(errors) < 2 or not all(errors):
         return ""
     times = errors[0] / errors[1]
-    return f", {times:.2g} times less" if times > 1.0 else ", no less than without"
+    return f", {float(f'{times:.2g}'):g} times less" if times > 1.0 else ", no less than without"
 
 
 def _room(found: Check) -> str:
