@@ -4,6 +4,7 @@ import json
 import re
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
 from typing import Any
 
 from bowden.core.errors import OutputError
@@ -65,7 +66,7 @@ def with_keys(text: str, section: str, values: Mapping[str, str], where: str, ev
         if at is None:
             missing.append(f"{key_of(name)} = {value}")
         else:
-            body[at] = _VALUE.sub(lambda found, value=value: _in_place(found, value), body[at], count=1)
+            body[at] = _VALUE.sub(partial(_in_place, value=value), body[at], count=1)
     written = [*lines[: head + 1], *(f"# {line}" for line in evidence), *missing, *body, *lines[end:]]
     changed = "\n".join(written) + "\n"
     try:
