@@ -39,12 +39,12 @@ model = {model}
 natural_frequency_hz = {frequency:.4g}  # [Hz] it decides how much gain a law may have
 damping = {damping:.1f}                 # ratio; 1 is critical
 
-[encoder.joint]  # of the paper's bench: put your own here
-resolution_deg = {count:.11g}  # [°] one count
+[encoder.joint]  # {joint_whose}
+resolution_deg = {joint_count:.11g}  # [°] one count
 noise_deg = {noise:.2f}                # [°] standard deviation
 
-[encoder.motor]  # at the spool
-resolution_deg = {count:.11g}  # [°] one count
+[encoder.motor]  # at the spool; {motor_whose}
+resolution_deg = {motor_count:.11g}  # [°] one count
 noise_deg = {noise:.2f}                # [°] standard deviation
 
 [control]
@@ -62,6 +62,9 @@ duration_s = 60.0  # [s]
 [limits]  # of bowden run: {limited}; all others as bowden init writes them
 {limits}
 """
+
+
+_LOGS, _PAPERS = "the count is the log's, the noise of the paper's bench", "of the paper's bench: put your own here"
 
 
 class Chosen(NamedTuple):
@@ -144,7 +147,10 @@ def model_text(name: str, model: str, cable: IdentifiedCable, chosen: Chosen) ->
         servo=NOT_YOURS,
         frequency=bench.servo.natural_frequency / (2.0 * math.pi),
         damping=bench.servo.damping,
-        count=bench.joint_encoder.resolution * DEGREES,
+        joint_count=(cable.encoders.joint or bench.joint_encoder.resolution) * DEGREES,
+        motor_count=(cable.encoders.motor or bench.motor_encoder.resolution) * DEGREES,
+        joint_whose=_LOGS if cable.encoders.joint else _PAPERS,
+        motor_whose=_LOGS if cable.encoders.motor else _PAPERS,
         noise=bench.joint_encoder.noise * DEGREES,
         law=quoted(chosen.law),
         why=chosen.why,

@@ -10,7 +10,7 @@ from bowden.core.units import DEGREES
 from bowden.identify.cable.cycles import Cycles
 from bowden.identify.cable.loads import JointFit
 from bowden.identify.cable.model import meaning
-from bowden.identify.cable.model_file import covered_lines
+from bowden.identify.cable.model_file import log_lines
 from bowden.identify.cable.recalibrate import Recalibration, to_identify
 
 
@@ -25,7 +25,7 @@ def joint_text(fit: JointFit) -> str:
         f"source = {quoted(', '.join(_line(one.name) for one in fit.logs))}",
         f"samples = {fit.samples}",
         *_warnings(fit.warnings),
-        *([] if fit.best.covered is None else covered_lines(fit.best.covered)),
+        *log_lines(fit.best.covered, fit.best.encoders),
         "",
         f"[models.{fit.best.name}]",
         *_errors({name: getattr(fit, name) for name in ("train_rms", "test_rms")} | {"judged_rms": fit.judged}),
@@ -57,7 +57,7 @@ def recalibrated_text(found: Recalibration, source: str) -> str:
         f"samples = {found.samples}",
         _cycles(found.cycles, to_identify(found.cycles)),
         *_warnings(found.warnings),
-        *([] if found.best.covered is None else covered_lines(found.best.covered)),
+        *log_lines(found.best.covered, found.best.encoders),
     ]
     for name, parameters in ((found.best.name, found.best.parameters), *found.best.others.items()):
         lines += ["", f"[models.{name}]"]

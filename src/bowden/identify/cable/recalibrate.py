@@ -267,7 +267,7 @@ def recalibrate(
     others = {name: parameters for name, parameters in models.items() if name != given.best}
     joints = None if given.covered is None else [gain * one + offset for one in given.covered[2:]]
     covered = None if joints is None or given.covered is None else Covered(*given.covered[:2], *joints)
-    best = CableModel(given.best, models[given.best], others, covered)
+    best = CableModel(given.best, models[given.best], others, covered, given.encoders)
     return Recalibration(
         best=best,
         gain=gain,

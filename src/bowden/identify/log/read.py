@@ -14,7 +14,7 @@ from bowden.core.bounded import open_file
 from bowden.core.errors import LogError, ParameterError
 from bowden.core.table import read_table
 from bowden.identify.cable import checks
-from bowden.identify.cable.counting import Covered
+from bowden.identify.cable.counting import NOT_SAID, Covered, Encoders
 from bowden.identify.cable.turns import resolution
 from bowden.identify.log.angles import (
     SIDES,
@@ -54,6 +54,8 @@ class Log:
     counts: tuple[float, float] | None = None
     """One count of motor's and joint's encoder, as recorded: an even clock's angles lie between them. None where the
     angles are as recorded [rad]."""
+    encoders: Encoders = NOT_SAID
+    """One count of each, where the log was in counts and somebody said how many make a turn."""
 
     @property
     def resolutions(self) -> tuple[float, float]:
@@ -255,4 +257,5 @@ def prepare(
     doubts = [*([f"{doubt} (--unit, unit= in Python)"] if doubt else []), *checks.swapped(motor_at, joint_at)]
     said = (*warnings, *notes, *more, *clock, *odd_time(even, motor_at), *doubts)
     counts = (resolution(motor.radians), resolution(joint.radians)) if clock else None
-    return Log(even, motor_at, joint_at, name, said, doubt, counts)
+    encoders = Encoders(*(angles[side].factor if angles[side].unit == "counts" else 0.0 for side in SIDES))
+    return Log(even, motor_at, joint_at, name, said, doubt, counts, encoders)
