@@ -35,6 +35,10 @@ TEXT = """\
 [cable]
 model = {model}
 {counting}
+[bench]  # the loop's own clock, whatever the rate of the log
+sample_time_ms = {cycle:.1f}  # [ms] one control cycle
+delay_cycles = {delay}      # between a sample and the moment its command reaches the servo
+
 {servo}
 natural_frequency_hz = {frequency:.4g}  # [Hz] it decides how much gain a law may have
 damping = {damping:.1f}                 # ratio; 1 is critical
@@ -144,6 +148,8 @@ def model_text(name: str, model: str, cable: IdentifiedCable, chosen: Chosen) ->
         name=name,
         model=quoted(model),
         counting=_counting_lines(counting),
+        cycle=1e3 * bench.sample_time,
+        delay=bench.delay,
         servo=NOT_YOURS,
         frequency=bench.servo.natural_frequency / (2.0 * math.pi),
         damping=bench.servo.damping,
