@@ -11,13 +11,16 @@ from typing import Any
 import numpy as np
 import pytest
 
+import bowden
 from bowden.app import check_command
 from bowden.app.main import run
 from bowden.control import LAWS, Law
+from bowden.core.units import DEGREES
 from bowden.design.check import at_rest
 from bowden.design.other_law import OtherLaw, mended_law, other_law
 from bowden.design.trial import Trial
 from bowden.design.tune import NoGainsError
+from bowden.rig.presets.bench import default_bench
 from bowden.rig.rig import Rig
 from live_runs import tries
 
@@ -169,6 +172,7 @@ def test_without_gains_the_law_that_follows_better_is_named(
     mended = None if own is None else OtherLaw("bowden", "holds", own, 20.0, {"bandwidth": 2.32})
     another = None if other is None else OtherLaw("adaptive", "holds", other, 20.0)
     module = importlib.import_module("bowden.face.tune")
+    monkeypatch.setattr(module, "_narrower", failed)  # as if the check said of none that they hold
     for name, value in (("search", failed), ("mended_law", lambda *_: mended), ("other_law", lambda *_: another)):
         monkeypatch.setattr(module, name, value)
     monkeypatch.chdir(tmp_path)
@@ -209,3 +213,23 @@ def test_check_does_not_name_itself(capsys: pytest.CaptureFixture[str]) -> None:
     lost = SimpleNamespace(holds=False, instead="", advice="shorten the delay to 2 cycles (now 80)")
     check_command._say_next(Path("rig.toml"), Rig(), lost, ["--law", "adaptive"])  # type: ignore[arg-type]
     assert capsys.readouterr().out == "Next: change the rig as the advice says, then check it again\n"
+
+
+@pytest.mark.parametrize(("unit", "counts"), [("counts", (8192.0, 4000.0)), ("rad,counts", (None, 4000.0))])
+def test_the_counts_of_a_turn_go_into_the_rig(
+    unit: str, counts: tuple[float | None, float], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    time = np.arange(0.0, 20.0, 0.01)
+    angles = 0.6 - 0.6 * np.cos(2.0 * time), 0.5 - 0.5 * np.cos(2.0 * time - 0.05)
+    read = [one if n is None else np.round(one * n / (2.0 * np.pi)) for one, n in zip(angles, counts, strict=True)]
+    given = [n for n in counts if n is not None]
+    fit = bowden.identify(time, *read, unit=unit, counts_per_turn=given)
+    fit.write("model.toml")
+    wanted = [360.0 / n if n else default_bench().motor_encoder.resolution * DEGREES for n in counts]
+    for suit in (False, True):
+        assert run(["init", "rig.toml", "--model", "model.toml", "--force", *(["--suit"] if suit else [])]) == 0
+        rig = bowden.Rig.read("rig.toml")
+        assert rig.motor_encoder.resolution * DEGREES == pytest.approx(wanted[0])
+        assert suit or rig.joint_encoder.resolution * DEGREES == pytest.approx(wanted[1])
+        assert bowden.init(fit, suit=suit).rig.replace(origin="") == rig.replace(origin="")

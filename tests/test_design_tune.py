@@ -1,7 +1,9 @@
 """Tuned gains keep their margins and beat the defaults in the worst case; rig.toml keeps everything else."""
 
+import importlib
 import json
 import pickle
+import re
 import tomllib
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
@@ -11,6 +13,7 @@ import jsonschema
 import numpy as np
 import pytest
 
+import bowden
 from bowden.app.main import run
 from bowden.control import LAWS
 from bowden.control.law import Law
@@ -20,8 +23,9 @@ from bowden.design.check import MOST_PER_COUNT, check
 from bowden.design.evolution import Array, Population, Score
 from bowden.design.gains_text import with_gains
 from bowden.design.processes import two_workers
-from bowden.design.tune import tune
+from bowden.design.tune import NoGainsError, tune
 from bowden.design.tune_judge import WANTED_DB, WANTED_DEG, Task, chatter, keeps, shortfall
+from bowden.design.tune_rig import easier
 from bowden.design.tune_runs import NineRuns, TuningTarget, course_of, runs_of
 from bowden.plants.bench import Bench
 from bowden.rig.presets.bench import default_bench
@@ -167,12 +171,35 @@ def test_what_is_tuned_is_calm() -> None:
     assert 0.0 < found.found.command_per_count <= MOST_PER_COUNT
 
 
-def test_a_rig_that_no_gains_stabilise_is_refused_with_the_nearest_that_could_be() -> None:
-    hopeless = BENCH._replace(servo=BENCH.servo._replace(natural_frequency=0.2 * np.pi))
+@pytest.mark.usefixtures("small_search")
+def test_where_no_gains_do_the_message_names_a_rig_for_which_some_do() -> None:
+    """And by how much the best fall short; whoever follows the advice is given gains."""
+    slow = BENCH._replace(sample_time=0.02, delay=6, servo=BENCH.servo._replace(natural_frequency=6.0 * np.pi))
     with pytest.raises(
-        ParameterError, match=r"'adaptive' keep 6 dB .* 0.1 Hz .* the nearest rig that has some: natural_"
-    ):
-        tune(hopeless, ADAPTIVE, generations=1)
+        NoGainsError, match=r"have 2[.\d]* dB and 1[.\d]*° .* 3 Hz and damping 1 behind 120 ms"
+    ) as error:
+        tune(slow, ADAPTIVE, generations=1)
+    key, value = re.findall(r"nearest rig that has some: (\w+) = ([\d.]+)", str(error.value))[0]
+    assert key == "delay_cycles"
+    assert tune(slow._replace(delay=int(value)), ADAPTIVE, generations=1).found.verdict == "holds"
+    assert any("sample_time_ms = 10" in said for said, _ in easier(slow, 2.0))
+
+
+@pytest.mark.usefixtures("small_search")
+@pytest.mark.parametrize("preset", [None, "paper"])
+def test_what_the_check_says_holds_is_never_given_up(preset: str | None, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where the search finds nothing: the rig's own gains or, where these do not hold, the law's usual ones."""
+
+    def failed(*_: object, **__: object) -> None:
+        raise NoGainsError("no gains keep all", do="take another servo")
+
+    monkeypatch.setattr(importlib.import_module("bowden.face.tune"), "search", failed)
+    found = bowden.tune(bowden.Rig(law="adaptive", preset=preset))
+    assert bowden.check(found.rig).verdict == found.found.verdict == "holds"
+    assert found.rig.fitted().gains == bowden.Rig(law="adaptive").fitted().gains
+    assert bool(found.gains) == (preset is not None)
+    assert (found.worst_before is None) == (preset is not None)
+    assert found.short == "no gains keep all; take another servo; these hold"
 
 
 def test_a_law_without_feedback_has_nothing_to_tune() -> None:

@@ -78,6 +78,7 @@ def tune(
             "delay_margin_s": found.found.delay_margin_s,
             "worst_rmse_deg": found.worst_rmse * DEGREES,
             "worst_rmse_before_deg": None if found.worst_before is None else found.worst_before * DEGREES,
+            "short": found.short,
             "study": found.study,
         }
         print_json(document | {"files": files, "seconds": seconds()})
@@ -123,6 +124,7 @@ def _evidence(found: "Tuning", *, interrupted: bool) -> list[str]:
         f"found by bowden tune{early}; margins over bends of {low * DEGREES:.0f} to {high * DEGREES:.0f}°: "
         f"{' and '.join(margins) or no_margins(found.found)}",
         f"largest RMSE over {found.runs}: {found.worst_rmse * DEGREES:.3g}° (before: {before})",
+        *([found.short] if found.short else []),
         *([] if found.study is None else [study_text(found.study, when) for when in ("after", "before")]),
     ]
 

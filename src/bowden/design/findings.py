@@ -100,6 +100,7 @@ def tuning_rows(tuning: "Tuning") -> list[tuple[str, str]]:
         ("margins", listed((*margins, f"{delay} of delay" if delay else "")) or no_margins(found)),
         ("worst RMSE", f"{number(tuning.worst_rmse * DEGREES, '°')} over {tuning.runs} (was {before})"),
         *(("other plants", text) for text in ([] if tuning.study is None else [study_text(tuning.study, "after")])),
+        *([("short of", tuning.short)] if tuning.short else []),
         ("search", f"{tuning.generations} generations"),
     ]
 

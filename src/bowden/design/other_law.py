@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from bowden.control import LAWS, Law
 from bowden.core.errors import BowdenError
 from bowden.core.shown import number
+from bowden.core.units import DEGREES
 from bowden.design.advice import mending_gain
 from bowden.design.check_rig import check_rig
 from bowden.rig import ranges
@@ -66,7 +67,10 @@ def chosen_law(rig: Rig) -> Chosen:
     law = ours.fitted()
     found = check_rig(ours, law)
     if isinstance(found, str) or found.verdict == "holds":
-        return Chosen(OURS, "our own, which learns the cable while it runs; bowden check says that it holds here")
+        why = "our own, which learns the cable while it runs; bowden check says that it holds here"
+        if not isinstance(found, str) and found.cycle_confirmed and found.swing is not None:
+            why += f", though at rest the joint swings by ±{found.swing * DEGREES:.2g}°"
+        return Chosen(OURS, why)
     said = f"{_WORDS[found.verdict]} here: {found.reason}"
     gain = _mending(ours, law, found)
     if gain is not None and gain[0] in law.choices:

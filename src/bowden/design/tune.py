@@ -98,6 +98,8 @@ class Tuning:
     """By what the errors were judged, in words."""
     generations: int
     """After which the search was over, or broken off."""
+    short: str = ""
+    """What the gains fall short of, of what is looked for; empty where they keep it all."""
     given: rigs.Rig | None = None
     """The rig whose law was tuned, with these gains; None where a bench alone was handed over."""
     study: Mapping[str, Any] | None = None
@@ -185,6 +187,7 @@ def tune(
     fixed: Collection[str] = (),
     workers: Workers = map,
     report: Report = lambda what, share: None,
+    nearest: bool = True,
 ) -> Tuning:
     """Find gains.
 
@@ -201,6 +204,7 @@ def tune(
         fixed: gains that are left as they begin.
         workers: how a function is mapped over many gains; the result does not depend on it.
         report: called with what is done and the share done.
+        nearest: whether the nearest rig is looked for, where there are none.
 
     Raises:
         ParameterError: the law has no gains that the loop knows, or none keep the margins and follow; the message has
@@ -211,7 +215,7 @@ def tune(
         share = _OF_SUIT if isinstance(bench, Suit) else 1.0
         generations = max(_FEWEST, round(share * GENERATIONS * min(1.0, bench.sample_time / 1e-3)))
     rig = TuningTarget(bench, bends or (bench.sheath.bend, 2.0 * bench.sheath.bend), stroke)
-    search = _Search(rig, law, np.random.default_rng(seed), workers, runs, fixed)
+    search = _Search(rig, law, np.random.default_rng(seed), workers, runs, fixed, nearest=nearest)
     try:
         report("margins of random gains", 0.05)
         search.begin(min(1.0, generations / _FULL))
@@ -239,11 +243,14 @@ class _Search:
         workers: Workers,
         runs: TuningRuns | None,
         fixed: Collection[str],
+        *,
+        nearest: bool,
     ) -> None:
         self.before = check(rig.bench, law, bends=rig.bends, stroke=rig.stroke)
         rig = rig._replace(refuted=self.before.refuted)
         self.rig, self.law, self.random, self.workers = rig, law, random, workers
-        self.own, self.runs, self.fixed, self.steps = runs is None, runs or NineRuns(rig), fixed, 0
+        self.runs, self.fixed, self.steps = runs or NineRuns(rig), fixed, 0
+        self.nearest = nearest and runs is None
         usual = all(trial.bounded for trial in self.before.trials)
         estimates = visited_estimates(law, self.before.trials if usual else (), rig.bench.sample_time)
         self.estimates: tuple[Estimates, ...] = (estimates[0], estimates[-1]) if estimates[1:] else (estimates[0],)
@@ -257,10 +264,7 @@ class _Search:
         count = len(self.names)
         part = min(1.0, count / _FULL)
         members = max(min(_FEWEST_MEMBERS, _MEMBERS), round(part * _MEMBERS))
-        usual = informed(replace(self.law, chosen=frozenset()), knowledge_of(self.rig.bench)).numbers
-        shares = np.array([usual[name] / self.law.numbers[name] for name in self.names])
-        known = np.log(np.where(shares > 0.0, shares, 1.0))  # a gain that would be off stays as it stands
-        points = [np.zeros(count), np.clip(known, *_REACH)]
+        points = self._begun()
         for _ in range(round(share * part * _DRAWS)):
             points.append(self.random.uniform(-1.0, 1.0, count) * float(self.random.choice(_SPREADS)))
         lacking = list(self.workers(shortfall, [self._task(self._law(point)) for point in points]))
@@ -269,6 +273,13 @@ class _Search:
         best = self._best(first, members)
         self.population = Population([point for point, _ in best], [score for _, score in best], self.random)
         self._confirm()
+
+    def _begun(self) -> list[Array]:
+        """Gains that are tried first: as they stand, and as the rig would give them."""
+        usual = informed(replace(self.law, chosen=frozenset()), knowledge_of(self.rig.bench)).numbers
+        shares = np.array([usual[name] / self.law.numbers[name] for name in self.names])
+        known = np.log(np.where(shares > 0.0, shares, 1.0))  # a gain that would be off stays as it stands
+        return [np.zeros(len(self.names)), np.clip(known, *_REACH)]
 
     def step(self) -> None:
         """One generation; every fifth is followed by a check of what leads then."""
@@ -426,20 +437,36 @@ class _Search:
             count, most = bench.joint_encoder.resolution * DEGREES, MOST_PER_COUNT * DEGREES
             reason = f"one count of the joint's encoder, {count:.3g}°, changes the command by more than {most:g}°"
             raise NoGainsError(f"{what}: {reason}", do="take a finer encoder, or another law")
-        near = self._nearest() if self.own else ""
+        best = self._law(self.population.points[self.population.ranked()[0]])
+        found = self.before if best == self.law else checked(self._task(best))
+        what += f"; the best of them {lacking(found)}"
+        if keeps(found):
+            worst, still = (value * DEGREES for value in (max(errors(self._task(best))), self.still()))
+            reason = f"they are off by {worst:.3g}° RMS in the worst run, a joint that stands still by {still:.3g}°"
+        near = self._nearest() if self.nearest else ""
         do = f"the nearest rig that has some: {near}" if near else "start from other gains, or choose another law"
         return NoGainsError(f"{what}: {reason}", do=do)
 
     def _nearest(self) -> str:
-        """The smallest change of delay, damping or frequency for which some of the gains at hand would do."""
+        """The smallest change of delay, cycle, damping or frequency for which gains hold that a search begins with."""
         bench, limit = self.rig.bench, self.still()
-        points = [self.population.points[i] for i in self.population.ranked()[: _MEMBERS // 2]]
         for factor in _TRIED_FACTORS:
             for said, changed in easier(bench, factor):
                 rig, base = self.rig._replace(bench=changed), informed(self.law, knowledge_of(changed))
                 tasks = [
-                    self._task(self._law(point, base), limit)._replace(rig=rig, runs=NineRuns(rig)) for point in points
+                    self._task(self._law(point, base), limit)._replace(rig=rig, runs=NineRuns(rig))
+                    for point in self._begun()
                 ]
-                if any(judged.shortfall == 0.0 and judged.worst < limit for judged in self.workers(judge, tasks)):
+                judged = zip(tasks, self.workers(judge, tasks), strict=True)
+                good = [task for task, one in judged if one.shortfall == 0.0 and one.worst < limit]
+                if any(keeps(one) for one in self.workers(checked, good)):
                     return said
         return ""
+
+
+def lacking(found: Check) -> str:
+    """How far gains are from the margins that are looked for, in words."""
+    gain, phase = found.gain_margin_db, found.phase_margin_deg
+    margins = [f"{value:.3g}{unit}" for value, unit in ((gain, " dB"), (phase, "°")) if value is not None]
+    said = found.verdict.replace("_", " ")
+    return f"have {' and '.join(margins)} ({said})" if margins else f"fail, since {found.reason}"

@@ -55,7 +55,7 @@ class TuningTarget(NamedTuple):
 
 
 class NineRuns(NamedTuple):
-    """Runs of 20 s on the rig as it is, from rest where the reference starts: those of `runs_of`."""
+    """Runs of 20 s on the rig as it is, from rest where the reference starts: those of `runs_of`, three of one bend."""
 
     rig: TuningTarget
 
@@ -67,7 +67,8 @@ class NineRuns(NamedTuple):
     @property
     def described(self) -> str:
         """See `TuningRuns`."""
-        return f"nine runs of {RUN:g} s"
+        count = "nine" if self.rig.bends[0] < self.rig.bends[1] else "three"
+        return f"{count} runs of {RUN:g} s"
 
     def cases(self) -> Sequence[Case]:
         """See `TuningRuns`."""

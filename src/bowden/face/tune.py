@@ -1,7 +1,7 @@
 """`tune`: gains with margins for a rig."""
 
 import contextlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -14,11 +14,14 @@ from bowden.core import arguments
 from bowden.core.errors import ParameterError
 from bowden.core.shown import listed
 from bowden.core.toml_text import quoted
+from bowden.core.units import DEGREES
+from bowden.design.check import Check, check
 from bowden.design.other_law import OtherLaw, mended_law, other_law
 from bowden.design.pair_tune import PairTarget, best_gains, judged_gains, runs_described
 from bowden.design.processes import Mapper, two_workers
 from bowden.design.tune import BrokenOff, NoGainsError, Tuning
 from bowden.design.tune import tune as search
+from bowden.design.tune_runs import NineRuns, TuningTarget, course_of
 from bowden.face import given
 from bowden.face.given import GivenLaw, GivenRig
 from bowden.face.pair import pair_laws
@@ -113,13 +116,16 @@ def tuned(
         preset = begun if found.gains else rig.preset
         return replace(found, given=rig.replace(preset=preset, gains={**rig.gains, **found.gains}))
 
+    wide, own = bends_of(looked_at), ranges.bends(looked_at)
+
     with workers_for(looked_at) as workers:
-        try:
+
+        def sought(bends: tuple[float, float]) -> Tuning:
             with user_law.explained(law):
-                found = search(
+                return search(
                     ranges.judged(looked_at),
                     law,
-                    bends=bends_of(looked_at),
+                    bends=bends,
                     stroke=ranges.stroke(looked_at),
                     seed=seed,
                     generations=generations,
@@ -127,7 +133,16 @@ def tuned(
                     fixed=() if plants is None else plants.gains_varied,
                     workers=workers,
                     report=progress,
+                    nearest=bends == own,
                 )
+
+        try:
+            try:
+                found = sought(wide)
+            except NoGainsError as error:
+                if plants is not None:
+                    raise
+                found = _narrower(looked_at, law, error, own, sought)
         except BrokenOff as broken:
             raise BrokenOff(whole(broken.tuning)) from None
         except NoGainsError as error:
@@ -138,6 +153,58 @@ def tuned(
             return replace(whole(found), study=_judged(plants, law, found.law, workers, progress))
         except KeyboardInterrupt:
             raise BrokenOff(whole(found)) from None
+
+
+def _narrower(
+    rig: Rig, law: Law, error: NoGainsError, own: tuple[float, float], sought: Callable[[tuple[float, float]], Tuning]
+) -> Tuning:
+    """Gains for a rig for which none keep what is looked for over a sheath that is moved: those of its own bends.
+
+    Where there are none either, the rig's own gains or the law's usual ones, whichever follows better, that `check`
+    says hold.
+
+    Args:
+        rig: whose bends and stroke count.
+        law: with the gains from which the search started.
+        error: that of the search over more bends.
+        own: the rig's bends, which `check` looks at [rad].
+        sought: the search over bends.
+
+    Raises:
+        NoGainsError: there are none at all.
+    """
+    if bends_of(rig) != own:
+        try:
+            found = sought(own)
+            return replace(found, short=f"with the sheath bent to {bends_of(rig)[1] * DEGREES:.0f}°, {error.what}")
+        except NoGainsError as narrow:
+            error = narrow
+    plant, stroke = ranges.judged(rig), ranges.stroke(rig)
+    before = check(plant, law, bends=own, stroke=stroke)
+    runs = NineRuns(TuningTarget(plant, own, stroke, before.refuted))
+    held: list[tuple[float, Law, Check]] = []
+    for one in (law, rig.replace(gains={}, preset=None).fitted()):
+        found_one = before if one is law else check(plant, one, bends=own, stroke=stroke)
+        if found_one.verdict == "holds":
+            held.append((max(course_of(runs).errors(runs.laws(one), (), np.inf)), one, found_one))
+    if not held:
+        raise error
+    worst, best, judged = min(held, key=lambda one: one[0])
+    stood = law.numbers
+    worst_before = max(course_of(runs).errors(runs.laws(law), (), np.inf))
+    return Tuning(
+        law=best,
+        gains={name: value for name, value in best.numbers.items() if value != stood[name]},
+        stood=stood,
+        found=judged,
+        before=before,
+        worst_rmse=worst,
+        worst_before=worst_before if np.isfinite(worst_before) else None,
+        bends=own,
+        runs=runs.described,
+        generations=0,
+        short=f"{error.what}; {error.do}; these hold",
+    )
 
 
 def tuned_pair(

@@ -32,16 +32,20 @@ TEXT = """\
 [cable]
 model = {model}
 {counting}
+[bench]  # the loop's own clock, whatever the rate of the log
+sample_time_ms = {cycle:.1f}  # [ms] one control cycle
+delay_cycles = {delay}      # between a sample and the moment its command reaches the servo
+
 {servo}
 natural_frequency_hz = {frequency:.4g}  # [Hz] it decides how much gain a law may have
 damping = {damping:.1f}                 # ratio; 1 is critical
 {motor}
-[encoder.joint]  # of the paper's bench: put your own here
-resolution_deg = {count:.11g}  # [°] one count
+[encoder.joint]  # {joint_whose}
+resolution_deg = {joint_count:.11g}  # [°] one count
 noise_deg = {noise:.2f}                # [°] standard deviation
 
-[encoder.motor]  # at the spool
-resolution_deg = {count:.11g}  # [°] one count
+[encoder.motor]  # at the spool; {motor_whose}
+resolution_deg = {motor_count:.11g}  # [°] one count
 noise_deg = {noise:.2f}                # [°] standard deviation
 
 [control]
@@ -60,6 +64,9 @@ duration_s = 60.0  # [s]
 joint_low_deg = {joint_low}    # [°] smallest angle of the joint: {limited}
 joint_high_deg = {joint_high}  # [°] largest
 """
+
+
+_LOGS, _PAPERS = "the count is the log's, the noise of the paper's bench", "of the paper's bench: put your own here"
 
 
 class Chosen(NamedTuple):
@@ -140,11 +147,16 @@ def model_text(name: str, model: str, cable: IdentifiedCable, chosen: Chosen) ->
         name=name,
         model=quoted(model),
         counting=_counting_lines(counting),
+        cycle=1e3 * bench.sample_time,
+        delay=bench.delay,
         servo=NOT_YOURS,
         frequency=bench.servo.natural_frequency / (2.0 * math.pi),
         damping=bench.servo.damping,
         motor=_motor_lines(bench.motor.gear, counted.bouc_wen.slope / DEFAULT_CABLE.slope),
-        count=bench.joint_encoder.resolution * DEGREES,
+        joint_count=(cable.encoders.joint or bench.joint_encoder.resolution) * DEGREES,
+        motor_count=(cable.encoders.motor or bench.motor_encoder.resolution) * DEGREES,
+        joint_whose=_LOGS if cable.encoders.joint else _PAPERS,
+        motor_whose=_LOGS if cable.encoders.motor else _PAPERS,
         noise=bench.joint_encoder.noise * DEGREES,
         law=quoted(chosen.law),
         why=chosen.why,

@@ -1,6 +1,7 @@
 """The rig.toml that ``bowden init --suit`` writes: the suit on an arm, moved by EMG, live against its twin."""
 
 from bowden.core.toml_text import quoted
+from bowden.core.units import DEGREES
 from bowden.rig.model_rig import Chosen, gain_lines
 
 _TEXT = """\
@@ -19,7 +20,7 @@ mass_kg = 75.0    # [kg] of the body
 height_m = 1.75   # [m] of the body
 share = 0.0       # share of the arm's weight that the wearer carries
 
-[control]
+{encoder}[control]
 law = {law}  # {why}
 {gains}
 [scenario]
@@ -49,14 +50,23 @@ model = {}
 _OWN = Chosen("bowden", "begins with its gains for a suit")
 
 
-def suit_text(name: str, model: str | None = None, chosen: Chosen = _OWN) -> str:
+_ENCODER = """\
+[encoder.motor]  # of the log
+resolution_deg = {:.11g}  # [°] one count, at the spool
+
+"""
+
+
+def suit_text(name: str, model: str | None = None, chosen: Chosen = _OWN, count: float = 0.0) -> str:
     """The rig.toml.
 
     Args:
         name: of the file, as it is typed.
         model: the path of a model.toml, from the file's folder, where the cables are identified.
         chosen: the law.
+        count: of the motor's encoder, where it is known [rad].
     """
     cable = "" if model is None else _CABLE.format(quoted(model))
     gains = gain_lines(chosen.gains)
-    return _TEXT.format(name=name, cable=cable, law=quoted(chosen.law), why=chosen.why, gains=gains)
+    encoder = _ENCODER.format(count * DEGREES) if count else ""
+    return _TEXT.format(name=name, cable=cable, encoder=encoder, law=quoted(chosen.law), why=chosen.why, gains=gains)

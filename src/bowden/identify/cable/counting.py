@@ -58,6 +58,18 @@ class Covered(NamedTuple):
         return Covered(*ends, *joint)
 
 
+class Encoders(NamedTuple):
+    """One count of the encoders of a log; 0 where nobody said it."""
+
+    motor: float = 0.0
+    """[rad]"""
+    joint: float = 0.0
+    """[rad]"""
+
+
+NOT_SAID = Encoders()
+
+
 def covered_by(all_of: Sequence[Covered]) -> Covered:
     """What several logs covered together, as if nothing lay between them."""
     low = (min(one[k] for one in all_of) for k in (0, 2))

@@ -343,6 +343,7 @@ def identify_log(log: Log, seed: int = 0, progress: Progress | None = None) -> F
             models[best].model,
             others={name: dict(one.parameters) for name, one in models.items() if name != best},
             covered=log.covered,
+            encoders=log.encoders,
         ),
         warnings=(*log.warnings, *warnings),
         samples=len(log.time),

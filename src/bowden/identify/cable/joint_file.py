@@ -10,7 +10,7 @@ from bowden.core.units import DEGREES
 from bowden.identify.cable.cycles import Cycles
 from bowden.identify.cable.loads import JointFit
 from bowden.identify.cable.model import meaning
-from bowden.identify.cable.model_file import covered_lines
+from bowden.identify.cable.model_file import log_lines
 from bowden.identify.cable.recalibrate import Recalibration, to_identify
 from bowden.identify.cable.trusted import trust_lines
 
@@ -27,7 +27,7 @@ def joint_text(fit: JointFit) -> str:
         f"samples = {fit.samples}",
         *_warnings(fit.warnings),
         *trust_lines(fit.trust),
-        *([] if fit.best.covered is None else covered_lines(fit.best.covered)),
+        *log_lines(fit.best.covered, fit.best.encoders),
         "",
         f"[models.{fit.best.name}]",
         *_errors({name: getattr(fit, name) for name in ("train_rms", "test_rms")} | {"judged_rms": fit.judged}),
@@ -60,7 +60,7 @@ def recalibrated_text(found: Recalibration, source: str) -> str:
         _cycles(found.cycles, to_identify(found.cycles)),
         *_warnings(found.warnings),
         *trust_lines(found.best.trust),
-        *([] if found.best.covered is None else covered_lines(found.best.covered)),
+        *log_lines(found.best.covered, found.best.encoders),
     ]
     for name, parameters in ((found.best.name, found.best.parameters), *found.best.others.items()):
         lines += ["", f"[models.{name}]"]

@@ -337,7 +337,13 @@ def identify_loads(
     near = int(np.argmin(np.abs(values - middle).sum(axis=1))) if len(names) else 0
     plain = BoucWenCable(_path(logs[near], _SEARCHED).first(30), seed).fit(paths[near]).parameters
     seen = covered_by([log.covered for log in logs])
-    best = CableModel(SCHEDULED, parameters_of(cable, names, middle), others={"bouc_wen": plain}, covered=seen)
+    best = CableModel(
+        SCHEDULED,
+        parameters_of(cable, names, middle),
+        others={"bouc_wen": plain},
+        covered=seen,
+        encoders=logs[0].encoders,
+    )
     tell("done", 1.0)
     fit = JointFit(
         best=best,

@@ -15,7 +15,7 @@ from bowden.core.errors import ParameterError, near
 from bowden.core.files import write_text
 from bowden.core.guesses import Answering, answering
 from bowden.identify.cable.bouc_wen import cable_of, simulate
-from bowden.identify.cable.counting import Counting, Covered, recounted
+from bowden.identify.cable.counting import NOT_SAID, Counting, Covered, Encoders, recounted
 from bowden.identify.cable.generalised import GeneralisedPlay
 from bowden.identify.cable.line import Line
 from bowden.identify.cable.play import PlayOperator
@@ -212,6 +212,8 @@ class CableModel(metaclass=Answering):
     """The motion that the log covered; None where nothing says it."""
     trust: Trust | None = field(default=None, compare=False, repr=False)
     """Whether to trust it, and why; None where nothing says it."""
+    encoders: Encoders = field(default=NOT_SAID, compare=False, repr=False)
+    """One count of each encoder of the log, where it was said."""
 
     @classmethod
     def read(cls, path: Path | str) -> "CableModel":
@@ -224,7 +226,7 @@ class CableModel(metaclass=Answering):
 
         found = load_cable(path_of(path, "CableModel.read: path"))
         others = {name: one for name, one in found.models.items() if name != found.best}
-        return cls(found.best, found.models[found.best], others, found.covered, found.trust)
+        return cls(found.best, found.models[found.best], others, found.covered, found.trust, found.encoders)
 
     def write(self, path: Path | str) -> None:
         """Write the model as a model.toml, which `read`, a rig.toml and ``bowden init --model`` take.
@@ -241,7 +243,7 @@ class CableModel(metaclass=Answering):
     def identified(self) -> "IdentifiedCable":
         """All that is known of its cable: itself, as the recommended model, and the others of its log."""
         models = {self.name: dict(self.parameters)} | {name: dict(one) for name, one in self.others.items()}
-        return IdentifiedCable(self.name, models, covered=self.covered, trust=self.trust)
+        return IdentifiedCable(self.name, models, covered=self.covered, trust=self.trust, encoders=self.encoders)
 
     def joint_angle(self, motor: Array) -> Array:
         """Joint angle along a recorded motion of the motor, simulated straight through: (n,) [rad] → (n,) [rad].
@@ -299,6 +301,8 @@ class IdentifiedCable:
     """The motion that the log covered, counted likewise; None where the file does not say it."""
     trust: Trust | None = field(default=None, compare=False)
     """Whether to trust the recommended model, and why; None where the file does not say it."""
+    encoders: Encoders = field(default=NOT_SAID, compare=False)
+    """One count of each encoder of the log, where the file says it."""
 
     @property
     def simulated(self) -> str:

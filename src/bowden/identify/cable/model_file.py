@@ -13,7 +13,7 @@ from bowden.core.errors import ParameterError
 from bowden.core.files import write_text
 from bowden.core.toml_text import quoted
 from bowden.core.units import DEGREES
-from bowden.identify.cable.counting import Covered
+from bowden.identify.cable.counting import Covered, Encoders
 from bowden.identify.cable.fit import Fit, ModelFit
 from bowden.identify.cable.loop import HysteresisLoop
 from bowden.identify.cable.model import (
@@ -60,7 +60,7 @@ def model_text(fit: Fit, source: str) -> str:
         "warnings = [" + "".join(f"\n  {quoted(_one_line(warning))}," for warning in fit.warnings) + "\n]",
     ]
     lines += trust_lines(fit.trust)
-    lines += covered_lines(fit.log.covered)
+    lines += log_lines(fit.log.covered, fit.log.encoders)
     left, without, counts = (_number(value * DEGREES) for value in fit.forecast)
     lines += [
         "",
@@ -75,15 +75,19 @@ def model_text(fit: Fit, source: str) -> str:
     return "\n".join(lines) + "\n"
 
 
-def covered_lines(covered: Covered) -> list[str]:
-    """The section of model.toml with the motion that the log covered."""
-    ends = [f"{angle * DEGREES:.4f}" for angle in covered]
-    return [
-        "",
-        "[covered]  # by the log, in its own angles; the models were not fitted beyond this motion",
-        f"motor_deg = [{ends[0]}, {ends[1]}]",
-        f"joint_deg = [{ends[2]}, {ends[3]}]",
-    ]
+def log_lines(covered: Covered | None, encoders: Encoders) -> list[str]:
+    """The sections of model.toml with the motion that the log covered, and its encoders; as far as they are known."""
+    lines = []
+    if covered is not None:
+        ends = [f"{angle * DEGREES:.4f}" for angle in covered]
+        lines += [
+            "",
+            "[covered]  # by the log, in its own angles; the models were not fitted beyond this motion",
+            f"motor_deg = [{ends[0]}, {ends[1]}]",
+            f"joint_deg = [{ends[2]}, {ends[3]}]",
+        ]
+    known = [f"{side}_deg = {count * DEGREES:.11g}" for side, count in encoders._asdict().items() if count]
+    return lines + (["", "[encoders]  # one count, as it was said: --counts-per-turn", *known] if known else [])
 
 
 def _loop_lines(loop: HysteresisLoop | None) -> list[str]:
@@ -168,8 +172,10 @@ def load_cable(path: Path | str, name: str = "") -> IdentifiedCable:
             )
     said = {one: models[best].get(f"{one}_unit") for one in VARIABLES}
     units = {one: unit for one, unit in said.items() if isinstance(unit, str) and unit}
-    trust = trust_of(read_toml(file), file)
-    return IdentifiedCable(best, found, name or str(file), units=units, covered=_covered(file), trust=trust)
+    trust, covered = trust_of(read_toml(file), file), _covered(file)
+    return IdentifiedCable(
+        best, found, name or str(file), units=units, covered=covered, trust=trust, encoders=_encoders(file)
+    )
 
 
 def load_judged(path: Path | str, name: str = "") -> tuple[IdentifiedCable, float]:
@@ -191,7 +197,7 @@ def cable_text(cable: IdentifiedCable) -> str:
     """A model.toml that `load_cable` reads back; what an identification says beside the models is not in it."""
     lines = [f"# An identified cable, written by bowden {__version__}.", f"best = {quoted(cable.best)}"]
     lines += trust_lines(cable.trust)
-    lines += [] if cable.covered is None else covered_lines(cable.covered)
+    lines += log_lines(cable.covered, cable.encoders)
     for name, parameters in cable.models.items():
         lines += ["", f"[models.{name}.parameters]"]
         lines += [f"{key} = {float(value)!r}  # [{meaning(key)[0]}]" for key, value in parameters.items()]
@@ -215,6 +221,20 @@ def _covered(file: Path) -> Covered | None:
             )
         ends += [one / DEGREES for one in numbers]
     return Covered(*ends)
+
+
+def _encoders(file: Path) -> Encoders:
+    """One count of each encoder, where the file says it."""
+    said = read_toml(file).get("encoders", {})
+    known = said if isinstance(said, dict) else {}
+    counts = [known.get(f"{side}_deg", 0.0) for side in Encoders._fields]
+    if not (isinstance(said, dict) and all(type(one) in (int, float) and 0.0 <= one <= 180.0 for one in counts)):
+        raise ParameterError(
+            f"{file}: [encoders] is {said!r}",
+            expected="motor_deg and joint_deg, one count each, up to 180°",
+            do="write the file again, or delete the section",
+        )
+    return Encoders(*(one / DEGREES for one in counts))
 
 
 def _document(file: Path) -> tuple[dict[str, Any], str]:

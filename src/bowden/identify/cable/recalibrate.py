@@ -271,7 +271,7 @@ def recalibrate(
     known_before = [] if cable.trust is None else [cable.trust]
     renewed = [Trust("no", ("the cable has changed since its model was identified",))] if changed else []
     trust = least([*known_before, *renewed, *log.doubts]) if known_before or renewed or log.doubts else None
-    best = CableModel(given.best, models[given.best], others, covered, trust)
+    best = CableModel(given.best, models[given.best], others, covered, trust, given.encoders)
     return Recalibration(
         best=best,
         gain=gain,

@@ -14,7 +14,7 @@ from bowden.core.bounded import open_file
 from bowden.core.errors import LogError, ParameterError
 from bowden.core.table import read_table
 from bowden.identify.cable import checks
-from bowden.identify.cable.counting import Covered
+from bowden.identify.cable.counting import NOT_SAID, Covered, Encoders
 from bowden.identify.cable.trusted import Trust
 from bowden.identify.cable.turns import resolution
 from bowden.identify.log.angles import (
@@ -55,6 +55,8 @@ class Log:
     counts: tuple[float, float] | None = None
     """One count of motor's and joint's encoder, as recorded: an even clock's angles lie between them. None where the
     angles are as recorded [rad]."""
+    encoders: Encoders = NOT_SAID
+    """One count of each, where the log was in counts and somebody said how many make a turn."""
 
     @property
     def resolutions(self) -> tuple[float, float]:
@@ -268,7 +270,9 @@ def prepare(
         *seldom,
         *([swapped] if checks.look_swapped(motor_at, joint_at) else []),
     )
-    return Log(even, motor_at, joint_at, name, (*warnings, *notes, *more, *clock, *repeats), doubts, counts)
+    said = (*warnings, *notes, *more, *clock, *repeats)
+    encoders = Encoders(*(angles[side].factor if angles[side].unit == "counts" else 0.0 for side in SIDES))
+    return Log(even, motor_at, joint_at, name, said, doubts, counts, encoders)
 
 
 def at_new_readings(time: Array, motor: Array, joint: Array) -> tuple[Array, Array, Array, list[str], list[Trust]]:
