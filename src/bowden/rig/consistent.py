@@ -56,6 +56,8 @@ class Basis(NamedTuple):
     """Dead zone of the cable at the motor; 0 where it is not known [rad]."""
     low: float
     """Least angle of the joint that a run asks for, zero included [rad]."""
+    fastest: float
+    """Speed that the servo reaches at most [rad/s]."""
     sample_time: float
     """One cycle [s]."""
 
@@ -63,10 +65,10 @@ class Basis(NamedTuple):
 def follow(given: Limits, basis: Basis) -> Limits:
     """The limits with those that are not written, NaN in `given`, as they follow.
 
-    >>> follow(UNWRITTEN, Basis(1.0, 0.938, 0.0, 0.0, 1e-3)) == USUAL
+    >>> follow(UNWRITTEN, Basis(1.0, 0.938, 0.0, 0.0, 100.0, 1e-3)) == USUAL
     True
     """
-    slope, flat, width, low, dt = basis
+    slope, flat, width, low, fastest, dt = basis
     found = given
 
     def follows(name: str, value: float) -> None:
@@ -76,11 +78,12 @@ def follow(given: Limits, basis: Basis) -> Limits:
 
     for name in ("slope_low", "slope_high"):
         follows(name, getattr(USUAL, name) * slope)
-    for name in ("motor_margin", "motor_speed", "acceleration", "tracking", "target_reach", "frozen_travel"):
+    for name in ("motor_margin", "acceleration", "tracking", "target_reach", "frozen_travel"):
         follows(name, getattr(USUAL, name) / slope)
     play = max(USUAL.play, PLAYS * width * flat)
     more = (play - USUAL.play) / flat
     follows("play", play)
+    follows("motor_speed", min(USUAL.motor_speed / slope, fastest))
     follows("motor_low", USUAL.motor_low / slope + max(low, found.joint_low) / flat - more)
     follows("motor_high", USUAL.motor_high / slope + (found.joint_high - USUAL.joint_high) / flat + more)
     speed = max(USUAL.target_speed / slope, CROSSING * width / dt)
