@@ -98,7 +98,7 @@ def by_hand(random: np.random.Generator) -> dict[str, Any]:
         "cable": BoucWen(slope, gain, random.uniform(0.2, 0.9) * slope / abs(gain), usual.shape, usual.exponent),
         "motor": bench.motor._replace(gear=bench.motor.gear * max(1.0, slope / bench.slope)),
         "reference": PeriodicMinimumJerk(low, low + span, random.uniform(6.0, 12.0)),
-        "limits": {"joint_low": min(0.0, low) - 0.3, "joint_high": max(0.0, low + span) + 0.3},
+        "limits": {"joint_low": low - 0.3, "joint_high": low + span + 0.3},
     }
 
 

@@ -632,12 +632,12 @@ def test_a_rig_is_not_run_over_ssh_unless_somebody_stands_at_it(
 
 def test_a_twin_of_the_commands_own_may_answer_late_and_a_drive_may_not() -> None:
     rig = Rig()
-    assert rig.limits.reading_age == 2.0
+    assert rig.supervisor_limits.reading_age == 2.0
     assert patient(rig).limits == rig.limits._replace(reading_age=20.0, operator_age=1.0), "as late as the loop"
     assert patient(rig.replace(sample_time=0.002)).limits.reading_age == 10.0
     strict = rig.replace(limits=rig.limits._replace(reading_age=3.0, operator_age=0.1))
     assert patient(strict).limits == strict.limits
-    measured = patient(rig, measure=True).limits
+    measured = patient(rig, measure=True).supervisor_limits
     assert measured.lateness + measured.bridge_time < measured.heartbeat_age <= PATIENCE
     assert (measured.reading_age, measured.operator_age) == (50.0, PATIENCE)
     assert patient(strict, measure=True).limits.reading_age == 3.0

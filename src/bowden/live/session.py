@@ -763,12 +763,13 @@ def own_twin(rig: Rig, *, measure: bool = False, alone: str = "") -> Iterator[Ri
             if twin not in twins:
                 twins.append(twin)
             beside = patient(own, measure=measure)
+            wider, usual = beside.supervisor_limits, own.supervisor_limits
             if measure:
                 twin.control.wait(PATIENCE)
             allowed = ", ".join(
-                f"{item.key} = {at(beside.limits, item.path):.3g} (in place of {at(own.limits, item.path):g})"
+                f"{item.key} = {at(wider, item.path):.3g} (in place of {at(usual, item.path):g})"
                 for item in items_of(Limits)
-                if at(beside.limits, item.path) != at(own.limits, item.path)
+                if at(wider, item.path) != at(usual, item.path)
             )
             if allowed and not axes:
                 print(
@@ -812,7 +813,7 @@ def patient(rig: Rig, *, measure: bool = False) -> Rig:
         rig: of the run.
         measure: see `own_twin`.
     """
-    limits, usual, cell = rig.limits, Limits(), rig.load_cell
+    given, limits, usual, cell = rig.limits, rig.supervisor_limits, Limits()._asdict(), rig.load_cell
     late = math.floor(limits.lateness / rig.sample_time + 1e-9)
     wider: dict[str, Any] = {
         "reading_age": max(limits.reading_age, float(min(late, _OLDEST))),
@@ -821,10 +822,10 @@ def patient(rig: Rig, *, measure: bool = False) -> Rig:
     if measure:
         wider |= {"reading_age": float(_OLDEST), "lateness": 0.5 * PATIENCE}
         wider |= {"heartbeat_age": 0.6 * PATIENCE, "clock_gap": PATIENCE}
-    changed = {name: value for name, value in wider.items() if getattr(limits, name) == getattr(usual, name)}
+    changed = {name: value for name, value in wider.items() if getattr(given, name) in (usual[name], math.nan)}
     if cell.there and cell.silence == type(cell)().silence:
         cell = cell._replace(silence=min(late * rig.sample_time, _SILENT))
-    return rig.replace(limits=limits._replace(**changed), load_cell=cell)
+    return rig.replace(limits=given._replace(**changed), load_cell=cell)
 
 
 PATIENCE = 1.0

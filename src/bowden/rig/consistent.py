@@ -37,8 +37,10 @@ OLDEST = 0.010
 """Age of an angle that is still good, but for one cycle where that is longer [s]."""
 CYCLES = 3.0
 """Cycles of silence that are a fault, of drive and host: one frame may be lost, and the next one late."""
+CROSSING = 2.0
+"""What the target may go in a cycle, over the dead zone: a law crosses it at a reversal, and a half of it beyond."""
 STEP = 0.9
-"""Of `target_reach`: what the target may go in one slow cycle, in which a law crosses the dead zone at a reversal."""
+"""Of `target_reach`: what the target may go in a cycle at most."""
 SPAN = 1.25
 """What an encoder shows over what angles at their limits may come to."""
 
@@ -54,6 +56,8 @@ class Basis(NamedTuple):
     """Dead zone of the cable at the motor; 0 where it is not known [rad]."""
     low: float
     """Least angle of the joint that a run asks for, zero included [rad]."""
+    fastest: float
+    """Speed that the servo reaches at most [rad/s]."""
     sample_time: float
     """One cycle [s]."""
 
@@ -61,10 +65,10 @@ class Basis(NamedTuple):
 def follow(given: Limits, basis: Basis) -> Limits:
     """The limits with those that are not written, NaN in `given`, as they follow.
 
-    >>> follow(UNWRITTEN, Basis(1.0, 0.938, 0.0, 0.0, 1e-3)) == USUAL
+    >>> follow(UNWRITTEN, Basis(1.0, 0.938, 0.0, 0.0, 100.0, 1e-3)) == USUAL
     True
     """
-    slope, flat, width, low, dt = basis
+    slope, flat, width, low, fastest, dt = basis
     found = given
 
     def follows(name: str, value: float) -> None:
@@ -74,14 +78,16 @@ def follow(given: Limits, basis: Basis) -> Limits:
 
     for name in ("slope_low", "slope_high"):
         follows(name, getattr(USUAL, name) * slope)
-    for name in ("motor_margin", "motor_speed", "acceleration", "tracking", "target_reach", "frozen_travel"):
+    for name in ("motor_margin", "acceleration", "tracking", "target_reach", "frozen_travel"):
         follows(name, getattr(USUAL, name) / slope)
     play = max(USUAL.play, PLAYS * width * flat)
     more = (play - USUAL.play) / flat
     follows("play", play)
+    follows("motor_speed", min(USUAL.motor_speed / slope, fastest))
     follows("motor_low", USUAL.motor_low / slope + max(low, found.joint_low) / flat - more)
     follows("motor_high", USUAL.motor_high / slope + (found.joint_high - USUAL.joint_high) / flat + more)
-    follows("target_speed", min(USUAL.target_speed / slope, STEP * found.target_reach / dt))
+    speed = max(USUAL.target_speed / slope, CROSSING * width / dt)
+    follows("target_speed", min(speed, STEP * found.target_reach / dt))
     follows("bridge_time", max(BRIDGED, dt))
     follows("reading_age", min(USUAL.reading_age, max(1.0, math.floor(OLDEST / dt + 1e-9))))
     follows("tracking_time", max(USUAL.tracking_time, dt))
@@ -213,8 +219,8 @@ def _written(limits: Limits, given: Limits, *names: str) -> str:
     for name in names:
         value = at(limits, tuple(name.split(".")))
         key = items[name].key if name in items else _ELSEWHERE.get(name, name)
-        number = in_file(value, items[name].quantity) if name in items else f"{value:.6g}"
-        if name in FOLLOWING and math.isnan(getattr(given, name)):
+        number = (in_file(value, items[name].quantity) if name in items else None) or f"{value:.6g}"
+        if name in FOLLOWING and math.isnan(getattr(given, name)) and given is not limits:
             unit = items[name].quantity.file_unit.strip("–")
             said.append(f"the {name.replace('_', ' ')} that follows ({number:.4g}{unit})")
         else:

@@ -61,8 +61,8 @@ period_s = 10.0  # [s] there and back
 duration_s = 60.0  # [s]
 
 [limits]  # of bowden run; what is not here follows from the cable, this range and the cycle (docs/safety.md)
-joint_low_deg = {joint_low}    # [°] smallest angle of the joint: {limited}
-joint_high_deg = {joint_high}  # [°] largest
+joint_low_deg = {joint_low:<7.1f}  # [°] smallest angle of the joint: {limited}
+joint_high_deg = {joint_high:<6.1f}  # [°] largest
 """
 
 

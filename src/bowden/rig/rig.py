@@ -975,12 +975,12 @@ class Rig(metaclass=Answering):
     def basis(self) -> Basis:
         """What limits that are not written follow from."""
         if self.worn is not None or (self.plant is not None and not self.own_plant.slope > 0.0):
-            return Basis(1.0, DEFAULT_CABLE.slope, 0.0, 0.0, self.sample_time)
+            return Basis(1.0, DEFAULT_CABLE.slope, 0.0, 0.0, self.bench.servo.speed_limit, self.sample_time)
         cable, width = self.bench.cable, 0.0
         if self.plant is None:
             width = with_cable(self.knowledge, cable, self.bench.sheath.gap, identified=True).width
-        low = min(0.0, self._ends[0])
-        return Basis(self.slope / DEFAULT_CABLE.slope, self.slope, width, low, self.sample_time)
+        low, fastest = min(0.0, self._ends[0]), self.bench.servo.speed_limit
+        return Basis(self.slope / DEFAULT_CABLE.slope, self.slope, width, low, fastest, self.sample_time)
 
     @cached_property
     def _ends(self) -> tuple[float, float]:
@@ -990,13 +990,15 @@ class Rig(metaclass=Answering):
 
     @cached_property
     def home(self) -> float:
-        """The joint's rest, where the cable is just taut: zero, or the end of the reference where the cable is longer
-        [rad].
+        """The joint's rest, where the cable is just taut: zero, or the end of the reference where the cable is longer,
+        or where zero is outside the joint's range [rad].
         """
         if self.worn is not None:
             return 0.0
         low, high = self._ends
-        end = min(0.0, low) if self.limits.slack_sign < 0.0 else max(0.0, high)
+        if self.limits.joint_low < 0.0 < self.limits.joint_high:
+            low, high = min(0.0, low), max(0.0, high)
+        end = low if self.limits.slack_sign < 0.0 else high
         return min(max(end, self.limits.joint_low), self.limits.joint_high)
 
     @cached_property

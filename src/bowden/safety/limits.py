@@ -21,10 +21,9 @@ class Limits(NamedTuple):
 
     So have angles and speeds, in degrees as in rig.toml. A joint turns within one turn, 360° either way; no joint of a
     limb that a cable moves is quicker than 1150°/s (what the elbow of a throwing athlete reaches is twice that,
-    unassisted). A spool of 10 mm takes 0.4 m of cable in 2300°, which is more than any joint draws in; at 5700°/s it
-    takes 1 m a second.
-    Tolerances (`jump`, `tracking`, `play`, `frozen_travel`, `target_reach`) are no larger than what they are to find: a
-    joint that is 57° from where its cable holds it is no longer held, and a target half a turn away is none of a law's.
+    unassisted). A motor may be counted before a gear: 100 turns, and as many times the joint's speed as the flattest
+    cable, of slope 0.02, asks for.
+    What follows (`follows`) is here as on the paper's bench; a rig has it by `rig.consistent`.
     """
 
     motor_low: Annotated[
@@ -37,7 +36,7 @@ class Limits(NamedTuple):
         float, Quantity("how far the motor may be beyond its targets' range", "rad", ge=0.0, le=360.0, follows=True)
     ] = 0.05
     joint_low: Annotated[float, Quantity("smallest angle of the joint", "rad", ge=-360.0, le=360.0)] = -0.5
-    joint_high: Annotated[float, Quantity("largest angle of the joint", "rad", ge=0.0, le=360.0)] = 1.5
+    joint_high: Annotated[float, Quantity("largest angle of the joint", "rad", ge=-360.0, le=360.0)] = 1.5
     sensor_span: Annotated[
         float, Quantity("largest size of an angle that an encoder can show", "rad", ge=0.0, le=72000.0, follows=True)
     ] = 6.5

@@ -32,6 +32,9 @@ STEP = 0.9e-3
 STANDSTILL = 1e-6
 """Speed at which a quick stop is over [rad/s]."""
 
+WINDOW = 2.0
+"""Following error that the drive allows as it comes; one that was chosen for a rig allows what that asks for [rad]."""
+
 
 class CanopenNode:
     """One drive, as `hardware.twin.node.TwinNode` has it.
@@ -77,13 +80,13 @@ class CanopenNode:
         self._inputs = ALL_RELEASED
         self._next_heartbeat = -math.inf
         bench, gear = self.bench, self._drive.gear
-        speed = bench.speed_limit * gear * RPM
+        speed, lag = bench.speed_limit * gear * RPM, max(WINDOW, self._drive.following_error)
         made = Made(
             node_id=self._drive.node_id,
             rated_torque=RATED_CURRENT * self._drive.torque_constant,
             speed=math.ceil(speed) if speed < 50e3 else 50e3,
             current=bench.current_limit,
-            window=2.0 * self._motor.steepest(-math.inf, math.inf) / abs(self._motor.step),
+            window=lag * self._motor.steepest(-math.inf, math.inf) / abs(self._motor.step),
             braking=min(bench.physics.braking * gear * RPM, 2**31),
             pushed=bench.torque_offset is not None,
         )
