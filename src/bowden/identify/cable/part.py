@@ -15,7 +15,7 @@ from bowden.identify.cable.path import Path, path_of
 from bowden.identify.cable.play import PlayOperator
 from bowden.identify.cable.settling import Settling, settling
 from bowden.identify.cable.stack import PrandtlIshlinskii
-from bowden.identify.cable.validation import Samples, fold_of, held_out_errors
+from bowden.identify.cable.validation import JudgedSamples, fold_of, held_out_errors
 from bowden.identify.log.read import Log
 
 Array = NDArray[np.float64]
@@ -72,7 +72,7 @@ class FittedPart:
         inside = (
             (stroke[after - 1] == stroke[after]) & (own >= 0) & (log.time <= nodes[-1])
         )  # of a stroke that was read
-        seen = Samples(log.time[inside], log.joint[inside], self.counted_at(log.time[inside]), own[inside])
+        seen = JudgedSamples(log.time[inside], log.joint[inside], self.counted_at(log.time[inside]), own[inside])
         return {
             family.name: held_out_errors(family, self.judged, self.estimates[family.name], self.fine, seen)
             for family in self.families

@@ -55,7 +55,7 @@ def folds(path: Path) -> list[NDArray[np.bool_]]:
     return [fold == one for one in range(_FOLDS) if (fold == one).any()]
 
 
-class Samples(NamedTuple):
+class JudgedSamples(NamedTuple):
     """What a log holds where a model is judged."""
 
     time: Array
@@ -68,7 +68,7 @@ class Samples(NamedTuple):
     """That judges them (n,)."""
 
 
-def held_out_errors(family: Family, path: Path, near: Estimate, along: Path, samples: Samples) -> Array:
+def held_out_errors(family: Family, path: Path, near: Estimate, along: Path, samples: JudgedSamples) -> Array:
     """Mean squared error of each left-out fold (folds,) [rad²].
 
     Args:
