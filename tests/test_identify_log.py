@@ -147,8 +147,8 @@ def test_a_guess_is_not_silent(write: Write) -> None:
     of_time, of_angles = (one.reasons[0] for one in read_log(write(text(header="time,motor,joint"))).doubts)
     assert "no unit is named for 'time' (taken as s)" in of_time
     assert "no unit is named for 'motor' (taken as rad) and 'joint' (taken as rad)" in of_angles
-    (mixed,) = read_log(write(text(rows(*DEGREES), "time,motor_deg,joint"))).warnings
-    assert "'joint' names no unit and was taken as deg" in mixed
+    (_, mixed) = (one.reasons[0] for one in read_log(write(text(rows(*DEGREES), "time,motor_deg,joint"))).doubts)
+    assert "'joint' (taken as deg)" in mixed
     against = read_log(write(text(header="time,motor_deg,joint_deg")), unit="rad").warnings
     assert all("names deg, but rad was given" in warning for warning in against)
 

@@ -26,7 +26,8 @@ from bowden.identify.cable.loop import HysteresisLoop, loop_lines, loop_of
 from bowden.identify.cable.model import CableModel
 from bowden.identify.cable.part import Progress, fit_part, refit_whole
 from bowden.identify.cable.path import Path, path_of
-from bowden.identify.cable.trust import Trust, parameter_lines, trust
+from bowden.identify.cable.trust import parameter_lines, trust
+from bowden.identify.cable.trusted import Trust
 from bowden.identify.cable.turns import motor_noise, peak_speed
 from bowden.identify.cable.uncertainty import all_shown, standard_errors
 from bowden.identify.cable.validation import simplest_of_the_best

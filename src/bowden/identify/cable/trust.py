@@ -49,7 +49,7 @@ def trust(fit: "Fit") -> Trust:
         doubt("with care", f"{fit.cycles.counted}, too few to judge a model on cycles that it has not seen; {said}")
     if rate is not None:
         doubt("with care", f"the joint's sensor drifts by {rate * DEGREES * 60.0:.2g}°/min")
-    elif unseen > WORSE * seen and unseen > SLIGHT and fit.best.name != "line":
+    elif not fit.chosen_on_whole and unseen > WORSE * seen and unseen > SLIGHT and fit.best.name != "line":
         doubt("with care", f"the cable changed during the log; {said}")
     if lags(fit.lag):
         doubt("with care", f"the joint is {1e3 * fit.lag[0]:.2g} ms late, which makes its loop look wider")
