@@ -5,7 +5,9 @@ python benchmarks/identify_trust.py families development 0 40
 
 import argparse
 import math
+import tempfile
 import time as clock
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,12 +18,16 @@ from bowden.core.units import DEGREES, RADIANS
 from bowden.models.cable.bouc_wen import BoucWen, saturation
 from bowden.models.cable.bouc_wen_sensitivity import hysteresis
 from bowden.models.cable.generalised_play import Branches, joint_angle
+from drawn_logs import SETS
+from kept import Kept
 
 Array = NDArray[np.float64]
 
-SETS = {"development": 1, "judging": 2}
 FAMILIES = ("play", "prandtl_ishlinskii", "bouc_wen", "bouc_wen_static", "generalised_play")
 NODES = 401
+WORSE = 1.05
+"""Of the drawn family's error, up to which another one is as good."""
+FAULTS = ("unit", "time", "held", "late", "drifting", "clipped", "noisy")
 
 
 def moved(random: np.random.Generator, family: str, motor: Array) -> Array:
@@ -54,13 +60,17 @@ def moved(random: np.random.Generator, family: str, motor: Array) -> Array:
     return joint_angle(motor, lag, Branches(slope, bends, gaps, low, high, reaches, shares, offset, 0.0))
 
 
-def motion(random: np.random.Generator, seconds: float, rate: float) -> tuple[Array, Array]:
-    """Times [s], and a motor that goes back and forth by sines, of one amplitude or of several (n,) [rad]."""
+def motion(random: np.random.Generator, seconds: float, rate: float, faster: float = 1.0) -> tuple[Array, Array]:
+    """Times [s], and a motor that goes back and forth by sines, of one amplitude or of several (n,) [rad].
+
+    It becomes so many times `faster` over each tenth of the log: at one speed no log tells a delay from a wider loop.
+    """
     time = np.arange(round(seconds * rate)) / rate
     half, frequency = float(random.uniform(20.0, 60.0)) * RADIANS, math.exp(random.uniform(*np.log([0.25, 0.6])))
     if seconds > 120.0:
         frequency = math.exp(random.uniform(*np.log([0.05, 0.6])))
-    phase = 2.0 * np.pi * (frequency * time + float(random.uniform()))
+    pace = 1.0 + (faster - 1.0) * np.abs(np.mod(10.0 * time / seconds, 2.0) - 1.0)
+    phase = 2.0 * np.pi * (frequency * np.cumsum(pace) / rate + float(random.uniform()))
     swing = np.ones_like(time)
     if random.uniform() < 0.4:
         swing = 0.8 + 0.2 * np.sin(2.0 * np.pi * float(random.uniform(0.02, 0.08)) * time + random.uniform(0.0, 6.0))
@@ -74,11 +84,11 @@ def read(random: np.random.Generator, angle: Array) -> Array:
     return np.asarray(step * np.round((angle + noise * random.standard_normal(len(angle))) / step))
 
 
-def family_row(set_name: str, number: int, most: float) -> list[Any]:
+def family_row(set_name: str, number: int, most: float, longest: float = 7200.0) -> list[Any]:
     """What is found of the log of that number."""
     random = np.random.default_rng([33, SETS[set_name], number])
     family = FAMILIES[number % len(FAMILIES)]
-    seconds = math.exp(random.uniform(*np.log([20.0, 7200.0])))
+    seconds = math.exp(random.uniform(*np.log([20.0, longest])))
     rate = float(random.choice([r for r in (50.0, 100.0, 200.0, 500.0, 1000.0) if seconds * r < most or r == 50.0]))
     time, motor = motion(random, seconds, rate)
     joint = moved(random, family, motor)
@@ -101,17 +111,96 @@ def family_row(set_name: str, number: int, most: float) -> list[Any]:
     ]
 
 
+def spoilt(
+    random: np.random.Generator, kind: str, log: tuple[Array, Array, Array], height: float
+) -> tuple[str, Array, Array, Array]:
+    """The same log with a fault: the header of its file, and its columns. `height` is its loop's [rad]."""
+    time, motor, joint = log
+    head, rate = "time_s,motor_rad,joint_rad", 1.0 / float(time[1])
+    fastest = float(np.quantile(np.abs(np.diff(joint)), 0.95)) * rate
+    strength = float(random.uniform(0.5, 2.0))  # of what is lost, over the loop's height
+    if kind == "unit":
+        named = str(random.choice(["no name", "degrees as rad", "rad as degrees", "mm"]))
+        if named == "no name":
+            head, motor, joint = "time_s,motor,joint", motor * DEGREES, joint * DEGREES
+        elif named == "degrees as rad":
+            motor, joint = motor * DEGREES, joint * DEGREES
+        elif named == "rad as degrees":
+            head = "time_s,motor_deg,joint_deg"
+        else:
+            head, motor = "time_s,motor_mm,joint_rad", float(random.uniform(5.0, 40.0)) * motor
+    elif kind == "time":
+        head = str(random.choice(["time_ms,motor_rad,joint_rad", head]))
+        time = time if head.startswith("time_ms") else 1e3 * time
+    elif kind == "held":
+        rows = max(2, round(strength * height / fastest * rate))
+        gaps = rows + (random.integers(-(rows // 3), rows // 3 + 1, len(time)) if random.uniform() < 0.5 else 0)
+        new = np.unique(np.minimum(np.cumsum(np.broadcast_to(gaps, len(time))), len(time) - 1))
+        joint = joint[new[np.clip(np.searchsorted(new, np.arange(len(time)), "right") - 1, 0, None)]]
+    elif kind == "late":
+        joint = np.interp(time - 0.5 * strength * height / fastest, time, joint)
+    elif kind == "drifting":
+        joint = joint + float(random.choice([-1.0, 1.0])) * strength * height * time / time[-1]
+    elif kind == "clipped":
+        cut = float(random.uniform(0.1, 0.3)) * float(np.ptp(joint))
+        joint = np.minimum(joint, joint.max() - cut) if random.uniform() < 0.5 else np.maximum(joint, joint.min() + cut)
+    elif kind == "noisy":
+        joint = joint + 0.5 * strength * height * random.standard_normal(len(joint))
+    return head, time, motor, joint
+
+
+def trust_rows(set_name: str, number: int) -> list[list[Any]]:
+    """The level of a good log, and of the same one with a fault; the fault's loop over the good one's, and its why."""
+    random = np.random.default_rng([34, SETS[set_name], number])
+    seconds, rate = float(random.uniform(20.0, 90.0)), float(random.choice([50.0, 100.0, 200.0, 500.0]))
+    family, kind = FAMILIES[number % len(FAMILIES)], FAULTS[number % len(FAULTS)]
+    time, motor = motion(random, seconds, rate, 3.0 if kind == "late" else 1.0)
+    joint = moved(random, family, motor)
+    log = time, read(random, motor), read(random, joint)
+    good = bowden.identify(*log, unit="rad")
+    height = abs(good.chosen.loop.height) if good.chosen.loop else 0.0
+    head, *columns = spoilt(random, kind, log, height)
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "log.csv"
+        np.savetxt(file, np.column_stack(columns), fmt="%.7f", delimiter=",", header=head, comments="")
+        try:
+            bad = bowden.identify(file)
+            ratio = abs(bad.chosen.loop.height) / height if bad.chosen.loop else math.nan
+            row = [bad.trust.level, round(ratio, 2), bad.trust.reasons[0][:90]]
+        except bowden.BowdenError as error:
+            row = ["refused", math.nan, str(error)[-90:]]
+    return [
+        [number, family, "good", good.trust.level, 1.0, good.trust.reasons[0][:90]],
+        [number, family, kind, *row],
+    ]
+
+
 def main() -> None:
+    """The rows of a range of draws, and their count."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("what")
+    parser.add_argument("what", choices=["families", "trust"])
     parser.add_argument("set", choices=SETS)
     parser.add_argument("first", type=int)
     parser.add_argument("stop", type=int)
-    parser.add_argument("--most", type=float, default=1e7)
+    parser.add_argument("--most", type=float, default=1e7, help="samples of a log at most")
     given = parser.parse_args()
-    for number in range(given.first, given.stop):
-        row = family_row(given.set, number, given.most)
-        print("OK " if row[7] <= 1.05 or row[1] == row[4] else "BAD", *row, flush=True)
+    numbers = range(given.first, given.stop)
+    if given.what == "families":
+        kept = Kept(f"families-{given.set}-{given.first}-{given.most:g}")
+        done = len(kept.rows())
+        rows = kept.filled((family_row(given.set, n, given.most) for n in numbers[done:]), len(numbers))
+        for row in rows:
+            print("as good" if row[7] <= WORSE or row[1] == row[4] else "WORSE  ", *row)
+        print(sum(row[7] <= WORSE or row[1] == row[4] for row in rows), "of", len(rows))
+        return
+    kept = Kept(f"trust-{given.set}-{given.first}")
+    done = len(kept.rows()) // 2
+    rows = kept.filled((row for n in numbers[done:] for row in trust_rows(given.set, n)), 2 * len(numbers))
+    for row in sorted(rows, key=lambda one: (one[2], one[3])):
+        print(*row)
+    for kind in ("good", *FAULTS):
+        levels = [row[3] for row in rows if row[2] == kind]
+        print(kind, {level: levels.count(level) for level in sorted(set(levels))})
 
 
 if __name__ == "__main__":

@@ -129,7 +129,7 @@ def test_the_table_is_there_before_the_page_is_drawn(
     shown: list[str] = []
     monkeypatch.setattr(identify_page_module, "identify_page", drawn)
     assert run(["identify", "log.csv"]) == 2
-    assert "* recommended" in shown[0]
+    assert "* the simplest" in shown[0]
     assert not Path("out").exists()
 
 

@@ -295,11 +295,11 @@ def test_settling_is_judged_on_the_same_strokes(monkeypatch: pytest.MonkeyPatch)
     path = build_path(time, motor, 0.9 * motor, find_turns(motor, 1e-9), 600)
     judged: dict[Settling, list[int]] = {}
 
-    def error(blocks: object, weights: object, prior: object, stroke: int, given: Settling) -> float:
-        judged.setdefault(given, []).append(stroke)
-        return 1.0
+    def errors(blocks: object, weights: object, prior: object, strokes: range, given: Settling) -> Array:
+        judged[given] = list(strokes)
+        return np.ones(len(strokes))
 
-    monkeypatch.setattr(settling_module, "_error", error)
+    monkeypatch.setattr(settling_module, "_errors", errors)
     settling(path, GeneralisedPlay().fit(path))
     assert len(judged) >= 4
     assert len({tuple(strokes) for strokes in judged.values()}) == 1
@@ -340,7 +340,7 @@ def test_the_second_half_decides_nothing() -> None:
         assert good.models[name].train_rms == bad.models[name].train_rms
         assert good.models[name].left_out_rms == bad.models[name].left_out_rms
         assert bad.models[name].test_rms > 0.1
-    assert any("error in the second half is larger" in warning for warning in bad.warnings)
+    assert bad.trust.level != "yes"
 
 
 def test_a_start_off_the_loop_is_left_out_and_said() -> None:
@@ -362,15 +362,14 @@ def test_a_start_off_the_loop_is_left_out_and_said() -> None:
         (0.25 - 0.25 * np.cos(14.0 * math.pi * (TIME / TIME[-1]) ** 3), "as many cycles in each half"),
         (0.5 * np.sin(2.0 * TIME), "one amplitude"),
         (0.1 * np.sin(2.0 * TIME), "too small: of"),
-        (0.001 * np.sin(0.3 * TIME) * np.sin(4.0 * TIME), "moves too slowly"),
         (0.3 * np.sin(2.0 * TIME) * (1.0 + TIME / 20.0), "beyond the range of the first"),
     ],
-    ids=["no reversal", "one reversal", "slow at first", "one amplitude", "small", "slow", "growing"],
+    ids=["no reversal", "one reversal", "slow at first", "one amplitude", "small", "growing"],
 )
 def test_what_the_motion_cannot_show_is_said(motor: Array, said: str) -> None:
     fit = identify(TIME, motor, cable(motor))
     assert any(said in warning for warning in fit.warnings), fit.warnings
-    assert not any("the cable changed" in warning for warning in fit.warnings)
+    assert not any("the cable changed" in reason for reason in fit.trust.reasons)
 
 
 @pytest.mark.long
@@ -379,7 +378,7 @@ def test_a_lag_in_time_is_said() -> None:
     motor = 0.3 * np.sin(2.0 * math.pi * rate * TIME)
     late = np.interp(TIME - 0.03, TIME, motor)
     fit = identify(TIME, motor, 0.9 * late + 0.05)
-    (said,) = (warning for warning in fit.warnings if "looks like a lag" in warning)
+    (said,) = (reason for reason in fit.trust.reasons if "ms late" in reason)
     assert 15.0 < float(re.findall(r"([\d.e+]+) ms", said)[0]) < 40.0  # of 30; a stack takes some of it for hysteresis
 
 
@@ -393,7 +392,8 @@ def test_no_reversal_means_no_loop_parameters() -> None:
 def test_a_joint_that_does_not_follow_is_said() -> None:
     fit = identify(TIME, MOTOR, 0.3 * np.sin(7.3 * TIME + 1.0))
     assert fit.best.name == "line"
-    assert any("does not follow the motor" in warning for warning in fit.warnings)
+    assert fit.trust.level == "no"
+    assert "does not follow the motor" in str(fit.trust)
 
 
 def test_progress_goes_on_to_the_end() -> None:
@@ -485,12 +485,13 @@ def test_the_richer_model_must_earn_its_place() -> None:
     assert simplest_of_the_best({"rich": 0.5 * rich, "simple": simple}, {"rich": 9, "simple": 2}) == "rich"
 
 
-def test_what_the_noise_hides_and_parameters_that_are_not_shown_decide_for_the_simpler_model() -> None:
+def test_parameters_that_are_not_shown_decide_for_the_simpler_model() -> None:
     size = {"rich": 9, "simple": 2}
     errors = {"rich": np.array([1.0, 1.1, 0.9]), "simple": np.array([1.5, 1.6, 1.4])}
     assert simplest_of_the_best(errors, size) == "rich"
-    assert simplest_of_the_best(errors, size, noise=0.8) == "simple"
-    near = errors | {"simple": 1.15 * errors["rich"]}  # clearly above, and less than a tenth in the root mean square
+    near = errors | {
+        "simple": 1.08 * errors["rich"]
+    }  # clearly above, and less than a twentieth in the root mean square
     assert simplest_of_the_best(near, size) == "rich"
     assert simplest_of_the_best(near, size, unseen=["rich"]) == "simple"
     assert simplest_of_the_best(errors, size, unseen=["rich"]) == "rich"

@@ -4,14 +4,45 @@ import contextlib
 import json
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
-
-import click
+from typing import TYPE_CHECKING, Any
 
 from bowden.app import STARTED
+from bowden.app.next_step import record_again
 from bowden.core.errors import OutputError
+
+if TYPE_CHECKING:
+    from bowden.identify.cable.trusted import Trust
+
+
+@dataclass
+class _Command:
+    json: bool = False
+    trust: "Trust | None" = None
+
+
+_COMMAND = _Command()
+"""The one that runs."""
+
+
+def begin(arguments: Sequence[str]) -> None:
+    """Take note of the command line that is run now."""
+    _COMMAND.json, _COMMAND.trust = "--json" in arguments, None
+
+
+def say_trust(trust: "Trust | None") -> None:
+    """Say first of a cable's model that it is not to be trusted, or not without care; in its document with ``--json``.
+
+    Args:
+        trust: in the model of a rig's cable; None where nothing says it.
+    """
+    if trust is None or trust.level == "yes":
+        return
+    _COMMAND.trust = trust
+    if not _COMMAND.json:
+        print(f"Trust in the cable's model: {trust}. {record_again()}")
 
 
 def seconds() -> float:
@@ -21,9 +52,7 @@ def seconds() -> float:
 
 def print_json(document: dict[str, Any]) -> None:
     """The one JSON document of a command; a number that does not exist must be None, never NaN."""
-    context = click.get_current_context(silent=True)
-    trust = None if context is None else context.find_root().meta.get("trust")
-    document = document if trust is None else {**document, "trust": trust._asdict()}
+    document = document if _COMMAND.trust is None else {**document, "trust": _COMMAND.trust._asdict()}
     print(json.dumps(document, ensure_ascii=False, allow_nan=False, indent=2))
 
 

@@ -5,13 +5,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
-import click
-
-from bowden.app.next_step import record_again
+from bowden.app.console import say_trust
 from bowden.core.files import printable
 
 if TYPE_CHECKING:
-    from bowden.identify.cable.trusted import Trust
     from bowden.rig.rig import Rig
 
 Result = TypeVar("Result")
@@ -63,21 +60,6 @@ def _read(path: Path) -> "Rig":
     for one in [axis.rig for axis in found.axes] or [found]:
         say_trust(getattr(one.cable, "trust", None))
     return found
-
-
-def say_trust(trust: "Trust | None") -> None:
-    """Say first of a model that it is not to be trusted, or not without care; in its document where a command has one.
-
-    Args:
-        trust: in the model of the rig's cable; None where nothing says it.
-    """
-    if trust is None or trust.level == "yes":
-        return
-    context = click.get_current_context(silent=True)
-    if context is not None:
-        context.find_root().meta["trust"] = trust
-    if context is None or not context.params.get("json"):
-        print(f"Trust in the cable's model: {trust}. {record_again()}")
 
 
 def trusting(made: Callable[[], Result], *, unasked: bool = False) -> Result:

@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from bowden.app.command import Command
-from bowden.app.console import print_json, seconds
+from bowden.app.console import print_json, say_trust, seconds
 from bowden.app.next_step import say_next
 from bowden.core.errors import OutputError
 from bowden.core.files import shortened
@@ -66,7 +66,6 @@ def _with_model(path: Path, model: Path, *, suit: bool) -> tuple[str, list[str]]
     Raises:
         ParameterError: a model that cannot be read.
     """
-    from bowden.app.given_rig import say_trust
     from bowden.face.init import around
     from bowden.identify.cable.model_file import load_cable
 

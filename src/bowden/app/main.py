@@ -13,7 +13,7 @@ import typer
 
 from bowden import __version__
 from bowden.app.command import found
-from bowden.app.console import InterruptedPartway
+from bowden.app.console import InterruptedPartway, begin
 from bowden.app.interrupts import delivered
 from bowden.core.errors import BowdenError
 from bowden.core.files import printable, shortened
@@ -62,6 +62,7 @@ def application(first_word: str = "") -> typer.Typer:
 
 def run(arguments: list[str]) -> int:
     """Run one command line and return its exit code: 0, 2 for anything the user can mend, 130 when interrupted."""
+    begin(arguments)
     try:
         with delivered():
             code = application(arguments[0] if arguments else "")(arguments, prog_name="bowden", standalone_mode=False)

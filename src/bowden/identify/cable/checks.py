@@ -1,19 +1,25 @@
 """What a log must be before anything is fitted to it; every refusal says what, where and what to do."""
 
 from collections.abc import Callable
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bowden.core.errors import LogError
+from bowden.core.order import median
 from bowden.core.units import DEGREES
 from bowden.identify.cable.cycles import ENOUGH
-from bowden.identify.cable.turns import least_swing, reversals
+from bowden.identify.cable.turns import least_swing, motor_noise, reversals
 
 Array = NDArray[np.float64]
 
 _LEADS = 0.005
 """Of the loop that `swapped` looks at: a quarter of the least that a recorded cable shows [–]."""
+
+_STOPPED = 0.05
+"""Share of the motor's range in which a joint that stands still makes the model's end a wrong one [–]. Within a cable's
+play it stands as the motor goes back, not on."""
 
 FEWEST_SAMPLES = 50
 """Below this a loop cannot be distinguished from noise."""
@@ -78,6 +84,29 @@ def look_swapped(motor: Array, joint: Array) -> bool:
     m, j = motor - motor.mean(), joint - joint.mean()
     area = 0.5 * float(np.sum(m[:-1] * np.diff(j) - j[:-1] * np.diff(m)) * np.sign(np.sum(m * j)))
     return area < -_LEADS * float(np.abs(np.diff(m)).sum() * np.ptp(j))
+
+
+def stopped_at(motor: Array, joint: Array) -> tuple[float, float] | None:
+    """The joint's angle at which it stands while the motor goes on, and how far that goes on [rad]; None where none is.
+
+    A sensor at the end of its range reads so, and a joint at a stop.
+
+    Args:
+        motor: (n,) [rad].
+        joint: (n,) [rad].
+    """
+    turns, near = reversals(motor, least_swing(motor)), 3.0 * motor_noise(joint)
+    direction = float(np.sign(np.sum((motor - motor.mean()) * (joint - joint.mean()))))
+    slope = float(np.ptp(joint) / np.ptp(motor))
+    for side in (1.0, -1.0):
+        out, along = side * joint, side * direction * motor
+        there, beyond = out >= out.max() - near, []
+        for begin, end in pairwise([0, *turns]):
+            if along[end] > along[begin] and there[end] and not there[begin]:
+                beyond.append(float(along[end] - along[begin + int(there[begin : end + 1].argmax())]))
+        if len(beyond) > 1 and median(np.array(beyond)) > _STOPPED * float(np.ptp(motor)) + 2.0 * near / slope:
+            return side * float(out.max()), median(np.array(beyond))
+    return None
 
 
 def check_length(samples: int, where: str) -> None:

@@ -269,6 +269,7 @@ def identify(
     if not (t.ndim == 1 and t.shape == x.shape == y.shape):
         raise ParameterError(f"identify: shapes {t.shape}, {x.shape}, {y.shape}", expected="three of one length")
     angles, _ = angles_of({side: (side, None) for side in SIDES}, {"motor": x, "joint": y}, units)
+    angles = {side: replace(one, guessed=False) for side, one in angles.items()}  # radians are what arrays are in
     ready = prepare(t, angles, name, lambda sample: f"{name}, sample {sample + 1}", units.apart)
     return identify_log(ready, seed, progress)
 

@@ -33,6 +33,7 @@ def trust(fit: "Fit") -> Trust:
     def doubt(level: Literal["with care", "no"], why: str) -> None:
         found.append(Trust(level, (why,)))
 
+    rate = drift(fit)
     correlation = following(log, fit.split)
     if correlation < FOLLOWS:
         doubt("no", f"the joint does not follow the motor (correlation {correlation:.2f})")
@@ -42,13 +43,13 @@ def trust(fit: "Fit") -> Trust:
         doubt("with care", f"no loop is shown by this log, a straight line is all; {said}")
     elif unseen > max(_HALF * line.test_rms, _COUNTS * counts, SLIGHT):
         doubt("no", f"the model predicts hardly better than a straight line; {said}")
-    elif unseen > max(QUARTER * line.test_rms, _COUNTS * counts, SLIGHT):
+    elif rate is None and unseen > max(QUARTER * line.test_rms, _COUNTS * counts, SLIGHT):
         doubt("with care", f"the model leaves a quarter or more of what a straight line does; {said}")
     if fit.reversals and (fit.chosen_on_whole or fit.cycles.whole < FOR_YES):
         doubt("with care", f"{fit.cycles.counted}, too few to judge a model on cycles that it has not seen; {said}")
-    if (rate := drift(fit)) is not None:
-        doubt("with care", f"the joint's sensor drifts by {rate * DEGREES * 60.0:.2g}°/min against the motor's")
-    elif unseen > WORSE * seen and unseen > SLIGHT and fit.best.name != "line":
+    if rate is not None:
+        doubt("with care", f"the joint's sensor drifts by {rate * DEGREES * 60.0:.2g}°/min")
+    elif not fit.chosen_on_whole and unseen > WORSE * seen and unseen > SLIGHT and fit.best.name != "line":
         doubt("with care", f"the cable changed during the log; {said}")
     if lags(fit.lag):
         doubt("with care", f"the joint is {1e3 * fit.lag[0]:.2g} ms late, which makes its loop look wider")

@@ -13,6 +13,7 @@ from bowden.core.arguments import said
 from bowden.core.bounded import open_file
 from bowden.core.errors import LogError, ParameterError
 from bowden.core.table import read_table
+from bowden.core.units import DEGREES
 from bowden.identify.cable import checks
 from bowden.identify.cable.counting import NOT_SAID, Covered, Encoders
 from bowden.identify.cable.trusted import Trust
@@ -270,6 +271,10 @@ def prepare(
         *seldom,
         *([swapped] if checks.look_swapped(motor_at, joint_at) else []),
     )
+    if (stop := checks.stopped_at(motor_at, joint_at)) is not None:
+        at, on = (one * DEGREES for one in stop)
+        why = f"the joint stands at {at:.4g}° while the motor goes on by {on:.2g}°: the end of its sensor, or a stop"
+        doubts = (*doubts, Trust("with care", (why,)))
     said = (*warnings, *notes, *more, *clock, *repeats)
     encoders = Encoders(*(angles[side].factor if angles[side].unit == "counts" else 0.0 for side in SIDES))
     return Log(even, motor_at, joint_at, name, said, doubts, counts, encoders)

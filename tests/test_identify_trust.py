@@ -1,0 +1,137 @@
+"""Trust is a value of the model: given to good logs, kept from bad ones, and it goes along into every rig."""
+
+import importlib
+import json
+import math
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import bowden
+from bowden.app.main import run
+from bowden.identify.cable.model_file import load_cable
+from bowden.identify.cable.trusted import Trust
+from bowden.rig.rig import Rig
+
+BENCHMARKS = Path(__file__).parents[1] / "benchmarks"
+TIME = np.arange(0.0, 20.0, 0.02)
+
+
+@pytest.fixture
+def drawn(monkeypatch: pytest.MonkeyPatch) -> Any:
+    monkeypatch.setattr(sys, "path", [str(BENCHMARKS), *sys.path])
+    return importlib.import_module("identify_trust")
+
+
+def play(motor: np.ndarray, width: float = 4.0) -> np.ndarray:
+    """The joint of a play of that half width, in the motor's unit."""
+    joint, last = np.empty_like(motor), 0.0
+    for i, angle in enumerate(motor):
+        last = joint[i] = min(max(last, angle - width), angle + width)
+    return 0.9 * joint
+
+
+@pytest.mark.parametrize("number", range(7))
+def test_a_fault_takes_the_trust_that_the_log_had_without_it(drawn: Any, number: int) -> None:
+    good, bad = drawn.trust_rows("development", number)
+    assert good[3] == "yes", good
+    assert bad[3] != "yes", bad
+
+
+@pytest.mark.parametrize("number", range(5))
+def test_the_drawn_family_is_found_or_one_as_good(drawn: Any, number: int) -> None:
+    row = drawn.family_row("development", number, 1e4, longest=100.0)
+    assert row[7] <= drawn.WORSE or row[4] == row[1], row
+
+
+@pytest.mark.long
+def test_a_longer_log_has_no_worse_model() -> None:
+    """250 strokes of many are read, whose corners stay as sharp as a short log's."""
+    time = np.arange(0.0, 1500.0, 0.04)
+    motor = 45.0 * np.sin(2.0 * math.pi * 0.3 * time)
+    draw = np.random.default_rng(3)
+    joint = play(motor) + 0.03 * draw.standard_normal(len(time))
+    fit = bowden.identify(time, motor, joint, unit="deg")
+    assert fit.best.name == "play"
+    assert np.rad2deg(fit.chosen.test_rms) < 0.031
+
+
+def test_rows_that_repeat_the_joint_are_left_out() -> None:
+    motor = 45.0 * np.sin(1.3 * TIME)
+    held = np.repeat(play(motor)[::10], 10)
+    fit = bowden.identify(TIME, motor, held, unit="deg")
+    assert any("the joint repeats 10 rows: 5 Hz" in said for said in fit.warnings)
+    assert np.rad2deg(fit.models["play"].parameters["half_width"]) == pytest.approx(4.0, abs=0.1)
+
+
+@pytest.mark.parametrize(
+    ("joint", "level", "why"),
+    [
+        (
+            play(45.0 * np.sin(1.3 * TIME)) + 2.0 * TIME / 60.0 * 3.0,
+            "with care",
+            "the joint's sensor drifts by 5.8°/min",
+        ),
+        (np.minimum(play(45.0 * np.sin(1.3 * TIME)), 25.0), "with care", "the joint stands at 25° while"),
+    ],
+)
+def test_what_a_sensor_does_is_not_laid_to_the_cable(joint: np.ndarray, level: str, why: str) -> None:
+    fit = bowden.identify(TIME, 45.0 * np.sin(1.3 * TIME), joint, unit="deg")
+    assert fit.trust.level == level
+    assert why in str(fit.trust)
+    assert "the cable changed" not in str(fit.trust)
+
+
+def test_a_motor_that_never_reverses_is_not_called_swapped() -> None:
+    motor = 100.0 - 5.0 * TIME
+    trust = bowden.identify(TIME, motor, motor - 0.01 * (motor - 50.0) ** 2, unit="deg").trust
+    assert trust.level == "no"
+    assert "never reverses" in trust.reasons[0]
+    assert "swapped" not in str(trust)
+
+
+def test_a_length_is_refused_and_the_advice_works(tmp_path: Path) -> None:
+    motor = 0.8 * np.sin(1.3 * TIME)
+    joint = play(motor, 0.07)
+    file = tmp_path / "log.csv"
+
+    def write(name: str, values: np.ndarray) -> None:
+        table = np.column_stack([TIME, values, joint])
+        np.savetxt(file, table, fmt="%.6f", delimiter=",", header=f"time_s,{name},joint_rad", comments="")
+
+    write("motor_mm", 20.0 * motor)
+    with pytest.raises(bowden.BowdenError, match=r"in mm; expected an angle: .*; divide a length by the radius"):
+        bowden.identify(file)
+    write("motor_rad", 20.0 * motor / 20.0)
+    assert bowden.identify(file).trust.level == "yes"
+
+
+def test_trust_goes_from_the_log_into_each_command_on_the_rig(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    motor = 40.0 + 30.0 * np.sin(1.3 * TIME)
+    noise = np.random.default_rng(1).normal(0.0, 4.0, len(TIME))
+    table = np.column_stack([TIME, motor, play(motor) + noise])
+    np.savetxt("log.csv", table, fmt="%.4f", delimiter=",", header="time_s,motor_deg,joint_deg", comments="")
+    assert run(["identify", "log.csv"]) == 0
+    said = capsys.readouterr().out.splitlines()
+    assert said[-1].startswith("Next: record again")
+    assert not any("bowden init" in line for line in said)
+    cable = load_cable("out/identify/model.toml")
+    assert cable.trust is not None
+    assert cable.trust.level == "no"
+    for command in (["init", "--model", "out/identify/model.toml"], ["check", "rig.toml"]):
+        run(command)
+        assert capsys.readouterr().out.startswith("Trust in the cable's model: no: the model predicts hardly better")
+    run(["check", "rig.toml", "--json"])
+    assert json.loads(capsys.readouterr().out)["trust"] == {"level": "no", "reasons": list(cable.trust.reasons)}
+    rig = Rig.read("rig.toml")
+    assert Rig.unpack(rig.document()).cable.trust == cable.trust
+    Path("again").mkdir()
+    rig.write("again/rig.toml")
+    assert isinstance(trust := Rig.read("again/rig.toml").cable.trust, Trust)
+    assert trust == cable.trust
