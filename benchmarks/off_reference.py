@@ -34,7 +34,7 @@ from bowden.rig.emg_motion import EmgMotion
 from bowden.rig.one_run import run_of
 from bowden.rig.presets.suit import suit, suit_adaptive_integral, suit_ours
 from bowden.rig.rig import Rig
-from bowden.rig.suit_rig import TEXT
+from bowden.rig.suit_rig import suit_text
 from bowden.safety.faults import of
 from bowden.safety.supervisor import Mode, Observed, Request
 from bowden.sim.run import simulate
@@ -142,7 +142,7 @@ def by_emg(count: int) -> list[str]:
     rows = []
     with TemporaryDirectory() as folder:
         path = Path(folder) / "suit.toml"
-        path.write_text(TEXT.format(name=path.name).replace('# source = "lsl:EMG" ', 'source = "lsl:EMG"'))
+        path.write_text(suit_text(path.name).replace('# source = "lsl:EMG" ', 'source = "lsl:EMG"'))
         own = Rig.read(path)
     run, dt, seconds = own.emg_run, own.sample_time, 2.0 * PERIOD
     assert run is not None

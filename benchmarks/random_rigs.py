@@ -33,7 +33,7 @@ from bowden.models.cable.bouc_wen import BoucWen, saturation
 from bowden.models.drive.thermal import cold
 from bowden.rig.objections import objections
 from bowden.rig.rig import Rig
-from bowden.rig.suit_rig import TEXT
+from bowden.rig.suit_rig import suit_text
 from bowden.rig.twin_plant import twin_plant_of
 from bowden.safety.faults import of
 from bowden.safety.supervisor import Mode, Observed, Request
@@ -58,7 +58,7 @@ def _suit() -> Rig:
     """What `bowden init --suit` writes."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "suit.toml"
-        path.write_text(TEXT.format(name="suit.toml"), encoding="utf-8")
+        path.write_text(suit_text("suit.toml"), encoding="utf-8")
         return Rig.read(path)
 
 

@@ -64,6 +64,9 @@ def test_on_the_bench_and_a_suit_it_is_what_it_was() -> None:
         ({"target_reach": 0.05}, "target_reach_deg = "),
         ({"heartbeat_age": 1e-3}, "heartbeat_age_s = "),
         ({"bridge_time": 0.1}, "bridge_time_s = "),
+        ({"motor_margin": 1.0}, "motor_margin_deg = "),
+        ({"tracking": 1.0, "target_reach": 2.0}, "tracking_deg = "),
+        ({"frozen_travel": 3.0}, "frozen_travel_deg = "),
         ({"slope_low": 2.0, "slope_high": 3.0}, "slope_low = 2"),
     ],
 )

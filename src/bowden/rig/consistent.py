@@ -17,10 +17,10 @@ from typing import NamedTuple
 import numpy as np
 
 from bowden.core.quantity import declared
-from bowden.core.units import DEGREES
+from bowden.core.units import DEGREES, RADIANS
 from bowden.rig.declaration import at, in_file, items_of, rounded
 from bowden.safety.limits import Limits
-from bowden.safety.supervisor import longest_release
+from bowden.safety.supervisor import longest_release, steepest
 
 USUAL = rounded(Limits(), 4)
 """Of the paper's bench, as a file has them."""
@@ -39,6 +39,15 @@ CYCLES = 3.0
 """Cycles of silence that are a fault, of drive and host: one frame may be lost, and the next one late."""
 CROSSING = 2.0
 """What the target may go in a cycle, over the dead zone: a law crosses it at a reversal, and a half of it beyond."""
+AT_THE_JOINT = {
+    "motor_margin": 30.0 * RADIANS,
+    "motor_speed": 5700.0 * RADIANS,
+    "target_reach": 180.0 * RADIANS,
+    "tracking": 45.0 * RADIANS,
+    "frozen_travel": 90.0 * RADIANS,
+}
+"""What these may come to at the joint: tolerances are no larger than what they are to find. A joint that is 45° from
+where its motor should have it is no longer led, and a target half a turn away is none of a law's [rad, rad/s]."""
 STEP = 0.9
 """Of `target_reach`: what the target may go in a cycle at most."""
 SPAN = 1.25
@@ -136,6 +145,13 @@ def contradictions(limits: Limits, dt: float, *, opposed: bool = False, given: L
         found.append(f"{written('slope_low')} is above {written('slope_high')}")
     if found:
         return found
+    slope = float(steepest(limits))
+    for name, most in AT_THE_JOINT.items():
+        if getattr(limits, name) * slope > most * (1.0 + 1e-9):
+            found.append(
+                f"{written(name)} is {getattr(limits, name) * slope * DEGREES:.4g} at the joint by the steepest slope "
+                f"({written('slope_high')}), more than {most * DEGREES:g}: it would no longer limit"
+            )
     ends = (limits.motor_low, limits.motor_high)
     reach = [slope * motor for slope in (limits.slope_low, limits.slope_high) for motor in ends]
     if max(map(abs, (*ends, limits.joint_low, limits.joint_high))) + brake > limits.sensor_span:

@@ -19,7 +19,7 @@ from bowden.plants.suit_parts import Suit
 from bowden.rig.consistent import Basis, follow
 from bowden.rig.settings import LiveSettings
 from bowden.safety.limits import ARM_LOWERING, FASTEST_RELEASE, Limits
-from bowden.safety.supervisor import DEAD_SHARE
+from bowden.safety.supervisor import DEAD_SHARE, steepest
 
 if TYPE_CHECKING:
     from bowden.hardware.buses.link import BusPlace
@@ -59,8 +59,7 @@ def limits(
     """
     family, written = family_of(drive), not math.isnan(given.frozen_travel)
     given = follow(given, basis)
-    steepest = max(abs(given.slope_low), abs(given.slope_high))
-    fastest = _BELOW * min(given.joint_speed, given.motor_speed * steepest)
+    fastest = _BELOW * min(given.joint_speed, given.motor_speed * float(steepest(given)))
     travel = max(_LEAST_TRAVEL / basis.slope, dead_zone / DEAD_SHARE)
     travel = min(given.frozen_travel, travel) if written else travel
     return given._replace(
