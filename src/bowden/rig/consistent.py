@@ -20,7 +20,7 @@ from bowden.core.quantity import declared
 from bowden.core.units import DEGREES, RADIANS
 from bowden.rig.declaration import at, in_file, items_of, rounded
 from bowden.safety.limits import Limits
-from bowden.safety.supervisor import longest_release, steepest
+from bowden.safety.supervisor import OVERSPEED, longest_release, steepest
 
 USUAL = rounded(Limits(), 4)
 """Of the paper's bench, as a file has them."""
@@ -92,7 +92,7 @@ def follow(given: Limits, basis: Basis) -> Limits:
     play = max(USUAL.play, PLAYS * width * flat)
     more = (play - USUAL.play) / flat
     follows("play", play)
-    follows("motor_speed", min(USUAL.motor_speed / slope, fastest))
+    follows("motor_speed", min(USUAL.motor_speed / slope, OVERSPEED * fastest))  # a servo at its limit is not over it
     follows("motor_low", USUAL.motor_low / slope + max(low, found.joint_low) / flat - more)
     follows("motor_high", USUAL.motor_high / slope + (found.joint_high - USUAL.joint_high) / flat + more)
     speed = max(USUAL.target_speed / slope, CROSSING * width / dt)
