@@ -55,9 +55,9 @@ def check_line(found: Check) -> str:
 def simulated_line(traces: Mapping[str, Trace]) -> str:
     """How far the joint is from where it should be, without a law and with one."""
     said = [
-        f"{'without compensation' if name == WITHOUT else f'with {name}'} {_error(one)}" for name, one in traces.items()
+        f"{_error(one)} {'without compensation' if name == WITHOUT else f'with {name}'}" for name, one in traces.items()
     ]
-    return f"Simulation: the joint's error is {', '.join(said)}{_times_less(traces)}"
+    return f"Simulation: the joint is off by {'; by '.join(said)}{_times_less(traces)}"
 
 
 def live_line(live: Trace, found: Mapping[str, Any]) -> str:
@@ -150,8 +150,8 @@ def demo_page(
     page.text('<div class="wide"><pre>{commands}</pre></div>', commands="\n".join(own_commands(log or ["my.csv"], law)))
     page.text(
         "The servo, the encoders and the drive of rig.toml are those of a bench in a paper: write your own into it "
-        "(docs/rig.md), check again, and read docs/first_motion.md before a motor moves. How well the house computes "
-        "that paper's figures: <code>make paper</code>."
+        "(docs/rig.md), check again, and read docs/first_motion.md before a motor moves. <code>make paper</code> "
+        "computes that paper's figures."
     )
     return page
 
