@@ -1,8 +1,10 @@
 """The paper's bench and its runs."""
 
 import bowden
+from bowden.control.knowledge import configured
 from bowden.models.cable.bouc_wen import BoucWen, saturation
 from bowden.paper.calibration import bench_fit, gains
+from bowden.plants.knowledge_of import knowledge_of
 from bowden.rig.presets.bench import Calibration, bench, chirp, document, minimum_jerk, moved_sheath
 from bowden.sim.run import simulate
 
@@ -22,6 +24,11 @@ def adaptive(**chosen: float) -> bowden.Law:
     """The adaptive law with the gains that have the margins on this bench, or `chosen` ones."""
     law = bowden.LAWS["adaptive"]
     return law.with_gains(**(law.gains._asdict() | (chosen or gains("bench"))))
+
+
+def ours(fit: Calibration | None = None) -> bowden.Law:
+    """Our law with what a rig of this bench tells it."""
+    return configured(bowden.LAWS["bowden"], knowledge_of(bench(fit or bench_fit())))
 
 
 def run_bench(

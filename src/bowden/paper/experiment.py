@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from bowden.control import LAWS
 from bowden.core.trace import Trace
-from bowden.paper.bench import adaptive, observer, run_bench, run_chirp
+from bowden.paper.bench import adaptive, observer, ours, run_bench, run_chirp
 from bowden.paper.suit_rows import DRIVES, Five, five_flexions, laws_on
 
 if TYPE_CHECKING:
@@ -82,12 +82,12 @@ class Runs:
     @cached_property
     def ours(self) -> Trace:
         """Our law on the bench of Fig. 13."""
-        return run_bench(LAWS["bowden"])
+        return run_bench(ours())
 
     @cached_property
     def ours_moved(self) -> Trace:
         """Our law on the bench of Fig. 15."""
-        return run_bench(LAWS["bowden"], moved=True)
+        return run_bench(ours(), moved=True)
 
     @cached_property
     def suit_uncompensated(self) -> Five:

@@ -8,12 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.control import LAWS
+from bowden.control.knowledge import configured
 from bowden.control.law import Law
 from bowden.core.metrics import delay
 from bowden.core.trace import Trace
 from bowden.core.units import DEGREES, RADIANS
 from bowden.models.minimum_jerk import minimum_jerk_over
 from bowden.paper.calibration import gains, suit_fit
+from bowden.plants.knowledge_of import knowledge_of
 from bowden.rig.presets.suit import (
     DRIVE_INTEGRAL,
     SuitCalibration,
@@ -22,7 +24,7 @@ from bowden.rig.presets.suit import (
     flexions,
     largest_errors,
     run_suit,
-    suit_ours,
+    suit,
 )
 
 Array = NDArray[np.float64]
@@ -42,9 +44,14 @@ DRIVES = {"PD": 0.0, "integral": DRIVE_INTEGRAL}
 
 
 def laws_on(drive: str) -> dict[str, Law]:
-    """The adaptive law with the gains that have the margins on that drive, and ours."""
+    """The adaptive law with the gains that have the margins on that drive, and ours as a rig of this suit has it."""
     law, chosen = LAWS["adaptive"], gains("suit" if drive == "PD" else "suit_integral")
-    return {"adaptive": law.with_gains(**(law.gains._asdict() | chosen)), "ours": suit_ours()}
+    worn = suit(suit_fit())
+    known = knowledge_of(worn._replace(motor=worn.motor._replace(integral=DRIVES[drive])))
+    return {
+        "adaptive": law.with_gains(**(law.gains._asdict() | chosen)),
+        "ours": configured(LAWS["bowden"], known, preset="suit"),
+    }
 
 
 @dataclass(frozen=True)
