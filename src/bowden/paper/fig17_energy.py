@@ -33,6 +33,8 @@ def run(runs: Runs) -> Finding:
     panels[2].plot(*thin(time, reference), color=COLOURS["reference"], ls="--", label="desired")
     for axes, label in zip(panels, ("$P_m$ [W]", "$P_e$ [W]", "elbow [°]"), strict=True):
         axes.set(ylabel=label)
+    panels[0].set(ylim=(-10.0, 30.0))
+    panels[1].set(ylim=(-10.0, 60.0))
     panels[2].set(xlabel="time [s]")
     legend(panels[2])
     last = interval("fig17.adaptive.error.last") or (np.nan, np.nan)
@@ -58,7 +60,7 @@ def run(runs: Runs) -> Finding:
             (
                 figure,
                 "Mechanical and electrical power of the motor and the elbow's angle, means of five flexions and "
-                "extensions.",
+                "extensions. The jumps by which our law crosses the play leave the upper panels.",
             )
         ],
         tables=[
