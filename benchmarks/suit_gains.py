@@ -19,8 +19,8 @@ from suit_linear import corners, worst_margins
 
 ERROR_GAINS = tuple(round(0.01 * i, 3) for i in range(1, 11))
 """Grid of λ [s]."""
-FEEDBACK_GAINS = tuple(0.5 * i for i in range(1, 41))
-"""Grid of κ [1/s]."""
+FEEDBACK_GAINS = tuple(0.5 * i for i in range(1, 17))
+"""Grid of κ; nothing above 4 1/s has the margins on any suit tried [1/s]."""
 SMOOTHINGS = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5)
 """Grid of ε [rad·s]."""
 ESTIMATES = tuple((beta, bound) for beta in (0.0, 0.5, 1.1) for bound in (0.0, 30.0 * RADIANS))

@@ -14,7 +14,7 @@ from bowden.core.units import RADIANS
 from bowden.models.cable.bouc_wen import BoucWen
 from bowden.paper.bench import observer as paper_observer
 from bowden.rig.page import toml_text
-from bowden.rig.presets.bench import default_bench, minimum_jerk
+from bowden.rig.presets.bench import calibration, default_bench, minimum_jerk
 from bowden.rig.rig import Rig
 from bowden.rig.sections import BENDS, REFERENCES, RigFile
 from bowden.sim.run import simulate
@@ -188,11 +188,11 @@ def test_laws_presets_and_gains_that_are_not_there(tmp_path: Path, law: str, tex
     assert caught.value.do
 
 
-def test_the_observers_preset_is_table_1s(tmp_path: Path) -> None:
-    assert LAWS["observer"].presets["paper"] == paper_observer().gains
+def test_the_observers_preset_is_the_default_benchs(tmp_path: Path) -> None:
+    assert LAWS["observer"].presets["paper"] == paper_observer(calibration()).gains
     for cable, slope in (("", 0.938), ("[cable]\nslope = 0.8\n", 0.8)):  # what the preset leaves, the rig tells
         law = Rig.read(rig(tmp_path, cable)).with_law("observer", "paper").fitted()
-        assert law.gains == paper_observer().gains._replace(slope=slope)
+        assert law.gains == paper_observer(calibration()).gains._replace(slope=slope)
     assert law.gains.hysteresis_gain == pytest.approx(-0.129 * 0.8841 * 0.566, rel=1e-3)
 
 

@@ -146,7 +146,9 @@ def test_a_rig_finds_its_own_law_beside_itself(folder: Path, capsys: pytest.Capt
 def test_reproduce_keeps_to_its_schema(capsys: pytest.CaptureFixture[str]) -> None:
     assert main.run(["reproduce", "--only", "fig4", "--json"]) == 0
     document = check(capsys.readouterr().out, "reproduce")
-    assert {claim["id"] for claim in document["claims"]} == {"fig4.ratio", "fig4.mismatch", "fig4.residual"}
+    assert {claim["id"] for claim in document["claims"]} == {
+        f"fig4.{name}" for name in ("half_width", "ratio", "mismatch", "residual")
+    }
     assert Path(document["report"]).is_file()
 
 

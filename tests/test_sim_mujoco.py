@@ -94,7 +94,7 @@ def test_the_extensor_leaves_its_cylinder_where_geometry_says() -> None:
 
 
 def test_a_joint_thinner_than_the_arm_is_seen_to_break_eq_2() -> None:
-    """With R = 31.4 mm, which the printed mismatch would need, the extensor lies on nothing at the straight arm."""
+    """With R = 31.4 mm, less than the half width, the extensor lies on nothing at the straight arm."""
     found = arm_check.compare_cables(PAPER._replace(joint_radius=0.0314), count=46)
     assert found.extensor > arm_check.EXCURSION_LIMIT
     assert found.extensor_arm == pytest.approx(0.035 - 0.0314, abs=1e-6)  # at 0° it is straight, at the arm's width

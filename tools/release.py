@@ -25,7 +25,9 @@ LARGEST_INSTALL = 450_000_000
 """Of all that a core install brings but pip itself, compiled modules included [bytes]."""
 MUST_HAVE = (
     "py.typed",
+    "paper/calibration.toml",
     "paper/claims.toml",
+    "paper/plausible_sets.csv",
     "rig/presets/paper.toml",
     "report/templates/page.html",
     "report/templates/page.css",
@@ -110,6 +112,7 @@ def source_problems(sources: Path) -> Iterator[str]:
             yield f"sdist: {name} is missing"
     for name in sorted(names):
         kept = name.startswith("tests/data/") and not name.endswith(".pyc")
+        kept = kept or name.removeprefix("src/bowden/") in MUST_HAVE
         if _FOREIGN.search(name) or (_DATA.search(name) and not kept):
             yield f"sdist: {name} does not belong there"
 

@@ -1,4 +1,4 @@
-"""Draw the pictures of the README from runs of the paper's bench: ``python docs/images/make.py``.
+"""Draw the pictures of the README from runs of the default bench: ``python docs/images/make.py``.
 
 The same source gives the same bytes; run it again when a model, a law or a calibration changes.
 """
@@ -15,6 +15,7 @@ from bowden.core.style import COLOURS, thin
 from bowden.core.trace import Trace
 from bowden.core.units import DEGREES
 from bowden.paper.bench import run_bench
+from bowden.rig.presets.bench import calibration
 
 _SECONDS = 60.0
 _SETTLED = 20.0  # s; the loops show what comes after the second period
@@ -23,7 +24,7 @@ _SETTLED = 20.0  # s; the loops show what comes after the second period
 def loops_and_error() -> Figure:
     """Joint over reference without compensation and under the adaptive law, and both errors over time."""
     figure, axes = style.new_figure(columns=3, width=10.0, height=3.1)
-    runs = {name: run_bench(LAWS[name], duration=_SECONDS) for name in ("uncompensated", "adaptive")}
+    runs = {name: run_bench(LAWS[name], fit=calibration(), duration=_SECONDS) for name in ("uncompensated", "adaptive")}
     for panel, title, (name, trace) in zip(axes, ("No compensation", "Adaptive law"), runs.items(), strict=False):
         part = trace.time >= _SETTLED
         panel.plot(*_degrees(trace, "reference", "reference", part), ":", color=COLOURS["reference"], label="desired")

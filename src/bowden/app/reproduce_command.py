@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 def reproduce(
     only: Annotated[
         list[str] | None,
-        typer.Option(help="Only this claim or figure: fig16, table1.adaptive, erratum.chirp, … May be repeated."),
+        typer.Option(help="Only this claim or figure: fig16, table1.adaptive, fig17.adaptive, … May be repeated."),
     ] = None,
     out: Annotated[Path, typer.Option(parser=folder_argument, metavar="FOLDER", help="Folder for the report.")] = Path(
         "out/reproduce"
@@ -49,21 +49,28 @@ def _print_table(outcome: "Reproduction") -> None:
     from rich.console import Console
     from rich.table import Table
 
-    from bowden.paper.claims import number
+    from bowden.paper.claims import is_remark, number, span
 
-    colours = {"fitted": "cyan", "reproduced": "green", "better": "green", "differs": "yellow", "erratum": "magenta"}
+    colours = {
+        "fitted": "cyan",
+        "reproduced": "green",
+        "better": "green",
+        "not determined": "yellow",
+        "differs": "red",
+        "misprint": "magenta",
+    }
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
     table.add_column("claim", no_wrap=True)
-    for name in ("published", "computed"):
+    for name in ("published", "computed", "interval"):
         table.add_column(name, justify="right", no_wrap=True)
     table.add_column("unit")
     table.add_column("verdict", no_wrap=True)
     for result in outcome.results:
-        verdict = f"[{colours[result.verdict]}]{result.verdict}[/]"
-        table.add_row(
-            result.claim.id, number(result.claim.published), number(result.computed), result.claim.unit, verdict
-        )
-    Console(width=None if sys.stdout.isatty() else 100).print(table)
+        if not is_remark(result.claim):
+            verdict = f"[{colours[result.verdict]}]{result.verdict}[/]"
+            figures = number(result.claim.published), number(result.computed), span(result.interval)
+            table.add_row(result.claim.id, *figures, result.claim.unit, verdict)
+    Console(width=None if sys.stdout.isatty() else 110).print(table)
 
 
 COMMANDS = (

@@ -149,7 +149,7 @@ def waited(wait: float, change: float, hold: float, dt: float) -> float:
     """Time left until the dead zone counts as crossed [s]: `hold` while the direction changes, then down to zero.
 
     While it is not zero the feedback stands still. The motor needs the servo's time to cross, and a cable that is not
-    monotone moves the joint the wrong way meanwhile (erratum 6); feedback would fight what the inverse is doing.
+    monotone moves the joint the wrong way meanwhile (reading 6); feedback would fight what the inverse is doing.
 
     >>> waited(0.0, 0.1, 0.2, 0.001), waited(0.25, 0.0, 0.2, 0.125), waited(0.01, 0.0, 0.2, 0.05)
     (0.2, 0.125, 0.0)

@@ -104,7 +104,7 @@ class Chirp:
         φ = amplitude·sin(2π·(f0·t + (f1 − f0)·t²/(2·duration)))
 
     The phase is the integral of the frequency. As Eq. 17 prints it, sin(2π·f(t)), it is a tone of constant frequency
-    (f1 − f0)/duration (erratum 1).
+    (f1 − f0)/duration (reading 1).
     """
 
     amplitude: Annotated[float, Quantity("amplitude", "rad", ge=-720.0, le=720.0)]

@@ -145,7 +145,7 @@ def finite(value: float) -> float | None:
 
 
 def rmse(error: Array) -> float:
-    """√(Σe²/N): Eq. 16 with the mean under the root (whether it is printed so is not known; erratum 11).
+    """√(Σe²/N): Eq. 16 with the mean under the root (whether it is printed so is not known; reading 11).
 
     >>> rmse(np.array([3.0, -4.0]))
     3.5355339059327378

@@ -1,64 +1,57 @@
-"""The paper's bench as a rig, and its runs: what anybody can do with `bowden.Rig` and `bowden.simulate`."""
-
-import warnings
+"""The paper's bench and its runs."""
 
 import bowden
+from bowden.control.knowledge import configured
 from bowden.models.cable.bouc_wen import BoucWen, saturation
-from bowden.rig.bends import ScriptedBend
-from bowden.rig.presets.bench import Calibration, bench, calibration, chirp, document, minimum_jerk
+from bowden.paper.calibration import bench_fit, gains
+from bowden.plants.knowledge_of import knowledge_of
+from bowden.rig.presets.bench import Calibration, bench, chirp, document, minimum_jerk, moved_sheath
+from bowden.sim.run import simulate
 
 CHIRP_DURATION = 150.0
 """Of Fig. 16's reference [s]."""
 
 
-def rig(fit: Calibration | None = None) -> bowden.Rig:
-    """The bench with a calibration, under Table 1's reference for a minute; with the main one it is the default rig."""
-    fit, plain, chosen = fit or calibration(), bowden.Rig(), document()["chosen"]
-    return plain.replace(
-        servo=plain.servo._replace(natural_frequency=fit.natural_frequency),
-        width=fit.gap,
-        sheath=plain.sheath._replace(loss=fit.loss),
-        reference=minimum_jerk(fit),
-        duration=chosen["duration_s"],
-        seed=chosen["seed"],
-    )
-
-
 def observer(fit: Calibration | None = None) -> bowden.Law:
     """The observer, knowing the cable but for its share of α̂h."""
-    fit, cable = fit or calibration(), BoucWen()
+    fit, cable = fit or bench_fit(), BoucWen()
     return bowden.LAWS["observer"].with_gains(
         hysteresis_gain=fit.observer_share * cable.hysteresis_gain * fit.gap, rate=cable.rate / fit.gap
     )
 
 
-def adaptive() -> bowden.Law:
-    """The adaptive law with its own gains, chosen for this bench, whatever a calibration says of the servo."""
+def adaptive(**chosen: float) -> bowden.Law:
+    """The adaptive law with the gains that have the margins on this bench, or `chosen` ones."""
     law = bowden.LAWS["adaptive"]
-    return law.with_gains(**law.gains._asdict())
+    return law.with_gains(**(law.gains._asdict() | (chosen or gains("bench"))))
+
+
+def ours(fit: Calibration | None = None) -> bowden.Law:
+    """Our law with what a rig of this bench tells it."""
+    return configured(bowden.LAWS["bowden"], knowledge_of(bench(fit or bench_fit())))
 
 
 def run_bench(
     law: bowden.Law, *, moved: bool = False, fit: Calibration | None = None, duration: float | None = None
 ) -> bowden.Trace:
     """One of Table 1's runs from rest, of a minute where no `duration` [s] is given; `moved`: with Fig. 15's sheath."""
-    given = rig(fit)
-    given = given.replace(bend=ScriptedBend()) if moved else given
-    return _run(given if duration is None else given.replace(duration=duration), law)
+    fit, chosen = fit or bench_fit(), document()["chosen"]
+    return simulate(
+        bench(fit),
+        law,
+        minimum_jerk(fit),
+        duration=chosen["duration_s"] if duration is None else duration,
+        bend=moved_sheath(fit) if moved else None,
+        seed=chosen["seed"],
+    )
 
 
-def run_chirp(law: bowden.Law, fit: Calibration | None = None) -> bowden.Trace:
-    """Fig. 16's run."""
-    return _run(rig(fit).replace(reference=chirp(), duration=CHIRP_DURATION), law)
-
-
-def _run(given: bowden.Rig, law: bowden.Law) -> bowden.Trace:
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # of gains that do not hold: what the paper printed is run as it is
-        return bowden.simulate(given, law, force=True)
+def run_chirp(law: bowden.Law, fit: Calibration | None = None, duration: float = CHIRP_DURATION) -> bowden.Trace:
+    """Fig. 16's run, or its beginning of a `duration` [s]."""
+    return simulate(bench(fit or bench_fit()), law, chirp(), duration=duration, seed=document()["chosen"]["seed"])
 
 
 def true_bound(fit: Calibration | None = None) -> float:
     """The true Dm, height of the cable's hysteresis |αh|·gap·max|h| [rad]."""
-    plant = bench(fit)
+    plant = bench(fit or bench_fit())
     return abs(plant.cable.hysteresis_gain) * plant.sheath.gap * float(saturation(plant.cable))

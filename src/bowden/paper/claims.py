@@ -1,5 +1,7 @@
 """Claims: published numbers beside computed ones, with a verdict."""
 
+import csv
+import math
 import tomllib
 from dataclasses import dataclass
 from functools import cache
@@ -30,10 +32,14 @@ class Claim:
     """The printed number; None where the paper prints none."""
     tolerance: float = 0.1
     """Relative difference up to which it counts as the same."""
+    spread: float = 0.0
+    """The standard deviation printed with it."""
     fitted: bool = False
     """Whether the calibration used it."""
-    erratum: bool = False
-    """Whether PAPER's list of errata shows that it cannot be taken as printed."""
+    readings: bool = False
+    """Whether the interval is over readings that the text allows, so that one of its ends may give the figure."""
+    misprint: bool = False
+    """Whether one corrected value or word mends it; `why` names it and what else it mends."""
     better: str = ""
     """``lower`` or ``higher`` where a figure beyond the published one is an improvement."""
     why: str = ""
@@ -47,11 +53,13 @@ class Result:
     claim: Claim
     computed: float | None
     why: str
+    interval: tuple[float, float] | None = None
+    """Range over the plausible calibrations, or over the readings that the text allows."""
 
     @property
     def verdict(self) -> str:
-        """``fitted``, ``reproduced``, ``better``, ``differs`` or ``erratum``; see `judge`."""
-        return judge(self.claim, self.computed)
+        """One of `bowden.paper.report.VERDICTS`; see `judge`."""
+        return judge(self.claim, self.computed, self.interval)
 
     def json(self) -> dict[str, Any]:
         """The claim as the command line prints it."""
@@ -62,6 +70,7 @@ class Result:
             "quantity": claim.quantity,
             "published": claim.published,
             "computed": self.computed,
+            "interval": None if self.interval is None else list(self.interval),
             "unit": claim.unit,
             "verdict": self.verdict,
             "fitted": claim.fitted,
@@ -74,20 +83,55 @@ def claims() -> list[Claim]:
     return [Claim(**entry) for entry in _document()["claims"]]
 
 
-def judge(claim: Claim, computed: float | None) -> str:
-    """The verdict: only what was not fitted can count as reproduced.
+WIDE = 0.25
+"""Half of an interval's width over the published value from which on the paper does not determine the figure [–]."""
+
+
+def judge(claim: Claim, computed: float | None, interval: tuple[float, float] | None = None) -> str:
+    """The verdict: only what was not fitted can count as reproduced, and only what is determined.
 
     >>> judge(Claim("x", "", "", "deg", 1.0, better="lower"), 0.5)
     'better'
+    >>> judge(Claim("x", "", "", "deg", 1.0), 0.5, (0.4, 1.2))
+    'not determined'
     """
-    if claim.erratum:
-        return "erratum"
+    if claim.misprint:
+        return "misprint"
     if computed is None or claim.published is None:
-        return "differs"
-    if abs(computed - claim.published) <= claim.tolerance * abs(claim.published):
-        return "fitted" if claim.fitted else "reproduced"
-    beyond = {"lower": computed < claim.published, "higher": computed > claim.published}
-    return "better" if not claim.fitted and beyond.get(claim.better, False) else "differs"
+        return "not determined"
+    close = abs(computed - claim.published) <= claim.tolerance * abs(claim.published)
+    if claim.fitted:
+        return "fitted" if close else "differs"
+    low, high = interval or (computed, computed)
+    inside = low - claim.spread <= claim.published <= high + claim.spread
+    near = min(abs(low - claim.published), abs(high - claim.published)) <= claim.tolerance * abs(claim.published)
+    if claim.readings and (inside or near):
+        return "not determined"
+    if inside and high - low > 2.0 * WIDE * abs(claim.published):
+        return "not determined"
+    if close or inside:
+        return "reproduced"
+    beyond = {"lower": high < claim.published, "higher": low > claim.published}
+    return "better" if beyond.get(claim.better, False) else "differs"
+
+
+@cache
+def plausible_sets() -> list[dict[str, float]]:
+    """The calibrations of plausible_sets.csv that fit every fitted row within 5 %, with what each predicts.
+
+    Drawn on 28 November 2026 by ``python benchmarks/plausible_sets.py``, which says how.
+    """
+    text = (resources.files("bowden.paper") / "plausible_sets.csv").read_text(encoding="utf-8")
+    rows = [{name: float(value) for name, value in row.items()} for row in csv.DictReader(text.splitlines())]
+    published = {one.id: one.published for one in claims() if one.fitted and one.published}
+    fitted = {name: value for name, value in published.items() if name in rows[0]}
+    return [row for row in rows if all(abs(row[name] / value - 1.0) <= 0.05 for name, value in fitted.items())]
+
+
+def interval(row: str) -> tuple[float, float] | None:
+    """The range of a figure over `plausible_sets`; None of one that they do not have."""
+    values = [one[row] for one in plausible_sets() if row in one and math.isfinite(one[row])]
+    return (min(values), max(values)) if values else None
 
 
 def select(only: list[str]) -> list[Claim]:
@@ -110,6 +154,16 @@ def _matches(identity: str, wanted: str) -> bool:
     return identity == wanted or identity.startswith(wanted.rstrip(".") + ".")
 
 
+def is_remark(claim: Claim) -> bool:
+    """Whether it is a figure of ours on the paper's equations, with nothing printed beside it."""
+    return claim.published is None and not claim.misprint
+
+
 def number(value: object) -> str:
     """A figure for a table: four significant digits, a dash where there is none."""
     return f"{value:.4g}" if isinstance(value, float | int) else "–"
+
+
+def span(interval: tuple[float, float] | None) -> str:
+    """An interval for a table, three significant digits."""
+    return "–" if interval is None else f"{interval[0]:.3g} to {interval[1]:.3g}"

@@ -1,4 +1,4 @@
-"""Errata of the cable's model: its units, its wrong-way motion, and what that does to the observer."""
+"""The cable's model: its units, its wrong-way motion, and what that does to the observer."""
 
 from dataclasses import replace
 
@@ -14,6 +14,7 @@ from bowden.models.cable.bouc_wen import BoucWen, advance, joint_angle, saturati
 from bowden.models.cable.sheath import width
 from bowden.models.drive.encoder import Encoder
 from bowden.paper.bench import observer
+from bowden.paper.calibration import bench_fit
 from bowden.paper.experiment import Finding, Runs
 from bowden.paper.readings import self_fed
 from bowden.rig.presets import bench as paper
@@ -21,7 +22,7 @@ from bowden.sim.run import simulate
 
 
 def run(runs: Runs) -> Finding:
-    """Errata 5, 6 and 8, on the cable with the printed parameters."""
+    """Points 5, 6 and 8 of docs/background/theory.md, on the cable with the printed parameters."""
     cable = BoucWen()
     top = float(saturation(cable))
     slopes = [cable.slope + cable.hysteresis_gain * float(-slope_of_h(h, -1.0, cable)) for h in (0.0, top)]
@@ -33,13 +34,13 @@ def run(runs: Runs) -> Finding:
     axes.plot(travel * DEGREES, (joint - joint[0]) * DEGREES, color=COLOURS["joint"])
     axes.plot(travel * DEGREES, -cable.slope * travel * DEGREES, ":", color=COLOURS["reference"])
     axes.set(xlabel="motor travel after the reversal [°]", ylabel="joint motion [°]", xlim=(0, 15), ylim=(-10, 2))
-    sheath = paper.bench().sheath
+    sheath = paper.bench(bench_fit()).sheath
     exact = exact_observer()
     clean = _observer_deg(exact, 0.0)
-    silent = paper.bench()._replace(motor_encoder=Encoder(), joint_encoder=Encoder())
+    silent = paper.bench(bench_fit())._replace(motor_encoder=Encoder(), joint_encoder=Encoder())
     fed, quiet = (simulate(silent, law, paper.minimum_jerk(), duration=20.0) for law in (self_fed(exact), exact))
     return Finding(
-        title="Errata 5, 6 and 8: the cable as printed",
+        title="The cable as printed: its unit, its reversals, its gap",
         values={
             "erratum.units": 2.0 * abs(cable.hysteresis_gain) * top * DEGREES,
             "erratum.monotone.slope": min(slopes),
@@ -47,6 +48,9 @@ def run(runs: Runs) -> Finding:
             "erratum.monotone.noise": _observer_deg(exact, 0.1) - clean,
             "erratum.monotone.self_fed": _jump_deg(fed),
             "erratum.gap": width(sheath.bend, sheath._replace(gap=2.0)) / width(sheath.bend, sheath._replace(gap=1.0)),
+        },
+        intervals={
+            "erratum.units": (2.0 * abs(cable.hysteresis_gain) * top, 2.0 * abs(cable.hysteresis_gain) * top * DEGREES)
         },
         details={
             "degrees": 2.0 * abs(cable.hysteresis_gain) * top,
@@ -70,12 +74,12 @@ def run(runs: Runs) -> Finding:
 
 def exact_observer() -> Law:
     """The observer that knows the bench's cable exactly."""
-    return observer(replace(paper.calibration(), observer_share=1.0))
+    return observer(replace(bench_fit(), observer_share=1.0))
 
 
 def _observer_deg(law: Law, noise_deg: float) -> float:
     encoder = Encoder(resolution=0.0, noise=noise_deg * RADIANS)
-    plant = paper.bench()._replace(motor_encoder=encoder, joint_encoder=encoder)
+    plant = paper.bench(bench_fit())._replace(motor_encoder=encoder, joint_encoder=encoder)
     return rmse(simulate(plant, law, paper.minimum_jerk(), duration=20.0, seed=1).error) * DEGREES
 
 

@@ -1,4 +1,4 @@
-"""Erratum 1: the chirp of Eq. 17 as printed is a tone."""
+"""The chirp of Eq. 17 as printed is a tone."""
 
 import numpy as np
 
@@ -23,7 +23,7 @@ def run(runs: Runs) -> Finding:
     axes.set(xlabel="time [s]", ylabel="φd / S₀ [–]")
     legend(axes)
     return Finding(
-        title="Erratum 1: the chirp of Eq. 17",
+        title="The chirp of Eq. 17",
         values={"erratum.chirp": tone},
         figures=[(figure, "Eq. 17 as printed, and with the integral of the frequency as phase.")],
     )

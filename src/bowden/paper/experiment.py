@@ -7,11 +7,20 @@ from typing import TYPE_CHECKING
 
 from bowden.control import LAWS
 from bowden.core.trace import Trace
-from bowden.paper.bench import adaptive, observer, run_bench, run_chirp
-from bowden.rig.presets.suit import DRIVE_INTEGRAL, run_suit, suit_adaptive, suit_ours
+from bowden.paper.bench import adaptive, observer, ours, run_bench, run_chirp
+from bowden.paper.suit_rows import DRIVES, Five, five_flexions, laws_on
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+
+@dataclass(frozen=True)
+class PageTable:
+    """A table of plain text on the page."""
+
+    header: list[str]
+    rows: list[list[str]]
+    caption: str
 
 
 @dataclass(frozen=True)
@@ -23,8 +32,11 @@ class Finding:
     """Claim id → computed figure, in the claim's unit."""
     details: dict[str, float] = field(default_factory=dict)
     """Further figures, by the names that the claims' reasons use."""
+    intervals: dict[str, tuple[float, float]] = field(default_factory=dict)
+    """Claim id → range over the readings that the text allows."""
     figures: list[tuple["Figure", str]] = field(default_factory=list)
     """Figures with their captions."""
+    tables: list["PageTable"] = field(default_factory=list)
     text: str = ""
     """What there is to say, as HTML."""
 
@@ -68,19 +80,28 @@ class Runs:
         return run_chirp(adaptive())
 
     @cached_property
-    def suit_uncompensated(self) -> Trace:
-        """Fig. 17, two flexions; every one after the first is like the second."""
-        return run_suit(LAWS["uncompensated"], count=2)
+    def ours(self) -> Trace:
+        """Our law on the bench of Fig. 13."""
+        return run_bench(ours())
 
     @cached_property
-    def suit_adaptive(self) -> Trace:
-        """Fig. 17, five flexions."""
-        return run_suit(suit_adaptive())
+    def ours_moved(self) -> Trace:
+        """Our law on the bench of Fig. 15."""
+        return run_bench(ours(), moved=True)
 
     @cached_property
-    def suit_ours(self) -> Trace:
-        """Fig. 17 with our law and a drive that has an integral."""
-        return run_suit(suit_ours(), drive_integral=DRIVE_INTEGRAL)
+    def suit_uncompensated(self) -> Five:
+        """Fig. 17 without compensation."""
+        return five_flexions(LAWS["uncompensated"])
+
+    @cached_property
+    def suit(self) -> dict[tuple[str, str], Five]:
+        """Fig. 17, by drive and law: PD and integral, the adaptive law and ours."""
+        return {
+            (drive, name): five_flexions(law, integral)
+            for drive, integral in DRIVES.items()
+            for name, law in laws_on(drive).items()
+        }
 
 
 Experiment = Callable[[Runs], Finding]

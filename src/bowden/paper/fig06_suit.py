@@ -4,15 +4,17 @@ from bowden.control import LAWS
 from bowden.core.metrics import delay
 from bowden.core.style import COLOURS, legend, new_figure, thin
 from bowden.core.units import DEGREES
+from bowden.paper.calibration import suit_fit
 from bowden.paper.experiment import Finding, Runs
 from bowden.paper.plots import over_time
-from bowden.rig.presets.suit import run_suit, suit_calibration
+from bowden.rig.presets.suit import run_suit
 
 
 def run(runs: Runs) -> Finding:
     """Periodic minimum jerk 0–90° without compensation, at the period that the delay asks for."""
-    period = suit_calibration().period
-    trace, other = run_suit(LAWS["uncompensated"], count=2, period=period), runs.suit_uncompensated
+    fit = suit_fit()
+    period = fit.period
+    trace, other = run_suit(LAWS["uncompensated"], count=2, period=period, fit=fit), runs.suit_uncompensated.trace
     late, usual = (delay(t.time, t["reference"], t["joint"]) for t in (trace, other))
     figure, (top, bottom) = new_figure(rows=2, width=8.6, height=4.4, share_x=True)
     over_time(top, trace, COLOURS["uncompensated"], "elbow", 2.0 * period)

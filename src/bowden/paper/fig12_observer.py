@@ -20,5 +20,6 @@ def run(runs: Runs) -> Finding:
                 "paper.",
             )
         ],
-        text="With exact parameters the observer would be far better than published: the mismatch is fitted.",
+        text="With exact parameters the observer would be far better than published at this period: the "
+        "mismatch is fitted.",
     )

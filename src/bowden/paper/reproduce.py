@@ -18,25 +18,30 @@ from bowden.paper import (
     fig16_bandwidth,
     fig17_energy,
     fig18_clinic,
-    second,
+    sensitivity,
     stability_map,
-    suit_second,
 )
-from bowden.paper.claims import Claim, Result, select
+from bowden.paper.claims import Claim, Result, interval, is_remark, select
 from bowden.paper.experiment import Experiment, Finding, Runs
 
 EXPERIMENTS: dict[str, tuple[Experiment, tuple[str, ...]]] = {
     "fig4": (fig04_spools.run, ("fig4.", "erratum.spools.")),
     "fig9": (fig09_uncompensated.run, ("fig9.",)),
     "fig12": (fig12_observer.run, ("table1.observer.constant",)),
-    "fig13": (fig13_adaptive.run, ("table1.adaptive.constant", "fig14.", "erratum.convergence.")),
+    "fig13": (
+        fig13_adaptive.run,
+        ("table1.adaptive.constant", "fig14.", "erratum.convergence.", "erratum.gains.static"),
+    ),
     "fig15": (fig15_moved.run, ("table1.observer.varying", "table1.adaptive.varying", "fig15.")),
     "fig16": (fig16_bandwidth.run, ("fig16.", "erratum.bandwidth")),
     "fig6": (fig06_suit.run, ("fig6.",)),
     "fig17": (fig17_energy.run, ("fig17.",)),
     "fig19": (fig18_clinic.run, ("fig19.",)),
     "errata_cable": (errata_cable.run, ("erratum.units", "erratum.monotone.", "erratum.gap")),
-    "errata_law": (errata_law.run, ("erratum.eq14.", "erratum.gains.", "erratum.lyapunov", "erratum.rmse")),
+    "errata_law": (
+        errata_law.run,
+        ("erratum.eq14.", "erratum.gains.pole", "erratum.gains.fastest", "erratum.lyapunov", "erratum.rmse"),
+    ),
     "errata_chirp": (errata_chirp.run, ("erratum.chirp",)),
 }
 """Name → experiment, and the beginnings of the claims that it computes, in the order of the report."""
@@ -48,16 +53,23 @@ class Reproduction:
 
     results: list[Result]
     findings: list[Finding]
-    second: list[dict[str, object]]
-    """What both calibrations of the bench give; empty where only a part was asked for."""
-    suit_second: list[dict[str, object]]
-    """The same of the suit's."""
+    earlier: dict[str, dict[str, float | None]]
+    """What the two earlier calibrations predict, by claim; empty where only a part was asked for."""
     bench: dict[str, Trace]
     """The bench's runs at constant bend, by their laws; empty where only a part was asked for."""
 
     def json(self) -> dict[str, Any]:
-        """The claims, and the second calibration, as the command line prints them."""
-        return {"claims": [result.json() for result in self.results], "calibrations": self.second + self.suit_second}
+        """Claims, remarks on the equations, and the earlier calibrations, as the command line prints them."""
+        claims, remarks = (
+            [result.json() for result in self.results if is_remark(result.claim) == remark] for remark in (False, True)
+        )
+        hidden = ("verdict", "published", "fitted", "interval")
+        remarks = [{key: value for key, value in one.items() if key not in hidden} for one in remarks]
+        calibrations = [
+            {"id": claim, **{name: found[claim] for name, found in self.earlier.items()}}
+            for claim in (sensitivity.ROWS if self.earlier else ())
+        ]
+        return {"claims": claims, "remarks": remarks, "calibrations": calibrations}
 
 
 def reproduce(only: Sequence[str] = (), progress: Callable[[str, float], None] | None = None) -> Reproduction:
@@ -76,29 +88,25 @@ def reproduce(only: Sequence[str] = (), progress: Callable[[str, float], None] |
         for name, (experiment, beginnings) in EXPERIMENTS.items()
         if any(claim.id.startswith(beginnings) for claim in wanted)
     }
-    steps = len(needed) + (0 if only else 3)
+    steps = len(needed) + (0 if only else 2)
     runs, findings = Runs(), []
     for done, (name, experiment) in enumerate(needed.items()):
         if progress is not None:
             progress(name, done / steps)
         findings.append(experiment(runs))
     bench: dict[str, Trace] = {}
-    comparison: list[dict[str, object]] = []
-    of_suit: list[dict[str, object]] = []
+    earlier: dict[str, dict[str, float | None]] = {}
     if not only:
         bench = {"uncompensated": runs.uncompensated, "observer": runs.observer, "adaptive": runs.adaptive}
         if progress is not None:
-            progress("stability map", (steps - 3) / steps)
+            progress("stability map", (steps - 2) / steps)
         findings.append(stability_map.run(runs))
         if progress is not None:
-            progress("second calibration", (steps - 2) / steps)
-        comparison = second.table()
-        if progress is not None:
-            progress("the suit's second calibration", (steps - 1) / steps)
-        of_suit = suit_second.table()
+            progress("earlier calibrations", (steps - 1) / steps)
+        earlier = sensitivity.earlier()
     if progress is not None:
         progress("done", 1.0)
-    return Reproduction([_judge(claim, findings) for claim in wanted], findings, comparison, of_suit, bench)
+    return Reproduction([_judge(claim, findings) for claim in wanted], findings, earlier, bench)
 
 
 def claims_of(only: Sequence[str]) -> list[str]:
@@ -112,8 +120,6 @@ def claims_of(only: Sequence[str]) -> list[str]:
 def _judge(claim: Claim, findings: list[Finding]) -> Result:
     for finding in findings:
         if claim.id in finding.values:
-            radii = {
-                f"radius_for_{x}": finding.values.get(f"erratum.spools.radius_for_{x}") for x in ("ratio", "mismatch")
-            }
-            return Result(claim, finding.values[claim.id], claim.why.format(**finding.details, **radii))
+            over = finding.intervals.get(claim.id) or (None if claim.fitted else interval(claim.id))
+            return Result(claim, finding.values[claim.id], claim.why.format(**finding.details), over)
     raise LookupError(f"no experiment computes {claim.id}")

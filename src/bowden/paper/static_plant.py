@@ -1,4 +1,4 @@
-"""The paper's own picture of the bench: a static plant, and the adaptive law solved together with it (erratum 7).
+"""The paper's own picture of the bench: a static plant, and the adaptive law solved together with it (reading 7).
 
 The paper takes joint = αφ·motor + hysteresis, with no servo between command and motor. Then s, ė and the command
 depend on one another at one instant: each sample asks for the motor angle m with
@@ -8,7 +8,7 @@ depend on one another at one instant: each sample asks for the motor angle m wit
 As long as joint(m) does not fall with m, and β̂ and D̂m are not negative, m − law(joint(m)) rises strictly: there is
 exactly one such angle, and bisection finds it. That holds for the play operator, and for Bouc–Wen where αφ + αh·ρ is
 positive and h does not overshoot; it does not for the printed Bouc–Wen parameters, whose joint first runs the wrong way
-after a reversal (erratum 6). There bisection finds *a* solution, and the motor jumps from one branch to another.
+after a reversal (reading 6). There bisection finds *a* solution, and the motor jumps from one branch to another.
 """
 
 from typing import Any, NamedTuple

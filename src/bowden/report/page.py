@@ -145,8 +145,8 @@ class Page:
             header: one name a column.
             rows: one cell a column.
             caption: plain text.
-            classes: a CSS class for each row; `fitted`, `reproduced`, `better`, `differs`, `erratum` and `best`
-                have colours.
+            classes: a CSS class for each row; `fitted`, `reproduced`, `better`, `not-determined`, `differs`,
+                `misprint` and `best` have colours.
 
         Raises:
             ValueError: a row or `classes` of another length.

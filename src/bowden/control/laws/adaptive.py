@@ -9,13 +9,13 @@ The plant is seen as joint = αφ·motor + D with |D| ≤ Dm and β = 1/αφ. Wi
     dβ̂/dt = −δ1·φ̄·s − δ1·σ1·β̂
     dD̂m/dt = δ2·β̂·tanh(s/ε)·s − δ2·σ2·D̂m
 
-Two readings of ours (erratum 4): Eq. 14 is taken with φ̄, which the paper writes like the motor command, and the
+Two readings of ours (reading 4): Eq. 14 is taken with φ̄, which the paper writes like the motor command, and the
 unknown β in the second adaptation law is replaced by its estimate β̂. The derivative ė is the joint's measured rate,
 low-pass filtered with the time constant τ, minus the reference's exact velocity; the paper does not say how it
 differentiates. τ = 0 is a plain difference.
 
 Linearised, the law is a PID around the servo (gains κλ, κ and β̂λ); the printed gains λ = 2, κ = 10 diverge at 1 kHz
-around any servo that is as fast as Fig. 16 implies (erratum 7). They are kept as the preset ``paper``.
+around a servo of more than 20.6 rad/s (reading 7). They are kept as the preset ``paper``.
 
 The law's own λ, κ and ε are those of the default bench. On another rig they follow from servo, delay and sample time:
 `error_gain`, `feedback_gain` and `smoothing` below.
@@ -104,7 +104,7 @@ def ultimate_bounds(gains: AdaptiveGains, slope: float, uncertainty: float) -> U
 
         ϱ = min(2κ/β, σ1·δ1, σ2·δ2),    f = σ1·β²/2 + σ2·Dm²/2 + 0.2785·ε
 
-    From Eq. 20 to 22 the last term lost its factor β·Dm (erratum 9); it is taken here as printed.
+    From Eq. 20 to 22 the last term lost its factor β·Dm, which is below 1 here (reading 9); it is taken as printed.
 
     Args:
         gains: of the law.

@@ -3,7 +3,7 @@
     command = (reference − offset − α̂h·ĥ)/α̂φ,    ĥ from Eq. 7
 
 Eq. 7 needs the motor's travel. Feeding it the command's own increments makes an algebraic loop that chatters or
-diverges when it is stepped explicitly, because the fitted cable is not monotone (erratum 6). ĥ is therefore driven by
+diverges when it is stepped explicitly, because the fitted cable is not monotone (reading 6). ĥ is therefore driven by
 the *measured* motor angle (the default), or by the reference divided by the slope, which needs no sensor and is free of
 its noise.
 """

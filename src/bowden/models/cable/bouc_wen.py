@@ -21,7 +21,7 @@ from bowden.core.quantity import Quantity
 class BoucWen(NamedTuple):
     """Parameters of the cable; the defaults are the ones the paper fitted to its bench (Section 5.1.1).
 
-    They are valid in radians only (erratum 5).
+    They are valid in radians only (reading 5).
 
     >>> BoucWen(slope=0.9).rate
     9.256

@@ -1,7 +1,7 @@
 """The sheath: its total bend sets the width and the slope of the cable's hysteresis.
 
 Section 3.2 of the paper: the backlash is proportional to the sheath's total bend angle θ and to the gap g. (The
-Discussion says that it falls with the gap; that is erratum 8, Section 3.2 is taken.) Fig. 15 shows that motion is lost
+Discussion says that it falls with the gap; that is reading 8, Section 3.2 is taken.) Fig. 15 shows that motion is lost
 as well when the bend grows. Relative to the bend θ₀ and gap g₀ at which the cable was identified:
 
     width = (θ/θ₀)·(g/g₀),    slope = αφ·(1 − loss·(θ/θ₀ − 1))

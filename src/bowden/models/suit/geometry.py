@@ -10,7 +10,8 @@ g(φ) = h2(φ) − h2(low), measured from the low end of the elbow's range, both
     residual, as flexor cable:                  max |f − k·g|         on spools of the ratio k = r_flex/r_ext
     the same slack, as extensor cable:          max |f/k − g|         (the one above, divided by k)
 
-The best k makes the residual least. With the paper's a, b, R the figures differ from the printed ones (erratum 3).
+The best k makes the residual least. The printed a = 35 mm gives other figures than Fig. 4's; a = 57 mm
+gives all three (reading 3).
 Source: Dinh et al. 2017, Eqs 1–3, Fig. 4.
 """
 
@@ -115,63 +116,6 @@ def size_spools(geometry: SuitGeometry, angles: tuple[float, float] = ELBOW_RANG
     radius, residual = _best_radius(geometry, angles)
     ratio = radius / geometry.joint_radius
     return SpoolSizing(ratio, _mismatch(geometry, angles), residual, residual / ratio)
-
-
-def joint_radius_for_ratio(
-    ratio: float, geometry: SuitGeometry | None = None, angles: tuple[float, float] = ELBOW_RANGE
-) -> float:
-    """The joint radius R for which `ratio` would be the best of the spools [m]; `geometry`'s own R plays no part.
-
-    Raises:
-        ParameterError: as `size_spools`, or a ratio that is not positive.
-
-    >>> f"{1e3 * joint_radius_for_ratio(1.66):.1f} mm"
-    '35.4 mm'
-    """
-    check_positive("spools", ratio=ratio)
-    return _best_radius(geometry or SuitGeometry(), angles)[0] / ratio
-
-
-def joint_radius_for_mismatch(
-    mismatch: float,
-    geometry: SuitGeometry | None = None,
-    angles: tuple[float, float] = ELBOW_RANGE,
-    *,
-    extensor_moves_more: bool = False,
-) -> float:
-    """The joint radius R for which equal spools would have that `mismatch` [m]; `geometry`'s own R plays no part.
-
-    There are two: a small joint, whose flexor moves more than its extensor, and a large one, whose extensor moves
-    more (as the paper's text has it, but then the *extensor's* spool has to be the larger one).
-
-    Raises:
-        ParameterError: as `size_spools`, or a mismatch that no joint radius has: below the least residual, or (for
-            the small joint) above the flexor's whole travel.
-
-    >>> f"{1e3 * joint_radius_for_mismatch(0.05):.1f} mm"
-    '31.4 mm'
-    >>> f"{1e3 * joint_radius_for_mismatch(0.05, extensor_moves_more=True):.1f} mm"
-    '95.0 mm'
-    """
-    suit = geometry or SuitGeometry()
-    _, least = _best_radius(suit, angles)
-    low, high = angles
-    travel, span = _flexor_travel(high, suit, low), high - low
-    most = math.inf if extensor_moves_more else travel
-    if not least <= mismatch < most:
-        raise ParameterError(
-            f"spools: a mismatch of {mismatch} m", expected=f"a length from {least:.5f} up to {most:.5f} m"
-        )
-    if not extensor_moves_more:
-        return (travel - mismatch) / span
-    at_end = (travel + mismatch) / span
-    if at_end >= flexor_moment_arm(high, suit):
-        return at_end
-
-    def excess(angle: float) -> float:  # k·g − f is largest where the slopes are equal
-        return flexor_moment_arm(angle, suit) * (angle - low) - _flexor_travel(angle, suit, low) - mismatch
-
-    return flexor_moment_arm(_root(excess, low, high), suit)
 
 
 def _best_radius(geometry: SuitGeometry, angles: tuple[float, float]) -> tuple[float, float]:

@@ -1,7 +1,7 @@
 """The paper's bench as we run it: what is printed, what is chosen, and what is fitted, from paper.toml."""
 
 import tomllib
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 from importlib import resources
 from typing import Any
@@ -37,23 +37,29 @@ class Calibration:
     """Slope lost when the bend doubles, from the observer's RMSE at varying bend [–]."""
     period: float
     """Of the periodic reference [s]."""
+    speed_limit: float = document()["chosen"]["speed_limit"]
+    """Of the drive, at the spool [rad/s]."""
+    motor: Motor = field(default_factory=Motor)
+    """With its gear, inertia and current limit, which limit the acceleration."""
+    moved: tuple[float, float] = (document()["chosen"]["moved_from_s"], document()["chosen"]["moved_to_s"])
+    """When the sheath of Fig. 15 begins to be moved, and when it is bent [s]."""
 
 
-def calibration(name: str = "main") -> Calibration:
-    """A frozen calibration of paper.toml: ``main`` or ``second``."""
+def calibration(name: str = "first") -> Calibration:
+    """A frozen calibration of paper.toml: ``first``, on which every default stands, or ``second``."""
     return Calibration(**document()["calibration"][name])
 
 
 def bench(fit: Calibration | None = None) -> Bench:
-    """The bench with a calibration; the main one where none is given."""
+    """The bench with a calibration; the first one where none is given."""
     fit = fit or calibration()
     chosen = document()["chosen"]
     encoder = Encoder(chosen["encoder_resolution_deg"] * RADIANS, chosen["encoder_noise_deg"] * RADIANS)
     return Bench(
         cable=BoucWen(),
         sheath=Sheath(bend=chosen["bend_deg"] * RADIANS, gap=fit.gap, loss=fit.loss),
-        servo=Servo(fit.natural_frequency, chosen["servo_damping"], speed_limit=chosen["speed_limit"]),
-        motor=Motor(),
+        servo=Servo(fit.natural_frequency, chosen["servo_damping"], speed_limit=fit.speed_limit),
+        motor=fit.motor,
         joint_encoder=encoder,
         motor_encoder=encoder,
         sample_time=chosen["sample_time"],
@@ -73,12 +79,12 @@ def minimum_jerk(fit: Calibration | None = None) -> PeriodicMinimumJerk:
 
 
 def chirp() -> Chirp:
-    """The chirp of Fig. 16, with the integrated phase (erratum 1)."""
+    """The chirp of Fig. 16, with the integrated phase (reading 1)."""
     return Chirp(90.0 * RADIANS, 0.1, 20.0, 150.0)
 
 
-def moved_sheath() -> BendPath:
+def moved_sheath(fit: Calibration | None = None) -> BendPath:
     """The sheath of Fig. 15: bent to twice its angle while running."""
     chosen = document()["chosen"]
-    start, end = chosen["moved_from_s"], chosen["moved_to_s"]
-    return scripted_bend((start, end), (chosen["bend_deg"] * RADIANS, chosen["moved_bend_deg"] * RADIANS))
+    bends = chosen["bend_deg"] * RADIANS, chosen["moved_bend_deg"] * RADIANS
+    return scripted_bend((fit or calibration()).moved, bends)

@@ -1,7 +1,8 @@
 """The paper's suit as we run it: what is printed, what is chosen, and what is fitted, from paper.toml."""
 
 import itertools
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +15,7 @@ from bowden.core.units import DEGREES, RADIANS
 from bowden.models.cable.sheath import Sheath
 from bowden.models.drive.geared_motor import GearedMotor
 from bowden.models.suit.arm import arm_of
+from bowden.models.suit.geometry import SuitGeometry
 from bowden.models.suit.suit_cable import Fabric, SuitCable
 from bowden.plants.suit_parts import Suit
 from bowden.rig.presets.bench import bench, document
@@ -34,20 +36,26 @@ class SuitCalibration:
     """Of cable and sheath; a stated choice where it is not from the energy [N/m]."""
     drive_integral: float = 0.0
     """Of the drive's position loop, which is PD without it [1/s]."""
+    natural_frequency: float = bench().servo.natural_frequency
+    """Of the drive's unloaded PD loop [rad/s]."""
+    geometry: SuitGeometry = field(default_factory=SuitGeometry)
+    chosen: Mapping[str, float] = field(default_factory=dict)
+    """What takes the place of a stated choice of paper.toml, by its name there."""
 
 
-def suit_calibration(name: str = "main") -> SuitCalibration:
-    """A frozen calibration of paper.toml: ``main``, on a PD drive, or ``second``, on one with an integral."""
+def suit_calibration(name: str = "first") -> SuitCalibration:
+    """A frozen calibration of paper.toml: ``first``, on a PD drive, or ``second``, on one with an integral."""
     return SuitCalibration(**document()["suit"]["calibration"][name])
 
 
 def suit(fit: SuitCalibration | None = None) -> Suit:
-    """The suit with a calibration; the frozen one where none is given."""
+    """The suit with a calibration; the first one where none is given."""
     fit = fit or suit_calibration()
-    chosen = document()["suit"]["chosen"]
+    chosen = document()["suit"]["chosen"] | dict(fit.chosen)
     cable = SuitCable(kind="play", stiffness=fit.cable_stiffness, half_width=fit.half_width)
     servo, sheath = bench().servo, bench().sheath
     return Suit(
+        geometry=fit.geometry,
         spool_radius=chosen["spool_radius"],
         motor=GearedMotor(
             inertia=chosen["inertia"],
@@ -56,7 +64,7 @@ def suit(fit: SuitCalibration | None = None) -> Suit:
             current_limit=chosen["current_limit"],
             supply=chosen["supply"],
             integral=fit.drive_integral,
-            servo=servo,
+            servo=servo._replace(natural_frequency=fit.natural_frequency),
         ),
         flexor=cable,
         extensor=cable,
