@@ -332,7 +332,7 @@ def test_a_section_is_read_by_its_former_name() -> None:
         ("servo.natural_frequency_hz", "servo.natural_freq_hz", "servo.natural_frequency_hz (did you mean this?)"),
         ("gains.feedback_gain", "gains.feedback_gian", "control.gains.feedback_gain (did you mean this?)"),
         ("[0.6, 1.2]", "[1.2, 0.6]", 'vary."cable.slope": uniform is [1.2, 0.6]; expected [low, high]'),
-        ("uniform = [0.6, 1.2]", "uniform = [0.6, 30]", "cable.slope reaches 30.0; expected a number not above 20"),
+        ("uniform = [0.6, 1.2]", "uniform = [0.6, 300]", "cable.slope reaches 300.0; expected a number not above 100"),
         ("integer = [0, 3]", "uniform = [0, 3]", "bench.delay_cycles reaches 0.0; expected a whole number"),
         ("integer = [0, 3]", "integer = [-1, 3]", "bench.delay_cycles reaches -1; expected a number not below 0"),
         ("[5, 60]", "[5, 60000]", "control.gains.feedback_gain: gain feedback_gain of law 'adaptive' is 60000"),

@@ -212,9 +212,17 @@ def test_over_the_bus_the_drive_speaks_of_the_joints_coordinate() -> None:
     drive.close()
 
 
+LAG = {"following_error": 0.9}
+
+
 def test_the_drives_own_limits_are_held_against_the_spool() -> None:
-    for asked, said in (({"speed_limit": 40.0}, "speed limit"), ({"following_error": 2.5}, "following error")):
-        _, drive = over_the_bus(DRIVE._replace(lowest_motor=-0.2, highest_motor=2.0, answer_timeout=1.0, **asked))
+    for asked, set_to, said in (
+        ({"speed_limit": 40.0}, {}, "speed limit"),
+        (LAG, {(0x6065, 0): 10}, "following error"),
+    ):
+        bus, drive = over_the_bus(DRIVE._replace(lowest_motor=-0.2, highest_motor=2.0, answer_timeout=1.0, **asked))
+        for key, value in set_to.items():
+            bus.node.objects.change(key, value)
         with pytest.raises(DriveError, match=said):
             drive.bring_up()
         drive.close()

@@ -72,7 +72,7 @@ def test_the_limit_is_the_rigs_own_or_play_and_half_again_of_what_its_simulation
     shown = lasting_error(run_of(rig, law).error, rig.sample_time, 1.0)
     assert off_reference(rig, law) == pytest.approx(rig.supervisor_limits.play + HALF_AGAIN * shown, rel=0.02)
     wider = rig.replace(limits=rig.limits._replace(play=0.5))
-    assert off_reference(wider, law) - off_reference(rig, law) == pytest.approx(0.5 - rig.limits.play)
+    assert off_reference(wider, law) - off_reference(rig, law) == pytest.approx(0.5 - rig.supervisor_limits.play)
     assert off_reference(rig.replace(limits=rig.limits._replace(off_reference=0.2)), law) == 0.2
     assert off_reference(rig.replace(limits=rig.limits._replace(off_reference_time=0.2)), law) > off_reference(rig, law)
-    assert off_reference(rig, LAWS["bowden"]) < 1.1 * rig.limits.play
+    assert off_reference(rig, LAWS["bowden"]) < 1.1 * rig.supervisor_limits.play

@@ -64,6 +64,7 @@ def test_on_the_bench_and_a_suit_it_is_what_it_was() -> None:
         ({"target_reach": 0.05}, "target_reach_deg = "),
         ({"heartbeat_age": 1e-3}, "heartbeat_age_s = "),
         ({"bridge_time": 0.1}, "bridge_time_s = "),
+        ({"disable_time": 1e-3}, "disable_time_s = "),
         ({"motor_margin": 1.0}, "motor_margin_deg = "),
         ({"tracking": 1.0, "target_reach": 2.0}, "tracking_deg = "),
         ({"frozen_travel": 3.0}, "frozen_travel_deg = "),
@@ -77,6 +78,13 @@ def test_what_is_written_rules_and_is_judged_by_its_own_key(written: dict[str, f
     assert any(said in one for one in found)
     others = [key for name, key in KEYS.items() if name in FOLLOWING - written.keys()]
     assert not any(f"{key} = " in one for one in found for key in others), "no key that is not in the file"
+
+
+def test_no_detector_is_made_meaningless_by_what_follows() -> None:
+    assert any("the play that follows" in one for one in objections(Rig(width=20.0)))
+    assert any("sample_time_ms = 100" in one for one in objections(Rig(sample_time=0.1)))
+    suit = Rig(suit=SuitSettings(worn=True), limits={"slope_low": 0.05, "slope_high": 0.1})
+    assert any("slope_high = 0.1" in one for one in objections(suit))
 
 
 def test_a_weak_motor_and_other_zeros_are_said_with_what_mends_them() -> None:

@@ -30,7 +30,7 @@ from bowden.rig.compose_admittance import Pushing
 from bowden.rig.drive import most_push
 from bowden.rig.emg_setup import EmgRun
 from bowden.rig.given_law import LawFile
-from bowden.rig.objections import require_joint, turned
+from bowden.rig.objections import reference_beyond, require_joint, turned
 from bowden.rig.pair import pulling
 from bowden.rig.pair import said as said_of_pair
 from bowden.rig.pair_plant import parting_in_run
@@ -292,6 +292,8 @@ def live_run(rig: Rig, *, measure: bool = False, logged: Rig | None = None, join
         return Live(rig, measure, LAWS["uncompensated"], limits, table, moved.servo_from, start, pushing, notes, logged)
     time = np.arange(round(rig.duration / rig.sample_time), dtype=np.float64) * rig.sample_time
     table = rig.trajectory.sample(time)
+    for beyond in reference_beyond(rig, limits):
+        raise ParameterError(beyond)
     return Live(rig, measure, rig.fitted(), limits, table, 0, rig.start_motor, pushing, notes, logged)
 
 

@@ -48,6 +48,10 @@ AT_THE_JOINT = {
 }
 """What these may come to at the joint: tolerances are no larger than what they are to find. A joint that is 45° from
 where its motor should have it is no longer led, and a target half a turn away is none of a law's [rad, rad/s]."""
+SLOWEST = 0.020
+"""Cycle of a loop with power: three of them are the longest that a drive waits for us [s]."""
+WIDEST = 57.0 * RADIANS
+"""Of `play`, whether it is written or follows [rad]."""
 STEP = 0.9
 """Of `target_reach`: what the target may go in a cycle at most."""
 SPAN = 1.25
@@ -145,6 +149,15 @@ def contradictions(limits: Limits, dt: float, *, opposed: bool = False, given: L
         found.append(f"{written('slope_low')} is above {written('slope_high')}")
     if found:
         return found
+    if dt > SLOWEST:
+        found.append(
+            f"bench.sample_time_ms = {1e3 * dt:g} is above {1e3 * SLOWEST:g}: a drive would keep its torque too long"
+        )
+    if limits.play > WIDEST:
+        found.append(
+            f"{written('play')} is above {WIDEST * DEGREES:g}°: a joint so far from its motor is not held; take a "
+            "cable that loses less"
+        )
     slope = float(steepest(limits))
     for name, most in AT_THE_JOINT.items():
         if getattr(limits, name) * slope > most * (1.0 + 1e-9):
@@ -188,6 +201,8 @@ def contradictions(limits: Limits, dt: float, *, opposed: bool = False, given: L
             f"{written('heartbeat_age')} is below two cycles of {1e3 * dt:g} ms, or {written('reading_age')} is above "
             "10 ms"
         )
+    if limits.disable_time < 2.0 * dt:
+        found.append(f"{written('disable_time')} is below two cycles of {1e3 * dt:g} ms")
     if limits.bridge_time > max(BRIDGED, dt):
         found.append(f"{written('bridge_time')} is above {1e3 * max(BRIDGED, dt):g} ms, or one cycle")
     if limits.lateness + limits.bridge_time > limits.heartbeat_age:

@@ -83,22 +83,15 @@ def mismatches(rig: Rig, limits: Limits) -> Iterator[str]:
         rig: of one motor, not of a pair.
         limits: the supervisor's.
     """
-    path = rig.trajectory.sample(np.linspace(0.0, rig.duration, _INSTANTS))[:, 0]
-    low, high = float(path.min()), float(path.max())
-    if rig.emg_run is None and rig.pushing is None and not limits.joint_low <= low <= high <= limits.joint_high:
-        yield (
-            f"the reference goes from {low * DEGREES:.4g}° to {high * DEGREES:.4g}°, and the joint's limits are "
-            f"{limits.joint_low * DEGREES:.4g}° to {limits.joint_high * DEGREES:.4g}°: correct [reference], or "
-            "joint_low_deg and joint_high_deg of [limits]"
-        )
-    if rig.worn is not None or rig.plant is not None:
-        return
-    slope, ends = rig.slope, (limits.slope_low, limits.slope_high)
+    yield from reference_beyond(rig, limits)
+    slope, ends = rig.basis.flat, (limits.slope_low, limits.slope_high)
     if not ends[0] <= slope <= ends[1]:
         yield (
             f"the cable's slope is {slope:.4g}, and slope_low = {ends[0]:.4g}, slope_high = {ends[1]:.4g}: the joint "
-            "would seem astray; leave both out of [limits]"
+            "would seem to disagree with its motor; leave both out of [limits]"
         )
+        return
+    if rig.worn is not None or rig.plant is not None:
         return
     start, begin = rig.start_motor, rig.begin
     allowed = sorted(end * start for end in ends)
@@ -109,7 +102,24 @@ def mismatches(rig: Rig, limits: Limits) -> Iterator[str]:
             "correct offset in [cable], or motor_zero_deg and joint_zero_deg below its model; bowden init --model "
             "finds them"
         )
-    yield from _weak(rig, limits, path)
+    yield from _weak(rig, limits, _path(rig))
+
+
+def reference_beyond(rig: Rig, limits: Limits) -> Iterator[str]:
+    """That a reference asks the joint to go where the supervisor ends the run."""
+    path = _path(rig)
+    low, high = float(path.min()), float(path.max())
+    if rig.emg_run is None and rig.pushing is None and not limits.joint_low <= low <= high <= limits.joint_high:
+        yield (
+            f"the reference goes from {low * DEGREES:.4g}° to {high * DEGREES:.4g}°, and the joint's limits are "
+            f"{limits.joint_low * DEGREES:.4g}° to {limits.joint_high * DEGREES:.4g}°: correct [reference], or "
+            "joint_low_deg and joint_high_deg of [limits]"
+        )
+
+
+def _path(rig: Rig) -> NDArray[np.float64]:
+    """Positions of the reference along a run [rad]."""
+    return rig.trajectory.sample(np.linspace(0.0, rig.duration, _INSTANTS))[:, 0]
 
 
 def _weak(rig: Rig, limits: Limits, path: NDArray[np.float64]) -> Iterator[str]:

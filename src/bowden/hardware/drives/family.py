@@ -30,7 +30,7 @@ LOST = 3.0
 def longest_silence(sample_time: float) -> float:
     """`LONGEST_SILENCE`; of a loop so slow that `LOST` cycles, and 10 ms for the drive, take longer, these [s].
 
-    >>> longest_silence(1e-3), longest_silence(20e-3)
+    >>> longest_silence(1e-3), round(longest_silence(20e-3), 3)
     (0.05, 0.07)
     """
     return max(LONGEST_SILENCE, LOST * sample_time + 10e-3)

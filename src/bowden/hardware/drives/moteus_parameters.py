@@ -134,7 +134,7 @@ def check_parameters(drive: MoteusParameters) -> None:
         ("sample_time", 5e-4 <= drive.sample_time <= 0.02, "0.0005 to 0.02 s"),
         (
             "watchdog",
-            least <= drive.watchdog <= longest,
+            least - 1e-9 <= drive.watchdog <= longest + 1e-9,
             f"three cycles, {least:g} s, to {longest:g} s",
         ),
         *on_can.rules_of_limits(drive),

@@ -215,7 +215,7 @@ def check_parameters(drive: OdriveParameters) -> None:
         ("sample_time", 5e-4 <= drive.sample_time <= 0.02, "0.0005 to 0.02 s"),
         (
             "watchdog",
-            least <= drive.watchdog <= longest,
+            least - 1e-9 <= drive.watchdog <= longest + 1e-9,
             f"three cycles, {least:g} s, to {longest:g} s",
         ),
         ("heartbeat", 1e-3 <= drive.heartbeat <= 10e-3, "from 0.001 to 0.01 s, so that its state is known in time"),
