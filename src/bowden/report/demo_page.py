@@ -20,7 +20,8 @@ from bowden.report.page import Page
 WITHOUT = "uncompensated"
 """The law that compensates nothing."""
 _UNSEEN = "on the half of the log that it was not fitted to"
-_MEANT_LOST = "so far apart is the joint on its way up and on its way down"
+_MEANT_LOST = "how far apart the joint is going up and going down, on average over this log's strokes"
+_UNCOMPENSATED = "without compensation (the motor goes where the joint should)"
 _SAID = {
     "holds": "it is stable over the bends and the stroke of the run, with its margins",
     "little_margin": "it is stable, with little margin",
@@ -54,9 +55,7 @@ def check_line(found: Check) -> str:
 
 def simulated_line(traces: Mapping[str, Trace]) -> str:
     """How far the joint is from where it should be, without a law and with one."""
-    said = [
-        f"{_error(one)} {'without compensation' if name == WITHOUT else f'with {name}'}" for name, one in traces.items()
-    ]
+    said = [f"{_error(one)} {_UNCOMPENSATED if name == WITHOUT else f'with {name}'}" for name, one in traces.items()]
     return f"Simulation: the joint is off by {'; by '.join(said)}{_times_less(traces)}"
 
 

@@ -21,11 +21,11 @@ class Counts(NamedTuple):
     def formulas(self) -> list[tuple[str, str]]:
         """Signal and formula, for a person."""
         sign = "-" if self.motor_direction < 0.0 else ""
-        motor = f"{sign}({self.motor_count:.6g}·counts - {self.motor_zero:.6g})"
+        motor = f"{sign}({self.motor_count:.6g}·counts {_plus(-self.motor_zero)})"
         return [
             ("motor [rad]", motor),
-            ("joint [rad]", f"{self.joint_count:.6g}·counts - {self.joint_zero:.6g}"),
-            ("target [counts]", f"({sign}command + {self.motor_zero:.6g})/{self.motor_count:.6g}"),
+            ("joint [rad]", f"{self.joint_count:.6g}·counts {_plus(-self.joint_zero)}"),
+            ("target [counts]", f"({sign}command {_plus(self.motor_zero)})/{self.motor_count:.6g}"),
         ]
 
     def notes(self) -> str:
@@ -35,6 +35,10 @@ class Counts(NamedTuple):
         return (
             f"The law counts the motor {turned}; zero is at {motor} of the motor's encoder and {joint} of the joint's."
         )
+
+
+def _plus(number: float) -> str:
+    return f"{'-' if number < 0.0 else '+'} {abs(number):.6g}"
 
 
 def counts_of(rig: Rig) -> Counts | None:

@@ -40,20 +40,21 @@ def trust(fit: "Fit") -> Trust:
     if not fit.reversals:
         doubt("no", "the motor never reverses, so that no loop shows")
     elif fit.best.name == "line":
-        doubt("with care", f"no loop is shown by this log, a straight line is all; {said}")
+        doubt("with care", "no loop is shown by this log, a straight line is all")
     elif unseen > max(_HALF * line.test_rms, _COUNTS * counts, SLIGHT):
-        doubt("no", f"the model predicts hardly better than a straight line; {said}")
+        doubt("no", "the model predicts hardly better than a straight line")
     elif rate is None and unseen > max(QUARTER * line.test_rms, _COUNTS * counts, SLIGHT):
-        doubt("with care", f"the model leaves a quarter or more of what a straight line does; {said}")
+        doubt("with care", "the model leaves a quarter or more of what a straight line does")
     if fit.reversals and (fit.chosen_on_whole or fit.cycles.whole < FOR_YES):
-        doubt("with care", f"{fit.cycles.counted}, too few to judge a model on cycles that it has not seen; {said}")
+        doubt("with care", f"{fit.cycles.counted}, too few to judge a model on cycles that it has not seen")
     if rate is not None:
         doubt("with care", f"the joint's sensor drifts by {rate * DEGREES * 60.0:.2g}°/min")
     elif not fit.chosen_on_whole and unseen > WORSE * seen and unseen > SLIGHT and fit.best.name != "line":
-        doubt("with care", f"the cable changed during the log; {said}")
+        doubt("with care", "the cable changed during the log")
     if lags(fit.lag):
         doubt("with care", f"the joint is {1e3 * fit.lag[0]:.2g} ms late, which makes its loop look wider")
-    return least(found)
+    judged = least(found)
+    return judged if judged.level == "yes" else Trust(judged.level, (*judged.reasons, said))
 
 
 def drift(fit: "Fit") -> float | None:

@@ -134,7 +134,8 @@ def angles_of(
         given: see `angle_units`.
 
     Raises:
-        LogError: counts, of which nobody says how many make a turn.
+        LogError: a length; one unit for two columns of which one names another; counts, of which nobody says how many
+            make a turn.
     """
     for (side, (name, found)), unit in zip(columns.items(), given.unit, strict=True):
         if found not in (None, *UNITS) and unit is None:
@@ -153,6 +154,13 @@ def angles_of(
             unit = "counts"
         chosen, guessed = unit or named or "rad", False
         if unit is not None and own[side] not in (None, unit):
+            if own[other] in (None, unit) and not given.apart:
+                apart = ",".join(own[one] or unit for one in SIDES)
+                raise LogError(
+                    f"column {name!r} names {own[side]}, and {unit} was given for both columns",
+                    expected="the unit of each",
+                    do=f"give --unit {apart} (unit='{apart}' in Python), or name the column otherwise",
+                )
             warnings.append(f"column {name!r} names {own[side]}, but {unit} was given and is taken")
         if unit is None and own[side] is None:
             guessed = True
