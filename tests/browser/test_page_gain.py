@@ -36,6 +36,7 @@ def says(page: Any, name: str, words: str, seconds: float = 60.0) -> None:
         page.wait_for_timeout(20)
 
 
+@pytest.mark.long  # the same without a browser: test_console_gains
 def test_a_gain_is_changed_while_the_law_runs(
     page: Any, console: RunningConsole, request: pytest.FixtureRequest
 ) -> None:
