@@ -2,6 +2,7 @@
 
 import shlex
 import sys
+import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -21,8 +22,8 @@ if TYPE_CHECKING:
 
 LENGTH = 20.0
 """Of the simulation and of the live run [s]."""
-_TRIES = 2
-"""At the live run, where this computer stalls."""
+_TRIES, _PAUSE = 3, 3.0
+"""At the live run, where this computer stalls, and the time between them [s]."""
 
 
 def demo(
@@ -162,6 +163,7 @@ def _live(
             break
         if further:
             _tell("this computer stalled and ended the run; once more")
+            time.sleep(_PAUSE)  # a shared computer stalls for seconds at a time
     return session, found
 
 
