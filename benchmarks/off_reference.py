@@ -9,8 +9,6 @@ docs/background/safety.md.
 
 import sys
 from collections.abc import Callable
-from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import numpy as np
 
@@ -34,10 +32,10 @@ from bowden.rig.emg_motion import EmgMotion
 from bowden.rig.one_run import run_of
 from bowden.rig.presets.suit import suit, suit_adaptive_integral, suit_ours
 from bowden.rig.rig import Rig
-from bowden.rig.suit_rig import suit_text
 from bowden.safety.faults import of
 from bowden.safety.supervisor import Mode, Observed, Request
 from bowden.sim.run import simulate
+from releases import written_suit
 from suit_wearers import worn_suit
 from support.simulated_drive import SimulatedDrive
 from test_off_reference import TIRED
@@ -140,10 +138,7 @@ def by_emg(count: int) -> list[str]:
     """Runs by EMG on wearers that were not simulated: contractions of 0.2 to 3 s with 0.2 to 6 s between them, so that
     motions are reversed half-way."""
     rows = []
-    with TemporaryDirectory() as folder:
-        path = Path(folder) / "suit.toml"
-        path.write_text(suit_text(path.name).replace('# source = "lsl:EMG" ', 'source = "lsl:EMG"'))
-        own = Rig.read(path)
+    own = written_suit().with_emg("lsl:EMG")
     run, dt, seconds = own.emg_run, own.sample_time, 2.0 * PERIOD
     assert run is not None
     for name in ("bowden", "adaptive"):

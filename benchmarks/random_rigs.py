@@ -4,13 +4,10 @@ Each is drawn from its number: a cable of any slope, play, direction and zeros, 
 preflight and supervisor are those of a live run, on a clock of their own.
 """
 
-import functools
 import math
 import sys
-import tempfile
 from collections import Counter
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -33,12 +30,12 @@ from bowden.models.cable.bouc_wen import BoucWen, saturation
 from bowden.models.drive.thermal import cold
 from bowden.rig.objections import objections
 from bowden.rig.rig import Rig
-from bowden.rig.suit_rig import suit_text
 from bowden.rig.twin_plant import twin_plant_of
 from bowden.safety.faults import of
 from bowden.safety.supervisor import Mode, Observed, Request
 from kept import Kept
 from measure import Figure
+from releases import written_suit
 from support.simulated_drive import SimulatedDrive
 
 COUNT = 1000
@@ -51,15 +48,6 @@ ARMED = 100
 SAMPLE_TIMES = (1e-3, 2e-3, 5e-3, 10e-3, 20e-3)
 SUITS, BY_HAND = 0.15, 0.25
 """Share of the rigs that are suits, and of the others that `init` has not made."""
-
-
-@functools.cache
-def _suit() -> Rig:
-    """What `bowden init --suit` writes."""
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "suit.toml"
-        path.write_text(suit_text("suit.toml"), encoding="utf-8")
-        return Rig.read(path)
 
 
 def cable(random: np.random.Generator) -> IdentifiedCable:
@@ -121,7 +109,7 @@ def rig_of(number: int) -> Rig:
     """
     kind, given, dt = drawn(number)
     if kind == "suit":
-        return _suit().replace(sample_time=dt, reference=given, duration=SECONDS)
+        return written_suit().replace(sample_time=dt, reference=given, duration=SECONDS)
     if kind == "by hand":
         rig = Rig(**given, sample_time=dt, duration=SECONDS)
         chosen = chosen_law(rig)

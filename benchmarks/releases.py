@@ -77,7 +77,7 @@ class Drawn(NamedTuple):
 
 
 @functools.cache
-def _suit() -> Rig:
+def written_suit() -> Rig:
     """What `bowden init --suit` writes."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "suit.toml"
@@ -91,7 +91,7 @@ def drawn(number: int) -> Drawn:
     cause, moment = CAUSES[int(random.integers(len(CAUSES)))], random.uniform(0.3, 3.0)
     high, period = random.uniform(30.0, 85.0), random.uniform(3.0, 8.0)
     if random.random() < 0.3:
-        rig = _suit().replace(reference=PeriodicMinimumJerk(0.0, high * RADIANS, 2.0 * period))
+        rig = written_suit().replace(reference=PeriodicMinimumJerk(0.0, high * RADIANS, 2.0 * period))
         return Drawn("suit", rig, cause, moment)
     slope = math.exp(random.uniform(math.log(0.4), math.log(2.5)))
     unit = BoucWen()

@@ -822,7 +822,11 @@ def patient(rig: Rig, *, measure: bool = False) -> Rig:
     if measure:
         wider |= {"reading_age": float(_OLDEST), "lateness": 0.5 * PATIENCE}
         wider |= {"heartbeat_age": 0.6 * PATIENCE, "clock_gap": PATIENCE}
-    changed = {name: value for name, value in wider.items() if getattr(given, name) in (usual[name], math.nan)}
+    changed = {
+        name: value
+        for name, value in wider.items()
+        if getattr(given, name) == usual[name] or math.isnan(getattr(given, name))
+    }
     if cell.there and cell.silence == type(cell)().silence:
         cell = cell._replace(silence=min(late * rig.sample_time, _SILENT))
     return rig.replace(limits=given._replace(**changed), load_cell=cell)

@@ -18,6 +18,7 @@ import numpy as np
 
 from bowden.core.quantity import declared
 from bowden.core.units import DEGREES, RADIANS
+from bowden.hardware.drives.family import LOST
 from bowden.rig.declaration import at, in_file, items_of, rounded
 from bowden.safety.limits import Limits
 from bowden.safety.supervisor import OVERSPEED, longest_release, steepest
@@ -35,8 +36,6 @@ BRIDGED = 0.005
 """R1 at most, but for one cycle where that is longer [s]."""
 OLDEST = 0.010
 """Age of an angle that is still good, but for one cycle where that is longer [s]."""
-CYCLES = 3.0
-"""Cycles of silence that are a fault, of drive and host: one frame may be lost, and the next one late."""
 CROSSING = 2.0
 """What the target may go in a cycle, over the dead zone: a law crosses it at a reversal, and a half of it beyond."""
 AT_THE_JOINT = {
@@ -105,8 +104,8 @@ def follow(given: Limits, basis: Basis) -> Limits:
     follows("reading_age", min(USUAL.reading_age, max(1.0, math.floor(OLDEST / dt + 1e-9))))
     follows("tracking_time", max(USUAL.tracking_time, dt))
     follows("current_time", max(USUAL.current_time, dt))
-    follows("heartbeat_age", max(USUAL.heartbeat_age, CYCLES * dt))
-    follows("disable_time", max(USUAL.disable_time, CYCLES * dt))
+    follows("heartbeat_age", max(USUAL.heartbeat_age, LOST * dt))
+    follows("disable_time", max(USUAL.disable_time, LOST * dt))
     follows("sensor_span", max(USUAL.sensor_span, SPAN * _widest(found, dt)))
     return found
 

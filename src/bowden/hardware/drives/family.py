@@ -24,7 +24,7 @@ DEFAULT = "cia402"
 LONGEST_SILENCE = 50e-3
 """Time after our last word in which a drive's torque must be off, whatever has become of the loop [s]."""
 LOST = 3.0
-"""Cycles without a word of ours that a drive waits at least: one frame may be lost, and the next one late."""
+"""Cycles of silence, of drive or host, before which it is no fault: one frame may be lost, and the next one late."""
 
 
 def longest_silence(sample_time: float) -> float:
