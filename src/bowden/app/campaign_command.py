@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from bowden.app.command import Command
-from bowden.app.console import InterruptedPartway, folder_argument, print_json, progress_bar, seconds
+from bowden.app.console import InterruptedPartway, folder_argument, print_json, progress_bar, say_note, seconds
 from bowden.app.given_rig import read_alone
 from bowden.core.files import output_folder
 
@@ -59,7 +59,7 @@ def campaign(
         except Partway as partway:
             raise InterruptedPartway(str(partway)) from None
     for note in filter(None, (found.enlarged, *found.notes)):
-        print(f"bowden: note: {note}", file=sys.stderr)
+        say_note(note)
     summary, files = found.summary, found.files
     if json:
         counts = {

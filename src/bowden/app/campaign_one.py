@@ -1,10 +1,9 @@
 """One run of a campaign alone, with its traces and a page."""
 
-import sys
 from dataclasses import asdict
 from pathlib import Path
 
-from bowden.app.console import print_json, seconds
+from bowden.app.console import print_json, say_note, seconds
 from bowden.core.errors import ParameterError
 from bowden.core.files import whole_files
 from bowden.study.study import Study
@@ -43,7 +42,7 @@ def run_alone(study: Study, number: int, folder: Path, *, json: bool) -> None:
         write_simulation(stage / "simulate.html", traces, f"Run {number} of {study.path.name}")
     files = [str(folder / f"{name}.parquet") for name in traces] + [str(folder / "simulate.html")]
     for note in rig.notes:
-        print(f"bowden: note: {note}", file=sys.stderr)
+        say_note(note)
     metrics = {name: trace.metrics() for name, trace in traces.items()}
     if json:
         runs = [{"law": name, "ended": traces[name].ended} | asdict(found) for name, found in metrics.items()]

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from bowden.app.command import Command
-from bowden.app.console import print_json, progress_bar, seconds
+from bowden.app.console import print_json, progress_bar, say_note, seconds
 from bowden.app.given_rig import read_given
 from bowden.app.next_step import say_next
 
@@ -56,7 +56,7 @@ def check(
         for note in one.rig.notes:
             print(f"bowden: note: {f'axis {one.name}: ' if one.name else ''}{note}", file=sys.stderr)
     for note in (refused := refusals(given)):
-        print(f"bowden: note: {note}", file=sys.stderr)
+        say_note(note)
     holds = all(one.holds for one in found.values())
     if json:
         documents = [_about(one.rig, check) for one, check in zip(singles, found.values(), strict=False)]

@@ -45,6 +45,11 @@ def say_trust(trust: "Trust | None") -> None:
         print(f"Trust in the cable's model: {trust}. {record_again()}")
 
 
+def say_note(note: str) -> None:
+    """Say on standard error what the user should know."""
+    print(f"bowden: note: {note}", file=sys.stderr, flush=True)
+
+
 def seconds() -> float:
     """Time since the command began, imports and compilation included [s]."""
     return round(time.perf_counter() - STARTED, 3)

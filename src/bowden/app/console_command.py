@@ -7,7 +7,7 @@ from typing import Annotated, Any
 import typer
 
 from bowden.app.command import Command
-from bowden.app.console import folder_argument, print_json, seconds
+from bowden.app.console import folder_argument, print_json, say_note, seconds
 from bowden.app.given_rig import read_given
 
 
@@ -43,7 +43,7 @@ def console(
 
     given = read_given(rig, axis, several=True).on_bus(channel)
     for note in given.notes:
-        print(f"bowden: note: {note}", file=sys.stderr)
+        say_note(note)
     tls = None if tls_cert is None and tls_key is None else (tls_cert, tls_key)
 
     def announce(link: str) -> None:

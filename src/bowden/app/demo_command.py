@@ -1,7 +1,6 @@
 """``bowden demo``: the main job on one page, from a log of a cable to a law that runs live on a simulated drive."""
 
 import shlex
-import sys
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -9,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from bowden.app.command import Command
-from bowden.app.console import folder_argument, print_json, progress_bar, seconds
+from bowden.app.console import folder_argument, print_json, progress_bar, say_note, seconds
 from bowden.app.identify_command import Counts, JointColumn, MotorColumn, Rate, TimeColumn, Unit
 from bowden.app.next_step import say_next
 from bowden.core.errors import LogError, ParameterError
@@ -79,7 +78,7 @@ def demo(
         fit = identify_log(read, progress=progress)
     say(*page.model_lines(fit))
     for warning in fit.warnings:
-        _tell(warning)
+        say_note(warning)
     if fit.trust.level == "no":
         raise LogError(
             f"the model of {read.name} is not to be trusted: {'; '.join(fit.trust.reasons)}",
@@ -153,7 +152,7 @@ def _live(
     for further in reversed(range(_TRIES)):
         with (
             ending_signals() as ending,
-            live_session(rig, name, twin=True, out=out, force=False, tell=_tell, checked=checked) as session,
+            live_session(rig, name, twin=True, out=out, force=False, tell=say_note, checked=checked) as session,
         ):
             operate(session, ending, auto=True, quiet=quiet)
         if ending.asked:
@@ -162,13 +161,9 @@ def _live(
         if found["ended_well"] or not by_the_computer(found):
             break
         if further:
-            _tell("this computer stalled and ended the run; once more")
+            say_note("this computer stalled and ended the run; once more")
             time.sleep(_PAUSE)  # a shared computer stalls for seconds at a time
     return session, found
-
-
-def _tell(note: str) -> None:
-    print(f"bowden: note: {note}", file=sys.stderr, flush=True)
 
 
 COMMANDS = (

@@ -1,14 +1,13 @@
 """``bowden export``: a law as C99 for a microcontroller."""
 
 import shlex
-import sys
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
 from bowden.app.command import Command
-from bowden.app.console import folder_argument, print_json, progress_bar, seconds
+from bowden.app.console import folder_argument, print_json, progress_bar, say_note, seconds
 from bowden.app.given_rig import read_given
 
 
@@ -56,7 +55,7 @@ def export(
             progress=progress,
         )
     for note in found.notes:
-        print(f"bowden: note: {note}", file=sys.stderr)
+        say_note(note)
     document = {
         "law": found.law,
         "rig": given.hash,

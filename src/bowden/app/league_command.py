@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from bowden.app.command import Command
-from bowden.app.console import InterruptedPartway, folder_argument, print_json, progress_bar, seconds
+from bowden.app.console import InterruptedPartway, folder_argument, print_json, progress_bar, say_note, seconds
 from bowden.app.given_rig import read_alone
 from bowden.core.files import output_folder
 
@@ -65,7 +65,7 @@ def league(
         with whole_files(out) as folder:
             page.write(folder / "league.html")
     for note in found.notes:
-        print(f"bowden: note: {note}", file=sys.stderr)
+        say_note(note)
     if json:
         print_json({"rig": found.rig, "cells": [asdict(cell) for cell in found.cells], "seconds": seconds()})
     else:

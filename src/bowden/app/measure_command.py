@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 
 from bowden.app.command import Command
-from bowden.app.console import folder_argument, print_json, seconds
+from bowden.app.console import folder_argument, print_json, say_note, seconds
 from bowden.app.given_rig import read_given
 
 
@@ -53,11 +53,11 @@ def measure(
     live = live_run(given, measure=True)
     require(live.limits, live.rig.sample_time, "holds")  # no gains take part
     if not twin:
-        await_host(partial(family_of(given.drive).claim, given.drive), _tell)
+        await_host(partial(family_of(given.drive).claim, given.drive), say_note)
         require_watch(given)
         require_confirmed(given, axis or "")
     for note in filter(None, (*live.notes, unseen_watch(given))):
-        _tell(note)
+        say_note(note)
     with contextlib.ExitStack() as stack:
         ending = stack.enter_context(ending_signals())
         loop = stack.enter_context(prepared_loop())
@@ -67,7 +67,7 @@ def measure(
             )
         session = stack.enter_context(Session(live, new_log(out, "measure"), remembers=not twin, loop=loop))
         if not json:
-            _tell(live.losses())
+            say_note(live.losses())
         operate(session, ending, auto=auto, quiet=json)
     session.require_log()
     found = document(session)
@@ -85,10 +85,6 @@ def measure(
     if not json:
         first, second = (shlex.quote(str(file)) for file in files[:2])
         print(f"Next: bowden identify {first}, and bowden identify-servo {second}")
-
-
-def _tell(note: str) -> None:
-    print(f"bowden: note: {note}", file=sys.stderr)
 
 
 _KEYS = (

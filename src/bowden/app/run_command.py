@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from bowden.app.command import Command
-from bowden.app.console import folder_argument, print_json, seconds
+from bowden.app.console import folder_argument, print_json, say_note, seconds
 from bowden.app.given_rig import read_given, shortened
 from bowden.app.next_step import free_name, say_next
 
@@ -69,10 +69,10 @@ def run(
         refuse_over_ssh(given, attended=attended)
     with (
         ending_signals() as ending,
-        live_session(given, rig.name, twin=twin, out=out, force=force, tell=_tell, alone=axis or "") as session,
+        live_session(given, rig.name, twin=twin, out=out, force=force, tell=say_note, alone=axis or "") as session,
     ):
         if not json:
-            _tell(session.live.losses())
+            say_note(session.live.losses())
         with _live_data(session, foxglove), contextlib.ExitStack() as page:
             if console:
                 page.enter_context(beside(session, rig.name, twin=twin, notes=[session.live.losses()]))
@@ -113,10 +113,6 @@ def _say_next(rig: Path, found: dict[str, Any], law: str | None, preset: str | N
         of_axis = [] if one["name"] is None else ["--axis", one["name"]]
         folder = Path("firmware", one["law"] if axis == one["name"] else one["name"])
         say_next("export", rig, *options, *of_axis, "--to", free_name(folder))
-
-
-def _tell(note: str) -> None:
-    print(f"bowden: note: {note}", file=sys.stderr)
 
 
 COMMANDS = (

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from bowden.app.command import Command
-from bowden.app.console import InterruptedPartway, folder_argument, print_json, progress_bar, seconds
+from bowden.app.console import InterruptedPartway, folder_argument, print_json, progress_bar, say_note, seconds
 from bowden.app.given_rig import read_given, shortened
 from bowden.app.next_step import say_next
 from bowden.app.simulate_pair import say_next_of_pair, simulate_pair
@@ -112,7 +112,7 @@ def _of_axis(
     if interrupted:
         raise InterruptedPartway(f"{', '.join(traces)} (of {len(laws)} laws) done and written to {out}")
     for note in (*found.notes, *_of_suit(setup)):
-        print(f"bowden: note: {note}", file=sys.stderr)
+        say_note(note)
     if not quiet:
         for name, trace in traces.items():
             if found_torque := _interaction(setup, trace):

@@ -5,7 +5,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from bowden.app.console import InterruptedPartway, progress_bar, seconds
+from bowden.app.console import InterruptedPartway, progress_bar, say_note, seconds
 from bowden.app.next_step import say_next
 from bowden.core.files import output_folder
 
@@ -68,7 +68,7 @@ def simulate_pair(
     if found.interrupted:
         raise InterruptedPartway(f"{', '.join(found.runs)} (of {len(rigs)} laws) done and written to {out}")
     for note in found.notes:
-        print(f"bowden: note: {note}", file=sys.stderr)
+        say_note(note)
     if not quiet:
         print(f"\nPage: {files[-1]}  ({seconds():.1f} s)")
     return {

@@ -1,6 +1,5 @@
 """``bowden tune``: gains with margins for a rig.toml, written back into it with their evidence."""
 
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -8,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from bowden.app.command import Command
-from bowden.app.console import InterruptedPartway, print_json, progress_bar, seconds
+from bowden.app.console import InterruptedPartway, print_json, progress_bar, say_note, seconds
 from bowden.app.given_rig import read_given
 from bowden.app.next_step import next_line, say_next
 
@@ -55,7 +54,7 @@ def tune(
     paired = axis in whole.pair.names
     alone = [f"axis {axis} was tuned as if its motor were alone on the joint; check both together"] if paired else []
     for note in (*given.notes, *refusals(given), *alone):
-        print(f"bowden: note: {note}", file=sys.stderr)
+        say_note(note)
     evidence = _evidence(found, interrupted=interrupted)
     recorded = rig.suffix == ".mcap"
     places = [*whole.pair.names] if both else [axis]
