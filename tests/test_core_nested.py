@@ -1,8 +1,9 @@
 """Nested states and their flat columns: names, order, units, and the way there and back, interpreted and compiled."""
 
 import ast
+from enum import IntEnum
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
@@ -43,6 +44,28 @@ def test_a_state_comes_back_from_its_columns(state: Any) -> None:
     compiled(there)(filled, out)
     assert np.array_equal(out, row)
     assert compiled(back)(state, row) == filled
+
+
+class Answer(IntEnum):
+    NO = 2
+    YES = 5
+
+
+class Decision(NamedTuple):
+    answer: Answer
+    sure: bool
+    count: float
+
+
+def test_a_bool_stays_a_bool_and_an_enum_an_enum() -> None:
+    state = Decision(Answer.YES, False, 0.0)
+    row = np.array([2.0, 1.0, 3.0])
+    out = np.empty(3)
+    for made in (restored(state, row), refilled(state, row), compiled(back)(state, row)):
+        assert made == (Answer.NO, True, 3.0)
+        assert [type(part) for part in made] == [Answer, bool, float]
+        compiled(there)(made, out)
+        assert np.array_equal(out, row)
 
 
 def test_units_are_those_of_the_types() -> None:

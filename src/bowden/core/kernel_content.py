@@ -300,6 +300,8 @@ def _kind(kind: Any) -> str:
         return _digest([_type(made), *map(_kind, inner)])
     if isinstance(kind, types.Number | types.Boolean | types.Array | types.NoneType | types.Omitted):
         return str(kind.name)
+    if isinstance(kind, types.IntEnumMember) and kind.instance_class.__module__ != "__main__":
+        return _digest([_type(kind.instance_class), _kind(kind.dtype)])
     raise _UnknownError
 
 

@@ -12,6 +12,7 @@ author made them. A row of numbers beside one example of the tuple can stand for
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from enum import IntEnum
 from functools import cache
 from typing import Any
 
@@ -183,13 +184,22 @@ def refilled(template: Any, row: Array) -> Any:
 
 
 def restored(template: Any, row: Array) -> Any:
-    """`refilled` with a float for every number: a state that was kept flat. Compiled, it is a primitive of kernels.
+    """A state that was kept flat: `refilled`, but with a float for every number that is no bool and no enum's.
 
-    >>> restored((1.0, (2, 3.0)), np.array([4.0, 5.5, 6.0]))
-    (4.0, (5.5, 6.0))
+    Compiled, it is a primitive of kernels.
+
+    >>> restored((1.0, (2, 3.0), True), np.array([4.0, 5.5, 6.0, 0.0]))
+    (4.0, (5.5, 6.0), False)
     """
     numbers = iter(row.tolist())
-    return rebuilt(template, lambda *_: next(numbers))
+    return rebuilt(
+        template, lambda _, old: type(old)(next(numbers)) if isinstance(old, bool | IntEnum) else next(numbers)
+    )
+
+
+def _number(kind: Any) -> Any:
+    """The type of a leaf in compiled code; an enum's member is the whole number that it stands for."""
+    return getattr(kind, "dtype", kind)
 
 
 def compiled_restored() -> Any:
@@ -200,6 +210,8 @@ def compiled_restored() -> Any:
     structure: Any = cgutils.create_struct_proxy  # untyped
 
     def floats(kind: Any) -> Any:
+        if isinstance(kind, types.Boolean | types.IntEnumMember):
+            return kind
         if not isinstance(kind, types.BaseTuple):
             return types.float64
         inner: Any = list(kind)  # type: ignore[call-overload]  # tuples of types can be walked
@@ -212,7 +224,7 @@ def compiled_restored() -> Any:
             return context.make_tuple(builder, kind, [filled(context, builder, part, data, at) for part in inner])
         place = builder.gep(data, [context.get_constant(types.intp, at[0])])
         at[0] += 1
-        return builder.load(place)
+        return context.cast(builder, builder.load(place), types.float64, _number(kind))
 
     @intrinsic
     def restore(typing: Any, template: Any, row: Any) -> Any:
@@ -249,7 +261,7 @@ def compiled_refilled() -> Any:
             return old
         place = builder.gep(data, [context.get_constant(types.intp, at[0])])
         at[0] += 1
-        return context.cast(builder, builder.load(place), types.float64, kind)
+        return context.cast(builder, builder.load(place), types.float64, _number(kind))
 
     @intrinsic
     def refill(typing: Any, template: Any, row: Any) -> Any:
@@ -269,7 +281,7 @@ def compiled_flat() -> Any:
 
     def numbers(context: Any, builder: Any, kind: Any, value: Any) -> list[Any]:
         if not isinstance(kind, types.BaseTuple):
-            return [context.cast(builder, value, kind, types.float64)]
+            return [context.cast(builder, value, _number(kind), types.float64)]
         inner: Any = list(kind)  # type: ignore[call-overload]  # tuples of types can be walked
         return [
             number
