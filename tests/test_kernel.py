@@ -11,7 +11,21 @@ from bowden.control import LAWS
 from bowden.control.law import Law
 from bowden.core import primitives
 from bowden.core.errors import ParameterError
-from bowden.core.kernel import compiled, cos, exp, kernel, log, power, sel, sin, specialise, stand_in, tanh
+from bowden.core.kernel import (
+    compiled,
+    cos,
+    exp,
+    floor,
+    kernel,
+    log,
+    power,
+    sel,
+    sin,
+    specialise,
+    sqrt,
+    stand_in,
+    tanh,
+)
 from bowden.core.nested import flat, rebuilt
 from bowden.core.signals import Reference, Sample
 from bowden.export import symbol
@@ -166,7 +180,7 @@ def test_every_model_kernel_is_compared_above() -> None:
     assert named == {function for function, _ in KERNELS_OF_TWO}
 
 
-@pytest.mark.parametrize("function", [tanh, exp, sin, cos, log])
+@pytest.mark.parametrize("function", [tanh, exp, sin, cos, log, sqrt, floor])
 def test_functions_agree_on_every_kind_of_number(function: Any) -> None:
     twin = compiled(IN_A_KERNEL[function.__name__])  # a function of libm compiles inside a kernel only
     for x in EXTREMES + np.random.default_rng(4).normal(0.0, 30.0, 500).tolist():
@@ -311,7 +325,34 @@ def _log(x: float) -> float:
     return log(x)
 
 
-IN_A_KERNEL = {"tanh": _tanh, "exp": _exp, "sin": _sin, "cos": _cos, "log": _log}
+@kernel
+def _sqrt(x: float) -> float:
+    return sqrt(x)
+
+
+@kernel
+def _floor(x: float) -> float:
+    return floor(x)
+
+
+@kernel
+def _smaller(x: float, y: float) -> float:
+    return min(x, y)
+
+
+@kernel
+def _larger(x: float, y: float) -> float:
+    return max(x, y)
+
+
+@pytest.mark.parametrize(("function", "decides"), [(_smaller, lambda x, y: y < x), (_larger, lambda x, y: y > x)])
+def test_min_and_max_keep_their_first_argument_unless_the_second_is_beyond_it(function: Any, decides: Any) -> None:
+    twin = compiled(function)
+    for x, y in [(x, y) for x in EXTREMES for y in EXTREMES]:
+        assert bits(function(x, y)) == bits(twin(x, y)) == bits(y if decides(x, y) else x), (x, y)
+
+
+IN_A_KERNEL = {"tanh": _tanh, "exp": _exp, "sin": _sin, "cos": _cos, "log": _log, "sqrt": _sqrt, "floor": _floor}
 
 
 @kernel

@@ -26,12 +26,13 @@ from bowden.core.kernel_content import (
     reaching,
     stand_ins,
 )
-from bowden.core.primitives import PRIMITIVES, cos, exp, log, power, sel, sin, tanh, twin_of
+from bowden.core.primitives import PRIMITIVES, cos, exp, floor, log, power, sel, sin, sqrt, tanh, twin_of
 
 __all__ = [
     "compiled",
     "cos",
     "exp",
+    "floor",
     "kernel",
     "log",
     "power",
@@ -39,6 +40,7 @@ __all__ = [
     "sel",
     "sin",
     "specialise",
+    "sqrt",
     "stand_in",
     "tanh",
 ]

@@ -9,6 +9,8 @@ import math
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
+
 from bowden.core.nested import compiled_flat, compiled_refilled, compiled_restored, flat, refilled, restored
 
 
@@ -68,6 +70,13 @@ sin = _libm("sin")
 cos = _libm("cos")
 log = _libm("log")
 power = _libm("power")
+sqrt = _libm("sqrt")
+
+
+def floor(x: Any) -> Any:
+    """The largest whole number that is not above x, as a float; NaN and infinities stay what they are."""
+    return np.floor(x) if _symbolic(x) else float(np.floor(x))
+
 
 TANH = {
     "most": 20.0,  # tanh is 1 in double from 19.07 on
@@ -133,7 +142,9 @@ def half_to(k: float) -> float:
     return math.ldexp(1.0, -int(k)) if k == k else k
 
 
-PRIMITIVES: set[Callable[..., Any]] = {sel, tanh, exp, sin, cos, log, power, half_to, refilled, restored, flat}
+PRIMITIVES: set[Callable[..., Any]] = {
+    *(sel, tanh, exp, sin, cos, log, power, sqrt, floor, half_to, refilled, restored, flat),
+}
 
 
 def twin_of(function: Callable[..., Any]) -> Callable[..., Any]:
@@ -143,12 +154,16 @@ def twin_of(function: Callable[..., Any]) -> Callable[..., Any]:
             return made()
     if function is half_to:
         return _compiled_half_to()
-    plain: dict[Callable[..., Any], Callable[..., Any]] = {sel: _choose, power: _pow, tanh: _tanh}
+    plain: dict[Callable[..., Any], Callable[..., Any]] = {sel: _choose, power: _pow, tanh: _tanh, floor: _floor}
     return plain[function] if function in plain else getattr(math, function.__name__)
 
 
 def _choose(condition: Any, a: Any, b: Any) -> Any:
     return a if condition else b
+
+
+def _floor(x: float) -> float:
+    return float(np.floor(x))
 
 
 def _pow(base: float, exponent: float) -> float:
