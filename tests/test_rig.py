@@ -403,10 +403,10 @@ def test_gains_of_another_law_are_named_as_such_whatever_law_a_command_asks_for(
     """`--law` comes after the rig was read, and its gains are those of the rig's own law."""
     path = folder / "other_gains.toml"
     path.write_text('[control]\nlaw = "bowden"\n[control.gains]\nerror_gain = 3.0\n')
-    with pytest.raises(ParameterError, match=r"bowden is the law in \[control\]") as refused:
+    with pytest.raises(ParameterError, match="gains of bowden, the law of the rig") as refused:
         Rig.read(path)
     assert "these are gains of adaptive" in str(refused.value)
-    assert 'set law = "adaptive" in [control]' in str(refused.value)
+    assert "delete [control.gains]" in str(refused.value)
     path.write_text('[control]\nlaw = "bowden"\n[control.gains]\nnone_has_this = 3.0\n')
     with pytest.raises(ParameterError, match="has no gain 'none_has_this'; expected one of"):
         Rig.read(path)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from bowden.core.arguments import said
 from bowden.core.bounded import open_file
 from bowden.core.errors import LogError, ParameterError
+from bowden.core.guesses import answering
 from bowden.core.table import read_table
 from bowden.core.units import DEGREES
 from bowden.identify.cable import checks
@@ -37,6 +38,15 @@ from bowden.identify.log.text import read_text
 Array = NDArray[np.float64]
 
 
+@answering(
+    {
+        "plot": "bowden.identify(log).plot()",
+        "fit": "bowden.identify(log)",
+        "rate": "1.0 / (log.time[1] - log.time[0])",
+        **dict.fromkeys(("motor_deg", "joint_deg"), "numpy.degrees(log.motor), numpy.degrees(log.joint)"),
+    },
+    "read the log again",
+)
 @dataclass(frozen=True)
 class Log:
     """A log that is fit to be identified from."""
