@@ -273,7 +273,8 @@ def prepare(
     checks.check_length(len(even), name)
     counts = (resolution(motor.radians), resolution(joint.radians)) if clock else None
     even, motor_at, joint_at, repeats, seldom = at_new_readings(even, motor_at, joint_at)
-    swapped = Trust("no", ("the joint turns round before the motor does: motor and joint look swapped",))
+    found = "the joint turns round before the motor does: motor and joint look swapped; exchange their columns"
+    swapped = Trust("no", (found,))
     doubts = (
         *doubts,
         *unit_doubts(motor, joint),
