@@ -873,9 +873,8 @@ class Rig(metaclass=Answering):
         if least <= slope <= most:
             return said
         return (
-            f"{said}; in its log the joint turned {slope:.3g}° for a degree of the motor, and here the elbow turns "
-            f"{least:.2g} to {most:.2g}° for one of the spool (suit.spool_radius_mm): if that motor did not turn such "
-            "a spool, delete [cable] and set suit.play_mm"
+            f"{said}; but its slope is {slope:.3g}, and that of the elbow over this spool {least:.2g} to {most:.2g}: "
+            "if its motor turned a spool of another size than suit.spool_radius_mm, delete [cable] and set suit.play_mm"
         )
 
     def _bend_notes(self) -> list[str]:

@@ -64,8 +64,8 @@ def twin_pair_of(rig: Rig, now: float) -> tuple[PlayedDrive, PlayedDrive]:
         made.append((drive, bench))
     up, down = (made[1][1], made[0][1]) if flip is one else (made[0][1], made[1][1])
     SharedJoint(up, down, rig.pair.stiffness)
-    one, other = (PlayedDrive(drive, late(bench, _delay(rig))) for drive, bench in made)
-    return one, other
+    flexor, extensor = (PlayedDrive(drive, late(bench, _delay(one))) for drive, bench in made)
+    return flexor, extensor
 
 
 def _delay(rig: Rig) -> float:
