@@ -42,7 +42,7 @@ Array = NDArray[np.float64]
     {
         "plot": "bowden.identify(log).plot()",
         "fit": "bowden.identify(log)",
-        "rate": "1.0 / (log.time[1] - log.time[0])",
+        "rate": "1 / (log.time[1] - log.time[0])",
         **dict.fromkeys(("motor_deg", "joint_deg"), "numpy.degrees(log.motor), numpy.degrees(log.joint)"),
     },
     "read the log again",
