@@ -12,7 +12,7 @@ import bowden
 from bowden.app import main
 from bowden.core.errors import ParameterError
 from bowden.face.tune import tuned
-from bowden.hardware.twin.bench import FOLLOW
+from bowden.hardware.twin.bench import FOLLOW, OFF
 from bowden.identify.cable.model import CableModel, IdentifiedCable
 from bowden.models.cable.bouc_wen import BoucWen
 from bowden.rig.rig import Rig
@@ -128,6 +128,30 @@ def test_a_plant_is_behind_the_twin(kind: str) -> None:
         "friction holds a suit's motor back"
     )
     assert joint > rig.begin + 0.05
+
+
+@each(RIGS, "play", "own", "suit")
+def test_a_twin_takes_a_command_as_late_as_its_rig_says(kind: str) -> None:
+    """Beyond the cycle that the loop itself takes; power that goes and comes again leaves no command on its way."""
+    rig, cycles = short(kind), 5
+    courses = []
+    for delay in (1, 1 + cycles):
+        twin = twin_plant_of(rig.replace(delay=delay), 0.0)
+        start, course = twin.motor, []
+        twin.doing = FOLLOW
+        for k in range(1, 400):
+            twin.advance(k * rig.sample_time)
+            course.append(twin.motor)
+            twin.command = start + (0.8 if k >= 50 else 0.0)
+        courses.append(np.array(course))
+        twin.command, twin.doing = start, OFF
+        twin.advance(400 * rig.sample_time)
+        twin.command, twin.doing = start + 0.2, FOLLOW
+        twin.advance(401 * rig.sample_time)
+        assert twin.command == start + 0.2
+    early, late = courses
+    assert late[cycles:] == pytest.approx(early[:-cycles], abs=1e-3)
+    assert abs(late - early).max() > 0.01
 
 
 @pytest.mark.live

@@ -1,5 +1,6 @@
 """`bowden run` by EMG: what is refused before anything is started, and what its figures are."""
 
+import json
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -199,6 +200,18 @@ def test_a_recording_is_found_from_the_rig_and_simulated_as_it_would_run(tmp_pat
     assert checked.trajectory.sample(np.linspace(0.0, 4.0, 100))[:, 0].max() == pytest.approx(np.pi / 3.0, abs=1e-2)
     stream = Rig.read(rig(tmp_path, "source = 'lsl:EMG'")).offline()
     assert "lsl:EMG is live" in stream.notes[-1]
+
+
+def test_a_simulation_is_moved_by_a_recording_in_place_of_the_rigs_reference(
+    tmp_path: Path, recording: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    bench, source = tmp_path / "bench.toml", f"file:{recording}"
+    bench.write_text("[scenario]\nduration_s = 2.0\n")
+    assert run(["simulate", str(bench), "--emg", source, "--out", str(tmp_path / "out"), "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["rig"] == Rig.read(bench).with_emg(source).hash != Rig.read(bench).hash
+    assert run(["simulate", str(bench), "--emg", str(recording)]) == 2
+    assert f"write file:{recording}" in capsys.readouterr().err
 
 
 def test_a_simulated_joint_follows_no_envelope_while_either_electrode_is_in_trouble(tmp_path: Path) -> None:

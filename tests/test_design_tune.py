@@ -362,5 +362,5 @@ def test_an_interrupted_search_leaves_its_best_gains(
     assert run(["tune", "rig.toml"]) == 130
     assert "interrupted; the best gains after 0 generations are written to rig.toml" in capsys.readouterr().err
     text = Path("rig.toml").read_text(encoding="utf-8")
-    assert "found by bowden tune, interrupted after 0 generations" in text
+    assert "found, interrupted after 0 generations, for a servo of" in text
     assert tomllib.loads(text)["control"]["gains"]

@@ -76,6 +76,8 @@ CABLE = bowden.CableModel("line", {"slope": 0.9, "offset": 0.1})
         ("TRACE.joint_deg", "Trace has no 'joint_deg': trace.array('joint', 'deg')"),
         ("TRACE.to_frame", "Trace has no 'to_frame': trace.to_pandas() or trace.to_polars()"),
         ("TRACE.rmse", "Trace has no 'rmse': trace.metrics().rmse_deg"),
+        ("TRACE.metrics().rmse", "Metrics has no 'rmse': did you mean rmse_deg?"),
+        ("CABLE.slope", "CableModel has no 'slope': model.parameters['slope']"),
         ("CABLE.predict", "CableModel has no 'predict': model.joint_angle(motor)"),
         ("LAWS['adaptive'].set_gains", "Law has no 'set_gains': law.with_gains(name=value)"),
     ],
@@ -91,8 +93,12 @@ def test_what_a_table_of_guesses_names_is_there() -> None:
     """Nobody is sent to the next name that is not there."""
     fit = bowden.identify(T, MOTOR, JOINT)
     objects = {"trace": TRACE, "fit": fit, "model": fit.best, "rig": bowden.Rig(), "law": LAWS["adaptive"]}
+    made = bowden.init(fit)
     objects |= {
         "bowden": bowden,
+        "numpy": np,
+        "log": fit.log,
+        "made": made,
         "Rig": bowden.Rig,
         "CableModel": bowden.CableModel,
         "check": bowden.check(bowden.Rig()),

@@ -93,7 +93,15 @@ _HOMES = {
 
 _GUESSES = {
     "fit": "bowden.identify(log)",
-    "load": "bowden.Rig.read(path), bowden.read_log(path) or bowden.read_trace(path)",
+    **dict.fromkeys(
+        ("load", "read", "open"), "bowden.Rig.read(path), bowden.read_log(path) or bowden.read_trace(path)"
+    ),
+    "save": "rig.write(path), fit.write(path) or trace.to_parquet(path)",
+    "identify_servo": "bowden identify-servo, in a terminal; what it finds goes into bowden.Rig(servo={…})",
+    **{name: f"bowden {name}, in a terminal" for name in ("measure", "confirm", "console", "demo", "doctor", "sample")},
+    "twin": "bowden.run(rig, twin=True)",
+    "Model": "bowden.CableModel",
+    "Controller": "bowden.Law",
     "load_log": "bowden.read_log(path)",
     "load_rig": "bowden.Rig.read(path)",
     "read_rig": "bowden.Rig.read(path)",
@@ -116,7 +124,9 @@ _ARGUMENTS = {
     "sample_time": "rig.replace(sample_time=…)",
     "reference": "rig.replace(reference=…)",
     "delay": "rig.replace(delay=…)",
-    "out": "folder=",
+    **dict.fromkeys(("out", "to", "path"), "folder="),
+    **dict.fromkeys(("T", "time", "length"), "duration=, in s"),
+    "emg": "rig.with_emg(source)",
     "verbose": "progress=True, where a function has it",
 }
 """Argument of a function that is often guessed → what to write."""

@@ -42,7 +42,7 @@ def say_trust(trust: "Trust | None") -> None:
         return
     _COMMAND.trust = trust
     if not _COMMAND.json:
-        print(f"Trust in the cable's model: {trust}. {record_again()}")
+        print(f"Trust in the cable's model: {trust}{f'. {record_again()}' if trust.level == 'no' else ''}")
 
 
 def say_note(note: str) -> None:

@@ -50,7 +50,7 @@ def record_again() -> str:
 def after_model(model: Path, trust: "Trust | None" = None) -> None:
     """What comes after a model has been written; a new log where it is not to be trusted."""
     if trust is not None and trust.level == "no":
-        print(f"Next: record again: {trust.reasons[0]}. {record_again()}")
+        print(f"Next: record again, or correct the log: {trust.reasons[0]}. {record_again()}")
         return
     rig = free_name(Path("rig.toml"))
     say_next("init", *([] if rig == Path("rig.toml") else [rig]), "--model", model)

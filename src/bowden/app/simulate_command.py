@@ -32,6 +32,9 @@ def simulate(
     duration: Annotated[float | None, typer.Option(help="Length of the run in seconds.")] = None,
     seed: Annotated[int | None, typer.Option(help="Seed of the encoders' noise and of a random bend.")] = None,
     axis: Annotated[str | None, typer.Option(help="One axis alone, of a rig with several.")] = None,
+    emg: Annotated[
+        str | None, typer.Option(help="EMG moves the joint: file:PATH of a recording, in place of the rig's.")
+    ] = None,
     out: Annotated[
         Path, typer.Option(parser=folder_argument, metavar="FOLDER", help="Folder for the traces and the page.")
     ] = Path("out/simulate"),
@@ -47,6 +50,7 @@ def simulate(
     pair.
     """
     whole = shortened(read_given(rig, axis, several=True), duration, seed)
+    whole = whole if emg is None else whole.with_emg(emg)
     options = {"csv": csv, "force": force, "quiet": json, "whole": duration is not None}
     documents = []
     singles = [one for one in whole.parts if not (whole.axes and one.name in whole.pair.names)]

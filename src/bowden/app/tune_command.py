@@ -10,6 +10,7 @@ from bowden.app.command import Command
 from bowden.app.console import InterruptedPartway, print_json, progress_bar, say_note, seconds
 from bowden.app.given_rig import read_given
 from bowden.app.next_step import next_line, say_next
+from bowden.core.errors import counted
 
 if TYPE_CHECKING:
     from bowden.design.tune import NoGainsError, Tuning
@@ -107,10 +108,12 @@ def _next_without(rig: Path, options: list[str], error: "NoGainsError") -> str:
 
 def _evidence(found: "Tuning", *, interrupted: bool) -> list[str]:
     """Margins and the largest error, for the file and for who looks on."""
-    from bowden.core.units import DEGREES
+    from bowden.core.units import DEGREES, HERTZ
     from bowden.design.findings import no_margins, study_text
 
     low, high = found.bends
+    rig = found.rig.parts[0].rig
+    late = f"commands {counted(rig.delay, 'cycle')} of {1e3 * rig.sample_time:g} ms late"
     before = "unstable" if found.worst_before is None else f"{found.worst_before * DEGREES:.3g}°"
     before += f", {found.before.verdict}"
     margins = [
@@ -118,9 +121,10 @@ def _evidence(found: "Tuning", *, interrupted: bool) -> list[str]:
         for value, unit in ((found.found.gain_margin_db, "dB"), (found.found.phase_margin_deg, "°"))
         if value is not None
     ]
-    early = f", interrupted after {found.generations} generations" if interrupted else ""
+    early = f", interrupted after {found.generations} generations," if interrupted else ""
     return [
-        f"found by bowden tune{early}; margins over bends of {low * DEGREES:.0f} to {high * DEGREES:.0f}°: "
+        f"found{early} for a servo of {rig.servo.natural_frequency / HERTZ:.3g} Hz and {late}",
+        f"margins over bends of {low * DEGREES:.0f} to {high * DEGREES:.0f}°: "
         f"{' and '.join(margins) or no_margins(found.found)}",
         f"largest RMSE over {found.runs}: {found.worst_rmse * DEGREES:.3g}° (before: {before})",
         *([found.short] if found.short else []),

@@ -30,9 +30,12 @@ def answer(owner: str, name: str, known: Iterable[str], guesses: Mapping[str, st
     "Rig has no 'load': Rig.read(path)"
     >>> answer("Rig", "cabel", ["cable", "plant"], {})
     "Rig has no 'cabel': did you mean cable?"
+    >>> answer("Metrics", "rmse", ["peak_deg", "rmse_after_10s_deg", "rmse_deg"], {})
+    "Metrics has no 'rmse': did you mean rmse_deg?"
     """
     public = [one for one in known if not one.startswith("_")]
     alike = difflib.get_close_matches(name, [*guesses, *public], 1, 0.75)
+    alike = alike or sorted((one for one in public if one.startswith(f"{name}_")), key=len)  # the same, with its unit
     if alike:
         return f"{owner} has no {name!r}: {guesses.get(alike[0]) or f'did you mean {alike[0]}?'}"
     return f"{owner} has no {name!r}; it has {', '.join(public)}"

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.core.errors import LogError
+from bowden.core.guesses import answering
 from bowden.core.units import DEGREES
 
 Array = NDArray[np.float64]
@@ -32,6 +33,7 @@ def is_stable(reference: Array, joint: Array) -> bool:
     return bool(np.max(error) <= max(float(np.ptp(reference)), SMALLEST_STROKE))
 
 
+@answering({}, "they are those of one run")
 @dataclass(frozen=True)
 class Metrics:
     """The figures of one run; None where a figure does not exist (an unstable run, a motion too short)."""

@@ -55,6 +55,8 @@ def _meant(trace: "Trace", name: str) -> str:
         return f"trace[{name!r}], in its unit; trace.array({name!r}, 'deg') in degrees"
     if column in columns and unit in ("deg", "rad", "ms"):
         return f"trace.array({column!r}, {unit!r})"
+    if name in trace.__dict__.get("settings", {}):
+        return f"trace.settings[{name!r}]"
     figures = [one.name for one in fields(Metrics)]
     return next((f"trace.metrics().{one}" for one in figures if one.startswith(name)), "")
 
@@ -68,6 +70,7 @@ def _meant(trace: "Trace", name: str) -> str:
         **dict.fromkeys(("t", "times"), "trace.time"),
         **dict.fromkeys(("data", "values", "signals", "keys"), "trace.columns"),
         "rms": "trace.metrics().rmse_deg",
+        "to_numpy": "trace.columns",
     },
     "make another: Trace({{**trace.columns, …}}, trace.units)",
     _meant,
@@ -136,8 +139,11 @@ class Trace(metaclass=Answering):
         try:
             return self.columns[name]
         except (KeyError, TypeError):
+            meant = _meant(self, str(name))
             raise UnknownNameError(
-                f"the trace has no column {name!r}", expected=near(str(name), self.columns), do="name one of them"
+                f"the trace has no column {name!r}",
+                expected="" if meant else near(str(name), self.columns),
+                do=meant or "name one of them",
             ) from None
 
     def __contains__(self, name: object) -> bool:

@@ -94,9 +94,6 @@ class PairFindings(NamedTuple):
     {
         **dict.fromkeys(("ok", "passed", "stable", "passes", "result"), "check.holds, and check.verdict"),
         **dict.fromkeys(("margins", "margin"), "check.gain_margin_db, check.phase_margin_deg, check.delay_margin_s"),
-        "gain_margin": "check.gain_margin_db",
-        "phase_margin": "check.phase_margin_deg",
-        "delay_margin": "check.delay_margin_s",
     },
     "change the rig, and check it again",
 )

@@ -57,7 +57,7 @@ def _rig_of(given: Any, function: str) -> Rig:
         if alike and not path.exists():
             raise ParameterError(f"{function}: there is no {path}", expected="a rig.toml", do=f"did you mean {alike}?")
         return Rig.read(path)
-    do = "make one of it: Rig()" if given is Rig else "make one: bowden.Rig(…), or name its file"
+    do = "make one of it: Rig()" if given is Rig else "make one: bowden.init(fit).rig, bowden.Rig(…); or name its file"
     raise ParameterError(
         f"{function}: rig is {arguments.said(given)}", expected="a Rig or the path of a rig.toml", do=do
     )
@@ -145,7 +145,7 @@ def in_words_of_python() -> Iterator[None]:
 
 
 _SWITCH = re.compile(r"(?<![\w-])--([a-z][a-z-]*)(?: (\d+)\b)?")
-_ARGUMENTS = {"force": "force=True", "to": "folder"}
+_ARGUMENTS = {"force": "force=True", "to": "folder", "emg": "rig.with_emg(source)"}
 """Switch of a command → what it is in Python, where that is not its name."""
 
 

@@ -7,6 +7,7 @@ from typing import Any
 
 from bowden.core import arguments, shown
 from bowden.core.errors import ParameterError
+from bowden.core.guesses import answering
 from bowden.core.units import RADIANS
 from bowden.design.other_law import OURS, chosen_law
 from bowden.face import given
@@ -22,6 +23,11 @@ from bowden.rig.suit_rig import suit_text
 GivenModel = str | Path | Fit | JointFit | Recalibration | CableModel | IdentifiedCable
 
 
+@answering(
+    {"save": "made.rig.write(path)"},
+    "make another: bowden.init(fit, …)",
+    lambda made, name: f"made.rig.{name}" if hasattr(Rig, name) else "",
+)
 @dataclass(frozen=True, repr=False)
 class NewRig:
     """A rig round an identified cable."""

@@ -141,11 +141,12 @@ def demo_page(
     for stop in found["stops"]:
         for said in stops.lines(stop, twin=True):
             page.notice(f"Stopped at {stop['time_s']:.3f} s: {said}.")
-    page.heading("With a log of your own")
-    page.text(
-        "Record motor and joint on one clock, at 100 Hz or more, without compensation, for five cycles of large and "
-        "small strokes. Then <code>make demo LOG=my.csv</code> draws this page for it. Step by step:"
-    )
+    page.heading("The same step by step" if log else "With a log of your own")
+    if not log:
+        page.text(
+            "Record motor and joint on one clock, at 100 Hz or more, without compensation, for five cycles of large "
+            "and small strokes. Then <code>make demo LOG=my.csv</code> draws this page for it. Step by step:"
+        )
     page.text('<div class="wide"><pre>{commands}</pre></div>', commands="\n".join(own_commands(log or ["my.csv"], law)))
     page.text(
         "The servo, the encoders and the drive of rig.toml are those of a bench in a paper: write your own into it "

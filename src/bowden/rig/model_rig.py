@@ -34,7 +34,7 @@ model = {model}
 {counting}
 [bench]  # the loop's own clock, whatever the rate of the log
 sample_time_ms = {cycle:.1f}  # [ms] one control cycle
-delay_cycles = {delay}      # between a sample and the moment its command reaches the servo
+delay_cycles = {delay}      # cycles from a sample to the moment its command reaches the servo; correct both together
 
 {servo}
 natural_frequency_hz = {frequency:.4g}  # [Hz] it decides how much gain a law may have

@@ -55,7 +55,8 @@ def turned(rig: Rig) -> ParameterError:
     return ParameterError(
         f"{rig.origin}: the cable's slope is negative",
         expected="a joint angle that grows with the motor's",
-        do="write direction = -1 below the model in [cable], if the log counted the motor the other way round than "
+        do=rig.made_anew
+        or "write direction = -1 below the model in [cable], if the log counted the motor the other way round than "
         "this drive does; else change the sign of motor_direction or joint_direction of [drive], and measure again",
     )
 

@@ -319,9 +319,11 @@ class Rig(metaclass=Answering):
                 raise
             named = ", ".join(others)
             raise ParameterError(
-                f"{error.what} ({own.name} is the law in [control])",
-                expected=f"gains of {own.name}, whichever law a command is asked for; these are gains of {named}",
-                do=f'set law = "{others[0]}" in [control], or delete them',
+                error.what,
+                expected=f"gains of {own.name}, the law of the rig; these are gains of {named}",
+                do="delete [control.gains], or name one of these laws in [control]"
+                if Path(self.origin).suffix
+                else "leave gains= out, or give one of these laws",
             ) from None
 
     @classmethod
@@ -428,13 +430,16 @@ class Rig(metaclass=Answering):
     def replace(self, **changes: Any) -> "Rig":
         """The same rig with other values of some fields; of one with axes, in each of them.
 
-        With another plant of one's own goes what the old one said of servo, encoders and so on.
+        With another plant of one's own goes what the old one said of servo, encoders and so on; with another law go
+        gains and preset of the old one. A reference stays where another cable comes: `bowden.init` makes both fit.
 
         Raises:
             ParameterError: a field that there is not, or a value that it cannot have.
         """
         for name in changes:
             _check_name(name)
+        if not self.axes and "law" in changes and changes["law"] not in (self.law, self.law_name):
+            changes = {"gains": Gains(), "preset": None} | changes
         if self.plant is not None and "plant" in changes and changes["plant"] != self.plant:
             fields = type(self).__dataclass_fields__
             back = {name: fields[name].default for name in given_plant.said_by(self.own_plant)}
@@ -496,7 +501,7 @@ class Rig(metaclass=Answering):
         given = given_law.named(law, place) if isinstance(law, str) else law
         if given is None or given == self.law or _one_file(given, self.law):
             return self if preset is None else self.replace(preset=preset)
-        return self.replace(law=given, preset=preset, gains=Gains())
+        return self.replace(law=given, preset=preset)
 
     def with_gain(self, name: str, value: float) -> "Rig":
         """The same rig with another value of one of its law's gains; all other gains stay as they are.
@@ -836,9 +841,16 @@ class Rig(metaclass=Answering):
             notes.append(
                 f"limits.lowering_deg_per_s is {asked / RADIANS:.4g}; {why} than {slower / RADIANS:.3g}, which is used"
             )
+        if self.delay > 1 and self.plant is None:
+            cycle = 1e3 * self.sample_time
+            notes.append(
+                f"bench.delay_cycles is {self.delay}: a command reaches the servo {self.delay * cycle:g} ms after its "
+                f"sample; it counts cycles, of {cycle:g} ms here: correct it where you change these"
+            )
         if self.emg.source is None and self.emg != PARTS["emg"].default:
             notes.append(
-                "[emg] has no source, so the joint follows [reference]; set emg.source, or use bowden run --emg"
+                "[emg] has no source, so the joint follows [reference]; set emg.source, or give simulate and run one "
+                "with --emg"
             )
         if self.emg.levels is not None and not self.emg.levels.sigma:
             notes.append(f"{self.emg.wearer} was {wearer_file.EARLIER}")
@@ -861,9 +873,8 @@ class Rig(metaclass=Answering):
         if least <= slope <= most:
             return said
         return (
-            f"{said}; in its log the joint turned {slope:.3g}° for a degree of the motor, and here the elbow turns "
-            f"{least:.2g} to {most:.2g}° for one of the spool (suit.spool_radius_mm): if that motor did not turn such "
-            "a spool, delete [cable] and set suit.play_mm"
+            f"{said}; but its slope is {slope:.3g}, and that of the elbow over this spool {least:.2g} to {most:.2g}: "
+            "if its motor turned a spool of another size than suit.spool_radius_mm, delete [cable] and set suit.play_mm"
         )
 
     def _bend_notes(self) -> list[str]:
@@ -907,8 +918,14 @@ class Rig(metaclass=Answering):
         return [
             f"the reference goes from {low / RADIANS:.3g} to {high / RADIANS:.3g}°, and the log of the cable's model "
             f"covered {seen} of the joint: beyond that the model was not fitted, and its figures there are uncertain; "
-            "keep the reference within, or identify a log of a larger motion"
+            f"{self.made_anew or 'keep the reference within, or identify a log of a larger motion'}"
         ]
+
+    @property
+    def made_anew(self) -> str:
+        """What to do about a cable that a program put into a rig of other angles; empty where a file names it."""
+        given = isinstance(self.cable, IdentifiedCable) and not self.cable.file
+        return "bowden.init(fit).rig has the reference, directions and zeros of its log" if given else ""
 
     @property
     def law_name(self) -> str:

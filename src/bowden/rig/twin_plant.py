@@ -4,6 +4,7 @@ from typing import Any, NamedTuple
 
 from bowden.hardware.drives.family import TwinProcess
 from bowden.hardware.twin.bench import TwinBench
+from bowden.hardware.twin.late import late
 from bowden.hardware.twin.pair import SharedJoint
 from bowden.hardware.twin.plant import TwinPlant
 from bowden.hardware.twin.suit import TwinSuit
@@ -63,7 +64,13 @@ def twin_pair_of(rig: Rig, now: float) -> tuple[PlayedDrive, PlayedDrive]:
         made.append((drive, bench))
     up, down = (made[1][1], made[0][1]) if flip is one else (made[0][1], made[1][1])
     SharedJoint(up, down, rig.pair.stiffness)
-    return PlayedDrive(*made[0]), PlayedDrive(*made[1])
+    flexor, extensor = (PlayedDrive(drive, late(bench, _delay(one))) for drive, bench in made)
+    return flexor, extensor
+
+
+def _delay(rig: Rig) -> float:
+    """Of a command beyond the cycle that sampling, computing and sending take anyhow [s]."""
+    return (rig.delay - 1) * rig.sample_time
 
 
 def twin_plant_of(rig: Rig, now: float) -> TwinPlant:
@@ -76,7 +83,10 @@ def twin_plant_of(rig: Rig, now: float) -> TwinPlant:
     Raises:
         ParameterError: a plant that cannot be.
     """
-    rest = (rig.bend_path, rig.duration, rig.seed, rig.start_motor, now)
+    return late(_at_rest(rig, (rig.bend_path, rig.duration, rig.seed, rig.start_motor, now)), _delay(rig))
+
+
+def _at_rest(rig: Rig, rest: tuple[Any, ...]) -> TwinPlant:
     if rig.worn is not None:
         return TwinSuit(rig.worn, *rest)
     plant = rig.cabled

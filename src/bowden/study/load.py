@@ -102,7 +102,7 @@ def _law_by_name(rig: Rig) -> tuple[Rig, str | LawFile]:
     if not isinstance(rig.law, Law):
         return rig, rig.law
     law, chosen = packable(rig.law)
-    return rig.replace(law=law, gains={**chosen, **rig.gains}), law
+    return rig.replace(law=law, preset=rig.preset, gains={**chosen, **rig.gains}), law
 
 
 def _set_in(rig: Rig, changes: dict[str, Any], path: Path) -> Rig:

@@ -139,6 +139,8 @@ class EmgCourse:
         if now - self._good > TROUBLED:
             self._age = max(self._age, (now - self._good) * 1e-9)
         self.over = 0 < latest.ends < now + _BEFORE
+        if self.over:
+            self._age = 0.0  # nothing follows the stream any more: the way home takes longer than what is left of it
         return self._age
 
     def begin(self) -> None:

@@ -25,7 +25,8 @@ def open_source(text: str, wanted: Sequence[str] = (), clock: TimeSource | None 
     """
     kind, _, rest = text.partition(":")
     if not rest.strip():
-        raise StreamError(f"{text!r} is not a source of EMG", expected=FORMS)
+        there = f"write file:{text}" if text and Path(text).exists() else ""
+        raise StreamError(f"{text!r} is not a source of EMG", expected=FORMS, do=there)
     if kind == "lsl":
         from bowden.hardware.emg.lsl import LslStream
 

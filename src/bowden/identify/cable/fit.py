@@ -91,12 +91,15 @@ _MOST_NOTES = 4
         **dict.fromkeys(("parameters", "params"), "fit.best.parameters"),
         **dict.fromkeys(("rms", "rmse", "error", "score"), "fit.chosen.test_rms, in rad"),
         **dict.fromkeys(("residual", "residuals"), "fit.log.joint - fit.predicted"),
+        **dict.fromkeys(("play", "backlash", "width", "half_width", "hysteresis"), "fit.chosen.loop.height, in rad"),
         "model": "fit.best",
+        "name": "fit.best.name",
         "loop": "fit.chosen.loop",
         "summary": "print(fit)",
         "rig": "bowden.init(fit).rig",
     },
     "identify a log again",
+    lambda fit, name: f"fit.best.parameters[{name!r}]" if name in fit.__dict__["best"].parameters else "",
 )
 @dataclass(frozen=True, repr=False)
 class Fit:

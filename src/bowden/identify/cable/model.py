@@ -192,6 +192,7 @@ def meaning(parameter: str) -> tuple[str, str]:
         "params": "model.parameters",
     },
     "make another: CableModel(name, parameters)",
+    lambda model, name: f"model.parameters[{name!r}]" if name in model.__dict__["parameters"] else "",
 )
 @dataclass(frozen=True)
 class CableModel(metaclass=Answering):

@@ -237,6 +237,9 @@ def _encoders(file: Path) -> Encoders:
     return Encoders(*(one / DEGREES for one in counts))
 
 
+_WRITTEN = "the model.toml that `bowden identify` writes"
+
+
 def _document(file: Path) -> tuple[dict[str, Any], str]:
     """The models of a file as they stand there, and the name of the recommended one."""
     try:
@@ -244,10 +247,12 @@ def _document(file: Path) -> tuple[dict[str, Any], str]:
     except OSError as error:
         raise ParameterError(f"{file} cannot be read: {error.strerror or error}", do="check the path") from None
     except ValueError as error:
-        raise ParameterError(f"{file} is no TOML file: {error}", expected="what `bowden identify` writes") from None
+        raise ParameterError(
+            f"{file} is no TOML file: {error}", expected=_WRITTEN, do="of a log, identify it first"
+        ) from None
     models, best = document.get("models"), document.get("best")
     if not isinstance(models, dict) or not isinstance(best, str):
-        raise ParameterError(f"{file} has no models in it", expected="what `bowden identify` writes")
+        raise ParameterError(f"{file} has no models in it", expected=_WRITTEN)
     return models, best
 
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from bowden.core.arguments import said
 from bowden.core.bounded import open_file
 from bowden.core.errors import LogError, ParameterError
+from bowden.core.guesses import answering
 from bowden.core.table import read_table
 from bowden.core.units import DEGREES
 from bowden.identify.cable import checks
@@ -37,6 +38,15 @@ from bowden.identify.log.text import read_text
 Array = NDArray[np.float64]
 
 
+@answering(
+    {
+        "plot": "bowden.identify(log).plot()",
+        "fit": "bowden.identify(log)",
+        "rate": "1 / (log.time[1] - log.time[0])",
+        **dict.fromkeys(("motor_deg", "joint_deg"), "numpy.degrees(log.motor), numpy.degrees(log.joint)"),
+    },
+    "read the log again",
+)
 @dataclass(frozen=True)
 class Log:
     """A log that is fit to be identified from."""
@@ -263,7 +273,8 @@ def prepare(
     checks.check_length(len(even), name)
     counts = (resolution(motor.radians), resolution(joint.radians)) if clock else None
     even, motor_at, joint_at, repeats, seldom = at_new_readings(even, motor_at, joint_at)
-    swapped = Trust("no", ("the joint turns round before the motor does: motor and joint look swapped",))
+    found = "the joint turns round before the motor does: motor and joint look swapped; exchange their columns"
+    swapped = Trust("no", (found,))
     doubts = (
         *doubts,
         *unit_doubts(motor, joint),
