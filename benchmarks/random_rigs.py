@@ -47,7 +47,7 @@ ARMED = 100
 """Cycle in which it is armed."""
 SAMPLE_TIMES = (1e-3, 2e-3, 5e-3, 10e-3, 20e-3)
 SUITS, BY_HAND = 0.15, 0.25
-"""Share of the rigs that are suits, and of the others that `init` has not made."""
+"""Share of the rigs that are suits, and of suits and others that `init` has not made round an identified cable."""
 
 
 def cable(random: np.random.Generator) -> IdentifiedCable:
@@ -91,11 +91,12 @@ def by_hand(random: np.random.Generator) -> dict[str, Any]:
 
 
 def drawn(number: int) -> tuple[str, Any, float]:
-    """Kind, identified cable or reference of a suit, and sample time of that number."""
+    """Kind, what of it is drawn, and sample time of that number."""
     random = np.random.default_rng(number)
     dt = float(random.choice(SAMPLE_TIMES))
     if random.random() < SUITS:
-        return "suit", PeriodicMinimumJerk(0.0, random.uniform(30.0, 75.0) * RADIANS, random.uniform(6.0, 12.0)), dt
+        motion = PeriodicMinimumJerk(0.0, random.uniform(30.0, 75.0) * RADIANS, random.uniform(6.0, 12.0))
+        return ("suit", motion, dt) if random.random() < BY_HAND else ("suit of a log", (cable(random), motion), dt)
     if random.random() < BY_HAND:
         return "by hand", by_hand(random), dt
     return "bench", cable(random), dt
@@ -110,6 +111,9 @@ def rig_of(number: int) -> Rig:
     kind, given, dt = drawn(number)
     if kind == "suit":
         return written_suit().replace(sample_time=dt, reference=given, duration=SECONDS)
+    if kind == "suit of a log":
+        model, motion = given
+        return init(model, suit=True, sample_time=dt).rig.replace(reference=motion, duration=SECONDS)
     if kind == "by hand":
         rig = Rig(**given, sample_time=dt, duration=SECONDS)
         chosen = chosen_law(rig)

@@ -920,7 +920,10 @@ class Rig(metaclass=Answering):
         """What a law knows of the rig."""
         if self.worn is not None:
             return knowledge_of(self.worn)
-        return knowledge_of(self.bench if self.plant is None else self.cabled, identified=self.identified)
+        if self.plant is not None:
+            return knowledge_of(self.cabled)
+        known = knowledge_of(self.bench, identified=self.identified)
+        return known._replace(relative_slope=self.slope / DEFAULT_CABLE.slope)
 
     def fitted(self, law: GivenLaw | None = None, known: Knowledge | None = None) -> Law:
         """The rig's law with the gains that the rig gives it; another law gets none of the rig's own gains.
