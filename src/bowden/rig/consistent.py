@@ -53,6 +53,8 @@ WIDEST = 57.0 * RADIANS
 """Of `play`, whether it is written or follows [rad]."""
 STEP = 0.9
 """Of `target_reach`: what the target may go in a cycle at most."""
+USUAL_CYCLE = 0.001
+"""Of the paper's bench. In a longer one the target may jump as far as in this, and go on as fast as the motor can [s]."""
 SPAN = 1.25
 """What an encoder shows over what angles at their limits may come to."""
 
@@ -98,8 +100,8 @@ def follow(given: Limits, basis: Basis) -> Limits:
     follows("motor_speed", min(USUAL.motor_speed / slope, OVERSPEED * fastest))  # a servo at its limit is not over it
     follows("motor_low", USUAL.motor_low / slope + max(low, found.joint_low) / flat - more)
     follows("motor_high", USUAL.motor_high / slope + (found.joint_high - USUAL.joint_high) / flat + more)
-    speed = max(USUAL.target_speed / slope, CROSSING * width / dt)
-    follows("target_speed", min(speed, STEP * found.target_reach / dt))
+    least = USUAL.target_speed / slope * min(dt, USUAL_CYCLE) + found.motor_speed * max(0.0, dt - USUAL_CYCLE)
+    follows("target_speed", min(max(least, CROSSING * width), STEP * found.target_reach) / dt)
     follows("bridge_time", max(BRIDGED, dt))
     follows("reading_age", min(USUAL.reading_age, max(1.0, math.floor(OLDEST / dt + 1e-9))))
     follows("tracking_time", max(USUAL.tracking_time, dt))

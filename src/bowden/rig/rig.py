@@ -52,7 +52,7 @@ from bowden.rig.axes import Axis
 from bowden.rig.bends import Bend, ConstantBend, RandomBend, ScriptedBend
 from bowden.rig.checked import Gains, checked, checked_number, shown
 from bowden.rig.compose_admittance import Pushing, pushing_of
-from bowden.rig.compose_suit import suit_of
+from bowden.rig.compose_suit import USUAL_DEAD_ZONE, elbow_dead_zone, suit_of
 from bowden.rig.consistent import Basis
 from bowden.rig.declaration import tree_of as section_tree
 from bowden.rig.effect import refuse_idle
@@ -977,9 +977,11 @@ class Rig(metaclass=Answering):
     @cached_property
     def basis(self) -> Basis:
         """What limits that are not written follow from."""
-        if self.worn is not None or (self.plant is not None and not self.own_plant.slope > 0.0):
-            return Basis(1.0, DEFAULT_CABLE.slope, 0.0, 0.0, self.bench.servo.speed_limit, self.sample_time)
         cable, width = self.bench.cable, 0.0
+        if self.worn is not None and (lost := elbow_dead_zone(self.worn.flexor.half_width)) > USUAL_DEAD_ZONE:
+            width = lost
+        if self.worn is not None or (self.plant is not None and not self.own_plant.slope > 0.0):
+            return Basis(1.0, DEFAULT_CABLE.slope, width, 0.0, self.bench.servo.speed_limit, self.sample_time)
         if self.plant is None:
             width = with_cable(self.knowledge, cable, self.bench.sheath.gap, identified=True).width
         low, fastest = min(0.0, self._ends[0]), self.bench.servo.speed_limit
