@@ -581,7 +581,7 @@ class Rig(metaclass=Answering):
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         for name, value in state.items():  # parts anew: a NaN that was pickled equals no other
-            part = PARTS.get(name)
+            part = drive_part(value.family) if name == "drive" else PARTS.get(name)
             given = value if part is None else checked(value, part.kind, name, part.default)
             object.__setattr__(self, name, given)
 
