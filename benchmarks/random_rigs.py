@@ -7,7 +7,8 @@ preflight and supervisor are those of a live run, on a clock of their own.
 import math
 import sys
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from itertools import islice
 from typing import Any
 
 import numpy as np
@@ -103,10 +104,19 @@ def drawn(number: int) -> tuple[str, Any, float]:
     dt = float(random.choice(SAMPLE_TIMES))
     if random.random() < SUITS:
         motion = PeriodicMinimumJerk(0.0, random.uniform(30.0, 75.0) * RADIANS, random.uniform(6.0, 12.0))
-        return ("suit", motion, dt) if random.random() < BY_HAND else ("suit of a log", (cable(random, suit=True), motion), dt)
+        return (
+            ("suit", motion, dt)
+            if random.random() < BY_HAND
+            else ("suit of a log", (cable(random, suit=True), motion), dt)
+        )
     if random.random() < BY_HAND:
         return "by hand", by_hand(random), dt
     return "bench", cable(random), dt
+
+
+def numbers(counts: Mapping[float, int]) -> list[int]:
+    """The first numbers with these sample times, so many of each."""
+    return [n for dt, count in counts.items() for n in islice((n for n in range(COUNT) if drawn(n)[2] == dt), count)]
 
 
 def rig_of(number: int) -> Rig:

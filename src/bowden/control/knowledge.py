@@ -47,9 +47,6 @@ class Knowledge(NamedTuple):
     """Ts, one control cycle [s]."""
     slope: float = math.nan
     """αφ of an identified cable: joint motion per motor motion once the play is taken up, positive [rad/rad]."""
-    relative_slope: float = 1.0
-    """Slope of a cable that a person wrote, over that of the paper's bench, for which the laws' own slopes are: pulley
-    and gear are known of a cable of which nothing was measured [–]."""
     width: float = math.nan
     """Dead zone of an identified cable: motor travel that is lost at a reversal [rad]."""
     doubt: float = 1.0
@@ -69,6 +66,9 @@ class Knowledge(NamedTuple):
     """Standard deviation of the motor's angle before it is counted [rad]."""
     suit: bool = False
     """Whether the joint is an arm in a suit, which swings; motor angles are in the joint's coordinate then."""
+    relative_slope: float = 1.0
+    """Slope of a cable that a person wrote, over that of the paper's bench, for which the laws' own slopes are: pulley
+    and gear are known of a cable of which nothing was measured [–]."""
 
 
 def dead_zone(cable: BoucWen, gap: float) -> float:

@@ -54,7 +54,7 @@ WIDEST = 57.0 * RADIANS
 STEP = 0.9
 """Of `target_reach`: what the target may go in a cycle at most."""
 USUAL_CYCLE = 0.001
-"""Of the paper's bench. In a longer one the target may jump as far as in this, and go on as fast as the motor can [s]."""
+"""Of the paper's bench. In a longer one the target may go as far as in this, and on as fast as the motor can [s]."""
 SPAN = 1.25
 """What an encoder shows over what angles at their limits may come to."""
 

@@ -96,9 +96,9 @@ def mismatches(rig: Rig, limits: Limits) -> Iterator[str]:
         lost = elbow_dead_zone(rig.worn.flexor.half_width)
         if lost > limits.play:
             yield (
-                f"the suit's cables lose {lost * DEGREES:.3g}° of the straight elbow at a reversal (suit.play_mm, or the "
-                f"model in [cable]), and play_deg = {limits.play * DEGREES:.3g} in [limits] calls that a broken cable: "
-                "leave play_deg out, or take a cable that loses less"
+                f"the suit's cables lose {lost * DEGREES:.3g}° of the straight elbow at a reversal (suit.play_mm, or "
+                f"the model in [cable]), and play_deg = {limits.play * DEGREES:.3g} in [limits] calls that a broken "
+                "cable: leave play_deg out, or take a cable that loses less"
             )
     if rig.worn is not None or rig.plant is not None:
         return

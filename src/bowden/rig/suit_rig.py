@@ -70,9 +70,7 @@ MOST_LOST = 20.0 * RADIANS
 """Of the straight elbow at a reversal: with a fifth more the motor's current lasts too long [rad]."""
 
 
-def suit_text(
-    name: str, model: str | None = None, chosen: Chosen = _OWN, cable: IdentifiedCable | None = None
-) -> str:
+def suit_text(name: str, model: str | None = None, chosen: Chosen = _OWN, cable: IdentifiedCable | None = None) -> str:
     """The rig.toml.
 
     Args:
@@ -89,9 +87,10 @@ def suit_text(
         half_width, count = cable.lost * SuitSettings().spool_radius, cable.encoders.motor
         lost = elbow_dead_zone(half_width)
         if lost > MOST_LOST:
+            most = 1e3 * half_width * MOST_LOST / lost
             raise ParameterError(
                 f"{model}: on the suit's spool this cable loses ±{1e3 * half_width:.3g} mm",
-                expected=f"at most ±{1e3 * half_width * MOST_LOST / lost:.3g} mm, {MOST_LOST * DEGREES:g}° of the elbow",
+                expected=f"at most ±{most:.3g} mm, {MOST_LOST * DEGREES:g}° of the elbow",
                 do="take a cable that loses less; if the log's motor turned another spool, leave --model out, and set "
                 "suit.play_mm in the file",
             )
