@@ -7,7 +7,8 @@ preflight and supervisor are those of a live run, on a clock of their own.
 import math
 import sys
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from itertools import islice
 from typing import Any
 
 import numpy as np
@@ -28,8 +29,10 @@ from bowden.live.preflight import REASONS, Reason, require
 from bowden.live.row import NOTHING_READ
 from bowden.models.cable.bouc_wen import BoucWen, saturation
 from bowden.models.drive.thermal import cold
+from bowden.rig.compose_suit import elbow_dead_zone
 from bowden.rig.objections import objections
 from bowden.rig.rig import Rig
+from bowden.rig.settings import SuitSettings
 from bowden.rig.twin_plant import twin_plant_of
 from bowden.safety.faults import of
 from bowden.safety.supervisor import Mode, Observed, Request
@@ -47,14 +50,19 @@ ARMED = 100
 """Cycle in which it is armed."""
 SAMPLE_TIMES = (1e-3, 2e-3, 5e-3, 10e-3, 20e-3)
 SUITS, BY_HAND = 0.15, 0.25
-"""Share of the rigs that are suits, and of the others that `init` has not made."""
+"""Share of the rigs that are suits, and of suits and others that `init` has not made round an identified cable."""
 
 
-def cable(random: np.random.Generator) -> IdentifiedCable:
-    """What an identification of a pure play says, with the motion of its log in the log's own angles."""
+def cable(random: np.random.Generator, *, suit: bool = False) -> IdentifiedCable:
+    """What an identification of a pure play says, with the motion of its log in the log's own angles.
+
+    For a suit, play and motion are of its straight elbow, whatever its log's joint was: there they are those of the
+    motor, whose spool is the suit's.
+    """
     slope = math.exp(random.uniform(math.log(0.02), math.log(50.0)))
-    lost = math.exp(random.uniform(math.log(0.1), math.log(20.0))) * RADIANS  # of the joint, at a reversal
-    span = random.uniform(40.0, 90.0) * RADIANS
+    elbow = slope / elbow_dead_zone(0.5 * SuitSettings().spool_radius) if suit else 1.0
+    lost = math.exp(random.uniform(math.log(0.1), math.log(20.0))) * RADIANS * elbow  # of the joint, at a reversal
+    span = random.uniform(40.0, 90.0) * RADIANS * elbow
     direction = 1.0 if random.random() < 0.5 else -1.0
     low = random.choice([0.0, -0.5 * span, random.uniform(-200.0, 200.0) * RADIANS])
     middle = random.choice([0.5 * (span + lost) / slope, 0.0, random.uniform(-20.0, 20.0)])
@@ -91,14 +99,24 @@ def by_hand(random: np.random.Generator) -> dict[str, Any]:
 
 
 def drawn(number: int) -> tuple[str, Any, float]:
-    """Kind, identified cable or reference of a suit, and sample time of that number."""
+    """Kind, what of it is drawn, and sample time of that number."""
     random = np.random.default_rng(number)
     dt = float(random.choice(SAMPLE_TIMES))
     if random.random() < SUITS:
-        return "suit", PeriodicMinimumJerk(0.0, random.uniform(30.0, 75.0) * RADIANS, random.uniform(6.0, 12.0)), dt
+        motion = PeriodicMinimumJerk(0.0, random.uniform(30.0, 75.0) * RADIANS, random.uniform(6.0, 12.0))
+        return (
+            ("suit", motion, dt)
+            if random.random() < BY_HAND
+            else ("suit of a log", (cable(random, suit=True), motion), dt)
+        )
     if random.random() < BY_HAND:
         return "by hand", by_hand(random), dt
     return "bench", cable(random), dt
+
+
+def numbers(counts: Mapping[float, int]) -> list[int]:
+    """The first numbers with these sample times, so many of each."""
+    return [n for dt, count in counts.items() for n in islice((n for n in range(COUNT) if drawn(n)[2] == dt), count)]
 
 
 def rig_of(number: int) -> Rig:
@@ -110,6 +128,9 @@ def rig_of(number: int) -> Rig:
     kind, given, dt = drawn(number)
     if kind == "suit":
         return written_suit().replace(sample_time=dt, reference=given, duration=SECONDS)
+    if kind == "suit of a log":
+        model, motion = given
+        return init(model, suit=True, sample_time=dt).rig.replace(reference=motion, duration=SECONDS)
     if kind == "by hand":
         rig = Rig(**given, sample_time=dt, duration=SECONDS)
         chosen = chosen_law(rig)

@@ -123,7 +123,8 @@ def test_a_turn_of_the_spool_is_a_gear_of_the_motor() -> None:
 def test_parameters_that_make_no_sense_are_refused_by_name(wrong: dict[str, float]) -> None:
     with pytest.raises(ParameterError, match="drive: ") as refused:
         check_parameters(DriveParameters()._replace(**wrong))
-    assert any(name in str(refused.value) for name in ("highest_motor", *wrong))
+    keys = {"highest_motor": "motor_high_deg", "tension_scale": "tension_n_per_mv"}
+    assert any(keys.get(name, name) in str(refused.value) for name in ("highest_motor", *wrong))
 
 
 def test_the_defaults_make_sense() -> None:

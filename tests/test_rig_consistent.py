@@ -1,13 +1,19 @@
 """Limits that follow: they go together on every rig, what is written rules and is judged, and such rigs run."""
 
 import math
+import warnings
+from collections.abc import Iterable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
 import random_rigs
+from bowden import run
+from bowden.control import LAWS
 from bowden.control.reference import PeriodicMinimumJerk
+from bowden.core.errors import ParameterError
 from bowden.core.units import RADIANS
 from bowden.hardware.drives.families.cia402 import FAMILY
 from bowden.hardware.drives.family import longest_silence
@@ -19,6 +25,7 @@ from bowden.rig.objections import objections
 from bowden.rig.rig import Rig
 from bowden.rig.settings import SuitSettings
 from bowden.safety.limits import Limits
+from live_runs import SHARED_LIMITS, tries
 
 KEYS = {item.path[0]: item.key for item in items_of(Limits)}
 
@@ -96,8 +103,82 @@ def test_a_weak_motor_and_other_zeros_are_said_with_what_mends_them() -> None:
     assert "offset in [cable]" in said
 
 
+SLOW_LOOPS = random_rigs.numbers({1e-3: 1, 2e-3: 1, 5e-3: 4, 10e-3: 27, 20e-3: 27})
+"""Sixty, most of which take a fifth of a second."""
+
+
 @pytest.mark.parametrize(
-    "numbers", [range(6), pytest.param(range(6, 66), marks=pytest.mark.long)], ids=["some", "more"]
+    "numbers", [SLOW_LOOPS, pytest.param(range(66), marks=pytest.mark.long)], ids=["slow loops", "all"]
 )
-def test_random_rigs_run_on_the_twin_and_end_normally(numbers: range) -> None:
+def test_random_rigs_run_on_the_twin_and_end_normally(numbers: Iterable[int]) -> None:
     assert {number: why for number in numbers if (why := random_rigs.outcome(number))} == {}
+
+
+@pytest.mark.live
+@pytest.mark.parametrize("dt", [10e-3, pytest.param(20e-3, marks=pytest.mark.long)])
+def test_three_random_rigs_run_live_in_one_loop(dt: float, tmp_path: Path) -> None:
+    axes: list[tuple[str, Rig]] = []
+    shared = {name: value for name, value in SHARED_LIMITS.items() if name != "reading_age"}
+    for number in random_rigs.numbers({dt: 9}):
+        if random_rigs.drawn(number)[0] in ("bench", "by hand") and len(axes) < 3:
+            rig = random_rigs.rig_of(number).replace(duration=1.0, drive={"node_id": len(axes) + 1})
+            axes.append((f"cable_{number}", rig.replace(limits=rig.limits._replace(**shared))))
+    for _ in tries():
+        with warnings.catch_warnings(record=True), run(Rig(axes=tuple(axes)), twin=True, out=tmp_path) as session:
+            done = session.complete()
+        if done:
+            break
+    assert session.outcome == "ended as asked"
+
+
+def test_a_laws_own_slope_goes_with_a_cable_by_hand() -> None:
+    for name, law in LAWS.items():
+        taken = [gain for gain, what in law.from_rig.items() if what == "slope"]
+        own, steep = (rig_of(slope, 1e-3, 0.0).fitted(name).gains for slope in (Rig().slope, 4.0 * Rig().slope))
+        assert all(getattr(own, gain) == getattr(law.own, gain) for gain in taken), "of the paper's bench"
+        assert all(getattr(steep, gain) == pytest.approx(4.0 * getattr(law.own, gain)) for gain in taken)
+
+
+@pytest.mark.parametrize("dt", random_rigs.SAMPLE_TIMES)
+def test_a_target_goes_no_further_in_a_slow_cycle_than_the_motor_can(dt: float) -> None:
+    limits = rig_of(1.0, dt, 0.0).supervisor_limits
+    leap, motor = USUAL.target_speed * random_rigs.SAMPLE_TIMES[0], limits.motor_speed * dt
+    assert limits.target_speed * dt <= max(leap + motor, 2.0 * rig_of(1.0, dt, 0.0).basis.width)
+
+
+def test_a_suit_has_room_for_what_its_cables_lose() -> None:
+    suits = [Rig(suit=SuitSettings(worn=True, play=play), limits={"play": 0.35}) for play in (0.002, 0.005, 0.008)]
+    usual, wider, _ = (suit.supervisor_limits for suit in suits)
+    assert wider.motor_high > usual.motor_high
+    assert [bool(objections(suit)) for suit in suits] == [False, False, True]
+    assert "suit.play_mm" in objections(suits[-1])[0]
+    assert not objections(suits[-1].replace(limits={})), "the advice mends it"
+
+
+@pytest.mark.parametrize(
+    ("text", "key", "mended"),
+    [
+        ("[bench]\nsample_time_ms = 1.5", "bench.sample_time_ms is 1.5", "[bench]\nsample_time_ms = 2.0"),
+        (
+            "[bench]\nsample_time_ms = 20\n[drive]\nheartbeat_timeout_ms = 40",
+            "heartbeat_timeout_ms is 40; expected three cycles at least, 60 ms",
+            "[bench]\nsample_time_ms = 20\n[drive]\nheartbeat_timeout_ms = 60",
+        ),
+        ("[drive]\nheartbeat_timeout_ms = 60", "heartbeat_timeout_ms is 60; expected above 0, at most 40 ms", ""),
+        ("[limits]\nheartbeat_age_s = 0.001", "heartbeat_age_s = 0.001 is below two cycles", ""),
+        ("[limits]\nreading_age = 11", "reading_age = 11.0 is more than 10 ms", ""),
+    ],
+)
+def test_the_key_that_is_wrong_is_named_and_its_advice_mends_it(
+    text: str, key: str, mended: str, tmp_path: Path
+) -> None:
+    path = tmp_path / "rig.toml"
+    path.write_text(text)
+    assert any(key in one for one in objections(Rig.read(path)))
+    path.write_text(mended)
+    assert not objections(Rig.read(path))
+
+
+def test_a_slope_below_zero_is_refused_by_its_key() -> None:
+    with pytest.raises(ParameterError, match="slope_low"):
+        Rig(limits={"slope_low": -5.0})

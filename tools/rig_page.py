@@ -19,7 +19,7 @@ _GAINS = (
     "- What the rig gives a law comes first (the column *from the rig*), then the preset, then `[control.gains]`. What",
     "  a preset leaves as the law's own comes from the rig. Every command that runs a law goes by this.",
     "- `slope`, `width` and `doubt` come from the rig where its cable was identified (`cable.model`);",
-    "  `cable.…` always.",
+    "  `cable.…` always. On a cable by hand a law's own slope is multiplied by `relative_slope`.",
     "- The uncompensated law takes only the motor angle at which the joint is at zero: encoders that are not zeroed",
     "  together are no backlash. Its slope stays 1, as in the paper; set it where the joint is geared.",
     "- A cable whose slope is negative is counted the other way round, so these slopes are positive.",

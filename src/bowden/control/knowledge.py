@@ -66,6 +66,9 @@ class Knowledge(NamedTuple):
     """Standard deviation of the motor's angle before it is counted [rad]."""
     suit: bool = False
     """Whether the joint is an arm in a suit, which swings; motor angles are in the joint's coordinate then."""
+    relative_slope: float = 1.0
+    """Slope of a cable that a person wrote, over that of the paper's bench, for which the laws' own slopes are: pulley
+    and gear are known of a cable of which nothing was measured [–]."""
 
 
 def dead_zone(cable: BoucWen, gap: float) -> float:
@@ -129,9 +132,9 @@ def preset_of(
 def informed(law: Law, known: Knowledge) -> Law:
     """The law with what it and its conditioner take of the knowledge, in place of what it knew before.
 
-    What was chosen for it stays; what is not known is as the law's own. A value is kept inside the gain's limits. A law
-    that has a gain for the doubt about its first guesses gets `slope`, `width` and `doubt` only where the knowledge
-    is in no more doubt.
+    What was chosen for it stays; what is not known is as the law's own, a slope times `relative_slope`. A value is kept
+    inside the gain's limits. A law that has a gain for the doubt about its first guesses gets `slope`, `width` and
+    `doubt` only where the knowledge is in no more doubt.
 
     Raises:
         ParameterError: the law declares something that there is not.
@@ -166,6 +169,8 @@ def _own_is_better(law: Law, known: Knowledge) -> bool:
 
 def _value(law: Law, gain: str, known: Knowledge) -> float:
     what: Any = law.from_rig[gain]
+    if what == "slope" and math.isnan(known.slope):
+        return float(getattr(law.gains, gain)) * known.relative_slope
     if callable(what):
         return float(what(known))
     try:

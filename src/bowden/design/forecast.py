@@ -28,7 +28,8 @@ def off_reference(rig: Rig, law: Law) -> float:
     """`off_reference` of [limits], or, where that is as `Limits` has it: `play` and 1.5 times the error that simulated
     runs show for `off_reference_time`, the rig's own run and the check's motion at both ends of its bends [rad].
 
-    A law that runs away in one of them gets no room for it: the limit stays as it is.
+    A law that runs away in one of them gets no room for it: the limit stays as it is. Nor is it more than the stroke: a
+    joint that stands still is seen.
 
     Raises:
         ParameterError: a setting that cannot be.
@@ -43,7 +44,7 @@ def off_reference(rig: Rig, law: Law) -> float:
     if not all(trace.ended for trace in traces):
         return given
     shown = max(lasting_error(trace.error, rig.sample_time, limits.off_reference_time) for trace in traces)
-    return limits.play + HALF_AGAIN * shown
+    return min(limits.play + HALF_AGAIN * shown, max(given, stroke[1] - stroke[0]))
 
 
 def _short(rig: Rig) -> Rig:

@@ -151,7 +151,7 @@ def around(
     counted = replace(cable if suit else cable.counted(counting_of(cable)), file=place)
 
     def written(chosen: Chosen) -> str:
-        return suit_text(name, place, chosen, cable.encoders.motor) if suit else model_text(name, place, cable, chosen)
+        return suit_text(name, place, chosen, cable) if suit else model_text(name, place, cable, chosen)
 
     first = written(Chosen(OURS, ""))
     rig = Rig.of_tree(tomllib.loads(first), path, keep=Rig(cable=counted)).replace(**(parts or {}))

@@ -15,7 +15,7 @@ from bowden.core.errors import ParameterError
 from bowden.core.shown import listed
 from bowden.core.toml_text import quoted
 from bowden.core.units import DEGREES
-from bowden.design.check import Check, check
+from bowden.design.check import check
 from bowden.design.other_law import OtherLaw, mended_law, other_law
 from bowden.design.pair_tune import PairTarget, best_gains, judged_gains, runs_described
 from bowden.design.processes import Mapper, two_workers
@@ -182,16 +182,13 @@ def _narrower(
     plant, stroke = ranges.judged(rig), ranges.stroke(rig)
     before = check(plant, law, bends=own, stroke=stroke)
     runs = NineRuns(TuningTarget(plant, own, stroke, before.refuted))
-    held: list[tuple[float, Law, Check]] = []
-    for one in (law, rig.replace(gains={}, preset=None).fitted()):
-        found_one = before if one is law else check(plant, one, bends=own, stroke=stroke)
-        if found_one.verdict == "holds":
-            held.append((max(course_of(runs).errors(runs.laws(one), (), np.inf)), one, found_one))
-    if not held:
+    usual = rig.replace(gains={}, preset=None).fitted()
+    checks = [(law, before), *([] if usual == law else [(usual, check(plant, usual, bends=own, stroke=stroke))])]
+    if all(found.verdict != "holds" for _, found in checks):
         raise error
-    worst, best, judged = min(held, key=lambda one: one[0])
-    stood = law.numbers
-    worst_before = max(course_of(runs).errors(runs.laws(law), (), np.inf))
+    tried = [(max(course_of(runs).errors(runs.laws(one), (), np.inf)), one, found) for one, found in checks]
+    worst, best, judged = min((one for one in tried if one[2].verdict == "holds"), key=lambda one: one[0])
+    stood, worst_before = law.numbers, tried[0][0]
     return Tuning(
         law=best,
         gains={name: value for name, value in best.numbers.items() if value != stood[name]},

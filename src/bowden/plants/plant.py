@@ -62,6 +62,7 @@ def sheath_at(path: SheathPath, k: int) -> SheathState:
     return SheathState(path.bends[k], path.widths[k], path.slope_factors[k])
 
 
+@lru_cache(maxsize=16)  # a twin asks five times a cycle, mostly for the same bend
 def sheath_state(sheath: Sheath, bend: float) -> SheathState:
     """A sheath at a total `bend` [rad]."""
     return SheathState(float(bend), float(width_at(bend, sheath)), float(slope_factor_at(bend, sheath)))

@@ -6,10 +6,24 @@ from bowden.models.cable.sheath import Sheath
 from bowden.models.drive.geared_motor import GearedMotor
 from bowden.models.suit.arm import Wearer, arm_of
 from bowden.models.suit.flex_sensor import FlexSensor
+from bowden.models.suit.geometry import SuitGeometry, flexor_moment_arm
 from bowden.models.suit.suit_cable import Fabric, SuitCable
 from bowden.plants.bench import Bench
 from bowden.plants.suit_parts import Suit, prepare_suit
 from bowden.rig.settings import SuitSettings, WearerSettings
+
+
+def elbow_dead_zone(half_width: float) -> float:
+    """What the elbow loses at a reversal with the arm straight, where the cable's lever is shortest [rad].
+
+    Args:
+        half_width: half of the spool's travel that its cable loses [m].
+    """
+    return 2.0 * half_width / flexor_moment_arm(0.0, SuitGeometry())
+
+
+USUAL_DEAD_ZONE = elbow_dead_zone(SuitSettings().play)
+"""Of the suit for which the usual limits are [rad]."""
 
 
 def suit_of(

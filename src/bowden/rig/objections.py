@@ -12,6 +12,7 @@ from bowden.core.units import DEGREES
 from bowden.hardware.drives.family import family_of
 from bowden.plants.cable_plant import CablePlant
 from bowden.plants.user_plant import UserPlant
+from bowden.rig.compose_suit import elbow_dead_zone
 from bowden.rig.consistent import contradictions
 from bowden.rig.rig import Rig
 from bowden.safety.limits import Limits
@@ -92,6 +93,14 @@ def mismatches(rig: Rig, limits: Limits) -> Iterator[str]:
             "would seem to disagree with its motor; leave both out of [limits]"
         )
         return
+    if rig.worn is not None:
+        lost = elbow_dead_zone(rig.worn.flexor.half_width)
+        if lost > limits.play:
+            yield (
+                f"the suit's cables lose {lost * DEGREES:.3g}° of the straight elbow at a reversal (suit.play_mm, or "
+                f"the model in [cable]), and play_deg = {limits.play * DEGREES:.3g} in [limits] calls that a broken "
+                "cable: leave play_deg out, or take a cable that loses less"
+            )
     if rig.worn is not None or rig.plant is not None:
         return
     start, begin = rig.start_motor, rig.begin

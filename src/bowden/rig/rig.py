@@ -52,7 +52,7 @@ from bowden.rig.axes import Axis
 from bowden.rig.bends import Bend, ConstantBend, RandomBend, ScriptedBend
 from bowden.rig.checked import Gains, checked, checked_number, shown
 from bowden.rig.compose_admittance import Pushing, pushing_of
-from bowden.rig.compose_suit import suit_of
+from bowden.rig.compose_suit import USUAL_DEAD_ZONE, elbow_dead_zone, suit_of
 from bowden.rig.consistent import Basis
 from bowden.rig.declaration import tree_of as section_tree
 from bowden.rig.effect import refuse_idle
@@ -586,7 +586,7 @@ class Rig(metaclass=Answering):
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         for name, value in state.items():  # parts anew: a NaN that was pickled equals no other
-            part = PARTS.get(name)
+            part = drive_part(value.family) if name == "drive" else PARTS.get(name)
             given = value if part is None else checked(value, part.kind, name, part.default)
             object.__setattr__(self, name, given)
 
@@ -937,7 +937,10 @@ class Rig(metaclass=Answering):
         """What a law knows of the rig."""
         if self.worn is not None:
             return knowledge_of(self.worn)
-        return knowledge_of(self.bench if self.plant is None else self.cabled, identified=self.identified)
+        if self.plant is not None:
+            return knowledge_of(self.cabled)
+        known = knowledge_of(self.bench, identified=self.identified)
+        return known._replace(relative_slope=self.slope / DEFAULT_CABLE.slope)
 
     def fitted(self, law: GivenLaw | None = None, known: Knowledge | None = None) -> Law:
         """The rig's law with the gains that the rig gives it; another law gets none of the rig's own gains.
@@ -991,9 +994,11 @@ class Rig(metaclass=Answering):
     @cached_property
     def basis(self) -> Basis:
         """What limits that are not written follow from."""
-        if self.worn is not None or (self.plant is not None and not self.own_plant.slope > 0.0):
-            return Basis(1.0, DEFAULT_CABLE.slope, 0.0, 0.0, self.bench.servo.speed_limit, self.sample_time)
         cable, width = self.bench.cable, 0.0
+        if self.worn is not None and (lost := elbow_dead_zone(self.worn.flexor.half_width)) > USUAL_DEAD_ZONE:
+            width = lost
+        if self.worn is not None or (self.plant is not None and not self.own_plant.slope > 0.0):
+            return Basis(1.0, DEFAULT_CABLE.slope, width, 0.0, self.bench.servo.speed_limit, self.sample_time)
         if self.plant is None:
             width = with_cable(self.knowledge, cable, self.bench.sheath.gap, identified=True).width
         low, fastest = min(0.0, self._ends[0]), self.bench.servo.speed_limit

@@ -14,7 +14,7 @@ from pydantic_core import PydanticCustomError
 
 from bowden.control.reference import Chirp, Multisine, PeriodicMinimumJerk, PointToPoint
 from bowden.core.errors import ParameterError
-from bowden.core.quantity import Quantity
+from bowden.core.quantity import Quantity, declared
 from bowden.core.units import RADIANS
 from bowden.hardware.drives import family as drive_families
 from bowden.hardware.drives.load_cell import LoadCellParameters
@@ -200,7 +200,9 @@ def drive_part(name: str) -> Part:
     """
     family = drive_families.family_named(name)
     title = "DriveSection" if name == DEFAULT_FAMILY else f"{name.capitalize()}DriveSection"
-    return _part(title, family.title, family.parameters)
+    part = _part(title, family.title, family.parameters)
+    follow = {one.name: math.nan for one in declared(part.kind) if one.quantity.follows}
+    return part._replace(default=part.default._replace(**follow))
 
 
 DRIVE: Any = drive_part(DEFAULT_FAMILY).default

@@ -1,8 +1,15 @@
 """The rig.toml that ``bowden init --suit`` writes: the suit on an arm, moved by EMG, live against its twin."""
 
+import math
+
+from bowden.core.errors import ParameterError
 from bowden.core.toml_text import quoted
-from bowden.core.units import DEGREES
+from bowden.core.units import DEGREES, RADIANS
+from bowden.identify.cable.model import IdentifiedCable
+from bowden.rig.compose_suit import USUAL_DEAD_ZONE, elbow_dead_zone
+from bowden.rig.consistent import CROSSING, PLAYS
 from bowden.rig.model_rig import Chosen, gain_lines
+from bowden.rig.settings import SuitSettings
 
 _TEXT = """\
 # {name}: a suit on an arm, moved by EMG. What is not here is as bowden init writes it; docs/live.md says why.
@@ -27,9 +34,9 @@ law = {law}  # {why}
 duration_s = 60.0  # [s] a run by a recording ends with it
 
 [limits]
-motor_low_deg = -12.0                # [°] room for the law below the straight arm
+motor_low_deg = {low:<19.1f}  # [°] room for the law below the straight arm
 motor_margin_deg = 8.0               # [°] the drive's integral overshoots its target by this in a release
-play_deg = 20.0                      # [°] fabric gives way, and the arm falls behind a cable that is let out
+play_deg = {play:<24.1f}  # [°] fabric gives way, and the arm falls behind a cable that is let out
 tracking_deg = 15.0                  # [°] the servo's model knows no friction: gears hold the motor as it turns
 thermal_continuous_current_a = 12.0  # [A] the paper's flexion draws 10 A for 25 s, more than its motor's 6 A
 
@@ -57,16 +64,44 @@ resolution_deg = {:.11g}  # [°] one count, at the spool
 """
 
 
-def suit_text(name: str, model: str | None = None, chosen: Chosen = _OWN, count: float = 0.0) -> str:
+_LOW, _PLAY = -12.0, 20.0
+"""Limits of the usual suit [deg]; one that loses more has more room, as on the bench."""
+MOST_LOST = 20.0 * RADIANS
+"""Of the straight elbow at a reversal: with a fifth more the motor's current lasts too long [rad]."""
+
+
+def suit_text(name: str, model: str | None = None, chosen: Chosen = _OWN, cable: IdentifiedCable | None = None) -> str:
     """The rig.toml.
 
     Args:
         name: of the file, as it is typed.
         model: the path of a model.toml, from the file's folder, where the cables are identified.
         chosen: the law.
-        count: of the motor's encoder, where it is known [rad].
+        cable: what is in it.
+
+    Raises:
+        ParameterError: the cable loses more than a suit can bear.
     """
-    cable = "" if model is None else _CABLE.format(quoted(model))
-    gains = gain_lines(chosen.gains)
-    encoder = _ENCODER.format(count * DEGREES) if count else ""
-    return _TEXT.format(name=name, cable=cable, encoder=encoder, law=quoted(chosen.law), why=chosen.why, gains=gains)
+    more, count = 0.0, 0.0
+    if cable is not None:
+        half_width, count = cable.lost * SuitSettings().spool_radius, cable.encoders.motor
+        lost = elbow_dead_zone(half_width)
+        if lost > MOST_LOST:
+            most = 1e3 * half_width * MOST_LOST / lost
+            raise ParameterError(
+                f"{model}: on the suit's spool this cable loses ±{1e3 * half_width:.3g} mm",
+                expected=f"at most ±{most:.3g} mm, {MOST_LOST * DEGREES:g}° of the elbow",
+                do="take a cable that loses less; if the log's motor turned another spool, leave --model out, and set "
+                "suit.play_mm in the file",
+            )
+        more = max(0.0, lost - USUAL_DEAD_ZONE) * DEGREES
+    return _TEXT.format(
+        name=name,
+        cable="" if model is None else _CABLE.format(quoted(model)),
+        encoder=_ENCODER.format(count * DEGREES) if count else "",
+        law=quoted(chosen.law),
+        why=chosen.why,
+        gains=gain_lines(chosen.gains),
+        low=math.floor(_LOW - CROSSING * more),
+        play=math.ceil(_PLAY + PLAYS * more),
+    )

@@ -75,7 +75,7 @@ class Limits(NamedTuple):
     tracking_lag: Annotated[float, Quantity("growth of that distance with speed", "s", ge=0.0, le=0.1)] = 0.01
     tracking_time: Annotated[float, Quantity("how long it may be exceeded", "s", ge=0.0, le=0.1, follows=True)] = 0.005
     slope_low: Annotated[
-        float, Quantity("smallest slope of the cable, joint over motor", "rad/rad", le=100.0, follows=True)
+        float, Quantity("smallest slope of the cable, joint over motor", "rad/rad", ge=0.0, le=100.0, follows=True)
     ] = 0.7
     slope_high: Annotated[float, Quantity("largest slope of the cable", "rad/rad", gt=0.0, le=100.0, follows=True)] = (
         1.05

@@ -142,7 +142,11 @@ class Study:
         return law.with_gains(**{key: value for key, value in gains.items() if key in law.numbers})
 
     def _believed(self, known: Knowledge, drawn: Drawn) -> Knowledge:
-        """What the laws of a run know: what its rig knows, wrong by the factors of [known]."""
+        """What the laws of a run know: what its rig knows, wrong by the factors of [known].
+
+        A slope that is drawn nobody has measured: `relative_slope` is that of the study's own rig.
+        """
+        known = known._replace(relative_slope=self.rig.knowledge.relative_slope)
         factors = {key: float(drawn.values.get(f"known.{key}", 1.0)) for key in KnownSection.model_fields}
         return known._replace(**{key: getattr(known, key) * factor for key, factor in factors.items()})
 

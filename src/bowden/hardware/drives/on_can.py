@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 from bowden.core.errors import ParameterError
-from bowden.core.quantity import Quantity
+from bowden.core.quantity import Quantity, declared
 
 if TYPE_CHECKING:
     from bowden.hardware.buses.link import BusPlace, Links
@@ -31,6 +31,15 @@ AnswerTimeout = Annotated[float, Quantity("longest wait for an answer at bring-u
 MOST_PUSH = 0.5
 """Largest torque offset, as a share of what the largest current gives: the drive's position loop must be able to beat
 it."""
+_ELSEWHERE = {
+    "sample_time": Quantity("", "s", shown="ms", key="bench.sample_time_ms"),
+    "gear": Quantity("", key="motor.gear"),
+    "torque_constant": Quantity("", "N·m/A", key="motor.torque_constant_nm_per_a"),
+    "current_limit": Quantity("", "A", key="motor.current_limit_a"),
+    "lowest_motor": Quantity("", "rad", key="limits.motor_low_deg"),
+    "highest_motor": Quantity("", "rad", key="limits.motor_high_deg"),
+}
+"""Parameters that other sections of a rig say."""
 Rule = tuple[str, bool, str]
 """Name of a parameter, whether it is right, and what was expected."""
 
@@ -63,10 +72,13 @@ def require(drive: Any, rules: Iterable[Rule]) -> None:
     Raises:
         ParameterError: the first that does, with what was expected.
     """
+    quantities = {one.name: one.quantity for one in declared(type(drive))} | _ELSEWHERE
     for name, fine, expected in rules:
         if not fine:
+            value, quantity = getattr(drive, name), quantities.get(name, Quantity(""))
+            shown = f"{value / quantity.factor:.6g}" if isinstance(value, float) else repr(value)
             raise ParameterError(
-                f"drive: {name} is {getattr(drive, name)!r}", expected=expected, do="correct it in the rig's [drive]"
+                f"drive: {quantity.named(name)} is {shown}", expected=expected, do="correct it in the rig"
             )
 
 

@@ -83,7 +83,8 @@ class DriveParameters(NamedTuple):
             "s",
             shown="ms",
             gt=0.0,
-            le=40.0,
+            le=60.0,
+            follows=True,
         ),
     ] = 40e-3
     drive_heartbeat_time: Annotated[
@@ -152,13 +153,18 @@ def check_parameters(drive: DriveParameters) -> None:
         ("torque_scale", math.isfinite(drive.torque_scale), "a finite number"),
         ("torque_scale", not (drive.torque_scale and drive.tension_scale), "0 where tension_n_per_mv is not"),
         ("analog_range", 0.0 < drive.analog_range <= 32767.0, "above 0, at most 32767 mV"),
-        ("sample_time", whole_ms, "whole milliseconds from 1 to 255, as the drive's interpolation time"),
-        ("heartbeat_timeout", 0.0 < drive.heartbeat_timeout <= longest, f"above 0, at most {longest:g} s"),
+        ("sample_time", whole_ms, "whole milliseconds, 1 or more, as the drive's interpolation time"),
+        ("heartbeat_timeout", 0.0 < drive.heartbeat_timeout <= longest, f"above 0, at most {1e3 * longest:g} ms"),
+        (
+            "heartbeat_timeout",
+            LOST * drive.sample_time <= drive.heartbeat_timeout,
+            f"three cycles at least, {1e3 * LOST * drive.sample_time:g} ms, so that one lost frame does no harm; left "
+            "out, it follows",
+        ),
         (
             "heartbeat_time",
-            drive.heartbeat_time > 0.0
-            and LOST * max(drive.heartbeat_time, drive.sample_time) <= drive.heartbeat_timeout,
-            "at most a third of heartbeat_timeout, like sample_time, so that one lost frame does no harm",
+            drive.heartbeat_time > 0.0 and LOST * drive.heartbeat_time <= drive.heartbeat_timeout,
+            "at most a third of heartbeat_timeout, so that one lost frame does no harm",
         ),
         ("drive_heartbeat_time", 1e-3 <= drive.drive_heartbeat_time <= 1.0, "from 0.001 to 1 s"),
         *on_can.rules_of_limits(drive),

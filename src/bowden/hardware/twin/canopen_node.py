@@ -86,7 +86,7 @@ class CanopenNode:
             rated_torque=RATED_CURRENT * self._drive.torque_constant,
             speed=math.ceil(speed) if speed < 50e3 else 50e3,
             current=bench.current_limit,
-            window=lag * self._motor.steepest(-math.inf, math.inf) / abs(self._motor.step),
+            window=math.ceil(lag * self._motor.steepest(-math.inf, math.inf) / abs(self._motor.step)),
             braking=min(bench.physics.braking * gear * RPM, 2**31),
             pushed=bench.torque_offset is not None,
         )

@@ -1,5 +1,6 @@
 """CiA 402 over CANopen: the drive of `bowden.hardware.drives.canopen_drive`, played by `bowden.hardware.twin`."""
 
+import math
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
@@ -32,7 +33,7 @@ def completed(given: DriveParameters, needs: DriveNeeds) -> DriveParameters:
     """
     asked = {name: value for name, value in needs._asdict().items() if name in DriveParameters._fields}
     parameters = given._replace(**asked)
-    if parameters.heartbeat_timeout == LONGEST_TIMEOUT:  # which follows, and is as much as can be written
+    if math.isnan(parameters.heartbeat_timeout):
         parameters = parameters._replace(heartbeat_timeout=max(LONGEST_TIMEOUT, LOST * parameters.sample_time))
     check_parameters(parameters)
     if 2.0 * parameters.drive_heartbeat_time > needs.heartbeat_age:
