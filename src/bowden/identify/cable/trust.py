@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 _HALF = 0.5
 """Share of a straight line's error that a model leaves at most, if its loop is to be of use."""
 _COUNTS = 3.0
-"""Errors below this many times the encoders' counts are their noise."""
+"""Errors below this many times the encoders' counts are their noise, and so is a loop below as many errors."""
 
 
 def trust(fit: "Fit") -> Trust:
@@ -27,6 +27,7 @@ def trust(fit: "Fit") -> Trust:
     said = f"{_degrees(unseen)} RMS on the half that was not fitted, {_degrees(seen)} on the fitted one"
     said += f", {_degrees(line.test_rms)} of a straight line" if fit.best.name != "line" else ""
     said += f"; the encoders' rounding alone makes {_degrees(counts)}" if counts else ""
+    loop = chosen.loop
     ends = f"{log.covered.joint_low * DEGREES:.1f} to {log.covered.joint_high * DEGREES:.1f}°"
     found = [Trust("yes", (f"within the motion of this log ({ends} at the joint)", said)), *log.doubts]
 
@@ -41,6 +42,11 @@ def trust(fit: "Fit") -> Trust:
         doubt("no", "the motor never reverses, so that no loop shows")
     elif fit.best.name == "line":
         doubt("with care", "no loop is shown by this log, a straight line is all")
+    elif loop is not None and loop.height < max(_COUNTS * unseen, SLIGHT):
+        why = (
+            f"no loop shows beside what the model leaves ({_degrees(loop.height)} high): is the joint computed from the"
+        )
+        doubt("with care", f"{why} motor, or its target?")
     elif unseen > max(_HALF * line.test_rms, _COUNTS * counts, SLIGHT):
         doubt("no", "the model predicts hardly better than a straight line")
     elif rate is None and unseen > max(QUARTER * line.test_rms, _COUNTS * counts, SLIGHT):

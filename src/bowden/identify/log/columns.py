@@ -1,11 +1,13 @@
 """Which column of a log is the time, the motor, the joint or whatever is looked for, and in which unit."""
 
 import re
+import shlex
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 from bowden.core.errors import LogError
 from bowden.core.units import RADIANS
+from bowden.identify.log.angles import UNITS
 
 TIMES = ("time", "t", "timestamp", "times", "elapsed", "seconds", "sec", "clock")
 """Common names of a column of times, the likeliest first."""
@@ -24,6 +26,27 @@ CABLE: Mapping[str, Sequence[str]] = {
     ),
 }
 """Role in a cable's log → common names, the likeliest first: what an encoder read before what a simulation knows."""
+
+_PLACES = {
+    "motor": (
+        "motor",
+        "servo",
+        "actuator",
+        "spool",
+        "drum",
+        "winch",
+        "spindle",
+        "capstan",
+        "drive",
+        "proximal",
+        "pulley",
+    ),
+    "joint": (
+        *("joint", "elbow", "knee", "wrist", "finger", "thumb", "hip", "ankle", "shoulder", "jaw", "hand", "limb"),
+        *("load", "link", "distal", "pulley"),
+    ),
+}
+"""Words in a column's name that say on which side it was measured; the last one, only where no other does."""
 
 _UNITS = {
     **dict.fromkeys(("deg", "degs", "degree", "degrees", "°"), "deg"),
@@ -118,7 +141,7 @@ def find_columns(
         rate = "; of a log without times, give the rows' rate: --rate 1000, or rate= in Python" if no_time else ""
         raise LogError(
             f"{where}: no {' and no '.join(part.removeprefix('a ') for part in missing)} among {listed}",
-            do=f"name the columns: {options}, or {keywords} in Python{rate}",
+            do=f"name the columns: {options}, or {keywords} in Python{rate}{_suggested(names, known, found)}",
         )
     written = [name.strip() for name in names]
     for column in found.values():
@@ -132,6 +155,24 @@ def find_columns(
         chosen = ", ".join(f"{role} = {column.name!r}" for role, column in found.items())
         raise LogError(f"{where}: one column is taken twice ({chosen})", expected="three different columns")
     return found
+
+
+def _suggested(names: Sequence[str], known: Mapping[str, Sequence[str]], found: Mapping[str, LogColumn]) -> str:
+    """The options for those sides that nobody named and one column's words point to; empty where none is."""
+    taken = {column.index for column in found.values()}
+    said, of_motor = [], _with_word("motor", names)
+    for side in (side for side in _PLACES if side in known and side not in found):
+        ours = of_motor if side == "motor" else [k for k in _with_word("joint", names) if k not in of_motor]
+        ours = [k for k in ours if k not in taken and split_name(names[k])[1] in (None, *UNITS)]
+        if len(ours) == 1:
+            said.append(f"--{side} {shlex.quote(names[ours[0]].strip())}")
+    return f"; perhaps {' '.join(said)}" if said else ""
+
+
+def _with_word(side: str, names: Sequence[str]) -> list[int]:
+    *words, last = _PLACES[side]
+    at = [k for k, name in enumerate(names) if any(word in name.lower() for word in words)]
+    return at or [k for k, name in enumerate(names) if last in name.lower()]
 
 
 def _named(wanted: str, names: Sequence[str]) -> int | None:
