@@ -20,7 +20,7 @@ from bowden.core.guesses import answering
 from bowden.core.metrics import rmse
 from bowden.core.units import DEGREES
 from bowden.identify.cable import advice
-from bowden.identify.cable.cycles import Cycles, whole_cycles
+from bowden.identify.cable.cycles import Cycles, drift, whole_cycles
 from bowden.identify.cable.forecast import Forecast, forecast
 from bowden.identify.cable.lag import earlier, time_lag
 from bowden.identify.cable.loop import HysteresisLoop, loop_lines, loop_of
@@ -126,6 +126,8 @@ class Fit:
     """Of the motor."""
     lag: tuple[float, float]
     """Of the joint behind the motor [s], and the share of what the recommended model leaves that it explains [–]."""
+    drift: float
+    """Of the joint's reading, at one place of the motor; zero where it is none [rad/s]."""
     predicted: Array = field(compare=False)
     """Joint angle of the recommended family, fitted to the first half, simulated through the whole log (n,) [rad]."""
     log: Log = field(compare=False)
@@ -367,6 +369,7 @@ def _identify(log: Log, seed: int, progress: Progress | None) -> Fit:
         fitted_from=fitted_from,
         reversals=path.strokes - 1,
         lag=lag,
+        drift=drift(path),
         predicted=predicted,
         log=log,
     )
