@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 from bowden.core.errors import LogError
 from bowden.core.units import RADIANS
-from bowden.identify.log.angles import UNITS
 
 TIMES = ("time", "t", "timestamp", "times", "elapsed", "seconds", "sec", "clock")
 """Common names of a column of times, the likeliest first."""
@@ -47,6 +46,7 @@ _PLACES = {
     ),
 }
 """Words in a column's name that say on which side it was measured; the last one, only where no other does."""
+_NO_ANGLE = ("torque", "force", "current", "volt", "temp", "vel", "speed", "emg", "target", "command", "cmd", "ref")
 
 _UNITS = {
     **dict.fromkeys(("deg", "degs", "degree", "degrees", "°"), "deg"),
@@ -141,7 +141,8 @@ def find_columns(
         rate = "; of a log without times, give the rows' rate: --rate 1000, or rate= in Python" if no_time else ""
         raise LogError(
             f"{where}: no {' and no '.join(part.removeprefix('a ') for part in missing)} among {listed}",
-            do=f"name the columns: {options}, or {keywords} in Python{rate}{_suggested(names, known, found)}",
+            do=f"name the columns: {options}, or {keywords} in Python{rate}"
+            + (_suggested(names) if {*_PLACES} <= {*known} - {role for role in given if given[role]} else ""),
         )
     written = [name.strip() for name in names]
     for column in found.values():
@@ -157,22 +158,22 @@ def find_columns(
     return found
 
 
-def _suggested(names: Sequence[str], known: Mapping[str, Sequence[str]], found: Mapping[str, LogColumn]) -> str:
-    """The options for those sides that nobody named and one column's words point to; empty where none is."""
-    taken = {column.index for column in found.values()}
-    said, of_motor = [], _with_word("motor", names)
-    for side in (side for side in _PLACES if side in known and side not in found):
-        ours = of_motor if side == "motor" else [k for k in _with_word("joint", names) if k not in of_motor]
-        ours = [k for k in ours if k not in taken and split_name(names[k])[1] in (None, *UNITS)]
-        if len(ours) == 1:
-            said.append(f"--{side} {shlex.quote(names[ours[0]].strip())}")
-    return f"; perhaps {' '.join(said)}" if said else ""
+def _suggested(names: Sequence[str]) -> str:
+    """The options for both sides, where words in the names of one column each say which it is; else nothing."""
+    of_motor = _with_word("motor", names)
+    of_joint = [k for k in _with_word("joint", names) if k not in of_motor]
+    if len(of_motor) != 1 or len(of_joint) != 1:
+        return ""
+    motor, joint = (shlex.quote(names[one[0]].strip()) for one in (of_motor, of_joint))
+    return f"; perhaps --motor {motor} --joint {joint}"
 
 
 def _with_word(side: str, names: Sequence[str]) -> list[int]:
     *words, last = _PLACES[side]
-    at = [k for k, name in enumerate(names) if any(word in name.lower() for word in words)]
-    return at or [k for k, name in enumerate(names) if last in name.lower()]
+    plain = [name.lower() for name in names]
+    angles = [k for k, name in enumerate(plain) if not any(word in name for word in _NO_ANGLE)]
+    at = [k for k in angles if any(word in plain[k] for word in words)]
+    return at or [k for k in angles if last in plain[k]]
 
 
 def _named(wanted: str, names: Sequence[str]) -> int | None:
