@@ -80,7 +80,7 @@ def test_rows_that_repeat_both_angles_are_no_fault() -> None:
         (
             play(45.0 * np.sin(1.3 * TIME)) + 2.0 * TIME / 60.0 * 3.0,
             "with care",
-            "the joint's sensor drifts by 5.8°/min",
+            "the joint's sensor drifts by 6°/min",
         ),
         (np.minimum(play(45.0 * np.sin(1.3 * TIME)), 25.0), "with care", "the joint stands at 25° while"),
     ],

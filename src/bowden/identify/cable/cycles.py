@@ -64,11 +64,12 @@ class Cycles(NamedTuple):
 def drift(path: "Path") -> float:
     """How fast the joint moves away from where it was when the motor passed the same place the same way [rad/s].
 
-    No loop that closes does so, and a sensor that drifts does. Zero where it is below three deviations of what is left.
+    No loop that closes does so, and a sensor that drifts does. The first stroke is not yet on the loop, and left out.
+    Zero where it is below three deviations of what is left.
     """
     places, counted, found = float(path.turning.min()) + _PLACES * path.span, path.weight > 0.0, []
     edges = np.searchsorted(path.stroke, np.arange(path.strokes + 1))
-    for begin, end, first, stop in zip(path.turning[:-1], path.turning[1:], edges[:-1], edges[1:], strict=True):
+    for begin, end, first, stop in zip(path.turning[1:-1], path.turning[2:], edges[1:-1], edges[2:], strict=True):
         seen = slice(first, stop) if begin < end else slice(stop - 1, first - 1 if first else None, -1)
         motor, joint, time = (one[seen][counted[seen]] for one in (path.motor, path.joint, path.time))
         if len(motor):
