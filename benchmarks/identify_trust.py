@@ -27,7 +27,7 @@ FAMILIES = ("play", "prandtl_ishlinskii", "bouc_wen", "bouc_wen_static", "genera
 NODES = 401
 WORSE = 1.05
 """Of the drawn family's error, up to which another one is as good."""
-FAULTS = ("unit", "time", "held", "late", "drifting", "clipped", "noisy")
+FAULTS = ("unit", "time", "held", "late", "drifting", "clipped", "noisy", "computed")
 
 
 def moved(random: np.random.Generator, family: str, motor: Array) -> Array:
@@ -89,7 +89,9 @@ def family_row(set_name: str, number: int, most: float, longest: float = 7200.0)
     random = np.random.default_rng([33, SETS[set_name], number])
     family = FAMILIES[number % len(FAMILIES)]
     seconds = math.exp(random.uniform(*np.log([20.0, longest])))
-    rate = float(random.choice([r for r in (50.0, 100.0, 200.0, 500.0, 1000.0) if seconds * r < most or r == 50.0]))
+    rate = float(
+        random.choice([r for r in (20.0, 50.0, 100.0, 200.0, 500.0, 1000.0) if seconds * r < most or r == 20.0])
+    )
     time, motor = motion(random, seconds, rate)
     joint = moved(random, family, motor)
     motor, joint = read(random, motor), read(random, joint)
@@ -137,6 +139,7 @@ def spoilt(
         gaps = rows + (random.integers(-(rows // 3), rows // 3 + 1, len(time)) if random.uniform() < 0.5 else 0)
         new = np.unique(np.minimum(np.cumsum(np.broadcast_to(gaps, len(time))), len(time) - 1))
         joint = joint[new[np.clip(np.searchsorted(new, np.arange(len(time)), "right") - 1, 0, None)]]
+        joint = joint + float(random.choice([0.0, 0.02, 0.1])) * height * random.standard_normal(len(time))
     elif kind == "late":
         joint = np.interp(time - 0.5 * strength * height / fastest, time, joint)
     elif kind == "drifting":
@@ -146,6 +149,10 @@ def spoilt(
         joint = np.minimum(joint, joint.max() - cut) if random.uniform() < 0.5 else np.maximum(joint, joint.min() + cut)
     elif kind == "noisy":
         joint = joint + 0.5 * strength * height * random.standard_normal(len(joint))
+    elif kind == "computed":
+        u = (motor - motor.mean()) / float(np.ptp(motor))
+        bent = u + float(random.uniform(0.0, 0.4)) * u**2 + float(random.uniform(0.0, 0.4)) * u**3
+        joint = read(random, float(np.ptp(joint)) * bent) if random.uniform() < 0.5 else float(np.ptp(joint)) * bent
     return head, time, motor, joint
 
 

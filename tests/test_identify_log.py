@@ -2,6 +2,7 @@
 
 import gzip
 import math
+import shlex
 import sys
 import warnings
 from collections.abc import Callable
@@ -322,11 +323,38 @@ def test_a_motor_may_make_many_turns_where_its_unit_is_known(write: Write) -> No
     assert np.ptp(read_log(write(degrees), unit="deg,deg").motor) == pytest.approx(57.3 * np.ptp(MOTOR), rel=1e-6)
 
 
-def test_milliseconds_declared_as_seconds_are_noticed(write: Write) -> None:
-    slow = rows(*(np.repeat(column, 2) for column in (TIME, MOTOR, JOINT)))
-    lines = [f"{i}.0,{row.split(',', 1)[1]}" for i, row in enumerate(slow)]
-    doubts = read_log(write(text(lines, "time_s,motor_rad,joint_rad"))).doubts
-    assert any("is time in ms?" in one.reasons[0] and one.level == "with care" for one in doubts)
+@pytest.mark.parametrize(
+    ("factor", "level", "said"),
+    [
+        (1e3, "no", "is time in ms?"),  # rows are seconds apart as well
+        (60.0, "with care", "is time in ms?"),
+        (1.0, None, ""),
+        (1e-3, "no", "check the unit of time"),
+    ],
+)
+def test_time_in_another_unit_is_noticed(factor: float, level: str | None, said: str, write: Write) -> None:
+    doubts = read_log(write(text(rows(factor * TIME, MOTOR, JOINT), "time_s,motor_rad,joint_rad"))).doubts
+    assert [one.level for one in doubts] == [level] * (level is not None)
+    assert all(said in one.reasons[0] for one in doubts)
+
+
+@pytest.mark.parametrize(
+    ("motor", "joint"),
+    [
+        ("spool_enc_rad", "elbow_enc_rad"),
+        ("Winch Angle [rad]", "right knee"),
+        ("pulley_rad", "finger_pos_rad"),
+        ("elbow motor (rad)", "elbow joint angle (rad)"),
+    ],
+)
+def test_the_columns_that_a_refusal_suggests_are_taken(motor: str, joint: str, write: Write) -> None:
+    file = write(text(rows(TIME, MOTOR, JOINT, JOINT, JOINT), f"time_s,{motor},{joint},elbow_torque_nm,motor_vel"))
+    with pytest.raises(LogError, match="; perhaps --motor ") as refused:
+        read_log(file)
+    said = shlex.split(str(refused.value).rpartition("perhaps ")[2])
+    named = {option.removeprefix("--"): name for option, name in zip(said[::2], said[1::2], strict=True)}
+    assert named == {"motor": motor, "joint": joint}
+    assert read_log(file, **named).joint == pytest.approx(JOINT, abs=1e-5)
 
 
 REFUSED: dict[str, tuple[str | bytes, str]] = {

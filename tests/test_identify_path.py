@@ -6,9 +6,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from bowden.identify.cable.path import Path, build_path
+from bowden.identify.cable.path import Path, build_path, remembered
 from bowden.identify.cable.settling import from_rest
 from bowden.identify.cable.turns import find_turns, motor_noise, polynomial, resolution, reversals
+from bowden.models.cable.prandtl_ishlinskii import plays
 
 Array = NDArray[np.float64]
 
@@ -126,3 +127,13 @@ def test_a_start_from_rest_counts_by_the_square_of_the_way_and_any_other_start_i
     assert float(np.mean(from_a_turn < 1.0)) == pytest.approx(np.pi / speed / TIME[-1], rel=0.1)
     assert (share(np.sin(speed * TIME)) == 1.0).all()
     assert (share(1.0 - np.cos(0.2 * TIME)) == 1.0).all()  # one stroke: nothing says what it should be like
+
+
+@given(st.lists(st.floats(-1.0, 1.0), min_size=8, max_size=60), st.integers(0, 2**16), st.floats(0.01, 0.6))
+def test_reversals_that_are_left_out_leave_no_trace_in_a_play(angles: list[float], mask: int, width: float) -> None:
+    turning = np.where(np.arange(len(angles)) % 2, np.abs(angles), -np.abs(angles))
+    read = np.array([bool(mask >> (k % 16) & 1) for k in range(len(angles) - 1)])
+    kept = remembered(turning, read)
+    assert np.isin(np.concatenate([np.flatnonzero(read), np.flatnonzero(read) + 1]), kept).all()
+    whole, thinned = (plays(one, np.array([width]))[:, 0] for one in (turning, turning[kept]))
+    assert thinned == pytest.approx(whole[kept])

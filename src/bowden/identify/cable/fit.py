@@ -20,9 +20,9 @@ from bowden.core.guesses import answering
 from bowden.core.metrics import rmse
 from bowden.core.units import DEGREES
 from bowden.identify.cable import advice
-from bowden.identify.cable.cycles import Cycles, whole_cycles
+from bowden.identify.cable.cycles import Cycles, drift, whole_cycles
 from bowden.identify.cable.forecast import Forecast, forecast
-from bowden.identify.cable.lag import time_lag
+from bowden.identify.cable.lag import earlier, time_lag
 from bowden.identify.cable.loop import HysteresisLoop, loop_lines, loop_of
 from bowden.identify.cable.model import CableModel
 from bowden.identify.cable.part import Progress, fit_part, refit_whole
@@ -44,6 +44,8 @@ Array = NDArray[np.float64]
 
 _OUTWARD = ("line", "play", "prandtl_ishlinskii")
 """What is offered where one reversal was seen: left-out stretches then do not show how a bent loop goes on."""
+_TAKEN_OUT = 3
+"""Times that a lag is taken out: a loop's model takes a part of it for hysteresis, the less the smaller it is."""
 _WORSE, _SLIGHT = 1.3, 0.01 / DEGREES
 """A model fitted to the whole log is not taken where its error on it exceeds that of the fit to the first half by this
 factor and by this much [rad]: weights that fade towards the past cost less."""
@@ -127,6 +129,8 @@ class Fit:
     """Of the motor."""
     lag: tuple[float, float]
     """Of the joint behind the motor [s], and the share of what the recommended model leaves that it explains [–]."""
+    drift: float
+    """Of the joint's reading, at one place of the motor; zero where it is none [rad/s]."""
     predicted: Array = field(compare=False)
     """Joint angle of the recommended family, fitted to the first half, simulated through the whole log (n,) [rad]."""
     log: Log = field(compare=False)
@@ -278,11 +282,21 @@ def identify(
 
 
 def identify_log(log: Log, seed: int = 0, progress: Progress | None = None) -> Fit:
-    """`identify` for a log that was read and checked.
+    """`identify` for a log that was read and checked. A lag of the joint that shows is taken out of it.
 
     Raises:
         LogError: the motor's or the joint's motion cannot be distinguished from its noise.
     """
+    found, late = _identify(log, seed, progress), 0.0
+    for _ in range(_TAKEN_OUT):
+        if not advice.lags(found.lag):
+            break
+        late += found.lag[0]
+        found = _identify(earlier(log, late), seed, progress)
+    return found
+
+
+def _identify(log: Log, seed: int, progress: Progress | None) -> Fit:
     begin = clock.perf_counter()
     tell = progress or (lambda what, share: None)
     split = int(np.searchsorted(log.time, 0.5 * (log.time[0] + log.time[-1])))
@@ -358,6 +372,7 @@ def identify_log(log: Log, seed: int = 0, progress: Progress | None = None) -> F
         fitted_from=fitted_from,
         reversals=path.strokes - 1,
         lag=lag,
+        drift=drift(path),
         predicted=predicted,
         log=log,
     )

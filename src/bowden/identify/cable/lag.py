@@ -4,11 +4,15 @@ A lag τ adds −τ·d(joint)/dt to the joint. A fitted model takes part of that
 part of the joint's speed that lies outside all its sensitivities, v⊥, and the residual is then −τ·v⊥.
 """
 
+from dataclasses import replace
+
 import numpy as np
 
 from bowden.identify.cable.family import Estimate
 from bowden.identify.cable.path import Path
 from bowden.identify.cable.projection import solve_linear
+from bowden.identify.cable.trusted import Trust
+from bowden.identify.log.read import Log
 
 
 def time_lag(path: Path, estimate: Estimate) -> tuple[float, float]:
@@ -28,3 +32,15 @@ def time_lag(path: Path, estimate: Estimate) -> tuple[float, float]:
         return 0.0, 0.0
     along = float(weight @ (residual * outside))
     return -along / power, along**2 / (power * max(float(weight @ residual**2), 1e-300))
+
+
+def earlier(log: Log, late: float) -> Log:
+    """A log whose joint is read so much later than its motor, with both at one time; `late` may be below zero [s]."""
+    kept = (log.time + late >= log.time[0]) & (log.time + late <= log.time[-1])
+    time, motor = log.time[kept], log.motor[kept]
+    joint = np.interp(time + late, log.time, log.joint)
+    why = f"the joint was {1e3 * late:.3g} ms late; taken out, the loop is not wider by it"
+    if late > 0.0:
+        why += ": a controller that reads this sensor has that delay as well (delay_cycles in the rig)"
+    doubts = (*log.doubts, Trust("with care", (why,)))
+    return replace(log, time=time, motor=motor, joint=joint, doubts=doubts, counts=log.resolutions)

@@ -91,9 +91,9 @@ def build_path(time: Array, motor: Array, joint: Array, turns: Turns, nodes: int
         turns: of the motor.
         nodes: about how many nodes are wanted; a log of many strokes gets more, so that each keeps its shape, up to
             ten times as many.
-        most: strokes that are read. Of the others only the reversals are kept, which is all that a rate-independent
-            model needs of them: a longer log has as many nodes in a stroke as a short one, and the corners of its loop
-            stay as sharp. All strokes are read where it is not given.
+        most: strokes that are read. Of the others only those reversals are kept that a rate-independent model still
+            needs, see `remembered`: a longer log has as many nodes in a stroke as a short one, and the corners of its
+            loop stay as sharp. All strokes are read where it is not given.
     """
     strokes = len(turns.at) + 1
     bounds = np.array([0, *turns.at, len(motor)])
@@ -101,15 +101,39 @@ def build_path(time: Array, motor: Array, joint: Array, turns: Turns, nodes: int
     read = (np.arange(strokes) // 2 * _GOLDEN) % 1.0 < (most or strokes) / strokes
     samples, travels = np.diff(bounds)[read].sum(), np.abs(np.diff(turns.angle))[read].sum()
     strokes = int(read.sum())
+    kept = remembered(turns.angle, read)
+    bounds, turning, read = bounds[kept], turns.angle[kept], read[kept[:-1]]
     nodes = max(nodes, 8 * strokes, min(strokes * max(8, nodes // _STROKES), 10 * nodes))
     fast = quantile(np.abs(motor[9:] - motor[:-9]), 0.9) / 9.0  # per sample; nine outweigh the noise
     together = max(1, int(float(travels) / nodes / max(fast, 1e-12)), int(samples) // (4 * nodes))
     together = min(together, max(1, int(samples) // nodes))
     size = len(motor) // together + 2 * len(bounds)
     nodes_of, stroke = np.empty((4, size)), np.empty(size, np.int64)
-    count = program(gather)(time, motor, joint, bounds, turns.angle, read, together, nodes_of, stroke)
+    count = program(gather)(time, motor, joint, bounds, turning, read, together, nodes_of, stroke)
     m, j, w, t = (np.array(row[:count]) for row in nodes_of)
-    return Path(m, j, w, t, stroke[:count].copy(), turns.angle, turns.start_error, turns.common_error)
+    return Path(m, j, w, t, stroke[:count].copy(), turning, turns.start_error, turns.common_error)
+
+
+def remembered(turning: Array, read: NDArray[np.bool_]) -> NDArray[np.intp]:
+    """Reversals (strokes + 1,) [rad] that matter where only some strokes (strokes,) are read, by their number.
+
+    A swing within the ones before and after it closes a loop, which leaves no trace in a play or a sum of plays, and
+    next to none in a Bouc–Wen cable: both its ends are left out, where none of the three swings is read.
+
+    Source: Brokate and Sprekels, *Hysteresis and Phase Transitions*, 1996, Section 2.3 (Madelung's deletion).
+
+    >>> remembered(np.array([0.0, 3.0, 1.0, 2.0, -3.0]), np.array([True, False, False, False])).tolist()
+    [0, 1, 4]
+    """
+    kept: list[int] = []
+    for last in range(len(turning)):
+        kept.append(last)
+        while len(kept) > 3 and not read[kept[-4] : last].any():
+            before, swing, after = np.abs(np.diff(turning[kept[-4:]]))
+            if swing > min(before, after):
+                break
+            del kept[-3:-1]
+    return np.array(kept, np.intp)
 
 
 @kernel

@@ -15,8 +15,10 @@ if TYPE_CHECKING:
 
 _HALF = 0.5
 """Share of a straight line's error that a model leaves at most, if its loop is to be of use."""
+_DRIFTS = 0.1
+"""Share of a loop's height by which the joint may leave its place over a log: cables that are steady do so by 0.06."""
 _COUNTS = 3.0
-"""Errors below this many times the encoders' counts are their noise."""
+"""Errors below this many times the encoders' counts are their noise, and so is a loop below as many errors."""
 
 
 def trust(fit: "Fit") -> Trust:
@@ -27,13 +29,14 @@ def trust(fit: "Fit") -> Trust:
     said = f"{_degrees(unseen)} RMS on the half that was not fitted, {_degrees(seen)} on the fitted one"
     said += f", {_degrees(line.test_rms)} of a straight line" if fit.best.name != "line" else ""
     said += f"; the encoders' rounding alone makes {_degrees(counts)}" if counts else ""
+    loop = chosen.loop
     ends = f"{log.covered.joint_low * DEGREES:.1f} to {log.covered.joint_high * DEGREES:.1f}°"
     found = [Trust("yes", (f"within the motion of this log ({ends} at the joint)", said)), *log.doubts]
 
     def doubt(level: Literal["with care", "no"], why: str) -> None:
         found.append(Trust(level, (why,)))
 
-    rate = drift(fit)
+    rate = fit.drift if loop and abs(fit.drift) * (log.time[-1] - log.time[0]) > _DRIFTS * abs(loop.height) else None
     correlation = following(log, fit.split)
     if correlation < FOLLOWS:
         doubt("no", f"the joint does not follow the motor (correlation {correlation:.2f})")
@@ -45,6 +48,9 @@ def trust(fit: "Fit") -> Trust:
         doubt("no", "the model predicts hardly better than a straight line")
     elif rate is None and unseen > max(QUARTER * line.test_rms, _COUNTS * counts, SLIGHT):
         doubt("with care", "the model leaves a quarter or more of what a straight line does")
+    elif loop is not None and loop.height < max(_COUNTS * unseen, SLIGHT):
+        why = f"no loop shows beside what the model leaves ({_degrees(loop.height)} high)"
+        doubt("with care", f"{why}: is the joint computed from the motor, or its target?")
     if fit.reversals and (fit.chosen_on_whole or fit.cycles.whole < FOR_YES):
         doubt("with care", f"{fit.cycles.counted}, too few to judge a model on cycles that it has not seen")
     if rate is not None:
@@ -55,25 +61,6 @@ def trust(fit: "Fit") -> Trust:
         doubt("with care", f"the joint is {1e3 * fit.lag[0]:.2g} ms late, which makes its loop look wider")
     judged = least(found)
     return judged if judged.level == "yes" else Trust(judged.level, (*judged.reasons, said))
-
-
-def drift(fit: "Fit") -> float | None:
-    """How fast the joint's reading leaves the motor's, evenly over the whole log [rad/s]; None where it does not.
-
-    A ramp in what the line leaves, cycle by cycle, that is none of the cable's: it goes on in both halves alike and
-    explains what the second half errs more.
-    """
-    time, rest = fit.log.time, fit.log.joint - fit.predicted
-    halves = []
-    for part in (slice(0, fit.split), slice(fit.split, None)):
-        t = time[part] - time[part].mean()
-        halves.append(float(t @ rest[part] / (t @ t)))
-    first, second = halves
-    t = time - time.mean()
-    whole = float(t @ rest / (t @ t))
-    alike = 0.5 < first / second < 2.0 if second else False
-    large = abs(whole) * (time[-1] - time[0]) > max(SLIGHT, WORSE * fit.chosen.train_rms)
-    return whole if alike and large else None
 
 
 def parameter_lines(parameters: Mapping[str, float], spreads: Mapping[str, float]) -> list[tuple[str, str]]:

@@ -33,8 +33,14 @@ _FASTEST = 5e3
 a cable and a joint leave it a tenth; recordings have 300 at most, and in a wrong unit from 5e4 on."""
 _SLOWEST = 0.5
 """Peak speed below which friction makes most cables stick and slip [°/s]: 1000 times less than a fast motor's."""
-_READINGS, _COUNTS = 50, 3.0
-"""New readings from which on their distance tells, and how many counts they differ by then, in the median."""
+_ROWS_APART = (6e-5, 0.5)
+"""Time between rows [s]: encoders are logged at 16 kHz at most, and a motion at 2 Hz at least. Seconds taken for ms of
+a log at 17 Hz or more are beyond it, and ms taken for seconds of one at 2 kHz or less."""
+_READINGS = 20
+"""New readings from which on their distance tells."""
+_QUIET, _BEYOND, _COUNTS = 0.4, 8.0, 2.5
+"""Quantile of a reading's steps; how many times it a new reading goes, and how many counts. Where two rows have one
+reading, half of the steps are noise, of which four deviations are 7.6 times that quantile."""
 
 
 def even_clock(
@@ -134,44 +140,49 @@ def _first_of_each(time: Array, steps: Array, where: Callable[[int], str]) -> tu
 
 
 def odd_time(time: Array, motor: Array, joint: Array) -> list[Trust]:
-    """Why the unit of time is perhaps another: a motion that no motor makes, or hardly any.
+    """Why the unit of time is perhaps another: a motion that no motor makes, or hardly any; rows too near or too far.
 
     The joint turns back with v²/(range/2) at least, v being its speed half way: time that is a thousand times too short
-    makes a million times as much of it.
+    makes a million times as much of it. A motion that is slow is one doubt, and rows far apart are another: both
+    together are no slow motion but another unit.
 
     Args:
         time: even (n,) [s].
         motor: (n,) [rad].
         joint: (n,) [rad].
     """
-    took = f"{time[-1] - time[0]:.4g} s in all"
+    apart = float(median(np.diff(time)))
+    took = f"{time[-1] - time[0]:.4g} s in all, a row each {apart:.3g} s"
     speed, fast = peak_speed(time, joint), peak_speed(time, motor) * DEGREES
-    if speed**2 > _FASTEST * 0.5 * float(np.ptp(joint)):
-        why = f"the joint moves at {speed * DEGREES:.3g}°/s and back ({took}), as no motor moves it"
-        return [Trust("no", (f"{why}: check the unit of time (a column time_ms is in ms)",))]
-    if max(fast, speed * DEGREES) < _SLOWEST:
-        why = f"the motor moves at {fast:.2g}°/s at most ({took}): is time in ms?"
-        return [Trust("with care", (f"{why} Else stick and slip and creep hide the loop: record at 5°/s or more",))]
-    return []
+    if speed**2 > _FASTEST * 0.5 * float(np.ptp(joint)) or apart < _ROWS_APART[0]:
+        why = f"the joint moves at {speed * DEGREES:.3g}°/s and back ({took}), as no motor moves it and no log has it"
+        return [Trust("no", (f"{why}: check the unit of time (a column time_ms is in ms, time_s in s)",))]
+    slow, far = max(fast, speed * DEGREES) < _SLOWEST, apart > _ROWS_APART[1]
+    if not (slow or far):
+        return []
+    why = f"the motor moves at {fast:.2g}°/s at most ({took}): is time in ms?"
+    else_ = " Else stick and slip and creep hide the loop: record at 5°/s or more" if slow else ""
+    return [Trust("no" if slow and far else "with care", (why + else_,))]
 
 
 def held_rows(angle: Array) -> tuple[int, int | None]:
     """How many rows a reading is repeated, and which of them is the new one; None where they are not always as many.
 
     An encoder that counts repeats itself too, but goes on by one count then. One that is read more seldom than its log
-    has rows goes on by many.
+    has rows goes on by many, and by more than what the repeated readings dither.
 
     >>> held_rows(np.repeat(np.sin(0.1 * np.arange(100.0)), 4)[1:])
     (4, 3)
     """
-    steps = np.diff(angle)
-    at = np.flatnonzero(steps) + 1
+    steps = np.abs(np.diff(angle))
+    count = quantile(steps[steps > 0.0], 0.02) if steps.any() else 0.0
+    dither = quantile(steps, _QUIET)
+    at = np.flatnonzero(steps > max(_BEYOND * dither, _COUNTS * count)) + 1
     if len(at) < _READINGS:
         return 1, None
-    rows, sizes = median(np.diff(at)), np.abs(steps[at - 1])
-    if rows < 2.0 or median(sizes) < _COUNTS * quantile(sizes, 0.02):
+    rows = int(median(np.diff(at)))
+    if rows < 2:
         return 1, None
-    rows = int(rows)
     phases = np.bincount(at % rows, minlength=rows)
     first = int(phases.argmax())
     return rows, first if phases[first] > 0.98 * len(at) else None

@@ -1,6 +1,7 @@
 """Which column of a log is the time, the motor, the joint or whatever is looked for, and in which unit."""
 
 import re
+import shlex
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -24,6 +25,28 @@ CABLE: Mapping[str, Sequence[str]] = {
     ),
 }
 """Role in a cable's log → common names, the likeliest first: what an encoder read before what a simulation knows."""
+
+_PLACES = {
+    "motor": (
+        "motor",
+        "servo",
+        "actuator",
+        "spool",
+        "drum",
+        "winch",
+        "spindle",
+        "capstan",
+        "drive",
+        "proximal",
+        "pulley",
+    ),
+    "joint": (
+        *("joint", "elbow", "knee", "wrist", "finger", "thumb", "hip", "ankle", "shoulder", "jaw", "hand", "limb"),
+        *("load", "link", "distal", "pulley"),
+    ),
+}
+"""Words in a column's name that say on which side it was measured; the last one, only where no other does."""
+_NO_ANGLE = ("torque", "force", "current", "volt", "temp", "vel", "speed", "emg", "target", "command", "cmd", "ref")
 
 _UNITS = {
     **dict.fromkeys(("deg", "degs", "degree", "degrees", "°"), "deg"),
@@ -118,7 +141,8 @@ def find_columns(
         rate = "; of a log without times, give the rows' rate: --rate 1000, or rate= in Python" if no_time else ""
         raise LogError(
             f"{where}: no {' and no '.join(part.removeprefix('a ') for part in missing)} among {listed}",
-            do=f"name the columns: {options}, or {keywords} in Python{rate}",
+            do=f"name the columns: {options}, or {keywords} in Python{rate}"
+            + (_suggested(names) if {*_PLACES} <= {*known} - {role for role in given if given[role]} else ""),
         )
     written = [name.strip() for name in names]
     for column in found.values():
@@ -132,6 +156,24 @@ def find_columns(
         chosen = ", ".join(f"{role} = {column.name!r}" for role, column in found.items())
         raise LogError(f"{where}: one column is taken twice ({chosen})", expected="three different columns")
     return found
+
+
+def _suggested(names: Sequence[str]) -> str:
+    """The options for both sides, where words in the names of one column each say which it is; else nothing."""
+    of_motor = _with_word("motor", names)
+    of_joint = [k for k in _with_word("joint", names) if k not in of_motor]
+    if len(of_motor) != 1 or len(of_joint) != 1:
+        return ""
+    motor, joint = (shlex.quote(names[one[0]].strip()) for one in (of_motor, of_joint))
+    return f"; perhaps --motor {motor} --joint {joint}"
+
+
+def _with_word(side: str, names: Sequence[str]) -> list[int]:
+    *words, last = _PLACES[side]
+    plain = [name.lower() for name in names]
+    angles = [k for k, name in enumerate(plain) if not any(word in name for word in _NO_ANGLE)]
+    at = [k for k in angles if any(word in plain[k] for word in words)]
+    return at or [k for k in angles if last in plain[k]]
 
 
 def _named(wanted: str, names: Sequence[str]) -> int | None:

@@ -18,7 +18,7 @@ from bowden.core.units import DEGREES
 from bowden.identify.cable import checks
 from bowden.identify.cable.counting import NOT_SAID, Covered, Encoders
 from bowden.identify.cable.trusted import Trust
-from bowden.identify.cable.turns import resolution
+from bowden.identify.cable.turns import least_swing, resolution, reversals
 from bowden.identify.log.angles import (
     SIDES,
     Angle,
@@ -36,6 +36,9 @@ from bowden.identify.log.mat import is_matlab, read_matlab
 from bowden.identify.log.text import read_text
 
 Array = NDArray[np.float64]
+
+_OF_A_STROKE = 8
+"""Rows of a stroke that must stay where others are left out: as many as it has nodes at least when it is fitted."""
 
 
 @answering(
@@ -294,18 +297,23 @@ def prepare(
 def at_new_readings(time: Array, motor: Array, joint: Array) -> tuple[Array, Array, Array, list[str], list[Trust]]:
     """A log without the rows that repeat a reading of its joint or of its motor, where a new one comes evenly.
 
-    A repeated reading is late by up to as many rows, which a fit takes for a wider loop.
+    A repeated reading is late by up to as many rows, which a fit takes for a wider loop; not where both are repeated in
+    the same rows.
 
     Returns:
         Time, motor and joint; what was left out; why what is left is to be doubted.
     """
-    for name in SIDES:
-        rows, first = held_rows(joint if name == "joint" else motor)
-        if rows == 1:
-            continue
-        said = f"the {name} repeats {rows} rows: {1.0 / (rows * (time[1] - time[0])):.4g} Hz"
-        if first is None or len(time) // rows < checks.FEWEST_SAMPLES:
-            return time, motor, joint, [], [Trust("with care", (f"{said}, unevenly, which makes the loop look wider",))]
-        time, motor, joint = (one[first::rows] for one in (time, motor, joint))
-        return time, motor, joint, [f"{said}; the others were left out"], []
-    return time, motor, joint, [], []
+    held = {side: held_rows(angle) for side, angle in zip(SIDES, (motor, joint), strict=True)}
+    name = max(SIDES, key=lambda side: held[side][0])
+    rows, first = held[name]
+    if rows == 1:
+        return time, motor, joint, [], []
+    said = f"the {name} repeats {rows} rows: {1.0 / (rows * (time[1] - time[0])):.4g} Hz"
+    strokes = len(reversals(motor, least_swing(motor))) + 1
+    if first is None or len(time) // rows < max(checks.FEWEST_SAMPLES, _OF_A_STROKE * strokes):
+        why = f"{said}, which makes the loop look wider: record a row when a new reading comes"
+        return time, motor, joint, [], [Trust("with care", (why,))]
+    time, motor, joint = (one[first::rows] for one in (time, motor, joint))
+    said += "; the others were left out"
+    alike = held["motor"] == held["joint"]
+    return time, motor, joint, [said] * alike, [] if alike else [Trust("with care", (said,))]
