@@ -78,7 +78,7 @@ def twin_plant_of(rig: Rig, now: float) -> TwinPlant:
     """
     rest = (rig.bend_path, rig.duration, rig.seed, rig.start_motor, now)
     if rig.worn is not None:
-        return TwinSuit(rig.worn, *rest)
+        return TwinSuit(rig.worn._replace(brake=rig.brake), *rest)
     plant = rig.cabled
     if isinstance(plant, UserPlant):
         return TwinUser(plant, *rest)

@@ -27,7 +27,7 @@ class SuitCalibration:
     """What the paper does not say of its suit, fitted to its rows without compensation."""
 
     friction: float
-    """Of bearings, seals and feeder at the spool, from the energy of a flexion [N·m]."""
+    """Of bearings and seals at the spool, from the energy of a flexion [N·m]."""
     half_width: float
     """Of the cables' play, from the largest error [m]."""
     period: float
@@ -38,6 +38,8 @@ class SuitCalibration:
     """Of the drive's position loop, which is PD without it [1/s]."""
     natural_frequency: float = bench().servo.natural_frequency
     """Of the drive's unloaded PD loop [rad/s]."""
+    feeder_drag: float = 0.0
+    """Of the feeder on a cable that is pulled in [N]."""
     geometry: SuitGeometry = field(default_factory=SuitGeometry)
     chosen: Mapping[str, float] = field(default_factory=dict)
     """What takes the place of a stated choice of paper.toml, by its name there."""
@@ -52,7 +54,9 @@ def suit(fit: SuitCalibration | None = None) -> Suit:
     """The suit with a calibration; the first one where none is given."""
     fit = fit or suit_calibration()
     chosen = document()["suit"]["chosen"] | dict(fit.chosen)
-    cable = SuitCable(kind="play", stiffness=fit.cable_stiffness, half_width=fit.half_width)
+    cable = SuitCable(
+        kind="play", stiffness=fit.cable_stiffness, half_width=fit.half_width, feeder_drag=fit.feeder_drag
+    )
     servo, sheath = bench().servo, bench().sheath
     return Suit(
         geometry=fit.geometry,
