@@ -35,8 +35,8 @@ class BrakeHold:
 
     def __init__(self, drive: BrakedDrive, brake: HoldingBrake, limits: Limits, period: float) -> None:
         self._drive, self._brake, self._period = drive, brake, period
-        self._runs, self._releases = limits.motor_speed, max(limits.lowering, limits.force_release)
-        self._state, self._begun, self._shown = brake_begin(0.0), False, 0
+        self._runs, self._lowers = limits.motor_speed, limits.lowering
+        self._state, self._begun, self._shown, self._asked = brake_begin(0.0), False, 0, 0.0
 
     def write(self, verdict: Verdict, motor: float, now: float, torque: float) -> None:
         """Tell the drive what to do with its brake, and the rest as `hardware.ports.Drive.write`.
@@ -58,14 +58,16 @@ class BrakeHold:
             self._state, self._begun = brake_begin(verdict.target), False
             return verdict.target, power
         if not self._begun:
-            self._state, self._begun = brake_begin(verdict.target), True
+            self._state, self._begun, self._asked = brake_begin(verdict.target), True, verdict.target
         running = verdict.mode == _RUNNING and verdict.reaction == 0.0
         sure = (
             self._drive.brake_confirmed
             or self._state.phase == FREE
             or self._state.since + self._period < self._brake.engage_delay
         )
-        speed = self._runs if running else self._releases
+        asked = abs(verdict.target - self._asked) / self._period  # of a release, which no catching up may outdo
+        self._asked = verdict.target
+        speed = self._runs if running else max(self._lowers, asked)
         self._state = brake_step(self._brake, self._state, verdict.target, motor, running and sure, speed, self._period)
         return self._state.sent, Power.READY if self._state.phase == HELD else power
 

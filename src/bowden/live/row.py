@@ -115,10 +115,12 @@ def description(
     *,
     emg: bool = False,
     pushed: bool = False,
+    braked: bool = False,
     source: Source = TABLE,
 ) -> Description:
     """What the ring's header says of a run whose column ``time`` is zero at these two clocks [ns]."""
-    return described(columns(law, emg=emg, pushed=pushed, source=source), settings, utc_ns, monotonic_ns)
+    named = columns(law, emg=emg, pushed=pushed, braked=braked, source=source)
+    return described(named, settings, utc_ns, monotonic_ns)
 
 
 def described(named: Mapping[str, str], settings: Mapping[str, object], utc_ns: int, monotonic_ns: int) -> Description:
