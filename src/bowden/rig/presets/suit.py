@@ -14,6 +14,7 @@ from bowden.core.trace import Trace
 from bowden.core.units import DEGREES, RADIANS
 from bowden.models.cable.sheath import Sheath
 from bowden.models.drive.geared_motor import GearedMotor
+from bowden.models.drive.holding_brake import HoldingBrake
 from bowden.models.suit.arm import arm_of
 from bowden.models.suit.geometry import SuitGeometry
 from bowden.models.suit.suit_cable import Fabric, SuitCable
@@ -111,6 +112,9 @@ FRICTION_FEEDFORWARD = 2.79
 (`bowden.identify.suit_friction`), so that it is no more than there is where friction is 30 % less [N·m]."""
 
 
+NO_BRAKE = HoldingBrake()
+
+
 def flexions(period: float | None = None) -> PeriodicMinimumJerk:
     """Flexions and extensions 0–90°; one takes 25 s (Fig. 17) where no `period` [s] is given."""
     return PeriodicMinimumJerk(
@@ -128,6 +132,7 @@ def run_suit(
     duration: float | None = None,
     drive_integral: float | None = None,
     friction_feedforward: float = 0.0,
+    brake: HoldingBrake = NO_BRAKE,
 ) -> Trace:
     """A run of the suit from rest.
 
@@ -140,9 +145,10 @@ def run_suit(
         duration: with it [s].
         drive_integral: of the drive's position loop; the calibration's where it is not given [1/s].
         friction_feedforward: of the drive, which the paper's has not [N·m].
+        brake: of the drive, likewise.
     """
     made, motion = suit(fit), reference or flexions(period)
-    made = made._replace(motor=made.motor._replace(friction_feedforward=friction_feedforward))
+    made = made._replace(motor=made.motor._replace(friction_feedforward=friction_feedforward), brake=brake)
     if drive_integral is not None:
         made = made._replace(motor=made.motor._replace(integral=drive_integral))
     one = document()["suit"]["chosen"]["period"] if period is None else period
