@@ -13,6 +13,7 @@ from bowden.cycle.torque_offset import TorqueOffset
 from bowden.hardware.emg.course import EmgCourse
 from bowden.hardware.twin.bench import TwinBench
 from bowden.live import control_block, ring
+from bowden.live.brake_hold import BrakeHold
 from bowden.live.control_block import ControlBlock
 from bowden.live.loop import AxisParts, Ended, Loop
 from bowden.live.mcap_read import Recording
@@ -60,6 +61,7 @@ class LoopRig:
         source: Source = TABLE,
         course: EmgCourse | None = None,
         push: TorqueOffset | None = None,
+        brake: BrakeHold | None = None,
         latched: float | None = None,
     ) -> None:
         self.time, self.operator, self.drive = SECOND, True, drive
@@ -68,7 +70,8 @@ class LoopRig:
         self.led = 0
         """Cycles in which the law had the motor."""
         self._between, self._arms, self._quits = between, arms, quits
-        about = description(law, {}, 0, 0, emg=course is not None, pushed=push is not None, source=source)
+        parts = {"emg": course is not None, "pushed": push is not None, "braked": brake is not None}
+        about = description(law, {}, 0, 0, **parts, source=source)
         self._columns, self._units = about.columns, about.units
         ring.create(folder / "ring", about, ROWS)
         shared_memory.create(folder / "block", control_block.WORDS)
@@ -76,7 +79,7 @@ class LoopRig:
         cycle = Cycle(law, limits, Filters(), PERIOD / SECOND, source)
         cycle.begin(NOTHING_READ, cold(limits.thermal), latched)
         writer, words = RingWriter(folder / "ring"), ControlBlock(folder / "block")
-        self.loop = Loop((AxisParts(drive, cycle, script, course, push),), writer, words, self, 0)
+        self.loop = Loop((AxisParts(drive, cycle, script, course, push, brake),), writer, words, self, 0)
 
     def now(self) -> int:
         return self.time

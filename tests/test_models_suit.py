@@ -202,6 +202,15 @@ def test_friction_holds_the_spool_and_never_turns_it_back() -> None:
     assert turn_spool(MOTOR, rolling, 0.0, 0.0, 1e-4).velocity == 0.0
 
 
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_the_feeder_holds_back_one_way_only_and_never_turns_the_spool_back(way: float) -> None:
+    rolling = SpoolState(0.0, way, 0.0, 0.0, 0.0, 0.0, 0.0)
+    free = turn_spool(MOTOR, rolling, 0.0, 0.0, 1e-4)
+    dragged = turn_spool(MOTOR, rolling, 0.0, 0.0, 1e-4, flexing_drag=1.0)
+    assert free.velocity - dragged.velocity == pytest.approx(1e-4 / MOTOR.inertia if way > 0.0 else 0.0)
+    assert turn_spool(MOTOR, rolling, 0.0, 0.0, 1e-4, 1e9, 1e9).velocity == 0.0
+
+
 @kernel
 def turned(motor: GearedMotor, ticks: int) -> SpoolState:
     """The spool after a ramp to 1 rad in 2 s, and rest."""

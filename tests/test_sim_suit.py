@@ -225,6 +225,22 @@ def test_the_friction_that_a_run_shows_is_that_of_drive_gears_and_sheaths() -> N
     assert 0.9 * least < shown < 1.2 * least
 
 
+def test_the_feeder_drags_on_the_cable_that_is_pulled_in_and_on_no_other() -> None:
+    """D·r of each cable at the spool, over η, while that cable is coiled; none on the one that is paid out."""
+    drag = 30.0
+    at = run().time
+    flexing, extending = (at > 12.5) & (at < 14.0), (at > 17.5) & (at < 19.0)  # it has turned by then
+    for name, pulled, paid, radius, way in (
+        ("flexor", flexing, extending, SUIT.spool_radius, 1.0),
+        ("extensor", extending, flexing, prepare_suit(SUIT).extensor_radius, -1.0),
+    ):
+        dragged = SUIT._replace(**{name: getattr(SUIT, name)._replace(feeder_drag=drag)})
+        more = simulate(dragged, LAWS["uncompensated"], MOTION, duration=20.0)["current"] - run()["current"]
+        torque = way * more * SUIT.motor.gear * SUIT.motor.torque_constant
+        assert np.median(torque[pulled]) > 0.5 * drag * radius
+        assert abs(np.median(torque[paid])) < 0.3 * drag * radius
+
+
 def test_a_run_one_way_shows_no_friction() -> None:
     trace = simulate(SUIT, LAWS["uncompensated"], PointToPoint((0.0, 2.0), (0.0, 1.0)), duration=2.5)
     with pytest.raises(LogError, match="passed both ways"):

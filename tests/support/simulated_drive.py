@@ -52,6 +52,15 @@ class SimulatedDrive:
         if self._bench.torque_offset is not None:
             self._bench.torque_offset = torque
 
+    @property
+    def brake_confirmed(self) -> bool:
+        """See `hardware.ports.BrakedDrive.brake_confirmed`."""
+        return True
+
+    def set_brake(self, engaged: bool) -> None:
+        """See `hardware.ports.BrakedDrive.set_brake`."""
+        self._bench.brake_set = engaged
+
     def reset_fault(self) -> None:
         """See `hardware.ports.Drive.reset_fault`; it has none."""
 

@@ -94,6 +94,19 @@ class Drive(Protocol):
         ...
 
 
+class BrakedDrive(Drive, Protocol):
+    """A drive with an output for a holding brake."""
+
+    @property
+    def brake_confirmed(self) -> bool:
+        """Whether the drive has said that this output is as it was told."""
+        ...
+
+    def set_brake(self, engaged: bool) -> None:
+        """Let the next `write` engage or release the brake; a `write` without torque releases it whatever was said."""
+        ...
+
+
 class EmgChunk(NamedTuple):
     """What a stream has brought since the last look."""
 

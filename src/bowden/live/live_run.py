@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,8 +19,10 @@ from bowden.cycle.torque_offset import TorqueOffset
 from bowden.hardware.drives.family import DriveNeeds
 from bowden.hardware.emg.course import EmgCourse
 from bowden.hardware.emg.intent_block import IntentReader
+from bowden.hardware.ports import BrakedDrive, Drive
 from bowden.live import axis_columns, excitation, row
 from bowden.live.admittance_live import live_pushing
+from bowden.live.brake_hold import BrakeHold
 from bowden.live.preflight import Preflight
 from bowden.live.run_settings import plain, run_settings
 from bowden.live.script import Home, Script
@@ -139,7 +141,8 @@ class Live:
 
     def _columns(self, *, together: bool, paired: bool = False) -> dict[str, str]:
         emg, pushed = self.emg is not None, self.push() is not None
-        return row.columns(self.law, emg=emg, pushed=pushed, source=self.source(), together=together, paired=paired)
+        kinds = {"emg": emg, "pushed": pushed, "braked": self.braked, "together": together, "paired": paired}
+        return row.columns(self.law, **kinds, source=self.source())
 
     @property
     def needs(self) -> DriveNeeds:
@@ -170,6 +173,17 @@ class Live:
         """The torque offset of a drive that takes one."""
         torque, spool, substeps = self.needs.torque_offset, self.needs.spool, self.rig.substeps
         return None if spool is None or torque == 0.0 else TorqueOffset(torque, substeps, spool)
+
+    @property
+    def braked(self) -> bool:
+        """Whether a holding brake works in it; while the motor is measured it stays released."""
+        return self.rig.brake.there and not self.measure
+
+    def brake(self, drive: Drive) -> BrakeHold | None:
+        """The holding brake of the rig's drive, where it works."""
+        if not self.braked:
+            return None
+        return BrakeHold(cast(BrakedDrive, drive), self.rig.brake, self.limits, self.rig.sample_time)
 
     def _push_settings(self) -> Mapping[str, Any]:
         spool = plain(self.needs.spool)

@@ -18,6 +18,7 @@ from bowden.cycle.one_cycle import HOLD, NOWHERE, Cycle, Plan
 from bowden.cycle.torque_offset import TorqueOffset
 from bowden.hardware.emg.course import EmgCourse
 from bowden.hardware.ports import Drive, Power, TorqueLeft
+from bowden.live.brake_hold import BrakeHold
 from bowden.live.control_block import ControlBlock
 from bowden.live.gain_ramp import GainRamp, step_all
 from bowden.live.ring import RingWriter
@@ -79,6 +80,8 @@ class AxisParts(NamedTuple):
     """Of a run by EMG; the script's too."""
     push: TorqueOffset | None = None
     """Of a drive that takes a torque offset."""
+    brake: BrakeHold | None = None
+    """Of a drive with a holding brake."""
 
 
 class _Axis:
@@ -86,7 +89,7 @@ class _Axis:
 
     def __init__(self, parts: AxisParts, *, among: bool, paired: bool) -> None:
         self._among, self._paired = among, paired
-        self.drive, self.cycle, self.script, self._course, self._push = parts
+        self.drive, self.cycle, self.script, self._course, self._push, self._brake = parts
         begun = self.cycle.state.supervisor
         self.mode, self.target = float(begun.decided.mode), begun.target
         """Of the last verdict."""
@@ -100,6 +103,11 @@ class _Axis:
         self._last_word = LastWord(self.cycle.limits, self.cycle.period, self.target)
         self._plan, self._wish, self._torque = Plan(HOLD, 0.0, NOWHERE), self.target, 0.0
         self._emg_age = 0.0
+
+    def read(self, now: float) -> None:
+        """What the drive says."""
+        reading = self.drive.read(now)
+        self.reading = reading if self._brake is None else self._brake.shown(reading)
 
     def plan(self, woke: int, cycles: int) -> None:
         """What is asked of the motor; `cycles` are periods since the last cycle."""
@@ -138,7 +146,10 @@ class _Axis:
         """Send the drive what was decided."""
         verdict, push = self.verdict, self._push
         self._torque = 0.0 if push is None else push.step(self.target, verdict, self.cycle.period)
-        self.drive.write(self.target, _POWERS[verdict.power], now, self._torque)
+        if self._brake is None:
+            self.drive.write(self.target, _POWERS[verdict.power], now, self._torque)
+        else:
+            self._brake.write(verdict, self.reading.motor, now, self._torque)
 
     @property
     def pulls(self) -> bool:
@@ -177,6 +188,7 @@ class _Axis:
         kept, course, push = cycle.kept_bytes, self._course, self._push
         rest = (
             *(*(() if course is None else course.row()), *(() if push is None else push.row())),
+            *(() if self._brake is None else self._brake.row()),
             *(*cycle.recorded_source, *self.gains.recorded, *self.together),
         )
         end = states + len(kept)
@@ -291,7 +303,7 @@ class Loop:
             woke = clock.now()
             now = woke * 1e-9
             for axis in axes:
-                axis.reading = axis.drive.read(now)
+                axis.read(now)
             for axis, of in self._borrowing:
                 axis.reading = axis.reading._replace(joint=of.reading.joint, joint_age=of.reading.joint_age)
             for axis, other in zip(self._paired, self._paired[::-1], strict=True):

@@ -81,7 +81,7 @@ def _cycle(live: "Live", given: dict[str, Any]) -> int:
         cycle = axis.cycle()
         cycle.begin(NOTHING_READ, ThermalState(*thermal), latched)
         drive = axis.rig.open_drive(links)
-        parts.append(AxisParts(drive, cycle, axis.script(course), course, axis.push()))
+        parts.append(AxisParts(drive, cycle, axis.script(course), course, axis.push(), axis.brake(drive)))
     ring, block = RingWriter(Path(given["ring"])), ControlBlock(Path(given["block"]))
     start, alone = given["start_ns"], live.independent
     loop = Loop(parts, ring, block, MonotonicClock(), start, independent=alone, joints=live.joints, pair=live.paired)

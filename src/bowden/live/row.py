@@ -12,6 +12,7 @@ from bowden.cycle.torque_offset import COLUMNS as PUSH
 from bowden.hardware.emg.course import COLUMNS
 from bowden.live import gain_ramp
 from bowden.live.axis_columns import OPPOSED, TOGETHER
+from bowden.live.brake_hold import COLUMNS as BRAKE
 from bowden.live.ring import Description
 from bowden.models.drive.thermal import Thermal, ThermalState, cold
 from bowden.safety.limits import Limits
@@ -84,12 +85,13 @@ def columns(
     *,
     emg: bool = False,
     pushed: bool = False,
+    braked: bool = False,
     source: Source = TABLE,
     together: bool = False,
     paired: bool = False,
 ) -> dict[str, str]:
-    """Column → unit of a run under this law, by EMG, with a torque offset, by another source than the table, of an axis
-    among others, and of one of a pair."""
+    """Column → unit of a run under this law, by EMG, with a torque offset, with a holding brake, by another source than
+    the table, of an axis among others, and of one of a pair."""
     return {
         **CYCLE,
         **law.columns(),
@@ -97,6 +99,7 @@ def columns(
         **SUPERVISOR,
         **(COLUMNS if emg else {}),
         **(PUSH if pushed else {}),
+        **(BRAKE if braked else {}),
         **({} if source is TABLE else source.columns()),
         **gain_ramp.columns(law),
         **(TOGETHER if together else {}),
@@ -112,10 +115,12 @@ def description(
     *,
     emg: bool = False,
     pushed: bool = False,
+    braked: bool = False,
     source: Source = TABLE,
 ) -> Description:
     """What the ring's header says of a run whose column ``time`` is zero at these two clocks [ns]."""
-    return described(columns(law, emg=emg, pushed=pushed, source=source), settings, utc_ns, monotonic_ns)
+    named = columns(law, emg=emg, pushed=pushed, braked=braked, source=source)
+    return described(named, settings, utc_ns, monotonic_ns)
 
 
 def described(named: Mapping[str, str], settings: Mapping[str, object], utc_ns: int, monotonic_ns: int) -> Description:

@@ -2,7 +2,7 @@
 
 from bowden.core.units import RADIANS
 from bowden.live.preflight import Preflight
-from bowden.plants.suit_parts import Suit
+from bowden.plants.suit_parts import Suit, spool_friction
 
 FIRST, SETTLE = 8.0 * RADIANS, 0.6
 """First motion [rad], and the wait after each, in which the drive's integral works [s]."""
@@ -19,6 +19,6 @@ def on_suit(checks: Preflight, suit: Suit) -> Preflight:
     does not keep still, load the motor either way.
     """
     noise = checks.noise + 8.0 * suit.joint_sensor.noise + suit.joint_sensor.resolution
-    friction = suit.motor.friction / (suit.motor.gear * suit.motor.torque_constant)
+    friction = spool_friction(suit) / (suit.motor.gear * suit.motor.torque_constant)
     checks = checks._replace(first=FIRST, settle=SETTLE, noise=noise, light=max(checks.light, friction))
     return checks if suit.motor.integral > 0.0 else checks._replace(first=SOFT_FIRST, follows=SOFT_FOLLOWS)

@@ -84,6 +84,7 @@ def suit_fit(given: Mapping[str, float] | None = None) -> SuitCalibration:
         half_width=p["play"],
         period=p["fig6_period"],
         cable_stiffness=p["cable_stiffness"],
+        feeder_drag=p["feeder_drag"],
         natural_frequency=p["natural_frequency"],
         geometry=SuitGeometry(half_width=p["half_width"]),
         chosen=chosen | {"supply": p["speed_limit"] * GEAR * Motor().torque_constant},

@@ -2,13 +2,14 @@
 
 import numpy as np
 
+from bowden.control import LAWS
 from bowden.core.style import COLOURS, legend, new_figure, thin
 from bowden.core.trace import Trace
 from bowden.core.units import DEGREES
 from bowden.paper.claims import interval
 from bowden.paper.experiment import Finding, PageTable, Runs
-from bowden.paper.suit_rows import DRIVES, five_flexions
-from bowden.rig.presets.suit import each_flexion, energies, largest_errors, suit_adaptive
+from bowden.paper.suit_rows import BRAKE, DRIVES, RESTS, five_flexions, laws_on, rested
+from bowden.rig.presets.suit import NO_BRAKE, each_flexion, energies, largest_errors, suit_adaptive
 
 
 def run(runs: Runs) -> Finding:
@@ -76,12 +77,38 @@ def run(runs: Runs) -> Finding:
                 "paper’s Fig. 17 shows it, and of single flexions. Each law on the same drives: PD, as the "
                 "paper’s, and with "
                 f"an integral of {DRIVES['integral']:g} 1/s, as drives that one buys.",
-            )
+            ),
+            _braked(),
         ],
         text="The paper shows the mean of five flexions. The first begins with estimates at zero and is the worst. "
         "Friction leaves a PD drive’s spool behind its target, which each law has to make up for; an integral in "
         "the drive "
         "does that by itself, so that laws can be compared on one drive only.",
+    )
+
+
+def _braked() -> PageTable:
+    """The outlook's clutch (Section 6): what it saves, and what it takes."""
+    rows = []
+    for drive, name in (("PD", "uncompensated"), ("PD", "adaptive"), ("integral", "ours")):
+        law = laws_on(drive).get(name, LAWS["uncompensated"])
+        for rest in RESTS:
+            free, held = (rested(law, DRIVES[drive], rest, brake) for brake in (NO_BRAKE, BRAKE))
+            saved = (free.motor - held.motor) / held.released
+            joules = [f"{value:.0f}" for value in (rest, free.motor, held.motor, held.brake)]
+            rows.append([name, drive, *joules, f"{max(0.0, saved):.1f}", f"{free.error:.1f}", f"{held.error:.1f}"])
+    return PageTable(
+        [
+            *("law", "drive", "rest at 90° [s]", "motor without [J]", "motor with [J]", "brake itself [J]"),
+            *("pays below [W]", "error without [°]", "error with [°]"),
+        ],
+        rows,
+        "The outlook’s clutch: energy of a flexion and extension, mean of five, without and with a holding brake of "
+        f"{BRAKE.holding_torque:g} N·m at the motor that holds without current and takes {BRAKE.released_power:g} W "
+        "while it is released; it engages once the motor’s target has rested for "
+        f"{BRAKE.rest_time:g} s. It pays if it takes less than the power named. The paper’s Fig. 17 has no rests. "
+        "Under the adaptive law the target never rests: the law goes on adapting. Errors are the largest of the last "
+        "three flexions.",
     )
 
 

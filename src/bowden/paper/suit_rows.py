@@ -10,14 +10,17 @@ from numpy.typing import NDArray
 from bowden.control import LAWS
 from bowden.control.knowledge import configured
 from bowden.control.law import Law
+from bowden.control.reference import PointToPoint
 from bowden.core.metrics import delay
 from bowden.core.trace import Trace
 from bowden.core.units import DEGREES, RADIANS
+from bowden.models.drive.holding_brake import ENGAGING, HELD, HoldingBrake, brake_power
 from bowden.models.minimum_jerk import minimum_jerk_over
 from bowden.paper.calibration import gains, suit_fit
 from bowden.plants.knowledge_of import knowledge_of
 from bowden.rig.presets.suit import (
     DRIVE_INTEGRAL,
+    NO_BRAKE,
     SuitCalibration,
     each_flexion,
     energies,
@@ -115,6 +118,44 @@ def five_flexions(law: Law, integral: float | None = None, fit: SuitCalibration 
         float(largest[0]),
         float(largest.max()),
         float(largest[-1]),
+    )
+
+
+BRAKE = HoldingBrake(holding_torque=0.15)
+"""The outlook's clutch: as much as slips before the cable pulls 150 N, the supervisor's limit; the rest as usual."""
+
+RESTS = (0.0, 10.0)
+"""At 90° in each flexion: none, as in Fig. 17, and so long [s]."""
+
+
+@dataclass(frozen=True)
+class Rested:
+    """Five flexions, each with a rest at 90°; means of one."""
+
+    motor: float
+    """Energy of the motor [J]."""
+    brake: float
+    """Energy of the brake [J]."""
+    released: float
+    """Time in which the brake takes current [s]."""
+    error: float
+    """Largest error of the last three [deg]."""
+
+
+def rested(law: Law, integral: float, rest: float, brake: HoldingBrake = NO_BRAKE) -> Rested:
+    """Five flexions of 12.5 s with rests of so long [s], and extensions of 12.5 s."""
+    one = 25.0 + rest
+    at = [k * one + t for k in range(5) for t in ((0.0, 12.5, 12.5 + rest) if rest else (0.0, 12.5))] + [5.0 * one]
+    to = [angle * RADIANS for _ in range(5) for angle in ((0.0, 90.0, 90.0) if rest else (0.0, 90.0))] + [0.0]
+    reference = PointToPoint(tuple(at), tuple(to))
+    trace = run_suit(law, reference=reference, duration=5.0 * one, fit=suit_fit(), drive_integral=integral, brake=brake)
+    phase = trace["brake"] if brake.there else np.full(len(trace), ENGAGING)
+    engaged = (phase == ENGAGING) | (phase == HELD)
+    return Rested(
+        float(np.trapezoid(trace.power()[1], trace.time)) / 5.0,
+        float(np.trapezoid(brake_power(brake, phase), trace.time)) / 5.0 if brake.there else 0.0,
+        one * float(np.mean(~engaged)),
+        float(np.max(np.abs(trace.error[trace.time > 2.0 * one]))) * DEGREES,
     )
 
 

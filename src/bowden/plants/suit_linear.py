@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.core.matrix import exponential
+from bowden.models.drive.holding_brake import HoldingBrake
 from bowden.models.suit.arm import GRAVITY
 from bowden.models.suit.suit_angle import flexor_arm
 from bowden.models.suit.suit_cable import PreparedSuitCable
@@ -93,14 +94,18 @@ def linear_suit(suit: Suit, angle: float, *, extensor: bool = True, slope_factor
 def without_friction(suit: Suit) -> Suit:
     """The suit with its limits, its geometry and its drive, but nothing that holds back: near rest it is `linear_suit`.
 
-    No friction of spool and gears, no play or hysteresis of sheaths and sensor, no sensor's drift, no tremor or swing.
+    No brake, no friction of spool, gears and feeder, no play or hysteresis of sheaths and sensor, no sensor's drift, no
+    tremor or swing.
     """
     sensor, wearer = suit.joint_sensor, suit.wearer
     flexor, extensor = (
-        cable._replace(half_width=0.0, friction=0.0, bouc_wen=cable.bouc_wen._replace(hysteresis_gain=0.0))
+        cable._replace(
+            half_width=0.0, friction=0.0, feeder_drag=0.0, bouc_wen=cable.bouc_wen._replace(hysteresis_gain=0.0)
+        )
         for cable in (suit.flexor, suit.extensor)
     )
     return suit._replace(
+        brake=HoldingBrake(),
         motor=suit.motor._replace(friction=0.0, efficiency=1.0, friction_feedforward=0.0),
         flexor=flexor,
         extensor=extensor,

@@ -11,6 +11,7 @@ from bowden.core.units import RADIANS
 from bowden.models.cable.sheath import Sheath
 from bowden.models.drive.encoder import Encoder
 from bowden.models.drive.geared_motor import GearedMotor, check_geared_motor
+from bowden.models.drive.holding_brake import HoldingBrake
 from bowden.models.drive.servo import Servo
 from bowden.models.drive.thermal import Thermal
 from bowden.models.suit.arm import Arm, Wearer, check_wearer
@@ -19,6 +20,15 @@ from bowden.models.suit.geometry import SuitGeometry, size_spools
 from bowden.models.suit.load_cell import LoadCell
 from bowden.models.suit.suit_angle import spool_map
 from bowden.models.suit.suit_cable import Fabric, SuitCable, prepare_suit_cable
+from bowden.plants.braked_suit import (
+    BRAKED_COLUMNS,
+    BrakedSuit,
+    braked_advance,
+    braked_effort,
+    braked_look,
+    braked_observe,
+    braked_rest,
+)
 from bowden.plants.plant import Dynamics, SheathPath, check_numbers, plain, sheath_path
 from bowden.plants.suit_plant import (
     SETTLING,
@@ -66,6 +76,8 @@ class Suit(NamedTuple):
     """Plant sub-steps in one cycle [–]."""
     load_cell: LoadCell = LoadCell()
     """That a source of references gets."""
+    brake: HoldingBrake = HoldingBrake()
+    """Of the drive; none where it has no torque."""
     powered: bool = True
     """False: the drive is switched off when a run begins, and the wearer drives the suit back."""
 
@@ -85,18 +97,32 @@ class Suit(NamedTuple):
         Raises:
             ParameterError: a part that cannot be.
         """
+        made = WornSuit(
+            suit=prepare_suit(self),
+            wearer=self.wearer,
+            joint_sensor=self.joint_sensor,
+            motor_encoder=self.motor_encoder,
+            load_cell=self.load_cell,
+            powered=1.0 if self.powered else 0.0,
+            dt=float(self.sample_time),
+            settling=round(SETTLING / self.sample_time),
+        )
+        if self.brake.there:
+            return Dynamics(
+                "braked_suit",
+                BrakedSuit(made, gripped(made.suit, self.brake), self.brake, self._fastest),
+                braked_rest,
+                braked_advance,
+                braked_observe,
+                braked_effort,
+                BRAKED_COLUMNS,
+                braked_look,
+                normals=5,
+                begins_at_reference=True,
+            )
         return Dynamics(
             "suit",
-            WornSuit(
-                suit=prepare_suit(self),
-                wearer=self.wearer,
-                joint_sensor=self.joint_sensor,
-                motor_encoder=self.motor_encoder,
-                load_cell=self.load_cell,
-                powered=1.0 if self.powered else 0.0,
-                dt=float(self.sample_time),
-                settling=round(SETTLING / self.sample_time),
-            ),
+            made,
             worn_rest,
             worn_advance,
             worn_observe,
@@ -106,6 +132,12 @@ class Suit(NamedTuple):
             normals=5,
             begins_at_reference=True,
         )
+
+    @property
+    def _fastest(self) -> float:
+        """Speed of the unloaded motor, in the joint's coordinate where the flexor's lever is least [rad/s]."""
+        motor = self.motor
+        return motor.supply / (motor.gear * motor.torque_constant) * self.spool_radius / self.geometry.half_width
 
     def draw(self, seed: int, out: Array) -> None:
         """See `Plant.draw`: current and load cell have numbers of their own, which leaves the angles' as they are."""
@@ -124,6 +156,18 @@ class Suit(NamedTuple):
     def describe(self) -> dict[str, Any]:
         """See `Plant.describe`."""
         return plain(self) | {"extensor_spool_radius": prepare_suit(self).extensor_radius}
+
+
+def gripped(suit: PreparedSuit, brake: HoldingBrake) -> PreparedSuit:
+    """The suit while its brake grips."""
+    held = suit.motor.friction + suit.motor.gear * brake.holding_torque
+    return suit._replace(motor=suit.motor._replace(friction=held))
+
+
+def spool_friction(suit: Suit) -> float:
+    """F, with the feeder's drag as the mean of both ways: what holds the spool back but for gears and sheaths [N·m]."""
+    flexor, extensor = suit.spool_radius, suit.spool_radius / size_spools(suit.geometry).ratio
+    return suit.motor.friction + 0.5 * (flexor * suit.flexor.feeder_drag + extensor * suit.extensor.feeder_drag)
 
 
 def prepare_suit(suit: Suit) -> PreparedSuit:

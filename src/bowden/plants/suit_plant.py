@@ -162,6 +162,8 @@ def _substep(
         r_f * state.flexor_pull.motor - r_e * state.extensor_pull.motor,
         r_f * r_f * suit.flexor.stiffness + r_e * r_e * suit.extensor.stiffness,
         dt,
+        r_f * suit.flexor.feeder_drag,
+        r_e * suit.extensor.feeder_drag,
     )
     before, after = state.spool.position, spool.position
     lever_f, lever_e = flexor_arm(joint, suit.map), suit.joint_radius

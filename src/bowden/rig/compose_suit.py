@@ -49,6 +49,7 @@ def suit_of(
         stiffness=given.cable_stiffness,
         half_width=given.play if identified is None else identified.lost * given.spool_radius,
         friction=given.capstan_friction,
+        feeder_drag=given.feeder_drag,
     )
     own = bench.cable if identified is None else _at_the_arm(bench.cable, given.spool_radius / cable.radius)
     cable = cable._replace(bouc_wen=own)

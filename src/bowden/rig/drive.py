@@ -13,6 +13,7 @@ from bowden.hardware.drives.family import DriveNeeds, family_of, longest_silence
 from bowden.hardware.drives.load_cell import ROOM, LoadCellParameters, check_cell, identifiers_of
 from bowden.hardware.ports import Drive
 from bowden.hardware.realtime import Settings
+from bowden.models.drive.holding_brake import HoldingBrake
 from bowden.models.suit.suit_angle import spool_map
 from bowden.plants.bench import Bench
 from bowden.plants.suit_parts import Suit
@@ -85,14 +86,14 @@ def _pull(suit: Suit) -> dict[str, float]:
         T ≥ (η·N·kτ·I − (1 + doubt)·F)/r
 
     with the gears' loss as if all of the current's torque went through it, friction F of drive, gears and feeder as
-    large as it may be and against the pull, and nothing of the extensor's tension, which pulls the same way. What the
-    motor's inertia takes is no tension: at its largest speed v it is gone after 2·J·v/(η·N·kτ·I), 12 ms on the default
-    suit, which the supervisor waits for and longer.
+    large as it may be and against the pull, with the feeder's drag on the flexor, and nothing of the extensor's
+    tension, which pulls the same way. What the motor's inertia takes is no tension: at its largest speed v it is gone
+    after 2·J·v/(η·N·kτ·I), 12 ms on the default suit, which the supervisor waits for and longer.
     """
-    motor, radius = suit.motor, suit.spool_radius
+    motor, radius, doubt = suit.motor, suit.spool_radius, 1.0 + Doubt().friction
     return {
         "pull_gain": motor.efficiency * motor.gear * motor.torque_constant / radius,
-        "pull_doubt": (1.0 + Doubt().friction) * motor.friction / radius,
+        "pull_doubt": doubt * motor.friction / radius + doubt * suit.flexor.feeder_drag,
     }
 
 
@@ -171,6 +172,41 @@ def drive_parameters(given: Any, needs: DriveNeeds, folder: Path) -> Any:
             do="set the drive's own timeout with its maker's tool, and say it in [drive]; or take another drive",
         )
     return family.found_from(parameters, folder)
+
+
+def check_brake(brake: HoldingBrake, drive: Any, allowed: Limits, suit: Suit | None) -> None:
+    """Refuse a holding brake that nothing could release or engage, or that could trap a limb.
+
+    Args:
+        brake: of the rig.
+        drive: of the rig.
+        allowed: of `limits`.
+        suit: where one is worn.
+
+    Raises:
+        ParameterError: a drive without the output, no suit, or a brake that holds more than the cable may pull.
+    """
+    if suit is None:
+        raise ParameterError(
+            "it has no effect here: the bench's motor bears any load, and draws no current that a brake would save",
+            expected="suit.worn = true",
+            do="wear a suit, or delete [brake]",
+        )
+    family = family_of(drive)
+    if not family.brakes(drive):
+        raise ParameterError(
+            f"the drive ({family.name}) has no output for a holding brake",
+            expected=family.brake_hint,
+            do="correct [drive], or delete [brake]",
+        )
+    most = allowed.tension_high * suit.spool_radius / suit.motor.gear
+    if brake.holding_torque > most:
+        raise ParameterError(
+            f"brake.holding_torque_nm is {brake.holding_torque:g}",
+            expected=f"at most {most:.3g}: a brake that stays engaged, should this computer or the supply fail, must "
+            "slip before the cable pulls more than limits.tension_high_n",
+            do="take a smaller brake",
+        )
 
 
 def check_load(drive: Any, cell: LoadCellParameters, allowed: Limits, sample_time: float) -> None:

@@ -22,6 +22,7 @@ SWITCHES: Mapping[str, tuple[str, str, Any, str]] = {
     "suit": ("suit", "worn", False, "suit.worn = true"),
     "wearer": ("suit", "worn", False, "suit.worn = true"),
     "admittance": ("admittance", "enabled", False, "admittance.enabled = true"),
+    "brake": ("brake", "holding_torque_nm", 0.0, "brake.holding_torque_nm above 0"),
     "load_cell": ("load_cell", "source", "none", 'a source, such as load_cell.source = "cia404"'),
 }
 """Section → section and key of its switch, its value when off, and what switches it on."""
@@ -125,5 +126,7 @@ def missing_for(key: str, rig: "Rig") -> str | None:
     if section in ("suit", "wearer") and not rig.suit.worn:
         return SWITCHES[section][3]
     if section == "admittance" and not rig.admittance.enabled:
+        return SWITCHES[section][3]
+    if section == "brake" and not rig.brake.there:
         return SWITCHES[section][3]
     return next((f"another rig: {one.why}" for one in idle(rig) if one.key == key), None)

@@ -43,7 +43,7 @@ _DIGITS = 12
 
 OF_AXES = ("axes", "independent", "pair")
 """Fields of a rig that one without axes says nothing of."""
-OF_SOME = ("load_cell",)
+OF_SOME = ("load_cell", "brake")
 """Fields of which a rig that is as usual says nothing."""
 
 _REFERENCE_TAGS = {part.kind: tag for tag, part in REFERENCES.items() if tag != "recorded"}

@@ -35,6 +35,7 @@ from bowden.identify.cable.recalibrate import Recalibration, outside
 from bowden.models.cable.bouc_wen import BoucWen, upright
 from bowden.models.cable.sheath import Sheath
 from bowden.models.drive.encoder import Encoder
+from bowden.models.drive.holding_brake import HoldingBrake
 from bowden.models.drive.motor import Motor
 from bowden.models.drive.servo import Servo
 from bowden.models.suit.geometry import ELBOW_RANGE, SuitGeometry, flexor_moment_arm
@@ -168,6 +169,8 @@ class Rig(metaclass=Answering):
     """Parameters of a family of drives. What only the rig itself says of it; `drive_parameters` is the whole."""
     load_cell: LoadCellParameters = PARTS["load_cell"].default
     """A load cell on a CAN bus; one at the drive's own input is in `drive`."""
+    brake: HoldingBrake = PARTS["brake"].default
+    """A holding brake of a suit's drive; none where it has no torque."""
     limits: Limits = PARTS["limits"].default
     """What only the rig itself says of them, NaN where it says nothing; `supervisor_limits` is the whole. By those that
     differ, ``limits={"play": 0.5}``, the others follow; ``Limits(play=0.5)`` writes those of the paper's bench."""
@@ -303,6 +306,9 @@ class Rig(metaclass=Answering):
             _ = self.pushing
         if not self.axes:
             refuse_idle(self)
+        if not self.axes and self.brake.there:
+            with asked_for_by(f"{self.origin}: [brake]"):
+                live_parts.check_brake(self.brake, self.drive, self.supervisor_limits, self.worn)
 
     def _check_gains(self) -> None:
         """Refuse gains that the rig's law does not have, and say whose they are: --law does not change that.
@@ -761,10 +767,11 @@ class Rig(metaclass=Answering):
 
     @property
     def simulated_plant(self) -> Plant:
-        """The plant with what a simulation measures of it: under the wearer's push, its load cell."""
-        if self.worn is not None and self.pushing is not None:
-            return self.worn._replace(load_cell=self.pushing.cell)
-        return self.moved
+        """The plant with what stands round it: the drive's brake, and under the wearer's push its load cell."""
+        if self.worn is None:
+            return self.cabled
+        worn = self.worn._replace(brake=self.brake)
+        return worn if self.pushing is None else worn._replace(load_cell=self.pushing.cell)
 
     @cached_property
     def pushing(self) -> Pushing | None:

@@ -20,6 +20,7 @@ from bowden.hardware.drives import family as drive_families
 from bowden.hardware.drives.load_cell import LoadCellParameters
 from bowden.identify.cable.counting import Counting
 from bowden.models.cable.bouc_wen import BoucWen
+from bowden.models.drive.holding_brake import HoldingBrake
 from bowden.rig.bends import ConstantBend, RandomBend, ScriptedBend
 from bowden.rig.consistent import UNWRITTEN, USUAL
 from bowden.rig.declaration import Section, at, items_of, key_of, rounded, section_of
@@ -133,6 +134,7 @@ PARTS: Mapping[str, Part] = {
         USUAL,
     )._replace(default=UNWRITTEN),
     "load_cell": _part("LoadCellSection", LoadCellParameters.__doc__ or "", LoadCellParameters()),
+    "brake": _part("BrakeSection", HoldingBrake.__doc__ or "", rounded(HoldingBrake(), 10)),
     "live": _part("LiveSection", LiveSettings.__doc__ or "", LiveSettings())._replace(
         default=LiveSettings(approach=math.nan)
     ),
@@ -308,6 +310,7 @@ RigFile: type[Section] = create_model(
     scenario=_section(_ScenarioSection),
     drive=_DRIVE_SECTION,
     load_cell=_section(PARTS["load_cell"].section),
+    brake=_section(PARTS["brake"].section),
     limits=_section(PARTS["limits"].section),
     live=_section(PARTS["live"].section),
     emg=_section(PARTS["emg"].section),

@@ -29,7 +29,7 @@ class SuitSettings(NamedTuple):
     )
     efficiency: Annotated[float, Quantity("of both gears", symbol="η", gt=0.0, le=1.0)] = _SUIT.motor.efficiency
     friction: Annotated[
-        float, Quantity("of bearings and feeder, at the spool", "N·m", symbol="F", ge=0.0, le=100.0)
+        float, Quantity("of bearings and feeder alike both ways, at the spool", "N·m", symbol="F", ge=0.0, le=100.0)
     ] = _SUIT.motor.friction
     supply: Annotated[float, Quantity("supply of the drive", "V", gt=0.0, le=1e3)] = _SUIT.motor.supply
     drive_integral: Annotated[
@@ -55,6 +55,9 @@ class SuitSettings(NamedTuple):
         float, Quantity("half the play of a cable, kind play", "m", shown="mm", symbol="r", ge=0.0, le=100.0)
     ] = _SUIT.flexor.half_width
     capstan_friction: Annotated[float, Quantity("kind capstan", symbol="μ", ge=0.0, le=2.0)] = _SUIT.flexor.friction
+    feeder_drag: Annotated[
+        float, Quantity("of the feeder on a cable that is pulled in; none on one that is paid out", "N", ge=0.0, le=1e3)
+    ] = _SUIT.flexor.feeder_drag
     pretension: Annotated[float, Quantity("of both cables at the straight arm", "N", ge=0.0, le=1e4)] = _SUIT.pretension
     fabric_stiffness: Annotated[float, Quantity("sleeve, brace and flesh", "N/m", symbol="K", gt=0.0, le=1e7)] = (
         _SUIT.fabric.stiffness

@@ -88,7 +88,7 @@ def twin_plant_of(rig: Rig, now: float) -> TwinPlant:
 
 def _at_rest(rig: Rig, rest: tuple[Any, ...]) -> TwinPlant:
     if rig.worn is not None:
-        return TwinSuit(rig.worn, *rest)
+        return TwinSuit(rig.worn._replace(brake=rig.brake), *rest)
     plant = rig.cabled
     if isinstance(plant, UserPlant):
         return TwinUser(plant, *rest)

@@ -11,7 +11,7 @@ from bowden.control.law import Law
 from bowden.core.units import RADIANS
 from bowden.models.suit.arm import GRAVITY, Arm, arm_of
 from bowden.models.suit.suit_angle import flexor_arm
-from bowden.plants.suit_parts import Suit, prepare_suit
+from bowden.plants.suit_parts import Suit, prepare_suit, spool_friction
 
 FRICTION_SHARE = 0.8
 """How much of the friction is made up for: less than all of it, so that the drive does not hunt [–]."""
@@ -25,7 +25,7 @@ def chain_of(suit: Suit) -> Chain:
         extensor_radius=made.extensor_radius,
         joint_radius=made.joint_radius,
         torque_constant=motor.gear * motor.torque_constant,
-        friction=motor.friction,
+        friction=spool_friction(suit),
         loss=1.0 - motor.efficiency,
         cable=suit.flexor.stiffness,
         fabric=suit.fabric.stiffness,
@@ -103,11 +103,11 @@ def behind(suit: Suit, made_up: float = 0.0) -> float:
 
 
 def friction_of(suit: Suit) -> float:
-    """(F + k·r·(r_f + r_e))/η: what drive, sheaths (of the kind play) and gears hold back, at the spool [N·m]."""
+    """(F + k·r·(r_f + r_e))/η: what drive, feeder, play of the sheaths and gears hold back, at the spool [N·m]."""
     cable = suit.flexor
     held = cable.stiffness * cable.half_width if cable.kind == "play" else 0.0
     radii = suit.spool_radius + prepare_suit(suit).extensor_radius
-    return (suit.motor.friction + held * radii) / suit.motor.efficiency
+    return (spool_friction(suit) + held * radii) / suit.motor.efficiency
 
 
 def _compliance(suit: Suit) -> float:

@@ -13,7 +13,9 @@ from bowden.hardware.drives import canopen_frames as frames
 from bowden.hardware.drives.canopen_setup import (
     DISABLE_VOLTAGE,
     FAULT_SIGNAL,
+    OUTPUTS,
     DriveFindings,
+    brake_bits,
     heartbeat_consumer,
     restore,
     set_up,
@@ -44,6 +46,9 @@ SPARE, REFILL = 8.0, 0.05
 twice; and how soon these are forgiven, a cycle. A second device that sends as often is found within nine cycles."""
 WATCH = ((0x1016, 1), (0x6007, 0))
 """What the watch over us rests on: the heartbeat consumer, and what the drive does without one; asked for by turns."""
+
+REPEAT = 10e-3
+"""Until the drive has confirmed an order to its brake it is repeated so often [s]."""
 
 SETTLED = 10
 """Orders to follow the target, in a row, after which a drive is expected to do it."""
@@ -80,6 +85,7 @@ class CanopenDrive:
         self._beats, self._emergencies = frames.HEARTBEAT + node, frames.EMERGENCY + node
         self._rpdo, self._heartbeat = frames.RPDO1 + node, frames.HEARTBEAT + host
         self._answers, self._questions = frames.SDO_ANSWER + node, frames.SDO_REQUEST + node
+        self._watched = WATCH if parameters.brake_output == "none" else (*WATCH, (OUTPUTS, 1))
         self._watch_as_set = {0x1016: (heartbeat_consumer(parameters),), 0x6007: (FAULT_SIGNAL, DISABLE_VOLTAGE)}
         self._ours = frames.of_the_host(node, host)
 
@@ -127,6 +133,8 @@ class CanopenDrive:
         self._asked, self._asked_at = 0, -math.inf  # questions about the watch
         self._unwatched: set[int] = set()  # objects that are not as they were set
         self._lag = self._watch()
+        self._brake = False  # whether it is to hold; bring-up has released it
+        self._brake_confirmed, self._brake_at = True, -math.inf
 
     def _watch(self) -> LagWatch:
         """For an inert motor, by the current that the rig's servo would draw; the drive's own gains are not known."""
@@ -174,6 +182,8 @@ class CanopenDrive:
                 emergency = emergency or sent  # of several in a cycle the first is the cause
             elif cob_id == self._tpdo3 and (inputs := frames.unpack_tpdo3(data)) is not None:
                 self._stop_released, self._inputs_age = bool(inputs >> drive.emergency_stop_input & 1), 0
+            elif cob_id == self._answers and frames.unpack_sdo_written(data) == OUTPUTS:
+                self._brake_confirmed = True
             elif cob_id == self._answers and (said := frames.unpack_sdo_value(data)) is not None:
                 self._see_watch(*said)
             elif cob_id & ~REMOTE in self._ours:
@@ -199,6 +209,8 @@ class CanopenDrive:
 
     def _see_watch(self, index: int, value: int) -> None:
         """What the drive says of an object of its watch over us; one that has started again says it at bring-up."""
+        if index == OUTPUTS:
+            self._brake_confirmed = self._brake_confirmed and value == brake_bits(self._drive, engaged=self._brake)
         if index in self._watch_as_set and self._operational:
             (self._unwatched.discard if value in self._watch_as_set[index] else self._unwatched.add)(index)
 
@@ -229,9 +241,14 @@ class CanopenDrive:
         self._target, self._followed = (target, self._followed + 1) if led else (math.nan, 0)
         self._order(self._sent, round(counts), torque if led and math.isfinite(torque) else 0.0)
         self._synced, self._due = now, min(self._due + (1.0 + REFILL if self._due < SPARE else 1.0), MOST_DUE)
-        if now - self._asked_at >= WATCH_EVERY:  # after the SYNC, which it does not delay
+        if power is Power.OFF:
+            self.set_brake(False)
+        if not self._brake_confirmed and now - self._brake_at >= REPEAT:
+            self._brake_at = now
+            self._send(self._questions, brake_order(self._drive, engaged=self._brake))
+        elif now - self._asked_at >= WATCH_EVERY:  # after the SYNC, which it does not delay
             self._asked, self._asked_at = self._asked + 1, now
-            self._send(self._questions, frames.pack_sdo_read(*WATCH[self._asked % len(WATCH)]))
+            self._send(self._questions, frames.pack_sdo_read(*self._watched[self._asked % len(self._watched)]))
         if now - self._heartbeat_sent >= self._drive.heartbeat_time - 0.5 * self._drive.sample_time:
             self._heartbeat_sent = now
             self._send(self._heartbeat, _OPERATIONAL)
@@ -246,6 +263,16 @@ class CanopenDrive:
         if self._port is not None:
             self._port.send(self._rpdo, frames.pack_rpdo1(control, counts, share))
             self._port.sync(frames.SYNC)
+
+    @property
+    def brake_confirmed(self) -> bool:
+        """See `hardware.ports.BrakedDrive.brake_confirmed`."""
+        return self._brake_confirmed
+
+    def set_brake(self, engaged: bool) -> None:
+        """See `hardware.ports.BrakedDrive.set_brake`."""
+        if engaged != self._brake and self._drive.brake_output != "none":
+            self._brake, self._brake_confirmed, self._brake_at = engaged, False, -math.inf
 
     def reset_fault(self) -> None:
         """See `hardware.ports.Drive.reset_fault`; without effect where the drive has no fault."""
@@ -264,6 +291,8 @@ class CanopenDrive:
         left = TorqueLeft.OFF
         if self._port is not None and self._found is not None:
             left, self._port.synced = TorqueLeft.UNKNOWN, False
+            if self._brake:
+                self._send(self._questions, brake_order(self._drive, engaged=False))
             for _ in range(MOST_FRAMES):
                 if self._port is None or self._port.take() is None:
                     break
@@ -300,6 +329,11 @@ class CanopenDrive:
     def _send(self, cob_id: int, data: bytes) -> None:
         if self._port is not None:
             self._port.send(cob_id, data)
+
+
+def brake_order(drive: DriveParameters, *, engaged: bool) -> bytes:
+    """The SDO download that engages or releases the brake."""
+    return frames.pack_sdo_write(OUTPUTS, 1, brake_bits(drive, engaged=engaged), 4)
 
 
 _OPERATIONAL = bytes((frames.OPERATIONAL,))

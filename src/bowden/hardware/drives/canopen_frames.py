@@ -155,6 +155,11 @@ def unpack_sdo_value(data: bytes | bytearray) -> tuple[int, int] | None:
     return int.from_bytes(data[1:3], "little"), int.from_bytes(data[4 : 8 - (data[0] >> 2 & 3)], "little")
 
 
+def unpack_sdo_written(data: bytes | bytearray) -> int | None:
+    """Index of an object that an SDO download has written; None of any other frame."""
+    return int.from_bytes(data[1:3], "little") if len(data) == 8 and data[0] == 0x60 else None
+
+
 def pack_sdo_write(index: int, sub: int, value: int, size: int) -> bytes:
     """An expedited SDO download of `size` bytes, 1 to 4 (CiA 301, "SDO download")."""
     return struct.pack("<BHB4s", 0x23 | (4 - size) << 2, index, sub, (value & 0xFFFF_FFFF).to_bytes(4, "little"))

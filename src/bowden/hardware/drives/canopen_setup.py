@@ -44,6 +44,10 @@ UNCHANGED = 1
 """1029h:1, error behaviour: a lost heartbeat leaves the drive operational, so that it still reports its state."""
 
 
+OUTPUTS = 0x60FE
+"""Digital outputs: bit 0 of sub-index 1 is the brake's, sub-index 2 says which bits are the host's (CiA 402-2)."""
+
+
 class DriveFindings(NamedTuple):
     """What bring-up learnt of the drive."""
 
@@ -363,8 +367,29 @@ def _configure(node: Dialogue, drive: DriveParameters) -> None:
     except DriveError:  # older EPOS4 cannot map 3201h, the power stage's temperature
         _map(node, 0x1801, NO_REMOTE | frames.TPDO2 + drive.node_id, frames.TPDO2_MAPPING[:2])
     _map_inputs(node, drive)
+    _release_brake(node, drive)
     node.write(0x1017, 0, round(1e3 * drive.drive_heartbeat_time), 2)
     node.write(0x1016, 1, heartbeat_consumer(drive), 4)
+
+
+def brake_bits(drive: DriveParameters, *, engaged: bool) -> int:
+    """60FEh:1 with which the brake is engaged, or released."""
+    return int(engaged == (drive.brake_output == "set"))
+
+
+def _release_brake(node: Dialogue, drive: DriveParameters) -> None:
+    """The brake's output is the host's from now on, and releases it; other bits of the outputs are not ours."""
+    if drive.brake_output == "none":
+        return
+    try:
+        node.write(OUTPUTS, 1, brake_bits(drive, engaged=False), 4)
+        node.write(OUTPUTS, 2, 1, 4)
+    except DriveError as error:
+        raise DriveError(
+            f"{node.name} lets nobody drive its brake's output: {error.what}",
+            expected="a drive with object 60FEh, digital outputs, and its mask 60FEh:2",
+            do='set drive.brake_output = "none" and delete [brake], or take another drive or firmware',
+        ) from error
 
 
 def heartbeat_consumer(drive: DriveParameters) -> int:

@@ -162,6 +162,10 @@ class DriveFamily:
     back. With a limb in the rig such a drive is refused, and without one the rig has to say so (`no_limb`)."""
     no_limb: Callable[[Any], bool] = lambda _: False
     """Whether the rig says that no limb can be in it."""
+    brakes: Callable[[Any], bool] = lambda _: False
+    """Whether it has an output for a holding brake, and the rig says how that works."""
+    brake_hint: str = "a drive with one, such as those of the family cia402"
+    """What `brakes` wants."""
     found_from: Callable[[Any, Path], Any] = lambda parameters, _: parameters
     """``found_from(parameters, folder)``: the parameters with the files that they name found from there."""
 

@@ -71,6 +71,13 @@ class DriveParameters(NamedTuple):
             le=31,
         ),
     ] = -1
+    brake_output: Annotated[
+        Literal["none", "set", "release"],
+        Quantity(
+            "what a 1 in bit 0 of the drive's digital outputs (60FEh) does to its holding brake: set, as CiA 402 has "
+            "it, engages it; release puts voltage on it, which releases it; none: there is none"
+        ),
+    ] = "none"
     sample_time: float = 1e-3
     """One cycle, which is the drive's interpolation time too; whole milliseconds [s]."""
     heartbeat_time: Annotated[

@@ -1,11 +1,13 @@
 """A drive of any family with a load cell beside it, as one `Drive`: on the drive's bus, or on one of its own."""
 
+from typing import cast
+
 from bowden.core.signals import DriveReading
 from bowden.hardware.buses.link import BusPlace, BusPort, Links
 from bowden.hardware.buses.unix_bus import ERROR, REMOTE
 from bowden.hardware.drives import canopen_frames as frames
 from bowden.hardware.drives.load_cell import LoadCellParameters, LoadCellReader
-from bowden.hardware.ports import Drive, Power, TorqueLeft, serial_of
+from bowden.hardware.ports import BrakedDrive, Drive, Power, TorqueLeft, serial_of
 
 
 class DriveWithLoadCell:
@@ -71,6 +73,15 @@ class DriveWithLoadCell:
         self._drive.write(target, power, now, torque)
         if self._port is not None and self._up and self._cell.synced:
             self._port.sync(frames.SYNC)
+
+    @property
+    def brake_confirmed(self) -> bool:
+        """See `hardware.ports.BrakedDrive.brake_confirmed`; of a drive with a brake."""
+        return cast(BrakedDrive, self._drive).brake_confirmed
+
+    def set_brake(self, engaged: bool) -> None:
+        """See `hardware.ports.BrakedDrive.set_brake`; of a drive with a brake."""
+        cast(BrakedDrive, self._drive).set_brake(engaged)
 
     def reset_fault(self) -> None:
         """See `hardware.ports.Drive.reset_fault`."""

@@ -179,6 +179,7 @@ class TwinBench:
     """
 
     has_cable = True
+    brake_set = False
     interaction = None
     """See `TwinPlant.interaction`."""
     servo_gains: tuple[float, float] | None = None

@@ -89,11 +89,13 @@ class CanopenNode:
             window=math.ceil(lag * self._motor.steepest(-math.inf, math.inf) / abs(self._motor.step)),
             braking=min(bench.physics.braking * gear * RPM, 2**31),
             pushed=bench.torque_offset is not None,
+            braked=self._drive.brake_output != "none",
         )
         entries = overridden(dictionary(made), self._overrides)
         current = {key: value for key, value in self._current_values().items() if key not in self._overrides}
         self.objects = Objects(entries, self._written, current)
         self._sdo = SdoServer(self.objects)
+        self._see_outputs(ready)
 
     def _current_values(self) -> dict[Key, Callable[[], int]]:
         return {
@@ -329,8 +331,22 @@ class CanopenNode:
             self._pending = (value, self._target, 0)
         elif key == (0x607A, 0):
             self._target = value
+        elif key[0] == 0x60FE:
+            self._see_outputs(self._moved)
         elif key == (0x60B2, 0) and self.bench.torque_offset is not None:
             self.bench.torque_offset = self._sampler.spool_torque(value)
+
+    def _see_outputs(self, now: float) -> None:
+        """Bit 0 of 60FEh, where its mask has it: a brake that a 1 releases holds until then."""
+        output = self._drive.brake_output
+        if output == "none":
+            return
+        bit = bool(self.objects[0x60FE, 1] & self.objects[0x60FE, 2] & 1)
+        engaged = bit == (output == "set")
+        if engaged != self.bench.brake_set:
+            self.bench.brake_set = engaged
+            if math.isfinite(now):
+                self._journal(now, "brake", "engaged" if engaged else "released")
 
     def _statusword(self) -> int:
         return encode(self.state) | (0x1000 if self.state is DriveState.OPERATION_ENABLED else 0)

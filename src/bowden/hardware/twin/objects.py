@@ -152,6 +152,8 @@ class Made(NamedTuple):
     """Quick stop deceleration of the motor's shaft [turns/min/s]."""
     pushed: bool
     """Whether it takes a torque offset."""
+    braked: bool
+    """Whether it has an output for a holding brake."""
 
 
 def dictionary(made: Made) -> dict[Key, Entry]:
@@ -207,6 +209,8 @@ def dictionary(made: Made) -> dict[Key, Entry]:
     }
     if made.pushed:
         objects[0x60B2, 0] = Entry(2, 0, writable=True, signed=True)
+    if made.braked:
+        objects |= {(0x60FE, 0): Entry(1, 2), **{(0x60FE, sub): Entry(4, 0, writable=True) for sub in (1, 2)}}
     for number in range(4):
         receive, transmit = frames.RPDO1 + 0x100 * number + node, frames.TPDO1 + 0x100 * number + node
         for index, cob_id in ((0x1400 + number, receive), (0x1800 + number, 0x4000_0000 | transmit)):

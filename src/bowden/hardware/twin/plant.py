@@ -34,6 +34,9 @@ class TwinPlant(Protocol):
     """Of the position loop of a plant whose motor gives way: torque per angle [N·m/rad] and per speed [N·m·s/rad], at
     the spool; None of one whose servo bears any load."""
 
+    brake_set: bool
+    """Whether the holding brake of its motor is told to hold; without effect on a plant that has none."""
+
     @property
     def motor(self) -> float:
         """Angle of the spool, of a suit in the joint's coordinate [rad]."""

@@ -3,7 +3,7 @@
 The same kernel as in a simulation, a sub-step a call. Without torque the motor gives no current: what holds or
 lets sink are the gears' friction, the cables and the arm's weight. A quick stop holds the spool where it was when it
 began. A torn flexor has no tension, a slack one is longer by this much of the spool. The load cell sits at the flexor's
-spool, and the power stage is that of `twin_bench`.
+spool, and the power stage is that of `twin_bench`. A holding brake does what the drive's output says, with its delays.
 
 A wearer who swings keeps still until the scenario begins, as the preflight wants it, swings from then on, and comes to
 rest when the power goes off.
@@ -19,7 +19,7 @@ from bowden.hardware.twin.bench import BRAKE, LONGEST_GAP, OFF, Physics, course_
 from bowden.models.drive.encoder import reading
 from bowden.models.suit.arm import Wearer
 from bowden.models.suit.flex_sensor import flex_start, flex_step
-from bowden.plants.suit_parts import Suit, prepare_suit
+from bowden.plants.suit_parts import Suit, gripped, prepare_suit
 from bowden.plants.suit_plant import SETTLING, Bends, PreparedSuit, SuitState, suit_motor, suit_start, suit_step
 from bowden.sim.scenario import BendPath
 
@@ -93,6 +93,7 @@ class TwinSuit:
         stiffness = motor.inertia * motor.servo.natural_frequency**2
         self.servo_gains: tuple[float, float] | None = None
         self.servo_gains = stiffness, 2.0 * motor.servo.damping * stiffness / motor.servo.natural_frequency
+        self.brake_set, self._told, self._grips = False, (False, now), False
         self._held = math.nan  # where a quick stop holds the motor
         first = float(self._bends[0])
         state = suit_start(self._prepared, initial_motor, initial_motor, first)
@@ -125,10 +126,26 @@ class TwinSuit:
         command = self._held if self.doing == BRAKE else self.command
         state = self._state._replace(spool=self._state.spool._replace(torque_offset=self.torque_offset or 0.0))
         self._state = self._advance(
-            *(self._cabled(), state, command, self.doing != OFF, before, after),
+            *(
+                gripped(self._cabled(), self.suit.brake) if self._braked() else self._cabled(),
+                state,
+                command,
+                self.doing != OFF,
+                before,
+                after,
+            ),
             *(wearer, count, self._substep),
         )
         self.temperature = stage_temperature(self.physics, self.temperature, self.current, elapsed)
+
+    def _braked(self) -> bool:
+        """Whether the brake grips: it does what it is told with its delay."""
+        brake = self.suit.brake
+        if self.brake_set != self._told[0]:
+            self._told = self.brake_set, self._time
+        if self._time - self._told[1] >= (brake.engage_delay if self.brake_set else brake.release_delay):
+            self._grips = self.brake_set and brake.there
+        return self._grips
 
     def _cabled(self) -> PreparedSuit:
         """The suit with its flexor as it is now."""

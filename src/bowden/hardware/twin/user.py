@@ -86,6 +86,7 @@ class TwinUser:
     """
 
     has_cable = False
+    brake_set = False
     interaction = None
     """See `TwinPlant.interaction`."""
     servo_gains: tuple[float, float] | None = None

@@ -140,7 +140,15 @@ def drive_motor(motor: GearedMotor, state: SpoolState, target: float, dt: float)
 
 
 @kernel
-def turn_spool(motor: GearedMotor, state: SpoolState, load: float, stiffness: float, dt: float) -> SpoolState:
+def turn_spool(
+    motor: GearedMotor,
+    state: SpoolState,
+    load: float,
+    stiffness: float,
+    dt: float,
+    flexing_drag: float = 0.0,
+    extending_drag: float = 0.0,
+) -> SpoolState:
     """The spool one sub-step later, under the current that it has.
 
     Args:
@@ -149,12 +157,15 @@ def turn_spool(motor: GearedMotor, state: SpoolState, load: float, stiffness: fl
         load: torque of the cables against a turning that flexes [N·m].
         stiffness: how fast the load grows with the spool's angle, for a step that no stiff cable upsets [N·m/rad].
         dt: [s].
+        flexing_drag: further friction, of the feeder, while the spool turns so as to flex [N·m].
+        extending_drag: the same while it extends [N·m].
     """
     torque = motor.gear * motor.torque_constant * state.current
     effort = dt / (motor.inertia + dt * dt * stiffness)
     free = state.velocity + effort * (torque - load - dt * stiffness * state.velocity)
     carried = np.fmax(np.abs(torque), np.abs(load))
-    held = effort * (motor.friction + (1.0 - motor.efficiency) * carried)
+    drag = sel(free > 0.0, flexing_drag, extending_drag)
+    held = effort * (motor.friction + drag + (1.0 - motor.efficiency) * carried)
     velocity = np.sign(free) * np.fmax(0.0, np.abs(free) - held)
     turned = state.position + dt * velocity
     return SpoolState(

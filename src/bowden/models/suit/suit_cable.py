@@ -16,6 +16,10 @@ less than the arm pulls). Play and capstan never make energy, since their T_m �
 they know time. `width` is the sheath's (`bowden.models.cable.sheath`): 1 at the bend of its identification. A slope
 factor g takes motion and tension alike: x = g·pulled, and the spool feels g·T_m.
 
+Before the spool each cable passes the feeder's rollers, whose one-way clutch locks while the spool coils it and turns
+freely while the cable is paid out (Dinh 2017, Section 2.2, Fig. 3). Its drag D on a cable that is pulled in loads the
+spool alone, as a friction of D times the spool's radius in that direction.
+
 Left out: the cable's mass, friction that is spread along the sheath (one place of sliding stands for all of it;
 `bowden.models.cable.sliding_cable` has n), and the path's change of length with the bend.
 """
@@ -50,6 +54,8 @@ class SuitCable(NamedTuple):
     """Eqs 6–7; its angles are lengths over `radius`."""
     radius: float = 0.0632
     """R, that turns the angles of `bouc_wen` into lengths: the flexor's mean lever over 0–90° [m]."""
+    feeder_drag: float = 0.0
+    """D, of the feeder's locked clutch on the cable while the spool pulls it in; none while it is paid out [N]."""
 
 
 class Fabric(NamedTuple):
@@ -80,6 +86,8 @@ class PreparedSuitCable(NamedTuple):
     fabric: Fabric
     start: float
     """x where nothing has been pulled: what makes the pretension [m]."""
+    feeder_drag: float
+    """D [N]."""
 
 
 class SuitCableMemory(NamedTuple):
@@ -119,6 +127,7 @@ def prepare_suit_cable(cable: SuitCable, fabric: Fabric, bend: float, pretension
         ("cable radius", cable.radius, True),
         ("cable half_width", cable.half_width, False),
         ("cable friction", cable.friction, False),
+        ("cable feeder_drag", cable.feeder_drag, False),
         ("fabric stiffness", fabric.stiffness, True),
         ("fabric stiffening", fabric.stiffening, False),
         ("fabric damping", fabric.damping, False),
@@ -139,6 +148,7 @@ def prepare_suit_cable(cable: SuitCable, fabric: Fabric, bend: float, pretension
         hysteresis=prepare_cable(turns),
         fabric=fabric,
         start=pretension / cable.stiffness + give(pretension, fabric),
+        feeder_drag=cable.feeder_drag,
     )
 
 

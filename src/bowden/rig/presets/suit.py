@@ -14,6 +14,7 @@ from bowden.core.trace import Trace
 from bowden.core.units import DEGREES, RADIANS
 from bowden.models.cable.sheath import Sheath
 from bowden.models.drive.geared_motor import GearedMotor
+from bowden.models.drive.holding_brake import HoldingBrake
 from bowden.models.suit.arm import arm_of
 from bowden.models.suit.geometry import SuitGeometry
 from bowden.models.suit.suit_cable import Fabric, SuitCable
@@ -27,7 +28,7 @@ class SuitCalibration:
     """What the paper does not say of its suit, fitted to its rows without compensation."""
 
     friction: float
-    """Of bearings, seals and feeder at the spool, from the energy of a flexion [N·m]."""
+    """Of bearings and seals at the spool, from the energy of a flexion [N·m]."""
     half_width: float
     """Of the cables' play, from the largest error [m]."""
     period: float
@@ -38,6 +39,8 @@ class SuitCalibration:
     """Of the drive's position loop, which is PD without it [1/s]."""
     natural_frequency: float = bench().servo.natural_frequency
     """Of the drive's unloaded PD loop [rad/s]."""
+    feeder_drag: float = 0.0
+    """Of the feeder on a cable that is pulled in [N]."""
     geometry: SuitGeometry = field(default_factory=SuitGeometry)
     chosen: Mapping[str, float] = field(default_factory=dict)
     """What takes the place of a stated choice of paper.toml, by its name there."""
@@ -52,7 +55,9 @@ def suit(fit: SuitCalibration | None = None) -> Suit:
     """The suit with a calibration; the first one where none is given."""
     fit = fit or suit_calibration()
     chosen = document()["suit"]["chosen"] | dict(fit.chosen)
-    cable = SuitCable(kind="play", stiffness=fit.cable_stiffness, half_width=fit.half_width)
+    cable = SuitCable(
+        kind="play", stiffness=fit.cable_stiffness, half_width=fit.half_width, feeder_drag=fit.feeder_drag
+    )
     servo, sheath = bench().servo, bench().sheath
     return Suit(
         geometry=fit.geometry,
@@ -107,6 +112,9 @@ FRICTION_FEEDFORWARD = 2.79
 (`bowden.identify.suit_friction`), so that it is no more than there is where friction is 30 % less [N·m]."""
 
 
+NO_BRAKE = HoldingBrake()
+
+
 def flexions(period: float | None = None) -> PeriodicMinimumJerk:
     """Flexions and extensions 0–90°; one takes 25 s (Fig. 17) where no `period` [s] is given."""
     return PeriodicMinimumJerk(
@@ -124,6 +132,7 @@ def run_suit(
     duration: float | None = None,
     drive_integral: float | None = None,
     friction_feedforward: float = 0.0,
+    brake: HoldingBrake = NO_BRAKE,
 ) -> Trace:
     """A run of the suit from rest.
 
@@ -136,9 +145,10 @@ def run_suit(
         duration: with it [s].
         drive_integral: of the drive's position loop; the calibration's where it is not given [1/s].
         friction_feedforward: of the drive, which the paper's has not [N·m].
+        brake: of the drive, likewise.
     """
     made, motion = suit(fit), reference or flexions(period)
-    made = made._replace(motor=made.motor._replace(friction_feedforward=friction_feedforward))
+    made = made._replace(motor=made.motor._replace(friction_feedforward=friction_feedforward), brake=brake)
     if drive_integral is not None:
         made = made._replace(motor=made.motor._replace(integral=drive_integral))
     one = document()["suit"]["chosen"]["period"] if period is None else period

@@ -122,4 +122,6 @@ FAMILY = DriveFamily(
     explain=emergency_text,
     probe=probe,
     zeroed=zeroed,
+    brakes=lambda parameters: bool(parameters.brake_output != "none"),
+    brake_hint='drive.brake_output "set" or "release", as its manual has bit 0 of object 60FEh',
 )
