@@ -137,7 +137,7 @@ def offset(network: Network, plays: Plays, angle: float) -> float:
         for i in range(INPUTS):
             total = total + network.inner[j * (INPUTS + 1) + i] * inputs[i]
         found = found + network.outer[j] * tanh(total)
-    return np.fmax(-MOST, np.fmin(MOST, found))
+    return max(-MOST, min(MOST, found))
 
 
 @kernel

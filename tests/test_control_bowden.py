@@ -13,8 +13,8 @@ from bowden.control.knowledge import informed
 from bowden.control.law import Law
 from bowden.control.our_law.crossing import UNANSWERED
 from bowden.control.our_law.law import UNKNOWN_LAG, BowdenState
-from bowden.control.our_law.observer import pace_of
-from bowden.control.our_law.swing import ALIKE, TRIED, WATCHED, no_swing, of_swing, watched
+from bowden.control.our_law.observer import derived_rates
+from bowden.control.our_law.swing import ALIKE, TRIED, WATCHED, no_swing, of_swing, update_oscillation_monitor
 from bowden.control.reference import PeriodicMinimumJerk, PointToPoint
 from bowden.core.kernel import compiled, kernel
 from bowden.core.metrics import rmse
@@ -319,7 +319,7 @@ def test_a_leap_is_followed_at_twice_the_speed_and_a_swing_is_not() -> None:
     time, leap = np.arange(0.0, 6.0, 1e-3), np.zeros(6000)
     leap[3000:] = 20.0 * RADIANS
     swing = 20.0 * RADIANS * np.sin(2.0 * np.pi * 1.6 * time)  # too slow for a trial
-    stopping = pace_of(LAW.gains, 1.0, 1e-3).stopping
+    stopping = derived_rates(LAW.gains, 1.0, 1e-3).stopping
     fastest = []
     for pushed, begin in ((leap, 2900), (swing, 2000)):
         _, _, states = played(STILL, slope=1.0, half_width=0.0, pushed=pushed)
@@ -372,7 +372,7 @@ def test_a_known_load_that_swings_again_is_not_taken_for_the_wearers() -> None:
 
 def test_a_tremor_at_the_frequency_of_a_known_load_does_not_take_the_correction_away() -> None:
     """Each trial halved κ, 10⁻¹⁴ of it were left after a minute; what is left cannot swing a load of little damping."""
-    step, now, kappa = compiled(watched), no_swing()._replace(time=of_swing(0.1)), 280.0
+    step, now, kappa = compiled(update_oscillation_monitor), no_swing()._replace(time=of_swing(0.1)), 280.0
     shares = []
     for tick in range(60_000):
         now = step(now, 0.02 * math.sin(2.0 * math.pi * 5.0 * tick * 1e-3), 2e-4, kappa, 1e-3)

@@ -5,8 +5,8 @@ A law is two kernels and a NamedTuple of gains:
     start(gains, sample) -> state
     step(gains, state, sample, reference, dt) -> (state, command)
 
-Both are written in the portable subset (see ``docs/kernels.md``), and the state is a NamedTuple of floats and of
-further NamedTuples, so that one source runs interpreted, compiled in simulation and in the live loop, and exported as
+Both are kernels (``docs/kernels.md``), and the state is a NamedTuple of floats, bools, enums and further NamedTuples,
+so that one source runs interpreted, compiled in simulation and in the live loop, and exported as
 C99, and every state variable can be recorded.
 """
 

@@ -6,7 +6,7 @@ from typing import Annotated, NamedTuple
 
 from bowden.control.knowledge import Knowledge
 from bowden.control.law import FromRig
-from bowden.core.kernel import exp, kernel, sel, tanh
+from bowden.core.kernel import exp, kernel, tanh
 from bowden.core.quantity import Quantity
 from bowden.core.signals import Reference
 from bowden.core.units import RADIANS
@@ -140,7 +140,9 @@ def turned(direction: float, velocity: float, band: float, time_constant: float,
     >>> turned(0.0, 1.0, 0.1, 0.001, 0.001), turned(0.5, 0.05, 0.1, 0.001, 0.001)
     (0.5, 0.5)
     """
-    goal = sel(velocity > band, 1.0, sel(velocity < -band, -1.0, direction))
+    if math.isnan(velocity) or abs(velocity) <= band:
+        return direction
+    goal = math.copysign(1.0, velocity)
     return direction + (goal - direction) * dt / (time_constant + dt)
 
 
@@ -154,8 +156,9 @@ def waited(wait: float, change: float, hold: float, dt: float) -> float:
     >>> waited(0.0, 0.1, 0.2, 0.001), waited(0.25, 0.0, 0.2, 0.125), waited(0.01, 0.0, 0.2, 0.05)
     (0.2, 0.125, 0.0)
     """
-    left = sel(wait > 1.5 * dt, wait - dt, 0.0)  # half a cycle of slack: rounding, in float above all, adds no cycle
-    return sel((change > 1e-3) + (change < -1e-3) > 0.0, hold, left)
+    if abs(change) > 1e-3:
+        return hold
+    return wait - dt if wait > 1.5 * dt else 0.0  # half a cycle of slack: rounding, in float above all, adds no cycle
 
 
 @kernel
@@ -165,7 +168,9 @@ def bounded(value: float, low: float, high: float, refused: float) -> float:
     >>> bounded(3.0, -1.0, 1.0, 0.5), bounded(float("nan"), -1.0, 1.0, 0.5)
     (1.0, 0.5)
     """
-    return sel((value >= low) * (value <= high), value, sel(value > high, high, sel(value < low, low, refused)))
+    if math.isnan(value):
+        return refused
+    return max(low, min(high, value))
 
 
 @kernel
@@ -181,8 +186,10 @@ def fed_back(
     >>> fed_back(0.0, 0.0, 0.25, 0.5, 2.0, 1.0, 0.5), fed_back(0.1, 0.125, 0.25, 0.5, 2.0, 1.0, 0.5)
     ((0.5, 0.75), (0.125, 0.25))
     """
-    error = bounded(sel(wait > 0.0, error, missed), -1e3, 1e3, error)
-    summed = integral + sel(wait > 0.0, 0.0, rate * error * dt)
+    summed = integral
+    if wait <= 0.0:
+        error = bounded(missed, -1e3, 1e3, error)
+        summed = integral + rate * error * dt
     return error, bounded(summed, -limit, limit, integral)
 
 

@@ -21,8 +21,6 @@ falls to K_least in finite time.
 import math
 from typing import Annotated, NamedTuple
 
-import numpy as np
-
 from bowden.control.knowledge import Knowledge
 from bowden.control.law import Law
 from bowden.control.law_parts import (
@@ -97,7 +95,7 @@ def step(
     before = state.disturbance
     contact = bounded(sample.motor - sample.joint / gains.slope, -1e3, 1e3, state.observed)
     observed = settled(state.observed, contact, gains.bandwidth, dt)
-    growth = gains.adaptation * gains.adaptation * (np.abs(observed - before.value) - gains.deadband)
+    growth = gains.adaptation * gains.adaptation * (abs(observed - before.value) - gains.deadband)
     gain = bounded(state.gain + growth * dt, gains.least_gain, gains.most_gain, gains.least_gain)
     disturbance = limited(before, observed, gains.bandwidth, gain, dt)
     command = ahead(reference, gains.lead, gains.lead_square) / gains.slope

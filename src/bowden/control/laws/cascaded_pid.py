@@ -15,7 +15,7 @@ from typing import Annotated, NamedTuple
 
 from bowden.control.law import Law
 from bowden.control.law_parts import LAG, LEAD, LEAD_SQUARE, LIMITS, ahead, bounded
-from bowden.core.kernel import kernel, sel
+from bowden.core.kernel import kernel
 from bowden.core.quantity import Quantity
 from bowden.core.signals import Reference, Sample
 
@@ -73,7 +73,8 @@ def step(
     summed = bounded(state.integral + gains.integral_gain * error * dt, -limit, limit, state.integral)
     wished = gains.proportional_gain * error + summed + gains.derivative_gain * (reference.velocity - joint_rate)
     correction = bounded(wished, -limit, limit, 0.0)
-    integral = sel((wished - correction) * error > 0.0, state.integral, summed)
+    saturated = (wished - correction) * error > 0.0  # and the error would drive it further
+    integral = state.integral if saturated else summed
 
     command = (
         (ahead(reference, gains.lead, gains.lead_square) + correction) / gains.slope

@@ -28,7 +28,7 @@ from bowden.control.law_parts import (
     turned,
     waited,
 )
-from bowden.core.kernel import exp, kernel, sel
+from bowden.core.kernel import exp, kernel
 from bowden.core.quantity import Quantity
 from bowden.core.signals import Reference, Sample
 
@@ -84,9 +84,11 @@ def step(
     velocity = (reference.velocity + gains.lead * reference.acceleration) / gains.slope
     direction = turned(state.direction, velocity, gains.velocity_band, gains.switching_time, dt)
     travel = velocity * gains.slope * dt
-    side = sel(velocity > 0.0, 1.0, sel(velocity < 0.0, -1.0, state.friction))
-    left = exp(-sel(travel > 0.0, travel, -travel) / gains.friction_travel)
-    friction = bounded(side + (state.friction - side) * left, -1.0, 1.0, state.friction)
+    friction = state.friction
+    if abs(velocity) > 0.0:
+        side = math.copysign(1.0, velocity)
+        left = exp(-abs(travel) / gains.friction_travel)
+        friction = bounded(side + (state.friction - side) * left, -1.0, 1.0, state.friction)
     wait = waited(state.wait, direction - state.direction, gains.hold, dt)
     missed = reference.position - sample.joint
     error, integral = fed_back(wait, state.error, state.integral, missed, gains.integral_gain, gains.integral_limit, dt)

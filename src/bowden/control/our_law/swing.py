@@ -14,9 +14,9 @@ trembles or walks: the law's correction and what it observes are tied by the law
   A swing at the frequency of a load that was learned is never the wearer's, and the load stays as it is: one of little
   damping decays so slowly that it would be taken for it, and with κ whole at once it would grow. The price: while a
   wearer trembles at that frequency κ stays as low as in a trial. Where the swing did decay, T is learned anew.
-- **leap**: a swing of the loop's own hardly grows more than fourfold in a half-wave. What is more than four times as
-  large as the half-wave before, outside a trial, is taken to come from outside, and the correction may go twice as fast
-  (`observer`).
+- **step disturbance**: a swing of the loop's own hardly grows more than fourfold in a half-wave. What is more than four
+  times as large as the half-wave before, outside a trial, is taken to come from outside, and the correction may go
+  twice as fast (`observer`).
 
 | mode | becomes | when |
 |---|---|---|
@@ -24,16 +24,13 @@ trembles or walks: the law's correction and what it observes are tied by the law
 | trial | watching, the wearer's | > 0.6 of the suspect swing in its last three half-waves; no such load is known |
 | trial | watching, own | seven half-waves are over |
 
-The fast part is d̂ less its slow part; a half-wave lasts from one change of its sign to the next. Portable
-subset.
+The fast part is d̂ less its slow part; a half-wave lasts from one change of its sign to the next.
 """
 
+import math
 from typing import Annotated, NamedTuple
 
-import numpy as np
-
-from bowden.core.extremes import larger, smaller
-from bowden.core.kernel import kernel, sel
+from bowden.core.kernel import kernel
 from bowden.core.quantity import Quantity
 
 SLOWEST = 0.25
@@ -69,7 +66,7 @@ STILL_THERE = 0.6
 half-waves at a damping of 0.08; a tremor that goes on has 0.65 to 0.8, since what of it is followed meanwhile goes
 through a load that is none [–]."""
 
-LEAP = 4.0
+STEP_RATIO = 4.0
 """What a swing of the loop's own hardly grows by in a half-wave: an unknown load with a damping of 0.15 grows by at
 most 4.1 at 2 Hz on the rigs of ``benchmarks/law_margins.py``, 3.8 at 3 Hz, 2.9 at 8 Hz [–]."""
 
@@ -104,28 +101,121 @@ def no_swing() -> Swing:
 
 
 @kernel
-def of_swing(period: float) -> float:
+def of_swing(half_wave: float) -> float:
     """T of the load that makes half-waves of this time [s]."""
-    return SLOWER / np.pi * period
+    return SLOWER / math.pi * half_wave
+
+
+@kernel
+def in_trial(now: Swing) -> bool:
+    """The load of the swing before is being tried."""
+    return now.counted < 0.0
 
 
 @kernel
 def load_time(now: Swing) -> float:
     """T of the load that the observer is to have: in a trial the one that is tried [s]."""
-    return sel(now.counted < 0.0, of_swing(now.lasted), now.time)
+    return of_swing(now.lasted) if in_trial(now) else now.time
 
 
 @kernel
-def leaps(now: Swing) -> float:
-    """Whether the disturbance is larger than a swing of the loop's own will have grown to since the half-wave before.
+def is_step_disturbance(now: Swing) -> bool:
+    """The disturbance is larger than a swing of the loop's own will have grown to since the half-wave before.
 
     Of no meaning in a trial, where `last` is kept for its end.
     """
-    return np.abs(now.top) > LEAP * now.last
+    return abs(now.top) > STEP_RATIO * now.last
+
+
+class HalfWave(NamedTuple):
+    """The half-wave of now beside the one before."""
+
+    turned: bool
+    """It ended in this cycle, and the next one began."""
+    top: float
+    """Its largest size so far [rad]."""
+    signed_top: float
+    """The same with its sign; of the next one where this one ended [rad]."""
+    in_time: bool
+    """It lasts no longer than one of the same swing does."""
+    grows: bool
+    """It is larger than the one before, and in time."""
+    growth: float
+    """What it counts if it grows [–]."""
+    news: bool
+    """It is larger than the wearer's own."""
 
 
 @kernel
-def watched(before: Swing, fast: float, noise: float, kappa: float, dt: float) -> Swing:
+def half_wave(before: Swing, fast: float, least: float) -> HalfWave:
+    """The half-wave with the sample of this cycle, `fast` [rad]; below `least` nothing swings [rad]."""
+    turned = fast * before.top < 0.0
+    top = max(abs(fast), abs(before.top))
+    signed_top = fast if turned else (-top if fast < 0.0 else top)
+    in_time = before.lasts < SLOWEST and before.lasts < ALIKE * before.lasted
+    grows = in_time and before.last > least and top > GROWN * before.last
+    growth = min(MOST_GROWTH, 1.0 + GROWTH * (top / max(least, before.last) - 1.0))
+    return HalfWave(turned, top, signed_top, in_time, grows, growth, top > BEYOND * before.wearers)
+
+
+@kernel
+def half_waves_counted(before: Swing, now: HalfWave, least: float) -> float:
+    """Half-waves that did not decay up to this cycle [–]."""
+    if not now.turned:
+        return 0.0 if before.lasts > SLOWEST else before.counted
+    alike = now.in_time and before.lasted < ALIKE * before.lasts
+    kept = now.news and now.top > least and now.top > KEPT * before.last
+    if not (alike and kept):
+        return 0.0
+    return before.counted + (now.growth if now.grows else 1.0)
+
+
+@kernel
+def recovered(share: float, dt: float) -> float:
+    """The share of κ one cycle further on its way back to all of it [–]."""
+    return min(1.0, share * (1.0 + dt / RETURN))
+
+
+@kernel
+def slowed(share: float, period: float, kappa: float) -> float:
+    """The share of κ in a trial of half-waves of this `period` [s]."""
+    frequency = math.pi / (period * kappa)  # the swing's angular frequency, over κ
+    return min(SLOWED * frequency, max(SLOWEST_OWN * frequency, 0.5 * share))
+
+
+@kernel
+def watch(before: Swing, now: HalfWave, least: float, lasts: float, wearers: float, kappa: float, dt: float) -> Swing:
+    """One cycle outside a trial: count half-waves, and begin a trial once there are enough."""
+    counted = half_waves_counted(before, now, least)
+    before_its_end = now.grows and now.news and before.counted + now.growth > ENOUGH and not now.turned
+    if before_its_end or counted > ENOUGH:
+        period = max(2.0 * dt, before.lasted if before_its_end else before.lasts)
+        share = slowed(before.share, period, kappa)
+        return Swing(now.signed_top, 0.0, lasts, period, -TRIED, share, before.time, max(now.top, before.wearers))
+    last, lasted = before.last, before.lasted
+    if now.turned:
+        last, lasted = now.top, max(dt, before.lasts)
+    return Swing(now.signed_top, last, lasts, lasted, counted, recovered(before.share, dt), before.time, wearers)
+
+
+@kernel
+def go_on_trying(before: Swing, now: HalfWave, size: float, lasts: float, wearers: float, dt: float) -> Swing:
+    """One cycle of a trial: it ends as the wearer's at once, or as the loop's own when its half-waves are over."""
+    left = -before.counted - dt / before.lasted
+    last = max(size, before.last) if left <= WATCHED else before.last
+    load = of_swing(before.lasted)
+    known_load = load < ALIKE * before.time and before.time < ALIKE * load
+    still_there = last > STILL_THERE * before.wearers
+    top, lasted, time, share = now.signed_top, before.lasted, before.time, recovered(before.share, dt)
+    if still_there and not known_load:
+        return Swing(top, last, lasts, lasted, 0.0, 1.0, time, wearers)
+    if left <= 0.0:
+        return Swing(top, last, lasts, lasted, 0.0, share, time if known_load and still_there else load, 0.0)
+    return Swing(top, last, lasts, lasted, -left, before.share, time, wearers)
+
+
+@kernel
+def update_oscillation_monitor(before: Swing, fast: float, noise: float, kappa: float, dt: float) -> Swing:
     """One cycle.
 
     Args:
@@ -135,43 +225,10 @@ def watched(before: Swing, fast: float, noise: float, kappa: float, dt: float) -
         kappa: κ of a loop that does not ring [1/s].
         dt: cycle [s].
     """
-    size, least = np.abs(fast), np.fmax(LEAST, SIGMAS * noise)
-    turned = fast * before.top < 0.0
-    top = larger(np.abs(before.top), size)
-    in_time = (before.lasts < SLOWEST) * (before.lasts < ALIKE * before.lasted) > 0.0
-    alike = in_time * (ALIKE * before.lasts > before.lasted) > 0.0
-    grows = in_time * (before.last > least) * (top > GROWN * before.last) > 0.0
-    growth = smaller(1.0 + GROWTH * (top / larger(before.last, least) - 1.0), MOST_GROWTH)
-    news = top > BEYOND * before.wearers
-    kept = alike * news * (top > least) * (top > KEPT * before.last) > 0.0
-    ended = sel(kept, before.counted + sel(grows, growth, 1.0), 0.0)
-    count = sel(turned, ended, sel(before.lasts > SLOWEST, 0.0, before.counted))
-    soon = grows * news * (before.counted + growth > ENOUGH) * (1.0 - turned) > 0.0
-    enough = soon + (count > ENOUGH) > 0.0
-
-    tried = before.counted < 0.0
-    suspected = enough * (1.0 - tried) > 0.0
-    left = -before.counted - dt / before.lasted
-    late = sel(left <= WATCHED, larger(before.last, size), before.last)
-    load = of_swing(before.lasted)
-    known = (load < ALIKE * before.time) * (before.time < ALIKE * load)
-    still = late > STILL_THERE * before.wearers
-    theirs = tried * (1.0 - known) * still > 0.0
-    own = tried * (left <= 0.0) * (1.0 - theirs) > 0.0
-    ends = theirs + own > 0.0
-    period = larger(sel(soon, before.lasted, before.lasts), 2.0 * dt)
-    counted = sel(suspected, -TRIED, sel(ends, 0.0, sel(tried, -left, count)))
-    wearers = sel(suspected, larger(before.wearers, top), sel(own, 0.0, before.wearers * (1.0 - dt / FORGOTTEN)))
-    pace = np.pi / (period * kappa)  # the swing's angular frequency, over κ
-    slowed = smaller(larger(0.5 * before.share, SLOWEST_OWN * pace), SLOWED * pace)
-    back = sel(counted < 0.0, before.share, smaller(before.share * (1.0 + dt / RETURN), 1.0))
-    return Swing(
-        sel(turned, fast, sel(fast < 0.0, -top, top)),
-        sel(suspected, 0.0, sel(tried, late, sel(turned, top, before.last))),
-        sel(turned, 0.0, smaller(before.lasts + dt, 1.0)),
-        sel(suspected, period, sel(turned * (1.0 - tried) > 0.0, larger(before.lasts, dt), before.lasted)),
-        counted,
-        sel(suspected, slowed, sel(theirs, 1.0, back)),
-        sel(own * (1.0 - known * still) > 0.0, load, before.time),
-        wearers,
-    )
+    least = max(LEAST, SIGMAS * noise)
+    now = half_wave(before, fast, least)
+    lasts = 0.0 if now.turned else min(1.0, before.lasts + dt)
+    wearers = before.wearers * (1.0 - dt / FORGOTTEN)
+    if in_trial(before):
+        return go_on_trying(before, now, abs(fast), lasts, wearers, dt)
+    return watch(before, now, least, lasts, wearers, kappa, dt)
