@@ -27,7 +27,7 @@ from scipy.linalg import expm
 
 from bowden.control import LAWS
 from bowden.control.knowledge import configured
-from bowden.control.law_parts import Filtered, through_servo
+from bowden.control.law_parts import Filtered, invert_servo
 from bowden.control.our_law.gains import BowdenGains
 from bowden.control.our_law.law import UNKNOWN_LAG
 from bowden.control.our_law.observer import Observer, correct, derived_rates, propagate_correction
@@ -158,8 +158,8 @@ def law_model(told: Told, lag: float, learned: float, share: float = 1.0) -> Sta
         arrived = propagate_correction(before, 0.0, gains.delay, expected, time, np.inf, told.dt)
         seen = joint - arrived.position
         now, acceleration = correct(before, seen, 0.0, arrived, kappa, rates, 0.0, np.inf, told.dt)
-        wanted = Filtered(now.sent, now.rate, acceleration)
-        return np.array([*now, -through_servo(wanted, gains.servo_frequency, gains.servo_damping)])
+        wanted = Filtered(now.sent, now.sent_rate, acceleration)
+        return np.array([*now, -invert_servo(wanted, gains.servo_frequency, gains.servo_damping)])
 
     count = len(Observer._fields)
     columns = np.array([*(after(row, 0.0) for row in np.eye(count)), after(np.zeros(count), 1.0)]).T

@@ -100,7 +100,7 @@ def test_a_reference_whose_position_steps_back_while_it_goes_on_does_not_turn() 
     for k in range(200):
         position = 0.5 + 1e-4 * k - 0.005 * (k % 5 == 4)
         after = update_deadzone(cable, given(0.5, 0.5, position, 0.1, 0.0, 0.0), asked, asked, DT)
-        cable, asked = after.crossing, after.asked + after.shift
+        cable, asked = after.crossing, after.requested + after.shift
         assert cable.phase == Phase.ENGAGED_UP
 
 

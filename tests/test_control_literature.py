@@ -14,7 +14,7 @@ import pytest
 from bowden.control import LAWS
 from bowden.control.knowledge import Knowledge, informed
 from bowden.control.law import Law
-from bowden.control.law_parts import LEAD, LEAD_SQUARE, ahead
+from bowden.control.law_parts import LEAD, LEAD_SQUARE, compensate_lag
 from bowden.control.laws.active_disturbance_rejection import observer_gains, prediction
 from bowden.control.reference import PeriodicMinimumJerk
 from bowden.control.stability import StateSpace, margins, servo_model
@@ -355,7 +355,7 @@ def test_the_lead_is_the_bench_s_servo_and_delay() -> None:
     rows = PeriodicMinimumJerk(0.0, 1.0, 10.0).sample(np.arange(0.0, 10.0, DT))
     for row in rows:
         errors.append(float((plant.c @ x)[0, 0] - row[0]))
-        x = plant.a @ x + plant.b * ahead(Reference(*row.tolist()), LEAD, LEAD_SQUARE)
+        x = plant.a @ x + plant.b * compensate_lag(Reference(*row.tolist()), LEAD, LEAD_SQUARE)
     assert np.max(np.abs(errors)) < 2e-4 * np.ptp(rows[:, 0])
 
 

@@ -144,8 +144,6 @@ def _find(module: ModuleType, attribute: str, path: Path) -> Law:
         gains = names["Gains"]()
     except Exception as error:
         raise user_file.mistake(error, path) from error
-    if "TOLD" in names:
-        raise ParameterError(f"{path} has TOLD", expected="FROM_RIG, as it is called now", do="rename it")
     from_rig = names.get(
         "FROM_RIG", {name: what for name, what in _BY_NAME.items() if name in getattr(gains, "_fields", ())}
     )

@@ -22,7 +22,17 @@ import math
 from typing import Annotated, NamedTuple
 
 from bowden.control.law import Law
-from bowden.control.law_parts import LAG, LEAD, LEAD_SQUARE, LIMITS, ahead, bounded, fed_back, turned, waited
+from bowden.control.law_parts import (
+    LAG,
+    LEAD,
+    LEAD_SQUARE,
+    LIMITS,
+    clamp,
+    compensate_lag,
+    integrate_error,
+    update_direction,
+    update_hold,
+)
 from bowden.core.kernel import kernel
 from bowden.core.quantity import Quantity
 from bowden.core.signals import Reference, Sample
@@ -142,24 +152,28 @@ def step(
     if abs(sample.motor) <= LARGEST_ANGLE and abs(sample.joint) <= LARGEST_ANGLE:
         motor, joint = sample.motor, sample.joint
     half, most = 0.5 * gains.contact_travel, gains.largest_crossing
-    slot = bounded(state.slot, motor - half, motor + half, motor)
+    slot = clamp(state.slot, motor - half, motor + half, motor)
     up, down = motor - slot > 0.98 * half, motor - slot < -0.98 * half
 
     means, found = state.means, state.estimates
     if up or down:
         means = average(means, motor, joint, up, dt / (gains.forgetting_time + dt))
         found = descend(found, means, gains.adaptation_gain * dt)
-    slope = bounded(found.slope, gains.lowest_slope, gains.highest_slope, state.estimates.slope)
-    right = bounded(found.right, -most, most, state.estimates.right)
-    left = bounded(found.left, -most, most, state.estimates.left)
+    slope = clamp(found.slope, gains.lowest_slope, gains.highest_slope, state.estimates.slope)
+    right = clamp(found.right, -most, most, state.estimates.right)
+    left = clamp(found.left, -most, most, state.estimates.left)
 
     velocity = (reference.velocity + gains.lead * reference.acceleration) / gains.slope
-    direction = turned(state.direction, velocity, gains.velocity_band, gains.switching_time, dt)
-    wait = waited(state.wait, direction - state.direction, gains.hold, dt)
+    direction = update_direction(state.direction, velocity, gains.velocity_band, gains.switching_time, dt)
+    wait = update_hold(state.wait, direction - state.direction, gains.hold, dt)
     missed = reference.position - sample.joint
-    error, integral = fed_back(wait, state.error, state.integral, missed, gains.integral_gain, gains.integral_limit, dt)
+    error, integral = integrate_error(
+        wait, state.error, state.integral, missed, gains.integral_gain, gains.integral_limit, dt
+    )
     upward = 0.5 * (1.0 + direction)
-    inverse = (ahead(reference, gains.lead, gains.lead_square) + upward * right + (1.0 - upward) * left) / slope
+    inverse = (
+        compensate_lag(reference, gains.lead, gains.lead_square) + upward * right + (1.0 - upward) * left
+    ) / slope
     command = inverse + (gains.proportional_gain * error + integral) / gains.slope
     return BacklashInverseState(Estimates(slope, right, left), means, slot, direction, wait, error, integral), command
 

@@ -25,7 +25,7 @@ from typing import Annotated, Any, NamedTuple
 
 from bowden.control.knowledge import Knowledge
 from bowden.control.law import Law
-from bowden.control.law_parts import bounded, turned
+from bowden.control.law_parts import clamp, update_direction
 from bowden.control.laws import disturbance_observer
 from bowden.control.laws.disturbance_observer import DisturbanceObserverGains, DisturbanceObserverState
 from bowden.core.kernel import cos, kernel, sin
@@ -128,7 +128,7 @@ def start(gains: RepetitiveGains, sample: Sample) -> RepetitiveState:
 @kernel
 def followed(stroke: Stroke, reference: Reference, band: float, sameness: float, dt: float) -> Stroke:
     """The strokes after one cycle of the reference."""
-    direction = turned(stroke.direction, reference.velocity, band, 0.0, dt)
+    direction = update_direction(stroke.direction, reference.velocity, band, 0.0, dt)
     since = stroke.since + dt
     if direction == stroke.direction:
         repeated = stroke.repeated and since <= (1.0 + sameness) * stroke.length + dt
@@ -149,8 +149,8 @@ def learnt(
     share = speed / gains.cutoff
     part = error / (1.0 + share * share * share * share)
     most = gains.largest
-    even = bounded(kept * before.even - part * c, -most, most, before.even)
-    return Harmonic(even, bounded(kept * before.odd - part * s, -most, most, before.odd))
+    even = clamp(kept * before.even - part * c, -most, most, before.even)
+    return Harmonic(even, clamp(kept * before.odd - part * s, -most, most, before.odd))
 
 
 @kernel
@@ -172,7 +172,7 @@ def step(
     period, kept, error = 1e3, gains.fading / (gains.fading + dt), 0.0
     if stroke.repeated and stroke.length > dt:
         period, kept = 2.0 * stroke.length, 1.0
-        error = gains.learning / period * bounded(sample.joint - reference.position, -1.0, 1.0, 0.0) * dt
+        error = gains.learning / period * clamp(sample.joint - reference.position, -1.0, 1.0, 0.0) * dt
 
     speed = 2.0 * math.pi / period
     angle = speed * stroke.since + (0.0 if stroke.direction > 0.0 else math.pi)

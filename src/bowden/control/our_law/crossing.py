@@ -151,7 +151,7 @@ class DeadzoneUpdate(NamedTuple):
     """What came of a cycle."""
 
     crossing: Crossing
-    asked: float
+    requested: float
     """I after holding and within reach, before its jump [rad]."""
     shift: float
     """What I and F go by at once: the jump, less what the plan takes over as the slope is learned [rad]."""
@@ -294,13 +294,15 @@ def learn_width(known: Widths, given: DeadzoneInput, gone: float, side: float) -
 
 
 @kernel
-def held(given: DeadzoneInput, side: float, width_back: float, asked_before: float, asked: float, dt: float) -> float:
+def held(
+    given: DeadzoneInput, side: float, width_back: float, requested_before: float, requested: float, dt: float
+) -> float:
     """I no faster back than the reference comes, where it will be at the joint before the motor has gone back [rad]."""
     ahead = side * (given.joint - given.position) * given.inverse
     coming = max(0.0, side * given.velocity) * given.inverse
     if ahead > 0.0 and ahead * ahead < 2.0 * width_back * coming * given.answer:
-        return asked_before + side * max(-coming * dt, side * (asked - asked_before))
-    return asked
+        return requested_before + side * max(-coming * dt, side * (requested - requested_before))
+    return requested
 
 
 class Answer(NamedTuple):
@@ -324,14 +326,14 @@ def joint_answer(before: Crossing, given: DeadzoneInput, contact: float, change:
 
 
 @kernel
-def within_reach(asked: float, asked_before: float, answered: float) -> float:
+def within_reach(requested: float, requested_before: float, answered: float) -> float:
     """I no further than a cable reaches beyond the `answered` contact [rad].
 
     It is held back and never drawn along: that would be a loop of its own.
     """
-    lowest = min(answered - UNANSWERED, asked_before)
-    highest = max(answered + UNANSWERED, asked_before)
-    return max(lowest, min(highest, asked))
+    lowest = min(answered - UNANSWERED, requested_before)
+    highest = max(answered + UNANSWERED, requested_before)
+    return max(lowest, min(highest, requested))
 
 
 class Jump(NamedTuple):
@@ -357,15 +359,15 @@ def fade_jump(before: Crossing, begun: float, pace: float, dt: float) -> Jump:
 
 @kernel
 def update_deadzone(
-    before: Crossing, given: DeadzoneInput, asked_before: float, asked: float, dt: float
+    before: Crossing, given: DeadzoneInput, requested_before: float, requested: float, dt: float
 ) -> DeadzoneUpdate:
     """One cycle.
 
     Args:
         before: one cycle ago.
         given: both angles, the reference, and what is known of the rig.
-        asked_before: I one cycle ago [rad].
-        asked: I as the observer wants it [rad].
+        requested_before: I one cycle ago [rad].
+        requested: I as the observer wants it [rad].
         dt: cycle [s].
     """
     joint = given.joint
@@ -399,11 +401,11 @@ def update_deadzone(
         phase, place, widths = engaged_on(side), contact, learn_width(known, given, gone, side)
 
     if not is_crossing(phase):
-        asked = held(given, side, known.other_way, asked_before, asked, dt)
+        requested = held(given, side, known.other_way, requested_before, requested, dt)
     answer = joint_answer(before, given, contact, change)
-    asked = within_reach(asked, asked_before, answer.contact)
+    requested = within_reach(requested, requested_before, answer.contact)
     if touches:  # back by what of I is beyond the contact
-        jump = -side * max(0.0, min(WIDEST, side * (asked - contact)))
+        jump = -side * max(0.0, min(WIDEST, side * (requested - contact)))
     fading = fade_jump(before, jump, PACE * given.omega, dt)
     after = Crossing(
         phase,
@@ -421,4 +423,4 @@ def update_deadzone(
         answer.contact,
     )
     shift = jump - change * given.position  # with another slope the plan takes over a part of the correction
-    return DeadzoneUpdate(after, asked, shift)
+    return DeadzoneUpdate(after, requested, shift)

@@ -16,7 +16,7 @@ Derivation, stability and limits: ``docs/background/our_law.md``.
 import math
 from typing import NamedTuple
 
-from bowden.control.law_parts import Filtered, through_servo
+from bowden.control.law_parts import Filtered, invert_servo
 from bowden.control.our_law.crossing import (
     TOUCH,
     TOUCH_SIGMAS,
@@ -44,7 +44,13 @@ from bowden.control.our_law.observer import (
     observer_at_rest,
     propagate_correction,
 )
-from bowden.control.our_law.swing import Swing, is_step_disturbance, load_time, no_swing, update_oscillation_monitor
+from bowden.control.our_law.swing import (
+    OscillationMonitor,
+    is_step_disturbance,
+    no_oscillation,
+    time_of_load,
+    update_oscillation_monitor,
+)
 from bowden.core.kernel import kernel
 from bowden.core.signals import Reference, Sample
 
@@ -70,7 +76,7 @@ class BowdenState(NamedTuple):
     """What the law remembers."""
 
     observer: Observer
-    swing: Swing
+    swing: OscillationMonitor
     crossing: Crossing
     drive: ExpectedMotor
 
@@ -81,7 +87,7 @@ def start(gains: BowdenGains, sample: Sample) -> BowdenState:
     inverse, motor = 1.0 / abs(gains.slope), math.copysign(1.0, gains.slope) * sample.motor
     offset = motor - sample.joint * inverse
     crossing = crossing_at_start(sample.joint, offset, inverse, gains.width)
-    return BowdenState(observer_at_rest(offset), no_swing(), crossing, ExpectedMotor(motor, 0.0))
+    return BowdenState(observer_at_rest(offset), no_oscillation(), crossing, ExpectedMotor(motor, 0.0))
 
 
 class Measured(NamedTuple):
@@ -124,23 +130,23 @@ def step(
     wanted = reference.position if abs(reference.position) <= FURTHEST else now.joint  # no NaN stays in the state
 
     # the correction at the joint
-    load = load_time(state.swing)
+    load = time_of_load(state.swing)
     lag = gains.lag if load > 0.0 else gains.lag + UNKNOWN_LAG / omega
     late = gains.lag + 2.0 * LOAD_DAMPING * load
     shortfall = tracking_shortfall(state.drive, now.motor, gains) if now.valid else 0.0
-    in_reach = abs(before.asked - cable.answer_contact) < WIDEST  # of a dead zone
+    in_reach = abs(before.requested - cable.answer_contact) < WIDEST  # of a dead zone
     step_disturbance = is_step_disturbance(state.swing) and in_reach and late <= 0.0  # a load that is tried is late
     fastest = largest_speed(rates.stopping, reference.velocity * inverse, step_disturbance)
     arrived = propagate_correction(before, shortfall_at_joint(cable, shortfall), delay, lag, load, fastest, dt)
 
     # d̂: what of the error the correction that has arrived does not explain
-    disturbance = (now.joint - wanted) * inverse - arrived.position if now.plausible else -before.asked
-    slow = disturbance if cable.furthest >= UNSEEN else before.slow  # at the start all of it is slow
+    disturbance = (now.joint - wanted) * inverse - arrived.position if now.plausible else -before.requested
+    slow = disturbance if cable.furthest >= UNSEEN else before.slow_disturbance  # at the start all of it is slow
     slow = slow + (disturbance - slow) * (dt / (SLOW_PART + dt))
 
     # I and F, as fast as the watch allows
     swing = update_oscillation_monitor(state.swing, disturbance - slow, noise, rates.kappa, dt)
-    kappa = swing.share * rates.kappa
+    kappa = swing.bandwidth_share * rates.kappa
     rests = abs(reference.velocity) * REST < TURN + TURN_SIGMAS * gains.noise
     least = IDLE + IDLE_SIGMAS * noise if rests else noise
     observer, acceleration = correct(before, disturbance, slow, arrived, kappa, rates, least, fastest, dt)
@@ -160,18 +166,18 @@ def step(
         answer=1.0 / kappa + FILTER_DELAY / rates.quick + delay,
         rate=state.drive.velocity,
     )
-    deadzone = update_deadzone(cable, given, before.asked, observer.asked, dt)
-    observer, cable = apply_shift(observer, deadzone.asked, deadzone.shift), deadzone.crossing
+    deadzone = update_deadzone(cable, given, before.requested, observer.requested, dt)
+    observer, cable = apply_shift(observer, deadzone.requested, deadzone.shift), deadzone.crossing
 
     # where the motor is to be, and the servo's inverse of it
     position = reference.position + delay * (reference.velocity + 0.5 * delay * reference.acceleration)
     velocity = reference.velocity + delay * reference.acceleration
     motor = Filtered(
         position * cable.inverse + observer.sent + cable.jump,
-        velocity * cable.inverse + observer.rate + cable.jump_rate,
+        velocity * cable.inverse + observer.sent_rate + cable.jump_rate,
         reference.acceleration * cable.inverse + acceleration + cable.jump_bend,
     )
-    command = through_servo(motor, omega, gains.servo_damping)
+    command = invert_servo(motor, omega, gains.servo_damping)
     sane = command if abs(command) <= FURTHEST else state.drive.position
     drive = predict_motor(state.drive, sane, omega, gains.servo_damping, dt)
     return BowdenState(observer, swing, cable, drive), math.copysign(1.0, gains.slope) * command

@@ -66,13 +66,13 @@ LOAD_DAMPING = 0.25
 class Observer(NamedTuple):
     """What the observer remembers."""
 
-    asked: Annotated[float, Quantity("I, the correction asked for", "rad")]
+    requested: Annotated[float, Quantity("I, the correction asked for", "rad")]
     innovation: Annotated[float, Quantity("x, what of the disturbance is not yet corrected", "rad")]
     sent: Annotated[float, Quantity("F, the correction as sent", "rad")]
-    rate: Annotated[float, Quantity("its rate", "rad/s")]
-    arrived: Annotated[float, Quantity("the correction that has arrived at the joint", "rad")]
-    arriving: Annotated[float, Quantity("its rate", "rad/s")]
-    slow: Annotated[float, Quantity("the disturbance's slow part", "rad")]
+    sent_rate: Annotated[float, Quantity("its rate", "rad/s")]
+    at_joint: Annotated[float, Quantity("the correction that has arrived at the joint", "rad")]
+    at_joint_rate: Annotated[float, Quantity("its rate", "rad/s")]
+    slow_disturbance: Annotated[float, Quantity("the disturbance's slow part", "rad")]
 
 
 class Rates(NamedTuple):
@@ -137,11 +137,11 @@ def propagate_correction(
     T = `time` is 0. It is no faster than the correction may be, `most`, so that a motor's reading that jumps is hardly
     counted.
     """
-    late = before.sent - delay * before.rate + shortfall
+    late = before.sent - delay * before.sent_rate + shortfall
     inertia, damping = time * time, lag + 2.0 * LOAD_DAMPING * time
-    rate = (inertia * before.arriving + dt * (late - before.arrived)) / (inertia + dt * (damping + dt))
+    rate = (inertia * before.at_joint_rate + dt * (late - before.at_joint)) / (inertia + dt * (damping + dt))
     rate = max(-most, min(most, rate))
-    return PropagatedCorrection(before.arrived + dt * rate, rate)
+    return PropagatedCorrection(before.at_joint + dt * rate, rate)
 
 
 @kernel
@@ -170,26 +170,26 @@ def correct(
         dt: cycle [s].
     """
     share = THIRD_POLE * rates.quick * dt
-    x = before.innovation + (disturbance + before.asked - before.innovation) * (share / (1.0 + share))
+    x = before.innovation + (disturbance + before.requested - before.innovation) * (share / (1.0 + share))
     most = dt * most
     step = (1.0 - exp(-kappa * dt)) * x * x * x / (x * x + least * least + 1e-30)
-    asked = before.asked - max(-most, min(most, step))
+    requested = before.requested - max(-most, min(most, step))
     stiff, damping = rates.quick * rates.quick, 2.0 * FILTER_DAMPING * rates.quick
-    pull = stiff * (asked - before.sent - dt * before.rate) - damping * before.rate
+    pull = stiff * (requested - before.sent - dt * before.sent_rate) - damping * before.sent_rate
     acceleration = pull / (1.0 + dt * (damping + dt * stiff))
-    rate = before.rate + dt * acceleration
-    return Observer(asked, x, before.sent + dt * rate, rate, arrived.position, arrived.rate, slow), acceleration
+    rate = before.sent_rate + dt * acceleration
+    return Observer(requested, x, before.sent + dt * rate, rate, arrived.position, arrived.rate, slow), acceleration
 
 
 @kernel
-def apply_shift(before: Observer, asked: float, shift: float) -> Observer:
-    """The observer with another I, `asked`, and `shift` more correction at once, which the plan takes away [rad]."""
+def apply_shift(before: Observer, requested: float, shift: float) -> Observer:
+    """The observer with another I, `requested`, and `shift` more correction at once, which the plan takes away."""
     return Observer(
-        asked + shift,
+        requested + shift,
         before.innovation,
         before.sent + shift,
-        before.rate,
-        before.arrived + shift,
-        before.arriving,
-        before.slow - shift,
+        before.sent_rate,
+        before.at_joint + shift,
+        before.at_joint_rate,
+        before.slow_disturbance - shift,
     )

@@ -81,50 +81,52 @@ SLOWER = 1.15
 half of what is gained [–]."""
 
 
-class Swing(NamedTuple):
+class OscillationMonitor(NamedTuple):
     """What is seen of a swing."""
 
-    top: Annotated[float, Quantity("largest of the half-wave now, with its sign", "rad")]
-    last: Annotated[float, Quantity("largest of the one before; in a trial, at its end", "rad")]
-    lasts: Annotated[float, Quantity("time since the half-wave began", "s")]
-    lasted: Annotated[float, Quantity("time of the one before; in a trial, of the swing that is tried", "s")]
-    counted: Annotated[float, Quantity("half-waves that did not decay; below 0, those left of a trial", "1")]
-    share: Annotated[float, Quantity("of κ that is used; 1 is all", "1")]
-    time: Annotated[float, Quantity("T of a load that swings, 1/its frequency; 0 where none is known", "s")]
-    wearers: Annotated[float, Quantity("size of a swing that is the wearer's", "rad")]
+    peak: Annotated[float, Quantity("largest of the half-wave now, with its sign", "rad")]
+    last_peak: Annotated[float, Quantity("largest of the one before; in a trial, at its end", "rad")]
+    half_wave_time: Annotated[float, Quantity("time since the half-wave began", "s")]
+    last_half_wave_time: Annotated[
+        float, Quantity("time of the one before; in a trial, of the swing that is tried", "s")
+    ]
+    count: Annotated[float, Quantity("half-waves that did not decay; below 0, those left of a trial", "1")]
+    bandwidth_share: Annotated[float, Quantity("of κ that is used; 1 is all", "1")]
+    load_time: Annotated[float, Quantity("T of a load that swings, 1/its frequency; 0 where none is known", "s")]
+    wearer_amplitude: Annotated[float, Quantity("size of a swing that is the wearer's", "rad")]
 
 
 @kernel
-def no_swing() -> Swing:
+def no_oscillation() -> OscillationMonitor:
     """Nothing has been seen yet."""
-    return Swing(0.0, 0.0, 0.0, 0.1, 0.0, 1.0, 0.0, 0.0)
+    return OscillationMonitor(0.0, 0.0, 0.0, 0.1, 0.0, 1.0, 0.0, 0.0)
 
 
 @kernel
-def of_swing(half_wave: float) -> float:
+def load_of_half_wave(half_wave: float) -> float:
     """T of the load that makes half-waves of this time [s]."""
     return SLOWER / math.pi * half_wave
 
 
 @kernel
-def in_trial(now: Swing) -> bool:
+def in_trial(now: OscillationMonitor) -> bool:
     """The load of the swing before is being tried."""
-    return now.counted < 0.0
+    return now.count < 0.0
 
 
 @kernel
-def load_time(now: Swing) -> float:
+def time_of_load(now: OscillationMonitor) -> float:
     """T of the load that the observer is to have: in a trial the one that is tried [s]."""
-    return of_swing(now.lasted) if in_trial(now) else now.time
+    return load_of_half_wave(now.last_half_wave_time) if in_trial(now) else now.load_time
 
 
 @kernel
-def is_step_disturbance(now: Swing) -> bool:
+def is_step_disturbance(now: OscillationMonitor) -> bool:
     """The disturbance is larger than a swing of the loop's own will have grown to since the half-wave before.
 
-    Of no meaning in a trial, where `last` is kept for its end.
+    Of no meaning in a trial, where `last_peak` is kept for its end.
     """
-    return abs(now.top) > STEP_RATIO * now.last
+    return abs(now.peak) > STEP_RATIO * now.last_peak
 
 
 class HalfWave(NamedTuple):
@@ -132,9 +134,9 @@ class HalfWave(NamedTuple):
 
     turned: bool
     """It ended in this cycle, and the next one began."""
-    top: float
+    peak: float
     """Its largest size so far [rad]."""
-    signed_top: float
+    signed_peak: float
     """The same with its sign; of the next one where this one ended [rad]."""
     in_time: bool
     """It lasts no longer than one of the same swing does."""
@@ -147,27 +149,27 @@ class HalfWave(NamedTuple):
 
 
 @kernel
-def half_wave(before: Swing, fast: float, least: float) -> HalfWave:
+def half_wave(before: OscillationMonitor, fast: float, least: float) -> HalfWave:
     """The half-wave with the sample of this cycle, `fast` [rad]; below `least` nothing swings [rad]."""
-    turned = fast * before.top < 0.0
-    top = max(abs(fast), abs(before.top))
-    signed_top = fast if turned else (-top if fast < 0.0 else top)
-    in_time = before.lasts < SLOWEST and before.lasts < ALIKE * before.lasted
-    grows = in_time and before.last > least and top > GROWN * before.last
-    growth = min(MOST_GROWTH, 1.0 + GROWTH * (top / max(least, before.last) - 1.0))
-    return HalfWave(turned, top, signed_top, in_time, grows, growth, top > BEYOND * before.wearers)
+    turned = fast * before.peak < 0.0
+    top = max(abs(fast), abs(before.peak))
+    signed_peak = fast if turned else (-top if fast < 0.0 else top)
+    in_time = before.half_wave_time < SLOWEST and before.half_wave_time < ALIKE * before.last_half_wave_time
+    grows = in_time and before.last_peak > least and top > GROWN * before.last_peak
+    growth = min(MOST_GROWTH, 1.0 + GROWTH * (top / max(least, before.last_peak) - 1.0))
+    return HalfWave(turned, top, signed_peak, in_time, grows, growth, top > BEYOND * before.wearer_amplitude)
 
 
 @kernel
-def half_waves_counted(before: Swing, now: HalfWave, least: float) -> float:
+def half_waves_counted(before: OscillationMonitor, now: HalfWave, least: float) -> float:
     """Half-waves that did not decay up to this cycle [–]."""
     if not now.turned:
-        return 0.0 if before.lasts > SLOWEST else before.counted
-    alike = now.in_time and before.lasted < ALIKE * before.lasts
-    kept = now.news and now.top > least and now.top > KEPT * before.last
+        return 0.0 if before.half_wave_time > SLOWEST else before.count
+    alike = now.in_time and before.last_half_wave_time < ALIKE * before.half_wave_time
+    kept = now.news and now.peak > least and now.peak > KEPT * before.last_peak
     if not (alike and kept):
         return 0.0
-    return before.counted + (now.growth if now.grows else 1.0)
+    return before.count + (now.growth if now.grows else 1.0)
 
 
 @kernel
@@ -184,38 +186,47 @@ def slowed(share: float, period: float, kappa: float) -> float:
 
 
 @kernel
-def watch(before: Swing, now: HalfWave, least: float, lasts: float, wearers: float, kappa: float, dt: float) -> Swing:
+def watch(
+    before: OscillationMonitor, now: HalfWave, least: float, lasts: float, wearers: float, kappa: float, dt: float
+) -> OscillationMonitor:
     """One cycle outside a trial: count half-waves, and begin a trial once there are enough."""
-    counted = half_waves_counted(before, now, least)
-    before_its_end = now.grows and now.news and before.counted + now.growth > ENOUGH and not now.turned
+    peak, load, counted = now.signed_peak, before.load_time, half_waves_counted(before, now, least)
+    before_its_end = now.grows and now.news and before.count + now.growth > ENOUGH and not now.turned
     if before_its_end or counted > ENOUGH:
-        period = max(2.0 * dt, before.lasted if before_its_end else before.lasts)
-        share = slowed(before.share, period, kappa)
-        return Swing(now.signed_top, 0.0, lasts, period, -TRIED, share, before.time, max(now.top, before.wearers))
-    last, lasted = before.last, before.lasted
+        period = max(2.0 * dt, before.last_half_wave_time if before_its_end else before.half_wave_time)
+        share = slowed(before.bandwidth_share, period, kappa)
+        suspect = max(now.peak, before.wearer_amplitude)
+        return OscillationMonitor(peak, 0.0, lasts, period, -TRIED, share, load, suspect)
+    last, lasted, share = before.last_peak, before.last_half_wave_time, recovered(before.bandwidth_share, dt)
     if now.turned:
-        last, lasted = now.top, max(dt, before.lasts)
-    return Swing(now.signed_top, last, lasts, lasted, counted, recovered(before.share, dt), before.time, wearers)
+        last, lasted = now.peak, max(dt, before.half_wave_time)
+    return OscillationMonitor(peak, last, lasts, lasted, counted, share, load, wearers)
 
 
 @kernel
-def go_on_trying(before: Swing, now: HalfWave, size: float, lasts: float, wearers: float, dt: float) -> Swing:
+def go_on_trying(
+    before: OscillationMonitor, now: HalfWave, size: float, lasts: float, wearers: float, dt: float
+) -> OscillationMonitor:
     """One cycle of a trial: it ends as the wearer's at once, or as the loop's own when its half-waves are over."""
-    left = -before.counted - dt / before.lasted
-    last = max(size, before.last) if left <= WATCHED else before.last
-    load = of_swing(before.lasted)
-    known_load = load < ALIKE * before.time and before.time < ALIKE * load
-    still_there = last > STILL_THERE * before.wearers
-    top, lasted, time, share = now.signed_top, before.lasted, before.time, recovered(before.share, dt)
+    peak, tried, load = now.signed_peak, before.last_half_wave_time, before.load_time
+    left = -before.count - dt / tried
+    last = max(size, before.last_peak) if left <= WATCHED else before.last_peak
+    load_tried, share = load_of_half_wave(tried), recovered(before.bandwidth_share, dt)
+    known_load = load_tried < ALIKE * load and load < ALIKE * load_tried
+    still_there = last > STILL_THERE * before.wearer_amplitude
     if still_there and not known_load:
-        return Swing(top, last, lasts, lasted, 0.0, 1.0, time, wearers)
-    if left <= 0.0:
-        return Swing(top, last, lasts, lasted, 0.0, share, time if known_load and still_there else load, 0.0)
-    return Swing(top, last, lasts, lasted, -left, before.share, time, wearers)
+        return OscillationMonitor(peak, last, lasts, tried, 0.0, 1.0, load, wearers)
+    if left > 0.0:
+        return OscillationMonitor(peak, last, lasts, tried, -left, before.bandwidth_share, load, wearers)
+    if not (still_there and known_load):
+        load = load_tried
+    return OscillationMonitor(peak, last, lasts, tried, 0.0, share, load, 0.0)
 
 
 @kernel
-def update_oscillation_monitor(before: Swing, fast: float, noise: float, kappa: float, dt: float) -> Swing:
+def update_oscillation_monitor(
+    before: OscillationMonitor, fast: float, noise: float, kappa: float, dt: float
+) -> OscillationMonitor:
     """One cycle.
 
     Args:
@@ -227,8 +238,8 @@ def update_oscillation_monitor(before: Swing, fast: float, noise: float, kappa: 
     """
     least = max(LEAST, SIGMAS * noise)
     now = half_wave(before, fast, least)
-    lasts = 0.0 if now.turned else min(1.0, before.lasts + dt)
-    wearers = before.wearers * (1.0 - dt / FORGOTTEN)
+    lasts = 0.0 if now.turned else min(1.0, before.half_wave_time + dt)
+    wearers = before.wearer_amplitude * (1.0 - dt / FORGOTTEN)
     if in_trial(before):
         return go_on_trying(before, now, abs(fast), lasts, wearers, dt)
     return watch(before, now, least, lasts, wearers, kappa, dt)
