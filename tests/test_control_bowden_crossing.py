@@ -7,7 +7,7 @@ from bowden.control.our_law.crossing import (
     BELIEVED,
     Crossing,
     DeadzoneInput,
-    Phase,
+    DeadzonePhase,
     crossing_at_start,
     shortfall_at_joint,
     update_deadzone,
@@ -40,7 +40,7 @@ def line(first: float, last: float, count: int) -> list[float]:
 def up(width: float) -> Crossing:
     """Followed up to 0.5 rad with a width believed, engaged."""
     cable, _ = after_rows(crossing_at_start(0.0, 0.0, 1.0, width), [(x, x, x) for x in line(0.0, 0.5, 500)])
-    assert cable.phase == Phase.ENGAGED_UP
+    assert cable.phase == DeadzonePhase.ENGAGED_UP
     return cable
 
 
@@ -50,7 +50,7 @@ def turned(width: float) -> tuple[Crossing, float]:
 
 def test_a_turn_of_the_reference_begins_a_crossing_by_what_is_left_of_the_width() -> None:
     cable, shift = turned(0.1)
-    assert cable.phase == Phase.CROSSING_DOWN
+    assert cable.phase == DeadzonePhase.CROSSING_DOWN
     assert shift == pytest.approx(-0.1, abs=0.005)
     assert turned(0.0)[1] == pytest.approx(0.0, abs=1e-9), "nothing is known, nothing is jumped"
 
@@ -60,9 +60,9 @@ def test_a_touch_ends_it_and_the_width_stays_a_lower_end(gone: float) -> None:
     """What is narrower is believed at once, what is wider by a share."""
     cable, _ = turned(0.1)
     cable, _ = after_rows(cable, [(0.5, x, 0.45) for x in line(0.5, 0.5 - gone, 50)])
-    assert cable.phase == Phase.CROSSING_DOWN
+    assert cable.phase == DeadzonePhase.CROSSING_DOWN
     cable, _ = after_rows(cable, [(0.5 - x, 0.5 - gone - x, 0.45 - x) for x in line(0.0, 0.004, 8)])
-    assert cable.phase == Phase.ENGAGED_DOWN
+    assert cable.phase == DeadzonePhase.ENGAGED_DOWN
     expected = gone if gone < 0.1 else 0.1 + BELIEVED * (gone - 0.1)
     assert cable.width_back == pytest.approx(expected, abs=0.002)
     assert cable.width == pytest.approx(max(expected, 0.1), abs=0.002), "the other way is wider too, and not narrower"
@@ -74,7 +74,7 @@ def test_where_the_joint_is_late_what_the_motor_went_meanwhile_is_no_width() -> 
     lag, rate = 0.09, -0.5
     cable, _ = after_rows(cable, [(0.5, x, 0.45) for x in line(0.5, 0.3, 50)], lag, rate)
     cable, _ = after_rows(cable, [(0.5 - x, 0.3 - x, 0.45 - x) for x in line(0.0, 0.004, 8)], lag, rate)
-    assert cable.phase == Phase.ENGAGED_DOWN
+    assert cable.phase == DeadzonePhase.ENGAGED_DOWN
     assert cable.width_back == pytest.approx(0.1 + BELIEVED * (0.2 + lag * rate - 0.1), abs=0.002)
     assert 0.1 < cable.width < 0.101
 
@@ -90,7 +90,7 @@ def test_a_motor_that_sticks_within_the_dead_zone_keeps_nothing_from_the_joint()
 def test_a_reference_that_turns_back_before_the_touch_is_on_its_old_side_again() -> None:
     cable, there = turned(0.1)
     cable, back = after_rows(cable, [(0.5, 0.45, x) for x in line(0.46, 0.5, 40)])
-    assert cable.phase == Phase.ENGAGED_UP
+    assert cable.phase == DeadzonePhase.ENGAGED_UP
     assert cable.width == 0.1
     assert back == pytest.approx(-there, abs=0.005)
 
@@ -101,9 +101,9 @@ def test_a_reference_whose_position_steps_back_while_it_goes_on_does_not_turn() 
         position = 0.5 + 1e-4 * k - 0.005 * (k % 5 == 4)
         after = update_deadzone(cable, given(0.5, 0.5, position, 0.1, 0.0, 0.0), asked, asked, DT)
         cable, asked = after.crossing, after.requested + after.shift
-        assert cable.phase == Phase.ENGAGED_UP
+        assert cable.phase == DeadzonePhase.ENGAGED_UP
 
 
 def test_a_still_reference_never_turns() -> None:
     cable, shift = after_rows(up(0.1), [(0.5 + 0.05 * np.sin(0.01 * k), 0.5, 0.5) for k in range(2000)])
-    assert (cable.phase, shift) == (Phase.ENGAGED_UP, 0.0)
+    assert (cable.phase, shift) == (DeadzonePhase.ENGAGED_UP, 0.0)

@@ -39,7 +39,7 @@ from bowden.core.kernel import kernel
 from bowden.core.quantity import Quantity
 
 
-class Phase(IntEnum):
+class DeadzonePhase(IntEnum):
     """Where the motor is in the dead zone, and to which side the reference goes, which is the sign."""
 
     AT_START = 0
@@ -103,7 +103,9 @@ joint is held, is left behind [rad]."""
 class Crossing(NamedTuple):
     """What is known of the cable, and where in it the motor is."""
 
-    phase: Annotated[Phase, Quantity("±1 engaged, ±2 crossing, with the sign of the reference's way; 0 at start", "1")]
+    phase: Annotated[
+        DeadzonePhase, Quantity("±1 engaged, ±2 crossing, with the sign of the reference's way; 0 at start", "1")
+    ]
     furthest: Annotated[float, Quantity("the reference furthest on this side", "rad")]
     jump: Annotated[float, Quantity("J, what the command lacks of a jump", "rad")]
     jump_rate: Annotated[float, Quantity("its rate", "rad/s")]
@@ -162,12 +164,24 @@ def crossing_at_start(joint: float, contact: float, inverse: float, width: float
     """Nothing is known but what was given."""
     doubt = UNSURE * inverse
     return Crossing(
-        Phase.AT_START, UNSEEN, 0.0, 0.0, 0.0, width, width, contact, joint, inverse, doubt * doubt, joint, contact
+        DeadzonePhase.AT_START,
+        UNSEEN,
+        0.0,
+        0.0,
+        0.0,
+        width,
+        width,
+        contact,
+        joint,
+        inverse,
+        doubt * doubt,
+        joint,
+        contact,
     )
 
 
 @kernel
-def side_of(phase: Phase) -> float:
+def side_of(phase: DeadzonePhase) -> float:
     """The sign of the reference's way; 0 at start."""
     if phase > 0:
         return 1.0
@@ -175,21 +189,21 @@ def side_of(phase: Phase) -> float:
 
 
 @kernel
-def is_crossing(phase: Phase) -> bool:
+def is_crossing(phase: DeadzonePhase) -> bool:
     """The motor crosses the dead zone."""
-    return phase == Phase.CROSSING_UP or phase == Phase.CROSSING_DOWN
+    return phase == DeadzonePhase.CROSSING_UP or phase == DeadzonePhase.CROSSING_DOWN
 
 
 @kernel
-def engaged_on(side: float) -> Phase:
+def engaged_on(side: float) -> DeadzonePhase:
     """The motor moves the joint this way."""
-    return Phase.ENGAGED_UP if side > 0.0 else Phase.ENGAGED_DOWN
+    return DeadzonePhase.ENGAGED_UP if side > 0.0 else DeadzonePhase.ENGAGED_DOWN
 
 
 @kernel
-def crossing_to(side: float) -> Phase:
+def crossing_to(side: float) -> DeadzonePhase:
     """The motor crosses this way."""
-    return Phase.CROSSING_UP if side > 0.0 else Phase.CROSSING_DOWN
+    return DeadzonePhase.CROSSING_UP if side > 0.0 else DeadzonePhase.CROSSING_DOWN
 
 
 @kernel
@@ -213,7 +227,7 @@ def shortfall_at_joint(cable: Crossing, shortfall: float) -> float:
     return shortfall
 
 
-class Turn(NamedTuple):
+class ReferenceTurn(NamedTuple):
     """The reference beside where it was furthest."""
 
     turns: bool
@@ -224,30 +238,30 @@ class Turn(NamedTuple):
 
 
 @kernel
-def reference_turn(before: Crossing, given: DeadzoneInput) -> Turn:
+def reference_turn(before: Crossing, given: DeadzoneInput) -> ReferenceTurn:
     """The reference turns where, as it will be, it is behind the furthest that it was on this side, and does not go on.
 
     Of one that is given in steps the position alone goes back now and then while it goes on.
     """
     side = side_of(before.phase)
     if before.furthest >= UNSEEN:  # the first reference
-        return Turn(False, side, given.position)
+        return ReferenceTurn(False, side, given.position)
     ahead = given.delay + MIDDLE / (PACE * given.omega)
     here = given.position + ahead * (given.velocity + 0.5 * ahead * given.acceleration)
     tolerance = TURN + TURN_SIGMAS * given.noise
-    if before.phase == Phase.AT_START:
+    if before.phase == DeadzonePhase.AT_START:
         off = here - before.furthest
         if abs(off) > tolerance:
-            return Turn(True, math.copysign(1.0, off), here)
-        return Turn(False, side, before.furthest)
+            return ReferenceTurn(True, math.copysign(1.0, off), here)
+        return ReferenceTurn(False, side, before.furthest)
     furthest = side * max(side * before.furthest, side * here)
     goes_on = side * (given.velocity + ahead * given.acceleration) > 0.0
     if side * (furthest - here) > tolerance and not goes_on:
-        return Turn(True, -side, here)
-    return Turn(False, side, furthest)
+        return ReferenceTurn(True, -side, here)
+    return ReferenceTurn(False, side, furthest)
 
 
-class Slope(NamedTuple):
+class LearnedSlope(NamedTuple):
     """The slope as learned."""
 
     inverse: float
@@ -256,23 +270,23 @@ class Slope(NamedTuple):
 
 
 @kernel
-def learn_slope(before: Crossing, given: DeadzoneInput, contact: float) -> Slope:
+def learn_slope(before: Crossing, given: DeadzoneInput, contact: float) -> LearnedSlope:
     """One Kalman step at the end of a stretch: o now against o at the touch, over the joint's way between."""
     way, loop = given.joint - before.extreme, given.inverse
     if not abs(way) > STRETCH:
-        return Slope(before.inverse, before.variance)
+        return LearnedSlope(before.inverse, before.variance)
     innovation = (contact - before.contact) / way
     other = STRANGE * STRANGE / (way * way + 1e-9)
     most = UNSURE * loop * (UNSURE * loop)
     if innovation * innovation > ODD * (before.variance + other):
-        return Slope(before.inverse, min(most, 2.0 * before.variance))
+        return LearnedSlope(before.inverse, min(most, 2.0 * before.variance))
     trust = before.variance / (before.variance + other)
     inverse = max(FLATTEST * loop, min(STEEPEST * loop, before.inverse + trust * innovation))
     wandered = WANDERS * loop * (WANDERS * loop)
-    return Slope(inverse, min(most, (1.0 - trust) * before.variance + wandered))
+    return LearnedSlope(inverse, min(most, (1.0 - trust) * before.variance + wandered))
 
 
-class Widths(NamedTuple):
+class LearnedWidths(NamedTuple):
     """w of both ways [rad]."""
 
     this_way: float
@@ -280,7 +294,7 @@ class Widths(NamedTuple):
 
 
 @kernel
-def learn_width(known: Widths, given: DeadzoneInput, gone: float, side: float) -> Widths:
+def learn_width(known: LearnedWidths, given: DeadzoneInput, gone: float, side: float) -> LearnedWidths:
     """At a touch, after o has `gone` this way [rad]."""
     late = 1.0 + given.omega * given.lag
     if gone < known.this_way:
@@ -290,7 +304,7 @@ def learn_width(known: Widths, given: DeadzoneInput, gone: float, side: float) -
         believed = known.this_way + BELIEVED * max(0.0, excess)
     this_way = max(0.0, min(WIDEST, believed))
     other_way = known.other_way + max(0.0, this_way - known.this_way) / (late * late)
-    return Widths(this_way, min(WIDEST, other_way))
+    return LearnedWidths(this_way, min(WIDEST, other_way))
 
 
 @kernel
@@ -305,7 +319,7 @@ def held(
     return requested
 
 
-class Answer(NamedTuple):
+class JointAnswer(NamedTuple):
     """The joint where it last moved."""
 
     joint: float
@@ -315,14 +329,14 @@ class Answer(NamedTuple):
 
 
 @kernel
-def joint_answer(before: Crossing, given: DeadzoneInput, contact: float, change: float) -> Answer:
+def joint_answer(before: Crossing, given: DeadzoneInput, contact: float, change: float) -> JointAnswer:
     """Follow a joint that moves by more than a touch; `change` is that of 1/a in this cycle."""
     moved = abs(given.joint - before.answer_joint)
     answered = before.answer_contact - change * before.answer_joint
     if not moved > TOUCH + TOUCH_SIGMAS * given.noise:
-        return Answer(before.answer_joint, answered)
+        return JointAnswer(before.answer_joint, answered)
     went = moved * given.inverse
-    return Answer(given.joint, answered + max(-went, min(went, contact - answered)))
+    return JointAnswer(given.joint, answered + max(-went, min(went, contact - answered)))
 
 
 @kernel
@@ -336,7 +350,7 @@ def within_reach(requested: float, requested_before: float, answered: float) -> 
     return max(lowest, min(highest, requested))
 
 
-class Jump(NamedTuple):
+class FadingJump(NamedTuple):
     """J and its derivatives [rad, rad/s, rad/s²]."""
 
     lack: float
@@ -345,7 +359,7 @@ class Jump(NamedTuple):
 
 
 @kernel
-def fade_jump(before: Crossing, begun: float, pace: float, dt: float) -> Jump:
+def fade_jump(before: Crossing, begun: float, pace: float, dt: float) -> FadingJump:
     """J one cycle later: it begins at minus the jump `begun` [rad], and goes to 0 with three poles at p = `pace`."""
     slower = 1.0 + pace * dt
     lack = before.jump - begun
@@ -354,7 +368,7 @@ def fade_jump(before: Crossing, begun: float, pace: float, dt: float) -> Jump:
     pull = -pace * (pace * (stiff + 3.0 * damp) + 3.0 * before.jump_bend)
     bend = before.jump_bend + pull * (dt / (slower * slower * slower))
     rate = before.jump_rate + dt * bend
-    return Jump(lack + dt * rate, rate, bend)
+    return FadingJump(lack + dt * rate, rate, bend)
 
 
 @kernel
@@ -373,10 +387,10 @@ def update_deadzone(
     joint = given.joint
     turn = reference_turn(before, given)
     turns, side, crosses = turn.turns, turn.side, is_crossing(before.phase)
-    known = Widths(width_of(before, side), width_of(before, -side))
+    known = LearnedWidths(width_of(before, side), width_of(before, -side))
 
-    contact, slope = given.motor - joint * before.inverse, Slope(before.inverse, before.variance)
-    if turns and not crosses and before.phase != Phase.AT_START:
+    contact, slope = given.motor - joint * before.inverse, LearnedSlope(before.inverse, before.variance)
+    if turns and not crosses and before.phase != DeadzonePhase.AT_START:
         slope = learn_slope(before, given, contact)
     change = slope.inverse - before.inverse
     contact = contact - change * joint
@@ -391,7 +405,7 @@ def update_deadzone(
     done = min(known.this_way, max(0.0, gone - SLACK * known.this_way))  # of the crossing, before it was asked for
 
     phase, widths, place, jump = before.phase, known, before.contact, 0.0
-    if turns and before.phase == Phase.AT_START:
+    if turns and before.phase == DeadzonePhase.AT_START:
         phase, place = engaged_on(side), contact - side * done
     elif turns and crosses:  # given up: back by the width with which it began
         phase, jump = engaged_on(side), side * known.other_way

@@ -90,7 +90,7 @@ def start(gains: BowdenGains, sample: Sample) -> BowdenState:
     return BowdenState(observer_at_rest(offset), no_oscillation(), crossing, ExpectedMotor(motor, 0.0))
 
 
-class Measured(NamedTuple):
+class ValidatedSample(NamedTuple):
     """Both angles as far as they are believed, in the direction in which the motor moves the joint on."""
 
     valid: bool
@@ -104,15 +104,15 @@ class Measured(NamedTuple):
 
 
 @kernel
-def measured(gains: BowdenGains, cable: Crossing, sample: Sample, dt: float) -> Measured:
+def measured(gains: BowdenGains, cable: Crossing, sample: Sample, dt: float) -> ValidatedSample:
     """A sample that is no number changes nothing, and one that jumps counts as the joint's fastest."""
     last = cable.answer_joint
     if not (abs(sample.joint) <= FURTHEST and abs(sample.motor) <= FURTHEST):
-        return Measured(False, False, last, cable.contact + last * cable.inverse)
+        return ValidatedSample(False, False, last, cable.contact + last * cable.inverse)
     most = FASTEST * dt + TOUCH + TOUCH_SIGMAS * gains.noise
     way = sample.joint - last
     joint = last + max(-most, min(most, way))
-    return Measured(True, abs(way) <= most, joint, math.copysign(1.0, gains.slope) * sample.motor)
+    return ValidatedSample(True, abs(way) <= most, joint, math.copysign(1.0, gains.slope) * sample.motor)
 
 
 @kernel

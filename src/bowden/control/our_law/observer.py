@@ -75,8 +75,8 @@ class Observer(NamedTuple):
     slow_disturbance: Annotated[float, Quantity("the disturbance's slow part", "rad")]
 
 
-class Rates(NamedTuple):
-    """Rates that follow from what is given."""
+class DerivedRates(NamedTuple):
+    """DerivedRates that follow from what is given."""
 
     kappa: float
     """κ, whole: what `swing` leaves of it is used [1/s]."""
@@ -87,7 +87,7 @@ class Rates(NamedTuple):
 
 
 @kernel
-def derived_rates(gains: BowdenGains, inverse: float, dt: float) -> Rates:
+def derived_rates(gains: BowdenGains, inverse: float, dt: float) -> DerivedRates:
     """κ = c/(1/ω + 1.5·τ);  q = ω·min(12, √(0.0035 rad/(σ·s·√(1 − e^(−κ·Ts)))));  v = 0.05 rad/(2ζ/ω + τ) + 1 rad/s.
 
     The joint's noise σ comes through the observer as σ·s·√(1 − e^(−κ·Ts)), and through the servo's inverse by (q/ω)².
@@ -96,7 +96,7 @@ def derived_rates(gains: BowdenGains, inverse: float, dt: float) -> Rates:
     kappa = gains.bandwidth / (1.0 / omega + DELAYS * delay)
     through = gains.noise * inverse * sqrt(1.0 - exp(-kappa * dt)) + 1e-9
     quick = omega * min(QUICKEST, sqrt(COMMAND_NOISE / through))
-    return Rates(kappa, quick, STOPPED / (2.0 * gains.servo_damping / omega + delay) + LEAST_SPEED)
+    return DerivedRates(kappa, quick, STOPPED / (2.0 * gains.servo_damping / omega + delay) + LEAST_SPEED)
 
 
 @kernel
@@ -151,7 +151,7 @@ def correct(
     slow: float,
     arrived: PropagatedCorrection,
     kappa: float,
-    rates: Rates,
+    rates: DerivedRates,
     least: float,
     most: float,
     dt: float,
