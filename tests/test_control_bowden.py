@@ -312,7 +312,7 @@ def test_a_wearer_who_trembles_is_told_as_the_wearers(hertz: float, amplitude_de
     """Watching → trial → watching: κ comes back at once, no load is learned, and there is no second trial."""
     pushed = amplitude_deg * RADIANS * np.sin(2.0 * np.pi * hertz * 1e-3 * np.arange(6000))
     _, _, states = played(STILL, slope=1.0, half_width=0.0, pushed=pushed)
-    trial = np.array([state.swing.count for state in states]) < 0.0
+    trial = np.array([state.swing.half_waves for state in states]) < 0.0
     assert np.sum(np.diff(trial.astype(int)) == 1) == 1
     assert np.sum(trial) * 1e-3 < (TRIED - WATCHED + 1.0) / (2.0 * hertz)  # ended as soon as it is certain
     assert min(state.swing.bandwidth_share for state in states) < 0.2

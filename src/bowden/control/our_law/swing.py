@@ -90,7 +90,7 @@ class OscillationMonitor(NamedTuple):
     last_half_wave_time: Annotated[
         float, Quantity("time of the one before; in a trial, of the swing that is tried", "s")
     ]
-    count: Annotated[float, Quantity("half-waves that did not decay; below 0, those left of a trial", "1")]
+    half_waves: Annotated[float, Quantity("half-waves that did not decay; below 0, those left of a trial", "1")]
     bandwidth_share: Annotated[float, Quantity("of κ that is used; 1 is all", "1")]
     load_time: Annotated[float, Quantity("T of a load that swings, 1/its frequency; 0 where none is known", "s")]
     wearer_amplitude: Annotated[float, Quantity("size of a swing that is the wearer's", "rad")]
@@ -111,7 +111,7 @@ def load_of_half_wave(half_wave: float) -> float:
 @kernel
 def in_trial(now: OscillationMonitor) -> bool:
     """The load of the swing before is being tried."""
-    return now.count < 0.0
+    return now.half_waves < 0.0
 
 
 @kernel
@@ -164,12 +164,12 @@ def half_wave(before: OscillationMonitor, fast: float, least: float) -> HalfWave
 def half_waves_counted(before: OscillationMonitor, now: HalfWave, least: float) -> float:
     """Half-waves that did not decay up to this cycle [–]."""
     if not now.turned:
-        return 0.0 if before.half_wave_time > SLOWEST else before.count
+        return 0.0 if before.half_wave_time > SLOWEST else before.half_waves
     alike = now.in_time and before.last_half_wave_time < ALIKE * before.half_wave_time
     kept = now.news and now.peak > least and now.peak > KEPT * before.last_peak
     if not (alike and kept):
         return 0.0
-    return before.count + (now.growth if now.grows else 1.0)
+    return before.half_waves + (now.growth if now.grows else 1.0)
 
 
 @kernel
@@ -191,7 +191,7 @@ def watch(
 ) -> OscillationMonitor:
     """One cycle outside a trial: count half-waves, and begin a trial once there are enough."""
     peak, load, counted = now.signed_peak, before.load_time, half_waves_counted(before, now, least)
-    before_its_end = now.grows and now.news and before.count + now.growth > ENOUGH and not now.turned
+    before_its_end = now.grows and now.news and before.half_waves + now.growth > ENOUGH and not now.turned
     if before_its_end or counted > ENOUGH:
         period = max(2.0 * dt, before.last_half_wave_time if before_its_end else before.half_wave_time)
         share = slowed(before.bandwidth_share, period, kappa)
@@ -209,7 +209,7 @@ def go_on_trying(
 ) -> OscillationMonitor:
     """One cycle of a trial: it ends as the wearer's at once, or as the loop's own when its half-waves are over."""
     peak, tried, load = now.signed_peak, before.last_half_wave_time, before.load_time
-    left = -before.count - dt / tried
+    left = -before.half_waves - dt / tried
     last = max(size, before.last_peak) if left <= WATCHED else before.last_peak
     load_tried, share = load_of_half_wave(tried), recovered(before.bandwidth_share, dt)
     known_load = load_tried < ALIKE * load and load < ALIKE * load_tried
