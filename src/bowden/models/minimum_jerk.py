@@ -78,5 +78,5 @@ def minimum_jerk_over(
 ) -> tuple[Array, Array, Array]:
     """`minimum_jerk` over arrays: position, velocity and acceleration, each of the shape of `time`."""
     over: Any = rest_to_rest
-    x = np.fmax(0.0, np.fmin(1.0, time / duration))
+    x = np.clip(np.nan_to_num(time / duration, nan=1.0), 0.0, 1.0)  # 0/0: a motion that takes no time is over
     return cast(tuple[Array, Array, Array], tuple(over(start, end, duration, x)))
