@@ -131,7 +131,7 @@ def test_what_was_learnt_fades_where_the_motion_ends() -> None:
     assert abs(state.learned.first.odd) + abs(state.learned.first.even) > 0.005
     for _ in range(4000):
         state, _ = law.step(state, Sample(0.0, 0.0), Reference(0.0, 0.0, 0.0), DT)
-    assert state.stroke.repeated == 0.0
+    assert not state.stroke.repeated
     assert max(max(map(abs, harmonic)) for harmonic in state.learned) < 1e-4
 
 
