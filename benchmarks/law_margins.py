@@ -27,10 +27,10 @@ from scipy.linalg import expm
 
 from bowden.control import LAWS
 from bowden.control.knowledge import configured
-from bowden.control.law_parts import Filtered, through_servo
+from bowden.control.law_parts import Filtered, invert_servo
 from bowden.control.our_law.gains import BowdenGains
 from bowden.control.our_law.law import UNKNOWN_LAG
-from bowden.control.our_law.observer import Observer, arrives, corrected, pace_of
+from bowden.control.our_law.observer import Observer, correct, derived_rates, propagate_correction
 from bowden.control.stability import Array, StateSpace, frequencies, margins, response
 from bowden.plants.knowledge_of import knowledge_of
 from bowden.rig.presets.bench import default_bench
@@ -147,19 +147,19 @@ def law_model(told: Told, lag: float, learned: float, share: float = 1.0) -> Sta
     The motor misses nothing: the motions are small.
     """
     gains = BowdenGains(told.frequency, told.damping, (told.delay + 0.5) * told.dt, noise=told.noise, lag=lag)
-    pace = pace_of(gains, 1.0, told.dt)
-    kappa = share * pace.kappa
+    rates = derived_rates(gains, 1.0, told.dt)
+    kappa = share * rates.kappa
     time = 1.0 / (2.0 * np.pi * learned) if learned else 0.0
 
     expected = lag + (0.0 if learned else UNKNOWN_LAG / told.frequency)
 
     def after(numbers: Array, joint: float) -> Array:
         before = Observer(*numbers.tolist())
-        arrived = arrives(before, 0.0, gains.delay, expected, time, np.inf, told.dt)
+        arrived = propagate_correction(before, 0.0, gains.delay, expected, time, np.inf, told.dt)
         seen = joint - arrived.position
-        now, acceleration = corrected(before, seen, 0.0, arrived, kappa, pace, 0.0, np.inf, told.dt)
-        wanted = Filtered(now.sent, now.rate, acceleration)
-        return np.array([*now, -through_servo(wanted, gains.servo_frequency, gains.servo_damping)])
+        now, acceleration = correct(before, seen, 0.0, arrived, kappa, rates, 0.0, np.inf, told.dt)
+        wanted = Filtered(now.sent, now.sent_rate, acceleration)
+        return np.array([*now, -invert_servo(wanted, gains.servo_frequency, gains.servo_damping)])
 
     count = len(Observer._fields)
     columns = np.array([*(after(row, 0.0) for row in np.eye(count)), after(np.zeros(count), 1.0)]).T

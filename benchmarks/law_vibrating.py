@@ -15,7 +15,6 @@ import numpy as np
 from bowden.control import LAWS
 from bowden.control.our_law.gains import BowdenGains
 from bowden.control.our_law.law import start, step
-from bowden.core.extremes import larger, smaller
 from bowden.core.kernel import compiled, kernel
 from bowden.core.signals import Reference, Sample
 from bowden.core.units import DEGREES
@@ -45,9 +44,9 @@ def carried(
         state, command = step(gains, state, Sample(joint + noise[k], motor.position), wanted, dt)
         motor = servo_step(motor, target, servo)
         target = command
-        joint = larger(smaller(joint, slope * motor.position), slope * (motor.position - width))
+        joint = max(slope * (motor.position - width), min(slope * motor.position, joint))
         if k * dt > count * dt - 1.0:
-            most = larger(most, np.abs(state.observer.asked))
+            most = max(most, abs(state.observer.requested))
         if 2 * k >= count:
             squares += (joint - position) ** 2
     return most, np.sqrt(2.0 * squares / count)

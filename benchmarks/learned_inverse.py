@@ -28,13 +28,13 @@ from bowden.control.law import Law
 from bowden.control.law_parts import (
     CONTACT,
     Filtered,
-    ahead,
-    bounded,
+    clamp,
+    compensate_lag,
     crossing_rate,
-    filtered,
-    limited,
-    settled,
-    through_servo,
+    invert_servo,
+    lowpass,
+    lowpass_rate_limited,
+    lowpass_second_order,
 )
 from bowden.control.laws.disturbance_observer import jump_bandwidth
 from bowden.control.reference import PointToPoint
@@ -137,7 +137,7 @@ def offset(network: Network, plays: Plays, angle: float) -> float:
         for i in range(INPUTS):
             total = total + network.inner[j * (INPUTS + 1) + i] * inputs[i]
         found = found + network.outer[j] * tanh(total)
-    return np.fmax(-MOST, np.fmin(MOST, found))
+    return max(-MOST, min(MOST, found))
 
 
 @kernel
@@ -154,15 +154,15 @@ def step(
 ) -> tuple[LearnedState, float]:
     """Observe what the network does not say, and ask the servo for both."""
     moved = state.jump.value - gains.delay * state.jump.rate
-    contact = bounded(sample.motor - sample.joint / gains.slope - moved, -1e3, 1e3, state.observed)
-    observed = settled(state.observed, contact, gains.bandwidth, dt)
-    disturbance = limited(state.disturbance, observed, gains.bandwidth, gains.rate_limit, dt)
-    seen_ahead = ahead(reference, gains.lead, gains.lead_square)
+    contact = clamp(sample.motor - sample.joint / gains.slope - moved, -1e3, 1e3, state.observed)
+    observed = lowpass(state.observed, contact, gains.bandwidth, dt)
+    disturbance = lowpass_rate_limited(state.disturbance, observed, gains.bandwidth, gains.rate_limit, dt)
+    seen_ahead = compensate_lag(reference, gains.lead, gains.lead_square)
     plays = pushed(state.plays, seen_ahead)
-    jump = filtered(state.jump, offset(gains.network, plays, seen_ahead), gains.jump_bandwidth, dt)
+    jump = lowpass_second_order(state.jump, offset(gains.network, plays, seen_ahead), gains.jump_bandwidth, dt)
     command = seen_ahead / gains.slope
-    command = command + through_servo(disturbance, gains.natural_frequency, gains.damping)
-    command = command + through_servo(jump, gains.natural_frequency, gains.damping)
+    command = command + invert_servo(disturbance, gains.natural_frequency, gains.damping)
+    command = command + invert_servo(jump, gains.natural_frequency, gains.damping)
     return LearnedState(observed, disturbance, jump, plays), command
 
 

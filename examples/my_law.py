@@ -5,8 +5,8 @@ Run it beside the built-in ones:
     bowden simulate rig.toml --law examples/my_law.py --law adaptive
 
 A law is two pure functions of numbers and NamedTuples, marked with @kernel, and the gains they take. It runs as it
-stands here, compiled in simulation, and later as C. For that, write `sel(condition, a, b)` in place of `if`, and take
-`tanh`, `sin`, `exp` from `bowden.core.kernel` and `np.fmin`, `np.fmax`, `np.abs` from numpy. Angles are in radians.
+stands here, compiled in simulation, and later as C: ordinary Python with `if`, `min`, `max`, `abs` (docs/kernels.md),
+and `tanh`, `sin`, `exp` from `bowden.core.kernel`. Angles are in radians.
 """
 
 from typing import NamedTuple
@@ -29,7 +29,7 @@ class Gains(NamedTuple):
 
 
 class State(NamedTuple):
-    """What the law remembers from one cycle to the next: floats only."""
+    """What the law remembers from one cycle to the next: floats, bools and enums."""
 
     integral: float
     """∫(reference − joint) dt [rad·s]."""

@@ -1,5 +1,6 @@
 """A law from a user's own file: it runs beside the built-in ones, and what is wrong with it is said in one line."""
 
+import math
 import sys
 from pathlib import Path
 
@@ -9,6 +10,8 @@ import pytest
 from bowden.control import LAWS, user_law
 from bowden.control.reference import PeriodicMinimumJerk
 from bowden.core.errors import ParameterError
+from bowden.core.kernel import compiled
+from bowden.core.signals import Reference, Sample
 from bowden.core.units import RADIANS
 from bowden.rig.presets.bench import default_bench
 from bowden.sim.run import simulate
@@ -47,6 +50,47 @@ def test_a_law_that_never_returns_is_refused_with_its_name_and_line(at: str, hol
     assert sys.gettrace() is trace
 
 
+WITH_BRANCHES = """
+import math
+from enum import IntEnum
+from typing import NamedTuple
+from bowden import Reference, Sample, kernel
+
+class Phase(IntEnum):
+    REST = 0
+    MOVING = 1
+
+class Gains(NamedTuple):
+    slope: float = 1.0
+
+class State(NamedTuple):
+    phase: Phase
+    lost: bool
+
+@kernel
+def start(gains: Gains, sample: Sample) -> State:
+    return State(Phase.REST, False)
+
+@kernel
+def step(gains: Gains, state: State, sample: Sample, reference: Reference, dt: float) -> tuple[State, float]:
+    if math.isnan(sample.joint):
+        return State(state.phase, True), sample.motor
+    phase = Phase.MOVING if 1e-3 < abs(reference.velocity) else Phase.REST
+    return State(phase, state.lost and phase == Phase.REST), reference.position / gains.slope
+"""
+
+
+def test_a_law_may_branch_and_remember_a_flag_and_a_phase(tmp_path: Path) -> None:
+    (tmp_path / "law.py").write_text(WITH_BRANCHES)
+    law = user_law.load("law.py", tmp_path)
+    fast, state = compiled(law.step_kernel), law.start(Sample(0.0, 0.0))
+    cycles = ((math.nan, 1.0, ((0, True), 0.5)), (0.0, 0.0, ((0, True), 1.0)), (0.0, 1.0, ((1, False), 1.0)))
+    for joint, velocity, expected in cycles:
+        given = (law.gains, state, Sample(joint, 0.5), Reference(1.0, velocity, 0.0), 1e-3)
+        assert fast(*given) == law.step_kernel(*given) == expected
+        state = fast(*given)[0]
+
+
 def test_an_edited_law_is_not_met_by_its_old_code(tmp_path: Path) -> None:
     """Same file, same name, same length and the same second: only the content tells."""
     path = tmp_path / "law.py"
@@ -81,6 +125,7 @@ def line_of(source: str, part: str) -> int:
         ("return State(0.0)", "return State(0.0", "return State(0.0", "was never closed"),
         ("return State(0.0)", "return State(0)", "@kernel\ndef start", "integral in the state from start is 0 (int)"),
         ("return State(0.0)", "return 0.0", "@kernel\ndef start", "the state from start is a float; expected a NamedT"),
+        ("return State(0.0)", "return State(False)", "@kernel\ndef step", "(float); expected a bool, as from start"),
         (RETURN, "return command", "@kernel\ndef step", "step returns"),
         (
             RETURN,

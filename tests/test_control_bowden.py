@@ -13,8 +13,15 @@ from bowden.control.knowledge import informed
 from bowden.control.law import Law
 from bowden.control.our_law.crossing import UNANSWERED
 from bowden.control.our_law.law import UNKNOWN_LAG, BowdenState
-from bowden.control.our_law.observer import pace_of
-from bowden.control.our_law.swing import ALIKE, TRIED, WATCHED, no_swing, of_swing, watched
+from bowden.control.our_law.observer import derived_rates
+from bowden.control.our_law.swing import (
+    ALIKE,
+    TRIED,
+    WATCHED,
+    load_of_half_wave,
+    no_oscillation,
+    update_oscillation_monitor,
+)
 from bowden.control.reference import PeriodicMinimumJerk, PointToPoint
 from bowden.core.kernel import compiled, kernel
 from bowden.core.metrics import rmse
@@ -204,7 +211,7 @@ def test_half_a_second_without_samples_is_driven_through(clean: Any) -> None:
 def test_a_torn_cable_is_not_pulled_on_for_ever(rest: float) -> None:
     """The motor goes no further than its plan and the widest dead zone, from where the joint last answered."""
     _, command, states = played(STROKES, lambda _tick, _joint, motor: (rest, motor))
-    assert all(abs(state.observer.asked + rest) <= UNANSWERED + 1e-9 + 2.0 * rest for state in states)
+    assert all(abs(state.observer.requested + rest) <= UNANSWERED + 1e-9 + 2.0 * rest for state in states)
     assert np.abs(command - STROKES[:, 0]).max() < UNANSWERED + rest + 0.15
 
 
@@ -281,7 +288,7 @@ def test_where_the_rig_is_as_told_the_observer_sees_the_disturbance_alone() -> N
         gains = LAW.gains._replace(servo_frequency=told, lag=-UNKNOWN_LAG / told)  # none: that is known here
         law = dataclasses.replace(LAW, gains=gains)
         error, _, states = played(STILL, law=law, slope=1.0, half_width=0.0, pushed=pushed)
-        seen = error - np.array([state.observer.arrived for state in states])
+        seen = error - np.array([state.observer.at_joint for state in states])
         off.append(np.abs(seen - pushed)[3000:].max())
         assert rmse(error[3000:]) < 0.15 * rmse(pushed)
     assert off[0] < 0.015 * 2.0 * RADIANS
@@ -305,13 +312,13 @@ def test_a_wearer_who_trembles_is_told_as_the_wearers(hertz: float, amplitude_de
     """Watching → trial → watching: κ comes back at once, no load is learned, and there is no second trial."""
     pushed = amplitude_deg * RADIANS * np.sin(2.0 * np.pi * hertz * 1e-3 * np.arange(6000))
     _, _, states = played(STILL, slope=1.0, half_width=0.0, pushed=pushed)
-    trial = np.array([state.swing.counted for state in states]) < 0.0
+    trial = np.array([state.swing.half_waves for state in states]) < 0.0
     assert np.sum(np.diff(trial.astype(int)) == 1) == 1
     assert np.sum(trial) * 1e-3 < (TRIED - WATCHED + 1.0) / (2.0 * hertz)  # ended as soon as it is certain
-    assert min(state.swing.share for state in states) < 0.2
-    assert states[-1].swing.share == 1.0
-    assert states[-1].swing.time == 0.0
-    assert states[-1].swing.wearers > 0.3 * amplitude_deg * RADIANS
+    assert min(state.swing.bandwidth_share for state in states) < 0.2
+    assert states[-1].swing.bandwidth_share == 1.0
+    assert states[-1].swing.load_time == 0.0
+    assert states[-1].swing.wearer_amplitude > 0.3 * amplitude_deg * RADIANS
 
 
 def test_a_leap_is_followed_at_twice_the_speed_and_a_swing_is_not() -> None:
@@ -319,11 +326,11 @@ def test_a_leap_is_followed_at_twice_the_speed_and_a_swing_is_not() -> None:
     time, leap = np.arange(0.0, 6.0, 1e-3), np.zeros(6000)
     leap[3000:] = 20.0 * RADIANS
     swing = 20.0 * RADIANS * np.sin(2.0 * np.pi * 1.6 * time)  # too slow for a trial
-    stopping = pace_of(LAW.gains, 1.0, 1e-3).stopping
+    stopping = derived_rates(LAW.gains, 1.0, 1e-3).stopping
     fastest = []
     for pushed, begin in ((leap, 2900), (swing, 2000)):
         _, _, states = played(STILL, slope=1.0, half_width=0.0, pushed=pushed)
-        asked = np.array([state.observer.asked for state in states[begin:]])
+        asked = np.array([state.observer.requested for state in states[begin:]])
         fastest.append(np.abs(np.diff(asked)).max() / 1e-3 / stopping)
     assert 1.5 < fastest[0] <= 2.0 + 1e-9
     assert fastest[1] <= 1.0 + 1e-9
@@ -339,7 +346,7 @@ def test_a_reference_that_vibrates_carries_no_correction_away(number: int) -> No
     reference = amplitude * np.column_stack([1.0 - np.cos(phase), rate * np.sin(phase), rate**2 * np.cos(phase)])
     law = dataclasses.replace(LAW, gains=LAW.gains._replace(width=width))
     error, _, states = played(reference, law=law, slope=1.0, half_width=0.5 * width)
-    assert max(abs(state.observer.asked) for state in states) < 1.5 * width
+    assert max(abs(state.observer.requested) for state in states) < 1.5 * width
     assert np.abs(error[1000:]).max() < 0.1 * width
 
 
@@ -348,7 +355,7 @@ def test_the_steps_of_who_walks_are_no_load_that_swings() -> None:
     strokes = PeriodicMinimumJerk(0.0, 40.0 * RADIANS, 10.0).sample(np.arange(0.0, 20.0, 1e-3))
     steps = 1.5 * RADIANS * np.sin(2.0 * np.pi * 1.9 * np.arange(0.0, 20.0, 1e-3))
     _, _, states = played(strokes, slope=1.0, pushed=steps)
-    assert states[-1].swing.time == 0.0
+    assert states[-1].swing.load_time == 0.0
 
 
 @pytest.mark.parametrize("damping", [0.1, 0.3])
@@ -356,7 +363,7 @@ def test_an_arm_that_swings_on_the_cable_is_found_out_and_its_load_learned(dampi
     """Watching → trial → own: what nobody told it rings at first, and no more once the load is known."""
     strokes = PeriodicMinimumJerk(0.0, 40.0 * RADIANS, 4.0).sample(np.arange(0.0, 12.0, 1e-3))
     error, _, states = played(strokes, slope=1.0, arm=(2.0 * np.pi * 3.0, damping))
-    learned = [state.swing.time for state in states if state.swing.time > 0.0]
+    learned = [state.swing.load_time for state in states if state.swing.load_time > 0.0]
     assert learned[0] == pytest.approx(1.0 / (2.0 * np.pi * 3.0), rel=0.3)
     assert learned[-1] < ALIKE * learned[0]  # a later swing, with κ still small, is slower
     assert rmse(error[8000:]) < 0.5 * rmse(error[:4000])
@@ -366,18 +373,18 @@ def test_a_known_load_that_swings_again_is_not_taken_for_the_wearers() -> None:
     """It decays so slowly in a trial that κ came back whole, time after time, and the arm swung on by 33°."""
     strokes = PeriodicMinimumJerk(0.0, 40.0 * RADIANS, 6.0).sample(np.arange(0.0, 12.0, 1e-3))
     error, _, states = played(strokes, slope=1.0, arm=(2.0 * np.pi * 2.6, 0.1))
-    assert states[-1].swing.time == pytest.approx(1.0 / (2.0 * np.pi * 2.6), rel=0.3)
+    assert states[-1].swing.load_time == pytest.approx(1.0 / (2.0 * np.pi * 2.6), rel=0.3)
     assert rmse(error[8000:]) < 2.0 * RADIANS
 
 
 def test_a_tremor_at_the_frequency_of_a_known_load_does_not_take_the_correction_away() -> None:
     """Each trial halved κ, 10⁻¹⁴ of it were left after a minute; what is left cannot swing a load of little damping."""
-    step, now, kappa = compiled(watched), no_swing()._replace(time=of_swing(0.1)), 280.0
-    shares = []
+    step, now = compiled(update_oscillation_monitor), no_oscillation()._replace(load_time=load_of_half_wave(0.1))
+    shares, kappa = [], 280.0
     for tick in range(60_000):
         now = step(now, 0.02 * math.sin(2.0 * math.pi * 5.0 * tick * 1e-3), 2e-4, kappa, 1e-3)
-        shares.append(now.share)
-    assert now.time == pytest.approx(of_swing(0.1), rel=0.1)
+        shares.append(now.bandwidth_share)
+    assert now.load_time == pytest.approx(load_of_half_wave(0.1), rel=0.1)
     assert min(shares) > 0.09 * math.pi / (0.1 * kappa)
 
 
@@ -393,7 +400,7 @@ def test_a_drive_that_sticks_does_not_wind_the_correction_up() -> None:
             motor = stood if missing else row[0]
             state, _ = LAW.step(state, Sample(stood, motor), Reference(*row), 1e-3)
             if tick == 1299:
-                largest.append(abs(state.observer.asked))
+                largest.append(abs(state.observer.requested))
     assert largest[1] < 0.5 * largest[0]
 
 

@@ -1,26 +1,34 @@
-"""The crossing of our law: its table of modes, and that the width it believes is a lower end."""
+"""The crossing of our law: its table of phases, and that the width it believes is a lower end."""
 
 import numpy as np
 import pytest
 
-from bowden.control.our_law.crossing import BELIEVED, CROSS, FOLLOW, Crossing, Known, at_start, crossed, missing
+from bowden.control.our_law.crossing import (
+    BELIEVED,
+    Crossing,
+    DeadzoneInput,
+    DeadzonePhase,
+    crossing_at_start,
+    shortfall_at_joint,
+    update_deadzone,
+)
 
 DT = 1e-3
 
 
-def told(joint: float, motor: float, position: float, velocity: float, lag: float, rate: float) -> Known:
+def given(joint: float, motor: float, position: float, velocity: float, lag: float, rate: float) -> DeadzoneInput:
     omega, delay = 53.6, 1e-3
-    return Known(joint, motor, position, velocity, 0.0, 1.0, 1e-4, omega, delay, lag, answer=0.02, rate=rate)
+    return DeadzoneInput(joint, motor, position, velocity, 0.0, 1.0, 1e-4, omega, delay, lag, answer=0.02, rate=rate)
 
 
-def led(
+def after_rows(
     cable: Crossing, rows: list[tuple[float, float, float]], lag: float = 0.0, rate: float = 0.0
 ) -> tuple[Crossing, float]:
     """After each of these joints, motors and references, slowly; the shifts summed up."""
     total, before = 0.0, rows[0][2]
     for joint, motor, position in rows:
-        given = told(joint, motor, position, 0.05 * np.sign(position - before), lag, rate)
-        after = crossed(cable, given, 0.0, 0.0, DT)
+        now = given(joint, motor, position, 0.05 * np.sign(position - before), lag, rate)
+        after = update_deadzone(cable, now, 0.0, 0.0, DT)
         cable, before, total = after.crossing, position, total + after.shift
     return cable, total
 
@@ -31,18 +39,18 @@ def line(first: float, last: float, count: int) -> list[float]:
 
 def up(width: float) -> Crossing:
     """Followed up to 0.5 rad with a width believed, engaged."""
-    cable, _ = led(at_start(0.0, 0.0, 1.0, width), [(x, x, x) for x in line(0.0, 0.5, 500)])
-    assert cable.mode == FOLLOW
+    cable, _ = after_rows(crossing_at_start(0.0, 0.0, 1.0, width), [(x, x, x) for x in line(0.0, 0.5, 500)])
+    assert cable.phase == DeadzonePhase.ENGAGED_UP
     return cable
 
 
 def turned(width: float) -> tuple[Crossing, float]:
-    return led(up(width), [(0.5, 0.5, x) for x in line(0.499, 0.46, 40)])
+    return after_rows(up(width), [(0.5, 0.5, x) for x in line(0.499, 0.46, 40)])
 
 
 def test_a_turn_of_the_reference_begins_a_crossing_by_what_is_left_of_the_width() -> None:
     cable, shift = turned(0.1)
-    assert cable.mode == -CROSS
+    assert cable.phase == DeadzonePhase.CROSSING_DOWN
     assert shift == pytest.approx(-0.1, abs=0.005)
     assert turned(0.0)[1] == pytest.approx(0.0, abs=1e-9), "nothing is known, nothing is jumped"
 
@@ -51,10 +59,10 @@ def test_a_turn_of_the_reference_begins_a_crossing_by_what_is_left_of_the_width(
 def test_a_touch_ends_it_and_the_width_stays_a_lower_end(gone: float) -> None:
     """What is narrower is believed at once, what is wider by a share."""
     cable, _ = turned(0.1)
-    cable, _ = led(cable, [(0.5, x, 0.45) for x in line(0.5, 0.5 - gone, 50)])
-    assert cable.mode == -CROSS
-    cable, _ = led(cable, [(0.5 - x, 0.5 - gone - x, 0.45 - x) for x in line(0.0, 0.004, 8)])
-    assert cable.mode == -FOLLOW
+    cable, _ = after_rows(cable, [(0.5, x, 0.45) for x in line(0.5, 0.5 - gone, 50)])
+    assert cable.phase == DeadzonePhase.CROSSING_DOWN
+    cable, _ = after_rows(cable, [(0.5 - x, 0.5 - gone - x, 0.45 - x) for x in line(0.0, 0.004, 8)])
+    assert cable.phase == DeadzonePhase.ENGAGED_DOWN
     expected = gone if gone < 0.1 else 0.1 + BELIEVED * (gone - 0.1)
     assert cable.width_back == pytest.approx(expected, abs=0.002)
     assert cable.width == pytest.approx(max(expected, 0.1), abs=0.002), "the other way is wider too, and not narrower"
@@ -64,25 +72,25 @@ def test_where_the_joint_is_late_what_the_motor_went_meanwhile_is_no_width() -> 
     """And the other way, which was not measured, hardly grows."""
     cable, _ = turned(0.1)
     lag, rate = 0.09, -0.5
-    cable, _ = led(cable, [(0.5, x, 0.45) for x in line(0.5, 0.3, 50)], lag, rate)
-    cable, _ = led(cable, [(0.5 - x, 0.3 - x, 0.45 - x) for x in line(0.0, 0.004, 8)], lag, rate)
-    assert cable.mode == -FOLLOW
+    cable, _ = after_rows(cable, [(0.5, x, 0.45) for x in line(0.5, 0.3, 50)], lag, rate)
+    cable, _ = after_rows(cable, [(0.5 - x, 0.3 - x, 0.45 - x) for x in line(0.0, 0.004, 8)], lag, rate)
+    assert cable.phase == DeadzonePhase.ENGAGED_DOWN
     assert cable.width_back == pytest.approx(0.1 + BELIEVED * (0.2 + lag * rate - 0.1), abs=0.002)
     assert 0.1 < cable.width < 0.101
 
 
 def test_a_motor_that_sticks_within_the_dead_zone_keeps_nothing_from_the_joint() -> None:
     crossing, _ = turned(0.1)  # downward
-    assert missing(crossing, 0.08) == 0.0
-    assert missing(crossing, 0.15) == pytest.approx(0.05)
-    assert missing(crossing, -0.15) == -0.15, "it went further than it was asked to"
-    assert missing(up(0.1), 0.08) == 0.08
+    assert shortfall_at_joint(crossing, 0.08) == 0.0
+    assert shortfall_at_joint(crossing, 0.15) == pytest.approx(0.05)
+    assert shortfall_at_joint(crossing, -0.15) == -0.15, "it went further than it was asked to"
+    assert shortfall_at_joint(up(0.1), 0.08) == 0.08
 
 
 def test_a_reference_that_turns_back_before_the_touch_is_on_its_old_side_again() -> None:
     cable, there = turned(0.1)
-    cable, back = led(cable, [(0.5, 0.45, x) for x in line(0.46, 0.5, 40)])
-    assert cable.mode == FOLLOW
+    cable, back = after_rows(cable, [(0.5, 0.45, x) for x in line(0.46, 0.5, 40)])
+    assert cable.phase == DeadzonePhase.ENGAGED_UP
     assert cable.width == 0.1
     assert back == pytest.approx(-there, abs=0.005)
 
@@ -91,11 +99,11 @@ def test_a_reference_whose_position_steps_back_while_it_goes_on_does_not_turn() 
     cable, asked = up(0.1), 0.0
     for k in range(200):
         position = 0.5 + 1e-4 * k - 0.005 * (k % 5 == 4)
-        after = crossed(cable, told(0.5, 0.5, position, 0.1, 0.0, 0.0), asked, asked, DT)
-        cable, asked = after.crossing, after.asked + after.shift
-        assert cable.mode == FOLLOW
+        after = update_deadzone(cable, given(0.5, 0.5, position, 0.1, 0.0, 0.0), asked, asked, DT)
+        cable, asked = after.crossing, after.requested + after.shift
+        assert cable.phase == DeadzonePhase.ENGAGED_UP
 
 
 def test_a_still_reference_never_turns() -> None:
-    cable, shift = led(up(0.1), [(0.5 + 0.05 * np.sin(0.01 * k), 0.5, 0.5) for k in range(2000)])
-    assert (cable.mode, shift) == (FOLLOW, 0.0)
+    cable, shift = after_rows(up(0.1), [(0.5 + 0.05 * np.sin(0.01 * k), 0.5, 0.5) for k in range(2000)])
+    assert (cable.phase, shift) == (DeadzonePhase.ENGAGED_UP, 0.0)

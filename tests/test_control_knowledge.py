@@ -198,7 +198,7 @@ def test_what_was_chosen_reaches_another_process() -> None:
     for law in (LAWS["bowden"].with_gains(servo_frequency=LAWS["bowden"].gains.servo_frequency, bandwidth=3.0), told):
         rig = Rig(law=law, servo=BENCH.servo._replace(natural_frequency=30.0))
         assert Rig.unpack(rig.pack()).fitted().gains == rig.fitted().gains
-        chosen = "servo_frequency" in law.chosen
+        chosen = "servo_frequency" in law.overridden_gains
         assert rig.fitted().gains.servo_frequency == (LAWS["bowden"].gains.servo_frequency if chosen else 30.0)
 
 
@@ -273,8 +273,8 @@ def test_a_law_cannot_be_told_what_no_rig_knows(what: str) -> None:
 def test_a_law_is_told_what_there_is(name: str) -> None:
     law = LAWS[name]
     informed(law, knowledge_of(BENCH, identified=True))
-    assert law.own == law.gains
-    assert not law.chosen
+    assert law.default_gains == law.gains
+    assert not law.overridden_gains
 
 
 @pytest.mark.parametrize("name", LAWS)

@@ -14,10 +14,11 @@ import pytest
 from bowden.control import LAWS
 from bowden.control.knowledge import Knowledge, informed
 from bowden.control.law import Law
-from bowden.control.law_parts import LEAD, LEAD_SQUARE, ahead
+from bowden.control.law_parts import LEAD, LEAD_SQUARE, compensate_lag
 from bowden.control.laws.active_disturbance_rejection import observer_gains, prediction
 from bowden.control.reference import PeriodicMinimumJerk
 from bowden.control.stability import StateSpace, margins, servo_model
+from bowden.core.nested import flat, leaves, name_of, refilled
 from bowden.core.signals import Reference, Sample
 from bowden.core.units import RADIANS
 from bowden.models.cable.backlash import Play, joint_angle, push
@@ -78,9 +79,10 @@ def test_the_adaptive_inverse_recovers_slope_and_width_of_play(play: Play) -> No
     law = open_loop("backlash_inverse", play).with_gains(slope=1.0)
     uncompensated, _ = on_play(LAWS["uncompensated"], play, 10.0, 5.0)
     rmse, state = on_play(law, play, 30.0, 20.0)
-    assert state.slope == pytest.approx(play.slope, rel=0.05)
-    assert (state.right - state.left) / (2.0 * state.slope) == pytest.approx(play.half_width, rel=0.05)
-    assert -(state.right + state.left) / 2.0 == pytest.approx(play.offset, abs=0.005)
+    slope, right, left = state.estimates
+    assert slope == pytest.approx(play.slope, rel=0.05)
+    assert (right - left) / (2.0 * slope) == pytest.approx(play.half_width, rel=0.05)
+    assert -(right + left) / 2.0 == pytest.approx(play.offset, abs=0.005)
     assert rmse < 0.05 * uncompensated
 
 
@@ -88,7 +90,7 @@ def test_the_adaptive_inverse_learns_nothing_from_motion_inside_the_slot() -> No
     law = LAWS["backlash_inverse"]
     small = PeriodicMinimumJerk(0.0, 0.03, 2.0)
     _, state = on_play(law, Play(0.8, 0.05), 10.0, 1.0, reference=small)
-    assert (state.slope, state.right, state.left) == (1.0, 0.0, 0.0)
+    assert state.estimates == (1.0, 0.0, 0.0)
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -108,15 +110,15 @@ def test_estimates_and_sums_stay_in_their_box_whatever_comes(name: str) -> None:
                 "integral": getattr(law.gains, "integral_limit", getattr(law.gains, "correction_limit", 0.0)),
                 "direction": 1.0,
                 "friction": 1.0,
-                "right": getattr(law.gains, "largest_crossing", 0.0),
-                "left": getattr(law.gains, "largest_crossing", 0.0),
+                "estimates.right": getattr(law.gains, "largest_crossing", 0.0),
+                "estimates.left": getattr(law.gains, "largest_crossing", 0.0),
             }
-            for field, most in boxed.items():
-                if hasattr(state, field):
-                    assert abs(getattr(state, field)) <= most, (field, k)
+            now = {name_of(path): value for path, value in leaves(state)}
+            for field in boxed.keys() & now.keys():
+                assert abs(now[field]) <= boxed[field], (field, k)
             if name == "backlash_inverse":
-                assert law.gains.lowest_slope <= state.slope <= law.gains.highest_slope
-                assert all(map(math.isfinite, state))
+                assert law.gains.lowest_slope <= state.estimates.slope <= law.gains.highest_slope
+                assert all(map(math.isfinite, flat(state)))
                 assert math.isfinite(command)
 
 
@@ -129,11 +131,11 @@ def linear(law: Law, slope: float, **estimates: float) -> StateSpace:
     rest = law.start(Sample(0.0, 0.0))._replace(**estimates)
 
     def at(change: np.ndarray, motor: float) -> np.ndarray:
-        before = type(rest)(*(np.array(rest) + change).tolist())
+        before = refilled(rest, np.array(flat(rest)) + change)
         after, command = law.step(before, Sample(slope * motor, motor), REST, DT)
-        return np.array([*after, -command], dtype=float)
+        return np.array([*flat(after), -command], dtype=float)
 
-    n, small = len(rest), 1e-6
+    n, small = len(flat(rest)), 1e-6
     columns = [(at(small * row, 0.0) - at(-small * row, 0.0)) / (2.0 * small) for row in np.eye(n)]
     matrix = np.array(columns).T
     into = (at(np.zeros(n), small) - at(np.zeros(n), -small)) / (2.0 * small)
@@ -355,7 +357,7 @@ def test_the_lead_is_the_bench_s_servo_and_delay() -> None:
     rows = PeriodicMinimumJerk(0.0, 1.0, 10.0).sample(np.arange(0.0, 10.0, DT))
     for row in rows:
         errors.append(float((plant.c @ x)[0, 0] - row[0]))
-        x = plant.a @ x + plant.b * ahead(Reference(*row.tolist()), LEAD, LEAD_SQUARE)
+        x = plant.a @ x + plant.b * compensate_lag(Reference(*row.tolist()), LEAD, LEAD_SQUARE)
     assert np.max(np.abs(errors)) < 2e-4 * np.ptp(rows[:, 0])
 
 

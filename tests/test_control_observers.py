@@ -13,7 +13,7 @@ from bowden import Rig
 from bowden.control import LAWS
 from bowden.control.knowledge import Knowledge, informed
 from bowden.control.law import Law
-from bowden.control.law_parts import Filtered, filtered
+from bowden.control.law_parts import Filtered, lowpass_second_order
 from bowden.control.reference import PeriodicMinimumJerk, PointToPoint, Trajectory
 from bowden.control.stability import adaptive_model, margins, servo_model
 from bowden.core.signals import Reference, Sample
@@ -131,15 +131,15 @@ def test_what_was_learnt_fades_where_the_motion_ends() -> None:
     assert abs(state.learned.first.odd) + abs(state.learned.first.even) > 0.005
     for _ in range(4000):
         state, _ = law.step(state, Sample(0.0, 0.0), Reference(0.0, 0.0, 0.0), DT)
-    assert state.stroke.repeated == 0.0
+    assert not state.stroke.repeated
     assert max(max(map(abs, harmonic)) for harmonic in state.learned) < 1e-4
 
 
 def test_the_filter_is_exact_for_any_cycle() -> None:
     """Two cycles are as one of twice the length."""
     begun = Filtered(0.3, -2.0, 5.0)
-    once, half = filtered(begun, 1.0, 50.0, 4e-3), filtered(begun, 1.0, 50.0, 2e-3)
-    np.testing.assert_allclose(filtered(half, 1.0, 50.0, 2e-3), once, rtol=1e-12)
+    once, half = lowpass_second_order(begun, 1.0, 50.0, 4e-3), lowpass_second_order(begun, 1.0, 50.0, 2e-3)
+    np.testing.assert_allclose(lowpass_second_order(half, 1.0, 50.0, 2e-3), once, rtol=1e-12)
 
 
 def test_the_adaptive_law_has_its_own_gains_on_the_default_bench() -> None:

@@ -372,19 +372,6 @@ def test_a_rig_that_is_too_large_to_be_handed_on_is_refused_before_a_live_run(mo
         live_run(Rig())
 
 
-def test_a_key_that_there_is_no_more_is_told_with_what_became_of_it(tmp_path: Path) -> None:
-    path = tmp_path / "rig.toml"
-    for gain, became in bowden.LAWS["bowden"].former.items():
-        path.write_text(f"[control]\nlaw = 'bowden'\n[control.gains]\n{gain} = 0.1\n")
-        with pytest.raises(ParameterError, match=rf"rig\.toml: control\.gains: .*'{gain}' any more; expected {became}"):
-            Rig.read(path)
-    (tmp_path / "my_law.py").write_text((EXAMPLES / "my_law.py").read_text() + "\n\nTOLD = {'slope': 'slope'}\n")
-    with pytest.raises(ParameterError, match=r"my_law\.py has TOLD; expected FROM_RIG"):
-        Rig(law=str(tmp_path / "my_law.py"))
-    with pytest.raises(ParameterError, match=r"a law has no 'told'; expected from_rig"):
-        bowden.Law("mine", 3, trace, trace, "mine", told={})  # type: ignore[call-arg]
-
-
 def test_a_rig_stands_for_none_but_its_own() -> None:
     rig = Rig()
     assert "servo" in inspect.signature(Rig).parameters

@@ -124,7 +124,7 @@ def preset_of(
     law: Law, known: Knowledge, *, preset: str | None = None, gains: Mapping[str, float] | None = None
 ) -> str | None:
     """The preset with which `configured` begins; None where it takes the law as it comes."""
-    if preset is None and not gains and not law.chosen and known.suit:
+    if preset is None and not gains and not law.overridden_gains and known.suit:
         return law.suit_preset
     return preset
 
@@ -139,7 +139,7 @@ def informed(law: Law, known: Knowledge) -> Law:
     Raises:
         ParameterError: the law declares something that there is not.
     """
-    own = {gain: getattr(law.own, gain) for gain in law.from_rig if gain not in law.chosen}
+    own = {gain: getattr(law.default_gains, gain) for gain in law.from_rig if gain not in law.overridden_gains}
     return _with_known(replace(law, gains=law.gains._replace(**own)), known)
 
 
@@ -152,7 +152,7 @@ def _with_known(law: Law, known: Knowledge) -> Law:
     law = replace(law, conditioning=conditioning)
     for gain in law.from_rig:
         value = _value(law, gain, known)
-        if gain not in law.chosen and gain not in taken and not math.isnan(value):
+        if gain not in law.overridden_gains and gain not in taken and not math.isnan(value):
             low, high = law.limits.get(gain, (-math.inf, math.inf))
             values[gain] = min(max(value, low), high)
     return replace(law, gains=law.gains._replace(**values)) if values else law

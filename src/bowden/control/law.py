@@ -5,8 +5,8 @@ A law is two kernels and a NamedTuple of gains:
     start(gains, sample) -> state
     step(gains, state, sample, reference, dt) -> (state, command)
 
-Both are written in the portable subset (see ``docs/kernels.md``), and the state is a NamedTuple of floats and of
-further NamedTuples, so that one source runs interpreted, compiled in simulation and in the live loop, and exported as
+Both are kernels (``docs/kernels.md``), and the state is a NamedTuple of floats, bools, enums and further NamedTuples,
+so that one source runs interpreted, compiled in simulation and in the live loop, and exported as
 C99, and every state variable can be recorded.
 """
 
@@ -25,9 +25,6 @@ from bowden.core.kernel import stand_in
 from bowden.core.nested import columns, is_named, leaves, name_of, quantity_at, rebuilt
 from bowden.core.part import signed
 from bowden.core.signals import Reference, Sample
-
-_FORMER = {"told": "from_rig", "heard": "deadband"}
-"""Field of an earlier version → what it is called now."""
 
 Gains = Any  # a NamedTuple of floats (nested ones allowed), one type a law
 State = Any  # a NamedTuple of floats (nested ones allowed), one type a law
@@ -114,14 +111,12 @@ class Law:
     here has the range that its `Quantity` declares, if it has one."""
     state_units: Mapping[str, str] = field(default_factory=dict)
     """Field of the state, or its column (``part.field``) → unit for the record, where the state's type does not say."""
-    former: Mapping[str, str] = field(default_factory=dict)
-    """Gain of an older version → what stands in its place, for messages."""
-    own: Gains = field(default=None, repr=False)
+    default_gains: Gains = field(default=None, repr=False)
     """The gains with which the law comes; `gains` where nothing else is given."""
     conditioning: Conditioning = field(default=Conditioning(), repr=False, compare=False)
     """What the conditioner of its reference knows of a rig; it stands before the law in every loop, and is no part of
     it."""
-    chosen: frozenset[str] = frozenset()
+    overridden_gains: frozenset[str] = frozenset()
     """Gains that a preset or `with_gains` set: what a rig knows leaves them alone."""
 
     def __new__(cls, *given: Any, **named: Any) -> "Law":
@@ -129,8 +124,7 @@ class Law:
         fields = cls.__dataclass_fields__
         for name in named:
             if name not in fields:
-                expected = _FORMER[name] if name in _FORMER else near(name, fields)
-                raise ParameterError(f"a law has no {name!r}", expected=expected, do="correct the name")
+                raise ParameterError(f"a law has no {name!r}", expected=near(name, fields), do="correct the name")
         return super().__new__(cls)
 
     def __post_init__(self) -> None:
@@ -155,8 +149,8 @@ class Law:
                     expected="a kernel",
                     do="pass a function that is marked with @bowden.kernel",
                 )
-        if self.own is None:
-            object.__setattr__(self, "own", self.gains)
+        if self.default_gains is None:
+            object.__setattr__(self, "default_gains", self.gains)
         if not isinstance(self.from_rig, Mapping):
             raise ParameterError(
                 f"from_rig of law {self.name!r} is {said(self.from_rig)}",
@@ -255,12 +249,6 @@ class Law:
         known = [*self.gains._fields, *(name for name in numbers if "." in name)]
         for name, value in changes.items():
             if name not in known:
-                if name in self.former:
-                    raise ParameterError(
-                        f"law {self.name!r} has no gain {name!r} any more",
-                        expected=self.former[name],
-                        do="rename or delete it",
-                    )
                 alike = difflib.get_close_matches(name, known, 1)
                 raise ParameterError(
                     f"law {self.name!r} has no gain {name!r}",
@@ -281,7 +269,9 @@ class Law:
         gains = self.gains._replace(**{name: value for name, value in changes.items() if name in self.gains._fields})
         if any("." in name for name in changes):
             gains = rebuilt(gains, lambda path, value: changes.get(name_of(path), value))
-        return replace(self, gains=gains, chosen=self.chosen | {name.partition(".")[0] for name in changes})
+        return replace(
+            self, gains=gains, overridden_gains=self.overridden_gains | {name.partition(".")[0] for name in changes}
+        )
 
     def preset(self, name: str) -> "Law":
         """The same law with a named set of gains, which replaces all gains that were chosen before.
@@ -297,7 +287,7 @@ class Law:
                 expected=near(str(name), self.presets) if self.presets else "none",
                 do="name another, or leave the preset out",
             )
-        back = {gain: getattr(self.own, gain) for gain in self.chosen}
+        back = {gain: getattr(self.default_gains, gain) for gain in self.overridden_gains}
         named = self.presets[name]._asdict().items()
-        changes = {gain: value for gain, value in named if value != getattr(self.own, gain)}
-        return replace(self, gains=self.gains._replace(**(back | changes)), chosen=frozenset(changes))
+        changes = {gain: value for gain, value in named if value != getattr(self.default_gains, gain)}
+        return replace(self, gains=self.gains._replace(**(back | changes)), overridden_gains=frozenset(changes))

@@ -6,13 +6,13 @@ from typing import Annotated, NamedTuple
 
 from bowden.control.knowledge import Knowledge
 from bowden.control.law import FromRig
-from bowden.core.kernel import exp, kernel, sel, tanh
+from bowden.core.kernel import exp, kernel, tanh
 from bowden.core.quantity import Quantity
 from bowden.core.signals import Reference
 from bowden.core.units import RADIANS
 
 LEAD = 0.0388
-"""Lag of the default bench, 2ζ/ω + (d + ½)·Ts, which `ahead` takes away [s]."""
+"""Lag of the default bench, 2ζ/ω + (d + ½)·Ts, which `compensate_lag` takes away [s]."""
 
 LEAD_SQUARE = 4.05e-4
 """The same to second order, 1/ω² + (2ζ/ω)·τ + τ²/2 with τ = (d + ½)·Ts [s²]."""
@@ -87,7 +87,7 @@ def crossing_rate(known: Knowledge) -> float:
 
 
 LAG: Mapping[str, FromRig] = {"lead": lag, "lead_square": lag_square}
-"""What a law gets that has `ahead` take the lag away."""
+"""What a law gets that has `compensate_lag` take the lag away."""
 
 SERVO: Mapping[str, FromRig] = {
     **LAG,
@@ -117,73 +117,80 @@ LIMITS: Mapping[str, tuple[float, float]] = {
 
 
 @kernel
-def ahead(reference: Reference, lead: float, lead_square: float) -> float:
+def compensate_lag(reference: Reference, lead: float, lead_square: float) -> float:
     """What a servo with a known lag must be asked for, so that it is at the reference now [rad].
 
         position + lead·velocity + lead_square·acceleration
 
     This is the inverse of the servo, 1 + (2ζ/ω)·s + s²/ω², and of the dead time τ, 1 + τ·s + τ²·s²/2, to second order.
 
-    >>> ahead(Reference(1.0, 2.0, 4.0), 0.5, 0.25)
+    >>> compensate_lag(Reference(1.0, 2.0, 4.0), 0.5, 0.25)
     3.0
     """
     return reference.position + lead * reference.velocity + lead_square * reference.acceleration
 
 
 @kernel
-def turned(direction: float, velocity: float, band: float, time_constant: float, dt: float) -> float:
+def update_direction(direction: float, velocity: float, band: float, time_constant: float, dt: float) -> float:
     """The direction of motion, −1…1, after one cycle: it goes to the sign of a velocity beyond ± `band`.
 
     It moves with the time constant [s], and stays where it is while the velocity is inside the band [rad/s] or not a
     number: what a hold leaves behind is the direction from which it was reached.
 
-    >>> turned(0.0, 1.0, 0.1, 0.001, 0.001), turned(0.5, 0.05, 0.1, 0.001, 0.001)
+    >>> update_direction(0.0, 1.0, 0.1, 0.001, 0.001), update_direction(0.5, 0.05, 0.1, 0.001, 0.001)
     (0.5, 0.5)
     """
-    goal = sel(velocity > band, 1.0, sel(velocity < -band, -1.0, direction))
+    if math.isnan(velocity) or abs(velocity) <= band:
+        return direction
+    goal = math.copysign(1.0, velocity)
     return direction + (goal - direction) * dt / (time_constant + dt)
 
 
 @kernel
-def waited(wait: float, change: float, hold: float, dt: float) -> float:
+def update_hold(wait: float, change: float, hold: float, dt: float) -> float:
     """Time left until the dead zone counts as crossed [s]: `hold` while the direction changes, then down to zero.
 
     While it is not zero the feedback stands still. The motor needs the servo's time to cross, and a cable that is not
     monotone moves the joint the wrong way meanwhile (reading 6); feedback would fight what the inverse is doing.
 
-    >>> waited(0.0, 0.1, 0.2, 0.001), waited(0.25, 0.0, 0.2, 0.125), waited(0.01, 0.0, 0.2, 0.05)
+    >>> update_hold(0.0, 0.1, 0.2, 0.001), update_hold(0.25, 0.0, 0.2, 0.125), update_hold(0.01, 0.0, 0.2, 0.05)
     (0.2, 0.125, 0.0)
     """
-    left = sel(wait > 1.5 * dt, wait - dt, 0.0)  # half a cycle of slack: rounding, in float above all, adds no cycle
-    return sel((change > 1e-3) + (change < -1e-3) > 0.0, hold, left)
+    if abs(change) > 1e-3:
+        return hold
+    return wait - dt if wait > 1.5 * dt else 0.0  # half a cycle of slack: rounding, in float above all, adds no cycle
 
 
 @kernel
-def bounded(value: float, low: float, high: float, refused: float) -> float:
+def clamp(value: float, low: float, high: float, refused: float) -> float:
     """`value` cut to [low, high]; `refused` where it is not a number.
 
-    >>> bounded(3.0, -1.0, 1.0, 0.5), bounded(float("nan"), -1.0, 1.0, 0.5)
+    >>> clamp(3.0, -1.0, 1.0, 0.5), clamp(float("nan"), -1.0, 1.0, 0.5)
     (1.0, 0.5)
     """
-    return sel((value >= low) * (value <= high), value, sel(value > high, high, sel(value < low, low, refused)))
+    if math.isnan(value):
+        return refused
+    return max(low, min(high, value))
 
 
 @kernel
-def fed_back(
+def integrate_error(
     wait: float, error: float, integral: float, missed: float, rate: float, limit: float, dt: float
 ) -> tuple[float, float]:
-    """Error and its integral after one cycle; both stand still while the dead zone is crossed, see `waited` [rad].
+    """Error and its integral after one cycle; both stand still while the dead zone is crossed, see `update_hold` [rad].
 
         ∫⁺ = ∫ + rate·e·Ts, not beyond ± limit
 
     A `missed` (reference − joint) that is not a number counts as the `error` before.
 
-    >>> fed_back(0.0, 0.0, 0.25, 0.5, 2.0, 1.0, 0.5), fed_back(0.1, 0.125, 0.25, 0.5, 2.0, 1.0, 0.5)
+    >>> integrate_error(0.0, 0.0, 0.25, 0.5, 2.0, 1.0, 0.5), integrate_error(0.1, 0.125, 0.25, 0.5, 2.0, 1.0, 0.5)
     ((0.5, 0.75), (0.125, 0.25))
     """
-    error = bounded(sel(wait > 0.0, error, missed), -1e3, 1e3, error)
-    summed = integral + sel(wait > 0.0, 0.0, rate * error * dt)
-    return error, bounded(summed, -limit, limit, integral)
+    summed = integral
+    if wait <= 0.0:
+        error = clamp(missed, -1e3, 1e3, error)
+        summed = integral + rate * error * dt
+    return error, clamp(summed, -limit, limit, integral)
 
 
 class Filtered(NamedTuple):
@@ -195,21 +202,21 @@ class Filtered(NamedTuple):
 
 
 @kernel
-def settled(before: float, goal: float, bandwidth: float, dt: float) -> float:
+def lowpass(before: float, goal: float, bandwidth: float, dt: float) -> float:
     """One cycle of the low-pass q/(s + q) towards a goal that is held, solved exactly.
 
-    >>> round(settled(1.0, 0.0, 10.0, 0.1), 4)
+    >>> round(lowpass(1.0, 0.0, 10.0, 0.1), 4)
     0.3679
     """
     return goal + (before - goal) * exp(-bandwidth * dt)
 
 
 @kernel
-def filtered(before: Filtered, goal: float, bandwidth: float, dt: float) -> Filtered:
+def lowpass_second_order(before: Filtered, goal: float, bandwidth: float, dt: float) -> Filtered:
     """One cycle of q²/(s + q)² towards a goal that is held, solved exactly.
 
-    >>> last = filtered(Filtered(0.0, 0.0, 0.0), 1.0, 10.0, 1.0)
-    >>> round(last.value, 4), round(filtered(last, 1.0, 10.0, 1.0).value, 7)
+    >>> last = lowpass_second_order(Filtered(0.0, 0.0, 0.0), 1.0, 10.0, 1.0)
+    >>> round(last.value, 4), round(lowpass_second_order(last, 1.0, 10.0, 1.0).value, 7)
     (0.9995, 1.0)
     """
     left = exp(-bandwidth * dt)
@@ -221,24 +228,24 @@ def filtered(before: Filtered, goal: float, bandwidth: float, dt: float) -> Filt
 
 
 @kernel
-def limited(before: Filtered, goal: float, bandwidth: float, rate_limit: float, dt: float) -> Filtered:
+def lowpass_rate_limited(before: Filtered, goal: float, bandwidth: float, rate_limit: float, dt: float) -> Filtered:
     """The same towards a goal that is no further away than Φ = 2·rate_limit/q, smoothly.
 
     A ramp of the speed v is followed at the distance 2·v/q, so that the rate goes to `rate_limit` at most.
 
-    >>> slow = limited(Filtered(0.0, 0.0, 0.0), 1.0, 10.0, 0.5, 1e-3)
+    >>> slow = lowpass_rate_limited(Filtered(0.0, 0.0, 0.0), 1.0, 10.0, 0.5, 1e-3)
     >>> for _ in range(1000):
-    ...     slow = limited(slow, 1.0, 10.0, 0.5, 1e-3)
+    ...     slow = lowpass_rate_limited(slow, 1.0, 10.0, 0.5, 1e-3)
     >>> round(slow.value, 1), round(slow.rate, 2)
     (0.5, 0.5)
     """
     layer = 2.0 * rate_limit / bandwidth
     near = before.value + layer * tanh((goal - before.value) / layer)
-    return filtered(before, near, bandwidth, dt)
+    return lowpass_second_order(before, near, bandwidth, dt)
 
 
 @kernel
-def through_servo(number: Filtered, natural_frequency: float, damping: float) -> float:
+def invert_servo(number: Filtered, natural_frequency: float, damping: float) -> float:
     """What the servo must be asked for, so that it is at the number, 1 + 2ζ/ω·d/dt + 1/ω²·d²/dt² [rad]."""
     lead, lead_square = 2.0 * damping / natural_frequency, 1.0 / (natural_frequency * natural_frequency)
     return number.value + lead * number.rate + lead_square * number.acceleration

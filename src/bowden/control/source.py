@@ -4,7 +4,7 @@
     step(settings, state, measured, scheduled, dt) -> (state, reference, added)
 
 `scheduled` is the table's reference at this instant; `added` is an angle of the motor that is added to the law's
-command. As laws are, sources are kernels in the portable subset, and `specialise` puts them in a loop.
+command. As laws are, sources are kernels, and `specialise` puts them in a loop.
 """
 
 from collections.abc import Callable, Mapping

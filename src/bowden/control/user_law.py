@@ -14,6 +14,7 @@ import math
 import re
 import sys
 from collections.abc import Iterator, Mapping
+from enum import IntEnum
 from itertools import pairwise
 from pathlib import Path
 from types import FrameType, ModuleType
@@ -26,6 +27,7 @@ from bowden.control.law import FromRig, Law
 from bowden.control.law_parts import LAG
 from bowden.core import user_file
 from bowden.core.errors import ParameterError, article, asked_for_by
+from bowden.core.nested import leaves, name_of
 from bowden.core.signals import Reference, Sample
 from bowden.core.user_file import UserFile
 from bowden.models.cable.bouc_wen import BoucWen
@@ -38,6 +40,8 @@ _SWEEP = [0.02 * k for k in (*range(66), *range(66, -66, -1), *range(-66, 1))]
 """References through which a law must return, whatever it gives there: to 75°, to −75° and back [rad]."""
 _MOST_LINES = 300_000
 """Lines of Python in one call of a law; so many, compiled, are no cycle's any more."""
+_DISCRETE = (bool, np.bool_, IntEnum)
+"""What of a state need be no float."""
 _EXAMPLE = Knowledge(50.0, 1.0, 1.5e-3, 1e-3, 1.0, 0.1, 0.1, BoucWen(), 0.0, 1e-4, 1e-4, 1e-4, 1e-4)
 """What a law's own functions of what it knows are tried with, beside nothing known."""
 
@@ -140,8 +144,6 @@ def _find(module: ModuleType, attribute: str, path: Path) -> Law:
         gains = names["Gains"]()
     except Exception as error:
         raise user_file.mistake(error, path) from error
-    if "TOLD" in names:
-        raise ParameterError(f"{path} has TOLD", expected="FROM_RIG, as it is called now", do="rename it")
     from_rig = names.get(
         "FROM_RIG", {name: what for name, what in _BY_NAME.items() if name in getattr(gains, "_fields", ())}
     )
@@ -190,7 +192,8 @@ def check_law(law: Law, path: Path | None = None) -> None:
     try:
         with _returning(law):
             state = law.start(sample)
-        _check_numbers(state, "the state from start", user_file.line(law.start_kernel, path))
+        begun = state
+        _check_state(state, "the state from start", user_file.line(law.start_kernel, path), begun)
         for k in range(_TRIAL_CYCLES):
             with _returning(law):
                 answer = law.step(state, sample, Reference(0.1 + 1e-4 * k, 0.1, 0.0), _TRIAL_TIME)
@@ -206,7 +209,7 @@ def check_law(law: Law, path: Path | None = None) -> None:
                     do=_CORRECT,
                 )
             state, command = answer
-            _check_numbers(state, "the state from step", where)
+            _check_state(state, "the state from step", where, begun)
             _check_number(command, "the command", where)
     except ParameterError:
         raise
@@ -260,6 +263,24 @@ def _check_numbers(values: Any, what: str, where: str, *, whole: bool = False) -
     for name, value in values._asdict().items():
         check = _check_numbers if isinstance(value, tuple) else _check_number
         check(value, f"{name} in {what}", where, whole=whole)
+
+
+def _check_state(state: Any, what: str, where: str, begun: Any) -> None:
+    """Finite floats, bools and members of enums, each of the kind that it was `begun` with: others do not compile."""
+    if not hasattr(state, "_asdict"):
+        raise ParameterError(
+            f"{where}: {what} is {article(type(state).__name__)}", expected="a NamedTuple of floats", do=_CORRECT
+        )
+    for (path, value), (_, first) in zip(leaves(state), leaves(begun), strict=False):
+        name = f"{name_of(path)} in {what}"
+        if not isinstance(first, _DISCRETE):
+            _check_number(value, name, where)
+        elif not isinstance(value, bool | np.bool_ if isinstance(first, bool) else type(first)):
+            raise ParameterError(
+                f"{where}: {name} is {value!r} ({type(value).__name__})",
+                expected=f"{article(type(first).__name__)}, as from start",
+                do=_CORRECT,
+            )
 
 
 def _check_number(value: Any, what: str, where: str, *, whole: bool = False) -> None:

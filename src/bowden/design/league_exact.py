@@ -83,10 +83,10 @@ def exact_path(
         side = 1.0 if error > 0.0 else -1.0
         tolerance = 1e-9 if side * speeds[k] > 0.0 or side * heading > 0.0 else _TURN_BACK
         path[k] = motor
-        if np.abs(error) < tolerance:
+        if abs(error) < tolerance:
             continue
-        near, left = 0.0, -np.abs(error)
-        stride = max(1e-5, np.abs(error))
+        near, left = 0.0, -abs(error)
+        stride = max(1e-5, abs(error))
         far, right = 0.0, left
         while right < -1e-9 and far < _REACH:
             near, left = far, right

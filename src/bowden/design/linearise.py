@@ -13,7 +13,7 @@ from bowden.control.law import Law, State, law_start, law_step
 from bowden.control.stability import StateSpace
 from bowden.core.errors import ParameterError
 from bowden.core.kernel import kernel, program
-from bowden.core.nested import flat, name_of, names, rebuilt, restored
+from bowden.core.nested import flat, leaves, name_of, names, rebuilt, restored
 from bowden.core.signals import Reference, Sample
 from bowden.core.units import RADIANS
 
@@ -61,7 +61,8 @@ def linearise(
 ) -> LawModel:
     """The law near rest, with its estimates frozen.
 
-    States that the motor and the joint do not reach, or that do not reach the command, are left out.
+    States that the motor and the joint do not reach, or that do not reach the command, are left out; flags and phases
+    stay as they are.
 
     Args:
         law: with its gains.
@@ -75,8 +76,8 @@ def linearise(
         NoNumberError: its command or a state of it is no finite number there.
     """
     frozen, width = estimates or {}, max(width, law.deadband)
-    rest = rebuilt(law.start(Sample(at, at)), lambda path, old: frozen.get(name_of(path), old))
-    free = [i for i, name in enumerate(names(rest)) if name not in frozen]
+    rest = rebuilt(law.start(Sample(at, at)), lambda path, old: type(old)(frozen.get(name_of(path), old)))
+    free = [i for i, (path, old) in enumerate(leaves(rest)) if name_of(path) not in frozen and isinstance(old, float)]
     start = np.array(flat(rest), dtype=np.float64)
 
     def differences(states: Array, samples: Array) -> Array:

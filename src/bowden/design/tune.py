@@ -276,7 +276,7 @@ class _Search:
 
     def _begun(self) -> list[Array]:
         """Gains that are tried first: as they stand, and as the rig would give them."""
-        usual = informed(replace(self.law, chosen=frozenset()), knowledge_of(self.rig.bench)).numbers
+        usual = informed(replace(self.law, overridden_gains=frozenset()), knowledge_of(self.rig.bench)).numbers
         shares = np.array([usual[name] / self.law.numbers[name] for name in self.names])
         known = np.log(np.where(shares > 0.0, shares, 1.0))  # a gain that would be off stays as it stands
         return [np.zeros(len(self.names)), np.clip(known, *_REACH)]

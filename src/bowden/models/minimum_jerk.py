@@ -1,16 +1,15 @@
-"""The motion of minimum jerk: the one place of its polynomial and of its derivatives. Portable subset.
+"""The motion of minimum jerk: the one place of its polynomial and of its derivatives.
 
 Of all motions that go from rest to rest in a given time, it has the least ∫ jerk² dt. Source: Flash and Hogan, Journal
 of Neuroscience 5(7), 1985.
 """
 
-from collections.abc import Callable
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.core.kernel import kernel, sel
+from bowden.core.kernel import kernel
 from bowden.core.signals import Reference
 
 Array = NDArray[np.float64]
@@ -28,7 +27,12 @@ def minimum_jerk(start: float, end: float, duration: float, time: float) -> Refe
     >>> [float(v) for v in minimum_jerk(0.0, 2.0, 4.0, 2.0)]
     [1.0, 0.9375, 0.0]
     """
-    x = np.fmax(0.0, np.fmin(1.0, time / duration))
+    return rest_to_rest(start, end, duration, max(0.0, min(1.0, time / duration)))
+
+
+@kernel
+def rest_to_rest(start: float, end: float, duration: float, x: float) -> Reference:
+    """`minimum_jerk` at the share x of its time, 0…1. Arithmetic alone, so that arrays pass through."""
     span, speed = end - start, 1.0 / duration
     return Reference(
         start + span * x * x * x * (10.0 + x * (6.0 * x - 15.0)),
@@ -56,7 +60,9 @@ def minimum_jerk_from(begin: Reference, end: float, duration: float, time: float
     >>> [float(value) for value in minimum_jerk_from(Reference(0.0, 0.0, 0.0), 1.0, 2.0, 1.0)]
     [0.5, 0.9375, 0.0]
     """
-    s = np.fmax(0.0, np.fmin(1.0, time / duration))
+    if time >= duration:
+        return Reference(end, 0.0, 0.0)
+    s = max(0.0, min(1.0, time / duration))
     way, speed, bend = begin.position - end, begin.velocity * duration, begin.acceleration * duration * duration
     third = -10.0 * way - 6.0 * speed - 1.5 * bend
     fourth = 15.0 * way + 8.0 * speed + 1.5 * bend
@@ -64,17 +70,13 @@ def minimum_jerk_from(begin: Reference, end: float, duration: float, time: float
     position = end + way + s * (speed + s * (0.5 * bend + s * (third + s * (fourth + s * fifth))))
     velocity = speed + s * (bend + s * (3.0 * third + s * (4.0 * fourth + s * 5.0 * fifth)))
     acceleration = bend + s * (6.0 * third + s * (12.0 * fourth + s * 20.0 * fifth))
-    there = time >= duration
-    return Reference(
-        sel(there, end, position),
-        sel(there, 0.0, velocity / duration),
-        sel(there, 0.0, acceleration / (duration * duration)),
-    )
+    return Reference(position, velocity / duration, acceleration / (duration * duration))
 
 
 def minimum_jerk_over(
     start: float | Array, end: float | Array, duration: float | Array, time: Array
 ) -> tuple[Array, Array, Array]:
     """`minimum_jerk` over arrays: position, velocity and acceleration, each of the shape of `time`."""
-    spread = cast(Callable[..., Reference], minimum_jerk)  # made of ufuncs: arrays pass through
-    return cast(tuple[Array, Array, Array], tuple(spread(start, end, duration, time)))
+    over: Any = rest_to_rest
+    x = np.clip(np.nan_to_num(time / duration, nan=1.0), 0.0, 1.0)  # 0/0: a motion that takes no time is over
+    return cast(tuple[Array, Array, Array], tuple(over(start, end, duration, x)))

@@ -100,7 +100,8 @@ def packable(law: Law) -> tuple[str | LawFile, dict[str, Any]]:
     own = {
         name
         for name, value in law.gains._asdict().items()
-        if name in law.chosen - known.chosen or (value != getattr(known.gains, name) and name not in law.from_rig)
+        if name in law.overridden_gains - known.overridden_gains
+        or (value != getattr(known.gains, name) and name not in law.from_rig)
     }
     return base, {name: value for name, value in law.numbers.items() if name.partition(".")[0] in own}
 

@@ -321,7 +321,7 @@ class Rig(metaclass=Answering):
             own.with_gains(**self.gains)
         except ParameterError as error:
             others = [name for name in LAWS if name != own.name and set(self.gains) <= set(LAWS[name].numbers)]
-            if set(self.gains) <= set(own.numbers) or set(self.gains) & set(own.former) or not others:
+            if set(self.gains) <= set(own.numbers) or not others:
                 raise
             named = ", ".join(others)
             raise ParameterError(

@@ -25,11 +25,10 @@ Left out: the spool's inertia (0.02 N·m at 0.5 Hz), how the fabric stiffens, an
 Of the cables' kinds it models the play; with capstan friction its half-width stands for the mean loss.
 """
 
+import math
 from typing import Annotated, NamedTuple
 
-import numpy as np
-
-from bowden.core.kernel import kernel, sel, tanh
+from bowden.core.kernel import kernel, sqrt, tanh
 from bowden.core.quantity import Quantity
 from bowden.core.units import RADIANS
 from bowden.models.cable.sheath import Sheath, slope_factor, width
@@ -104,9 +103,12 @@ def _node(chain: Chain, node: float, pulled: float, given: float, wide: float) -
     """u held where the play, `wide` times as wide, lets it: |T_m − T_j| ≤ k·r, both springs sharing x − s [m]."""
     length, k, r = pulled + chain.start - given, chain.cable, chain.half_width * wide
     low, high = length - r, length + r
-    low = sel(low > 0.0, k * low / (k + chain.fabric), low)
-    high = np.fmax(sel(high > 0.0, k * high / (k + chain.fabric), high), k * r / chain.fabric)
-    return given + np.fmax(low, np.fmin(high, node - given))
+    low = k * low / (k + chain.fabric) if low > 0.0 else low
+    high = k * high / (k + chain.fabric) if high > 0.0 else high
+    high = max(k * r / chain.fabric, high)
+    if math.isnan(node):  # as after a start without a joint's angle
+        return given + max(low, high)
+    return given + max(low, min(high, node - given))
 
 
 @kernel
@@ -123,7 +125,7 @@ def interaction_start(chain: Chain, spool: float, joint: float) -> InteractionSt
     slope = slope_factor(chain.sheath.bend + chain.posture * joint, chain.sheath)
     flexor = given + share * (slope * chain.map.radius * spool + chain.start - given)
     extensor = radius + share * (-slope * chain.extensor_radius * spool + chain.start - radius)
-    return InteractionState(spool, joint, 0.0, 0.0, 0.0, flexor, extensor, np.nan, np.inf, np.nan, np.nan)
+    return InteractionState(spool, joint, 0.0, 0.0, 0.0, flexor, extensor, math.nan, math.inf, math.nan, math.nan)
 
 
 @kernel
@@ -141,12 +143,12 @@ def interaction_step(
         current: I, measured [A].
         dt: length of the cycle [s].
     """
-    known = (np.abs(spool) <= 1e4) * (np.abs(joint) <= 1e4) * (np.abs(current) <= 1e4)
-    theta, phi = sel(known, spool, state.spool), sel(known, joint, state.joint)
+    known = abs(spool) <= 1e4 and abs(joint) <= 1e4 and abs(current) <= 1e4
+    theta, phi, drawn = (spool, joint, current) if known else (state.spool, state.joint, state.current)
     follow = dt / (doubt.smoothing + dt)
     spool_rate = state.spool_rate + follow * ((theta - state.spool) / dt - state.spool_rate)
     joint_rate = state.joint_rate + follow * ((phi - state.joint) / dt - state.joint_rate)
-    smooth = state.current + follow * (sel(known, current, state.current) - state.current)
+    smooth = state.current + follow * (drawn - state.current)
 
     bend = chain.sheath.bend + chain.posture * phi
     slope, wide = slope_factor(bend, chain.sheath), width(bend, chain.sheath)
@@ -155,25 +157,25 @@ def interaction_step(
     given, gone = flexor_travel(phi, chain.map), -radius * phi
     flexor = _node(chain, state.flexor_node, r_f * theta, given, wide)
     extensor = _node(chain, state.extensor_node, -r_e * theta, gone, wide)
-    pull_f, pull_e = chain.fabric * np.fmax(0.0, flexor - given), chain.fabric * np.fmax(0.0, extensor - gone)
-    motor_f = chain.cable * np.fmax(0.0, r_f * theta + chain.start - flexor)
-    motor_e = chain.cable * np.fmax(0.0, chain.start - r_e * theta - extensor)
+    pull_f, pull_e = chain.fabric * max(0.0, flexor - given), chain.fabric * max(0.0, extensor - gone)
+    motor_f = chain.cable * max(0.0, r_f * theta + chain.start - flexor)
+    motor_e = chain.cable * max(0.0, chain.start - r_e * theta - extensor)
     taut_f, taut_e = pull_f / (pull_f + 1.0), pull_e / (pull_e + 1.0)
     damping = chain.flesh * (taut_f * lever * lever + taut_e * radius * radius) * joint_rate
     stretch = lever * pull_f - radius * pull_e
 
     torque = chain.torque_constant * smooth
     direction = tanh(spool_rate / doubt.turning)
-    load = torque - direction * (chain.friction + chain.loss * np.abs(torque))
+    load = torque - direction * (chain.friction + chain.loss * abs(torque))
     driven = (load + r_e * motor_e) / r_f - (motor_f - pull_f)
-    by_current = lever * np.fmax(0.0, driven) - radius * pull_e
+    by_current = lever * max(0.0, driven) - radius * pull_e
 
     soft = chain.cable * chain.fabric / (chain.cable + chain.fabric)
     stiff = soft * (taut_f * lever * lever + taut_e * radius * radius)
     held = soft * chain.half_width * wide * (taut_f * lever + taut_e * radius)
-    stretch_doubt = stiff * doubt.angle + doubt.stiffness * np.abs(stretch) + doubt.play * held + 1e-6
+    stretch_doubt = stiff * doubt.angle + doubt.stiffness * abs(stretch) + doubt.play * held + 1e-6
     unknown = doubt.friction * doubt.friction + (1.0 - direction * direction) / 3.0
-    current_doubt = lever / r_f * chain.friction * np.sqrt(unknown) + 1e-6
+    current_doubt = lever / r_f * chain.friction * sqrt(unknown) + 1e-6
     heavy, light = 1.0 / (stretch_doubt * stretch_doubt), 1.0 / (current_doubt * current_doubt)
     mean = (heavy * stretch + light * by_current) / (heavy + light)
     return InteractionState(
@@ -184,8 +186,8 @@ def interaction_step(
         smooth,
         flexor,
         extensor,
-        sel(known, mean - damping, np.nan),
-        1.0 / np.sqrt(heavy + light),
+        mean - damping if known else math.nan,
+        1.0 / sqrt(heavy + light),
         by_current - damping,
         stretch - damping,
     )

@@ -31,9 +31,8 @@ F: of drive, gears and sheaths, at the spool; v: speed within which its sign goe
 there is only costs transparency; making up for more lets the drive hunt.
 """
 
+import math
 from typing import Annotated, NamedTuple
-
-import numpy as np
 
 from bowden.control.admittance.interaction import Chain, Doubt, InteractionState, interaction_start, interaction_step
 from bowden.control.admittance.virtual_elbow import (
@@ -44,7 +43,7 @@ from bowden.control.admittance.virtual_elbow import (
     beyond_band,
 )
 from bowden.control.source import Measurement, Source
-from bowden.core.kernel import kernel, sel, sin, tanh
+from bowden.core.kernel import kernel, sin, tanh
 from bowden.core.quantity import Quantity
 from bowden.core.signals import Reference
 from bowden.core.units import RADIANS
@@ -143,12 +142,13 @@ def stretched(settings: Push, position: float, push: float) -> float:
     infinite, as of logs from before there was one, τ is not cut either.
     """
     virtual, under = settings.admittance, settings.under
-    known = (push > -np.inf) * (push < np.inf)
-    most = sel(under.room < np.inf, virtual.torque_limit, np.inf)
-    pushed = np.fmax(-most, np.fmin(most, sel(known, push, 0.0)))
-    down = np.fmin(0.0, virtual.low - under.room - position)
-    up = np.fmax(0.0, virtual.high + under.room - position)
-    return position + np.fmax(down, np.fmin(up, under.compliance * pushed))
+    if not math.isfinite(push):
+        return position
+    most = virtual.torque_limit if math.isfinite(under.room) else math.inf
+    pushed = max(-most, min(most, push))
+    down = min(0.0, virtual.low - under.room - position)
+    up = max(0.0, virtual.high + under.room - position)
+    return position + max(down, min(up, under.compliance * pushed))
 
 
 @kernel
@@ -159,14 +159,15 @@ def push_step(
     chain, under = settings.chain, settings.under
     spool = spool_of(measured.motor, chain.map)
     estimate = interaction_step(chain, settings.doubt, state.estimate, spool, measured.joint, measured.current, dt)
-    torque = sel(settings.estimated > 0.5, estimate.torque, measured.load)
+    estimated = settings.estimated > 0.5
+    torque = estimate.torque if estimated else measured.load
     held = settings.carried * settings.weight * sin(estimate.joint + settings.elevation)
     push = held - torque
     slow = state.push.slow + dt / (settings.rest.smoothing + dt) * (estimate.joint - state.push.slow)
-    still = np.abs(estimate.joint - slow) < settings.rest.still * settings.rest.smoothing
-    goal, lag = sel(still, 1.0, 0.0), sel(still, settings.rest.patience, settings.rest.leave)
+    still = abs(estimate.joint - slow) < settings.rest.still * settings.rest.smoothing
+    goal, lag = (1.0, settings.rest.patience) if still else (0.0, settings.rest.leave)
     rested = state.push.rested + dt / (lag + dt) * (goal - state.push.rested)
-    doubt = sel(settings.estimated > 0.5, settings.rest.sure * estimate.doubt, settings.rest.cell)
+    doubt = settings.rest.sure * estimate.doubt if estimated else settings.rest.cell
     pushed = beyond_band(push, rested * doubt)
     virtual, reference = admittance_step(settings.admittance, state.virtual, pushed, dt)
     ratio = chain.map.radius / flexor_arm(reference.position, chain.map)

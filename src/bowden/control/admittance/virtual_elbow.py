@@ -22,12 +22,11 @@ Robotics Research 37(11), 2018, 1421–1444 (admittance control). How small M an
 `bowden.control.admittance.passivity`.
 """
 
+import math
 from typing import Annotated, NamedTuple
 
-import numpy as np
-
 from bowden.core.errors import ParameterError
-from bowden.core.kernel import kernel, sel, tanh
+from bowden.core.kernel import kernel, sqrt, tanh
 from bowden.core.quantity import Quantity
 from bowden.core.signals import Reference
 from bowden.core.units import RADIANS
@@ -77,19 +76,19 @@ def check_admittance(settings: Admittance) -> Admittance:
     """
     for name in ("inertia", "damping", "stiffness", "dead_band"):
         value = getattr(settings, name)
-        if not 0.0 <= value < np.inf:
+        if not 0.0 <= value < math.inf:
             raise ParameterError(f"admittance: {name} is {value:g}", expected="a number not below 0")
     for name in ("torque_limit", "speed_limit", "acceleration_limit", "decay"):
         value = getattr(settings, name)
-        if not 0.0 < value < np.inf:
+        if not 0.0 < value < math.inf:
             raise ParameterError(f"admittance: {name} is {value:g}", expected="a number above 0")
     if not settings.inertia + settings.damping > 0.0:
         raise ParameterError("admittance: inertia and damping are both 0", expected="one of them above 0")
-    if not -np.inf < settings.low < settings.high < np.inf:
+    if not -math.inf < settings.low < settings.high < math.inf:
         raise ParameterError(
             f"admittance: the range is {settings.low:g} to {settings.high:g} rad", expected="the low end first"
         )
-    if not abs(settings.rest) < np.inf:
+    if not abs(settings.rest) < math.inf:
         raise ParameterError(f"admittance: the rest angle is {settings.rest:g}", expected="a finite number")
     return settings
 
@@ -107,8 +106,9 @@ def beyond_band(torque: float, band: float) -> float:
     >>> beyond_band(0.25, 0.0), round(beyond_band(2.0, 0.5), 3), round(beyond_band(-0.05, 0.5), 6)
     (0.25, 1.5, -0.000166)
     """
-    width = sel(band > 0.0, band, 1.0)
-    return torque - band * tanh(torque / width)
+    if band <= 0.0:
+        return torque
+    return torque - band * tanh(torque / band)
 
 
 @kernel
@@ -117,9 +117,9 @@ def _stopping(distance: float, limit: float, dt: float) -> float:
 
     The last step to the end brakes by up to 9/8 of the others, for which the fifth that is left has room.
     """
-    brake, left = 0.8 * limit, np.fmax(0.0, distance)
+    brake, left = 0.8 * limit, max(0.0, distance)
     part = 0.5 * brake * dt
-    return np.fmin(left / dt, np.sqrt(part * part + 2.0 * brake * left) - part)
+    return min(left / dt, sqrt(part * part + 2.0 * brake * left) - part)
 
 
 @kernel
@@ -134,18 +134,19 @@ def admittance_step(
         torque: τ of the wearer on the suit, flexing positive; NaN where it is not known [N·m].
         dt: Ts, length of the cycle [s].
     """
-    known = (torque > -np.inf) * (torque < np.inf)
-    bounded = np.fmax(-settings.torque_limit, np.fmin(settings.torque_limit, sel(known, torque, 0.0)))
-    spring = settings.stiffness * (state.position - settings.rest)
-    free = settings.inertia * state.velocity + dt * (beyond_band(bounded, settings.dead_band) - spring)
-    free = free / (settings.inertia + dt * (settings.damping + dt * settings.stiffness))
-    wanted = sel(known, free, state.velocity * settings.decay / (settings.decay + dt))
+    if math.isfinite(torque):
+        bounded = max(-settings.torque_limit, min(settings.torque_limit, torque))
+        spring = settings.stiffness * (state.position - settings.rest)
+        wanted = settings.inertia * state.velocity + dt * (beyond_band(bounded, settings.dead_band) - spring)
+        wanted = wanted / (settings.inertia + dt * (settings.damping + dt * settings.stiffness))
+    else:
+        wanted = state.velocity * settings.decay / (settings.decay + dt)
 
     most = settings.acceleration_limit * dt
-    wanted = np.fmax(state.velocity - most, np.fmin(state.velocity + most, wanted))
-    up = np.fmin(settings.speed_limit, _stopping(settings.high - state.position, settings.acceleration_limit, dt))
-    down = np.fmin(settings.speed_limit, _stopping(state.position - settings.low, settings.acceleration_limit, dt))
-    velocity = np.fmax(-down, np.fmin(up, wanted))
+    wanted = max(state.velocity - most, min(state.velocity + most, wanted))
+    up = min(settings.speed_limit, _stopping(settings.high - state.position, settings.acceleration_limit, dt))
+    down = min(settings.speed_limit, _stopping(state.position - settings.low, settings.acceleration_limit, dt))
+    velocity = max(-down, min(up, wanted))
     acceleration = (velocity - state.velocity) / dt
     position = state.position + dt * velocity
     return AdmittanceState(position, velocity, acceleration), Reference(position, velocity, acceleration)

@@ -27,7 +27,7 @@ from typing import Annotated, NamedTuple
 
 from bowden.control.knowledge import Knowledge
 from bowden.control.law import Law
-from bowden.control.law_parts import LEAD, LEAD_SQUARE, LIMITS, SERVO, ahead, bounded, quiet_bandwidth
+from bowden.control.law_parts import LEAD, LEAD_SQUARE, LIMITS, SERVO, clamp, compensate_lag, quiet_bandwidth
 from bowden.core.kernel import exp, kernel
 from bowden.core.quantity import Quantity
 from bowden.core.signals import Reference, Sample
@@ -132,14 +132,17 @@ def step(
     push = state.disturbance + input_gain * state.command_before
     expected = known.xx * state.joint + known.xv * state.joint_rate + known.xf * push
     expected_rate = known.vx * state.joint + known.vv * state.joint_rate + known.vf * push
-    surprise = bounded(sample.joint - expected, -1e3, 1e3, 0.0)
+    surprise = clamp(sample.joint - expected, -1e3, 1e3, 0.0)
     joint = expected + on_joint * surprise
     joint_rate = expected_rate + on_rate * surprise
     disturbance = state.disturbance + on_f * surprise
 
     steer = (wanted * wanted - stiffness) * (reference.position - joint)
     damp = 2.0 * (wanted - gains.damping * omega) * (reference.velocity - joint_rate)
-    command = ahead(reference, gains.lead, gains.lead_square) / gains.slope + (steer + damp - disturbance) / input_gain
+    command = (
+        compensate_lag(reference, gains.lead, gains.lead_square) / gains.slope
+        + (steer + damp - disturbance) / input_gain
+    )
     between = state.command_between + gains.arrival * (state.command - state.command_between)
     acting = state.command_before + gains.arrival * (between - state.command_before)
     return ActiveDisturbanceRejectionState(joint, joint_rate, disturbance, command, between, acting), command

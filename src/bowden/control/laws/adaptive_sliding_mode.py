@@ -21,8 +21,6 @@ falls to K_least in finite time.
 import math
 from typing import Annotated, NamedTuple
 
-import numpy as np
-
 from bowden.control.knowledge import Knowledge
 from bowden.control.law import Law
 from bowden.control.law_parts import (
@@ -31,14 +29,14 @@ from bowden.control.law_parts import (
     LEAD_SQUARE,
     LIMITS,
     Filtered,
-    ahead,
-    bounded,
+    clamp,
+    compensate_lag,
     contact_bandwidth,
     crossing_rate,
     encoder_noises,
-    limited,
-    settled,
-    through_servo,
+    invert_servo,
+    lowpass,
+    lowpass_rate_limited,
 )
 from bowden.core.kernel import kernel
 from bowden.core.quantity import Quantity
@@ -95,13 +93,13 @@ def step(
 ) -> tuple[AdaptiveSlidingModeState, float]:
     """Adapt the gain, slide, and ask the servo for it."""
     before = state.disturbance
-    contact = bounded(sample.motor - sample.joint / gains.slope, -1e3, 1e3, state.observed)
-    observed = settled(state.observed, contact, gains.bandwidth, dt)
-    growth = gains.adaptation * gains.adaptation * (np.abs(observed - before.value) - gains.deadband)
-    gain = bounded(state.gain + growth * dt, gains.least_gain, gains.most_gain, gains.least_gain)
-    disturbance = limited(before, observed, gains.bandwidth, gain, dt)
-    command = ahead(reference, gains.lead, gains.lead_square) / gains.slope
-    command = command + through_servo(disturbance, gains.natural_frequency, gains.damping)
+    contact = clamp(sample.motor - sample.joint / gains.slope, -1e3, 1e3, state.observed)
+    observed = lowpass(state.observed, contact, gains.bandwidth, dt)
+    growth = gains.adaptation * gains.adaptation * (abs(observed - before.value) - gains.deadband)
+    gain = clamp(state.gain + growth * dt, gains.least_gain, gains.most_gain, gains.least_gain)
+    disturbance = lowpass_rate_limited(before, observed, gains.bandwidth, gain, dt)
+    command = compensate_lag(reference, gains.lead, gains.lead_square) / gains.slope
+    command = command + invert_servo(disturbance, gains.natural_frequency, gains.damping)
     return AdaptiveSlidingModeState(observed, disturbance, gain), command
 
 

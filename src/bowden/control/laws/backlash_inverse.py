@@ -22,8 +22,18 @@ import math
 from typing import Annotated, NamedTuple
 
 from bowden.control.law import Law
-from bowden.control.law_parts import LAG, LEAD, LEAD_SQUARE, LIMITS, ahead, bounded, fed_back, turned, waited
-from bowden.core.kernel import kernel, sel
+from bowden.control.law_parts import (
+    LAG,
+    LEAD,
+    LEAD_SQUARE,
+    LIMITS,
+    clamp,
+    compensate_lag,
+    integrate_error,
+    update_direction,
+    update_hold,
+)
+from bowden.core.kernel import kernel
 from bowden.core.quantity import Quantity
 from bowden.core.signals import Reference, Sample
 
@@ -64,13 +74,18 @@ class BacklashInverseGains(NamedTuple):
     """The same to second order [s²]."""
 
 
-class BacklashInverseState(NamedTuple):
-    """What the law remembers."""
+class Estimates(NamedTuple):
+    """θ̂."""
 
     slope: Annotated[float, Quantity("m̂", "rad/rad")]
     right: Annotated[float, Quantity("p̂_r = m̂·ĉ_r, going up", "rad")]
     left: Annotated[float, Quantity("p̂_l = m̂·ĉ_l, going down", "rad")]
-    motor_square: Annotated[float, Quantity("M₁₁, mean of motor² over the pushed motion", "rad²")]
+
+
+class Means(NamedTuple):
+    """M and q, over the pushed motion."""
+
+    motor_square: Annotated[float, Quantity("M₁₁, mean of motor²", "rad²")]
     motor_up: Annotated[float, Quantity("−M₁₂, mean of motor, zero going down", "rad")]
     motor_down: Annotated[float, Quantity("−M₁₃, mean of motor, zero going up", "rad")]
     share_up: Annotated[float, Quantity("M₂₂, share of going up")]
@@ -78,6 +93,13 @@ class BacklashInverseState(NamedTuple):
     product: Annotated[float, Quantity("q₁, mean of motor·joint", "rad²")]
     joint_up: Annotated[float, Quantity("−q₂, mean of joint, zero going down", "rad")]
     joint_down: Annotated[float, Quantity("−q₃, mean of joint, zero going up", "rad")]
+
+
+class BacklashInverseState(NamedTuple):
+    """What the law remembers."""
+
+    estimates: Estimates
+    means: Means
     slot: Annotated[float, Quantity("the slot that the motor drags, to know where it surely pushes the cable", "rad")]
     direction: Annotated[float, Quantity("d, −1…1, of the desired motor motion")]
     wait: Annotated[float, Quantity("time left until the feedback acts again", "s")]
@@ -88,8 +110,36 @@ class BacklashInverseState(NamedTuple):
 @kernel
 def start(gains: BacklashInverseGains, sample: Sample) -> BacklashInverseState:
     """Begin with the assumed slope and no backlash, in the middle of the slot."""
-    return BacklashInverseState(
-        gains.slope, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, sample.motor, 0.0, 0.0, 0.0, 0.0
+    means = Means(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    return BacklashInverseState(Estimates(gains.slope, 0.0, 0.0), means, sample.motor, 0.0, 0.0, 0.0, 0.0)
+
+
+@kernel
+def average(before: Means, motor: float, joint: float, up: bool, share: float) -> Means:
+    """The means with one sample more, of a motor that pushes the cable `up` or down."""
+    return Means(
+        before.motor_square + share * (motor * motor - before.motor_square),
+        before.motor_up + share * ((motor if up else 0.0) - before.motor_up),
+        before.motor_down + share * ((0.0 if up else motor) - before.motor_down),
+        before.share_up + share * ((1.0 if up else 0.0) - before.share_up),
+        before.share_down + share * ((0.0 if up else 1.0) - before.share_down),
+        before.product + share * (motor * joint - before.product),
+        before.joint_up + share * ((joint if up else 0.0) - before.joint_up),
+        before.joint_down + share * ((0.0 if up else joint) - before.joint_down),
+    )
+
+
+@kernel
+def descend(before: Estimates, means: Means, rate: float) -> Estimates:
+    """One step down the mean squared error of prediction, each estimate at its own scale."""
+    slope, right, left = before.slope, before.right, before.left
+    on_slope = means.product - means.motor_square * slope + means.motor_up * right + means.motor_down * left
+    on_right = means.motor_up * slope - means.share_up * right - means.joint_up
+    on_left = means.motor_down * slope - means.share_down * left - means.joint_down
+    return Estimates(
+        slope + rate * on_slope / max(1e-6, means.motor_square),
+        right + rate * on_right / max(1e-6, means.share_up),
+        left + rate * on_left / max(1e-6, means.share_down),
     )
 
 
@@ -98,59 +148,34 @@ def step(
     gains: BacklashInverseGains, state: BacklashInverseState, sample: Sample, reference: Reference, dt: float
 ) -> tuple[BacklashInverseState, float]:
     """Learn from the sample, then invert at the reference."""
-    top = LARGEST_ANGLE
-    believed = (sample.motor >= -top) * (sample.motor <= top) * (sample.joint >= -top) * (sample.joint <= top)
-    motor, joint = sel(believed, sample.motor, state.slot), sel(believed, sample.joint, 0.0)
-    half = 0.5 * gains.contact_travel
-    slot = bounded(state.slot, motor - half, motor + half, motor)
-    up, down = sel(motor - slot > 0.98 * half, 1.0, 0.0), sel(motor - slot < -0.98 * half, 1.0, 0.0)
+    motor, joint = state.slot, 0.0
+    if abs(sample.motor) <= LARGEST_ANGLE and abs(sample.joint) <= LARGEST_ANGLE:
+        motor, joint = sample.motor, sample.joint
+    half, most = 0.5 * gains.contact_travel, gains.largest_crossing
+    slot = clamp(state.slot, motor - half, motor + half, motor)
+    up, down = motor - slot > 0.98 * half, motor - slot < -0.98 * half
 
-    part = (up + down) * dt / (gains.forgetting_time + dt)
-    motor_square = state.motor_square + part * (motor * motor - state.motor_square)
-    motor_up = state.motor_up + part * (up * motor - state.motor_up)
-    motor_down = state.motor_down + part * (down * motor - state.motor_down)
-    share_up = state.share_up + part * (up - state.share_up)
-    share_down = state.share_down + part * (down - state.share_down)
-    product = state.product + part * (motor * joint - state.product)
-    joint_up = state.joint_up + part * (up * joint - state.joint_up)
-    joint_down = state.joint_down + part * (down * joint - state.joint_down)
-
-    on_slope = product - motor_square * state.slope + motor_up * state.right + motor_down * state.left
-    on_right = motor_up * state.slope - share_up * state.right - joint_up
-    on_left = motor_down * state.slope - share_down * state.left - joint_down
-    rate, most = (up + down) * gains.adaptation_gain * dt, gains.largest_crossing
-    slope = state.slope + rate * on_slope / sel(motor_square > 1e-6, motor_square, 1e-6)
-    slope = bounded(slope, gains.lowest_slope, gains.highest_slope, state.slope)
-    right = bounded(state.right + rate * on_right / sel(share_up > 1e-6, share_up, 1e-6), -most, most, state.right)
-    left = bounded(state.left + rate * on_left / sel(share_down > 1e-6, share_down, 1e-6), -most, most, state.left)
+    means, found = state.means, state.estimates
+    if up or down:
+        means = average(means, motor, joint, up, dt / (gains.forgetting_time + dt))
+        found = descend(found, means, gains.adaptation_gain * dt)
+    slope = clamp(found.slope, gains.lowest_slope, gains.highest_slope, state.estimates.slope)
+    right = clamp(found.right, -most, most, state.estimates.right)
+    left = clamp(found.left, -most, most, state.estimates.left)
 
     velocity = (reference.velocity + gains.lead * reference.acceleration) / gains.slope
-    direction = turned(state.direction, velocity, gains.velocity_band, gains.switching_time, dt)
-    wait = waited(state.wait, direction - state.direction, gains.hold, dt)
+    direction = update_direction(state.direction, velocity, gains.velocity_band, gains.switching_time, dt)
+    wait = update_hold(state.wait, direction - state.direction, gains.hold, dt)
     missed = reference.position - sample.joint
-    error, integral = fed_back(wait, state.error, state.integral, missed, gains.integral_gain, gains.integral_limit, dt)
-    upward = 0.5 * (1.0 + direction)
-    inverse = (ahead(reference, gains.lead, gains.lead_square) + upward * right + (1.0 - upward) * left) / slope
-    command = inverse + (gains.proportional_gain * error + integral) / gains.slope
-    after = BacklashInverseState(
-        slope,
-        right,
-        left,
-        motor_square,
-        motor_up,
-        motor_down,
-        share_up,
-        share_down,
-        product,
-        joint_up,
-        joint_down,
-        slot,
-        direction,
-        wait,
-        error,
-        integral,
+    error, integral = integrate_error(
+        wait, state.error, state.integral, missed, gains.integral_gain, gains.integral_limit, dt
     )
-    return after, command
+    upward = 0.5 * (1.0 + direction)
+    inverse = (
+        compensate_lag(reference, gains.lead, gains.lead_square) + upward * right + (1.0 - upward) * left
+    ) / slope
+    command = inverse + (gains.proportional_gain * error + integral) / gains.slope
+    return BacklashInverseState(Estimates(slope, right, left), means, slot, direction, wait, error, integral), command
 
 
 def settling(gains: BacklashInverseGains) -> float:

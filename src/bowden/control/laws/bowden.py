@@ -33,26 +33,6 @@ def reading_noise(known: Knowledge) -> float:
     return math.hypot(known.joint_noise, known.joint_step / math.sqrt(12.0))
 
 
-_LEARNED = "nothing instead: the law learns it"
-_DERIVED = "nothing instead: it follows from servo, delay and noise"
-
-FORMER = {
-    "height": "width, the dead zone in motor angle",
-    "steepness": _LEARNED,
-    "soft_feedback": "bandwidth",
-    "feedback": "bandwidth",
-    "least_speed": _DERIVED,
-    "wander": _LEARNED,
-    "doubt": "nothing instead: width is the lower end of what is known",
-    **dict.fromkeys(
-        ("most", "budget", "lead", "smoothing", "quiet", "crossing", "early", "reach", "worth", "tolerance", "search"),
-        _DERIVED,
-    ),
-    **dict.fromkeys(("patience", "slow", "caution", "haste", "foresight", "rest", "sway", "stray", "stop"), _LEARNED),
-    **dict.fromkeys(("late", "rush", "sight", "chase"), "lag, by which the arm follows late"),
-}
-"""Gains of the law's former versions (`Law.former`)."""
-
 LAW = Law(
     name="bowden",
     gains=BowdenGains(),
@@ -74,5 +54,4 @@ LAW = Law(
     deadband=DEADBAND,
     tunable=frozenset({"bandwidth", "lag"}),
     limits=LIMITS,
-    former=FORMER,
 )

@@ -14,8 +14,8 @@ import math
 from typing import Annotated, NamedTuple
 
 from bowden.control.law import Law
-from bowden.control.law_parts import LAG, LEAD, LEAD_SQUARE, LIMITS, ahead, bounded
-from bowden.core.kernel import kernel, sel
+from bowden.control.law_parts import LAG, LEAD, LEAD_SQUARE, LIMITS, clamp, compensate_lag
+from bowden.core.kernel import kernel
 from bowden.core.quantity import Quantity
 from bowden.core.signals import Reference, Sample
 
@@ -70,13 +70,14 @@ def step(
 
     error = reference.position - sample.joint
     limit = gains.correction_limit
-    summed = bounded(state.integral + gains.integral_gain * error * dt, -limit, limit, state.integral)
+    summed = clamp(state.integral + gains.integral_gain * error * dt, -limit, limit, state.integral)
     wished = gains.proportional_gain * error + summed + gains.derivative_gain * (reference.velocity - joint_rate)
-    correction = bounded(wished, -limit, limit, 0.0)
-    integral = sel((wished - correction) * error > 0.0, state.integral, summed)
+    correction = clamp(wished, -limit, limit, 0.0)
+    saturated = (wished - correction) * error > 0.0  # and the error would drive it further
+    integral = state.integral if saturated else summed
 
     command = (
-        (ahead(reference, gains.lead, gains.lead_square) + correction) / gains.slope
+        (compensate_lag(reference, gains.lead, gains.lead_square) + correction) / gains.slope
         + gains.motor_gain * ((reference.position + correction) / gains.slope - sample.motor)
         + gains.motor_rate_gain * (reference.velocity / gains.slope - motor_rate)
     )

@@ -34,14 +34,14 @@ from bowden.control.law_parts import (
     LEAD_SQUARE,
     LIMITS,
     Filtered,
-    ahead,
-    bounded,
+    clamp,
+    compensate_lag,
     crossing_rate,
-    filtered,
-    limited,
-    settled,
-    through_servo,
-    turned,
+    invert_servo,
+    lowpass,
+    lowpass_rate_limited,
+    lowpass_second_order,
+    update_direction,
 )
 from bowden.core.kernel import kernel
 from bowden.core.quantity import Quantity
@@ -101,15 +101,15 @@ def step(
 ) -> tuple[DisturbanceObserverState, float]:
     """Observe, jump where the reference turns, and ask the servo for both."""
     moved = state.jump.value - gains.delay * state.jump.rate
-    contact = bounded(sample.motor - sample.joint / gains.slope - moved, -1e3, 1e3, state.observed)
-    observed = settled(state.observed, contact, gains.bandwidth, dt)
-    disturbance = limited(state.disturbance, observed, gains.bandwidth, gains.rate_limit, dt)
+    contact = clamp(sample.motor - sample.joint / gains.slope - moved, -1e3, 1e3, state.observed)
+    observed = lowpass(state.observed, contact, gains.bandwidth, dt)
+    disturbance = lowpass_rate_limited(state.disturbance, observed, gains.bandwidth, gains.rate_limit, dt)
     velocity = (reference.velocity + gains.lead * reference.acceleration) / gains.slope
-    direction = turned(state.direction, velocity, gains.velocity_band, 0.0, dt)
-    jump = filtered(state.jump, gains.half_width * direction, gains.jump_bandwidth, dt)
-    command = ahead(reference, gains.lead, gains.lead_square) / gains.slope
-    command = command + through_servo(disturbance, gains.natural_frequency, gains.damping)
-    command = command + through_servo(jump, gains.natural_frequency, gains.damping)
+    direction = update_direction(state.direction, velocity, gains.velocity_band, 0.0, dt)
+    jump = lowpass_second_order(state.jump, gains.half_width * direction, gains.jump_bandwidth, dt)
+    command = compensate_lag(reference, gains.lead, gains.lead_square) / gains.slope
+    command = command + invert_servo(disturbance, gains.natural_frequency, gains.damping)
+    command = command + invert_servo(jump, gains.natural_frequency, gains.damping)
     return DisturbanceObserverState(observed, disturbance, jump, direction), command
 
 

@@ -21,14 +21,14 @@ from bowden.control.law_parts import (
     LEAD,
     LEAD_SQUARE,
     LIMITS,
-    ahead,
-    bounded,
-    fed_back,
+    clamp,
+    compensate_lag,
     half_width,
-    turned,
-    waited,
+    integrate_error,
+    update_direction,
+    update_hold,
 )
-from bowden.core.kernel import exp, kernel, sel
+from bowden.core.kernel import exp, kernel
 from bowden.core.quantity import Quantity
 from bowden.core.signals import Reference, Sample
 
@@ -82,15 +82,19 @@ def step(
 ) -> tuple[HysteresisModelState, float]:
     """Advance the model along the desired motion, and invert it."""
     velocity = (reference.velocity + gains.lead * reference.acceleration) / gains.slope
-    direction = turned(state.direction, velocity, gains.velocity_band, gains.switching_time, dt)
+    direction = update_direction(state.direction, velocity, gains.velocity_band, gains.switching_time, dt)
     travel = velocity * gains.slope * dt
-    side = sel(velocity > 0.0, 1.0, sel(velocity < 0.0, -1.0, state.friction))
-    left = exp(-sel(travel > 0.0, travel, -travel) / gains.friction_travel)
-    friction = bounded(side + (state.friction - side) * left, -1.0, 1.0, state.friction)
-    wait = waited(state.wait, direction - state.direction, gains.hold, dt)
+    friction = state.friction
+    if abs(velocity) > 0.0:
+        side = math.copysign(1.0, velocity)
+        left = exp(-abs(travel) / gains.friction_travel)
+        friction = clamp(side + (state.friction - side) * left, -1.0, 1.0, state.friction)
+    wait = update_hold(state.wait, direction - state.direction, gains.hold, dt)
     missed = reference.position - sample.joint
-    error, integral = fed_back(wait, state.error, state.integral, missed, gains.integral_gain, gains.integral_limit, dt)
-    wanted = ahead(reference, gains.lead, gains.lead_square) + gains.proportional_gain * error + integral
+    error, integral = integrate_error(
+        wait, state.error, state.integral, missed, gains.integral_gain, gains.integral_limit, dt
+    )
+    wanted = compensate_lag(reference, gains.lead, gains.lead_square) + gains.proportional_gain * error + integral
     lost = gains.half_width * direction + gains.friction_stretch * friction
     return HysteresisModelState(direction, friction, wait, error, integral), wanted / gains.slope + lost
 

@@ -10,10 +10,8 @@ its noise.
 
 from typing import Annotated, NamedTuple
 
-import numpy as np
-
 from bowden.control.law import Law
-from bowden.core.kernel import kernel, sel
+from bowden.core.kernel import kernel
 from bowden.core.quantity import Quantity
 from bowden.core.signals import Reference, Sample
 from bowden.models.cable.bouc_wen import BoucWen, saturation, travel_step
@@ -49,8 +47,10 @@ class ObserverState(NamedTuple):
 def start(gains: ObserverGains, sample: Sample) -> ObserverState:
     """Begin with ĥ = 0, at the angle where the drive is now."""
     cable = BoucWen(gains.slope, gains.hysteresis_gain, gains.rate, gains.shape, gains.exponent, gains.offset)
-    inverse = (sample.joint - cable.offset) / cable.slope
-    return ObserverState(0.0, sel(gains.from_reference > 0.5, inverse, sample.motor))
+    driver = sample.motor
+    if gains.from_reference > 0.5:
+        driver = (sample.joint - cable.offset) / cable.slope
+    return ObserverState(0.0, driver)
 
 
 @kernel
@@ -60,13 +60,13 @@ def step(
     """Advance ĥ by the drive's travel and invert Eq. 6 at the reference."""
     cable = BoucWen(gains.slope, gains.hysteresis_gain, gains.rate, gains.shape, gains.exponent, gains.offset)
     wanted = (reference.position - cable.offset) / cable.slope
-    driver = sel(gains.from_reference > 0.5, wanted, sample.motor)
+    driver = wanted if gains.from_reference > 0.5 else sample.motor
     piece = (driver - state.driver) / 4.0  # a tenth of a radian in one cycle, the chirp's fastest, is still stable
     h = state.h
     for _ in range(4):
         h = travel_step(h, piece, cable)
     bound = saturation(cable)
-    h = np.fmax(-bound, np.fmin(bound, h))
+    h = max(-bound, min(bound, h))
     command = wanted - cable.hysteresis_gain * h / cable.slope
     return ObserverState(h, driver), command
 

@@ -16,7 +16,17 @@ import math
 from typing import Annotated, NamedTuple
 
 from bowden.control.law import Law
-from bowden.control.law_parts import LAG, LEAD, LEAD_SQUARE, LIMITS, ahead, fed_back, half_width, turned, waited
+from bowden.control.law_parts import (
+    LAG,
+    LEAD,
+    LEAD_SQUARE,
+    LIMITS,
+    compensate_lag,
+    half_width,
+    integrate_error,
+    update_direction,
+    update_hold,
+)
 from bowden.core.kernel import kernel
 from bowden.core.quantity import Quantity
 from bowden.core.signals import Reference, Sample
@@ -68,13 +78,13 @@ def step(
 ) -> tuple[OffsetInverseState, float]:
     """Switch the offset, add up the error, and shift the corrected trajectory."""
     velocity = (reference.velocity + gains.lead * reference.acceleration) / gains.slope
-    direction = turned(state.direction, velocity, gains.velocity_band, gains.switching_time, dt)
-    wait = waited(state.wait, direction - state.direction, gains.hold, dt)
+    direction = update_direction(state.direction, velocity, gains.velocity_band, gains.switching_time, dt)
+    wait = update_hold(state.wait, direction - state.direction, gains.hold, dt)
     missed = reference.position - sample.joint
-    error, correction = fed_back(
+    error, correction = integrate_error(
         wait, state.error, state.correction, missed, gains.error_rate, gains.correction_limit, dt
     )
-    wanted = ahead(reference, gains.lead, gains.lead_square) + gains.error_share * error + correction
+    wanted = compensate_lag(reference, gains.lead, gains.lead_square) + gains.error_share * error + correction
     return OffsetInverseState(direction, wait, error, correction), wanted / gains.slope + gains.half_width * direction
 
 

@@ -23,14 +23,12 @@ import math
 from collections.abc import Callable
 from typing import Annotated, Any, NamedTuple
 
-import numpy as np
-
 from bowden.control.knowledge import Knowledge
 from bowden.control.law import Law
-from bowden.control.law_parts import bounded, turned
+from bowden.control.law_parts import clamp, update_direction
 from bowden.control.laws import disturbance_observer
 from bowden.control.laws.disturbance_observer import DisturbanceObserverGains, DisturbanceObserverState
-from bowden.core.kernel import cos, kernel, sel, sin
+from bowden.core.kernel import cos, kernel, sin
 from bowden.core.quantity import Quantity
 from bowden.core.signals import Reference, Sample
 
@@ -107,7 +105,7 @@ class Stroke(NamedTuple):
     begin: Annotated[float, Quantity("reference at the last turn", "rad")]
     length: Annotated[float, Quantity("time that the stroke before took; 0 where there was none", "s")]
     way: Annotated[float, Quantity("how far it went", "rad")]
-    repeated: Annotated[float, Quantity("1 where the motion repeats itself, else 0")]
+    repeated: Annotated[bool, Quantity("the motion repeats itself")]
 
 
 class RepetitiveState(NamedTuple):
@@ -122,7 +120,7 @@ class RepetitiveState(NamedTuple):
 def start(gains: RepetitiveGains, sample: Sample) -> RepetitiveState:
     """Begin with nothing learnt."""
     none = Harmonic(0.0, 0.0)
-    stroke = Stroke(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    stroke = Stroke(0.0, 0.0, 0.0, 0.0, 0.0, False)
     begun = observer_start(gains, sample)
     return RepetitiveState(begun, stroke, Harmonics(none, none, none, none, none, none))
 
@@ -130,23 +128,17 @@ def start(gains: RepetitiveGains, sample: Sample) -> RepetitiveState:
 @kernel
 def followed(stroke: Stroke, reference: Reference, band: float, sameness: float, dt: float) -> Stroke:
     """The strokes after one cycle of the reference."""
-    direction = turned(stroke.direction, reference.velocity, band, 0.0, dt)
+    direction = update_direction(stroke.direction, reference.velocity, band, 0.0, dt)
     since = stroke.since + dt
-    way = np.abs(reference.position - stroke.begin)
-    alike = (np.abs(since - stroke.length) <= sameness * stroke.length) * (
-        np.abs(way - stroke.way) <= sameness * stroke.way
-    )
-    due = (since <= (1.0 + sameness) * stroke.length + dt) * stroke.repeated
-    turns = direction != stroke.direction
-    first = stroke.direction == 0.0
-    return Stroke(
-        direction,
-        sel(turns, 0.0, since),
-        sel(turns, reference.position, stroke.begin),
-        sel(turns, sel(first, 0.0, since), stroke.length),
-        sel(turns, sel(first, 0.0, way), stroke.way),
-        sel(turns, sel(alike, 1.0, 0.0), due),
-    )
+    if direction == stroke.direction:
+        repeated = stroke.repeated and since <= (1.0 + sameness) * stroke.length + dt
+        return Stroke(direction, since, stroke.begin, stroke.length, stroke.way, repeated)
+    way = abs(reference.position - stroke.begin)
+    as_long = abs(since - stroke.length) <= sameness * stroke.length
+    as_far = abs(way - stroke.way) <= sameness * stroke.way
+    if stroke.direction == 0.0:  # the first
+        since, way = 0.0, 0.0
+    return Stroke(direction, 0.0, reference.position, since, way, as_long and as_far)
 
 
 @kernel
@@ -157,8 +149,8 @@ def learnt(
     share = speed / gains.cutoff
     part = error / (1.0 + share * share * share * share)
     most = gains.largest
-    even = bounded(kept * before.even - part * c, -most, most, before.even)
-    return Harmonic(even, bounded(kept * before.odd - part * s, -most, most, before.odd))
+    even = clamp(kept * before.even - part * c, -most, most, before.even)
+    return Harmonic(even, clamp(kept * before.odd - part * s, -most, most, before.odd))
 
 
 @kernel
@@ -177,14 +169,13 @@ def step(
 ) -> tuple[RepetitiveState, float]:
     """Follow the strokes, learn, and have the observer follow the reference with what was learnt."""
     stroke = followed(state.stroke, reference, gains.velocity_band, gains.sameness, dt)
-    repeats = (stroke.repeated > 0.5) * (stroke.length > dt)
-    period = sel(repeats, 2.0 * stroke.length, 1e3)
-    kept = sel(repeats, 1.0, gains.fading / (gains.fading + dt))
-    missed = bounded(sample.joint - reference.position, -1.0, 1.0, 0.0)
-    error = sel(repeats, gains.learning / period * missed * dt, 0.0)
+    period, kept, error = 1e3, gains.fading / (gains.fading + dt), 0.0
+    if stroke.repeated and stroke.length > dt:
+        period, kept = 2.0 * stroke.length, 1.0
+        error = gains.learning / period * clamp(sample.joint - reference.position, -1.0, 1.0, 0.0) * dt
 
-    speed = 2.0 * np.pi / period
-    angle = speed * stroke.since + sel(stroke.direction > 0.0, 0.0, np.pi)
+    speed = 2.0 * math.pi / period
+    angle = speed * stroke.since + (0.0 if stroke.direction > 0.0 else math.pi)
     c1, s1 = cos(angle), sin(angle)
     c2, s2 = c1 * c1 - s1 * s1, 2.0 * c1 * s1
     c3, s3 = c2 * c1 - s2 * s1, s2 * c1 + c2 * s1

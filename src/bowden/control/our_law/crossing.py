@@ -1,10 +1,10 @@
-"""What matters of the cable: how wide its dead zone is, where its contact is, and how steep it is.
+"""The cable's dead zone: its width, where the cable is in contact, and the cable's slope.
 
 Both angles are measured at the same instant, so that o = motor − joint/a, the contact, is known without any model of
 the servo. While the cable is engaged o stays; after a turn the motor crosses the dead zone, and o moves by its width.
 All is in motor angle; a is the slope as learned, a₀ as given, I and F the observer's correction, asked for and sent.
 The *side* is the sign of the reference's way since its last turn, +1 or −1; 0 before its first motion. Times it, what
-is ahead is positive on either side: `side * smaller(side * a, side * b)` is that of two angles that is further behind.
+is ahead is positive on either side: `side * min(side * a, side * b)` is that of two angles that is further behind.
 
 - **Width** w of each way, a lower bound: a measurement below it is believed at once, one above it by a share. A jump
   too short costs a slower crossing; one too far is an error at once that only a crossing back takes away. Where the
@@ -21,28 +21,36 @@ is ahead is positive on either side: `side * smaller(side * a, side * b)` is tha
   dead zone, (e/a₀)² < 2·w·(|φ̇|/a₀)·T_a, w that of the way back, T_a the time of the observer's answer, I goes back
   no faster than the reference comes.
 
-| mode | becomes | when |
+| phase | becomes | when |
 |---|---|---|
-| follow | cross | the reference turns by more than the tolerance |
-| cross | follow | the joint moves on by more than a touch |
-| cross | follow, on the side that it came from | the reference turns back before that |
+| at start | engaged | the reference moves for the first time |
+| engaged | crossing, to the other side | the reference turns by more than the tolerance |
+| crossing | engaged | the joint moves on by more than a touch |
+| crossing | engaged, on the side that it came from | the reference turns back before that |
 
-Within cross the observer goes on with its bounded speed (search); within follow it may hold. Portable subset.
+While crossing the observer goes on with its bounded speed (search); while engaged it may hold.
 """
 
+import math
+from enum import IntEnum
 from typing import Annotated, NamedTuple
 
-import numpy as np
-
-from bowden.core.extremes import larger, smaller
-from bowden.core.kernel import kernel, sel
+from bowden.core.kernel import kernel
 from bowden.core.quantity import Quantity
 
-FOLLOW, CROSS = 1.0, 2.0
-"""The two modes."""
+
+class DeadzonePhase(IntEnum):
+    """Where the motor is in the dead zone, and to which side the reference goes, which is the sign."""
+
+    AT_START = 0
+    ENGAGED_UP = 1
+    ENGAGED_DOWN = -1
+    CROSSING_UP = 2
+    CROSSING_DOWN = -2
+
 
 UNSEEN = 1e9
-"""What `Crossing.furthest` is before there was a reference."""
+"""`Crossing.furthest` before there was a reference."""
 
 PACE = 3.0
 """p over the servo's ω: a jump asks for up to 0.23·(p/ω)² times the width in the command's acceleration term, and
@@ -95,7 +103,9 @@ joint is held, is left behind [rad]."""
 class Crossing(NamedTuple):
     """What is known of the cable, and where in it the motor is."""
 
-    mode: Annotated[float, Quantity("1 follow, 2 cross, with the sign of the reference's way; 0 before its first", "1")]
+    phase: Annotated[
+        DeadzonePhase, Quantity("±1 engaged, ±2 crossing, with the sign of the reference's way; 0 at start", "1")
+    ]
     furthest: Annotated[float, Quantity("the reference furthest on this side", "rad")]
     jump: Annotated[float, Quantity("J, what the command lacks of a jump", "rad")]
     jump_rate: Annotated[float, Quantity("its rate", "rad/s")]
@@ -110,8 +120,8 @@ class Crossing(NamedTuple):
     answer_contact: Annotated[float, Quantity("o, as far as the joint went with it", "rad")]
 
 
-class Known(NamedTuple):
-    """What a cycle of `crossed` gets."""
+class DeadzoneInput(NamedTuple):
+    """Both angles, the reference, and what is known of the rig."""
 
     joint: float
     """As measured [rad]."""
@@ -139,148 +149,292 @@ class Known(NamedTuple):
     """Of the motor, as expected [rad/s]."""
 
 
-class Crossed(NamedTuple):
-    """What came of it."""
+class DeadzoneUpdate(NamedTuple):
+    """What came of a cycle."""
 
     crossing: Crossing
-    asked: float
+    requested: float
     """I after holding and within reach, before its jump [rad]."""
     shift: float
     """What I and F go by at once: the jump, less what the plan takes over as the slope is learned [rad]."""
 
 
 @kernel
-def at_start(joint: float, contact: float, inverse: float, width: float) -> Crossing:
+def crossing_at_start(joint: float, contact: float, inverse: float, width: float) -> Crossing:
     """Nothing is known but what was given."""
     doubt = UNSURE * inverse
-    return Crossing(0.0, UNSEEN, 0.0, 0.0, 0.0, width, width, contact, joint, inverse, doubt * doubt, joint, contact)
+    return Crossing(
+        DeadzonePhase.AT_START,
+        UNSEEN,
+        0.0,
+        0.0,
+        0.0,
+        width,
+        width,
+        contact,
+        joint,
+        inverse,
+        doubt * doubt,
+        joint,
+        contact,
+    )
+
+
+@kernel
+def side_of(phase: DeadzonePhase) -> float:
+    """The sign of the reference's way; 0 at start."""
+    if phase > 0:
+        return 1.0
+    return -1.0 if phase < 0 else 0.0
+
+
+@kernel
+def is_crossing(phase: DeadzonePhase) -> bool:
+    """The motor crosses the dead zone."""
+    return phase == DeadzonePhase.CROSSING_UP or phase == DeadzonePhase.CROSSING_DOWN
+
+
+@kernel
+def engaged_on(side: float) -> DeadzonePhase:
+    """The motor moves the joint this way."""
+    return DeadzonePhase.ENGAGED_UP if side > 0.0 else DeadzonePhase.ENGAGED_DOWN
+
+
+@kernel
+def crossing_to(side: float) -> DeadzonePhase:
+    """The motor crosses this way."""
+    return DeadzonePhase.CROSSING_UP if side > 0.0 else DeadzonePhase.CROSSING_DOWN
 
 
 @kernel
 def width_of(cable: Crossing, side: float) -> float:
     """w of a crossing this way [rad]."""
-    return sel(side < 0.0, cable.width_back, cable.width)
+    return cable.width_back if side < 0.0 else cable.width
 
 
 @kernel
-def missing(cable: Crossing, short: float) -> float:
-    """What of the motion that the motor did not make the joint lacks: nothing within a dead zone that is being crossed.
+def shortfall_at_joint(cable: Crossing, shortfall: float) -> float:
+    """What of the motor's shortfall the joint lacks: nothing within a dead zone that is being crossed.
 
     Args:
         cable: one cycle ago.
-        short: what the motor did not make [rad].
+        shortfall: of the motor [rad].
     """
-    side = np.sign(cable.mode)
-    behind = side * short
-    beyond = side * smaller(behind + width_of(cable, side), 0.0)
-    return sel((np.abs(cable.mode) > FOLLOW) * (behind < 0.0) > 0.0, beyond, short)
+    side = side_of(cable.phase)
+    behind = side * shortfall
+    if is_crossing(cable.phase) and behind < 0.0:
+        return side * min(0.0, behind + width_of(cable, side))
+    return shortfall
+
+
+class ReferenceTurn(NamedTuple):
+    """The reference beside where it was furthest."""
+
+    turns: bool
+    side: float
+    """Of its way after this cycle: +1, −1; 0 before it has moved."""
+    furthest: float
+    """On that side [rad]."""
 
 
 @kernel
-def crossed(before: Crossing, given: Known, asked_before: float, asked: float, dt: float) -> Crossed:
-    """One cycle.
+def reference_turn(before: Crossing, given: DeadzoneInput) -> ReferenceTurn:
+    """The reference turns where, as it will be, it is behind the furthest that it was on this side, and does not go on.
 
-    Args:
-        before: one cycle ago.
-        given: both angles, the reference, and what is known of the rig.
-        asked_before: I one cycle ago [rad].
-        asked: I as the observer wants it [rad].
-        dt: cycle [s].
+    Of one that is given in steps the position alone goes back now and then while it goes on.
     """
-    joint, motor, speed, loop = given.joint, given.motor, given.velocity, given.inverse
-    first, way_before = before.furthest >= UNSEEN, np.sign(before.mode)
-    pace = PACE * given.omega
+    side = side_of(before.phase)
+    if before.furthest >= UNSEEN:  # the first reference
+        return ReferenceTurn(False, side, given.position)
+    ahead = given.delay + MIDDLE / (PACE * given.omega)
+    here = given.position + ahead * (given.velocity + 0.5 * ahead * given.acceleration)
+    tolerance = TURN + TURN_SIGMAS * given.noise
+    if before.phase == DeadzonePhase.AT_START:
+        off = here - before.furthest
+        if abs(off) > tolerance:
+            return ReferenceTurn(True, math.copysign(1.0, off), here)
+        return ReferenceTurn(False, side, before.furthest)
+    furthest = side * max(side * before.furthest, side * here)
+    goes_on = side * (given.velocity + ahead * given.acceleration) > 0.0
+    if side * (furthest - here) > tolerance and not goes_on:
+        return ReferenceTurn(True, -side, here)
+    return ReferenceTurn(False, side, furthest)
 
-    # turn: the reference, as it will be, behind the furthest that it was on this side, and not going on: of one that is
-    # given in steps the position alone goes back now and then while it goes on
-    ahead = given.delay + MIDDLE / pace
-    here = given.position + ahead * (speed + 0.5 * ahead * given.acceleration)
-    fresh = before.mode == 0.0
-    reached = way_before * larger(way_before * here, way_before * before.furthest)
-    furthest = sel(first, given.position, sel(fresh, before.furthest, reached))
-    back = sel(fresh, np.abs(here - furthest), way_before * (furthest - here))
-    goes_on = (1.0 - fresh) * (way_before * (speed + ahead * given.acceleration) > 0.0)
-    turns = (back > TURN + TURN_SIGMAS * given.noise) * (1.0 - goes_on) * (1.0 - first) > 0.0
-    side = sel(turns, sel(fresh, np.sign(here - furthest), -way_before), way_before)
-    furthest = sel(turns, here, furthest)
-    crossing = np.abs(before.mode) > FOLLOW
-    known, known_back = width_of(before, side), width_of(before, -side)
 
-    # slope, at a turn: o now against o at the touch, over the joint's way between
-    contact = motor - joint * before.inverse
-    way = joint - before.extreme
-    far = np.abs(way) > STRETCH
-    by = (contact - before.contact) / sel(far, way, 1.0)
+class LearnedSlope(NamedTuple):
+    """The slope as learned."""
+
+    inverse: float
+    """1/a [–]."""
+    variance: float
+
+
+@kernel
+def learn_slope(before: Crossing, given: DeadzoneInput, contact: float) -> LearnedSlope:
+    """One Kalman step at the end of a stretch: o now against o at the touch, over the joint's way between."""
+    way, loop = given.joint - before.extreme, given.inverse
+    if not abs(way) > STRETCH:
+        return LearnedSlope(before.inverse, before.variance)
+    innovation = (contact - before.contact) / way
     other = STRANGE * STRANGE / (way * way + 1e-9)
-    stretch = turns * (1.0 - crossing) * (1.0 - fresh) * far > 0.0
-    odd = by * by > ODD * (before.variance + other)
-    trust = sel(odd, 0.0, before.variance / (before.variance + other))
-    learned = larger(smaller(before.inverse + trust * by, STEEPEST * loop), FLATTEST * loop)
-    inverse = sel(stretch, learned, before.inverse)
-    least, most = WANDERS * loop, UNSURE * loop
-    surer = sel(odd, 2.0 * before.variance, (1.0 - trust) * before.variance + least * least)
-    variance = sel(stretch, smaller(surer, most * most), before.variance)
-    change = inverse - before.inverse
-    contact = contact - change * joint
+    most = UNSURE * loop * (UNSURE * loop)
+    if innovation * innovation > ODD * (before.variance + other):
+        return LearnedSlope(before.inverse, min(most, 2.0 * before.variance))
+    trust = before.variance / (before.variance + other)
+    inverse = max(FLATTEST * loop, min(STEEPEST * loop, before.inverse + trust * innovation))
+    wandered = WANDERS * loop * (WANDERS * loop)
+    return LearnedSlope(inverse, min(most, (1.0 - trust) * before.variance + wandered))
 
-    # touch, and the width
-    old_side = side * smaller(side * joint, side * before.extreme)
-    extreme = sel(turns, sel(crossing, old_side, joint), sel(crossing, old_side, before.extreme))
-    moved = side * (joint - extreme) > TOUCH + TOUCH_SIGMAS * given.noise
-    touches = crossing * (1.0 - turns) * moved > 0.0
-    follows = turns * (1.0 - fresh) * (1.0 - crossing) + (1.0 - turns) * (1.0 - touches) * crossing < 1.0
-    mode = side * sel(follows, FOLLOW, CROSS)
-    gone = side * (contact - before.contact)  # of the dead zone since the turn; while engaged about 0
+
+class LearnedWidths(NamedTuple):
+    """w of both ways [rad]."""
+
+    this_way: float
+    other_way: float
+
+
+@kernel
+def learn_width(known: LearnedWidths, given: DeadzoneInput, gone: float, side: float) -> LearnedWidths:
+    """At a touch, after o has `gone` this way [rad]."""
     late = 1.0 + given.omega * given.lag
-    more = BELIEVED * larger(gone - given.lag * larger(side * given.rate, 0.0) - known, 0.0)
-    own = sel(touches, larger(smaller(sel(gone < known, gone, known + more), WIDEST), 0.0), known)
-    others = sel(touches, smaller(known_back + larger(own - known, 0.0) / (late * late), WIDEST), known_back)
-    done = smaller(larger(gone - SLACK * known, 0.0), known)  # of the crossing, before it was asked for
-    at_turn = sel(crossing, before.contact, contact - side * done)
-    place = sel(touches, contact, sel(turns, at_turn, before.contact))
+    if gone < known.this_way:
+        believed = gone
+    else:
+        excess = gone - given.lag * max(0.0, side * given.rate) - known.this_way
+        believed = known.this_way + BELIEVED * max(0.0, excess)
+    this_way = max(0.0, min(WIDEST, believed))
+    other_way = known.other_way + max(0.0, this_way - known.this_way) / (late * late)
+    return LearnedWidths(this_way, min(WIDEST, other_way))
 
-    # hold, and no further than a cable reaches
-    behind = side * (joint - given.position) * loop
-    forward = larger(side * speed, 0.0) * loop
-    waits = (behind * behind < 2.0 * known_back * forward * given.answer) * (behind > 0.0) * follows > 0.0
-    kept = asked_before + side * larger(side * (asked - asked_before), -forward * dt)
-    asked = sel(waits, kept, asked)
-    moves = np.abs(joint - before.answer_joint)
-    answers, went = moves > TOUCH + TOUCH_SIGMAS * given.noise, moves * loop
-    held = before.answer_contact - change * before.answer_joint
-    answer_contact = held + sel(answers, larger(smaller(contact - held, went), -went), 0.0)
-    lowest = smaller(asked_before, answer_contact - UNANSWERED)
-    highest = larger(asked_before, answer_contact + UNANSWERED)
-    asked = larger(smaller(asked, highest), lowest)  # held back and never drawn along: that would be a loop of its own
 
-    # jump by what is left of w; at a touch back by what of I is beyond the contact
-    left = side * (sel(crossing, known_back, known) - sel(crossing, 0.0, done))
-    beyond = side * larger(smaller(side * (asked - contact), WIDEST), 0.0)
-    jump = sel(turns, sel(fresh, 0.0, left), 0.0) - sel(touches, beyond, 0.0)
+@kernel
+def held(
+    given: DeadzoneInput, side: float, width_back: float, requested_before: float, requested: float, dt: float
+) -> float:
+    """I no faster back than the reference comes, where it will be at the joint before the motor has gone back [rad]."""
+    ahead = side * (given.joint - given.position) * given.inverse
+    coming = max(0.0, side * given.velocity) * given.inverse
+    if ahead > 0.0 and ahead * ahead < 2.0 * width_back * coming * given.answer:
+        return requested_before + side * max(-coming * dt, side * (requested - requested_before))
+    return requested
+
+
+class JointAnswer(NamedTuple):
+    """The joint where it last moved."""
+
+    joint: float
+    """[rad]"""
+    contact: float
+    """o, as far as the joint went with it [rad]."""
+
+
+@kernel
+def joint_answer(before: Crossing, given: DeadzoneInput, contact: float, change: float) -> JointAnswer:
+    """Follow a joint that moves by more than a touch; `change` is that of 1/a in this cycle."""
+    moved = abs(given.joint - before.answer_joint)
+    answered = before.answer_contact - change * before.answer_joint
+    if not moved > TOUCH + TOUCH_SIGMAS * given.noise:
+        return JointAnswer(before.answer_joint, answered)
+    went = moved * given.inverse
+    return JointAnswer(given.joint, answered + max(-went, min(went, contact - answered)))
+
+
+@kernel
+def within_reach(requested: float, requested_before: float, answered: float) -> float:
+    """I no further than a cable reaches beyond the `answered` contact [rad].
+
+    It is held back and never drawn along: that would be a loop of its own.
+    """
+    lowest = min(answered - UNANSWERED, requested_before)
+    highest = max(answered + UNANSWERED, requested_before)
+    return max(lowest, min(highest, requested))
+
+
+class FadingJump(NamedTuple):
+    """J and its derivatives [rad, rad/s, rad/s²]."""
+
+    lack: float
+    rate: float
+    bend: float
+
+
+@kernel
+def fade_jump(before: Crossing, begun: float, pace: float, dt: float) -> FadingJump:
+    """J one cycle later: it begins at minus the jump `begun` [rad], and goes to 0 with three poles at p = `pace`."""
     slower = 1.0 + pace * dt
-    lack = before.jump - jump
+    lack = before.jump - begun
     damp = before.jump_rate + dt * before.jump_bend
     stiff = pace * (lack + dt * damp)
     pull = -pace * (pace * (stiff + 3.0 * damp) + 3.0 * before.jump_bend)
     bend = before.jump_bend + pull * (dt / (slower * slower * slower))
     rate = before.jump_rate + dt * bend
-    shift = jump - change * given.position  # with another slope the plan takes over a part of the correction
-    return Crossed(
-        Crossing(
-            mode,
-            furthest,
-            lack + dt * rate,
-            rate,
-            bend,
-            sel(side < 0.0, others, own),
-            sel(side < 0.0, own, others),
-            place,
-            extreme,
-            inverse,
-            variance,
-            sel(answers, joint, before.answer_joint),
-            answer_contact,
-        ),
-        asked,
-        shift,
+    return FadingJump(lack + dt * rate, rate, bend)
+
+
+@kernel
+def update_deadzone(
+    before: Crossing, given: DeadzoneInput, requested_before: float, requested: float, dt: float
+) -> DeadzoneUpdate:
+    """One cycle.
+
+    Args:
+        before: one cycle ago.
+        given: both angles, the reference, and what is known of the rig.
+        requested_before: I one cycle ago [rad].
+        requested: I as the observer wants it [rad].
+        dt: cycle [s].
+    """
+    joint = given.joint
+    turn = reference_turn(before, given)
+    turns, side, crosses = turn.turns, turn.side, is_crossing(before.phase)
+    known = LearnedWidths(width_of(before, side), width_of(before, -side))
+
+    contact, slope = given.motor - joint * before.inverse, LearnedSlope(before.inverse, before.variance)
+    if turns and not crosses and before.phase != DeadzonePhase.AT_START:
+        slope = learn_slope(before, given, contact)
+    change = slope.inverse - before.inverse
+    contact = contact - change * joint
+
+    extreme = before.extreme
+    if crosses:
+        extreme = side * min(side * before.extreme, side * joint)
+    elif turns:
+        extreme = joint
+    touches = crosses and not turns and side * (joint - extreme) > TOUCH + TOUCH_SIGMAS * given.noise
+    gone = side * (contact - before.contact)  # of the dead zone since the turn; while engaged about 0
+    done = min(known.this_way, max(0.0, gone - SLACK * known.this_way))  # of the crossing, before it was asked for
+
+    phase, widths, place, jump = before.phase, known, before.contact, 0.0
+    if turns and before.phase == DeadzonePhase.AT_START:
+        phase, place = engaged_on(side), contact - side * done
+    elif turns and crosses:  # given up: back by the width with which it began
+        phase, jump = engaged_on(side), side * known.other_way
+    elif turns:
+        phase, place, jump = crossing_to(side), contact - side * done, side * (known.this_way - done)
+    elif touches:
+        phase, place, widths = engaged_on(side), contact, learn_width(known, given, gone, side)
+
+    if not is_crossing(phase):
+        requested = held(given, side, known.other_way, requested_before, requested, dt)
+    answer = joint_answer(before, given, contact, change)
+    requested = within_reach(requested, requested_before, answer.contact)
+    if touches:  # back by what of I is beyond the contact
+        jump = -side * max(0.0, min(WIDEST, side * (requested - contact)))
+    fading = fade_jump(before, jump, PACE * given.omega, dt)
+    after = Crossing(
+        phase,
+        turn.furthest,
+        fading.lack,
+        fading.rate,
+        fading.bend,
+        widths.other_way if side < 0.0 else widths.this_way,
+        widths.this_way if side < 0.0 else widths.other_way,
+        place,
+        extreme,
+        slope.inverse,
+        slope.variance,
+        answer.joint,
+        answer.contact,
     )
+    shift = jump - change * given.position  # with another slope the plan takes over a part of the correction
+    return DeadzoneUpdate(after, requested, shift)

@@ -1,22 +1,20 @@
-"""What of its command the motor did not do: a drive that sticks or is at its limits is not the servo that is inverted.
+"""How far the motor falls short of its command: a drive that sticks or is at its limits is not the servo inverted.
 
     p'' = ω²·(command − p) − 2ζω·p'                      the servo as known; the motor is expected at p − τ·p'
-    missed = motor − (p − τ·p'), as far as it is beyond b,   b = 0.01 rad + 0.5·(2ζ/ω + τ)·|p'|
+    u = motor − (p − τ·p'), as far as it is beyond b,   b = 0.01 rad + 0.5·(2ζ/ω + τ)·|p'|
 
-What was missed did not reach the joint either, so that the observer counts it with the correction that has arrived.
+The shortfall u did not reach the joint either, so that the observer counts it with the correction that has arrived.
 Without it the correction winds up while a gear sticks, and overshoots when it lets go: the arm of a heavy wearer then
 swings by 10 to 20°. b is what a servo that is known to half its time constants may do, and 0.6° for encoders: within it
 the motor is as expected, and its noise does not enter the loop.
 
-Backward Euler. Portable subset.
+Backward Euler.
 """
 
+import math
 from typing import Annotated, NamedTuple
 
-import numpy as np
-
 from bowden.control.our_law.gains import BowdenGains
-from bowden.core.extremes import larger
 from bowden.core.kernel import kernel
 from bowden.core.quantity import Quantity
 
@@ -35,7 +33,7 @@ class ExpectedMotor(NamedTuple):
 
 
 @kernel
-def moves_on(before: ExpectedMotor, command: float, omega: float, damping: float, dt: float) -> ExpectedMotor:
+def predict_motor(before: ExpectedMotor, command: float, omega: float, damping: float, dt: float) -> ExpectedMotor:
     """One cycle of the servo as known.
 
     Args:
@@ -52,8 +50,8 @@ def moves_on(before: ExpectedMotor, command: float, omega: float, damping: float
 
 
 @kernel
-def missed(drive: ExpectedMotor, motor: float, gains: BowdenGains) -> float:
-    """What of the motion that was asked for the motor did not make [rad].
+def tracking_shortfall(drive: ExpectedMotor, motor: float, gains: BowdenGains) -> float:
+    """u, motor tracking shortfall (stiction or saturation) [rad].
 
     Args:
         drive: as expected.
@@ -63,5 +61,5 @@ def missed(drive: ExpectedMotor, motor: float, gains: BowdenGains) -> float:
     delay = gains.delay
     off = motor - drive.position + delay * drive.velocity
     slow = 2.0 * gains.servo_damping / gains.servo_frequency + delay
-    bound = EXPECTED + SERVO_DOUBT * slow * np.abs(drive.velocity)
-    return np.copysign(larger(np.abs(off) - bound, 0.0), off)
+    tolerance = EXPECTED + SERVO_DOUBT * slow * abs(drive.velocity)
+    return math.copysign(max(0.0, abs(off) - tolerance), off)

@@ -6,18 +6,17 @@ With s = 1/a₀, a₀ the given slope, a the learned one, φ the reference, F th
     command = m + 2ζ/ω·m' + m''/ω²                                       what the servo must be asked for
 
 ω, ζ are the servo's, τ the delay. Four parts, each with a file of its own: `observer` takes everything that moves the
-joint for one disturbance and takes it away (F), `drive` knows what of the command the motor did not do, `crossing`
-knows the dead zone (J) and learns a, `swing` slows the observer where the loop rings. In the feedback stands a₀, in the
-plan a: what is learned must not be the loop's gain.
+joint for one disturbance and takes it away (F), `drive` knows by how much the motor falls short of its command,
+`crossing` knows the dead zone (J) and learns a, `swing` slows the observer where the loop rings. In the feedback stands
+a₀, in the plan a: what is learned must not be the loop's gain.
 
-Derivation, stability and limits: ``docs/background/our_law.md``. Portable subset.
+Derivation, stability and limits: ``docs/background/our_law.md``.
 """
 
+import math
 from typing import NamedTuple
 
-import numpy as np
-
-from bowden.control.law_parts import Filtered, through_servo
+from bowden.control.law_parts import Filtered, invert_servo
 from bowden.control.our_law.crossing import (
     TOUCH,
     TOUCH_SIGMAS,
@@ -26,28 +25,33 @@ from bowden.control.our_law.crossing import (
     UNSEEN,
     WIDEST,
     Crossing,
-    Known,
-    at_start,
-    crossed,
-    missing,
+    DeadzoneInput,
+    crossing_at_start,
+    shortfall_at_joint,
+    update_deadzone,
 )
-from bowden.control.our_law.drive import ExpectedMotor, missed, moves_on
+from bowden.control.our_law.drive import ExpectedMotor, predict_motor, tracking_shortfall
 from bowden.control.our_law.gains import BowdenGains
 from bowden.control.our_law.observer import (
     FILTER_DELAY,
     LOAD_DAMPING,
     SLOW_PART,
     Observer,
-    arrives,
-    at_rest,
-    corrected,
-    fastest,
-    pace_of,
-    shifted,
+    apply_shift,
+    correct,
+    derived_rates,
+    largest_speed,
+    observer_at_rest,
+    propagate_correction,
 )
-from bowden.control.our_law.swing import Swing, leaps, load_time, no_swing, watched
-from bowden.core.extremes import larger, smaller
-from bowden.core.kernel import kernel, sel
+from bowden.control.our_law.swing import (
+    OscillationMonitor,
+    is_step_disturbance,
+    no_oscillation,
+    time_of_load,
+    update_oscillation_monitor,
+)
+from bowden.core.kernel import kernel
 from bowden.core.signals import Reference, Sample
 
 UNKNOWN_LAG = 0.35
@@ -72,7 +76,7 @@ class BowdenState(NamedTuple):
     """What the law remembers."""
 
     observer: Observer
-    swing: Swing
+    swing: OscillationMonitor
     crossing: Crossing
     drive: ExpectedMotor
 
@@ -80,84 +84,100 @@ class BowdenState(NamedTuple):
 @kernel
 def start(gains: BowdenGains, sample: Sample) -> BowdenState:
     """Begin with the motor held where it is."""
-    inverse = 1.0 / np.abs(gains.slope)
-    offset = np.sign(gains.slope) * sample.motor - sample.joint * inverse
-    crossing = at_start(sample.joint, offset, inverse, gains.width)
-    return BowdenState(at_rest(offset), no_swing(), crossing, ExpectedMotor(np.sign(gains.slope) * sample.motor, 0.0))
+    inverse, motor = 1.0 / abs(gains.slope), math.copysign(1.0, gains.slope) * sample.motor
+    offset = motor - sample.joint * inverse
+    crossing = crossing_at_start(sample.joint, offset, inverse, gains.width)
+    return BowdenState(observer_at_rest(offset), no_oscillation(), crossing, ExpectedMotor(motor, 0.0))
+
+
+class ValidatedSample(NamedTuple):
+    """Both angles as far as they are believed, in the direction in which the motor moves the joint on."""
+
+    valid: bool
+    """Both are numbers in range."""
+    plausible: bool
+    """And the joint went no further than a joint can."""
+    joint: float
+    """No further from the last answer than a joint can be [rad]."""
+    motor: float
+    """As measured; where it is not, that of a cable in contact [rad]."""
+
+
+@kernel
+def measured(gains: BowdenGains, cable: Crossing, sample: Sample, dt: float) -> ValidatedSample:
+    """A sample that is no number changes nothing, and one that jumps counts as the joint's fastest."""
+    last = cable.answer_joint
+    if not (abs(sample.joint) <= FURTHEST and abs(sample.motor) <= FURTHEST):
+        return ValidatedSample(False, False, last, cable.contact + last * cable.inverse)
+    most = FASTEST * dt + TOUCH + TOUCH_SIGMAS * gains.noise
+    way = sample.joint - last
+    joint = last + max(-most, min(most, way))
+    return ValidatedSample(True, abs(way) <= most, joint, math.copysign(1.0, gains.slope) * sample.motor)
 
 
 @kernel
 def step(
     gains: BowdenGains, state: BowdenState, sample: Sample, reference: Reference, dt: float
 ) -> tuple[BowdenState, float]:
-    """One cycle: watch, observe, jump, invert the servo. A sample that is no number changes nothing.
+    """One cycle: watch, observe, jump, invert the servo.
 
     The motor is counted in the direction in which it moves the joint on, so that the slope is positive.
     """
-    before, known, sign, inverse = state.observer, state.crossing, np.sign(gains.slope), 1.0 / np.abs(gains.slope)
-    omega, delay = gains.servo_frequency, gains.delay
-    seen = (np.abs(sample.joint) <= FURTHEST) * (np.abs(sample.motor) <= FURTHEST) > 0.0
-    pace = pace_of(gains, inverse, dt)
-    noise = gains.noise * inverse
+    before, cable, inverse = state.observer, state.crossing, 1.0 / abs(gains.slope)
+    omega, delay, noise = gains.servo_frequency, gains.delay, gains.noise * inverse
+    rates = derived_rates(gains, inverse, dt)
+    now = measured(gains, cable, sample, dt)
+    wanted = reference.position if abs(reference.position) <= FURTHEST else now.joint  # no NaN stays in the state
+
+    # the correction at the joint
+    load = time_of_load(state.swing)
+    lag = gains.lag if load > 0.0 else gains.lag + UNKNOWN_LAG / omega
+    late = gains.lag + 2.0 * LOAD_DAMPING * load
+    shortfall = tracking_shortfall(state.drive, now.motor, gains) if now.valid else 0.0
+    in_reach = abs(before.requested - cable.answer_contact) < WIDEST  # of a dead zone
+    step_disturbance = is_step_disturbance(state.swing) and in_reach and late <= 0.0  # a load that is tried is late
+    fastest = largest_speed(rates.stopping, reference.velocity * inverse, step_disturbance)
+    arrived = propagate_correction(before, shortfall_at_joint(cable, shortfall), delay, lag, load, fastest, dt)
 
     # d̂: what of the error the correction that has arrived does not explain
-    time = load_time(state.swing)
-    lag = gains.lag + sel(time > 0.0, 0.0, UNKNOWN_LAG / omega)
-    short = missing(known, sel(seen, missed(state.drive, sign * sample.motor, gains), 0.0))
-    late = gains.lag + 2.0 * LOAD_DAMPING * time
-    in_reach = np.abs(before.asked - known.answer_contact) < WIDEST  # of a dead zone
-    leaping = leaps(state.swing) * in_reach * (late <= 0.0)  # in a trial a load is tried, which is late
-    fast = fastest(pace.stopping, reference.velocity * inverse, leaping)
-    arrived = arrives(before, short, delay, lag, time, fast, dt)
-    most = FASTEST * dt + TOUCH + TOUCH_SIGMAS * gains.noise
-    way = sample.joint - known.answer_joint
-    joint = known.answer_joint + sel(seen, larger(smaller(way, most), -most), 0.0)
-    there = sel(np.abs(reference.position) <= FURTHEST, reference.position, joint)  # no NaN stays in the state
-    error = joint - there
-    disturbance = sel(seen * (np.abs(way) <= most) > 0.0, error * inverse - arrived.position, -before.asked)
-    slow = sel(known.furthest >= UNSEEN, disturbance, before.slow)  # at the start all of it is slow
+    disturbance = (now.joint - wanted) * inverse - arrived.position if now.plausible else -before.requested
+    slow = disturbance if cable.furthest >= UNSEEN else before.slow_disturbance  # at the start all of it is slow
     slow = slow + (disturbance - slow) * (dt / (SLOW_PART + dt))
 
     # I and F, as fast as the watch allows
-    swing = watched(state.swing, disturbance - slow, noise, pace.kappa, dt)
-
-    kappa = swing.share * pace.kappa
-    rests = np.abs(reference.velocity) * REST < TURN + TURN_SIGMAS * gains.noise
-    least = sel(rests, IDLE + IDLE_SIGMAS * noise, noise)
-    observer, acceleration = corrected(before, disturbance, slow, arrived, kappa, pace, least, fast, dt)
+    swing = update_oscillation_monitor(state.swing, disturbance - slow, noise, rates.kappa, dt)
+    kappa = swing.bandwidth_share * rates.kappa
+    rests = abs(reference.velocity) * REST < TURN + TURN_SIGMAS * gains.noise
+    least = IDLE + IDLE_SIGMAS * noise if rests else noise
+    observer, acceleration = correct(before, disturbance, slow, arrived, kappa, rates, least, fastest, dt)
 
     # the cable
-    answer = 1.0 / kappa + FILTER_DELAY / pace.quick + delay
-    motor = sel(seen, sign * sample.motor, known.contact + joint * known.inverse)
-    given = Known(
-        joint,
-        motor,
-        there,
-        reference.velocity,
-        reference.acceleration,
-        inverse,
-        gains.noise,
-        omega,
-        delay,
-        late,
-        answer,
-        state.drive.velocity,
+    given = DeadzoneInput(
+        joint=now.joint,
+        motor=now.motor,
+        position=wanted,
+        velocity=reference.velocity,
+        acceleration=reference.acceleration,
+        inverse=inverse,
+        noise=gains.noise,
+        omega=omega,
+        delay=delay,
+        lag=late,
+        answer=1.0 / kappa + FILTER_DELAY / rates.quick + delay,
+        rate=state.drive.velocity,
     )
-    after = crossed(known, given, before.asked, observer.asked, dt)
-    observer = shifted(observer, after.asked, after.shift)
-    cable = after.crossing
+    deadzone = update_deadzone(cable, given, before.requested, observer.requested, dt)
+    observer, cable = apply_shift(observer, deadzone.requested, deadzone.shift), deadzone.crossing
 
     # where the motor is to be, and the servo's inverse of it
-    position = (
-        reference.position + delay * (reference.velocity + 0.5 * delay * reference.acceleration)
-    ) * cable.inverse
-    velocity = (reference.velocity + delay * reference.acceleration) * cable.inverse
-    wanted = Filtered(
-        position + observer.sent + cable.jump,
-        velocity + observer.rate + cable.jump_rate,
+    position = reference.position + delay * (reference.velocity + 0.5 * delay * reference.acceleration)
+    velocity = reference.velocity + delay * reference.acceleration
+    motor = Filtered(
+        position * cable.inverse + observer.sent + cable.jump,
+        velocity * cable.inverse + observer.sent_rate + cable.jump_rate,
         reference.acceleration * cable.inverse + acceleration + cable.jump_bend,
     )
-    command = through_servo(wanted, omega, gains.servo_damping)
-    sane = sel(np.abs(command) <= FURTHEST, command, state.drive.position)
-    drive = moves_on(state.drive, sane, omega, gains.servo_damping, dt)
-    return BowdenState(observer, swing, cable, drive), sign * command
+    command = invert_servo(motor, omega, gains.servo_damping)
+    sane = command if abs(command) <= FURTHEST else state.drive.position
+    drive = predict_motor(state.drive, sane, omega, gains.servo_damping, dt)
+    return BowdenState(observer, swing, cable, drive), math.copysign(1.0, gains.slope) * command

@@ -8,26 +8,24 @@ error e = joint − reference, the delay τ, and F, which is sent to the servo b
     I' = −κ·x·x²/(x² + σ₀²),  |I'| ≤ V = v + s·|φ̇|           the correction asked for; φ̇ the reference's speed
     F'' = q²·(I − F) − 1.7q·F'                              the correction, twice differentiable
 
-y is the correction at the joint, through a load: T²·ÿ + (lag + 2·0.25·T)·ẏ + y = F − τ·F' + what the motor missed
+y is the correction at the joint, through a load: T²·ÿ + (lag + 2·0.25·T)·ẏ + y = F − τ·F' + u, u the motor's shortfall
 (`drive`); F − τ·F' is F a delay ago. Its lag is given, with 0.35/ω for what nobody knows of it; the time T of a load
 that swings is learned (`swing`). In d̂ the law's own correction cancels, so that where servo, delay, slope and load
 are as modelled and the cable is engaged nothing is fed back: the loop's gain is the error of the model. Hence κ can
 be wide, and is bounded by what is not known of servo and delay. v bounds what a wrong model can do: an unstable loop
-swings with a bounded amplitude and does not run away. A disturbance that leaps (`swing`) is no such swing: V is 2·v +
+swings with a bounded amplitude and does not run away. A step disturbance (`swing`) is no such swing: V is 2·v +
 s·|φ̇| then, as far as the widest dead zone, and where the joint is not known to be late: one that is swings if it is
-hit too hard. κ, q and v follow from what is given (`pace_of`); σ₀ is the noise of d̂, so that innovations within it
-hardly count.
+hit too hard. κ, q and v follow from what is given (`derived_rates`); σ₀ is the noise of d̂, so that innovations within
+it hardly count.
 
-Backward Euler and exact exponentials: stable at every sample time. Portable subset.
+Backward Euler and exact exponentials: stable at every sample time.
 """
 
+import math
 from typing import Annotated, NamedTuple
 
-import numpy as np
-
 from bowden.control.our_law.gains import BowdenGains
-from bowden.core.extremes import larger, smaller
-from bowden.core.kernel import exp, kernel, sel
+from bowden.core.kernel import exp, kernel, sqrt
 from bowden.core.quantity import Quantity
 
 DELAYS = 1.5
@@ -55,8 +53,8 @@ STOPPED = 0.05
 LEAST_SPEED = 1.0
 """Speed that the correction may always have [rad/s]."""
 
-LEAPING = 2.0
-"""Factor on v in a leap: what is hardly a swing of the loop's own may be overshot by twice the way [–]."""
+STEP_SPEED = 2.0
+"""Factor on v for a step disturbance: what is hardly a swing of the loop's own may be overshot by twice the way [–]."""
 
 SLOW_PART = 0.15
 """Time constant of what of a disturbance is not fast [s]."""
@@ -68,17 +66,17 @@ LOAD_DAMPING = 0.25
 class Observer(NamedTuple):
     """What the observer remembers."""
 
-    asked: Annotated[float, Quantity("I, the correction asked for", "rad")]
+    requested: Annotated[float, Quantity("I, the correction asked for", "rad")]
     innovation: Annotated[float, Quantity("x, what of the disturbance is not yet corrected", "rad")]
     sent: Annotated[float, Quantity("F, the correction as sent", "rad")]
-    rate: Annotated[float, Quantity("its rate", "rad/s")]
-    arrived: Annotated[float, Quantity("the correction that has arrived at the joint", "rad")]
-    arriving: Annotated[float, Quantity("its rate", "rad/s")]
-    slow: Annotated[float, Quantity("the disturbance's slow part", "rad")]
+    sent_rate: Annotated[float, Quantity("its rate", "rad/s")]
+    at_joint: Annotated[float, Quantity("the correction that has arrived at the joint", "rad")]
+    at_joint_rate: Annotated[float, Quantity("its rate", "rad/s")]
+    slow_disturbance: Annotated[float, Quantity("the disturbance's slow part", "rad")]
 
 
-class Pace(NamedTuple):
-    """Rates that follow from what is given."""
+class DerivedRates(NamedTuple):
+    """DerivedRates that follow from what is given."""
 
     kappa: float
     """κ, whole: what `swing` leaves of it is used [1/s]."""
@@ -89,67 +87,71 @@ class Pace(NamedTuple):
 
 
 @kernel
-def pace_of(gains: BowdenGains, inverse: float, dt: float) -> Pace:
+def derived_rates(gains: BowdenGains, inverse: float, dt: float) -> DerivedRates:
     """κ = c/(1/ω + 1.5·τ);  q = ω·min(12, √(0.0035 rad/(σ·s·√(1 − e^(−κ·Ts)))));  v = 0.05 rad/(2ζ/ω + τ) + 1 rad/s.
 
     The joint's noise σ comes through the observer as σ·s·√(1 − e^(−κ·Ts)), and through the servo's inverse by (q/ω)².
     """
     omega, delay = gains.servo_frequency, gains.delay
     kappa = gains.bandwidth / (1.0 / omega + DELAYS * delay)
-    through = gains.noise * inverse * np.sqrt(1.0 - exp(-kappa * dt)) + 1e-9
-    quick = omega * np.fmin(QUICKEST, np.sqrt(COMMAND_NOISE / through))
-    return Pace(kappa, quick, STOPPED / (2.0 * gains.servo_damping / omega + delay) + LEAST_SPEED)
+    through = gains.noise * inverse * sqrt(1.0 - exp(-kappa * dt)) + 1e-9
+    quick = omega * min(QUICKEST, sqrt(COMMAND_NOISE / through))
+    return DerivedRates(kappa, quick, STOPPED / (2.0 * gains.servo_damping / omega + delay) + LEAST_SPEED)
 
 
 @kernel
-def at_rest(offset: float) -> Observer:
+def observer_at_rest(offset: float) -> Observer:
     """Where the motor stands, nothing is on its way."""
     return Observer(offset, 0.0, offset, 0.0, offset, 0.0, 0.0)
 
 
-class Arrived(NamedTuple):
-    """What of the correction has come through delay and load."""
+class PropagatedCorrection(NamedTuple):
+    """The correction that has come through delay and load."""
 
     position: float
-    """[rad]"""
+    """y [rad]."""
     rate: float
     """[rad/s]"""
 
 
 @kernel
-def fastest(stopping: float, speed: float, leaping: float) -> float:
+def largest_speed(stopping: float, speed: float, step_disturbance: bool) -> float:
     """V, the largest speed of the correction [rad/s].
 
     Args:
         stopping: v [rad/s].
-        speed: of the reference, at the motor; NaN counts as 0, or it would stay in I [rad/s].
-        leaping: whether what leaps may be followed faster.
+        speed: of the reference, at the motor; one that is no number counts as 0, or it would stay in I [rad/s].
+        step_disturbance: one may be followed faster.
     """
-    return stopping * sel(leaping > 0.0, LEAPING, 1.0) + larger(np.abs(speed), 0.0)
+    moving = 0.0 if math.isnan(speed) else abs(speed)
+    return (STEP_SPEED * stopping if step_disturbance else stopping) + moving
 
 
 @kernel
-def arrives(before: Observer, missed: float, delay: float, lag: float, time: float, most: float, dt: float) -> Arrived:
-    """The correction at the joint: F a delay ago, and what the motor missed, through the load.
+def propagate_correction(
+    before: Observer, shortfall: float, delay: float, lag: float, time: float, most: float, dt: float
+) -> PropagatedCorrection:
+    """The correction at the joint: F a delay ago, and the motor's shortfall, through the load.
 
-    T²·ÿ + (lag + 2ζT)·ẏ + y = F(t − τ) + missed, ζ = 0.25, in one step of backward Euler; first-order where T = `time`
-    is 0. It is no faster than the correction may be, `most`, so that a motor's reading that jumps is hardly counted.
+    T²·ÿ + (lag + 2ζT)·ẏ + y = F(t − τ) + shortfall, ζ = 0.25, in one step of backward Euler; first-order where
+    T = `time` is 0. It is no faster than the correction may be, `most`, so that a motor's reading that jumps is hardly
+    counted.
     """
-    late = before.sent - delay * before.rate + missed
+    late = before.sent - delay * before.sent_rate + shortfall
     inertia, damping = time * time, lag + 2.0 * LOAD_DAMPING * time
-    rate = (inertia * before.arriving + dt * (late - before.arrived)) / (inertia + dt * (damping + dt))
-    rate = larger(smaller(rate, most), -most)
-    return Arrived(before.arrived + dt * rate, rate)
+    rate = (inertia * before.at_joint_rate + dt * (late - before.at_joint)) / (inertia + dt * (damping + dt))
+    rate = max(-most, min(most, rate))
+    return PropagatedCorrection(before.at_joint + dt * rate, rate)
 
 
 @kernel
-def corrected(
+def correct(
     before: Observer,
     disturbance: float,
     slow: float,
-    arrived: Arrived,
+    arrived: PropagatedCorrection,
     kappa: float,
-    pace: Pace,
+    rates: DerivedRates,
     least: float,
     most: float,
     dt: float,
@@ -158,36 +160,36 @@ def corrected(
 
     Args:
         before: one cycle ago.
-        disturbance: d̂; −I where nothing was seen [rad].
+        disturbance: d̂; −I where nothing was measured [rad].
         slow: its slow part [rad].
         arrived: the correction at the joint.
         kappa: κ now [1/s].
-        pace: what follows from what is given.
+        rates: what follows from what is given.
         least: innovation that is no news: the noise, or more where the reference rests [rad].
         most: V, largest speed of I [rad/s].
         dt: cycle [s].
     """
-    share = THIRD_POLE * pace.quick * dt
-    x = before.innovation + (disturbance + before.asked - before.innovation) * (share / (1.0 + share))
+    share = THIRD_POLE * rates.quick * dt
+    x = before.innovation + (disturbance + before.requested - before.innovation) * (share / (1.0 + share))
     most = dt * most
     step = (1.0 - exp(-kappa * dt)) * x * x * x / (x * x + least * least + 1e-30)
-    asked = before.asked - larger(smaller(step, most), -most)
-    stiff, damping = pace.quick * pace.quick, 2.0 * FILTER_DAMPING * pace.quick
-    pull = stiff * (asked - before.sent - dt * before.rate) - damping * before.rate
+    requested = before.requested - max(-most, min(most, step))
+    stiff, damping = rates.quick * rates.quick, 2.0 * FILTER_DAMPING * rates.quick
+    pull = stiff * (requested - before.sent - dt * before.sent_rate) - damping * before.sent_rate
     acceleration = pull / (1.0 + dt * (damping + dt * stiff))
-    rate = before.rate + dt * acceleration
-    return Observer(asked, x, before.sent + dt * rate, rate, arrived.position, arrived.rate, slow), acceleration
+    rate = before.sent_rate + dt * acceleration
+    return Observer(requested, x, before.sent + dt * rate, rate, arrived.position, arrived.rate, slow), acceleration
 
 
 @kernel
-def shifted(before: Observer, asked: float, by: float) -> Observer:
-    """The same where something else was asked for, and the plan takes over −`by` of the correction [rad]."""
+def apply_shift(before: Observer, requested: float, shift: float) -> Observer:
+    """The observer with another I, `requested`, and `shift` more correction at once, which the plan takes away."""
     return Observer(
-        asked + by,
+        requested + shift,
         before.innovation,
-        before.sent + by,
-        before.rate,
-        before.arrived + by,
-        before.arriving,
-        before.slow - by,
+        before.sent + shift,
+        before.sent_rate,
+        before.at_joint + shift,
+        before.at_joint_rate,
+        before.slow_disturbance - shift,
     )

@@ -14,9 +14,9 @@ trembles or walks: the law's correction and what it observes are tied by the law
   A swing at the frequency of a load that was learned is never the wearer's, and the load stays as it is: one of little
   damping decays so slowly that it would be taken for it, and with κ whole at once it would grow. The price: while a
   wearer trembles at that frequency κ stays as low as in a trial. Where the swing did decay, T is learned anew.
-- **leap**: a swing of the loop's own hardly grows more than fourfold in a half-wave. What is more than four times as
-  large as the half-wave before, outside a trial, is taken to come from outside, and the correction may go twice as fast
-  (`observer`).
+- **step disturbance**: a swing of the loop's own hardly grows more than fourfold in a half-wave. What is more than four
+  times as large as the half-wave before, outside a trial, is taken to come from outside, and the correction may go
+  twice as fast (`observer`).
 
 | mode | becomes | when |
 |---|---|---|
@@ -24,16 +24,13 @@ trembles or walks: the law's correction and what it observes are tied by the law
 | trial | watching, the wearer's | > 0.6 of the suspect swing in its last three half-waves; no such load is known |
 | trial | watching, own | seven half-waves are over |
 
-The fast part is d̂ less its slow part; a half-wave lasts from one change of its sign to the next. Portable
-subset.
+The fast part is d̂ less its slow part; a half-wave lasts from one change of its sign to the next.
 """
 
+import math
 from typing import Annotated, NamedTuple
 
-import numpy as np
-
-from bowden.core.extremes import larger, smaller
-from bowden.core.kernel import kernel, sel
+from bowden.core.kernel import kernel
 from bowden.core.quantity import Quantity
 
 SLOWEST = 0.25
@@ -69,7 +66,7 @@ STILL_THERE = 0.6
 half-waves at a damping of 0.08; a tremor that goes on has 0.65 to 0.8, since what of it is followed meanwhile goes
 through a load that is none [–]."""
 
-LEAP = 4.0
+STEP_RATIO = 4.0
 """What a swing of the loop's own hardly grows by in a half-wave: an unknown load with a damping of 0.15 grows by at
 most 4.1 at 2 Hz on the rigs of ``benchmarks/law_margins.py``, 3.8 at 3 Hz, 2.9 at 8 Hz [–]."""
 
@@ -84,48 +81,152 @@ SLOWER = 1.15
 half of what is gained [–]."""
 
 
-class Swing(NamedTuple):
+class OscillationMonitor(NamedTuple):
     """What is seen of a swing."""
 
-    top: Annotated[float, Quantity("largest of the half-wave now, with its sign", "rad")]
-    last: Annotated[float, Quantity("largest of the one before; in a trial, at its end", "rad")]
-    lasts: Annotated[float, Quantity("time since the half-wave began", "s")]
-    lasted: Annotated[float, Quantity("time of the one before; in a trial, of the swing that is tried", "s")]
-    counted: Annotated[float, Quantity("half-waves that did not decay; below 0, those left of a trial", "1")]
-    share: Annotated[float, Quantity("of κ that is used; 1 is all", "1")]
-    time: Annotated[float, Quantity("T of a load that swings, 1/its frequency; 0 where none is known", "s")]
-    wearers: Annotated[float, Quantity("size of a swing that is the wearer's", "rad")]
+    peak: Annotated[float, Quantity("largest of the half-wave now, with its sign", "rad")]
+    last_peak: Annotated[float, Quantity("largest of the one before; in a trial, at its end", "rad")]
+    half_wave_time: Annotated[float, Quantity("time since the half-wave began", "s")]
+    last_half_wave_time: Annotated[
+        float, Quantity("time of the one before; in a trial, of the swing that is tried", "s")
+    ]
+    half_waves: Annotated[float, Quantity("half-waves that did not decay; below 0, those left of a trial", "1")]
+    bandwidth_share: Annotated[float, Quantity("of κ that is used; 1 is all", "1")]
+    load_time: Annotated[float, Quantity("T of a load that swings, 1/its frequency; 0 where none is known", "s")]
+    wearer_amplitude: Annotated[float, Quantity("size of a swing that is the wearer's", "rad")]
 
 
 @kernel
-def no_swing() -> Swing:
+def no_oscillation() -> OscillationMonitor:
     """Nothing has been seen yet."""
-    return Swing(0.0, 0.0, 0.0, 0.1, 0.0, 1.0, 0.0, 0.0)
+    return OscillationMonitor(0.0, 0.0, 0.0, 0.1, 0.0, 1.0, 0.0, 0.0)
 
 
 @kernel
-def of_swing(period: float) -> float:
+def load_of_half_wave(half_wave: float) -> float:
     """T of the load that makes half-waves of this time [s]."""
-    return SLOWER / np.pi * period
+    return SLOWER / math.pi * half_wave
 
 
 @kernel
-def load_time(now: Swing) -> float:
+def in_trial(now: OscillationMonitor) -> bool:
+    """The load of the swing before is being tried."""
+    return now.half_waves < 0.0
+
+
+@kernel
+def time_of_load(now: OscillationMonitor) -> float:
     """T of the load that the observer is to have: in a trial the one that is tried [s]."""
-    return sel(now.counted < 0.0, of_swing(now.lasted), now.time)
+    return load_of_half_wave(now.last_half_wave_time) if in_trial(now) else now.load_time
 
 
 @kernel
-def leaps(now: Swing) -> float:
-    """Whether the disturbance is larger than a swing of the loop's own will have grown to since the half-wave before.
+def is_step_disturbance(now: OscillationMonitor) -> bool:
+    """The disturbance is larger than a swing of the loop's own will have grown to since the half-wave before.
 
-    Of no meaning in a trial, where `last` is kept for its end.
+    Of no meaning in a trial, where `last_peak` is kept for its end.
     """
-    return np.abs(now.top) > LEAP * now.last
+    return abs(now.peak) > STEP_RATIO * now.last_peak
+
+
+class HalfWave(NamedTuple):
+    """The half-wave of now beside the one before."""
+
+    turned: bool
+    """It ended in this cycle, and the next one began."""
+    peak: float
+    """Its largest size so far [rad]."""
+    signed_peak: float
+    """The same with its sign; of the next one where this one ended [rad]."""
+    in_time: bool
+    """It lasts no longer than one of the same swing does."""
+    grows: bool
+    """It is larger than the one before, and in time."""
+    growth: float
+    """What it counts if it grows [–]."""
+    news: bool
+    """It is larger than the wearer's own."""
 
 
 @kernel
-def watched(before: Swing, fast: float, noise: float, kappa: float, dt: float) -> Swing:
+def half_wave(before: OscillationMonitor, fast: float, least: float) -> HalfWave:
+    """The half-wave with the sample of this cycle, `fast` [rad]; below `least` nothing swings [rad]."""
+    turned = fast * before.peak < 0.0
+    top = max(abs(fast), abs(before.peak))
+    signed_peak = fast if turned else (-top if fast < 0.0 else top)
+    in_time = before.half_wave_time < SLOWEST and before.half_wave_time < ALIKE * before.last_half_wave_time
+    grows = in_time and before.last_peak > least and top > GROWN * before.last_peak
+    growth = min(MOST_GROWTH, 1.0 + GROWTH * (top / max(least, before.last_peak) - 1.0))
+    return HalfWave(turned, top, signed_peak, in_time, grows, growth, top > BEYOND * before.wearer_amplitude)
+
+
+@kernel
+def half_waves_counted(before: OscillationMonitor, now: HalfWave, least: float) -> float:
+    """Half-waves that did not decay up to this cycle [–]."""
+    if not now.turned:
+        return 0.0 if before.half_wave_time > SLOWEST else before.half_waves
+    alike = now.in_time and before.last_half_wave_time < ALIKE * before.half_wave_time
+    kept = now.news and now.peak > least and now.peak > KEPT * before.last_peak
+    if not (alike and kept):
+        return 0.0
+    return before.half_waves + (now.growth if now.grows else 1.0)
+
+
+@kernel
+def recovered(share: float, dt: float) -> float:
+    """The share of κ one cycle further on its way back to all of it [–]."""
+    return min(1.0, share * (1.0 + dt / RETURN))
+
+
+@kernel
+def slowed(share: float, period: float, kappa: float) -> float:
+    """The share of κ in a trial of half-waves of this `period` [s]."""
+    frequency = math.pi / (period * kappa)  # the swing's angular frequency, over κ
+    return min(SLOWED * frequency, max(SLOWEST_OWN * frequency, 0.5 * share))
+
+
+@kernel
+def watch(
+    before: OscillationMonitor, now: HalfWave, least: float, lasts: float, wearers: float, kappa: float, dt: float
+) -> OscillationMonitor:
+    """One cycle outside a trial: count half-waves, and begin a trial once there are enough."""
+    peak, load, counted = now.signed_peak, before.load_time, half_waves_counted(before, now, least)
+    before_its_end = now.grows and now.news and before.half_waves + now.growth > ENOUGH and not now.turned
+    if before_its_end or counted > ENOUGH:
+        period = max(2.0 * dt, before.last_half_wave_time if before_its_end else before.half_wave_time)
+        share = slowed(before.bandwidth_share, period, kappa)
+        suspect = max(now.peak, before.wearer_amplitude)
+        return OscillationMonitor(peak, 0.0, lasts, period, -TRIED, share, load, suspect)
+    last, lasted, share = before.last_peak, before.last_half_wave_time, recovered(before.bandwidth_share, dt)
+    if now.turned:
+        last, lasted = now.peak, max(dt, before.half_wave_time)
+    return OscillationMonitor(peak, last, lasts, lasted, counted, share, load, wearers)
+
+
+@kernel
+def go_on_trying(
+    before: OscillationMonitor, now: HalfWave, size: float, lasts: float, wearers: float, dt: float
+) -> OscillationMonitor:
+    """One cycle of a trial: it ends as the wearer's at once, or as the loop's own when its half-waves are over."""
+    peak, tried, load = now.signed_peak, before.last_half_wave_time, before.load_time
+    left = -before.half_waves - dt / tried
+    last = max(size, before.last_peak) if left <= WATCHED else before.last_peak
+    load_tried, share = load_of_half_wave(tried), recovered(before.bandwidth_share, dt)
+    known_load = load_tried < ALIKE * load and load < ALIKE * load_tried
+    still_there = last > STILL_THERE * before.wearer_amplitude
+    if still_there and not known_load:
+        return OscillationMonitor(peak, last, lasts, tried, 0.0, 1.0, load, wearers)
+    if left > 0.0:
+        return OscillationMonitor(peak, last, lasts, tried, -left, before.bandwidth_share, load, wearers)
+    if not (still_there and known_load):
+        load = load_tried
+    return OscillationMonitor(peak, last, lasts, tried, 0.0, share, load, 0.0)
+
+
+@kernel
+def update_oscillation_monitor(
+    before: OscillationMonitor, fast: float, noise: float, kappa: float, dt: float
+) -> OscillationMonitor:
     """One cycle.
 
     Args:
@@ -135,43 +236,10 @@ def watched(before: Swing, fast: float, noise: float, kappa: float, dt: float) -
         kappa: κ of a loop that does not ring [1/s].
         dt: cycle [s].
     """
-    size, least = np.abs(fast), np.fmax(LEAST, SIGMAS * noise)
-    turned = fast * before.top < 0.0
-    top = larger(np.abs(before.top), size)
-    in_time = (before.lasts < SLOWEST) * (before.lasts < ALIKE * before.lasted) > 0.0
-    alike = in_time * (ALIKE * before.lasts > before.lasted) > 0.0
-    grows = in_time * (before.last > least) * (top > GROWN * before.last) > 0.0
-    growth = smaller(1.0 + GROWTH * (top / larger(before.last, least) - 1.0), MOST_GROWTH)
-    news = top > BEYOND * before.wearers
-    kept = alike * news * (top > least) * (top > KEPT * before.last) > 0.0
-    ended = sel(kept, before.counted + sel(grows, growth, 1.0), 0.0)
-    count = sel(turned, ended, sel(before.lasts > SLOWEST, 0.0, before.counted))
-    soon = grows * news * (before.counted + growth > ENOUGH) * (1.0 - turned) > 0.0
-    enough = soon + (count > ENOUGH) > 0.0
-
-    tried = before.counted < 0.0
-    suspected = enough * (1.0 - tried) > 0.0
-    left = -before.counted - dt / before.lasted
-    late = sel(left <= WATCHED, larger(before.last, size), before.last)
-    load = of_swing(before.lasted)
-    known = (load < ALIKE * before.time) * (before.time < ALIKE * load)
-    still = late > STILL_THERE * before.wearers
-    theirs = tried * (1.0 - known) * still > 0.0
-    own = tried * (left <= 0.0) * (1.0 - theirs) > 0.0
-    ends = theirs + own > 0.0
-    period = larger(sel(soon, before.lasted, before.lasts), 2.0 * dt)
-    counted = sel(suspected, -TRIED, sel(ends, 0.0, sel(tried, -left, count)))
-    wearers = sel(suspected, larger(before.wearers, top), sel(own, 0.0, before.wearers * (1.0 - dt / FORGOTTEN)))
-    pace = np.pi / (period * kappa)  # the swing's angular frequency, over κ
-    slowed = smaller(larger(0.5 * before.share, SLOWEST_OWN * pace), SLOWED * pace)
-    back = sel(counted < 0.0, before.share, smaller(before.share * (1.0 + dt / RETURN), 1.0))
-    return Swing(
-        sel(turned, fast, sel(fast < 0.0, -top, top)),
-        sel(suspected, 0.0, sel(tried, late, sel(turned, top, before.last))),
-        sel(turned, 0.0, smaller(before.lasts + dt, 1.0)),
-        sel(suspected, period, sel(turned * (1.0 - tried) > 0.0, larger(before.lasts, dt), before.lasted)),
-        counted,
-        sel(suspected, slowed, sel(theirs, 1.0, back)),
-        sel(own * (1.0 - known * still) > 0.0, load, before.time),
-        wearers,
-    )
+    least = max(LEAST, SIGMAS * noise)
+    now = half_wave(before, fast, least)
+    lasts = 0.0 if now.turned else min(1.0, before.half_wave_time + dt)
+    wearers = before.wearer_amplitude * (1.0 - dt / FORGOTTEN)
+    if in_trial(before):
+        return go_on_trying(before, now, abs(fast), lasts, wearers, dt)
+    return watch(before, now, least, lasts, wearers, kappa, dt)
