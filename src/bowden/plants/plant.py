@@ -69,9 +69,11 @@ def sheath_state(sheath: Sheath, bend: float) -> SheathState:
 
 def sheath_path(sheath: Sheath, bends: Array) -> SheathPath:
     """A sheath at total `bends` (n + 1,) [rad]."""
-    angles: Any = np.asarray(bends, dtype=np.float64)  # kernels made of ufuncs take arrays in place of numbers
-    widths, factors = width_at(angles, sheath), slope_factor_at(angles, sheath)
-    return SheathPath(angles, np.asarray(widths, dtype=np.float64), np.asarray(factors, dtype=np.float64))
+    angles = np.asarray(bends, dtype=np.float64)
+    values, places = np.unique(angles, return_inverse=True)  # mostly one
+    widths = np.array([width_at(bend, sheath) for bend in values.tolist()])
+    factors = np.array([slope_factor_at(bend, sheath) for bend in values.tolist()])
+    return SheathPath(angles, widths[places], factors[places])
 
 
 @stand_in

@@ -124,7 +124,7 @@ def move(
             position = command + offset
         else:
             if doing == BRAKE:
-                velocity = np.sign(velocity) * max(0.0, abs(velocity) - braking * dt)
+                velocity = math.copysign(max(0.0, abs(velocity) - braking * dt), velocity)
             else:
                 velocity = coast * velocity
             position += 0.5 * dt * (before + velocity)

@@ -8,6 +8,8 @@ For z = h/h_s Eq. 7 then reads dz/d|x| = κ·(1 − |z|ⁿ) while |z| grows and 
 the cable answers, n how sharply it saturates, γ how much faster it lets go than it took up.
 """
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -90,8 +92,8 @@ def projected_costs(motor: Array, joint: Array, weight: Array, candidates: Array
         sum_h, hh, hx, hy = 0.0, 0.0, 0.0, 0.0
         for k in range(motor.size):
             travel = motor[k] - motor[k - 1] if k > 0 else 0.0
-            direction, left = np.sign(travel), np.abs(travel)
-            while left > 0.0 and np.abs(direction * bound - h) > 1e-4 * bound:
+            direction, left = math.copysign(1.0, travel), abs(travel)
+            while left > 0.0 and abs(direction * bound - h) > 1e-4 * bound:
                 h = travel_step(h, direction * min(left, piece), cable)
                 left -= piece
             sum_h += weight[k] * h

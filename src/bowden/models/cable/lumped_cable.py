@@ -213,7 +213,7 @@ def _newton(cable: PreparedLumped, given: _Step, u: NDArray[np.float64], preslid
             left = 0.0
             for i in range(1, n + 1):
                 left += force[i] * move[i]
-            if np.abs(left) <= 0.5 * np.abs(steep) or (size == 1.0 and left <= 0.0):
+            if abs(left) <= 0.5 * abs(steep) or (size == 1.0 and left <= 0.0):
                 break
             if left > 0.0:
                 high = size
@@ -222,7 +222,7 @@ def _newton(cable: PreparedLumped, given: _Step, u: NDArray[np.float64], preslid
             size = 0.5 * (low + high)
         worst = 0.0
         for i in range(1, n + 1):
-            worst = max(worst, np.abs(force[i]))
+            worst = max(worst, abs(force[i]))
         if worst < 1e-8:
             return True
     return False
