@@ -7,6 +7,7 @@ its spring is at rest, x' = (rest − x)/τ. The power stage is one thermal mass
 """
 
 import math
+from enum import IntEnum
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -22,8 +23,16 @@ from bowden.plants.cables import as_cable_plant
 from bowden.plants.plant import SheathState, sheath_state
 from bowden.sim.scenario import BendPath
 
-OFF, FOLLOW, BRAKE = 0, 1, 2
-"""What the motor does."""
+
+class Doing(IntEnum):
+    """What the motor does."""
+
+    OFF = 0
+    FOLLOW = 1
+    BRAKE = 2
+
+
+OFF, FOLLOW, BRAKE = Doing
 
 LONGEST_GAP = 1.0
 """Time that one call makes up for at most; a twin that was stopped for longer has lost it [s]."""
@@ -93,7 +102,7 @@ def at_rest(plant: Moving, motor: float, sheath: SheathState) -> BenchMotion:
 def move(
     plant: Moving,
     motion: BenchMotion,
-    doing: int,
+    doing: Doing,
     command: float,
     count: int,
     sheathing: Sheathing,

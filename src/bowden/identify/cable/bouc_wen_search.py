@@ -13,7 +13,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.core.kernel import kernel, program
+from bowden.core.kernel import exp, kernel, program
 from bowden.identify.cable.evolution import evolve
 from bowden.identify.cable.path import Path
 from bowden.models.cable.bouc_wen import BoucWen, saturation, travel_step
@@ -83,9 +83,9 @@ def projected_costs(motor: Array, joint: Array, weight: Array, candidates: Array
         xy += weight[k] * x * y
         yy += weight[k] * (y * y)
     for i in range(candidates.shape[0]):
-        n, gamma = np.exp(candidates[i, 2]), np.exp(candidates[i, 1])
-        scale = np.exp(candidates[i, 1] / n)
-        cable = BoucWen(1.0, 1.0, np.exp(candidates[i, 0]) * scale, 0.5 * (1.0 + 1.0 / gamma), n, 0.0)
+        n, gamma = exp(candidates[i, 2]), exp(candidates[i, 1])
+        scale = exp(candidates[i, 1] / n)
+        cable = BoucWen(1.0, 1.0, exp(candidates[i, 0]) * scale, 0.5 * (1.0 + 1.0 / gamma), n, 0.0)
         bound = saturation(cable)
         piece = 0.5 / (cable.rate * (1.0 + n * max(1.0, gamma) / bound))
         h = candidates[i, 3] * bound

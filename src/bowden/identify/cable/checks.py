@@ -7,7 +7,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.core.errors import LogError
-from bowden.core.order import median
 from bowden.core.units import DEGREES
 from bowden.identify.cable.cycles import ENOUGH
 from bowden.identify.cable.turns import least_swing, motor_noise, reversals
@@ -104,8 +103,8 @@ def stopped_at(motor: Array, joint: Array) -> tuple[float, float] | None:
         for begin, end in pairwise([0, *turns]):
             if along[end] > along[begin] and there[end] and not there[begin]:
                 beyond.append(float(along[end] - along[begin + int(there[begin : end + 1].argmax())]))
-        if len(beyond) > 1 and median(np.array(beyond)) > _STOPPED * float(np.ptp(motor)) + 2.0 * near / slope:
-            return side * float(out.max()), median(np.array(beyond))
+        if len(beyond) > 1 and np.median(np.array(beyond)) > _STOPPED * float(np.ptp(motor)) + 2.0 * near / slope:
+            return side * float(out.max()), float(np.median(np.array(beyond)))
     return None
 
 

@@ -6,7 +6,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.core.errors import LogError
-from bowden.core.order import median, quantile
 from bowden.core.units import DEGREES
 from bowden.identify.cable.trusted import Trust
 from bowden.identify.cable.turns import peak_speed
@@ -71,14 +70,14 @@ def even_clock(
     dropped = np.diff(np.append(kept, len(time))) - 1
     stamps, late = time[kept], _near(dropped)
     steps = np.diff(stamps)
-    middle = median(steps)
+    middle = float(np.median(steps))
     relative = steps / middle
     longest = relative - late
     away = np.where(relative > 1.0, np.maximum(longest - 1.0, 0.0), 1.0 - relative)
     scatter = float(np.sqrt(np.mean(away**2)))
     worst = int(np.argmax(away))
     place, seen = int(kept[worst + 1]), f"a step of {steps[worst]:.4g} s where {middle:.4g} s is usual"
-    if 1.4826 * median(away) > _JITTER or (scatter > _JITTER and longest[worst] <= _GAP):
+    if 1.4826 * np.median(away) > _JITTER or (scatter > _JITTER and longest[worst] <= _GAP):
         raise LogError(
             f"{where(place)}: the time steps scatter by {100 * scatter:.0f} % RMS ({seen})",
             expected=f"even time stamps, within {100 * _JITTER:.0f} % RMS",
@@ -168,8 +167,8 @@ def held_rows(angle: Array) -> tuple[int, int | None]:
     at = np.flatnonzero(steps) + 1
     if len(at) < _READINGS:
         return 1, None
-    rows, sizes = median(np.diff(at)), np.abs(steps[at - 1])
-    if rows < 2.0 or median(sizes) < _COUNTS * quantile(sizes, 0.02):
+    rows, sizes = float(np.median(np.diff(at))), np.abs(steps[at - 1])
+    if rows < 2.0 or np.median(sizes) < _COUNTS * np.quantile(sizes, 0.02):
         return 1, None
     rows = int(rows)
     phases = np.bincount(at % rows, minlength=rows)
