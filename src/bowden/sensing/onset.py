@@ -218,7 +218,7 @@ class Mains(NamedTuple):
     """Averaged alike."""
 
 
-class Rest(NamedTuple):
+class RestEstimate(NamedTuple):
     """What is known of the signal at rest."""
 
     level: float
@@ -278,7 +278,7 @@ class OnsetState(NamedTuple):
     """r, averaged over 0.1 s."""
     squares: Ways
     """x², averaged over 0.1 s."""
-    rest: Rest
+    rest: RestEstimate
     null: float
     """v₀."""
     evidence: Evidence
@@ -350,7 +350,7 @@ def onset_start(onset: Onset, first: float) -> OnsetState:
         short=NONE,
         long=NONE,
         squares=NONE,
-        rest=Rest(onset.floor, SPREAD * SPREAD, -_SETTLES, UNKNOWN * UNKNOWN),
+        rest=RestEstimate(onset.floor, SPREAD * SPREAD, -_SETTLES, UNKNOWN * UNKNOWN),
         null=0.0,
         evidence=Evidence(NONE, NONE, 0.0, 0.0),
         phase=Phase.REST,
@@ -500,7 +500,7 @@ def observe_rest(onset: Onset, state: OnsetState, power: float, beside: float, d
 
 
 @kernel
-def learn_level(phase: Phase, rest: Rest, seen: Observation, dt: float) -> float:
+def learn_level(phase: Phase, rest: RestEstimate, seen: Observation, dt: float) -> float:
     """m with one sample more of a signal that is not dead."""
     if rest.seen <= 0.0:
         return log(seen.power)
@@ -517,13 +517,13 @@ def learn_level(phase: Phase, rest: Rest, seen: Observation, dt: float) -> float
 
 
 @kernel
-def learn_rest(onset: Onset, phase: Phase, rest: Rest, seen: Observation, dead: bool) -> Rest:
+def learn_rest(onset: Onset, phase: Phase, rest: RestEstimate, seen: Observation, dead: bool) -> RestEstimate:
     """Rest with one sample more; in a contraction it is forgotten."""
     dt, spread, uncertainty = onset.dt, rest.spread, rest.uncertainty
     level = rest.level if dead else learn_level(phase, rest, seen, dt)
     if phase == Phase.CONTRACTION:
         doubted = min(UNKNOWN * UNKNOWN, uncertainty * (1.0 + dt * FORGET / LEARNT))
-        return Rest(level, spread, max(0.0, rest.seen - dt * FORGET), doubted)
+        return RestEstimate(level, spread, max(0.0, rest.seen - dt * FORGET), doubted)
     if seen.bounded:
         level = max(level, onset.floor)
     if rest.seen > 1.0 and not seen.hidden:
@@ -531,20 +531,20 @@ def learn_rest(onset: Onset, phase: Phase, rest: Rest, seen: Observation, dead: 
         spread = spread + share * (min(seen.excess * seen.excess, seen.limit * seen.limit) - spread)
     if rest.seen > 0.0 and not seen.muted:
         uncertainty = uncertainty * (1.0 - seen.speed * dt / LEARNT)
-    return Rest(level, spread, min(rest.seen + seen.speed * dt, MEMORY), max(_LEFT, uncertainty))
+    return RestEstimate(level, spread, min(rest.seen + seen.speed * dt, MEMORY), max(_LEFT, uncertainty))
 
 
 @kernel
-def rest_at_onset(rest: Rest, familiar: bool) -> Rest:
+def rest_at_onset(rest: RestEstimate, familiar: bool) -> RestEstimate:
     """What is kept of rest when a contraction begins: a level that is to outlast it."""
     seen = min(rest.seen + LEARNT, MEMORY) if familiar else max(rest.seen, LEARNT)
-    return Rest(rest.level, rest.spread, seen, rest.uncertainty)
+    return RestEstimate(rest.level, rest.spread, seen, rest.uncertainty)
 
 
 @kernel
-def rest_at_end(rest: Rest) -> Rest:
+def rest_at_end(rest: RestEstimate) -> RestEstimate:
     """What is kept of rest when a contraction ends, which leaves another rest than it found."""
-    return Rest(rest.level, rest.spread, min(rest.seen, _LONG), max(rest.uncertainty, CHANGED * CHANGED))
+    return RestEstimate(rest.level, rest.spread, min(rest.seen, _LONG), max(rest.uncertainty, CHANGED * CHANGED))
 
 
 @kernel
@@ -614,7 +614,7 @@ def onset_step(onset: Onset, state: OnsetState, value: float) -> tuple[OnsetStat
     if gone:
         mains = Mains(0.0, 0.0)
     if gone or signal.flat_time > LIFTED:
-        rest = Rest(rest.level, rest.spread, -_SETTLES, UNKNOWN * UNKNOWN)
+        rest = RestEstimate(rest.level, rest.spread, -_SETTLES, UNKNOWN * UNKNOWN)
 
     # evidence for an onset, and for an end
     null = exp(rest.level + seen.limit) + beside
