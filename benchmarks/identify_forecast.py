@@ -20,7 +20,6 @@ from scipy.optimize import brentq
 
 import results
 from bowden.core.metrics import rmse
-from bowden.core.order import median
 from bowden.core.units import DEGREES
 from bowden.identify.cable.fit import Fit, identify_log
 from bowden.identify.cable.forecast import forecast
@@ -131,8 +130,8 @@ def text(rows: list[Found]) -> str:
         [
             *lines,
             "",
-            f"Found over forecast: {median(ratios):.2f} in the median, {ratios.min():.2f} to {ratios.max():.2f}. "
-            f"Compensation divides the error by {median(without):.1f} in the median. The servo is left out.",
+            f"Found over forecast: {np.median(ratios):.2f} in the median, {ratios.min():.2f} to {ratios.max():.2f}. "
+            f"Compensation divides the error by {np.median(without):.1f} in the median. The servo is left out.",
         ]
     )
 

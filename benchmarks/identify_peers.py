@@ -24,7 +24,6 @@ from numpy.typing import NDArray
 import bowden
 import results
 from bowden.core.metrics import rmse
-from bowden.core.order import median
 from bowden.core.units import DEGREES, RADIANS
 from bowden.identify.cable.fit import follow
 from bowden.identify.cable.model import CableModel
@@ -334,10 +333,10 @@ def text(found: dict[str, Figures]) -> str:
         better = "–"
         if base is not None and name != "ours":
             better = f"{sum(a < b for a, b in zip(one.halves, base, strict=True))} of {len(base)}"
-        cells = [METHODS[name][0], degrees([median(np.array(one.halves))]), degrees([max(one.halves)]), better]
+        cells = [METHODS[name][0], degrees([np.median(np.array(one.halves))]), degrees([max(one.halves)]), better]
         for transfer in (one.runs, one.moved):
-            cells.append(f"{degrees([median(np.array(transfer))])} ({degrees([max(transfer)])})")
-        lines.append(f"| {' | '.join([*cells, degrees(one.strokes), f'{median(np.array(one.seconds)):.2g}'])} |")
+            cells.append(f"{degrees([np.median(np.array(transfer))])} ({degrees([max(transfer)])})")
+        lines.append(f"| {' | '.join([*cells, degrees(one.strokes), f'{np.median(np.array(one.seconds)):.2g}'])} |")
     return "\n".join(
         [
             *lines,

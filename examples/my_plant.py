@@ -9,8 +9,6 @@ Try it from Python:
 
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from bowden import kernel
 
 
@@ -47,5 +45,5 @@ def advance(plant: Any, body: Body, applied: float, sheath: Any, next_sheath: An
     speed = (body.motor_velocity + dt * pull) / (1.0 + 2.0 * given.bandwidth * dt)
     motor = body.motor + dt * speed
     play = given.friction * next_sheath.width
-    end = np.fmax(motor - play, np.fmin(motor + play, body.joint / given.slope))
+    end = max(motor - play, min(motor + play, body.joint / given.slope))
     return Body(given.slope * end, motor, speed)

@@ -316,7 +316,7 @@ def test_figures_are_of_motions_and_their_delays() -> None:
     assert found["onset_to_joint_ms"] == {"p50": 510.0, "p99": 510.0, "max": 510.0}
     assert found["peak_after_first_second_deg"] == pytest.approx(3.0)
     assert (found["samples"], found["lost"], found["age_ms"]["p50"]) == (5999, 2, 4.0)
-    run_by.course = CourseSettings(proportional=1.0)
+    run_by.course = CourseSettings(proportional=True)
     follows = figures(log, run_by, emg_process)  # type: ignore[arg-type]
     told = ("motions", "onset_to_cycle_ms", "onset_to_command_ms", "onset_to_joint_ms", "peak_after_first_second_deg")
     assert [follows[name] for name in told] == [None] * 5

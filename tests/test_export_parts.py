@@ -54,7 +54,7 @@ int main(void)
         out[0] = (double)signal;
         out[2] = (double)onset_step(&onset, (onset_real)value, &trouble);
         out[3] = (double)trouble;
-        out[4] = (double)onset.rest;
+        out[4] = (double)onset.sigma;
         fwrite(out, sizeof out, 1, stdout);
     }
     return 0;
@@ -191,7 +191,7 @@ int main(void)
     while (fread(row, 8, 2, stdin) == 2) {
         intent_reference reference;
         intent_step(&state, row[0], row[1], 0.001, &reference);
-        double out[5] = {state.mode, state.owed, reference.position, reference.velocity, reference.acceleration};
+        double out[5] = {state.mode, state.late, reference.position, reference.velocity, reference.acceleration};
         fwrite(out, sizeof out, 1, stdout);
     }
     return 0;
@@ -201,7 +201,7 @@ int main(void)
 
 @pytest.mark.long
 def test_the_intent_of_two_muscles_that_overlap_gives_the_bits_of_python(tmp_path: Path) -> None:
-    state, two = intent_start(0.0), IntentSettings(muscles=2.0)
+    state, two = intent_start(0.0), IntentSettings(muscles=2)
     module = Module(
         "intent",
         "",
@@ -212,7 +212,7 @@ def test_the_intent_of_two_muscles_that_overlap_gives_the_bits_of_python(tmp_pat
                 intent_step,
                 (
                     Argument("settings", two, constant=True),
-                    *(Argument("state", state), Argument("flexor", 0.0), Argument("extensor", 0.0)),
+                    *(Argument("state", state), Argument("flexes", False), Argument("extends", False)),
                     Argument("dt", DT),
                 ),
                 ("state", "reference"),
@@ -228,7 +228,7 @@ def test_the_intent_of_two_muscles_that_overlap_gives_the_bits_of_python(tmp_pat
     twin, owed = compiled(intent_step), 0
     for k, row in enumerate(rows):
         state, reference = twin(two, state, on[k, 0], on[k, 1], DT)
-        assert (bits(np.array([state.mode, state.owed, *reference])) == bits(row)).all(), k
-        owed += state.owed != 0.0
+        assert (bits(np.array([state.mode, state.late, *reference])) == bits(row)).all(), k
+        owed += state.late != 0.0
     assert owed > 500
     assert np.ptp(rows[:, 2]) > 1.0

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from bowden.core.errors import ParameterError
-from bowden.core.kernel import kernel, sel
+from bowden.core.kernel import kernel
 from bowden.core.quantity import Quantity
 from bowden.export.parts import emg_modules
 from bowden.hardware.buses.link import Links
@@ -20,7 +20,7 @@ from bowden.hardware.ports import Drive, EmgChunk, Power
 from bowden.hardware.twin.bench import TwinBench
 from bowden.identify.emg.score import find
 from bowden.rig.rig import Rig
-from bowden.sensing.detector import Detector
+from bowden.sensing.detector import Detector, Trouble
 from bowden.sensing.detectors import DETECTORS, detector_named
 from bowden.sensing.stream import OnsetDetector
 from support.simulated_drive import SimulatedDrive
@@ -152,9 +152,9 @@ class ToyState(NamedTuple):
 
 
 @kernel
-def toy_step(prepared: ToySettings, state: ToyState, value: float) -> tuple[ToyState, float, float]:
-    size = np.abs(value)
-    return ToyState(np.fmax(state.largest, size)), sel(size > prepared.threshold, 1.0, 0.0), 0.0
+def toy_step(prepared: ToySettings, state: ToyState, value: float) -> tuple[ToyState, bool, Trouble]:
+    size = abs(value)
+    return ToyState(max(state.largest, size)), size > prepared.threshold, Trouble.NONE
 
 
 @kernel

@@ -1,5 +1,6 @@
 """One source: a kernel gives the same bits interpreted and compiled."""
 
+import itertools
 import math
 import re
 from typing import Any, NamedTuple
@@ -28,9 +29,9 @@ from bowden.core.kernel import (
 from bowden.core.nested import flat
 from bowden.core.signals import Reference, Sample
 from bowden.models import plausible
-from bowden.models.cable import backlash, bouc_wen, sheath
-from bowden.models.drive import encoder, motor, servo, thermal
-from bowden.models.suit import geometry
+from bowden.models.cable import backlash, bouc_wen, friction, sheath
+from bowden.models.drive import encoder, geared_motor, motor, servo, thermal
+from bowden.models.suit import arm, flex_sensor, geometry, load_cell, suit_angle, suit_cable
 from support.states import floated
 
 EXTREMES = [0.0, -0.0, 5e-324, -5e-324, 1e-300, 1.0, -1.0, 1e16, 1e154, -1e308, math.inf, -math.inf, math.nan]
@@ -91,7 +92,42 @@ def test_interpreted_and_compiled_law_agree_bit_for_bit(law: Law) -> None:
 
 CABLE, SUIT = bouc_wen.BoucWen(exponent=1.7), geometry.SuitGeometry()
 SERVO = servo.prepare(servo.Servo(speed_limit=2.0, acceleration_limit=50.0), 1e-4)
+SPOOL = suit_angle.spool_map(SUIT, 0.025)
+GEARED = geared_motor.GearedMotor(integral=3.0, friction_feedforward=1.5)
+TURNING = geared_motor.SpoolState(0.1, 2.0, 3.0, 0.01, 0.2, 0.5, 0.3)
+FLEX = flex_sensor.FlexSensor(0.1, 0.2, 0.01, 0.02, 60.0, 0.03, 1e-3)
+PULLED = {
+    kind: suit_cable.prepare_suit_cable(suit_cable.SuitCable(kind=kind), suit_cable.Fabric(stiffening=2e5), 3.0, 25.0)
+    for kind in suit_cable.KINDS
+}
+WHERE = suit_cable.SuitCableMemory(0.001, 0.1), 0.002
+SWINGING = arm.Wearer(0.2, 0.5, 5.0, 5.0, 1.0, 0.3, 0.1, 0.4, 0.5)
 KERNELS_OF_TWO = [
+    (arm.gravity_torque, lambda x, y: (arm.Arm(), x)),
+    (arm.passive_torque, lambda x, y: (arm.Arm(), x, y)),
+    (arm.wearer_torque, lambda x, y: (SWINGING, arm.Arm(), x, y, x)),
+    (flex_sensor.flex_start, lambda x, y: (x,)),
+    (flex_sensor.flex_step, lambda x, y: (FLEX, flex_sensor.FlexState(0.1, 0.2), x, y, y, 1e-3)),
+    (friction.coulomb, lambda x, y: (x, y, 0.1)),
+    (friction.coulomb_slope, lambda x, y: (x, y, 0.1)),
+    (friction.dahl, lambda x, y: (x, y, 0.1)),
+    (friction.dahl_slope, lambda x, y: (x, y, 0.1)),
+    (geared_motor.turn_push, lambda x, y: (geared_motor.FrictionPush(x, 0.5), x + 0.01 * y, 1e-3)),
+    (geared_motor.drive_motor, lambda x, y: (GEARED, TURNING._replace(position=x, velocity=y), 0.1, 1e-3)),
+    (geared_motor.turn_spool, lambda x, y: (GEARED, TURNING._replace(velocity=x), y, 10.0, 1e-3)),
+    (load_cell.cell_reading, lambda x, y: (load_cell.LoadCell(), x, y)),
+    (suit_angle.flexor_arm, lambda x, y: (x, SPOOL)),
+    (suit_angle.flexor_travel, lambda x, y: (x, SPOOL)),
+    (suit_angle.motor_of, lambda x, y: (x, SPOOL)),
+    (suit_angle.spool_of, lambda x, y: (x, SPOOL)),
+    (suit_cable.fabric_tension, lambda x, y: (0.01 * x, PULLED["play"].fabric)),
+    (suit_cable.give, lambda x, y: (30.0 * abs(x), PULLED["play"].fabric)),
+    (suit_cable.start_suit_cable, lambda x, y: (PULLED["play"], 0.01 * x, 0.01 * y, 0.9)),
+    (suit_cable.taken_up, lambda x, y: (0.01 * x, 1.3, PULLED["play"])),
+    *(
+        (suit_cable.pull_suit_cable, lambda x, y, kind=kind: (PULLED[kind], *WHERE, 0.01 * x, 0.01 * y, 1.2, 0.9))
+        for kind in suit_cable.KINDS
+    ),
     (backlash.push, lambda x, y: (x, y, 0.05)),
     (backlash.joint_angle, lambda x, y: (x, backlash.Play(offset=0.1))),
     (bouc_wen.saturation, lambda x, y: (CABLE,)),
@@ -108,7 +144,7 @@ KERNELS_OF_TWO = [
     (geometry.extensor_extension, lambda x, y: (x, SUIT)),
     (geometry.flexor_moment_arm, lambda x, y: (x, SUIT)),
     (geometry.extensor_moment_arm, lambda x, y: (x, SUIT)),
-    (geometry.spool_angle, lambda x, y: (x, y)),
+    (geometry.spool_angle, lambda x, y: (x, 0.01 + abs(y))),
     (motor.acceleration_limit, lambda x, y: (motor.Motor(),)),
     (motor.current, lambda x, y: (x, y, 0.9, motor.Motor())),
     (plausible.outside, lambda x, y: (x, y, y + 1.0)),
@@ -119,9 +155,9 @@ KERNELS_OF_TWO = [
     (servo.servo_step, lambda x, y: (servo.ServoState(x, 0.5 * y, 0.0), y, SERVO)),
     (servo.servo_acceleration, lambda x, y: (x, 0.5 * y, SERVO)),
     (servo.servo_is_free, lambda x, y: (0.01 * x, 0.05 * y, SERVO)),
-    (servo.servo_turn, lambda x, y: (-abs(x), 0.5 * abs(y), SERVO)),
-    (servo.servo_turn, lambda x, y: (abs(x), -0.5 * abs(y), servo.prepare(servo.Servo(damping=0.6), 1e-3))),
-    (servo.servo_turn, lambda x, y: (x, -x, servo.prepare(servo.Servo(damping=1.6), 1e-3))),
+    (servo.servo_turn, lambda x, y: (-abs(x) - 1e-9, 0.5 * abs(y), SERVO)),
+    (servo.servo_turn, lambda x, y: (abs(x) + 1e-9, -0.5 * abs(y), servo.prepare(servo.Servo(damping=0.6), 1e-3))),
+    (servo.servo_turn, lambda x, y: (x or 1.0, -(x or 1.0), servo.prepare(servo.Servo(damping=1.6), 1e-3))),
     (servo.servo_predict, lambda x, y: (x, 0.5 * y, y, 53.6, 0.9, 1e-3)),
     (sheath.width, lambda x, y: (x, sheath.Sheath(gap=1.3))),
     (sheath.slope_factor, lambda x, y: (x, sheath.Sheath(loss=0.2))),
@@ -133,15 +169,21 @@ KERNELS_OF_TWO = [
 
 @pytest.mark.parametrize(("function", "arguments"), KERNELS_OF_TWO)
 def test_interpreted_and_compiled_models_agree_bit_for_bit(function: Any, arguments: Any) -> None:
+    """On drawn numbers and on extreme ones, on which plain Python must not raise."""
     fast = compiled(function)
     random = np.random.default_rng(3)
-    for x, y in random.normal(0.0, 1.0, (300, 2)).tolist():
-        assert bits(function(*arguments(x, y))) == bits(fast(*arguments(x, y)))
+    drawn = random.normal(0.0, 1.0, (300, 2)).tolist()
+    with np.errstate(all="ignore"):
+        for x, y in drawn + list(itertools.product(EXTREMES, EXTREMES)):
+            assert bits(function(*arguments(x, y))) == bits(fast(*arguments(x, y))), (x, y)
 
 
 def test_every_model_kernel_is_compared_above() -> None:
     """A kernel that is added must be added to the table as well."""
-    modules = (backlash, bouc_wen, encoder, geometry, motor, plausible, servo, sheath, thermal)
+    modules = (
+        *(arm, backlash, bouc_wen, encoder, flex_sensor, friction, geared_motor, geometry, load_cell, motor, plausible),
+        *(servo, sheath, suit_angle, suit_cable, thermal),
+    )
     named = {
         value
         for module in modules

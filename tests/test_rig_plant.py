@@ -99,7 +99,8 @@ def test_mistakes_name_key_file_and_line(tmp_path: Path) -> None:
 def test_no_number_deep_in_a_run_is_the_plants(tmp_path: Path) -> None:
     """A square root that ends only where the joint comes later than the trial does."""
     text = EXAMPLE.read_text().replace("given.slope * end, motor, speed", "given.slope * end, motor, speed * wrong")
-    text = text.replace("    end = np.fmax", "    wrong = 1.0 + 0.0 * np.sqrt(0.9 - motor)\n    end = np.fmax")
+    text = text.replace("import kernel\n", "import kernel\nfrom bowden.core.kernel import sqrt\n", 1)
+    text = text.replace("    end = max", "    wrong = 1.0 + 0.0 * sqrt(0.9 - motor)\n    end = max")
     (tmp_path / "bad.py").write_text(text)
     rig = Rig(plant=str(tmp_path / "bad.py"), duration=8.0)
     said = r"bad\.py, line \d+: the plant 'bad' gave nan for .* at t = \d"

@@ -13,7 +13,7 @@ from bowden.identify.emg.log import read_emg, read_labels
 from bowden.identify.emg.score import Findings, find, score, spans
 from bowden.sensing.biquad import PASS, notch
 from bowden.sensing.envelope import EnvelopeSettings, envelope_start, envelope_step, prepare_envelope
-from bowden.sensing.onset import onset_start, onset_step, prepare_onset
+from bowden.sensing.onset import onset_rest, onset_start, onset_step, prepare_onset
 from bowden.sensing.onset_settings import DEFAULTS, OnsetSettings, of_wearer
 from bowden.sensing.stream import EnvelopeFilter, OnsetDetector
 from bowden.sim.emg import NOISE, background, contractions, rest
@@ -65,7 +65,7 @@ def test_interpreted_and_compiled_agree_bit_for_bit() -> None:
     for k, value in enumerate(x.tolist()):
         state = onset_start(detector, value) if state is None else state
         state, active, trouble = onset_step(detector, state, value)
-        assert (active, trouble, state.rest) == (fast.active[k], fast.trouble[k], fast.rest[k]), k
+        assert (active, trouble, onset_rest(state)) == (fast.active[k], fast.trouble[k], fast.rest[k]), k
     assert fast.active.max() == 1.0
     assert set(fast.trouble) >= {0.0, 1.0}
     x = noise(300)

@@ -171,7 +171,7 @@ def test_the_lag_is_the_delay_of_a_joint_that_is_only_late() -> None:
 
 def test_a_sensor_that_fails() -> None:
     kinds = (Injected.NOTHING, Injected.JOINT_FROZEN, Injected.MOTOR_FROZEN, Injected.JOINT_NAN)
-    cases = [case(1, fault=SensorFault(float(kind), 3000.0, 4000.0)) for kind in kinds]
+    cases = [case(1, fault=SensorFault(kind, 3000, 4000)) for kind in kinds]
     none, joint, motor, lost = (outcome for (outcome,) in simulate_many(cases, 6.0))
     assert together(none) == together(motor) == alone(case(1), ADAPTIVE, 6.0)  # the law does not look at the motor
     assert together(joint) == alone(cases[1], ADAPTIVE, 6.0)

@@ -32,10 +32,11 @@ LAW_ENDS, PLANT_ENDS = "    return State(integral), command\n", "    return Body
 MOTION = PeriodicMinimumJerk(0.0, 1.0, 1.0)
 LATE_LAW, LATE_PLANT = "    if reference.position > 0.5:\n        ", "    if motor > 0.5:\n        "
 OBSERVE = """
+import math
 
 @kernel
 def observe(plant: Any, body: Body, normals: Any) -> Any:
-    return body, Measurement(body.joint if body.motor < 0.5 else np.nan, body.motor, np.nan, np.nan)
+    return body, Measurement(body.joint if body.motor < 0.5 else math.nan, body.motor, math.nan, math.nan)
 """
 
 
@@ -75,14 +76,13 @@ LATE: dict[str, tuple[Callable[[Path], None], str, str, str]] = {
     ),
     "a plant's body": (
         run_plant,
-        late_plant(f"{LATE_PLANT}speed = np.nan\n"),
+        late_plant(f"{LATE_PLANT}speed = {NO_NUMBER}\n"),
         "@kernel\ndef advance",
         "the plant 'own' gave nan for motor_velocity at t = 0.",
     ),
     "a plant's sensor": (
         run_plant,
-        PLANT.replace("import numpy as np\n", "import numpy as np\nfrom bowden.control.source import Measurement\n")
-        + OBSERVE,
+        PLANT.replace("import kernel\n", "import kernel\nfrom bowden.control.source import Measurement\n") + OBSERVE,
         "@kernel\ndef observe",
         "the plant 'own' gave nan for joint_measured at t = 0.",
     ),

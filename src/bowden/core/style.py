@@ -11,8 +11,6 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.core.order import distinct
-
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
@@ -312,5 +310,5 @@ def thin(x: Array, y: Array, most: int = 4000) -> tuple[Array, Array]:
     lowest = inside[rows, np.where(good, values, np.inf).argmin(axis=1)][good.any(axis=1)]
     highest = inside[rows, np.where(good, values, -np.inf).argmax(axis=1)][good.any(axis=1)]
     breaks = inside[rows, good.argmin(axis=1)][~good.all(axis=1)]
-    index = distinct(np.concatenate([[0, n - 1], lowest, highest, breaks]))
+    index = np.unique(np.concatenate([[0, n - 1], lowest, highest, breaks]))
     return x[index], y[index]

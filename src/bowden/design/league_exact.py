@@ -19,12 +19,11 @@ from numpy.typing import NDArray
 from bowden.control.reference import Trajectory
 from bowden.core.kernel import kernel, specialise, stand_in
 from bowden.models.cable.lumped_cable import PreparedLumped
-from bowden.models.cable.sheath import slope_factor as slope_factor_at
-from bowden.models.cable.sheath import width as width_at
 from bowden.plants.cable_body import cable_advance, cable_look
 from bowden.plants.cable_plant import Cable, CablePlant
 from bowden.plants.cables import Hysteresis
 from bowden.plants.friction_cables import sliding
+from bowden.plants.plant import sheath_path
 from bowden.sim.scenario import BendPath
 
 Array = NDArray[np.float64]
@@ -129,9 +128,7 @@ def exact_motor(
     """
     time = np.arange(round(duration / STEP), dtype=np.float64) * STEP
     samples = np.ascontiguousarray(reference.sample(time))
-    angles: Any = bend(time)  # the sheath's kernels are made of ufuncs, and so take arrays
-    widths = np.asarray(width_at(angles, plant.sheath), dtype=np.float64)
-    factors = np.asarray(slope_factor_at(angles, plant.sheath), dtype=np.float64)
+    _, widths, factors = sheath_path(plant.sheath, bend(time))
     cable = _slow(plant.cable)
     prepared = cable.prepared
     memory, spare = (cable.start(prepared, initial_motor, float(widths[0]), float(factors[0])) for _ in range(2))

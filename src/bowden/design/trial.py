@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from bowden.control.law import Law
 from bowden.control.reference import PointToPoint, Trajectory
-from bowden.core.order import distinct, median
 from bowden.core.trace import Trace
 from bowden.core.units import DEGREES
 from bowden.plants.plant import Plant
@@ -107,7 +106,7 @@ def judged(trace: Trace, length: float, moving: float, bounds: Bounds) -> Trial:
     near = np.abs(error) <= bounds.furthest
     lasted = len(error) if near.all() else int(np.argmin(near))
     states = {name.removeprefix("law."): v for name, v in trace.columns.items() if name.startswith("law.")}
-    picked = distinct(np.linspace(0, max(lasted - 1, 0), _SNAPSHOTS).astype(int))
+    picked = np.unique(np.linspace(0, max(lasted - 1, 0), _SNAPSHOTS).astype(int))
     visited = tuple({name: float(values[k]) for name, values in states.items()} for k in picked)
     if not trace.ended:
         return Trial(moving, False, "it runs away", None, None, None, None, visited)
@@ -155,7 +154,7 @@ def _period(values: Array, dt: float) -> float | None:
     side = np.where(values > middle + band, 1, np.where(values < middle - band, -1, 0))
     at = np.flatnonzero(side)
     ups = at[1:][(side[at[1:]] > 0) & (side[at[:-1]] < 0)]
-    return median(np.diff(ups)) * dt if len(ups) >= 3 else None
+    return float(np.median(np.diff(ups))) * dt if len(ups) >= 3 else None
 
 
 _PIECES = 100

@@ -39,7 +39,7 @@ def figures(log: Columns, run: "EmgRun", emg_process: "EmgProcess") -> dict[str,
 
     In the proportional mode the joint follows the envelope: there are no motions to speak of.
     """
-    led, triggered = log["source"] >= WishSource.LAW_BEGINS, run.course.proportional < 0.5
+    led, triggered = log["source"] >= WishSource.LAW_BEGINS, not run.course.proportional
     at = _motions(log["emg.intent"], led) if triggered else []
     time, onset = log["time"], log["emg.onset"]
     end = int(np.flatnonzero(led)[-1]) + 1 if led.any() else 0

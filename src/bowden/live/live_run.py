@@ -360,7 +360,7 @@ def _check_range(emg: EmgRun, limits: Limits) -> None:
 def _check_duration(emg: EmgRun, limits: Limits) -> None:
     """Refuse motions that are quicker than the supervisor lets joint and motor be."""
     intent, given = emg.course.intent, emg.course.intent.duration
-    turned = emg.course.proportional < 0.5
+    turned = not emg.course.proportional
     speed, acceleration = (TURNED_SPEED, TURNED_ACCELERATION) if turned else (FOLLOWED_SPEED, FOLLOWED_ACCELERATION)
     joint = intent.high - intent.low
     motor = joint / max(limits.slope_low, _NONE)

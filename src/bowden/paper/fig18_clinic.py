@@ -91,7 +91,7 @@ def recording() -> StagedRecording:
 def asked_for(settings: IntentSettings, state: IntentState, active: Array, out: Array, dt: float) -> None:
     """The references of a whole course of contractions; fills `out` (n, 3)."""
     for k in range(len(active)):
-        state, reference = intent_step(settings, state, active[k], 0.0, dt)
+        state, reference = intent_step(settings, state, active[k] > 0.5, False, dt)
         for i in range(3):
             out[k, i] = reference[i]
 

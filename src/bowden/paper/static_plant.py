@@ -11,6 +11,7 @@ positive and h does not overshoot; it does not for the printed Bouc–Wen parame
 after a reversal (reading 6). There bisection finds *a* solution, and the motor jumps from one branch to another.
 """
 
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -86,7 +87,7 @@ def run_implicit(gains: AdaptiveGains, cable: Any, references: Array, dt: float,
     for k in range(references.shape[0]):
         reference = Reference(references[k, 0], references[k, 1], references[k, 2])
         before, old = motor, state
-        low, high, reach = -np.inf, np.inf, 1e-6
+        low, high, reach = -math.inf, math.inf, 1e-6
         while True:
             after = memory_after(memory, before, motor, cable)
             joint = joint_of(motor, after, cable)
@@ -95,13 +96,13 @@ def run_implicit(gains: AdaptiveGains, cable: Any, references: Array, dt: float,
                 low = motor
             else:
                 high = motor
-            if np.isfinite(high - low):
+            if math.isfinite(high - low):
                 middle = 0.5 * (low + high)
                 if not low < middle < high:
                     break
                 motor = middle
             elif reach < 1e3:  # not bracketed yet: look further out on the open side
-                motor = low + reach if np.isfinite(low) else high - reach
+                motor = low + reach if math.isfinite(low) else high - reach
                 reach *= 2.0
             else:
                 return k

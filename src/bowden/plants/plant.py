@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 from bowden.control.source import Measurement
 from bowden.core import user_file
 from bowden.core.errors import ParameterError
-from bowden.core.kernel import kernel, stand_in
+from bowden.core.kernel import kernel, program, stand_in
 from bowden.models.cable.sheath import Sheath
 from bowden.models.cable.sheath import slope_factor as slope_factor_at
 from bowden.models.cable.sheath import width as width_at
@@ -70,9 +70,17 @@ def sheath_state(sheath: Sheath, bend: float) -> SheathState:
 
 def sheath_path(sheath: Sheath, bends: Array) -> SheathPath:
     """A sheath at total `bends` (n + 1,) [rad]."""
-    angles: Any = np.asarray(bends, dtype=np.float64)  # kernels made of ufuncs take arrays in place of numbers
-    widths, factors = width_at(angles, sheath), slope_factor_at(angles, sheath)
-    return SheathPath(angles, np.asarray(widths, dtype=np.float64), np.asarray(factors, dtype=np.float64))
+    path = SheathPath(np.array(bends, dtype=np.float64), np.empty(len(bends)), np.empty(len(bends)))
+    program(fill_sheath)(sheath, path)
+    return path
+
+
+@kernel
+def fill_sheath(sheath: Sheath, path: SheathPath) -> None:
+    """Widths and slope factors at a path's bends, in place."""
+    for k in range(path.bends.size):
+        path.widths[k] = width_at(path.bends[k], sheath)
+        path.slope_factors[k] = slope_factor_at(path.bends[k], sheath)
 
 
 @stand_in

@@ -4,6 +4,7 @@ The sheath's width is the pose: 1 is the first cable, 2 the second, and between 
 All of them feel the motor all the time, so that each has its hysteresis ready when the pose comes to it.
 """
 
+import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
@@ -61,10 +62,10 @@ def poses_look(cable: tuple[Bent, ...], memory: PoseMemory, motor: float, width:
     joint = 0.0
     for i in range(len(cable)):
         near = max(1.0, min(float(len(cable)), width))
-        weight = max(0.0, 1.0 - np.abs(near - (i + 1.0)))
+        weight = max(0.0, 1.0 - abs(near - (i + 1.0)))
         if weight > 0.0:
             joint += weight * joint_angle(motor, memory.h[i], 1.0, slope_factor, cable[i].cable, cable[i].terms)
-    return Seen(joint, np.nan, np.nan)
+    return Seen(joint, math.nan, math.nan)
 
 
 def poses(cables: Sequence[Cable]) -> Cable:

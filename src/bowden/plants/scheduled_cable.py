@@ -41,8 +41,8 @@ class MovedSchedule(NamedTuple):
     """(V,); the variables' own units."""
     per_width: Array
     """(V,); the variables' own units."""
-    widened: float
-    """1 where the width widens the loop, 0 where it moves a variable instead [–]."""
+    widens: bool
+    """Whether the width widens the loop; else it moves a variable."""
 
 
 class ScheduledMemory(NamedTuple):
@@ -74,7 +74,7 @@ def scheduled_advance(
     dt: float,
 ) -> ScheduledMemory:
     """Every play pushed by the motor; in place."""
-    wide = 1.0 + cable.widened * (width - 1.0)
+    wide = width if cable.widens else 1.0
     for i in range(memory.z.size):
         memory.z[i] = push(memory.z[i], after, wide * cable.cable.half_widths[i])
     return memory
@@ -130,5 +130,5 @@ def scheduled(parameters: Mapping[str, float], moved: str | None = None, sheath:
         own = sheath or Sheath()
         per_width[place] = reach if moved == "load" else own.bend / own.gap
         at[place] = cable.low[place] - reach if moved == "load" else 0.0
-    prepared = MovedSchedule(cable, at, per_width, 1.0 if moved is None else 0.0)
+    prepared = MovedSchedule(cable, at, per_width, moved is None)
     return Cable("scheduled", prepared, prepared, scheduled_start, scheduled_advance, scheduled_look, abs(slope))

@@ -103,7 +103,7 @@ class Suit(NamedTuple):
             joint_sensor=self.joint_sensor,
             motor_encoder=self.motor_encoder,
             load_cell=self.load_cell,
-            powered=1.0 if self.powered else 0.0,
+            powered=self.powered,
             dt=float(self.sample_time),
             settling=round(SETTLING / self.sample_time),
         )

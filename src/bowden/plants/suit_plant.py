@@ -12,10 +12,8 @@ The kernels run in a compiled loop (`bowden.sim.run`), and one cycle a call in a
 
 from typing import NamedTuple
 
-import numpy as np
-
 from bowden.control.source import Measurement
-from bowden.core.kernel import apart, kernel
+from bowden.core.kernel import apart, kernel, sqrt
 from bowden.models.cable.sheath import Sheath, slope_factor, width
 from bowden.models.drive.encoder import Encoder, reading
 from bowden.models.drive.geared_motor import GearedMotor, SpoolState, drive_motor, turn_spool
@@ -173,12 +171,14 @@ def _substep(
     suit_damping = damp_f + damp_e
     interaction = state.flexor_pull.joint * lever_f - state.extensor_pull.joint * lever_e - suit_damping * velocity
     own = wearer_torque(wearer, arm, joint, velocity, state.time)
-    over, under = np.fmax(0.0, joint - suit.high_stop), np.fmax(0.0, suit.low_stop - joint)
-    stopped = 1.0 if over + under > 0.0 else 0.0
-    stops = STOP_STIFFNESS * (under - over) - stopped * STOP_DAMPING * velocity
+    over, under = max(0.0, joint - suit.high_stop), max(0.0, suit.low_stop - joint)
+    stops, stop_damping, stop_stiffness = 0.0, 0.0, 0.0
+    if over + under > 0.0:
+        stop_damping, stop_stiffness = STOP_DAMPING, STOP_STIFFNESS
+        stops = STOP_STIFFNESS * (under - over) - STOP_DAMPING * velocity
     torque = interaction + gravity_torque(arm, joint) + passive_torque(arm, joint, velocity) + own + stops
-    damping = suit_damping + arm.damping + wearer.damping + stopped * STOP_DAMPING
-    stiffness = _stretching(suit.flexor, state.flexor_pull.joint) * lever_f * lever_f + stopped * STOP_STIFFNESS
+    damping = suit_damping + arm.damping + wearer.damping + stop_damping
+    stiffness = _stretching(suit.flexor, state.flexor_pull.joint) * lever_f * lever_f + stop_stiffness
     stiffness += _stretching(suit.extensor, state.extensor_pull.joint) * lever_e * lever_e
     stiffness += arm.stiffness + wearer.stiffness
     change = dt * (torque - dt * stiffness * velocity) / (arm.inertia + dt * (damping + dt * stiffness))
@@ -216,7 +216,7 @@ def _flesh(cable: PreparedSuitCable, tension: float) -> float:
 def _stretching(cable: PreparedSuitCable, tension: float) -> float:
     """dT/dδ of the fabric at a tension; that of the taut fabric where it is slack, which is the safe side [N/m]."""
     k, q = cable.fabric.stiffness, cable.fabric.stiffening
-    return np.sqrt(k * k + 4.0 * q * tension)
+    return sqrt(k * k + 4.0 * q * tension)
 
 
 SETTLING = 3.0
@@ -231,8 +231,8 @@ class WornSuit(NamedTuple):
     joint_sensor: FlexSensor
     motor_encoder: Encoder
     load_cell: LoadCell
-    powered: float
-    """0: the drive is off once the run has begun [–]."""
+    powered: bool
+    """Whether the drive has power once the run has begun."""
     dt: float
     """[s]"""
     settling: int
@@ -297,8 +297,8 @@ def worn_advance(
     plant: WornSuit, body: WornBody, applied: float, sheath: SheathState, next_sheath: SheathState
 ) -> WornBody:
     """See `bowden.plants.plant`; the posture adds its own to the sheath's bend."""
-    bends, on = Bends(sheath.bend, next_sheath.bend), plant.powered > 0.0
-    return WornBody(suit_step(plant.suit, body.suit, applied, on, bends, plant.wearer, plant.dt), body.flex)
+    bends = Bends(sheath.bend, next_sheath.bend)
+    return WornBody(suit_step(plant.suit, body.suit, applied, plant.powered, bends, plant.wearer, plant.dt), body.flex)
 
 
 @kernel

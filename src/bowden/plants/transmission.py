@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from bowden.core.errors import ParameterError
 from bowden.core.kernel import kernel, program, reached
 from bowden.core.nested import form_of, numbers_of
-from bowden.core.order import median
 from bowden.core.units import RADIANS
 from bowden.models.cable.bouc_wen import saturation
 from bowden.models.cable.sheath import slope_factor, width
@@ -173,7 +172,7 @@ def _swept(key: _Key, low: float, high: float) -> Transmission:
     down, up = (_along(motor[way], joint[way], grid) for way in ways)
     slopes = [np.diff(branch) / np.diff(grid) for branch in (down, up)]
     third = len(slopes[0]) // 3
-    taken_up = median(np.concatenate([slopes[0][:third], slopes[1][-third:]]))
+    taken_up = float(np.median(np.concatenate([slopes[0][:third], slopes[1][-third:]])))
     found = Transmission(
         slope=taken_up,
         steepest=max(taken_up, float(max(part.max() for part in slopes))),

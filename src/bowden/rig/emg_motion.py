@@ -9,11 +9,9 @@ from numpy.typing import NDArray
 from bowden.control.reference import PeriodicMinimumJerk, Trajectory
 from bowden.core.errors import StreamError
 from bowden.core.kernel import compiled, kernel
-from bowden.core.signals import Reference
-from bowden.hardware.emg.course import CourseSettings, CourseState, course_step
+from bowden.hardware.emg.course import CourseSettings, CourseState, course_start, course_step
 from bowden.hardware.emg.listener import filters_of, share_of
 from bowden.rig.emg_setup import EmgRun, check_recording, columns, levels
-from bowden.sensing.intent import intent_start
 from bowden.sensing.stream import EnvelopeFilter, OnsetDetector
 
 Array = NDArray[np.float64]
@@ -72,8 +70,7 @@ class EmgMotion:
             raise StreamError(f"{run.source} has no samples")
         self._source, self._dt = run.source, dt
         self.rows = np.empty((len(flexor), 3))
-        low = run.course.intent.low
-        start = CourseState(intent_start(low), Reference(low, 0.0, 0.0))
+        start = course_start(run.course.intent.low)
         compiled(_follow)(run.course, start, flexor, extensor, share, dt, self.rows)
 
     def sample(self, time: Array) -> Array:
@@ -98,5 +95,5 @@ def _follow(
     settings: CourseSettings, state: CourseState, flexor: Array, extensor: Array, share: Array, dt: float, rows: Array
 ) -> None:
     for k in range(len(flexor)):
-        state, reference = course_step(settings, state, flexor[k], extensor[k], share[k], dt)
+        state, reference = course_step(settings, state, flexor[k] > 0.5, extensor[k] > 0.5, share[k], dt)
         rows[k, 0], rows[k, 1], rows[k, 2] = reference

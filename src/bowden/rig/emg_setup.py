@@ -86,7 +86,7 @@ def emg_run(given: EmgSettings) -> EmgRun | None:
             expected="a file of a maximum contraction",
             do="measure one with bowden emg calibrate",
         )
-    muscles = 1.0 if given.extensor is None else 2.0
+    muscles = 1 if given.extensor is None else 2
     intent = IntentSettings(given.low, given.high, given.duration, muscles)
     return EmgRun(
         given.place or given.source,
@@ -94,7 +94,7 @@ def emg_run(given: EmgSettings) -> EmgRun | None:
         given.extensor,
         given.levels,
         given.wearer or "",
-        CourseSettings(intent, float(given.mode == "proportional"), given.full),
+        CourseSettings(intent, given.mode == "proportional", given.full),
         given.recording,
         detector_named(given.detector),
     )

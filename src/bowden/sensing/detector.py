@@ -4,24 +4,33 @@ A detector is a NamedTuple of settings and these functions, the last two of them
 
     prepare(rate, settings) -> prepared           the settings at this many samples a second, a NamedTuple of numbers
     start(prepared, first) -> state               before the first sample, which may be NaN
-    step(prepared, state, value) -> (state, active, trouble)
+    step(prepared, state, value) -> (state, contracts, trouble)
     rest(state) -> size                           of the signal at rest, in its own unit
 
-`active` is 1 in a contraction; `trouble` is 0 for none, 1 for a signal that is flat or missing, 2 for movement or
-mains.
-So one source runs sample by sample in the live loop, over a recording, in simulation, and exported as C99.
+`contracts` is a bool, `trouble` a `Trouble`. One source runs sample by sample in the live loop, over a recording, in
+simulation, and exported as C99.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from enum import IntEnum
 from typing import Any
 
 from bowden.core.errors import ParameterError
 from bowden.core.kernel import stand_in
 
 
+class Trouble(IntEnum):
+    """What is wrong with a signal."""
+
+    NONE = 0
+    DEAD = 1
+    """Flat or missing."""
+    MOVEMENT_OR_MAINS = 2
+
+
 @stand_in
-def detector_step(prepared: Any, state: Any, value: float) -> Any:
+def detector_step(prepared: Any, state: Any, value: float) -> tuple[Any, bool, Trouble]:
     """Stand-in for a detector's ``step``; `specialise` puts the detector's own in its place."""
     raise NotImplementedError  # always replaced
 

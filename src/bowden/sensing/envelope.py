@@ -8,8 +8,6 @@ The paper (§ on the clinical experiment) compares it with a fifth of that of a 
 
 from typing import NamedTuple
 
-import numpy as np
-
 from bowden.core.kernel import kernel
 from bowden.sensing.biquad import EMPTY, PASS, Biquad, Memory, biquad, butterworth, notch
 
@@ -79,5 +77,5 @@ def envelope_step(chain: Envelope, state: EnvelopeState, value: float) -> tuple[
     mains, out = biquad(chain.mains, state.mains, out)
     second, out = biquad(chain.second, state.second, out)
     third, out = biquad(chain.third, state.third, out)
-    low, envelope = biquad(chain.low, state.low, np.abs(out))
+    low, envelope = biquad(chain.low, state.low, abs(out))
     return EnvelopeState(state.origin, high, mains, second, third, low), out, envelope

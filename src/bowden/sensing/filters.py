@@ -1,8 +1,8 @@
 """Causal filters for the live loop, in the portable subset."""
 
-import numpy as np
+import math
 
-from bowden.core.kernel import exp, kernel, sel
+from bowden.core.kernel import exp, kernel
 
 
 @kernel
@@ -22,5 +22,6 @@ def low_pass(before: float, value: float, cutoff: float, dt: float) -> float:
     >>> low_pass(0.0, 1.0, 0.0, 0.001), round(low_pass(0.0, 1.0, 1000.0, 0.001), 4)
     (1.0, 0.6321)
     """
-    last = sel(np.abs(before) < np.inf, before, value)
-    return sel(cutoff > 0.0, last + (1.0 - exp(-cutoff * dt)) * (value - last), value)
+    if cutoff > 0.0 and math.isfinite(before):
+        return before + (1.0 - exp(-cutoff * dt)) * (value - before)
+    return value

@@ -10,12 +10,11 @@ A motion is the quintic of least jerk (Flash and Hogan 1985) from where the refe
 acceleration that it has, to its end at rest; so that neither of them jumps when a motion is turned round.
 """
 
+import math
 from enum import IntEnum
 from typing import NamedTuple
 
-import numpy as np
-
-from bowden.core.kernel import kernel, sel
+from bowden.core.kernel import kernel, power, sqrt
 from bowden.core.signals import Reference
 from bowden.models.minimum_jerk import PEAK_SPEED, minimum_jerk_from
 
@@ -34,19 +33,26 @@ class IntentSettings(NamedTuple):
 
     low: float = 0.0
     """Extended [rad]."""
-    high: float = float(np.pi) / 2.0
+    high: float = math.pi / 2.0
     """Flexed [rad]."""
     duration: float = 2.0
     """Of the whole motion; less of a way takes its square root of it [s]."""
-    muscles: float = 1.0
+    muscles: int = 1
     """1 or 2."""
+
+
+class Late(IntEnum):
+    """Who began during the other one's contraction and has had no motion yet."""
+
+    NOBODY = 0
+    FLEXOR = 1
+    EXTENSOR = 2
 
 
 class IntentState(NamedTuple):
     """What the machine keeps."""
 
-    mode: float
-    """Number of an `Intent`."""
+    mode: Intent
     flexor: float
     """How long it has contracted, up to 1 s; 0 where it does not [s]."""
     extensor: float
@@ -54,17 +60,15 @@ class IntentState(NamedTuple):
     """Where the motion began."""
     end: float
     """Where it goes [rad]."""
-    lasts: float
+    duration: float
     """[s]"""
-    gone: float
+    elapsed: float
     """[s]"""
-    owed: float = 0.0
-    """1 where the flexor, -1 where the extensor began during the other one's contraction and has had no motion yet."""
+    late: Late = Late.NOBODY
     alone: float = 0.0
     """How long that one has gone on without the other [s]."""
 
 
-REST, FLEX, HOLD, EXTEND = (float(intent) for intent in Intent)
 TURNED_SPEED, TURNED_ACCELERATION = 2.28, 20.2
 """Largest speed and acceleration of a motion that is turned round once, over range/duration and range/duration²; those
 of one that is not are 1.875 and 5.774 [–]."""
@@ -83,9 +87,21 @@ _ALONE = 0.15
 go at once end at somewhat different times [s]."""
 
 
+@kernel
 def intent_start(position: float) -> IntentState:
     """At rest at `position` [rad]."""
-    return IntentState(REST, 0.0, 0.0, Reference(position, 0.0, 0.0), position, 1.0, 1.0)
+    begin = Reference(position, 0.0, 0.0)
+    return IntentState(Intent.REST, 0.0, 0.0, begin, position, 1.0, 1.0, Late.NOBODY, 0.0)
+
+
+@kernel
+def leaves_range(settings: IntentSettings, begin: Reference, end: float, duration: float) -> bool:
+    """Whether a motion to `end` [rad] in a `duration` [s] swings out of the range before it turns."""
+    for j in range(1, _POINTS):
+        position = minimum_jerk_from(begin, end, duration, duration * j / _POINTS).position
+        if position < settings.low or position > settings.high:
+            return True
+    return False
 
 
 @kernel
@@ -97,73 +113,88 @@ def longest(settings: IntentSettings, begin: Reference, end: float) -> float:
         begin: where the motion begins.
         end: where it goes [rad].
     """
-    share = np.sqrt(np.fmin(1.0, np.abs(end - begin.position) / (settings.high - settings.low)))
-    most = settings.duration * np.fmax(_SHORTEST, share)
-    lasts = most * _LESS**_TRIES
+    share = sqrt(min(1.0, abs(end - begin.position) / (settings.high - settings.low)))
+    most = settings.duration * max(_SHORTEST, share)
     for i in range(_TRIES):
-        tried, out = most * _LESS ** (_TRIES - 1 - i), 0.0
-        for j in range(1, _POINTS):
-            there = minimum_jerk_from(begin, end, tried, tried * j / _POINTS).position
-            out = np.fmax(out, np.fmax(settings.low - there, there - settings.high))
-        lasts = sel(out > 0.0, lasts, tried)
-    return lasts
+        duration = most * power(_LESS, float(i))
+        if not leaves_range(settings, begin, end, duration):
+            return duration
+    return most * power(_LESS, float(_TRIES))
+
+
+@kernel
+def late_muscle(state: IntentState, flexes: bool, extends: bool) -> Late:
+    """Who began during the other one's contraction, is at it still, and has had no motion yet."""
+    late = state.late
+    if flexes and extends:
+        if state.flexor <= 0.0:
+            late = Late.FLEXOR if state.extensor > _TOGETHER else Late.NOBODY
+        if state.extensor <= 0.0:
+            late = Late.EXTENSOR if state.flexor > _TOGETHER else Late.NOBODY
+    if (late == Late.FLEXOR and not flexes) or (late == Late.EXTENSOR and not extends):
+        return Late.NOBODY
+    return late
+
+
+@kernel
+def begun_motion(state: IntentState, muscles: int, flexes: bool, extends: bool, due: Late) -> Intent:
+    """The motion that begins in this cycle, `FLEX` or `EXTEND`; else the intent as it was.
+
+    Args:
+        state: of the cycle before.
+        muscles: 1 or 2.
+        flexes: the flexor contracts.
+        extends: the extensor does.
+        due: who began late, and has gone on alone for long enough.
+    """
+    up = state.mode == Intent.FLEX or state.mode == Intent.HOLD
+    flexor_begins, extensor_begins = flexes and state.flexor <= 0.0, extends and state.extensor <= 0.0
+    if muscles == 1:
+        if flexor_begins:
+            return Intent.EXTEND if up else Intent.FLEX
+        return state.mode
+    if not up and ((flexor_begins and not extends) or due == Late.FLEXOR):
+        return Intent.FLEX
+    if up and ((extensor_begins and not flexes) or due == Late.EXTENSOR):
+        return Intent.EXTEND
+    return state.mode
 
 
 @kernel
 def intent_step(
-    settings: IntentSettings, state: IntentState, flexor: float, extensor: float, dt: float
+    settings: IntentSettings, state: IntentState, flexes: bool, extends: bool, dt: float
 ) -> tuple[IntentState, Reference]:
     """One cycle.
 
     Args:
         settings: of the machine.
         state: of the cycle before.
-        flexor: 1 while the muscle that flexes contracts, as `sensing.onset` says; 0, or NaN where it is unknown, else.
-        extensor: the same of the muscle that extends; not looked at where there is one muscle.
+        flexes: the muscle that flexes contracts, as `sensing.onset` says; not where that is unknown.
+        extends: the same of the muscle that extends; not looked at where there is one muscle.
         dt: length of the cycle [s].
     """
-    gone = np.fmin(state.gone + dt, state.lasts)
-    now = minimum_jerk_from(state.begin, state.end, state.lasts, gone)
-    flexes, extends = flexor > 0.5, extensor > 0.5
-    begins, other = flexes * (state.flexor <= 0.0), extends * (state.extensor <= 0.0)
-    two, up = settings.muscles > 1.5, (state.mode == FLEX) + (state.mode == HOLD) > 0.0
-    both = flexes * extends
+    elapsed = min(state.elapsed + dt, state.duration)
+    reference = minimum_jerk_from(state.begin, state.end, state.duration, elapsed)
 
-    # who began while the other one contracted, and whether it is alone by now
-    owed = sel(both * begins, sel(state.extensor > _TOGETHER, 1.0, 0.0), state.owed)
-    owed = sel(both * other, sel(state.flexor > _TOGETHER, -1.0, 0.0), owed)
-    owed = sel((owed > 0.0) * flexes + (owed < 0.0) * extends > 0.0, owed, 0.0)
-    alone = sel((np.abs(owed) > 0.5) * (1.0 - both) > 0.0, state.alone + dt, 0.0)
-    due = alone >= _ALONE
-    flex_due, extend_due = due * (owed > 0.0), due * (owed < 0.0)
+    late, alone, due = late_muscle(state, flexes, extends), 0.0, Late.NOBODY
+    if late != Late.NOBODY and not (flexes and extends):
+        alone = state.alone + dt
+        if alone >= _ALONE:
+            late, alone, due = Late.NOBODY, 0.0, late
 
-    flex = sel(two, begins * (1.0 - both) + flex_due, begins * (1.0 - up)) * (1.0 - up) > 0.0
-    extend = sel(two, other * (1.0 - both) + extend_due, begins) * up > 0.0
-
-    end = sel(flex, settings.high, sel(extend, settings.low, state.end))
-    turns = flex + extend > 0.0
-    lasts = sel(turns, longest(settings, now, end), state.lasts)
-    begin = Reference(
-        sel(turns, now.position, state.begin.position),
-        sel(turns, now.velocity, state.begin.velocity),
-        sel(turns, now.acceleration, state.begin.acceleration),
-    )
-    gone = sel(turns, 0.0, gone)
-    arrived = gone >= lasts
-    moved = sel(flex, FLEX, sel(extend, EXTEND, state.mode))
-    mode = sel(arrived * (moved == FLEX) > 0.0, HOLD, sel(arrived * (moved == EXTEND) > 0.0, REST, moved))
-    after = IntentState(
-        mode,
-        sel(flexes, np.fmin(1.0, state.flexor + dt), 0.0),
-        sel(extends, np.fmin(1.0, state.extensor + dt), 0.0),
-        begin,
-        end,
-        lasts,
-        gone,
-        sel(due, 0.0, owed),
-        sel(due, 0.0, alone),
-    )
-    return after, now
+    mode = begun_motion(state, settings.muscles, flexes, extends, due)
+    begin, end, duration = state.begin, state.end, state.duration
+    if mode != state.mode:
+        end = settings.high if mode == Intent.FLEX else settings.low
+        begin, duration, elapsed = reference, longest(settings, reference, end), 0.0
+    if elapsed >= duration:
+        if mode == Intent.FLEX:
+            mode = Intent.HOLD
+        elif mode == Intent.EXTEND:
+            mode = Intent.REST
+    flexor = min(1.0, state.flexor + dt) if flexes else 0.0
+    extensor = min(1.0, state.extensor + dt) if extends else 0.0
+    return IntentState(mode, flexor, extensor, begin, end, duration, elapsed, late, alone), reference
 
 
 @kernel
@@ -180,10 +211,10 @@ def proportional(settings: IntentSettings, before: Reference, envelope: float, f
         full: envelope of a full flexion, such as a third of MVC.
         dt: length of the cycle [s].
     """
-    share = np.fmax(0.0, np.fmin(1.0, sel(envelope < np.inf, envelope, 0.0) / full))
+    share = max(0.0, min(1.0, envelope / full)) if math.isfinite(envelope) else 0.0
     goal = settings.low + share * (settings.high - settings.low)
     rate = 10.0 / settings.duration
     most = FOLLOWED_SPEED * (settings.high - settings.low) / settings.duration
     velocity = (before.velocity + dt * rate * rate * (goal - before.position)) / (1.0 + rate * dt * (2.0 + rate * dt))
-    velocity = np.fmax(0.0 - most, np.fmin(most, velocity))
+    velocity = max(-most, min(most, velocity))
     return Reference(before.position + dt * velocity, velocity, (velocity - before.velocity) / dt)

@@ -34,13 +34,12 @@ largest steps, as hum does that is clipped.
 """
 
 import math
+from enum import IntEnum
 from typing import NamedTuple
 
-import numpy as np
-
-from bowden.core.kernel import exp, kernel, log, sel
+from bowden.core.kernel import exp, kernel, log, sqrt
 from bowden.sensing.biquad import EMPTY, PASS, Biquad, Memory, biquad, butterworth, critical_high_pass
-from bowden.sensing.detector import Detector
+from bowden.sensing.detector import Detector, Trouble
 from bowden.sensing.onset_constants import (
     BAND_HZ,
     BANDWIDTH,
@@ -149,74 +148,147 @@ class Onset(NamedTuple):
     settings: OnsetSettings
 
 
-class OnsetState(NamedTuple):
-    """What the detector keeps."""
+class Phase(IntEnum):
+    """Whether the muscle contracts, reported or not."""
+
+    REST = 0
+    CONTRACTION = 1
+
+
+class InputState(NamedTuple):
+    """The raw signal."""
 
     origin: float
-    raw: float
-    inner: Memory
-    outer: Memory
+    """Its first value, so that an offset makes no step."""
+    value: float
+    """The last one; NaN before the first."""
+    largest_step: float
+    """Recent largest step from one sample to the next."""
+    still_share: float
+    """Share of recent samples without a step."""
+    flat_time: float
+    """How long the value has been the same [s]."""
+
+
+class Sections(NamedTuple):
+    """What the filters keep."""
+
+    band_first: Memory
+    band_second: Memory
     top: Memory
     wide: Memory
-    slow: Memory
+    swing: Memory
     steep: Memory
     sway: Memory
-    past: tuple[float, ...]
-    """The band's last samples, the newest first, over the longest mains period."""
-    power: float
-    """Above 20 Hz, in the signal's unit squared, as all powers."""
-    loud: float
-    """Power in the band."""
+
+
+class Bands(NamedTuple):
+    """One sample in each of the bands."""
+
+    muscle: float
+    wide: float
+    swing: float
+    low: float
+    sway: float
+
+
+class Powers(NamedTuple):
+    """Powers and squares of peaks, in the signal's unit squared."""
+
+    wide: float
+    """Above 20 Hz."""
+    band: float
+    """In the band."""
     new: float
     """Least power of the three ways."""
     swing: float
     """Square of the movement's recent peak."""
     low: float
-    """Power from 20 to 30 Hz."""
-    swayed: float
+    """From 20 to 30 Hz."""
+    sway: float
     """Square of the recent peak from 5 to 15 Hz."""
-    step: float
-    """Recent largest step from one sample to the next."""
-    stuck: float
-    """Share of recent samples without a step."""
-    flat: float
-    """How long the value has been the same [s]."""
-    covered: float
-    """Share of recent rest that was covered by mains."""
-    mains: float
-    """Their power, averaged alike."""
-    short: Ways
-    """r, averaged over 5 ms."""
-    long: Ways
-    """r, averaged over 0.1 s."""
-    powers: Ways
-    """x², averaged over 0.1 s."""
+
+
+class Mains(NamedTuple):
+    """Mains that cover rest."""
+
+    share: float
+    """Of recent rest that they covered."""
+    power: float
+    """Averaged alike."""
+
+
+class RestEstimate(NamedTuple):
+    """What is known of the signal at rest."""
+
     level: float
     """m."""
     spread: float
     """s²."""
     seen: float
     """Rest of which m is the mean; below 0 while filters fill [s]."""
-    unknown: float
+    uncertainty: float
     """u."""
+
+
+class Evidence(NamedTuple):
+    """Sums of log likelihood."""
+
+    strong: Ways
+    """Λ of the short average."""
+    weak: Ways
+    """Λ of the long one."""
+    onset: float
+    """Λ on which all three ways agree, the larger of strong and weak."""
+    end: float
+    """Of rest."""
+
+
+class Observation(NamedTuple):
+    """What one sample says of rest."""
+
+    power: float
+    """Of the band over 0.1 s, at least that of a signal that is none."""
+    excess: float
+    """Log of it over rest, less what hum and movement explain [–]."""
+    limit: float
+    """Most that counts of the excess, z·√(s² + u) [–]."""
+    hidden: bool
+    """Hum and movement explain all of it."""
+    muted: bool
+    """As of an amplifier that is muted."""
+    bounded: bool
+    """Little is known of rest, and a wearer's file bounds it."""
+    speed: float
+    """Rest is learned this fast, 0 to 1 [–]."""
+
+
+class OnsetState(NamedTuple):
+    """What the detector keeps."""
+
+    input: InputState
+    sections: Sections
+    past: tuple[float, ...]
+    """The band's last samples, the newest first, over the longest mains period."""
+    powers: Powers
+    mains: Mains
+    short: Ways
+    """r, averaged over 5 ms."""
+    long: Ways
+    """r, averaged over 0.1 s."""
+    squares: Ways
+    """x², averaged over 0.1 s."""
+    rest: RestEstimate
     null: float
     """v₀."""
+    evidence: Evidence
+    phase: Phase
+    held: float
+    """How long the contraction has lasted [s]."""
     size: float
     """A²."""
-    strong: Ways
-    """Λ of `short`."""
-    weak: Ways
-    """Λ of `long`."""
-    evidence: float
-    """Λ on which all three ways agree, the larger of strong and weak."""
-    calm: float
-    """Evidence of rest."""
-    active: float
-    """1 in a contraction, reported or not."""
-    held: float
-    """How long it has lasted [s]."""
-    rest: float
-    """σ, in the signal's unit."""
+    sigma: float
+    """σ, the size of rest in the signal's unit."""
 
 
 def prepare_onset(rate: float, settings: OnsetSettings = DEFAULTS) -> Onset:
@@ -269,14 +341,58 @@ def _cubic(part: float) -> tuple[float, float, float, float]:
 
 def onset_start(onset: Onset, first: float) -> OnsetState:
     """Before the `first` sample, which may be NaN."""
-    by, past, o = onset.settings, (0.0,) * (max(onset.delay) + 2), 0.0
-    filters = (EMPTY,) * 7
-    known = (onset.floor, SPREAD * SPREAD, -_SETTLES, UNKNOWN * UNKNOWN)
-    signal, evidence = (o,) * 11, (o, o, o, o)
-    averages = (NONE, NONE, NONE)
     return OnsetState(
-        first, math.nan, *filters, past, *signal, *averages, *known, o, o, NONE, NONE, *evidence, by.least
+        input=InputState(first, math.nan, 0.0, 0.0, 0.0),
+        sections=Sections(EMPTY, EMPTY, EMPTY, EMPTY, EMPTY, EMPTY, EMPTY),
+        past=(0.0,) * (max(onset.delay) + 2),
+        powers=Powers(0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+        mains=Mains(0.0, 0.0),
+        short=NONE,
+        long=NONE,
+        squares=NONE,
+        rest=RestEstimate(onset.floor, SPREAD * SPREAD, -_SETTLES, UNKNOWN * UNKNOWN),
+        null=0.0,
+        evidence=Evidence(NONE, NONE, 0.0, 0.0),
+        phase=Phase.REST,
+        held=0.0,
+        size=0.0,
+        sigma=onset.settings.least,
     )
+
+
+@kernel
+def is_sample(value: float) -> bool:
+    """A number that a converter can give."""
+    return not math.isnan(value) and abs(value) <= LARGEST
+
+
+@kernel
+def take_sample(onset: Onset, state: InputState, value: float) -> InputState:
+    """The raw signal with its next `value`; a missing one repeats the last."""
+    present = is_sample(value)
+    raw = value if present else state.value
+    origin = state.origin if is_sample(state.origin) else raw
+    step = 0.0 if math.isnan(state.value) else abs(raw - state.value)
+    largest_step = max(step, state.largest_step * onset.step)
+    still = 1.0 if step <= STILL * largest_step else 0.0
+    still_share = state.still_share + onset.power * (still - state.still_share)
+    changes = present and raw != state.value
+    flat_time = 0.0 if changes else state.flat_time + onset.dt
+    return InputState(origin, raw, largest_step, still_share, flat_time)
+
+
+@kernel
+def filter_sample(onset: Onset, state: Sections, x: float) -> tuple[Sections, Bands]:
+    """One sample through all filters."""
+    band_first, half = biquad(onset.band, state.band_first, x)
+    band_second, above = biquad(onset.band, state.band_second, half)
+    top, muscle = biquad(onset.top, state.top, above)
+    wide, wide_part = biquad(onset.wide, state.wide, x)
+    swing, swing_part = biquad(onset.swing, state.swing, x)
+    steep, low_part = biquad(onset.steep, state.steep, wide_part)
+    sway, sway_part = biquad(onset.sway, state.sway, swing_part)
+    after = Sections(band_first, band_second, top, wide, swing, steep, sway)
+    return after, Bands(muscle, wide_part, swing_part, low_part, sway_part)
 
 
 @kernel
@@ -291,23 +407,152 @@ def _before(past: tuple[float, ...], whole: int, weights: tuple[float, float, fl
 
 
 @kernel
-def _averaged(before: Ways, values: Ways, most: float, share: float) -> Ways:
-    """One sample into an average of each way, with values up to `most`."""
-    return Ways(
-        before.plain + share * (np.fmin(values.plain, most) - before.plain),
-        before.fifty + share * (np.fmin(values.fifty, most) - before.fifty),
-        before.sixty + share * (np.fmin(values.sixty, most) - before.sixty),
-    )
-
-
-@kernel
-def _bounded(values: Ways, most: float) -> Ways:
-    return Ways(np.fmin(values.plain, most), np.fmin(values.fifty, most), np.fmin(values.sixty, most))
+def squares_of_ways(onset: Onset, past: tuple[float, ...], band: float) -> Ways:
+    """x² of the band as it is, and less itself one mains period ago."""
+    fifty = band - _before(past, onset.delay[0], onset.between[0])
+    sixty = band - _before(past, onset.delay[1], onset.between[1])
+    return Ways(band * band, 0.5 * fifty * fifty, 0.5 * sixty * sixty)
 
 
 @kernel
 def _least(values: Ways) -> float:
-    return np.fmin(values.plain, np.fmin(values.fifty, values.sixty))
+    return min(values.plain, min(values.fifty, values.sixty))
+
+
+@kernel
+def _bounded(values: Ways, most: float) -> Ways:
+    return Ways(min(values.plain, most), min(values.fifty, most), min(values.sixty, most))
+
+
+@kernel
+def _averaged(before: Ways, values: Ways, most: float, share: float) -> Ways:
+    """One sample into an average of each way, with values up to `most`."""
+    bounded = _bounded(values, most)
+    return Ways(
+        before.plain + share * (bounded.plain - before.plain),
+        before.fifty + share * (bounded.fifty - before.fifty),
+        before.sixty + share * (bounded.sixty - before.sixty),
+    )
+
+
+@kernel
+def update_powers(onset: Onset, state: Powers, bands: Bands, squares: Ways) -> Powers:
+    """Powers and peaks with one sample more."""
+    return Powers(
+        wide=state.wide + onset.power * (bands.wide * bands.wide - state.wide),
+        band=state.band + onset.power * (squares.plain - state.band),
+        new=state.new + onset.power * (_least(squares) - state.new),
+        swing=max(bands.swing * bands.swing, state.swing * onset.swung),
+        low=state.low + onset.power * (bands.low * bands.low - state.low),
+        sway=max(bands.sway * bands.sway, state.sway * onset.swung),
+    )
+
+
+@kernel
+def is_railed(signal: InputState, powers: Powers) -> bool:
+    """Hardly moves between its largest steps, as clipped hum does; rest of half a count has small steps."""
+    loud = powers.wide > STEPS * signal.largest_step * signal.largest_step
+    return signal.still_share > STUCK and loud
+
+
+@kernel
+def trouble_of(dead: bool, railed: bool, powers: Powers, usual: float) -> Trouble:
+    """What is wrong with the signal, whose power at rest is `usual`."""
+    if dead:
+        return Trouble.DEAD
+    explained = powers.new < BROAD * powers.wide or powers.new < MOVED * powers.swing or railed
+    if explained and powers.wide > 9.0 * usual:
+        return Trouble.MOVEMENT_OR_MAINS
+    return Trouble.NONE
+
+
+@kernel
+def power_beside_rest(powers: Powers, size: float) -> float:
+    """What hum, movement and the last contraction's tail put into the band: all of v₀ but rest."""
+    swinging = MOVED * powers.swing + min(STEEP * powers.low, SWAY * powers.sway)
+    return REPEATS * powers.band + BROAD * powers.wide + swinging + TAIL_SHARE * TAIL_SHARE * size
+
+
+@kernel
+def learning_speed(onset: Onset, state: OnsetState, power: float, dead: bool) -> float:
+    """How fast rest is learned, 0 to 1 [–]."""
+    if state.phase == Phase.CONTRACTION or dead:
+        return 0.0
+    if power >= onset.even * state.null:
+        return DOUBT
+    return 1.0 if state.evidence.onset < 0.25 * onset.enough else 0.0
+
+
+@kernel
+def observe_rest(onset: Onset, state: OnsetState, power: float, beside: float, dead: bool) -> Observation:
+    """What the band's `power` over 0.1 s says of rest where `beside` is what else there is."""
+    least, rest = onset.settings.least, state.rest
+    # in a contraction rest is forgotten, and a level that rises would end it
+    bounded = state.phase == Phase.REST and rest.uncertainty > FAMILIAR
+    bound = least if bounded else SILENT
+    heard = max(power, bound * bound)
+    excess = log(heard) - rest.level
+    if excess > 0.0:
+        excess = max(0.0, excess - log(1.0 + beside / (state.sigma * state.sigma)))
+    limit = SURE * sqrt(rest.spread + rest.uncertainty)
+    muted = power < MUTED * MUTED * least * least
+    return Observation(heard, excess, limit, beside > heard, muted, bounded, learning_speed(onset, state, heard, dead))
+
+
+@kernel
+def learn_level(phase: Phase, rest: RestEstimate, seen: Observation, dt: float) -> float:
+    """m with one sample more of a signal that is not dead."""
+    if rest.seen <= 0.0:
+        return log(seen.power)
+    count = rest.seen + _LONG
+    if seen.excess < -seen.limit:  # cannot be a contraction
+        return rest.level + dt * (seen.excess / min(count, FALLS))
+    if phase == Phase.CONTRACTION:
+        return rest.level + dt * (DOUBT * max(0.0, seen.excess) / count)
+    if seen.excess < 0.0:
+        return rest.level + dt * (seen.excess / count)
+    if seen.hidden:
+        return rest.level
+    return rest.level + dt * (seen.speed * min(seen.excess, seen.limit) / count)
+
+
+@kernel
+def learn_rest(onset: Onset, phase: Phase, rest: RestEstimate, seen: Observation, dead: bool) -> RestEstimate:
+    """Rest with one sample more; in a contraction it is forgotten."""
+    dt, spread, uncertainty = onset.dt, rest.spread, rest.uncertainty
+    level = rest.level if dead else learn_level(phase, rest, seen, dt)
+    if phase == Phase.CONTRACTION:
+        doubted = min(UNKNOWN * UNKNOWN, uncertainty * (1.0 + dt * FORGET / LEARNT))
+        return RestEstimate(level, spread, max(0.0, rest.seen - dt * FORGET), doubted)
+    if seen.bounded:
+        level = max(level, onset.floor)
+    if rest.seen > 1.0 and not seen.hidden:
+        share = seen.speed * dt / (rest.seen + _LONG + WEIGHT)
+        spread = spread + share * (min(seen.excess * seen.excess, seen.limit * seen.limit) - spread)
+    if rest.seen > 0.0 and not seen.muted:
+        uncertainty = uncertainty * (1.0 - seen.speed * dt / LEARNT)
+    return RestEstimate(level, spread, min(rest.seen + seen.speed * dt, MEMORY), max(_LEFT, uncertainty))
+
+
+@kernel
+def rest_at_onset(rest: RestEstimate, familiar: bool) -> RestEstimate:
+    """What is kept of rest when a contraction begins: a level that is to outlast it."""
+    seen = min(rest.seen + LEARNT, MEMORY) if familiar else max(rest.seen, LEARNT)
+    return RestEstimate(rest.level, rest.spread, seen, rest.uncertainty)
+
+
+@kernel
+def rest_at_end(rest: RestEstimate) -> RestEstimate:
+    """What is kept of rest when a contraction ends, which leaves another rest than it found."""
+    return RestEstimate(rest.level, rest.spread, min(rest.seen, _LONG), max(rest.uncertainty, CHANGED * CHANGED))
+
+
+@kernel
+def update_mains(onset: Onset, state: Mains, powers: Powers, hidden: bool) -> Mains:
+    """Mains that cover rest, with one sample of rest more; what swings slowly is movement."""
+    covers = 1.0 if hidden and powers.wide > MAINS_LEVEL * powers.swing else 0.0
+    power = powers.wide if hidden else 0.0
+    return Mains(state.share + onset.stay * (covers - state.share), state.power + onset.stay * (power - state.power))
 
 
 @kernel
@@ -315,165 +560,106 @@ def _summed(onset: Onset, before: Ways, ratio: Ways, most: float) -> Ways:
     """Λ of each way, up to `most`."""
     bounded = _bounded(ratio, onset.most)
     return Ways(
-        np.fmin(most, np.fmax(0.0, before.plain + onset.gain * bounded.plain - onset.drift)),
-        np.fmin(most, np.fmax(0.0, before.fifty + onset.gain * bounded.fifty - onset.drift)),
-        np.fmin(most, np.fmax(0.0, before.sixty + onset.gain * bounded.sixty - onset.drift)),
+        min(most, max(0.0, before.plain + onset.gain * bounded.plain - onset.drift)),
+        min(most, max(0.0, before.fifty + onset.gain * bounded.fifty - onset.drift)),
+        min(most, max(0.0, before.sixty + onset.gain * bounded.sixty - onset.drift)),
     )
 
 
 @kernel
-def onset_step(onset: Onset, state: OnsetState, value: float) -> tuple[OnsetState, float, float]:
+def sum_evidence(onset: Onset, state: Evidence, short: Ways, long: Ways, most: float) -> Evidence:
+    """Evidence for an onset, up to `most`, and for an end, with one sample more."""
+    strong = _summed(onset, state.strong, short, most)
+    weak = _summed(onset, state.weak, long, most)
+    quiet = onset.drift_of_end - onset.gain_of_end * min(_least(short), onset.most)
+    return Evidence(strong, weak, max(_least(strong), _least(weak)), max(0.0, state.end + quiet))
+
+
+@kernel
+def next_phase(onset: Onset, phase: Phase, evidence: Evidence, dead: bool) -> Phase:
+    """Rest becomes a contraction with enough evidence for it, and a contraction rest likewise, or with its signal."""
+    if phase == Phase.REST and evidence.onset >= onset.enough:
+        return Phase.CONTRACTION
+    if phase == Phase.CONTRACTION and (evidence.end > onset.rested or dead):
+        return Phase.REST
+    return phase
+
+
+@kernel
+def onset_step(onset: Onset, state: OnsetState, value: float) -> tuple[OnsetState, bool, Trouble]:
     """One sample, in any unit; NaN, or beyond `LARGEST`, where it is missing.
 
     Returns:
-        The state, 1 in a contraction, and what is wrong with the signal: 0 nothing, 1 flat or missing, 2 movement or
-        mains.
+        The state, whether the muscle contracts, and what is wrong with the signal.
     """
-    by, dt = onset.settings, onset.dt
-    here = np.abs(value) <= LARGEST
-    raw = sel(here, value, state.raw)
-    origin = sel(np.abs(state.origin) <= LARGEST, state.origin, raw)
-    x = sel(np.abs(raw) < np.inf, raw - origin, 0.0)
-    inner, half = biquad(onset.band, state.inner, x)
-    outer, above = biquad(onset.band, state.outer, half)
-    top, band = biquad(onset.top, state.top, above)
-    wide, all_of_it = biquad(onset.wide, state.wide, x)
-    slow, movement = biquad(onset.swing, state.slow, x)
-    steep, low_part = biquad(onset.steep, state.steep, all_of_it)
-    sway, slow_part = biquad(onset.sway, state.sway, movement)
+    signal = take_sample(onset, state.input, value)
+    x = 0.0 if math.isnan(signal.value) else signal.value - signal.origin
+    sections, bands = filter_sample(onset, state.sections, x)
+    square = squares_of_ways(onset, state.past, bands.muscle)
+    powers = update_powers(onset, state.powers, bands, square)
+    most_square = onset.most * state.null if state.rest.seen > 0.0 else math.inf
+    squares = _averaged(state.squares, square, most_square, onset.long)
 
-    # the band, and what of it is new
-    past, started = state.past, state.seen > 0.0
-    fifty = band - _before(past, onset.delay[0], onset.between[0])
-    sixty = band - _before(past, onset.delay[1], onset.between[1])
-    square = Ways(band * band, 0.5 * fifty * fifty, 0.5 * sixty * sixty)
-    power = state.power + onset.power * (all_of_it * all_of_it - state.power)
-    loud = state.loud + onset.power * (square.plain - state.loud)
-    new = state.new + onset.power * (_least(square) - state.new)
-    swing = np.fmax(movement * movement, state.swing * onset.swung)
-    low = state.low + onset.power * (low_part * low_part - state.low)
-    swayed = np.fmax(slow_part * slow_part, state.swayed * onset.swung)
-    powers = _averaged(state.powers, square, sel(started, onset.most * state.null, np.inf), onset.long)
+    dead = signal.flat_time > FLAT
+    railed = is_railed(signal, powers)
+    trouble = trouble_of(dead, railed, powers, state.sigma * state.sigma)
 
-    # what is wrong
-    step = sel(np.abs(state.raw) < np.inf, np.abs(raw - state.raw), 0.0)
-    largest = np.fmax(step, state.step * onset.step)
-    stuck = state.stuck + onset.power * (sel(step <= STILL * largest, 1.0, 0.0) - state.stuck)
-    flat = sel(here * (raw != state.raw) > 0.0, 0.0, state.flat + dt)
-    dead = flat > FLAT
-    railed = (stuck > STUCK) * (power > STEPS * largest * largest)  # rest of half a count has small steps
-    usual = state.rest * state.rest
-    narrow = (new < BROAD * power) + (new < MOVED * swing) + railed > 0.0
-    trouble = sel(dead, 1.0, sel(narrow * (power > 9.0 * usual) > 0.0, 2.0, 0.0))
-
-    # rest
-    idle, alive = state.active < 0.5, 1.0 - dead
-    swinging = MOVED * swing + np.fmin(STEEP * low, SWAY * swayed)
-    beside = REPEATS * loud + BROAD * power + swinging + TAIL_SHARE * TAIL_SHARE * state.size
-    seen = np.fmax(state.seen, 0.0)
-    deviation = np.sqrt(state.spread + state.unknown)
-    strange = state.unknown > FAMILIAR
-    unsure = strange * idle > 0.0  # in a contraction rest is forgotten, and a level that rises would end it
-    bound = sel(unsure, by.least, SILENT)
-    heard = _least(powers)
-    there = np.fmax(heard, bound * bound)
-    off = log(there) - state.level
-    off = sel(off > 0.0, np.fmax(0.0, off - log(1.0 + beside / usual)), off)
-    lid, count = SURE * deviation, seen + _LONG
-    hidden = beside > there
-    calm = sel(there < onset.even * state.null, sel(state.evidence < 0.25 * onset.enough, 1.0, 0.0), DOUBT)
-    calm = calm * idle * alive
-    upward = sel(idle, calm * (1.0 - hidden) * np.fmin(off, lid), DOUBT * alive * off) / count
-    downward = sel(off < -lid, alive * off / np.fmin(count, FALLS), idle * alive * off / count)
-    level = sel(started, state.level + dt * sel(off < 0.0, downward, upward), sel(dead, state.level, log(there)))
-    level = sel(unsure, np.fmax(level, onset.floor), level)
-    varied = sel(state.seen > 1.0, calm * (1.0 - hidden) * dt / (count + WEIGHT), 0.0)
-    spread = state.spread + varied * (np.fmin(off * off, lid * lid) - state.spread)
-
-    # mains that covered it and are gone, an electrode that was off: another rest
-    rate = sel(idle * alive > 0.0, onset.stay, 0.0)
-    by_mains = hidden * (power > MAINS_LEVEL * swing)  # what swings slowly is movement
-    covered = state.covered + rate * (sel(by_mains, 1.0, 0.0) - state.covered)
-    mains = state.mains + rate * (sel(hidden, power, 0.0) - state.mains)
-    gone = idle * (covered > 0.5) * (power < GONE * mains) > 0.0
-    covered, mains = sel(gone, 0.0, covered), sel(gone, 0.0, mains)
-    known = sel(idle, np.fmin(state.seen + calm * dt, MEMORY), np.fmax(0.0, state.seen - dt * FORGET))
-    forgotten = gone + (flat > LIFTED) > 0.0
-    known = sel(forgotten, -_SETTLES, known)
-    doubted = np.fmin(UNKNOWN * UNKNOWN, state.unknown * (1.0 + dt * FORGET / LEARNT))
-    muted = heard < MUTED * MUTED * by.least * by.least
-    settled = np.fmax(_LEFT, state.unknown * (1.0 - sel(started * (1.0 - muted) > 0.0, calm, 0.0) * dt / LEARNT))
-    unknown = sel(idle, settled, doubted)
-    unknown = sel(forgotten, UNKNOWN * UNKNOWN, unknown)
+    # rest; it is another one where an electrode was off, or mains are gone that covered it
+    beside = power_beside_rest(powers, state.size)
+    seen = observe_rest(onset, state, _least(squares), beside, dead)
+    rest, mains, gone = learn_rest(onset, state.phase, state.rest, seen, dead), state.mains, False
+    if state.phase == Phase.REST:
+        mains = mains if dead else update_mains(onset, mains, powers, seen.hidden)
+        gone = mains.share > 0.5 and powers.wide < GONE * mains.power
+    if gone:
+        mains = Mains(0.0, 0.0)
+    if gone or signal.flat_time > LIFTED:
+        rest = RestEstimate(rest.level, rest.spread, -_SETTLES, UNKNOWN * UNKNOWN)
 
     # evidence for an onset, and for an end
-    null = exp(level + lid) + beside
+    null = exp(rest.level + seen.limit) + beside
     ratio = Ways(square.plain / null, square.fifty / null, square.sixty / null)
     short = _averaged(state.short, ratio, _SPIKY * onset.most, onset.short)
     long = _averaged(state.long, ratio, onset.most, onset.long)
-    most = sel(dead + railed + (largest <= 0.0) > 0.0, 0.0, 2.0 * onset.enough)
-    strong = _summed(onset, state.strong, short, most)
-    weak = _summed(onset, state.weak, long, most)
-    evidence = np.fmax(_least(strong), _least(weak))
-    quiet = onset.drift_of_end - onset.gain_of_end * np.fmin(_least(short), onset.most)
-    rested = np.fmax(0.0, state.calm + quiet)
-    begins = idle * (evidence >= onset.enough) > 0.0
-    ends = (1.0 - idle) * ((rested > onset.rested) + dead > 0.0) > 0.0
+    silent = dead or railed or signal.largest_step <= 0.0
+    evidence = sum_evidence(onset, state.evidence, short, long, 0.0 if silent else 2.0 * onset.enough)
 
-    active = sel(begins, 1.0, sel(ends, 0.0, state.active))
-    follows = sel(strange, np.fmax(known, LEARNT), np.fmin(known + LEARNT, MEMORY))  # a level that is to outlast it
-    known = sel(begins, follows, sel(ends, np.fmin(known, _LONG), known))
-    unknown = sel(ends, np.fmax(unknown, CHANGED * CHANGED), unknown)
-    forgets, left = sel(ends + dead + railed > 0.0, 1.0, np.inf), sel(ends, 0.0, np.inf)
-    size = sel(active > 0.5, np.fmax(new, state.size * onset.size), state.size * onset.tail)
-    held = sel(active > 0.5, state.held + dt, 0.0)
-    reported = sel((active > 0.5) * (held > by.shortest) > 0.0, 1.0, 0.0)
+    phase = next_phase(onset, state.phase, evidence, dead)
+    ends = state.phase == Phase.CONTRACTION and phase == Phase.REST
+    if state.phase == Phase.REST and phase == Phase.CONTRACTION:
+        rest = rest_at_onset(rest, state.rest.uncertainty <= FAMILIAR)
+        evidence = Evidence(evidence.strong, evidence.weak, evidence.onset, 0.0)
+    if ends:
+        rest = rest_at_end(rest)
+        evidence = Evidence(NONE, NONE, 0.0, evidence.end)
+    if ends or dead or railed:
+        short, long, squares = _bounded(short, 1.0), _bounded(long, 1.0), _bounded(squares, null)
+    contracts = phase == Phase.CONTRACTION
+    held = state.held + onset.dt if contracts else 0.0
     after = OnsetState(
-        origin,
-        raw,
-        inner,
-        outer,
-        top,
-        wide,
-        slow,
-        steep,
-        sway,
-        (band,) + past[:-1],  # noqa: RUF005 - Numba takes no star in a tuple
-        power,
-        loud,
-        new,
-        swing,
-        low,
-        swayed,
-        largest,
-        stuck,
-        flat,
-        covered,
+        signal,
+        sections,
+        (bands.muscle,) + state.past[:-1],  # noqa: RUF005 - Numba takes no star in a tuple
+        powers,
         mains,
-        _bounded(short, forgets),
-        _bounded(long, forgets),
-        _bounded(powers, forgets * null),
-        level,
-        spread,
-        known,
-        unknown,
+        short,
+        long,
+        squares,
+        rest,
         null,
-        size,
-        _bounded(strong, left),
-        _bounded(weak, left),
-        np.fmin(evidence, left),
-        sel(begins, 0.0, rested),
-        active,
+        evidence,
+        phase,
         held,
-        exp(0.5 * level),
+        max(powers.new, state.size * onset.size) if contracts else state.size * onset.tail,
+        exp(0.5 * rest.level),
     )
-    return after, reported, trouble
+    return after, contracts and held > onset.settings.shortest, trouble
 
 
 @kernel
 def onset_rest(state: OnsetState) -> float:
     """σ, in the signal's unit."""
-    return state.rest
+    return state.sigma
 
 
 ONSET = Detector(

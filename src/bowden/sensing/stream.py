@@ -35,7 +35,7 @@ class Detected(NamedTuple):
     active: Array
     """1 in a contraction."""
     trouble: Array
-    """0 nothing, 1 flat or missing, 2 movement or mains."""
+    """Number of a `Trouble`."""
     rest: Array
     """σ, the size of the signal at rest, in its own unit."""
 
@@ -100,6 +100,7 @@ def _envelope(chain: Envelope, state: EnvelopeState, values: Array, out: Array) 
 @kernel
 def _detect(prepared: Any, state: Any, values: Array, out: Array) -> Any:
     for k in range(len(values)):
-        state, out[0, k], out[1, k] = detector_step(prepared, state, values[k])
+        state, contracts, trouble = detector_step(prepared, state, values[k])
+        out[0, k], out[1, k] = contracts, trouble.value
         out[2, k] = detector_rest(state)
     return state

@@ -5,6 +5,7 @@ are those of `bowden.core.metrics`: their sums are taken in NumPy's order. A han
 filled again by each run, so that memory does not grow with their number.
 """
 
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 
 from bowden.control.conditioning import Conditioning
 from bowden.control.source import Measurement
-from bowden.core.kernel import apart, kernel
+from bowden.core.kernel import apart, kernel, sqrt
 from bowden.core.metrics import LATE, SMALLEST_STROKE
 from bowden.core.nested import refilled
 from bowden.core.pairwise import pairwise_sum
@@ -78,8 +79,8 @@ class BatchLimits(NamedTuple):
 
     rmse: float = np.inf
     """A run with a larger RMSE, or one that does not end, is the last one [rad]."""
-    at_once: float = 0.0
-    """1: a run ends, too, as soon as its RMSE must become larger than that."""
+    at_once: bool = False
+    """A run ends, too, as soon as its RMSE must become larger than that."""
 
 
 class BatchInputs(NamedTuple):
@@ -127,7 +128,7 @@ def run_batch(
         cycles, references, normals = rows[r, 0], inputs.references[rows[r, 1]], inputs.normals[rows[r, 3]]
         place = rows[r, 2]
         sheath = SheathPath(inputs.bends[place], inputs.widths[place], inputs.slope_factors[place])
-        allowed = limits.rmse * limits.rmse * cycles * _SURELY if limits.at_once > 0.0 else np.inf
+        allowed = limits.rmse * limits.rmse * cycles * _SURELY if limits.at_once else math.inf
         spent = 0.0
         body = plant_rest(one.plant, one.initial_motor, sheath_at(sheath, 0))
         _, first = plant_observe(one.plant, body, normals[0])
@@ -156,7 +157,7 @@ def run_batch(
             body = plant_advance(one.plant, body, applied, now, sheath_at(sheath, k + 1))
         figures[r, 0] = lasted
         judge(one.dt, one.initial_motor, cycles, lasted, scratch, figures[r])
-        rmse = figures[r, 3] if figures[r, 1] > 0.0 else np.inf
+        rmse = figures[r, 3] if figures[r, 1] > 0.0 else math.inf
         if rmse > limits.rmse:
             return
 
@@ -171,7 +172,7 @@ def judge(dt: float, initial_motor: float, cycles: int, lasted: int, scratch: Ar
     peak, along, moved, low, high = 0.0, 0.0, 0.0, scratch[6, 0], scratch[6, 0]
     for k in range(lasted):
         error, speed = scratch[1, k] - scratch[6, k], scratch[7, k]
-        if not abs(error) < np.inf:
+        if not math.isfinite(error):
             return
         peak = max(peak, abs(error))
         low, high = min(low, scratch[6, k]), max(high, scratch[6, k])
@@ -193,9 +194,9 @@ def judge(dt: float, initial_motor: float, cycles: int, lasted: int, scratch: Ar
         error = scratch[1, k] - scratch[6, k]
         scratch[4, k], scratch[5, k] = abs(command - before), error * error
         before = command
-    figures[3] = np.sqrt(pairwise_sum(scratch[5], 0, cycles) / cycles)
+    figures[3] = sqrt(pairwise_sum(scratch[5], 0, cycles) / cycles)
     if late < cycles:
-        figures[4] = np.sqrt(pairwise_sum(scratch[5], late, cycles) / (cycles - late))
+        figures[4] = sqrt(pairwise_sum(scratch[5], late, cycles) / (cycles - late))
     figures[7], figures[8] = pairwise_sum(scratch[4], 0, cycles), largest
     for row in (2, 3):
         for k in range(cycles - 1):

@@ -72,7 +72,7 @@ class Course:
         Returns:
             For each run its RMSE; infinite where it did not end, or was given up, and 0 where it was not run.
         """
-        found, limits = [0.0] * len(self._places), BatchLimits(float(limit), float(at_once))
+        found, limits = [0.0] * len(self._places), BatchLimits(float(limit), at_once)
         wanted = order or range(len(found))
         for _, part in itertools.groupby(wanted, key=lambda i: (id(self._places[i].given), form_of(laws[i].gains))):
             runs = list(part)

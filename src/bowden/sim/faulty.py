@@ -7,17 +7,17 @@ from numpy.typing import NDArray
 
 from bowden.core.kernel import apart, stand_in
 from bowden.core.signals import DriveReading, Sample
-from bowden.sim.injected import misread
+from bowden.sim.injected import Injected, misread
 
 
 class SensorFault(NamedTuple):
     """What goes wrong, and when."""
 
-    kind: float = 0.0
-    """A `bowden.sim.injected.Injected` of the joint's or the motor's angle; 0 for none."""
-    begin: float = 0.0
+    kind: Injected = Injected.NOTHING
+    """Of the joint's or the motor's angle."""
+    begin: int = 0
     """First cycle."""
-    end: float = 0.0
+    end: int = 0
     """The cycle after the last."""
 
 
@@ -34,5 +34,5 @@ def faulty(fault: SensorFault, sample: Sample, kept: NDArray[np.float64], k: int
     if not fault.begin <= k < fault.end:
         return sample
     true = DriveReading(sample.motor, sample.joint, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    misread_sample = misread(int(fault.kind), k - int(fault.begin), true, kept[0], kept[1], k)
+    misread_sample = misread(fault.kind, k - fault.begin, true, kept[0], kept[1], k)
     return Sample(misread_sample.joint, misread_sample.motor)

@@ -161,7 +161,7 @@ class Study:
         kind = str(values["fault.kind"])
         begin = float(values.get("fault.begin_s", 0.0))
         end = begin + float(values.get("fault.length_s", self.duration))
-        return SensorFault(float(Injected[kind.upper()]), float(round(begin / dt)), float(round(end / dt)))
+        return SensorFault(Injected[kind.upper()], round(begin / dt), round(end / dt))
 
     @property
     def worn(self) -> bool:

@@ -7,7 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.core.clock import SECOND
-from bowden.core.kernel import compiled, kernel, sel
+from bowden.core.kernel import compiled, kernel
+from bowden.core.nested import flat, refilled, restored
 from bowden.core.signals import Reference
 from bowden.hardware.emg.intent_block import IntentReader, StreamReading
 from bowden.sensing.intent import IntentSettings, IntentState, intent_start, intent_step, proportional
@@ -43,10 +44,13 @@ class CourseSettings(NamedTuple):
     """How contractions move the reference."""
 
     intent: IntentSettings = IntentSettings()
-    proportional: float = 0.0
-    """1 where the joint follows the envelope, 0 where contractions begin motions."""
+    proportional: bool = False
+    """Whether the joint follows the envelope; else contractions begin motions."""
     full: float = 1.0 / 3.0
     """Envelope of a full flexion, as a share of MVC."""
+
+
+_DEFAULTS = CourseSettings()
 
 
 class CourseState(NamedTuple):
@@ -59,40 +63,31 @@ class CourseState(NamedTuple):
 
 @kernel
 def course_step(
-    settings: CourseSettings, state: CourseState, flexor: float, extensor: float, share: float, dt: float
+    settings: CourseSettings, state: CourseState, flexes: bool, extends: bool, share: float, dt: float
 ) -> tuple[CourseState, Reference]:
     """One cycle of `dt` [s]; `share` of MVC is NaN where a signal is in trouble or the wearer is not known."""
-    intent, led = intent_step(settings.intent, state.intent, flexor, extensor, dt)
+    intent, reference = intent_step(settings.intent, state.intent, flexes, extends, dt)
     followed = proportional(settings.intent, state.followed, share, settings.full, dt)
-    follows = settings.proportional > 0.5
-    reference = Reference(
-        sel(follows, followed.position, led.position),
-        sel(follows, followed.velocity, led.velocity),
-        sel(follows, followed.acceleration, led.acceleration),
-    )
-    return CourseState(intent, followed), reference
+    return CourseState(intent, followed), followed if settings.proportional else reference
 
 
 @kernel
-def _in_place(settings: Array, memory: Array, flexor: float, extensor: float, share: float, dt: float) -> None:
-    """`course_step` on arrays: settings and states as tuples would cost 30 µs a cycle to hand over."""
-    m, s = memory, settings
-    intent = IntentState(m[0], m[1], m[2], Reference(m[3], m[4], m[5]), m[6], m[7], m[8], m[9], m[10])
-    state = CourseState(intent, Reference(m[11], m[12], m[13]))
-    given = CourseSettings(IntentSettings(s[0], s[1], s[2], s[3]), s[4], s[5])
-    (intent, followed), reference = course_step(given, state, flexor, extensor, share, dt)
-    m[0], m[1], m[2], m[6], m[7], m[8], m[9], m[10] = (
-        intent.mode,
-        intent.flexor,
-        intent.extensor,
-        intent.end,
-        intent.lasts,
-        intent.gone,
-        intent.owed,
-        intent.alone,
-    )
-    for i in range(3):
-        m[3 + i], m[11 + i], m[14 + i] = intent.begin[i], followed[i], reference[i]
+def course_start(low: float) -> CourseState:
+    """At rest where the joint is extended, at `low` [rad]."""
+    return CourseState(intent_start(low), Reference(low, 0.0, 0.0))
+
+
+@kernel
+def _in_place(settings: Array, memory: Array, flexes: bool, extends: bool, share: float, dt: float) -> None:
+    """`course_step` on a state that is kept flat, and the reference behind it.
+
+    Settings and states as tuples would cost 30 µs a cycle to hand over.
+    """
+    given, before = refilled(_DEFAULTS, settings), restored(course_start(0.0), memory)
+    state, reference = course_step(given, before, flexes, extends, share, dt)
+    numbers = flat((state, reference))
+    for i in range(len(numbers)):
+        memory[i] = numbers[i]
 
 
 class EmgCourse:
@@ -111,10 +106,10 @@ class EmgCourse:
     ) -> None:
         self.cycles, self._patience = cycles, round(patience * SECOND)
         self._low, self._reader, self._start = settings.intent.low, reader, start
-        self._settings = np.array([*settings.intent, settings.proportional, settings.full])
-        self._memory = np.zeros(17)
+        self._settings, numbers = np.array(flat(settings)), len(flat(course_start(0.0)))
+        self._memory = np.zeros(numbers + len(Reference._fields))
         self._mode = self._memory[:1].data
-        self._reference = self._memory[14:].data
+        self._reference = self._memory[numbers:].data
         self._step = compiled(_in_place)
         self._latest, self._age, self._good = StreamReading(), math.inf, 0
         self.over = False
@@ -145,15 +140,15 @@ class EmgCourse:
 
     def begin(self) -> None:
         """Be at rest where the joint is extended; a contraction that is on is none that begins."""
-        low, latest = self._low, self._latest
-        rest = intent_start(low)._replace(flexor=latest.flexor, extensor=latest.extensor)
-        self._memory[:] = (*rest[:3], *rest.begin, *rest[4:], low, 0.0, 0.0, low, 0.0, 0.0)
+        start, latest = course_start(self._low), self._latest
+        start = start._replace(intent=start.intent._replace(flexor=latest.flexor, extensor=latest.extensor))
+        self._memory[:] = flat((start, start.followed))
 
     def step(self, dt: float) -> Reference:
         """The reference of this cycle, `dt` [s] after the one before."""
         latest = self._latest
         share = math.nan if latest.trouble > 0.0 else latest.share
-        self._step(self._settings, self._memory, latest.flexor, latest.extensor, share, dt)
+        self._step(self._settings, self._memory, latest.flexor > 0.5, latest.extensor > 0.5, share, dt)
         return Reference(*self._reference)
 
     def row(self) -> tuple[float, ...]:

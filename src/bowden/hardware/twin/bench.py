@@ -7,6 +7,7 @@ its spring is at rest, x' = (rest − x)/τ. The power stage is one thermal mass
 """
 
 import math
+from enum import IntEnum
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -22,8 +23,16 @@ from bowden.plants.cables import as_cable_plant
 from bowden.plants.plant import SheathState, sheath_state
 from bowden.sim.scenario import BendPath
 
-OFF, FOLLOW, BRAKE = 0, 1, 2
-"""What the motor does."""
+
+class Doing(IntEnum):
+    """What the motor does."""
+
+    OFF = 0
+    FOLLOW = 1
+    BRAKE = 2
+
+
+OFF, FOLLOW, BRAKE = Doing
 
 LONGEST_GAP = 1.0
 """Time that one call makes up for at most; a twin that was stopped for longer has lost it [s]."""
@@ -93,7 +102,7 @@ def at_rest(plant: Moving, motor: float, sheath: SheathState) -> BenchMotion:
 def move(
     plant: Moving,
     motion: BenchMotion,
-    doing: int,
+    doing: Doing,
     command: float,
     count: int,
     sheathing: Sheathing,
@@ -124,7 +133,7 @@ def move(
             position = command + offset
         else:
             if doing == BRAKE:
-                velocity = np.sign(velocity) * max(0.0, abs(velocity) - braking * dt)
+                velocity = math.copysign(max(0.0, abs(velocity) - braking * dt), velocity)
             else:
                 velocity = coast * velocity
             position += 0.5 * dt * (before + velocity)

@@ -25,7 +25,7 @@ from bowden.hardware.drives.moteus_frames import (
 )
 from bowden.hardware.drives.moteus_parameters import MoteusParameters, joint_scale, motor_scale
 from bowden.hardware.drives.moteus_setup import HOMED, state_of
-from bowden.hardware.twin.bench import BRAKE, FOLLOW, OFF
+from bowden.hardware.twin.bench import BRAKE, FOLLOW, OFF, Doing
 from bowden.hardware.twin.faults import NO_NUMBER, Faults
 from bowden.hardware.twin.injection import UNCOUNTED
 from bowden.hardware.twin.moteus_console import MoteusConsole, usual
@@ -398,7 +398,7 @@ class MoteusNode:
                 self._journal(now, "torque_off", f"{mode.name}; {1e3 * (now - self.host):.3f} ms after the last frame")
             self.bench.doing = OFF
 
-    def _doing(self, now: float) -> int:
+    def _doing(self, now: float) -> Doing:
         """What the motor does in this mode."""
         command = self._command
         if self.mode is BoardMode.POSITION:

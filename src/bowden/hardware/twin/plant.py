@@ -2,7 +2,7 @@
 
 from typing import Protocol
 
-from bowden.hardware.twin.bench import Physics
+from bowden.hardware.twin.bench import Doing, Physics
 
 
 def torque_on_joint(plant: "TwinPlant") -> float:
@@ -16,8 +16,7 @@ class TwinPlant(Protocol):
     """A plant at a time that only goes forward."""
 
     physics: Physics
-    doing: int
-    """`hardware.twin.bench.OFF`, `FOLLOW` or `BRAKE`."""
+    doing: Doing
     command: float
     """The target to follow [rad]."""
     slack: float

@@ -8,10 +8,12 @@ For z = h/h_s Eq. 7 then reads dz/d|x| = κ·(1 − |z|ⁿ) while |z| grows and 
 the cable answers, n how sharply it saturates, γ how much faster it lets go than it took up.
 """
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.core.kernel import kernel, program
+from bowden.core.kernel import exp, kernel, program
 from bowden.identify.cable.evolution import evolve
 from bowden.identify.cable.path import Path
 from bowden.models.cable.bouc_wen import BoucWen, saturation, travel_step
@@ -81,17 +83,17 @@ def projected_costs(motor: Array, joint: Array, weight: Array, candidates: Array
         xy += weight[k] * x * y
         yy += weight[k] * (y * y)
     for i in range(candidates.shape[0]):
-        n, gamma = np.exp(candidates[i, 2]), np.exp(candidates[i, 1])
-        scale = np.exp(candidates[i, 1] / n)
-        cable = BoucWen(1.0, 1.0, np.exp(candidates[i, 0]) * scale, 0.5 * (1.0 + 1.0 / gamma), n, 0.0)
+        n, gamma = exp(candidates[i, 2]), exp(candidates[i, 1])
+        scale = exp(candidates[i, 1] / n)
+        cable = BoucWen(1.0, 1.0, exp(candidates[i, 0]) * scale, 0.5 * (1.0 + 1.0 / gamma), n, 0.0)
         bound = saturation(cable)
         piece = 0.5 / (cable.rate * (1.0 + n * max(1.0, gamma) / bound))
         h = candidates[i, 3] * bound
         sum_h, hh, hx, hy = 0.0, 0.0, 0.0, 0.0
         for k in range(motor.size):
             travel = motor[k] - motor[k - 1] if k > 0 else 0.0
-            direction, left = np.sign(travel), np.abs(travel)
-            while left > 0.0 and np.abs(direction * bound - h) > 1e-4 * bound:
+            direction, left = math.copysign(1.0, travel), abs(travel)
+            while left > 0.0 and abs(direction * bound - h) > 1e-4 * bound:
                 h = travel_step(h, direction * min(left, piece), cable)
                 left -= piece
             sum_h += weight[k] * h

@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.core.kernel import kernel, program
-from bowden.core.order import quantile
 from bowden.identify.cable.turns import Turns, find_turns, motor_noise
 
 Array = NDArray[np.float64]
@@ -104,7 +103,7 @@ def build_path(time: Array, motor: Array, joint: Array, turns: Turns, nodes: int
     kept = remembered(turns.angle, read)
     bounds, turning, read = bounds[kept], turns.angle[kept], read[kept[:-1]]
     nodes = max(nodes, 8 * strokes, min(strokes * max(8, nodes // _STROKES), 10 * nodes))
-    fast = quantile(np.abs(motor[9:] - motor[:-9]), 0.9) / 9.0  # per sample; nine outweigh the noise
+    fast = float(np.quantile(np.abs(motor[9:] - motor[:-9]), 0.9)) / 9.0  # per sample; nine outweigh the noise
     together = max(1, int(float(travels) / nodes / max(fast, 1e-12)), int(samples) // (4 * nodes))
     together = min(together, max(1, int(samples) // nodes))
     size = len(motor) // together + 2 * len(bounds)

@@ -33,7 +33,6 @@ from numpy.typing import NDArray
 from bowden.core import shown
 from bowden.core.errors import LogError, ParameterError
 from bowden.core.metrics import rmse
-from bowden.core.order import distinct
 from bowden.core.units import DEGREES
 from bowden.identify.cable.counting import Covered, fitted_range
 from bowden.identify.cable.cycles import Cycles, whole_cycles
@@ -369,7 +368,7 @@ def _fit(path: Path, model: CableModel) -> tuple[float, float, float, Array, boo
             break
     drawn = np.asarray(best[1] if best else np.empty(0))
     blocks = _blocks(path)
-    kept = [np.where(blocks == one, 0.0, path.weight) for one in distinct(blocks)]
+    kept = [np.where(blocks == one, 0.0, path.weight) for one in np.unique(blocks)]
     gains = np.array([_solved(drawn, path.joint, weight)[0] for weight in kept])
     count = len(gains)
     error = float(np.sqrt((count - 1) / count * np.sum((gains - gains.mean()) ** 2)))
@@ -401,6 +400,6 @@ def _blocks(path: Path) -> NDArray[np.int64]:
 def _block_means(log: Log, path: Path, squares: Array) -> Array:
     """Mean square of each block at the log's full rate [rad²]."""
     blocks = _blocks(path)
-    edges = [int(np.searchsorted(log.time, path.time[blocks >= one].min())) for one in distinct(blocks)]
+    edges = [int(np.searchsorted(log.time, path.time[blocks >= one].min())) for one in np.unique(blocks)]
     bounds = [0, *edges[1:], len(log.time)]
     return np.array([float(squares[a:b].mean()) for a, b in pairwise(bounds) if b > a])

@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.core.kernel import kernel, program
-from bowden.core.order import distinct, median, quantile
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -75,7 +74,7 @@ def least_swing(motor: Array, noise: float | None = None) -> float:
 
 def peak_speed(time: Array, angle: Array) -> float:
     """The speed that a signal hardly ever exceeds [rad/s]; nine samples outweigh its noise."""
-    return float(quantile(np.abs(angle[9:] - angle[:-9]), 0.95)) / (9.0 * float(median(np.diff(time))))
+    return float(np.quantile(np.abs(angle[9:] - angle[:-9]), 0.95)) / (9.0 * float(np.median(np.diff(time))))
 
 
 def motor_noise(motor: Array) -> float:
@@ -85,7 +84,7 @@ def motor_noise(motor: Array) -> float:
     be counts.
     """
     second = np.diff(motor, 2)
-    white = median(np.abs(second)) / (0.6745 * np.sqrt(6.0))
+    white = float(np.median(np.abs(second))) / (0.6745 * np.sqrt(6.0))
     return max(white, resolution(motor) / np.sqrt(12.0))
 
 
@@ -112,11 +111,11 @@ def resolution(angle: Array) -> float:
     >>> float(round(resolution(np.round(np.linspace(0.0, 1.0, 999) ** 2 / 0.01) * 0.01), 9))
     0.01
     """
-    levels = distinct(angle)
+    levels = np.unique(angle)
     if len(levels) > 0.5 * len(angle) or len(levels) < 2:
         return 0.0
     steps = np.diff(levels)
-    return median(steps[steps > 1e-3 * median(steps)])
+    return float(np.median(steps[steps > 1e-3 * np.median(steps)]))
 
 
 def reversals(motor: Array, threshold: float) -> Index:

@@ -6,7 +6,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.core.errors import LogError
-from bowden.core.order import median, quantile
 from bowden.core.units import DEGREES
 from bowden.identify.cable.trusted import Trust
 from bowden.identify.cable.turns import peak_speed
@@ -77,14 +76,14 @@ def even_clock(
     dropped = np.diff(np.append(kept, len(time))) - 1
     stamps, late = time[kept], _near(dropped)
     steps = np.diff(stamps)
-    middle = median(steps)
+    middle = float(np.median(steps))
     relative = steps / middle
     longest = relative - late
     away = np.where(relative > 1.0, np.maximum(longest - 1.0, 0.0), 1.0 - relative)
     scatter = float(np.sqrt(np.mean(away**2)))
     worst = int(np.argmax(away))
     place, seen = int(kept[worst + 1]), f"a step of {steps[worst]:.4g} s where {middle:.4g} s is usual"
-    if 1.4826 * median(away) > _JITTER or (scatter > _JITTER and longest[worst] <= _GAP):
+    if 1.4826 * np.median(away) > _JITTER or (scatter > _JITTER and longest[worst] <= _GAP):
         raise LogError(
             f"{where(place)}: the time steps scatter by {100 * scatter:.0f} % RMS ({seen})",
             expected=f"even time stamps, within {100 * _JITTER:.0f} % RMS",
@@ -151,7 +150,7 @@ def odd_time(time: Array, motor: Array, joint: Array) -> list[Trust]:
         motor: (n,) [rad].
         joint: (n,) [rad].
     """
-    apart = float(median(np.diff(time)))
+    apart = float(np.median(np.diff(time)))
     took = f"{time[-1] - time[0]:.4g} s in all, a row each {apart:.3g} s"
     speed, fast = peak_speed(time, joint), peak_speed(time, motor) * DEGREES
     if speed**2 > _FASTEST * 0.5 * float(np.ptp(joint)) or apart < _ROWS_APART[0]:
@@ -175,12 +174,12 @@ def held_rows(angle: Array) -> tuple[int, int | None]:
     (4, 3)
     """
     steps = np.abs(np.diff(angle))
-    count = quantile(steps[steps > 0.0], 0.02) if steps.any() else 0.0
-    dither = quantile(steps, _QUIET)
+    count = np.quantile(steps[steps > 0.0], 0.02) if steps.any() else 0.0
+    dither = np.quantile(steps, _QUIET)
     at = np.flatnonzero(steps > max(_BEYOND * dither, _COUNTS * count)) + 1
     if len(at) < _READINGS:
         return 1, None
-    rows = int(median(np.diff(at)))
+    rows = int(np.median(np.diff(at)))
     if rows < 2:
         return 1, None
     phases = np.bincount(at % rows, minlength=rows)

@@ -6,9 +6,8 @@ freely, ``joint = c·z + offset`` with z held inside ``[motor − r, motor + r]`
 the joint drift by (c1 − c2)·amplitude in every cycle, so that form is not offered.
 """
 
+import math
 from typing import NamedTuple
-
-import numpy as np
 
 from bowden.core.kernel import kernel
 
@@ -28,10 +27,12 @@ class Play(NamedTuple):
 def push(z: float, motor: float, half_width: float) -> float:
     """The slot's position after the motor has moved monotonically to `motor` [rad].
 
-    >>> float(push(0.0, 0.5, 0.25)), float(push(0.2, 0.15, 0.1))
+    >>> push(0.0, 0.5, 0.25), push(0.2, 0.15, 0.1)
     (0.25, 0.2)
     """
-    return np.fmax(motor - half_width, np.fmin(motor + half_width, z))
+    if math.isnan(motor):
+        return z
+    return max(motor - half_width, min(motor + half_width, z))
 
 
 @kernel

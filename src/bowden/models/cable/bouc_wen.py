@@ -8,11 +8,10 @@ the second being Eq. 7 divided by |u|: per unit of travel |x| of the motor in th
 Source: Dinh et al. 2017, Eqs 6–7, after Ismail, Ikhouane and Rodellar's normalised form.
 """
 
+import math
 from typing import Annotated, NamedTuple
 
-import numpy as np
-
-from bowden.core.kernel import kernel, power, sel
+from bowden.core.kernel import kernel, power
 from bowden.core.part import part
 from bowden.core.quantity import Quantity
 
@@ -66,8 +65,8 @@ def saturation(cable: BoucWen) -> float:
 @kernel
 def slope_of_h(h: float, direction: float, cable: BoucWen) -> float:
     """dh per unit of motor travel in `direction` (+1 or −1), Eq. 7 divided by |u| [1/rad]."""
-    size = power(np.abs(h), cable.exponent)
-    return cable.rate * (direction - cable.shape * size * np.sign(h) - (cable.shape - 1.0) * direction * size)
+    size = power(abs(h), cable.exponent)
+    return cable.rate * (direction - cable.shape * math.copysign(size, h) - (cable.shape - 1.0) * direction * size)
 
 
 @kernel
@@ -77,22 +76,21 @@ def travel_step(h: float, travel: float, cable: BoucWen) -> float:
     In y and z as in `advance_prepared`. Portable; for ρ·|travel| below about 0.05 its error is below 1e-10. For longer
     travels call it repeatedly, or use `advance`.
     """
-    direction, z = np.copysign(1.0, travel), cable.rate * np.abs(travel)
+    direction, z = math.copysign(1.0, travel), cable.rate * abs(travel)
     y, growth, n = direction * h, 2.0 * cable.shape - 1.0, cable.exponent
     k1 = _slope_of_y(y, growth, n)
     k2 = _slope_of_y(y + 0.5 * z * k1, growth, n)
     k3 = _slope_of_y(y + 0.5 * z * k2, growth, n)
     k4 = _slope_of_y(y + z * k3, growth, n)
-    bound = np.fmax(saturation(cable), np.abs(h))
+    bound = max(saturation(cable), abs(h))
     stepped = y + z * (k1 + 2.0 * k2 + 2.0 * k3 + k4) / 6.0
-    return direction * np.fmax(-bound, np.fmin(bound, stepped))
+    return direction * max(-bound, min(bound, stepped))
 
 
 @kernel
 def _slope_of_y(y: float, growth: float, exponent: float) -> float:
     """dy/dz = 1 − q, with two products in place of a call of libm for the paper's n = 3."""
-    size = np.abs(y)
-    return 1.0 - sel(y > 0.0, growth, -1.0) * sel(exponent == 3.0, size * size * size, power(size, exponent))
+    return 1.0 - (growth if y > 0.0 else -1.0) * _power(abs(y), exponent)
 
 
 class PreparedCable(NamedTuple):
@@ -122,7 +120,7 @@ def prepare_cable(cable: BoucWen) -> PreparedCable:
     growth, bound = 2.0 * cable.shape - 1.0, saturation(cable)
     steepest = cable.exponent / bound * max(1.0, 1.0 / growth)
     near_zero = 0.5 * power(0.01 / max(1.0, growth), 1.0 / cable.exponent)
-    piece = sel(cable.exponent == 3.0, 0.045, 0.03) / (1.0 + steepest)
+    piece = (0.045 if cable.exponent == 3.0 else 0.03) / (1.0 + steepest)
     return PreparedCable(cable.rate, cable.exponent, growth, bound, piece, near_zero)
 
 
@@ -146,21 +144,21 @@ def advance_prepared(h: float, travel: float, cable: PreparedCable) -> float:
     The usual pieces, those that do not cross zero, and a cable that is taken up are not turned round: in a loop h then
     need not wait for the travel.
     """
-    left, end = cable.rate * np.abs(travel), np.copysign(cable.bound, travel)
-    while left > 0.0 and not np.abs(end - h) < 1e-12 * cable.bound:
-        size, outward = np.abs(h), h * end > 0.0
+    left, end = cable.rate * abs(travel), math.copysign(cable.bound, travel)
+    while left > 0.0 and not abs(end - h) < 1e-12 * cable.bound:
+        size, outward = abs(h), h * end > 0.0
         if cable.exponent == 3.0 and size <= cable.bound and (outward or size > 1.01 * cable.piece):
             z = min(left, cable.piece)
-            h = _by_cubes(h, np.copysign(z, travel), np.copysign(cable.growth if outward else 1.0, travel))
+            h = _by_cubes(h, math.copysign(z, travel), math.copysign(cable.growth if outward else 1.0, travel))
         else:
-            direction = np.copysign(1.0, travel)
+            direction = math.copysign(1.0, travel)
             y = direction * h
             q = (cable.growth if y > 0.0 else -1.0) * _power(size, cable.exponent)
             if size < cable.near_zero:
                 z = min(left, cable.near_zero)
                 y = _through_zero(y, z, q, cable)
             else:
-                z = min(left, cable.piece, 0.05 * size / max(1.0, np.abs(1.0 - q)))
+                z = min(left, cable.piece, 0.05 * size / max(1.0, abs(1.0 - q)))
                 y = _away_from_zero(y, z, q, cable.exponent)
             h = direction * y
         left -= z
@@ -182,7 +180,7 @@ def _through_zero(y: float, z: float, q: float, cable: PreparedCable) -> float:
     n = cable.exponent
     i1, i2, i3, i4 = 1.0 / (n + 1.0), 1.0 / (2.0 * n + 1.0), 1.0 / (3.0 * n + 1.0), 1.0 / (4.0 * n + 1.0)
     t = z + y * (1.0 + q * (i1 + q * (i2 + q * (i3 + q * i4))))
-    q = (cable.growth if t > 0.0 else -1.0) * _power(np.abs(t), n)
+    q = (cable.growth if t > 0.0 else -1.0) * _power(abs(t), n)
     b1 = -i1
     b2 = -n * b1 * i2
     b3 = -n * (b2 + 0.5 * (n - 1.0) * b1 * b1) * i3

@@ -10,12 +10,13 @@ f is continuous at h = 0 and at a reversal, so s carries on through both without
 Source: Hairer, Nørsett and Wanner, *Solving Ordinary Differential Equations I*, 1993, Section I.14.
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.core.kernel import kernel, log, power, program, sel
+from bowden.core.kernel import kernel, log, power, program
 from bowden.models.cable.bouc_wen import BoucWen, advance_prepared, prepare_cable, saturation, slope_of_h
 
 
@@ -38,12 +39,13 @@ class Sensitive(NamedTuple):
 def sensitivity_slope(at: Sensitive, direction: float, cable: BoucWen) -> Sensitive:
     """d/d|x| of h and of its derivatives, for motor travel in `direction` (+1 or −1)."""
     f = slope_of_h(at.h, direction, cable)
-    size = np.abs(at.h)
-    raised = power(size, cable.exponent)
-    weight = -cable.rate * (cable.shape * np.sign(at.h) + (cable.shape - 1.0) * direction)  # f = ρ·d + weight·|h|ⁿ
-    by_h = sel(size > 0.0, weight * cable.exponent * raised / sel(size > 0.0, size, 1.0) * np.sign(at.h), 0.0)
-    by_shape = -cable.rate * (np.sign(at.h) + direction) * raised
-    by_exponent = sel(size > 0.0, weight * raised * log(sel(size > 0.0, size, 1.0)), 0.0)
+    size, by_h, by_shape, by_exponent = abs(at.h), 0.0, 0.0, 0.0
+    if size > 0.0:
+        side, raised = math.copysign(1.0, at.h), power(size, cable.exponent)
+        weight = -cable.rate * (cable.shape * side + (cable.shape - 1.0) * direction)  # f = ρ·d + weight·|h|ⁿ
+        by_h = weight * cable.exponent * raised / size * side
+        by_shape = -cable.rate * (side + direction) * raised
+        by_exponent = weight * raised * log(size)
     return Sensitive(
         f,
         by_h * at.by_rate + f / cable.rate,
@@ -83,11 +85,11 @@ def sensitivity_advance(at: Sensitive, travel: float, bound: float, cable: BoucW
     travel is cut where h passes zero, where f has a kink. Where h has come to rest at its bound, the derivatives
     are the bound's own.
     """
-    direction, left = np.sign(travel), np.abs(travel)
-    letting_go = np.fmax(1.0, 1.0 / (2.0 * cable.shape - 1.0))  # h falls faster than it rose where σ < 1
+    direction, left = math.copysign(1.0, travel), abs(travel)
+    letting_go = max(1.0, 1.0 / (2.0 * cable.shape - 1.0))  # h falls faster than it rose where σ < 1
     piece = 0.1 / (cable.rate * (1.0 + cable.exponent * letting_go / bound))
     while left > 0.0:
-        if np.abs(direction * bound - at.h) < 1e-9 * bound:
+        if abs(direction * bound - at.h) < 1e-9 * bound:
             margin = 2.0 * cable.shape - 1.0
             by_shape = -2.0 * bound / (cable.exponent * margin)
             by_exponent = bound * log(margin) / (cable.exponent * cable.exponent)
@@ -148,6 +150,6 @@ def fill_hysteresis(motor: NDArray[np.float64], initial_h: float, cable: BoucWen
     prepared = prepare_cable(cable)
     for k in range(1, motor.size):
         travel = motor[k] - motor[k - 1]
-        if np.abs(np.copysign(prepared.bound, travel) - h) > 1e-12 * prepared.bound:  # rounding may stop h short of it
+        if abs(math.copysign(prepared.bound, travel) - h) > 1e-12 * prepared.bound:  # rounding may stop h short of it
             h = advance_prepared(h, travel, prepared)
         found[k] = h

@@ -9,7 +9,7 @@ Source: Dahl, *A solid friction model*, 1968 (exponent 1, stiffness at rest F/zâ
 along a sheath (the paper's [6]); Simo and Hughes, *Computational Inelasticity*, 1998, for the return mapping.
 """
 
-import numpy as np
+import math
 
 from bowden.core.kernel import exp, kernel
 
@@ -18,11 +18,11 @@ from bowden.core.kernel import exp, kernel
 def dahl(z: float, travel: float, presliding: float) -> float:
     """z after a signed `travel` [m], exactly; `presliding` is zâ‚€ [m].
 
-    >>> round(float(dahl(0.0, 1e-4, 1e-4)), 4)
+    >>> round(dahl(0.0, 1e-4, 1e-4), 4)
     0.6321
     """
-    direction = np.copysign(1.0, travel)
-    return direction + (z - direction) * exp(-np.abs(travel) / presliding)
+    direction = math.copysign(1.0, travel)
+    return direction + (z - direction) * exp(-abs(travel) / presliding)
 
 
 @kernel
@@ -38,10 +38,10 @@ def coulomb(z: float, travel: float, presliding: float) -> float:
 @kernel
 def dahl_slope(z: float, travel: float, presliding: float) -> float:
     """dz/dx at the end of a `travel` [1/m]."""
-    return (1.0 - np.copysign(1.0, travel) * dahl(z, travel, presliding)) / presliding
+    return (1.0 - math.copysign(1.0, travel) * dahl(z, travel, presliding)) / presliding
 
 
 @kernel
 def coulomb_slope(z: float, travel: float, presliding: float) -> float:
     """dz/dx at the end of a `travel` [1/m]: none where it slips."""
-    return 1.0 / presliding if np.abs(z + travel / presliding) < 1.0 else 0.0
+    return 1.0 / presliding if abs(z + travel / presliding) < 1.0 else 0.0

@@ -17,6 +17,7 @@ Source: the lumped masses of Kaneko et al. 1991 (the paper's [9]) with Coulomb f
 ([6]) with Dahl friction; the limit that keeps the capstan's ratio and the implicit step are this file's.
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -120,7 +121,7 @@ def advance_lumped(
     cable: PreparedLumped, memory: LumpedMemory, before: float, after: float, width: float, dt: float
 ) -> LumpedMemory:
     """After the motor has gone evenly from an angle to another [rad] within `dt` [s]; in place."""
-    count = max(1, int(np.ceil(dt / cable.step * (1.0 - 1e-9))))
+    count = max(1, math.ceil(dt / cable.step * (1.0 - 1e-9)))
     for i in range(count):
         motor = before + (i + 1.0) / count * (after - before)
         _step(cable, memory, cable.tendon.motor_radius * motor - cable.tendon.slack, width, dt / count)
@@ -213,7 +214,7 @@ def _newton(cable: PreparedLumped, given: _Step, u: NDArray[np.float64], preslid
             left = 0.0
             for i in range(1, n + 1):
                 left += force[i] * move[i]
-            if np.abs(left) <= 0.5 * np.abs(steep) or (size == 1.0 and left <= 0.0):
+            if abs(left) <= 0.5 * abs(steep) or (size == 1.0 and left <= 0.0):
                 break
             if left > 0.0:
                 high = size
@@ -222,7 +223,7 @@ def _newton(cable: PreparedLumped, given: _Step, u: NDArray[np.float64], preslid
             size = 0.5 * (low + high)
         worst = 0.0
         for i in range(1, n + 1):
-            worst = max(worst, np.abs(force[i]))
+            worst = max(worst, abs(force[i]))
         if worst < 1e-8:
             return True
     return False

@@ -41,13 +41,13 @@ class Sheath(NamedTuple):
 @kernel
 def width(bend: float, sheath: Sheath) -> float:
     """Factor on the hysteresis' width and height at a total `bend` [rad]; at least 1 %."""
-    return np.fmax(0.01, bend / sheath.bend * sheath.gap)
+    return max(0.01, bend / sheath.bend * sheath.gap)
 
 
 @kernel
 def slope_factor(bend: float, sheath: Sheath) -> float:
     """Factor on the cable's slope αφ at a total `bend` [rad]; at least 5 %."""
-    return np.fmax(0.05, 1.0 - sheath.loss * (bend / sheath.bend - 1.0))
+    return max(0.05, 1.0 - sheath.loss * (bend / sheath.bend - 1.0))
 
 
 @kernel

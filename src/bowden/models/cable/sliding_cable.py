@@ -160,10 +160,10 @@ def _bend(tendon: PreparedTendon, memory: TendonMemory, width: float) -> None:
     part, before = width - memory.last[0], memory.moved.copy()
     while memory.last[0] < width or memory.last[0] > width:
         reached = memory.last[0]
-        step_ends = width if np.abs(width - reached) <= np.abs(part) * (1.0 + 1e-9) else reached + part
+        step_ends = width if abs(width - reached) <= abs(part) * (1.0 + 1e-9) else reached + part
         for i in range(tendon.angles.size):
             memory.ratios[i] = exp(-step_ends * tendon.angles[i])
-        if step_ends > reached or _settle(tendon, memory) or np.abs(part) < 1e-4 * width:
+        if step_ends > reached or _settle(tendon, memory) or abs(part) < 1e-4 * width:
             memory.last[0] = step_ends
             _copy(memory.moved, before)
         else:

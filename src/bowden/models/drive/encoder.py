@@ -2,9 +2,7 @@
 
 from typing import Annotated, NamedTuple
 
-import numpy as np
-
-from bowden.core.kernel import kernel
+from bowden.core.kernel import floor, kernel
 from bowden.core.part import part
 from bowden.core.quantity import Quantity
 
@@ -26,5 +24,5 @@ def reading(angle: float, normal: float, encoder: Encoder) -> float:
     """What the encoder shows for a true `angle` [rad], given a standard normal number."""
     noisy = angle + encoder.noise * normal
     if encoder.resolution > 0.0:
-        return encoder.resolution * np.floor(noisy * (1.0 / encoder.resolution) + 0.5)  # one division for a whole run
+        return encoder.resolution * floor(noisy * (1.0 / encoder.resolution) + 0.5)  # one division for a whole run
     return noisy

@@ -20,10 +20,8 @@ never turns the spool back. The gears' loss is a friction in proportion to the t
 import math
 from typing import NamedTuple
 
-import numpy as np
-
 from bowden.core.errors import ParameterError
-from bowden.core.kernel import kernel, sel
+from bowden.core.kernel import kernel
 from bowden.models.drive.servo import Servo
 
 
@@ -115,9 +113,14 @@ def check_geared_motor(motor: GearedMotor) -> None:
 @kernel
 def turn_push(push: FrictionPush, target: float, dt: float) -> FrictionPush:
     """The push `dt` [s] later, for a `target` of the spool [rad]; portable."""
-    settled = np.fmax(target - DEAD, np.fmin(target + DEAD, push.settled_target))
-    moves = np.abs(settled - push.settled_target) > 0.0
-    goal, lag = sel(moves, np.sign(settled - push.settled_target), 0.0), sel(moves, TURNING, FADING)
+    settled = push.settled_target
+    if not math.isnan(target):
+        settled = max(target - DEAD, min(target + DEAD, settled))
+    goal, lag = 0.0, FADING
+    if settled > push.settled_target:
+        goal, lag = 1.0, TURNING
+    elif settled < push.settled_target:
+        goal, lag = -1.0, TURNING
     return FrictionPush(settled, push.direction + (goal - push.direction) * dt / (lag + dt))
 
 
@@ -129,11 +132,12 @@ def drive_motor(motor: GearedMotor, state: SpoolState, target: float, dt: float)
     wanted = motor.inertia * omega * (omega * (error + state.offset) - 2.0 * motor.servo.damping * velocity)
     wanted = wanted + motor.friction_feedforward * push.direction + state.torque_offset
     constant = motor.gear * motor.torque_constant
-    lowest = np.fmax(-motor.current_limit, (-motor.supply - constant * velocity) / motor.resistance)
-    highest = np.fmin(motor.current_limit, (motor.supply - constant * velocity) / motor.resistance)
-    current = np.fmax(lowest, np.fmin(highest, wanted / constant))
-    free = 1.0 if np.abs(error) > BAND and lowest < wanted / constant < highest else 0.0
-    offset = state.offset + free * dt * motor.integral * error
+    lowest = max(-motor.current_limit, (-motor.supply - constant * velocity) / motor.resistance)
+    highest = min(motor.current_limit, (motor.supply - constant * velocity) / motor.resistance)
+    current = max(lowest, min(highest, wanted / constant))
+    offset = state.offset
+    if abs(error) > BAND and lowest < wanted / constant < highest:
+        offset = offset + dt * motor.integral * error
     return SpoolState(
         state.position, velocity, current, offset, push.settled_target, push.direction, state.torque_offset
     )
@@ -163,10 +167,11 @@ def turn_spool(
     torque = motor.gear * motor.torque_constant * state.current
     effort = dt / (motor.inertia + dt * dt * stiffness)
     free = state.velocity + effort * (torque - load - dt * stiffness * state.velocity)
-    carried = np.fmax(np.abs(torque), np.abs(load))
-    drag = sel(free > 0.0, flexing_drag, extending_drag)
+    carried = max(abs(torque), abs(load))
+    drag = flexing_drag if free > 0.0 else extending_drag
     held = effort * (motor.friction + drag + (1.0 - motor.efficiency) * carried)
-    velocity = np.sign(free) * np.fmax(0.0, np.abs(free) - held)
+    slowed = abs(free) - held
+    velocity = 0.0 if slowed <= 0.0 else math.copysign(slowed, free)
     turned = state.position + dt * velocity
     return SpoolState(
         turned, velocity, state.current, state.offset, state.settled_target, state.push, state.torque_offset

@@ -21,10 +21,8 @@ the damping, a ratio of 0.2 of the hanging forearm: a relaxed arm that is let go
 import math
 from typing import NamedTuple
 
-import numpy as np
-
 from bowden.core.errors import ParameterError
-from bowden.core.kernel import cos, kernel, sel, sin
+from bowden.core.kernel import cos, kernel, sin
 from bowden.core.units import RADIANS
 
 GRAVITY = 9.81
@@ -171,13 +169,14 @@ def wearer_torque(wearer: Wearer, arm: Arm, angle: float, velocity: float, time:
     Who swings knows their own forearm: they add what its inertia and relaxed elbow ask for along φw = centre +
     swing·sin(2πft), so that an arm without a suit, whose weight they carry, follows φw with any stiffness.
     """
-    tremor = wearer.tremor * sin(2.0 * np.pi * wearer.tremor_frequency * time)
-    omega = 2.0 * np.pi * wearer.swing_frequency
+    tremor = wearer.tremor * sin(2.0 * math.pi * wearer.tremor_frequency * time)
+    omega = 2.0 * math.pi * wearer.swing_frequency
     sine, cosine = wearer.swing * sin(omega * time), wearer.swing * omega * cos(omega * time)
     wanted = wearer.centre + sine
     resisting = wearer.stiffness * (wanted - angle) + wearer.damping * (cosine - velocity)
-    own = -arm.inertia * omega * omega * sine - passive_torque(arm, wanted, cosine)
-    moving = sel(wearer.swing > 0.0, own, 0.0)
+    moving = 0.0
+    if wearer.swing > 0.0:
+        moving = -arm.inertia * omega * omega * sine - passive_torque(arm, wanted, cosine)
     return -wearer.share * gravity_torque(arm, angle) + tremor + resisting + moving + wearer.constant
 
 

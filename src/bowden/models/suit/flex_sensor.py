@@ -9,9 +9,7 @@ noise and steps are the converter's. The random numbers are handed in, so that a
 
 from typing import NamedTuple
 
-import numpy as np
-
-from bowden.core.kernel import exp, kernel, sel
+from bowden.core.kernel import exp, floor, kernel, sqrt
 from bowden.core.units import RADIANS
 from bowden.models.cable.backlash import push
 
@@ -71,8 +69,8 @@ def flex_step(
     """
     slot = push(state.slot, angle, 0.5 * sensor.hysteresis)
     kept = exp(-dt / sensor.drift_time)
-    drift = kept * state.drift + sensor.drift * np.sqrt(1.0 - kept * kept) * wander
+    drift = kept * state.drift + sensor.drift * sqrt(1.0 - kept * kept) * wander
     value = slot * (1.0 + sensor.gain) + sensor.offset + drift + sensor.noise * normal
-    step = sel(sensor.resolution > 0.0, sensor.resolution, 1.0)
-    counted = sel(sensor.resolution > 0.0, step * np.floor(value / step + 0.5), value)
-    return FlexState(slot, drift), counted
+    if sensor.resolution > 0.0:
+        value = sensor.resolution * floor(value / sensor.resolution + 0.5)
+    return FlexState(slot, drift), value

@@ -13,9 +13,7 @@ Both kernels are portable: the live drive uses them too.
 import math
 from typing import NamedTuple
 
-import numpy as np
-
-from bowden.core.kernel import cos, kernel, sel, sin
+from bowden.core.kernel import cos, kernel, sin, sqrt
 from bowden.core.units import RADIANS
 from bowden.models.suit.geometry import SuitGeometry
 
@@ -64,16 +62,16 @@ def spool_map(geometry: SuitGeometry, radius: float) -> SpoolMap:
 @kernel
 def flexor_travel(angle: float, suit: SpoolMap) -> float:
     """E at a joint angle [rad] [m]."""
-    inside = np.fmax(LOW, np.fmin(HIGH, angle))
+    inside = max(LOW, min(HIGH, angle))
     travel = 2.0 * suit.b - 2.0 * (suit.b * cos(0.5 * inside) - suit.a * sin(0.5 * inside))
     beyond = angle - inside
-    return travel + beyond * sel(beyond < 0.0, suit.low_slope, suit.high_slope)
+    return travel + beyond * (suit.low_slope if beyond < 0.0 else suit.high_slope)
 
 
 @kernel
 def flexor_arm(angle: float, suit: SpoolMap) -> float:
     """dE/dφ at a joint angle [rad]: torque per tension of the flexor [m]."""
-    inside = np.fmax(LOW, np.fmin(HIGH, angle))
+    inside = max(LOW, min(HIGH, angle))
     return suit.b * sin(0.5 * inside) + suit.a * cos(0.5 * inside)
 
 
@@ -92,11 +90,11 @@ def motor_of(spool: float, suit: SpoolMap) -> float:
     '1.000000000000000'
     """
     travel = suit.radius * spool
-    inside = np.fmax(suit.low, np.fmin(suit.high, travel))
+    inside = max(suit.low, min(suit.high, travel))
     cosine = (suit.b - 0.5 * inside) / suit.reach
     missing = 1.0 - cosine
-    u = np.sqrt(2.0 * missing) * (1.0 + missing * (1.0 / 12.0 + missing * 3.0 / 160.0))
+    u = sqrt(2.0 * missing) * (1.0 + missing * (1.0 / 12.0 + missing * 3.0 / 160.0))
     for _ in range(3):
         u = u + (cos(u) - cosine) / sin(u)
     beyond = travel - inside
-    return 2.0 * (u - suit.tilt) + beyond / sel(beyond < 0.0, suit.low_slope, suit.high_slope)
+    return 2.0 * (u - suit.tilt) + beyond / (suit.low_slope if beyond < 0.0 else suit.high_slope)

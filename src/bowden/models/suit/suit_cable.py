@@ -25,18 +25,24 @@ Left out: the cable's mass, friction that is spread along the sheath (one place 
 """
 
 import math
+from enum import IntEnum
 from typing import NamedTuple
 
-import numpy as np
-
 from bowden.core.errors import ParameterError
-from bowden.core.kernel import exp, kernel
+from bowden.core.kernel import exp, kernel, sqrt
 from bowden.models.cable.bouc_wen import BoucWen, PreparedCable, advance_prepared, prepare_cable
 
-PLAY, CAPSTAN, BOUC_WEN = 0, 1, 2
-"""Kinds of friction."""
-KINDS = {"play": PLAY, "capstan": CAPSTAN, "bouc_wen": BOUC_WEN}
-"""Their names."""
+
+class Friction(IntEnum):
+    """Kinds of friction in the sheath."""
+
+    PLAY = 0
+    CAPSTAN = 1
+    BOUC_WEN = 2
+
+
+KINDS = {kind.name.lower(): kind for kind in Friction}
+"""Name → kind of friction."""
 
 
 class SuitCable(NamedTuple):
@@ -72,7 +78,7 @@ class Fabric(NamedTuple):
 class PreparedSuitCable(NamedTuple):
     """What the kernels need of a cable and its fabric."""
 
-    kind: int
+    kind: Friction
     stiffness: float
     half_width: float
     capstan: float
@@ -142,7 +148,7 @@ def prepare_suit_cable(cable: SuitCable, fabric: Fabric, bend: float, pretension
         stiffness=cable.stiffness,
         half_width=cable.half_width,
         capstan=cable.friction * bend,
-        slope=turns.slope if kind == BOUC_WEN else 1.0,
+        slope=turns.slope if kind == Friction.BOUC_WEN else 1.0,
         hysteresis_length=-turns.hysteresis_gain * cable.radius,
         radius=cable.radius,
         hysteresis=prepare_cable(turns),
@@ -155,7 +161,7 @@ def prepare_suit_cable(cable: SuitCable, fabric: Fabric, bend: float, pretension
 @kernel
 def fabric_tension(stretch: float, fabric: Fabric) -> float:
     """f(δ) [N]."""
-    taut = np.fmax(0.0, stretch)
+    taut = max(0.0, stretch)
     return taut * (fabric.stiffness + fabric.stiffening * taut)
 
 
@@ -163,7 +169,7 @@ def fabric_tension(stretch: float, fabric: Fabric) -> float:
 def give(tension: float, fabric: Fabric) -> float:
     """The stretch δ at which the fabric has a `tension` not below 0 [N] [m]."""
     k, q = fabric.stiffness, fabric.stiffening
-    return 2.0 * tension / (k + np.sqrt(k * k + 4.0 * q * tension))
+    return 2.0 * tension / (k + sqrt(k * k + 4.0 * q * tension))
 
 
 @kernel
@@ -172,7 +178,7 @@ def taken_up(length: float, ratio: float, cable: PreparedSuitCable) -> float:
     if length <= 0.0:
         return length
     k, soft, q = cable.stiffness, ratio * cable.fabric.stiffness, ratio * cable.fabric.stiffening
-    return 2.0 * k * length / (k + soft + np.sqrt((k + soft) * (k + soft) + 4.0 * q * k * length))
+    return 2.0 * k * length / (k + soft + sqrt((k + soft) * (k + soft) + 4.0 * q * k * length))
 
 
 @kernel
@@ -212,17 +218,17 @@ def pull_suit_cable(
     """
     k, factor, h = cable.stiffness, slope_factor * cable.slope, memory.h
     length = factor * pulled + cable.start - given
-    if cable.kind == BOUC_WEN:
+    if cable.kind == Friction.BOUC_WEN:
         h = advance_prepared(h, (pulled - before) / (cable.radius * width), cable.hysteresis)
         stretch = taken_up(length - width * cable.hysteresis_length * h, 1.0, cable)
     else:
-        if cable.kind == CAPSTAN:
+        if cable.kind == Friction.CAPSTAN:
             ratio = exp(width * cable.capstan)
-            low, high = taken_up(length, ratio, cable), np.fmax(0.0, taken_up(length, 1.0 / ratio, cable))
+            low, high = taken_up(length, ratio, cable), max(0.0, taken_up(length, 1.0 / ratio, cable))
         else:
             r = width * cable.half_width
             low = taken_up(length - r, 1.0, cable)
-            high = np.fmax(taken_up(length + r, 1.0, cable), give(k * r, cable.fabric))
-        stretch = np.fmax(low, np.fmin(high, memory.node - given))
-    motor = np.fmax(0.0, k * (length - stretch))
+            high = max(taken_up(length + r, 1.0, cable), give(k * r, cable.fabric))
+        stretch = max(low, min(high, memory.node - given))
+    motor = max(0.0, k * (length - stretch))
     return SuitCableMemory(given + stretch, h), Pull(factor * motor, fabric_tension(stretch, cable.fabric))

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.control.reference import Chirp, Multisine
-from bowden.core.kernel import kernel
+from bowden.core.kernel import floor, kernel
 from bowden.core.units import DEGREES, HERTZ, RADIANS
 from bowden.models.cable.bouc_wen import BoucWen
 from bowden.models.cable.bouc_wen_sensitivity import hysteresis
@@ -90,7 +90,7 @@ def follow(command: Array, late: float, prepared: ServoStep, sub_steps: int, mot
     for k in range(len(command)):
         motor[k] = state.position
         for i in range(sub_steps):
-            place = max(0, int(np.floor(k + (i + 0.5) / sub_steps - late)))
+            place = max(0, int(floor(k + (i + 0.5) / sub_steps - late)))
             state = servo_step(state, command[place], prepared)
 
 
