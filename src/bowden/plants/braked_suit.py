@@ -60,7 +60,7 @@ def braked_advance(
     """See `bowden.plants.plant`."""
     worn, suit = plant.worn, body.worn.suit
     brake = brake_step(plant.brake, body.brake, applied, suit_motor(worn.suit, suit), True, plant.speed, worn.dt)
-    on = worn.powered > 0.0 and brake.phase != HELD
+    on = worn.powered and brake.phase != HELD
     made = plant.held if grips(brake) else worn.suit
     bends = Bends(sheath.bend, next_sheath.bend)
     return BrakedBody(

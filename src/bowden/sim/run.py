@@ -104,7 +104,7 @@ def run_loop(
         record[1, k] = sample.motor
         record[2, k] = command
         record[3, k] = plant_effort(plant, body, now)
-        columns = plant_look(plant, body)
+        columns = flat(plant_look(plant, body))
         for j in range(len(columns)):
             record[4 + j, k] = columns[j]
         numbers = flat((state.law, state.conditioned, state.source))

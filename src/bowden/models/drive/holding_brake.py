@@ -66,14 +66,13 @@ class BrakePhase(IntEnum):
     """It is told to release and still holds; the motor has its current again."""
 
 
-FREE, ENGAGING, HELD, RELEASING = (float(phase) for phase in BrakePhase)
+FREE, ENGAGING, HELD, RELEASING = BrakePhase
 
 
 class BrakeState(NamedTuple):
     """What the policy remembers."""
 
-    phase: float
-    """Number of a `BrakePhase`."""
+    phase: BrakePhase
     since: float
     """Time in that phase; while it is free, at rest [s]."""
     target: float
