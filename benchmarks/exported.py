@@ -49,22 +49,22 @@ LOOP = """
 void steps(const double *rows, long count, double *commands);
 void steps(const double *rows, long count, double *commands)
 {
-    const @NAME@_sample first = {(@NAME@_real)rows[1], (@NAME@_real)rows[2]};
-    @NAME@_state state;
+    const @NAME@_Sample first = {(@NAME@_real)rows[1], (@NAME@_real)rows[2]};
+    @NAME@_CycleState state;
     @NAME@_start(&state, &first);
     for (long k = 0; k < count; ++k, rows += 7) {
-        const @NAME@_sample sample = {(@NAME@_real)rows[1], (@NAME@_real)rows[2]};
-        const @NAME@_reference reference = {(@NAME@_real)rows[3], (@NAME@_real)rows[4], (@NAME@_real)rows[5]};
+        const @NAME@_Sample sample = {(@NAME@_real)rows[1], (@NAME@_real)rows[2]};
+        const @NAME@_Reference reference = {(@NAME@_real)rows[3], (@NAME@_real)rows[4], (@NAME@_real)rows[5]};
         commands[k] = (double)@NAME@_step(&state, &sample, &reference);
     }
 }
 void run(const double *rows, long count, double *out);
 void run(const double *rows, long count, double *out)
 {
-    @NAME@_state state = {0};
+    @NAME@_CycleState state = {0};
     for (long k = 0; k < count; ++k, rows += 7) {
-        const @NAME@_sample sample = {(@NAME@_real)rows[1], (@NAME@_real)rows[2]};
-        const @NAME@_reference reference = {(@NAME@_real)rows[3], (@NAME@_real)rows[4], (@NAME@_real)rows[5]};
+        const @NAME@_Sample sample = {(@NAME@_real)rows[1], (@NAME@_real)rows[2]};
+        const @NAME@_Reference reference = {(@NAME@_real)rows[3], (@NAME@_real)rows[4], (@NAME@_real)rows[5]};
         const @NAME@_real *field = (const @NAME@_real *)&state;
         if (rows[0] != 0.0) {
             @NAME@_start(&state, &sample);

@@ -4,7 +4,7 @@ import math
 from collections.abc import Sequence
 
 from bowden.export import cortex
-from bowden.export.module import Module
+from bowden.export.unit import Module
 from bowden.rig.counts import Counts
 from bowden.safety.faults import Fault
 
@@ -139,8 +139,8 @@ angles must rise together, from zero where the cable is just taut. With a wrong 
 
 _LOOP = """void timer_interrupt(void)
 {
-    const @NAME@_sample sample = {read_joint_angle(), read_motor_angle()};
-    const @NAME@_reference reference = next_reference();
+    const @NAME@_Sample sample = {read_joint_angle(), read_motor_angle()};
+    const @NAME@_Reference reference = next_reference();
 
     if (!running) {
         @NAME@_start(&law, &sample);
@@ -152,8 +152,8 @@ _LOOP = """void timer_interrupt(void)
 
 _LOOP_WITH_GATE = """void timer_interrupt(void)
 {
-    const @NAME@_sample sample = {read_joint_angle(), read_motor_angle()};
-    const @NAME@_reference reference = next_reference();
+    const @NAME@_Sample sample = {read_joint_angle(), read_motor_angle()};
+    const @NAME@_Reference reference = next_reference();
     const safety_observed observed = observe(); /* reading, ages, lateness, the operator's request */
     const int moves = gate.decided.mode == SAFETY_MODE_RUNNING || gate.decided.mode == SAFETY_MODE_BRIDGING;
     safety_verdict verdict;

@@ -3,7 +3,7 @@
 from bowden.control.law import Law
 from bowden.export.law import prefix, state_of
 from bowden.export.layout import leaves
-from bowden.export.module import template
+from bowden.export.unit import template
 
 COLUMNS = ("joint_seen", "motor_seen", "reference", "reference_velocity", "reference_acceleration", "wish", "source")
 """Columns of a recording, named as in the log of a live run: ``bowden log export run.mcap --to csv`` gives one."""

@@ -35,10 +35,10 @@ static const char *const NAMES[COLUMNS][3] = {
 
 static char line[LONGEST_LINE];
 
-static double cycle(@NAME@_state *state, int anew, const double *in)
+static double cycle(@NAME@_CycleState *state, int anew, const double *in)
 {
-    const @NAME@_sample sample = {(@NAME@_real)in[0], (@NAME@_real)in[1]};
-    const @NAME@_reference reference = {(@NAME@_real)in[2], (@NAME@_real)in[3], (@NAME@_real)in[4]};
+    const @NAME@_Sample sample = {(@NAME@_real)in[0], (@NAME@_real)in[1]};
+    const @NAME@_Reference reference = {(@NAME@_real)in[2], (@NAME@_real)in[3], (@NAME@_real)in[4]};
 
     if (anew) {
         @NAME@_start(state, &sample);
@@ -46,7 +46,7 @@ static double cycle(@NAME@_state *state, int anew, const double *in)
     return (double)@NAME@_step(state, &sample, &reference);
 }
 
-static size_t gather(double *values, double command, const @NAME@_state *state)
+static size_t gather(double *values, double command, const @NAME@_CycleState *state)
 {
     const double all[] = {
         @VALUES@
@@ -66,7 +66,7 @@ static int binary(const char *from, const char *to)
     FILE *in = fopen(from, "rb");
     FILE *out = fopen(to, "wb");
     double row[6], values[MOST_COLUMNS];
-    @NAME@_state state;
+    @NAME@_CycleState state;
     int failed = in == NULL || out == NULL;
 
     while (!failed && fread(row, sizeof row[0], 6, in) == 6) {
@@ -126,7 +126,7 @@ static int table(FILE *in, int print)
     int at[COLUMNS], count;
     long cycles = 0, differ = 0;
     double furthest = 0.0, values[MOST_COLUMNS];
-    @NAME@_state state;
+    @NAME@_CycleState state;
 
     do {
         if (fgets(line, sizeof line, in) == NULL) {

@@ -1,0 +1,421 @@
+"""One header and one source file of C from kernels."""
+
+import textwrap
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from enum import IntEnum
+from pathlib import Path
+from typing import Any
+
+from bowden.core.errors import ParameterError
+from bowden.core.kernel_content import Parts, reaching
+from bowden.core.primitives import _tanh, half_to, tanh
+from bowden.core.quantity import meanings
+from bowden.export.function import ATOM, UNARY, Expression, Function
+from bowden.export.kinds import Kind, Row, Several, Struct, Style, comment, identifier, is_number, kind_of
+from bowden.export.source import origin
+
+LONGEST = 112
+"""Of a line of C, where it can be broken."""
+
+_HELPERS = {
+    "min": "static inline {real} min(const {real} a, const {real} b)\n{{\n    return b < a ? b : a;\n}}",
+    "max": "static inline {real} max(const {real} a, const {real} b)\n{{\n    return b > a ? b : a;\n}}",
+    "min_int": "static inline int min_int(const int a, const int b)\n{{\n    return b < a ? b : a;\n}}",
+    "max_int": "static inline int max_int(const int a, const int b)\n{{\n    return b > a ? b : a;\n}}",
+    "fmin_": "static inline {real} fmin_(const {real} a, const {real} b)\n{{\n    return a == a ? (b < a ? b : a) : b;\n}}",
+    "fmax_": "static inline {real} fmax_(const {real} a, const {real} b)\n{{\n    return a == a ? (b > a ? b : a) : b;\n}}",
+    "np_sign": "static inline {real} np_sign(const {real} a)\n{{\n    return a > 0 ? 1 : a < 0 ? -1 : a == 0 ? 0 : a;\n}}",
+    "half_to": "/* 2^-k of a whole k: the last bits of 1.5*2^52 + 1023 - k, in the exponent's place */\n"
+    "static inline double half_to(const double k)\n{{\n    union {{\n        double number;\n        unsigned long long bits;\n"
+    "    }} s;\n\n    s.number = 6755399441055744.0 + 1023.0 - k;\n    s.bits <<= 52;\n    return s.number;\n}}",
+}
+"""Python's `min` and `max`, by its rule; the others have no kernel."""
+
+
+@dataclass(frozen=True)
+class Argument:
+    """What a kernel is handed."""
+
+    name: str
+    example: Any
+    """A value of the same structure; of a constant, its value."""
+    constant: bool = False
+    """Whether it is written into the code."""
+    said: str = ""
+    """What a constant is."""
+
+
+@dataclass(frozen=True)
+class Public:
+    """A kernel that other files of C call, as ``PREFIX_name``."""
+
+    name: str
+    kernel: Callable[..., Any]
+    arguments: tuple[Argument, ...]
+    """In the kernel's order; the one called ``state`` is what the function reads and writes."""
+    results: tuple[str, ...]
+    """In the kernel's order: ``state``, ``return`` for what the function returns, other names for pointers to it."""
+    summary: str
+
+
+@dataclass(frozen=True)
+class Module:
+    """What belongs in one pair of files."""
+
+    prefix: str
+    """Of every name that others see, and the files' own."""
+    title: str
+    functions: Sequence[Public]
+    parts: Parts = ()
+    """What stands for the stand-ins that the kernels reach."""
+    units: dict[str, str] = field(default_factory=dict)
+    """Field → unit, where its class does not say."""
+    enums: Sequence[type[IntEnum]] = ()
+    """Whose members a caller needs."""
+    numbers: dict[str, tuple[float, str]] = field(default_factory=dict)
+    """Name → another number that a caller needs, and what it means."""
+    begins: tuple[str, Any, Any, str] | None = None
+    """Name, state, and what the function is: a function that sets a state which was worked out here, whose fields with
+    the value of the second are those of its one argument."""
+
+
+class Unit:
+    """What is written of one pair of files so far.
+
+    Args:
+        style: of its numbers and names.
+        module: what is to be in it.
+    """
+
+    def __init__(self, style: Style, module: Module) -> None:
+        self.style, self.parts, self.units = style, module.parts, module.units
+        self.public = {f"{style.prefix}_{one.name}" for one in module.functions}
+        self.types: dict[str, str] = {}
+        self.constants: dict[str, str] = {}
+        self.helpers: dict[str, str] = {}
+        self.functions: dict[str, str] = {}
+        self._kinds: dict[Kind, str] = {}
+        self._origins: dict[tuple[str, str], str] = {}
+        self._made: dict[Any, tuple[str, Kind]] = {}
+        self._begun: list[Any] = []
+
+    # ---- types and numbers ----
+
+    def type(self, kind: Kind) -> str:
+        """The type of a kind; it is defined if it is new."""
+        known = {float: self.style.real, int: "int", bool: "bool"}.get(kind) if is_number(kind) else None
+        known = known or self._kinds.get(kind)
+        if known:
+            return known
+        if isinstance(kind, Row):
+            inner = self.type(kind.of)
+            stem = "row" if kind.of is float else f"{inner.removeprefix(self.style.prefix + '_')}_row"
+            name, text = f"{self.style.prefix}_{stem}{kind.length}", f"    {inner} at[{kind.length}];"
+        elif isinstance(kind, Struct | Several):
+            made = kind.made.__name__ if isinstance(kind, Struct) else f"{kind.function}_result"
+            own = made if isinstance(kind, Several) else f"{self.style.prefix}_{identifier(made)}"
+            name = own
+            while name in self.types:
+                name = f"{name}_"
+            said = meanings(kind.made) if isinstance(kind, Struct) else {}
+            text = "\n".join(self._field(field, inner, said) for field, inner in kind.fields)
+        else:
+            name = f"{self.style.prefix}_{kind.__name__}"
+            names = [(self.member_name(one), one) for one in kind]
+            text = ",\n".join(f"    {called} = {one.value}" for called, one in names)
+            said_of = {called: getattr(one, "meaning", "") for called, one in names}
+            text = "\n".join(
+                f"{line}{comment(said_of[line.split()[0]])}" for line in text.split("\n")
+            )
+            self.types[name] = f"typedef enum {{\n{text}\n}} {name};"
+            self._kinds[kind] = name
+            return name
+        self.types[name] = f"typedef struct {{\n{text}\n}} {name};"
+        self._kinds[kind] = name
+        return name
+
+    def _field(self, field: str, kind: Kind, said: Any) -> str:
+        unit = self.units.get(field, "")
+        text = said.get(field, "")
+        text = text if "[" in text or not unit else f"{text} [{'–' if unit == '1' else unit}]".strip()
+        return f"    {self.type(kind)} {identifier(field)};{comment(text)}"
+
+    def member_name(self, member: IntEnum) -> str:
+        """The name of a member of an enum."""
+        kind = identifier(type(member).__name__)
+        snake = "".join(f"_{c}" if c.isupper() and k and not kind[k - 1].isupper() else c for k, c in enumerate(kind))
+        return f"{self.style.prefix}_{snake}_{member.name}".upper()
+
+    def member(self, member: IntEnum) -> Expression:
+        """A member of an enum."""
+        self.type(type(member))
+        return Expression(self.member_name(member), type(member))
+
+    def number(self, value: Any) -> Expression:
+        """A number as it stands."""
+        kind = kind_of(value)
+        text = self.braces(value, kind)
+        return Expression(text, kind, UNARY if text.startswith("-") else ATOM)
+
+    def braces(self, value: Any, kind: Kind) -> str:
+        """A value, as it initialises a constant."""
+        if isinstance(kind, Row):
+            if all(inner == 0.0 for inner in value):
+                return "{{0}}"
+            return "{{" + ", ".join(self.braces(inner, kind.of) for inner in value) + "}}"
+        if isinstance(kind, Struct):
+            rows = zip(kind.fields, value, strict=True)
+            return "{" + ", ".join(f".{identifier(name)} = {self.braces(one, inner)}" for (name, inner), one in rows) + "}"
+        if kind is float:
+            return self.style.number(float(value))
+        if kind is bool:
+            return "true" if value else "false"
+        return self.member(value).text if isinstance(value, IntEnum) and kind is not int else str(int(value))
+
+    def literal(self, value: Any, kind: Kind) -> str:
+        """A value, as it stands in an expression."""
+        text = self.braces(value, kind)
+        return text if is_number(kind) else f"({self.type(kind)}){text}"
+
+    def constant(self, module: str, name: str, value: Any) -> Expression:
+        """A constant of a module, by its name there."""
+        where, said = origin(module, name)
+        kind = kind_of(value)
+        if (where, name) not in self._origins:
+            called = identifier(name)
+            if called in self.constants:
+                called = f"{where.rpartition('.')[2]}_{called}".upper()
+            self._origins[where, name] = called
+            self.constants[called] = self._constant(called, value, kind, said)
+        return Expression(self._origins[where, name], kind, place=True)
+
+    def _constant(self, called: str, value: Any, kind: Kind, said: str) -> str:
+        if not isinstance(kind, Struct) or len(kind.fields) > 24:
+            line = f"static const {self.type(kind)} {called} = {self.braces(value, kind)};"
+            above = [f"/* {row}" if k == 0 else f" * {row}" for k, row in enumerate(textwrap.wrap(comment(said)[4:-3], 108))]
+            return f"{line}{comment(said)}" if len(line) + len(said) < LONGEST else "\n".join([*above[:-1], f"{above[-1]} */", line] if above else [line])
+        meant = meanings(kind.made)
+        rows = [
+            f"    .{identifier(name)} = {self.braces(one, inner)},{comment(meant.get(name, ''))}"
+            for (name, inner), one in zip(kind.fields, value, strict=True)
+        ]
+        head = f"/* {said} */\n" if said else ""
+        return head + "\n".join([f"static const {self.type(kind)} {called} = {{", *rows, "};"])
+
+    # ---- functions ----
+
+    def helper(self, name: str) -> str:
+        """A function that has no kernel."""
+        name = name if name in _HELPERS else f"{name}_"
+        self.helpers.setdefault(name, _HELPERS[name].format(real=self.style.real))
+        return name
+
+    def shifted(self, kind: Row) -> str:
+        """The function that moves a row on by one place."""
+        type_ = self.type(kind)
+        name = f"{type_.removeprefix(self.style.prefix + '_')}_shifted"
+        self.helpers[name] = (
+            f"/* the newest first, and what was there one place on */\n"
+            f"static inline {type_} {name}(const {self.type(kind.of)} newest, const {type_} *past)\n{{\n    {type_} moved;\n\n"
+            f"    moved.at[0] = newest;\n    for (int i = 1; i < {kind.length}; ++i) {{\n"
+            f"        moved.at[i] = past->at[i - 1];\n    }}\n    return moved;\n}}"
+        )
+        return name
+
+    def call(self, function: Any, kinds: tuple[Kind, ...], caller: Function | None = None) -> tuple[str, Kind]:
+        """The name of a kernel for arguments of these kinds, and the kind of its result; it is written if it is new."""
+        if function is half_to:
+            return self.helper("half_to"), float
+        if function is tanh:
+            if self.style.single:
+                return "tanhf", float
+            function = _tanh
+        parts = reaching(function, self.parts)
+        key = function, kinds, parts
+        if key in self._begun:
+            raise ParameterError(
+                f"{function.__code__.co_filename}, line {function.__code__.co_firstlineno}: {function.__name__} calls itself",
+                do="write it as a loop over a fixed range: for i in range(n)",
+            )
+        if key not in self._made:
+            name = identifier(function.__name__)
+            if name in self.functions or name in self.helpers:
+                name = f"{function.__module__.rpartition('.')[2]}_{name}"
+            while name in self.functions or name in self.public:
+                name = f"{name}_"
+            self.functions[name] = ""  # so that no other has it
+            self._begun.append(key)
+            made = Function(self, function, kinds, name, parts)
+            text = made.written()
+            self._begun.pop()
+            del self.functions[name]
+            self.functions[name] = text
+            self._made[key] = name, made.result
+        return self._made[key]
+
+
+def files(module: Module, style: Style, preamble: str) -> dict[str, str]:
+    """Name → text of both files.
+
+    Raises:
+        ParameterError: a kernel leaves the subset; the message names the line.
+    """
+    unit = Unit(style, module)
+    for enum in module.enums:
+        unit.type(enum)
+    prototypes, bodies = zip(*(_public(unit, module, one) for one in module.functions), strict=True)
+    if module.begins:
+        prototype, body = _begins(unit, module)
+        prototypes, bodies = (prototype, *prototypes), (body, *bodies)
+    seen = _seen(unit, module)
+    head = f"/* {module.title}\n *\n * {preamble}\n */"
+    guard = f"{module.prefix.upper()}_H"
+    numbers = [
+        f"#define {identifier(f'{module.prefix}_{name}').upper()} {style.number(value)}{comment(said)}"
+        for name, (value, said) in module.numbers.items()
+    ]
+    header = [
+        head,
+        f"#ifndef {guard}\n#define {guard}",
+        "#ifndef __cplusplus\n#include <stdbool.h>\n#endif",
+        f"typedef {style.real} {module.prefix}_real;",
+        "\n".join(numbers),
+        *(text for name, text in unit.types.items() if name in seen),
+        '#ifdef __cplusplus\nextern "C" {\n#endif',
+        *prototypes,
+        "#ifdef __cplusplus\n}\n#endif",
+        "#endif",
+    ]
+    source = [
+        head,
+        f'#include <math.h>\n\n#include "{module.prefix}.h"',
+        *(text for name, text in unit.types.items() if name not in seen),
+        "\n\n".join(unit.constants.values()),
+        *unit.helpers.values(),
+        *unit.functions.values(),
+        *bodies,
+    ]
+    return {
+        f"{module.prefix}.h": _page(header),
+        f"{module.prefix}.c": _page(source),
+    }
+
+
+def _page(parts: Sequence[str]) -> str:
+    text = "\n\n".join(part.strip() for part in parts if part.strip())
+    return "\n".join(row for line in text.split("\n") for row in broken(line)) + "\n"
+
+
+def _seen(unit: Unit, module: Module) -> set[str]:
+    """The types that the header needs."""
+    todo = [kind_of(one.example) for public in module.functions for one in public.arguments if not one.constant]
+    todo += [kind for public in module.functions for kind in results_of(unit, public)[1]]
+    todo += [*module.enums]
+    found: set[str] = set()
+    while todo:
+        kind = todo.pop()
+        if kind in (float, int, bool):
+            continue
+        found.add(unit.type(kind))
+        if isinstance(kind, Row):
+            todo.append(kind.of)
+        elif isinstance(kind, Struct):
+            todo += [inner for _, inner in kind.fields]
+    return found
+
+
+def results_of(unit: Unit, one: Public) -> tuple[str, list[Kind], Kind]:
+    """The kernel's name, and the kinds of its results, apart and as a whole."""
+    kinds = []
+    for argument in one.arguments:
+        kind = kind_of(argument.example)
+        if kind is None:
+            raise ParameterError(
+                f"{argument.name} of {one.name} is {argument.example!r}",
+                expected="numbers, and NamedTuples of numbers",
+                do="take texts and arrays out of it",
+            )
+        kinds.append(kind)
+    name, result = unit.call(one.kernel, tuple(kinds))
+    if len(one.results) > 1:
+        assert isinstance(result, Several)
+        return name, [kind for _, kind in result.fields], result
+    return name, [result], result
+
+
+def _public(unit: Unit, module: Module, one: Public) -> tuple[str, str]:
+    """Prototype and text of a function that others call."""
+    name, kinds, result = results_of(unit, one)
+    texts, inputs, outputs, returned = [], [], [], "void"
+    for argument in one.arguments:
+        kind, called = kind_of(argument.example), identifier(argument.name)
+        if argument.constant:
+            if called not in unit.constants:
+                unit.constants[called] = unit._constant(called, argument.example, kind, argument.said)
+            texts.append(called if is_number(kind) else f"&{called}")
+            continue
+        texts.append(called)
+        if argument.name != "state":
+            inputs.append(f"const {unit.type(kind)} {'' if is_number(kind) else '*'}{called}")
+    for called, kind in zip(one.results, kinds, strict=True):
+        if called == "return":
+            returned = unit.type(kind)
+        else:
+            (outputs if called != "state" else inputs).insert(0 if called == "state" else len(outputs), f"{unit.type(kind)} *{called}")
+    signature = f"{returned} {module.prefix}_{one.name}({', '.join(inputs + outputs) or 'void'})"
+    call = f"{name}({', '.join(texts)})"
+    if not isinstance(result, Several):
+        lines = [f"    return {call};" if one.results == ("return",) else f"    *{one.results[0]} = {call};"]
+    else:
+        lines = [f"    const {unit.type(result)} result = {call};", ""]
+        rows = list(zip(one.results, result.fields, strict=True))
+        lines += [f"    *{called} = result.{field};" for called, (field, _) in rows if called != "return"]
+        lines += [f"    return result.{field};" for called, (field, _) in rows if called == "return"]
+    prototype = f"/* {one.summary} */\n{signature};"
+    return prototype, "\n".join([f"/* {one.summary} */", signature, "{", *lines, "}"])
+
+
+def _begins(unit: Unit, module: Module) -> tuple[str, str]:
+    """Prototype and text of a function that sets a state that was worked out here."""
+    from bowden.core.nested import leaves
+
+    assert module.begins
+    name, state, marker, summary = module.begins
+    kind = kind_of(state)
+    unit.constants["BEGIN"] = unit._constant("BEGIN", state, kind, "a state before the first sample")
+    ways = [".".join(map(str, path)) for path, value in leaves(state) if value == marker]
+    signature = f"void {module.prefix}_{name}({unit.type(kind)} *state, const {unit.style.real} first)"
+    lines = ["    *state = BEGIN;", *(f"    state->{way} = first;" for way in ways)]
+    lines += [] if ways else ["    (void)first;"]
+    return f"/* {summary} */\n{signature};", "\n".join([f"/* {summary} */", signature, "{", *lines, "}"])
+
+
+def broken(line: str) -> list[str]:
+    """A line of C as several, where it is too long and has brackets with commas in them."""
+    if len(line) <= LONGEST or line.lstrip().startswith(("/*", "*", "#")):
+        return [line]
+    opened: list[tuple[int, list[int]]] = []
+    groups = []
+    for k, c in enumerate(line):
+        if c in "({[":
+            opened.append((k, []))
+        elif c in ")}]" and opened:
+            begin, commas = opened.pop()
+            if commas and len(line) - k < 4:
+                groups.append((k - begin, begin, k, commas))
+        elif c == "," and opened:
+            opened[-1][1].append(k)
+    pad = line[: len(line) - len(line.lstrip())]
+    if not groups:
+        return textwrap.wrap(line, LONGEST, subsequent_indent=f"{pad}    ", break_long_words=False, break_on_hyphens=False)
+    _, begin, end, commas = max(groups)
+    cuts = [begin, *commas, end]
+    items = [line[a + 1 : b].strip() for a, b in zip(cuts, cuts[1:], strict=False)]
+    rows = [f"{pad}    {item}{',' if k + 1 < len(items) else ''}" for k, item in enumerate(items)]
+    return [*broken(line[: begin + 1]), *(row for one in rows for row in broken(one)), f"{pad}{line[end:]}"]
+
+
+def template(name: str) -> str:
+    """A file of C that stands beside this one; what is to be filled in stands between @."""
+    return (Path(__file__).parent / "templates" / name).read_text(encoding="utf-8")
