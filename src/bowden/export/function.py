@@ -71,6 +71,8 @@ class Expression:
     """Whether it stands in memory, so that it has an address."""
     pointer: bool = False
     """Whether the text is a pointer to it."""
+    fixed: bool = False
+    """Whether what stands there stays as it is."""
 
     @property
     def value(self) -> str:
@@ -82,9 +84,10 @@ class Expression:
         own = UNARY if self.pointer else self.level
         return self.value if own >= level else f"({self.value})"
 
-    def field(self, name: str) -> str:
-        """A field of it."""
-        return f"{self.text}->{name}" if self.pointer else f"{self.within(ATOM)}.{name}"
+    def field(self, name: str, kind: Kind) -> "Expression":
+        """A part of it."""
+        text = f"{self.text}->{name}" if self.pointer else f"{self.within(ATOM)}.{name}"
+        return Expression(text, kind, place=True, fixed=self.fixed or not self.place)
 
 
 @dataclass(frozen=True)
@@ -120,6 +123,8 @@ class Function:
         self.result: Kind = None
         self.locals: dict[str, Local] = {}
         self.declared: set[str] = set()
+        self.pointers: set[str] = set()
+        """Locals that are another name of what stands elsewhere."""
         self._commented = 0
         self._blocks: dict[int, int] = {}
         self._look(self.source.body)
@@ -290,9 +295,9 @@ class Function:
         if not whole.place:
             both = "_".join(identifier(one.id) for one in names)
             lines.append(f"{pad}const {self.unit.type(kind)} {both} = {whole.value};")
-            whole = Expression(both, kind, place=True)
+            whole = Expression(both, kind, place=True, fixed=True)
         for one, (field, inner) in zip(names, fields, strict=True):
-            self._set(one, Expression(whole.field(identifier(field)), inner, place=True), pad, number, lines)
+            self._set(one, whole.field(identifier(field), inner), pad, number, lines)
 
     def _set(self, target: ast.Name, value: Expression, pad: str, number: int, lines: list[str]) -> None:
         name = target.id
@@ -308,6 +313,11 @@ class Function:
         text, type_ = value.value, self.unit.type(self.kinds[name])
         if name not in self.declared and name not in self.parameters and local.block == number:
             text = text.removeprefix(f"({type_})") if text.startswith(f"({type_}){{") else text
+            if local.assigned == 1 and value.fixed and not is_number(value.kind):
+                lines.append(f"{pad}const {type_} *{identifier(name)} = {self._address(value)};")
+                self.declared.add(name)
+                self.pointers.add(name)
+                return
             lines.append(f"{pad}{'const ' if local.assigned == 1 else ''}{type_} {identifier(name)} = {text};")
             self.declared.add(name)
         elif name in self.parameters and not is_number(known):
@@ -389,9 +399,9 @@ class Function:
     def _on_name(self, node: ast.Name) -> Expression:
         name = node.id
         if name in self.kinds:
-            kind = self.kinds[name]
-            by_pointer = name in self.parameters and not is_number(kind)
-            return Expression(identifier(name), kind, place=True, pointer=by_pointer)
+            kind, local = self.kinds[name], self.locals.get(name)
+            by_pointer = (name in self.parameters and not is_number(kind)) or name in self.pointers
+            return Expression(identifier(name), kind, place=True, pointer=by_pointer, fixed=local is None or local.assigned == 1)
         if name in self.locals:
             raise self.source.refused(node, f"{name}, which is read before it is set,", "set it first")
         return self._global(node, self._looked_up(node))
@@ -445,7 +455,7 @@ class Function:
         kinds = dict(whole.kind.fields) if isinstance(whole.kind, Struct) else {}
         if node.attr not in kinds:
             raise self.source.refused(node, ast.unparse(node), "name a field of a NamedTuple", ", ".join(kinds))
-        return Expression(whole.field(identifier(node.attr)), kinds[node.attr], place=True)
+        return whole.field(identifier(node.attr), kinds[node.attr])
 
     def _on_subscript(self, node: ast.Subscript) -> Expression:
         whole, at = self._expression(node.value), self._expression(node.slice)
@@ -453,9 +463,9 @@ class Function:
         if at.kind is not int or not (isinstance(whole.kind, Row) or len({kind for _, kind in fields}) == 1):
             raise self.source.refused(node, ast.unparse(node), "take one number of a tuple of numbers, by a whole number")
         if isinstance(whole.kind, Row):
-            return Expression(f"{whole.field('at')}[{at.text}]", whole.kind.of, place=True)
+            return Expression(f"{whole.field('at', None).text}[{at.text}]", whole.kind.of, place=True, fixed=whole.fixed)
         kind = fields[0][1]
-        first = f"&{whole.field(identifier(fields[0][0]))}" if whole.place else ""
+        first = f"&{whole.field(identifier(fields[0][0]), kind).text}" if whole.place else ""
         if not first:
             raise self.source.refused(node, ast.unparse(node), "give the tuple a name first")
         return Expression(f"({first})[{at.text}]", kind, place=True)
@@ -637,10 +647,9 @@ class Function:
             if not isinstance(one, ast.Starred):
                 found.append(whole)
             elif isinstance(whole.kind, Row):
-                texts = [f"{whole.field('at')}[{k}]" for k in range(whole.kind.length)]
-                found += [Expression(text, whole.kind.of, place=True) for text in texts]
+                found += [whole.field(f"at[{k}]", whole.kind.of) for k in range(whole.kind.length)]
             elif isinstance(whole.kind, Struct):
-                found += [Expression(whole.field(identifier(name)), kind, place=True) for name, kind in whole.kind.fields]
+                found += [whole.field(identifier(name), kind) for name, kind in whole.kind.fields]
             else:
                 raise self.source.refused(node, "a star in a call", "name the values one by one")
         return found

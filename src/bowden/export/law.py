@@ -9,6 +9,7 @@ from bowden.core.kernel import kernel
 from bowden.core.signals import Reference, Sample
 from bowden.export.kinds import identifier
 from bowden.export.unit import Argument, Module, Public
+from bowden.models.minimum_jerk import minimum_jerk, minimum_jerk_from
 from bowden.rig import counts
 
 
@@ -65,10 +66,22 @@ def law_module(law: Law, sample_time: float, encoders: counts.Counts | None = No
                 ("state", "return"),
                 f"One cycle, to be called every {sample_time:g} s: the motor's target angle [rad].",
             ),
+            *_motions(),
             *(() if encoders is None else _conversions(encoders)),
         ),
         parts=(("law_start", law.start_kernel), ("law_step", law.step_kernel)),
         units=dict(law.state_units),
+    )
+
+
+def _motions() -> tuple[Public, ...]:
+    """``NAME_minimum_jerk``, from rest, and ``NAME_minimum_jerk_from`` a motion."""
+    ends = Argument("end", 0.0), Argument("duration", 1.0), Argument("time", 0.0)
+    said = "to rest at an end [rad]: the reference at a time since it began [s], of a duration [s]"
+    start, begin = Argument("start", 0.0), Argument("begin", Reference(0.0, 0.0, 0.0))
+    return (
+        Public("minimum_jerk", minimum_jerk, (start, *ends), ("return",), f"The motion of minimum jerk from rest {said}."),
+        Public("minimum_jerk_from", minimum_jerk_from, (begin, *ends), ("return",), f"The same from a motion {said}."),
     )
 
 

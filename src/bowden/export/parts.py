@@ -1,14 +1,13 @@
-"""What stands round a law on the chip: a reference and the EMG detector before it, the safety gate behind it."""
+"""What stands round a law on the chip: the EMG detector before it, the safety gate behind it."""
 
 from typing import Any
 
 from bowden.core.errors import ParameterError
-from bowden.core.signals import EMERGENCY_STOP, DriveReading, DriveState, Reference
+from bowden.core.signals import EMERGENCY_STOP, DriveReading, DriveState
 from bowden.export.kinds import identifier
 from bowden.export.unit import Argument, Module, Public
 from bowden.hardware.ports import Power
 from bowden.models.drive.thermal import cold
-from bowden.models.minimum_jerk import minimum_jerk, minimum_jerk_from
 from bowden.safety.faults import Fault
 from bowden.safety.limits import Limits
 from bowden.safety.supervisor import Mode, Observed, Request, begin, supervise
@@ -18,31 +17,6 @@ from bowden.sensing.envelope import envelope_start, envelope_step, prepare_envel
 
 _FIRST = 0.7072067811865476
 """Stands for a first sample, to find out what becomes of it: a number that nothing else has."""
-
-
-def motion_module() -> Module:
-    """References: the motion of minimum jerk, from rest and from a motion."""
-    times = Argument("end", 0.0), Argument("duration", 1.0), Argument("time", 0.0)
-    return Module(
-        "motion",
-        "Motions of minimum jerk, as references for a law.",
-        (
-            Public(
-                "minimum_jerk",
-                minimum_jerk,
-                (Argument("start", 0.0), *times),
-                ("return",),
-                "From rest to rest, duration [s] long, at a time since its start [s].",
-            ),
-            Public(
-                "minimum_jerk_from",
-                minimum_jerk_from,
-                (Argument("begin", Reference(0.0, 0.0, 0.0)), *times),
-                ("return",),
-                "From a reference that may move to rest, duration [s] long, at a time since its start [s].",
-            ),
-        ),
-    )
 
 
 def emg_modules(rate: float, kind: Detector = DEFAULT) -> tuple[Module, Module]:
