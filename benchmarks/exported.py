@@ -26,10 +26,10 @@ from bowden.core.kernel import kernel, specialise
 from bowden.core.nested import flat, rebuilt
 from bowden.core.signals import Reference, Sample
 from bowden.export import cortex
-from bowden.export.code import Style
+from bowden.export.kinds import Style
 from bowden.export.law import law_module, state_of
-from bowden.export.module import files, written
 from bowden.export.readme import FLAGS
+from bowden.export.unit import files
 from bowden.rig.presets import bench as paper
 from bowden.sim.run import inputs_of, simulate
 from bowden.sim.scenario import constant_bend

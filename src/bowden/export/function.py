@@ -34,14 +34,19 @@ from bowden.export.source import Source
 if TYPE_CHECKING:
     from bowden.export.unit import Unit
 
-CHOICE, OR, AND, EQUAL, LESS, SUM, PRODUCT, UNARY, ATOM = range(9)
-"""How strongly an operator of C binds."""
+CHOICE, OR, AND, BITS, EQUAL, LESS, SUM, PRODUCT, UNARY, ATOM = range(10)
+"""How strongly an operator of C binds; those of bits stand in brackets beside one another."""
 
 _OPERATORS: dict[type[ast.AST], tuple[str, int]] = {
     ast.Add: ("+", SUM),
     ast.Sub: ("-", SUM),
     ast.Mult: ("*", PRODUCT),
     ast.Div: ("/", PRODUCT),
+    ast.BitAnd: ("&", BITS),
+    ast.BitOr: ("|", BITS),
+    ast.BitXor: ("^", BITS),
+    ast.LShift: ("<<", BITS),
+    ast.RShift: (">>", BITS),
     ast.Eq: ("==", EQUAL),
     ast.NotEq: ("!=", EQUAL),
     ast.Lt: ("<", LESS),
@@ -452,6 +457,8 @@ class Function:
             if not is_named(owner):
                 return self._global(node, self._looked_up(node))
         whole = self._expression(node.value)
+        if node.attr == "value" and isinstance(whole.kind, type) and issubclass(whole.kind, IntEnum):
+            return Expression(f"(int64_t){whole.within(UNARY)}", int, UNARY)
         kinds = dict(whole.kind.fields) if isinstance(whole.kind, Struct) else {}
         if node.attr not in kinds:
             raise self.source.refused(node, ast.unparse(node), "name a field of a NamedTuple", ", ".join(kinds))
@@ -482,6 +489,8 @@ class Function:
             return Expression(f"-({text})" if text.startswith("-") else f"-{text}", kind, UNARY)
         if isinstance(node.op, ast.UAdd):
             return inner
+        if isinstance(node.op, ast.Invert) and inner.kind is int:
+            return Expression(f"~{inner.within(UNARY)}", int, UNARY)
         raise self.source.outside(node)
 
     def _operand(self, one: Expression, level: int) -> str:
@@ -500,11 +509,20 @@ class Function:
             if not is_number(one.kind):
                 raise self.source.refused(node, f"{ast.unparse(node)[:40]} of {said(one.kind)}", "compute with numbers")
         sign, level = _OPERATORS[type(node.op)]
+        if level == BITS:
+            return self._on_bits(node, left, right)
         kind = float if float in (left.kind, right.kind) or sign == "/" else int
         first = self._operand(left, level)
         if sign == "/" and float not in (left.kind, right.kind):
             first = f"({self.unit.style.real}){self._operand(left, UNARY)}"
         return Expression(f"{first} {sign} {self._operand(right, level + 1)}", kind, level)
+
+    def _on_bits(self, node: ast.BinOp, left: Expression, right: Expression) -> Expression:
+        if float in (left.kind, right.kind):
+            raise self.source.refused(node, f"{ast.unparse(node)[:40]} of float", "use whole numbers for sets of bits")
+        sign, _ = _OPERATORS[type(node.op)]
+        first = f"(int64_t){left.within(UNARY)}" if left.kind is not int or sign == "<<" else left.within(SUM)
+        return Expression(f"{first} {sign} {self._operand(right, SUM)}", int, BITS)
 
     def _shifted(self, node: ast.BinOp) -> Expression | None:
         """``(newest,) + past[:-1]``, a row that moves on by one place."""
@@ -612,7 +630,7 @@ class Function:
             return Expression(self._truth(node.args[0]), bool, EQUAL)
         if called is int and one.kind is float:
             raise self.source.refused(node, "int() of a float", "use floor of bowden.core.kernel, which gives a float")
-        type_ = "int" if called is int else self.unit.style.real
+        type_ = self.unit.type(called)
         return one if one.kind is called else Expression(f"({type_}){one.within(UNARY)}", called, UNARY)
 
     def _extreme(self, name: str, given: list[Expression]) -> Expression:

@@ -21,8 +21,8 @@ LONGEST = 112
 _HELPERS = {
     "min": "static inline {real} min(const {real} a, const {real} b)\n{{\n    return b < a ? b : a;\n}}",
     "max": "static inline {real} max(const {real} a, const {real} b)\n{{\n    return b > a ? b : a;\n}}",
-    "min_int": "static inline int min_int(const int a, const int b)\n{{\n    return b < a ? b : a;\n}}",
-    "max_int": "static inline int max_int(const int a, const int b)\n{{\n    return b > a ? b : a;\n}}",
+    "min_int": "static inline int64_t min_int(const int64_t a, const int64_t b)\n{{\n    return b < a ? b : a;\n}}",
+    "max_int": "static inline int64_t max_int(const int64_t a, const int64_t b)\n{{\n    return b > a ? b : a;\n}}",
     "fmin_": "static inline {real} fmin_(const {real} a, const {real} b)\n{{\n    return a == a ? (b < a ? b : a) : b;\n}}",
     "fmax_": "static inline {real} fmax_(const {real} a, const {real} b)\n{{\n    return a == a ? (b > a ? b : a) : b;\n}}",
     "np_sign": "static inline {real} np_sign(const {real} a)\n{{\n    return a > 0 ? 1 : a < 0 ? -1 : a == 0 ? 0 : a;\n}}",
@@ -104,13 +104,13 @@ class Unit:
 
     def type(self, kind: Kind) -> str:
         """The type of a kind; it is defined if it is new."""
-        known = {float: self.style.real, int: "int", bool: "bool"}.get(kind) if is_number(kind) else None
+        known = {float: self.style.real, int: "int64_t", bool: "bool"}.get(kind) if is_number(kind) else None
         known = known or self._kinds.get(kind)
         if known:
             return known
         if isinstance(kind, Row):
             inner = self.type(kind.of)
-            stem = "row" if kind.of is float else f"{inner.removeprefix(self.style.prefix + '_')}_row"
+            stem = "row" if kind.of is float else f"{inner.removeprefix(self.style.prefix + '_').removesuffix('_t')}_row"
             name, text = f"{self.style.prefix}_{stem}{kind.length}", f"    {inner} at[{kind.length}];"
         elif isinstance(kind, Struct | Several):
             made = kind.made.__name__ if isinstance(kind, Struct) else f"{kind.function}_result"
@@ -171,7 +171,9 @@ class Unit:
             return self.style.number(float(value))
         if kind is bool:
             return "true" if value else "false"
-        return self.member(value).text if isinstance(value, IntEnum) and kind is not int else str(int(value))
+        if isinstance(value, IntEnum) and kind is not int:
+            return self.member(value).text
+        return str(int(value)) if abs(value) < 2**31 else f"INT64_C({int(value)})"
 
     def literal(self, value: Any, kind: Kind) -> str:
         """A value, as it stands in an expression."""
@@ -278,7 +280,7 @@ def files(module: Module, style: Style, preamble: str) -> dict[str, str]:
     header = [
         head,
         f"#ifndef {guard}\n#define {guard}",
-        "#ifndef __cplusplus\n#include <stdbool.h>\n#endif",
+        "#include <stdbool.h>\n#include <stdint.h>",
         f"typedef {style.real} {module.prefix}_real;",
         "\n".join(numbers),
         *(text for name, text in unit.types.items() if name in seen),
