@@ -142,7 +142,7 @@ class Function:
                 self.source.body[-1], f"{self.function.__name__}, which has a way without a result,", "add a return at its end"
             )
         given = ", ".join(self._parameter(name) for name in self.parameters) or "void"
-        head = f"static {self.unit.type(self.result)} {self.name}({given})"
+        head = f"static inline {self.unit.type(self.result)} {self.name}({given})"
         unused = [name for name in self.parameters if name not in self._named()]
         return "\n".join(
             [*self._docstring(), head, "{", *(f"    (void){identifier(name)};" for name in unused), *lines, "}"]

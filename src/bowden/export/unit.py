@@ -372,10 +372,21 @@ def _public(unit: Unit, module: Module, one: Public) -> tuple[str, str]:
     else:
         lines = [f"    const {unit.type(result)} result = {call};", ""]
         rows = list(zip(one.results, result.fields, strict=True))
-        lines += [f"    *{called} = result.{field};" for called, (field, _) in rows if called != "return"]
+        for called, (field, kind) in rows:
+            if called == "state":
+                lines += [f"    state->{way} = result.{field}.{way};" for way in _leafs(kind)]
+            elif called != "return":
+                lines.append(f"    *{called} = result.{field};")
         lines += [f"    return result.{field};" for called, (field, _) in rows if called == "return"]
     prototype = f"/* {one.summary} */\n{signature};"
     return prototype, "\n".join([f"/* {one.summary} */", signature, "{", *lines, "}"])
+
+
+def _leafs(kind: Kind) -> list[str]:
+    """How C reaches each number of a struct."""
+    if not isinstance(kind, Struct):
+        return [""]
+    return [f"{identifier(name)}.{way}".rstrip(".") for name, inner in kind.fields for way in _leafs(inner)]
 
 
 def _begins(unit: Unit, module: Module) -> tuple[str, str]:
