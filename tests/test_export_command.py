@@ -52,7 +52,16 @@ def exported(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, 
     """Law, detector and gate in float, and what the command said of them."""
     place = tmp_path_factory.mktemp("export")
     (place / "rig.toml").write_text(RIG)
-    arguments = ["export", str(place / "rig.toml"), "--to", str(place / "code"), "--emg", "--safety", "--target", "cortex-m4f"]
+    arguments = [
+        "export",
+        str(place / "rig.toml"),
+        "--to",
+        str(place / "code"),
+        "--emg",
+        "--safety",
+        "--target",
+        "cortex-m4f",
+    ]
     with contextlib.redirect_stdout(io.StringIO()) as said:
         assert main.run([*arguments, "--json"]) == 0
     return place / "code", json.loads(said.getvalue())
@@ -81,7 +90,16 @@ def test_all_of_it_compiles_without_a_warning(compiler: str, exported: tuple[Pat
         if compiler == "c++":  # whose programs include the header
             command = ["c++", "-Wall", "-Wextra", "-Werror", "-fsyntax-only", "-x", "c++", f"{name}.h"]
         else:
-            command = ["cc", *FLAGS.split(), "-Wfloat-conversion", "-Wdouble-promotion", "-c", f"{name}.c", "-o", f"../{name}.o"]
+            command = [
+                "cc",
+                *FLAGS.split(),
+                "-Wfloat-conversion",
+                "-Wdouble-promotion",
+                "-c",
+                f"{name}.c",
+                "-o",
+                f"../{name}.o",
+            ]
             assert set(re.findall(r"#include (.*)", (place / f"{name}.c").read_text())) <= {
                 "<math.h>",
                 f'"{name}.h"',

@@ -26,6 +26,7 @@ pytestmark = pytest.mark.skipif(COMPILER is None, reason="no C compiler")
 Array = NDArray[np.float64]
 DT = 1e-3
 
+
 def exported_emg(rate: float, values: Array, folder: Path, *, single: bool = False) -> Array:
     """Of each sample the signal, its envelope, 1 in a contraction, the trouble, and rest."""
     rows = np.column_stack([np.arange(len(values)) == 0, values])

@@ -26,7 +26,8 @@ def export(
     preset: Annotated[str | None, typer.Option(help="A named set of gains of that law.")] = None,
     axis: Annotated[str | None, typer.Option(help="The axis, of a rig with several.")] = None,
     target: Annotated[
-        str, typer.Option(help="host, cortex-m4f, cortex-m33, cortex-m7 or esp32: float where its hardware has no double.")
+        str,
+        typer.Option(help="host, cortex-m4f, cortex-m33, cortex-m7 or esp32: float where its hardware has no double."),
     ] = "host",
     float32: Annotated[bool, typer.Option("--float32", help="float on any target; the gate stays double.")] = False,
     emg: Annotated[bool, typer.Option("--emg", help="Export the EMG's envelope and detector too.")] = False,

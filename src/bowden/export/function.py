@@ -14,7 +14,7 @@ import numpy as np
 
 from bowden.core.kernel_content import Parts, is_kernel, meant
 from bowden.core.nested import is_named
-from bowden.core.primitives import cos, exp, floor, half_to, log, power, sel, sin, sqrt, tanh
+from bowden.core.primitives import _tanh, cos, exp, floor, half_to, log, power, sel, sin, sqrt, tanh
 from bowden.export.kinds import (
     Kind,
     Row,
@@ -118,9 +118,7 @@ class Function:
         parts: what stands for the stand-ins that it reaches.
     """
 
-    def __init__(
-        self, unit: "Unit", function: FunctionType, kinds: tuple[Kind, ...], name: str, parts: Parts
-    ) -> None:
+    def __init__(self, unit: "Unit", function: FunctionType, kinds: tuple[Kind, ...], name: str, parts: Parts) -> None:
         self.unit, self.function, self.name, self.parts = unit, function, name, parts
         self.source = Source(function)
         self.kinds: dict[str, Kind] = dict(zip(inspect.signature(function).parameters, kinds, strict=True))
@@ -139,7 +137,9 @@ class Function:
         lines = self._block(self.source.body, 1, 0)
         if not _ends(self.source.body):
             raise self.source.refused(
-                self.source.body[-1], f"{self.function.__name__}, which has a way without a result,", "add a return at its end"
+                self.source.body[-1],
+                f"{self.function.__name__}, which has a way without a result,",
+                "add a return at its end",
             )
         given = ", ".join(self._parameter(name) for name in self.parameters) or "void"
         head = f"static inline {self.unit.type(self.result)} {self.name}({given})"
@@ -181,7 +181,9 @@ class Function:
                 here = (*way, (number, one))
                 inner = [part for part in (getattr(one, "body", None), getattr(one, "orelse", None)) if part]
                 own = [part for part in ast.iter_child_nodes(one) if not (isinstance(part, ast.stmt) and inner)]
-                counts = counting | ({one.target.id} if isinstance(one, ast.For) and isinstance(one.target, ast.Name) else set())
+                counts = counting | (
+                    {one.target.id} if isinstance(one, ast.For) and isinstance(one.target, ast.Name) else set()
+                )
                 for node in (node for part in own for node in ast.walk(part) if isinstance(node, ast.Name)):
                     if node.id in counters and node.id not in counts:
                         raise self.source.refused(node, f"{node.id}, which also counts a loop,", "give it another name")
@@ -247,15 +249,22 @@ class Function:
             target = one.target
             if not isinstance(target, ast.Name):
                 raise self.source.outside(target)
-            value = ast.copy_location(ast.BinOp(ast.copy_location(ast.Name(target.id, ast.Load()), one), one.op, one.value), one)
+            value = ast.copy_location(
+                ast.BinOp(ast.copy_location(ast.Name(target.id, ast.Load()), one), one.op, one.value), one
+            )
             self._assign(target, value, pad, number, lines)
         elif isinstance(one, ast.If):
             lines.append(f"{pad}if ({self._truth(one.test)}) {{")
             lines += self._block(one.body, indent + 1, self._blocks[id(one.body)])
             other = one.orelse
-            while len(other) == 1 and isinstance(other[0], ast.If) and not self._opens(other[0], self._blocks[id(other)]):
+            while (
+                len(other) == 1 and isinstance(other[0], ast.If) and not self._opens(other[0], self._blocks[id(other)])
+            ):
                 test = other[0]
-                lines += [f"{pad}}} else if ({self._truth(test.test)}) {{", *self._comments(test.body[0].lineno, indent + 1)]
+                lines += [
+                    f"{pad}}} else if ({self._truth(test.test)}) {{",
+                    *self._comments(test.body[0].lineno, indent + 1),
+                ]
                 lines += self._block(test.body, indent + 1, self._blocks[id(test.body)])
                 other = test.orelse
             if other:
@@ -285,10 +294,14 @@ class Function:
             if len(value.elts) != len(names):
                 raise self.source.refused(target, "an assignment of another number of values", "name each of them")
             for k, one in enumerate(value.elts):
-                later = {node.id for part in value.elts[k + 1 :] for node in ast.walk(part) if isinstance(node, ast.Name)}
+                later = {
+                    node.id for part in value.elts[k + 1 :] for node in ast.walk(part) if isinstance(node, ast.Name)
+                }
                 if names[k].id in later:
                     raise self.source.refused(
-                        target, f"an assignment that reads {names[k].id} after it is set", "assign on lines of their own"
+                        target,
+                        f"an assignment that reads {names[k].id} after it is set",
+                        "assign on lines of their own",
                     )
                 self._set(names[k], self._expression(one), pad, number, lines)
             return
@@ -307,7 +320,9 @@ class Function:
     def _set(self, target: ast.Name, value: Expression, pad: str, number: int, lines: list[str]) -> None:
         name = target.id
         if isinstance(value.kind, Several):
-            raise self.source.refused(target, f"{name}, which is several values,", "give each value a name: a, b = f(x)")
+            raise self.source.refused(
+                target, f"{name}, which is several values,", "give each value a name: a, b = f(x)"
+            )
         known = self.kinds.get(name)
         if known is None:
             self.kinds[name] = value.kind
@@ -334,12 +349,16 @@ class Function:
         call, target = one.iter, one.target
         ranged = isinstance(call, ast.Call) and isinstance(call.func, ast.Name) and call.func.id == "range"
         if not (ranged and isinstance(call, ast.Call) and len(call.args) in (1, 2) and isinstance(target, ast.Name)):
-            raise self.source.refused(one, f"a loop over {ast.unparse(call)[:40]}", "write for i in range(n), n a whole number that is fixed")
+            raise self.source.refused(
+                one, f"a loop over {ast.unparse(call)[:40]}", "write for i in range(n), n a whole number that is fixed"
+            )
         if one.orelse:
             raise self.source.refused(one, "an else of a loop", "put it behind the loop")
         ends = [self._expression(end) for end in call.args]
         if any(end.kind is not int for end in ends):
-            raise self.source.refused(one, f"a loop over {ast.unparse(call)[:40]}", "count up to a whole number that is fixed")
+            raise self.source.refused(
+                one, f"a loop over {ast.unparse(call)[:40]}", "count up to a whole number that is fixed"
+            )
         self.kinds[target.id] = int
         i, begin = identifier(target.id), ends[0].text if ends[1:] else "0"
         pad = "    " * indent
@@ -363,7 +382,9 @@ class Function:
                     fields = [f"item{k}" for k in range(len(names))]
                 self.result = Several(self.name, tuple(zip(fields, kinds, strict=True)))
             elif not isinstance(known, Several) or [kind for _, kind in known.fields] != kinds:
-                raise self.source.refused(one, "a result of another kind than the one before", "return the same kinds everywhere")
+                raise self.source.refused(
+                    one, "a result of another kind than the one before", "return the same kinds everywhere"
+                )
             made = [(field, part) for (field, _), part in zip(self.result.fields, parts, strict=True)]
             lines.append(f"{pad}return {self._literal(self.result, made)};")
             return
@@ -372,7 +393,10 @@ class Function:
         kind = wanted_kind if is_number(wanted_kind) and wanted_kind and is_number(made_of.kind) else made_of.kind
         if joined(made_of.kind, kind) != kind or (self.result is not None and self.result != kind):
             raise self.source.refused(
-                one, f"a result that is {said(made_of.kind)}", "return the kind that is annotated", said(self.result or kind)
+                one,
+                f"a result that is {said(made_of.kind)}",
+                "return the kind that is annotated",
+                said(self.result or kind),
             )
         self.result = kind
         lines.append(f"{pad}return {made_of.value};")
@@ -406,7 +430,9 @@ class Function:
         if name in self.kinds:
             kind, local = self.kinds[name], self.locals.get(name)
             by_pointer = (name in self.parameters and not is_number(kind)) or name in self.pointers
-            return Expression(identifier(name), kind, place=True, pointer=by_pointer, fixed=local is None or local.assigned == 1)
+            return Expression(
+                identifier(name), kind, place=True, pointer=by_pointer, fixed=local is None or local.assigned == 1
+            )
         if name in self.locals:
             raise self.source.refused(node, f"{name}, which is read before it is set,", "set it first")
         return self._global(node, self._looked_up(node))
@@ -415,7 +441,9 @@ class Function:
         if isinstance(value, IntEnum):
             return self.unit.member(value)
         if kind_of(value) is None:
-            raise self.source.refused(node, f"{ast.unparse(node)}, {type(value).__name__},", "use numbers, tuples of them and kernels")
+            raise self.source.refused(
+                node, f"{ast.unparse(node)}, {type(value).__name__},", "use numbers, tuples of them and kernels"
+            )
         if isinstance(node, ast.Name):
             return self.unit.constant(self.function.__module__, node.id, value)
         if isinstance(node, ast.Attribute) and isinstance(owner := self._looked_up(node.value), ModuleType):
@@ -468,9 +496,13 @@ class Function:
         whole, at = self._expression(node.value), self._expression(node.slice)
         fields = whole.kind.fields if isinstance(whole.kind, Struct) else ()
         if at.kind is not int or not (isinstance(whole.kind, Row) or len({kind for _, kind in fields}) == 1):
-            raise self.source.refused(node, ast.unparse(node), "take one number of a tuple of numbers, by a whole number")
+            raise self.source.refused(
+                node, ast.unparse(node), "take one number of a tuple of numbers, by a whole number"
+            )
         if isinstance(whole.kind, Row):
-            return Expression(f"{whole.field('at', None).text}[{at.text}]", whole.kind.of, place=True, fixed=whole.fixed)
+            return Expression(
+                f"{whole.field('at', None).text}[{at.text}]", whole.kind.of, place=True, fixed=whole.fixed
+            )
         kind = fields[0][1]
         first = f"&{whole.field(identifier(fields[0][0]), kind).text}" if whole.place else ""
         if not first:
@@ -482,7 +514,11 @@ class Function:
         if not is_number(inner.kind):
             raise self.source.outside(node)
         if isinstance(node.op, ast.Not):
-            return Expression(f"!{self._operand(inner, ATOM)}" if inner.kind is bool else f"!({self._truth(node.operand)})", bool, UNARY)
+            return Expression(
+                f"!{self._operand(inner, ATOM)}" if inner.kind is bool else f"!({self._truth(node.operand)})",
+                bool,
+                UNARY,
+            )
         if isinstance(node.op, ast.USub):
             text = inner.within(UNARY)
             kind = float if inner.kind is float else int
@@ -557,7 +593,9 @@ class Function:
         parts = [self._expression(one) for one in node.values]
         for one, part in zip(node.values, parts, strict=True):
             if part.kind is not bool:
-                raise self.source.refused(one, f"{ast.unparse(one)[:40]}, {said(part.kind)}, beside and/or", "compare it: x != 0.0", "bool")
+                raise self.source.refused(
+                    one, f"{ast.unparse(one)[:40]}, {said(part.kind)}, beside and/or", "compare it: x != 0.0", "bool"
+                )
         texts = [part.within(level if part.level == level else EQUAL) for part in parts]
         return Expression(f" {sign} ".join(texts), bool, level)
 
@@ -595,22 +633,28 @@ class Function:
             return self._choice(node, *node.args)
         if isinstance(called, type) and issubclass(called, tuple) and hasattr(called, "_fields"):
             return self._construct(node, called)
-        if is_kernel(called) or called is half_to or called is tanh:
+        called = _tanh if called is tanh else called
+        if is_kernel(called) or called is half_to:
             return self._called(node, called)
-        given = self._arguments(node)
-        if called in (float, bool, int) and len(given) == 1 and is_number(given[0].kind):
-            return self._converted(node, called, given[0])
-        if not node.keywords and all(is_number(one.kind) for one in given):
-            style = self.unit.style
+        known = any(
+            called is one for one in (*_LIBM, *_TRUTHS, *_FORMER_LIBM, *_FORMER_HELPERS, min, max, float, bool, int)
+        )
+        given = self._arguments(node) if known and not node.keywords else []
+        if given and all(is_number(one.kind) for one in given):
+            texts = ", ".join(one.value for one in given)
+            if called in (float, bool, int) and len(given) == 1:
+                return self._converted(node, called, given[0])
             if called in (min, max) and len(given) > 1:
                 return self._extreme(called.__name__, given)
-            if (name := _FORMER_HELPERS.get(called)) and _hashable(called):
-                return Expression(f"{self.unit.helper(name)}({', '.join(one.value for one in given)})", float)
+            if name := _FORMER_HELPERS.get(called):
+                return Expression(f"{self.unit.helper(name)}({texts})", float)
             if name := (_LIBM | _FORMER_LIBM).get(called):
-                return Expression(f"{style.libm(name)}({', '.join(one.value for one in given)})", float)
+                return Expression(f"{self.unit.style.libm(name)}({texts})", float)
             if (name := _TRUTHS.get(called)) and len(given) == 1:
-                return Expression(f"{name}({given[0].value})", bool)
-        raise self.source.refused(node, f"{ast.unparse(node.func)}()", self._instead(called), "a kernel, or a function of the subset")
+                return Expression(f"{name}({texts})", bool)
+        raise self.source.refused(
+            node, f"{ast.unparse(node.func)}()", self._instead(called), "a kernel, or a function of the subset"
+        )
 
     def _instead(self, called: Any) -> str:
         if isinstance(called, FunctionType):
@@ -684,7 +728,11 @@ class Function:
         return Expression(self._literal(kind, list(given.items())), kind)
 
     def _check(self, node: ast.AST, what: str, given: Kind, wanted: Kind) -> None:
-        if wanted is None or given == wanted or (is_number(given) and wanted in (float, int) and joined(given, wanted) == wanted):
+        if (
+            wanted is None
+            or given == wanted
+            or (is_number(given) and wanted in (float, int) and joined(given, wanted) == wanted)
+        ):
             return
         raise self.source.refused(node, f"{what}, {said(given)},", "give it the kind that is annotated", said(wanted))
 
@@ -707,12 +755,19 @@ class Function:
         kinds = []
         for name, one in given.items():
             wanted = annotated(hints.get(name))
-            alike = isinstance(wanted, Struct) and isinstance(one.kind, Struct) and set(wanted.fields) <= set(one.kind.fields)
+            alike = (
+                isinstance(wanted, Struct)
+                and isinstance(one.kind, Struct)
+                and set(wanted.fields) <= set(one.kind.fields)
+            )
             wanted = one.kind if wanted is None or alike else wanted  # Python asks for fields, and not for a class
             self._check(node, f"{name} of {called.__name__}()", one.kind, wanted)
             kinds.append(wanted)
         name, result = self.unit.call(called, tuple(kinds), self)
-        texts = [one.value if is_number(kind) else self._address(one) for one, kind in zip(given.values(), kinds, strict=True)]
+        texts = [
+            one.value if is_number(kind) else self._address(one)
+            for one, kind in zip(given.values(), kinds, strict=True)
+        ]
         if name in {identifier(local) for local in (*self.locals, *self.parameters)}:
             raise self.source.refused(node, f"a local with the name of {name}(), which it calls,", "rename the local")
         return Expression(f"{name}({', '.join(texts)})", result)
@@ -728,7 +783,3 @@ def _at(node: Any, where: ast.expr) -> Any:
     """An operator, which has no line, with that of its expression."""
     node.lineno = where.lineno
     return node
-
-
-def _hashable(value: Any) -> bool:
-    return value.__hash__ is not None

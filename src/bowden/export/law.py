@@ -50,7 +50,9 @@ def law_module(law: Law, sample_time: float, encoders: counts.Counts | None = No
         encoders: how the rig's count, where the code is to have their conversions.
     """
     gains = Argument("gains", law.gains, constant=True, said="the law's gains")
-    conditioning = Argument("conditioning", law.conditioning, constant=True, said="what the conditioner knows of the rig")
+    conditioning = Argument(
+        "conditioning", law.conditioning, constant=True, said="what the conditioner knows of the rig"
+    )
     seen = Argument("sample", Sample(0.0, 0.0))
     period = Argument("sample_time", float(sample_time), constant=True, said="length of a cycle [s]")
     reference = Argument("reference", Reference(0.0, 0.0, 0.0))
@@ -58,7 +60,13 @@ def law_module(law: Law, sample_time: float, encoders: counts.Counts | None = No
         prefix(law),
         f"The control law {law.name!r}: {law.source}.",
         (
-            Public("start", begin_cycles, (gains, conditioning, seen), ("state",), "The state in which a law begins at a sample."),
+            Public(
+                "start",
+                begin_cycles,
+                (gains, conditioning, seen),
+                ("state",),
+                "The state in which a law begins at a sample.",
+            ),
             Public(
                 "step",
                 cycle,
@@ -80,7 +88,9 @@ def _motions() -> tuple[Public, ...]:
     said = "to rest at an end [rad]: the reference at a time since it began [s], of a duration [s]"
     start, begin = Argument("start", 0.0), Argument("begin", Reference(0.0, 0.0, 0.0))
     return (
-        Public("minimum_jerk", minimum_jerk, (start, *ends), ("return",), f"The motion of minimum jerk from rest {said}."),
+        Public(
+            "minimum_jerk", minimum_jerk, (start, *ends), ("return",), f"The motion of minimum jerk from rest {said}."
+        ),
         Public("minimum_jerk_from", minimum_jerk_from, (begin, *ends), ("return",), f"The same from a motion {said}."),
     )
 

@@ -19,7 +19,7 @@ def replay_source(law: Law, *, single: bool = False) -> str:
     """
     ways = [path for path, _ in leaves(state_of(law))]
     reached = ("".join(f".at[{one}]" if isinstance(one, int) else f".{identifier(one)}" for one in way) for way in ways)
-    values = "".join(f',\n                (double)state{way}' for way in reached)
+    values = "".join(f",\n                (double)state{way}" for way in reached)
     return (
         template("replay.c")
         .replace("@NAME@", prefix(law))

@@ -57,9 +57,7 @@ class Source:
             lines, first = inspect.getsourcelines(function)
         except (OSError, TypeError):
             name = getattr(function, "__qualname__", repr(function))
-            raise ParameterError(
-                f"{name} has no source to be exported", do="define it with def in a file"
-            ) from None
+            raise ParameterError(f"{name} has no source to be exported", do="define it with def in a file") from None
         text = textwrap.dedent("".join(lines))
         node = ast.parse(text).body[0]
         self.file, self.first = inspect.getsourcefile(function) or "?", first
@@ -121,9 +119,15 @@ def origin(module: str, name: str) -> tuple[str, str]:
             for one in node.names:
                 if (one.asname or one.name) == name:
                     return origin(node.module, one.name)
-        targets = node.targets if isinstance(node, ast.Assign) else [node.target] if isinstance(node, ast.AnnAssign) else []
+        targets = (
+            node.targets if isinstance(node, ast.Assign) else [node.target] if isinstance(node, ast.AnnAssign) else []
+        )
         if any(isinstance(one, ast.Name) and one.id == name for target in targets for one in ast.walk(target)):
-            if isinstance(after, ast.Expr) and isinstance(after.value, ast.Constant) and isinstance(after.value.value, str):
+            if (
+                isinstance(after, ast.Expr)
+                and isinstance(after.value, ast.Constant)
+                and isinstance(after.value.value, str)
+            ):
                 return module, " ".join(after.value.value.split())
             return module, lines[(node.end_lineno or 1) - 1][node.end_col_offset or 0 :].partition("#")[2].strip()
     return module, ""

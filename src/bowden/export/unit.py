@@ -9,7 +9,7 @@ from typing import Any
 
 from bowden.core.errors import ParameterError
 from bowden.core.kernel_content import Parts, reaching
-from bowden.core.primitives import _tanh, half_to, tanh
+from bowden.core.primitives import _tanh, half_to
 from bowden.core.quantity import meanings
 from bowden.export.function import ATOM, UNARY, Expression, Function
 from bowden.export.kinds import Kind, Row, Several, Struct, Style, comment, identifier, is_number, kind_of
@@ -110,7 +110,9 @@ class Unit:
             return known
         if isinstance(kind, Row):
             inner = self.type(kind.of)
-            stem = "row" if kind.of is float else f"{inner.removeprefix(self.style.prefix + '_').removesuffix('_t')}_row"
+            stem = (
+                "row" if kind.of is float else f"{inner.removeprefix(self.style.prefix + '_').removesuffix('_t')}_row"
+            )
             name, text = f"{self.style.prefix}_{stem}{kind.length}", f"    {inner} at[{kind.length}];"
         elif isinstance(kind, Struct | Several):
             made = kind.made.__name__ if isinstance(kind, Struct) else f"{kind.function}_result"
@@ -125,9 +127,7 @@ class Unit:
             names = [(self.member_name(one), one) for one in kind]
             text = ",\n".join(f"    {called} = {one.value}" for called, one in names)
             said_of = {called: getattr(one, "meaning", "") for called, one in names}
-            text = "\n".join(
-                f"{line}{comment(said_of[line.split()[0]])}" for line in text.split("\n")
-            )
+            text = "\n".join(f"{line}{comment(said_of[line.split()[0]])}" for line in text.split("\n"))
             self.types[name] = f"typedef enum {{\n{text}\n}} {name};"
             self._kinds[kind] = name
             return name
@@ -166,7 +166,9 @@ class Unit:
             return "{{" + ", ".join(self.braces(inner, kind.of) for inner in value) + "}}"
         if isinstance(kind, Struct):
             rows = zip(kind.fields, value, strict=True)
-            return "{" + ", ".join(f".{identifier(name)} = {self.braces(one, inner)}" for (name, inner), one in rows) + "}"
+            return (
+                "{" + ", ".join(f".{identifier(name)} = {self.braces(one, inner)}" for (name, inner), one in rows) + "}"
+            )
         if kind is float:
             return self.style.number(float(value))
         if kind is bool:
@@ -195,8 +197,14 @@ class Unit:
     def _constant(self, called: str, value: Any, kind: Kind, said: str) -> str:
         if not isinstance(kind, Struct) or len(kind.fields) > 24:
             line = f"static const {self.type(kind)} {called} = {self.braces(value, kind)};"
-            above = [f"/* {row}" if k == 0 else f" * {row}" for k, row in enumerate(textwrap.wrap(comment(said)[4:-3], 108))]
-            return f"{line}{comment(said)}" if len(line) + len(said) < LONGEST else "\n".join([*above[:-1], f"{above[-1]} */", line] if above else [line])
+            above = [
+                f"/* {row}" if k == 0 else f" * {row}" for k, row in enumerate(textwrap.wrap(comment(said)[4:-3], 108))
+            ]
+            return (
+                f"{line}{comment(said)}"
+                if len(line) + len(said) < LONGEST
+                else "\n".join([*above[:-1], f"{above[-1]} */", line] if above else [line])
+            )
         meant = meanings(kind.made)
         rows = [
             f"    .{identifier(name)} = {self.braces(one, inner)},{comment(meant.get(name, ''))}"
@@ -229,10 +237,8 @@ class Unit:
         """The name of a kernel for arguments of these kinds, and the kind of its result; it is written if it is new."""
         if function is half_to:
             return self.helper("half_to"), float
-        if function is tanh:
-            if self.style.single:
-                return "tanhf", float
-            function = _tanh
+        if function is _tanh and self.style.single:
+            return "tanhf", float
         parts = reaching(function, self.parts)
         key = function, kinds, parts
         if key in self._begun:
@@ -364,7 +370,9 @@ def _public(unit: Unit, module: Module, one: Public) -> tuple[str, str]:
         if called == "return":
             returned = unit.type(kind)
         else:
-            (outputs if called != "state" else inputs).insert(0 if called == "state" else len(outputs), f"{unit.type(kind)} *{called}")
+            (outputs if called != "state" else inputs).insert(
+                0 if called == "state" else len(outputs), f"{unit.type(kind)} *{called}"
+            )
     signature = f"{returned} {module.prefix}_{one.name}({', '.join(inputs + outputs) or 'void'})"
     call = f"{name}({', '.join(texts)})"
     if not isinstance(result, Several):
@@ -421,7 +429,9 @@ def broken(line: str) -> list[str]:
             opened[-1][1].append(k)
     pad = line[: len(line) - len(line.lstrip())]
     if not groups:
-        return textwrap.wrap(line, LONGEST, subsequent_indent=f"{pad}    ", break_long_words=False, break_on_hyphens=False)
+        return textwrap.wrap(
+            line, LONGEST, subsequent_indent=f"{pad}    ", break_long_words=False, break_on_hyphens=False
+        )
     _, begin, end, commas = max(groups)
     cuts = [begin, *commas, end]
     items = [line[a + 1 : b].strip() for a, b in zip(cuts, cuts[1:], strict=False)]
