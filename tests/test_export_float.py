@@ -19,7 +19,7 @@ from support.exported_c import COMPILER, write
 DURATION = 30.0
 
 GLUE = """
-static {name}_CycleState {name}_kept;
+static {name}_LawState {name}_kept;
 static double {name}_glue(double anew, double joint, double motor, double p, double v, double a)
 {{
     const {name}_Sample sample = {{({name}_real)joint, ({name}_real)motor}};

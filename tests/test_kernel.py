@@ -9,7 +9,6 @@ import pytest
 
 from bowden.control import LAWS
 from bowden.control.law import Law
-from bowden.core import primitives
 from bowden.core.errors import ParameterError
 from bowden.core.kernel import (
     compiled,
@@ -26,9 +25,8 @@ from bowden.core.kernel import (
     stand_in,
     tanh,
 )
-from bowden.core.nested import flat, rebuilt
+from bowden.core.nested import flat
 from bowden.core.signals import Reference, Sample
-from bowden.export import symbol
 from bowden.models import plausible
 from bowden.models.cable import backlash, bouc_wen, sheath
 from bowden.models.drive import encoder, motor, servo, thermal
@@ -89,33 +87,6 @@ def test_interpreted_and_compiled_law_agree_bit_for_bit(law: Law) -> None:
             survived += finite
             state = floated(after) if finite else law.start(Sample(0.0, 0.0))
     assert survived > 1750  # all of them where a law refuses what is not finite
-
-
-@pytest.mark.parametrize("law", a_law_with_its_gains())
-def test_laws_trace_to_symbols(law: Law, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The portable subset is portable: CasADi traces the plain function, gains included, and computes the same bits.
-
-    With libm's tanh on both sides: CasADi's own symbol for it is that one; the exporter writes ours. And without
-    CasADi's simplifications, as the exporter has it: x·(1/y) is not x/y.
-    """
-    monkeypatch.setattr(primitives, "_tanh", math.tanh)
-    ca = pytest.importorskip("casadi", reason="casadi, a development dependency, is not installed")
-    ca.GlobalOptions.setNumpyMode(1)
-    state = law.start(Sample(0.0, 0.0))
-    shapes = (law.gains, state, Sample(0.0, 0.0), Reference(0.0, 0.0, 0.0))
-    gains, before, sample, reference = (rebuilt(s, lambda path, _: ca.SX.sym(str(path[-1]))) for s in shapes)
-    dt = ca.SX.sym("dt")
-    with symbol.exactly():
-        after, command = law.step_kernel(gains, before, sample, reference, dt)
-        traced = ca.Function("step", [*gains, *flat(before), *sample, *reference, dt], [*flat(after), command])
-        begun = ca.Function("start", [*gains, *sample], list(flat(law.start_kernel(gains, sample))))
-    assert bits([float(v) for v in begun.call([*law.gains, 0.3, 0.4])]) == bits(law.start(Sample(0.3, 0.4)))
-    for measured, wanted in ticks(500, seed=2):
-        if not set(np.abs([*measured, *wanted])).isdisjoint(np.abs(EXTREMES)):
-            continue  # handing a number to CasADi takes the sign from its zero, and on infinities it differs in NaNs
-        values = [float(v) for v in traced.call([*law.gains, *flat(state), *measured, *wanted, 1e-3])]
-        state, command = law.step(state, measured, wanted, 1e-3)
-        assert bits(values) == bits((state, command))
 
 
 CABLE, SUIT = bouc_wen.BoucWen(exponent=1.7), geometry.SuitGeometry()

@@ -31,6 +31,7 @@ MUST_HAVE = (
     "rig/presets/paper.toml",
     "report/templates/page.html",
     "report/templates/page.css",
+    "export/templates/arduino.cpp",
     "export/templates/replay.c",
     "export/templates/cortex.c",
     "export/templates/cortex.ld",

@@ -29,7 +29,7 @@ from bowden.export.kinds import (
     kind_of,
     said,
 )
-from bowden.export.source import Source
+from bowden.export.source import KernelSource
 
 if TYPE_CHECKING:
     from bowden.export.unit import Unit
@@ -120,7 +120,7 @@ class Function:
 
     def __init__(self, unit: "Unit", function: FunctionType, kinds: tuple[Kind, ...], name: str, parts: Parts) -> None:
         self.unit, self.function, self.name, self.parts = unit, function, name, parts
-        self.source = Source(function)
+        self.source = KernelSource(function)
         self.kinds: dict[str, Kind] = dict(zip(inspect.signature(function).parameters, kinds, strict=True))
         self.parameters = tuple(self.kinds)
         self.result: Kind = None

@@ -83,9 +83,9 @@ def kind_of(value: Any) -> Kind:
     if isinstance(value, float | np.floating):
         return float
     if is_named(value):
-        hints = field_kinds(type(value))
-        fields = [(name, hints[name] or kind_of(inner)) for name, inner in value._asdict().items()]
-        return None if any(kind is None for _, kind in fields) else Struct(type(value), tuple(fields))
+        made: Any = type(value)
+        fields = [(name, field_kinds(made)[name] or kind_of(inner)) for name, inner in value._asdict().items()]
+        return None if any(kind is None for _, kind in fields) else Struct(made, tuple(fields))
     if isinstance(value, tuple) and value:
         kinds = {kind_of(inner) for inner in value}
         return Row(kinds.pop(), len(value)) if len(kinds) == 1 and None not in kinds else None

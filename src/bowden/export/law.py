@@ -13,7 +13,7 @@ from bowden.models.minimum_jerk import minimum_jerk, minimum_jerk_from
 from bowden.rig import counts
 
 
-class CycleState(NamedTuple):
+class LawState(NamedTuple):
     """What is remembered from one cycle to the next."""
 
     law: Any
@@ -23,19 +23,19 @@ class CycleState(NamedTuple):
 
 
 @kernel
-def begin_cycles(gains: Any, conditioning: Conditioning, sample: Sample) -> CycleState:
+def begin_cycles(gains: Any, conditioning: Conditioning, sample: Sample) -> LawState:
     """The state in which a law begins at a sample."""
-    return CycleState(law_start(gains, sample), condition_start(conditioning, sample))
+    return LawState(law_start(gains, sample), condition_start(conditioning, sample))
 
 
 @kernel
 def cycle(
-    gains: Any, conditioning: Conditioning, state: CycleState, sample: Sample, reference: Reference, sample_time: float
-) -> tuple[CycleState, float]:
+    gains: Any, conditioning: Conditioning, state: LawState, sample: Sample, reference: Reference, sample_time: float
+) -> tuple[LawState, float]:
     """One cycle: the conditioner makes of the reference what the law is shown, and the law makes its command."""
     conditioned, shown = condition_step(conditioning, state.conditioned, reference, sample_time)
     law, command = law_step(gains, state.law, sample, shown, sample_time)
-    return CycleState(law, conditioned), command
+    return LawState(law, conditioned), command
 
 
 def law_module(law: Law, sample_time: float, encoders: counts.Counts | None = None) -> Module:
@@ -107,10 +107,10 @@ def _conversions(encoders: counts.Counts) -> tuple[Public, ...]:
     )
 
 
-def state_of(law: Law) -> CycleState:
+def state_of(law: Law) -> LawState:
     """What the code of a law remembers, as an example."""
     sample = Sample(0.0, 0.0)
-    return CycleState(law.start(sample), condition_start(law.conditioning, sample))
+    return LawState(law.start(sample), condition_start(law.conditioning, sample))
 
 
 def prefix(law: Law) -> str:

@@ -107,7 +107,7 @@ Every {sample_time * 1e3:g} ms, from a timer's interrupt: the cycle's length is 
 ```c
 #include "@NAME@.h"
 {_includes(emg, gate)}
-static @NAME@_CycleState law;
+static @NAME@_LawState law;
 static int running = 0;
 static @NAME@_real time = 0;
 {_states(emg, gate)}

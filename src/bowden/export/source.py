@@ -48,7 +48,7 @@ INSTEAD: dict[type[ast.AST], str] = {
 """What the subset has in place of what it does not have."""
 
 
-class Source:
+class KernelSource:
     """One function as its file has it."""
 
     def __init__(self, function: Callable[..., Any]) -> None:

@@ -355,7 +355,10 @@ def results_of(unit: Unit, one: Public) -> tuple[str, list[Kind], Kind]:
 def _public(unit: Unit, module: Module, one: Public) -> tuple[str, str]:
     """Prototype and text of a function that others call."""
     name, kinds, result = results_of(unit, one)
-    texts, inputs, outputs, returned = [], [], [], "void"
+    texts: list[str] = []
+    inputs: list[str] = []
+    outputs: list[str] = []
+    returned = "void"
     for argument in one.arguments:
         kind, called = kind_of(argument.example), identifier(argument.name)
         if argument.constant:

@@ -13,7 +13,7 @@ static const @NAME@_real AMPLITUDE = @AMPLITUDE@; /* of the joint [rad]; begin w
 static const @NAME@_real DURATION = 2; /* of one way [s] */
 static const uint32_t PERIOD = @MICROSECONDS@; /* of a cycle [us]: what the law was exported for */
 
-static @NAME@_CycleState state;
+static @NAME@_LawState state;
 static uint32_t next_cycle, cycles;
 
 static long read_motor_counts()

@@ -50,7 +50,7 @@ static uint32_t now(void)
 
 int main(void)
 {
-    static @NAME@_CycleState state;
+    static @NAME@_LawState state;
     static double commands[sizeof ROWS / sizeof ROWS[0]];
     const size_t count = sizeof ROWS / sizeof ROWS[0];
     uint32_t ticks = 0, longest = 0, *at, *top;

@@ -54,7 +54,7 @@ static int table(FILE *in, int print)
     int at[COLUMNS], count = split(in);
     long cycles = 0, differ = 0;
     double furthest = 0.0;
-    @NAME@_CycleState state;
+    @NAME@_LawState state;
 
     for (int i = 0; i < COLUMNS; ++i) {
         at[i] = -1;
