@@ -56,7 +56,8 @@ typedef onset_OnsetState detector_LawState;
 typedef struct { detector_real value, unused; } detector_Sample;
 typedef struct { detector_real one, two, three; } detector_Reference;
 void detector_start(detector_LawState *state, const detector_Sample *sample);
-detector_real detector_step(detector_LawState *state, const detector_Sample *sample, const detector_Reference *reference);
+detector_real detector_step(
+    detector_LawState *state, const detector_Sample *sample, const detector_Reference *reference);
 """,
     "detector.c": """
 #include "onset.c"
@@ -65,7 +66,8 @@ void detector_start(detector_LawState *state, const detector_Sample *sample)
 {
     onset_start(state, sample->value);
 }
-detector_real detector_step(detector_LawState *state, const detector_Sample *sample, const detector_Reference *reference)
+detector_real detector_step(
+    detector_LawState *state, const detector_Sample *sample, const detector_Reference *reference)
 {
     onset_real trouble;
     (void)reference;

@@ -32,6 +32,8 @@ MUST_HAVE = (
     "report/templates/page.html",
     "report/templates/page.css",
     "export/templates/arduino.cpp",
+    "export/templates/helpers.c",
+    "export/templates/readme.md",
     "export/templates/replay.c",
     "export/templates/cortex.c",
     "export/templates/cortex.ld",

@@ -27,7 +27,7 @@ def export(
     axis: Annotated[str | None, typer.Option(help="The axis, of a rig with several.")] = None,
     target: Annotated[
         str,
-        typer.Option(help="host, cortex-m4f, cortex-m33, cortex-m7 or esp32: float where its hardware has no double."),
+        typer.Option(help="host, cortex-m4f, cortex-m33, cortex-m7, esp32: float where hardware has no double."),
     ] = "host",
     float32: Annotated[bool, typer.Option("--float32", help="float on any target; the gate stays double.")] = False,
     emg: Annotated[bool, typer.Option("--emg", help="Export the EMG's envelope and detector too.")] = False,
@@ -38,9 +38,8 @@ def export(
 ) -> None:
     """Write a law as C99 that needs nothing but math.h, with a test bench that replays a run of this rig.
 
-    The code comes from the source of the very kernels that run in Python; what is outside the subset is refused with its
-    line.
-    Before anything is written, the gains are checked as bowden check does it.
+    The code comes from the source of the kernels that run in Python; what is outside the subset is refused with its
+    line. Before anything is written, the gains are checked as bowden check does it.
     """
     from bowden.face.export import exported
 

@@ -1,7 +1,7 @@
 """What kernels call that is no kernel: a choice, functions of libm, and a tanh of our own.
 
-Each is an ordinary function when it is called from Python, and has a twin for compiled code. A function that has bits of
-its own, whatever the C library, is of use twice: compiled and exported it stands in line, and its result on a
+Each is an ordinary function when it is called from Python, and has a twin for compiled code. One that has bits of its
+own, whatever the C library, is of use twice: compiled and exported it stands in line, and its result on a
 microcontroller is Python's.
 """
 

@@ -4,6 +4,7 @@ import ast
 import builtins
 import inspect
 import math
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import IntEnum
@@ -21,6 +22,7 @@ from bowden.export.kinds import (
     Several,
     Struct,
     annotated,
+    comments,
     field_kinds,
     hints_of,
     identifier,
@@ -152,11 +154,9 @@ class Function:
         return {node.id for one in self.source.body for node in ast.walk(one) if isinstance(node, ast.Name)}
 
     def _docstring(self) -> list[str]:
-        text = f"{self.function.__module__}: {self.source.said}".replace("*/", "* /").replace("/*", "/ *").rstrip(": ")
-        lines = text.split("\n")
-        return [f"/* {lines[0]}", *(f" * {line}".rstrip() for line in lines[1:])][: len(lines) - 1] + [
-            f"/* {lines[0]} */" if len(lines) == 1 else f" * {lines[-1]} */"
-        ]
+        where, lines = self.function.__module__, self.source.said.split("\n")
+        short = f"{where}: {lines[0]}".rstrip(": ")
+        return comments([short, *lines[1:]] if len(short) < 112 else [f"{where}:", *lines])
 
     def _parameter(self, name: str) -> str:
         kind, called = self.kinds[name], identifier(name)
@@ -231,13 +231,7 @@ class Function:
     def _comments(self, line: int, indent: int) -> list[str]:
         found = [text for at, text in sorted(self.source.comments.items()) if self._commented < at < line]
         self._commented = max(self._commented, line)
-        text = [one.replace("*/", "* /").replace("/*", "/ *") for one in found if not one.startswith(("noqa", "type:"))]
-        pad = "    " * indent
-        if not text:
-            return []
-        return [f"{pad}/* {one}" if k == 0 else f"{pad} * {one}" for k, one in enumerate(text[:-1])] + [
-            f"{pad}{'/* ' if len(text) == 1 else ' * '}{text[-1]} */"
-        ]
+        return comments([one for one in found if not one.startswith(("noqa", "type:"))], "    " * indent)
 
     def _statement(self, one: ast.stmt, indent: int, number: int, lines: list[str]) -> None:
         pad = "    " * indent
@@ -371,7 +365,7 @@ class Function:
         assert value is not None
         if isinstance(value, ast.Tuple):
             parts = [self._expression(part) for part in value.elts]
-            names = [part.id if isinstance(part, ast.Name) else "" for part in value.elts]
+            names = [_name_of(part) for part in value.elts]
             hint = hints_of(self.function).get("return")
             wanted = [annotated(part) for part in getattr(hint, "__args__", ())] or [None] * len(parts)
             kinds = [want if is_number(want) and want else part.kind for want, part in zip(wanted, parts, strict=True)]
@@ -777,6 +771,13 @@ def _ends(body: list[ast.stmt]) -> bool:
     """Whether every way through a block returns."""
     last = body[-1] if body else None
     return isinstance(last, ast.Return) or (isinstance(last, ast.If) and _ends(last.body) and _ends(last.orelse))
+
+
+def _name_of(part: ast.expr) -> str:
+    """What a result is called: the local that it is, or the class that makes it; nothing for what has no name."""
+    if isinstance(part, ast.Call) and isinstance(part.func, ast.Name) and part.func.id[0].isupper():
+        return re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", part.func.id).lower()
+    return part.id if isinstance(part, ast.Name) else ""
 
 
 def _at(node: Any, where: ast.expr) -> Any:

@@ -4,6 +4,7 @@ import math
 import re
 import typing
 import unicodedata
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from functools import cache
@@ -142,6 +143,13 @@ def comment(text: str) -> str:
     """A text behind a line of C; nothing where there is none."""
     text = " ".join(text.replace("*/", "* /").replace("/*", "/ *").split())
     return f" /* {text} */" if text else ""
+
+
+def comments(lines: Sequence[str], pad: str = "") -> list[str]:
+    """Lines as a comment that stands alone; nothing where there are none."""
+    rows = [one.replace("*/", "* /").replace("/*", "/ *").rstrip() for one in lines]
+    rows = [f"{pad}{'/*' if k == 0 else ' *'} {one}".rstrip() for k, one in enumerate(rows)]
+    return [*rows[:-1], f"{rows[-1]} */"] if rows else []
 
 
 @dataclass(frozen=True)

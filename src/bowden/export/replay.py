@@ -1,9 +1,9 @@
 """The test bench of an exported law: a C program that replays a recorded run and compares its commands."""
 
 from bowden.control.law import Law
+from bowden.core.nested import leaves
 from bowden.export.kinds import identifier
 from bowden.export.law import prefix, state_of
-from bowden.core.nested import leaves
 from bowden.export.unit import template
 
 COLUMNS = ("joint_seen", "motor_seen", "reference", "reference_velocity", "reference_acceleration", "wish", "source")

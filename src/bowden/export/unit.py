@@ -1,5 +1,7 @@
 """One header and one source file of C from kernels."""
 
+import itertools
+import re
 import textwrap
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -12,25 +14,20 @@ from bowden.core.kernel_content import Parts, reaching
 from bowden.core.primitives import _tanh, half_to
 from bowden.core.quantity import meanings
 from bowden.export.function import ATOM, UNARY, Expression, Function
-from bowden.export.kinds import Kind, Row, Several, Struct, Style, comment, identifier, is_number, kind_of
+from bowden.export.kinds import Kind, Row, Several, Struct, Style, comment, comments, identifier, is_number, kind_of
 from bowden.export.source import origin
 
 LONGEST = 112
 """Of a line of C, where it can be broken."""
 
-_HELPERS = {
-    "min": "static inline {real} min(const {real} a, const {real} b)\n{{\n    return b < a ? b : a;\n}}",
-    "max": "static inline {real} max(const {real} a, const {real} b)\n{{\n    return b > a ? b : a;\n}}",
-    "min_int": "static inline int64_t min_int(const int64_t a, const int64_t b)\n{{\n    return b < a ? b : a;\n}}",
-    "max_int": "static inline int64_t max_int(const int64_t a, const int64_t b)\n{{\n    return b > a ? b : a;\n}}",
-    "fmin_": "static inline {real} fmin_(const {real} a, const {real} b)\n{{\n    return a == a ? (b < a ? b : a) : b;\n}}",
-    "fmax_": "static inline {real} fmax_(const {real} a, const {real} b)\n{{\n    return a == a ? (b > a ? b : a) : b;\n}}",
-    "np_sign": "static inline {real} np_sign(const {real} a)\n{{\n    return a > 0 ? 1 : a < 0 ? -1 : a == 0 ? 0 : a;\n}}",
-    "half_to": "/* 2^-k of a whole k: the last bits of 1.5*2^52 + 1023 - k, in the exponent's place */\n"
-    "static inline double half_to(const double k)\n{{\n    union {{\n        double number;\n        unsigned long long bits;\n"
-    "    }} s;\n\n    s.number = 6755399441055744.0 + 1023.0 - k;\n    s.bits <<= 52;\n    return s.number;\n}}",
-}
-"""Python's `min` and `max`, by its rule; the others have no kernel."""
+
+def template(name: str) -> str:
+    """A file of C that stands beside this one; what is to be filled in stands between @."""
+    return (Path(__file__).parent / "templates" / name).read_text(encoding="utf-8")
+
+
+_HELPERS = template("helpers.c")
+"""Python's `min` and `max`, by its rule for NaN, and others that have no kernel; two empty lines between them."""
 
 
 @dataclass(frozen=True)
@@ -197,41 +194,32 @@ class Unit:
     def _constant(self, called: str, value: Any, kind: Kind, said: str) -> str:
         if not isinstance(kind, Struct) or len(kind.fields) > 24:
             line = f"static const {self.type(kind)} {called} = {self.braces(value, kind)};"
-            above = [
-                f"/* {row}" if k == 0 else f" * {row}" for k, row in enumerate(textwrap.wrap(comment(said)[4:-3], 108))
-            ]
-            return (
-                f"{line}{comment(said)}"
-                if len(line) + len(said) < LONGEST
-                else "\n".join([*above[:-1], f"{above[-1]} */", line] if above else [line])
-            )
+            if len(line) + len(said) < LONGEST:
+                return f"{line}{comment(said)}"
+            return "\n".join([*comments(textwrap.wrap(said, 108)), line])
         meant = meanings(kind.made)
         rows = [
             f"    .{identifier(name)} = {self.braces(one, inner)},{comment(meant.get(name, ''))}"
             for (name, inner), one in zip(kind.fields, value, strict=True)
         ]
-        head = f"/* {said} */\n" if said else ""
-        return head + "\n".join([f"static const {self.type(kind)} {called} = {{", *rows, "};"])
+        return "\n".join(
+            [*comments(textwrap.wrap(said, 108)), f"static const {self.type(kind)} {called} = {{", *rows, "};"]
+        )
 
     # ---- functions ----
 
-    def helper(self, name: str) -> str:
-        """A function that has no kernel."""
-        name = name if name in _HELPERS else f"{name}_"
-        self.helpers.setdefault(name, _HELPERS[name].format(real=self.style.real))
-        return name
+    def helper(self, name: str, **words: str) -> str:
+        """A function that has no kernel; `words` are put into its text."""
+        own = next(one for one in (name, f"{name}_") if f" {one}(" in _HELPERS)
+        (text,) = (one for one in _HELPERS.split("\n\n\n") if f" {own}(" in one)
+        for word, value in {"double": self.style.real, **words}.items():
+            text, own = re.sub(rf"\b{word}(?=\b|_)", value, text), own.replace(word, value)
+        self.helpers[own] = text.strip()
+        return own
 
     def shifted(self, kind: Row) -> str:
         """The function that moves a row on by one place."""
-        type_ = self.type(kind)
-        name = f"{type_.removeprefix(self.style.prefix + '_')}_shifted"
-        self.helpers[name] = (
-            f"/* the newest first, and what was there one place on */\n"
-            f"static inline {type_} {name}(const {self.type(kind.of)} newest, const {type_} *past)\n{{\n    {type_} moved;\n\n"
-            f"    moved.at[0] = newest;\n    for (int i = 1; i < {kind.length}; ++i) {{\n"
-            f"        moved.at[i] = past->at[i - 1];\n    }}\n    return moved;\n}}"
-        )
-        return name
+        return self.helper("ROW_shifted", ROW=self.type(kind), ITEM=self.type(kind.of), LENGTH=str(kind.length))
 
     def call(self, function: Any, kinds: tuple[Kind, ...], caller: Function | None = None) -> tuple[str, Kind]:
         """The name of a kernel for arguments of these kinds, and the kind of its result; it is written if it is new."""
@@ -242,8 +230,9 @@ class Unit:
         parts = reaching(function, self.parts)
         key = function, kinds, parts
         if key in self._begun:
+            code = function.__code__
             raise ParameterError(
-                f"{function.__code__.co_filename}, line {function.__code__.co_firstlineno}: {function.__name__} calls itself",
+                f"{code.co_filename}, line {code.co_firstlineno}: {function.__name__} calls itself",
                 do="write it as a loop over a fixed range: for i in range(n)",
             )
         if key not in self._made:
@@ -437,11 +426,6 @@ def broken(line: str) -> list[str]:
         )
     _, begin, end, commas = max(groups)
     cuts = [begin, *commas, end]
-    items = [line[a + 1 : b].strip() for a, b in zip(cuts, cuts[1:], strict=False)]
+    items = [line[a + 1 : b].strip() for a, b in itertools.pairwise(cuts)]
     rows = [f"{pad}    {item}{',' if k + 1 < len(items) else ''}" for k, item in enumerate(items)]
     return [*broken(line[: begin + 1]), *(row for one in rows for row in broken(one)), f"{pad}{line[end:]}"]
-
-
-def template(name: str) -> str:
-    """A file of C that stands beside this one; what is to be filled in stands between @."""
-    return (Path(__file__).parent / "templates" / name).read_text(encoding="utf-8")
