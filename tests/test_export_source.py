@@ -315,12 +315,15 @@ def test_what_a_refusal_advises_is_taken(line: str, needs: str, tmp_path: Path) 
 
 @pytest.mark.skipif(shutil.which("cc") is None, reason="no C compiler")
 def test_names_become_those_of_c_and_whole_gains_count_a_loop(tmp_path: Path) -> None:
-    text = LAW.replace("LINE", "for i in range(gains.default): x = x + 1.0").replace("total", "β_int")
+    line = "for i in range(gains.default): x = x + conditioning"
+    text = LAW.replace("LINE", line).replace("total", "β_int").replace("def plain", "conditioning = 0.5\n\ndef plain")
     law = law_of(text.replace("gain: float = 2.0", "gain: float = 2.0\n    default: int = 3"), tmp_path)
     written = files(law_module(law, 1e-3), Style("mine"), "")
     assert ".default_ = 3," in written["mine.c"]
     assert "for (int i = 0; i < gains->default_; ++i) {" in written["mine.c"]
     assert "    double beta_int;" in written["mine.h"]
+    assert "static const double MINE_CONDITIONING = 0.5;" in written["mine.c"]
+    assert "&conditioning, state," in written["mine.c"]
     for name, content in written.items():
         (tmp_path / name).write_text(content)
     subprocess.run(["cc", "-std=c99", "-Wall", "-Wextra", "-Werror", "-c", "mine.c"], cwd=tmp_path, check=True)

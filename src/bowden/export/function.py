@@ -439,11 +439,11 @@ class Function:
                 node, f"{ast.unparse(node)}, {type(value).__name__},", "use numbers, tuples of them and kernels"
             )
         if isinstance(node, ast.Name):
-            return self.unit.constant(self.function.__module__, node.id, value)
+            return self.unit.constant(self.source.file, node.id, value)
         if isinstance(node, ast.Attribute) and isinstance(owner := self._looked_up(node.value), ModuleType):
             if owner in (math, np):
                 return self.unit.number(float(value))
-            return self.unit.constant(owner.__name__, node.attr, value)
+            return self.unit.constant(owner.__file__ or "", node.attr, value)
         return self.unit.number(value)
 
     def _looked_up(self, node: ast.expr) -> Any:
@@ -488,7 +488,7 @@ class Function:
 
     def _on_subscript(self, node: ast.Subscript) -> Expression:
         whole, at = self._expression(node.value), self._expression(node.slice)
-        fields = whole.kind.fields if isinstance(whole.kind, Struct) else ()
+        fields = whole.kind.fields if isinstance(whole.kind, Struct) else ()  # former: a struct by number, in the gate
         if at.kind is not int or not (isinstance(whole.kind, Row) or len({kind for _, kind in fields}) == 1):
             raise self.source.refused(
                 node, ast.unparse(node), "take one number of a tuple of numbers, by a whole number"
@@ -702,7 +702,7 @@ class Function:
             whole = self._expression(one.value if isinstance(one, ast.Starred) else one)
             if not isinstance(one, ast.Starred):
                 found.append(whole)
-            elif isinstance(whole.kind, Row):
+            elif isinstance(whole.kind, Row):  # former: in the gate
                 found += [whole.field(f"at[{k}]", whole.kind.of) for k in range(whole.kind.length)]
             elif isinstance(whole.kind, Struct):
                 found += [whole.field(identifier(name), kind) for name, kind in whole.kind.fields]

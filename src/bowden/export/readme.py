@@ -49,7 +49,7 @@ def arduino(name: str, counts: Counts | None, sample_time: float) -> dict[str, s
             "MOTOR": "read_motor_counts() * 1e-3 /* yours: counts to the motor's, through the spool [rad] */",
             "COMMAND": "command * 1e3 /* yours: back to counts */",
         }
-    text = template("arduino.cpp").replace("@AMPLITUDE@", "0.2f")
+    text = template("arduino.cpp")
     for key, value in (*texts.items(), ("MICROSECONDS", f"{sample_time * 1e6:.0f}"), ("NAME", name)):
         text = text.replace(f"@{key}@", value)
     project = (

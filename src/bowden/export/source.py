@@ -1,7 +1,6 @@
 """The source of a kernel: its tree, its comments, and what to say of a place in it."""
 
 import ast
-import importlib
 import inspect
 import io
 import sys
@@ -100,34 +99,27 @@ class KernelSource:
 
 
 @cache
-def _tree(module: str) -> tuple[ast.Module, tuple[str, ...]]:
+def _tree(file: str) -> tuple[list[ast.stmt], list[str]]:
     try:
-        text = Path(inspect.getsourcefile(sys.modules.get(module) or importlib.import_module(module)) or "").read_text(
-            encoding="utf-8"
-        )
-    except (OSError, TypeError, ImportError):
+        text = Path(file).read_text(encoding="utf-8")
+    except OSError:
         text = ""
-    return ast.parse(text), tuple(text.splitlines())
+    return ast.parse(text).body, text.splitlines()
 
 
 @cache
-def origin(module: str, name: str) -> tuple[str, str]:
-    """Where a constant was first assigned, and what is said of it there: below it, or behind it."""
-    tree, lines = _tree(module)
-    for node, after in zip(tree.body, [*tree.body[1:], None], strict=True):
-        if isinstance(node, ast.ImportFrom) and node.module:
-            for one in node.names:
+def origin(file: str, name: str) -> tuple[str, str]:
+    """The file in which a constant was first assigned, and what is said of it there: below it, or behind it."""
+    body, lines = _tree(file)
+    for node, after in zip(body, [*body[1:], ast.Pass()], strict=False):
+        if isinstance(node, ast.ImportFrom):
+            other = getattr(sys.modules.get(node.module or ""), "__file__", None)
+            for one in node.names if other else ():
                 if (one.asname or one.name) == name:
-                    return origin(node.module, one.name)
-        targets = (
-            node.targets if isinstance(node, ast.Assign) else [node.target] if isinstance(node, ast.AnnAssign) else []
-        )
+                    return origin(str(other), one.name)
+        targets = getattr(node, "targets", None) or [getattr(node, "target", ast.Pass())]
         if any(isinstance(one, ast.Name) and one.id == name for target in targets for one in ast.walk(target)):
-            if (
-                isinstance(after, ast.Expr)
-                and isinstance(after.value, ast.Constant)
-                and isinstance(after.value.value, str)
-            ):
-                return module, " ".join(after.value.value.split())
-            return module, lines[(node.end_lineno or 1) - 1][node.end_col_offset or 0 :].partition("#")[2].strip()
-    return module, ""
+            text = after.value.value if isinstance(after, ast.Expr) and isinstance(after.value, ast.Constant) else None
+            behind = lines[(node.end_lineno or 1) - 1][node.end_col_offset or 0 :].partition("#")[2]
+            return file, " ".join((text if isinstance(text, str) else behind).split())
+    return file, ""

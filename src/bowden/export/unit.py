@@ -105,31 +105,30 @@ class Unit:
         known = known or self._kinds.get(kind)
         if known:
             return known
+        word, rows = "struct", []
         if isinstance(kind, Row):
             inner = self.type(kind.of)
-            stem = (
-                "row" if kind.of is float else f"{inner.removeprefix(self.style.prefix + '_').removesuffix('_t')}_row"
-            )
-            name, text = f"{self.style.prefix}_{stem}{kind.length}", f"    {inner} at[{kind.length}];"
+            stem = "" if kind.of is float else f"{inner.removeprefix(f'{self.style.prefix}_').removesuffix('_t')}_"
+            name, rows = f"{self.style.prefix}_{stem}row{kind.length}", [f"    {inner} at[{kind.length}];"]
         elif isinstance(kind, Struct | Several):
-            made = kind.made.__name__ if isinstance(kind, Struct) else f"{kind.function}_result"
-            own = made if isinstance(kind, Several) else f"{self.style.prefix}_{identifier(made)}"
-            name = own
-            while name in self.types:
-                name = f"{name}_"
-            said = meanings(kind.made) if isinstance(kind, Struct) else {}
-            text = "\n".join(self._field(field, inner, said) for field, inner in kind.fields)
+            made = kind.made if isinstance(kind, Struct) else None
+            name = f"{self.style.prefix}_{identifier(made.__name__)}" if made else ""
+            name = name or f"{getattr(kind, 'function', '')}_result"
+            meant = meanings(made) if made else {}
+            rows = [self._field(field, one, meant) for field, one in kind.fields]
         else:
-            name = f"{self.style.prefix}_{kind.__name__}"
-            names = [(self.member_name(one), one) for one in kind]
-            text = ",\n".join(f"    {called} = {one.value}" for called, one in names)
-            said_of = {called: getattr(one, "meaning", "") for called, one in names}
-            text = "\n".join(f"{line}{comment(said_of[line.split()[0]])}" for line in text.split("\n"))
-            self.types[name] = f"typedef enum {{\n{text}\n}} {name};"
-            self._kinds[kind] = name
-            return name
-        self.types[name] = f"typedef struct {{\n{text}\n}} {name};"
+            name, word = f"{self.style.prefix}_{identifier(kind.__name__)}", "enum"
+        while name in self.types:
+            name = f"{name}_"
         self._kinds[kind] = name
+        if word == "enum":
+            ends = [*(",",) * (len(kind) - 1), ""]
+            said = {one: comment(getattr(one, "meaning", "")) for one in kind}
+            rows = [
+                f"    {self.member(one).text} = {one.value}{end}{said[one]}"
+                for one, end in zip(kind, ends, strict=True)
+            ]
+        self.types[name] = "\n".join([f"typedef {word} {{", *rows, f"}} {name};"])
         return name
 
     def _field(self, field: str, kind: Kind, said: Any) -> str:
@@ -138,16 +137,10 @@ class Unit:
         text = text if "[" in text or not unit else f"{text} [{'–' if unit == '1' else unit}]".strip()
         return f"    {self.type(kind)} {identifier(field)};{comment(text)}"
 
-    def member_name(self, member: IntEnum) -> str:
-        """The name of a member of an enum."""
-        kind = identifier(type(member).__name__)
-        snake = "".join(f"_{c}" if c.isupper() and k and not kind[k - 1].isupper() else c for k, c in enumerate(kind))
-        return f"{self.style.prefix}_{snake}_{member.name}".upper()
-
     def member(self, member: IntEnum) -> Expression:
         """A member of an enum."""
-        self.type(type(member))
-        return Expression(self.member_name(member), type(member))
+        snake = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", self.type(type(member)))
+        return Expression(f"{snake}_{member.name}".upper(), type(member))
 
     def number(self, value: Any) -> Expression:
         """A number as it stands."""
@@ -179,17 +172,20 @@ class Unit:
         text = self.braces(value, kind)
         return text if is_number(kind) else f"({self.type(kind)}){text}"
 
-    def constant(self, module: str, name: str, value: Any) -> Expression:
-        """A constant of a module, by its name there."""
-        where, said = origin(module, name)
+    def constant(self, file: str, name: str, value: Any, said: str = "") -> Expression:
+        """A constant of a module, by its name there; of no file, one that a public function hands on."""
         kind = kind_of(value)
-        if (where, name) not in self._origins:
+        if file:
+            file, said = origin(file, name)
+        if (file, name) not in self._origins:
             called = identifier(name)
-            if called in self.constants:
-                called = f"{where.rpartition('.')[2]}_{called}".upper()
-            self._origins[where, name] = called
+            if called in self.constants and file:
+                called = f"{Path(file).stem}_{called}".upper()
+            while called in self.constants:
+                called = f"{called}_"
+            self._origins[file, name] = called
             self.constants[called] = self._constant(called, value, kind, said)
-        return Expression(self._origins[where, name], kind, place=True)
+        return Expression(self._origins[file, name], kind, place=True, fixed=True)
 
     def _constant(self, called: str, value: Any, kind: Kind, said: str) -> str:
         if not isinstance(kind, Struct) or len(kind.fields) > 24:
@@ -351,8 +347,7 @@ def _public(unit: Unit, module: Module, one: Public) -> tuple[str, str]:
     for argument in one.arguments:
         kind, called = kind_of(argument.example), identifier(argument.name)
         if argument.constant:
-            if called not in unit.constants:
-                unit.constants[called] = unit._constant(called, argument.example, kind, argument.said)
+            called = unit.constant("", argument.name, argument.example, argument.said).text
             texts.append(called if is_number(kind) else f"&{called}")
             continue
         texts.append(called)

@@ -9,11 +9,12 @@
 
 #include "@NAME@.h"
 
-static const @NAME@_real AMPLITUDE = @AMPLITUDE@; /* of the joint [rad]; begin with a small one */
+static const @NAME@_real AMPLITUDE = 0.2f; /* of the joint, from where it is [rad] */
 static const @NAME@_real DURATION = 2; /* of one way [s] */
 static const uint32_t PERIOD = @MICROSECONDS@; /* of a cycle [us]: what the law was exported for */
 
 static @NAME@_LawState state;
+static @NAME@_real begin;
 static uint32_t next_cycle, cycles;
 
 static long read_motor_counts()
@@ -45,6 +46,7 @@ void setup()
     const @NAME@_Sample sample = measured();
 
     @NAME@_start(&state, &sample);
+    begin = sample.joint;
     next_cycle = micros();
 }
 
@@ -58,7 +60,7 @@ void loop()
     const @NAME@_real time = (@NAME@_real)cycles * (@NAME@_real)(PERIOD * 1e-6);
     const bool back = time > DURATION;
     const @NAME@_Reference reference = @NAME@_minimum_jerk(
-        back ? AMPLITUDE : 0, back ? 0 : AMPLITUDE, DURATION, back ? time - DURATION : time);
+        back ? begin + AMPLITUDE : begin, back ? begin : begin + AMPLITUDE, DURATION, back ? time - DURATION : time);
     const @NAME@_real command = @NAME@_step(&state, &sample, &reference);
 
     write_motor_counts(lround(@COMMAND@));
