@@ -87,7 +87,8 @@ def everything(count: int, state: Memory, x: float, y: float) -> tuple[Memory, f
     pair, swapped = sorted_pair(Pair(first=x, second=y))
     least, most = min(x, y, LARGEST), max(x, 0.0)
     mode = next_mode(state.mode, x)
-    total = state.total * 0.5
+    total, last = 0.0, state.total
+    last, total = 0.0, last * 0.5
     # a comment of its own
     for i in range(count):
         if i == 1:
@@ -108,7 +109,7 @@ def everything(count: int, state: Memory, x: float, y: float) -> tuple[Memory, f
     signed = math.copysign(y, x) + float(mode.value) + seen - (-x) * +y
     past = (x,) + state.past[:-1]  # noqa: RUF005 - Numba takes no star in a tuple
     after = Memory(past, pair, mode, seen, faults, total)
-    return after, least + most if faults & FAULTS == FAULTS and total > -1e9 else order + libm - signed
+    return after, least + most + last if faults & FAULTS == FAULTS and total > -1e9 else order + libm - signed
 
 
 EVERYTHING = everything, Memory((0.0,) * 4, Pair(0.0), Mode.OFF, False, 0, 0.0)

@@ -287,17 +287,19 @@ class Function:
         if isinstance(value, ast.Tuple):
             if len(value.elts) != len(names):
                 raise self.source.refused(target, "an assignment of another number of values", "name each of them")
-            for k, one in enumerate(value.elts):
-                later = {
-                    node.id for part in value.elts[k + 1 :] for node in ast.walk(part) if isinstance(node, ast.Name)
-                }
-                if names[k].id in later:
-                    raise self.source.refused(
-                        target,
-                        f"an assignment that reads {names[k].id} after it is set",
-                        "assign on lines of their own",
-                    )
-                self._set(names[k], self._expression(one), pad, number, lines)
+            left = list(zip(names, value.elts, strict=True))
+            while left:  # what none of the others reads comes first
+                reads = [{node.id for node in ast.walk(one) if isinstance(node, ast.Name)} for _, one in left]
+                free = [
+                    k
+                    for k, (name, _) in enumerate(left)
+                    if not any(name.id in read for other, read in enumerate(reads) if other != k)
+                ]
+                if not free:
+                    what = f"an assignment that exchanges {' and '.join(name.id for name, _ in left)}"
+                    raise self.source.refused(target, what, "assign on lines of their own")
+                name, one = left.pop(free[0])
+                self._set(name, self._expression(one), pad, number, lines)
             return
         whole = self._expression(value)
         kind = whole.kind
