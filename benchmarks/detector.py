@@ -18,10 +18,10 @@ import results
 from bowden.core.kernel import kernel, specialise
 from bowden.core.nested import flat
 from bowden.export import cortex
-from bowden.export.code import Style
-from bowden.export.module import Module, files
+from bowden.export.kinds import Style
 from bowden.export.parts import emg_modules
 from bowden.export.readme import FLAGS
+from bowden.export.unit import Module, files
 from bowden.sensing.detectors import DEFAULT
 from bowden.sensing.onset import Onset, OnsetState, onset_start, onset_step, prepare_onset
 from bowden.sim.emg import contractions
@@ -39,7 +39,7 @@ LOOP = """
 void run(const double *values, long count, double *out);
 void run(const double *values, long count, double *out)
 {
-    static onset_state state;
+    static onset_OnsetState state;
     onset_start(&state, (onset_real)values[0]);
     for (long k = 0; k < count; ++k) {
         onset_real trouble;
@@ -52,20 +52,22 @@ AS_A_LAW = {
     "detector.h": """
 #include "onset.h"
 typedef onset_real detector_real;
-typedef onset_state detector_state;
-typedef struct { detector_real value, unused; } detector_sample;
-typedef struct { detector_real one, two, three; } detector_reference;
-void detector_start(detector_state *state, const detector_sample *sample);
-detector_real detector_step(detector_state *state, const detector_sample *sample, const detector_reference *reference);
+typedef onset_OnsetState detector_LawState;
+typedef struct { detector_real value, unused; } detector_Sample;
+typedef struct { detector_real one, two, three; } detector_Reference;
+void detector_start(detector_LawState *state, const detector_Sample *sample);
+detector_real detector_step(
+    detector_LawState *state, const detector_Sample *sample, const detector_Reference *reference);
 """,
     "detector.c": """
 #include "onset.c"
 #include "detector.h"
-void detector_start(detector_state *state, const detector_sample *sample)
+void detector_start(detector_LawState *state, const detector_Sample *sample)
 {
     onset_start(state, sample->value);
 }
-detector_real detector_step(detector_state *state, const detector_sample *sample, const detector_reference *reference)
+detector_real detector_step(
+    detector_LawState *state, const detector_Sample *sample, const detector_Reference *reference)
 {
     onset_real trouble;
     (void)reference;

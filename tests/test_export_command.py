@@ -25,17 +25,19 @@ from bowden.rig.rig import Rig
 from bowden.safety.faults import Fault
 from bowden.safety.supervisor import Mode, Request
 
-pytest.importorskip("casadi", reason="casadi, of the extra export, is not installed")
 COMPILER, MAKE = shutil.which("cc"), shutil.which("make")
 SCHEMA = Path(__file__).parents[1] / "docs" / "json" / "export.schema.json"
 RIG = "[reference]\nkind = 'periodic_minimum_jerk'\nperiod_s = 2.0\n[scenario]\nduration_s = 3.0\n"
 STUBS = """
 double read_joint_counts(void);
 double read_motor_counts(void);
-@NAME@_reference next_reference(void);
 void write_motor_counts(double target);
 """
-GATE_STUBS = "safety_observed observe(void);\nvoid write_drive(double target, double power);\n"
+GATE_STUBS = "safety_Observed observe(void);\nvoid write_drive(double target, int power);\n"
+ARDUINO = """#include <math.h>
+#include <stdint.h>
+unsigned long micros(void);
+"""
 
 
 @pytest.fixture(autouse=True)
@@ -50,7 +52,16 @@ def exported(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, 
     """Law, detector and gate in float, and what the command said of them."""
     place = tmp_path_factory.mktemp("export")
     (place / "rig.toml").write_text(RIG)
-    arguments = ["export", str(place / "rig.toml"), "--to", str(place / "code"), "--emg", "--safety", "--float32"]
+    arguments = [
+        "export",
+        str(place / "rig.toml"),
+        "--to",
+        str(place / "code"),
+        "--emg",
+        "--safety",
+        "--target",
+        "cortex-m4f",
+    ]
     with contextlib.redirect_stdout(io.StringIO()) as said:
         assert main.run([*arguments, "--json"]) == 0
     return place / "code", json.loads(said.getvalue())
@@ -66,7 +77,7 @@ def test_the_document_names_what_was_written(exported: tuple[Path, dict[str, Any
     assert "typedef double safety_real;" in (place / "safety.h").read_text()
     loop = (place / "README.md").read_text()
     assert "adaptive_step(&law, &sample, &reference)" in loop
-    assert "safety_supervise(&gate, &observed, wish, 0.001, &verdict)" in loop  # the gate's time is a double
+    assert "safety_supervise(&gate, &observed, command, 0.001, &verdict)" in loop  # the gate's time is a double
 
 
 @pytest.mark.skipif(COMPILER is None, reason="no C compiler")
@@ -79,8 +90,20 @@ def test_all_of_it_compiles_without_a_warning(compiler: str, exported: tuple[Pat
         if compiler == "c++":  # whose programs include the header
             command = ["c++", "-Wall", "-Wextra", "-Werror", "-fsyntax-only", "-x", "c++", f"{name}.h"]
         else:
-            command = ["cc", *FLAGS.split(), "-Wfloat-conversion", "-Wshadow", "-c", f"{name}.c", "-o", f"../{name}.o"]
-            assert set(re.findall(r"#include (.*)", (place / f"{name}.c").read_text())) <= {"<math.h>", f'"{name}.h"'}
+            command = [
+                "cc",
+                *FLAGS.split(),
+                "-Wfloat-conversion",
+                "-Wdouble-promotion",
+                "-c",
+                f"{name}.c",
+                "-o",
+                f"../{name}.o",
+            ]
+            assert set(re.findall(r"#include (.*)", (place / f"{name}.c").read_text())) <= {
+                "<math.h>",
+                f'"{name}.h"',
+            }
         done = subprocess.run(command, cwd=place, capture_output=True, text=True)
         assert not done.stderr
 
@@ -122,11 +145,21 @@ def test_the_loop_in_the_readme_compiles(exported: tuple[Path, dict[str, Any]], 
     head, _, rest = loop.partition("\n\n")
     stubs = STUBS.replace("@NAME@", "adaptive") + GATE_STUBS + "void timer_interrupt(void);\n"
     (folder / "loop.c").write_text(
-        f"{head}\n{stubs}\n{rest}\nonset_state *used(void);\nonset_state *used(void) {{ return &muscle; }}\n"
+        f"{head}\n{stubs}\n{rest}\nonset_OnsetState *used(void);\nonset_OnsetState *used(void) {{ return &muscle; }}\n"
     )
     command = ["cc", *FLAGS.split(), f"-I{place}", "-c", "loop.c"]
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True)
     assert not done.stderr
+
+
+@pytest.mark.skipif(shutil.which("c++") is None, reason="no C++ compiler")
+def test_the_example_for_an_arduino_core_compiles(exported: tuple[Path, dict[str, Any]], folder: Path) -> None:
+    place, _ = exported
+    (folder / "Arduino.h").write_text(ARDUINO)
+    command = ["c++", "-Wall", "-Wextra", "-Werror", f"-I{folder}", "-c", "arduino.cpp", "-o", str(folder / "a.o")]
+    done = subprocess.run(command, cwd=place, capture_output=True, text=True)
+    assert not done.stderr
+    assert "static const uint32_t PERIOD = 1000;" in (place / "arduino.cpp").read_text()
 
 
 @pytest.mark.skipif(COMPILER is None or MAKE is None, reason="no C compiler or no make")
@@ -138,8 +171,8 @@ def test_make_check_replays_the_recorded_run(capsys: pytest.CaptureFixture[str],
     assert done.returncode == 0, done.stderr
     assert done.stderr == "3000 cycles, 0 commands differ, by 0 rad at most\n"
     table = subprocess.run(["./replay", "recording.csv", "--print"], cwd=code, capture_output=True, text=True)
-    assert table.stdout.splitlines()[0] == "time,command,command," + ",".join(
-        f"conditioned_{name}" for name in Conditioned._fields
+    assert table.stdout.splitlines()[0] == "time,command,law.command," + ",".join(
+        f"conditioned.{name}" for name in Conditioned._fields
     )
     assert len(table.stdout.splitlines()) == 3001
     before = {path.name: path.read_bytes() for path in code.iterdir()}
@@ -153,7 +186,7 @@ def test_make_check_replays_the_recorded_run(capsys: pytest.CaptureFixture[str],
     (code / "recording.csv").write_text(lines[0] + "\n")
     done = subprocess.run(["./replay", "recording.csv"], cwd=code, capture_output=True, text=True)
     assert (done.returncode, done.stderr) == (2, "replay: no law ran in this recording\n")
-    (code / "recording.csv").write_text("time,joint\n0,1\n")
+    (code / "recording.csv").write_text("time,joint_seen\n0,1\n")
     done = subprocess.run(["./replay", "recording.csv"], cwd=code, capture_output=True, text=True)
     assert (done.returncode, done.stderr) == (2, "replay: the recording has no column motor_seen\n")
 
@@ -162,7 +195,8 @@ def test_make_check_replays_the_recorded_run(capsys: pytest.CaptureFixture[str],
     ("arguments", "said"),
     [
         (["--law", "adaptiv"], "there is no law 'adaptiv'"),
-        (["--law", "mine.py"], "mine.py, line 19: math.*"),
+        (["--law", "mine.py"], "mine.py, line 19: math.tanh()"),
+        (["--target", "cortex-m9"], "cortex-m7"),
         (["--preset", "paper"], "adaptive fails the check on rig.toml"),
         (["--preset", "printed"], "has no preset 'printed'"),
         (["--emg", "--emg-rate", "100"], "the EMG's rate is 100 Hz"),
@@ -204,7 +238,7 @@ def start(gains, sample):
 
 @kernel
 def step(gains, state, sample, reference, dt):
-    # libm's own, which numbers pass and symbols do not
+    # of Python's module, which raises where C does not
     return State(math.tanh(state.total)), reference.position
 """
 

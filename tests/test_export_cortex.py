@@ -11,11 +11,10 @@ from bowden.control.law import Law
 from bowden.core.nested import flat
 from bowden.core.signals import Reference, Sample
 from bowden.export import cortex
-from bowden.export.code import Style
+from bowden.export.kinds import Style
 from bowden.export.law import law_module
-from bowden.export.module import files
+from bowden.export.unit import files
 
-pytest.importorskip("casadi", reason="casadi, of the extra export, is not installed")
 pytestmark = pytest.mark.skipif(bool(cortex.tools()), reason=f"not installed: {', '.join(cortex.tools())}")
 DT, CYCLES = 1e-3, 600
 
@@ -46,7 +45,7 @@ def test_a_law_in_double_gives_the_numbers_of_python(name: str) -> None:
     cost = measured(LAWS[name], single=False)
     if name == "adaptive":
         assert cost.commands == commands(LAWS[name])
-    else:  # its e^(−κ·Ts) is newlib's there, whose last bit may be another one
+    else:  # the compiler works its e^(−κ·Ts) out, and rounds it in its own way
         assert cost.commands == pytest.approx(commands(LAWS[name]), abs=1e-12)
     assert cost.state_bytes == 8 * (len(flat(LAWS[name].start(Sample(0.0, 0.0)))) + len(Conditioned._fields))
 

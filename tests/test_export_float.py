@@ -1,7 +1,6 @@
 """Laws exported in float close the loop on the bench as well as in double."""
 
 import ctypes
-import shutil
 import subprocess
 from typing import Any, NamedTuple
 
@@ -11,23 +10,20 @@ from bowden.control import LAWS
 from bowden.control.law import Law
 from bowden.core.kernel import kernel
 from bowden.core.signals import Reference, Sample
-from bowden.export.code import Style
 from bowden.export.law import law_module
-from bowden.export.module import files
 from bowden.export.readme import FLAGS
 from bowden.rig.presets import bench as paper
 from bowden.sim.run import simulate
+from support.exported_c import COMPILER, write
 
-pytest.importorskip("casadi", reason="casadi, of the extra export, is not installed")
-COMPILER = shutil.which("cc")
 DURATION = 30.0
 
 GLUE = """
-static {name}_state {name}_kept;
+static {name}_LawState {name}_kept;
 static double {name}_glue(double anew, double joint, double motor, double p, double v, double a)
 {{
-    const {name}_sample sample = {{({name}_real)joint, ({name}_real)motor}};
-    const {name}_reference reference = {{({name}_real)p, ({name}_real)v, ({name}_real)a}};
+    const {name}_Sample sample = {{({name}_real)joint, ({name}_real)motor}};
+    const {name}_Reference reference = {{({name}_real)p, ({name}_real)v, ({name}_real)a}};
     if (anew != 0.0) {{
         {name}_start(&{name}_kept, &sample);
         return 0.0;
@@ -59,9 +55,7 @@ def exported(tmp_path_factory: pytest.TempPathFactory) -> Law:
     )
     (folder / "glue.c").write_text("\n".join(glue))
     for law in LAWS.values():
-        module = law_module(law, paper.bench().sample_time)
-        for name, text in files(module, Style(module.prefix, single=True), "for a test").items():
-            (folder / name).write_text(text, encoding="utf-8")
+        write(law_module(law, paper.bench().sample_time), folder, single=True)
     sources = ["glue.c", *(f"{name}.c" for name in LAWS)]
     command = [COMPILER, *FLAGS.split(), "-fPIC", "-shared", *sources, "-o", "laws.so", "-lm"]
     subprocess.run(command, cwd=folder, check=True)

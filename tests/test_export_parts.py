@@ -1,7 +1,5 @@
 """The exported EMG detector and safety gate give the bits of Python's."""
 
-import shutil
-import subprocess
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -10,15 +8,11 @@ import pytest
 from numpy.typing import NDArray
 
 from bowden.core.errors import ParameterError
-from bowden.core.kernel import compiled
-from bowden.core.nested import flat
+from bowden.core.kernel import compiled, kernel
+from bowden.core.nested import flat, refilled
 from bowden.core.signals import DriveReading
-from bowden.export.checked import Argument, Function
-from bowden.export.code import Style
-from bowden.export.layout import leaves
-from bowden.export.module import Module, files
 from bowden.export.parts import emg_modules, safety_module
-from bowden.export.readme import FLAGS
+from bowden.export.unit import Argument, Module, Public
 from bowden.models.drive.thermal import ThermalState, cold
 from bowden.safety.faults import Fault
 from bowden.safety.limits import Limits
@@ -26,86 +20,26 @@ from bowden.safety.supervisor import Mode, Observed, Request, Verdict, begin, su
 from bowden.sensing.intent import IntentSettings, intent_start, intent_step
 from bowden.sensing.stream import EnvelopeFilter, OnsetDetector
 from detector import muscle
-from support.states import floated
+from support.exported_c import COMPILER, Exported, bits
 
-pytest.importorskip("casadi", reason="casadi, of the extra export, is not installed")
-COMPILER = shutil.which("cc")
 pytestmark = pytest.mark.skipif(COMPILER is None, reason="no C compiler")
 Array = NDArray[np.float64]
 DT = 1e-3
 
-DETECT = """#include <stdio.h>
-#include "envelope.h"
-#include "onset.h"
-int main(void)
-{
-    static envelope_state envelope;
-    static onset_state onset;
-    double value;
-    for (long k = 0; fread(&value, 8, 1, stdin) == 1; ++k) {
-        envelope_real signal;
-        onset_real trouble;
-        double out[5];
-        if (k == 0) {
-            envelope_start(&envelope, (envelope_real)value);
-            onset_start(&onset, (onset_real)value);
-        }
-        out[1] = (double)envelope_step(&envelope, (envelope_real)value, &signal);
-        out[0] = (double)signal;
-        out[2] = (double)onset_step(&onset, (onset_real)value, &trouble);
-        out[3] = (double)trouble;
-        out[4] = (double)onset.sigma;
-        fwrite(out, sizeof out, 1, stdout);
-    }
-    return 0;
-}
-"""
 
-GATE = """#include <stdio.h>
-#include "safety.h"
-int main(void)
-{
-    static safety_state state;
-    double row[27];
-    while (fread(row, 8, 27, stdin) == 27) {
-        safety_observed observed;
-        safety_verdict verdict;
-@OBSERVED@
-        if (row[0] != 0.0) {
-            safety_thermal_state warmth;
-            safety_cold(&warmth);
-            safety_begin(&state, &observed.reading, &warmth);
-        }
-        safety_supervise(&state, &observed, row[25], row[26], &verdict);
-        fwrite(&state, sizeof state, 1, stdout);
-        fwrite(&verdict, sizeof verdict, 1, stdout);
-    }
-    return 0;
-}
-"""
-
-
-def run(modules: tuple[Module, ...], main: str, rows: Array, folder: Path, *, single: bool = False) -> Array:
-    for module in modules:
-        for name, text in files(module, Style(module.prefix, single), "for a test").items():
-            (folder / name).write_text(text, encoding="utf-8")
-    (folder / "main.c").write_text(main)
-    sources = [f"{module.prefix}.c" for module in modules]
-    subprocess.run([str(COMPILER), *FLAGS.split(), *sources, "main.c", "-o", "main", "-lm"], cwd=folder, check=True)
-    done = subprocess.run([folder / "main"], input=rows.tobytes(), capture_output=True, check=True, timeout=60)
-    return np.frombuffer(done.stdout).reshape(len(rows), -1)
-
-
-def bits(values: Array) -> NDArray[np.int64]:
-    array = np.array(values, dtype=np.float64)
-    array[np.isnan(array)] = np.nan
-    return array.view(np.int64)
+def exported_emg(rate: float, values: Array, folder: Path, *, single: bool = False) -> Array:
+    """Of each sample the signal, its envelope, 1 in a contraction, the trouble, and rest."""
+    rows = np.column_stack([np.arange(len(values)) == 0, values])
+    envelope, onset = emg_modules(rate)
+    chain = Exported(envelope, "step", "envelope_start(&state, value)", folder, single=single).over(rows)
+    found = Exported(onset, "step", "onset_start(&state, value)", folder, single=single).over(rows)
+    return np.column_stack([chain[:, -2:], found[:, -2:], found[:, -3]])
 
 
 @pytest.mark.parametrize("rate", [1925.93, *(pytest.param(other, marks=pytest.mark.long) for other in (900.0, 5000.0))])
 def test_exported_detector_gives_the_bits_of_python(rate: float, tmp_path: Path) -> None:
-    values = muscle(rate, 40_000)
-    found = run(emg_modules(rate), DETECT, values, tmp_path)
+    values = muscle(rate, 100_000)
+    found = exported_emg(rate, values, tmp_path)
     enveloped, detected = EnvelopeFilter(rate).feed(values), OnsetDetector(rate).feed(values)
     assert detected.active.any()
     assert {0.0, 1.0} <= set(detected.trouble)
@@ -115,7 +49,7 @@ def test_exported_detector_gives_the_bits_of_python(rate: float, tmp_path: Path)
 def test_detector_in_float_finds_the_same_contractions(tmp_path: Path) -> None:
     rate = 2000.0
     values = muscle(rate, 60_000)
-    found = run(emg_modules(rate), DETECT, values, tmp_path, single=True)[:, 2]
+    found = exported_emg(rate, values, tmp_path, single=True)[:, 2]
     active = OnsetDetector(rate).feed(values).active
     begins, ends = (np.flatnonzero(np.diff(one, prepend=0.0) > 0.5) for one in (active, found))
     assert len(begins) == len(ends) >= 6
@@ -149,86 +83,60 @@ def drives(count: int) -> Iterator[tuple[float, Observed, float]]:
         yield float(n == 0), Observed(DriveReading(*values[:14]), *values[14:21], *rest), values[21]
 
 
+@kernel
+def run_gate(limits: Limits, warmth: ThermalState, observed: Observed, rows: Array, out: Array) -> None:
+    state = begin(limits, observed.reading, warmth)
+    for k in range(len(rows)):
+        observed = refilled(observed, rows[k, 1:])
+        if rows[k, 0] != 0.0:
+            state = begin(limits, observed.reading, warmth)
+        state, verdict = supervise(limits, state, observed, rows[k, -2], rows[k, -1])
+        numbers = flat((state, verdict))
+        for j in range(len(numbers)):
+            out[k, j] = numbers[j]
+
+
 def test_exported_gate_gives_the_bits_of_python(tmp_path: Path) -> None:
+    """Of 100 000 cycles compiled, and of the first 800 in plain Python."""
     limits, cycles = (
         Limits(
             **dict.fromkeys(("measures_temperature", "measures_tension", "measures_torque", "uses_emg", "paired"), 1.0),
             off_reference_time=0.03,
         ),
-        list(drives(4000)),
+        list(drives(100_000)),
     )
-    numbers = [[anew, *observed.reading, *observed[1:], wish, DT] for anew, observed, wish in cycles]
-    filled = [leaf.access("observed").replace("->", ".") for leaf in leaves(cycles[0][1])]
-    main = GATE.replace("@OBSERVED@", "\n".join(f"{name} = row[{k + 1}];" for k, name in enumerate(filled)))
-    found = run((safety_module(limits),), main, np.array(numbers, dtype=float), tmp_path)
-    warmth = ThermalState(*map(float, cold(limits.thermal)))
-    twin, state, expected = compiled(supervise), None, []
-    plain = begin(limits, cycles[0][1].reading, warmth)
-    for k, (anew, observed, wish) in enumerate(cycles):
-        if anew:
-            begun = begin(limits, observed.reading, warmth)
-            state = plain = floated(begun)
-        state, verdict = twin(limits, state, observed, wish, DT)
-        expected.append([*flat(state), *verdict])
-        if k < 800:
-            with np.errstate(all="ignore"):
-                plain, said = supervise(limits, plain, observed, wish, DT)
-            assert (bits(np.array([*flat(plain), *said], dtype=float)) == bits(np.array(expected[-1]))).all()
-    rows = np.array(expected)
-    modes = set(rows[:, -len(Verdict._fields) + Verdict._fields.index("mode")])
+    rows = np.array([[anew, *flat(observed), wish, DT] for anew, observed, wish in cycles], dtype=float)
+    start = "safety_ThermalState warmth; safety_cold(&warmth); safety_begin(&state, &observed.reading, &warmth)"
+    found = Exported(safety_module(limits), "supervise", start, tmp_path).over(rows)
+    expected, warmth = np.empty_like(found), cold(limits.thermal)
+    compiled(run_gate)(limits, warmth, cycles[0][1], rows, expected)
+    state = begin(limits, cycles[0][1].reading, warmth)
+    for (anew, observed, wish), row in zip(cycles[:800], expected, strict=False):
+        state = begin(limits, observed.reading, warmth) if anew else state
+        with np.errstate(all="ignore"):
+            state, verdict = supervise(limits, state, observed, wish, DT)
+        assert (bits(flat((state, verdict))) == bits(row)).all()
+    modes = set(expected[:, Verdict._fields.index("mode") - len(Verdict._fields)])
     assert {float(mode) for mode in Mode} <= modes
-    assert (rows[:, -1] // 2.0**Fault.JOINT_OFF_REFERENCE % 2.0 == 1.0).any()
-    assert (bits(found) == bits(rows)).all()
-
-
-INTENT = """#include <stdio.h>
-#include "intent.h"
-int main(void)
-{
-    static intent_state state;
-    double row[2];
-    intent_start(&state, 0.0);
-    while (fread(row, 8, 2, stdin) == 2) {
-        intent_reference reference;
-        intent_step(&state, row[0], row[1], 0.001, &reference);
-        double out[5] = {state.mode, state.late, reference.position, reference.velocity, reference.acceleration};
-        fwrite(out, sizeof out, 1, stdout);
-    }
-    return 0;
-}
-"""
+    assert (expected[:, -1] // 2.0**Fault.JOINT_OFF_REFERENCE % 2.0 == 1.0).any()
+    assert (bits(found) == bits(expected)).all()
 
 
 @pytest.mark.long
 def test_the_intent_of_two_muscles_that_overlap_gives_the_bits_of_python(tmp_path: Path) -> None:
     state, two = intent_start(0.0), IntentSettings(muscles=2)
-    module = Module(
-        "intent",
-        "",
-        (
-            Function("start", intent_start, (Argument("position", 0.0),), ("state",), ""),
-            Function(
-                "step",
-                intent_step,
-                (
-                    Argument("settings", two, constant=True),
-                    *(Argument("state", state), Argument("flexes", False), Argument("extends", False)),
-                    Argument("dt", DT),
-                ),
-                ("state", "reference"),
-                "",
-            ),
-        ),
-        structs={"state": "state"},
-    )
+    muscles = Argument("flexes", False), Argument("extends", False), Argument("dt", DT)
+    given = Argument("settings", two, constant=True), Argument("state", state), *muscles
+    begin_ = Public("start", intent_start, (Argument("position", 0.0),), ("state",), "")
+    module = Module("intent", "", (begin_, Public("step", intent_step, given, ("state", "reference"), "")))
     time = np.arange(12000) * DT
-    on = np.column_stack([time % 3.1 < 1.2, (time + 2.3) % 3.1 < 1.2]).astype(np.float64)
-    on[3000:3010] = np.nan
-    rows = run((module,), INTENT, on, tmp_path)
-    twin, owed = compiled(intent_step), 0
-    for k, row in enumerate(rows):
-        state, reference = twin(two, state, on[k, 0], on[k, 1], DT)
-        assert (bits(np.array([state.mode, state.late, *reference])) == bits(row)).all(), k
-        owed += state.late != 0.0
-    assert owed > 500
-    assert np.ptp(rows[:, 2]) > 1.0
+    on = np.column_stack([time % 3.1 < 1.2, (time + 2.3) % 3.1 < 1.2])
+    rows = np.column_stack([np.arange(12000) == 0, on, np.full(12000, DT)])
+    found = Exported(module, "step", "intent_start(&state, 0.0)", tmp_path).over(rows)
+    twin, late = compiled(intent_step), 0
+    for k, row in enumerate(found):
+        state, reference = twin(two, state, *on[k].tolist(), DT)
+        assert (bits(flat((state, reference))) == bits(row)).all(), k
+        late += state.late != 0
+    assert late > 500
+    assert np.ptp(found[:, -3]) > 1.0

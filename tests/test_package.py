@@ -24,7 +24,6 @@ EXTRA_MODULES = {
     "mujoco": "mujoco",
     "imageio_ffmpeg": "mujoco",
     "scipy": "mujoco",
-    "casadi": "export",
     "dask": "cluster",
     "distributed": "cluster",
     "foxglove": "foxglove",
@@ -128,7 +127,7 @@ def test_what_is_imported_is_a_dependency_or_comes_with_an_extra() -> None:
     core = {canonicalize_name(Requirement(one).name) for one in said["dependencies"]}
     extras = {
         canonicalize_name(Requirement(one).name): extra
-        for extra in ("cluster", "export", "foxglove", "mujoco", "lsl", "parquet")
+        for extra in ("cluster", "foxglove", "mujoco", "lsl", "parquet")
         for one in said["optional-dependencies"][extra]
     }
     wrong = []

@@ -25,9 +25,11 @@ def export(
     ] = None,
     preset: Annotated[str | None, typer.Option(help="A named set of gains of that law.")] = None,
     axis: Annotated[str | None, typer.Option(help="The axis, of a rig with several.")] = None,
-    float32: Annotated[
-        bool, typer.Option("--float32", help="float in place of double; the gate stays double.")
-    ] = False,
+    target: Annotated[
+        str,
+        typer.Option(help="host, cortex-m4f, cortex-m33, cortex-m7, esp32: float where hardware has no double."),
+    ] = "host",
+    float32: Annotated[bool, typer.Option("--float32", help="float on any target; the gate stays double.")] = False,
     emg: Annotated[bool, typer.Option("--emg", help="Export the EMG's envelope and detector too.")] = False,
     emg_rate: Annotated[float, typer.Option(help="Samples of EMG a second.")] = 2000.0,
     safety: Annotated[bool, typer.Option("--safety", help="Export the supervisor with the rig's limits too.")] = False,
@@ -36,8 +38,8 @@ def export(
 ) -> None:
     """Write a law as C99 that needs nothing but math.h, with a test bench that replays a run of this rig.
 
-    The code comes from tracing the very kernels that run in Python; what cannot be traced is refused with its line.
-    Before anything is written, the gains are checked as bowden check does it.
+    The code comes from the source of the kernels that run in Python; what is outside the subset is refused with its
+    line. Before anything is written, the gains are checked as bowden check does it.
     """
     from bowden.face.export import exported
 
@@ -48,6 +50,7 @@ def export(
             to,
             name=rig.name,
             preset=preset,
+            target=target,
             float32=float32,
             emg_rate=emg_rate if emg else None,
             safety=safety,
@@ -94,7 +97,7 @@ COMMANDS = (
         "Write a law as C99 for a microcontroller.",
         (
             "bowden export rig.toml --law bowden --to firmware/law",
-            "bowden export rig.toml --to firmware/law --float32 --emg --safety",
+            "bowden export rig.toml --to firmware/law --target cortex-m4f --emg --safety",
         ),
         place=120,
     ),

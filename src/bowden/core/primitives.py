@@ -1,8 +1,8 @@
 """What kernels call that is no kernel: a choice, functions of libm, and a tanh of our own.
 
-Each is an ordinary function when it is called from Python, has a twin for compiled code, and is handed on as what it is
-when its argument is a symbol. A function that has bits of its own, whatever the C library, is of use twice: compiled
-and exported it stands in line, and its result on a microcontroller is Python's.
+Each is an ordinary function when it is called from Python, and has a twin for compiled code. One that has bits of its
+own, whatever the C library, is of use twice: compiled and exported it stands in line, and its result on a
+microcontroller is Python's.
 """
 
 import math
@@ -22,35 +22,13 @@ def sel(condition: Any, a: Any, b: Any) -> Any:
     >>> sel(0.2 > 0.1, 1.0, -1.0)
     1.0
     """
-    kind = type(condition)
-    if hasattr(kind, "__sel__"):
-        return condition.__sel__(a, b)
-    if kind.__module__.partition(".")[0] == "casadi":
-        import casadi
-
-        return casadi.if_else(condition, a, b)
     return a if condition else b
-
-
-def _symbolic(value: Any) -> bool:
-    """Whether a value stands for a number: a CasADi expression, or one of the exporter's, which has ``__sel__``."""
-    kind = type(value)
-    return hasattr(kind, "__sel__") or kind.__module__.partition(".")[0] == "casadi"
-
-
-def _traced(name: str, arguments: tuple[Any, ...]) -> Any:
-    for argument in arguments:
-        if hasattr(type(argument), "__libm__"):
-            return argument.__libm__(name, arguments)
-    return arguments[0] ** arguments[1] if name == "power" else getattr(arguments[0], name)()
 
 
 def _libm(name: str) -> Callable[..., Any]:
     reference = getattr(math, {"power": "pow"}.get(name, name))
 
     def function(*arguments: Any) -> Any:
-        if any(_symbolic(argument) for argument in arguments):
-            return _traced(name, arguments)
         try:
             return reference(*arguments)
         except (OverflowError, ValueError) as error:  # C returns an infinity or a NaN where Python raises
@@ -61,7 +39,7 @@ def _libm(name: str) -> Callable[..., Any]:
             return -math.inf if name == "log" else math.inf
 
     function.__name__ = function.__qualname__ = name
-    function.__doc__ = f"``{name}`` of libm, interpreted and compiled; the symbolic function while exporting."
+    function.__doc__ = f"``{name}`` of libm, interpreted, compiled and exported."
     return function
 
 
@@ -75,7 +53,7 @@ sqrt = _libm("sqrt")
 
 def floor(x: Any) -> Any:
     """The largest whole number that is not above x, as a float; NaN and infinities stay what they are."""
-    return np.floor(x) if _symbolic(x) else float(np.floor(x))
+    return float(np.floor(x))
 
 
 TANH = {
@@ -100,12 +78,12 @@ _MOST, _PER_PIECE, _HIGH, _LOW, _SHIFT, _P1, _P2, _Q1, _Q2, _R1, _R2 = TANH.valu
 def tanh(x: Any) -> Any:
     """The hyperbolic tangent, to within 2 units in the last place, with the same bits on every machine.
 
-    In a compiled loop it takes a fraction of the C library's time; the symbolic function while exporting.
+    In a compiled loop it takes a fraction of the C library's time.
 
     >>> tanh(0.0), tanh(math.inf), round(tanh(-0.5), 12)
     (0.0, 1.0, -0.46211715726)
     """
-    return _traced("tanh", (x,)) if _symbolic(x) else _tanh(float(x))
+    return _tanh(float(x))
 
 
 def _tanh(x: float) -> float:

@@ -1,4 +1,4 @@
-"""From kernels to C99: the same equations, traced as they run and written as code for a microcontroller.
+"""From kernels to C99: their source is read, and written as code for a microcontroller.
 
 Called, it is `bowden.face.export.export`:
 

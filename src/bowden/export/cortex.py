@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from bowden.export.module import template
+from bowden.export.unit import template
 
 COMPILER, SIZE, EMULATOR = "arm-none-eabi-gcc", "arm-none-eabi-size", "qemu-system-arm"
 FLAGS = (

@@ -3,91 +3,114 @@
 import re
 from typing import Any, NamedTuple
 
-from bowden.control.conditioning import Conditioned, condition_start, condition_step
-from bowden.control.law import Law
-from bowden.core.quantity import meanings
+from bowden.control.conditioning import Conditioned, Conditioning, condition_start, condition_step
+from bowden.control.law import Law, law_start, law_step
+from bowden.core.kernel import kernel
 from bowden.core.signals import Reference, Sample
-from bowden.export.checked import Argument, Function
-from bowden.export.layout import identifier
-from bowden.export.module import Module
+from bowden.export.kinds import identifier
+from bowden.export.unit import Argument, Module, Public
+from bowden.models.minimum_jerk import minimum_jerk, minimum_jerk_from
 from bowden.rig import counts
+
+
+class LawState(NamedTuple):
+    """What is remembered from one cycle to the next."""
+
+    law: Any
+    """By the law."""
+    conditioned: Conditioned
+    """By the conditioner of its reference."""
+
+
+@kernel
+def begin_cycles(gains: Any, conditioning: Conditioning, sample: Sample) -> LawState:
+    """The state in which a law begins at a sample."""
+    return LawState(law_start(gains, sample), condition_start(conditioning, sample))
+
+
+@kernel
+def cycle(
+    gains: Any, conditioning: Conditioning, state: LawState, sample: Sample, reference: Reference, sample_time: float
+) -> tuple[LawState, float]:
+    """One cycle: the conditioner makes of the reference what the law is shown, and the law makes its command."""
+    conditioned, shown = condition_step(conditioning, state.conditioned, reference, sample_time)
+    law, command = law_step(gains, state.law, sample, shown, sample_time)
+    return LawState(law, conditioned), command
 
 
 def law_module(law: Law, sample_time: float, encoders: counts.Counts | None = None) -> Module:
     """``NAME_start`` and ``NAME_step``, with the law's gains as constants, and the conditioner of its reference within.
 
     What one cycle does between source and wish, `bowden.cycle.one_cycle`, is one function of C. The cycle's length is a
-    constant like the gains, so that what they fix together is worked out here or by the compiler, and never in a cycle.
+    constant like the gains, so that what they fix together is worked out by the compiler, and never in a cycle.
 
     Args:
         law: with its gains.
         sample_time: length of a cycle [s].
         encoders: how the rig's count, where the code is to have their conversions.
     """
-    sample, reference, state = Sample(0.0, 0.0), Reference(0.0, 0.0, 0.0), state_of(law)
-    own: Any = type(law.start(sample))
-    whole: Any = type(state)
-
-    def start(gains: Any, conditioning: Any, sample: Sample) -> Any:
-        return whole(*law.start_kernel(gains, sample), condition_start(conditioning, sample))
-
-    def step(gains: Any, conditioning: Any, state: Any, sample: Sample, reference: Reference, dt: float) -> Any:
-        conditioned, shown = condition_step(conditioning, state.conditioned, reference, dt)
-        after, command = law.step_kernel(gains, own(*state[:-1]), sample, shown, dt)
-        return whole(*after, conditioned), command
-
-    gains = Argument("gains", law.gains, constant=True, plain=True)
-    conditioning = Argument("conditioning", law.conditioning, constant=True)
-    seen = Argument("sample", sample)
+    gains = Argument("gains", law.gains, constant=True, said="the law's gains")
+    conditioning = Argument(
+        "conditioning", law.conditioning, constant=True, said="what the conditioner knows of the rig"
+    )
+    seen = Argument("sample", Sample(0.0, 0.0))
     period = Argument("sample_time", float(sample_time), constant=True, said="length of a cycle [s]")
+    reference = Argument("reference", Reference(0.0, 0.0, 0.0))
     return Module(
         prefix(law),
         f"The control law {law.name!r}: {law.source}.",
         (
-            Function(
+            Public(
                 "start",
-                start,
+                begin_cycles,
                 (gains, conditioning, seen),
                 ("state",),
                 "The state in which a law begins at a sample.",
-                law.start_kernel,
             ),
-            Function(
+            Public(
                 "step",
-                step,
-                (gains, conditioning, Argument("state", state), seen, Argument("reference", reference), period),
+                cycle,
+                (gains, conditioning, Argument("state", state_of(law)), seen, reference, period),
                 ("state", "return"),
                 f"One cycle, to be called every {sample_time:g} s: the motor's target angle [rad].",
-                law.step_kernel,
             ),
+            *_motions(),
             *(() if encoders is None else _conversions(encoders)),
         ),
-        structs={"state": "state", "sample": "sample", "reference": "reference"},
-        units=law.state_units,
-        meanings=dict(meanings(own)),
+        parts=(("law_start", law.start_kernel), ("law_step", law.step_kernel)),
+        units=dict(law.state_units),
     )
 
 
-def _conversions(encoders: counts.Counts) -> tuple[Function, ...]:
-    """``NAME_motor_angle``, ``NAME_joint_angle`` and ``NAME_motor_counts``."""
-    constant, said = (
-        Argument("encoders", encoders, constant=True),
-        "from counts of an encoder that counts as in its log",
-    )
-    n, angle = Argument("counts", 0.0), Argument("angle", 0.0)
+def _motions() -> tuple[Public, ...]:
+    """``NAME_minimum_jerk``, from rest, and ``NAME_minimum_jerk_from`` a motion."""
+    ends = Argument("end", 0.0), Argument("duration", 1.0), Argument("time", 0.0)
+    said = "to rest at an end [rad]: the reference at a time since it began [s], of a duration [s]"
+    start, begin = Argument("start", 0.0), Argument("begin", Reference(0.0, 0.0, 0.0))
     return (
-        Function("motor_angle", counts.motor_angle, (constant, n), ("return",), f"The motor's angle [rad] {said}."),
-        Function("joint_angle", counts.joint_angle, (constant, n), ("return",), f"The joint's angle [rad] {said}."),
-        Function("motor_counts", counts.motor_counts, (constant, angle), ("return",), "A target [rad] in counts."),
+        Public(
+            "minimum_jerk", minimum_jerk, (start, *ends), ("return",), f"The motion of minimum jerk from rest {said}."
+        ),
+        Public("minimum_jerk_from", minimum_jerk_from, (begin, *ends), ("return",), f"The same from a motion {said}."),
     )
 
 
-def state_of(law: Law) -> Any:
-    """What the code of a law remembers, as an example: the law's state, and behind it the conditioner's."""
+def _conversions(encoders: counts.Counts) -> tuple[Public, ...]:
+    """``NAME_motor_angle``, ``NAME_joint_angle`` and ``NAME_motor_counts``."""
+    constant = Argument("encoders", encoders, constant=True, said="how the rig's encoders count")
+    said = "from counts of an encoder that counts as in its log"
+    n, angle = Argument("n", 0.0), Argument("angle", 0.0)
+    return (
+        Public("motor_angle", counts.motor_angle, (constant, n), ("return",), f"The motor's angle [rad] {said}."),
+        Public("joint_angle", counts.joint_angle, (constant, n), ("return",), f"The joint's angle [rad] {said}."),
+        Public("motor_counts", counts.motor_counts, (constant, angle), ("return",), "A target [rad] in counts."),
+    )
+
+
+def state_of(law: Law) -> LawState:
+    """What the code of a law remembers, as an example."""
     sample = Sample(0.0, 0.0)
-    own, named = law.start(sample), NamedTuple
-    whole: Any = named("State", [*((name, Any) for name in own._fields), ("conditioned", Conditioned)])
-    return whole(*own, condition_start(law.conditioning, sample))
+    return LawState(law.start(sample), condition_start(law.conditioning, sample))
 
 
 def prefix(law: Law) -> str:

@@ -1,18 +1,22 @@
 """What stands round a law on the chip: the EMG detector before it, the safety gate behind it."""
 
+from typing import Any
+
 from bowden.core.errors import ParameterError
 from bowden.core.signals import EMERGENCY_STOP, DriveReading, DriveState
-from bowden.export.checked import Argument, Function
-from bowden.export.layout import identifier
-from bowden.export.module import Module
+from bowden.export.kinds import identifier
+from bowden.export.unit import Argument, Module, Public
 from bowden.hardware.ports import Power
-from bowden.models.drive.thermal import ThermalState, cold
+from bowden.models.drive.thermal import cold
 from bowden.safety.faults import Fault
 from bowden.safety.limits import Limits
 from bowden.safety.supervisor import Mode, Observed, Request, begin, supervise
 from bowden.sensing.detector import Detector
 from bowden.sensing.detectors import DEFAULT
 from bowden.sensing.envelope import envelope_start, envelope_step, prepare_envelope
+
+_FIRST = 0.7072067811865476
+"""Stands for a first sample, to find out what becomes of it: a number that nothing else has."""
 
 
 def emg_modules(rate: float, kind: Detector = DEFAULT) -> tuple[Module, Module]:
@@ -31,15 +35,18 @@ def emg_modules(rate: float, kind: Detector = DEFAULT) -> tuple[Module, Module]:
             expected=f"from {kind.safe:g} to {kind.quickest:g} Hz",
             do="change --emg-rate",
         )
-    value, first = Argument("value", 0.0), Argument("first", 0.0)
-    chain = Argument("chain", prepare_envelope(rate), constant=True)
-    detector = Argument("detector", kind.prepared(rate), constant=True)
+    value = Argument("value", 0.0)
+    chain = Argument("chain", prepare_envelope(rate), constant=True, said="the filters' sections")
+    detector = Argument("detector", kind.prepared(rate), constant=True, said="the detector at this rate")
+
+    def at(first: float) -> Any:
+        return kind.start(detector.example, first)
+
     envelope = Module(
         "envelope",
         f"The envelope of an EMG signal of {rate:g} samples a second.",
         (
-            Function("start", envelope_start, (first,), ("state",), "Before the first sample."),
-            Function(
+            Public(
                 "step",
                 envelope_step,
                 (chain, Argument("state", envelope_start(0.0)), value),
@@ -47,28 +54,23 @@ def emg_modules(rate: float, kind: Detector = DEFAULT) -> tuple[Module, Module]:
                 "One sample: its envelope, and the signal without offset and mains, in the signal's own unit.",
             ),
         ),
-        structs={"state": "state"},
+        begins=("start", envelope_start(_FIRST), _FIRST, "Before the first sample."),
     )
     onset = Module(
         identifier(kind.name),
         f"Contractions in an EMG signal of {rate:g} samples a second.",
         (
-            Function("start", kind.start, (detector, first), ("state",), "Before the first sample, NAN if missing."),
-            Function(
+            Public(
                 "step",
                 kind.step,
-                (detector, Argument("state", kind.start(detector.example, 0.0)), value),
+                (detector, Argument("state", at(0.0)), value),
                 ("state", "return", "trouble"),
                 "One sample, NAN if missing: 1 in a contraction; trouble is 1 for flat, 2 for movement or mains.",
             ),
         ),
-        structs={"state": "state"},
+        begins=("start", at(_FIRST), _FIRST, "Before the first sample, NAN if missing."),
     )
     return envelope, onset
-
-
-def _cold(limits: Limits) -> ThermalState:
-    return cold(limits.thermal)
 
 
 _NOTHING = DriveReading(*(0.0,) * len(DriveReading._fields))
@@ -77,27 +79,27 @@ _NOTHING = DriveReading(*(0.0,) * len(DriveReading._fields))
 def safety_module(limits: Limits) -> Module:
     """The supervisor, with a rig's limits as constants."""
     warmth = cold(limits.thermal)
-    bound = Argument("limits", limits, constant=True)
+    bound = Argument("limits", limits, constant=True, said="the rig's limits")
     state = begin(limits, _NOTHING, warmth)
     return Module(
         "safety",
         "The supervisor: it stands last before the wire, and may only refuse or stop.",
         (
-            Function(
+            Public(
                 "cold",
-                _cold,
-                (bound,),
+                cold,
+                (Argument("thermal", limits.thermal, constant=True, said="the motor's thermal side"),),
                 ("warmth",),
                 "A motor as warm as its surroundings.",
             ),
-            Function(
+            Public(
                 "begin",
                 begin,
                 (bound, Argument("reading", _NOTHING), Argument("warmth", warmth)),
                 ("state",),
                 "Stopped, with the motor as warm as the last run left it.",
             ),
-            Function(
+            Public(
                 "supervise",
                 supervise,
                 (
@@ -111,7 +113,6 @@ def safety_module(limits: Limits) -> Module:
                 "One cycle of dt [s]: the law's wish [rad] or less, and whether there is power.",
             ),
         ),
-        structs={"state": "state", "warmth": "thermal_state"},
         enums=(Request, Mode, DriveState, Power, Fault),
         numbers={"emergency_stop": (EMERGENCY_STOP, "among the codes of `emergency`, for an emergency stop")},
     )

@@ -1,15 +1,21 @@
-"""The page and the Makefile that go with exported code."""
+"""What goes with exported code: the page, the Makefile, and the example for an Arduino core."""
 
 import math
+import re
 from collections.abc import Sequence
 
-from bowden.export import cortex
-from bowden.export.module import Module
+import jinja2
+
+from bowden.export.cortex import COMPILER
+from bowden.export.cortex import FLAGS as CORTEX_FLAGS
+from bowden.export.unit import Module, template
 from bowden.rig.counts import Counts
-from bowden.safety.faults import Fault
 
 FLAGS = "-std=c99 -pedantic -Wall -Wextra -Werror -O2 -ffp-contract=off"
 """Every operation rounds as in Python only where products are not fused with sums, and nothing is reordered."""
+
+TARGETS = {"host": False, "cortex-m4f": True, "cortex-m33": True, "cortex-m7": False, "esp32": True}
+"""Target → whether its hardware has float alone; a Cortex-M7 is taken for one with double, as that of a Teensy 4."""
 
 
 def makefile(prefixes: Sequence[str]) -> str:
@@ -30,6 +36,30 @@ def makefile(prefixes: Sequence[str]) -> str:
     )
 
 
+def arduino(name: str, counts: Counts | None, sample_time: float) -> dict[str, str]:
+    """The example for boards with an Arduino core, and its project of PlatformIO."""
+    texts = {
+        "JOINT": f"{name}_joint_angle(read_joint_counts())",
+        "MOTOR": f"{name}_motor_angle(read_motor_counts())",
+        "COMMAND": f"{name}_motor_counts(command)",
+    }
+    if counts is None:
+        texts = {
+            "JOINT": "read_joint_counts() * 1e-3 /* yours: counts to the joint's angle [rad] */",
+            "MOTOR": "read_motor_counts() * 1e-3 /* yours: counts to the motor's, through the spool [rad] */",
+            "COMMAND": "command * 1e3 /* yours: back to counts */",
+        }
+    text = template("arduino.cpp")
+    for key, value in (*texts.items(), ("MICROSECONDS", f"{sample_time * 1e6:.0f}"), ("NAME", name)):
+        text = text.replace(f"@{key}@", value)
+    project = (
+        "; pio run; name your board: see https://docs.platformio.org\n[platformio]\nsrc_dir = .\n\n"
+        "[env:board]\nplatform = teensy\nboard = teensy41\nframework = arduino\n"
+        "build_flags = -ffp-contract=off\nbuild_src_filter = +<*> -<replay.c>\n"
+    )
+    return {"arduino.cpp": text, "platformio.ini": project}
+
+
 def readme(
     law: Module, parts: Sequence[Module], counts: Counts | None, said: str, sample_time: float, *, single: bool
 ) -> str:
@@ -43,169 +73,32 @@ def readme(
         sample_time: of the rig [s].
         single: the law is in float.
     """
-    name = law.prefix
-    names = {part.prefix for part in parts}
-    emg, gate = "onset" in names, "safety" in names
-    sources = " ".join(f"{part.prefix}.c" for part in (law, *parts))
-    rows = [f"| `{part.prefix}.h`, `{part.prefix}.c` | {part.title} |" for part in (law, *parts)]
-    precision = (
-        "The law is in `float`: a Cortex-M4F has no `double` in hardware. Its commands are not those of Python to the "
-        "bit; `make check` says how far they are from them."
-        if single
-        else "In `double` the code gives the very numbers of Python, bit for bit, where the library's `exp`, `sin`, "
-        "`pow`, … are the same."
+    modules, names = (law, *parts), {part.prefix for part in parts}
+    formulas = [] if counts is None else [f"    {signal:15} = {formula}" for signal, formula in counts.formulas()]
+    turns = [] if counts is None else [f"{2.0 * math.pi / one:.6g}" for one in (counts.motor_count, counts.joint_count)]
+    page = jinja2.Template(
+        template("readme.md"), variable_start_string="[[", variable_end_string="]]", trim_blocks=True
     )
-    if gate and single:
-        precision += (
-            " The safety gate stays in `double`: its set of faults is a number with a bit for each of "
-            f"its {len(Fault)}, and a `float` has 24."
-        )
-    page = f"""# {law.title}
-
-{said}
-
-| file | what it is |
-|---|---|
-{chr(10).join(rows)}
-| `replay.c`, `recording.csv`, `Makefile` | the test bench: `make check` replays a recorded run and compares |
-
-Nothing but `<math.h>` is needed, and no heap. On this computer, and for a Cortex-M4F, compile with
-
-    cc {FLAGS} -c {sources}
-    {cortex.COMPILER} {" ".join(cortex.FLAGS)} -c {sources}
-
-and link with `-lm`. For another chip change the `-m…` options, and keep `-ffp-contract=off`; never use `-ffast-math`.
-{precision}
-
-Do not edit the constants in the headers: some in the `.c` files were worked out from them. Change the rig and export
-again. Angles are in radians, times in seconds.
-
-{_angles(name, counts)}
-## The loop
-
-Every {sample_time * 1e3:g} ms, from a timer's interrupt: the cycle's length is a constant like the gains. `read_…` and
-`write_…` are yours.
-
-```c
-#include "{name}.h"
-{_includes(emg, gate)}
-static {name}_state law;
-static int running = 0;
-{_states(emg, gate)}
-{_LOOP_WITH_GATE if gate else _LOOP}```
-{_emg(emg)}{_gate(gate)}
-Velocity and acceleration of the reference may be zero, noisy or not a number, and its position may jump or be held:
-what the law is shown is made of it within `{name}_step`, as in Python. A sample that is not a number does no harm to
-most laws, but some remember it: hand on the last good one, as `bowden run` does. The interrupt must be able to use the
-FPU (`CPACR` is set before the first cycle).
-"""
-    if counts is not None:
-        for call, converted in (
-            ("read_joint_angle()", "@NAME@_joint_angle(read_joint_counts())"),
-            ("read_motor_angle()", "@NAME@_motor_angle(read_motor_counts())"),
-            ("write_motor_target(@NAME@_step(&law, &sample, &reference))", _WRITTEN),
-            ("write_drive(verdict.target,", "write_drive(@NAME@_motor_counts(verdict.target),"),
-        ):
-            page = page.replace(call, converted)
-    return page.replace("@NAME@", name).replace("@PERIOD@", f"{sample_time!r}")
-
-
-_WRITTEN = "write_motor_counts(@NAME@_motor_counts(@NAME@_step(&law, &sample, &reference)))"
-
-
-def _angles(name: str, counts: Counts | None) -> str:
-    """In which angles the law works."""
+    text = page.render(
+        title=law.title,
+        said=said,
+        name=law.prefix,
+        rows="\n".join(f"| `{one.prefix}.h`, `{one.prefix}.c` | {one.title} |" for one in modules),
+        flags=FLAGS,
+        chip=" ".join([COMPILER, *CORTEX_FLAGS]),
+        sources=" ".join(f"{one.prefix}.c" for one in modules),
+        period=repr(sample_time),
+        ms=f"{sample_time * 1e3:g}",
+        emg="onset" in names,
+        gate="safety" in names,
+        single=single,
+        notes="" if counts is None else counts.notes(),
+        formulas="\n".join(formulas),
+        turns=" and ".join(turns),
+    )
     if counts is None:
-        return """## Angles
-
-On a suit the law has the motor's angle in the joint's coordinate, through the spool (docs/suit.md), and zero where the
-cable is just taut. The conversion from counts is yours.
-"""
-    rows = "\n".join(f"    {signal:15} = {formula}" for signal, formula in counts.formulas())
-    turns = " and ".join(f"{2.0 * math.pi / count:.6g}" for count in (counts.motor_count, counts.joint_count))
-    return f"""## Angles
-
-{counts.notes()}
-From the counts of encoders that have the direction and the zero of the rig's log, as `{name}_motor_angle`,
-`{name}_joint_angle` and `{name}_motor_counts` have it:
-
-{rows}
-
-One count is the resolution of `motor_encoder` and `joint_encoder` in the rig: {turns} counts a turn. Where yours have
-others, or count otherwise, correct the rig and export again. Before you close the loop, move the joint by hand: both
-angles must rise together, from zero where the cable is just taut. With a wrong sign the law drives the joint away.
-"""
-
-
-_LOOP = """void timer_interrupt(void)
-{
-    const @NAME@_sample sample = {read_joint_angle(), read_motor_angle()};
-    const @NAME@_reference reference = next_reference();
-
-    if (!running) {
-        @NAME@_start(&law, &sample);
-        running = 1;
-    }
-    write_motor_target(@NAME@_step(&law, &sample, &reference));
-}
-"""
-
-_LOOP_WITH_GATE = """void timer_interrupt(void)
-{
-    const @NAME@_sample sample = {read_joint_angle(), read_motor_angle()};
-    const @NAME@_reference reference = next_reference();
-    const safety_observed observed = observe(); /* reading, ages, lateness, the operator's request */
-    const int moves = gate.decided.mode == SAFETY_MODE_RUNNING || gate.decided.mode == SAFETY_MODE_BRIDGING;
-    safety_verdict verdict;
-    double wish = gate.target; /* until the law may move the motor, it stays where the gate has it */
-
-    if (moves) {
-        if (!running) {
-            @NAME@_start(&law, &sample);
-        }
-        wish = @NAME@_step(&law, &sample, &reference);
-    }
-    running = moves;
-    safety_supervise(&gate, &observed, wish, @PERIOD@, &verdict);
-    write_drive(verdict.target, verdict.power == SAFETY_POWER_ON);
-}
-"""
-
-
-def _includes(emg: bool, gate: bool) -> str:
-    return ('#include "onset.h"\n' if emg else "") + ('#include "safety.h"\n' if gate else "")
-
-
-def _states(emg: bool, gate: bool) -> str:
-    return ("static onset_state muscle;\n" if emg else "") + ("static safety_state gate;\n" if gate else "")
-
-
-def _emg(wanted: bool) -> str:
-    if not wanted:
-        return ""
-    return """
-The detector runs at the rate of the EMG, not of the loop: `onset_start(&muscle, first)` once, then for each sample
-`active = onset_step(&muscle, value, &trouble)`. `envelope_step` gives the envelope.
-"""
-
-
-def _gate(wanted: bool) -> str:
-    if not wanted:
-        return ""
-    return """
-The gate needs `safety_begin(&gate, &reading, &warmth)` once, with the warmth of the last run or that of
-`safety_cold(&warmth)`. It starts stopped; what it observes, its modes and its faults are those of docs/safety.md, and
-their numbers are in `safety.h`. `verdict.faults` is a sum of 2^fault: with `<stdint.h>`,
-`(uint64_t)verdict.faults >> SAFETY_FAULT_LATE & 1` is 1 if the loop was too late.
-
-The operator's requests go into `observed.request`, each for one cycle: `SAFETY_REQUEST_ARM`, `_RUN`, `_STOP` or
-`_ACKNOWLEDGE`; else `SAFETY_REQUEST_NONE`. `observed.reference` is where the law is to have the joint, and `NAN` while
-the law does not lead.
-
-**The preflight is not exported.** In Python it moves the motor by some degrees after arming, and looks whether current,
-motor and joint answer. Here you write it: in `SAFETY_MODE_PREFLIGHT` let `wish` make such small motions. Then set
-`observed.preflight` to 1 if all of them answered, to −1 if not, and to 0 again when the gate has stopped. Until it is
-1, `SAFETY_REQUEST_RUN` does nothing.
-
-The gate replaces no emergency stop, and has not been certified by anyone.
-"""
+        text = text.replace(f"{law.prefix}_joint_angle(read_joint_counts())", "read_joint_angle()")
+        text = text.replace(f"{law.prefix}_motor_angle(read_motor_counts())", "read_motor_angle()")
+        text = re.sub(rf"write_motor_counts\({law.prefix}_motor_counts\((.*)\)\);", r"write_motor_target(\1);", text)
+        text = re.sub(rf"{law.prefix}_motor_counts\((.*?verdict\.target)\)", r"\1", text)
+    return f"{text.rstrip()}\n"

@@ -11,7 +11,7 @@ import numpy as np
 import bowden
 from bowden.control import Law, user_law
 from bowden.core import arguments, shown
-from bowden.core.errors import OutputError, ParameterError
+from bowden.core.errors import OutputError, ParameterError, near
 from bowden.core.files import output_folder, whole_files
 from bowden.design.forecast import off_reference
 from bowden.design.verdict import verdicts
@@ -22,7 +22,7 @@ from bowden.safety.limits import Limits
 from bowden.sensing.detectors import detector_named
 
 if TYPE_CHECKING:
-    from bowden.export.module import Module
+    from bowden.export.unit import Module
     from bowden.rig.counts import Counts
 
 RECORDED = 5.0
@@ -67,6 +67,7 @@ def export(
     law: GivenLaw | None = None,
     *,
     preset: str | None = None,
+    target: str = "host",
     float32: bool = False,
     emg_rate: float | None = None,
     safety: bool = False,
@@ -74,15 +75,17 @@ def export(
 ) -> Exported:
     """Write a law as C99 that needs nothing but math.h, with a test bench that replays a run of this rig.
 
-    The code comes from tracing the very kernels that run in Python. Before anything is written, the gains are checked
-    as `bowden.check` does it. Needs ``pip install "bowden[export]"``.
+    The code comes from the source of the very kernels that run in Python. Before anything is written, the gains are
+    checked as `bowden.check` does it.
 
     Args:
         rig: a `Rig`, or the path of a rig.toml.
         folder: for the code; empty, not there, or with an earlier export of the same law.
         law: a key of `LAWS`, ``FILE.py:NAME`` or a `Law`; the rig's by default.
         preset: a named set of gains of that law.
-        float32: float in place of double; the supervisor stays double.
+        target: what the code is for: ``cortex-m4f``, ``cortex-m33`` and ``esp32`` get float, ``cortex-m7`` and ``host``
+            double, as their hardware has it.
+        float32: float on any target; the supervisor stays double.
         emg_rate: export the EMG's envelope and detector too, for this many samples a second.
         safety: export the supervisor with the rig's limits too.
         force: export gains that do not hold, too.
@@ -91,7 +94,7 @@ def export(
         The files, and what the law costs on a Cortex-M4F where the tools to measure it are installed.
 
     Raises:
-        ParameterError: a rig or law that cannot be used or does not hold, or a kernel that cannot be traced, with its
+        ParameterError: a rig or law that cannot be used or does not hold, or a kernel outside the subset, with its
             line.
         OutputError: a folder that cannot be written, or holds other things.
 
@@ -111,6 +114,7 @@ def export(
             to,
             name=given.name_of(whole),
             preset=preset,
+            target=arguments.text(target, "export: target", "the name of a target"),
             float32=float32,
             emg_rate=rate,
             safety=safety,
@@ -126,6 +130,7 @@ def exported(
     *,
     name: str,
     preset: str | None,
+    target: str,
     float32: bool,
     emg_rate: float | None,
     safety: bool,
@@ -135,8 +140,13 @@ def exported(
     """The export of a rig's own law; see `export`. `name` is the rig's, for messages and for the files."""
     law = rig.fitted()
     output_folder(folder, "--to")
-    progress("tracing the kernels", 0.0)
+    progress("reading the kernels", 0.0)
+    from bowden.export.readme import TARGETS
     from bowden.rig.counts import counts_of
+
+    if target not in TARGETS:
+        raise ParameterError(f"there is no target {target!r}", expected=near(target, TARGETS), do="correct --target")
+    float32 = float32 or TARGETS[target]
 
     counts = counts_of(rig)
     modules = _modules(rig, law, counts, emg_rate, safety=safety)
@@ -202,10 +212,10 @@ def _texts(
     modules: "list[Module]", law: Law, counts: "Counts | None", period: float, said: str, *, float32: bool
 ) -> dict[str, str]:
     """Name → text of every file but the recording."""
-    from bowden.export.code import Style
-    from bowden.export.module import files
-    from bowden.export.readme import makefile, readme
+    from bowden.export.kinds import Style
+    from bowden.export.readme import arduino, makefile, readme
     from bowden.export.replay import replay_source
+    from bowden.export.unit import files
 
     texts: dict[str, str] = {}
     for module in modules:
@@ -213,6 +223,7 @@ def _texts(
         texts |= files(module, Style(module.prefix, single), said)
     return texts | {
         "replay.c": replay_source(law, single=float32),
+        **arduino(modules[0].prefix, counts, period),
         "Makefile": makefile([module.prefix for module in modules]),
         "README.md": readme(modules[0], modules[1:], counts, said, period, single=float32),
     }

@@ -50,7 +50,7 @@ static uint32_t now(void)
 
 int main(void)
 {
-    static @NAME@_state state;
+    static @NAME@_LawState state;
     static double commands[sizeof ROWS / sizeof ROWS[0]];
     const size_t count = sizeof ROWS / sizeof ROWS[0];
     uint32_t ticks = 0, longest = 0, *at, *top;
@@ -63,8 +63,8 @@ int main(void)
         *at = PATTERN;
     }
     for (size_t k = 0; k < count; ++k) {
-        const @NAME@_sample sample = {(@NAME@_real)ROWS[k][0], (@NAME@_real)ROWS[k][1]};
-        const @NAME@_reference reference = {
+        const @NAME@_Sample sample = {(@NAME@_real)ROWS[k][0], (@NAME@_real)ROWS[k][1]};
+        const @NAME@_Reference reference = {
             (@NAME@_real)ROWS[k][2], (@NAME@_real)ROWS[k][3], (@NAME@_real)ROWS[k][4]
         };
         uint32_t begin, took;

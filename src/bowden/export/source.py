@@ -1,0 +1,125 @@
+"""The source of a kernel: its tree, its comments, and what to say of a place in it."""
+
+import ast
+import inspect
+import io
+import sys
+import textwrap
+import tokenize
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from bowden.core.errors import ParameterError
+
+INSTEAD: dict[type[ast.AST], str] = {
+    ast.While: "write a loop over a fixed range: for i in range(n)",
+    ast.Try: "test with an if before: math.isfinite(x), or x != 0.0 before x divides",
+    ast.Raise: "return a number that says so; a kernel has no exceptions",
+    ast.Assert: "take it out; check arguments where the kernel is made",
+    ast.ListComp: "write its terms one by one, or a loop that adds up",
+    ast.GeneratorExp: "write its terms one by one, or a loop that adds up",
+    ast.DictComp: "use a NamedTuple",
+    ast.Dict: "use a NamedTuple",
+    ast.List: "use a NamedTuple",
+    ast.Set: "use a NamedTuple",
+    ast.Lambda: "write a kernel: @kernel def name(x: float) -> float",
+    ast.FunctionDef: "write it outside, as a kernel of its own",
+    ast.JoinedStr: "take texts out of the kernel",
+    ast.With: "take files and locks out of the kernel",
+    ast.Global: "put it into the state",
+    ast.Nonlocal: "put it into the state",
+    ast.Break: "use an if within the loop",
+    ast.Continue: "use an if within the loop",
+    ast.Pow: "multiply, or call bowden.core.kernel.power(a, b)",
+    ast.Mod: "use a - b*floor(a/b), with floor of bowden.core.kernel",
+    ast.FloorDiv: "use floor(a/b), with floor of bowden.core.kernel",
+    ast.Delete: "leave it out",
+    ast.NamedExpr: "assign on a line of its own",
+    ast.Starred: "name the values one by one",
+    ast.Slice: "name the values one by one",
+    ast.Is: "compare numbers with ==",
+    ast.IsNot: "compare numbers with !=",
+    ast.In: "compare with == and or",
+    ast.NotIn: "compare with != and and",
+}
+"""What the subset has in place of what it does not have."""
+
+
+class KernelSource:
+    """One function as its file has it."""
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        self.function = function
+        try:
+            lines, first = inspect.getsourcelines(function)
+        except (OSError, TypeError):
+            name = getattr(function, "__qualname__", repr(function))
+            raise ParameterError(f"{name} has no source to be exported", do="define it with def in a file") from None
+        text = textwrap.dedent("".join(lines))
+        node = ast.parse(text).body[0]
+        self.file, self.first = inspect.getsourcefile(function) or "?", first
+        if not isinstance(node, ast.FunctionDef):
+            raise self.refused(node, "a lambda or a coroutine", "write a kernel: @kernel def name(x: float) -> float")
+        self.node = node
+        self._lines = text.splitlines()
+        self.comments = {
+            token.start[0]: token.string.lstrip("# ")
+            for token in tokenize.generate_tokens(io.StringIO(text).readline)
+            if token.type == tokenize.COMMENT and not token.line[: token.start[1]].strip()
+        }
+
+    @property
+    def body(self) -> list[ast.stmt]:
+        """The statements without the docstring."""
+        return self.node.body[1:] if ast.get_docstring(self.node) is not None else self.node.body
+
+    def is_blank_after(self, one: ast.stmt) -> bool:
+        """Whether an empty line stands behind a statement."""
+        return not "".join(self._lines[one.end_lineno or 0 :][:1]).strip()
+
+    @property
+    def said(self) -> str:
+        """The docstring, without its examples."""
+        text = ast.get_docstring(self.node) or ""
+        return text.partition("\n>>>")[0].strip()
+
+    def refused(self, node: ast.AST, what: str, do: str, expected: str = "") -> ParameterError:
+        """The error that a place in it is outside the subset."""
+        line = self.first + getattr(node, "lineno", 1) - 1
+        return ParameterError(f"{self.file}, line {line}: {what} cannot be exported", expected=expected, do=do)
+
+    def outside(self, node: ast.AST) -> ParameterError:
+        """The error that C is not made of such a thing."""
+        word = ast.unparse(node).partition("\n")[0] if not isinstance(node, ast.operator | ast.cmpop) else ""
+        name = type(node).__name__
+        what = f"{word if 0 < len(word) < 40 else name}"
+        return self.refused(node, what, INSTEAD.get(type(node), "keep to the subset of docs/kernels.md"))
+
+
+@cache
+def _tree(file: str) -> tuple[list[ast.stmt], list[str]]:
+    try:
+        text = Path(file).read_text(encoding="utf-8")
+    except OSError:
+        text = ""
+    return ast.parse(text).body, text.splitlines()
+
+
+@cache
+def origin(file: str, name: str) -> tuple[str, str]:
+    """The file in which a constant was first assigned, and what is said of it there: below it, or behind it."""
+    body, lines = _tree(file)
+    for node, after in zip(body, [*body[1:], ast.Pass()], strict=False):
+        if isinstance(node, ast.ImportFrom):
+            other = getattr(sys.modules.get(node.module or ""), "__file__", None)
+            for one in node.names if other else ():
+                if (one.asname or one.name) == name:
+                    return origin(str(other), one.name)
+        targets = getattr(node, "targets", None) or [getattr(node, "target", ast.Pass())]
+        if any(isinstance(one, ast.Name) and one.id == name for target in targets for one in ast.walk(target)):
+            text = after.value.value if isinstance(after, ast.Expr) and isinstance(after.value, ast.Constant) else None
+            behind = lines[(node.end_lineno or 1) - 1][node.end_col_offset or 0 :].partition("#")[2]
+            return file, " ".join((text if isinstance(text, str) else behind).split())
+    return file, ""
