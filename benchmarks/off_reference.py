@@ -33,7 +33,7 @@ from bowden.rig.one_run import run_of
 from bowden.rig.presets.suit import suit, suit_adaptive_integral, suit_ours
 from bowden.rig.rig import Rig
 from bowden.safety.faults import of
-from bowden.safety.supervisor import Mode, Observed, Request
+from bowden.safety.state import Mode, Observed, Request
 from bowden.sim.run import simulate
 from releases import written_suit
 from suit_wearers import worn_suit

@@ -32,7 +32,7 @@ from bowden.rig.objections import objections
 from bowden.rig.rig import Rig
 from bowden.rig.twin_plant import twin_plant_of
 from bowden.safety.faults import of
-from bowden.safety.supervisor import Mode, Observed, Request
+from bowden.safety.state import Mode, Observed, Request
 from kept import Kept
 from measure import Figure
 from releases import written_suit

@@ -27,7 +27,9 @@ from bowden.rig.suit_rig import suit_text
 from bowden.rig.twin_plant import twin_plant_of
 from bowden.safety.faults import Fault
 from bowden.safety.limits import Limits
-from bowden.safety.supervisor import Mode, Observed, Request, begin, longest_release, supervise
+from bowden.safety.release import longest_release
+from bowden.safety.state import Mode, Observed, Request
+from bowden.safety.supervisor import begin, supervise
 from kept import Kept
 from measure import Figure
 from wearers import random_wearer
@@ -146,7 +148,7 @@ def release(number: int) -> Release:
     state = begin(limits, reading(False, 0.0, 4.0), cold(limits.thermal))
     state = state._replace(
         target=target,
-        decided=state.decided._replace(mode=float(Mode.RUNNING), passed=1.0, target_before=target),
+        decided=state.decided._replace(mode=Mode.RUNNING, started=True, previous_target=target),
         servo=state.servo._replace(enabled=1.0, position=plant.motor, speed=plant.velocity),
     )
     step = compiled(supervise)

@@ -12,7 +12,7 @@ from bowden.live.live_run import live_run
 from bowden.live.row import NOTHING_READ
 from bowden.models.drive.thermal import cold
 from bowden.rig.rig import Rig
-from bowden.safety.supervisor import Mode, Observed, Request
+from bowden.safety.state import Mode, Observed, Request
 from support.simulated_drive import SimulatedDrive
 
 LONGEST = 60.0

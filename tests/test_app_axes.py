@@ -24,7 +24,7 @@ from bowden.live.mcap_read import read
 from bowden.live.session import Session, own_twin
 from bowden.rig.rig import Rig
 from bowden.safety.faults import Fault, of
-from bowden.safety.supervisor import Mode
+from bowden.safety.state import Mode
 from live_runs import COMMAND, SHARED, finished_well, tries
 
 ROOT = Path(__file__).parents[1]

@@ -34,7 +34,7 @@ from bowden.models.drive.thermal import cold
 from bowden.rig import given_law
 from bowden.rig.rig import Rig
 from bowden.safety.limits import Limits
-from bowden.safety.supervisor import Mode, Observed, Request, Verdict
+from bowden.safety.state import Mode, Observed, Request, Verdict
 
 pytestmark = pytest.mark.usefixtures("undrawn")
 

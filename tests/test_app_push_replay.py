@@ -29,7 +29,7 @@ from bowden.live.run_settings import run_settings
 from bowden.models.drive.thermal import cold
 from bowden.rig.rig import Rig
 from bowden.rig.sections import PARTS
-from bowden.safety.supervisor import Observed
+from bowden.safety.state import Observed
 from live_runs import pushed_rig
 
 DT = 1e-3

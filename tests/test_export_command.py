@@ -23,7 +23,7 @@ from bowden.identify.cable.counting import Counting
 from bowden.identify.cable.model import CableModel
 from bowden.rig.rig import Rig
 from bowden.safety.faults import Fault
-from bowden.safety.supervisor import Mode, Request
+from bowden.safety.state import Mode, Request
 
 pytest.importorskip("casadi", reason="casadi, of the extra export, is not installed")
 COMPILER, MAKE = shutil.which("cc"), shutil.which("make")

@@ -27,7 +27,7 @@ from bowden.live.log_rig import rig_of_log
 from bowden.live.row import AT
 from bowden.live.session import Session
 from bowden.safety.faults import Fault
-from bowden.safety.supervisor import Mode
+from bowden.safety.state import Mode
 from live_runs import SHARED_LIMITS, tries
 
 T = np.arange(0.0, 20.0, 0.01)

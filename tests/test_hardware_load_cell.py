@@ -34,7 +34,8 @@ from bowden.rig.drive import BESIDE
 from bowden.rig.presets.bench import bench
 from bowden.rig.rig import Rig
 from bowden.safety.limits import Limits
-from bowden.safety.supervisor import Observed, begin
+from bowden.safety.state import Observed
+from bowden.safety.supervisor import begin
 from bowden.sim.scenario import constant_bend
 from support.memory_bus import MemoryBus
 

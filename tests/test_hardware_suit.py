@@ -22,7 +22,7 @@ from bowden.models.drive.geared_motor import GearedMotor, SpoolState, drive_moto
 from bowden.models.suit.arm import Wearer
 from bowden.models.suit.suit_angle import spool_map, spool_of
 from bowden.plants.suit_parts import Suit
-from bowden.safety.supervisor import Mode, Verdict
+from bowden.safety.state import Mode, Verdict
 from bowden.sim.scenario import constant_bend, scripted_bend
 
 SUIT = Suit(motor=GearedMotor(integral=40.0))

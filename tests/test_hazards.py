@@ -20,7 +20,8 @@ from bowden.models.drive.thermal import cold
 from bowden.safety.faults import Fault, of
 from bowden.safety.last_word import LastWord
 from bowden.safety.limits import Limits
-from bowden.safety.supervisor import Mode, Observed, Request, SupervisorState, Verdict, begin, supervise
+from bowden.safety.state import Mode, Observed, Request, SupervisorState, Verdict
+from bowden.safety.supervisor import begin, supervise
 from loop_rig import LoopRig, twin_bench
 from support.simulated_drive import SimulatedDrive
 

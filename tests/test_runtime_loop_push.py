@@ -34,7 +34,7 @@ from bowden.models.suit.suit_angle import spool_map
 from bowden.plants.suit_parts import Suit
 from bowden.safety.faults import Fault
 from bowden.safety.limits import ARM_LOWERING, Limits
-from bowden.safety.supervisor import Mode
+from bowden.safety.state import Mode
 from bowden.sim.run import simulate
 from bowden.sim.scenario import constant_bend
 from bowden.sim.suit_sources import behind, friction_of, push_of

@@ -13,7 +13,7 @@ from bowden.models.drive.thermal import cold
 from bowden.rig.presets.bench import default_bench
 from bowden.safety.faults import Fault
 from bowden.safety.limits import Limits
-from bowden.safety.supervisor import Observed
+from bowden.safety.state import Observed
 from bowden.sim.injected import Injected
 from support.fault_matrix import AFTER, LAST, MEASURED, REFERENCE, ROWS, begins
 from support.injected_loop import InjectedLoop, differing

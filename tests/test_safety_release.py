@@ -19,7 +19,9 @@ from bowden.rig.rig import Rig
 from bowden.rig.settings import SuitSettings
 from bowden.rig.suit_rig import suit_text
 from bowden.safety.limits import Limits
-from bowden.safety.supervisor import Mode, Observed, Request, begin, longest_release, supervise
+from bowden.safety.release import longest_release
+from bowden.safety.state import Mode, Observed, Request
+from bowden.safety.supervisor import begin, supervise
 from releases import release, throws
 
 SUIT = Suit()._replace(motor=Suit().motor._replace(integral=40.0))
@@ -102,7 +104,7 @@ def let_go(
     target = (start + lead) * RADIANS
     sees = begun._replace(
         target=target,
-        decided=begun.decided._replace(mode=float(Mode.RUNNING), passed=1.0, target_before=target),
+        decided=begun.decided._replace(mode=Mode.RUNNING, started=True, previous_target=target),
         servo=begun.servo._replace(enabled=1.0),
     )
     fastest, most, strained = 0.0, 0.0, 0.0

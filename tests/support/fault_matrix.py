@@ -11,7 +11,7 @@ from bowden.core.units import RADIANS
 from bowden.plants.plant import Plant
 from bowden.safety.faults import Fault, of
 from bowden.safety.limits import Limits
-from bowden.safety.supervisor import longest_release
+from bowden.safety.release import longest_release
 from bowden.sim.injected import Injected
 from support.supervised import Outcome, supervised
 

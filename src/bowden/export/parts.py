@@ -2,6 +2,7 @@
 
 from bowden.core.errors import ParameterError
 from bowden.core.signals import EMERGENCY_STOP, DriveReading, DriveState
+from bowden.cycle.one_cycle import NOTHING_OBSERVED
 from bowden.export.checked import Argument, Function
 from bowden.export.layout import identifier
 from bowden.export.module import Module
@@ -9,7 +10,8 @@ from bowden.hardware.ports import Power
 from bowden.models.drive.thermal import ThermalState, cold
 from bowden.safety.faults import Fault
 from bowden.safety.limits import Limits
-from bowden.safety.supervisor import Mode, Observed, Request, begin, supervise
+from bowden.safety.state import Mode, Request
+from bowden.safety.supervisor import begin, supervise
 from bowden.sensing.detector import Detector
 from bowden.sensing.detectors import DEFAULT
 from bowden.sensing.envelope import envelope_start, envelope_step, prepare_envelope
@@ -103,7 +105,7 @@ def safety_module(limits: Limits) -> Module:
                 (
                     bound,
                     Argument("state", state),
-                    Argument("observed", Observed(_NOTHING, *(0.0,) * 10)),
+                    Argument("observed", NOTHING_OBSERVED),
                     Argument("wish", 0.0),
                     Argument("dt", 0.001),
                 ),

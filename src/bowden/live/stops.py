@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 from bowden.live.mcap_read import Recording
 from bowden.safety import faults
 from bowden.safety.faults import Fault
-from bowden.safety.supervisor import Mode
+from bowden.safety.state import Mode
 
 Array = NDArray[np.float64]
 
-NEEDED = ("time", "mode", "faults", "lateness", "supervisor.sums.late", "operator_age")
+NEEDED = ("time", "mode", "faults", "lateness", "supervisor.timers.late", "operator_age")
 """Columns of the log that are looked at; the last one may be missing."""
 OF_THE_COMPUTER = frozenset({Fault.LATE, Fault.CLOCK})
 """Faults of this computer, and not of the rig."""
@@ -107,7 +107,7 @@ def _stops(log: Recording) -> Iterator[Stop]:
         yield Stop(
             float(time[begin] - time[0]),
             *told_apart(onsets(bits[begin:over], time[begin:over])),
-            _most(log["lateness"][since], log["supervisor.sums.late"][since]),
+            _most(log["lateness"][since], log["supervisor.timers.late"][since]),
             _most(log["operator_age"][since]) if "operator_age" in log.columns else 0.0,
         )
 
