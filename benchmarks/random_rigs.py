@@ -145,7 +145,7 @@ def run(rig: Rig) -> str:
 
 
 def _run(cycle: Cycle, script: Any, drive: SimulatedDrive, push: Any) -> str:
-    mode, target = float(Mode.STOPPED), cycle.state.supervisor.target
+    mode, target = Mode.STOPPED, cycle.state.supervisor.target
     asked_to_end = False
     for k in range(1, round(LONGEST / cycle.period)):
         now = k * cycle.period
@@ -156,7 +156,7 @@ def _run(cycle: Cycle, script: Any, drive: SimulatedDrive, push: Any) -> str:
         elif script.done and mode == Mode.RUNNING:
             request, asked_to_end = Request.STOP, True
         plan = script.plan(mode, target, reading, 1)
-        observed = Observed(reading, 0.0, cycle.period, float(request), 0.0, 1.0, script.outcome, 0.0)
+        observed = Observed(reading, 0.0, cycle.period, request, 0.0, True, script.outcome, 0.0)
         _, verdict = cycle.step(observed, plan)
         mode, target = verdict.mode, verdict.target
         torque = 0.0 if push is None else push.step(target, verdict, cycle.period)

@@ -28,7 +28,7 @@ from bowden.rig.twin_plant import twin_plant_of
 from bowden.safety.faults import Fault
 from bowden.safety.limits import Limits
 from bowden.safety.release import longest_release
-from bowden.safety.state import Mode, Observed, Request
+from bowden.safety.state import Mode, Observed, PreflightResult, Request
 from bowden.safety.supervisor import begin, supervise
 from kept import Kept
 from measure import Figure
@@ -167,10 +167,10 @@ def release(number: int) -> Release:
                 reading(given and cause == "joint lost", current, 4.0 if power else 1.0),
                 0.03 if k == caused and cause == "late" else 0.0,
                 dt,
-                float(Request.STOP if k == caused and cause == "stop" else Request.NONE),
+                Request.STOP if k == caused and cause == "stop" else Request.NONE,
                 9.0 if given and cause == "operator lost" else 0.0,
-                0.0 if given and cause == "law lost" else 1.0,
-                1.0,
+                not (given and cause == "law lost"),
+                PreflightResult.PASSED,
                 0.0,
             ),
             math.nan if given and cause == "law lost" else wishes[k],
@@ -178,7 +178,7 @@ def release(number: int) -> Release:
         )
         power = verdict.power
         plant.doing, plant.command = (FOLLOW, verdict.target) if power else (0, plant.command)
-        faults = max(faults, verdict.faults)
+        faults = max(faults, float(verdict.faults))
         place = sign * (plant.joint - home)
         if (k - first) % STRIDE == 0:
             moved, joint = (place - joint) / (STRIDE * dt), place

@@ -192,10 +192,10 @@ EDGES: list[Edge] = [
         for name, other in itertools.permutations(("state.stuck_joint.reading", "state.stuck_joint.previous_reading"))
         for sign in (-1.0, 1.0)
     ),
-    (Fault.JOINT_ASTRAY, "reading.joint", 0.5, 0.5 - TINY, motor_at(1.0, 0.5)),
-    (Fault.JOINT_ASTRAY, "reading.joint", 1.5, 1.5 + TINY, motor_at(1.0, 1.5)),
-    (Fault.JOINT_ASTRAY, "reading.joint", -0.71875, -0.71875 - TINY, motor_at(-0.375, -0.71875)),
-    (Fault.JOINT_ASTRAY, "reading.joint", -1 / 32, -1 / 32 + TINY, motor_at(-0.375, -1 / 32)),
+    (Fault.JOINT_MOTOR_MISMATCH, "reading.joint", 0.5, 0.5 - TINY, motor_at(1.0, 0.5)),
+    (Fault.JOINT_MOTOR_MISMATCH, "reading.joint", 1.5, 1.5 + TINY, motor_at(1.0, 1.5)),
+    (Fault.JOINT_MOTOR_MISMATCH, "reading.joint", -0.71875, -0.71875 - TINY, motor_at(-0.375, -0.71875)),
+    (Fault.JOINT_MOTOR_MISMATCH, "reading.joint", -1 / 32, -1 / 32 + TINY, motor_at(-0.375, -1 / 32)),
     (Fault.JOINT_OVER_TRAVEL, "reading.joint", 1.5, 1.5 + TINY, motor_at(1.5, 1.5)),
     (Fault.JOINT_OVER_TRAVEL, "reading.joint", -0.5, -0.5 - TINY, motor_at(-0.4, -0.5)),
     (Fault.JOINT_OVER_SPEED, "state.joint.speed", 8.0, 8.0 + TINY, {"reading.joint": 0.375 + 8 * DT}),
@@ -293,20 +293,20 @@ EDGES: list[Edge] = [
     (Fault.CLOCK, "observed.elapsed", 0.5, 0.5 + TINY, {}),
     (Fault.CLOCK, "observed.lateness", -DT, -DT - TINY, {}),
     (Fault.CLOCK, "observed.lateness", 1e6, 1e6 + 1.0, {}),
-    (Fault.WISH_LOST, "law.wish", 2.0, 2.0 + TINY, motor_at(2.0)),
-    (Fault.WISH_LOST, "law.wish", -0.5, -0.5 - TINY, motor_at(-0.5)),
-    (Fault.WISH_STEP, "law.wish", 0.625, 0.625 + TINY, {}),
-    (Fault.WISH_STEP, "law.wish", 0.375, 0.375 - TINY, {}),
-    (Fault.WISH_STEP, "law.wish", 0.625, 0.625 + TINY, {"observed.elapsed": 0.5 * DT}),
-    (Fault.WISH_STEP, "law.wish", 0.875, 0.875 + TINY, {"observed.elapsed": 3 * DT}),
-    (Fault.WISH_STEP, "law.wish", 1.125, 1.125 + TINY, {"observed.elapsed": 5 * DT}),
-    (Fault.WISH_STEP, "law.wish", 1.125, 1.125 + TINY, {"observed.elapsed": 9 * DT}),
-    (Fault.WISH_FAR, "law.wish", 1.375, 1.375 + TINY, {}),
-    (Fault.WISH_FAR, "law.wish", -0.375, -0.375 - TINY, {}),
-    (Fault.WISH_HARD, "law.wish", 0.5625, 0.5625 + TINY, {"limits.acceleration": 64.0}),
-    (Fault.WISH_HARD, "law.wish", 0.4375, 0.4375 - TINY, {"limits.acceleration": 64.0}),
+    (Fault.TARGET_LOST, "law.wish", 2.0, 2.0 + TINY, motor_at(2.0)),
+    (Fault.TARGET_LOST, "law.wish", -0.5, -0.5 - TINY, motor_at(-0.5)),
+    (Fault.TARGET_STEP, "law.wish", 0.625, 0.625 + TINY, {}),
+    (Fault.TARGET_STEP, "law.wish", 0.375, 0.375 - TINY, {}),
+    (Fault.TARGET_STEP, "law.wish", 0.625, 0.625 + TINY, {"observed.elapsed": 0.5 * DT}),
+    (Fault.TARGET_STEP, "law.wish", 0.875, 0.875 + TINY, {"observed.elapsed": 3 * DT}),
+    (Fault.TARGET_STEP, "law.wish", 1.125, 1.125 + TINY, {"observed.elapsed": 5 * DT}),
+    (Fault.TARGET_STEP, "law.wish", 1.125, 1.125 + TINY, {"observed.elapsed": 9 * DT}),
+    (Fault.TARGET_TOO_FAR, "law.wish", 1.375, 1.375 + TINY, {}),
+    (Fault.TARGET_TOO_FAR, "law.wish", -0.375, -0.375 - TINY, {}),
+    (Fault.TARGET_TOO_HARD, "law.wish", 0.5625, 0.5625 + TINY, {"limits.acceleration": 64.0}),
+    (Fault.TARGET_TOO_HARD, "law.wish", 0.4375, 0.4375 - TINY, {"limits.acceleration": 64.0}),
     (
-        *(Fault.WISH_HARD, "law.wish"),
+        *(Fault.TARGET_TOO_HARD, "law.wish"),
         *(AWAY + (64.0 + 48.0 * SPEED) / 1024.0 + sign * TINY for sign in (-1.0, 1.0)),
         {**MOVING, "limits.acceleration": 64.0},
     ),
@@ -531,7 +531,7 @@ MOVED_BY_HAND: Changes = {"reading.motor": 1.5, "reading.joint": 1.25}
 FREE: Changes = {"law.wish": NAN, "reading.drive_state": 4.0}
 UNMEASURED: Changes = {"limits.measures_current": 0.0, "limits.measures_tension": 0.0}
 UNMEASURED |= {"limits.measures_temperature": 0.0}
-WISHES = {Fault.WISH_LOST, Fault.WISH_STEP, Fault.WISH_FAR, Fault.WISH_HARD}
+WISHES = {Fault.TARGET_LOST, Fault.TARGET_STEP, Fault.TARGET_TOO_FAR, Fault.TARGET_TOO_HARD}
 JUMPS = {Fault.MOTOR_JUMP, Fault.JOINT_JUMP, Fault.JOINT_FROZEN}
 CURRENTS = {Fault.CURRENT_LOST, Fault.OVER_CURRENT, Fault.SATURATED, Fault.I2T}
 TENSIONS = {Fault.TENSION_LOST, Fault.OVER_TENSION, Fault.SLACK}
@@ -594,14 +594,14 @@ def test_a_detector_is_silent_where_its_signal_says_nothing(quiet: tuple[str, se
 
 def test_a_wish_that_is_lost_is_no_other_fault_and_a_preflight_that_is_over_none() -> None:
     for wish in (NAN, 9.0, INF):
-        assert faults({"law.wish": wish}) == {Fault.WISH_LOST}
+        assert faults({"law.wish": wish}) == {Fault.TARGET_LOST}
     assert faults({"observed.preflight": -1.0}) == set()
     assert faults(ARMED, {"reading.drive_state": 4.0, "state.timers.armed": 2.0}) == set()
 
 
 @pytest.mark.parametrize("mode", [Mode.PREFLIGHT, Mode.RUNNING, Mode.BRIDGING])
 def test_a_wish_that_cannot_be_is_seen_wherever_it_might_lead(mode: Mode) -> None:
-    assert Fault.WISH_LOST in faults({"state.decided.mode": mode, "law.wish": NAN})
+    assert Fault.TARGET_LOST in faults({"state.decided.mode": mode, "law.wish": NAN})
 
 
 def heated(current: float, time: float, winding: float = 60.0) -> ThermalState:
@@ -945,7 +945,7 @@ def test_a_load_is_let_down_until_the_servo_is_where_the_cable_is_taut_or_the_ca
     for elapsed, counted in ((3.0 * DT, 3.0 * DT), (0.1, 5.0 * DT)):  # of a late cycle, five cycles at most
         state, _ = cycle(slack, {"state.decided.joint_ahead_time": 0.0, "observed.elapsed": elapsed})
         assert state.decided.joint_ahead_time == pytest.approx(counted)
-    of_joint = (Fault.JOINT_LOST, Fault.JOINT_JUMP, Fault.JOINT_STALE, Fault.JOINT_FROZEN, Fault.JOINT_ASTRAY)
+    of_joint = (Fault.JOINT_LOST, Fault.JOINT_JUMP, Fault.JOINT_STALE, Fault.JOINT_FROZEN, Fault.JOINT_MOTOR_MISMATCH)
     for fault in LATCHABLE:
         mode = cycle(slack, {"state.decided.latched": 2.0**fault})[1].mode
         assert mode == (Mode.RELEASING if fault in of_joint else Mode.LATCHED), fault

@@ -440,7 +440,7 @@ ALONE: dict[Fault, list[Cycle]] = {
     Fault.JOINT_JUMP: lasting(9, joint=0.56),
     Fault.JOINT_STALE: lasting(9, joint_age=3.0),
     Fault.JOINT_FROZEN: moved(joint=lambda k, joint: 0.45),
-    Fault.JOINT_ASTRAY: moved(joint=lambda k, joint: joint - 0.002 * k),
+    Fault.JOINT_MOTOR_MISMATCH: moved(joint=lambda k, joint: joint - 0.002 * k),
     Fault.JOINT_OVER_TRAVEL: moved(joint=lambda k, joint: joint),
     Fault.JOINT_OVER_SPEED: pushed(joint=True, motor=False, speed=12.0)[:30],
     Fault.MOTOR_LOST: lasting(9, motor=NAN),
@@ -466,10 +466,10 @@ ALONE: dict[Fault, list[Cycle]] = {
     Fault.BUS_ERRORS: [(seen(bus_errors=float(k)), 0.5) for k in range(9)],
     Fault.LATE: lasting(9, lateness=0.021),
     Fault.CLOCK: lasting(9, elapsed=0.0),
-    Fault.WISH_LOST: lasting(9, wish=2.001),
-    Fault.WISH_STEP: lasting(9, wish=0.701),
-    Fault.WISH_FAR: [(seen(), 0.5 + 0.15 * min(k, 7)) for k in range(16)],
-    Fault.WISH_HARD: reversal(),
+    Fault.TARGET_LOST: lasting(9, wish=2.001),
+    Fault.TARGET_STEP: lasting(9, wish=0.701),
+    Fault.TARGET_TOO_FAR: [(seen(), 0.5 + 0.15 * min(k, 7)) for k in range(16)],
+    Fault.TARGET_TOO_HARD: reversal(),
     Fault.OPERATOR_LOST: lasting(9, operator_age=1.001),
     Fault.PREFLIGHT_FAILED: lasting(9, preflight=-1.0),
     Fault.RECORDER_LOST: lasting(9, recorder=0.0),
@@ -514,11 +514,11 @@ def situation(fault: Fault) -> tuple[Limits, SupervisorState, list[Cycle]]:
         limits = limits._replace(paired=True)
     elif fault == Fault.JOINT_OFF_REFERENCE:
         limits = limits._replace(off_reference_time=0.05)
-    elif fault == Fault.WISH_FAR:
+    elif fault == Fault.TARGET_TOO_FAR:
         limits = limits._replace(acceleration=1e9)
     elif fault == Fault.MOTOR_OVER_SPEED:
         limits = limits._replace(play=9.0, joint_still=-1.0, target_reach=9.0)
-    elif fault == Fault.WISH_HARD:
+    elif fault == Fault.TARGET_TOO_HARD:
         limits = limits._replace(target_reach=9.0, play=9.0, joint_still=-1.0)
     elif fault in (Fault.NOT_ENABLED, Fault.PREFLIGHT_FAILED):
         limits = limits._replace(enable_time=0.1)

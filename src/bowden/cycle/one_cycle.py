@@ -215,7 +215,9 @@ def bare_start(settings: CycleSettings, measured: Measurement) -> CycleState:
 
 
 @kernel
-def believed(settings: CycleSettings, state: CycleState, observed: Observed, dt: float) -> tuple[Sample, Measurement]:
+def filtered_measurement(
+    settings: CycleSettings, state: CycleState, observed: Observed, dt: float
+) -> tuple[Sample, Measurement]:
     """`cycle_sense` under the supervisor: the angles that the supervisor itself goes by, each behind its low-pass.
 
     While an angle is missing or not credible the law has the last one that was, so that what the supervisor bridges
@@ -237,12 +239,12 @@ def believed(settings: CycleSettings, state: CycleState, observed: Observed, dt:
 
 
 @kernel
-def led(limits: Limits, command: float, added: float) -> float:
+def clamp_offset(limits: Limits, command: float, added: float) -> float:
     """`cycle_lead` under the supervisor: what is added takes the law's command no further than the motor's range [rad].
 
     What is no number, or a law's command that is out of range itself, is left to the supervisor.
 
-    >>> led(Limits(motor_low=-0.25, motor_high=2.0), 0.0, -0.75), led(Limits(motor_high=2.0), 2.5, 0.5)
+    >>> clamp_offset(Limits(motor_low=-0.25), 0.0, -0.75), clamp_offset(Limits(motor_high=2.0), 2.5, 0.5)
     (-0.25, 2.5)
     """
     wish = command + added
@@ -276,7 +278,11 @@ def supervised(
     return supervise(limits, watched, seen, wish, dt)
 
 
-SUPERVISED: dict[str, Callable[..., Any]] = {"cycle_sense": believed, "cycle_lead": led, "cycle_watch": supervised}
+SUPERVISED: dict[str, Callable[..., Any]] = {
+    "cycle_sense": filtered_measurement,
+    "cycle_lead": clamp_offset,
+    "cycle_watch": supervised,
+}
 """A law as it runs live: `Observed` in, and the supervisor's last word out."""
 
 

@@ -27,7 +27,14 @@ _OLD = frozenset({Fault.JOINT_STALE, Fault.MOTOR_STALE})
 FOLLOWS_LATENESS = _OLD | {
     *(Fault.JOINT_LOST, Fault.JOINT_JUMP, Fault.JOINT_OVER_SPEED, Fault.MOTOR_LOST, Fault.MOTOR_JUMP),
     *(Fault.MOTOR_OVER_SPEED, Fault.NOT_FOLLOWING, Fault.CURRENT_LOST, Fault.HEARTBEAT_LOST, Fault.DRIVE_DROPPED),
-    *(Fault.DRIVE_FAULT, Fault.EMERGENCY, Fault.WISH_STEP, Fault.WISH_FAR, Fault.WISH_HARD, Fault.OPERATOR_LOST),
+    *(
+        Fault.DRIVE_FAULT,
+        Fault.EMERGENCY,
+        Fault.TARGET_STEP,
+        Fault.TARGET_TOO_FAR,
+        Fault.TARGET_TOO_HARD,
+        Fault.OPERATOR_LOST,
+    ),
     *(Fault.EMG_LOST, Fault.NOT_ENABLED),
 }
 """What a computer that stalls brings about as well."""
@@ -42,7 +49,7 @@ _OF_TWIN = {
     Fault.BUS_ERRORS: f"a twin's bus has no cable; the twin is silent: {_SILENT}",
     Fault.MOTOR_STALE: f"the twin is late or silent: {_SILENT}",
     Fault.JOINT_STALE: f"the twin is late or silent: {_SILENT}",
-    Fault.JOINT_ASTRAY: _ASTRAY,
+    Fault.JOINT_MOTOR_MISMATCH: _ASTRAY,
     Fault.EMERGENCY_STOP: "it was injected into the twin; begin again",
     Fault.MOTOR_HOT: "the twin's motor is a model; begin again, it is cold then",
     Fault.DRIVE_HOT: "the twin's drive is a model; begin again",

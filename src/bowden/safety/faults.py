@@ -62,8 +62,9 @@ class Fault(IntEnum):
     JOINT_FROZEN = (R2, R2, 0.008, "joint angle does not change",
                     "at most one count to and fro over frozen_travel of the motor, or in strokes beyond the dead zone",
                     "look at the joint encoder, its coupling and the cable")
-    JOINT_ASTRAY = (R2, R2, 0.008, "joint and motor disagree", "joint outside slope_low…slope_high × motor ± play",
-                    "look for a broken or slack cable and for wrong zeros or directions of the encoders")
+    JOINT_MOTOR_MISMATCH = (R2, R2, 0.008, "joint and motor disagree",
+                            "joint outside slope_low…slope_high × motor ± play",
+                            "look for a broken or slack cable and for wrong zeros or directions of the encoders")
     JOINT_OVER_TRAVEL = (R3, R3, 0.010, "joint beyond its range", "joint outside joint_low…joint_high",
                          "bring the limb back by hand; look at the reference and the joint's zero")
     JOINT_OVER_SPEED = (R3, R3, 0.020, "joint too fast", "filtered speed > joint_speed",
@@ -115,15 +116,15 @@ class Fault(IntEnum):
             "run `bowden doctor`; close other programs")
     CLOCK = (R2, R2, 0.004, "clock stepped", "time between cycles not in 0…clock_gap, or a cycle too early",
              "run `bowden doctor`; was the computer asleep?")
-    WISH_LOST = (R1, R2, 0.008, "law's target missing or out of range",
-                 "motor_low ≤ target ≤ motor_high does not hold",
-                 "look at the reference, the gains, the law's state in the log")
-    WISH_STEP = (R1, R2, 0.008, "law's target jumps", "change in a cycle > target_speed",
-                 "look at the reference and the gains; start where the joint is")
-    WISH_FAR = (R1, R2, 0.008, "law's target too far away", "|target − motor| > target_reach",
-                "look at the gains; does the law wind up?")
-    WISH_HARD = (R1, R2, 0.008, "law's target too hard", "servo's model would accelerate beyond acceleration",
-                 "look at the gains; run `bowden check`")
+    TARGET_LOST = (R1, R2, 0.008, "law's target missing or out of range",
+                   "motor_low ≤ target ≤ motor_high does not hold",
+                   "look at the reference, the gains, the law's state in the log")
+    TARGET_STEP = (R1, R2, 0.008, "law's target jumps", "change in a cycle > target_speed",
+                   "look at the reference and the gains; start where the joint is")
+    TARGET_TOO_FAR = (R1, R2, 0.008, "law's target too far away", "|target − motor| > target_reach",
+                      "look at the gains; does the law wind up?")
+    TARGET_TOO_HARD = (R1, R2, 0.008, "law's target too hard", "servo's model would accelerate beyond acceleration",
+                       "look at the gains; run `bowden check`")
     OPERATOR_LOST = (R2, R2, 0.004, "operator gone",
                      "no sign of life from the operator's process for operator_age; not a hung connection",
                      "come back to the terminal, acknowledge")

@@ -16,7 +16,9 @@ TAUT = 0.05
 """A servo's model so near to where the cable is just taut has let the load down [rad]."""
 AHEAD = 0.05
 """Time for which a joint is ahead of the cable before the cable counts as slack [s]."""
-OF_JOINT = bits_of((Fault.JOINT_LOST, Fault.JOINT_JUMP, Fault.JOINT_STALE, Fault.JOINT_FROZEN, Fault.JOINT_ASTRAY))
+OF_JOINT = bits_of(
+    (Fault.JOINT_LOST, Fault.JOINT_JUMP, Fault.JOINT_STALE, Fault.JOINT_FROZEN, Fault.JOINT_MOTOR_MISMATCH)
+)
 """Faults by which the joint's angle is in doubt."""
 OF_FORCE = bits_of((Fault.SATURATED,))
 """Faults of a force that R2 ends."""
