@@ -34,7 +34,7 @@ def back(like: Any, row: Any) -> Any:
 def test_a_state_comes_back_from_its_columns(state: Any) -> None:
     own = names(state)
     assert len(set(own)) == len(own) == len(flat(state))
-    row = np.arange(1.0, len(own) + 1.0)
+    row = np.array([float(isinstance(leaf, bool | IntEnum)) or 2.0 + k for k, leaf in enumerate(flat(state))])
     filled = refilled(state, row)
     assert type(filled) is type(state)
     assert flat(filled) == tuple(row)

@@ -69,6 +69,7 @@ def disturbed(kind: int, since: int, observed: Observed, dt: float) -> Observed:
         emg_age + step,
         observed.others,
         observed.opposite,
+        observed.reference,
     )
 
 

@@ -145,7 +145,8 @@ def run_supervised(
         request = Request.ARM if k == 0 else Request.RUN if ran < 0 else Request.NONE
         due = k - missed  # the reference is that of the deadline
         late, elapsed = in_seconds(missed * period), in_seconds((missed + 1) * period)
-        observed = Observed(told, late, elapsed, request, OPERATOR_AGE, True, PreflightResult.PASSED, EMG_AGE)
+        passed, alone = PreflightResult.PASSED, Reaction.NONE
+        observed = Observed(told, late, elapsed, request, OPERATOR_AGE, True, passed, EMG_AGE, alone, 0.0, math.nan)
         missed = 0
         for i in range(len(kinds)):
             if k >= onsets[i]:
