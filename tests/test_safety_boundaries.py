@@ -777,6 +777,7 @@ ESTIMATES: list[tuple[str, float, Changes]] = [
         {**LEFT_BEHIND, "state.decided.motor_at_release": 1.5, "state.decided.joint_at_release": 0.8},
     ),
     ("decided.target_met_motor", 1.0, {**RELEASING}),
+    ("decided.target_met_motor", 1.0, {**motor_at(0.0), **RELEASING}),
     ("decided.target_met_motor", 0.0, {**motor_at(0.3), **RELEASING, "state.target": 0.5}),
     (
         "decided.target_met_motor",
@@ -1061,6 +1062,11 @@ TARGETS: list[tuple[str, float, Changes]] = [
     ("downwards too", 0.375, {**STOPPED, "reading.motor": -0.25, "state.decided.previous_target": 0.25}),
     ("in a late cycle more", 0.875, {**STOPPED, "reading.motor": 1.5, "observed.elapsed": 3 * DT}),
     ("in a very late cycle no more than five", 1.125, {**STOPPED, "reading.motor": 1.5, "observed.elapsed": 9 * DT}),
+    (
+        "by the time between two cycles, not two samples",
+        0.625,
+        {**STOPPED, "reading.motor": 1.5, "state.sample_age": 2 * DT},
+    ),
     ("in an early cycle no less", 0.625, {**STOPPED, "reading.motor": 1.5, "observed.elapsed": DT / 2}),
     ("no higher than its limit", 2.0, {**STOPPED, **motor_at(1.95), "reading.motor": 3.0}),
     ("no lower than its limit", -0.5, {**STOPPED, **motor_at(-0.45), "reading.motor": -3.0}),
@@ -1142,6 +1148,8 @@ def test_a_reading_is_used_as_it_is_or_not_at_all() -> None:
     assert after(NAN) == (kept, 1.0, 0.0)
     assert after(0.5, came=False) == (kept, 0.0, 0.0), "an old one says nothing"
     assert after(0.5)[0] == Followed(0.5, 2.0 - 2.0 * 0.5 / (0.5 + 0.5), 0.0), "a new one says that all stood still"
+    again = follow(Followed(0.5, 2.0, 0.0), 0.5, True, 0.0, 4.0, 0.125, 3.0, 0.0)
+    assert again == (Followed(0.5, 2.0, 0.0), False, False), "one sample twice, without a filter, says nothing of speed"
     assert after(0.75, came=False) == after(0.75), "what has changed is a reading, whatever is said of it"
 
 

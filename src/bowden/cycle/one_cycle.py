@@ -375,12 +375,19 @@ def keep(row: Array, state: Any) -> None:
 
 _POWERS, _MODES, _REACTIONS = ({float(one): one for one in kind} for kind in (Power, Mode, Reaction))
 
+_MORE = 2.0 ** len(Fault)
+"""No sum of faults is as large."""
+
 
 def verdict_of(target: float, power: float, mode: float, reaction: float, faults: float) -> Verdict:
     """The verdict that a row has; what no supervisor says is handed on as it is, for `safety.last_word` to refuse."""
-    whole = 0.0 <= faults < 2.0 ** len(Fault)
-    said = (_POWERS.get(power, power), _MODES.get(mode, mode), _REACTIONS.get(reaction, reaction))
-    return Verdict(target, *said, int(faults) if whole else faults)  # type: ignore[arg-type]
+    return Verdict(
+        target,
+        _POWERS.get(power, power),  # type: ignore[arg-type]
+        _MODES.get(mode, mode),  # type: ignore[arg-type]
+        _REACTIONS.get(reaction, reaction),  # type: ignore[arg-type]
+        int(faults) if 0.0 <= faults < _MORE else faults,  # type: ignore[arg-type]
+    )
 
 
 NOWHERE = Reference(math.nan, math.nan, math.nan)

@@ -30,7 +30,6 @@ from bowden.safety.state import (
 )
 
 NOT_DISABLED = bits_of((Fault.NOT_DISABLED,))
-RECORDER_LOST = bits_of((Fault.RECORDER_LOST,))
 
 
 @kernel
@@ -72,8 +71,7 @@ def supervise(
         latched = latched | (found & LATCHING)
     active = latched | found
 
-    starts = request == Request.RUN and observed.preflight == PreflightResult.PASSED and enabled
-    starts = starts and reaction == Reaction.NONE and (found & RECORDER_LOST) == 0
+    starts = request == Request.RUN and observed.preflight == PreflightResult.PASSED and enabled and found == 0
     started = powered and (starts or last.started)
     asked = reaction >= Reaction.R2 or request == Request.STOP or releasing
     release = follow_release(limits, last, seen, latched, asked, releasing, time, dt)
