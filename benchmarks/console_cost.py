@@ -27,7 +27,7 @@ import screen
 sys.path.append(str(Path(__file__).parents[1] / "tests"))  # where the page's client is
 
 from bowden.live.row import AT
-from bowden.safety.supervisor import Mode
+from bowden.safety.state import Mode
 from console_client import Page, RunningConsole, running_console
 from console_kills import rows_of
 from live_runs import SHARED

@@ -33,7 +33,7 @@ from bowden.live.mcap_reader import LogReader
 from bowden.live.row import AT
 from bowden.safety.faults import of
 from bowden.safety.limits import Limits
-from bowden.safety.supervisor import Mode
+from bowden.safety.state import Mode
 from console_client import Page, RunningConsole, running_console
 from kept import Kept
 from measure import Figure

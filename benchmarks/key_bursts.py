@@ -21,7 +21,7 @@ from bowden.live.row import AT
 from bowden.live.session import Session
 from bowden.live.twin_process import running_twin
 from bowden.rig.rig import Rig
-from bowden.safety.supervisor import Mode
+from bowden.safety.state import Mode
 from kept import Kept
 from measure import Figure
 

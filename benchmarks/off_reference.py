@@ -33,7 +33,7 @@ from bowden.rig.one_run import run_of
 from bowden.rig.presets.suit import suit, suit_adaptive_integral, suit_ours
 from bowden.rig.rig import Rig
 from bowden.safety.faults import of
-from bowden.safety.supervisor import Mode, Observed, Request
+from bowden.safety.state import Mode, Observed, Request
 from bowden.sim.run import simulate
 from releases import written_suit
 from suit_wearers import worn_suit
@@ -164,7 +164,7 @@ def stopped(name: str, what: str, begins: float) -> tuple[float, str, float]:
     cycle, script = Cycle(law, limits, live.rig.filters, rig.sample_time), live.script()
     drive = SimulatedDrive(TwinBench(rig.bench, rig.bend_path, rig.duration, rig.seed, rig.start_motor, 0.0))
     cycle.begin(NOTHING_READ, cold(limits.thermal))
-    mode, target, begun, led = float(Mode.STOPPED), cycle.state.supervisor.target, np.nan, 0
+    mode, target, begun, led = Mode.STOPPED, cycle.state.supervisor.target, np.nan, 0
     for k in range(1, 100_000):
         reading: DriveReading = drive.read(k * cycle.period)
         true, since = reading.joint, led * cycle.period - begins
@@ -174,7 +174,7 @@ def stopped(name: str, what: str, begins: float) -> tuple[float, str, float]:
         ready = mode == Mode.PREFLIGHT and script.outcome == 1.0
         request = Request.ARM if k == 20 else Request.RUN if ready else Request.NONE
         plan = script.plan(mode, target, reading, 1)
-        observed = Observed(reading, 0.0, cycle.period, float(request), 0.0, 1.0, script.outcome, 0.0)
+        observed = Observed(reading, 0.0, cycle.period, request, 0.0, True, script.outcome, 0.0)
         _, verdict = cycle.step(observed, plan)
         mode, target = verdict.mode, verdict.target
         drive.write(target, Power(int(verdict.power)), k * cycle.period)

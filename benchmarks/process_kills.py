@@ -31,7 +31,7 @@ from bowden.live.session import Session
 from bowden.live.twin_process import RunningTwin, running_twin
 from bowden.rig.rig import Rig
 from bowden.safety.faults import of
-from bowden.safety.supervisor import Mode, Request
+from bowden.safety.state import Mode, Request
 from kept import Kept
 from measure import Figure
 

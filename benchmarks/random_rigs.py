@@ -35,7 +35,7 @@ from bowden.rig.rig import Rig
 from bowden.rig.settings import SuitSettings
 from bowden.rig.twin_plant import twin_plant_of
 from bowden.safety.faults import of
-from bowden.safety.supervisor import Mode, Observed, Request
+from bowden.safety.state import Mode, Observed, Request
 from kept import Kept
 from measure import Figure
 from releases import written_suit
@@ -166,7 +166,7 @@ def run(rig: Rig) -> str:
 
 
 def _run(cycle: Cycle, script: Any, drive: SimulatedDrive, push: Any) -> str:
-    mode, target = float(Mode.STOPPED), cycle.state.supervisor.target
+    mode, target = Mode.STOPPED, cycle.state.supervisor.target
     asked_to_end = False
     for k in range(1, round(LONGEST / cycle.period)):
         now = k * cycle.period
@@ -177,7 +177,7 @@ def _run(cycle: Cycle, script: Any, drive: SimulatedDrive, push: Any) -> str:
         elif script.done and mode == Mode.RUNNING:
             request, asked_to_end = Request.STOP, True
         plan = script.plan(mode, target, reading, 1)
-        observed = Observed(reading, 0.0, cycle.period, float(request), 0.0, 1.0, script.outcome, 0.0)
+        observed = Observed(reading, 0.0, cycle.period, request, 0.0, True, script.outcome, 0.0)
         _, verdict = cycle.step(observed, plan)
         mode, target = verdict.mode, verdict.target
         torque = 0.0 if push is None else push.step(target, verdict, cycle.period)

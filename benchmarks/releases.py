@@ -27,7 +27,9 @@ from bowden.rig.suit_rig import suit_text
 from bowden.rig.twin_plant import twin_plant_of
 from bowden.safety.faults import Fault
 from bowden.safety.limits import Limits
-from bowden.safety.supervisor import Mode, Observed, Request, begin, longest_release, supervise
+from bowden.safety.release import longest_release
+from bowden.safety.state import Mode, Observed, PreflightResult, Request
+from bowden.safety.supervisor import begin, supervise
 from kept import Kept
 from measure import Figure
 from wearers import random_wearer
@@ -146,7 +148,7 @@ def release(number: int) -> Release:
     state = begin(limits, reading(False, 0.0, 4.0), cold(limits.thermal))
     state = state._replace(
         target=target,
-        decided=state.decided._replace(mode=float(Mode.RUNNING), passed=1.0, target_before=target),
+        decided=state.decided._replace(mode=Mode.RUNNING, started=True, previous_target=target),
         servo=state.servo._replace(enabled=1.0, position=plant.motor, speed=plant.velocity),
     )
     step = compiled(supervise)
@@ -165,10 +167,10 @@ def release(number: int) -> Release:
                 reading(given and cause == "joint lost", current, 4.0 if power else 1.0),
                 0.03 if k == caused and cause == "late" else 0.0,
                 dt,
-                float(Request.STOP if k == caused and cause == "stop" else Request.NONE),
+                Request.STOP if k == caused and cause == "stop" else Request.NONE,
                 9.0 if given and cause == "operator lost" else 0.0,
-                0.0 if given and cause == "law lost" else 1.0,
-                1.0,
+                not (given and cause == "law lost"),
+                PreflightResult.PASSED,
                 0.0,
             ),
             math.nan if given and cause == "law lost" else wishes[k],
@@ -176,7 +178,7 @@ def release(number: int) -> Release:
         )
         power = verdict.power
         plant.doing, plant.command = (FOLLOW, verdict.target) if power else (0, plant.command)
-        faults = max(faults, verdict.faults)
+        faults = max(faults, float(verdict.faults))
         place = sign * (plant.joint - home)
         if (k - first) % STRIDE == 0:
             moved, joint = (place - joint) / (STRIDE * dt), place

@@ -3,8 +3,8 @@
     python benchmarks/safety_mutants.py [SECONDS] [--left]
 
 One at a time, in place of the running code of the kernels of safety/ and of what they stand on: every comparison,
-operator, number, ufunc, sign, mode, request, time and field is exchanged; neighbours in a tuple or a call change
-places; every operand, branch, clamp, bound and detector is left out. Then the supervisor's tests are called,
+operator, number, clamp, sign, mode, request, time and field is exchanged; neighbours in a tuple or a call change
+places; every operand, condition, branch, bound and detector is left out. Then the supervisor's tests are called,
 interpreted, the likeliest first, until one fails. Survivors that are explained stand in
 docs/background/safety_mutants.md.
 Resumable, until the package or the tests change; --left judges only what survived the last time and what is new since,
@@ -29,45 +29,39 @@ from typing import Any
 
 import numpy as np
 
-from bowden.core.signals import DriveReading
+from bowden.core.signals import DriveReading, Power
 from bowden.models import plausible
 from bowden.models.drive import servo, thermal
-from bowden.safety import supervisor
+from bowden.safety import detectors, evidence, faults, release, state, supervisor
 from kept import FOLDER, Kept
 
 ROOT = Path(__file__).parents[1]
 TESTS = [ROOT / "tests" / f"test_safety_{name}.py" for name in ("boundaries", "supervisor")]
 KERNELS: list[FunctionType] = [
-    *(supervisor.begin, supervisor.is_new, supervisor.most_step, supervisor.longest_release, supervisor.see),
-    *(supervisor.steepest, supervisor.release_speed, supervisor.release_target),
-    *(supervisor.look, supervisor.supervise),
-    *(plausible.outside, plausible.beyond, plausible.lasting, plausible.follow, servo.servo_predict, thermal.warm),
-]
-STATES = (
-    "SensedAngles",
-    "SupervisorState",
-    "Decided",
-    "ModelledServo",
-    "Anchor",
-    "Sums",
-    "Followed",
-    "Verdict",
-    "ThermalState",
-)
+    kernel
+    for module in (supervisor, release, detectors, evidence, faults, plausible)
+    for kernel in vars(module).values()
+    if hasattr(kernel, "__kernel__") and kernel.__module__ == module.__name__
+] + [servo.servo_predict, thermal.warm]
+STATES = {
+    name: kind
+    for module in (state, evidence, release, plausible, thermal)
+    for name, kind in vars(module).items()
+    if hasattr(kind, "_fields")
+}
 KERNEL_NAMES = {kernel.__name__ for kernel in KERNELS}
 COMPARED = {ast.Gt: ast.GtE, ast.GtE: ast.Gt, ast.Lt: ast.LtE, ast.LtE: ast.Lt, ast.Eq: ast.NotEq, ast.NotEq: ast.Eq}
 TURNED = {ast.Gt: ast.Lt, ast.Lt: ast.Gt, ast.GtE: ast.LtE, ast.LtE: ast.GtE}
 OPERATED = {ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.Div, ast.Div: ast.Mult}
-MODES = [mode.name for mode in supervisor.Mode]
-REQUESTS = [request.name for request in supervisor.Request][1:]
-NAMED = {"fmax": "fmin", "fmin": "fmax", "abs": "negative", "floor": "ceil"}
-LOCALS = {"reading": DriveReading, "motor": plausible.Followed, "joint": plausible.Followed}
-LOCALS |= {"heat": thermal.ThermalState, "seen": supervisor.SupervisorState, "thermal": thermal.Thermal}
-LOCALS |= {
-    "last": supervisor.Decided,
-    "servo": supervisor.ModelledServo,
-    "sums": supervisor.Sums,
-    "anchor": supervisor.Anchor,
+OPERATED |= {ast.BitOr: ast.BitAnd, ast.BitAnd: ast.BitOr}  # type: ignore[dict-item]
+MEMBERS = (state.Mode, state.Request, state.PreflightResult, faults.Reaction, Power)
+NAMED = {"max": "min", "min": "max"}
+LOCALS: dict[str, Any] = {
+    **{"reading": DriveReading, "motor": plausible.Followed, "joint": plausible.Followed, "heat": thermal.ThermalState},
+    **{"last": state.Decision, "decided": state.Decision, "before": state.Timers, "timers": state.Timers},
+    **{"servo": state.ModelledServo, "readings": evidence.ValidatedReadings, "effort": evidence.Effort},
+    **{"requested": evidence.RequestedTarget, "thermal": thermal.Thermal, "state": state.SupervisorState},
+    **{"release": release.Release, "observed": state.Observed, "pair": state.PairState},
 }
 Change = tuple[str, Callable[[Any], None]]
 Mutant = tuple[FunctionType, str, Callable[[], CodeType]]
@@ -78,7 +72,8 @@ def around(names: list[str] | tuple[str, ...]) -> dict[str, str]:
     return dict(pairwise([*names, names[0]]))
 
 
-SWAPPED = around(MODES) | around(REQUESTS) | around(["AT_ONCE", "THEN"]) | around(["time", "dt"])
+SWAPPED = around(["AT_ONCE", "EVENTUALLY"]) | around(["time", "dt"])
+ENUMS = {kind.__name__: around([one.name for one in kind]) for kind in MEMBERS}
 
 
 def become(node: Any, other: ast.expr) -> None:
@@ -87,6 +82,12 @@ def become(node: Any, other: ast.expr) -> None:
 
 def argument(i: int, value: float) -> Callable[[Any], None]:
     return lambda n: n.args.__setitem__(i, ast.Constant(value))
+
+
+def left_out(node: ast.BoolOp, i: int) -> None:
+    del node.values[i]
+    if len(node.values) == 1:
+        become(node, node.values[0])
 
 
 def neighbours(name: str, parts: list[ast.expr]) -> Iterator[Change]:
@@ -102,13 +103,10 @@ def neighbours(name: str, parts: list[ast.expr]) -> Iterator[Change]:
 
 
 def called(node: ast.Call) -> Iterator[Change]:
-    """What can be changed at a call: the branches of `sel`, a clamp, a size, a bound."""
+    """What can be changed at a call: a clamp, a size, a bound, a detector."""
     name = node.func.id if isinstance(node.func, ast.Name) else getattr(node.func, "attr", "")
-    if name == "sel":
-        yield "sel's branches", lambda n: setattr(n, "args", [n.args[0], n.args[2], n.args[1]])
-        yield "sel→yes", lambda n: become(n, n.args[1])
-        yield "sel→no", lambda n: become(n, n.args[2])
-    elif name in ("fmax", "fmin"):
+    if name in NAMED:
+        yield f"{name}→{NAMED[name]}", lambda n: setattr(n.func, "id", NAMED[n.func.id])
         yield f"{name}→left", lambda n: become(n, n.args[0])
         yield f"{name}→right", lambda n: become(n, n.args[1])
     elif name == "abs":
@@ -116,12 +114,8 @@ def called(node: ast.Call) -> Iterator[Change]:
     elif name == "outside":
         yield "without low", argument(1, -math.inf)
         yield "without high", argument(2, math.inf)
-    elif name == "lasting":
-        yield "lasting→what", lambda n: become(n, n.args[0])
-    elif name == "Found":
-        for i, (one, after) in enumerate(pairwise([*node.keywords, node.keywords[0]])):
-            yield f"without {one.arg}", lambda n, i=i: setattr(n.keywords[i], "value", ast.Constant(0.0))  # type: ignore[misc]
-            yield f"{one.arg}→{after.arg}", lambda n, i=i, v=after.value: setattr(n.keywords[i], "value", v)  # type: ignore[misc]
+    elif name == "bit":
+        yield "never", argument(1, 0.0)
     elif name in STATES:
         yield from neighbours("args", node.args)
     if name in KERNEL_NAMES:
@@ -145,10 +139,24 @@ def changes(node: ast.AST, kinds: dict[str, Any]) -> Iterator[Change]:
         yield f"{type(node.op).__name__}→right", lambda n: become(n, n.right)
     elif isinstance(node, ast.Name) and isinstance(node.ctx, ast.Load) and node.id in SWAPPED:
         yield f"{node.id}→{SWAPPED[node.id]}", lambda n: setattr(n, "id", SWAPPED[n.id])
+    elif isinstance(node, ast.Constant) and isinstance(node.value, bool):
+        yield f"{node.value}→{not node.value}", lambda n: setattr(n, "value", not n.value)
     elif isinstance(node, ast.Constant) and isinstance(node.value, float | int):
         yield f"{node.value}→{node.value + 1}", lambda n: setattr(n, "value", n.value + 1)
-    elif isinstance(node, ast.Attribute) and node.attr in NAMED:
-        yield f"{node.attr}→{NAMED[node.attr]}", lambda n: setattr(n, "attr", NAMED[n.attr])
+    elif isinstance(node, ast.If | ast.IfExp):
+        yield "if→if not", lambda n: setattr(n, "test", ast.UnaryOp(ast.Not(), n.test))
+        yield "if→always", lambda n: setattr(n, "test", ast.Constant(True))
+        yield "if→never", lambda n: setattr(n, "test", ast.Constant(False))
+    elif isinstance(node, ast.BoolOp):
+        other = ast.Or if isinstance(node.op, ast.And) else ast.And
+        yield f"{type(node.op).__name__}→{other.__name__}", lambda n: setattr(n, "op", other())
+        for i in range(len(node.values)):
+            yield f"without {ast.unparse(node.values[i])}", lambda n, i=i: left_out(n, i)  # type: ignore[misc]
+    elif isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.Not):
+        yield "without not", lambda n: become(n, n.operand)
+    elif isinstance(node, ast.Attribute) and getattr(node.value, "id", "") in ENUMS:
+        named = ENUMS[node.value.id]  # type: ignore[attr-defined]
+        yield f"{node.attr}→{named[node.attr]}", lambda n: setattr(n, "attr", named[n.attr])
     elif isinstance(node, ast.Attribute):
         fields = getattr(kinds.get(getattr(node.value, "id", getattr(node.value, "attr", ""))), "_fields", ())
         if node.attr in fields:
@@ -177,7 +185,9 @@ def mutants() -> Iterator[Mutant]:
                 continue
             for what, change in changes(node, kinds):
                 line = lines[node.lineno - 1].strip()  # type: ignore[attr-defined]
-                place = f"{what} at {node.col_offset}–{node.end_col_offset} of `{line}`"  # type: ignore[attr-defined]
+                height = node.end_lineno - node.lineno  # type: ignore[attr-defined]
+                end = f"{node.end_col_offset}{f' {height} lines on' * bool(height)}"  # type: ignore[attr-defined]
+                place = f"{what} at {node.col_offset}–{end} of `{line}`"  # type: ignore[attr-defined]
                 yield kernel, f"{kernel.__name__}: {place}", partial(changed, kernel, tree, i, change)
 
 

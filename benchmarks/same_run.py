@@ -12,7 +12,7 @@ from bowden.live.live_run import live_run
 from bowden.live.row import NOTHING_READ
 from bowden.models.drive.thermal import cold
 from bowden.rig.rig import Rig
-from bowden.safety.supervisor import Mode, Observed, Request
+from bowden.safety.state import Mode, Observed, Request
 from support.simulated_drive import SimulatedDrive
 
 LONGEST = 60.0
@@ -32,14 +32,14 @@ def rmse_deg(rig: Path, law: str, seconds: float) -> float:
     cycle, script = live.cycle(), live.script()
     drive = SimulatedDrive(TwinBench(read.bench, read.bend_path, read.duration, read.seed, read.start_motor, 0.0))
     cycle.begin(NOTHING_READ, cold(live.limits.thermal))
-    mode, target, errors = float(Mode.STOPPED), cycle.state.supervisor.target, []
+    mode, target, errors = Mode.STOPPED, cycle.state.supervisor.target, []
     for k in range(1, round((LONGEST + seconds) / cycle.period)):
         now = k * cycle.period
         reading = drive.read(now)
         ready = mode == Mode.PREFLIGHT and script.outcome == 1.0
         request = Request.ARM if k == 20 else Request.RUN if ready else Request.NONE
         plan = script.plan(mode, target, reading, 1)
-        observed = Observed(reading, 0.0, cycle.period, float(request), 0.0, 1.0, script.outcome, 0.0)
+        observed = Observed(reading, 0.0, cycle.period, request, 0.0, True, script.outcome, 0.0)
         _, verdict = cycle.step(observed, plan)
         mode, target = verdict.mode, verdict.target
         drive.write(target, Power(int(verdict.power)), now)

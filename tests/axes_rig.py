@@ -27,7 +27,7 @@ from bowden.live.script import Script
 from bowden.live.together import of_all
 from bowden.models.drive.thermal import cold
 from bowden.safety.limits import Limits
-from bowden.safety.supervisor import Mode, Request
+from bowden.safety.state import Mode, Request
 from loop_rig import PERIOD, ROWS, twin_bench
 from support.simulated_drive import SimulatedDrive
 

@@ -25,7 +25,7 @@ from bowden.live.script import Script
 from bowden.models.drive.thermal import cold
 from bowden.rig.presets.bench import default_bench
 from bowden.safety.limits import Limits
-from bowden.safety.supervisor import Mode, Request
+from bowden.safety.state import Mode, Request
 from bowden.sim.scenario import constant_bend
 
 PERIOD = SECOND // 1000

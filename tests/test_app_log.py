@@ -34,7 +34,7 @@ from bowden.models.drive.thermal import cold
 from bowden.rig import given_law
 from bowden.rig.rig import Rig
 from bowden.safety.limits import Limits
-from bowden.safety.supervisor import Mode, Observed, Request, Verdict
+from bowden.safety.state import Mode, Observed, PreflightResult, Request, Verdict
 
 pytestmark = pytest.mark.usefixtures("undrawn")
 
@@ -66,7 +66,7 @@ def live_run() -> np.ndarray:
         reference = Reference(*map(float, motion[ran])) if running else NOWHERE
         ran += running
         lateness, elapsed = abs(noise[k, 1]) * 0.1, DT + noise[k, 2] * 0.1
-        observed = Observed(reading, lateness, elapsed, float(request), 0.05, 1.0, 1.0 if k > 150 else 0.0, 0.0)
+        observed = Observed(reading, lateness, elapsed, request, 0.05, True, PreflightResult(int(k > 150)), 0.0)
         wish, verdict = cycle.step(observed, Plan(source, target, reference))
         mode, target, state = verdict.mode, verdict.target, cycle.recorded()
         rows.append(

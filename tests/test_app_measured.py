@@ -10,7 +10,7 @@ from bowden.cycle.one_cycle import WishSource
 from bowden.live.mcap_read import Recording
 from bowden.live.mcap_reader import Damage
 from bowden.live.measured import NEEDED, motions, stalls
-from bowden.safety.supervisor import Mode
+from bowden.safety.state import Mode
 
 pytestmark = pytest.mark.usefixtures("undrawn")
 

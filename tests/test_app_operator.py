@@ -42,7 +42,7 @@ from bowden.models.drive.thermal import Thermal, cold
 from bowden.rig.rig import Rig
 from bowden.safety.faults import Fault, of
 from bowden.safety.limits import Limits
-from bowden.safety.supervisor import Mode, Request
+from bowden.safety.state import Mode, Request
 
 DRIVE, LIMITS = DriveParameters(), Limits()
 WARM = {"supervisor.heat.winding": 80.0, "supervisor.heat.housing": 60.0, "supervisor.heat.i2t": 12.0}
@@ -267,7 +267,7 @@ def test_readings_are_given_time_to_come_in_however_long_the_loop_took_to_begin(
 def test_a_loop_that_is_late_now_and_then_is_waited_for_and_that_is_said_once(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    sums = {"supervisor.sums.late": 0.023}
+    sums = {"supervisor.timers.late": 0.023}
     late = [row(time=0.05 * k, faults=2.0**Fault.LATE, **sums) for k in range(400)]
     session = FakeSession([*late, row(time=20.1, mode=float(Mode.PREFLIGHT))])
     steps = automatic(session)  # type: ignore[arg-type]

@@ -15,7 +15,7 @@ from bowden.core.errors import LogError, near
 from bowden.core.signals import DriveReading, Reference, Sample
 from bowden.core.trace import Trace
 from bowden.core.units import RADIANS
-from bowden.cycle.one_cycle import LAW, LAW_BEGINS, Cycle, Filters, Plan, WishSource, led
+from bowden.cycle.one_cycle import LAW, LAW_BEGINS, NOTHING_OBSERVED, Cycle, Filters, Plan, WishSource, clamp_offset
 from bowden.design.felt import felt
 from bowden.live.events import Changes
 from bowden.live.live_run import Live, live_run
@@ -29,7 +29,6 @@ from bowden.live.run_settings import run_settings
 from bowden.models.drive.thermal import cold
 from bowden.rig.rig import Rig
 from bowden.rig.sections import PARTS
-from bowden.safety.supervisor import Observed
 from live_runs import pushed_rig
 
 DT = 1e-3
@@ -149,7 +148,7 @@ def recorded(ran: Live) -> np.ndarray:
         swing = 0.8 + 0.1 * math.sin(0.02 * k)
         reading = reading._replace(joint=swing + 0.02 * math.sin(0.05 * k), motor=swing, current=0.5)
         plan = Plan(LAW_BEGINS if k == 1 else LAW, 0.8, Reference(0.8, 0.0, 0.0))
-        observed = Observed(reading, 0.0, DT, 0.0, 0.0, 1.0, 0.0, 0.0)
+        observed = NOTHING_OBSERVED._replace(reading=reading, elapsed=DT, recorder=True)
         wish, verdict = cycle.step(observed, plan)
         rows.append(
             (
@@ -182,7 +181,7 @@ def test_the_replay_of_another_law_is_that_law_above_its_own_source(capsys: pyte
             state, asked = other.start(sample), source.start(measured)
         asked, reference, added = source.step(asked, measured, Reference(0.0, 0.0, 0.0), DT)
         state, command = other.step(state, sample, reference, DT)
-        differences.append(led(ran.limits, command, added) - row[at["wish"]])
+        differences.append(clamp_offset(ran.limits, command, added) - row[at["wish"]])
 
     capsys.readouterr()
     assert main.run(["log", "replay", "run.mcap", "--law", "cascaded_pid", "--json"]) == 0

@@ -18,7 +18,7 @@ import pytest
 from bowden.live.log_facts import NEEDED, facts, lines
 from bowden.live.mcap_read import read
 from bowden.safety.faults import Fault
-from bowden.safety.supervisor import Mode
+from bowden.safety.state import Mode
 from console_client import RIG, STRANGE, Page, RunningConsole, await_answer, half_open, running_console
 from live_runs import COMMAND, tries
 

@@ -28,7 +28,7 @@ from bowden.live.ring import Batch, RingReader, RingWriter, create
 from bowden.live.row import AT, description
 from bowden.rig.rig import Rig
 from bowden.safety.limits import Limits
-from bowden.safety.supervisor import Mode, Request
+from bowden.safety.state import Mode, Request
 
 
 def at(seconds: float) -> int:

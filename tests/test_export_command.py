@@ -23,7 +23,7 @@ from bowden.identify.cable.counting import Counting
 from bowden.identify.cable.model import CableModel
 from bowden.rig.rig import Rig
 from bowden.safety.faults import Fault
-from bowden.safety.supervisor import Mode, Request
+from bowden.safety.state import Mode, Request
 
 COMPILER, MAKE = shutil.which("cc"), shutil.which("make")
 SCHEMA = Path(__file__).parents[1] / "docs" / "json" / "export.schema.json"

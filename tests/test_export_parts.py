@@ -16,7 +16,8 @@ from bowden.export.unit import Argument, Module, Public
 from bowden.models.drive.thermal import ThermalState, cold
 from bowden.safety.faults import Fault
 from bowden.safety.limits import Limits
-from bowden.safety.supervisor import Mode, Observed, Request, Verdict, begin, supervise
+from bowden.safety.state import Mode, Observed, Request, Verdict
+from bowden.safety.supervisor import begin, supervise
 from bowden.sensing.intent import IntentSettings, intent_start, intent_step
 from bowden.sensing.stream import EnvelopeFilter, OnsetDetector
 from detector import muscle

@@ -27,7 +27,7 @@ from bowden.live.log_rig import rig_of_log
 from bowden.live.row import AT
 from bowden.live.session import Session
 from bowden.safety.faults import Fault
-from bowden.safety.supervisor import Mode
+from bowden.safety.state import Mode
 from live_runs import SHARED_LIMITS, tries
 
 T = np.arange(0.0, 20.0, 0.01)
@@ -427,9 +427,15 @@ FROZEN = (
         (None, "", None, [], "not begun"),
         (None, "", Mode.RUNNING, [], "the run goes on, under its law"),
         (None, "", Mode.RUNNING, [Fault.JOINT_FROZEN], "the run goes on, under its law"),
-        (None, "", Mode.LATCHED, [Fault.JOINT_FROZEN, Fault.JOINT_ASTRAY], f"stopped by a fault: {FROZEN}"),
+        (None, "", Mode.LATCHED, [Fault.JOINT_FROZEN, Fault.JOINT_MOTOR_MISMATCH], f"stopped by a fault: {FROZEN}"),
         ({"mode": 0, "torque": 0}, "", Mode.STOPPED, [], "ended as asked"),
-        ({"mode": 5, "torque": 0}, "", Mode.LATCHED, [Fault.JOINT_FROZEN, Fault.JOINT_ASTRAY], f"ended: {FROZEN}"),
+        (
+            {"mode": 5, "torque": 0},
+            "",
+            Mode.LATCHED,
+            [Fault.JOINT_FROZEN, Fault.JOINT_MOTOR_MISMATCH],
+            f"ended: {FROZEN}",
+        ),
         ({"mode": 0, "torque": 1}, "", Mode.STOPPED, [], "assume it is on, press the emergency stop"),
         ({"mode": 0, "torque": 0, "reason": "no"}, "it died", Mode.STOPPED, [], "the run was ended: no; it died"),
     ],

@@ -30,7 +30,7 @@ from bowden.plants.suit_parts import Suit
 from bowden.rig.drive import drive_needs
 from bowden.rig.presets.bench import default_bench
 from bowden.safety.limits import Limits
-from bowden.safety.supervisor import Mode
+from bowden.safety.state import Mode
 from support.family_matrix import CELLS, DriveRow, LoadRow, cases, complaints, load_cases, played, react, react_load
 from support.memory_bus import MemoryBus
 

@@ -19,7 +19,7 @@ from bowden.live.preflight import Preflight
 from bowden.live.script import Script
 from bowden.safety.faults import Fault, of
 from bowden.safety.limits import Limits
-from bowden.safety.supervisor import Mode
+from bowden.safety.state import Mode
 from loop_rig import LoopRig
 from support.hostile_node import DISABLED, Attack, HostileBus
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from bowden.core.errors import DriveError, ParameterError
 from bowden.core.signals import DriveReading, Sample
-from bowden.cycle.one_cycle import CycleSettings, CycleState, Filters, believed
+from bowden.cycle.one_cycle import NOTHING_OBSERVED, CycleSettings, CycleState, Filters, filtered_measurement
 from bowden.hardware.buses.link import BusPlace, Links
 from bowden.hardware.drives import canopen_frames as frames
 from bowden.hardware.drives.ak_drive import AkDrive
@@ -34,7 +34,7 @@ from bowden.rig.drive import BESIDE
 from bowden.rig.presets.bench import bench
 from bowden.rig.rig import Rig
 from bowden.safety.limits import Limits
-from bowden.safety.supervisor import Observed, begin
+from bowden.safety.supervisor import begin
 from bowden.sim.scenario import constant_bend
 from support.memory_bus import MemoryBus
 
@@ -368,5 +368,5 @@ def test_the_source_is_shown_the_torque_as_it_was_measured() -> None:
     reading = readings(math.nan)[0]._replace(joint_torque=3.5)
     state = CycleState(Sample(0.0, 0.0), None, None, None, begin(limits, reading, cold(limits.thermal)))  # type: ignore[arg-type]
     seen = CycleSettings(None, None, None, Filters(), limits)  # type: ignore[arg-type]
-    _, measured = believed(seen, state, Observed(reading, 0.0, 1e-3, 0.0, 0.0, 1.0, 0.0, 0.0), 1e-3)
+    _, measured = filtered_measurement(seen, state, NOTHING_OBSERVED._replace(reading=reading, elapsed=1e-3), 1e-3)
     assert measured.load == 3.5

@@ -22,7 +22,8 @@ from bowden.models.drive.geared_motor import GearedMotor, SpoolState, drive_moto
 from bowden.models.suit.arm import Wearer
 from bowden.models.suit.suit_angle import spool_map, spool_of
 from bowden.plants.suit_parts import Suit
-from bowden.safety.supervisor import Mode, Verdict
+from bowden.safety.faults import Reaction
+from bowden.safety.state import Mode, Verdict
 from bowden.sim.scenario import constant_bend, scripted_bend
 
 SUIT = Suit(motor=GearedMotor(integral=40.0))
@@ -288,7 +289,7 @@ def test_an_offset_that_the_position_loop_could_not_beat_is_refused() -> None:
 def test_the_loops_offset_is_that_of_the_simulated_drive() -> None:
     """One kernel, stepped by the same time: targets that rise, shake and fall."""
     motor, map_ = GearedMotor(friction_feedforward=2.0), spool_map(SUIT.geometry, SUIT.spool_radius)
-    offset, running = TorqueOffset(2.0, 10, map_), Verdict(0.0, 3.0, float(Mode.RUNNING), 0.0, 0.0)
+    offset, running = TorqueOffset(2.0, 10, map_), Verdict(0.0, Power.ON, Mode.RUNNING, Reaction.NONE, 0)
     state = SpoolState(spool_of(0.0, map_), 0.0, 0.0, 0.0, spool_of(0.0, map_), 0.0, 0.0)
     still = state._replace(settled_target=spool_of(0.0, map_))
     free = motor._replace(friction_feedforward=0.0)

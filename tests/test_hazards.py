@@ -17,10 +17,11 @@ from bowden.live.preflight import Preflight
 from bowden.live.row import AT
 from bowden.live.script import Script
 from bowden.models.drive.thermal import cold
-from bowden.safety.faults import Fault, of
+from bowden.safety.faults import Fault, Reaction, of
 from bowden.safety.last_word import LastWord
 from bowden.safety.limits import Limits
-from bowden.safety.supervisor import Mode, Observed, Request, SupervisorState, Verdict, begin, supervise
+from bowden.safety.state import Mode, Observed, PreflightResult, Request, SupervisorState, Verdict
+from bowden.safety.supervisor import begin, supervise
 from loop_rig import LoopRig, twin_bench
 from support.simulated_drive import SimulatedDrive
 
@@ -42,7 +43,7 @@ def reading(motor: float, joint: float) -> DriveReading:
 
 
 def cycle(state: SupervisorState, motor: float, joint: float, request: float = 0.0) -> tuple[SupervisorState, Verdict]:
-    observed = Observed(reading(motor, joint), 0.0, DT, float(request), 0.1, 1.0, 1.0, 0.0)
+    observed = Observed(reading(motor, joint), 0.0, DT, request, 0.1, True, PreflightResult.PASSED, 0.0)
     return supervise(LIMITS, state, observed, motor, DT)
 
 
@@ -66,7 +67,7 @@ def test_two_encoders_that_drift_together_are_not_seen() -> None:
     assert limb + drift == pytest.approx(LIMITS.joint_high, abs=2e-3)
 
 
-WHOLE = Verdict(0.5, 3.0, float(Mode.RUNNING), 0.0, 0.0)
+WHOLE = Verdict(0.5, Power.ON, Mode.RUNNING, Reaction.NONE, 0)
 
 
 @pytest.mark.parametrize(
@@ -83,7 +84,7 @@ def test_what_no_supervisor_says_is_a_broken_verdict(broken: Verdict) -> None:
     judge = LastWord(limits, DT, 0.5).judge
     for target in (1.0, 1.5, 2.0, 1.5, 1.0, 0.5, 0.0, -0.3, 0.2, 0.5):
         judge(WHOLE._replace(target=target))
-    judge(Verdict(0.5, 0.0, float(Mode.LATCHED), 3.0, 1.0))
+    judge(Verdict(0.5, Power.OFF, Mode.LATCHED, Reaction.R3, 1))
     with pytest.raises(SafetyError, match="verdict is broken"):
         judge(broken)
 

@@ -27,7 +27,7 @@ from bowden.rig.rig import Rig
 from bowden.rig.twin_plant import twin_pair_of
 from bowden.safety.faults import Fault, of
 from bowden.safety.limits import Limits
-from bowden.safety.supervisor import Mode
+from bowden.safety.state import Mode
 from bowden.sim.scenario import constant_bend
 from support.pair_runs import mirrors, pair_run
 

@@ -19,7 +19,7 @@ from bowden.live.mcap_reader import Damage
 from bowden.live.row import CYCLE
 from bowden.rig.axes import Axis, merged
 from bowden.rig.rig import Rig
-from bowden.safety.supervisor import longest_release
+from bowden.safety.release import longest_release
 
 LEG = """[servo]
 damping = 0.9

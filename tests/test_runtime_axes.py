@@ -28,7 +28,8 @@ from bowden.rig.axes import Axis
 from bowden.rig.rig import Rig
 from bowden.safety.faults import Fault, of
 from bowden.safety.limits import Limits
-from bowden.safety.supervisor import Mode, Request, longest_release
+from bowden.safety.release import longest_release
+from bowden.safety.state import Mode, Request
 
 LAW = LAWS["bowden"]
 STOP, NONE, ARM, RUN = (float(one) for one in (Request.STOP, Request.NONE, Request.ARM, Request.RUN))

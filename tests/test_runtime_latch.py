@@ -25,7 +25,7 @@ from bowden.live.session_axis import SessionAxis
 from bowden.live.stops import AxisFaults
 from bowden.safety.faults import Fault, of
 from bowden.safety.limits import Limits
-from bowden.safety.supervisor import Mode, Request
+from bowden.safety.state import Mode, Request
 from loop_rig import LoopRig, twin_bench
 from support.simulated_drive import SimulatedDrive
 

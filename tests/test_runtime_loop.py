@@ -22,7 +22,8 @@ from bowden.live.script import Script
 from bowden.rig.presets.bench import default_bench
 from bowden.safety.faults import Fault
 from bowden.safety.limits import Limits
-from bowden.safety.supervisor import Mode, longest_release
+from bowden.safety.release import longest_release
+from bowden.safety.state import Mode
 from bowden.sim.run import simulate
 from loop_rig import PERIOD, LoopRig, twin_bench
 from support.simulated_drive import SimulatedDrive

@@ -18,7 +18,8 @@ from bowden.live.replay import replay
 from bowden.live.script import Script
 from bowden.safety.faults import Fault
 from bowden.safety.limits import Limits
-from bowden.safety.supervisor import Mode, longest_release
+from bowden.safety.release import longest_release
+from bowden.safety.state import Mode
 from bowden.sensing.intent import Intent, IntentSettings
 from loop_rig import LoopRig, twin_bench
 from support.simulated_drive import SimulatedDrive

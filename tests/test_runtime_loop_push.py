@@ -19,7 +19,7 @@ from bowden.core.errors import LogError
 from bowden.core.kernel import compiled
 from bowden.core.signals import DriveReading, Reference
 from bowden.core.units import RADIANS
-from bowden.cycle.one_cycle import Filters, WishSource, led
+from bowden.cycle.one_cycle import Filters, WishSource, clamp_offset
 from bowden.cycle.torque_offset import TorqueOffset
 from bowden.design.felt import felt
 from bowden.hardware.twin.suit import TwinSuit
@@ -34,7 +34,7 @@ from bowden.models.suit.suit_angle import spool_map
 from bowden.plants.suit_parts import Suit
 from bowden.safety.faults import Fault
 from bowden.safety.limits import ARM_LOWERING, Limits
-from bowden.safety.supervisor import Mode
+from bowden.safety.state import Mode
 from bowden.sim.run import simulate
 from bowden.sim.scenario import constant_bend
 from bowden.sim.suit_sources import behind, friction_of, push_of
@@ -188,7 +188,7 @@ def test_a_reference_goes_no_further_than_its_range_whoever_pushes(tmp_path: Pat
     assert log["wish"][led_by].max() <= LIMITS.motor_high
     assert not log["faults"][led_by].any()
     # a wearer who throws the arm down at 190°/s gets ahead of the release, which is seen as what it is
-    assert ended.mode == Mode.STOPPED or ended.faults == 2**Fault.JOINT_ASTRAY
+    assert ended.mode == Mode.STOPPED or ended.faults == 2**Fault.JOINT_MOTOR_MISMATCH
 
 
 @pytest.mark.parametrize(
@@ -217,7 +217,7 @@ def test_friction_that_leaves_a_motor_far_behind_holds_it_in_the_preflight(
     assert log["preflight_reason"].max() == (Reason.NONE if moves else Reason.MOTOR_STILL)
 
 
-@pytest.mark.parametrize("run", [led, compiled(led)])
+@pytest.mark.parametrize("run", [clamp_offset, compiled(clamp_offset)])
 def test_what_is_added_leaves_no_range_and_hides_no_bad_command(run: Any) -> None:
     low, high = LIMITS.motor_low, LIMITS.motor_high
     for command in np.linspace(low - 1.0, high + 1.0, 41).tolist():

@@ -9,7 +9,7 @@ import pytest
 from bowden.core import shared_memory
 from bowden.live import control_block
 from bowden.live.control_block import ControlBlock
-from bowden.safety.supervisor import Mode, Request
+from bowden.safety.state import Mode, Request
 from support.request_storm import Storm
 
 ARM, RUN, STOP, ACKNOWLEDGE = list(Request)[1:]

@@ -11,29 +11,17 @@ from typing import Any, NamedTuple
 import pytest
 
 from bowden.core.nested import flat, name_of, names, rebuilt
-from bowden.core.signals import EMERGENCY_STOP, DriveReading
+from bowden.core.signals import EMERGENCY_STOP, DriveReading, Power
 from bowden.models.drive.servo import servo_predict
 from bowden.models.drive.thermal import Thermal, ThermalState, cold, warm
-from bowden.models.plausible import Followed, beyond, follow, lasting, outside
-from bowden.safety.faults import Fault, of
+from bowden.models.plausible import Followed, ReadingCheck, beyond, follow, outside, persistence_time
+from bowden.safety.detectors import REST
+from bowden.safety.evidence import DEAD_SHARE, PULLED_SPEED
+from bowden.safety.faults import Fault, Reaction, of
 from bowden.safety.limits import Limits
-from bowden.safety.supervisor import (
-    AHEAD,
-    DEAD_SHARE,
-    OVERSPEED,
-    PULLED_SPEED,
-    REST,
-    WAITS,
-    Mode,
-    Observed,
-    Request,
-    SupervisorState,
-    Verdict,
-    begin,
-    longest_release,
-    release_target,
-    supervise,
-)
+from bowden.safety.release import AHEAD, OVERSPEED, WAITS, longest_release, release_target
+from bowden.safety.state import Mode, Observed, PreflightResult, Request, SupervisorState, Verdict
+from bowden.safety.supervisor import begin, supervise
 
 DT = 2.0**-10
 TINY = 1e-9
@@ -46,7 +34,7 @@ LIMITS = Limits(
     **{"tracking": 0.125, "tracking_lag": 1 / 64, "tracking_time": 5 * DT},
     **{"slope_low": 0.75, "slope_high": 1.25, "play": 0.25, "joint_still": 2.0**-12, "frozen_travel": 0.375},
     **{"current_peak": 16.0, "current_time": 2 * DT, "saturation": 15 / 16, "saturation_time": 50 * DT},
-    **{"measures_temperature": 1.0, "measures_tension": 1.0, "tension_high": 128.0, "slack_time": 48 * DT},
+    **{"measures_temperature": True, "measures_tension": True, "tension_high": 128.0, "slack_time": 48 * DT},
     **{
         "housing_limit": 70.0,
         "heartbeat_age": 1 / 16,
@@ -55,17 +43,17 @@ LIMITS = Limits(
         "bridge_leak": 1 / 64,
     },
     **{"release_time": 256 * DT, "lowering": 2.5, "force_release": 5.0, "released_current": 0.25},
-    **{"operator_age": 1.25, "uses_emg": 1.0, "emg_age": 0.25},
+    **{"operator_age": 1.25, "uses_emg": True, "emg_age": 0.25},
     **{"off_reference": 0.5, "off_reference_time": 32 * DT},
 )
 THERMAL = LIMITS.thermal
 READING = DriveReading(0.5, 0.375, 2.0, 20.0, 40.0, 0.0, 0.0, 0.01, 4.0, 0.0, 0.0, 0.0, 0.0)
 BEGUN = begin(LIMITS, READING, cold(THERMAL))
 RUNNING = BEGUN._replace(
-    decided=BEGUN.decided._replace(mode=Mode.RUNNING, passed=1.0),
-    servo=BEGUN.servo._replace(enabled=1.0),
-    anchor=BEGUN.anchor._replace(current=2.0),
-    load=BEGUN.load._replace(reading=20.0),
+    decided=BEGUN.decided._replace(mode=Mode.RUNNING, started=True),
+    servo=BEGUN.servo._replace(enabled=True),
+    stuck_current=BEGUN.stuck_current._replace(reading=2.0),
+    stuck_load=BEGUN.stuck_load._replace(reading=20.0),
 )
 
 
@@ -78,7 +66,7 @@ ORDER: dict[str, Any] = {
     "limits": LIMITS,
     "state": RUNNING,
     "reading": READING,
-    "observed": Observed(READING, 0.0, DT, Request.NONE, 0.1, 1.0, 1.0, 0.02),
+    "observed": Observed(READING, 0.0, DT, Request.NONE, 0.1, True, PreflightResult.PASSED, 0.02),
     "law": Law(),
 }
 """A running rig in order, standing still."""
@@ -86,7 +74,7 @@ ORDER: dict[str, Any] = {
 
 def changed(state: Any, changes: Changes) -> Any:
     """A state with other values at paths such as ``motor.speed``."""
-    return rebuilt(state, lambda path, old: changes.get(name_of(path), old))
+    return rebuilt(state, lambda path, old: type(old)(changes.get(name_of(path), old)))
 
 
 def cycle(*changes: Changes) -> tuple[SupervisorState, Verdict]:
@@ -107,23 +95,24 @@ def motor_at(angle: float, joint: float = NAN) -> Changes:
     """A motor that has stood there, with the joint where the cable holds it."""
     joint = 0.75 * angle if math.isnan(joint) else joint
     at = dict.fromkeys(
-        ("state.motor.value", "state.servo.position", "state.decided.target_before", "state.target", "law.wish"), angle
+        ("state.motor.value", "state.servo.position", "state.decided.previous_target", "state.target", "law.wish"),
+        angle,
     )
     return {
         **at,
         "reading.motor": angle,
-        "state.anchor.motor": angle,
-        "state.load.motor": angle,
+        "state.stuck_joint.motor": angle,
+        "state.stuck_load.motor": angle,
         "state.joint.value": joint,
-        "state.decided.joint_then": joint,
-        "state.decided.motor_then": angle,
+        "state.decided.joint_at_release": joint,
+        "state.decided.motor_at_release": angle,
         "reading.joint": joint,
     }
 
 
 STOPPED: Changes = {
     "state.decided.mode": Mode.STOPPED,
-    "state.decided.passed": 0.0,
+    "state.decided.started": 0.0,
     "state.servo.enabled": 0.0,
     "reading.drive_state": 1.0,
     "reading.current": 0.0,
@@ -140,7 +129,7 @@ LATCHED: Changes = {"state.decided.mode": Mode.LATCHED, "state.decided.latched":
 
 def test_a_rig_in_order_is_left_alone() -> None:
     state, verdict = cycle()
-    assert verdict == Verdict(0.5, 3.0, Mode.RUNNING, 0.0, 0.0)
+    assert verdict == Verdict(0.5, Power.ON, Mode.RUNNING, Reaction.NONE, 0)
     moved = {"heat.winding", "heat.i2t"}
     both = zip(names(state), flat(RUNNING), flat(state), strict=True)
     assert {name for name, a, b in both if a != b} <= moved
@@ -159,27 +148,27 @@ HEAT = warm(THERMAL, ThermalState(60.0, 50.0, 0.0), 2.0, DT)
 WARM: Changes = {"state.heat.winding": 60.0, "state.heat.housing": 50.0}
 LEAN: Changes = {"limits.tracking_time": 0.0, "limits.current_time": 0.0, "limits.saturation_time": 0.0}
 LEAN |= {"limits.slack_time": 0.0}
-SWINGING: Changes = {"state.anchor.travelled": 2.0, "state.anchor.swung": 2.0}
+SWINGING: Changes = {"state.stuck_current.travel": 2.0, "state.stuck_current.speed_change": 2.0}
 STRAINED: Changes = {"limits.pull_gain": 16.0, "limits.pull_doubt": 16.0, "reading.current": 10.0}
 PULLED: Changes = {"limits.slack_sign": 1.0, "reading.joint": 0.36, "state.joint.value": 0.36}
-PUSHED: Changes = {**motor_at(-0.4, -0.35), "state.decided.mode": Mode.RELEASING, "state.decided.joint_then": 0.0}
+PUSHED: Changes = {**motor_at(-0.4, -0.35), "state.decided.mode": Mode.RELEASING, "state.decided.joint_at_release": 0.0}
 Edge = tuple[Fault, str, float, float, Changes]
 AT_JOINT: Changes = {"limits.measures_torque": 1.0, "limits.torque_high": 16.0, "reading.joint_torque": 3.0}
-OFF: Changes = {"observed.reference": 1.0, "state.sums.off_reference": 31 * DT + TINY}
+OFF: Changes = {"observed.reference": 1.0, "state.timers.off_reference": 31 * DT + TINY}
 """A joint that has been off its reference for as long as it may."""
 PAIRED: Changes = {
     **{"limits.paired": 1.0, "limits.parting": 0.125, "limits.parting_lag": 1 / 64},
     **{"limits.parting_offset": 0.0625, "limits.parting_slope": 0.25},
-    **{"state.pair.met": 1.0, "state.pair.parted": 48 * DT, "observed.opposite": 0.0},
+    **{"state.pair.met": 1.0, "state.pair.apart_time": 48 * DT, "observed.opposite": 0.0},
 }
 """A motor of a pair at 0.5 and a joint at 0.375, with the other motor where it has been too far away for 48 cycles: it
 is to be at 0.5 − 0.0625 − 0.25·0.375, and may be 2·0.125 away from there."""
 ASKED = 0.5 - 0.0625 - 0.25 * 0.375
 SLOWED, FILTERED = 4.0, 4.0 * (1.0 - DT / (3 * DT + DT))
 """A speed, and what the filter leaves of it in a cycle in which the motor stands."""
-MUTE: Changes = {"state.load.reading": 20.0, "state.load.motor": 0.5}
-WENT: Changes = {"state.anchor.motor": 0.0}
-KEPT: Changes = {**STOPPED, "state.sums.undisabled": 1.0}
+MUTE: Changes = {"state.stuck_load.reading": 20.0, "state.stuck_load.motor": 0.5}
+WENT: Changes = {"state.stuck_joint.motor": 0.0}
+KEPT: Changes = {**STOPPED, "state.timers.undisabled": 1.0}
 PULLS = PULLED_SPEED * SLOWED / FILTERED
 EDGES: list[Edge] = [
     (Fault.JOINT_LOST, "reading.joint", 6.5, 6.5 + TINY, {}),
@@ -188,25 +177,25 @@ EDGES: list[Edge] = [
     (Fault.JOINT_JUMP, "reading.joint", 0.375 + 1 / 64 + 8 * DT, 0.375 + 1 / 64 + 8 * DT + TINY, {}),
     (
         *(Fault.JOINT_JUMP, "reading.joint", 0.375 + 1 / 64 + 8 * DT, 0.375 + 1 / 64 + 8 * DT + TINY),
-        {"state.decided.mode": Mode.PREFLIGHT, "state.decided.passed": 0.0},
+        {"state.decided.mode": Mode.PREFLIGHT, "state.decided.started": 0.0},
     ),
     (Fault.JOINT_JUMP, "reading.joint", 0.375 - 1 / 64 - 8 * DT, 0.375 - 1 / 64 - 8 * DT - TINY, {}),
     (Fault.JOINT_JUMP, "reading.joint", 0.375 + 1 / 64 + 24 * DT, 0.4157, {"observed.elapsed": 3 * DT}),
     (Fault.JOINT_JUMP, "reading.joint", 0.375 + 1 / 64 + 24 * DT, 0.4157, {"state.joint.age": 2 * DT}),
     (Fault.JOINT_STALE, "reading.joint_age", 2.0, 2.0 + TINY, {}),
     (Fault.JOINT_STALE, "reading.joint_age", 0.0, -TINY, {}),
-    (Fault.JOINT_FROZEN, "state.anchor.motor", 0.275 + TINY, 0.275 - TINY, {}),
-    (Fault.JOINT_FROZEN, "state.anchor.motor", 0.725 - TINY, 0.725 + TINY, {}),
-    (Fault.JOINT_FROZEN, "state.anchor.unanswered", 0.075 - TINY, 0.075 + TINY, {}),
+    (Fault.JOINT_FROZEN, "state.stuck_joint.motor", 0.275 + TINY, 0.275 - TINY, {}),
+    (Fault.JOINT_FROZEN, "state.stuck_joint.motor", 0.725 - TINY, 0.725 + TINY, {}),
+    (Fault.JOINT_FROZEN, "state.stuck_joint.travel", 0.075 - TINY, 0.075 + TINY, {}),
     *(
         (Fault.JOINT_FROZEN, name, 0.375 + sign * (2.0**-12 + TINY), 0.375 + sign * 2.0**-12, {**WENT, other: 1.0})
-        for name, other in itertools.permutations(("state.anchor.joint", "state.anchor.joint_before"))
+        for name, other in itertools.permutations(("state.stuck_joint.reading", "state.stuck_joint.previous_reading"))
         for sign in (-1.0, 1.0)
     ),
-    (Fault.JOINT_ASTRAY, "reading.joint", 0.5, 0.5 - TINY, motor_at(1.0, 0.5)),
-    (Fault.JOINT_ASTRAY, "reading.joint", 1.5, 1.5 + TINY, motor_at(1.0, 1.5)),
-    (Fault.JOINT_ASTRAY, "reading.joint", -0.71875, -0.71875 - TINY, motor_at(-0.375, -0.71875)),
-    (Fault.JOINT_ASTRAY, "reading.joint", -1 / 32, -1 / 32 + TINY, motor_at(-0.375, -1 / 32)),
+    (Fault.JOINT_MOTOR_MISMATCH, "reading.joint", 0.5, 0.5 - TINY, motor_at(1.0, 0.5)),
+    (Fault.JOINT_MOTOR_MISMATCH, "reading.joint", 1.5, 1.5 + TINY, motor_at(1.0, 1.5)),
+    (Fault.JOINT_MOTOR_MISMATCH, "reading.joint", -0.71875, -0.71875 - TINY, motor_at(-0.375, -0.71875)),
+    (Fault.JOINT_MOTOR_MISMATCH, "reading.joint", -1 / 32, -1 / 32 + TINY, motor_at(-0.375, -1 / 32)),
     (Fault.JOINT_OVER_TRAVEL, "reading.joint", 1.5, 1.5 + TINY, motor_at(1.5, 1.5)),
     (Fault.JOINT_OVER_TRAVEL, "reading.joint", -0.5, -0.5 - TINY, motor_at(-0.4, -0.5)),
     (Fault.JOINT_OVER_SPEED, "state.joint.speed", 8.0, 8.0 + TINY, {"reading.joint": 0.375 + 8 * DT}),
@@ -234,7 +223,7 @@ EDGES: list[Edge] = [
     ),
     (
         Fault.NOT_FOLLOWING,
-        "state.servo.astray",
+        "state.servo.tracking_error_time",
         4 * DT,
         4 * DT + TINY,
         {"state.motor.value": 0.7, "reading.motor": 0.7},
@@ -249,11 +238,11 @@ EDGES: list[Edge] = [
     (Fault.CURRENT_LOST, "reading.current", 0.0, NAN, STOPPED),
     (Fault.OVER_CURRENT, "reading.current", 16.0, 16.0 + TINY, LEAN),
     (Fault.OVER_CURRENT, "reading.current", -16.0, -16.0 - TINY, LEAN),
-    (Fault.OVER_CURRENT, "state.sums.overload", DT, DT + TINY, {"reading.current": 17.0}),
+    (Fault.OVER_CURRENT, "state.timers.overload", DT, DT + TINY, {"reading.current": 17.0}),
     (Fault.SATURATED, "reading.current", 15.0, 15.0 + TINY, LEAN),
     (Fault.SATURATED, "reading.current", -15.0, -15.0 - TINY, LEAN),
-    (Fault.SATURATED, "state.sums.saturated", 49 * DT, 49 * DT + TINY, {"reading.current": 15.5}),
-    (Fault.SATURATED, "state.sums.saturated", 49 * DT, 49 * DT + TINY, {"reading.current": NAN}),
+    (Fault.SATURATED, "state.timers.saturated", 49 * DT, 49 * DT + TINY, {"reading.current": 15.5}),
+    (Fault.SATURATED, "state.timers.saturated", 49 * DT, 49 * DT + TINY, {"reading.current": NAN}),
     (Fault.I2T, "state.heat.i2t", 440.0 - 64 * DT, 440.0 - 64 * DT + TINY, {"reading.current": 10.0}),
     (Fault.MOTOR_HOT, "limits.winding_limit", HEAT.winding, HEAT.winding - TINY, WARM),
     (Fault.MOTOR_HOT, "limits.housing_limit", HEAT.housing, HEAT.housing - TINY, WARM),
@@ -270,68 +259,77 @@ EDGES: list[Edge] = [
     (Fault.OVER_TENSION, "reading.current", -9.0, -9.0 - TINY, {**STRAINED, **LEAN, "limits.slack_sign": 1.0}),
     (Fault.OVER_TENSION, "reading.current", NAN, 10.0, {**STRAINED, **LEAN}),
     (Fault.OVER_TENSION, "limits.measures_current", 0.0, 1.0, {**STRAINED, **LEAN}),
-    (Fault.OVER_TENSION, "state.sums.strained", 49 * DT, 49 * DT + TINY, STRAINED),
+    (Fault.OVER_TENSION, "state.timers.strained", 49 * DT, 49 * DT + TINY, STRAINED),
     (Fault.SLACK, "reading.tension", 2.0, 2.0 - TINY, LEAN),
-    (Fault.SLACK, "state.sums.slack", 47 * DT, 47 * DT + TINY, {"reading.tension": 1.0}),
+    (Fault.SLACK, "state.timers.slack", 47 * DT, 47 * DT + TINY, {"reading.tension": 1.0}),
     (Fault.HEARTBEAT_LOST, "reading.heartbeat_age", 1 / 16, 1 / 16 + TINY, {}),
     (Fault.HEARTBEAT_LOST, "reading.heartbeat_age", 0.0, -TINY, {}),
-    (Fault.NOT_ENABLED, "state.sums.armed", 1.0 - DT, 1.0 - DT + TINY, ARMED),
-    (Fault.NOT_ENABLED, "reading.drive_state", 4.0, 3.0, {**ARMED, "state.sums.armed": 2.0}),
+    (Fault.NOT_ENABLED, "state.timers.armed", 1.0 - DT, 1.0 - DT + TINY, ARMED),
+    (Fault.NOT_ENABLED, "reading.drive_state", 4.0, 3.0, {**ARMED, "state.timers.armed": 2.0}),
     (Fault.EMERGENCY, "reading.emergency", 0.0, 0x8130, STOPPED),
     (Fault.EMERGENCY, "reading.emergency", 0.0, -1.0, {}),
     (Fault.EMERGENCY_STOP, "reading.emergency", 0.0, EMERGENCY_STOP, STOPPED),
     (Fault.EMERGENCY_STOP, "reading.emergency", 0.0, EMERGENCY_STOP, {}),
-    (Fault.BUS_ERRORS, "state.sums.failures", 2.5 + DT, 2.5 + DT + TINY, {}),
-    (Fault.BUS_ERRORS, "reading.bus_errors", 9.0, 10.0, {"state.sums.bus_errors": 7.0}),
-    (Fault.BUS_ERRORS, "reading.bus_errors", 7.0, 8.0, {"state.sums.bus_errors": 7.0, "state.sums.failures": 2.0}),
-    (Fault.BUS_ERRORS, "reading.bus_errors", 1e9, NAN, {"state.sums.bus_errors": 1e9}),
-    (Fault.BUS_ERRORS, "reading.bus_errors", 1e9, -1.0, {"state.sums.bus_errors": 1e9}),
-    (Fault.BUS_ERRORS, "reading.bus_errors", 1e12, INF, {"state.sums.bus_errors": 1e12}),
+    (Fault.BUS_ERRORS, "state.timers.bus_failures", 2.5 + DT, 2.5 + DT + TINY, {}),
+    (Fault.BUS_ERRORS, "reading.bus_errors", 9.0, 10.0, {"state.timers.bus_errors": 7.0}),
+    (
+        Fault.BUS_ERRORS,
+        "reading.bus_errors",
+        7.0,
+        8.0,
+        {"state.timers.bus_errors": 7.0, "state.timers.bus_failures": 2.0},
+    ),
+    (Fault.BUS_ERRORS, "reading.bus_errors", 1e9, NAN, {"state.timers.bus_errors": 1e9}),
+    (Fault.BUS_ERRORS, "reading.bus_errors", 1e9, -1.0, {"state.timers.bus_errors": 1e9}),
+    (Fault.BUS_ERRORS, "reading.bus_errors", 1e12, INF, {"state.timers.bus_errors": 1e12}),
     (Fault.LATE, "observed.lateness", 1 / 64, 1 / 64 + TINY, {}),
     (Fault.LATE, "observed.lateness", -DT / 2, 1.0, {}),
-    (Fault.LATE, "state.sums.late", 1 / 64 + 0.02 * DT - TINY, 1 / 64 + 0.02 * DT + TINY, {}),
+    (Fault.LATE, "state.timers.late", 1 / 64 + 0.02 * DT - TINY, 1 / 64 + 0.02 * DT + TINY, {}),
     (
-        *(Fault.LATE, "state.sums.late", 1 / 64 - 2.5 * DT + 0.08 * DT - TINY, 1 / 64 - 2.5 * DT + 0.08 * DT + TINY),
+        *(Fault.LATE, "state.timers.late", 1 / 64 - 2.5 * DT + 0.08 * DT - TINY, 1 / 64 - 2.5 * DT + 0.08 * DT + TINY),
         {"observed.elapsed": 4 * DT},
     ),
     (Fault.CLOCK, "observed.elapsed", 0.05 * DT, 0.05 * DT - TINY, STOPPED),
     (Fault.CLOCK, "observed.elapsed", 0.5, 0.5 + TINY, {}),
     (Fault.CLOCK, "observed.lateness", -DT, -DT - TINY, {}),
     (Fault.CLOCK, "observed.lateness", 1e6, 1e6 + 1.0, {}),
-    (Fault.WISH_LOST, "law.wish", 2.0, 2.0 + TINY, motor_at(2.0)),
-    (Fault.WISH_LOST, "law.wish", -0.5, -0.5 - TINY, motor_at(-0.5)),
-    (Fault.WISH_STEP, "law.wish", 0.625, 0.625 + TINY, {}),
-    (Fault.WISH_STEP, "law.wish", 0.375, 0.375 - TINY, {}),
-    (Fault.WISH_STEP, "law.wish", 0.625, 0.625 + TINY, {"observed.elapsed": 0.5 * DT}),
-    (Fault.WISH_STEP, "law.wish", 0.875, 0.875 + TINY, {"observed.elapsed": 3 * DT}),
-    (Fault.WISH_STEP, "law.wish", 1.125, 1.125 + TINY, {"observed.elapsed": 5 * DT}),
-    (Fault.WISH_STEP, "law.wish", 1.125, 1.125 + TINY, {"observed.elapsed": 9 * DT}),
-    (Fault.WISH_FAR, "law.wish", 1.375, 1.375 + TINY, {}),
-    (Fault.WISH_FAR, "law.wish", -0.375, -0.375 - TINY, {}),
-    (Fault.WISH_HARD, "law.wish", 0.5625, 0.5625 + TINY, {"limits.acceleration": 64.0}),
-    (Fault.WISH_HARD, "law.wish", 0.4375, 0.4375 - TINY, {"limits.acceleration": 64.0}),
+    (Fault.TARGET_LOST, "law.wish", 2.0, 2.0 + TINY, motor_at(2.0)),
+    (Fault.TARGET_LOST, "law.wish", -0.5, -0.5 - TINY, motor_at(-0.5)),
+    (Fault.TARGET_STEP, "law.wish", 0.625, 0.625 + TINY, {}),
+    (Fault.TARGET_STEP, "law.wish", 0.375, 0.375 - TINY, {}),
+    (Fault.TARGET_STEP, "law.wish", 0.625, 0.625 + TINY, {"observed.elapsed": 0.5 * DT}),
+    (Fault.TARGET_STEP, "law.wish", 0.875, 0.875 + TINY, {"observed.elapsed": 3 * DT}),
+    (Fault.TARGET_STEP, "law.wish", 1.125, 1.125 + TINY, {"observed.elapsed": 5 * DT}),
+    (Fault.TARGET_STEP, "law.wish", 1.125, 1.125 + TINY, {"observed.elapsed": 9 * DT}),
+    (Fault.TARGET_TOO_FAR, "law.wish", 1.375, 1.375 + TINY, {}),
+    (Fault.TARGET_TOO_FAR, "law.wish", -0.375, -0.375 - TINY, {}),
+    (Fault.TARGET_TOO_HARD, "law.wish", 0.5625, 0.5625 + TINY, {"limits.acceleration": 64.0}),
+    (Fault.TARGET_TOO_HARD, "law.wish", 0.4375, 0.4375 - TINY, {"limits.acceleration": 64.0}),
     (
-        *(Fault.WISH_HARD, "law.wish"),
+        *(Fault.TARGET_TOO_HARD, "law.wish"),
         *(AWAY + (64.0 + 48.0 * SPEED) / 1024.0 + sign * TINY for sign in (-1.0, 1.0)),
         {**MOVING, "limits.acceleration": 64.0},
     ),
     (Fault.OPERATOR_LOST, "observed.operator_age", 1.25, 1.25 + TINY, {}),
     (Fault.OPERATOR_LOST, "observed.operator_age", -1.0, -1.0 - TINY, STOPPED),
     (Fault.PREFLIGHT_FAILED, "observed.preflight", 0.0, -1.0, ARMED),
-    (Fault.PREFLIGHT_FAILED, "observed.preflight", 1.0, 2.0, ARMED),
-    (Fault.PREFLIGHT_FAILED, "observed.preflight", 1.0, NAN, ARMED),
-    (Fault.PREFLIGHT_FAILED, "state.sums.armed", 60.0 - DT, 60.0 - DT + TINY, ARMED),
+    (Fault.PREFLIGHT_FAILED, "state.timers.armed", 60.0 - DT, 60.0 - DT + TINY, ARMED),
     (Fault.RECORDER_LOST, "observed.recorder", 1.0, 0.0, {}),
-    (Fault.RECORDER_LOST, "observed.recorder", 1.0, 2.0, {}),
-    (Fault.RECORDER_LOST, "observed.recorder", 1.0, NAN, STOPPED),
+    (Fault.RECORDER_LOST, "observed.recorder", 1.0, 0.0, STOPPED),
     (Fault.EMG_LOST, "observed.emg_age", 0.25, 0.25 + TINY, {}),
     (Fault.EMG_LOST, "observed.emg_age", -1.0, -1.0 - TINY, STOPPED),
     (Fault.EMG_LOST, "observed.emg_age", 0.0, NAN, RELEASING),
-    (Fault.CURRENT_STUCK, "state.anchor.travelled", 0.375, 0.375 + TINY, {"state.anchor.swung": 2.0}),
-    (Fault.CURRENT_STUCK, "state.anchor.swung", 1.0, 1.0 + TINY, {"state.anchor.travelled": 2.0}),
+    (Fault.CURRENT_STUCK, "state.stuck_current.travel", 0.375, 0.375 + TINY, {"state.stuck_current.speed_change": 2.0}),
+    (Fault.CURRENT_STUCK, "state.stuck_current.speed_change", 1.0, 1.0 + TINY, {"state.stuck_current.travel": 2.0}),
     (Fault.CURRENT_STUCK, "reading.current", 2.0 + TINY, 2.0, SWINGING),
     (Fault.CURRENT_STUCK, "reading.current", NAN, 2.0, SWINGING),
-    (Fault.CURRENT_STUCK, "state.anchor.current_before", 3.0 + TINY, 3.0, {**SWINGING, "reading.current": 3.0}),
+    (
+        Fault.CURRENT_STUCK,
+        "state.stuck_current.previous_reading",
+        3.0 + TINY,
+        3.0,
+        {**SWINGING, "reading.current": 3.0},
+    ),
     *((Fault.NOT_DISABLED, "reading.current", sign * 0.25, sign * (0.25 + TINY), KEPT) for sign in (-1.0, 1.0)),
     (Fault.NOT_DISABLED, "reading.current", NAN, 1.0, KEPT),
     (Fault.NOT_DISABLED, "reading.motor_age", 2.0 + TINY, 2.0, {**KEPT, "reading.current": 1.0}),
@@ -341,70 +339,74 @@ EDGES: list[Edge] = [
     (Fault.NOT_DISABLED, "limits.slack_sign", 1.0, -1.0, {**KEPT, "state.motor.speed": 9.0, "reading.current": NAN}),
     (Fault.NOT_DISABLED, "reading.current", 0.25, NAN, {**KEPT, "state.motor.speed": 9.0}),
     (Fault.NOT_DISABLED, "limits.measures_current", 0.0, 1.0, {**KEPT, "reading.current": 9.0}),
-    (Fault.NOT_DISABLED, "state.sums.undisabled", 0.05 - DT, 0.05 - DT + TINY, {**KEPT, "reading.current": 1.0}),
+    (Fault.NOT_DISABLED, "state.timers.undisabled", 0.05 - DT, 0.05 - DT + TINY, {**KEPT, "reading.current": 1.0}),
     (Fault.CURRENT_STUCK, "state.decided.mode", Mode.RELEASING, Mode.RUNNING, SWINGING),
     (Fault.CURRENT_STUCK, "limits.measures_current", 0.0, 1.0, SWINGING),
     (Fault.RELEASE_PULLS, "reading.joint", -0.35, -0.35 - TINY, PUSHED),
-    (Fault.RELEASE_PULLS, "reading.joint", 0.35, 0.35 + TINY, {**RELEASING, **PULLED, "state.decided.joint_then": 0.0}),
-    (Fault.RELEASE_PULLS, "state.decided.joint_then", 0.26 + TINY, 0.26 - TINY, {**RELEASING, **PULLED}),
-    (Fault.RELEASE_PULLS, "limits.homed", 0.0, 1.0, {**RELEASING, **PULLED, "state.decided.joint_then": 0.0}),
+    (
+        Fault.RELEASE_PULLS,
+        "reading.joint",
+        0.35,
+        0.35 + TINY,
+        {**RELEASING, **PULLED, "state.decided.joint_at_release": 0.0},
+    ),
+    (Fault.RELEASE_PULLS, "state.decided.joint_at_release", 0.26 + TINY, 0.26 - TINY, {**RELEASING, **PULLED}),
+    (Fault.RELEASE_PULLS, "limits.homed", 0.0, 1.0, {**RELEASING, **PULLED, "state.decided.joint_at_release": 0.0}),
     (
         Fault.RELEASE_PULLS,
         "state.decided.mode",
         Mode.RUNNING,
         Mode.RELEASING,
-        {**PULLED, "state.decided.joint_then": 0.0},
+        {**PULLED, "state.decided.joint_at_release": 0.0},
     ),
-    (Fault.AXIS_RELEASED, "observed.others", 1.5 - TINY, 1.5, {}),
-    (Fault.AXIS_RELEASED, "observed.others", 2.5 + TINY, 2.5, RELEASING),
+    (Fault.AXIS_RELEASED, "observed.others", 1.0, 2.0, {}),
+    (Fault.AXIS_RELEASED, "observed.others", 3.0, 2.0, RELEASING),
     (Fault.AXIS_RELEASED, "observed.others", 0.0, 2.0, STOPPED),
-    (Fault.AXIS_OFF, "observed.others", 2.5, 2.5 + TINY, {}),
-    (Fault.AXIS_OFF, "observed.others", -0.5, -0.5 - TINY, {}),
-    (Fault.AXIS_OFF, "observed.others", 2.0, NAN, RELEASING),
+    (Fault.AXIS_OFF, "observed.others", 2.0, 3.0, {}),
     (Fault.AXIS_OFF, "observed.others", 0.0, 3.0, STOPPED),
     (Fault.TORQUE_LOST, "reading.joint_torque", 1e6, 1e6 + 1.0, AT_JOINT),
     (Fault.TORQUE_LOST, "reading.joint_torque", 3.0, NAN, {**AT_JOINT, **STOPPED}),
     (Fault.TORQUE_LOST, "limits.measures_torque", 0.0, 1.0, {}),
     (Fault.TORQUE_LOST, "reading.joint_torque", -1e6, -1e6 - 1.0, AT_JOINT),
     (Fault.OVER_TORQUE, "limits.measures_torque", 0.0, 1.0, {"limits.torque_high": 0.5, "reading.joint_torque": 3.0}),
-    (Fault.LOAD_STUCK, "state.load.motor", 0.36, 0.3, {**MUTE, "state.load.unanswered": 0.05}),
-    (Fault.LOAD_STUCK, "state.load.motor", 0.64, 0.7, {**MUTE, "state.load.unanswered": 0.05}),
+    (Fault.LOAD_STUCK, "state.stuck_load.motor", 0.36, 0.3, {**MUTE, "state.stuck_load.travel": 0.05}),
+    (Fault.LOAD_STUCK, "state.stuck_load.motor", 0.64, 0.7, {**MUTE, "state.stuck_load.travel": 0.05}),
     (
         *(Fault.LOAD_STUCK, "limits.measures_torque", 0.0, 1.0),
         {
-            **{"limits.measures_tension": 0.0, "reading.joint_torque": 3.0, "state.load.reading": 3.0},
-            **{"state.load.unanswered": 0.1, "state.load.motor": 0.5},
+            **{"limits.measures_tension": 0.0, "reading.joint_torque": 3.0, "state.stuck_load.reading": 3.0},
+            **{"state.stuck_load.travel": 0.1, "state.stuck_load.motor": 0.5},
         },
     ),
     (Fault.OVER_TORQUE, "reading.joint_torque", 16.0, 16.0 + TINY, AT_JOINT),
     (Fault.OVER_TORQUE, "reading.joint_torque", -16.0, -16.0 - TINY, AT_JOINT),
     (Fault.OVER_TORQUE, "limits.measures_torque", 0.0, 1.0, {**AT_JOINT, "reading.joint_torque": 17.0}),
-    (Fault.LOAD_STUCK, "state.load.unanswered", 0.075 - TINY, 0.075 + TINY, MUTE),
-    (Fault.LOAD_STUCK, "reading.tension", 20.0 + TINY, 20.0, {**MUTE, "state.load.unanswered": 0.1}),
-    (Fault.LOAD_STUCK, "reading.tension", NAN, 20.0, {**MUTE, "state.load.unanswered": 0.1}),
+    (Fault.LOAD_STUCK, "state.stuck_load.travel", 0.075 - TINY, 0.075 + TINY, MUTE),
+    (Fault.LOAD_STUCK, "reading.tension", 20.0 + TINY, 20.0, {**MUTE, "state.stuck_load.travel": 0.1}),
+    (Fault.LOAD_STUCK, "reading.tension", NAN, 20.0, {**MUTE, "state.stuck_load.travel": 0.1}),
     (
-        *(Fault.LOAD_STUCK, "state.load.reading_before", 21.0 + TINY, 21.0),
-        {**MUTE, "state.load.unanswered": 0.1, "reading.tension": 21.0},
+        *(Fault.LOAD_STUCK, "state.stuck_load.previous_reading", 21.0 + TINY, 21.0),
+        {**MUTE, "state.stuck_load.travel": 0.1, "reading.tension": 21.0},
     ),
-    (Fault.LOAD_STUCK, "limits.measures_tension", 0.0, 1.0, {**MUTE, "state.load.unanswered": 0.1}),
+    (Fault.LOAD_STUCK, "limits.measures_tension", 0.0, 1.0, {**MUTE, "state.stuck_load.travel": 0.1}),
     (
         *(Fault.LOAD_STUCK, "reading.joint_torque", 3.0 + TINY, 3.0),
-        {**AT_JOINT, "limits.measures_tension": 0.0, "state.load.reading": 3.0, "state.load.unanswered": 0.1},
+        {**AT_JOINT, "limits.measures_tension": 0.0, "state.stuck_load.reading": 3.0, "state.stuck_load.travel": 0.1},
     ),
     (
         *(Fault.LOAD_STUCK, "state.decided.mode", Mode.RELEASING, Mode.RUNNING),
-        {**MUTE, "state.load.unanswered": 0.1},
+        {**MUTE, "state.stuck_load.travel": 0.1},
     ),
     (Fault.MOTORS_APART, "observed.opposite", ASKED - 0.25, ASKED - 0.25 - TINY, PAIRED),
     (Fault.MOTORS_APART, "observed.opposite", ASKED + 0.25, ASKED + 0.25 + TINY, PAIRED),
     (Fault.MOTORS_APART, "observed.opposite", NAN, 0.0, PAIRED),
     (Fault.MOTORS_APART, "observed.opposite", 6.5 + TINY, 6.5, PAIRED),
     (Fault.MOTORS_APART, "observed.opposite", -6.5 - TINY, -6.5, PAIRED),
-    (Fault.MOTORS_APART, "state.pair.parted", 47 * DT, 47 * DT + TINY, PAIRED),
+    (Fault.MOTORS_APART, "state.pair.apart_time", 47 * DT, 47 * DT + TINY, PAIRED),
     (Fault.MOTORS_APART, "state.pair.met", 0.0, 1.0, PAIRED),
     (Fault.MOTORS_APART, "limits.paired", 0.0, 1.0, PAIRED),
     (Fault.MOTORS_APART, "limits.slack_time", 49 * DT, 48 * DT, PAIRED),
-    (Fault.MOTORS_APART, "state.decided.passed", 0.0, 1.0, PAIRED),
+    (Fault.MOTORS_APART, "state.decided.started", 0.0, 1.0, PAIRED),
     (Fault.MOTORS_APART, "state.decided.mode", Mode.RELEASING, Mode.RUNNING, PAIRED),
     (Fault.MOTORS_APART, "state.decided.mode", Mode.RELEASING, Mode.BRIDGING, PAIRED),
     (Fault.MOTORS_APART, "state.servo.enabled", 0.0, 1.0, {**PAIRED, "reading.drive_state": 3.0}),
@@ -424,9 +426,9 @@ EDGES: list[Edge] = [
     (Fault.JOINT_OFF_REFERENCE, "observed.reference", 1e6 + 1.0, 1e6, OFF),
     (Fault.JOINT_OFF_REFERENCE, "observed.reference", -1e6 - 1.0, -1e6, OFF),
     (Fault.JOINT_OFF_REFERENCE, "reading.joint", 0.375, 0.375 - TINY, {**OFF, "observed.reference": 0.875}),
-    (Fault.JOINT_OFF_REFERENCE, "state.sums.off_reference", 31 * DT, 31 * DT + TINY, OFF),
+    (Fault.JOINT_OFF_REFERENCE, "state.timers.off_reference", 31 * DT, 31 * DT + TINY, OFF),
     (Fault.JOINT_OFF_REFERENCE, "limits.off_reference_time", 33 * DT, 32 * DT, OFF),
-    (Fault.JOINT_OFF_REFERENCE, "state.decided.passed", 0.0, 1.0, OFF),
+    (Fault.JOINT_OFF_REFERENCE, "state.decided.started", 0.0, 1.0, OFF),
     (Fault.JOINT_OFF_REFERENCE, "state.decided.mode", Mode.RELEASING, Mode.RUNNING, OFF),
     (Fault.JOINT_OFF_REFERENCE, "state.decided.mode", Mode.RELEASING, Mode.BRIDGING, OFF),
     (Fault.JOINT_OFF_REFERENCE, "state.servo.enabled", 0.0, 1.0, {**OFF, "reading.drive_state": 3.0}),
@@ -445,53 +447,53 @@ def test_motors_of_a_pair_must_have_met_before_they_can_part() -> None:
     apart, near = {**PAIRED, "state.pair.met": 0.0}, {"observed.opposite": ASKED}
     for _ in range(2):
         state, _ = cycle(apart)
-        assert (state.pair.met, state.pair.parted) == (0.0, 0.0)
+        assert (state.pair.met, state.pair.apart_time) == (0.0, 0.0)
     state, _ = cycle(apart, near)
-    assert (state.pair.met, state.pair.parted) == (1.0, 0.0)
-    state, _ = cycle(PAIRED, {"state.pair.parted": DT})
-    assert (state.pair.met, state.pair.parted) == (1.0, 2 * DT)
-    state, _ = cycle(PAIRED, {"state.pair.parted": DT, "observed.elapsed": 3 * DT})
-    assert state.pair.parted == 4 * DT
+    assert (state.pair.met, state.pair.apart_time) == (1.0, 0.0)
+    state, _ = cycle(PAIRED, {"state.pair.apart_time": DT})
+    assert (state.pair.met, state.pair.apart_time) == (1.0, 2 * DT)
+    state, _ = cycle(PAIRED, {"state.pair.apart_time": DT, "observed.elapsed": 3 * DT})
+    assert state.pair.apart_time == 4 * DT
     state, _ = cycle(PAIRED, near)
-    assert (state.pair.met, state.pair.parted) == (1.0, 0.0)
-    for over in (RELEASING, {"state.decided.passed": 0.0}, STOPPED, {"limits.paired": 0.0}):
+    assert (state.pair.met, state.pair.apart_time) == (1.0, 0.0)
+    for over in (RELEASING, {"state.decided.started": 0.0}, STOPPED, {"limits.paired": 0.0}):
         state, _ = cycle(PAIRED, near, over)
-        assert (state.pair.met, state.pair.parted) == (0.0, 0.0)
+        assert (state.pair.met, state.pair.apart_time) == (0.0, 0.0)
 
 
 def test_while_the_other_motor_is_not_known_nothing_is_forgotten_and_nothing_said() -> None:
     for lost in (NAN, 6.5 + TINY, -6.5 - TINY):
         for met in (0.0, 1.0):
             state, verdict = cycle(PAIRED, {"observed.opposite": lost, "state.pair.met": met})
-            assert (state.pair.met, state.pair.parted) == (met, 0.0)
+            assert (state.pair.met, state.pair.apart_time) == (met, 0.0)
             assert verdict.faults == 0.0
         state, _ = cycle(PAIRED, {"observed.opposite": lost, "state.pair.met": 0.0, "limits.parting": 9.0})
         assert state.pair.met == 0.0, "an angle that cannot be is not near"
 
 
 def test_without_power_a_load_cell_may_keep_its_value_wherever_the_motor_is_turned() -> None:
-    turned = {**STOPPED, **MUTE, "state.load.motor": 0.3, "state.load.unanswered": 9.0}
+    turned = {**STOPPED, **MUTE, "state.stuck_load.motor": 0.3, "state.stuck_load.travel": 9.0}
     state, _ = cycle(turned)
-    assert (state.load.motor, state.load.unanswered) == (0.5, pytest.approx(-0.15))
+    assert (state.stuck_load.motor, state.stuck_load.travel) == (0.5, pytest.approx(-0.15))
     state, _ = cycle({**turned, "reading.tension": NAN})
-    assert state.load.reading == 20.0
+    assert state.stuck_load.reading == 20.0
 
 
 def test_without_power_a_current_may_keep_its_value_whatever_the_servo_s_model_does() -> None:
-    kept = {"reading.current": 2.0, "state.anchor.travelled": 9.0, "state.anchor.swung": 9.0}
+    kept = {"reading.current": 2.0, "state.stuck_current.travel": 9.0, "state.stuck_current.speed_change": 9.0}
     for changes, stuck in (({}, 9.0), (STOPPED | {"reading.current": 2.0}, 0.0)):
         state, _ = cycle(kept, changes)
-        assert (state.anchor.travelled, state.anchor.swung) == (stuck, stuck)
+        assert (state.stuck_current.travel, state.stuck_current.speed_change) == (stuck, stuck)
 
 
 def test_a_load_that_is_no_number_is_not_remembered_and_not_too_much() -> None:
     for wild in (NAN, INF, -INF, 1e6 + 1.0, -1e6 - 1.0):
         state, _ = cycle(MUTE, {"reading.tension": wild})
-        assert state.load.reading == 20.0
+        assert state.stuck_load.reading == 20.0
         assert Fault.OVER_TORQUE not in faults(AT_JOINT, {"reading.joint_torque": wild})
     for told in (-1e6, 21.0, 1e6):
         state, _ = cycle(MUTE, {"reading.tension": told})
-        assert state.load.reading == told
+        assert state.stuck_load.reading == told
 
 
 def test_the_age_of_a_sample_is_its_own_whatever_the_load_cell_says() -> None:
@@ -501,7 +503,7 @@ def test_the_age_of_a_sample_is_its_own_whatever_the_load_cell_says() -> None:
 
 
 def test_what_is_stuck_in_a_release_changes_nothing() -> None:
-    assert cycle(MUTE, RELEASING, {"state.load.unanswered": 0.1})[1].faults == 0.0
+    assert cycle(MUTE, RELEASING, {"state.stuck_load.travel": 0.1})[1].faults == 0.0
     assert cycle(SWINGING, RELEASING)[1].faults == 0.0
 
 
@@ -529,15 +531,15 @@ MOVED_BY_HAND: Changes = {"reading.motor": 1.5, "reading.joint": 1.25}
 FREE: Changes = {"law.wish": NAN, "reading.drive_state": 4.0}
 UNMEASURED: Changes = {"limits.measures_current": 0.0, "limits.measures_tension": 0.0}
 UNMEASURED |= {"limits.measures_temperature": 0.0}
-WISHES = {Fault.WISH_LOST, Fault.WISH_STEP, Fault.WISH_FAR, Fault.WISH_HARD}
+WISHES = {Fault.TARGET_LOST, Fault.TARGET_STEP, Fault.TARGET_TOO_FAR, Fault.TARGET_TOO_HARD}
 JUMPS = {Fault.MOTOR_JUMP, Fault.JOINT_JUMP, Fault.JOINT_FROZEN}
 CURRENTS = {Fault.CURRENT_LOST, Fault.OVER_CURRENT, Fault.SATURATED, Fault.I2T}
 TENSIONS = {Fault.TENSION_LOST, Fault.OVER_TENSION, Fault.SLACK}
 LONG: Changes = {
-    "state.sums.overload": 9.0,
-    "state.sums.saturated": 9.0,
-    "state.sums.slack": 9.0,
-    "state.servo.astray": 9.0,
+    "state.timers.overload": 9.0,
+    "state.timers.saturated": 9.0,
+    "state.timers.slack": 9.0,
+    "state.servo.tracking_error_time": 9.0,
 }
 QUIET: list[tuple[str, set[Fault], Changes]] = [
     ("moved by hand, stopped", JUMPS, {**STOPPED, **MOVED_BY_HAND}),
@@ -557,10 +559,10 @@ QUIET: list[tuple[str, set[Fault], Changes]] = [
     ("slack before the drive is enabled", TENSIONS, {**ARMED, **LONG, "reading.tension": 0.0}),
     ("tension lost is not slack", TENSIONS - {Fault.TENSION_LOST}, {**LONG, "reading.tension": NAN}),
     ("EMG in a run without", {Fault.EMG_LOST}, {"limits.uses_emg": 0.0, "observed.emg_age": NAN}),
-    ("long since armed", {Fault.NOT_ENABLED, Fault.PREFLIGHT_FAILED}, {"state.sums.armed": 99.0}),
+    ("long since armed", {Fault.NOT_ENABLED, Fault.PREFLIGHT_FAILED}, {"state.timers.armed": 99.0}),
     ("preflight's outcome when it is over", {Fault.PREFLIGHT_FAILED}, {"observed.preflight": -1.0}),
     ("preflight's outcome when stopped", {Fault.PREFLIGHT_FAILED}, {**STOPPED, "observed.preflight": -1.0}),
-    ("no preflight yet", {Fault.PREFLIGHT_FAILED, Fault.NOT_ENABLED}, {**STOPPED, "state.sums.armed": 99.0}),
+    ("no preflight yet", {Fault.PREFLIGHT_FAILED, Fault.NOT_ENABLED}, {**STOPPED, "state.timers.armed": 99.0}),
     ("a late cycle that is a clock's step", {Fault.LATE}, {"observed.elapsed": 0.6, "observed.lateness": 0.6}),
     ("a wish while stopped", WISHES, {**STOPPED, **FREE}),
     ("a wish while latched", WISHES, {**LATCHED, **FREE}),
@@ -568,14 +570,14 @@ QUIET: list[tuple[str, set[Fault], Changes]] = [
     ("a far wish while releasing", WISHES, {**RELEASING, **FREE, "law.wish": 1.9, "limits.acceleration": 1.0}),
     ("a wish before the drive is enabled", WISHES, {**ARMED, "law.wish": NAN}),
     ("a far wish before the drive is enabled", WISHES, {**ARMED, "law.wish": 1.9}),
-    ("a target that moved before, while nothing leads it", WISHES, {**STOPPED, "state.decided.target_before": -0.25}),
+    ("a target that moved before, while nothing leads it", WISHES, {**STOPPED, "state.decided.previous_target": -0.25}),
     (
         "a target far from the motor while nothing leads it",
         WISHES,
         {
             **STOPPED,
             "state.target": -0.5,
-            "state.decided.target_before": -0.5,
+            "state.decided.previous_target": -0.5,
             "reading.motor": 1.5,
             "limits.acceleration": 1.0,
         },
@@ -592,14 +594,14 @@ def test_a_detector_is_silent_where_its_signal_says_nothing(quiet: tuple[str, se
 
 def test_a_wish_that_is_lost_is_no_other_fault_and_a_preflight_that_is_over_none() -> None:
     for wish in (NAN, 9.0, INF):
-        assert faults({"law.wish": wish}) == {Fault.WISH_LOST}
+        assert faults({"law.wish": wish}) == {Fault.TARGET_LOST}
     assert faults({"observed.preflight": -1.0}) == set()
-    assert faults(ARMED, {"reading.drive_state": 4.0, "state.sums.armed": 2.0}) == set()
+    assert faults(ARMED, {"reading.drive_state": 4.0, "state.timers.armed": 2.0}) == set()
 
 
 @pytest.mark.parametrize("mode", [Mode.PREFLIGHT, Mode.RUNNING, Mode.BRIDGING])
 def test_a_wish_that_cannot_be_is_seen_wherever_it_might_lead(mode: Mode) -> None:
-    assert Fault.WISH_LOST in faults({"state.decided.mode": mode, "law.wish": NAN})
+    assert Fault.TARGET_LOST in faults({"state.decided.mode": mode, "law.wish": NAN})
 
 
 def heated(current: float, time: float, winding: float = 60.0) -> ThermalState:
@@ -613,32 +615,36 @@ R3: Changes = {"reading.emergency": 1.0}
 THRICE: Changes = {"observed.elapsed": 3 * DT}
 HALF = 0.5 * DEAD_SHARE * LIMITS.frozen_travel
 BACKWARDS: Changes = {"state.servo.speed": -8.0}
-LEFT_BEHIND: Changes = {**motor_at(0.5, 0.8), **RELEASING, "state.decided.ahead": 2 * DT}
+LEFT_BEHIND: Changes = {**motor_at(0.5, 0.8), **RELEASING, "state.decided.joint_ahead_time": 2 * DT}
 """A cable that its joint has left behind in a release, as soon as that was elsewhere when it began."""
 ESTIMATES: list[tuple[str, float, Changes]] = [
-    ("sums.armed", 1 + DT, {**ARMED, "state.sums.armed": 1.0}),
-    ("sums.armed", 1 + 3 * DT, {**ARMED, "state.sums.armed": 1.0, "observed.elapsed": 3 * DT}),
-    ("sums.armed", 1 + DT, {**ARMED, "state.sums.armed": 1.0, "observed.elapsed": NAN}),
-    ("sums.armed", 1 + DT, {**ARMED, "state.sums.armed": 1.0, "observed.elapsed": 3 * DT, "observed.lateness": NAN}),
-    ("sums.armed", 0.0, {**STOPPED, "state.sums.armed": 1.0}),
-    ("sums.armed", 0.0, {"state.sums.armed": 1.0}),
-    ("sums.undisabled", 1 + DT, {**STOPPED, "state.sums.undisabled": 1.0, "reading.drive_state": 4.0}),
+    ("timers.armed", 1 + DT, {**ARMED, "state.timers.armed": 1.0}),
+    ("timers.armed", 1 + 3 * DT, {**ARMED, "state.timers.armed": 1.0, "observed.elapsed": 3 * DT}),
+    ("timers.armed", 1 + DT, {**ARMED, "state.timers.armed": 1.0, "observed.elapsed": NAN}),
     (
-        "sums.undisabled",
-        1 + 3 * DT,
-        {**STOPPED, "state.sums.undisabled": 1.0, "reading.drive_state": 4.0, "observed.elapsed": 3 * DT},
+        "timers.armed",
+        1 + DT,
+        {**ARMED, "state.timers.armed": 1.0, "observed.elapsed": 3 * DT, "observed.lateness": NAN},
     ),
-    ("sums.undisabled", 0.0, {**STOPPED, "state.sums.undisabled": 1.0, "reading.drive_state": 3.0}),
-    ("sums.undisabled", 1 + DT, {**STOPPED, "state.sums.undisabled": 1.0, "reading.drive_state": 6.0}),
-    ("sums.undisabled", 0.0, {**STOPPED, "state.sums.undisabled": 1.0, "reading.drive_state": 7.0}),
-    ("sums.undisabled", 0.0, {"state.sums.undisabled": 1.0}),
-    ("sums.off_reference", 3 * DT, {"observed.reference": 1.0, "state.sums.off_reference": 2 * DT}),
-    ("sums.off_reference", 3 * DT, {"observed.reference": 1.0, **THRICE}),
-    ("sums.off_reference", 4 * DT, {"observed.reference": 0.375, "state.sums.off_reference": 5 * DT}),
-    ("sums.off_reference", 2 * DT, {"observed.reference": 0.375, "state.sums.off_reference": 5 * DT, **THRICE}),
-    ("sums.off_reference", 0.0, {"observed.reference": 0.375}),
-    ("sums.off_reference", 0.0, {"state.sums.off_reference": 5 * DT}),
-    ("sums.off_reference", 0.0, {**OFF, **RELEASING}),
+    ("timers.armed", 0.0, {**STOPPED, "state.timers.armed": 1.0}),
+    ("timers.armed", 0.0, {"state.timers.armed": 1.0}),
+    ("timers.undisabled", 1 + DT, {**STOPPED, "state.timers.undisabled": 1.0, "reading.drive_state": 4.0}),
+    (
+        "timers.undisabled",
+        1 + 3 * DT,
+        {**STOPPED, "state.timers.undisabled": 1.0, "reading.drive_state": 4.0, "observed.elapsed": 3 * DT},
+    ),
+    ("timers.undisabled", 0.0, {**STOPPED, "state.timers.undisabled": 1.0, "reading.drive_state": 3.0}),
+    ("timers.undisabled", 1 + DT, {**STOPPED, "state.timers.undisabled": 1.0, "reading.drive_state": 6.0}),
+    ("timers.undisabled", 0.0, {**STOPPED, "state.timers.undisabled": 1.0, "reading.drive_state": 7.0}),
+    ("timers.undisabled", 0.0, {"state.timers.undisabled": 1.0}),
+    ("timers.off_reference", 3 * DT, {"observed.reference": 1.0, "state.timers.off_reference": 2 * DT}),
+    ("timers.off_reference", 3 * DT, {"observed.reference": 1.0, **THRICE}),
+    ("timers.off_reference", 4 * DT, {"observed.reference": 0.375, "state.timers.off_reference": 5 * DT}),
+    ("timers.off_reference", 2 * DT, {"observed.reference": 0.375, "state.timers.off_reference": 5 * DT, **THRICE}),
+    ("timers.off_reference", 0.0, {"observed.reference": 0.375}),
+    ("timers.off_reference", 0.0, {"state.timers.off_reference": 5 * DT}),
+    ("timers.off_reference", 0.0, {**OFF, **RELEASING}),
     ("sample_age", 3 * DT, {"reading.sample_age": 3 * DT}),
     ("sample_age", 0.0, {"reading.sample_age": NAN}),
     ("sample_age", 0.0, {"reading.sample_age": -DT}),
@@ -649,75 +655,83 @@ ESTIMATES: list[tuple[str, float, Changes]] = [
     ("motor.age", DT, {"reading.motor_age": 1.0}),
     ("joint.age", 0.0, {"reading.motor_age": 1.0}),
     ("motor.age", 0.0, {"reading.joint_age": 1.0}),
-    ("sums.late", 0.0, {}),
-    ("sums.late", 1 / 64 - 0.02 * DT, {"state.sums.late": 1 / 64}),
-    ("sums.late", 2.5 * DT - 0.08 * DT, {"observed.elapsed": 4 * DT}),
-    ("sums.failures", 3 - DT, {"reading.bus_errors": 3.0}),
-    ("sums.failures", 4 - DT, {"reading.bus_errors": 99.0}),
-    ("sums.failures", 1 - 3 * DT, {"state.sums.failures": 1.0, "observed.elapsed": 3 * DT}),
-    ("sums.failures", 1 - DT, {"state.sums.failures": 1.0, "state.sums.bus_errors": 5.0}),
-    ("sums.failures", 0.0, {}),
-    ("sums.bus_errors", 9.0, {"reading.bus_errors": 9.0}),
-    ("sums.bus_errors", 7.0, {"reading.bus_errors": NAN, "state.sums.bus_errors": 7.0}),
-    ("sums.bus_errors", 7.0, {"reading.bus_errors": INF, "state.sums.bus_errors": 7.0}),
+    ("timers.late", 0.0, {}),
+    ("timers.late", 1 / 64 - 0.02 * DT, {"state.timers.late": 1 / 64}),
+    ("timers.late", 2.5 * DT - 0.08 * DT, {"observed.elapsed": 4 * DT}),
+    ("timers.bus_failures", 3 - DT, {"reading.bus_errors": 3.0}),
+    ("timers.bus_failures", 4 - DT, {"reading.bus_errors": 99.0}),
+    ("timers.bus_failures", 1 - 3 * DT, {"state.timers.bus_failures": 1.0, "observed.elapsed": 3 * DT}),
+    ("timers.bus_failures", 1 - DT, {"state.timers.bus_failures": 1.0, "state.timers.bus_errors": 5.0}),
+    ("timers.bus_failures", 0.0, {}),
+    ("timers.bus_errors", 9.0, {"reading.bus_errors": 9.0}),
+    ("timers.bus_errors", 7.0, {"reading.bus_errors": NAN, "state.timers.bus_errors": 7.0}),
+    ("timers.bus_errors", 7.0, {"reading.bus_errors": INF, "state.timers.bus_errors": 7.0}),
     ("motor.value", 0.5, {"reading.motor": NAN}),
     ("motor.age", 2 * DT, {"reading.motor": NAN, "state.motor.age": DT}),
     ("motor.age", 0.0, {"state.motor.age": DT}),
     ("joint.age", 4 * DT, {"reading.joint": NAN, "state.joint.age": DT, "observed.elapsed": 3 * DT}),
     ("joint.value", 0.376, {"reading.joint": 0.376}),
-    ("anchor.joint", 0.376, {"reading.joint": 0.376}),
-    ("anchor.joint", 0.375, {"reading.joint": 0.375 + 2.0**-13}),
-    ("anchor.joint_before", 0.375, {"reading.joint": 0.376, "state.anchor.joint_before": 0.3}),
-    ("anchor.joint_before", 0.3, {"reading.joint": 0.375 + 2.0**-13, "state.anchor.joint_before": 0.3}),
-    ("anchor.joint", 0.375, {"reading.joint": 0.376, "state.anchor.joint_before": 0.376}),
-    ("anchor.motor", 0.51, {"reading.joint": 0.376, "reading.motor": 0.51}),
-    ("anchor.motor", 0.5, {"reading.motor": 0.51}),
-    ("anchor.motor", 0.51, {**STOPPED, "reading.motor": 0.51}),
-    ("anchor.motor", 0.51, {**LATCHED, "reading.motor": 0.51}),
-    ("anchor.motor", 0.5, {**RELEASING, "reading.motor": 0.51}),
-    ("anchor.unanswered", -HALF, {"reading.joint": 0.376, "state.anchor.unanswered": 0.1}),
-    ("anchor.current", 3.0, {"reading.current": 3.0}),
-    ("anchor.current_before", 2.0, {"reading.current": 3.0, "state.anchor.current_before": 7.0}),
-    ("anchor.current_before", 7.0, {"reading.current": NAN, "state.anchor.current_before": 7.0}),
-    ("anchor.current_before", 7.0, {"state.anchor.current_before": 7.0}),
-    ("anchor.current", 2.0, {"reading.current": 7.0, "state.anchor.current_before": 7.0}),
-    ("load.reading", 21.0, {"reading.tension": 21.0}),
-    ("load.reading", 20.0, {"reading.tension": 7.0, "state.load.reading_before": 7.0}),
-    ("load.reading", 20.0, {"reading.tension": NAN}),
-    ("load.reading_before", 20.0, {"reading.tension": 21.0}),
-    ("load.reading_before", 7.0, {"state.load.reading_before": 7.0}),
-    ("anchor.current", 2.0, {"reading.current": NAN}),
-    ("anchor.current", 2.0, {"reading.current": INF}),
-    ("anchor.current", 2.0, {"reading.current": -INF}),
-    ("anchor.travelled", 1 + (AWAY - 0.5), {**MOVING, "state.anchor.travelled": 1.0}),
-    ("anchor.travelled", 1 + (AWAY - 0.5), {**MOVING, **BACKWARDS, "state.anchor.travelled": 1.0}),
-    ("anchor.travelled", 0.0, {**MOVING, "state.anchor.travelled": 1.0, "reading.current": 3.0}),
-    ("anchor.swung", 1 + (8.0 - SPEED), {**MOVING, "state.anchor.swung": 1.0}),
-    ("anchor.swung", 1 + (8.0 - SPEED), {**MOVING, **BACKWARDS, "state.anchor.swung": 1.0}),
-    ("anchor.swung", 0.0, {**MOVING, "state.anchor.swung": 1.0, "reading.current": 3.0}),
+    ("stuck_joint.reading", 0.376, {"reading.joint": 0.376}),
+    ("stuck_joint.reading", 0.375, {"reading.joint": 0.375 + 2.0**-13}),
+    ("stuck_joint.previous_reading", 0.375, {"reading.joint": 0.376, "state.stuck_joint.previous_reading": 0.3}),
+    (
+        "stuck_joint.previous_reading",
+        0.3,
+        {"reading.joint": 0.375 + 2.0**-13, "state.stuck_joint.previous_reading": 0.3},
+    ),
+    ("stuck_joint.reading", 0.375, {"reading.joint": 0.376, "state.stuck_joint.previous_reading": 0.376}),
+    ("stuck_joint.motor", 0.51, {"reading.joint": 0.376, "reading.motor": 0.51}),
+    ("stuck_joint.motor", 0.5, {"reading.motor": 0.51}),
+    ("stuck_joint.motor", 0.51, {**STOPPED, "reading.motor": 0.51}),
+    ("stuck_joint.motor", 0.51, {**LATCHED, "reading.motor": 0.51}),
+    ("stuck_joint.motor", 0.5, {**RELEASING, "reading.motor": 0.51}),
+    ("stuck_joint.travel", -HALF, {"reading.joint": 0.376, "state.stuck_joint.travel": 0.1}),
+    ("stuck_current.reading", 3.0, {"reading.current": 3.0}),
+    ("stuck_current.previous_reading", 2.0, {"reading.current": 3.0, "state.stuck_current.previous_reading": 7.0}),
+    ("stuck_current.previous_reading", 7.0, {"reading.current": NAN, "state.stuck_current.previous_reading": 7.0}),
+    ("stuck_current.previous_reading", 7.0, {"state.stuck_current.previous_reading": 7.0}),
+    ("stuck_current.reading", 2.0, {"reading.current": 7.0, "state.stuck_current.previous_reading": 7.0}),
+    ("stuck_load.reading", 21.0, {"reading.tension": 21.0}),
+    ("stuck_load.reading", 20.0, {"reading.tension": 7.0, "state.stuck_load.previous_reading": 7.0}),
+    ("stuck_load.reading", 20.0, {"reading.tension": NAN}),
+    ("stuck_load.previous_reading", 20.0, {"reading.tension": 21.0}),
+    ("stuck_load.previous_reading", 7.0, {"state.stuck_load.previous_reading": 7.0}),
+    ("stuck_current.reading", 2.0, {"reading.current": NAN}),
+    ("stuck_current.reading", 2.0, {"reading.current": INF}),
+    ("stuck_current.reading", 2.0, {"reading.current": -INF}),
+    ("stuck_current.travel", 1 + (AWAY - 0.5), {**MOVING, "state.stuck_current.travel": 1.0}),
+    ("stuck_current.travel", 1 + (AWAY - 0.5), {**MOVING, **BACKWARDS, "state.stuck_current.travel": 1.0}),
+    ("stuck_current.travel", 0.0, {**MOVING, "state.stuck_current.travel": 1.0, "reading.current": 3.0}),
+    ("stuck_current.speed_change", 1 + (8.0 - SPEED), {**MOVING, "state.stuck_current.speed_change": 1.0}),
+    ("stuck_current.speed_change", 1 + (8.0 - SPEED), {**MOVING, **BACKWARDS, "state.stuck_current.speed_change": 1.0}),
+    ("stuck_current.speed_change", 0.0, {**MOVING, "state.stuck_current.speed_change": 1.0, "reading.current": 3.0}),
     ("servo.position", 0.51, {**ARMED, "reading.motor": 0.51}),
     ("servo.speed", 0.0, {**ARMED, "state.servo.speed": 3.0}),
     ("servo.position", AWAY, MOVING),
     ("servo.position", AWAY, {**MOVING, "reading.sample_age": 2e6}),
     ("servo.speed", SPEED, MOVING),
-    ("servo.position", LATER, {**MOVING, "observed.elapsed": 3 * DT, "state.decided.target_before": 0.25}),
-    ("decided.target_before", 0.25, {"state.target": 0.25, "law.wish": 0.25}),
+    ("servo.position", LATER, {**MOVING, "observed.elapsed": 3 * DT, "state.decided.previous_target": 0.25}),
+    ("decided.previous_target", 0.25, {"state.target": 0.25, "law.wish": 0.25}),
     ("servo.enabled", 1.0, {**ARMED, "reading.drive_state": 4.0}),
     ("servo.enabled", 0.0, ARMED),
     ("servo.enabled", 1.0, {"reading.drive_state": 3.0}),
     ("servo.enabled", 0.0, {**STOPPED, "reading.drive_state": 4.0}),
     ("servo.enabled", 0.0, {**LATCHED, "reading.drive_state": 4.0}),
-    ("servo.astray", 3 * DT, {"state.motor.value": 0.7, "reading.motor": 0.7, "state.servo.astray": 2 * DT}),
-    ("servo.astray", 3 * DT, {"state.motor.value": 0.7, "reading.motor": 0.7, **THRICE}),
-    ("servo.astray", 0.0, {"state.servo.astray": 2 * DT}),
-    ("sums.overload", 3 * DT, {"reading.current": 17.0, "observed.elapsed": 3 * DT}),
-    ("sums.overload", 0.0, {"state.sums.overload": DT}),
-    ("sums.saturated", 3 * DT, {"reading.current": 15.5, "state.sums.saturated": 2 * DT}),
-    ("sums.saturated", 3 * DT, {"reading.current": 15.5, **THRICE}),
-    ("sums.saturated", 0.0, {"state.sums.saturated": DT}),
-    ("sums.slack", 3 * DT, {"reading.tension": 1.0, "state.sums.slack": 2 * DT}),
-    ("sums.slack", 3 * DT, {"reading.tension": 1.0, **THRICE}),
-    ("sums.slack", 0.0, {"state.sums.slack": DT}),
+    (
+        "servo.tracking_error_time",
+        3 * DT,
+        {"state.motor.value": 0.7, "reading.motor": 0.7, "state.servo.tracking_error_time": 2 * DT},
+    ),
+    ("servo.tracking_error_time", 3 * DT, {"state.motor.value": 0.7, "reading.motor": 0.7, **THRICE}),
+    ("servo.tracking_error_time", 0.0, {"state.servo.tracking_error_time": 2 * DT}),
+    ("timers.overload", 3 * DT, {"reading.current": 17.0, "observed.elapsed": 3 * DT}),
+    ("timers.overload", 0.0, {"state.timers.overload": DT}),
+    ("timers.saturated", 3 * DT, {"reading.current": 15.5, "state.timers.saturated": 2 * DT}),
+    ("timers.saturated", 3 * DT, {"reading.current": 15.5, **THRICE}),
+    ("timers.saturated", 0.0, {"state.timers.saturated": DT}),
+    ("timers.slack", 3 * DT, {"reading.tension": 1.0, "state.timers.slack": 2 * DT}),
+    ("timers.slack", 3 * DT, {"reading.tension": 1.0, **THRICE}),
+    ("timers.slack", 0.0, {"state.timers.slack": DT}),
     ("heat.winding", heated(2.0, DT).winding, HOT),
     ("heat.winding", heated(5.0, 3 * DT).winding, {**HOT, "reading.current": -5.0, "observed.elapsed": 3 * DT}),
     ("heat.winding", heated(5.0, 0.1).winding, {**HOT, "reading.current": 5.0, "observed.elapsed": 0.4}),
@@ -726,34 +740,51 @@ ESTIMATES: list[tuple[str, float, Changes]] = [
     ("heat.winding", heated(0.0, DT).winding, {**HOT, **UNMEASURED, "reading.current": 9.0}),
     ("heat.housing", heated(2.0, DT).housing, HOT),
     ("heat.i2t", heated(10.0, DT).i2t, {**HOT, "reading.current": 10.0}),
-    ("sums.strained", 3 * DT, {**STRAINED, "state.sums.strained": 2 * DT}),
-    ("sums.strained", 5 * DT, {**STRAINED, "state.sums.strained": 2 * DT, "observed.elapsed": 3 * DT}),
-    ("sums.strained", 0.0, {**STRAINED, "state.sums.strained": 2 * DT, "reading.current": 9.0}),
-    ("sums.strained", DT, {**STRAINED, "limits.pull_doubt": 8.0, "reading.current": 9.0}),
-    ("decided.bridged", 3 * DT, {**R1, "state.decided.bridged": 2 * DT}),
-    ("decided.bridged", 5 * DT, {**R1, "state.decided.bridged": 2 * DT, "observed.elapsed": 3 * DT}),
-    ("decided.bridged", 2 * DT - 3 * DT / 64, {"state.decided.bridged": 2 * DT, "observed.elapsed": 3 * DT}),
-    ("decided.bridged", 0.0, {"state.decided.bridged": DT / 128}),
-    ("decided.bridged", 0.0, {**STOPPED, **R1, "state.decided.bridged": DT}),
-    ("decided.bridged", 0.0, {**LATCHED, **R1, "state.decided.bridged": DT}),
-    ("decided.passed", 1.0, {}),
-    ("decided.passed", 0.0, {**STOPPED, "state.decided.passed": 1.0}),
-    ("decided.passed", 0.0, {**LATCHED, "state.decided.passed": 1.0}),
-    ("decided.released", DT, R2),
-    ("decided.released", DT, {**R2, "state.sample_age": 2 * DT}),
-    ("decided.released", 4 * DT, {**RELEASING, "state.decided.released": DT, "observed.elapsed": 3 * DT}),
-    ("decided.released", 0.0, {"state.decided.released": DT}),
-    ("decided.joint_then", 0.375, {"state.decided.joint_then": 0.1}),
-    ("decided.joint_then", 0.1, {**RELEASING, "state.decided.joint_then": 0.1}),
-    ("decided.motor_then", 0.5, {"state.decided.motor_then": 0.1}),
-    ("decided.motor_then", 0.1, {**RELEASING, "state.decided.motor_then": 0.1}),
-    ("decided.ahead", 3 * DT, {**LEFT_BEHIND, "state.decided.motor_then": 1.5, "state.decided.joint_then": 0.9}),
-    ("decided.ahead", 3 * DT, {**LEFT_BEHIND, "state.decided.motor_then": 0.5, "state.decided.joint_then": 0.65}),
-    ("decided.ahead", 0.0, {**LEFT_BEHIND, "state.decided.motor_then": 1.5, "state.decided.joint_then": 0.8}),
-    ("decided.met", 1.0, {**RELEASING}),
-    ("decided.met", 0.0, {**motor_at(0.3), **RELEASING, "state.target": 0.5}),
-    ("decided.met", 1.0, {**motor_at(0.3), **RELEASING, "state.target": 0.5, "state.decided.met": 1.0}),
-    ("decided.met", 0.0, {"state.decided.met": 1.0}),
+    ("timers.strained", 3 * DT, {**STRAINED, "state.timers.strained": 2 * DT}),
+    ("timers.strained", 5 * DT, {**STRAINED, "state.timers.strained": 2 * DT, "observed.elapsed": 3 * DT}),
+    ("timers.strained", 0.0, {**STRAINED, "state.timers.strained": 2 * DT, "reading.current": 9.0}),
+    ("timers.strained", DT, {**STRAINED, "limits.pull_doubt": 8.0, "reading.current": 9.0}),
+    ("decided.bridged_time", 3 * DT, {**R1, "state.decided.bridged_time": 2 * DT}),
+    ("decided.bridged_time", 5 * DT, {**R1, "state.decided.bridged_time": 2 * DT, "observed.elapsed": 3 * DT}),
+    ("decided.bridged_time", 2 * DT - 3 * DT / 64, {"state.decided.bridged_time": 2 * DT, "observed.elapsed": 3 * DT}),
+    ("decided.bridged_time", 0.0, {"state.decided.bridged_time": DT / 128}),
+    ("decided.bridged_time", 0.0, {**STOPPED, **R1, "state.decided.bridged_time": DT}),
+    ("decided.bridged_time", 0.0, {**LATCHED, **R1, "state.decided.bridged_time": DT}),
+    ("decided.started", 1.0, {}),
+    ("decided.started", 0.0, {**STOPPED, "state.decided.started": 1.0}),
+    ("decided.started", 0.0, {**LATCHED, "state.decided.started": 1.0}),
+    ("decided.release_time", DT, R2),
+    ("decided.release_time", DT, {**R2, "state.sample_age": 2 * DT}),
+    ("decided.release_time", 4 * DT, {**RELEASING, "state.decided.release_time": DT, "observed.elapsed": 3 * DT}),
+    ("decided.release_time", 0.0, {"state.decided.release_time": DT}),
+    ("decided.joint_at_release", 0.375, {"state.decided.joint_at_release": 0.1}),
+    ("decided.joint_at_release", 0.1, {**RELEASING, "state.decided.joint_at_release": 0.1}),
+    ("decided.motor_at_release", 0.5, {"state.decided.motor_at_release": 0.1}),
+    ("decided.motor_at_release", 0.1, {**RELEASING, "state.decided.motor_at_release": 0.1}),
+    (
+        "decided.joint_ahead_time",
+        3 * DT,
+        {**LEFT_BEHIND, "state.decided.motor_at_release": 1.5, "state.decided.joint_at_release": 0.9},
+    ),
+    (
+        "decided.joint_ahead_time",
+        3 * DT,
+        {**LEFT_BEHIND, "state.decided.motor_at_release": 0.5, "state.decided.joint_at_release": 0.65},
+    ),
+    (
+        "decided.joint_ahead_time",
+        0.0,
+        {**LEFT_BEHIND, "state.decided.motor_at_release": 1.5, "state.decided.joint_at_release": 0.8},
+    ),
+    ("decided.target_met_motor", 1.0, {**RELEASING}),
+    ("decided.target_met_motor", 1.0, {**motor_at(0.0), **RELEASING}),
+    ("decided.target_met_motor", 0.0, {**motor_at(0.3), **RELEASING, "state.target": 0.5}),
+    (
+        "decided.target_met_motor",
+        1.0,
+        {**motor_at(0.3), **RELEASING, "state.target": 0.5, "state.decided.target_met_motor": 1.0},
+    ),
+    ("decided.target_met_motor", 0.0, {"state.decided.target_met_motor": 1.0}),
 ]
 """A field of the state, its value after the cycle, what is so."""
 
@@ -803,7 +834,9 @@ TOLD = {Mode.LATCHED: 3, Mode.RELEASING: 2, Mode.BRIDGING: 1}
 
 @pytest.mark.parametrize("mode", list(Mode), ids=lambda mode: mode.name)
 def test_every_change_of_mode(mode: Mode) -> None:
-    before = {Mode.STOPPED: STOPPED, Mode.LATCHED: LATCHED, Mode.PREFLIGHT: {"state.decided.passed": 0.0}}.get(mode, {})
+    before = {Mode.STOPPED: STOPPED, Mode.LATCHED: LATCHED, Mode.PREFLIGHT: {"state.decided.started": 0.0}}.get(
+        mode, {}
+    )
     for request, wrong, preflight in itertools.product(Request, WRONG, (0.0, 1.0)):
         changes = {"state.decided.mode": mode, "observed.request": request, "observed.preflight": preflight}
         state, verdict = cycle(before, changes, WRONG[wrong][1])
@@ -815,32 +848,38 @@ def test_every_change_of_mode(mode: Mode) -> None:
         ran = mode in (Mode.RUNNING, Mode.BRIDGING, Mode.RELEASING) or (
             request == Request.RUN and preflight == 1.0 and wanted == Mode.RUNNING
         )
-        assert state.decided.passed == float(ran and mode not in (Mode.STOPPED, Mode.LATCHED)), told
+        assert state.decided.started == float(ran and mode not in (Mode.STOPPED, Mode.LATCHED)), told
 
 
 LONGEST, UPWARDS = longest_release(LIMITS), longest_release(LIMITS._replace(slack_sign=1.0))
 TAUT_NOW: Changes = {**motor_at(0.05), **RELEASING}
 LAST: list[tuple[str, float, Mode, Mode, Changes]] = [
-    ("state.decided.bridged", 4.5 * DT, Mode.BRIDGING, Mode.RELEASING, R1),
-    ("state.decided.bridged", 4.5 * DT, Mode.BRIDGING, Mode.LATCHED, {"reading.motor": NAN}),
-    ("state.decided.bridged", 2.5 * DT, Mode.BRIDGING, Mode.RELEASING, {**R1, "observed.elapsed": 3 * DT}),
-    ("state.decided.released", LONGEST - 1.5 * DT, Mode.RELEASING, Mode.STOPPED, RELEASING),
+    ("state.decided.bridged_time", 4.5 * DT, Mode.BRIDGING, Mode.RELEASING, R1),
+    ("state.decided.bridged_time", 4.5 * DT, Mode.BRIDGING, Mode.LATCHED, {"reading.motor": NAN}),
+    ("state.decided.bridged_time", 2.5 * DT, Mode.BRIDGING, Mode.RELEASING, {**R1, "observed.elapsed": 3 * DT}),
+    ("state.decided.release_time", LONGEST - 1.5 * DT, Mode.RELEASING, Mode.STOPPED, RELEASING),
     (
-        "state.decided.released",
+        "state.decided.release_time",
         LONGEST - 3.5 * DT,
         Mode.RELEASING,
         Mode.STOPPED,
         {**RELEASING, "observed.elapsed": 3 * DT},
     ),
-    ("state.decided.released", 254.5 * DT, Mode.RELEASING, Mode.LATCHED, {**TAUT_NOW, "state.decided.latched": 1.0}),
-    ("state.decided.released", 254.5 * DT, Mode.RELEASING, Mode.LATCHED, {**TAUT_NOW, **R2}),
     (
-        *("state.decided.released", UPWARDS - 1.5 * DT, Mode.RELEASING, Mode.STOPPED),
+        "state.decided.release_time",
+        254.5 * DT,
+        Mode.RELEASING,
+        Mode.LATCHED,
+        {**TAUT_NOW, "state.decided.latched": 1.0},
+    ),
+    ("state.decided.release_time", 254.5 * DT, Mode.RELEASING, Mode.LATCHED, {**TAUT_NOW, **R2}),
+    (
+        *("state.decided.release_time", UPWARDS - 1.5 * DT, Mode.RELEASING, Mode.STOPPED),
         {**motor_at(-0.25), **RELEASING, "limits.slack_sign": 1.0},
     ),
-    ("state.decided.released", 254.5 * DT, Mode.RELEASING, Mode.STOPPED, TAUT_NOW),
+    ("state.decided.release_time", 254.5 * DT, Mode.RELEASING, Mode.STOPPED, TAUT_NOW),
     (
-        *("state.decided.released", 254.5 * DT, Mode.RELEASING, Mode.STOPPED),
+        *("state.decided.release_time", 254.5 * DT, Mode.RELEASING, Mode.STOPPED),
         {**motor_at(0.3), **RELEASING, "limits.taut": 0.25},
     ),
 ]
@@ -858,7 +897,7 @@ def test_times_run_out_in_their_cycle(last: tuple[str, float, Mode, Mode, Change
 
 
 def test_a_release_that_begins_is_not_over_whatever_was_counted_before() -> None:
-    stale = {"state.decided.released": 9.0, "reading.current": 0.0}
+    stale = {"state.decided.release_time": 9.0, "reading.current": 0.0}
     assert cycle(stale, {"observed.request": Request.STOP})[1].mode == Mode.RELEASING
     assert cycle(stale, R2)[1].mode == Mode.RELEASING
 
@@ -876,7 +915,7 @@ def test_the_longest_release_is_from_the_end_at_which_the_cable_pulls() -> None:
 
 
 def test_a_load_is_let_down_until_the_servo_is_where_the_cable_is_taut_or_the_cable_is_slack() -> None:
-    lowering: Changes = {**RELEASING, "state.decided.released": 0.5}
+    lowering: Changes = {**RELEASING, "state.decided.release_time": 0.5}
     assert cycle(lowering, motor_at(0.05 + TINY))[1].mode == Mode.RELEASING
     assert cycle(lowering, motor_at(0.05))[1].mode == Mode.STOPPED
     upwards = {**lowering, "limits.slack_sign": 1.0, "limits.lowering": 0.625}
@@ -886,28 +925,28 @@ def test_a_load_is_let_down_until_the_servo_is_where_the_cable_is_taut_or_the_ca
     assert cycle(elsewhere, motor_at(-0.2 + TINY))[1].mode == Mode.RELEASING
     assert cycle(elsewhere, motor_at(-0.2 - TINY))[1].mode == Mode.STOPPED
     then: Changes = {
-        "state.decided.motor_then": 1.0,
-        "state.decided.joint_then": 0.74,
-        "state.decided.ahead": AHEAD,
+        "state.decided.motor_at_release": 1.0,
+        "state.decided.joint_at_release": 0.74,
+        "state.decided.joint_ahead_time": AHEAD,
     }
     ahead = [cycle(lowering, motor_at(0.5, 0.75 + more), then)[1].mode for more in (0.0, TINY)]
     assert ahead == [Mode.RELEASING, Mode.STOPPED]
-    down: Changes = {**then, "state.decided.motor_then": -1.0, "state.decided.joint_then": -0.74}
+    down: Changes = {**then, "state.decided.motor_at_release": -1.0, "state.decided.joint_at_release": -0.74}
     ahead = [cycle(upwards, motor_at(-0.25, -0.4375 - more), down)[1].mode for more in (0.0, TINY)]
     assert ahead == [Mode.RELEASING, Mode.STOPPED]
     slack = {**lowering, **motor_at(0.5, 0.8), **then}
     assert cycle(slack)[1].mode == Mode.STOPPED
     for doubtful in (
-        {"state.decided.ahead": AHEAD - DT},
-        {"state.decided.ahead": 0.0, "observed.elapsed": 0.1},  # one sample, however long its cycle
-        {"state.decided.joint_then": 0.8, "limits.joint_still": 0.0},  # a joint that stands still
-        {"state.decided.motor_then": 0.5, "state.decided.joint_then": 0.7},  # it was as wrong before
+        {"state.decided.joint_ahead_time": AHEAD - DT},
+        {"state.decided.joint_ahead_time": 0.0, "observed.elapsed": 0.1},  # one sample, however long its cycle
+        {"state.decided.joint_at_release": 0.8, "limits.joint_still": 0.0},  # a joint that stands still
+        {"state.decided.motor_at_release": 0.5, "state.decided.joint_at_release": 0.7},  # it was as wrong before
     ):
         assert cycle(slack, doubtful)[1].mode == Mode.RELEASING, doubtful
     for elapsed, counted in ((3.0 * DT, 3.0 * DT), (0.1, 5.0 * DT)):  # of a late cycle, five cycles at most
-        state, _ = cycle(slack, {"state.decided.ahead": 0.0, "observed.elapsed": elapsed})
-        assert state.decided.ahead == pytest.approx(counted)
-    of_joint = (Fault.JOINT_LOST, Fault.JOINT_JUMP, Fault.JOINT_STALE, Fault.JOINT_FROZEN, Fault.JOINT_ASTRAY)
+        state, _ = cycle(slack, {"state.decided.joint_ahead_time": 0.0, "observed.elapsed": elapsed})
+        assert state.decided.joint_ahead_time == pytest.approx(counted)
+    of_joint = (Fault.JOINT_LOST, Fault.JOINT_JUMP, Fault.JOINT_STALE, Fault.JOINT_FROZEN, Fault.JOINT_MOTOR_MISMATCH)
     for fault in LATCHABLE:
         mode = cycle(slack, {"state.decided.latched": 2.0**fault})[1].mode
         assert mode == (Mode.RELEASING if fault in of_joint else Mode.LATCHED), fault
@@ -922,7 +961,7 @@ def test_without_an_enabled_drive_there_is_nothing_to_release() -> None:
 
 def test_nothing_runs_on_a_drive_that_is_not_enabled() -> None:
     state, verdict = cycle(ARMED, {"observed.request": Request.RUN, "observed.preflight": 1.0})
-    assert (verdict.mode, state.decided.passed) == (Mode.PREFLIGHT, 0.0)
+    assert (verdict.mode, state.decided.started) == (Mode.PREFLIGHT, 0.0)
 
 
 def test_a_latch_keeps_each_fault_apart() -> None:
@@ -940,7 +979,7 @@ def test_a_latch_keeps_each_fault_apart() -> None:
 def test_a_latch_is_left_by_acknowledge_alone() -> None:
     for request, latched in itertools.product(Request, (0.0, 1.0)):
         _, verdict = cycle(
-            LATCHED, {"state.decided.passed": 0.0, "state.decided.latched": latched, "observed.request": request}
+            LATCHED, {"state.decided.started": 0.0, "state.decided.latched": latched, "observed.request": request}
         )
         assert verdict.mode == (Mode.STOPPED if request == Request.ACKNOWLEDGE else Mode.LATCHED)
 
@@ -968,21 +1007,21 @@ def still(motor: float) -> Changes:
     return {"reading.motor": motor, "state.motor.value": motor}
 
 
-DRAGGED: Changes = {"state.decided.met": 1.0, "reading.motor": 0.49}
-STRAINING: Changes = {"reading.current": 16.0, "state.sums.saturated": 1.0}
+DRAGGED: Changes = {"state.decided.target_met_motor": 1.0, "reading.motor": 0.49}
+STRAINING: Changes = {"reading.current": 16.0, "state.timers.saturated": 1.0}
 TARGETS: list[tuple[str, float, Changes]] = [
     ("the wish", 0.51, {"law.wish": 0.51}),
     (
         "the wish, in preflight",
         0.51,
-        {"law.wish": 0.51, "state.decided.mode": Mode.PREFLIGHT, "state.decided.passed": 0.0},
+        {"law.wish": 0.51, "state.decided.mode": Mode.PREFLIGHT, "state.decided.started": 0.0},
     ),
     ("the motor, until the drive is enabled", 0.49, {**ARMED, "law.wish": 0.51, "reading.motor": 0.49}),
     ("the last, while bridging", 0.5, {**R1, "law.wish": 0.51, "reading.motor": 0.49}),
-    ("the last, not the one before", 0.5, {**R1, "state.decided.target_before": 0.51}),
+    ("the last, not the one before", 0.5, {**R1, "state.decided.previous_target": 0.51}),
     ("the last, also when the wish is wrong", 0.5, {"law.wish": NAN, "reading.motor": 0.49}),
     ("down from the target", 0.5 - 2 * DT, {**RELEASING, "law.wish": 0.6}),
-    ("down from the last, not the one before", 0.5 - 2 * DT, {**RELEASING, "state.decided.target_before": 0.4}),
+    ("down from the last, not the one before", 0.5 - 2 * DT, {**RELEASING, "state.decided.previous_target": 0.4}),
     ("not towards a tighter motor", 0.5 - 2 * DT, {**RELEASING, "reading.motor": 0.51}),
     ("up from the target", 0.5 + 2 * DT, {**SLACKER_UP, "reading.motor": 0.49, "limits.taut": 1.0}),
     ("up from the motor", 0.51 + 2 * DT, {**SLACKER_UP, **still(0.51), "limits.taut": 1.0}),
@@ -1005,7 +1044,11 @@ TARGETS: list[tuple[str, float, Changes]] = [
     ("to the lowest", -0.5, {**motor_at(-0.499), **RELEASING, "limits.taut": -1.0}),
     ("to the highest", 2.0, {**motor_at(1.999), **SLACKER_UP, "limits.taut": 3.0}),
     ("the motor, when stopped", 0.51, {**STOPPED, "reading.motor": 0.51, "law.wish": 0.6}),
-    ("the motor, when a release is over", 0.49, {**RELEASING, "state.decided.released": 9.0, "reading.motor": 0.49}),
+    (
+        "the motor, when a release is over",
+        0.49,
+        {**RELEASING, "state.decided.release_time": 9.0, "reading.motor": 0.49},
+    ),
     ("the motor, when latched", 0.51, {**LATCHED, "reading.motor": 0.51, "law.wish": 0.6}),
     ("the motor, at once with R3", 0.51, {**R3, "reading.motor": 0.51, "law.wish": 0.6}),
     ("its last good angle", 0.5, {**STOPPED, "reading.motor": NAN}),
@@ -1014,11 +1057,16 @@ TARGETS: list[tuple[str, float, Changes]] = [
     (
         "from the last target, not the one before",
         0.625,
-        {**STOPPED, "reading.motor": 1.5, "state.decided.target_before": 0.75},
+        {**STOPPED, "reading.motor": 1.5, "state.decided.previous_target": 0.75},
     ),
-    ("downwards too", 0.375, {**STOPPED, "reading.motor": -0.25, "state.decided.target_before": 0.25}),
+    ("downwards too", 0.375, {**STOPPED, "reading.motor": -0.25, "state.decided.previous_target": 0.25}),
     ("in a late cycle more", 0.875, {**STOPPED, "reading.motor": 1.5, "observed.elapsed": 3 * DT}),
     ("in a very late cycle no more than five", 1.125, {**STOPPED, "reading.motor": 1.5, "observed.elapsed": 9 * DT}),
+    (
+        "by the time between two cycles, not two samples",
+        0.625,
+        {**STOPPED, "reading.motor": 1.5, "state.sample_age": 2 * DT},
+    ),
     ("in an early cycle no less", 0.625, {**STOPPED, "reading.motor": 1.5, "observed.elapsed": DT / 2}),
     ("no higher than its limit", 2.0, {**STOPPED, **motor_at(1.95), "reading.motor": 3.0}),
     ("no lower than its limit", -0.5, {**STOPPED, **motor_at(-0.45), "reading.motor": -3.0}),
@@ -1055,7 +1103,7 @@ def test_a_release_pulls_beyond_where_the_cable_is_taut_on_this_rig(case: tuple[
     for more, pulls in ((TINY, True), (-TINY, False)):
         joint = out * (room + more)
         place = {**motor_at(joint, joint), **RELEASING, "limits.slack_sign": out, "limits.taut": taut}
-        place |= {"state.decided.joint_then": joint - 0.2 * out, "limits.joint_low": -1.0, "limits.homed": 1.0}
+        place |= {"state.decided.joint_at_release": joint - 0.2 * out, "limits.joint_low": -1.0, "limits.homed": 1.0}
         assert (Fault.RELEASE_PULLS in faults(place)) is pulls
 
 
@@ -1079,13 +1127,13 @@ def test_inside_holds_its_ends_and_lasting_counts_while_a_condition_holds() -> N
     assert [outside(x, -1.0, 2.0) for x in (-1.0, 0.0, 2.0)] == [0.0] * 3
     assert [outside(x, -1.0, 2.0) for x in (-1.0 - TINY, 2.0 + TINY, NAN, INF, -INF)] == [1.0] * 5
     assert [beyond(x, 2.0) for x in (-INF, 2.0, 2.0 + TINY, INF, NAN)] == [0.0, 0.0, 1.0, 1.0, 1.0]
-    assert (lasting(1.0, 0.25, 0.5), lasting(0.0, 0.25, 0.5)) == (0.75, 0.0)
+    assert (persistence_time(True, 0.25, 0.5), persistence_time(False, 0.25, 0.5)) == (0.75, 0.0)
 
 
 def test_a_reading_is_used_as_it_is_or_not_at_all() -> None:
     before = Followed(0.5, 2.0, 0.25)
 
-    def after(value: float, came: float = 1.0) -> tuple[Followed, float, float]:
+    def after(value: float, came: bool = True) -> ReadingCheck:
         return follow(before, value, came, 0.25, 4.0, 0.125, 3.0, 0.5)
 
     good = Followed(1.5, 2.0 + (1.0 - 2.0 * 0.5) / (0.5 + 0.5), 0.0)
@@ -1098,9 +1146,11 @@ def test_a_reading_is_used_as_it_is_or_not_at_all() -> None:
     assert after(0.5 - 0.125 - 3.0 * 0.5 - TINY) == (kept, 0.0, 1.0)
     assert after(4.0 + TINY) == (kept, 1.0, 0.0)
     assert after(NAN) == (kept, 1.0, 0.0)
-    assert after(0.5, came=0.0) == (kept, 0.0, 0.0), "an old one says nothing"
+    assert after(0.5, came=False) == (kept, 0.0, 0.0), "an old one says nothing"
     assert after(0.5)[0] == Followed(0.5, 2.0 - 2.0 * 0.5 / (0.5 + 0.5), 0.0), "a new one says that all stood still"
-    assert after(0.75, came=0.0) == after(0.75), "what has changed is a reading, whatever is said of it"
+    again = follow(Followed(0.5, 2.0, 0.0), 0.5, True, 0.0, 4.0, 0.125, 3.0, 0.0)
+    assert again == (Followed(0.5, 2.0, 0.0), False, False), "one sample twice, without a filter, says nothing of speed"
+    assert after(0.75, came=False) == after(0.75), "what has changed is a reading, whatever is said of it"
 
 
 def test_the_servo_s_prediction_solves_its_equation_at_the_end_of_the_step() -> None:

@@ -8,12 +8,12 @@ import pytest
 
 from bowden.control import LAWS
 from bowden.core.signals import DriveReading, Reference
-from bowden.cycle.one_cycle import LAW, LAW_BEGINS, Cycle, Filters, Plan
+from bowden.cycle.one_cycle import HOLD, LAW, LAW_BEGINS, Cycle, Filters, Plan
 from bowden.models.drive.thermal import cold
 from bowden.rig.presets.bench import default_bench
 from bowden.safety.faults import Fault
 from bowden.safety.limits import Limits
-from bowden.safety.supervisor import Observed
+from bowden.safety.state import Observed, PreflightResult, Request
 from bowden.sim.injected import Injected
 from support.fault_matrix import AFTER, LAST, MEASURED, REFERENCE, ROWS, begins
 from support.injected_loop import InjectedLoop, differing
@@ -75,9 +75,11 @@ def test_an_angle_that_the_supervisor_does_not_believe_never_reaches_the_law(nam
             if wrong:
                 off = {"joint": good.joint + 0.5} if kind == Injected.JOINT_SPIKE else {"motor": good.motor + 0.5}
                 reading = good._replace(**({"joint": math.nan} if kind == Injected.JOINT_NAN else off))
-            request = 1.0 if k == 10 else 2.0
-            plan = Plan(LAW_BEGINS if k == 20 else LAW if k > 20 else 0.0, 0.0, Reference(0.0, 0.0, 0.0))
-            wish, verdict = cycle.step(Observed(reading, 0.0, 1e-3, request, 0.0, 1.0, 1.0, 0.0), plan)
+            request = Request.ARM if k == 10 else Request.RUN
+            plan = Plan(LAW_BEGINS if k == 20 else LAW if k > 20 else HOLD, 0.0, Reference(0.0, 0.0, 0.0))
+            wish, verdict = cycle.step(
+                Observed(reading, 0.0, 1e-3, request, 0.0, True, PreflightResult.PASSED, 0.0), plan
+            )
             wishes.append(wish)
             assert verdict.reaction == (1.0 if wrong else 0.0)
             assert cycle.state.sample == (good.joint, good.motor)

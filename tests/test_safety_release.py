@@ -19,7 +19,9 @@ from bowden.rig.rig import Rig
 from bowden.rig.settings import SuitSettings
 from bowden.rig.suit_rig import suit_text
 from bowden.safety.limits import Limits
-from bowden.safety.supervisor import Mode, Observed, Request, begin, longest_release, supervise
+from bowden.safety.release import longest_release
+from bowden.safety.state import Mode, Observed, PreflightResult, Request
+from bowden.safety.supervisor import begin, supervise
 from releases import release, throws
 
 SUIT = Suit()._replace(motor=Suit().motor._replace(integral=40.0))
@@ -102,13 +104,13 @@ def let_go(
     target = (start + lead) * RADIANS
     sees = begun._replace(
         target=target,
-        decided=begun.decided._replace(mode=float(Mode.RUNNING), passed=1.0, target_before=target),
-        servo=begun.servo._replace(enabled=1.0),
+        decided=begun.decided._replace(mode=Mode.RUNNING, started=True, previous_target=target),
+        servo=begun.servo._replace(enabled=True),
     )
     fastest, most, strained = 0.0, 0.0, 0.0
     for k in range(round(2.0 * longest_release(limits) / DT / cycles)):
         request = Request.STOP if k == 0 and not lost else Request.NONE
-        observed = Observed(reading(lost), 0.0, cycles * DT, float(request), 0.0, 1.0, 1.0, 0.0)
+        observed = Observed(reading(lost), 0.0, cycles * DT, request, 0.0, True, PreflightResult.PASSED, 0.0)
         sees, verdict = supervise(limits, sees, observed, target, DT)
         if not verdict.power:
             break

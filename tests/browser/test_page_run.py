@@ -13,7 +13,7 @@ import pytest
 
 import console_chromium
 from bowden.live.mcap_read import read
-from bowden.safety.supervisor import Mode
+from bowden.safety.state import Mode
 from console_client import RIG, RunningConsole, running_console
 from live_runs import tries
 

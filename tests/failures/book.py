@@ -119,7 +119,7 @@ BOOK: Mapping[str, Failure] = {
         "switched off again.",
         _github("neurobionics/TMotorCANControl", 14),
         'joint and motor disagree: it cannot be armed; `home = "hint"` in `[drive]` finds the turn by itself',
-        ("JOINT_ASTRAY",),
+        ("JOINT_MOTOR_MISMATCH",),
         0.0,
         0.0,
         Play("ak_mit", "turns_lost 1", onset=None, watched=0.3),

@@ -12,7 +12,7 @@ from bowden.hardware.drives.family import family_of
 from bowden.hardware.ports import Power
 from bowden.hardware.twin.injection import parse
 from bowden.identify.emg.score import find
-from bowden.safety.supervisor import Mode
+from bowden.safety.state import Mode
 from failures.book import BOOK, NEVER, PAGE, Failure, page
 from failures.by_emg import CONTRACTS, contraction, react_by_emg
 from support.family_matrix import DriveRow, played, react

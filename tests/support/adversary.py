@@ -6,10 +6,13 @@ import numpy as np
 
 from bowden.core.kernel import compiled, kernel
 from bowden.core.nested import flat
-from bowden.core.signals import DriveReading
+from bowden.core.signals import DriveReading, Power
 from bowden.models.drive.thermal import ThermalState, cold
+from bowden.safety.evidence import has_power
+from bowden.safety.faults import Reaction
 from bowden.safety.limits import Limits
-from bowden.safety.supervisor import Observed, begin, supervise
+from bowden.safety.state import Mode, Observed, PreflightResult, Request
+from bowden.safety.supervisor import begin, supervise
 
 
 @kernel
@@ -80,19 +83,24 @@ def assault(
         )
         wish = near + 0.002 * (random.random() - 0.5)
         elapsed = anything(random, dt, 0.0, 0.0, limits.clock_gap, wild)
-        request = 4.0 if state.decided.mode == 5.0 else 1.0 + np.floor(2.0 * random.random())
+        request = Request.ACKNOWLEDGE if state.decided.mode == Mode.LATCHED else Request.ARM
+        request = Request.RUN if request == Request.ARM and random.random() < 0.5 else request
         if random.random() < 0.003:
-            request = anything(random, 3.0, 0.0, 0.0, 4.0, 0.5)
+            request = Request.STOP if random.random() < 0.7 else Request.NONE
+        preflight, others = PreflightResult.PASSED, Reaction.NONE
+        if random.random() < wild:
+            preflight = PreflightResult.PENDING if random.random() < 0.5 else PreflightResult.FAILED
+            others = Reaction.R2 if random.random() < 0.5 else Reaction.R3
         observed = Observed(
             reading,
             anything(random, 0.0, 0.0, 0.0, limits.lateness, wild),
             elapsed,
             request,
             anything(random, 0.1, 0.0, 0.0, limits.operator_age, wild),
-            anything(random, 1.0, 0.0, 0.0, 1.0, wild),
-            anything(random, 1.0, 0.0, 0.0, 1.0, wild),
+            random.random() >= wild,
+            preflight,
             anything(random, 0.02, 0.01, 0.0, limits.emg_age, wild),
-            anything(random, 0.0, 0.0, 0.0, 3.0, wild),
+            others,
             anything(random, near, 0.2, -limits.sensor_span, limits.sensor_span, wild),
             anything(random, near, 0.2, -limits.off_reference, limits.off_reference, wild),
         )
@@ -104,13 +112,13 @@ def assault(
             most = limits.target_speed * min(elapsed, 5.0 * dt)
         fine = np.isfinite(verdict.target) and limits.motor_low <= verdict.target <= limits.motor_high
         fine = fine and abs(verdict.target - target) <= most + 1e-15
-        fine = fine and (verdict.power == 0.0 or (verdict.power == 3.0 and verdict.mode in (1.0, 2.0, 3.0, 4.0)))
-        fine = fine and verdict.faults >= 0.0 and verdict.faults < 2.0**52 and verdict.reaction in (0.0, 1.0, 2.0, 3.0)
+        fine = fine and (verdict.power == Power.OFF or (verdict.power == Power.ON and has_power(verdict.mode)))
+        fine = fine and verdict.faults >= 0 and verdict.faults < 1 << 50
         for number in flat(state):
             fine = fine and np.isfinite(number)
         wrong += 0 if fine else 1
-        powered += 1 if verdict.power > 0.0 else 0
-        led += 1 if verdict.mode == 2.0 else 0
+        powered += 1 if verdict.power == Power.ON else 0
+        led += 1 if verdict.mode == Mode.RUNNING else 0
         target = verdict.target
     return wrong, powered, led
 

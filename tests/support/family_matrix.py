@@ -33,7 +33,8 @@ from bowden.live.script import Script
 from bowden.rig.rig import Rig
 from bowden.safety.faults import of
 from bowden.safety.limits import Limits
-from bowden.safety.supervisor import Mode, longest_release
+from bowden.safety.release import longest_release
+from bowden.safety.state import Mode
 from loop_rig import LoopRig
 from support.memory_bus import MemoryBus
 

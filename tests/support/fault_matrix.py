@@ -11,7 +11,7 @@ from bowden.core.units import RADIANS
 from bowden.plants.plant import Plant
 from bowden.safety.faults import Fault, of
 from bowden.safety.limits import Limits
-from bowden.safety.supervisor import longest_release
+from bowden.safety.release import longest_release
 from bowden.sim.injected import Injected
 from support.supervised import Outcome, supervised
 
@@ -38,10 +38,10 @@ def _row(reactions: str, faults: str, within: int) -> Row:
     return Row(tuple(int(one) for one in reactions), tuple(Fault[name] for name in faults.split()), within)
 
 
-_WISH = "WISH_LOST WISH_STEP WISH_FAR WISH_HARD"
+_WISH = "TARGET_LOST TARGET_STEP TARGET_TOO_FAR TARGET_TOO_HARD"
 """What a law may ask for on a wrong angle before the angle itself is found to be wrong."""
-_JOINT = f"JOINT_FROZEN JOINT_ASTRAY JOINT_JUMP {_WISH}"
-_MOTOR = f"NOT_FOLLOWING MOTOR_JUMP JOINT_ASTRAY JOINT_FROZEN {_WISH}"
+_JOINT = f"JOINT_FROZEN JOINT_MOTOR_MISMATCH JOINT_JUMP {_WISH}"
+_MOTOR = f"NOT_FOLLOWING MOTOR_JUMP JOINT_MOTOR_MISMATCH JOINT_FROZEN {_WISH}"
 ROWS = {
     Injected.JOINT_NAN: _row("2", "JOINT_LOST", 8),
     Injected.JOINT_RANGE: _row("2", "JOINT_LOST", 8),
@@ -59,9 +59,9 @@ ROWS = {
     Injected.MOTOR_DROPOUT: _row("3", "MOTOR_STALE", 20),
     Injected.MOTOR_DELAY: _row("23", _MOTOR, 20),
     Injected.MOTOR_SIGN: _row("23", _MOTOR, 20),
-    Injected.SLACK: _row("2", f"SLACK JOINT_ASTRAY {_WISH}", 60),
+    Injected.SLACK: _row("2", f"SLACK JOINT_MOTOR_MISMATCH {_WISH}", 60),
     Injected.BROKEN_CABLE: _row("23", f"{_JOINT} JOINT_OVER_SPEED SLACK", 60),
-    Injected.JOINT_OVER_TRAVEL: _row("23", f"JOINT_OVER_TRAVEL JOINT_OVER_SPEED JOINT_ASTRAY {_WISH}", 10),
+    Injected.JOINT_OVER_TRAVEL: _row("23", f"JOINT_OVER_TRAVEL JOINT_OVER_SPEED JOINT_MOTOR_MISMATCH {_WISH}", 10),
     Injected.MOTOR_OVER_TRAVEL: _row("3", "MOTOR_OVER_TRAVEL NOT_FOLLOWING", 20),
     Injected.OVER_SPEED: _row("3", "MOTOR_OVER_SPEED JOINT_OVER_SPEED NOT_FOLLOWING MOTOR_OVER_TRAVEL", 20),
     Injected.OVER_TENSION: _row("3", "OVER_TENSION", 4),
@@ -84,11 +84,11 @@ ROWS = {
     Injected.OVERRUNS: _row("2", "LATE", 40),
     Injected.CLOCK_BACK: _row("2", "CLOCK", 4),
     Injected.CLOCK_FORWARD: _row("23", "CLOCK", 4),
-    Injected.LAW_NAN: _row("2", "WISH_LOST", 8),
-    Injected.LAW_STEP: _row("2", "WISH_STEP WISH_LOST", 8),
-    Injected.LAW_BEYOND: _row("2", "WISH_LOST", 8),
-    Injected.LAW_RAMP: _row("23", "WISH_LOST WISH_FAR WISH_HARD JOINT_OVER_SPEED MOTOR_OVER_SPEED", 60),
-    Injected.LAW_SHAKES: _row("2", "WISH_STEP WISH_LOST", 60),
+    Injected.LAW_NAN: _row("2", "TARGET_LOST", 8),
+    Injected.LAW_STEP: _row("2", "TARGET_STEP TARGET_LOST", 8),
+    Injected.LAW_BEYOND: _row("2", "TARGET_LOST", 8),
+    Injected.LAW_RAMP: _row("23", "TARGET_LOST TARGET_TOO_FAR TARGET_TOO_HARD JOINT_OVER_SPEED MOTOR_OVER_SPEED", 60),
+    Injected.LAW_SHAKES: _row("2", "TARGET_STEP TARGET_LOST", 60),
     Injected.OPERATOR_LOST: _row("2", "OPERATOR_LOST", 1004),
     Injected.RECORDER_LOST: _row("0", "RECORDER_LOST", 0),
     Injected.STOP: _row("2", "", 4),

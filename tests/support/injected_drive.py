@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.core.kernel import kernel, reached, specialise
-from bowden.core.signals import DriveReading
+from bowden.core.signals import DriveReading, Power
 from bowden.models.drive.motor import Motor
 from bowden.models.drive.motor import current as motor_current
 from bowden.plants.plant import (
@@ -28,7 +28,6 @@ from bowden.plants.plant import (
     plant_observe,
     plant_rest,
 )
-from bowden.safety.supervisor import POWER_ON
 from bowden.sim.injected import CONSUMER, DISABLED, ENABLED, Injected, misread
 
 SPOOL_RADIUS = 0.02
@@ -37,6 +36,8 @@ TRAIN = 0.938
 """Torque of the spool over that of the joint [N·m/(N·m)]."""
 SLACK = 0.8
 """Way of the motor for which the joint stays where it is when the cable is slack [rad]."""
+
+POWER_ON = float(Power.ON)
 
 
 class DriveSettings(NamedTuple):

@@ -29,7 +29,7 @@ from bowden.live.row import AT, description
 from bowden.models.drive.thermal import cold
 from bowden.plants.bench import Bench
 from bowden.plants.plant import sheath_at
-from bowden.safety.supervisor import Mode, Request
+from bowden.safety.state import Mode, Request
 from bowden.sim.injected import Injected
 from bowden.sim.run import inputs_of
 from bowden.sim.scenario import constant_bend

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from bowden.control.law import Law
 from bowden.core.kernel import kernel, stand_in
 from bowden.core.signals import Reference, Sample
-from bowden.safety.supervisor import STOP, Observed
+from bowden.safety.state import Observed, Request
 from bowden.sim.injected import Injected
 
 NANOSECOND = 1e-9
@@ -47,13 +47,13 @@ def disturbed(kind: int, since: int, observed: Observed, dt: float) -> Observed:
         elapsed += HOUR if since == 1 else 0.0
     elif kind == Injected.CLOCK_FORWARD:
         step = HOUR if since == 0 else 0.0
-        recorder = 0.0 if since == 0 else recorder  # an hour without a sign of life
+        recorder = recorder and since != 0  # an hour without a sign of life
     elif kind == Injected.OPERATOR_LOST:
         operator_age = aged(operator_age, since, dt)
     elif kind == Injected.RECORDER_LOST:
-        recorder = 0.0
+        recorder = False
     elif kind == Injected.STOP:
-        request = STOP if since == 0 else request
+        request = Request.STOP if since == 0 else request
     elif kind == Injected.EMG_SILENT:
         emg_age = aged(emg_age, since, dt)
     elif kind == Injected.EMG_TIMELESS:
@@ -69,6 +69,7 @@ def disturbed(kind: int, since: int, observed: Observed, dt: float) -> Observed:
         emg_age + step,
         observed.others,
         observed.opposite,
+        observed.reference,
     )
 
 

@@ -26,7 +26,7 @@ from bowden.live.session import Session
 from bowden.live.twin_process import RunningTwin, running_twin
 from bowden.rig.rig import Rig
 from bowden.safety.faults import Fault, of
-from bowden.safety.supervisor import Mode, Request
+from bowden.safety.state import Mode, Request
 from bowden.sim.injected import Injected
 from support.fault_matrix import RELEASE, ROWS
 from support.supervised import Outcome

@@ -19,7 +19,7 @@ from bowden.live.ring import RingReader, RingWriter
 from bowden.live.ring_status import RecorderState, Report
 from bowden.models.drive.thermal import cold
 from bowden.safety.limits import Limits
-from bowden.safety.supervisor import Mode, Request
+from bowden.safety.state import Mode, Request
 from loop_rig import PERIOD
 
 QUICK = Limits()._replace(release_time=2e-3)

@@ -15,7 +15,8 @@ from bowden.control.law import Law, law_start
 from bowden.control.reference import Trajectory
 from bowden.control.source import TABLE, Measurement, source_start
 from bowden.core.kernel import kernel, reached, specialise
-from bowden.core.signals import DriveReading, Reference, Sample
+from bowden.core.nested import flat
+from bowden.core.signals import DriveReading, Power, Reference, Sample
 from bowden.cycle.one_cycle import (
     HOLD,
     LAW,
@@ -30,20 +31,10 @@ from bowden.cycle.one_cycle import (
 )
 from bowden.models.drive.thermal import ThermalState, cold
 from bowden.plants.plant import Plant, SheathPath, sheath_at
-from bowden.safety.faults import Fault
+from bowden.safety.faults import Fault, Reaction
 from bowden.safety.limits import Limits
-from bowden.safety.supervisor import (
-    ARM,
-    BRIDGING,
-    POWER_OFF,
-    POWER_ON,
-    RUN,
-    RUNNING,
-    Observed,
-    Request,
-    Verdict,
-    begin,
-)
+from bowden.safety.state import Mode, Observed, PreflightResult, Request, Verdict
+from bowden.safety.supervisor import begin
 from bowden.sim.injected import FAULT, Injected
 from bowden.sim.run import inputs_of
 from bowden.sim.scenario import BendPath, constant_bend
@@ -91,7 +82,7 @@ RECORDED = ("wish", *Verdict._fields)
 """What is kept of every cycle that the loop did not miss."""
 OPERATOR_AGE, EMG_AGE = 0.05, 0.02
 """Of an operator and an EMG that are well [s]."""
-NONE, FAULTS = float(Request.NONE), len(Fault)
+POWER_OFF, POWER_ON, FAULTS = float(Power.OFF), float(Power.ON), len(Fault)
 
 
 @kernel
@@ -144,17 +135,18 @@ def run_supervised(
     out[:6] = -1.0
     out[6:] = 0.0
     out[0] = 0.0
-    target, mode, ran, k, missed = initial_motor, 0.0, -1, 0, 0
+    target, mode, ran, k, missed = initial_motor, Mode.STOPPED, -1, 0, 0
     while k < cycles:
         # the drive, and what is wrong with what it says
         power = record[2, k - max(delay, 1)] if k >= max(delay, 1) else POWER_OFF
         drive, told = drive_read(drive_settings, drive, power, k, normals, kinds, onsets, joints, motors)
 
         # the clock and all else that the loop observes
-        request = ARM if k == 0 else RUN if ran < 0 else NONE
+        request = Request.ARM if k == 0 else Request.RUN if ran < 0 else Request.NONE
         due = k - missed  # the reference is that of the deadline
         late, elapsed = in_seconds(missed * period), in_seconds((missed + 1) * period)
-        observed = Observed(told, late, elapsed, request, OPERATOR_AGE, 1.0, 1.0, EMG_AGE, 0.0, 0.0)
+        passed, alone = PreflightResult.PASSED, Reaction.NONE
+        observed = Observed(told, late, elapsed, request, OPERATOR_AGE, True, passed, EMG_AGE, alone, 0.0, math.nan)
         missed = 0
         for i in range(len(kinds)):
             if k >= onsets[i]:
@@ -163,15 +155,17 @@ def run_supervised(
 
         # the cycle
         plan = Plan(HOLD, 0.0, Reference(math.nan, math.nan, math.nan))
-        if ran >= 0 and mode in (RUNNING, BRIDGING):
+        if ran >= 0 and (mode == Mode.RUNNING or mode == Mode.BRIDGING):
             j = due - ran
             reference = Reference(references[0, j], references[1, j], references[2, j])
             plan = Plan(LAW_BEGINS if j == 0 else LAW, 0.0, reference)
         now[0] = k
         state, _, wish, verdict = one_cycle(settings, state, observed, plan, dt)
+        said = flat(verdict)
         for j in range(k, k + missed + 1):
-            record[0, j], record[1, j], record[2, j], record[3, j], record[4, j] = wish, *verdict[:4]
-            record[5, j] = verdict.faults
+            record[0, j] = wish
+            for i in range(len(said)):
+                record[1 + i, j] = said[i]
 
         # what came of it
         if out[2] < 0.0 and k >= onsets[0]:
@@ -181,25 +175,24 @@ def run_supervised(
                 out[2] = k
         most = limits.target_speed * max(dt, min(observed.elapsed, 5.0 * dt)) * 1.000001
         fine = limits.motor_low <= verdict.target <= limits.motor_high and abs(verdict.target - target) <= most
-        out[0] += 0.0 if fine and verdict.power in (POWER_OFF, POWER_ON) else 1.0
+        out[0] += 0.0 if fine and (verdict.power == Power.OFF or verdict.power == Power.ON) else 1.0
         target, mode = verdict.target, verdict.mode
-        if ran < 0 and mode == RUNNING:
+        if ran < 0 and mode == Mode.RUNNING:
             ran = k + 1
         if ran >= 0:
-            out[10] += 1.0 if target != wish or verdict.power < POWER_ON else 0.0
+            out[10] += 1.0 if target != wish or verdict.power != Power.ON else 0.0
             if out[4] < 0.0:
-                out[7] = max(out[7], verdict.reaction)
+                out[7] = max(out[7], said[3])
             for i in range(FAULTS):
-                weight = 2.0**i
-                if np.floor(verdict.faults / weight) % 2.0 == 1.0 and np.floor(out[8] / weight) % 2.0 == 0.0:
-                    out[8] += weight
-            if verdict.reaction > 0.0 and out[3] < 0.0:
+                if verdict.faults >> i & 1 and not int(out[8]) >> i & 1:
+                    out[8] += 2.0**i
+            if verdict.reaction != Reaction.NONE and out[3] < 0.0:
                 out[3] = k
-            if verdict.reaction > 1.5 and out[4] < 0.0:
+            if verdict.reaction >= Reaction.R2 and out[4] < 0.0:
                 out[4], out[9] = k, verdict.faults
-            if verdict.power < POWER_ON and out[5] < 0.0:
+            if verdict.power != Power.ON and out[5] < 0.0:
                 out[5] = k
-        out[6] = mode
+        out[6] = said[2]
 
         # the plant, for as many cycles as the loop takes
         for i in range(len(kinds)):

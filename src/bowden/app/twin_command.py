@@ -77,7 +77,7 @@ def _talk(rig: "Rig", inject: str | None, after: float, lasting: float | None, c
     from bowden.hardware.twin.injection import OF_LOAD_CELL, parse
 
     limits = rig.supervisor_limits
-    if inject and parse(inject).name in OF_LOAD_CELL and limits.measures_tension + limits.measures_torque == 0.0:
+    if inject and parse(inject).name in OF_LOAD_CELL and not (limits.measures_tension or limits.measures_torque):
         raise ParameterError(
             f"{inject} is of a load cell, and the rig has none", expected="another fault, or [load_cell] in the rig"
         )

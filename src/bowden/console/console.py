@@ -30,7 +30,7 @@ from bowden.live.live_run import live_run
 from bowden.live.operator import prompt
 from bowden.live.ring import RingReader
 from bowden.rig.rig import Rig
-from bowden.safety.supervisor import Mode, Request
+from bowden.safety.state import Mode, Request
 
 if TYPE_CHECKING:
     from bowden.live.session import Session

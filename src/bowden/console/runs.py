@@ -34,7 +34,7 @@ from bowden.core.files import printable
 from bowden.live.operator import STANDS_STILL, keeping, prompt, why_not
 from bowden.live.ring import RingReader
 from bowden.safety.faults import Fault
-from bowden.safety.supervisor import Mode, Request
+from bowden.safety.state import Mode, Request
 
 if TYPE_CHECKING:
     from bowden.live.session import Session

@@ -18,7 +18,7 @@ from bowden.live.ring_status import RecorderState
 from bowden.rig.rig import Rig
 from bowden.safety import faults
 from bowden.safety.faults import Fault
-from bowden.safety.supervisor import Mode
+from bowden.safety.state import Mode
 
 if TYPE_CHECKING:
     from bowden.live.session import Session

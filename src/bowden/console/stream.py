@@ -23,7 +23,7 @@ from bowden.live.mcap_read import axes_of, settings_of
 from bowden.live.ring import Description, RingReader
 from bowden.live.row import AT
 from bowden.live.together import modes_of_all
-from bowden.safety.supervisor import Mode
+from bowden.safety.state import Mode
 
 Array = NDArray[np.float64]
 Values = NDArray[np.float32]

@@ -35,10 +35,7 @@ Once the position has not changed for `SLOWEST`, its next change is a jump, not 
 
 from typing import Annotated, NamedTuple
 
-import numpy as np
-
-from bowden.core.extremes import larger, smaller
-from bowden.core.kernel import kernel, sel
+from bowden.core.kernel import floor, kernel
 from bowden.core.nested import columns
 from bowden.core.quantity import Quantity
 from bowden.core.signals import Reference, Sample
@@ -93,29 +90,36 @@ def condition_start(settings: Conditioning, sample: Sample) -> Conditioned:
 
 
 @kernel
-def number_or(value: float, refused: float) -> float:
-    """The value, or `refused` where it is no number.
+def number_or(value: float, default: float) -> float:
+    """The value, or `default` where it is no number.
 
     >>> number_or(1.0, 0.0), number_or(float("nan"), 0.0)
     (1.0, 0.0)
     """
-    return sel(np.abs(value) < _LARGEST, value, refused)
+    return value if abs(value) < _LARGEST else default
 
 
 @kernel
 def contradiction(before: float, given: Reference, dt: float) -> float:
     """How far a reference is from leading on from a position one cycle before [rad]; by the trapezoid or by Euler.
 
-    >>> float(contradiction(0.0, Reference(0.5, 1.0, 2.0), 1.0))
+    >>> contradiction(0.0, Reference(0.5, 1.0, 2.0), 1.0)
     0.5
     """
     way, bend = dt * given.velocity, dt * dt * given.acceleration
     gone = given.position - before - way
-    return smaller(np.abs(gone + 0.5 * bend), smaller(np.abs(gone), np.abs(gone + bend)))
+    return min(abs(gone + 0.5 * bend), min(abs(gone), abs(gone + bend)))
 
 
 @kernel
-def followed(settings: Conditioning, state: Conditioned, given: Reference, dt: float) -> Reference:
+def leads_on(state: Conditioned, given: Reference, stray: float, dt: float) -> bool:
+    """True if a reference leads on from what was shown last, in position and velocity."""
+    off_rate = state.velocity - (given.velocity - dt * given.acceleration)
+    return contradiction(state.position, given, dt) <= stray * dt and abs(off_rate) <= stray
+
+
+@kernel
+def follow_reference(settings: Conditioning, state: Conditioned, given: Reference, dt: float) -> Reference:
     """What is shown one cycle later of a reference that is believed, from which it was off: by backward Euler, whose
     poles are 1/(1 + β·Ts) for any Ts."""
     rate = PACE * settings.servo_frequency / (1.0 + settings.servo_frequency * settings.delay)
@@ -132,38 +136,53 @@ def followed(settings: Conditioning, state: Conditioned, given: Reference, dt: f
 
 
 @kernel
-def estimated(
-    settings: Conditioning, state: Conditioned, given: float, span: float, corrects: float, dt: float
+def estimate_reference(
+    settings: Conditioning, state: Conditioned, given: float, changed: bool, since: float, dt: float
 ) -> Reference:
     """What is shown one cycle later where the position alone is believed.
+
+    It is corrected where the position changes, and where it stands still, at each tick at which it ought to have
+    changed.
 
     Args:
         settings: of the rig.
         state: before.
         given: position that the source gives [rad].
-        span: time since it was given before [s].
-        corrects: 1 where it is given now, changed, or as before at a tick where it ought to have changed; else 0.
+        changed: whether that is another one than in the cycle before.
+        since: time since it changed before [s].
         dt: the cycle [s].
     """
     position = state.position + dt * (state.velocity + 0.5 * dt * state.acceleration)
     velocity, acceleration = state.velocity + dt * state.acceleration, state.acceleration
+    tick = max(dt, state.between)
+    due = floor(since / tick + 0.5)  # ticks that it ought to have changed at; one that is late by half counts
+    again = due > floor((since - dt) / tick + 0.5) and due > 1.5
+    if not (changed or again):
+        return Reference(position, velocity, acceleration)
+    span = max(dt, since if changed else tick)
     late = 0.5 * (span - dt)
     x = SHARPNESS * settings.servo_frequency * span
-    smooth = 1.0 / (1.0 + x + 0.5 * x * x)
-    theta = sel(span > 1.5 * dt, larger(smooth, dt / span), smooth)
+    theta = 1.0 / (1.0 + x + 0.5 * x * x)
+    if span > 1.5 * dt:
+        theta = max(dt / span, theta)
     kept = 1.0 - theta
     miss = given - (position + late * (velocity + 0.5 * late * acceleration))
-    reach = larger(settings.servo_frequency * span, 1.0 / SHARPNESS)  # the filter waits this long, or for a value
+    reach = max(1.0 / SHARPNESS, settings.servo_frequency * span)  # the filter waits this long, or for a value
     most = LEAP * reach * reach
-    felt = larger(smaller(miss, most), 0.0 - most) / span
+    felt = max(-most, min(most, miss)) / span
     by_acceleration = kept * kept * kept * felt / span
     by_velocity = 1.5 * kept * kept * (1.0 + theta) * felt - late * by_acceleration
     by_position = (1.0 - theta * theta * theta) * miss - late * (by_velocity + 0.5 * late * by_acceleration)
-    return Reference(
-        position + sel(corrects > 0.5, by_position, 0.0),
-        velocity + sel(corrects > 0.5, by_velocity, 0.0),
-        acceleration + sel(corrects > 0.5, by_acceleration, 0.0),
-    )
+    return Reference(position + by_position, velocity + by_velocity, acceleration + by_acceleration)
+
+
+@kernel
+def update_doubt(before: float, contradicts: bool, jumps: bool, dt: float) -> float:
+    """Time for which a contradiction still counts [s]; a jump after a rest is a set point, and contradicts nothing."""
+    doubt = max(0.0, before - dt)
+    if contradicts:
+        doubt = 2.0 * SLOWEST if before > 0.0 else SLOWEST
+    return min(SLOWEST, doubt) if jumps else doubt
 
 
 @kernel
@@ -171,46 +190,32 @@ def condition_step(
     settings: Conditioning, state: Conditioned, reference: Reference, dt: float
 ) -> tuple[Conditioned, Reference]:
     """One cycle: in: what the source gives; out: what the law is shown."""
-    begun = (state.unchanged >= 0.0) * (np.abs(state.position) < _LARGEST)
+    begun = state.unchanged >= 0.0 and abs(state.position) < _LARGEST
     given = Reference(
         number_or(reference.position, state.given),
         number_or(reference.velocity, 0.0),
         number_or(reference.acceleration, 0.0),
     )
-    before = sel(begun, state.given, given.position)
-    since = sel(begun, state.unchanged + dt, 0.0)
+    before = state.given if begun else given.position
+    since = state.unchanged + dt if begun else 0.0
     changed = given.position != before
-    stray = STRAY + dt * (0.6 * np.abs(given.acceleration - state.acceleration) + 0.01 * np.abs(given.acceleration))
+    stray = STRAY + dt * (0.6 * abs(given.acceleration - state.acceleration) + 0.01 * abs(given.acceleration))
 
-    # believed or not
     contradicts = contradiction(before, given, dt) > stray * dt
-    doubt = sel(contradicts, sel(state.doubt > 0.0, 2.0 * SLOWEST, SLOWEST), larger(state.doubt - dt, 0.0))
-    jumps = changed * (since > SLOWEST)
-    doubt = sel(jumps, smaller(doubt, SLOWEST), doubt)
-    doubted = begun * (doubt > SLOWEST)
-
-    # shown
-    off_rate = state.velocity - (given.velocity - dt * given.acceleration)
-    leads_on = (contradiction(state.position, given, dt) <= stray * dt) * (np.abs(off_rate) <= stray)
-    passes = sel(begun, leads_on, 1.0 == 1.0)
-    follows = followed(settings, state, given, dt)
-    tick = larger(state.between, dt)
-    due = np.floor(since / tick + 0.5)  # ticks that it ought to have changed at; one that is late by half counts
-    again = (due > np.floor((since - dt) / tick + 0.5)) * (due > 1.5)
-    span = larger(sel(changed, since, tick), dt)
-    guess = estimated(settings, state, given.position, span, sel(changed + again > 0.0, 1.0, 0.0), dt)
-    shown = Reference(
-        sel(doubted, guess.position, sel(passes, given.position, follows.position)),
-        sel(doubted, guess.velocity, sel(passes, given.velocity, follows.velocity)),
-        sel(doubted, guess.acceleration, sel(passes, given.acceleration, follows.acceleration)),
-    )
+    doubt = update_doubt(state.doubt, contradicts, changed and since > SLOWEST, dt)
+    if begun and doubt > SLOWEST:
+        shown = estimate_reference(settings, state, given.position, changed, since, dt)
+    elif not begun or leads_on(state, given, stray, dt):
+        shown = given
+    else:
+        shown = follow_reference(settings, state, given, dt)
     after = Conditioned(
         shown.position,
         shown.velocity,
         shown.acceleration,
         given.position,
-        sel(changed, 0.0, since),
-        sel(changed, since, state.between),
+        0.0 if changed else since,
+        since if changed else state.between,
         doubt,
     )
     return after, shown

@@ -55,6 +55,19 @@ class DriveState(IntEnum):
     FAULT = 7
 
 
+class Power(IntEnum):
+    """What the supervisor wants of the drive, in order of caution from the last."""
+
+    OFF = 0
+    """Torque off now."""
+    QUICK_STOP = 1
+    """The drive's own quick stop, and then off; a drive that has none goes off."""
+    READY = 2
+    """Ready, without torque."""
+    ON = 3
+    """The motor follows the target."""
+
+
 EMERGENCY_STOP = 65536.0
 """Stands among the codes of `DriveReading.emergency`, all of which are smaller, for an emergency stop: its input, or
 the drive's own safe torque off [–]."""

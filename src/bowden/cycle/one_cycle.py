@@ -29,20 +29,13 @@ from bowden.control.law import Law, law_start, law_step
 from bowden.control.source import TABLE, Measurement, Source, source_start, source_step
 from bowden.core.kernel import kernel, specialise, stand_in
 from bowden.core.nested import flat, name_of, names, numbers_of, rebuilt, refilled, restored
-from bowden.core.signals import DriveReading, Reference, Sample
+from bowden.core.signals import DriveReading, Power, Reference, Sample
 from bowden.models.drive.thermal import ThermalState
+from bowden.safety.evidence import validate_readings
+from bowden.safety.faults import Fault, Reaction
 from bowden.safety.limits import Limits
-from bowden.safety.supervisor import (
-    LATCHED,
-    POWER_ON,
-    RUNNING,
-    Observed,
-    SupervisorState,
-    Verdict,
-    begin,
-    see,
-    supervise,
-)
+from bowden.safety.state import Mode, Observed, PreflightResult, Request, SupervisorState, Verdict
+from bowden.safety.supervisor import begin, supervise
 from bowden.sensing.filters import low_pass
 
 Array = NDArray[np.float64]
@@ -61,14 +54,13 @@ class WishSource(IntEnum):
     """The law."""
 
 
-HOLD, MOTION, LAW_BEGINS, LAW = (float(source) for source in WishSource)
+HOLD, MOTION, LAW_BEGINS, LAW = WishSource
 
 
 class Plan(NamedTuple):
     """What is planned for one cycle."""
 
-    source: float
-    """Number of a `WishSource`."""
+    source: WishSource
     motor: float
     """Target of a `MOTION` [rad]."""
     reference: Reference
@@ -159,16 +151,16 @@ def one_cycle(
     sample, measured = cycle_sense(settings, state, observed, dt)
     law, conditioned, source = state.law, state.conditioned, state.source
     reference, wish = plan.reference, state.supervisor.target
-    if plan.source == LAW_BEGINS:
+    if plan.source == WishSource.LAW_BEGINS:
         law = law_start(settings.gains, sample)
         conditioned = condition_start(settings.conditioning, sample)
         source = source_start(settings.source, Measurement(sample.joint, sample.motor, measured.current, measured.load))
-    if plan.source >= LAW_BEGINS:
+    if plan.source == WishSource.LAW_BEGINS or plan.source == WishSource.LAW:
         source, reference, added = source_step(settings.source, source, measured, plan.reference, dt)
         conditioned, shown = cycle_condition(settings.conditioning, conditioned, reference, dt)
         law, command = law_step(settings.gains, law, sample, shown, dt)
         wish = cycle_lead(settings.limits, command, added)
-    elif plan.source == MOTION:
+    elif plan.source == WishSource.MOTION:
         wish = plan.motor
     supervisor, verdict = cycle_watch(settings.limits, state.supervisor, observed, wish, reference.position, dt)
     return CycleState(sample, law, conditioned, source, supervisor), reference, wish, verdict
@@ -200,7 +192,7 @@ def unwatched(
     limits: Any, watched: Unwatched, observed: Any, wish: float, reference: float, dt: float
 ) -> tuple[Unwatched, Verdict]:
     """`cycle_watch` of a bare law: the wish itself, at power on."""
-    return Unwatched(wish), Verdict(wish, POWER_ON, RUNNING, 0.0, 0.0)
+    return Unwatched(wish), Verdict(wish, Power.ON, Mode.RUNNING, Reaction.NONE, 0)
 
 
 BARE: dict[str, Callable[..., Any]] = {"cycle_sense": as_measured, "cycle_lead": summed, "cycle_watch": unwatched}
@@ -223,20 +215,23 @@ def bare_start(settings: CycleSettings, measured: Measurement) -> CycleState:
 
 
 @kernel
-def believed(settings: CycleSettings, state: CycleState, observed: Observed, dt: float) -> tuple[Sample, Measurement]:
+def filtered_measurement(
+    settings: CycleSettings, state: CycleState, observed: Observed, dt: float
+) -> tuple[Sample, Measurement]:
     """`cycle_sense` under the supervisor: the angles that the supervisor itself goes by, each behind its low-pass.
 
     While an angle is missing or not credible the law has the last one that was, so that what the supervisor bridges
     leaves no trace in it. For the source such an angle is missing: a push is not guessed.
     """
-    filters, seen = settings.filters, see(settings.limits, state.supervisor, observed, dt)
+    filters, readings = settings.filters, validate_readings(settings.limits, state.supervisor, observed, dt)
+    joint, motor = readings.joint, readings.motor
     sample = Sample(
-        low_pass(state.sample.joint, seen.joint.value, filters.joint, dt),
-        low_pass(state.sample.motor, seen.motor.value, filters.motor, dt),
+        low_pass(state.sample.joint, joint.sensor.value, filters.joint, dt),
+        low_pass(state.sample.motor, motor.sensor.value, filters.motor, dt),
     )
     measured = Measurement(
-        sample.joint if seen.joint_lost + seen.joint_jump == 0.0 else math.nan,
-        sample.motor if seen.motor_lost + seen.motor_jump == 0.0 else math.nan,
+        math.nan if joint.lost or joint.jumped else sample.joint,
+        math.nan if motor.lost or motor.jumped else sample.motor,
         observed.reading.current,
         observed.reading.joint_torque,
     )
@@ -244,12 +239,12 @@ def believed(settings: CycleSettings, state: CycleState, observed: Observed, dt:
 
 
 @kernel
-def led(limits: Limits, command: float, added: float) -> float:
+def clamp_offset(limits: Limits, command: float, added: float) -> float:
     """`cycle_lead` under the supervisor: what is added takes the law's command no further than the motor's range [rad].
 
     What is no number, or a law's command that is out of range itself, is left to the supervisor.
 
-    >>> led(Limits(motor_low=-0.25, motor_high=2.0), 0.0, -0.75), led(Limits(motor_high=2.0), 2.5, 0.5)
+    >>> clamp_offset(Limits(motor_low=-0.25), 0.0, -0.75), clamp_offset(Limits(motor_high=2.0), 2.5, 0.5)
     (-0.25, 2.5)
     """
     wish = command + added
@@ -283,7 +278,11 @@ def supervised(
     return supervise(limits, watched, seen, wish, dt)
 
 
-SUPERVISED: dict[str, Callable[..., Any]] = {"cycle_sense": believed, "cycle_lead": led, "cycle_watch": supervised}
+SUPERVISED: dict[str, Callable[..., Any]] = {
+    "cycle_sense": filtered_measurement,
+    "cycle_lead": clamp_offset,
+    "cycle_watch": supervised,
+}
 """A law as it runs live: `Observed` in, and the supervisor's last word out."""
 
 
@@ -311,6 +310,11 @@ _LIMITS = Limits()
 """Of which compiled code needs the type alone."""
 
 
+NOTHING_OBSERVED = Observed(
+    DriveReading(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+    *(0.0, 0.0, Request.NONE, 0.0, False, PreflightResult.PENDING, 0.0, Reaction.NONE, 0.0, 0.0),
+)
+NOTHING_PLANNED = Plan(WishSource.HOLD, 0.0, Reference(0.0, 0.0, 0.0))
 _SEEN = 24
 """Numbers of `Observed`."""
 _GIVEN = struct.Struct("29d")
@@ -343,15 +347,14 @@ def cycle_in_place(
         refilled(settings.gains, gains), settings.conditioning, settings.source, settings.filters, allowed
     )
     begun = Sample(0.0, 0.0)
-    like = DriveReading(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    observed = restored(Observed(like, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0), given)
-    plan = restored(Plan(0.0, 0.0, Reference(0.0, 0.0, 0.0)), given[_SEEN:])
+    observed = restored(NOTHING_OBSERVED, given)
+    plan = restored(NOTHING_PLANNED, given[_SEEN:])
     before = CycleState(
         restored(begun, sample),
         restored(law_start(now.gains, begun), law),
         restored(condition_start(settings.conditioning, begun), conditioned),
         restored(source_start(settings.source, Measurement(0.0, 0.0, 0.0, 0.0)), source),
-        restored(begin(allowed, like, ThermalState(0.0, 0.0, 0.0)), supervisor),
+        refilled(begin(allowed, NOTHING_OBSERVED.reading, ThermalState(0.0, 0.0, 0.0)), supervisor),
     )
     after, reference, wish, verdict = one_cycle(now, before, observed, plan, dt)
     keep(sample, after.sample)
@@ -368,6 +371,23 @@ def keep(row: Array, state: Any) -> None:
     numbers = flat(state)
     for i in range(len(numbers)):
         row[i] = numbers[i]
+
+
+_POWERS, _MODES, _REACTIONS = ({float(one): one for one in kind} for kind in (Power, Mode, Reaction))
+
+_MORE = 2.0 ** len(Fault)
+"""No sum of faults is as large."""
+
+
+def verdict_of(target: float, power: float, mode: float, reaction: float, faults: float) -> Verdict:
+    """The verdict that a row has; what no supervisor says is handed on as it is, for `safety.last_word` to refuse."""
+    return Verdict(
+        target,
+        _POWERS.get(power, power),  # type: ignore[arg-type]
+        _MODES.get(mode, mode),  # type: ignore[arg-type]
+        _REACTIONS.get(reaction, reaction),  # type: ignore[arg-type]
+        int(faults) if 0.0 <= faults < _MORE else faults,  # type: ignore[arg-type]
+    )
 
 
 NOWHERE = Reference(math.nan, math.nan, math.nan)
@@ -410,7 +430,8 @@ class Cycle:
     @property
     def state(self) -> CycleState:
         """What the last cycle handed on."""
-        return CycleState(*(restored(part, row) for part, row in zip(self._like, self._rows, strict=True)))
+        parts = [restored(part, row) for part, row in zip(self._like, self._rows, strict=True)]
+        return CycleState(*parts)._replace(supervisor=refilled(self._like.supervisor, self._rows[-1]))
 
     @state.setter
     def state(self, state: CycleState) -> None:
@@ -425,7 +446,7 @@ class Cycle:
         ]
         self._latched = names(state.supervisor).index("decided.latched")
 
-    def begin(self, reading: DriveReading, thermal: ThermalState, latched: float | None = None) -> None:
+    def begin(self, reading: DriveReading, thermal: ThermalState, latched: int | None = None) -> None:
         """Start stopped at this reading, and compile all that a cycle needs; takes seconds the first time.
 
         Args:
@@ -440,11 +461,11 @@ class Cycle:
         supervisor = begin(self.limits, reading, thermal)
         fresh = CycleState(sample, law, conditioned, source, supervisor)
         self.state = fresh
-        observed = Observed(reading, 0.0, self.period, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-        for wish_source in (HOLD, MOTION, LAW_BEGINS, LAW):
+        observed = NOTHING_OBSERVED._replace(reading=reading, elapsed=self.period)
+        for wish_source in WishSource:
             self.step(observed, Plan(wish_source, motor, Reference(joint, 0.0, 0.0)))
         if latched is not None:
-            decided = supervisor.decided._replace(mode=LATCHED, latched=latched)
+            decided = supervisor.decided._replace(mode=Mode.LATCHED, latched=latched)
             fresh = fresh._replace(supervisor=supervisor._replace(decided=decided))
         self.state = fresh
 
@@ -456,12 +477,12 @@ class Cycle:
         self._run(self._settings, self._limits, self.gains, *self._rows, self._given, self._said, self.period)
         position, velocity, acceleration, wish, *verdict = self._said.tolist()
         self.reference = Reference(position, velocity, acceleration)
-        return wish, Verdict(*verdict)
+        return wish, verdict_of(*verdict)
 
     @property
-    def latched(self) -> float:
-        """The faults that the supervisor has latched, a sum of 2**fault."""
-        return float(self._rows[-1][self._latched])
+    def latched(self) -> int:
+        """The faults that the supervisor has latched, a bit each."""
+        return int(self._rows[-1][self._latched])
 
     @property
     def sample(self) -> list[float]:

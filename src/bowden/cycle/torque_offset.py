@@ -11,29 +11,31 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.core.kernel import compiled, kernel, sel
+from bowden.core.kernel import compiled, kernel
+from bowden.core.signals import Power
 from bowden.models.drive.geared_motor import FrictionPush, turn_push
 from bowden.models.suit.suit_angle import SpoolMap, spool_of
-from bowden.safety.supervisor import Mode, Verdict
+from bowden.safety.faults import Reaction
+from bowden.safety.state import Mode, Verdict
 
 Array = NDArray[np.float64]
 
 COLUMNS = {"push.torque": "N·m", "push.settled_target": "rad", "push.direction": "1"}
 """Column → unit of what a run with an offset records beside the rest; torque and angle are the spool's."""
 
-_LEADS = (float(Mode.PREFLIGHT), float(Mode.RUNNING))
+_LEADS = (Mode.PREFLIGHT, Mode.RUNNING)
 
 
 @kernel
-def _in_place(spool: Array, memory: Array, target: float, acts: float, dt: float) -> None:
+def _in_place(spool: Array, memory: Array, target: float, acts: bool, dt: float) -> None:
     """On arrays, since tuples cost more to hand over than all of it."""
     s = spool
     turned = spool_of(target, SpoolMap(s[2], s[3], s[4], s[5], s[6], s[7], s[8], s[9], s[10]))
     push = FrictionPush(memory[1], memory[2])
     for _ in range(int(s[1])):
         push = turn_push(push, turned, dt / s[1])
-    memory[1] = sel(acts > 0.0, push.settled_target, turned)
-    memory[2] = sel(acts > 0.0, push.direction, 0.0)
+    memory[1] = push.settled_target if acts else turned
+    memory[2] = push.direction if acts else 0.0
     memory[0] = s[0] * memory[2]
 
 
@@ -52,11 +54,11 @@ class TorqueOffset:
         self._memory = np.zeros(3)
         self._row = self._memory.data
         self._step = compiled(_in_place)
-        self.step(0.0, Verdict(0.0, 0.0, 0.0, 0.0, 0.0), 0.001)  # compiles
+        self.step(0.0, Verdict(0.0, Power.OFF, Mode.STOPPED, Reaction.NONE, 0), 0.001)  # compiles
 
     def step(self, target: float, verdict: Verdict, dt: float) -> float:
         """The offset of this cycle, `dt` [s] after the one before [N·m]."""
-        acts = 1.0 if verdict.power > 0.0 and verdict.reaction == 0.0 and verdict.mode in _LEADS else 0.0
+        acts = verdict.power == Power.ON and verdict.reaction == Reaction.NONE and verdict.mode in _LEADS
         self._step(self._settings, self._memory, target, acts, dt)
         return self._row[0]
 

@@ -3,14 +3,16 @@
 from typing import Any
 
 from bowden.core.errors import ParameterError
-from bowden.core.signals import EMERGENCY_STOP, DriveReading, DriveState
+from bowden.core.signals import EMERGENCY_STOP, DriveState
+from bowden.cycle.one_cycle import NOTHING_OBSERVED
 from bowden.export.kinds import identifier
 from bowden.export.unit import Argument, Module, Public
 from bowden.hardware.ports import Power
 from bowden.models.drive.thermal import cold
 from bowden.safety.faults import Fault
 from bowden.safety.limits import Limits
-from bowden.safety.supervisor import Mode, Observed, Request, begin, supervise
+from bowden.safety.state import Mode, Request
+from bowden.safety.supervisor import begin, supervise
 from bowden.sensing.detector import Detector
 from bowden.sensing.detectors import DEFAULT
 from bowden.sensing.envelope import envelope_start, envelope_step, prepare_envelope
@@ -73,14 +75,11 @@ def emg_modules(rate: float, kind: Detector = DEFAULT) -> tuple[Module, Module]:
     return envelope, onset
 
 
-_NOTHING = DriveReading(*(0.0,) * len(DriveReading._fields))
-
-
 def safety_module(limits: Limits) -> Module:
     """The supervisor, with a rig's limits as constants."""
     warmth = cold(limits.thermal)
     bound = Argument("limits", limits, constant=True, said="the rig's limits")
-    state = begin(limits, _NOTHING, warmth)
+    state = begin(limits, NOTHING_OBSERVED.reading, warmth)
     return Module(
         "safety",
         "The supervisor: it stands last before the wire, and may only refuse or stop.",
@@ -95,7 +94,7 @@ def safety_module(limits: Limits) -> Module:
             Public(
                 "begin",
                 begin,
-                (bound, Argument("reading", _NOTHING), Argument("warmth", warmth)),
+                (bound, Argument("reading", NOTHING_OBSERVED.reading), Argument("warmth", warmth)),
                 ("state",),
                 "Stopped, with the motor as warm as the last run left it.",
             ),
@@ -105,12 +104,12 @@ def safety_module(limits: Limits) -> Module:
                 (
                     bound,
                     Argument("state", state),
-                    Argument("observed", Observed(_NOTHING, *(0.0,) * 10)),
-                    Argument("wish", 0.0),
+                    Argument("observed", NOTHING_OBSERVED),
+                    Argument("requested_target", 0.0),
                     Argument("dt", 0.001),
                 ),
                 ("state", "verdict"),
-                "One cycle of dt [s]: the law's wish [rad] or less, and whether there is power.",
+                "One cycle of dt [s]: the requested target [rad] or less, and whether there is power.",
             ),
         ),
         enums=(Request, Mode, DriveState, Power, Fault),

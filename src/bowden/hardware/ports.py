@@ -7,19 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.core.signals import DriveReading
-
-
-class Power(IntEnum):
-    """What the supervisor wants of the drive, in order of caution from the last."""
-
-    OFF = 0
-    """Torque off now."""
-    QUICK_STOP = 1
-    """The drive's own quick stop, and then off; a drive that has none goes off."""
-    READY = 2
-    """Ready, without torque."""
-    ON = 3
-    """The motor follows the target."""
+from bowden.core.signals import Power as Power  # what a drive is written
 
 
 class TorqueLeft(IntEnum):

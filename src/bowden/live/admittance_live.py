@@ -46,8 +46,8 @@ def live_pushing(pushing: Pushing, limits: Limits, strongest: float, *, by_emg: 
             expected="one source of the reference: either the wearer's push or their EMG",
             do="disable [admittance], or leave --emg and emg.source out",
         )
-    if pushing.section.torque != "estimate" and limits.measures_torque != 1.0:
-        other = "; this one measures the cable's tension alone" if limits.measures_tension == 1.0 else ""
+    if pushing.section.torque != "estimate" and not limits.measures_torque:
+        other = "; this one measures the cable's tension alone" if limits.measures_tension else ""
         raise ParameterError(
             f'admittance.torque is "{pushing.section.torque}"',
             expected=f"a load cell that measures the joint's torque in a live run ([load_cell]){other}",

@@ -9,7 +9,7 @@ from bowden.live.control_block import ControlBlock
 from bowden.live.stops import AxisFaults, remedy_of
 from bowden.safety import faults
 from bowden.safety.faults import Fault
-from bowden.safety.supervisor import Mode, Request
+from bowden.safety.state import Mode, Request
 
 _PATIENCE = 3.0
 """Time that readings are given to come in before arming is given up [s]."""
@@ -89,7 +89,7 @@ def automatic(session: Watched, stops: int = 0) -> Iterator[bool]:
                 found = list(faults.of(row["faults"]))
                 listed = _listed(row, session)
                 if found == [Fault.LATE]:
-                    late = 1e3 * max(row["lateness"], row["supervisor.sums.late"])
+                    late = 1e3 * max(row["lateness"], row["supervisor.timers.late"])
                     listed = f"this computer is too busy, cycles come {late:.0f} ms late: {Fault.LATE.remedy}"
                 if found != [Fault.LATE] or waited > _LATE_PATIENCE:
                     do = "with k, in a run without --auto" if Fault.DRIVE_FAULT in found else ""

@@ -8,16 +8,16 @@ A drive that holds by its brake has its power stage off on our order, and so no 
 that is: a drive that holds its target. Every other state of the drive is shown as it is.
 """
 
-from bowden.core.signals import DriveReading, DriveState
-from bowden.hardware.ports import BrakedDrive, Power
+from bowden.core.signals import DriveReading, DriveState, Power
+from bowden.hardware.ports import BrakedDrive
 from bowden.models.drive.holding_brake import ENGAGING, FREE, HELD, HoldingBrake, brake_begin, brake_step
+from bowden.safety.faults import Reaction
 from bowden.safety.limits import Limits
-from bowden.safety.supervisor import POWER_ON, Mode, Verdict
+from bowden.safety.state import Mode, Verdict
 
 COLUMNS = {"brake.phase": "1", "brake.target": "rad"}
 """Column → unit of what a run with a brake records: its phase, and the target that the drive was sent."""
 
-_RUNNING = float(Mode.RUNNING)
 _ALIVE = 1e-9
 """Steps of the current that is shown while there is none: that it does not change is then no sign of a dead sensor
 [A]."""
@@ -53,13 +53,13 @@ class BrakeHold:
 
     def _step(self, verdict: Verdict, motor: float) -> tuple[float, Power]:
         """Target [rad] and power; no current is taken away before the drive says that its brake is set."""
-        power = Power(int(verdict.power))
-        if verdict.power != POWER_ON:
+        power = verdict.power
+        if power != Power.ON:
             self._state, self._begun = brake_begin(verdict.target), False
             return verdict.target, power
         if not self._begun:
             self._state, self._begun, self._asked = brake_begin(verdict.target), True, verdict.target
-        running = verdict.mode == _RUNNING and verdict.reaction == 0.0
+        running = verdict.mode == Mode.RUNNING and verdict.reaction == Reaction.NONE
         sure = (
             self._drive.brake_confirmed
             or self._state.phase == FREE

@@ -14,14 +14,14 @@ import threading
 from pathlib import Path
 
 from bowden.core import shared_memory
-from bowden.safety.supervisor import Request
+from bowden.safety.state import Request
 
 WORDS = 8
 """Of the block."""
 _HEARTBEAT, _REQUEST, _STOP, _STOP_TAKEN, _QUIT, _GAIN, _VALUE, _GAIN_NUMBER = range(WORDS)
 _KIND = 8
 """The word of a request is its number times this, and the `Request`."""
-assert max(Request) < _KIND
+_REQUESTS = (*Request, *[Request.NONE] * (_KIND - len(Request)))
 
 
 class ControlBlock:
@@ -74,14 +74,14 @@ class ControlBlock:
         """Since the operator's last sign of life [s]."""
         return (now - self._words[_HEARTBEAT]) * 1e-9
 
-    def take(self) -> int:
-        """The `Request` that came since the last call, 0 for none; for the loop."""
+    def take(self) -> Request:
+        """The `Request` that came since the last call; for the loop."""
         asked, stop = self._words[_REQUEST], self._words[_STOP]
         new, self._taken = asked != self._taken, asked
         if stop != self._words[_STOP_TAKEN]:
             self._words[_STOP_TAKEN] = stop
             return Request.STOP
-        return asked % _KIND if new and asked // _KIND > stop else 0
+        return _REQUESTS[asked % _KIND] if new and asked // _KIND > stop else Request.NONE
 
     def ask_gain(self, which: int, value: float) -> None:
         """The operator wants another value of a gain, which has been checked; one after the other.

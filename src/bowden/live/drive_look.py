@@ -142,7 +142,7 @@ def require_load_cell(rig: Rig) -> None:
         DriveError: it has no load cell.
     """
     limits = rig.supervisor_limits
-    if limits.measures_tension + limits.measures_torque == 0.0:
+    if not (limits.measures_tension or limits.measures_torque):
         raise DriveError("the rig has no load cell", expected="[load_cell], or a scale at the drive's input in [drive]")
 
 
@@ -159,7 +159,7 @@ def tare(rig: Rig, readings: Sequence[DriveReading], load: float) -> Tare:
     """
     require_load_cell(rig)
     limits, cell = rig.supervisor_limits, rig.load_cell
-    torque = limits.measures_torque == 1.0
+    torque = limits.measures_torque
     unit, most = ("N·m", limits.torque_high) if torque else ("N", limits.tension_high)
     values = [one.joint_torque if torque else one.tension for one in readings]
     values = [value for value in values if math.isfinite(value)]

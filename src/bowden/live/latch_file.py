@@ -12,7 +12,7 @@ from typing import Any
 
 from bowden.hardware.drives.family import family_of
 from bowden.live import drive_file
-from bowden.safety.faults import Fault, of
+from bowden.safety.faults import Fault, bits_of, of
 
 
 def latch_path(drive: Any) -> Path | None:
@@ -20,23 +20,23 @@ def latch_path(drive: Any) -> Path | None:
     return None if family_of(drive).simulated(drive) else drive_file.path_of(drive, "latched")
 
 
-def read(drive: Any) -> float | None:
-    """The faults that have not been acknowledged, a sum of 2**fault; None where there is no latch."""
+def read(drive: Any) -> int | None:
+    """The faults that have not been acknowledged, a bit each; None where there is no latch."""
     try:
         path = latch_path(drive)
         if path is None:
             return None
         kept = json.loads(path.read_text(encoding="utf-8"))["faults"]
-        return float(sum(2**fault for fault in Fault if fault.name in kept))
+        return bits_of(fault for fault in Fault if fault.name in kept)
     except (FileNotFoundError, RuntimeError):  # RuntimeError: a user without a home
         return None
     except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
         said = f"the fault of the last run cannot be read from {path} ({type(error).__name__}: {error})"
         print(f"bowden: note: {said}; it has to be acknowledged anyway", file=sys.stderr)
-        return 0.0
+        return 0
 
 
-def write(drive: Any, faults: float) -> None:
+def write(drive: Any, faults: int) -> None:
     """Keep a latch, and wait until the disk has it; what cannot be kept is reported on standard error.
 
     The latch of this run holds in any case.

@@ -39,7 +39,7 @@ from bowden.rig.pair_plant import parting_in_run
 from bowden.rig.rig import Rig
 from bowden.rig.settings import LiveSettings
 from bowden.safety.limits import Limits
-from bowden.safety.supervisor import longest_release, release_speed
+from bowden.safety.release import longest_release, release_speed
 from bowden.sensing.intent import FOLLOWED_ACCELERATION, FOLLOWED_SPEED, TURNED_ACCELERATION, TURNED_SPEED
 
 WRONG_WAY = 1.5 * RADIANS
@@ -231,7 +231,7 @@ class Live:
         if self.pushing is not None:
             return None
         if self.measure:
-            return Home(limits.taut, float(release_speed(limits, 0.0)))
+            return Home(limits.taut, release_speed(limits, False))
         return Home(0.0 if limits.paired else self.rig.home, limits.lowering)
 
     def log_settings(self) -> dict[str, Any]:
@@ -299,7 +299,7 @@ def live_run(rig: Rig, *, measure: bool = False, logged: Rig | None = None, join
     if emg is not None:
         _check_range(emg, limits)
         _check_duration(emg, limits)
-        limits = limits._replace(uses_emg=1.0)
+        limits = limits._replace(uses_emg=True)
     if measure:
         moved = excitation.excitation(limits, rig.sample_time)
         table, start = moved.motor[:, None], float(moved.motor[0])
@@ -332,7 +332,7 @@ def _one_of(rig: Rig, name: str, own: Rig, kept: Rig) -> Live:
     made = live_run(pulling(own, pair.co_contraction), logged=kept, joint_elsewhere=opposed)
     parting = parting_in_run(rig)
     allowed = made.limits._replace(
-        paired=1.0,
+        paired=True,
         parting=parting.most + parting.bent,
         parting_offset=-parting.offset if opposed else parting.offset,
         parting_slope=-parting.slope if opposed else parting.slope,
@@ -342,7 +342,7 @@ def _one_of(rig: Rig, name: str, own: Rig, kept: Rig) -> Live:
     if opposed:
         # where its cable is taut is where the joint is: nothing can be said of zero; and after a release it hangs, with
         # the joint anywhere below its motor
-        allowed = allowed._replace(homed=0.0, slope_low=0.0)
+        allowed = allowed._replace(homed=False, slope_low=0.0)
     return replace(made, name=name, opposed=opposed, limits=allowed)
 
 

@@ -26,12 +26,11 @@ from bowden.live.ring_status import RecorderState
 from bowden.live.row import AT
 from bowden.live.script import Script
 from bowden.live.together import Together
-from bowden.safety.faults import Fault
+from bowden.safety.faults import Fault, Reaction, bits_of
 from bowden.safety.last_word import LastWord
-from bowden.safety.supervisor import POWER_OFF, Mode, Observed, Request, Verdict
+from bowden.safety.state import Mode, Observed, PreflightResult, Request, Verdict
 
-_STOP, _ACKNOWLEDGE = float(Request.STOP), float(Request.ACKNOWLEDGE)
-_RESTING = (float(Mode.STOPPED), float(Mode.LATCHED))
+_RESTING = (Mode.STOPPED, Mode.LATCHED)
 _LAST = 10
 """Cycles with the power off before the loop ends, in which the drive learns of it and says so."""
 
@@ -91,14 +90,15 @@ class _Axis:
         self._among, self._paired = among, paired
         self.drive, self.cycle, self.script, self._course, self._push, self._brake = parts
         begun = self.cycle.state.supervisor
-        self.mode, self.target = float(begun.decided.mode), begun.target
+        self.mode, self.target = begun.decided.mode, begun.target
         """Of the last verdict."""
-        self.verdict = Verdict(self.target, POWER_OFF, self.mode, 0.0, 0.0)
+        self.verdict = Verdict(self.target, Power.OFF, self.mode, Reaction.NONE, 0)
         self.gains = GainRamp(self.cycle.law, self.cycle.gains, self.cycle.period)
         self.stalled = 0.0
         """See `Ended.stalled`."""
         self.reading: DriveReading
-        self.request, self.others, self.outcome, self.opposite = 0.0, 0.0, 0.0, 0.0
+        self.request, self.others, self.outcome = Request.NONE, Reaction.NONE, PreflightResult.PENDING
+        self.opposite = 0.0
         """What its supervisor is shown."""
         self._last_word = LastWord(self.cycle.limits, self.cycle.period, self.target)
         self._plan, self._wish, self._torque = Plan(HOLD, 0.0, NOWHERE), self.target, 0.0
@@ -115,7 +115,7 @@ class _Axis:
         self._plan = self.script.plan(self.mode, self.target, self.reading, cycles)
         self.outcome = self.script.outcome
 
-    def judge(self, lateness: float, elapsed: float, age: float, recorder: float) -> SafetyError | None:
+    def judge(self, lateness: float, elapsed: float, age: float, recorder: bool) -> SafetyError | None:
         """What is done: law and supervisor; an error where the verdict is broken, which the torque's end replaces."""
         cycle, before = self.cycle, self.mode
         observed = Observed(
@@ -123,8 +123,8 @@ class _Axis:
             *(self.others, self.opposite),
         )
         self._wish, verdict = cycle.step(observed, self._plan)
-        if verdict.mode > _POWERED and before in _LED and int(verdict.faults) & _STALLS:
-            self.stalled = max(lateness, cycle.state.supervisor.sums.late)
+        if verdict.mode not in _LED and before in _LED and verdict.faults & _STALLS:
+            self.stalled = max(lateness, cycle.state.supervisor.timers.late)
         broken = None
         try:
             self._last_word.judge(verdict)
@@ -135,7 +135,7 @@ class _Axis:
         return broken
 
     def _off(self, verdict: Verdict) -> Verdict:
-        return verdict._replace(target=self.target, power=POWER_OFF, mode=float(Mode.LATCHED))
+        return verdict._replace(target=self.target, power=Power.OFF, mode=Mode.LATCHED)
 
     def switch_off(self) -> None:
         """In place of its verdict: another axis' is broken."""
@@ -147,19 +147,19 @@ class _Axis:
         verdict, push = self.verdict, self._push
         self._torque = 0.0 if push is None else push.step(self.target, verdict, self.cycle.period)
         if self._brake is None:
-            self.drive.write(self.target, _POWERS[verdict.power], now, self._torque)
+            self.drive.write(self.target, verdict.power, now, self._torque)
         else:
             self._brake.write(verdict, self.reading.motor, now, self._torque)
 
     @property
     def pulls(self) -> bool:
         """Whether its drive has a sign of torque, by its state or its current, although its power is off."""
-        return self.cycle.state.supervisor.sums.undisabled > 0.0
+        return self.cycle.state.supervisor.timers.undisabled > 0.0
 
     @property
     def turning(self) -> bool:
         """Whether it has one, and the supervisor has not found that it keeps it."""
-        return not int(self.verdict.faults) >> Fault.NOT_DISABLED & 1 and self.pulls
+        return not self.verdict.faults >> Fault.NOT_DISABLED & 1 and self.pulls
 
     def put(self, ring: memoryview, at: int, times: tuple[float, float, float, float, float, float] | None) -> int:
         """Write what is kept of a cycle into its row; where the next axis' part begins.
@@ -259,7 +259,7 @@ class Loop:
             left = self._close()
         ended = [
             EndedAxis(
-                *(int(axis.mode), int(axis.verdict.faults)),
+                *(int(axis.mode), axis.verdict.faults),
                 *(int(TorqueLeft.ON if axis.pulls and not torque else torque), int(axis.script.reason)),
             )
             for axis, torque in zip(self._axes, left, strict=True)
@@ -312,10 +312,10 @@ class Loop:
             # what is asked for
             age = block.age(woke)
             ending = self._quit or block.quitting or not age <= patience
-            request = float(block.take())
-            if ending or (request == 0.0 and self._over()):
-                request = _STOP
-            if request == _ACKNOWLEDGE:
+            request = block.take()
+            if ending or (request == Request.NONE and self._over()):
+                request = Request.STOP
+            if request == Request.ACKNOWLEDGE:
                 for axis in axes:
                     axis.drive.reset_fault()
             if together is None:
@@ -327,7 +327,7 @@ class Loop:
                 step_all(ramps, block, 1 + skipped)
 
             # what is done
-            recorder = 1.0 if ring.recorder.state(woke) == RecorderState.OK else 0.0
+            recorder = ring.recorder.state(woke) == RecorderState.OK
             lateness, elapsed = (woke - deadline) * 1e-9, (woke - before) * 1e-9
             broken = None
             for axis in axes:
@@ -361,20 +361,20 @@ class Loop:
         """Whether the run has come to its end."""
         axes = self._axes
         if self._together is None:
-            return axes[0].script.done and axes[0].mode == _RUNNING
+            return axes[0].script.done and axes[0].mode == Mode.RUNNING
         return self._together.over([axis.script.done for axis in axes], [axis.mode for axis in axes])
 
-    def _plan_together(self, together: Together, request: float, woke: int, cycles: int) -> None:
+    def _plan_together(self, together: Together, request: Request, woke: int, cycles: int) -> None:
         """What is asked of several axes, and what the supervisor of each is shown of the others."""
         axes = self._axes
         modes = [axis.mode for axis in axes]
         asked = together.asked(request, modes, [axis.verdict.faults for axis in axes])
         shown = together.shown([axis.cycle.latched for axis in axes])
-        if _RUNNING in modes and not self._running:
+        if Mode.RUNNING in modes and not self._running:
             longest = max(axis.script.approach(axis.target) for axis in axes)
             for axis in axes:
                 axis.script.least = 0.0 if self._independent else longest
-        self._running = _RUNNING in modes
+        self._running = Mode.RUNNING in modes
         for axis in axes:
             axis.plan(woke, cycles)
         outcomes = together.outcomes([axis.outcome for axis in axes])
@@ -382,17 +382,13 @@ class Loop:
             axis.request, axis.others, axis.outcome = one, others, outcome
 
 
-_LED = (float(Mode.PREFLIGHT), float(Mode.RUNNING), float(Mode.BRIDGING))
-_POWERED = float(Mode.BRIDGING)
-"""The last mode in which a run is not at its end."""
-_STALLS = 1 << Fault.LATE | 1 << Fault.CLOCK
+_LED = (Mode.PREFLIGHT, Mode.RUNNING, Mode.BRIDGING)
+_STALLS = bits_of((Fault.LATE, Fault.CLOCK))
 """Faults of this computer, and not of the rig."""
-_RUNNING = float(Mode.RUNNING)
 _RUN_TIME, _RUN_TIME_AT = struct.Struct("d"), 8 * AT["run_time"]
 _COMMON = ("time", "lateness", "elapsed", "overruns", "operator_age", "recorder", "run_time")
 _WHOLE, _OWN = struct.Struct(f"{len(AT)}d"), struct.Struct(f"{len(AT) - len(_COMMON)}d")
 """The first columns of the first axis, and of the others, without those of the loop."""
-_POWERS = {float(power): power for power in Power}
 
 
 @functools.cache

@@ -72,7 +72,7 @@ def _cycle(live: "Live", given: dict[str, Any]) -> int:
     from bowden.live.ring import RingWriter
     from bowden.live.row import NOTHING_READ
     from bowden.models.drive.thermal import ThermalState
-    from bowden.safety.supervisor import Mode
+    from bowden.safety.state import Mode
 
     emg = Path(given["emg"]) if given["emg"] else None
     links, parts = Links(), []
@@ -109,7 +109,7 @@ def _cycle(live: "Live", given: dict[str, Any]) -> int:
         ended = loop.run()
     except SafetyError:
         for parameters in drives_of if given["remembers"] else ():  # by no fault that the supervisor knows
-            latch_file.write(parameters, 0.0)
+            latch_file.write(parameters, 0)
         raise
     said = [one._asdict() | {"reason": REASONS[Reason(one.reason)]} for one in ended.axes]
     if given["remembers"]:  # the operator's process may be gone

@@ -12,7 +12,7 @@ from bowden.core.files import whole_files
 from bowden.cycle.one_cycle import WishSource
 from bowden.live.live_run import Live
 from bowden.live.mcap_read import Recording, read
-from bowden.safety.supervisor import Mode
+from bowden.safety.state import Mode
 
 Array = NDArray[np.float64]
 

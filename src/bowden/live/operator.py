@@ -16,7 +16,7 @@ from bowden.core.errors import ParameterError, SafetyError
 from bowden.hardware.drives.family import family_of
 from bowden.live.automatic import automatic
 from bowden.safety import faults
-from bowden.safety.supervisor import Mode, Request
+from bowden.safety.state import Mode, Request
 
 if TYPE_CHECKING:
     from bowden.live.session import Session

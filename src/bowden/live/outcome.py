@@ -6,7 +6,7 @@ from bowden.hardware.ports import TorqueLeft, torque_left
 from bowden.live.stops import AxisFaults, remedy_of, told_apart, unattended
 from bowden.live.summary import STALLED
 from bowden.safety import faults
-from bowden.safety.supervisor import Mode
+from bowden.safety.state import Mode
 
 if TYPE_CHECKING:
     from bowden.live.session import Session

@@ -7,11 +7,10 @@ the cable's load, which no cable has in the direction in which it is let out.
 Where a load cell says what the cable pulls, its reading must rise as the motor pulls, by more than it changed at rest.
 """
 
+import math
 from collections.abc import Iterable
 from enum import IntEnum
 from typing import NamedTuple
-
-import numpy as np
 
 from bowden.core.errors import SafetyError
 from bowden.core.signals import DriveReading, DriveState
@@ -20,6 +19,7 @@ from bowden.models.drive.encoder import Encoder
 from bowden.models.minimum_jerk import minimum_jerk_share
 from bowden.rig.consistent import Basis, contradictions
 from bowden.safety.limits import Limits
+from bowden.safety.state import PreflightResult
 
 
 class Preflight(NamedTuple):
@@ -49,14 +49,14 @@ class Preflight(NamedTuple):
     """Current below which the cable carries nothing [A]."""
     enable: float = 5.0
     """How long the drive may take to enable [s]."""
-    low: float = -np.inf
+    low: float = -math.inf
     """Smallest target of the motor: one that rests beyond, as a release may leave it, is brought there first [rad]."""
-    high: float = np.inf
+    high: float = math.inf
     """Largest [rad]."""
-    tension: float = 0.0
-    """1 where the cable's tension is measured."""
-    torque: float = 0.0
-    """1 where the joint's torque is measured."""
+    tension: bool = False
+    """Whether the cable's tension is measured."""
+    torque: bool = False
+    """Whether the joint's torque is measured."""
     load_sign: float = 1.0
     """−1 of a cable that is let out in this motion, since another one pulls the joint: its load falls."""
 
@@ -130,7 +130,7 @@ REASONS = {
 class PreflightState(NamedTuple):
     """Where it is, and what it has seen."""
 
-    step: float
+    step: Step
     since: float
     """Since the step began [s]."""
     motor: float
@@ -165,17 +165,14 @@ class PreflightState(NamedTuple):
     """Its largest."""
     far_load: float
     """What it said at the far end."""
-    reason: float
-    """Number of a `Reason`."""
+    reason: Reason
 
 
 class PreflightOutcome(NamedTuple):
     """What a preflight says in a cycle."""
 
-    result: float
-    """0 not done, 1 passed, −1 failed: as `safety.supervisor.Observed` wants it."""
-    reason: float
-    """Number of a `Reason`."""
+    result: PreflightResult
+    reason: Reason
 
 
 def begin(settings: Preflight, reading: DriveReading) -> PreflightState:
@@ -198,14 +195,14 @@ def step(
         The state, the motor's wish [rad], what came of it.
     """
     since = state.since + dt
-    seen = np.isfinite(reading.motor) and np.isfinite(reading.joint)
+    seen = math.isfinite(reading.motor) and math.isfinite(reading.joint)
     load = _load(settings, reading)
     if state.step == Step.DONE:
         return _answer(state, state.motor)
     state = state._replace(since=since)
     if not seen and state.step <= Step.LISTEN:  # in motion, a gap is the supervisor's to bridge
         return _fail(state, Reason.SENSORS) if since > settings.listen else _answer(state, state.motor)
-    if not np.isfinite(load) and state.step == Step.LISTEN and since > settings.listen:
+    if not math.isfinite(load) and state.step == Step.LISTEN and since > settings.listen:
         return _fail(state, Reason.LOAD_MISSING)
     if state.step == Step.ENABLE:
         if reading.drive_state == DriveState.OPERATION_ENABLED:
@@ -226,14 +223,14 @@ def step(
             motor_low=min(state.motor_low, reading.motor),
             motor_high=max(state.motor_high, reading.motor),
             load=load,
-            load_low=np.fmin(state.load_low, load),
-            load_high=np.fmax(state.load_high, load),
+            load_low=load if math.isnan(state.load_low) else min(state.load_low, load),
+            load_high=load if math.isnan(state.load_high) else max(state.load_high, load),
         )
         if since < coming + settings.listen:
             return _answer(state, state.motor)
         if state.high - state.low > settings.noise or state.motor_high - state.motor_low > settings.noise:
             return _fail(state, Reason.RESTLESS)
-        return _answer(state._replace(step=float(Step.OUT), since=0.0), state.motor)
+        return _answer(state._replace(step=Step.OUT, since=0.0), state.motor)
 
     duration = state.amplitude / settings.speed
     way = float(minimum_jerk_share(since / duration))
@@ -250,7 +247,7 @@ def step(
         if went < settings.follows * state.amplitude:
             return _fail(state, Reason.MOTOR_STILL)
         state = state._replace(far_motor=reading.motor, far_joint=reading.joint, far_load=load)
-        return _answer(state._replace(step=float(Step.BACK), since=0.0), wish)
+        return _answer(state._replace(step=Step.BACK, since=0.0), wish)
     still = state.current_low == state.current_high  # or changed by less than a count, in a motion as small as this
     if settings.pull_sign * state.charge < -2.0 * settings.light * (duration + settings.settle):
         return _fail(state, Reason.SLACK_WRONG_WAY)
@@ -259,19 +256,19 @@ def step(
     way = settings.pull_sign * settings.slope_sign if settings.torque else settings.load_sign
     risen = (state.far_load - state.load) * way
     span = state.load_high - state.load_low
-    watched = settings.tension + settings.torque > 0.0
+    watched = settings.tension or settings.torque
     if watched and risen < -span and moved >= settings.moved:
         return _fail(state, Reason.LOAD_WRONG_WAY)
     mute = watched and not risen > span
     if moved >= settings.moved and not still and not mute:
-        return _answer(state._replace(step=float(Step.DONE)), state.motor)
+        return _answer(state._replace(step=Step.DONE), state.motor)
     if moved <= -settings.moved:
         return _fail(state, Reason.JOINT_WRONG_WAY)
     larger = 2.0 * state.amplitude
     if larger > settings.largest:
         why = Reason.CURRENT_STILL if still else Reason.JOINT_STILL
         return _fail(state, Reason.LOAD_STILL if mute and moved >= settings.moved and not still else why)
-    return _answer(state._replace(step=float(Step.OUT), since=0.0, amplitude=larger, charge=0.0), state.motor)
+    return _answer(state._replace(step=Step.OUT, since=0.0, amplitude=larger, charge=0.0), state.motor)
 
 
 def require(
@@ -306,7 +303,7 @@ def require(
 
 def _within(settings: Preflight, motor: float) -> float:
     """The nearest place that a motor may be sent to [rad]; NaN for NaN."""
-    return min(max(motor, settings.low), settings.high)
+    return motor if math.isnan(motor) else min(max(motor, settings.low), settings.high)
 
 
 def _at(where: Step, settings: Preflight, amplitude: float, reading: DriveReading) -> PreflightState:
@@ -314,8 +311,8 @@ def _at(where: Step, settings: Preflight, amplitude: float, reading: DriveReadin
     ends = (joint, joint, motor, motor)
     load = _load(settings, reading)
     return PreflightState(
-        *(float(where), 0.0, start, joint, *ends, amplitude, motor, joint, current, current, 0.0),
-        *(load, load, load, load, float(Reason.NONE)),
+        *(where, 0.0, start, joint, *ends, amplitude, motor, joint, current, current, 0.0),
+        *(load, load, load, load, Reason.NONE),
     )
 
 
@@ -334,9 +331,11 @@ def _hearing(state: PreflightState, reading: DriveReading, load: float) -> Prefl
 
 
 def _answer(state: PreflightState, wish: float) -> tuple[PreflightState, float, PreflightOutcome]:
-    result = 0.0 if state.step != Step.DONE else 1.0 if state.reason == Reason.NONE else -1.0
+    result = PreflightResult.PENDING
+    if state.step == Step.DONE:
+        result = PreflightResult.PASSED if state.reason == Reason.NONE else PreflightResult.FAILED
     return state, wish, PreflightOutcome(result, state.reason)
 
 
 def _fail(state: PreflightState, reason: Reason) -> tuple[PreflightState, float, PreflightOutcome]:
-    return _answer(state._replace(step=float(Step.DONE), reason=float(reason)), state.motor)
+    return _answer(state._replace(step=Step.DONE, reason=reason), state.motor)

@@ -12,16 +12,15 @@ from bowden.control.law import Law
 from bowden.control.source import TABLE, Measurement, Source
 from bowden.core.errors import LogError
 from bowden.core.metrics import rmse
-from bowden.core.nested import from_columns
-from bowden.core.signals import DriveReading, Reference, Sample
-from bowden.cycle.one_cycle import LAW_BEGINS, Cycle, CycleState, Filters, Plan
+from bowden.core.nested import from_columns, restored
+from bowden.core.signals import DriveReading, Sample
+from bowden.cycle.one_cycle import LAW_BEGINS, NOTHING_OBSERVED, NOTHING_PLANNED, Cycle, CycleState, Filters, verdict_of
 from bowden.cycle.torque_offset import COLUMNS, TorqueOffset
 from bowden.live.gain_ramp import IN_FORCE
 from bowden.live.mcap_read import Recording
 from bowden.live.row import STOPPED, SUPERVISOR
 from bowden.live.run_settings import push_of
 from bowden.safety.limits import Limits
-from bowden.safety.supervisor import Observed, Verdict
 
 _SURROUNDINGS = ("lateness", "elapsed", "request", "operator_age", "recorder", "preflight")
 _VERDICT = ("command", "power", "mode", "reaction", "faults")
@@ -123,9 +122,9 @@ def replay(
             continue
         emg_age = row[at["emg.age"]] if "emg.age" in at else 0.0
         among = (row[at[name]] if name in at else 0.0 for name in ("others", "opposite"))
-        around = (*(row[i] for i in surroundings), emg_age, *among)
-        observed = Observed(DriveReading(*(row[i] for i in reading)), *around)
-        plan = Plan(row[at["source"]], row[at["wish"]], Reference(*(row[i] for i in reference)))
+        around = (*(row[i] for i in surroundings), emg_age, *among, math.nan)
+        observed = restored(NOTHING_OBSERVED, np.array([*(row[i] for i in reading), *around]))
+        plan = restored(NOTHING_PLANNED, np.array([row[at["source"]], row[at["wish"]], *(row[i] for i in reference)]))
         for place, column in changed:
             cycle.gains[place] = row[column]
         wishes[k], judged = cycle.step(observed, plan)
@@ -162,7 +161,7 @@ def _torques(found: Recording, gaps: Any, period: float) -> Any:
         if gap:
             offset.take(row)
             continue
-        again = offset.step(verdict[0], Verdict(*verdict), period)
+        again = offset.step(verdict[0], verdict_of(*verdict), period)
         if not (math.isnan(again) and math.isnan(row[0])):
             differences[k] = abs(again - row[0])
     return differences

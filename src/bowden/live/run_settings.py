@@ -13,7 +13,7 @@ from bowden.live.preflight import Reason
 from bowden.models.suit.suit_angle import SpoolMap
 from bowden.safety.faults import Fault
 from bowden.safety.limits import Limits
-from bowden.safety.supervisor import Mode
+from bowden.safety.state import Mode
 
 NAMES: Mapping[str, list[str]] = {
     "mode": [mode.name.lower() for mode in Mode],

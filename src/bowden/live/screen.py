@@ -13,7 +13,7 @@ from bowden.live.ring_status import RecorderState
 from bowden.live.stops import remedy_of
 from bowden.safety import faults
 from bowden.safety.faults import Fault
-from bowden.safety.supervisor import Mode
+from bowden.safety.state import Mode
 from bowden.sensing.intent import Intent
 
 if TYPE_CHECKING:

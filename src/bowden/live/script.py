@@ -20,9 +20,7 @@ from bowden.live import preflight
 from bowden.live.dead_zone import dead_zone
 from bowden.live.row import NOTHING_READ
 from bowden.models.minimum_jerk import PEAK_SPEED, minimum_jerk
-from bowden.safety.supervisor import Mode
-
-_PREFLIGHT, _RUNNING, _BRIDGING = float(Mode.PREFLIGHT), float(Mode.RUNNING), float(Mode.BRIDGING)
+from bowden.safety.state import Mode, PreflightResult
 
 
 class Home(NamedTuple):
@@ -67,10 +65,10 @@ class Script:
         self._course, self._last = course, (len(table) if course is None else course.cycles) - 1
         self._start, self._speed, self._checks, self._period = start, speed, checks, period
         self._checked = preflight.begin(checks, NOTHING_READ)
-        self._mode = float(Mode.STOPPED)
+        self._mode = Mode.STOPPED
         self._from, self._approach, self._cycles, self._begun = 0.0, 0.0, 0, False
         self._aside = 0.0
-        self.outcome = 0.0
+        self.outcome = PreflightResult.PENDING
         """Of the preflight."""
         self.play = math.nan
         """Dead zone that the preflight has measured; NaN before it has [rad]."""
@@ -79,29 +77,29 @@ class Script:
         self.done = False
         """Whether the run has come to its end since it began, and the joint home."""
 
-    def plan(self, mode: float, target: float, reading: DriveReading, cycles: int) -> Plan:
+    def plan(self, mode: Mode, target: float, reading: DriveReading, cycles: int) -> Plan:
         """What to do in this cycle.
 
         Args:
-            mode: number of the supervisor's `Mode` after the last cycle.
+            mode: the supervisor's, after the last cycle.
             target: what the drive was sent then [rad].
             reading: what the drive says.
             cycles: periods since the last cycle, more than 1 after an overrun. A motion of the motor's own goes on
                 where it was after one, and ends this much later: its target does not jump.
         """
-        if mode == _BRIDGING:
+        if mode == Mode.BRIDGING:
             mode = self._mode  # R1 holds the target meanwhile; preflight or law go on, and find their place again
-        if self._width == 1 and mode == _RUNNING:
+        if self._width == 1 and mode == Mode.RUNNING:
             cycles = 1
         if mode != self._mode:
             self._enter(mode, target, reading, cycles)
-        if mode == _PREFLIGHT:
+        if mode == Mode.PREFLIGHT:
             self._checked, wish, said = preflight.step(self._checks, self._checked, reading, cycles * self._period)
             if said.result > self.outcome:
                 self.play = dead_zone(self._checked, reading, self._slope)
             self.outcome = said.result
             return Plan(MOTION, wish, NOWHERE)
-        if mode != _RUNNING:
+        if mode != Mode.RUNNING:
             return Plan(HOLD, target, NOWHERE)
         self._cycles += cycles
         at = self._cycles * self._period
@@ -153,11 +151,11 @@ class Script:
         begin, since, takes = self._homing
         return minimum_jerk(begin, self._home.place, takes, at - since)
 
-    def _enter(self, mode: float, target: float, reading: DriveReading, cycles: int) -> None:
-        if mode == _PREFLIGHT:
-            self.outcome = 0.0
+    def _enter(self, mode: Mode, target: float, reading: DriveReading, cycles: int) -> None:
+        if mode == Mode.PREFLIGHT:
+            self.outcome = PreflightResult.PENDING
             self._checked = preflight.begin(self._checks, reading)
-        if mode == _RUNNING:
+        if mode == Mode.RUNNING:
             self._from, self._cycles, self._begun, self.done, self._homing = target, -cycles, False, False, None
             self._approach = max(self.least, self.approach(target))
         self._mode = mode
@@ -167,8 +165,8 @@ class Script:
         return math.ceil(PEAK_SPEED * abs(self._start - target) / self._speed / self._period) * self._period
 
     @property
-    def reason(self) -> float:
-        """Number of the `live.preflight.Reason` for which the preflight failed; 0 where it has not."""
+    def reason(self) -> preflight.Reason:
+        """Why the preflight failed; `NONE` where it has not."""
         return self._checked.reason
 
 

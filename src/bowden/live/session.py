@@ -50,7 +50,7 @@ from bowden.rig.rig import Rig
 from bowden.safety import faults
 from bowden.safety.faults import Fault
 from bowden.safety.limits import Limits
-from bowden.safety.supervisor import Mode, Request
+from bowden.safety.state import Mode, Request
 
 _START = 900.0
 """A loop that has not said anything after this has failed; on a slow computer it compiles for minutes at first [s]."""

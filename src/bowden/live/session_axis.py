@@ -17,7 +17,7 @@ from bowden.live.together import OF_ALL
 from bowden.live.twin_scenario import TwinScenario
 from bowden.models.drive.thermal import cold
 from bowden.safety.faults import Fault
-from bowden.safety.supervisor import Mode
+from bowden.safety.state import Mode
 
 Array = NDArray[np.float64]
 
@@ -73,7 +73,7 @@ class SessionAxis:
 
     def _remember_latch(self, row: Array, latching: Executor) -> None:
         """Keep what latched the run, until somebody acknowledges it, by a thread of its own: a disk may be slow."""
-        latched = float(row[self._at["faults"]]) if row[self._at["mode"]] == Mode.LATCHED else None
+        latched = int(row[self._at["faults"]]) if row[self._at["mode"]] == Mode.LATCHED else None
         if (latched is None) == (self.latched is None) or not self._remembers:
             return
         if latched is not None:

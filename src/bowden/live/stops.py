@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 from bowden.live.mcap_read import Recording
 from bowden.safety import faults
 from bowden.safety.faults import Fault
-from bowden.safety.supervisor import Mode
+from bowden.safety.state import Mode
 
 Array = NDArray[np.float64]
 
-NEEDED = ("time", "mode", "faults", "lateness", "supervisor.sums.late", "operator_age")
+NEEDED = ("time", "mode", "faults", "lateness", "supervisor.timers.late", "operator_age")
 """Columns of the log that are looked at; the last one may be missing."""
 OF_THE_COMPUTER = frozenset({Fault.LATE, Fault.CLOCK})
 """Faults of this computer, and not of the rig."""
@@ -27,7 +27,14 @@ _OLD = frozenset({Fault.JOINT_STALE, Fault.MOTOR_STALE})
 FOLLOWS_LATENESS = _OLD | {
     *(Fault.JOINT_LOST, Fault.JOINT_JUMP, Fault.JOINT_OVER_SPEED, Fault.MOTOR_LOST, Fault.MOTOR_JUMP),
     *(Fault.MOTOR_OVER_SPEED, Fault.NOT_FOLLOWING, Fault.CURRENT_LOST, Fault.HEARTBEAT_LOST, Fault.DRIVE_DROPPED),
-    *(Fault.DRIVE_FAULT, Fault.EMERGENCY, Fault.WISH_STEP, Fault.WISH_FAR, Fault.WISH_HARD, Fault.OPERATOR_LOST),
+    *(
+        Fault.DRIVE_FAULT,
+        Fault.EMERGENCY,
+        Fault.TARGET_STEP,
+        Fault.TARGET_TOO_FAR,
+        Fault.TARGET_TOO_HARD,
+        Fault.OPERATOR_LOST,
+    ),
     *(Fault.EMG_LOST, Fault.NOT_ENABLED),
 }
 """What a computer that stalls brings about as well."""
@@ -42,7 +49,7 @@ _OF_TWIN = {
     Fault.BUS_ERRORS: f"a twin's bus has no cable; the twin is silent: {_SILENT}",
     Fault.MOTOR_STALE: f"the twin is late or silent: {_SILENT}",
     Fault.JOINT_STALE: f"the twin is late or silent: {_SILENT}",
-    Fault.JOINT_ASTRAY: _ASTRAY,
+    Fault.JOINT_MOTOR_MISMATCH: _ASTRAY,
     Fault.EMERGENCY_STOP: "it was injected into the twin; begin again",
     Fault.MOTOR_HOT: "the twin's motor is a model; begin again, it is cold then",
     Fault.DRIVE_HOT: "the twin's drive is a model; begin again",
@@ -107,7 +114,7 @@ def _stops(log: Recording) -> Iterator[Stop]:
         yield Stop(
             float(time[begin] - time[0]),
             *told_apart(onsets(bits[begin:over], time[begin:over])),
-            _most(log["lateness"][since], log["supervisor.sums.late"][since]),
+            _most(log["lateness"][since], log["supervisor.timers.late"][since]),
             _most(log["operator_age"][since]) if "operator_age" in log.columns else 0.0,
         )
 

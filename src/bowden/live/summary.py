@@ -22,7 +22,7 @@ from bowden.live.mcap_read import Recording, read
 from bowden.live.mcap_reader import Damage
 from bowden.safety import faults
 from bowden.safety.faults import Fault
-from bowden.safety.supervisor import Mode
+from bowden.safety.state import Mode
 
 if TYPE_CHECKING:
     from bowden.live.session import Session

@@ -13,16 +13,14 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.safety.faults import shown_to_others
-from bowden.safety.supervisor import Mode, Request
+from bowden.safety.faults import Reaction, shown_to_others
+from bowden.safety.state import Mode, PreflightResult, Request
 
 PATIENCE = 20
 """Cycles that the axes may need to begin to run, one after the other: a bridged reading keeps one back for 5."""
-_NONE, _ARM, _RUN, _STOP = (float(one) for one in (Request.NONE, Request.ARM, Request.RUN, Request.STOP))
-_STOPPED, _PREFLIGHT, _RUNNING = float(Mode.STOPPED), float(Mode.PREFLIGHT), float(Mode.RUNNING)
-_UNDER_WAY = frozenset({_RUNNING, float(Mode.BRIDGING)})
-_ON = frozenset({_PREFLIGHT, _RUNNING, float(Mode.BRIDGING)})
-_OFF = frozenset({_STOPPED, float(Mode.LATCHED)})
+_UNDER_WAY = frozenset({Mode.RUNNING, Mode.BRIDGING})
+_ON = _UNDER_WAY | {Mode.PREFLIGHT}
+_OFF = frozenset({Mode.STOPPED, Mode.LATCHED})
 
 
 class Together:
@@ -37,7 +35,7 @@ class Together:
         self._count, self._independent = count, independent
         self._apart = 0
 
-    def asked(self, request: float, modes: Sequence[float], faults: Sequence[float]) -> list[float]:
+    def asked(self, request: Request, modes: Sequence[Mode], faults: Sequence[int]) -> list[Request]:
         """What each supervisor is asked for in this cycle.
 
         Args:
@@ -47,44 +45,44 @@ class Together:
         """
         if self._independent:
             return [request] * self._count
-        if request == _ARM and not all(
-            mode == _STOPPED and not found for mode, found in zip(modes, faults, strict=True)
+        if request == Request.ARM and not all(
+            mode == Mode.STOPPED and not found for mode, found in zip(modes, faults, strict=True)
         ):
-            request = _NONE
-        if request == _RUN and any(mode != _PREFLIGHT for mode in modes):
-            request = _NONE
+            request = Request.NONE
+        if request == Request.RUN and any(mode != Mode.PREFLIGHT for mode in modes):
+            request = Request.NONE
         on = [mode in _ON for mode in modes]
         apart = any(mode in _OFF for mode in modes) and any(on)
         asked = [request] * self._count
-        if _RUNNING in modes and _PREFLIGHT in modes:
+        if Mode.RUNNING in modes and Mode.PREFLIGHT in modes:
             self._apart += 1
-            asked = [_RUN if mode == _PREFLIGHT and request == _NONE else request for mode in modes]
+            asked = [Request.RUN if mode == Mode.PREFLIGHT and request == Request.NONE else request for mode in modes]
         else:
             self._apart = 0
         if apart or self._apart > PATIENCE:
-            asked = [_STOP if is_on else one for is_on, one in zip(on, asked, strict=True)]
+            asked = [Request.STOP if is_on else one for is_on, one in zip(on, asked, strict=True)]
         return asked
 
-    def shown(self, latched: Sequence[float]) -> list[float]:
+    def shown(self, latched: Sequence[int]) -> list[Reaction]:
         """What each supervisor is shown of the others: the worst reaction to their own faults.
 
         Args:
             latched: faults that each axis had latched after the cycle before, a sum of 2**fault.
         """
         if self._independent or not any(latched):
-            return [0.0] * self._count
+            return [Reaction.NONE] * self._count
         own = [shown_to_others(bits) for bits in latched]
         return [max((*own[:i], *own[i + 1 :])) for i in range(self._count)]
 
-    def outcomes(self, alone: Sequence[float]) -> list[float]:
+    def outcomes(self, alone: Sequence[PreflightResult]) -> list[PreflightResult]:
         """The outcome of the preflight that each supervisor is shown: failed as soon as one has, passed once all have.
 
         Args:
-            alone: outcome of each axis' own, 0 not done, 1 passed, −1 failed.
+            alone: outcome of each axis' own.
         """
         return list(alone) if self._independent else [min(alone)] * self._count
 
-    def over(self, done: Sequence[bool], modes: Sequence[float]) -> bool:
+    def over(self, done: Sequence[bool], modes: Sequence[Mode]) -> bool:
         """Whether the run has come to its end: every axis that runs has, and one does.
 
         Args:
@@ -92,7 +90,7 @@ class Together:
             modes: of each axis after the cycle before.
         """
         led = [ended for ended, mode in zip(done, modes, strict=True) if mode in _UNDER_WAY]
-        return _RUNNING in modes and all(led) and (self._independent or len(led) == self._count)
+        return Mode.RUNNING in modes and all(led) and (self._independent or len(led) == self._count)
 
 
 _ORDER = (Mode.STOPPED, Mode.LATCHED, Mode.PREFLIGHT, Mode.RUNNING, Mode.BRIDGING, Mode.RELEASING)

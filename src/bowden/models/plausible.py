@@ -2,9 +2,7 @@
 
 from typing import Annotated, NamedTuple
 
-import numpy as np
-
-from bowden.core.kernel import kernel, sel
+from bowden.core.kernel import kernel
 from bowden.core.quantity import Quantity
 
 
@@ -17,28 +15,38 @@ class Followed(NamedTuple):
 
 
 @kernel
-def outside(x: float, low: float, high: float) -> float:
-    """0 where low ≤ x ≤ high, else 1: so for what is not a number."""
-    return sel((x >= low) * (x <= high), 0.0, 1.0)
+def outside(x: float, low: float, high: float) -> bool:
+    """False where low ≤ x ≤ high. True else, and so wherever one of the three is not a number: a limit refuses NaN."""
+    return not (low <= x <= high)
 
 
 @kernel
-def beyond(x: float, high: float) -> float:
-    """0 where x ≤ high, else 1: so for what is not a number."""
-    return sel(x <= high, 0.0, 1.0)
+def beyond(x: float, high: float) -> bool:
+    """False where x ≤ high. True else, and so wherever one of both is not a number."""
+    return not (x <= high)
 
 
 @kernel
-def lasting(condition: float, before: float, time: float) -> float:
-    """For how long a condition of 0 or 1 has held [s], after `before`."""
-    return sel(condition > 0.0, before + time, 0.0)
+def persistence_time(condition: bool, before: float, time: float) -> float:
+    """For how long a condition has held without a break [s]: `time` more than `before` while it holds, else 0."""
+    return before + time if condition else 0.0
+
+
+class ReadingCheck(NamedTuple):
+    """What becomes of a reading: it is used as it is, or not at all."""
+
+    sensor: Followed
+    lost: bool
+    """There was no reading that can be."""
+    jumped: bool
+    """It is further from the last good one than noise and motion explain."""
 
 
 @kernel
 def follow(
-    before: Followed, value: float, came: float, time: float, span: float, jump: float, fastest: float, smoothing: float
-) -> tuple[Followed, float, float]:
-    """The sensor after a reading `time` [s] later, which is used as it is or not at all.
+    before: Followed, value: float, came: bool, time: float, span: float, jump: float, fastest: float, smoothing: float
+) -> ReadingCheck:
+    """The sensor after a reading `time` [s] later.
 
     A reading that did not come and is still the last one says nothing of the time since: neither that all stood
     still, nor how fast what comes next has moved.
@@ -46,21 +54,23 @@ def follow(
     Args:
         before: the last good reading.
         value: the reading, or NaN [rad].
-        came: 1 where it came in this cycle, 0 where it is an older one.
+        came: whether it came in this cycle, and is not an older one.
         time: from the sample of the reading before to that of this one [s].
         span: largest |value| that can be [rad].
         jump: change that noise explains [rad].
         fastest: speed that motion explains [rad/s].
         smoothing: time constant of the speed's filter [s].
-
-    Returns:
-        The sensor; 1 if there was no reading that can be, else 0; 1 if it jumped, else 0.
     """
     age = before.age + time
-    lost = outside(value, -span, span)
-    now = sel(lost > 0.0, before.value, value)
-    change = now - before.value
-    jumped = beyond(np.abs(change), jump + fastest * age)
-    good = (np.fmax(lost, jumped) == 0.0) * (1.0 - (came == 0.0) * (change == 0.0)) > 0.0
-    speed = before.speed + (change - before.speed * age) / (smoothing + age)
-    return Followed(sel(good, now, before.value), sel(good, speed, before.speed), sel(good, 0.0, age)), lost, jumped
+    aged = Followed(before.value, before.speed, age)
+    if outside(value, -span, span):
+        return ReadingCheck(aged, True, False)
+    change = value - before.value
+    if beyond(abs(change), jump + fastest * age):
+        return ReadingCheck(aged, False, True)
+    if not came and change == 0.0:
+        return ReadingCheck(aged, False, False)
+    speed = before.speed
+    if smoothing + age > 0.0:  # two readings of one sample, without a filter, say nothing of the speed
+        speed = before.speed + (change - before.speed * age) / (smoothing + age)
+    return ReadingCheck(Followed(value, speed, 0.0), False, False)

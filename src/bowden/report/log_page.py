@@ -14,7 +14,7 @@ from bowden.cycle.one_cycle import WishSource
 from bowden.live import stops
 from bowden.report import log_figures as figures
 from bowden.report.page import Page
-from bowden.safety.supervisor import Mode
+from bowden.safety.state import Mode
 
 _MOST_EVENTS = 200
 _LEFT_OUT = ("names",)  # of the settings: the page shows names in their place

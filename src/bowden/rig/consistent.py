@@ -21,7 +21,7 @@ from bowden.core.units import DEGREES, RADIANS
 from bowden.hardware.drives.family import LOST
 from bowden.rig.declaration import at, in_file, items_of, rounded
 from bowden.safety.limits import Limits
-from bowden.safety.supervisor import OVERSPEED, longest_release, steepest
+from bowden.safety.release import OVERSPEED, longest_release, steepest
 
 USUAL = rounded(Limits(), 4)
 """Of the paper's bench, as a file has them."""
@@ -151,7 +151,7 @@ def contradictions(limits: Limits, dt: float, *, opposed: bool = False, given: L
         found.append(f"{written('motor_low')} is not below {written('motor_high')}")
     if not limits.joint_low < limits.joint_high:
         found.append(f"{written('joint_low')} is not below {written('joint_high')}")
-    if limits.measures_tension == 1.0 and not limits.tension_low < limits.tension_high:
+    if limits.measures_tension and not limits.tension_low < limits.tension_high:
         found.append(f"{written('tension_low')} is not below {written('tension_high')}")
     if not limits.slope_low <= limits.slope_high:
         found.append(f"{written('slope_low')} is above {written('slope_high')}")

@@ -19,8 +19,9 @@ from bowden.plants.bench import Bench
 from bowden.plants.suit_parts import Suit
 from bowden.rig.consistent import Basis, follow
 from bowden.rig.settings import LiveSettings
+from bowden.safety.evidence import DEAD_SHARE
 from bowden.safety.limits import ARM_LOWERING, FASTEST_RELEASE, Limits
-from bowden.safety.supervisor import DEAD_SHARE, steepest
+from bowden.safety.release import steepest
 
 if TYPE_CHECKING:
     from bowden.hardware.buses.link import BusPlace
@@ -63,24 +64,26 @@ def limits(
     fastest = _BELOW * min(given.joint_speed, given.motor_speed * float(steepest(given)))
     travel = max(_LEAST_TRAVEL / basis.slope, dead_zone / DEAD_SHARE)
     travel = min(given.frozen_travel, travel) if written else travel
+    gain, doubt = (given.pull_gain, given.pull_doubt) if suit is None else _pull(suit)
     return given._replace(
         frozen_travel=given.frozen_travel if math.isnan(dead_zone) else travel,
         servo_frequency=bench.servo.natural_frequency,
         servo_damping=bench.servo.damping,
         current_peak=bench.motor.current_limit,
         thermal=given.thermal._replace(resistance=bench.motor.resistance),
-        measures_current=1.0,
-        measures_tension=float(family.measures_tension(drive) or (cell.there and cell.measures == "tension")),
-        measures_torque=float(family.measures_torque(drive) or (cell.there and cell.measures == "torque")),
+        measures_current=True,
+        measures_tension=family.measures_tension(drive) or (cell.there and cell.measures == "tension"),
+        measures_torque=family.measures_torque(drive) or (cell.there and cell.measures == "torque"),
         lowering=min(given.lowering, fastest, math.inf if suit is None else ARM_LOWERING),
         force_release=min(FASTEST_RELEASE, fastest),
         taut=min(max(taut, given.motor_low), given.motor_high),
-        homed=float(family_of(drive).homed(drive)),
-        **({} if suit is None else _pull(suit)),
+        homed=family_of(drive).homed(drive),
+        pull_gain=gain,
+        pull_doubt=doubt,
     )
 
 
-def _pull(suit: Suit) -> dict[str, float]:
+def _pull(suit: Suit) -> tuple[float, float]:
     """What a motor's current says at least of the flexor's tension T, whose spool has the radius r:
 
         T ≥ (η·N·kτ·I − (1 + doubt)·F)/r
@@ -91,10 +94,8 @@ def _pull(suit: Suit) -> dict[str, float]:
     after 2·J·v/(η·N·kτ·I), 12 ms on the default suit, which the supervisor waits for and longer.
     """
     motor, radius, doubt = suit.motor, suit.spool_radius, 1.0 + Doubt().friction
-    return {
-        "pull_gain": motor.efficiency * motor.gear * motor.torque_constant / radius,
-        "pull_doubt": doubt * motor.friction / radius + doubt * suit.flexor.feeder_drag,
-    }
+    gain = motor.efficiency * motor.gear * motor.torque_constant / radius
+    return gain, doubt * motor.friction / radius + doubt * suit.flexor.feeder_drag
 
 
 SURE_INTEGRAL = 40.0
@@ -229,7 +230,7 @@ def check_load(drive: Any, cell: LoadCellParameters, allowed: Limits, sample_tim
             expected="one load cell",
             do="delete tension_n_per_mv and torque_nm_per_mv of [drive], or source of [load_cell]",
         )
-    torque = allowed.measures_torque == 1.0
+    torque = allowed.measures_torque
     most, key = (allowed.torque_high, "torque_high_nm") if torque else (allowed.tension_high, "tension_high_n")
     if cell.there:
         check_cell(cell, sample_time, most, key)

@@ -1,22 +1,46 @@
-"""Every fault that the supervisor knows: what shows it, what is done, how soon, and what the operator does then."""
+"""Every fault that the supervisor knows: its reactions, how soon, what shows it, and what the operator does then.
 
+A set of faults is a whole number in which fault number n has the bit 2ⁿ.
+"""
+
+from collections.abc import Iterable
 from enum import IntEnum
+from typing import NamedTuple
+
+from bowden.core.kernel import kernel
+
+
+class Reaction(IntEnum):
+    """What is done; the largest is the worst, and wins (docs/safety.md)."""
+
+    NONE = 0
+    R1 = 1
+    """Bridge: hold the last valid target, for a few milliseconds at most."""
+    R2 = 2
+    """Release: let the joint down until the cable is just taut, then take the power off."""
+    R3 = 3
+    """Take the power off at once."""
+
+
+WARNS, R1, R2, R3 = Reaction
 
 
 # fmt: off
 class Fault(IntEnum):
-    """A fault; its number is its bit. Reaction at once, and once R1 has lasted too long (0: a warning, which keeps from
-    arming); time limit from its showing to R2 or R3 [s]; meaning; detector; remedy.
+    """A fault; its number is its bit. Reaction at once, and once R1 has lasted too long (`WARNS`: it keeps from arming,
+    and does nothing to a run); time limit from its showing to R2 or R3 [s]; meaning; detector; remedy.
     """
 
-    at_once: int
-    then: int
+    at_once: Reaction
+    then: Reaction
     within: float
     meaning: str
     detector: str
     remedy: str
 
-    def __new__(cls, at_once: int, then: int, within: float, meaning: str, detector: str, remedy: str) -> "Fault":
+    def __new__(
+        cls, at_once: Reaction, then: Reaction, within: float, meaning: str, detector: str, remedy: str
+    ) -> "Fault":
         """Number the rows in their order."""
         fault = int.__new__(cls, len(cls.__members__))
         fault._value_ = len(cls.__members__)
@@ -26,146 +50,185 @@ class Fault(IntEnum):
 
     @property
     def latched(self) -> bool:
-        """Whether it holds the power off until an operator acknowledges: all but warnings, once R1 has ended."""
-        return self.then > 0
+        """True if it holds the power off until an operator acknowledges: all but warnings, once R1 has ended."""
+        return self.then > Reaction.NONE
 
-    JOINT_LOST = (1, 2, 0.008, "joint angle missing or impossible", "|joint| ≤ sensor_span does not hold",
+    JOINT_LOST = (R1, R2, 0.008, "joint angle missing or impossible", "|joint| ≤ sensor_span does not hold",
                   "look at the joint encoder's plug, supply and zero")
-    JOINT_JUMP = (1, 2, 0.020, "joint angle jumps", "|change| > jump + joint_speed × time",
+    JOINT_JUMP = (R1, R2, 0.020, "joint angle jumps", "|change| > jump + joint_speed × time",
                   "look for a loose plug, interference, a slipping encoder or a wrong direction of the joint encoder")
-    JOINT_STALE = (1, 2, 0.020, "joint angle is late", "joint_age > reading_age",
+    JOINT_STALE = (R1, R2, 0.020, "joint angle is late", "joint_age > reading_age",
                    "look at the bus load and at the drive's PDO settings")
-    JOINT_FROZEN = (2, 2, 0.008, "joint angle does not change",
+    JOINT_FROZEN = (R2, R2, 0.008, "joint angle does not change",
                     "at most one count to and fro over frozen_travel of the motor, or in strokes beyond the dead zone",
                     "look at the joint encoder, its coupling and the cable")
-    JOINT_ASTRAY = (2, 2, 0.008, "joint and motor disagree", "joint outside slope_low…slope_high × motor ± play",
-                    "look for a broken or slack cable and for wrong zeros or directions of the encoders")
-    JOINT_OVER_TRAVEL = (3, 3, 0.010, "joint beyond its range", "joint outside joint_low…joint_high",
+    JOINT_MOTOR_MISMATCH = (R2, R2, 0.008, "joint and motor disagree",
+                            "joint outside slope_low…slope_high × motor ± play",
+                            "look for a broken or slack cable and for wrong zeros or directions of the encoders")
+    JOINT_OVER_TRAVEL = (R3, R3, 0.010, "joint beyond its range", "joint outside joint_low…joint_high",
                          "bring the limb back by hand; look at the reference and the joint's zero")
-    JOINT_OVER_SPEED = (3, 3, 0.020, "joint too fast", "filtered speed > joint_speed",
+    JOINT_OVER_SPEED = (R3, R3, 0.020, "joint too fast", "filtered speed > joint_speed",
                         "look for a torn cable; slow the reference down")
-    MOTOR_LOST = (1, 3, 0.008, "motor angle missing or impossible", "|motor| ≤ sensor_span does not hold",
+    MOTOR_LOST = (R1, R3, 0.008, "motor angle missing or impossible", "|motor| ≤ sensor_span does not hold",
                   "look at the motor encoder's plug and supply; home again")
-    MOTOR_JUMP = (1, 3, 0.020, "motor angle jumps", "|change| > jump + motor_speed × time",
+    MOTOR_JUMP = (R1, R3, 0.020, "motor angle jumps", "|change| > jump + motor_speed × time",
                   "look for a loose plug, interference or a wrong direction of the motor encoder")
-    MOTOR_STALE = (1, 3, 0.020, "motor angle is late", "motor_age > reading_age",
+    MOTOR_STALE = (R1, R3, 0.020, "motor angle is late", "motor_age > reading_age",
                    "look at the bus, its load and the drive's supply")
-    NOT_FOLLOWING = (3, 3, 0.020, "motor does not follow its model", "|motor − model| > tracking for 5 ms",
+    NOT_FOLLOWING = (R3, R3, 0.020, "motor does not follow its model", "|motor − model| > tracking for 5 ms",
                      "look for a jam, a frozen motor encoder, a wrong servo model (`bowden identify-servo`)")
-    MOTOR_OVER_TRAVEL = (3, 3, 0.010, "motor beyond its range", "motor outside motor_low…motor_high ± motor_margin",
+    MOTOR_OVER_TRAVEL = (R3, R3, 0.010, "motor beyond its range", "motor outside motor_low…motor_high ± motor_margin",
                          "let the cable out by hand and home again")
-    MOTOR_OVER_SPEED = (3, 3, 0.020, "motor too fast", "filtered speed > motor_speed",
+    MOTOR_OVER_SPEED = (R3, R3, 0.020, "motor too fast", "filtered speed > motor_speed",
                         "slow the reference down; look for a torn cable")
-    CURRENT_LOST = (1, 2, 0.008, "no motor current", "missing, or beyond twice its peak", "look at the drive's PDOs")
-    OVER_CURRENT = (3, 3, 0.010, "current beyond its peak", "|current| > current_peak for 2 ms",
+    CURRENT_LOST = (R1, R2, 0.008, "no motor current", "missing, or beyond twice its peak", "look at the drive's PDOs")
+    OVER_CURRENT = (R3, R3, 0.010, "current beyond its peak", "|current| > current_peak for 2 ms",
                     "look for a short circuit; compare current_peak with the drive's own limit")
-    SATURATED = (2, 2, 0.060, "drive at its limit", "|current| > 95 % of its peak for 50 ms: laws wind up",
+    SATURATED = (R2, R2, 0.060, "drive at its limit", "|current| > 95 % of its peak for 50 ms: laws wind up",
                  "take load from the cable; look for a jam")
-    I2T = (2, 2, 0.008, "peak current for too long", "∫(I² − Ic²) beyond i2t_time at the peak",
+    I2T = (R2, R2, 0.008, "peak current for too long", "∫(I² − Ic²) beyond i2t_time at the peak",
            "let the motor rest for a minute; take load away")
-    MOTOR_HOT = (2, 2, 0.008, "motor too warm", "thermal model beyond winding_limit or housing_limit",
+    MOTOR_HOT = (R2, R2, 0.008, "motor too warm", "thermal model beyond winding_limit or housing_limit",
                  "let the motor cool for some minutes; the model goes on over restarts")
-    DRIVE_HOT = (2, 2, 0.008, "drive too warm", "its temperature missing or > drive_limit, where measured",
+    DRIVE_HOT = (R2, R2, 0.008, "drive too warm", "its temperature missing or > drive_limit, where measured",
                  "let the drive cool; look at its airflow")
-    TENSION_LOST = (1, 2, 0.008, "no tension", "missing or impossible, where measured", "look at the load cell's plug")
-    OVER_TENSION = (3, 3, 0.004, "cable pulls too hard",
+    TENSION_LOST = (R1, R2, 0.008, "no tension", "missing or impossible, where measured",
+                    "look at the load cell's plug")
+    OVER_TENSION = (R3, R3, 0.004, "cable pulls too hard",
                     "tension > tension_high, measured, or, on a suit, what its current leaves no doubt of for 50 ms",
                     "first check for a caught limb or a jam")
-    SLACK = (2, 2, 0.060, "cable slack or torn", "tension < tension_low for 50 ms, where measured",
+    SLACK = (R2, R2, 0.060, "cable slack or torn", "tension < tension_low for 50 ms, where measured",
              "check the cable; tighten it again")
-    HEARTBEAT_LOST = (3, 3, 0.004, "drive silent", "its heartbeat older than heartbeat_age",
+    HEARTBEAT_LOST = (R3, R3, 0.004, "drive silent", "its heartbeat older than heartbeat_age",
                       "look at the bus cable, its termination and the drive's supply")
-    NOT_ENABLED = (3, 3, 0.004, "drive does not enable", "not in operation enabled within enable_time of arming",
+    NOT_ENABLED = (R3, R3, 0.004, "drive does not enable", "not in operation enabled within enable_time of arming",
                    "look at the drive's enable input, STO and supply")
-    DRIVE_DROPPED = (3, 3, 0.004, "drive switched off or restarted by itself", "its state, while it should be enabled",
+    DRIVE_DROPPED = (R3, R3, 0.004, "drive switched off or restarted by itself",
+                     "its state, while it should be enabled",
                      "look at its enable input, STO, emergency stop and supply; home again after a restart")
-    DRIVE_FAULT = (3, 3, 0.004, "drive in fault", "its state is fault or fault reaction",
+    DRIVE_FAULT = (R3, R3, 0.004, "drive in fault", "its state is fault or fault reaction",
                    "read the error code, correct the cause, acknowledge")
-    EMERGENCY = (3, 3, 0.004, "emergency from the drive", "an emergency frame with an error code",
+    EMERGENCY = (R3, R3, 0.004, "emergency from the drive", "an emergency frame with an error code",
                  "read the text of the code, correct the cause, acknowledge")
-    BUS_ERRORS = (3, 3, 0.008, "bus fails", "more than two frames not sent within a second, or bus-off",
+    BUS_ERRORS = (R3, R3, 0.008, "bus fails", "more than two frames not sent within a second, or bus-off",
                   "look at the bus cable, both terminations and the bit rate")
-    LATE = (2, 2, 0.004, "loop too late", "lateness, or the sum of the last ones, > lateness",
+    LATE = (R2, R2, 0.004, "loop too late", "lateness, or the sum of the last ones, > lateness",
             "run `bowden doctor`; close other programs")
-    CLOCK = (2, 2, 0.004, "clock stepped", "time between cycles not in 0…clock_gap, or a cycle too early",
+    CLOCK = (R2, R2, 0.004, "clock stepped", "time between cycles not in 0…clock_gap, or a cycle too early",
              "run `bowden doctor`; was the computer asleep?")
-    WISH_LOST = (1, 2, 0.008, "law's target missing or out of range", "motor_low ≤ target ≤ motor_high does not hold",
-                 "look at the reference, the gains, the law's state in the log")
-    WISH_STEP = (1, 2, 0.008, "law's target jumps", "change in a cycle > target_speed",
-                 "look at the reference and the gains; start where the joint is")
-    WISH_FAR = (1, 2, 0.008, "law's target too far away", "|target − motor| > target_reach",
-                "look at the gains; does the law wind up?")
-    WISH_HARD = (1, 2, 0.008, "law's target too hard", "servo's model would accelerate beyond acceleration",
-                 "look at the gains; run `bowden check`")
-    OPERATOR_LOST = (2, 2, 0.004, "operator gone",
+    TARGET_LOST = (R1, R2, 0.008, "law's target missing or out of range",
+                   "motor_low ≤ target ≤ motor_high does not hold",
+                   "look at the reference, the gains, the law's state in the log")
+    TARGET_STEP = (R1, R2, 0.008, "law's target jumps", "change in a cycle > target_speed",
+                   "look at the reference and the gains; start where the joint is")
+    TARGET_TOO_FAR = (R1, R2, 0.008, "law's target too far away", "|target − motor| > target_reach",
+                      "look at the gains; does the law wind up?")
+    TARGET_TOO_HARD = (R1, R2, 0.008, "law's target too hard", "servo's model would accelerate beyond acceleration",
+                       "look at the gains; run `bowden check`")
+    OPERATOR_LOST = (R2, R2, 0.004, "operator gone",
                      "no sign of life from the operator's process for operator_age; not a hung connection",
                      "come back to the terminal, acknowledge")
-    PREFLIGHT_FAILED = (2, 2, 0.004, "preflight failed, or armed for too long", "its outcome, or preflight_time",
+    PREFLIGHT_FAILED = (R2, R2, 0.004, "preflight failed, or armed for too long", "its outcome, or preflight_time",
                         "read its reason; arm again when you are ready to run")
-    RECORDER_LOST = (0, 0, 0.0, "nothing is recorded", "recorder dead, behind, disk full, or its file gone",
+    RECORDER_LOST = (WARNS, WARNS, 0.0, "nothing is recorded", "recorder dead, behind, disk full, or its file gone",
                      "make room on the disk, leave the log in its place, begin another run; a running loop goes on, no "
                      "new one is armed")
-    EMG_LOST = (2, 2, 0.004, "EMG lost", "newest sample older than emg_age, or trouble away from rest, in a run by EMG",
+    EMG_LOST = (R2, R2, 0.004, "EMG lost",
+                "newest sample older than emg_age, or trouble away from rest, in a run by EMG",
                 "look at the electrodes, their base station, its network and the program that sends; then arm again")
-    NOT_DISABLED = (3, 3, 0.004, "drive keeps its torque",
+    NOT_DISABLED = (R3, R3, 0.004, "drive keeps its torque",
                     "for disable_time after power off: its state has torque, |current| > released_current, or, where "
                     "that is not known, the motor pulls at 1 rad/s",
                     "press the emergency stop, and keep away; do not use this drive before it has been repaired. If "
                     "its motor turns freely, released_current of [limits] is below what it reads without torque")
-    SECOND_MASTER = (3, 3, 0.004, "another master on the bus",
+    SECOND_MASTER = (R3, R3, 0.004, "another master on the bus",
                      "a frame came that this host alone may send, or more readings of a drive than it was asked for",
                      "end the other program, take the other device off the bus, or look for two with one number")
-    EMERGENCY_STOP = (3, 3, 0.004, "emergency stop pressed", "its input, where the rig names one, or safe torque off",
+    EMERGENCY_STOP = (R3, R3, 0.004, "emergency stop pressed", "its input, where the rig names one, or safe torque off",
                       "find out why it was pressed; release it, and acknowledge")
-    CURRENT_STUCK = (2, 2, 0.004, "motor current does not change",
+    CURRENT_STUCK = (R2, R2, 0.004, "motor current does not change",
                      "at most one count to and fro over frozen_travel of the motor and 1 rad/s of its speed",
                      "look at 6077h of the drive and its PDO")
-    RELEASE_PULLS = (3, 3, 0.004, "release pulls",
+    RELEASE_PULLS = (R3, R3, 0.004, "release pulls",
                      "joint 20° to the slack side of where the cable is just taut, and 6° further since R2 began",
                      "change the sign of slack_sign in [limits], or the motor's direction")
-    AXIS_RELEASED = (2, 2, 0.004, "another axis is being released", "a fault of another axis of the rig asks for R2",
+    AXIS_RELEASED = (R2, R2, 0.004, "another axis is being released", "a fault of another axis of the rig asks for R2",
                      "look at the fault of the other axis; an acknowledgement is for all axes")
-    AXIS_OFF = (3, 3, 0.004, "another axis is off", "a fault of another axis of the rig asks for R3",
+    AXIS_OFF = (R3, R3, 0.004, "another axis is off", "a fault of another axis of the rig asks for R3",
                 "look at the fault of the other axis; an acknowledgement is for all axes")
-    TORQUE_LOST = (1, 2, 0.008, "no torque of the joint", "missing or impossible, where measured",
+    TORQUE_LOST = (R1, R2, 0.008, "no torque of the joint", "missing or impossible, where measured",
                    "look at the load cell's plug and supply")
-    OVER_TORQUE = (3, 3, 0.004, "too much torque on the joint", "|joint torque| > torque_high, where measured",
+    OVER_TORQUE = (R3, R3, 0.004, "too much torque on the joint", "|joint torque| > torque_high, where measured",
                    "first check for a caught limb or a jam")
-    LOAD_STUCK = (2, 2, 0.008, "load cell does not change",
+    LOAD_STUCK = (R2, R2, 0.008, "load cell does not change",
                   "at most one count to and fro over frozen_travel of the motor, less the cable's dead zone",
                   "look at the load cell, its amplifier and how it sends")
-    MOTORS_APART = (2, 2, 0.060, "motors of a pair go apart",
+    MOTORS_APART = (R2, R2, 0.060, "motors of a pair go apart",
                     "½·|motor − the other's − parting_offset − parting_slope × joint| > parting + parting_lag × "
                     "speed for 50 ms, once both have been nearer",
                     "look for a law that drifts, other slopes of the cables than the rig says, a slipping spool; run "
                     "`bowden check`")
-    JOINT_OFF_REFERENCE = (2, 2, 0.004, "joint does not follow its reference",
+    JOINT_OFF_REFERENCE = (R2, R2, 0.004, "joint does not follow its reference",
                            "|joint − reference| > off_reference for off_reference_time longer than it is not",
                            "look for a held limb, a slipping spool, a cable beside its pulley, a law that gives up; "
                            "run `bowden check`")
 # fmt: on
 
+
+def bits_of(faults: Iterable[Fault]) -> int:
+    """The set of these faults.
+
+    >>> bits_of([Fault.JOINT_LOST, Fault.JOINT_STALE])
+    5
+    """
+    return sum(1 << fault for fault in faults)
+
+
+class Reactions(NamedTuple):
+    """Which faults ask for which reaction."""
+
+    r1: int
+    r2: int
+    r3: int
+
+
+AT_ONCE = Reactions(*(bits_of(fault for fault in Fault if fault.at_once is reaction) for reaction in (R1, R2, R3)))
+"""In the cycle in which a fault is found."""
+EVENTUALLY = Reactions(*(bits_of(fault for fault in Fault if fault.then is reaction) for reaction in (R1, R2, R3)))
+"""Once R1 has lasted too long."""
+LATCHING = bits_of(fault for fault in Fault if fault.latched)
+"""Faults that are latched once they have led to R2 or R3."""
+
+
+@kernel
+def worst_reaction(faults: int, asked: Reactions) -> Reaction:
+    """The worst reaction that any of these faults asks for."""
+    if (faults & asked.r3) != 0:
+        return Reaction.R3
+    if (faults & asked.r2) != 0:
+        return Reaction.R2
+    if (faults & asked.r1) != 0:
+        return Reaction.R1
+    return Reaction.NONE
+
+
 OF_OTHERS = (Fault.AXIS_RELEASED, Fault.AXIS_OFF)
 """What an axis is stopped by that has no fault of its own."""
-_BITS = {then: sum(1 << fault for fault in Fault if fault.then == then and fault not in OF_OTHERS) for then in (2, 3)}
-"""Reaction → the axis' own faults that end in it."""
 
 
 def of(bits: float) -> list[Fault]:
-    """The faults in a verdict's bit set, worst reaction first."""
+    """The faults of a set, worst reaction first."""
     return sorted((fault for fault in Fault if int(bits) >> fault & 1), key=lambda fault: -fault.then)
 
 
-def shown_to_others(latched: float) -> float:
-    """What the supervisors of other axes are shown of one: the worst reaction of the faults of its own that have
-    latched it, 2 or 3; 0 of none.
+def shown_to_others(latched: int) -> Reaction:
+    """What the supervisors of other axes are shown of one: the worst reaction of the faults of its own that latched it.
 
     What merely follows from another axis is left out: two axes would hold each other.
 
-    >>> shown_to_others(2.0**Fault.SLACK), shown_to_others(2.0**Fault.SLACK + 2.0**Fault.DRIVE_FAULT)
-    (2.0, 3.0)
-    >>> shown_to_others(2.0**Fault.AXIS_OFF)
-    0.0
+    >>> shown_to_others(bits_of([Fault.SLACK])), shown_to_others(bits_of([Fault.SLACK, Fault.DRIVE_FAULT]))
+    (<Reaction.R2: 2>, <Reaction.R3: 3>)
+    >>> shown_to_others(bits_of([Fault.AXIS_OFF]))
+    <Reaction.NONE: 0>
     """
-    bits = int(latched)
-    return 3.0 if bits & _BITS[3] else 2.0 if bits & _BITS[2] else 0.0
+    return worst_reaction(latched & ~bits_of(OF_OTHERS), EVENTUALLY)

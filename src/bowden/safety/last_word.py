@@ -6,15 +6,16 @@ by plain Python on Python's own numbers: what no supervisor that is whole ever s
 """
 
 from bowden.core.errors import SafetyError
+from bowden.core.signals import Power
 from bowden.safety.limits import Limits
-from bowden.safety.supervisor import POWER_OFF, POWER_ON, Mode, Verdict
+from bowden.safety.state import Mode, Verdict
 
-_POWERS = {float(mode): (POWER_OFF,) for mode in (Mode.STOPPED, Mode.LATCHED)} | {
-    float(mode): (POWER_OFF, POWER_ON) for mode in (Mode.PREFLIGHT, Mode.RUNNING, Mode.BRIDGING, Mode.RELEASING)
-}
+_POWERS = dict.fromkeys((Mode.STOPPED, Mode.LATCHED), (Power.OFF,)) | dict.fromkeys(
+    (Mode.PREFLIGHT, Mode.RUNNING, Mode.BRIDGING, Mode.RELEASING), (Power.OFF, Power.ON)
+)
 """Mode → powers that there may be."""
 _LATE = 5.0
-"""A late loop may move the target by as many cycles at most (`supervisor.most_step`)."""
+"""A late loop may move the target by as many cycles at most (`evidence.most_step`)."""
 _ROUNDING = 1e-9
 """[rad]"""
 

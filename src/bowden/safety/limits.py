@@ -98,7 +98,7 @@ class Limits(NamedTuple):
             follows=True,
         ),
     ] = 0.4
-    measures_current: Annotated[float, Quantity("1 if the drive reports its current, else 0", key=None)] = 1.0
+    measures_current: Annotated[bool, Quantity("whether the drive reports its current", key=None)] = True
     current_peak: Annotated[float, Quantity("largest current", "A", key=None)] = 20.0
     current_time: Annotated[float, Quantity("how long it may be exceeded", "s", ge=0.0, le=0.1, follows=True)] = 0.002
     saturation: Annotated[
@@ -120,18 +120,16 @@ class Limits(NamedTuple):
             le=85.0,
         ),
     ] = 48.0
-    measures_temperature: Annotated[
-        float, Quantity("1 if the drive reports its temperature, else 0", ge=0.0, le=1.0)
-    ] = 0.0
+    measures_temperature: Annotated[bool, Quantity("whether the drive reports its temperature")] = False
     drive_limit: Annotated[float, Quantity("largest temperature of the drive", "°C", ge=0.0, le=120.0)] = 80.0
-    measures_tension: Annotated[float, Quantity("1 where the cable's tension is measured, else 0", key=None)] = 0.0
+    measures_tension: Annotated[bool, Quantity("whether the cable's tension is measured", key=None)] = False
     pull_gain: Annotated[
         float, Quantity("least tension per current that the gears pass on; 0 where it is not known", "N/A", key=None)
     ] = 0.0
     pull_doubt: Annotated[float, Quantity("tension that the gears' friction may take", "N", key=None)] = 0.0
     tension_high: Annotated[float, Quantity("largest tension of the cable", "N", ge=0.0, le=2000.0)] = 150.0
     tension_low: Annotated[float, Quantity("below it the cable is slack", "N", le=2000.0)] = 2.0
-    measures_torque: Annotated[float, Quantity("1 where the joint's torque is measured, else 0", key=None)] = 0.0
+    measures_torque: Annotated[bool, Quantity("whether the joint's torque is measured", key=None)] = False
     torque_high: Annotated[
         float, Quantity("largest torque of the suit on the joint, either way, where measured", "N·m", ge=0.0, le=200.0)
     ] = 15.0
@@ -177,7 +175,7 @@ class Limits(NamedTuple):
             le=2.0,
         ),
     ] = 0.5
-    uses_emg: Annotated[float, Quantity("1 where EMG moves the reference, else 0", key=None)] = 0.0
+    uses_emg: Annotated[bool, Quantity("whether EMG moves the reference", key=None)] = False
     emg_age: Annotated[
         float,
         Quantity(
@@ -225,13 +223,13 @@ class Limits(NamedTuple):
         float, Quantity("direction of the motor that lets the cable out: −1 or 1", ge=-1.0, le=1.0)
     ] = -1.0
     homed: Annotated[
-        float, Quantity("1 where the cable is just taut at zero, 0 where zero is where the limb was found", key=None)
-    ] = 1.0
+        bool, Quantity("whether the cable is just taut at zero, and zero is not where the limb was found", key=None)
+    ] = True
     released_current: Annotated[
         float,
         Quantity("largest current of a motor without power, and of one that holds a slack cable", "A", ge=0.0, le=10.0),
     ] = 0.3
-    paired: Annotated[float, Quantity("1 where another motor pulls at the same joint, else 0", key=None)] = 0.0
+    paired: Annotated[bool, Quantity("whether another motor pulls at the same joint", key=None)] = False
     parting: Annotated[
         float, Quantity("largest distance of each motor of a pair from where the joint asks it to be", "rad", key=None)
     ] = 0.2

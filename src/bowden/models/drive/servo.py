@@ -9,10 +9,8 @@ replaces the sub-step by one of constant acceleration. The acceleration limit st
 import math
 from typing import Annotated, NamedTuple
 
-import numpy as np
-
 from bowden.core.errors import ParameterError
-from bowden.core.kernel import kernel
+from bowden.core.kernel import exp, kernel, sqrt
 from bowden.core.part import part
 from bowden.core.quantity import Quantity
 
@@ -123,7 +121,7 @@ def servo_approach(offset: float, velocity: float, servo: ServoStep) -> tuple[fl
     """The motor relative to a command that is constant over one sub-step: its offset [rad] and velocity after it."""
     dt, change = servo.dt, servo.acceleration_limit * servo.dt
     free = servo.vx * offset + servo.vv * velocity
-    if np.abs(free - velocity) <= change and np.abs(free) <= servo.speed_limit:
+    if abs(free - velocity) <= change and abs(free) <= servo.speed_limit:
         return servo.xx * offset + servo.xv * velocity, free
     limited = max(velocity - change, min(velocity + change, free))
     limited = max(-servo.speed_limit, min(servo.speed_limit, limited))
@@ -138,14 +136,12 @@ def servo_acceleration(offset: float, velocity: float, servo: ServoStep) -> floa
 
 @kernel
 def servo_is_free(offset: float, velocity: float, servo: ServoStep) -> bool:
-    """Whether the servo surely meets neither of its limits within `dt`.
+    """True if the servo surely meets neither of its limits within `dt`.
 
     Of the unlimited servo |a| + ω·|v| grows at most by the factor exp((1 + 2ζ)·ω·t), since its derivative is at most
     2ζω·|a| + ω²·|v| + ω·|a|.
     """
-    return (
-        np.abs(servo_acceleration(offset, velocity, servo)) + np.sqrt(servo.stiffness) * np.abs(velocity) <= servo.reach
-    )
+    return abs(servo_acceleration(offset, velocity, servo)) + sqrt(servo.stiffness) * abs(velocity) <= servo.reach
 
 
 @kernel
@@ -159,14 +155,14 @@ def servo_turn(offset: float, velocity: float, servo: ServoStep) -> tuple[float,
     sigma = 0.5 * servo.drag
     q = velocity / (servo.stiffness * offset + sigma * velocity)
     square = servo.stiffness - sigma * sigma
-    z = np.sqrt(np.abs(square)) * q
-    if np.abs(z) < 1e-4:
+    z = sqrt(abs(square)) * q
+    if abs(z) < 1e-4:
         time = q * (1.0 - square * q * q / 3.0)
     elif square > 0.0:
         time = q * math.atan(z) / z
     else:
         time = q * math.atanh(z) / z
-    still = math.exp(-sigma * time) * ((1.0 + sigma * q) * offset + q * velocity) / np.sqrt(1.0 + square * q * q)
+    still = exp(-sigma * time) * ((1.0 + sigma * q) * offset + q * velocity) / sqrt(1.0 + square * q * q)
     return still, time
 
 

@@ -8,8 +8,6 @@ bounds short peaks as a drive does: dS/dt = I² − Ic², S ≥ 0, for the conti
 
 from typing import Annotated, NamedTuple
 
-import numpy as np
-
 from bowden.core.kernel import kernel
 from bowden.core.quantity import Quantity
 
@@ -62,7 +60,7 @@ def warm(thermal: Thermal, state: ThermalState, current: float, dt: float) -> Th
     return ThermalState(
         state.winding + dt * (heat - inward) / thermal.winding_capacity,
         state.housing + dt * (inward - outward) / thermal.housing_capacity,
-        np.fmax(0.0, state.i2t + excess * dt),
+        max(0.0, state.i2t + excess * dt),
     )
 
 
