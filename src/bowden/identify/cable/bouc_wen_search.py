@@ -11,7 +11,7 @@ the cable answers, n how sharply it saturates, γ how much faster it lets go tha
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.core.kernel import kernel, program
+from bowden.core.kernel import compiled, kernel
 from bowden.identify.cable.evolution import evolve
 from bowden.identify.cable.path import Path
 from bowden.models.cable.bouc_wen import BoucWen, saturation, travel_step
@@ -54,7 +54,7 @@ def search(path: Path, seed: int) -> Array:
 
     def costs(candidates: Array) -> Array:
         found = np.empty(len(candidates))
-        program(projected_costs)(path.motor, path.joint, path.weight, np.ascontiguousarray(candidates), found)
+        compiled(projected_costs)(path.motor, path.joint, path.weight, np.ascontiguousarray(candidates), found)
         return found
 
     return evolve(costs, low, high, seed, each=8, generations=25, spread=1e-3)
