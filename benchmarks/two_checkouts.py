@@ -22,7 +22,7 @@ SAME = 1e-9
 """Relative difference of numbers that counts as none."""
 TIMES = ("seconds", "created", "hash", "version", "page", "path", "out", "file")
 """Keys of what is different in every run."""
-CABLES = 12
+CABLES = 4
 """Recordings from which rigs are made."""
 
 FAULTS = """
