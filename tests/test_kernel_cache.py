@@ -43,20 +43,40 @@ print(twin(Gains(), 2.0), sum(twin.stats.cache_hits.values()))
 """
 
 
-def run(folder: Path, factor: float, helper_gain: float) -> tuple[float, int]:
-    """Write the user's two files and run them in a process of their own: (result, how often the cache served)."""
+def write(folder: Path, factor: float, helper_gain: float, further: float) -> None:
+    """The user's three files, each of which calls a kernel of the next."""
+    head = "from bowden.core.kernel import kernel\n"
     (folder / "mine.py").write_text(SCRIPT.replace("FACTOR", repr(factor)))
-    helper = f"from bowden.core.kernel import kernel\n\n@kernel\ndef gain(x):\n    return {helper_gain} * x\n"
-    (folder / "helper.py").write_text(helper)
+    (folder / "helper.py").write_text(
+        f"{head}from further import base\n\n@kernel\ndef gain(x):\n    return {helper_gain} * base(x)\n"
+    )
+    (folder / "further.py").write_text(f"{head}\nK = {further}\n\n@kernel\ndef base(x):\n    return K * x\n")
+
+
+def run(folder: Path, *numbers: float) -> tuple[float, int]:
+    """Write the files and run them in a process of their own: (result, how often the cache served)."""
+    write(folder, *numbers)
     result, hits = said(folder, "import mine").split()  # bytecode is stamped in whole seconds, so none is written
     return float(result), int(hits)
 
 
-def test_a_second_process_finds_the_compiled_code_and_an_edit_in_either_file_is_noticed(tmp_path: Path) -> None:
-    assert run(tmp_path, 2.0, 1.0) == (4.0, 0)
-    assert run(tmp_path, 2.0, 1.0) == (4.0, 1)
-    assert run(tmp_path, 3.0, 1.0) == (6.0, 0)
-    assert run(tmp_path, 3.0, 5.0) == (30.0, 0)  # the helper alone has changed, and by its content only
+def test_a_second_process_finds_the_compiled_code_and_an_edit_in_any_file_is_noticed(tmp_path: Path) -> None:
+    assert run(tmp_path, 2.0, 1.0, 1.0) == (4.0, 0)
+    assert run(tmp_path, 2.0, 1.0, 1.0) == (4.0, 1)
+    assert run(tmp_path, 3.0, 1.0, 1.0) == (6.0, 0)
+    assert run(tmp_path, 3.0, 5.0, 1.0) == (30.0, 0)  # the helper alone has changed, and by its content only
+    assert run(tmp_path, 3.0, 5.0, 7.0) == (210.0, 0)  # a global two files away
+
+
+def test_two_processes_at_once_get_what_is_right_and_leave_what_a_third_can_use(tmp_path: Path) -> None:
+    write(tmp_path, 2.0, 1.0, 1.0)
+    environment = os.environ | {"BOWDEN_CACHE_DIR": str(tmp_path / "cache")}
+    command = [sys.executable, "-B", "-c", "import mine"]
+    both = [
+        subprocess.Popen(command, cwd=tmp_path, env=environment, stdout=subprocess.PIPE, text=True) for _ in range(2)
+    ]
+    assert [one.communicate()[0].split()[0] for one in both] == ["4.0", "4.0"]
+    assert run(tmp_path, 2.0, 1.0, 1.0) == (4.0, 1)
 
 
 CONSTANT = """

@@ -5,20 +5,20 @@ ordinary code, and marks it; `compiled` gives its Numba twin, in which every ker
 imported only then. Compiled code is cached on disk (`bowden.core.kernel_cache`).
 """
 
+import hashlib
 import importlib
 import sys
 from collections.abc import Callable, Mapping
 from functools import cache
+from pathlib import Path
 from types import FunctionType
 from typing import Any, TypeVar
 
 from bowden.core.errors import ParameterError, near
-from bowden.core.kernel_cache import Program, keep
+from bowden.core.kernel_cache import keep
 from bowden.core.kernel_content import (
     Parts,
-    circle,
     content_of,
-    content_of_files,
     global_names,
     is_kernel,
     is_primitive,
@@ -36,7 +36,6 @@ __all__ = [
     "kernel",
     "log",
     "power",
-    "program",
     "sel",
     "sin",
     "specialise",
@@ -143,78 +142,56 @@ def reached(
     return {name: part for name, part in replacements.items() if name in there}
 
 
-def program(template: Callable[..., Any], name: str = "", **replacements: Callable[..., Any]) -> Callable[..., Any]:
-    """As `specialise`, or `compiled` without replacements, for what is called a few times and takes long.
-
-    Where it is kept on disk it is called without Numba, whose import takes longer than most such calls
-    (`bowden.core.native_code`). A call costs some microseconds more for every number in its arguments.
-    """
-    assert isinstance(template, FunctionType)
-    whole = f"{template.__qualname__}_{name}" if name else template.__qualname__
-    return _program(template, whole, _known(template, replacements))
-
-
-@cache
-def _program(function: FunctionType, name: str, parts: Parts) -> Callable[..., Any]:
-    content = content_of(function, parts)
-    if content is None or _COMPILING is None:
-        return _compile(function, name, parts, within=False)
-    return Program(
-        name,
-        f"{_COMPILING} {content}",
-        bare=lambda: _dispatcher(function, name, parts, within=True),
-        whole=lambda: _compile(function, name, parts, within=False),
-    )
-
-
 @cache
 def _compile(function: FunctionType, name: str, parts: Parts, *, within: bool) -> Callable[..., Any]:
-    """The Numba twin of a kernel in which global names stand for `parts`.
+    """The Numba twin of a kernel in which names of stand-ins mean `parts`.
 
     One that is called `within` compiled code alone goes without what a call from Python needs: to take nested tuples
     apart and to put them together again is half of what there is to compile.
     """
-    dispatcher = _dispatcher(function, name, parts, within=within)
-    content = content_of(function, parts)
-    if content is not None and _COMPILING is not None:
-        keep(dispatcher, f"{_COMPILING} {content} {within}")
-    return dispatcher
-
-
-def _dispatcher(function: FunctionType, name: str, parts: Parts, *, within: bool) -> Callable[..., Any]:
-    """`_compile`, of which nothing is kept but what it calls."""
     options = _NUMBA_OPTIONS | {"forceinline": not hasattr(function, "__apart__")}
     if within:
         options |= {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-    dispatcher: Callable[..., Any] = _numba().njit(**options)(_twin(function, name, parts))
+    content = content_of(function, parts)
+    twin = _twin(function, parts)
+    # what differs has another name, in this process and in those that the cache's code came from
+    twin.__qualname__, twin.__module__ = f"{name}_{content[:16]}" if content else name, function.__module__
+    dispatcher: Callable[..., Any] = _numba().njit(**options)(twin)
+    if content is not None:
+        keep(dispatcher, f"{_how_compiled()} {content} {within}")
     return dispatcher
 
 
-@cache
-def _twin(function: FunctionType, name: str, parts: Parts) -> FunctionType:
-    """A kernel that calls the twins of what it calls, named after its content.
+_OPEN: list[FunctionType] = []
+"""Kernels whose twins are being made, each called by the one before."""
 
-    What differs has another name, in this process and in those that the cache's code came from.
+
+def _twin(function: FunctionType, parts: Parts) -> FunctionType:
+    """A kernel that calls the twins of what it calls.
+
+    Raises:
+        ParameterError: it calls itself.
     """
-    if found := circle(function, parts):
-        code = found[0].__code__
+    if function in _OPEN:
+        code, others = function.__code__, _OPEN[_OPEN.index(function) + 1 :]
         raise ParameterError(
-            f"{code.co_filename}, line {code.co_firstlineno}: the kernel {found[0].__name__!r} calls itself"
-            + "".join(f", by {one.__name__!r}" for one in found[1:]),
+            f"{code.co_filename}, line {code.co_firstlineno}: the kernel {function.__name__!r} calls itself"
+            + "".join(f", by {one.__name__!r}" for one in others),
             expected="kernels that call others",
             do="write it as a loop: for i in range(n)",
         )
-    content = content_of(function, parts)
-    namespace, replaced = dict(function.__globals__), dict(parts)
-    for key in global_names(function.__code__):
-        value = meant(function, key, replaced)
-        if is_kernel(value):
-            namespace[key] = _compile(value, value.__qualname__, reaching(value, parts), within=True)
-        elif is_primitive(value):
-            namespace[key] = _primitive(value, within=True)
-    twin = FunctionType(function.__code__, namespace, function.__name__, function.__defaults__, function.__closure__)
-    twin.__qualname__, twin.__module__ = f"{name}_{content[:16]}" if content else name, function.__module__
-    return twin
+    _OPEN.append(function)
+    try:
+        namespace, replaced = dict(function.__globals__), dict(parts)
+        for key in global_names(function.__code__):
+            value = meant(function, key, replaced)
+            if is_kernel(value):
+                namespace[key] = _compile(value, value.__qualname__, reaching(value, parts), within=True)
+            elif is_primitive(value):
+                namespace[key] = _primitive(value, within=True)
+    finally:
+        _OPEN.pop()
+    return FunctionType(function.__code__, namespace, function.__name__, function.__defaults__, function.__closure__)
 
 
 @cache
@@ -238,14 +215,11 @@ def _numba() -> Any:
     return numba
 
 
-_COMPILING = content_of_files(
-    __name__,
-    "bowden.core.primitives",
-    "bowden.core.nested",
-    "bowden.core.kernel_cache",
-    "bowden.core.native_code",
-)
-"""Of what decides how a kernel is compiled, whatever it is."""
+@cache
+def _how_compiled() -> str:
+    """A hash of the files that decide how a kernel is compiled, whatever it is."""
+    files = [Path(__file__).with_name(f"{name}.py") for name in ("kernel", "primitives", "nested", "kernel_cache")]
+    return hashlib.sha256(b"".join(path.read_bytes() for path in files)).hexdigest()[:16]
 
 
 @cache

@@ -17,12 +17,11 @@ import os
 import pickle
 import platform
 import tempfile
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from functools import cache
 from pathlib import Path
 from typing import Any
 
-from bowden.core import native_code
 from bowden.core.kernel_content import content_of_types
 
 
@@ -78,62 +77,6 @@ class _Kept:
             return None
         whole = f"{self._content} {types} {codegen.magic_tuple()} {_versions()}"
         return cache_folder() / f"{self._name}-{hashlib.sha256(whole.encode()).hexdigest()[:16]}.kernel"
-
-
-_NOT_BARE = b"only with Numba"
-"""What is kept of a kernel that cannot be called without Numba, so that no other process tries again."""
-
-
-class Program:
-    """A compiled kernel that is called from Python a few times; without Numba where it can be (`native_code`).
-
-    Args:
-        name: for whoever reads the cache's folder.
-        content: what the code is made of, and how it is compiled.
-        bare: makes the Numba dispatcher without what a call from Python needs.
-        whole: makes the one that Python can call.
-    """
-
-    def __init__(self, name: str, content: str, bare: Callable[[], Any], whole: Callable[[], Any]) -> None:
-        self._name, self._content = name, content
-        self._bare, self._whole = bare, whole
-        self._known: dict[str, Callable[[list[Any]], Any] | None] = {}
-
-    def __call__(self, *arguments: Any) -> Any:
-        """What the kernel gives back."""
-        given = native_code.flattened(arguments)
-        if given is None:
-            return self._whole()(*arguments)
-        kinds, letters, numbers = given
-        if kinds not in self._known:
-            self._known[kinds] = self._found(kinds, letters, arguments)
-        function = self._known[kinds]
-        return function(numbers) if function else self._whole()(*arguments)
-
-    def _found(self, kinds: str, letters: str, arguments: tuple[Any, ...]) -> Callable[[list[Any]], Any] | None:
-        """The function for such arguments, from the disk or compiled; None where only Numba can call it."""
-        try:
-            kept = self._path(kinds).read_bytes()
-            if kept == _NOT_BARE:
-                return None
-            function = native_code.loaded(kept)
-        except Exception:  # it is not there, or whatever an unreadable or foreign file may raise: it is compiled again
-            function = None
-        return function or self._compiled(kinds, letters, arguments)
-
-    def _path(self, kinds: str) -> Path:
-        whole = f"{self._content} {kinds} {native_code.circumstances()}"
-        return cache_folder() / f"{self._name}-{hashlib.sha256(whole.encode()).hexdigest()[:16]}.program"
-
-    def _compiled(self, kinds: str, letters: str, arguments: tuple[Any, ...]) -> Callable[[list[Any]], Any] | None:
-        dispatcher = self._bare()
-        if len(arguments) != dispatcher.py_func.__code__.co_argcount:
-            return None  # Numba knows defaults
-        types = tuple(dispatcher.typeof_pyval(argument) for argument in arguments)
-        dispatcher.compile(types)
-        form = native_code.kept_form(dispatcher.overloads[types], letters)
-        _write(self._path(kinds), form or _NOT_BARE)
-        return native_code.loaded(form) if form else None
 
 
 def _write(path: Path, content: bytes) -> None:

@@ -1,9 +1,8 @@
-"""What compiled code is made of, by its content: instructions, numbers, and the kernels and types that it names.
+"""What compiled code is made of: a hash over the instructions, constants, types and callees of a kernel.
 
-Two kernels of one content compute the same; two of different content may not, though they stand at the same place
-under the same name. So the content is what compiled code is named and kept by (`bowden.core.kernel_cache`). What counts
-is what was loaded, not the file that it was loaded from, which may have changed since; and an edit costs the
-compilation of what it touches, and of nothing else.
+Two kernels of one hash compute the same. Numba's own cache looks at one file's time; an edit in a called function of
+another file would run old code. So compiled code is named and kept by this hash (`bowden.core.kernel_cache`). It is
+taken of what was loaded, not of the file, which may have changed since.
 """
 
 import dis
@@ -12,7 +11,6 @@ import hashlib
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import cache
-from pathlib import Path
 from types import BuiltinFunctionType, CodeType, FunctionType, ModuleType
 from typing import Any, TypeGuard
 
@@ -24,14 +22,10 @@ Content = str | None
 """A hash of what something is made of; None where that is not known."""
 
 Parts = tuple[tuple[str, Callable[..., Any]], ...]
-"""Global names, and the kernels to put there."""
+"""Names of stand-ins, and the kernels to put there."""
 
 _FOREIGN = ("builtins", "math", "numba", "numpy", "llvmlite")
 """Packages whose versions say what their functions do."""
-
-_LOAD_GLOBAL, _EXTENDED = dis.opmap["LOAD_GLOBAL"], dis.opmap["EXTENDED_ARG"]
-
-_NOTHING = object()
 
 
 class _UnknownError(Exception):
@@ -49,67 +43,41 @@ def is_primitive(value: Any) -> bool:
 
 
 def content_of(function: FunctionType, parts: Parts = ()) -> Content:
-    """The content of a function and of the kernels that it calls, in which global names stand for `parts`."""
-    try:
-        return _function(function, parts)
-    except (_UnknownError, RecursionError):
-        return None
+    """The hash of a function and of all that it calls, in which names of stand-ins mean `parts`."""
+    return _known(lambda: _function(function, parts))
 
 
 def code_of(*functions: Callable[..., Any]) -> Content:
-    """The content of functions wherever they stand: the same in two files, or in a file that is loaded twice."""
-    try:
-        return _digest(_value(one, frozenset(), (), places=False) for one in functions)
-    except (_UnknownError, RecursionError):
-        return None
+    """The hash of functions wherever they stand: the same in two files, or in a file that is loaded twice."""
+    return _known(lambda: _digest(_value(one, frozenset(), (), places=False) for one in functions))
 
 
 def content_of_types(kinds: Iterable[Any]) -> Content:
-    """The content of the types, as Numba has them, that compiled code is called with; None for one of the main script.
+    """The hash of the types of arguments, as Numba has them.
 
-    What is kept names a type by its module, but has a copy of one of the main script's, which is none of its own.
+    None for one of the main script: what is kept names a type by its module, but has a copy of one of the main
+    script's, which is none of its own.
     """
+    return _known(lambda: _digest(map(_kind, kinds)))
+
+
+def _known(made: Callable[[], str]) -> Content:
     try:
-        return _digest(_kind(kind) for kind in kinds)
-    except _UnknownError:
+        return made()
+    except (_UnknownError, RecursionError):
         return None
-
-
-@cache
-def content_of_class(made: type) -> Content:
-    """The content of a class of tuples: its name, and its fields with their defaults."""
-    try:
-        return _type(made)
-    except _UnknownError:
-        return None
-
-
-def content_of_files(*modules: str) -> Content:
-    """The content of the files of modules that decide how anything is compiled."""
-    files = [getattr(sys.modules.get(module), "__file__", None) for module in modules]
-    there = [Path(file) for file in files if file]
-    if len(there) < len(modules) or not all(path.is_file() for path in there):
-        return None
-    return _digest(hashlib.sha256(path.read_bytes()).hexdigest() for path in there)
 
 
 @cache
 def global_names(code: CodeType) -> tuple[str, ...]:
     """The names that code, and code within it, looks up outside of it, in alphabetical order."""
-    found = set()
-    for inner in _codes(code):
-        instructions, high = inner.co_code, 0
-        for operation, low in zip(instructions[::2], instructions[1::2], strict=True):
-            argument = high | low
-            high = argument << 8 if operation == _EXTENDED else 0
-            if operation == _LOAD_GLOBAL:
-                found.add(inner.co_names[argument >> 1])  # its last bit says how it is called
-    return tuple(sorted(found))
+    steps = (step for inner in _codes(code) for step in dis.get_instructions(inner))
+    return tuple(sorted({step.argval for step in steps if step.opname == "LOAD_GLOBAL"}))
 
 
 def meant(function: FunctionType, name: str, replaced: Mapping[str, Callable[..., Any]]) -> Any:
     """What a function means by a global name: what it has there, or what replaces it where that is a stand-in."""
-    own = function.__globals__.get(name, _NOTHING)
+    own = function.__globals__.get(name)
     return replaced.get(name, own) if hasattr(own, "__stand_in__") else own
 
 
@@ -124,37 +92,19 @@ def reaching(function: Callable[..., Any], parts: Parts) -> Parts:
 def stand_ins(function: Callable[..., Any], parts: Parts) -> frozenset[str]:
     """The stand-ins that a kernel names, or that the kernels name which it calls, parts among them."""
     replaced, named = dict(parts), set()
-    todo: list[Callable[..., Any]] = [function]
-    seen: set[Callable[..., Any]] = {function}
+    todo, seen = [function], {function}
     while todo:
         part = todo.pop()
         if not is_kernel(part):
             continue
-        names = global_names(part.__code__)
-        named |= {name for name in names if hasattr(part.__globals__.get(name), "__stand_in__")}
-        called = [meant(part, name, replaced) for name in names]
-        new = [value for value in called if is_kernel(value) and value not in seen]
-        todo += new
-        seen |= set(new)
+        for name in global_names(part.__code__):
+            if hasattr(part.__globals__.get(name), "__stand_in__"):
+                named.add(name)
+            value = meant(part, name, replaced)
+            if is_kernel(value) and value not in seen:
+                seen.add(value)
+                todo.append(value)
     return frozenset(named)
-
-
-@cache
-def circle(function: FunctionType, parts: Parts) -> tuple[FunctionType, ...]:
-    """A kernel that a kernel reaches and that calls itself, and those by which it does; empty where there is none."""
-    replaced, done = dict(parts), set()
-
-    def looked(part: FunctionType, above: tuple[FunctionType, ...]) -> tuple[FunctionType, ...]:
-        if part in above:
-            return above[above.index(part) :]
-        if part in done:
-            return ()
-        called = (meant(part, name, replaced) for name in global_names(part.__code__))
-        found = next(filter(None, (looked(one, (*above, part)) for one in called if is_kernel(one))), ())
-        done.add(part)
-        return found
-
-    return looked(function, ())
 
 
 @cache
@@ -170,13 +120,12 @@ def _function(function: FunctionType, parts: Parts, *, places: bool = True) -> s
 
     cells = [cell.cell_contents for cell in function.__closure__ or ()]
     names = global_names(function.__code__)
-    values = [meant(function, name, replaced) for name in names]
     return _digest(
         [
             f"{name} {hasattr(function, '__apart__')}",
             *_code(function.__code__),
             *map(described, (*(function.__defaults__ or ()), *cells)),
-            *(f"{name}={described(value)}" for name, value in zip(names, values, strict=True)),
+            *(f"{name}={described(meant(function, name, replaced))}" for name in names),
         ]
     )
 
@@ -188,7 +137,7 @@ def _name(made: Any, *, places: bool) -> str:
 
 
 def _value(value: Any, attributes: frozenset[str], parts: Parts, *, places: bool = True) -> str:
-    """What a value is that compiled code names."""
+    """A value that code names; of a module, what it has under the names of `attributes`."""
     if is_primitive(value):
         return f"primitive {value.__name__}"
     if isinstance(value, FunctionType):
@@ -198,7 +147,15 @@ def _value(value: Any, attributes: frozenset[str], parts: Parts, *, places: bool
     if isinstance(value, type):
         return _type(value, places=places)
     if isinstance(value, ModuleType):
-        return _module(value, attributes, parts, places=places)
+        if _is_foreign(value):
+            return value.__name__
+        found = {name: getattr(value, name, None) for name in sorted(attributes)}
+        return _digest(
+            f"{name}={_value(inner, attributes, parts, places=places)}"
+            for name, inner in found.items()
+            if not isinstance(inner, FunctionType)  # of a module's functions, only compiled ones can be called
+            and (not isinstance(inner, ModuleType) or inner.__name__.startswith(f"{value.__name__}."))
+        )
     if isinstance(value, enum.Enum):
         return f"{_type(type(value), places=places)}.{value.name}"
     if isinstance(value, tuple):
@@ -209,27 +166,11 @@ def _value(value: Any, attributes: frozenset[str], parts: Parts, *, places: bool
         return _digest([f"array {layout}", hashlib.sha256(value.tobytes()).hexdigest()])
     if value is None or isinstance(value, str | bytes | int | float | complex | np.generic):
         return f"{type(value).__name__} {value!r}"
-    if value is _NOTHING:  # a builtin of Python
-        return ""
     if isinstance(value, np.dtype):
         return f"dtype {value.descr!r}"
     if isinstance(value, np.ufunc | BuiltinFunctionType) or (hasattr(value, "__name__") and _is_foreign(value)):
         return f"{type(value).__name__} {getattr(value, '__module__', '')}.{value.__name__}"
     raise _UnknownError
-
-
-def _module(module: ModuleType, attributes: frozenset[str], parts: Parts, *, places: bool) -> str:
-    """What a module has under names that code asks for; of its functions, only compiled ones can be called."""
-    if _is_foreign(module):
-        return module.__name__
-    found = {name: getattr(module, name, None) for name in sorted(attributes)}
-    inside = {
-        name: value
-        for name, value in found.items()
-        if not isinstance(value, FunctionType)
-        and (not isinstance(value, ModuleType) or value.__name__.startswith(f"{module.__name__}."))
-    }
-    return _digest(f"{name}={_value(value, attributes, parts, places=places)}" for name, value in inside.items())
 
 
 def _is_foreign(value: Any) -> bool:
@@ -260,7 +201,7 @@ def _code(code: CodeType) -> Iterator[str]:
 
 @cache
 def _type(made: type, *, places: bool = True) -> str:
-    """A type that code makes or is given: its name, and its fields in their order with their defaults."""
+    """A type: its name, and the fields of a tuple with their defaults, or the members of an enum."""
     name = _name(made, places=places)
     if _is_foreign(made):
         return name
@@ -270,8 +211,7 @@ def _type(made: type, *, places: bool = True) -> str:
         raise _UnknownError  # kept as a whole, so that what is raised would be of another class
     fields: dict[str, Any] = {}
     if issubclass(made, tuple):
-        defaults = getattr(made, "_field_defaults", {})
-        fields = {field: defaults.get(field, _NOTHING) for field in getattr(made, "_fields", ())}
+        fields = dict.fromkeys(getattr(made, "_fields", ())) | getattr(made, "_field_defaults", {})
     elif issubclass(made, enum.Enum):
         fields = {member.name: member.value for member in made}
     if places and fields and not _is_found(made):
@@ -289,20 +229,23 @@ def _is_found(made: type) -> bool:
 
 
 def _kind(kind: Any) -> str:
-    """One of Numba's types: numbers, arrays, and tuples of these."""
+    """One of Numba's types: numbers, arrays, members of an enum, and tuples of these."""
     from numba.core import types
 
     if isinstance(kind, types.BaseTuple):
         inner: Any = list(kind)  # type: ignore[call-overload]  # tuples of types can be walked
-        made = getattr(kind, "instance_class", tuple)
-        if made.__module__ == "__main__":
-            raise _UnknownError
-        return _digest([_type(made), *map(_kind, inner)])
+        return _digest([_own(getattr(kind, "instance_class", tuple)), *map(_kind, inner)])
+    if isinstance(kind, types.IntEnumMember):
+        return _digest([_own(kind.instance_class), _kind(kind.dtype)])
     if isinstance(kind, types.Number | types.Boolean | types.Array | types.NoneType | types.Omitted):
         return str(kind.name)
-    if isinstance(kind, types.IntEnumMember) and kind.instance_class.__module__ != "__main__":
-        return _digest([_type(kind.instance_class), _kind(kind.dtype)])
     raise _UnknownError
+
+
+def _own(made: type) -> str:
+    if made.__module__ == "__main__":
+        raise _UnknownError
+    return _type(made)
 
 
 def _digest(parts: Iterable[str]) -> str:

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.control.stability import response, servo_response
-from bowden.core.kernel import kernel, program
+from bowden.core.kernel import compiled, kernel
 from bowden.design.linearise import LawModel
 from bowden.models.cable.bouc_wen import PreparedCable, advance_prepared, prepare_cable
 from bowden.models.cable.sheath import slope_factor, width
@@ -89,7 +89,7 @@ def describing_function(
 def _response_of_h(cable: PreparedCable, amplitudes: tuple[float, ...]) -> Complex:
     """Kept, since many laws are tried on one cable."""
     gains = np.empty(len(amplitudes), np.complex128)
-    program(hysteresis_response)(np.array(amplitudes), cable, _POINTS, _CYCLES, gains)
+    compiled(hysteresis_response)(np.array(amplitudes), cable, _POINTS, _CYCLES, gains)
     return gains
 
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from bowden.control.law import Law, State, law_start, law_step
 from bowden.control.stability import StateSpace
 from bowden.core.errors import ParameterError
-from bowden.core.kernel import kernel, program
+from bowden.core.kernel import kernel, specialise
 from bowden.core.nested import flat, leaves, name_of, names, rebuilt, restored
 from bowden.core.signals import Reference, Sample
 from bowden.core.units import RADIANS
@@ -159,7 +159,7 @@ def find_estimates(law: Law, visited: State, dt: float) -> list[str]:
 def _walked(law: Law, states: Array, samples: Array, at: float, dt: float, cycles: int) -> tuple[Array, Array]:
     """The states (m, n) after some cycles at each row of `samples` (m, 2), and the commands meanwhile (m, cycles)."""
     after, commands = np.empty_like(states), np.empty((len(states), cycles))
-    walk = program(walk_near_rest, law.name, law_start=law.start_kernel, law_step=law.step_kernel)
+    walk = specialise(walk_near_rest, law.name, law_start=law.start_kernel, law_step=law.step_kernel)
     walk(law.gains, states, samples, Reference(float(at), 0.0, 0.0), float(dt), after, commands)
     return after, commands
 

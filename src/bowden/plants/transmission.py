@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.core.errors import ParameterError
-from bowden.core.kernel import kernel, program, reached
+from bowden.core.kernel import kernel, reached, specialise
 from bowden.core.nested import form_of, numbers_of
 from bowden.core.units import RADIANS
 from bowden.models.cable.bouc_wen import saturation
@@ -143,7 +143,7 @@ class _Key:
     def moved(self, commands: Array) -> Array:
         """Motor and joint under commands, from rest at the first (2, n) [rad]."""
         record = np.empty((2, len(commands)))
-        loop = program(open_loop, self.dynamics.name, **reached(open_loop, self.dynamics.kernels()))
+        loop = specialise(open_loop, self.dynamics.name, **reached(open_loop, self.dynamics.kernels()))
         with self.dynamics.explained():
             loop(self.dynamics.plant, self.sheath, commands, record)
         for k in np.flatnonzero(~np.isfinite(record).all(axis=0))[:1]:

@@ -11,7 +11,7 @@ from bowden.control import user_law
 from bowden.control.law import Law
 from bowden.control.reference import Trajectory
 from bowden.control.source import TABLE, Source
-from bowden.core.kernel import program
+from bowden.core.kernel import specialise
 from bowden.core.nested import form_of, numbers_of
 from bowden.core.trace import Trace
 from bowden.plants.plant import Dynamics, Plant, SheathPath, sheath_path
@@ -280,4 +280,4 @@ def compiled_batch(dynamics: Dynamics, law: Law, source: Source = TABLE, *, fail
         source: of the reference.
         fails: whether a sensor may go wrong in it.
     """
-    return program(run_batch, f"{law.name}_{dynamics.name}", **stand_ins(dynamics, law, source, fails=fails))
+    return specialise(run_batch, f"{law.name}_{dynamics.name}", **stand_ins(dynamics, law, source, fails=fails))

@@ -15,7 +15,7 @@ from bowden.control.law import Law
 from bowden.control.reference import Trajectory
 from bowden.control.source import TABLE, Measurement
 from bowden.core.errors import ParameterError
-from bowden.core.kernel import kernel, program
+from bowden.core.kernel import kernel, specialise
 from bowden.core.nested import flat
 from bowden.core.signals import Reference
 from bowden.core.trace import Trace
@@ -381,7 +381,7 @@ def check_alike(pair: PairPlant, laws: tuple[Law, Law]) -> None:
 
 def _compiled(pair: PairPlant, laws: tuple[Law, Law]) -> Any:
     dynamics = pair.agonist.plant.dynamics()
-    return program(run_pair, f"{laws[0].name}_{dynamics.name}", **law_and_source(laws[0]), **BARE, **dynamics.parts)
+    return specialise(run_pair, f"{laws[0].name}_{dynamics.name}", **law_and_source(laws[0]), **BARE, **dynamics.parts)
 
 
 def _settings(pair: PairPlant, side: PairSide, law: Law, reference: Trajectory, initial: float) -> dict[str, Any]:

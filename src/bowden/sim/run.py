@@ -14,7 +14,7 @@ from bowden.control.law import Law
 from bowden.control.reference import Trajectory
 from bowden.control.source import TABLE, Measurement, Source
 from bowden.core.errors import ParameterError
-from bowden.core.kernel import kernel, program
+from bowden.core.kernel import kernel, specialise
 from bowden.core.nested import flat
 from bowden.core.signals import Reference, Sample
 from bowden.core.trace import Trace
@@ -251,7 +251,7 @@ def compiled_loop(dynamics: Dynamics, law: Law, source: Source = TABLE, *, fails
         source: of the reference.
         fails: whether a sensor may go wrong in it.
     """
-    return program(run_loop, f"{law.name}_{dynamics.name}", **stand_ins(dynamics, law, source, fails=fails))
+    return specialise(run_loop, f"{law.name}_{dynamics.name}", **stand_ins(dynamics, law, source, fails=fails))
 
 
 def stand_ins(dynamics: Dynamics, law: Law, source: Source, *, fails: bool) -> dict[str, Callable[..., Any]]:

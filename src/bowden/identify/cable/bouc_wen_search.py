@@ -13,7 +13,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.core.kernel import exp, kernel, program
+from bowden.core.kernel import compiled, exp, kernel
 from bowden.identify.cable.evolution import evolve
 from bowden.identify.cable.path import Path
 from bowden.models.cable.bouc_wen import BoucWen, saturation, travel_step
@@ -56,7 +56,7 @@ def search(path: Path, seed: int) -> Array:
 
     def costs(candidates: Array) -> Array:
         found = np.empty(len(candidates))
-        program(projected_costs)(path.motor, path.joint, path.weight, np.ascontiguousarray(candidates), found)
+        compiled(projected_costs)(path.motor, path.joint, path.weight, np.ascontiguousarray(candidates), found)
         return found
 
     return evolve(costs, low, high, seed, each=8, generations=25, spread=1e-3)

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.core.kernel import kernel, program
+from bowden.core.kernel import compiled, kernel
 from bowden.identify.cable.turns import Turns, find_turns, motor_noise
 
 Array = NDArray[np.float64]
@@ -108,7 +108,7 @@ def build_path(time: Array, motor: Array, joint: Array, turns: Turns, nodes: int
     together = min(together, max(1, int(samples) // nodes))
     size = len(motor) // together + 2 * len(bounds)
     nodes_of, stroke = np.empty((4, size)), np.empty(size, np.int64)
-    count = program(gather)(time, motor, joint, bounds, turning, read, together, nodes_of, stroke)
+    count = compiled(gather)(time, motor, joint, bounds, turning, read, together, nodes_of, stroke)
     m, j, w, t = (np.array(row[:count]) for row in nodes_of)
     return Path(m, j, w, t, stroke[:count].copy(), turning, turns.start_error, turns.common_error)
 

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from bowden.core.kernel import kernel, program
+from bowden.core.kernel import compiled, kernel
 from bowden.identify.cable.family import Array, Estimate
 from bowden.identify.cable.path import Path
 from bowden.identify.cable.projection import minimise, solve_linear
@@ -23,7 +23,7 @@ def play_sensitivities(motor: Array, half_width: float, initial_lag: float) -> A
     In contact z = motor ∓ half-width; between the contacts z and its derivatives stay.
     """
     found = np.empty((motor.size, 3))
-    program(_fill_play_sensitivities)(motor, half_width, initial_lag, found)
+    compiled(_fill_play_sensitivities)(motor, half_width, initial_lag, found)
     return found
 
 

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.core.kernel import kernel, program
+from bowden.core.kernel import compiled, kernel
 from bowden.identify.cable.bounded import ProblemAt, bounded_least_squares
 
 Array = NDArray[np.float64]
@@ -55,7 +55,7 @@ def products(columns: Array, weight: Array) -> Array:
     """`weighted_products`, compiled: faster for a few columns than a threaded matrix product, and the same on any
     number of processors."""
     found = np.zeros((columns.shape[1],) * 2)
-    program(weighted_products)(np.ascontiguousarray(columns), weight, found)
+    compiled(weighted_products)(np.ascontiguousarray(columns), weight, found)
     return found
 
 

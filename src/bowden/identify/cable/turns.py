@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.core.kernel import kernel, program
+from bowden.core.kernel import compiled, kernel
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -61,7 +61,7 @@ def find_turns(motor: Array, noise: float) -> Turns:
     sums = np.concatenate([[0.0], np.cumsum(motor)])
     (start, start_error), (end, _) = _first_value(motor, noise), _first_value(motor[::-1], noise)
     tops = np.empty(len(at))
-    program(extremes)(motor, sums, at, noise, _room(motor, 4), tops)
+    compiled(extremes)(motor, sums, at, noise, _room(motor, 4), tops)
     angle = np.concatenate([[start], tops, [end]])
     return Turns(at, angle, start_error, _common_error(motor))
 
@@ -121,7 +121,7 @@ def resolution(angle: Array) -> float:
 def reversals(motor: Array, threshold: float) -> Index:
     """Samples at which the motor turns, ignoring swings smaller than `threshold` [rad]."""
     found = np.empty(len(motor), np.int64)
-    count = program(zigzag)(np.ascontiguousarray(motor), threshold, found)
+    count = compiled(zigzag)(np.ascontiguousarray(motor), threshold, found)
     return found[:count].astype(np.intp)
 
 
@@ -197,7 +197,7 @@ def extremes(motor: Array, sums: Array, at: Index, noise: float, room: Room, fou
 def polynomial(values: Array, degree: int) -> Array:
     """Evenly spaced values (n,) smoothed by the polynomial of a degree that fits them best."""
     room = _room(values, degree)
-    program(fill_polynomial)(np.ascontiguousarray(values), degree, room)
+    compiled(fill_polynomial)(np.ascontiguousarray(values), degree, room)
     return room.smooth
 
 

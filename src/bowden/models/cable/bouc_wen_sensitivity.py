@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.core.kernel import kernel, log, power, program
+from bowden.core.kernel import compiled, kernel, log, power
 from bowden.models.cable.bouc_wen import BoucWen, advance_prepared, prepare_cable, saturation, slope_of_h
 
 
@@ -117,7 +117,7 @@ def sensitivities(motor: NDArray[np.float64], initial_h: float, cable: BoucWen) 
         h, ∂h/∂ρ, ∂h/∂σ, ∂h/∂n, ∂h/∂h(0) (n, 5).
     """
     found = np.empty((motor.size, 5))
-    program(fill_sensitivities)(np.ascontiguousarray(motor), initial_h, cable, found)
+    compiled(fill_sensitivities)(np.ascontiguousarray(motor), initial_h, cable, found)
     return found
 
 
@@ -138,7 +138,7 @@ def fill_sensitivities(
 def hysteresis(motor: NDArray[np.float64], initial_h: float, cable: BoucWen) -> NDArray[np.float64]:
     """h along a recorded motion (n,) [–], from `motor` (n,) [rad] and h at its first sample."""
     found = np.empty(motor.size)
-    program(fill_hysteresis)(np.ascontiguousarray(motor), initial_h, cable, found)
+    compiled(fill_hysteresis)(np.ascontiguousarray(motor), initial_h, cable, found)
     return found
 
 

@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.core.kernel import kernel, program
+from bowden.core.kernel import compiled, kernel
 
 Array = NDArray[np.float64]
 
@@ -129,7 +129,7 @@ def fill_joint(motor: Array, before: float, cable: Branches, z: Array, joint: Ar
 def joint_angle(motor: Array, lag: float, cable: Branches) -> Array:
     """The joint along a recorded motion (n,) [rad]; before it the motor came from motor[0] + `lag`."""
     joint, z = np.empty(motor.size), np.empty(cable.reaches.size)
-    program(fill_joint)(np.ascontiguousarray(motor), motor[0] + lag, cable, z, joint)
+    compiled(fill_joint)(np.ascontiguousarray(motor), motor[0] + lag, cable, z, joint)
     return joint
 
 
@@ -146,7 +146,7 @@ def fill_slots(motor: Array, before: float, cable: Branches, z: Array, slots: Ar
 def slots_of(motor: Array, lag: float, cable: Branches) -> Array:
     """Every z along a recorded motion (n, s) [rad]; before it the motor came from motor[0] + `lag`."""
     slots, z = np.empty((motor.size, cable.reaches.size)), np.empty(cable.reaches.size)
-    program(fill_slots)(np.ascontiguousarray(motor), motor[0] + lag, cable, z, slots)
+    compiled(fill_slots)(np.ascontiguousarray(motor), motor[0] + lag, cable, z, slots)
     return slots
 
 
@@ -229,5 +229,5 @@ def design_of(motor: Array, lag: float, cable: Branches) -> Array:
     """`fill_design` of a motion (n,) [rad] that comes from motor[0] + `lag`: (n, k + m)."""
     found = np.zeros((motor.size, cable.bends.size + cable.gaps.size))
     slots = np.empty((3, cable.reaches.size))
-    program(fill_design)(np.ascontiguousarray(motor), motor[0] + lag, cable, slots, found)
+    compiled(fill_design)(np.ascontiguousarray(motor), motor[0] + lag, cable, slots, found)
     return found

@@ -9,7 +9,7 @@ Pokrovskii, *Systems with Hysteresis*, 1989; Kuhnen, European Journal of Control
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.core.kernel import kernel, program
+from bowden.core.kernel import compiled, kernel
 from bowden.models.cable.backlash import push
 
 
@@ -24,7 +24,7 @@ def plays(motor: NDArray[np.float64], half_widths: NDArray[np.float64]) -> NDArr
         zᵢ (n, k) [rad], each slot starting centred on the first sample.
     """
     slots = np.empty((motor.size, half_widths.size))
-    program(fill_plays)(np.ascontiguousarray(motor), np.ascontiguousarray(half_widths), slots)
+    compiled(fill_plays)(np.ascontiguousarray(motor), np.ascontiguousarray(half_widths), slots)
     return slots
 
 
