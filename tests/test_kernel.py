@@ -19,7 +19,6 @@ from bowden.core.kernel import (
     kernel,
     log,
     power,
-    sel,
     sin,
     specialise,
     sqrt,
@@ -209,14 +208,6 @@ def test_power_is_that_of_c() -> None:
         assert bits(power(x, y)) == bits(twin(x, y)), (x, y)
     assert power(-0.0, -3.0) == -math.inf
     assert power(-8.0, 1.0 / 3.0) != power(-8.0, 1.0 / 3.0)
-
-
-def test_sel_is_an_if_whose_both_sides_are_evaluated() -> None:
-    twin = compiled(_sel)
-    for condition in (True, False, 1.0, 0.0, np.bool_(True)):
-        assert sel(condition, 1.0, 2.0) == twin(condition, 1.0, 2.0) == (1.0 if condition else 2.0)
-    assert sel((0.5 >= 0.0) * (0.5 <= 1.0), "in", "out") == "in"
-    assert sel((math.nan >= 0.0) * (math.nan <= 1.0), "in", "out") == "out"  # how a limit refuses NaN
 
 
 def test_a_plain_function_stays_plain_and_is_not_compiled() -> None:

@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     from bowden.control.law import Law as Law
     from bowden.core.errors import BowdenError as BowdenError
     from bowden.core.kernel import kernel as kernel
-    from bowden.core.kernel import sel as sel
     from bowden.core.signals import Reference as Reference
     from bowden.core.signals import Sample as Sample
     from bowden.core.trace import Trace as Trace
@@ -85,7 +84,6 @@ _HOMES = {
     "read_trace": "bowden.face.read_trace",
     "recalibrate": "bowden.face.several_logs",
     "run": "bowden.face.run",
-    "sel": "bowden.core.kernel",
     "simulate": "bowden.face.simulate",
     "tune": "bowden.face.tune",
 }

@@ -26,7 +26,7 @@ from bowden.core.kernel_content import (
     reaching,
     stand_ins,
 )
-from bowden.core.primitives import PRIMITIVES, cos, exp, floor, log, power, sel, sin, sqrt, tanh, twin_of
+from bowden.core.primitives import PRIMITIVES, cos, exp, floor, log, power, sin, sqrt, tanh, twin_of
 
 __all__ = [
     "compiled",
@@ -36,7 +36,6 @@ __all__ = [
     "kernel",
     "log",
     "power",
-    "sel",
     "sin",
     "specialise",
     "sqrt",

@@ -1,4 +1,4 @@
-"""What kernels call that is no kernel: a choice, functions of libm, and a tanh of our own.
+"""What kernels call that is no kernel: functions of libm, and a tanh of our own.
 
 Each is an ordinary function when it is called from Python, and has a twin for compiled code. One that has bits of its
 own, whatever the C library, is of use twice: compiled and exported it stands in line, and its result on a
@@ -12,17 +12,6 @@ from typing import Any
 import numpy as np
 
 from bowden.core.nested import compiled_flat, compiled_refilled, compiled_restored, flat, refilled, restored
-
-
-def sel(condition: Any, a: Any, b: Any) -> Any:
-    """`a` where the condition holds, else `b`: the portable subset's ``if``. Both sides are always evaluated.
-
-    Compound conditions are products: ``sel((x >= low) * (x <= high), x, refused)``.
-
-    >>> sel(0.2 > 0.1, 1.0, -1.0)
-    1.0
-    """
-    return a if condition else b
 
 
 def _libm(name: str) -> Callable[..., Any]:
@@ -121,7 +110,7 @@ def half_to(k: float) -> float:
 
 
 PRIMITIVES: set[Callable[..., Any]] = {
-    *(sel, tanh, exp, sin, cos, log, power, sqrt, floor, half_to, refilled, restored, flat),
+    *(tanh, exp, sin, cos, log, power, sqrt, floor, half_to, refilled, restored, flat),
 }
 
 
@@ -132,12 +121,8 @@ def twin_of(function: Callable[..., Any]) -> Callable[..., Any]:
             return made()
     if function is half_to:
         return _compiled_half_to()
-    plain: dict[Callable[..., Any], Callable[..., Any]] = {sel: _choose, power: _pow, tanh: _tanh, floor: _floor}
+    plain: dict[Callable[..., Any], Callable[..., Any]] = {power: _pow, tanh: _tanh, floor: _floor}
     return plain[function] if function in plain else getattr(math, function.__name__)
-
-
-def _choose(condition: Any, a: Any, b: Any) -> Any:
-    return a if condition else b
 
 
 def _floor(x: float) -> float:

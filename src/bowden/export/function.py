@@ -15,7 +15,7 @@ import numpy as np
 
 from bowden.core.kernel_content import Parts, is_kernel, meant
 from bowden.core.nested import is_named
-from bowden.core.primitives import _tanh, cos, exp, floor, half_to, log, power, sel, sin, sqrt, tanh
+from bowden.core.primitives import _tanh, cos, exp, floor, half_to, log, power, sin, sqrt, tanh
 from bowden.export.kinds import (
     Kind,
     Row,
@@ -59,12 +59,6 @@ _OPERATORS: dict[type[ast.AST], tuple[str, int]] = {
 _LIBM: dict[Any, str] = {exp: "exp", sin: "sin", cos: "cos", log: "log", power: "pow", sqrt: "sqrt", floor: "floor"}
 _LIBM |= {math.copysign: "copysign", abs: "fabs"}
 _TRUTHS: dict[Any, str] = {math.isnan: "isnan", math.isfinite: "isfinite", math.isinf: "isinf"}
-
-# ---- the form of kernels before they were plain Python: to be deleted with the last of it ----
-_FORMER_LIBM: dict[Any, str] = {np.abs: "fabs", np.sqrt: "sqrt", np.floor: "floor", np.copysign: "copysign"}
-_FORMER_HELPERS: dict[Any, str] = {np.fmin: "fmin", np.fmax: "fmax", np.sign: "np_sign"}
-_FORMER_SEL = (sel,)
-# ----------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
@@ -490,20 +484,11 @@ class Function:
 
     def _on_subscript(self, node: ast.Subscript) -> Expression:
         whole, at = self._expression(node.value), self._expression(node.slice)
-        fields = whole.kind.fields if isinstance(whole.kind, Struct) else ()  # former: a struct by number, in the gate
-        if at.kind is not int or not (isinstance(whole.kind, Row) or len({kind for _, kind in fields}) == 1):
+        if at.kind is not int or not isinstance(whole.kind, Row):
             raise self.source.refused(
                 node, ast.unparse(node), "take one number of a tuple of numbers, by a whole number"
             )
-        if isinstance(whole.kind, Row):
-            return Expression(
-                f"{whole.field('at', None).text}[{at.text}]", whole.kind.of, place=True, fixed=whole.fixed
-            )
-        kind = fields[0][1]
-        first = f"&{whole.field(identifier(fields[0][0]), kind).text}" if whole.place else ""
-        if not first:
-            raise self.source.refused(node, ast.unparse(node), "give the tuple a name first")
-        return Expression(f"({first})[{at.text}]", kind, place=True)
+        return Expression(f"{whole.field('at', None).text}[{at.text}]", whole.kind.of, place=True, fixed=whole.fixed)
 
     def _on_unaryop(self, node: ast.UnaryOp) -> Expression:
         inner = self._expression(node.operand)
@@ -625,16 +610,12 @@ class Function:
         called = self._looked_up(node.func)
         if any(one.arg is None for one in node.keywords):
             raise self.source.refused(node, "two stars in a call", "name the values one by one")
-        if isinstance(called, FunctionType) and called in _FORMER_SEL:
-            return self._choice(node, *node.args)
         if isinstance(called, type) and issubclass(called, tuple) and hasattr(called, "_fields"):
             return self._construct(node, called)
         called = _tanh if called is tanh else called
         if is_kernel(called) or called is half_to:
             return self._called(node, called)
-        known = any(
-            called is one for one in (*_LIBM, *_TRUTHS, *_FORMER_LIBM, *_FORMER_HELPERS, min, max, float, bool, int)
-        )
+        known = any(called is one for one in (*_LIBM, *_TRUTHS, min, max, float, bool, int))
         given = self._arguments(node) if known and not node.keywords else []
         if given and all(is_number(one.kind) for one in given):
             texts = ", ".join(one.value for one in given)
@@ -642,9 +623,7 @@ class Function:
                 return self._converted(node, called, given[0])
             if called in (min, max) and len(given) > 1:
                 return self._extreme(called.__name__, given)
-            if name := _FORMER_HELPERS.get(called):
-                return Expression(f"{self.unit.helper(name)}({texts})", float)
-            if name := (_LIBM | _FORMER_LIBM).get(called):
+            if name := _LIBM.get(called):
                 return Expression(f"{self.unit.style.libm(name)}({texts})", float)
             if (name := _TRUTHS.get(called)) and len(given) == 1:
                 return Expression(f"{name}({texts})", bool)
@@ -704,8 +683,6 @@ class Function:
             whole = self._expression(one.value if isinstance(one, ast.Starred) else one)
             if not isinstance(one, ast.Starred):
                 found.append(whole)
-            elif isinstance(whole.kind, Row):  # former: in the gate
-                found += [whole.field(f"at[{k}]", whole.kind.of) for k in range(whole.kind.length)]
             elif isinstance(whole.kind, Struct):
                 found += [whole.field(identifier(name), kind) for name, kind in whole.kind.fields]
             else:

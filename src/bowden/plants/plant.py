@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 from bowden.control.source import Measurement
 from bowden.core import user_file
 from bowden.core.errors import ParameterError
-from bowden.core.kernel import kernel, program, stand_in
+from bowden.core.kernel import compiled, kernel, stand_in
 from bowden.models.cable.sheath import Sheath
 from bowden.models.cable.sheath import slope_factor as slope_factor_at
 from bowden.models.cable.sheath import width as width_at
@@ -71,7 +71,7 @@ def sheath_state(sheath: Sheath, bend: float) -> SheathState:
 def sheath_path(sheath: Sheath, bends: Array) -> SheathPath:
     """A sheath at total `bends` (n + 1,) [rad]."""
     path = SheathPath(np.array(bends, dtype=np.float64), np.empty(len(bends)), np.empty(len(bends)))
-    program(fill_sheath)(sheath, path)
+    compiled(fill_sheath)(sheath, path)
     return path
 
 

@@ -14,7 +14,7 @@ a known share into what is new in the band, be they movement or mains. L is the 
 peak from 5 to 15 Hz: a swing's spectrum falls steeply from below 20 Hz, so that L bounds what of it is in the band, and
 a muscle alone has no S. A is the size of the contraction that lasts or has just ended, which leaves a tail.
 
-**Evidence.** Noise of bandwidth B whose power r = x²/v₀ rises by ρ² gains log likelihood against rest,
+**OnsetEvidence.** Noise of bandwidth B whose power r = x²/v₀ rises by ρ² gains log likelihood against rest,
 
     Λ ← max(0, Λ + B·dt·((1 − 1/ρ²)·min(r, K) − log ρ²))
 
@@ -132,13 +132,13 @@ class Onset(NamedTuple):
     enough: float
     """h [–]."""
     rested: float
-    """Evidence of rest that ends a contraction [–]."""
+    """OnsetEvidence of rest that ends a contraction [–]."""
     most: float
     """K [–]."""
     gain: float
-    """Evidence of one sample, for each unit of r [–]."""
+    """OnsetEvidence of one sample, for each unit of r [–]."""
     drift: float
-    """Evidence that one sample takes away [–]."""
+    """OnsetEvidence that one sample takes away [–]."""
     even: float
     """r that leaves the evidence as it is [–]."""
     gain_of_end: float
@@ -231,7 +231,7 @@ class RestEstimate(NamedTuple):
     """u."""
 
 
-class Evidence(NamedTuple):
+class OnsetEvidence(NamedTuple):
     """Sums of log likelihood."""
 
     strong: Ways
@@ -281,7 +281,7 @@ class OnsetState(NamedTuple):
     rest: RestEstimate
     null: float
     """v₀."""
-    evidence: Evidence
+    evidence: OnsetEvidence
     phase: Phase
     held: float
     """How long the contraction has lasted [s]."""
@@ -352,7 +352,7 @@ def onset_start(onset: Onset, first: float) -> OnsetState:
         squares=NONE,
         rest=RestEstimate(onset.floor, SPREAD * SPREAD, -_SETTLES, UNKNOWN * UNKNOWN),
         null=0.0,
-        evidence=Evidence(NONE, NONE, 0.0, 0.0),
+        evidence=OnsetEvidence(NONE, NONE, 0.0, 0.0),
         phase=Phase.REST,
         held=0.0,
         size=0.0,
@@ -567,16 +567,16 @@ def _summed(onset: Onset, before: Ways, ratio: Ways, most: float) -> Ways:
 
 
 @kernel
-def sum_evidence(onset: Onset, state: Evidence, short: Ways, long: Ways, most: float) -> Evidence:
-    """Evidence for an onset, up to `most`, and for an end, with one sample more."""
+def sum_evidence(onset: Onset, state: OnsetEvidence, short: Ways, long: Ways, most: float) -> OnsetEvidence:
+    """OnsetEvidence for an onset, up to `most`, and for an end, with one sample more."""
     strong = _summed(onset, state.strong, short, most)
     weak = _summed(onset, state.weak, long, most)
     quiet = onset.drift_of_end - onset.gain_of_end * min(_least(short), onset.most)
-    return Evidence(strong, weak, max(_least(strong), _least(weak)), max(0.0, state.end + quiet))
+    return OnsetEvidence(strong, weak, max(_least(strong), _least(weak)), max(0.0, state.end + quiet))
 
 
 @kernel
-def next_phase(onset: Onset, phase: Phase, evidence: Evidence, dead: bool) -> Phase:
+def next_phase(onset: Onset, phase: Phase, evidence: OnsetEvidence, dead: bool) -> Phase:
     """Rest becomes a contraction with enough evidence for it, and a contraction rest likewise, or with its signal."""
     if phase == Phase.REST and evidence.onset >= onset.enough:
         return Phase.CONTRACTION
@@ -628,10 +628,10 @@ def onset_step(onset: Onset, state: OnsetState, value: float) -> tuple[OnsetStat
     ends = state.phase == Phase.CONTRACTION and phase == Phase.REST
     if state.phase == Phase.REST and phase == Phase.CONTRACTION:
         rest = rest_at_onset(rest, state.rest.uncertainty <= FAMILIAR)
-        evidence = Evidence(evidence.strong, evidence.weak, evidence.onset, 0.0)
+        evidence = OnsetEvidence(evidence.strong, evidence.weak, evidence.onset, 0.0)
     if ends:
         rest = rest_at_end(rest)
-        evidence = Evidence(NONE, NONE, 0.0, evidence.end)
+        evidence = OnsetEvidence(NONE, NONE, 0.0, evidence.end)
     if ends or dead or railed:
         short, long, squares = _bounded(short, 1.0), _bounded(long, 1.0), _bounded(squares, null)
     contracts = phase == Phase.CONTRACTION

@@ -22,24 +22,6 @@ static inline int64_t max_int(const int64_t a, const int64_t b)
 }
 
 
-static inline double fmin_(const double a, const double b)
-{
-    return a == a ? (b < a ? b : a) : b;
-}
-
-
-static inline double fmax_(const double a, const double b)
-{
-    return a == a ? (b > a ? b : a) : b;
-}
-
-
-static inline double np_sign(const double a)
-{
-    return a > 0 ? 1 : a < 0 ? -1 : a == 0 ? 0 : a;
-}
-
-
 /* 2^-k of a whole k: the last bits of 1.5*2^52 + 1023 - k, in the exponent's place */
 static inline double half_to(const double k)
 {
