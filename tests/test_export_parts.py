@@ -14,9 +14,9 @@ from bowden.core.signals import DriveReading
 from bowden.export.parts import emg_modules, safety_module
 from bowden.export.unit import Argument, Module, Public
 from bowden.models.drive.thermal import ThermalState, cold
-from bowden.safety.faults import Fault
+from bowden.safety.faults import Fault, Reaction
 from bowden.safety.limits import Limits
-from bowden.safety.state import Mode, Observed, Request, Verdict
+from bowden.safety.state import Mode, Observed, PreflightResult, Request, Verdict
 from bowden.safety.supervisor import begin, supervise
 from bowden.sensing.intent import IntentSettings, intent_start, intent_step
 from bowden.sensing.stream import EnvelopeFilter, OnsetDetector
@@ -73,15 +73,20 @@ def drives(count: int) -> Iterator[tuple[float, Observed, float]]:
         state = 4.0 if n > 8 else 2.0
         request = {5: Request.ARM, 30: Request.RUN, 396: Request.ACKNOWLEDGE}.get(n, Request.NONE)
         reading = [angle, 0.9 * angle, 1.0, 20.0, 30.0, 0.0, 0.0, 0.001, state, 0.0, 0.0, 0.0, 1e-3, 2.0]
-        rest = [1e-5, DT, float(request), 0.01, 1.0, float(n > 20), 0.02, angle + 0.01]
-        values = [*reading, *rest]
+        values = [*reading, 1e-5, DT, 0.01, 0.02, angle + 0.01]
+        recorder, preflight = True, PreflightResult.PASSED if n > 20 else PreflightResult.PENDING
         if n > 150 and random.random() < 0.02:
             values[random.integers(len(values))] = float(random.choice(wild))
-        others = {300: 2.0, 320: np.nan, 350: 3.0}.get(n if k // 400 % 3 == 2 else -1, 0.0)
+        if n > 150 and random.random() < 0.002:
+            recorder, preflight = bool(random.random() < 0.5), PreflightResult.FAILED
+        others = {300: Reaction.R2, 350: Reaction.R3}.get(n if k // 400 % 3 == 2 else -1, Reaction.NONE)
         opposite = {200: angle + 9.0, 210: np.nan}.get(n, angle if n < 250 or k // 400 % 3 else angle - 1.0)
         reference = {60: np.nan, 330: np.inf}.get(n, 0.9 * angle + (0.6 if n % 120 < 40 and k // 400 % 4 == 1 else 0.0))
-        rest = others, opposite, reference
-        yield float(n == 0), Observed(DriveReading(*values[:14]), *values[14:21], *rest), values[21]
+        lateness, elapsed, operator_age, emg_age, requested = values[14:]
+        observed = Observed(
+            DriveReading(*values[:14]), lateness, elapsed, request, operator_age, recorder, preflight, emg_age
+        )
+        yield float(n == 0), observed._replace(others=others, opposite=opposite, reference=reference), requested
 
 
 @kernel
@@ -101,7 +106,9 @@ def test_exported_gate_gives_the_bits_of_python(tmp_path: Path) -> None:
     """Of 100 000 cycles compiled, and of the first 800 in plain Python."""
     limits, cycles = (
         Limits(
-            **dict.fromkeys(("measures_temperature", "measures_tension", "measures_torque", "uses_emg", "paired"), 1.0),
+            **dict.fromkeys(
+                ("measures_temperature", "measures_tension", "measures_torque", "uses_emg", "paired"), True
+            ),
             off_reference_time=0.03,
         ),
         list(drives(100_000)),
@@ -119,7 +126,7 @@ def test_exported_gate_gives_the_bits_of_python(tmp_path: Path) -> None:
         assert (bits(flat((state, verdict))) == bits(row)).all()
     modes = set(expected[:, Verdict._fields.index("mode") - len(Verdict._fields)])
     assert {float(mode) for mode in Mode} <= modes
-    assert (expected[:, -1] // 2.0**Fault.JOINT_OFF_REFERENCE % 2.0 == 1.0).any()
+    assert (expected[:, -1].astype(np.int64) >> Fault.JOINT_OFF_REFERENCE & 1).any()
     assert (bits(found) == bits(expected)).all()
 
 

@@ -362,8 +362,3 @@ IN_A_KERNEL = {"tanh": _tanh, "exp": _exp, "sin": _sin, "cos": _cos, "log": _log
 @kernel
 def _power(x: float, y: float) -> float:
     return power(x, y)
-
-
-@kernel
-def _sel(condition: Any, a: float, b: float) -> float:
-    return sel(condition, a, b)
