@@ -1,6 +1,6 @@
 """What one cycle shows: readings that can be believed, models beside them, and for how long each thing has lasted.
 
-Nothing is judged here. The detectors (`safety.detectors`) look at what stands in `Evidence`.
+No fault is decided here: the detectors (`safety.detectors`) do that, of what stands in `Evidence`.
 """
 
 from typing import NamedTuple
@@ -196,8 +196,8 @@ def stuck_current(
 
 @kernel
 def measure_effort(limits: Limits, reading: DriveReading, powered: bool) -> Effort:
-    """Current, tension and torque; while one is not known the worst is taken for true, but for a tension and a torque,
-    which are none unless there is no doubt of them."""
+    """Current, tension and torque. A current that is not known counts as the largest, a tension as the lowest that
+    is allowed, a torque as none."""
     current_lost = limits.measures_current and beyond(abs(reading.current), 2.0 * limits.current_peak)
     current, least_tension = 0.0, 0.0
     if limits.measures_current and not current_lost:

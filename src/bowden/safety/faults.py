@@ -22,13 +22,14 @@ class Reaction(IntEnum):
     """Take the power off at once."""
 
 
-WARNS, R1, R2, R3 = Reaction
+WARNS, R1, R2, R3 = Reaction  # a warning asks for no reaction in a run
 
 
 # fmt: off
 class Fault(IntEnum):
-    """A fault; its number is its bit. Reaction at once, and once R1 has lasted too long (`WARNS`: it keeps from arming,
-    and does nothing to a run); time limit from its showing to R2 or R3 [s]; meaning; detector; remedy.
+    """A fault; its number is its bit. Reaction at once, and once R1 has lasted too long (`WARNS`: it keeps a run
+    from beginning, and does nothing to one that has begun); time limit from its showing to R2 or R3 [s];
+    meaning; detector; remedy.
     """
 
     at_once: Reaction

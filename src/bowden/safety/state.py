@@ -88,8 +88,10 @@ class Decision(NamedTuple):
 
     mode: Annotated[Mode, Quantity("number of a `Mode`")]
     started: Annotated[bool, Quantity("1 from the accepted request to run on, until the power is off, else 0")]
-    previous_target: Annotated[float, Quantity("what the drive was sent a cycle before the last", "rad")]
-    bridged_time: Annotated[float, Quantity("time in R1, of which good time forgets a share", "s")]
+    previous_target: Annotated[
+        float, Quantity("what the drive was sent a cycle before the last, which the newest sample answers", "rad")
+    ]
+    bridged_time: Annotated[float, Quantity("time with any reaction, of which good time forgets a share", "s")]
     release_time: Annotated[float, Quantity("time for which a release has been asked for", "s")]
     latched: Annotated[int, Quantity("the faults that have to be acknowledged, a sum of 2**fault")]
     joint_at_release: Annotated[float, Quantity("joint angle when R2 began, or now where it has not", "rad")]

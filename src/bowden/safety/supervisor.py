@@ -2,7 +2,8 @@
 
 One cycle is: gather what can be seen (`safety.evidence`), run the detectors (`safety.detectors`), take the worst
 reaction of those that their faults ask for (`safety.faults`), and from it the next mode, the power and the target. The
-requested target is passed on unchanged or not at all; a reading is used as it is or not at all.
+requested target is passed on, or not at all: one that asks for more than range and speed allow is a fault, and what is
+sent meanwhile stays within both. A reading is used as it is or not at all.
 """
 
 from bowden.core.kernel import kernel
@@ -61,8 +62,8 @@ def supervise(
     """One cycle of `dt` [s]: the requested target [rad] if nothing speaks against it, power if nothing forbids it."""
     evidence = gather(limits, state, observed, requested_target, dt)
     found = run_detectors(limits, evidence)
-    last, seen, time, request = state.decided, evidence.state, evidence.readings.time, observed.request
-    powered, releasing, enabled = has_power(last.mode), last.mode == Mode.RELEASING, seen.servo.enabled
+    last, now, time, request = state.decided, evidence.state, evidence.readings.time, observed.request
+    powered, releasing, enabled = has_power(last.mode), last.mode == Mode.RELEASING, now.servo.enabled
 
     bridged = bridged_time(limits, last, found, time)
     reaction = reaction_to(limits, last.mode, found, bridged, dt)
@@ -74,11 +75,11 @@ def supervise(
     starts = request == Request.RUN and observed.preflight == PreflightResult.PASSED and enabled and found == 0
     started = powered and (starts or last.started)
     asked = reaction >= Reaction.R2 or request == Request.STOP or releasing
-    release = follow_release(limits, last, seen, latched, asked, releasing, time, dt)
+    release = follow_release(limits, last, now, latched, asked, releasing, time, dt)
     mode = next_mode(last.mode, request, reaction, started, release.done, latched, active)
 
     target = next_target(limits, evidence, mode, requested_target, latched)
-    at_motor = limits.slack_sign * seen.motor.value <= limits.slack_sign * target
+    at_motor = limits.slack_sign * now.motor.value <= limits.slack_sign * target
     decided = Decision(
         mode,
         started,
@@ -91,7 +92,7 @@ def supervise(
         mode == Mode.RELEASING and (last.target_met_motor or at_motor),
         release.joint_ahead_time,
     )
-    return with_decision(seen, target, decided), Verdict(
+    return with_decision(now, target, decided), Verdict(
         target, power_in(mode, enabled), mode, reported(mode, reaction), active
     )
 
@@ -172,40 +173,40 @@ def power_in(mode: Mode, enabled: bool) -> Power:
 
 
 @kernel
-def next_target(limits: Limits, seen: Evidence, mode: Mode, requested_target: float, latched: int) -> float:
+def next_target(limits: Limits, evidence: Evidence, mode: Mode, requested_target: float, latched: int) -> float:
     """What the drive is sent [rad]: within the motor's range, and within its speed of the last target.
 
     Without power, and until the drive is enabled, it follows the motor, so that nothing moves when power comes.
     """
-    last, motor, time = seen.state.target, seen.state.motor, seen.readings.time
+    last_target, motor, time = evidence.state.target, evidence.state.motor, evidence.readings.time
     if mode == Mode.RELEASING:
         by_force = (latched & OF_FORCE) != 0
-        aim = release_target(limits, seen.state.decided.target_met_motor, last, motor, by_force, time)
+        aim = release_target(limits, evidence.state.decided.target_met_motor, last_target, motor, by_force, time)
     elif mode == Mode.BRIDGING:
-        aim = last
-    elif seen.state.servo.enabled and has_power(mode):
+        aim = last_target
+    elif evidence.state.servo.enabled and has_power(mode):
         aim = requested_target
     else:
         aim = motor.value
-    step = most_step(limits, time, seen.dt)
-    aim = max(last - step, min(last + step, aim))
+    step = most_step(limits, time, evidence.dt)
+    aim = max(last_target - step, min(last_target + step, aim))
     return max(limits.motor_low, min(limits.motor_high, aim))
 
 
 @kernel
-def with_decision(seen: SupervisorState, target: float, decided: Decision) -> SupervisorState:
+def with_decision(now: SupervisorState, target: float, decided: Decision) -> SupervisorState:
     """What is remembered: what this cycle has shown, with what was decided of it."""
     return SupervisorState(
         target,
         decided,
-        seen.servo,
-        seen.motor,
-        seen.joint,
-        seen.stuck_joint,
-        seen.stuck_current,
-        seen.timers,
-        seen.heat,
-        seen.sample_age,
-        seen.stuck_load,
-        seen.pair,
+        now.servo,
+        now.motor,
+        now.joint,
+        now.stuck_joint,
+        now.stuck_current,
+        now.timers,
+        now.heat,
+        now.sample_age,
+        now.stuck_load,
+        now.pair,
     )
