@@ -83,7 +83,6 @@ COMMANDS: tuple[tuple[str, ...], ...] = (
     ("identify", "log.csv"),
     ("identify-servo", "servo.csv"),
     ("tune", "rig.toml", "--dry-run"),
-    ("league", "--plants", "play", "--scenarios", "periodic", "--data", "none"),
     ("campaign", "study.toml", "--out", "study-{round}"),
     *(("run", "rig.toml", "--twin", "--auto", "--duration", "2", "--law", law) for law in ("adaptive", "bowden")),
     ("run", "suit.toml", "--twin", "--auto", "--duration", "2"),

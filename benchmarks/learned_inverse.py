@@ -265,7 +265,7 @@ def main() -> None:
     cases = [case_of(cell, (made[cell.number][0], *(configured(law, cell.known) for law in beside))) for cell in order]
     names = [LAW.name, *(law.name for law in beside)]
     runs = [
-        unseen.run_of(cell, name, outcome)
+        unseen.run_of(cell.number, cell.special, cell.allowed, name, outcome)
         for cell, outcomes in zip(order, simulate_many(cases, DURATION), strict=True)
         for name, outcome in zip(names, outcomes, strict=True)
     ]

@@ -1,4 +1,4 @@
-"""Hours of fault-free running under the supervisor: all laws in all of the league's scenarios on the default bench.
+"""Hours of fault-free running under the supervisor: all laws in the scenarios of league.py on the default bench.
 
 Every cycle's verdict must be the law's wish, with power on.
 """
@@ -11,12 +11,12 @@ import numpy as np
 
 from bowden.control import LAWS
 from bowden.control.knowledge import informed
-from bowden.design.league_cells import plants, scenarios
 from bowden.plants.knowledge_of import knowledge_of
-from bowden.rig.presets.bench import default_bench, moved_sheath
+from bowden.rig.presets.bench import default_bench
 from bowden.safety.faults import of
 from bowden.safety.limits import Limits
 from kept import Kept
+from league import plants, scenarios
 from measure import Figure
 from support.fault_matrix import MEASURED
 from support.supervised import supervised
@@ -27,7 +27,7 @@ HOURS = 24.0
 def runs(hours: float, done: int) -> Iterator[list[Any]]:
     """[law, plant, scenario, seed, seconds, cycles in which the verdict was not the wish, faults]."""
     bench = default_bench()
-    found, played, gone = plants(bench, moved_sheath())[:2], 0, 0.0
+    found, played, gone = plants(bench)[:2], 0, 0.0
     for seed in itertools.count(1):
         for scenario, plant, law in itertools.product(scenarios(), found, LAWS.values()):
             if gone >= 3600.0 * hours:
@@ -67,5 +67,5 @@ def figures(share: float) -> tuple[list[Figure], str]:
                 not tripped,
             )
         ],
-        "- Every law in every scenario of the league, on the bench with still and with moved sheath, always new noise.",
+        "- Every law in every scenario of league.py, on the bench with still and with moved sheath, always new noise.",
     )

@@ -47,7 +47,7 @@ class Run:
     rmse_deg: float
     """Of the whole run, from rest; infinite of an unstable one [deg]."""
     late_deg: float
-    """Of its second half [deg]."""
+    """Of what follows the first ten seconds [deg]."""
     travel_deg: float
     """Total variation of the command [deg]."""
 
@@ -58,15 +58,15 @@ def play(laws: Sequence[Law], cells: Sequence[Cell]) -> Iterator[Run]:
     cases = (case_of(cell, tuple(configured(law, cell.known) for law in laws)) for cell in order)
     for cell, outcomes in zip(order, simulate_many(cases, DURATION), strict=True):
         for law, outcome in zip(laws, outcomes, strict=True):
-            yield run_of(cell, law.name, outcome)
+            yield run_of(cell.number, cell.special, cell.allowed, law.name, outcome)
 
 
-def run_of(cell: Cell, law: str, outcome: Outcome) -> Run:
-    """The figures of a run in degrees."""
-    stable = bool(outcome.ended and outcome.peak <= cell.allowed)
+def run_of(number: int, families: str, allowed: float, law: str, outcome: Outcome) -> Run:
+    """The figures of a run in degrees; it is stable with an error never above `allowed` [rad]."""
+    stable = bool(outcome.ended and outcome.peak <= allowed)
     figures = (outcome.rmse, outcome.rmse_after_10s, outcome.command_travel)
     rmse, late, travel = (value * DEGREES if stable else math.inf for value in figures)
-    return Run(cell.number, cell.special, law, stable, rmse, late, travel)
+    return Run(number, families, law, stable, rmse, late, travel)
 
 
 @dataclass(frozen=True)

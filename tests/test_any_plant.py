@@ -96,14 +96,6 @@ def test_a_plant_is_tuned_for(kind: str, monkeypatch: pytest.MonkeyPatch) -> Non
     assert found.rig.replace(preset=None, gains={}).hash == rig.hash
 
 
-@each(RIGS, "own")
-def test_a_plant_plays_in_the_league(kind: str) -> None:
-    rig = RIGS[kind]()
-    found = bowden.league(rig, ["uncompensated"], plants=["rig"], scenarios=["fast"])
-    (cell,) = found.cells
-    assert (cell.plant, cell.stable, found.rig) == ("rig", True, rig.hash)
-
-
 @each(RIGS, "own", "suit")
 def test_a_plant_is_drawn_in_a_campaign(kind: str, tmp_path: Path) -> None:
     study = tmp_path / "study.toml"
@@ -256,19 +248,6 @@ def test_tune_takes_a_study_in_python(tmp_path: Path) -> None:
     assert (found.study["tuned_on"], found.study["after"]["runs"]) == (3, 3)
     assert found.rig.gains == found.gains
     assert "3 plants of study.toml" in str(found)
-
-
-@pytest.mark.long
-def test_a_law_of_the_leagues_rig_has_the_rigs_gains() -> None:
-    rig = Rig(gains={"feedback_gain": 5.0}, delay=3)
-    soft, usual = (
-        bowden.league(one, ["adaptive"], plants=["bench", "rig"], scenarios=["fast"])
-        for one in (rig, rig.replace(gains={}))
-    )
-    assert soft.cells[0].rmse_deg != usual.cells[0].rmse_deg
-    assert soft.cells[0].rmse_deg == pytest.approx(soft.cells[1].rmse_deg, rel=1e-9)
-    trace = bowden.simulate(rig, "adaptive", duration=20.0)
-    assert trace.settings["gains"]["feedback_gain"] == 5.0
 
 
 def test_a_model_file_names_a_distributed_cable(tmp_path: Path) -> None:

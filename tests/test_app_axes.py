@@ -211,7 +211,9 @@ def test_a_command_on_one_axis_asks_for_its_name(
 def test_a_command_without_an_option_for_an_axis_does_not_name_it(
     leg: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert run(["league", str(leg)]) == 2
+    study = leg.with_name("study.toml")
+    study.write_text('runs = 1\n[vary]\n"servo.damping" = { uniform = [0.8, 1.0] }\n')
+    assert run(["campaign", str(study), "--rig", str(leg)]) == 2
     said = capsys.readouterr().err
     assert "has several axes; expected the rig of one motor; write one without [[axis]] for this" in said
 

@@ -19,20 +19,19 @@ from bowden.control.law_parts import half_width, lag
 from bowden.core.errors import BowdenError, ParameterError, UnknownNameError
 from bowden.core.signals import Reference, Sample
 from bowden.core.units import RADIANS
-from bowden.design import league, league_cells
 from bowden.export import law as export_law
 from bowden.live.live_run import live_run
 from bowden.live.log_replay import law_of
 from bowden.live.mcap_read import Recording
 from bowden.models.cable.bouc_wen import BoucWen
 from bowden.models.drive.encoder import Encoder
+from bowden.plants.cables import as_cable_plant
 from bowden.plants.knowledge_of import knowledge_of
 from bowden.plants.transmission import transmission
 from bowden.rig.presets.bench import default_bench, minimum_jerk
 from bowden.rig.presets.suit import default_suit
 from bowden.rig.rig import Rig
 from bowden.sim.run import simulate
-from bowden.sim.scenario import constant_bend
 from bowden.study.load import load
 from drawn_plants import random_plant, run_random_plant
 
@@ -80,8 +79,6 @@ def handed(monkeypatch: pytest.MonkeyPatch) -> dict[str, list[Law]]:
     monkeypatch.setattr("bowden.face.tune.search", catching("tune", lambda bench, law: [law]))
     monkeypatch.setattr(export_law, "law_module", catching("export", lambda law, *_: [law]))
     monkeypatch.setattr("bowden.face.tune.two_workers", lambda *_, **__: contextlib.nullcontext(map))
-    monkeypatch.setattr(league, "exact_travel", lambda *_, **__: 1.0)
-    monkeypatch.setattr(league, "simulate_each", catching("league", lambda case, duration: list(case.laws)))
     return found
 
 
@@ -120,14 +117,9 @@ def test_every_command_gives_every_law_the_same_gains(
         (tmp_path / "study.toml").write_text(f'rig = "rig.toml"\nlaws = ["{name}"]\nruns = 4\n')
         study = load(tmp_path / "study.toml")
         handed["campaign"] = [*study.nominal, *study.run(3)[1]]
-        plant = league_cells.LeaguePlant(
-            "rig", "", league_cells.as_cable_plant(rig_of.bench), constant_bend(math.pi), known=rig_of.knowledge
-        )
-        with pytest.raises(Caught):
-            list(league.play([LAWS[name]], [lambda plant=plant: plant], league_cells.scenarios()[:1], print, print))
         handed["replay"] = [law_of(recorded(rig_of.document()), name)[0]]
         gains = {command: [law.gains for law in laws] for command, laws in handed.items()}
-        assert set(gains) == {"simulate", "check", "tune", "export", "run", "campaign", "league", "replay"}
+        assert set(gains) == {"simulate", "check", "tune", "export", "run", "campaign", "replay"}
         expected = configured(LAWS[name], rig_of.knowledge).gains
         assert gains == {command: [expected] * len(found) for command, found in gains.items()}, name
 
@@ -152,7 +144,7 @@ def test_what_a_bench_knows() -> None:
 
 
 def test_of_a_plant_round_any_other_cable_nothing_is_known_of_the_cable() -> None:
-    bench, plant = knowledge_of(BENCH), knowledge_of(league_cells.as_cable_plant(BENCH))
+    bench, plant = knowledge_of(BENCH), knowledge_of(as_cable_plant(BENCH))
     assert plant._replace(cable=bench.cable, motor_zero=bench.motor_zero).__repr__() == bench.__repr__()
     assert np.isnan(plant.cable).all()
     assert math.isnan(plant.motor_zero)

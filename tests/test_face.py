@@ -486,7 +486,6 @@ WRONG: dict[str, tuple[Callable[[], Any], str]] = {
     "a seed below 0": (lambda: bowden.simulate(bowden.Rig(), seed=-1), r"the seed is -1; expected a whole number"),
     "a preset of numbers": (lambda: bowden.check(bowden.Rig(), preset=3), r"check: preset is 3; expected the name"),  # type: ignore[arg-type]
     "an unknown preset": (lambda: bowden.check(bowden.Rig(), "adaptive", preset="no"), r"has no preset 'no'"),
-    "a law for laws": (lambda: bowden.league(laws="adaptive"), r'expected a list; write league\(laws=\["adaptive"\]\)'),
     "an unknown field": (lambda: bowden.Rig().replace(servos=1), r"a rig has no 'servos'; expected servo"),
     "a cable of text": (lambda: bowden.Rig(cable="stiff"), r"cable is 'stiff'; expected"),  # type: ignore[arg-type]
     "degrees in a rig": (lambda: bowden.Rig(initial_motor=70.0), r"initial_motor is 70.*looks like degrees"),

@@ -154,17 +154,6 @@ CALLS: dict[str, tuple[Callable[..., Any], dict[str, tuple[Any, ...]]]] = {
     ),
     "Law.with_gains": (bowden.LAWS["adaptive"].with_gains, {"feedback_gain": ("1", None, {}), "nope": (1.0,)}),
     "Law.preset": (made(bowden.LAWS["adaptive"].preset, "paper"), {"name": NO_TEXT[:3]}),
-    "league": (
-        made(bowden.league, RIG),
-        {
-            "rig": NO_RIG[2:],
-            "laws": (3, "adaptive", ["adaptiv"], [3]),
-            "plants": (3, "bench", [3], ["bensh"]),
-            "scenarios": (3, "fast", [3], ["fasd"]),
-            "data": NO_PATH,
-            "progress": NO_CALL,
-        },
-    ),
     "MinimumJerk": (bowden.MinimumJerk, {"low": (0.0,)}),
     "MinimumJerk.periodic": (
         made(bowden.MinimumJerk.periodic, 0.0, 1.0, 4.0),

@@ -10,10 +10,8 @@ import pytest
 from bowden.control import LAWS
 from bowden.core.style import COLOURS, CYCLE, colours_for, dashes_for, legend, new_figure, stay_near
 from bowden.core.trace import Trace
-from bowden.design.league import Cell, Played, Standing
 from bowden.report import log_figures, page, simulate_figures
 from bowden.report.identify_page import _density
-from bowden.report.league_page import league_page
 from bowden.report.log_page import log_page
 from bowden.report.page import Page
 from bowden.safety.faults import Fault
@@ -193,16 +191,3 @@ def test_a_campaign_ranks_what_matters_most_and_faults_too() -> None:
     assert "(4.0)" in html
     assert "are below 20 %" in html
     assert "Oscillating: the command travelled more than 5 times" in html
-
-
-@pytest.mark.usefixtures("undrawn")
-def test_a_row_of_the_league_is_as_wide_as_its_page() -> None:
-    errors = {law: 0.1 + 0.2 * i for i, law in enumerate(LAWS)}
-    cells = [Cell(law, "bench", "periodic", error, error, 1.0, None, 1.0, 1.0, True) for law, error in errors.items()]
-    played = [Played(cell, "the bench", np.linspace(0.1, 1.0, 48)) for cell in cells]
-    standings = [Standing(law, 1, 0.1, 0.1, 1.0, 1.0, 1.0, 0) for law in LAWS]
-    html = league_page(played, standings, []).html()
-    table = re.findall(r'<div class="wide cells"><table><thead>.*?</table>', html, re.S)[0]
-    assert "width=" not in table, "plots are as wide as their cells"
-    assert ".cells table { width: 100%; table-layout: fixed;" in html
-    assert 'class="much-worse"' in table or 'class="worse"' in table

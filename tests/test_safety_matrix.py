@@ -8,15 +8,15 @@ import pytest
 
 from bowden.control import LAWS
 from bowden.control.knowledge import informed
-from bowden.design.league_cells import plants, scenarios
 from bowden.identify.cable.model import CableModel
 from bowden.models.cable.bouc_wen import BoucWen
 from bowden.plants.knowledge_of import knowledge_of
-from bowden.rig.presets.bench import default_bench, moved_sheath
+from bowden.rig.presets.bench import default_bench
 from bowden.rig.rig import Rig
 from bowden.safety.faults import Fault, of
 from bowden.safety.limits import Limits
 from bowden.sim.injected import Injected
+from league import plants, scenarios
 from support.adversary import attack
 from support.fault_matrix import (
     AFTER,
@@ -91,7 +91,7 @@ def test_two_faults_end_without_power_and_r3_is_not_kept_waiting() -> None:
 
 @pytest.mark.parametrize("limits", [MEASURED, Limits()], ids=["all_measured", "default"])
 def test_a_run_in_order_is_never_touched(limits: Limits) -> None:
-    plant = plants(BENCH, moved_sheath())[1]
+    plant = plants(BENCH)[1]
     start = plant.plant.resting_motor(0.0, float(plant.bend(np.zeros(1))[0]))
     for name, scenario in itertools.product(("adaptive", "bowden"), scenarios()):
         outcome, _ = supervised(

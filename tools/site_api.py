@@ -42,12 +42,11 @@ PAGES = {
     ),
     "design": Page(
         "Check and tune",
-        "Whether gains hold on a rig, gains that do, and laws against one another.",
-        ("check", "tune", "league", "campaign"),
+        "Whether gains hold on a rig, and gains that do.",
+        ("check", "tune", "campaign"),
         (
             "bowden.design.check.Check",
             "bowden.design.tune.Tuning",
-            "bowden.face.league.League",
             "bowden.face.campaign.Campaign",
         ),
     ),

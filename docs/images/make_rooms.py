@@ -20,7 +20,7 @@ FLOORS: list[list[tuple[str, str]]] = [
     [("plants", "Plant; bench, any cable, suit, your own file")],
     [("sim", "run one, run many, inject faults"), ("identify", "log → cable/ servo/ emg/")],
     [("hardware", "drives/ buses/ emg/ twin/"), ("rig", "rig.toml ↔ the frozen Rig; presets")],
-    [("design", "check, tune, league"), ("export", "C99"), ("study", "campaigns")],
+    [("design", "check, tune"), ("export", "C99"), ("study", "campaigns")],
     [("live", "session, processes, recorder, logs, replay")],
     [("report", "figures, pages"), ("face", "import bowden")],
     [("paper", "figures and claims"), ("app", "a file a command")],

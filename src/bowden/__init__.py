@@ -37,7 +37,6 @@ if TYPE_CHECKING:
     from bowden.face.identify import identify as identify
     from bowden.face.identify import read_log as read_log
     from bowden.face.init import init as init
-    from bowden.face.league import league as league
     from bowden.face.motion import MinimumJerk as MinimumJerk
     from bowden.face.read_trace import read_trace as read_trace
     from bowden.face.run import run as run
@@ -79,7 +78,6 @@ _HOMES = {
     "identify_together": "bowden.face.several_logs",
     "init": "bowden.face.init",
     "kernel": "bowden.core.kernel",
-    "league": "bowden.face.league",
     "read_log": "bowden.face.identify",
     "read_trace": "bowden.face.read_trace",
     "recalibrate": "bowden.face.several_logs",

@@ -12,8 +12,8 @@ a field of `Knowledge` (of a nested one ``cable.slope``), or a function of it. O
 3. the preset: what it changes stays as it has it, what it leaves as the law's own comes from the rig;
 4. the gains that the rig itself gives.
 
-Simulation, check, tuning, league, campaign, live run, export and replay all go this way. A study that gives laws
-something wrong on purpose changes the `Knowledge`.
+Simulation, check, tuning, campaign, live run, export and replay all go this way. A study that gives laws something
+wrong on purpose changes the `Knowledge`.
 """
 
 import math

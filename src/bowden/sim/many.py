@@ -116,31 +116,6 @@ def simulate_many(cases: Iterable[Case], duration: float) -> Iterator[tuple[Outc
         yield from _run(group)
 
 
-class Shown(NamedTuple):
-    """What came of one run, and its course; the arrays are the next run's as well."""
-
-    outcome: Outcome
-    time: Array  # (n,) [s]
-    reference: Array  # (n,) [rad]
-    joint: Array  # (n,) [rad]; behind the last cycle of a run that did not end, another's
-
-
-def simulate_each(case: Case, duration: float) -> Iterator[Shown]:
-    """The laws of one case, each run when it is asked for.
-
-    Raises:
-        ParameterError: a duration or setting that cannot be.
-    """
-    ready = Ready(case, duration, None)
-    given, figures = Given([ready]), np.empty((1, len(FIGURES)))
-    for i, law in enumerate(case.laws):
-        numbers = np.array([ready.numbers[i]])
-        given.run(law, case.source_of(i), ready.ones[i], numbers, given.rows, BatchLimits(), figures)
-        outcome = Outcome(*figures[0].tolist())
-        _refuse_no_number(ready, i, outcome, duration)
-        yield Shown(outcome, ready.edges[:-1], given.scratch[6], given.scratch[1])
-
-
 class Ready:
     """A case with its inputs over time; those that it shares with the case before are not made again."""
 
