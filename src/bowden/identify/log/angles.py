@@ -39,7 +39,7 @@ class AngleUnits(NamedTuple):
     unit: tuple[str | None, str | None]
     """``deg``, ``rad`` or ``counts``; None where the log shall say."""
     counts_per_turn: tuple[float | None, float | None]
-    """Of each encoder, where it counts."""
+    """Of each encoder: what one count is, whatever unit the log is in."""
     apart: bool
     """Whether each side has its own unit said, so that a gear between them is no mistake."""
 
@@ -60,6 +60,8 @@ class Angle:
     """Radians in one of it."""
     guessed: bool = False
     """Whether nobody named the unit of a file's column."""
+    count: float = 0.0
+    """One count of its encoder, where somebody said how many make a turn; 0 where not [rad]."""
 
     @property
     def radians(self) -> Array:
@@ -73,10 +75,10 @@ def angle_units(unit: Any = None, counts_per_turn: Any = None) -> AngleUnits:
     Args:
         unit: ``deg``, ``rad`` or ``counts`` for both sides, or one each: ``counts,deg``; None where the log shall say.
         counts_per_turn: of both encoders, or one each as a pair or as text: ``8192,4000``. Given alone, those sides are
-            in counts whose columns name no unit.
+            in counts whose columns name no unit; beside another unit it is the encoders' resolution.
 
     Raises:
-        ParameterError: another unit, numbers that no encoder has, or counts beside another unit.
+        ParameterError: another unit, or numbers that no encoder has.
 
     >>> angle_units("counts", "8192,4000").counts_per_turn
     (8192.0, 4000.0)
@@ -87,21 +89,9 @@ def angle_units(unit: Any = None, counts_per_turn: Any = None) -> AngleUnits:
     if len(parts) > 2 or any(part not in (None, *UNITS) for part in parts):
         raise ParameterError(f"the unit of the angles is {unit!r}", expected=_EXPECTED, do="give one of them")
     counts = _counts(counts_per_turn)
-    if counts and unit is not None and "counts" not in parts:
-        raise ParameterError(
-            f"counts per turn are given beside the unit {unit!r}",
-            expected="the unit counts",
-            do="leave one of them out",
-        )
-    if len(counts) == 2 and unit is not None and set(parts) != {"counts"}:
-        raise ParameterError(
-            f"counts per turn of motor and joint are given beside the unit {unit!r}",
-            expected="one number, of the side that counts",
-            do="leave the other one out",
-        )
     both = (parts[0], parts[-1])
     of_turn = (counts[0], counts[-1]) if counts else (None, None)
-    return AngleUnits(both, of_turn, len(parts) == 2 or len(counts) == 2)
+    return AngleUnits(both, of_turn, len(parts) == 2 or (len(counts) == 2 and unit in (None, "counts")))
 
 
 def _counts(given: Any) -> list[float]:
@@ -134,8 +124,8 @@ def angles_of(
         given: see `angle_units`.
 
     Raises:
-        LogError: a length; one unit for two columns of which one names another; counts, of which nobody says how many
-            make a turn.
+        LogError: a length; one unit for two columns of which one names another; counts that are not whole, or of which
+            nobody says how many make a turn.
     """
     for (side, (name, found)), unit in zip(columns.items(), given.unit, strict=True):
         if found not in (None, *UNITS) and unit is None:
@@ -170,11 +160,16 @@ def angles_of(
                 expected="the counts of a turn",
                 do="give them: --counts-per-turn 8192, or 8192,4000 for motor and joint (counts_per_turn= in Python)",
             )
+        broken = values[side][values[side] != np.round(values[side])] if chosen == "counts" else ()
+        if len(broken):
+            raise LogError(
+                f"{name!r} is taken as counts, and has {broken[0]:.9g} in it",
+                expected="whole numbers",
+                do="give the unit that it is in: --unit deg or --unit rad (unit= in Python); the counts per turn may stay",
+            )
         factor = {"deg": RADIANS, "rad": 1.0, "counts": _TURN / (counts or 1.0)}[chosen]
-        angles[side] = Angle(name, values[side], chosen, unit is not None or named is not None, factor, guessed)
-    if given.counts_per_turn != (None, None) and all(one.unit != "counts" for one in angles.values()):
-        names = " and ".join(columns[side][0] for side in SIDES)
-        warnings.append(f"{names} name their units, so that the counts per turn are not used (unless a unit is given)")
+        known, count = unit is not None or named is not None, _TURN / counts if counts else 0.0
+        angles[side] = Angle(name, values[side], chosen, known, factor, guessed, count)
     return angles, warnings
 
 

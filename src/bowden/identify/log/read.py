@@ -70,7 +70,7 @@ class Log:
     """One count of motor's and joint's encoder, as recorded: an even clock's angles lie between them. None where the
     angles are as recorded [rad]."""
     encoders: Encoders = NOT_SAID
-    """One count of each, where the log was in counts and somebody said how many make a turn."""
+    """One count of each, where somebody said how many make a turn."""
 
     @property
     def resolutions(self) -> tuple[float, float]:
@@ -290,7 +290,7 @@ def prepare(
         why = f"the joint stands at {at:.4g}° while the motor goes on by {on:.2g}°: the end of its sensor, or a stop"
         doubts = (*doubts, Trust("with care", (why,)))
     said = (*warnings, *notes, *more, *clock, *repeats)
-    encoders = Encoders(*(angles[side].factor if angles[side].unit == "counts" else 0.0 for side in SIDES))
+    encoders = Encoders(*(angles[side].count for side in SIDES))
     return Log(even, motor_at, joint_at, name, said, doubts, counts, encoders)
 
 
