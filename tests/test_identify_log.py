@@ -253,10 +253,9 @@ def test_counts_are_angles_once_their_turn_is_known(write: Write, tmp_path: Path
     assert mixed.joint == pytest.approx(JOINT)
     with pytest.raises(LogError, match="'motor_counts' is in counts, and nothing says how many"):
         read_log(tmp_path / "log.mat")
-    wrong: list[dict[str, Any]] = [{"unit": "deg", "counts_per_turn": 8192}, {"counts_per_turn": (9, 9, 9)}]
-    for bad in [*wrong, {"counts_per_turn": "few"}, {"counts_per_turn": 0}]:
+    for bad in ((9, 9, 9), "few", 0):
         with pytest.raises(ParameterError, match="counts per turn"):
-            read_log(path, **bad)
+            read_log(path, counts_per_turn=bad)  # type: ignore[arg-type]
 
 
 def test_counts_that_nobody_named_are_suspected(write: Write) -> None:
@@ -271,9 +270,19 @@ def test_counts_per_turn_alone_leave_named_columns_as_they_are(write: Write) -> 
     assert log.motor == pytest.approx(MOTOR, abs=1e-3)
     assert log.joint == pytest.approx(JOINT, abs=1e-6)
     assert not any("counts" in said for said in log.warnings)
-    both = read_log(write(text(rows(TIME, MOTOR, JOINT), "time_s,motor_rad,joint_rad")), **TURN)
-    assert both.motor == pytest.approx(MOTOR, abs=1e-6)
-    assert any("the counts per turn are not used" in said for said in both.warnings)
+    assert (log.encoders.motor, log.encoders.joint) == (math.tau / 8192.0, 0.0)
+
+
+@pytest.mark.parametrize("names", ["time_s,motor_deg,joint_deg", "time_s,motor,joint"])
+def test_counts_per_turn_of_a_log_in_degrees_are_its_encoders(names: str, write: Write) -> None:
+    path = write(text(rows(TIME, np.degrees(MOTOR), np.degrees(JOINT)), names))
+    turns: dict[str, Any] = {"counts_per_turn": (8192, 4000)}
+    log = read_log(path, unit="deg", **turns)
+    assert log.motor == pytest.approx(MOTOR, abs=1e-6)
+    assert log.encoders == pytest.approx((math.tau / 8192.0, math.tau / 4000.0))
+    assert not [said for said in log.warnings if "counts" in said]
+    with pytest.raises(LogError, match=r"taken as counts, and has .*; expected whole numbers; .*--unit deg"):
+        read_log(path, unit="counts", **turns)
 
 
 TURN: dict[str, Any] = {"counts_per_turn": 8192}
@@ -303,10 +312,11 @@ def test_a_gap_is_one_where_every_row_is_doubled() -> None:
 @pytest.mark.parametrize(("turn", "unit"), [(360.0, "deg"), (math.tau, "rad"), (8192.0, "counts")])
 def test_an_angle_that_wraps_is_unwrapped(turn: float, unit: str, write: Write) -> None:
     motor = 3.0 * np.sin(3.0 * TIME)  # almost half a turn, to and fro
-    wrapped = np.mod(motor, math.tau) * turn / math.tau
-    path = write(text(rows(TIME, wrapped, JOINT * turn / math.tau), "t,motor,joint"))
+    recorded = [angle * turn / math.tau for angle in (np.mod(motor, math.tau), JOINT)]
+    count = math.tau / turn if unit == "counts" else 1e-5
+    path = write(text(rows(TIME, *(np.round(one) if unit == "counts" else one for one in recorded)), "t,motor,joint"))
     log = read_log(path, unit=unit, counts_per_turn=8192 if unit == "counts" else None)
-    assert np.ptp(log.motor - motor) < 1e-5
+    assert np.ptp(log.motor - motor) <= 1.01 * count
     assert "motor wraps at a turn 3 times" in log.warnings[0]
 
 

@@ -170,6 +170,9 @@ def angles_of(
         factor = {"deg": RADIANS, "rad": 1.0, "counts": _TURN / (counts or 1.0)}[chosen]
         known, count = unit is not None or named is not None, _TURN / counts if counts else 0.0
         angles[side] = Angle(name, values[side], chosen, known, factor, guessed, count)
+    if any(one.unit == "counts" for one in angles.values()) and len({*given.counts_per_turn}) == 1:
+        # one number beside one side that counts is that side's: the other's encoder is not known
+        angles = {side: one if one.unit == "counts" else replace(one, count=0.0) for side, one in angles.items()}
     return angles, warnings
 
 
