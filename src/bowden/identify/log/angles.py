@@ -12,6 +12,7 @@ from bowden.core.arguments import said
 from bowden.core.errors import LogError, ParameterError
 from bowden.core.units import CABLE_LOG_LIMIT, RADIANS
 from bowden.identify.cable.trusted import Trust
+from bowden.identify.log.columns import split_name
 
 Array = NDArray[np.float64]
 
@@ -25,6 +26,9 @@ _STROKE = 0.25
 """Share of a signal's range by which no step of a motion goes; a larger one is an outlier or a wrapped angle."""
 _GEARED = 5.0
 """Motion of the motor over the joint's that no cable has: those are 0.8 to 1.2, slack and play included below 5."""
+_AS_OF_LENGTH = 1.3
+"""Motion of the joint over the motor's [°/mm] from which on a motor without a unit may be a length: a spool of 44 mm
+radius or less makes more, cables make 1.15 at most."""
 _OUTLIER, _BEYOND_USUAL, _RARE = 0.02, 10.0, 1e-3
 """How far a reading stands beside the median of the five round it, over the motion and over what others are beside
 theirs, to be none of the motion; and of how many at most: of more it is what is usual."""
@@ -165,7 +169,7 @@ def angles_of(
             raise LogError(
                 f"{name!r} is taken as counts, and has {broken[0]:.9g} in it",
                 expected="whole numbers",
-                do="give the unit that it is in: --unit deg or --unit rad (unit= in Python); the counts per turn may stay",
+                do="give its unit: --unit deg or --unit rad (unit= in Python), beside the counts per turn",
             )
         factor = {"deg": RADIANS, "rad": 1.0, "counts": _TURN / (counts or 1.0)}[chosen]
         known, count = unit is not None or named is not None, _TURN / counts if counts else 0.0
@@ -261,12 +265,13 @@ def check_plausible(motor: Angle, joint: Angle, where: Callable[[int], str]) -> 
             raise _beyond(one, one is motor, where(worst), float(one.values[worst]))
 
 
-def unit_doubts(motor: Angle, joint: Angle) -> list[Trust]:
+def unit_doubts(motor: Angle, joint: Angle, *, apart: bool) -> list[Trust]:
     """Why angles are perhaps not in the units that they were taken in.
 
     A unit that nobody named is a guess. And a joint moves by less than half a turn, and a log of one that can be fitted
     by more than π°: what is taken for radians and moves by more than π may be degrees, and what is taken for degrees
-    and moves by less than π, radians.
+    and moves by less than π, radians. A motor whose column names no unit, and for which one is not said apart from the
+    joint's, may be a length where the joint moves too far for a cable.
     """
     guessed = [f"{one.name!r} (taken as {one.unit})" for one in (motor, joint) if one.guessed]
     found = [f"no unit is named for {' and '.join(guessed)}: give --unit, or end the names in _deg or _rad"] * bool(
@@ -277,6 +282,13 @@ def unit_doubts(motor: Angle, joint: Angle) -> list[Trust]:
         found.append(f"{joint.name} was taken as rad and so moves by {span / RADIANS:.4g}°: is it in degrees?")
     if joint.unit == "deg" and span < math.pi:
         found.append(f"{joint.name} was taken as deg and so moves by {span:.2g}° only: is it in radians?")
+    ratio = span * joint.factor / (float(np.ptp(motor.values)) * motor.factor)
+    if motor.unit == "deg" and split_name(motor.name)[1] is None and not apart and ratio > _AS_OF_LENGTH:
+        found.append(
+            f"the joint moves {ratio:.3g} times as far as {motor.name}, which names no unit: is that a length in mm? "
+            "Then divide it by the radius of its spool (rad). If it is an angle, say so: --unit "
+            f"deg,{joint.unit}"
+        )
     return [Trust("with care", (one,)) for one in found]
 
 
@@ -312,8 +324,10 @@ def _beyond(angle: Angle, motor: bool, place: str, value: float) -> LogError:
     if angle.unit == "rad":
         named = "declared as radians" if angle.known else "without a unit in its name"
         return LogError(
-            f"{place}: {angle.name} is {value:.6g}, {named}; angles beyond ±{CABLE_LOG_LIMIT:g} rad look like degrees",
-            do="give the unit deg (--unit deg, unit='deg'), or end the column's name in _deg"
+            f"{place}: {angle.name} is {value:.6g}, {named}; angles beyond ±{CABLE_LOG_LIMIT:g} rad look like degrees, "
+            "or a length",
+            do="give the unit deg (--unit deg, unit='deg'), or end the column's name in _deg; divide a length by the "
+            "radius of its spool, which makes it rad"
             + ("; of a motor of many turns, say rad" if motor and not angle.known else ""),
         )
     shown = f"{value:.6g}°" if angle.unit == "deg" else f"{value:.9g} counts"

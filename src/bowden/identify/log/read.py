@@ -30,7 +30,7 @@ from bowden.identify.log.angles import (
     unwrapped,
     without_outliers,
 )
-from bowden.identify.log.clock import even_clock, held_rows, odd_time
+from bowden.identify.log.clock import even_clock, held_rows, odd_time, rises_evenly
 from bowden.identify.log.columns import CABLE, FACTORS, LogColumn, find_columns, unit_of
 from bowden.identify.log.mat import is_matlab, read_matlab
 from bowden.identify.log.text import read_text
@@ -126,6 +126,15 @@ def read_log(
     checked_rate(rate, time)
     given = {"time": time, "motor": motor, "joint": joint}
     raw, warnings = from_the_first_reading(read_columns(file, given, optional=() if rate is None else ("time",)))
+    if rate is None and not rises_evenly(raw.values["time"]):
+        for side in SIDES:
+            if rises_evenly(raw.values[side]):
+                clock, other = raw.columns["time"].name, raw.columns[side].name
+                raise LogError(
+                    f"{file}: {other!r} rises by equal steps, as a time does, and {clock!r} does not",
+                    expected="a time that rises",
+                    do=f"exchange the names {clock!r} and {other!r} in the file",
+                )
     for role, values in raw.values.items():
         if role != "time" or rate is None:
             checks.check_finite(raw.columns[role].name, values, raw.place)
@@ -280,7 +289,7 @@ def prepare(
     swapped = Trust("no", (found,))
     doubts = (
         *doubts,
-        *unit_doubts(motor, joint),
+        *unit_doubts(motor, joint, apart=apart),
         *odd_time(even, motor_at, joint_at),
         *seldom,
         *([swapped] if checks.look_swapped(motor_at, joint_at) else []),
