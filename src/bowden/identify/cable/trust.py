@@ -56,10 +56,8 @@ def trust(fit: "Fit") -> Trust:
         doubt("with care", f"{why}: is the joint computed from the motor, or its target?")
     apart = peak_speed(log.time, log.joint) * float(np.median(np.diff(log.time)))
     if loop is not None and loop.height < 2.0 * apart:
-        why = (
-            f"the joint moves {_degrees(apart)} from row to row, and a joint that is one row late makes a loop as high"
-        )
-        doubt("with care", f"{why} as this one ({_degrees(loop.height)}): record more rows a second, or move slower")
+        why = f"the joint moves {_degrees(apart)} from row to row: if it is one row late, that alone makes such a loop"
+        doubt("with care", f"{why} ({_degrees(loop.height)} high); record more rows a second, or move slower")
     if fit.reversals and (fit.chosen_on_whole or fit.cycles.whole < FOR_YES):
         doubt("with care", f"{fit.cycles.counted}, too few to judge a model on cycles that it has not seen")
     if rate is not None:
