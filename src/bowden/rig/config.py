@@ -161,9 +161,9 @@ def checked_file(tree: Mapping[str, Any], path: Path) -> Any:
     if file.cable.model is None and (
         file.cable.model_hash or not value_of(Counting, file.cable.model_dump()).as_recorded
     ):
-        given = ", ".join(sorted(of_model & file.cable.model_fields_set))
+        unnamed = ", ".join(sorted(of_model & file.cable.model_fields_set))
         raise ParameterError(
-            f"{path}: [cable] has {given}, and names no model",
+            f"{path}: [cable] has {unnamed}, and names no model",
             expected="the model of a cable",
             do="name it, or delete them",
         )

@@ -164,10 +164,10 @@ def angles_of(
                 expected="the counts of a turn",
                 do="give them: --counts-per-turn 8192, or 8192,4000 for motor and joint (counts_per_turn= in Python)",
             )
-        broken = values[side][values[side] != np.round(values[side])] if chosen == "counts" else ()
-        if len(broken):
+        broken = np.flatnonzero(values[side] != np.round(values[side]))
+        if chosen == "counts" and len(broken):
             raise LogError(
-                f"{name!r} is taken as counts, and has {broken[0]:.9g} in it",
+                f"{name!r} is taken as counts, and has {values[side][broken[0]]:.9g} in it",
                 expected="whole numbers",
                 do="give its unit: --unit deg or --unit rad (unit= in Python), beside the counts per turn",
             )

@@ -1,6 +1,7 @@
 """Reading and checking the log of a cable: CSV (also gzipped), MATLAB and Parquet files."""
 
 import math
+import shlex
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -191,6 +192,13 @@ def read_columns(
         if not head:
             raise LogError(
                 f"{file} is empty", expected=f"columns for {', '.join(known)}", do="record or export the log again"
+            )
+        if head.startswith(b"\x89MCAP0\r\n"):
+            raise LogError(
+                f"{file} is the log of a live run",
+                expected="time, motor and joint in columns",
+                do=f"write them: bowden log export {shlex.quote(str(file))} --to csv; in Python read it with "
+                "bowden.read_trace(path), which bowden.identify takes",
             )
         read = _read_parquet if head.startswith(b"PAR1") else read_matlab if is_matlab(file, head) else read_text
         columns, values, place = read(file, given, known, optional)
