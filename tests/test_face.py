@@ -461,7 +461,10 @@ WRONG: dict[str, tuple[Callable[[], Any], str]] = {
     "two columns": (lambda: bowden.identify(T, np.zeros((9, 2)), JOINT), r"motor is an array of shape \(9, 2\)"),
     "a number": (lambda: bowden.identify(T, 3.0, JOINT), r"motor is 3.0; expected an array of shape \(n,\)"),
     "NaN": (lambda: bowden.identify(T, np.where(T == 5.0, np.nan, MOTOR), JOINT), r"sample 501: motor is nan"),
-    "degrees": (lambda: bowden.identify(T, 57.3 * MOTOR, 57.3 * JOINT), r"look like degrees; give the unit deg"),
+    "degrees": (
+        lambda: bowden.identify(T, 57.3 * MOTOR, 57.3 * JOINT),
+        r"look like degrees, or a length; give the unit deg",
+    ),
     "factor 57.3": (lambda: bowden.identify(T, 0.7 * MOTOR, 35.0 * MOTOR), r"looks like degrees beside radians"),
     "its other side": (lambda: bowden.identify(T, 20.0 * MOTOR, 0.35 * MOTOR), r"the motor moves 57.1 times as far"),
     "a unit": (lambda: bowden.identify(T, MOTOR, JOINT, unit="grad"), r"'grad'; expected deg, rad or counts"),
@@ -634,3 +637,8 @@ def test_laws_run_in_turn_until_an_interruption() -> None:
     with pytest.raises(KeyboardInterrupt):
         in_turn(laws[2:] * 3, lambda i: run(2), lambda what, share: None)
     assert in_turn(laws[:2], run, lambda what, share: None) == ({"adaptive": 0, "observer": 10}, False)
+
+
+def test_a_run_without_with_says_so() -> None:
+    with pytest.raises(AttributeError, match=r"nothing runs yet: with bowden\.run"):
+        bowden.run(bowden.Rig(), twin=True).complete()

@@ -1,5 +1,6 @@
 """A model as a rig counts its angles: the same cable, whatever its zeros and its motor's direction."""
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -84,6 +85,13 @@ def test_a_rigs_file_keeps_how_it_counts(tmp_path: Path) -> None:
     assert rig.cable.model().parameters["slope"] == 0.9  # type: ignore[union-attr]
     (tmp_path / "again.toml").write_text(rig.to_toml())
     assert "motor_zero_deg = 57.0" in rig.to_toml()
+    other = tmp_path / "other.toml"  # of another cable, in whose file another one stands by now
+    other.write_text(rig.to_toml().replace(rig.cable.digest, "1f0c9a52b6d3e874"))  # type: ignore[union-attr]
+    with pytest.raises(ParameterError, match="not the model that this rig was made from") as error:
+        Rig.read(other)
+    (line,) = re.findall(r"model_hash = \S+", str(error.value))
+    other.write_text(re.sub(r"model_hash = \S+", line, other.read_text()))
+    assert Rig.read(other).hash == rig.hash
     again, unpacked = Rig.read(tmp_path / "again.toml"), Rig.unpack(rig.pack())
     assert again.hash == unpacked.hash == rig.hash
     assert unpacked.cable.covered == rig.cable.covered  # type: ignore[union-attr]
@@ -104,7 +112,8 @@ def test_a_reference_beyond_the_log_is_said() -> None:
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("direction = -1", "[cable] says how a model's angles are counted, and names no model"),
+        ("direction = -1", "[cable] has direction, and names no model"),
+        ('model_hash = "1f"', "[cable] has model_hash, and names no model"),
         ('model = "model.toml"\ndirection = 0', "cable.direction is 0; expected 1 or -1"),
         ('model = "model.toml"\ndirection = true', "cable.direction is true; expected 1 or -1"),
         ('model = "model.toml"\ndirection = -1.0', "cable.direction is -1.0; expected 1 or -1"),

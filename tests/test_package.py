@@ -156,7 +156,7 @@ assert run("campaign study.toml".split()) == 2
 def test_the_core_alone_simulates_identifies_and_draws(tmp_path: Path) -> None:
     commands = (
         "init",
-        "simulate rig.toml --duration 3 --csv --law observer",
+        "simulate rig.toml --duration 12 --csv --law observer",
         "identify out/simulate/observer.parquet",
         "reproduce --only fig4",
     )

@@ -135,8 +135,8 @@ def test_a_laws_own_slope_goes_with_a_cable_by_hand() -> None:
     for name, law in LAWS.items():
         taken = [gain for gain, what in law.from_rig.items() if what == "slope"]
         own, steep = (rig_of(slope, 1e-3, 0.0).fitted(name).gains for slope in (Rig().slope, 4.0 * Rig().slope))
-        assert all(getattr(own, gain) == getattr(law.own, gain) for gain in taken), "of the paper's bench"
-        assert all(getattr(steep, gain) == pytest.approx(4.0 * getattr(law.own, gain)) for gain in taken)
+        assert all(getattr(own, gain) == getattr(law.default_gains, gain) for gain in taken), "of the paper's bench"
+        assert all(getattr(steep, gain) == pytest.approx(4.0 * getattr(law.default_gains, gain)) for gain in taken)
 
 
 @pytest.mark.parametrize("dt", random_rigs.SAMPLE_TIMES)

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from bowden.app import STARTED
-from bowden.app.next_step import record_again
 from bowden.core.errors import OutputError
 
 if TYPE_CHECKING:
@@ -42,7 +41,7 @@ def say_trust(trust: "Trust | None") -> None:
         return
     _COMMAND.trust = trust
     if not _COMMAND.json:
-        print(f"Trust in the cable's model: {trust}{f'. {record_again()}' if trust.level == 'no' else ''}")
+        print(f"Trust in the cable's model: {trust}")
 
 
 def say_note(note: str) -> None:

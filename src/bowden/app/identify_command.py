@@ -30,7 +30,11 @@ Unit = Annotated[
     ),
 ]
 Counts = Annotated[
-    str | None, typer.Option(metavar="N[,N]", help="Counts in a turn of both encoders, or of motor and joint.")
+    str | None,
+    typer.Option(
+        metavar="N[,N]",
+        help="Counts in a turn of both encoders, or of motor and joint, whatever the log's unit: a rig gets them.",
+    ),
 ]
 Rate = Annotated[float | None, typer.Option(metavar="HZ", help="Rows a second, of a log without times.")]
 

@@ -7,6 +7,8 @@ import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from typer import Exit
+
 if TYPE_CHECKING:
     from bowden.identify.cable.trusted import Trust
 
@@ -38,19 +40,14 @@ def free_name(path: Path) -> Path:
     return found
 
 
-def record_again() -> str:
-    """What to do about a model that is not to be trusted."""
-    from bowden.identify.cable.cycles import ENOUGH
-
-    return (
-        f"For a better one record {ENOUGH} whole cycles or more, up and down, angles in deg or rad, and identify them"
-    )
-
-
 def after_model(model: Path, trust: "Trust | None" = None) -> None:
-    """What comes after a model has been written; a new log where it is not to be trusted."""
+    """What comes after a model has been written.
+
+    Raises:
+        Exit: 1 where it is not to be trusted; a new log comes next.
+    """
     if trust is not None and trust.level == "no":
-        print(f"Next: record again, or correct the log: {trust.reasons[0]}. {record_again()}")
-        return
+        print(f"Next: correct the log, or record another, and identify it: {trust.reasons[0]}")
+        raise Exit(1)
     rig = free_name(Path("rig.toml"))
     say_next("init", *([] if rig == Path("rig.toml") else [rig]), "--model", model)

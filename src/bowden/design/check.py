@@ -447,7 +447,7 @@ def judge(
     where += "".join(f", {name} {value:.3g}" for name, value in few.items()) + ")"
     lacking = f"the trial does not stand a further delay of {RESERVE * ENOUGH_DEG:.2g}°"
     if refuted:
-        rest = "the trials come to rest, with friction and play and without, though no linear loop shows why"
+        rest = f"{_calm(trials)}, with friction and play and without, though no linear loop shows why"
         return ("little_margin", f"{rest}; but {lacking}") if reserve is False else ("holds", rest)
     if not worst.margins.stable:
         pole = f"the sampled loop is unstable {where}: its largest pole is {worst.margins.largest_pole:.4g}"
@@ -467,7 +467,13 @@ def judge(
         return "little_margin", f"only {' and '.join(part for part in shown if part)} are left {where}"
     if reserve is False:
         return "little_margin", f"every linear loop has its margins, but with the play, {lacking}"
-    return "holds", "every linear loop has its margins, and the trials come to rest"
+    return "holds", f"every linear loop has its margins, and {_calm(trials)}"
+
+
+def _calm(trials: Sequence[Trial]) -> str:
+    """How still the trials are while the reference rests."""
+    swing = swing_of(trials) or 0.0
+    return "the trials come to rest" if swing <= _AT_REST else f"the trials swing by ±{swing / RADIANS:.2g}° at rest"
 
 
 def at_rest(

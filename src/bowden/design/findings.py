@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 _WIDEST = math.pi
 """No joint of a limb moves so far [rad]."""
-_SAID = {True: "confirmed in simulation", False: "refuted in simulation", None: "nothing to confirm"}
+_SAID = {True: "confirmed in simulation", False: "not seen in simulation", None: "nothing to confirm"}
 
 
 def check_rows(found: "Check") -> list[tuple[str, str]]:

@@ -142,15 +142,15 @@ def exported(
     output_folder(folder, "--to")
     progress("reading the kernels", 0.0)
     from bowden.export.readme import TARGETS
-    from bowden.rig.counts import counts_of
+    from bowden.rig.counts import counts_of, guessed
 
     if target not in TARGETS:
         raise ParameterError(f"there is no target {target!r}", expected=near(target, TARGETS), do="correct --target")
     float32 = float32 or TARGETS[target]
 
-    counts = counts_of(rig)
+    counts, doubt = counts_of(rig), guessed(rig)
     modules = _modules(rig, law, counts, emg_rate, safety=safety)
-    said = _said(name, law, preset, float32=float32, counts=counts)
+    said = _said(name, law, preset, float32=float32, counts=counts) + (f" Beware: {doubt}." if doubt else "")
     texts = _texts(modules, law, counts, rig.sample_time, said, float32=float32)
     _only_ours(folder, set(texts) | {"recording.csv", "replay"})
     progress(f"checking {law.name}", 0.3)
@@ -163,7 +163,7 @@ def exported(
         (stage / "recording.csv").write_text(recording, encoding="utf-8")
     progress("measuring on a Cortex-M4F", 0.8)
     figures = _figures(folder, modules, recording)
-    notes = (*rig.notes, verdict.note, figures if isinstance(figures, str) else "")
+    notes = (doubt, *rig.notes, verdict.note, figures if isinstance(figures, str) else "")
     return Exported(
         law=law.name,
         files=tuple(folder / file for file in (*texts, "recording.csv")),

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from bowden.core import arguments
@@ -93,8 +94,10 @@ def _identified(
         if isinstance(log, Log):
             return identify_log(log, seed, progress)
         seen = ("motor_measured", "joint_measured") if "motor_measured" in log else ("motor", "joint")
-        columns = (log[one] for one in seen)
-        return identify_signals(log.time, *columns, unit="rad", name=name, seed=seed, progress=progress)
+        columns = [log[one] for one in seen]
+        first = int(np.isfinite(columns).all(axis=0).argmax())  # a live run begins before its first reading
+        time, motor, joint = (one[first:] for one in (log.time, *columns))
+        return identify_signals(time, motor, joint, unit="rad", name=name, seed=seed, progress=progress)
     if log is not None and time is not None:
         raise ParameterError(
             "identify: time is given twice", expected="it once", do="call it as identify(time, motor, joint)"

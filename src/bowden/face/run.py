@@ -4,7 +4,7 @@ import contextlib
 from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from bowden.core import arguments
 from bowden.core.errors import OutputError, asked_for_by
@@ -19,7 +19,25 @@ if TYPE_CHECKING:
     from bowden.live.session import Session
 
 
-@contextlib.contextmanager
+class _Run(contextlib.AbstractContextManager["Session"]):
+    """A run that begins with the block of its ``with`` statement; outside of one it says so."""
+
+    def __init__(self, within: contextlib.AbstractContextManager["Session"]) -> None:
+        self._within = within
+
+    def __enter__(self) -> "Session":
+        return self._within.__enter__()
+
+    def __exit__(self, *why: Any) -> bool | None:
+        return self._within.__exit__(*why)
+
+    def __getattr__(self, name: str) -> Any:
+        raise AttributeError(f"bowden.run(…) has no {name!r}: {self!r}")
+
+    def __repr__(self) -> str:
+        return "nothing runs yet: with bowden.run(…) as session: session.complete()"
+
+
 def run(
     rig: GivenRig,
     law: GivenLaw | None = None,
@@ -31,7 +49,7 @@ def run(
     emg: str | None = None,
     out: str | Path = "out/run",
     force: bool = False,
-) -> Iterator["Session"]:
+) -> contextlib.AbstractContextManager["Session"]:
     """Run a law live and record every cycle in a log; use it in a ``with`` statement.
 
     The law is checked first, as `bowden.check` does it. The run starts stopped: ``session.complete()`` arms it, runs
@@ -52,8 +70,8 @@ def run(
         out: folder for the log.
         force: run a law that does not hold on the rig.
 
-    Yields:
-        The session.
+    Returns:
+        What gives the session in a ``with`` statement; nothing runs before.
 
     Raises:
         ParameterError: a rig, law or setting that cannot be used, or a law that does not hold.
@@ -67,6 +85,22 @@ def run(
     ...
     bowden.core.errors.ParameterError: cannot read rig.tom: no such file or directory; write one with: bowden init
     """
+    return _Run(_run(rig, law, preset, duration, twin, channel, emg, out, force))
+
+
+@contextlib.contextmanager
+def _run(
+    rig: GivenRig,
+    law: GivenLaw | None,
+    preset: str | None,
+    duration: float | None,
+    twin: bool,
+    channel: str | None,
+    emg: str | None,
+    out: str | Path,
+    force: bool,
+) -> Iterator["Session"]:
+    """See `run`."""
     whole = given.under(given.rig_of(rig, "run", several=True), law, preset, "run")
     whole = whole if duration is None else whole.replace(duration=duration)
     twin, force = arguments.flag(twin, "run: twin"), arguments.flag(force, "run: force")

@@ -157,15 +157,18 @@ def checked_file(tree: Mapping[str, Any], path: Path) -> Any:
             expected="a plant of your own, or the model of a cable",
             do="name it, or delete them",
         )
-    counting = {item.key for item in items_of(Counting)}
-    if file.cable.model is None and not value_of(Counting, file.cable.model_dump()).as_recorded:
+    of_model = {"model_hash", *(item.key for item in items_of(Counting))}
+    if file.cable.model is None and (
+        file.cable.model_hash or not value_of(Counting, file.cable.model_dump()).as_recorded
+    ):
+        unnamed = ", ".join(sorted(of_model & file.cable.model_fields_set))
         raise ParameterError(
-            f"{path}: [cable] says how a model's angles are counted, and names no model",
+            f"{path}: [cable] has {unnamed}, and names no model",
             expected="the model of a cable",
-            do=f"name it, or delete {', '.join(sorted(counting & file.cable.model_fields_set))}",
+            do="name it, or delete them",
         )
     for name in ("model", "plant"):
-        given = sorted(file.cable.model_fields_set - {name, "parameters"} - counting)
+        given = sorted(file.cable.model_fields_set - {name, "parameters"} - of_model)
         if getattr(file.cable, name) is not None and given:
             raise ParameterError(
                 f"{path}: [cable] has a {name} and its own {', '.join(given)}",
@@ -195,12 +198,19 @@ def _cable(section: Any, path: Path, before: Any) -> BoucWen | IdentifiedCable:
         return value_of(BoucWen, section.model_dump())
     counting = value_of(Counting, section.model_dump())
     same = isinstance(before, IdentifiedCable) and (before.file or MODEL_FILE) == section.model
-    same = same and before.counting == counting
+    same = same and before.counting == counting and section.model_hash in (None, before.digest)
     if same and before.changed.keys() <= section.parameters.keys():
         found: IdentifiedCable = before
     else:
         with asked_for_by(f"{path}: cable.model"):
             found = load_cable(path.parent / section.model, section.model).counted(counting)
+        if section.model_hash not in (None, found.digest):
+            raise ParameterError(
+                f"{path}: {section.model} is not the model that this rig was made from, it has been written again",
+                expected=f"the model {section.model_hash}, not {found.digest}",
+                do=f"make a new rig: bowden init NEW.toml --model {path.parent / section.model}; or, if reference, "
+                f'limits and law suit the new model too, write model_hash = "{found.digest}"',
+            )
     with asked_for_by(f"{path}: cable.parameters"):
         return found.with_parameters(section.parameters)
 

@@ -1,11 +1,13 @@
 """From encoder counts to the angles in which a law works, and from its command back to counts."""
 
+import math
 from typing import Annotated, NamedTuple
 
 from bowden.core.quantity import Quantity
 from bowden.core.units import DEGREES
-from bowden.identify.cable.counting import Counting
+from bowden.identify.cable.counting import NOT_SAID, Counting
 from bowden.identify.cable.model import IdentifiedCable
+from bowden.rig.presets.bench import default_bench
 from bowden.rig.rig import Rig
 
 
@@ -56,6 +58,24 @@ def counts_of(rig: Rig) -> Counts | None:
         counting.motor_zero,
         rig.joint_encoder.resolution or 1.0,
         counting.joint_zero,
+    )
+
+
+def guessed(rig: Rig) -> str:
+    """Which encoders' counts are those of the paper's bench, and no log said so; empty where none are."""
+    said = rig.cable.encoders if isinstance(rig.cable, IdentifiedCable) else NOT_SAID
+    bench = default_bench().joint_encoder.resolution
+    sides = [
+        side
+        for side, encoder in (("motor", rig.motor_encoder), ("joint", rig.joint_encoder))
+        if not getattr(said, side) and math.isclose(encoder.resolution, bench, rel_tol=1e-6)
+    ]
+    if rig.worn is not None or not sides:
+        return ""
+    keys = " and ".join(f"encoder.{side}.resolution_deg" for side in sides)
+    return (
+        f"the {2.0 * math.pi / bench:.0f} counts a turn of {' and '.join(sides)} are a guess, of the paper's bench; "
+        f"set {keys} in the rig to 360 over the counts of your own, or the angles from counts are wrong"
     )
 
 

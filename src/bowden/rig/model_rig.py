@@ -31,6 +31,7 @@ TEXT = """\
 
 [cable]
 model = {model}
+model_hash = "{digest}"  # of that model: another one in its file is refused
 {counting}
 [bench]  # the loop's own clock, whatever the rate of the log
 sample_time_ms = {cycle:.1f}  # [ms] one control cycle
@@ -146,6 +147,7 @@ def model_text(name: str, model: str, cable: IdentifiedCable, chosen: Chosen) ->
     return TEXT.format(
         name=name,
         model=quoted(model),
+        digest=cable.digest,
         counting=_counting_lines(counting),
         cycle=1e3 * bench.sample_time,
         delay=bench.delay,

@@ -119,7 +119,7 @@ def _written(name: str, value: Any) -> Any:
         changed = {"changed": dict(value.changed)} if value.changed else {}
         counted = {} if value.counting.as_recorded else {"counting": _plain(value.counting)}
         covered = {} if value.covered is None else {"covered": _plain(value.covered)}
-        found = {"best": value.best, "models": _dicts(value.models), "file": value.file}
+        found = {"best": value.best, "models": _dicts(value.models), "file": value.file, "digest": value.digest}
         trust = {} if value.trust is None else {"trust": _plain(value.trust)}
         return found | changed | counted | covered | trust
     if isinstance(value, LawFile):
@@ -306,6 +306,7 @@ def _value(name: str, given: Any, remarks: list[str]) -> Any:
                 given["models"],
                 given.get("file", ""),
                 given.get("changed", {}),
+                digest=given.get("digest", ""),
                 counting=Counting(**given.get("counting", {})),
                 covered=Covered(**given["covered"]) if "covered" in given else None,
                 trust=Trust(given["trust"]["level"], tuple(given["trust"]["reasons"])) if "trust" in given else None,

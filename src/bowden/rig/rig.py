@@ -881,7 +881,8 @@ class Rig(metaclass=Answering):
             return said
         return (
             f"{said}; but its slope is {slope:.3g}, and that of the elbow over this spool {least:.2g} to {most:.2g}: "
-            "if its motor turned a spool of another size than suit.spool_radius_mm, delete [cable] and set suit.play_mm"
+            "if its motor turned a spool of another size than suit.spool_radius_mm, delete [cable] and set "
+            f"suit.play_mm to {lost:.3g} times the radius of that spool in mm"
         )
 
     def _bend_notes(self) -> list[str]:

@@ -99,7 +99,8 @@ WIDTH = Quantity("factor on the play, fitted to the paper's dead zone; laws do n
 GAINS = Quantity("gains of that law that differ from its own, in SI units and radians")
 MODEL_FILE = "model.toml"
 """Name of the file of an identified cable that came from none."""
-_MODEL = Quantity("file of an identified cable, in place of all keys below the next three", example=MODEL_FILE)
+_MODEL = Quantity("file of an identified cable, in place of all keys below the next four", example=MODEL_FILE)
+_MODEL_HASH = Quantity("of that model: another one in its file is refused", example="1f0c9a52b6d3e874")
 _PLANT = Quantity(
     'your own plant as "file.py:NAME", found from this file, in place of all other keys here', example="my_plant.py"
 )
@@ -248,6 +249,7 @@ _CableSection = section_of(
     _BENCH.cable,
     before={
         "model": key_of(str | None, _MODEL, None),
+        "model_hash": key_of(str | None, _MODEL_HASH, None),
         **{one.key: key_of(one.kind, one.quantity, at(Counting(), one.path)) for one in items_of(Counting)},
         "plant": key_of(str | None, _PLANT, None),
     },

@@ -52,6 +52,7 @@ duration_s = 2.0           # [s] of the whole motion
 _CABLE = """\
 [cable]  # both cables lose what this one does, as a length at the spool; what the elbow does is the suit's geometry
 model = {}
+model_hash = "{}"  # of that model: another one in its file is refused
 
 """
 _OWN = Chosen("bowden", "begins with its gains for a suit")
@@ -97,7 +98,7 @@ def suit_text(name: str, model: str | None = None, chosen: Chosen = _OWN, cable:
         more = max(0.0, lost - USUAL_DEAD_ZONE) * DEGREES
     return _TEXT.format(
         name=name,
-        cable="" if model is None else _CABLE.format(quoted(model)),
+        cable="" if model is None or cable is None else _CABLE.format(quoted(model), cable.digest),
         encoder=_ENCODER.format(count * DEGREES) if count else "",
         law=quoted(chosen.law),
         why=chosen.why,

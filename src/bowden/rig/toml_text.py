@@ -44,7 +44,9 @@ def tree_of(values: Mapping[str, Any]) -> dict[str, Any]:
         plant = as_file(values["plant"])
         found["cable"] = {"plant": plant.name} | _parameters(plant)
     elif isinstance(cable, IdentifiedCable):
-        found["cable"] = {"model": cable.file or MODEL_FILE} | _counting(cable) | _parameters(cable)
+        found["cable"] = (
+            {"model": cable.file or MODEL_FILE, "model_hash": cable.digest} | _counting(cable) | _parameters(cable)
+        )
     else:
         found["cable"] = section_tree(cable) | {"width": values["width"]}
     found["control"] = _control(values)

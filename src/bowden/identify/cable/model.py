@@ -1,5 +1,7 @@
 """An identified cable: a name, its parameters, and what they predict."""
 
+import hashlib
+import json
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -304,6 +306,15 @@ class IdentifiedCable:
     """Whether to trust the recommended model, and why; None where the file does not say it."""
     encoders: Encoders = field(default=NOT_SAID, compare=False)
     """One count of each encoder of the log, where the file says it."""
+    digest: str = field(default="", compare=False)
+    """A short name of the models as their file has them, by which a rig knows the one that it was made from."""
+
+    def __post_init__(self) -> None:
+        """Name the models, before a rig counts or changes them."""
+        if not self.digest:
+            models = {name: {key: float(value) for key, value in one.items()} for name, one in self.models.items()}
+            text = json.dumps([self.best, models], sort_keys=True)
+            object.__setattr__(self, "digest", hashlib.sha256(text.encode()).hexdigest()[:16])
 
     @property
     def simulated(self) -> str:

@@ -4,11 +4,14 @@ import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Literal
 
+import numpy as np
+
 from bowden.core.units import DEGREES
 from bowden.identify.cable.advice import FOLLOWS, SLIGHT, WORSE, following, lags
 from bowden.identify.cable.cycles import FOR_YES
 from bowden.identify.cable.model import meaning
 from bowden.identify.cable.trusted import QUARTER, Trust, least
+from bowden.identify.cable.turns import peak_speed
 
 if TYPE_CHECKING:
     from bowden.identify.cable.fit import Fit
@@ -51,6 +54,10 @@ def trust(fit: "Fit") -> Trust:
     elif loop is not None and loop.height < max(_COUNTS * unseen, SLIGHT):
         why = f"no loop shows beside what the model leaves ({_degrees(loop.height)} high)"
         doubt("with care", f"{why}: is the joint computed from the motor, or its target?")
+    apart = peak_speed(log.time, log.joint) * float(np.median(np.diff(log.time)))
+    if loop is not None and loop.height < 2.0 * apart:
+        why = f"the joint moves {_degrees(apart)} from row to row: if it is one row late, that alone makes such a loop"
+        doubt("with care", f"{why} ({_degrees(loop.height)} high); record more rows a second, or move slower")
     if fit.reversals and (fit.chosen_on_whole or fit.cycles.whole < FOR_YES):
         doubt("with care", f"{fit.cycles.counted}, too few to judge a model on cycles that it has not seen")
     if rate is not None:

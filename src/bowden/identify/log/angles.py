@@ -12,6 +12,7 @@ from bowden.core.arguments import said
 from bowden.core.errors import LogError, ParameterError
 from bowden.core.units import CABLE_LOG_LIMIT, RADIANS
 from bowden.identify.cable.trusted import Trust
+from bowden.identify.log.columns import split_name
 
 Array = NDArray[np.float64]
 
@@ -25,6 +26,9 @@ _STROKE = 0.25
 """Share of a signal's range by which no step of a motion goes; a larger one is an outlier or a wrapped angle."""
 _GEARED = 5.0
 """Motion of the motor over the joint's that no cable has: those are 0.8 to 1.2, slack and play included below 5."""
+_AS_OF_LENGTH = 1.3
+"""Motion of the joint over the motor's [°/mm] from which on a motor without a unit may be a length: a spool of 44 mm
+radius or less makes more, cables make 1.15 at most."""
 _OUTLIER, _BEYOND_USUAL, _RARE = 0.02, 10.0, 1e-3
 """How far a reading stands beside the median of the five round it, over the motion and over what others are beside
 theirs, to be none of the motion; and of how many at most: of more it is what is usual."""
@@ -39,7 +43,7 @@ class AngleUnits(NamedTuple):
     unit: tuple[str | None, str | None]
     """``deg``, ``rad`` or ``counts``; None where the log shall say."""
     counts_per_turn: tuple[float | None, float | None]
-    """Of each encoder, where it counts."""
+    """Of each encoder: what one count is, whatever unit the log is in."""
     apart: bool
     """Whether each side has its own unit said, so that a gear between them is no mistake."""
 
@@ -60,6 +64,8 @@ class Angle:
     """Radians in one of it."""
     guessed: bool = False
     """Whether nobody named the unit of a file's column."""
+    count: float = 0.0
+    """One count of its encoder, where somebody said how many make a turn; 0 where not [rad]."""
 
     @property
     def radians(self) -> Array:
@@ -73,10 +79,10 @@ def angle_units(unit: Any = None, counts_per_turn: Any = None) -> AngleUnits:
     Args:
         unit: ``deg``, ``rad`` or ``counts`` for both sides, or one each: ``counts,deg``; None where the log shall say.
         counts_per_turn: of both encoders, or one each as a pair or as text: ``8192,4000``. Given alone, those sides are
-            in counts whose columns name no unit.
+            in counts whose columns name no unit; beside another unit it is the encoders' resolution.
 
     Raises:
-        ParameterError: another unit, numbers that no encoder has, or counts beside another unit.
+        ParameterError: another unit, or numbers that no encoder has.
 
     >>> angle_units("counts", "8192,4000").counts_per_turn
     (8192.0, 4000.0)
@@ -87,21 +93,9 @@ def angle_units(unit: Any = None, counts_per_turn: Any = None) -> AngleUnits:
     if len(parts) > 2 or any(part not in (None, *UNITS) for part in parts):
         raise ParameterError(f"the unit of the angles is {unit!r}", expected=_EXPECTED, do="give one of them")
     counts = _counts(counts_per_turn)
-    if counts and unit is not None and "counts" not in parts:
-        raise ParameterError(
-            f"counts per turn are given beside the unit {unit!r}",
-            expected="the unit counts",
-            do="leave one of them out",
-        )
-    if len(counts) == 2 and unit is not None and set(parts) != {"counts"}:
-        raise ParameterError(
-            f"counts per turn of motor and joint are given beside the unit {unit!r}",
-            expected="one number, of the side that counts",
-            do="leave the other one out",
-        )
     both = (parts[0], parts[-1])
     of_turn = (counts[0], counts[-1]) if counts else (None, None)
-    return AngleUnits(both, of_turn, len(parts) == 2 or len(counts) == 2)
+    return AngleUnits(both, of_turn, len(parts) == 2 or (len(counts) == 2 and unit in (None, "counts")))
 
 
 def _counts(given: Any) -> list[float]:
@@ -134,8 +128,8 @@ def angles_of(
         given: see `angle_units`.
 
     Raises:
-        LogError: a length; one unit for two columns of which one names another; counts, of which nobody says how many
-            make a turn.
+        LogError: a length; one unit for two columns of which one names another; counts that are not whole, or of which
+            nobody says how many make a turn.
     """
     for (side, (name, found)), unit in zip(columns.items(), given.unit, strict=True):
         if found not in (None, *UNITS) and unit is None:
@@ -170,11 +164,19 @@ def angles_of(
                 expected="the counts of a turn",
                 do="give them: --counts-per-turn 8192, or 8192,4000 for motor and joint (counts_per_turn= in Python)",
             )
+        broken = np.flatnonzero(values[side] != np.round(values[side]))
+        if chosen == "counts" and len(broken):
+            raise LogError(
+                f"{name!r} is taken as counts, and has {values[side][broken[0]]:.9g} in it",
+                expected="whole numbers",
+                do="give its unit: --unit deg or --unit rad (unit= in Python), beside the counts per turn",
+            )
         factor = {"deg": RADIANS, "rad": 1.0, "counts": _TURN / (counts or 1.0)}[chosen]
-        angles[side] = Angle(name, values[side], chosen, unit is not None or named is not None, factor, guessed)
-    if given.counts_per_turn != (None, None) and all(one.unit != "counts" for one in angles.values()):
-        names = " and ".join(columns[side][0] for side in SIDES)
-        warnings.append(f"{names} name their units, so that the counts per turn are not used (unless a unit is given)")
+        known, count = unit is not None or named is not None, _TURN / counts if counts else 0.0
+        angles[side] = Angle(name, values[side], chosen, known, factor, guessed, count)
+    if any(one.unit == "counts" for one in angles.values()) and len({*given.counts_per_turn}) == 1:
+        # one number beside one side that counts is that side's: the other's encoder is not known
+        angles = {side: one if one.unit == "counts" else replace(one, count=0.0) for side, one in angles.items()}
     return angles, warnings
 
 
@@ -263,12 +265,13 @@ def check_plausible(motor: Angle, joint: Angle, where: Callable[[int], str]) -> 
             raise _beyond(one, one is motor, where(worst), float(one.values[worst]))
 
 
-def unit_doubts(motor: Angle, joint: Angle) -> list[Trust]:
+def unit_doubts(motor: Angle, joint: Angle, *, apart: bool) -> list[Trust]:
     """Why angles are perhaps not in the units that they were taken in.
 
     A unit that nobody named is a guess. And a joint moves by less than half a turn, and a log of one that can be fitted
     by more than π°: what is taken for radians and moves by more than π may be degrees, and what is taken for degrees
-    and moves by less than π, radians.
+    and moves by less than π, radians. A motor whose column names no unit, and for which one is not said apart from the
+    joint's, may be a length where the joint moves too far for a cable.
     """
     guessed = [f"{one.name!r} (taken as {one.unit})" for one in (motor, joint) if one.guessed]
     found = [f"no unit is named for {' and '.join(guessed)}: give --unit, or end the names in _deg or _rad"] * bool(
@@ -279,6 +282,13 @@ def unit_doubts(motor: Angle, joint: Angle) -> list[Trust]:
         found.append(f"{joint.name} was taken as rad and so moves by {span / RADIANS:.4g}°: is it in degrees?")
     if joint.unit == "deg" and span < math.pi:
         found.append(f"{joint.name} was taken as deg and so moves by {span:.2g}° only: is it in radians?")
+    ratio = span * joint.factor / (float(np.ptp(motor.values)) * motor.factor)
+    if motor.unit == "deg" and split_name(motor.name)[1] is None and not apart and ratio > _AS_OF_LENGTH:
+        found.append(
+            f"the joint moves {ratio:.3g} times as far as {motor.name}, which names no unit: is that a length in mm? "
+            "Then divide it by the radius of its spool (rad). If it is an angle, say so: --unit "
+            f"deg,{joint.unit}"
+        )
     return [Trust("with care", (one,)) for one in found]
 
 
@@ -314,8 +324,10 @@ def _beyond(angle: Angle, motor: bool, place: str, value: float) -> LogError:
     if angle.unit == "rad":
         named = "declared as radians" if angle.known else "without a unit in its name"
         return LogError(
-            f"{place}: {angle.name} is {value:.6g}, {named}; angles beyond ±{CABLE_LOG_LIMIT:g} rad look like degrees",
-            do="give the unit deg (--unit deg, unit='deg'), or end the column's name in _deg"
+            f"{place}: {angle.name} is {value:.6g}, {named}; angles beyond ±{CABLE_LOG_LIMIT:g} rad look like degrees, "
+            "or a length",
+            do="give the unit deg (--unit deg, unit='deg'), or end the column's name in _deg; divide a length by the "
+            "radius of its spool, which makes it rad"
             + ("; of a motor of many turns, say rad" if motor and not angle.known else ""),
         )
     shown = f"{value:.6g}°" if angle.unit == "deg" else f"{value:.9g} counts"

@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.core.errors import LogError
+from bowden.core.errors import LogError, counted
 from bowden.core.units import DEGREES
 from bowden.identify.cable.trusted import Trust
 from bowden.identify.cable.turns import peak_speed
@@ -18,6 +18,12 @@ resampling. One step may be further off, as a scheduler's hiccup is, if it is no
 
 _GAP = 1.5
 """A step longer than this many medians is a gap, where the others do not scatter as much: a sample may be missing."""
+
+_BRIDGED = 0.05
+"""Share of the motor's or joint's range that either may move in a gap, at its peak speed, for it to be bridged: in so
+little of a stroke no turn is missed, and a straight line is near to what was there."""
+_MOST_BRIDGED = 0.1
+"""Share of a log's time that may lie in bridged gaps: of more, the log is made of them."""
 
 _LATE = 10
 """Rows within which a dropped one stands for a step that is longer because rows were late, and not missing."""
@@ -47,9 +53,10 @@ def even_clock(
 ) -> tuple[Array, list[Array], list[str]]:
     """Time on the even clock closest to a log's stamps, the signals on that clock, and what is to be said of it.
 
-    A row that repeats the stamp before it (a second row within one tick) is dropped. A step within ten rows of k
-    dropped ones more than are usual may be k ticks longer: rows were late until then, the last of them by so much as to
-    fall into the next one's tick. Where every tick has two rows a dropped one means nothing, and k is 1.
+    Short gaps are bridged by straight lines. A row that repeats the stamp before it (a second row within one tick) is
+    dropped. A step within ten rows of k dropped ones more than are usual may be k ticks longer: rows were late until
+    then, the last of them by so much as to fall into the next one's tick. Where every tick has two rows a dropped one
+    means nothing, and k is 1.
 
     Args:
         time: (n,) finite [s].
@@ -60,7 +67,7 @@ def even_clock(
         Even times (m,), the given ones where they are even already; the signals at them; warnings.
 
     Raises:
-        LogError: time that goes back, repeats in more than half of the rows, has a gap, or scatters by more than a
+        LogError: time that goes back, repeats in more than half of the rows, has a long gap, or scatters by more than a
             tenth of its step.
     """
     steps = np.diff(time)
@@ -70,7 +77,7 @@ def even_clock(
         raise LogError(
             f"{where(k + 1)}: time goes back ({time[k]:.9g} s, then {time[k + 1]:.9g} s)",
             expected="time stamps that increase",
-            do="sort the rows",
+            do="cut the log there, if another recording begins" if len(back) == 1 else "sort the rows by their time",
         )
     kept, warnings = _first_of_each(time, steps, where)
     dropped = np.diff(np.append(kept, len(time))) - 1
@@ -79,36 +86,55 @@ def even_clock(
     middle = float(np.median(steps))
     relative = steps / middle
     longest = relative - late
+    gaps = np.flatnonzero(longest > _GAP)
     away = np.where(relative > 1.0, np.maximum(longest - 1.0, 0.0), 1.0 - relative)
+    away[gaps] = 0.0
     scatter = float(np.sqrt(np.mean(away**2)))
     worst = int(np.argmax(away))
-    place, seen = int(kept[worst + 1]), f"a step of {steps[worst]:.4g} s where {middle:.4g} s is usual"
-    if 1.4826 * np.median(away) > _JITTER or (scatter > _JITTER and longest[worst] <= _GAP):
+    if 1.4826 * np.median(away) > _JITTER or scatter > _JITTER:
         raise LogError(
-            f"{where(place)}: the time steps scatter by {100 * scatter:.0f} % RMS ({seen})",
+            f"{where(int(kept[worst + 1]))}: the time steps scatter by {100 * scatter:.0f} % RMS (a step of "
+            f"{steps[worst]:.4g} s where {middle:.4g} s is usual)",
             expected=f"even time stamps, within {100 * _JITTER:.0f} % RMS",
             do="resample the log on an even clock",
         )
-    if longest[worst] > _GAP:
-        raise LogError(
-            f"{where(place)}: time has a gap ({seen})",
-            expected=f"no step longer than {_GAP:g} times the usual one",
-            do="cut the log at the gap, or fill it by interpolation",
-        )
+    if len(gaps):
+        moving = [one[kept] for one in signals if np.ptp(one) > 0.0 and len(kept) > _READINGS]
+        fastest = max((peak_speed(stamps, one) / float(np.ptp(one)) for one in moving), default=np.inf)
+        widest, most = int(gaps[np.argmax(steps[gaps])]), _BRIDGED / fastest
+        if steps[widest] > most or np.sum(steps[gaps]) > _MOST_BRIDGED * np.ptp(time):
+            raise LogError(
+                f"{where(int(kept[widest + 1]))}: time has a gap (a step of {steps[widest]:.4g} s where {middle:.4g} s "
+                "is usual)",
+                expected=f"gaps of {most:.2g} s at most where it is so fast, {100 * _MOST_BRIDGED:g} % of it in all",
+                do="cut the log at the gap",
+            )
+        said = f"{counted(len(gaps), 'gap')} of up to {steps[widest]:.2g} s, {np.sum(steps[gaps]):.2g} s in all"
+        warnings.append(f"time has {said}: bridged by straight lines")
     if float(np.max(np.abs(relative - 1.0))) < 1e-3:
         return stamps if len(warnings) else time, [one[kept] if len(warnings) else one for one in signals], warnings
     count = round((stamps[-1] - stamps[0]) / middle) + 1 if len(warnings) else len(stamps)
     even = np.linspace(stamps[0], stamps[-1], count)
-    warnings.append(
-        (
-            f"the time steps scatter by {100 * scatter:.2g} % RMS, {100 * away[worst]:.2g} % at worst"
-            if away[worst] > 1e-3
-            else "the time steps near dropped rows are longer"
+    if away[worst] > 1e-3 or not len(gaps):
+        warnings.append(
+            (
+                f"the time steps scatter by {100 * scatter:.2g} % RMS, {100 * away[worst]:.2g} % at worst"
+                if away[worst] > 1e-3
+                else "the time steps near dropped rows are longer"
+            )
+            + f"; the log was resampled on an even clock (accepted up to {100 * _JITTER:.0f} % RMS)"
         )
-        + f"; the log was resampled on an even clock (accepted up to {100 * _JITTER:.0f} % RMS and {_GAP:g} times the "
-        "usual step)"
-    )
     return even, [np.interp(even, stamps, one[kept]) for one in signals], warnings
+
+
+def rises_evenly(values: Array) -> bool:
+    """Whether a column rises from row to row by steps that scatter no more than those of a clock may.
+
+    >>> rises_evenly(np.arange(5.0)), rises_evenly(np.array([0.0, 1.0, 2.0, 2.0, 3.0]))
+    (True, False)
+    """
+    steps = np.diff(values)
+    return bool(np.all(steps > 0.0)) and float(np.std(steps)) <= _JITTER * float(np.mean(steps))
 
 
 def _near(dropped: NDArray[np.intp]) -> NDArray[np.intp]:

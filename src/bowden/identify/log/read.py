@@ -1,6 +1,7 @@
 """Reading and checking the log of a cable: CSV (also gzipped), MATLAB and Parquet files."""
 
 import math
+import shlex
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -30,7 +31,7 @@ from bowden.identify.log.angles import (
     unwrapped,
     without_outliers,
 )
-from bowden.identify.log.clock import even_clock, held_rows, odd_time
+from bowden.identify.log.clock import even_clock, held_rows, odd_time, rises_evenly
 from bowden.identify.log.columns import CABLE, FACTORS, LogColumn, find_columns, unit_of
 from bowden.identify.log.mat import is_matlab, read_matlab
 from bowden.identify.log.text import read_text
@@ -70,7 +71,7 @@ class Log:
     """One count of motor's and joint's encoder, as recorded: an even clock's angles lie between them. None where the
     angles are as recorded [rad]."""
     encoders: Encoders = NOT_SAID
-    """One count of each, where the log was in counts and somebody said how many make a turn."""
+    """One count of each, where somebody said how many make a turn."""
 
     @property
     def resolutions(self) -> tuple[float, float]:
@@ -126,6 +127,15 @@ def read_log(
     checked_rate(rate, time)
     given = {"time": time, "motor": motor, "joint": joint}
     raw, warnings = from_the_first_reading(read_columns(file, given, optional=() if rate is None else ("time",)))
+    if rate is None and not rises_evenly(raw.values["time"]):
+        for side in SIDES:
+            if rises_evenly(raw.values[side]):
+                clock, other = raw.columns["time"].name, raw.columns[side].name
+                raise LogError(
+                    f"{file}: {other!r} rises by equal steps, as a time does, and {clock!r} does not",
+                    expected="a time that rises",
+                    do=f"exchange the names {clock!r} and {other!r} in the file",
+                )
     for role, values in raw.values.items():
         if role != "time" or rate is None:
             checks.check_finite(raw.columns[role].name, values, raw.place)
@@ -182,6 +192,13 @@ def read_columns(
         if not head:
             raise LogError(
                 f"{file} is empty", expected=f"columns for {', '.join(known)}", do="record or export the log again"
+            )
+        if head.startswith(b"\x89MCAP0\r\n"):
+            raise LogError(
+                f"{file} is the log of a live run",
+                expected="time, motor and joint in columns",
+                do=f"write them: bowden log export {shlex.quote(str(file))} --to csv; in Python read it with "
+                "bowden.read_trace(path), which bowden.identify takes",
             )
         read = _read_parquet if head.startswith(b"PAR1") else read_matlab if is_matlab(file, head) else read_text
         columns, values, place = read(file, given, known, optional)
@@ -280,7 +297,7 @@ def prepare(
     swapped = Trust("no", (found,))
     doubts = (
         *doubts,
-        *unit_doubts(motor, joint),
+        *unit_doubts(motor, joint, apart=apart),
         *odd_time(even, motor_at, joint_at),
         *seldom,
         *([swapped] if checks.look_swapped(motor_at, joint_at) else []),
@@ -290,7 +307,7 @@ def prepare(
         why = f"the joint stands at {at:.4g}° while the motor goes on by {on:.2g}°: the end of its sensor, or a stop"
         doubts = (*doubts, Trust("with care", (why,)))
     said = (*warnings, *notes, *more, *clock, *repeats)
-    encoders = Encoders(*(angles[side].factor if angles[side].unit == "counts" else 0.0 for side in SIDES))
+    encoders = Encoders(*(angles[side].count for side in SIDES))
     return Log(even, motor_at, joint_at, name, said, doubts, counts, encoders)
 
 
