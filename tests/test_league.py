@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from bowden.app import main
+from bowden.app.schema_command import json_schema
 from bowden.control import LAWS
 from bowden.control.knowledge import informed
 from bowden.core.units import DEGREES
@@ -175,7 +176,7 @@ SMALL = ["league", "--plants", "play", "--scenarios", "fast,point_to_point", "--
 
 def checked(printed: str) -> Any:
     document = json.loads(printed)
-    jsonschema.validate(document, json.loads((ROOT / "docs/json/league.schema.json").read_text(encoding="utf-8")))
+    jsonschema.validate(document, json_schema("league"))
     return document
 
 
