@@ -109,8 +109,7 @@ def finished(process: "subprocess.Popen[str]") -> dict[str, Any]:
     if not said:
         raise NotBegunError(errors)
     found: dict[str, Any] = json.loads(said)
-    schema = json_schema("run")
-    jsonschema.validate(found, schema)
+    jsonschema.validate(found, json_schema("run"))
     return found
 
 

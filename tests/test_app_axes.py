@@ -60,9 +60,8 @@ def asked(*words: str, capsys: pytest.CaptureFixture[str], code: int = 0) -> Any
     out, errors = capsys.readouterr()
     assert ended == code, errors
     found = json.loads(out)
-    name = "_".join(word for word in words[:2] if word.isalpha() and not Path(word).exists())
-    schema = json_schema(name)
-    jsonschema.validate(found, schema)
+    name = " ".join(word for word in words[:2] if word.isalpha() and not Path(word).exists())
+    jsonschema.validate(found, json_schema(name))
     return found
 
 

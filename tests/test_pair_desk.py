@@ -279,8 +279,7 @@ def said(capsys: pytest.CaptureFixture[str], *words: str, code: int = 0) -> Any:
 
 def document(capsys: pytest.CaptureFixture[str], command: str, *words: str) -> Any:
     found = json.loads(said(capsys, command, "pair.toml", *words, "--json").out)
-    schema = json_schema(command)
-    jsonschema.validate(found, schema)
+    jsonschema.validate(found, json_schema(command))
     return found
 
 
