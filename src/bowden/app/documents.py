@@ -1234,6 +1234,8 @@ class _LogReplayOne(Document):
     """Largest difference of the drive's torque offset [N·m]; null in a run without one."""
     seconds: NonNegativeFloat
     """Time of the whole command [s]."""
+    axis: NotRequired[str]
+    """With --axis: the name of the one that these figures are of."""
 
 
 class _LogReplayAxes(Document):
