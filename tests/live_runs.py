@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 
 from bowden.app.main import run
+from bowden.app.schema_command import json_schema
 from bowden.hardware.realtime import Settings
 from bowden.live.lateness import bare_loop_apart
 from bowden.safety.faults import Fault
@@ -108,8 +109,7 @@ def finished(process: "subprocess.Popen[str]") -> dict[str, Any]:
     if not said:
         raise NotBegunError(errors)
     found: dict[str, Any] = json.loads(said)
-    schema = json.loads((ROOT / "docs" / "json" / "run.schema.json").read_text(encoding="utf-8"))
-    jsonschema.validate(found, schema)
+    jsonschema.validate(found, json_schema("run"))
     return found
 
 

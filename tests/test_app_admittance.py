@@ -8,6 +8,7 @@ import pytest
 
 from admittance_study import MIDDLE
 from bowden.app import main
+from bowden.app.schema_command import json_schema
 from bowden.control import LAWS
 from bowden.control.admittance.virtual_elbow import Admittance
 from bowden.control.source import TABLE
@@ -26,7 +27,6 @@ from bowden.sim.suit_sources import behind, push_of
 
 pytestmark = pytest.mark.usefixtures("undrawn")
 
-ROOT = Path(__file__).parents[1]
 RIG = """
 [suit]
 worn = true
@@ -60,7 +60,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def test_the_push_makes_the_reference(capsys: pytest.CaptureFixture[str]) -> None:
     assert main.run(["simulate", "rig.toml", "--json", "--out", "out"]) == 0
     document = json.loads(capsys.readouterr().out)
-    jsonschema.validate(document, json.loads((ROOT / "docs" / "json" / "simulate.schema.json").read_text()))
+    jsonschema.validate(document, json_schema("simulate"))
     (run,) = document["runs"]
     assert run["interaction"]["rms_nm"] < 1.0
     assert run["interaction"]["rms_nm"] < run["interaction"]["peak_nm"]

@@ -16,6 +16,7 @@ import pytest
 
 from bowden.app import run_command
 from bowden.app.main import run
+from bowden.app.schema_command import json_schema
 from bowden.core.errors import SafetyError
 from bowden.cycle.one_cycle import WishSource
 from bowden.face.run import run as live
@@ -27,7 +28,6 @@ from bowden.safety.faults import Fault, of
 from bowden.safety.state import Mode
 from live_runs import COMMAND, SHARED, finished_well, tries
 
-ROOT = Path(__file__).parents[1]
 SECTIONS = f"""[scenario]
 duration_s = 2.0
 [control]
@@ -60,9 +60,8 @@ def asked(*words: str, capsys: pytest.CaptureFixture[str], code: int = 0) -> Any
     out, errors = capsys.readouterr()
     assert ended == code, errors
     found = json.loads(out)
-    name = "_".join(word for word in words[:2] if word.isalpha() and not Path(word).exists())
-    schema = json.loads((ROOT / "docs" / "json" / f"{name}.schema.json").read_text(encoding="utf-8"))
-    jsonschema.validate(found, schema)
+    name = " ".join(word for word in words[:2] if word.isalpha() and not Path(word).exists())
+    jsonschema.validate(found, json_schema(name))
     return found
 
 

@@ -12,9 +12,10 @@ import pytest
 from bowden import app
 from bowden.app import main
 from bowden.app.command import Command, files, found
+from bowden.app.documents import DOCUMENTS
+from bowden.app.schema_command import json_schema
 from bowden.hardware.twin.injection import KINDS
 
-ROOT = Path(__file__).parents[1]
 HEAVY = ("numpy", "numba", "scipy", "matplotlib", "pyarrow", "pydantic", "rich", "jinja2", "can", "asyncio")
 COMMANDS = found().commands
 GREET = '''
@@ -83,10 +84,33 @@ def test_a_command_is_declared_as_it_is_found_shown_and_documented(
     assert all(" ".join(example.split()) in " ".join(printed.split()) for example in one.examples)
     assert one.summary.endswith(".")
     assert "json" in inspect.signature(one.function).parameters
-    name = one.words.replace(" ", "_").replace("-", "_")
-    schema = json.loads((ROOT / "docs" / "json" / f"{name}.schema.json").read_text(encoding="utf-8"))
+    schema = json_schema(one.words)
     jsonschema.Draft202012Validator.check_schema(schema)
-    assert schema["title"].startswith(f"bowden {one.words} --json")
+    assert schema["title"] == f"bowden {one.words} --json"
+
+
+@pytest.mark.parametrize("name", ["rig", "log info", "twin"])
+def test_a_schema_is_printed_by_its_name(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main.run(["schema", *name.split()]) == 0
+    assert json.loads(capsys.readouterr().out) == json_schema(name)
+    assert main.run(["schema", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    jsonschema.validate(found, json_schema("schema"))
+    assert set(found["schemas"]) == {"rig", "study", *DOCUMENTS} == {"rig", "study", *(one.words for one in COMMANDS)}
+    assert main.run(["schema"]) == 0
+    assert {line[:16].strip() for line in capsys.readouterr().out.splitlines()} == set(found["schemas"])
+    assert main.run(["schema", "rgi"]) == 2
+    assert "'rgi'; expected a name that bowden schema lists" in capsys.readouterr().err
+
+
+def test_a_schema_has_what_the_types_say() -> None:
+    replay = json_schema("log replay")
+    one, several = (replay["$defs"][part["$ref"].split("/")[-1]] for part in replay["anyOf"])
+    asked = several["properties"]["axes"]["items"]["required"]
+    assert set(asked) == {"axis", *one["required"]} - {"file", "seconds"}
+    assert json_schema("log info")["additionalProperties"] is False
+    gain = json_schema("log info")["$defs"]["_Gain"]["properties"]["from"]
+    assert gain == {"description": "Value in force before, in the law's own unit.", "type": "number"}
 
 
 def test_no_two_commands_have_the_same_words() -> None:
@@ -129,5 +153,5 @@ def test_the_twins_list_of_faults_is_a_document_too(tmp_path: Path, capsys: pyte
     (tmp_path / "rig.toml").write_text("")
     assert main.run(["twin", str(tmp_path / "rig.toml"), "--inject", "list", "--json"]) == 0
     document = json.loads(capsys.readouterr().out)
-    jsonschema.validate(document, json.loads((ROOT / "docs/json/twin.schema.json").read_text(encoding="utf-8")))
+    jsonschema.validate(document, json_schema("twin"))
     assert [one["fault"] for one in document["faults"]] == list(KINDS)

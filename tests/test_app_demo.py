@@ -13,12 +13,12 @@ import pytest
 
 from bowden.app import demo_command
 from bowden.app.main import run
+from bowden.app.schema_command import json_schema
 from bowden.core.trace import LED, Trace
 from bowden.report import demo_page
 from live_runs import tries
 
 pytestmark = pytest.mark.usefixtures("undrawn")
-SCHEMA = Path(__file__).parents[1] / "docs" / "json" / "demo.schema.json"
 WELL = {"ended_well": True, "seconds_led": 1.0, "rmse_deg": 0.1, "peak_deg": 0.2, "stops": [], "stalled_ms": None}
 
 
@@ -55,7 +55,7 @@ def test_it_goes_from_a_simulated_log_to_a_page_with_commands_for_ones_own(
     assert "make paper" in page
     if well:
         found = json.loads(printed)
-        jsonschema.validate(found, json.loads(SCHEMA.read_text(encoding="utf-8")))
+        jsonschema.validate(found, json_schema("demo"))
         without, law = (one["rmse_deg"] for one in found["runs"])
         assert law < 0.1 * without
     else:

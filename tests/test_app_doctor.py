@@ -9,19 +9,18 @@ import numpy as np
 import pytest
 
 from bowden.app.main import run
+from bowden.app.schema_command import json_schema
 from bowden.core.errors import ParameterError
 from bowden.hardware.realtime import check_processor
 from bowden.live.lateness import EDGES_US, figures, histogram
 from bowden.live.machine import look, read_cyclictest
-
-SCHEMA = Path(__file__).parents[1] / "docs" / "json" / "doctor.schema.json"
 
 
 def test_the_document_is_as_its_schema_and_the_process_is_left_as_it_was(capsys: pytest.CaptureFixture[str]) -> None:
     policy, processors = os.sched_getscheduler(0), os.sched_getaffinity(0)
     assert run(["doctor", "--seconds", "0.3", "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
-    jsonschema.validate(found, json.loads(SCHEMA.read_text()))
+    jsonschema.validate(found, json_schema("doctor"))
     assert found["lateness"]["cycles"] == sum(bucket["cycles"] for bucket in found["histogram"]) == 300
     assert 0.0 < found["lateness"]["p50_us"] <= found["lateness"]["p99_us"] <= found["lateness"]["max_us"]
     assert (os.sched_getscheduler(0), os.sched_getaffinity(0)) == (policy, processors)

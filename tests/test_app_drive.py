@@ -12,6 +12,7 @@ import jsonschema
 import pytest
 
 from bowden.app import drive_command, main
+from bowden.app.schema_command import json_schema
 from bowden.core.errors import DriveError
 from bowden.core.signals import EMERGENCY_STOP, DriveReading, DriveState
 from bowden.hardware.drives.family import family_of
@@ -20,7 +21,6 @@ from bowden.live import drive_look
 from bowden.live.drive_look import DriveLook, looked_at
 from bowden.live.twin_process import RunningTwin, running_twin
 
-ROOT = Path(__file__).parents[1]
 READING = DriveReading(0.5, 0.4, 1.0, math.nan, 30.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0)
 
 
@@ -117,7 +117,7 @@ def twin(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Path, Runni
 def document(words: list[str], schema: str, capsys: pytest.CaptureFixture[str]) -> Any:
     assert main.run([*words, "--json"]) == 0
     parsed = json.loads(capsys.readouterr().out)
-    jsonschema.validate(parsed, json.loads((ROOT / "docs" / "json" / f"{schema}.schema.json").read_text()))
+    jsonschema.validate(parsed, json_schema(schema))
     return parsed
 
 
@@ -127,7 +127,7 @@ def test_a_drive_is_found_looked_at_and_zeroed_without_power(
 ) -> None:
     path, running = twin
     place = [str(path), "--channel", running.channel]
-    found = document(["drive", "probe", *place], "drive_probe", capsys)
+    found = document(["drive", "probe", *place], "drive probe", capsys)
     (device,) = found["devices"]
     assert (device["node"], device["what"], device["state"]) == (1, "servo drive (CiA 402)", "SWITCH_ON_DISABLED")
     assert main.run(["drive", "probe", *place]) == 0
@@ -135,17 +135,17 @@ def test_a_drive_is_found_looked_at_and_zeroed_without_power(
     assert "← [drive] of this rig" in said
     assert f"Next: bowden drive monitor {path}" in said
 
-    seen = document(["drive", "monitor", *place, "--duration", "0.5"], "drive_monitor", capsys)
+    seen = document(["drive", "monitor", *place, "--duration", "0.5"], "drive monitor", capsys)
     assert seen["cycles"] == 500
     assert seen["motor_deg"]["most"] - seen["motor_deg"]["least"] < 1.0
     assert seen["tension_n"] == {"least": None, "most": None, "last": None}
     assert set(seen["states"]) <= {"NOT_READY_TO_SWITCH_ON", "SWITCH_ON_DISABLED"}
 
-    wanted = document(["drive", "zero", *place, "--motor-deg", "10", "--joint-deg", "20"], "drive_zero", capsys)
+    wanted = document(["drive", "zero", *place, "--motor-deg", "10", "--joint-deg", "20"], "drive zero", capsys)
     text = path.read_text() + "[drive]\n" + "".join(f"{key} = {value}\n" for key, value in wanted["keys"].items())
     zeroed = path.with_name("zeroed.toml")
     zeroed.write_text(text)
-    again = document(["drive", "monitor", str(zeroed), *place[1:], "--duration", "0.2"], "drive_monitor", capsys)
+    again = document(["drive", "monitor", str(zeroed), *place[1:], "--duration", "0.2"], "drive monitor", capsys)
     assert again["motor_deg"]["last"] == pytest.approx(10.0, abs=0.1)
     assert again["joint_deg"]["last"] == pytest.approx(20.0, abs=0.1)
     assert not running.control.status()["torque"]
@@ -158,16 +158,16 @@ def test_a_load_cell_is_looked_at_and_tared_without_power(tmp_path: Path, capsys
     path.write_text(text)
     with running_twin(path, tmp_path / "b") as running:
         place = ["--channel", running.channel]
-        seen = document(["drive", "monitor", str(path), *place, "--duration", "0.3"], "drive_monitor", capsys)
+        seen = document(["drive", "monitor", str(path), *place, "--duration", "0.3"], "drive monitor", capsys)
         assert "load cell: bowden load cell twin at node 33, 0.01 N a count; it says 0.01 N itself" in seen["drive"]
         pulled = running.control.status()["tension"]
         assert seen["tension_n"]["last"] == pytest.approx(pulled, abs=0.02)
         assert seen["joint_torque_nm"]["last"] is None
-        found = document(["drive", "tare", str(path), *place, "--load", "1.0"], "drive_tare", capsys)
+        found = document(["drive", "tare", str(path), *place, "--load", "1.0"], "drive tare", capsys)
         assert found["read"] == pytest.approx(pulled, abs=0.02)
         tared = tmp_path / "tared.toml"
         tared.write_text(f"{text}zero = {found['keys']['zero']}\n")
-        again = document(["drive", "monitor", str(tared), *place, "--duration", "0.3"], "drive_monitor", capsys)
+        again = document(["drive", "monitor", str(tared), *place, "--duration", "0.3"], "drive monitor", capsys)
         assert again["tension_n"]["last"] == pytest.approx(1.0, abs=0.03)
         assert not running.control.status()["torque"]
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from bowden.app.main import run
+from bowden.app.schema_command import json_schema
 from bowden.core.errors import StreamError
 from bowden.hardware.emg.listener import Levels, Listener
 from bowden.hardware.emg.playback import Playback
@@ -23,7 +24,6 @@ from bowden.sim.emg_sources import heart, hum
 
 pytestmark = pytest.mark.usefixtures("undrawn")
 
-ROOT = Path(__file__).parents[1]
 SPANS = [(2.0, 3.0, 0.2), (5.0, 6.0, 0.4)]
 
 
@@ -54,7 +54,7 @@ def document(arguments: list[str], capsys: pytest.CaptureFixture[str], schema: s
     out = capsys.readouterr()
     assert out.err == ""
     found = json.loads(out.out)
-    jsonschema.validate(found, json.loads((ROOT / "docs" / "json" / f"{schema}.schema.json").read_text()))
+    jsonschema.validate(found, json_schema(schema))
     return found
 
 
@@ -62,7 +62,7 @@ def document(arguments: list[str], capsys: pytest.CaptureFixture[str], schema: s
 def test_a_recording_is_scored_in_its_own_time(capsys: pytest.CaptureFixture[str]) -> None:
     recording = write("a.csv", signal(), start=100.0)
     known = labels(spans=[(on + 100.0, off + 100.0) for on, off, _ in SPANS])
-    found = document(["emg", "score", str(recording), "--labels", str(known)], capsys, "emg_score")
+    found = document(["emg", "score", str(recording), "--labels", str(known)], capsys, "emg score")
     assert (found["detections"], found["misses"], found["false_activations"], found["false_per_minute"]) == (2, 0, 0, 0)
     assert 0.0 < found["latency_median_s"] <= found["latency_max_s"] < 0.12
     assert [round(on) for on, _ in found["contractions_s"]] == [102, 105]
@@ -73,7 +73,7 @@ def test_a_recording_is_scored_in_its_own_time(capsys: pytest.CaptureFixture[str
 
 def test_a_slow_recording_is_scored_with_a_warning_and_moves_nothing(capsys: pytest.CaptureFixture[str]) -> None:
     recording = write("slow.csv", signal(rate=500.0), rate=500.0)
-    found = document(["emg", "score", str(recording), "--labels", str(labels())], capsys, "emg_score")
+    found = document(["emg", "score", str(recording), "--labels", str(labels())], capsys, "emg score")
     assert (found["detections"], found["misses"], found["false_activations"]) == (2, 0, 0)
     assert found["warnings"] == ["500 samples a second are few: below 900 an open input may pass for a contraction"]
     with pytest.raises(StreamError, match="500 samples a second; expected 900 to 5000 Hz"):
@@ -81,7 +81,7 @@ def test_a_slow_recording_is_scored_with_a_warning_and_moves_nothing(capsys: pyt
 
 
 def test_without_labels_there_are_detections_alone(capsys: pytest.CaptureFixture[str]) -> None:
-    found = document(["emg", "score", str(write("a.csv", signal()))], capsys, "emg_score")
+    found = document(["emg", "score", str(write("a.csv", signal()))], capsys, "emg score")
     assert found["detections"] == 2
     assert found["misses"] is None
     assert run(["emg", "score", "a.csv", "--shortest-ms", "100"]) == 0
@@ -93,12 +93,12 @@ def test_without_labels_there_are_detections_alone(capsys: pytest.CaptureFixture
 def test_a_wearer_is_calibrated_and_gives_the_plain_threshold_its_mvc(capsys: pytest.CaptureFixture[str]) -> None:
     recording = str(write("a.csv", signal()))
     calm = str(write("rest.csv", background(1000.0, 5000, np.random.default_rng(2))))
-    found = document(["emg", "calibrate", recording, "--rest", calm], capsys, "emg_calibrate")
+    found = document(["emg", "calibrate", recording, "--rest", calm], capsys, "emg calibrate")
     wearer = wearer_file.read(Path("wearer.toml"))
     assert (wearer.rest, wearer.mvc) == (found["rest"], found["mvc"]), "the file keeps every digit, and a rig its hash"
     assert 0.3 < wearer.mvc < 0.6
     assert 0.002 < wearer.rest < 0.006
-    score = document(["emg", "score", recording, "--wearer", "wearer.toml"], capsys, "emg_score")
+    score = document(["emg", "score", recording, "--wearer", "wearer.toml"], capsys, "emg score")
     assert score["mvc"] == wearer.mvc
     assert run(["emg", "calibrate", recording, "--out", "b.toml"]) == 0
     assert wearer_file.read(Path("b.toml")).rest == pytest.approx(wearer.rest, rel=0.3)
@@ -177,9 +177,9 @@ def artefact(name: str) -> np.ndarray:
 @pytest.mark.parametrize("name", ["step", "swing", "click", "dead", "click in a contraction", "step in a contraction"])
 def test_what_no_muscle_makes_is_neither_rest_nor_maximum(name: str, capsys: pytest.CaptureFixture[str]) -> None:
     clean = np.concatenate([background(1000.0, 3000, np.random.default_rng(4)), signal()])
-    truth = document(["emg", "calibrate", str(write("clean.csv", clean))], capsys, "emg_calibrate")
+    truth = document(["emg", "calibrate", str(write("clean.csv", clean))], capsys, "emg calibrate")
     assert truth["left_out_s"] < 1.5, "a contraction that breaks off leaves a tail"
-    found = document(["emg", "calibrate", str(write("a.csv", artefact(name)))], capsys, "emg_calibrate")
+    found = document(["emg", "calibrate", str(write("a.csv", artefact(name)))], capsys, "emg calibrate")
     assert found["mvc"] == pytest.approx(truth["mvc"], rel=0.2)
     assert found["rest"] == pytest.approx(truth["rest"], rel=0.25)
     assert truth["left_out_s"] - 0.2 < found["left_out_s"] < 5.0, "of a swing or a step the envelope is free"
@@ -207,8 +207,8 @@ def test_nothing_of_a_real_maximum_is_left_out(name: str, shared_data: Path) -> 
 def test_of_several_channels_one_is_chosen(capsys: pytest.CaptureFixture[str]) -> None:
     head = "time_s,biceps_mV,triceps_mV"
     recording = str(write("two.csv", [signal(), background(1000.0, 8000, np.random.default_rng(3))], head=head))
-    assert document(["emg", "score", recording], capsys, "emg_score")["channel"] == "biceps_mV"
-    other = document(["emg", "score", recording, "--channel", "triceps_mV"], capsys, "emg_score")
+    assert document(["emg", "score", recording], capsys, "emg score")["channel"] == "biceps_mV"
+    other = document(["emg", "score", recording, "--channel", "triceps_mV"], capsys, "emg score")
     assert (other["channel"], other["detections"]) == ("triceps_mV", 0)
     assert run(["emg", "score", recording, "--channel", "deltoid"]) == 2
     assert "no channel 'deltoid' among 'biceps_mV', 'triceps_mV'" in capsys.readouterr().err
@@ -299,7 +299,7 @@ def test_hum_of_a_wearers_mains_is_taken_out_of_their_envelope(capsys: pytest.Ca
     recording = str(write("hum.csv", signal() + hum))
     assert run(["emg", "calibrate", recording]) == 2
     assert "and --mains" in capsys.readouterr().err
-    document(["emg", "calibrate", recording, "--mains", "60", "--out", "60.toml"], capsys, "emg_calibrate")
+    document(["emg", "calibrate", recording, "--mains", "60", "--out", "60.toml"], capsys, "emg calibrate")
     found = wearer_file.read(Path("60.toml"))
     assert found.mains == 60.0
     times = np.arange(1500) / 1000.0
@@ -359,7 +359,7 @@ def test_labels_have_the_names_and_units_that_they_come_with(
         named = "_s" in head or "[s]" in head
         head, scale = head.replace("_s", "_ms").replace("[s]", "[ms]"), 1e3 if named else 1.0
     known = str(labels(spans=[(scale * on, scale * off) for on, off, _ in SPANS], head=head))
-    found = document(["emg", "score", str(write("a.csv", signal())), "--labels", known], capsys, "emg_score")
+    found = document(["emg", "score", str(write("a.csv", signal())), "--labels", known], capsys, "emg score")
     assert (found["misses"], found["false_activations"]) == (0, 0)
     assert 0.0 < found["latency_median_s"] < 0.12
 
@@ -425,7 +425,7 @@ def test_a_recording_that_a_person_would_use_is_calibrated(name: str, capsys: py
         values += 5.0 * NOISE * hum(rate, count, 50.0, 0.2, random)
     elif name == "lifted":
         values[(time > 7.0) & (time < 7.5)] = 100.0 * NOISE
-    found = document(["emg", "calibrate", str(write("a.csv", values, rate=rate))], capsys, "emg_calibrate")
+    found = document(["emg", "calibrate", str(write("a.csv", values, rate=rate))], capsys, "emg calibrate")
     rest = float(np.mean(np.abs(calm)))
     assert 0.5 * rest < found["rest"] < (3.0 if name == "hum" else 1.5) * rest
     assert 0.7 * size < found["mvc"] < 2.0 * size

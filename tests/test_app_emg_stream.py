@@ -18,6 +18,7 @@ import pytest
 
 from bowden.app.emg_listen import listen
 from bowden.app.main import run
+from bowden.app.schema_command import json_schema
 from bowden.core.clock import SECOND
 from bowden.core.errors import LogError, StreamError
 from bowden.hardware.emg.lsl_outlet import LslOutlet, replay
@@ -26,7 +27,6 @@ from bowden.hardware.ports import EmgChunk
 from bowden.rig import wearer_file
 from bowden.sim.emg import background, contractions
 
-ROOT = Path(__file__).parents[1]
 RATE = 1000.0
 NAME = f"app-{os.getpid()}"
 
@@ -61,7 +61,7 @@ def playing(schema: str, *words: str) -> Iterator[tuple[dict[str, Any], subproce
             if line.startswith("}"):
                 break
         document = json.loads(text)
-        jsonschema.validate(document, json.loads((ROOT / "docs" / "json" / f"{schema}.schema.json").read_text()))
+        jsonschema.validate(document, json_schema(schema))
         yield document, process
     finally:
         if process.poll() is None:
@@ -82,7 +82,7 @@ def received(source: str, count: int) -> EmgChunk:
 
 def test_a_recording_is_played_as_a_stream_and_again_and_ends_at_ctrl_c(lsl: Any) -> None:
     values = recording(seconds=2.5)
-    with playing("emg_stream", "stream", "a.csv", "--name", NAME, "--loop", "--wait") as (document, process):
+    with playing("emg stream", "stream", "a.csv", "--name", NAME, "--loop", "--wait") as (document, process):
         assert document["source"] == f"lsl:{NAME}#bowden-{NAME}"
         assert (document["channels"], document["unit"]) == (["biceps_mV", "triceps_mV"], "mV")
         found = received(document["source"], 3000)
@@ -112,7 +112,7 @@ def test_a_stream_that_is_there_already_is_not_made_again(lsl: Any, capsys: pyte
 def test_speed_is_declared_and_one_channel_may_be_chosen(lsl: Any) -> None:
     values = recording(seconds=4.0)
     words = ("a.csv", "--name", NAME, "--speed", "2.5", "--channel", "triceps_mV", "--wait")
-    with playing("emg_stream", "stream", *words) as (document, process):
+    with playing("emg stream", "stream", *words) as (document, process):
         assert (document["rate_hz"], document["duration_s"]) == (2500.0, 1.6)
         found = received(document["source"], 4000)
         assert process.wait(10) == 0
@@ -121,7 +121,7 @@ def test_speed_is_declared_and_one_channel_may_be_chosen(lsl: Any) -> None:
 
 def test_a_recording_is_served_as_a_base_station(capsys: pytest.CaptureFixture[str]) -> None:
     values = recording()
-    with playing("emg_serve", "serve", "a.csv", "--port", "0", "--emg-port", "0") as (document, process):
+    with playing("emg serve", "serve", "a.csv", "--port", "0", "--emg-port", "0") as (document, process):
         found = received(document["source"], 1000)
         assert run(["emg", "serve", "a.csv", "--port", document["source"].split(":")[2]]) == 2
         assert "cannot listen at 127.0.0.1" in capsys.readouterr().err
@@ -137,7 +137,7 @@ def test_a_wearer_is_calibrated_from_a_stream_and_told_what_to_do(capsys: pytest
     assert run(words) == 0
     said = capsys.readouterr()
     document = json.loads(said.out)
-    jsonschema.validate(document, json.loads((ROOT / "docs" / "json" / "emg_calibrate.schema.json").read_text()))
+    jsonschema.validate(document, json_schema("emg calibrate"))
     wearer = wearer_file.read(Path("b.toml"))
     assert (wearer.channel, wearer.source) == ("biceps_mV", "file:a.csv")
     assert 0.002 < wearer.rest < 0.006
@@ -245,7 +245,7 @@ def test_the_doctor_lists_streams_and_what_is_wrong_with_them(lsl: Any, capsys: 
     ]
     assert run(["doctor", "--seconds", "0.2", "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
-    jsonschema.validate(found, json.loads((ROOT / "docs" / "json" / "doctor.schema.json").read_text()))
+    jsonschema.validate(found, json_schema("doctor"))
     ours = {one["source_id"]: one for one in found["emg"]["streams"] if NAME in one["name"]}
     assert (ours["one"]["channels"], ours["one"]["rate_hz"], ours["one"]["problem"]) == (2, 1000.0, "")
     assert "10 samples a second; expected 900 to 5000 Hz" in ours["three"]["problem"]

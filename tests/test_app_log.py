@@ -13,6 +13,7 @@ import pytest
 
 from bowden.app import main
 from bowden.app.given_rig import trusting
+from bowden.app.schema_command import json_schema
 from bowden.control import LAWS
 from bowden.control.reference import PeriodicMinimumJerk
 from bowden.core import own_code
@@ -38,7 +39,6 @@ from bowden.safety.state import Mode, Observed, PreflightResult, Request, Verdic
 
 pytestmark = pytest.mark.usefixtures("undrawn")
 
-ROOT = Path(__file__).parents[1]
 CYCLES, DT = 3000, 1e-3
 LAW_USED = LAWS["adaptive"].with_gains(feedback_gain=4.0)
 
@@ -118,12 +118,12 @@ def test_the_columns_are_in_the_order_in_which_the_loop_fills_them() -> None:
 def document(arguments: list[str], capsys: pytest.CaptureFixture[str], schema: str, code: int = 0) -> Any:
     assert main.run(["log", *arguments, "--json"]) == code
     parsed = json.loads(capsys.readouterr().out)
-    jsonschema.validate(parsed, json.loads((ROOT / "docs" / "json" / f"{schema}.schema.json").read_text()))
+    jsonschema.validate(parsed, json_schema(schema))
     return parsed
 
 
 def test_info_tells_what_the_log_holds(rows: np.ndarray, capsys: pytest.CaptureFixture[str]) -> None:
-    told = document(["info", "run.mcap"], capsys, "log_info")
+    told = document(["info", "run.mcap"], capsys, "log info")
     assert (told["cycles"], told["missing"], told["closed"], told["whole"]) == (CYCLES, 0, True, True)
     assert told["duration_s"] == pytest.approx(2.999)
     assert told["start_utc"] == "2023-11-14T22:13:20+00:00"
@@ -153,7 +153,7 @@ def test_info_tells_what_the_log_holds(rows: np.ndarray, capsys: pytest.CaptureF
 def test_an_export_is_a_trace_with_every_number(
     kind: str, rows: np.ndarray, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    told = document(["export", "run.mcap", "--to", kind], capsys, "log_export")
+    told = document(["export", "run.mcap", "--to", kind], capsys, "log export")
     assert told["files"] == [f"run.{kind}"]
     trace = Trace.from_parquet("run.parquet") if kind == "parquet" else Trace.from_csv("run.csv")
     assert np.array_equal(np.stack(list(trace.columns.values()), axis=1), rows, equal_nan=True)
@@ -177,7 +177,7 @@ def test_a_log_that_is_exported_in_parts_is_the_same(
 ) -> None:
     monkeypatch.setattr("bowden.live.mcap_read._TRACE", 1000)
     for kind in ("parquet", "csv"):
-        document(["export", "run.mcap", "--to", kind, "--out", f"a.{kind}"], capsys, "log_export")
+        document(["export", "run.mcap", "--to", kind, "--out", f"a.{kind}"], capsys, "log export")
     for trace in (Trace.from_parquet("a.parquet"), Trace.from_csv("a.csv")):
         assert np.array_equal(np.stack(list(trace.columns.values()), axis=1), rows, equal_nan=True)
 
@@ -204,7 +204,7 @@ def test_identify_reads_an_export_of_a_run(rows: np.ndarray) -> None:
 
 @pytest.mark.drawn
 def test_a_page_is_drawn(capsys: pytest.CaptureFixture[str]) -> None:
-    assert document(["plot", "run.mcap"], capsys, "log_plot")["files"] == ["run.html"]
+    assert document(["plot", "run.mcap"], capsys, "log plot")["files"] == ["run.html"]
     page = Path("run.html").read_text(encoding="utf-8")
     for wanted in ("Modes, reactions and faults", "How punctual the loop was", "fault: joint_lost", "Inside the law"):
         assert wanted in page
@@ -213,7 +213,7 @@ def test_a_page_is_drawn(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_a_replay_of_the_same_law_gives_the_very_numbers(capsys: pytest.CaptureFixture[str]) -> None:
-    told = document(["replay", "run.mcap"], capsys, "log_replay")
+    told = document(["replay", "run.mcap"], capsys, "log replay")
     assert (told["law"], told["same_law"]) == ("adaptive", True)
     assert (told["cycles"], told["beginnings"]) == (CYCLES - 1, 1)
     assert told["law_cycles"] > 2000
@@ -229,26 +229,26 @@ def test_a_replay_shows_what_was_changed(rows: np.ndarray, capsys: pytest.Captur
     changed[2100, columns.index("mode")] = 1.0
     settings = run_settings(LAW_USED, Limits(), Filters(joint=600.0), DT)
     write(Path("changed.mcap"), changed, settings)
-    told = document(["replay", "changed.mcap"], capsys, "log_replay", code=1)
+    told = document(["replay", "changed.mcap"], capsys, "log replay", code=1)
     assert told["wish_largest"] == pytest.approx(1e-3)
     assert (told["first_difference"], told["first_other_verdict"]) == (2.0, 2.1)
     assert told["verdicts_differing"] == 1
     changed[2000, columns.index("wish")] = math.nan
     write(Path("nan.mcap"), changed, settings)
-    told = document(["replay", "nan.mcap"], capsys, "log_replay", code=1)
+    told = document(["replay", "nan.mcap"], capsys, "log replay", code=1)
     assert (told["wish_largest"], told["first_difference"]) == (0, 2.0)
     changed = rows.copy()
     changed[2000, columns.index("command")] = math.nan
     write(Path("target.mcap"), changed, settings)
-    told = document(["replay", "target.mcap"], capsys, "log_replay", code=1)
+    told = document(["replay", "target.mcap"], capsys, "log replay", code=1)
     assert (told["verdicts_differing"], told["first_other_verdict"]) == (1, 2.0)
     gains = settings["gains"] | {"error_gain": 0.02}  # a live one goes by its column
     write(Path("gains.mcap"), rows, settings | {"gains": gains})
-    assert document(["replay", "gains.mcap"], capsys, "log_replay", code=1)["wish_largest"] > 1e-5
+    assert document(["replay", "gains.mcap"], capsys, "log replay", code=1)["wish_largest"] > 1e-5
 
 
 def test_another_law_is_fed_with_the_run(capsys: pytest.CaptureFixture[str]) -> None:
-    told = document(["replay", "run.mcap", "--law", "uncompensated"], capsys, "log_replay")
+    told = document(["replay", "run.mcap", "--law", "uncompensated"], capsys, "log replay")
     assert (told["law"], told["same_law"]) == ("uncompensated", False)
     assert 1e-3 < told["wish_largest"] < 1.0
     assert main.run(["log", "replay", "run.mcap", "--law", "uncompensated"]) == 0
@@ -268,7 +268,7 @@ def test_a_law_of_ones_own_is_found_again(rows: np.ndarray, capsys: pytest.Captu
         "law_file": told["law_file"],
     }
     write(Path("mine.mcap"), rows, settings)
-    found = document(["replay", "mine.mcap"], capsys, "log_replay")
+    found = document(["replay", "mine.mcap"], capsys, "log replay")
     assert (found["law"], found["same_law"], found["wish_largest"]) == ("mine", True, 0)
     assert "law_file" not in live_run_of.live_run(rig.with_law("observer")).settings()
 
@@ -289,9 +289,9 @@ def test_a_log_alone_is_enough(rows: np.ndarray, tmp_path: Path, capsys: pytest.
     for name in ("own.py", "motion.csv", "rig.toml"):
         Path(name).unlink()
     assert rig_of_log(Path("alone.mcap")) == rig
-    found = document(["replay", "alone.mcap"], capsys, "log_replay")
+    found = document(["replay", "alone.mcap"], capsys, "log replay")
     assert (found["law"], found["same_law"], found["wish_largest"], found["rig"]) == ("mine", True, 0, rig.hash)
-    assert document(["info", "alone.mcap"], capsys, "log_info")["rig"] == rig.hash
+    assert document(["info", "alone.mcap"], capsys, "log info")["rig"] == rig.hash
     assert main.run(["simulate", "alone.mcap", "--json", "--out", str(tmp_path / "again")]) == 0
     again = json.loads(capsys.readouterr().out)
     assert (again["rig"], again["runs"][0]["law"]) == (rig.hash, "mine")
@@ -328,9 +328,9 @@ def test_a_program_that_a_log_brings_along_runs_only_once_its_user_says_so(
         assert "never run on this computer" in said
         assert Path("ran").exists() == ("--law" in words)  # what the user names runs; the log's own text does not
         Path("ran").unlink(missing_ok=True)
-    found = document(["replay", "theirs.mcap", "--trust-law"], capsys, "log_replay")
+    found = document(["replay", "theirs.mcap", "--trust-law"], capsys, "log replay")
     assert (found["law"], found["same_law"]) == ("mine", True)
-    assert document(["replay", "theirs.mcap"], capsys, "log_replay")["law"] == "mine"  # it is remembered
+    assert document(["replay", "theirs.mcap"], capsys, "log replay")["law"] == "mine"  # it is remembered
 
 
 def test_the_question_about_a_program_puts_no_orders_on_a_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -385,7 +385,7 @@ def test_gaps_begin_a_replay_anew(rows: np.ndarray, capsys: pytest.CaptureFixtur
     gains = 2 * len(LAW_USED.live)  # the columns behind the supervisor's
     data[data.index(rows[1510, -20 - gains : -gains].tobytes())] ^= 1
     Path("hurt.mcap").write_bytes(data)
-    told = document(["replay", "hurt.mcap"], capsys, "log_replay")
+    told = document(["replay", "hurt.mcap"], capsys, "log replay")
     assert told["beginnings"] == 2
     assert (told["wish_largest"], told["verdicts_differing"]) == (0, 0)
 
@@ -400,10 +400,10 @@ def test_what_a_kill_left_is_told_and_recovered(rows: np.ndarray, capsys: pytest
         printed.err
         == "bowden: note: killed run.mcap was not closed properly; see: bowden log recover 'killed run.mcap'\n"
     )
-    told = document(["recover", "killed run.mcap"], capsys, "log_recover")
+    told = document(["recover", "killed run.mcap"], capsys, "log recover")
     assert told["files"] == ["killed run.recovered.mcap"]
     assert (told["rows"], told["missing"], told["tail_seconds"]) == (CYCLES, 0, 0.2)
-    assert document(["info", "killed run.recovered.mcap"], capsys, "log_info")["whole"]
+    assert document(["info", "killed run.recovered.mcap"], capsys, "log info")["whole"]
     assert main.run(["log", "recover", "killed run.mcap", "--out", "again.mcap"]) == 0
     assert "up to 0.2 s of the run may be missing" in capsys.readouterr().out
     assert main.run(["log", "recover", "killed run.mcap"]) == 2

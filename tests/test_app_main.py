@@ -12,6 +12,7 @@ import pytest
 
 from bowden import __version__
 from bowden.app import init_command, main
+from bowden.app.schema_command import json_schema
 from bowden.core.trace import Trace
 from bowden.rig import page as rig_page
 from bowden.rig.rig import Rig
@@ -32,7 +33,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def check(document: str, schema: str) -> Any:
     parsed = json.loads(document)
-    jsonschema.validate(parsed, json.loads((ROOT / "docs" / "json" / f"{schema}.schema.json").read_text()))
+    jsonschema.validate(parsed, json_schema(schema))
     return parsed
 
 

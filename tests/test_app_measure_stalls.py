@@ -14,7 +14,8 @@ import pytest
 
 import bowden
 from bowden.app.main import run
-from live_runs import COMMAND, ROOT, tries
+from bowden.app.schema_command import json_schema
+from live_runs import COMMAND, tries
 
 pytestmark = [pytest.mark.live, pytest.mark.usefixtures("state")]
 
@@ -55,7 +56,7 @@ def test_a_measurement_on_a_twin_bears_stalls(tmp_path: Path, capsys: pytest.Cap
             break
     assert process.returncode == 0, said + error
     found = json.loads(said)
-    jsonschema.validate(found, json.loads((ROOT / "docs" / "json" / "measure.schema.json").read_text()))
+    jsonschema.validate(found, json_schema("measure"))
     assert found["twin"]
     assert found["cycles_left_out"] >= 1e3 * STALL
     for file in found["files"]:

@@ -12,6 +12,7 @@ import jsonschema
 import pytest
 
 from bowden.app.main import run
+from bowden.app.schema_command import json_schema
 from bowden.core.units import DEGREES
 from bowden.identify.cable.fit import identify_log
 from bowden.identify.log.read import read_log
@@ -20,7 +21,6 @@ from bowden.rig.rig import Rig
 
 pytestmark = pytest.mark.usefixtures("undrawn")
 
-SCHEMA = Path(__file__).parents[1] / "docs" / "json" / "sample.schema.json"
 KINDS = ("cable", "emg", "suit")
 
 
@@ -42,7 +42,7 @@ def truth(path: str) -> dict[str, Any]:
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_sample_is_written_whole_and_names_the_next_command(kind: str, capsys: pytest.CaptureFixture[str]) -> None:
     found = document(f"sample {kind} 'of mine'", capsys)
-    jsonschema.validate(found, json.loads(SCHEMA.read_text(encoding="utf-8")))
+    jsonschema.validate(found, json_schema("sample"))
     assert {str(path) for path in Path("of mine").iterdir()} == set(found["files"])
     assert list(found["files"])[-1] == f"of mine/{kind}.truth.toml"
     assert run(["sample", kind, "."]) == 0

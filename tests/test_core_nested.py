@@ -10,7 +10,7 @@ import pytest
 
 from bowden.control import LAWS
 from bowden.core.kernel import compiled, kernel
-from bowden.core.nested import columns, flat, from_columns, names, refilled, restored
+from bowden.core.nested import columns, flat, from_columns, names, unflatten, unflatten_like
 from bowden.core.signals import Sample
 from bowden.live.row import STOPPED, SUPERVISOR
 
@@ -27,7 +27,7 @@ def there(state: Any, out: Any) -> None:
 
 @kernel
 def back(like: Any, row: Any) -> Any:
-    return restored(like, row)
+    return unflatten(like, row)
 
 
 @pytest.mark.parametrize("state", STATES, ids=lambda state: type(state).__name__)
@@ -36,7 +36,7 @@ def test_a_state_comes_back_from_its_columns(state: Any) -> None:
     assert len(set(own)) == len(own) == len(flat(state))
     kept = [float(leaf) if isinstance(leaf, bool | IntEnum) else k for k, leaf in enumerate(flat(state), 1)]
     row = np.array(kept, dtype=np.float64)
-    filled = refilled(state, row)
+    filled = unflatten_like(state, row)
     assert type(filled) is type(state)
     assert flat(filled) == tuple(row)
     assert from_columns(state, dict(zip(own, row, strict=True))) == filled
@@ -62,7 +62,7 @@ def test_a_bool_stays_a_bool_and_an_enum_an_enum() -> None:
     state = Decision(Answer.YES, False, 0.0)
     row = np.array([2.0, 1.0, 3.0])
     out = np.empty(3)
-    for made in (restored(state, row), refilled(state, row), compiled(back)(state, row)):
+    for made in (unflatten(state, row), unflatten_like(state, row), compiled(back)(state, row)):
         assert made == (Answer.NO, True, 3.0)
         assert [type(part) for part in made] == [Answer, bool, float]
         compiled(there)(made, out)

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from bowden.app.main import run
+from bowden.app.schema_command import json_schema
 from bowden.control import LAWS
 from bowden.control.law import Law
 from bowden.control.laws.adaptive import ultimate_bounds
@@ -30,7 +31,6 @@ BENCH = default_bench()
 BENDS = (np.pi, 2.0 * np.pi)
 ADAPTIVE = LAWS["adaptive"]
 PAPER = ADAPTIVE.preset("paper")
-SCHEMA = Path(__file__).parents[1] / "docs" / "json" / "check.schema.json"
 
 
 def monotone(bench: Bench = BENCH) -> Bench:
@@ -223,7 +223,7 @@ def test_the_command_prints_one_document(
     code = 1 if preset else 0
     assert run(["check", "rig.toml", *preset, "--json"]) == code
     document = json.loads(capsys.readouterr().out)
-    jsonschema.validate(document, json.loads(SCHEMA.read_text()))
+    jsonschema.validate(document, json_schema("check"))
     assert document["verdict"] == ("does_not_hold" if preset else "holds")
     assert document["holds"] is not bool(preset)
     assert (document["gain_margin_db"] is None) is bool(preset)

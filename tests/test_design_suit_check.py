@@ -9,6 +9,7 @@ import pytest
 
 import bowden
 from bowden.app import main
+from bowden.app.schema_command import json_schema
 from bowden.control import LAWS
 from bowden.control.stability import StateSpace, adaptive_model, margins
 from bowden.core.errors import ParameterError
@@ -27,7 +28,6 @@ from bowden.rig.presets.suit import DRIVE_INTEGRAL, suit, suit_adaptive
 from bowden.rig.rig import Rig
 from bowden.rig.settings import AdmittanceSettings, SuitSettings, WearerSettings
 
-SCHEMA = Path(__file__).parents[1] / "docs" / "json" / "check.schema.json"
 STROKE = (0.0, 70.0 * RADIANS)
 BEND = float(np.pi)
 RIG = """
@@ -93,7 +93,7 @@ def test_our_law_holds_on_a_suit_by_its_trials(tmp_path: Path, capsys: pytest.Ca
     path.write_text(RIG)
     assert main.run(["check", str(path), "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
-    jsonschema.validate(found, json.loads(SCHEMA.read_text()))
+    jsonschema.validate(found, json_schema("check"))
     assert (found["verdict"], found["refuted"], found["gain_margin_db"]) == ("holds", True, None)
     assert "friction, play" in found["leaves_out"]
     assert found["worst"]["at"].startswith("elbow at ")

@@ -15,6 +15,7 @@ import pytest
 
 import bowden
 from bowden.app.main import run
+from bowden.app.schema_command import json_schema
 from bowden.control import LAWS
 from bowden.control.law import Law
 from bowden.control.reference import PeriodicMinimumJerk, Trajectory
@@ -40,7 +41,6 @@ BENCH = default_bench()
 ADAPTIVE = LAWS["adaptive"]
 BENDS, STROKE = (np.pi, 2.0 * np.pi), (0.0, np.radians(70.0))
 ROOT = Path(__file__).parents[1]
-SCHEMA = Path(__file__).parents[1] / "docs" / "json" / "tune.schema.json"
 RIGS = {
     "slow": BENCH._replace(servo=BENCH.servo._replace(natural_frequency=2.0 * np.pi * 3.0)),
     "late": BENCH._replace(delay=10),
@@ -256,7 +256,7 @@ def test_the_command_writes_the_gains_back(
     Path("rig.toml").write_text(rig)
     assert run(["tune", "rig.toml", "--json"]) == 0
     document = json.loads(capsys.readouterr().out)
-    jsonschema.validate(document, json.loads(SCHEMA.read_text()))
+    jsonschema.validate(document, json_schema("tune"))
     written = Path("rig.toml").read_text(encoding="utf-8")
     assert written.startswith(rig)
     assert tomllib.loads(written)["control"]["gains"] == document["gains"]
@@ -291,7 +291,7 @@ def test_gains_tuned_against_a_study_are_judged_by_plants_that_the_search_did_no
 ) -> None:
     assert run(["tune", "rig.toml", "--study", "study.toml", "--json"]) == 0, capsys.readouterr().err
     document = json.loads(capsys.readouterr().out)
-    jsonschema.validate(document, json.loads(SCHEMA.read_text()))
+    jsonschema.validate(document, json_schema("tune"))
     found = document["study"]
     assert (found["name"], found["tuned_on"]) == ("study", 10)
     assert found["before"]["runs"] == found["after"]["runs"] == 10

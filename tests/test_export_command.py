@@ -15,6 +15,7 @@ import pytest
 
 import bowden
 from bowden.app import main
+from bowden.app.schema_command import json_schema
 from bowden.control.conditioning import Conditioned
 from bowden.core.signals import EMERGENCY_STOP, DriveState
 from bowden.export.readme import FLAGS
@@ -26,7 +27,6 @@ from bowden.safety.faults import Fault
 from bowden.safety.state import Mode, Request
 
 COMPILER, MAKE = shutil.which("cc"), shutil.which("make")
-SCHEMA = Path(__file__).parents[1] / "docs" / "json" / "export.schema.json"
 RIG = "[reference]\nkind = 'periodic_minimum_jerk'\nperiod_s = 2.0\n[scenario]\nduration_s = 3.0\n"
 STUBS = """
 double read_joint_counts(void);
@@ -69,7 +69,7 @@ def exported(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, 
 
 def test_the_document_names_what_was_written(exported: tuple[Path, dict[str, Any]]) -> None:
     place, document = exported
-    jsonschema.validate(document, json.loads(SCHEMA.read_text()))
+    jsonschema.validate(document, json_schema("export"))
     assert document["modules"] == ["adaptive", "envelope", "onset", "safety"]
     assert document["precision"] == "float"
     assert sorted(document["files"]) == sorted(str(path) for path in place.iterdir())

@@ -16,6 +16,7 @@ import jsonschema
 import pytest
 
 from bowden.app.main import run
+from bowden.app.schema_command import json_schema
 from bowden.core.errors import DriveError, ParameterError
 from bowden.core.signals import DriveState
 from bowden.hardware.drives.canopen_drive import CanopenDrive
@@ -173,7 +174,7 @@ def test_the_command_line_talks_to_it(rig: Path, twin: RunningTwin, capsys: pyte
     assert run([*common, "--clear", "--json"]) == 0
     document = json.loads(capsys.readouterr().out)
     assert document["twin"]["faults"] == []
-    schema = json.loads((Path(__file__).parents[1] / "docs/json/twin.schema.json").read_text(encoding="utf-8"))
+    schema = json_schema("twin")
     for one in (document, twin.said):
         jsonschema.validate(one, schema)
     assert run([*common, "--inject", "list"]) == 0

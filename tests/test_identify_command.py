@@ -17,6 +17,7 @@ import pytest
 
 from bowden.app import identify_command
 from bowden.app.main import run
+from bowden.app.schema_command import json_schema
 from bowden.core.errors import OutputError, ParameterError
 from bowden.identify.cable.fit import Fit, identify
 from bowden.identify.cable.model import NAMES
@@ -27,7 +28,6 @@ from bowden.report import identify_page as identify_page_module
 
 pytestmark = pytest.mark.usefixtures("undrawn")
 
-SCHEMA = Path(__file__).parents[1] / "docs" / "json" / "identify.schema.json"
 
 TIME = np.arange(2000) / 100.0
 MOTOR = np.radians(20.0 * np.sin(1.4 * TIME + 0.4) + 12.0 * np.sin(3.9 * TIME))
@@ -58,7 +58,7 @@ def document(capsys: pytest.CaptureFixture[str], *arguments: str) -> Any:
     printed = capsys.readouterr()
     assert printed.err == ""
     parsed = json.loads(printed.out)
-    jsonschema.validate(parsed, json.loads(SCHEMA.read_text()))
+    jsonschema.validate(parsed, json_schema("identify"))
     return parsed
 
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 import bowden
 from bowden.app.main import run
+from bowden.app.schema_command import json_schema
 from bowden.core.errors import BowdenError
 from bowden.core.units import DEGREES
 from bowden.identify.cable.fit import Fit
@@ -324,7 +325,7 @@ def test_a_rig_is_told_of_the_bends_of_its_run() -> None:
 
 # on the command line
 
-SCHEMA = json.loads((Path(__file__).parents[1] / "docs" / "json" / "identify.schema.json").read_text())
+SCHEMA = json_schema("identify")
 
 
 def document(capsys: pytest.CaptureFixture[str], *arguments: str) -> Any:

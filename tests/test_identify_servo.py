@@ -10,6 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from bowden.app.main import run
+from bowden.app.schema_command import json_schema
 from bowden.core.errors import LogError
 from bowden.core.kernel import compiled
 from bowden.core.units import RADIANS
@@ -23,7 +24,6 @@ from bowden.sim.samples.cable import follow
 pytestmark = pytest.mark.usefixtures("undrawn")
 
 Array = NDArray[np.float64]
-SCHEMA = Path(__file__).parents[1] / "docs" / "json" / "identify_servo.schema.json"
 
 
 def log(servo: Servo, delay: float, kind: str, seed: int = 0, dt: float = 1e-3) -> tuple[Array, Array, Array]:
@@ -110,7 +110,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def test_the_command_writes_keys_of_a_rig(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["identify-servo", "step.csv", "--json"]) == 0
     document = json.loads(capsys.readouterr().out)
-    jsonschema.validate(document, json.loads(SCHEMA.read_text()))
+    jsonschema.validate(document, json_schema("identify-servo"))
     assert document["natural_frequency_hz"]["value"] == pytest.approx(6.0, rel=0.01)
     assert document["delay_cycles"] == 3
     written = tomllib.loads((folder / "out/servo/servo.toml").read_text(encoding="utf-8"))

@@ -18,11 +18,11 @@ from bowden.core.kernel import (
     floor,
     kernel,
     log,
+    placeholder,
     power,
     sin,
     specialise,
     sqrt,
-    stand_in,
     tanh,
 )
 from bowden.core.nested import flat
@@ -236,12 +236,12 @@ def test_only_stand_ins_are_replaced() -> None:
     """A law's own helper keeps its place, whatever its name."""
     twin = specialise(_outer, "by_name", _inner=_calls_a_helper)
     assert twin(Pair(1.0, 2.0)) == 1.0 + 2.0 * 7.0
-    with pytest.raises(ParameterError, match=r"_outer reaches no stand-in '_helper'; expected _inner"):
+    with pytest.raises(ParameterError, match=r"_outer reaches no placeholder '_helper'; expected _inner"):
         specialise(_outer, "by_name", _inner=_calls_a_helper, _helper=_twice)
 
 
 def test_a_misspelt_stand_in_gets_the_one_that_was_meant() -> None:
-    with pytest.raises(ParameterError, match=r"no stand-in '_iner'; expected _inner \(did you mean this\?\)"):
+    with pytest.raises(ParameterError, match=r"no placeholder '_iner'; expected _inner \(did you mean this\?\)"):
         specialise(_outer, "misspelt", _iner=_twice)
 
 
@@ -284,7 +284,7 @@ def _calls_a_helper(x: float) -> float:
     return _helper(x)
 
 
-@stand_in
+@placeholder
 def _inner(x: float) -> float:
     return x
 

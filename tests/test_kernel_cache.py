@@ -20,13 +20,13 @@ from bowden.sim import run as sim_run
 
 SCRIPT = """
 from typing import NamedTuple
-from bowden.core.kernel import kernel, specialise, stand_in
+from bowden.core.kernel import kernel, specialise, placeholder
 from helper import gain
 
 class Gains(NamedTuple):
     factor: float = FACTOR
 
-@stand_in
+@placeholder
 def part(gains, x):
     raise NotImplementedError
 
@@ -307,7 +307,7 @@ def test_functions_made_by_functions_are_told_apart() -> None:
     assert [twin(1.0) for twin in twins] == [2.0, 3.0]
 
 
-@kernel_module.stand_in
+@kernel_module.placeholder
 def part(x: float) -> float:
     raise NotImplementedError
 

@@ -13,6 +13,7 @@ import pytest
 
 import bowden
 from bowden.app.main import run
+from bowden.app.schema_command import json_schema
 from bowden.control import LAWS, Law
 from bowden.control.reference import PeriodicMinimumJerk
 from bowden.control.stability import closed_loop_poles, frequencies, margins, servo_model
@@ -39,7 +40,6 @@ from bowden.sim.run import simulate
 from bowden.sim.scenario import constant_bend
 from test_pair import PAIR
 
-ROOT = Path(__file__).parents[1]
 BENCH = default_bench()
 LAW = LAWS["bowden"]
 MOTION = PeriodicMinimumJerk(0.0, 60.0 * RADIANS, 8.0)
@@ -279,8 +279,7 @@ def said(capsys: pytest.CaptureFixture[str], *words: str, code: int = 0) -> Any:
 
 def document(capsys: pytest.CaptureFixture[str], command: str, *words: str) -> Any:
     found = json.loads(said(capsys, command, "pair.toml", *words, "--json").out)
-    schema = json.loads((ROOT / f"docs/json/{command}.schema.json").read_text(encoding="utf-8"))
-    jsonschema.validate(found, schema)
+    jsonschema.validate(found, json_schema(command))
     return found
 
 

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import pytest
 
-from bowden.core.nested import flat, name_of, names, rebuilt
+from bowden.core.nested import flat, map_leaves, name_of, names
 from bowden.core.signals import EMERGENCY_STOP, DriveReading, Power
 from bowden.models.drive.servo import servo_predict
 from bowden.models.drive.thermal import Thermal, ThermalState, cold, warm
@@ -74,7 +74,7 @@ ORDER: dict[str, Any] = {
 
 def changed(state: Any, changes: Changes) -> Any:
     """A state with other values at paths such as ``motor.speed``."""
-    return rebuilt(state, lambda path, old: type(old)(changes.get(name_of(path), old)))
+    return map_leaves(state, lambda path, old: type(old)(changes.get(name_of(path), old)))
 
 
 def cycle(*changes: Changes) -> tuple[SupervisorState, Verdict]:

@@ -10,7 +10,7 @@ from bowden.control.law import Law
 from bowden.control.reference import PeriodicMinimumJerk
 from bowden.core.errors import ParameterError
 from bowden.core.kernel import compiled, kernel
-from bowden.core.nested import numbers_of, refilled
+from bowden.core.nested import numbers_of, unflatten_like
 from bowden.core.pairwise import pairwise_sum
 from bowden.core.units import DEGREES, RADIANS
 from bowden.models.cable.bouc_wen import BoucWen
@@ -104,7 +104,7 @@ class Outer(NamedTuple):
 def total(like: Any, rows: Any) -> float:
     found = 0.0
     for i in range(rows.shape[0]):
-        made = refilled(like, rows[i])
+        made = unflatten_like(like, rows[i])
         found += made.inner.x * made.inner.n + made.pair[1].x * made.pair[0] + made.held[1] * made.last
     return found
 
@@ -112,7 +112,7 @@ def total(like: Any, rows: Any) -> float:
 def test_a_row_of_numbers_becomes_the_tuple_that_it_was() -> None:
     like = Outer(Inner(1.5, 2), (2.5, Inner(3.5, 4)), np.array([5.0, 6.0]), 7.5)
     assert numbers_of(like) == [1.5, 2.0, 2.5, 3.5, 4.0, 7.5]
-    again = refilled(Outer(Inner(0.0, 0), (0.0, Inner(0.0, 0)), like.held, 0.0), np.array(numbers_of(like)))
+    again = unflatten_like(Outer(Inner(0.0, 0), (0.0, Inner(0.0, 0)), like.held, 0.0), np.array(numbers_of(like)))
     assert again[:2] == like[:2]
     assert again.last == like.last
     assert type(again.inner.n) is int

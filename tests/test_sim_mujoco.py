@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 from bowden.app import main
+from bowden.app.schema_command import json_schema
 from bowden.control import LAWS
 from bowden.control.reference import PeriodicMinimumJerk
 from bowden.core.errors import BowdenError, LogError, ParameterError
@@ -33,7 +34,6 @@ from bowden.sim.run import simulate
 from bowden.sim.suit_replay import parts_of, replay
 from support.wearers import WEARERS
 
-ROOT = Path(__file__).parents[1]
 PAPER = SuitGeometry()
 
 
@@ -299,7 +299,7 @@ def test_a_run_becomes_a_video_that_browsers_play(
     run.to_parquet("run.parquet")
     assert main.run(["arm", "render", "run.parquet", "--fps", "2", "--speed", "8", "--json", "--out", "film"]) == 0
     found = json.loads(capsys.readouterr().out)
-    jsonschema.validate(found, json.loads((ROOT / "docs/json/arm_render.schema.json").read_text()))
+    jsonschema.validate(found, json_schema("arm render"))
     assert found["files"] == [str(Path("film") / "arm.png"), str(Path("film") / "run.mp4")]
     assert found["frames"] == 2
     assert Path("film/arm.png").read_bytes()[1:4] == b"PNG"
@@ -338,7 +338,7 @@ def test_check_says_that_all_agrees(
     printed = capsys.readouterr()
     assert printed.err == ""
     found = json.loads(printed.out)
-    jsonschema.validate(found, json.loads((ROOT / "docs/json/arm_check.schema.json").read_text()))
+    jsonschema.validate(found, json_schema("arm check"))
     assert (found["verdict"], found["reasons"]) == ("agrees", [])
     assert [one["name"] for one in found["motions"]][-2:] == ["suit, uncompensated", "suit, adaptive"]
     page = Path("out/arm/check.html").read_text()

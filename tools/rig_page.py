@@ -1,4 +1,4 @@
-"""The reference page of rig.toml and its JSON schema, made from what the values in Python declare."""
+"""The reference page of rig.toml, made from what the values in Python declare."""
 
 import json
 from pathlib import Path
@@ -7,11 +7,10 @@ from bowden.control import LAWS, Law
 from bowden.control.knowledge import Knowledge
 from bowden.core.files import write_text
 from bowden.core.quantity import meanings
-from bowden.hardware.drives.family import names as families
-from bowden.rig.axes import AXIS, FEWEST, INDEPENDENT, MEANINGS, MOST
+from bowden.rig.axes import AXIS, INDEPENDENT, MEANINGS
 from bowden.rig.declaration import Section
 from bowden.rig.page import gains_of, keys_of, sections, sentence
-from bowden.rig.sections import PAIR, RigFile, drive_part
+from bowden.rig.sections import PAIR
 
 _GAINS = (
     "What `[control.gains]` may hold, with the law's own values.",
@@ -42,8 +41,8 @@ def markdown() -> str:
         "",
         "Written by `bowden init`, read by every command that takes a rig. A key that is left out has its default,",
         "shown here with at most six digits. Files are found from the folder of rig.toml. Angles are in degrees here,",
-        "gains in SI units and radians; in Python (`bowden.Rig`) everything is in SI and radians. The schema for",
-        "machines is [rig.schema.json](json/rig.schema.json); both are made from the code, by `make docs`.",
+        "gains in SI units and radians; in Python (`bowden.Rig`) everything is in SI and radians. `make docs` makes",
+        "this page from the code; `bowden schema rig` prints a JSON schema of the same.",
         "",
     ]
     for title, variants in sections():
@@ -89,46 +88,13 @@ def _pair_rows() -> list[str]:
     ]
 
 
-def json_schema() -> str:
-    """``docs/json/rig.schema.json``."""
-    schema = {"$schema": "https://json-schema.org/draft/2020-12/schema"} | RigFile.model_json_schema()
-    schema["properties"] |= {
-        AXIS: {
-            "description": MEANINGS[AXIS],
-            "type": "array",
-            "minItems": FEWEST,
-            "maxItems": MOST,
-            "items": {
-                "type": "object",
-                "additionalProperties": False,
-                "required": ["name"],
-                "properties": {
-                    "name": {"type": "string"},
-                    **{name: {"type": "object"} for name in RigFile.model_fields},
-                },
-            },
-        },
-        INDEPENDENT: {"description": MEANINGS[INDEPENDENT], "type": "boolean", "default": False},
-        "pair": PAIR.section.model_json_schema(),
-    }
-    _, *others = families()
-    for family in others:
-        section = drive_part(family).section
-        drive = schema["properties"]["drive"]
-        drive.setdefault("anyOf", [{"$ref": drive.pop("$ref")}] if "$ref" in drive else [])
-        drive["anyOf"].append({"$ref": f"#/$defs/{section.__name__}"})
-        schema["$defs"][section.__name__] = section.model_json_schema()
-    return json.dumps(schema, ensure_ascii=False, indent=2) + "\n"
-
-
 def write_docs(docs: Path) -> None:
-    """Write the page and the schema where they belong.
+    """Write the page where it belongs.
 
     Raises:
-        OutputError: a file cannot be written.
+        OutputError: the file cannot be written.
     """
-    for path, text in ((docs / "rig.md", markdown()), (docs / "json" / "rig.schema.json", json_schema())):
-        write_text(path, text)
+    write_text(docs / "rig.md", markdown())
 
 
 def _which(section: type[Section]) -> str:

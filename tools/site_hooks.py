@@ -33,7 +33,7 @@ def on_config(config: MkDocsConfig) -> MkDocsConfig:
     if books := site_notebooks.notebooks():
         parts["Start"].append({"Notebooks": [f"notebooks/{book.stem}.md" for book in books]})
     parts["Background"] += ["background/results.md", {"Decisions": "decisions/index.md"}]
-    parts["Background"] += [{"Schemas": "json/index.md"}, {"Contributing": "contributing.md"}]
+    parts["Background"].append({"Contributing": "contributing.md"})
     api = ["api/index.md", *(f"api/{name}.md" for name in site_api.PAGES)]
     nav.insert(len(nav) - 1, {"Python API": api})
     return config
@@ -43,7 +43,7 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     """Add the pages that are made here."""
     made: dict[str, str | bytes] = dict(site_api.sources())
     made |= {uri: (ROOT / origin).read_text(encoding="utf-8") for origin, uri in OUTSIDE.items()}
-    made |= {"decisions/index.md": _decisions(), "json/index.md": _schemas()}
+    made["decisions/index.md"] = _decisions()
     for book in site_notebooks.notebooks():
         text, pictures = site_notebooks.page(book)
         _ORIGINS[f"notebooks/{book.stem}.md"] = str(book.relative_to(ROOT))
@@ -58,7 +58,7 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
     """Mend the links of a page."""
     uri = page.file.src_uri
     page.meta["search"] = {"boost": next((found for part, found in _FOUND.items() if uri.startswith(part)), 3.0)}
-    if uri.startswith(("api/", "decisions/index", "json/")):
+    if uri.startswith(("api/", "decisions/index")):
         return markdown
     return relinked(markdown, _ORIGINS.get(uri, f"docs/{uri}"), uri)
 
@@ -70,10 +70,4 @@ def _title(path: Path) -> str:
 def _decisions() -> str:
     rows = [f"- [{_title(path)}]({path.name})" for path in sorted((ROOT / "docs/decisions").glob("*.md"))]
     head = "# Decisions\n\nWhat was decided and why. Each says what was so when it was made.\n\n"
-    return head + "\n".join(rows) + "\n"
-
-
-def _schemas() -> str:
-    rows = [f"- [{path.name}]({path.name})" for path in sorted((ROOT / "docs/json").glob("*.json"))]
-    head = "# JSON schemas\n\nOf what the commands print with `--json`, of rig.toml and of a study.\n\n"
     return head + "\n".join(rows) + "\n"

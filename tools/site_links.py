@@ -7,9 +7,9 @@ from pathlib import Path
 ROOT = Path(__file__).parents[1]
 OUTSIDE = {"CONTRIBUTING.md": "contributing.md", "benchmarks/RESULTS.md": "background/results.md"}
 """Files beside docs/ that are pages of the site as well, and their place in it."""
-FOLDERS = {"docs/decisions": "decisions/index.md", "docs/json": "json/index.md"}
+FOLDERS = {"docs/decisions": "decisions/index.md"}
 """Folders that pages link to, and the page that lists each."""
-_SHOWN = (".md", ".json", ".svg", ".png")
+_SHOWN = (".md", ".svg", ".png")
 _CODE = re.compile(r"(^```.*?^```$)", re.DOTALL | re.MULTILINE)
 _PATH = re.compile(r"[\w./-]+\.(?:py|toml)|[\w.-]+(?:/[\w.-]+)+/?")
 _LINK = re.compile(r"(!?)\[((?:[^\[\]]|\[[^\[\]]*\])*)\]\(([^)\s]+)\)")

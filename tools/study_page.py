@@ -1,8 +1,7 @@
-"""What is written about studies, made from their schema: the tables of docs/campaign.md, and the JSON schema."""
+"""The tables of docs/campaign.md, made from what a study declares."""
 
 import json
 from pathlib import Path
-from typing import Any
 
 import made_tables
 from bowden.core.files import write_text
@@ -51,23 +50,6 @@ def faults_list() -> str:
     return ", ".join(f"`{name}`" for name in ("nothing", *SENSOR_FAULTS))
 
 
-def json_schema() -> str:
-    """``docs/json/study.schema.json``."""
-    schema = {"$schema": "https://json-schema.org/draft/2020-12/schema"} | _shortened(StudyFile.model_json_schema())
-    return json.dumps(schema, ensure_ascii=False, indent=2) + "\n"
-
-
-def _shortened(schema: Any) -> Any:
-    """The schema with a plain number or word allowed wherever a distribution is."""
-    if isinstance(schema, list):
-        return [_shortened(part) for part in schema]
-    if not isinstance(schema, dict):
-        return schema
-    if schema.get("$ref") == "#/$defs/DistributionSection":
-        return {"anyOf": [schema, {"type": ["number", "string"]}]}
-    return {key: _shortened(part) for key, part in schema.items()}
-
-
 def with_tables(page: str) -> str:
     """The page with what stands between its markers made anew."""
     tables = {
@@ -80,12 +62,10 @@ def with_tables(page: str) -> str:
 
 
 def write_docs(docs: Path) -> None:
-    """Write the tables and the schema where they belong.
+    """Write the tables where they belong.
 
     Raises:
         OutputError: a file cannot be written.
     """
     page = docs / "campaign.md"
-    text = with_tables(page.read_text(encoding="utf-8"))
-    for path, content in ((page, text), (docs / "json" / "study.schema.json", json_schema())):
-        write_text(path, content)
+    write_text(page, with_tables(page.read_text(encoding="utf-8")))

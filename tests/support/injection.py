@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.control.law import Law
-from bowden.core.kernel import kernel, stand_in
+from bowden.core.kernel import kernel, placeholder
 from bowden.core.signals import Reference, Sample
 from bowden.safety.state import Observed, Request
 from bowden.sim.injected import Injected
@@ -119,15 +119,15 @@ def misled_command(gains: Misled, command: float, dt: float) -> float:
     return command
 
 
-@stand_in
+@placeholder
 def sound_start(gains: Any, sample: Sample) -> Any:
-    """Stand-in for the start of the law that is to go wrong."""
+    """Placeholder for the start of the law that is to go wrong."""
     raise NotImplementedError  # always replaced
 
 
-@stand_in
+@placeholder
 def sound_step(gains: Any, state: Any, sample: Sample, reference: Reference, dt: float) -> Any:
-    """Stand-in for its step."""
+    """Placeholder for its step."""
     raise NotImplementedError  # always replaced
 
 

@@ -3,7 +3,7 @@
 from enum import IntEnum
 from typing import Any
 
-from bowden.core.nested import rebuilt
+from bowden.core.nested import map_leaves
 
 
 def floated(value: Any) -> Any:
@@ -11,4 +11,4 @@ def floated(value: Any) -> Any:
 
     Bools and members of enums stay what they are.
     """
-    return rebuilt(value, lambda _, leaf: leaf if isinstance(leaf, bool | IntEnum) else float(leaf))
+    return map_leaves(value, lambda _, leaf: leaf if isinstance(leaf, bool | IntEnum) else float(leaf))

@@ -21,8 +21,8 @@ from bowden.core import shown
 from bowden.core.arguments import said
 from bowden.core.errors import ParameterError, near
 from bowden.core.guesses import answering
-from bowden.core.kernel import stand_in
-from bowden.core.nested import columns, is_named, leaves, name_of, quantity_at, rebuilt
+from bowden.core.kernel import placeholder
+from bowden.core.nested import columns, is_named, leaves, map_leaves, name_of, quantity_at
 from bowden.core.part import signed
 from bowden.core.signals import Reference, Sample
 
@@ -32,15 +32,15 @@ FromRig = str | Callable[[Any], float]
 """A field of `bowden.control.knowledge.Knowledge`, or a function of it; one of a nested tuple as ``cable.slope``."""
 
 
-@stand_in
+@placeholder
 def law_start(gains: Any, sample: Sample) -> Any:
-    """Stand-in for a law's ``start`` in a loop's source; `specialise` puts the law's own in its place."""
+    """Placeholder for a law's ``start`` in a loop's source; `specialise` puts the law's own in its place."""
     raise NotImplementedError  # always replaced
 
 
-@stand_in
+@placeholder
 def law_step(gains: Any, state: Any, sample: Sample, reference: Reference, dt: float) -> Any:
-    """Stand-in for a law's ``step``."""
+    """Placeholder for a law's ``step``."""
     raise NotImplementedError  # always replaced
 
 
@@ -268,7 +268,7 @@ class Law:
                 )
         gains = self.gains._replace(**{name: value for name, value in changes.items() if name in self.gains._fields})
         if any("." in name for name in changes):
-            gains = rebuilt(gains, lambda path, value: changes.get(name_of(path), value))
+            gains = map_leaves(gains, lambda path, value: changes.get(name_of(path), value))
         return replace(
             self, gains=gains, overridden_gains=self.overridden_gains | {name.partition(".")[0] for name in changes}
         )

@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
-from bowden.core.kernel import kernel, stand_in
+from bowden.core.kernel import kernel, placeholder
 from bowden.core.nested import columns
 from bowden.core.signals import Reference
 
@@ -29,15 +29,15 @@ class Measurement(NamedTuple):
     """Torque of the suit on the elbow as a load cell says, flexing positive; NaN where there is none [N·m]."""
 
 
-@stand_in
+@placeholder
 def source_start(settings: Any, measured: Measurement) -> Any:
-    """Stand-in for a source's ``start`` in a loop's source; `specialise` puts the source's own in its place."""
+    """Placeholder for a source's ``start`` in a loop's source; `specialise` puts the source's own in its place."""
     raise NotImplementedError  # always replaced
 
 
-@stand_in
+@placeholder
 def source_step(settings: Any, state: Any, measured: Measurement, scheduled: Reference, dt: float) -> Any:
-    """Stand-in for a source's ``step``."""
+    """Placeholder for a source's ``step``."""
     raise NotImplementedError  # always replaced
 
 

@@ -23,8 +23,8 @@ from bowden.core.kernel_content import (
     is_kernel,
     is_primitive,
     meant,
+    placeholders,
     reaching,
-    stand_ins,
 )
 from bowden.core.primitives import PRIMITIVES, cos, exp, floor, log, power, sin, sqrt, tanh, twin_of
 
@@ -35,11 +35,11 @@ __all__ = [
     "floor",
     "kernel",
     "log",
+    "placeholder",
     "power",
     "sin",
     "specialise",
     "sqrt",
-    "stand_in",
     "tanh",
 ]
 
@@ -70,21 +70,21 @@ def kernel(function: F) -> F:
     return function
 
 
-def apart(function: F) -> F:
+def noinline(function: F) -> F:
     """Mark a kernel that is not to be put into each place that calls it: a long one, beside which the call is nothing.
 
     What it computes is the same; whatever calls it is compiled in a fraction of the time.
     """
-    function.__apart__ = True  # type: ignore[attr-defined]
+    function.__noinline__ = True  # type: ignore[attr-defined]
     return kernel(function)
 
 
-def stand_in(function: F) -> F:
+def placeholder(function: F) -> F:
     """Mark a kernel whose place `specialise` gives to another one.
 
     Only what is marked so is replaced: a law or a plant may have helpers of any name.
     """
-    function.__stand_in__ = True  # type: ignore[attr-defined]
+    function.__placeholder__ = True  # type: ignore[attr-defined]
     return kernel(function)
 
 
@@ -102,7 +102,7 @@ def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def specialise(template: Callable[..., Any], name: str, **replacements: Callable[..., Any]) -> Callable[..., Any]:
-    """Compile a template in which stand-ins that it calls, or that the kernels call which it calls, are replaced.
+    """Compile a template in which placeholders that it calls, or that the kernels call which it calls, are replaced.
 
     This is how one closed-loop source serves every law and plant and is still cached on disk: a closure over its
     kernels would be compiled again in every process. Variants are distinguished by the kernels they are made of.
@@ -110,10 +110,10 @@ def specialise(template: Callable[..., Any], name: str, **replacements: Callable
     Args:
         template: a kernel.
         name: what to call this variant, for whoever reads a profile or the cache folder.
-        replacements: name of a stand-in → kernel to put there.
+        replacements: name of a placeholder → kernel to put there.
 
     Raises:
-        ParameterError: a name that no stand-in has which the template reaches.
+        ParameterError: a name that no placeholder has which the template reaches.
     """
     assert isinstance(template, FunctionType)
     return _compile(template, f"{template.__qualname__}_{name}", _known(template, replacements), within=False)
@@ -122,11 +122,11 @@ def specialise(template: Callable[..., Any], name: str, **replacements: Callable
 def _known(template: FunctionType, replacements: Mapping[str, Callable[..., Any]]) -> Parts:
     """The replacements in order, each of which the template reaches."""
     parts = tuple(sorted(replacements.items()))
-    there = stand_ins(template, parts)
+    there = placeholders(template, parts)
     for part, _ in parts:
         if part not in there:
             raise ParameterError(
-                f"specialise: {template.__qualname__} reaches no stand-in {part!r}",
+                f"specialise: {template.__qualname__} reaches no placeholder {part!r}",
                 expected=near(part, sorted(there)),
                 do="correct the name, or leave it out",
             )
@@ -137,18 +137,18 @@ def reached(
     template: Callable[..., Any], replacements: Mapping[str, Callable[..., Any]]
 ) -> dict[str, Callable[..., Any]]:
     """Those replacements that a template reaches: of a set that is made for several templates."""
-    there = stand_ins(template, tuple(sorted(replacements.items())))
+    there = placeholders(template, tuple(sorted(replacements.items())))
     return {name: part for name, part in replacements.items() if name in there}
 
 
 @cache
 def _compile(function: FunctionType, name: str, parts: Parts, *, within: bool) -> Callable[..., Any]:
-    """The Numba twin of a kernel in which names of stand-ins mean `parts`.
+    """The Numba twin of a kernel in which names of placeholders mean `parts`.
 
     One that is called `within` compiled code alone goes without what a call from Python needs: to take nested tuples
     apart and to put them together again is half of what there is to compile.
     """
-    options = _NUMBA_OPTIONS | {"forceinline": not hasattr(function, "__apart__")}
+    options = _NUMBA_OPTIONS | {"forceinline": not hasattr(function, "__noinline__")}
     if within:
         options |= {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
     content = content_of(function, parts)

@@ -22,7 +22,7 @@ Content = str | None
 """A hash of what something is made of; None where that is not known."""
 
 Parts = tuple[tuple[str, Callable[..., Any]], ...]
-"""Names of stand-ins, and the kernels to put there."""
+"""Names of placeholders, and the kernels to put there."""
 
 _FOREIGN = ("builtins", "math", "numba", "numpy", "llvmlite")
 """Packages whose versions say what their functions do."""
@@ -43,7 +43,7 @@ def is_primitive(value: Any) -> bool:
 
 
 def content_of(function: FunctionType, parts: Parts = ()) -> Content:
-    """The hash of a function and of all that it calls, in which names of stand-ins mean `parts`."""
+    """The hash of a function and of all that it calls, in which names of placeholders mean `parts`."""
     return _known(lambda: _function(function, parts))
 
 
@@ -76,21 +76,21 @@ def global_names(code: CodeType) -> tuple[str, ...]:
 
 
 def meant(function: FunctionType, name: str, replaced: Mapping[str, Callable[..., Any]]) -> Any:
-    """What a function means by a global name: what it has there, or what replaces it where that is a stand-in."""
+    """What a function means by a global name: what it has there, or what replaces it where that is a placeholder."""
     own = function.__globals__.get(name)
-    return replaced.get(name, own) if hasattr(own, "__stand_in__") else own
+    return replaced.get(name, own) if hasattr(own, "__placeholder__") else own
 
 
 @cache
 def reaching(function: Callable[..., Any], parts: Parts) -> Parts:
     """Those parts that a kernel names, or that the kernels name which it calls, parts among them."""
-    named = stand_ins(function, parts)
+    named = placeholders(function, parts)
     return tuple(part for part in parts if part[0] in named)
 
 
 @cache
-def stand_ins(function: Callable[..., Any], parts: Parts) -> frozenset[str]:
-    """The stand-ins that a kernel names, or that the kernels name which it calls, parts among them."""
+def placeholders(function: Callable[..., Any], parts: Parts) -> frozenset[str]:
+    """The placeholders that a kernel names, or that the kernels name which it calls, parts among them."""
     replaced, named = dict(parts), set()
     todo, seen = [function], {function}
     while todo:
@@ -98,7 +98,7 @@ def stand_ins(function: Callable[..., Any], parts: Parts) -> frozenset[str]:
         if not is_kernel(part):
             continue
         for name in global_names(part.__code__):
-            if hasattr(part.__globals__.get(name), "__stand_in__"):
+            if hasattr(part.__globals__.get(name), "__placeholder__"):
                 named.add(name)
             value = meant(part, name, replaced)
             if is_kernel(value) and value not in seen:
@@ -122,7 +122,7 @@ def _function(function: FunctionType, parts: Parts, *, places: bool = True) -> s
     names = global_names(function.__code__)
     return _digest(
         [
-            f"{name} {hasattr(function, '__apart__')}",
+            f"{name} {hasattr(function, '__noinline__')}",
             *_code(function.__code__),
             *map(described, (*(function.__defaults__ or ()), *cells)),
             *(f"{name}={described(meant(function, name, replaced))}" for name in names),

@@ -1,7 +1,7 @@
 """Nested states and the flat rows they are kept in: one made of the other, by name.
 
 A state is a NamedTuple of numbers and of further NamedTuples. A trace, a log, a replay and exported code need it flat:
-`columns` names its numbers (``motor.speed``) and gives their units, `flat` gives them in that order, and `refilled`
+`columns` names its numbers (``motor.speed``) and gives their units, `flat` gives them in that order, `unflatten_like`
 makes the state again. Interpreted, compiled and while exporting it is the same order.
 
 A unit is declared where the field is, ``speed: Annotated[float, Quantity(…, "rad/s")]``. A law of a user's file may
@@ -46,12 +46,12 @@ def leaves(value: Any, path: Path = ()) -> Iterator[tuple[Path, Any]]:
         yield path, value
 
 
-def rebuilt(template: Any, replace: Callable[[Path, Any], Any], path: Path = ()) -> Any:
+def map_leaves(template: Any, replace: Callable[[Path, Any], Any], path: Path = ()) -> Any:
     """The same structure with what `replace` makes of each leaf."""
     if not isinstance(template, tuple):
         return replace(path, template)
     names: Iterable[str | int] = template._fields if hasattr(template, "_fields") else range(len(template))
-    parts = [rebuilt(inner, replace, (*path, name)) for name, inner in zip(names, template, strict=True)]
+    parts = [map_leaves(inner, replace, (*path, name)) for name, inner in zip(names, template, strict=True)]
     return type(template)(*parts) if hasattr(template, "_fields") else tuple(parts)
 
 
@@ -141,7 +141,7 @@ def from_columns(example: Any, row: Mapping[str, float], prefix: str = "") -> An
     Raises:
         KeyError: a column is missing.
     """
-    return rebuilt(example, lambda path, old: type(old)(row[name_of((prefix, *path) if prefix else path)]))
+    return map_leaves(example, lambda path, old: type(old)(row[name_of((prefix, *path) if prefix else path)]))
 
 
 def flat(value: Any) -> tuple[Any, ...]:
@@ -171,28 +171,28 @@ def form_of(value: Any) -> tuple[Any, ...]:
     return tuple((leaf.shape, leaf.tobytes()) if isinstance(leaf, np.ndarray) else type(leaf) for leaf in flat(value))
 
 
-def refilled(template: Any, row: Array) -> Any:
+def unflatten_like(template: Any, row: Array) -> Any:
     """Nested tuples like `template` with the numbers of `row` (n,), whole ones where the template has whole ones.
 
     Arrays in the template stay. What is left of the row is not looked at. Compiled, it is a primitive of kernels.
 
-    >>> refilled((1.0, (2, 3.0)), np.array([4.0, 5.0, 6.0]))
+    >>> unflatten_like((1.0, (2, 3.0)), np.array([4.0, 5.0, 6.0]))
     (4.0, (5, 6.0))
     """
     numbers = iter(row.tolist())
-    return rebuilt(template, lambda _, old: old if isinstance(old, np.ndarray) else type(old)(next(numbers)))
+    return map_leaves(template, lambda _, old: old if isinstance(old, np.ndarray) else type(old)(next(numbers)))
 
 
-def restored(template: Any, row: Array) -> Any:
-    """A state that was kept flat: `refilled`, but with a float for every number that is no bool and no enum's.
+def unflatten(template: Any, row: Array) -> Any:
+    """A state that was kept flat: `unflatten_like`, but with a float for every number that is no bool and no enum's.
 
     Compiled, it is a primitive of kernels.
 
-    >>> restored((1.0, (2, 3.0), True), np.array([4.0, 5.5, 6.0, 0.0]))
+    >>> unflatten((1.0, (2, 3.0), True), np.array([4.0, 5.5, 6.0, 0.0]))
     (4.0, (5.5, 6.0), False)
     """
     numbers = iter(row.tolist())
-    return rebuilt(
+    return map_leaves(
         template, lambda _, old: type(old)(next(numbers)) if isinstance(old, bool | IntEnum) else next(numbers)
     )
 
@@ -202,8 +202,8 @@ def _number(kind: Any) -> Any:
     return getattr(kind, "dtype", kind)
 
 
-def compiled_restored() -> Any:
-    """`restored` for Numba; of the template it needs the type alone."""
+def compiled_unflatten() -> Any:
+    """`unflatten` for Numba; of the template it needs the type alone."""
     from numba.core import cgutils, types
     from numba.extending import intrinsic
 
@@ -239,8 +239,8 @@ def compiled_restored() -> Any:
     return restore
 
 
-def compiled_refilled() -> Any:
-    """`refilled` for Numba, which unrolls the nesting while it compiles."""
+def compiled_unflatten_like() -> Any:
+    """`unflatten_like` for Numba, which unrolls the nesting while it compiles."""
     from numba.core import cgutils, types
 
     structure: Any = cgutils.create_struct_proxy  # untyped

@@ -3,12 +3,12 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.core.kernel import apart, kernel
+from bowden.core.kernel import kernel, noinline
 
 Array = NDArray[np.float64]
 
 
-@apart
+@noinline
 def pairwise_sum(values: Array, begin: int, end: int) -> float:
     """The sum of values[begin:end] in the order in which NumPy adds up a row, and so equal to its last bit.
 

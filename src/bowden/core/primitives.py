@@ -11,7 +11,14 @@ from typing import Any
 
 import numpy as np
 
-from bowden.core.nested import compiled_flat, compiled_refilled, compiled_restored, flat, refilled, restored
+from bowden.core.nested import (
+    compiled_flat,
+    compiled_unflatten,
+    compiled_unflatten_like,
+    flat,
+    unflatten,
+    unflatten_like,
+)
 
 
 def _libm(name: str) -> Callable[..., Any]:
@@ -110,13 +117,17 @@ def half_to(k: float) -> float:
 
 
 PRIMITIVES: set[Callable[..., Any]] = {
-    *(tanh, exp, sin, cos, log, power, sqrt, floor, half_to, refilled, restored, flat),
+    *(tanh, exp, sin, cos, log, power, sqrt, floor, half_to, unflatten_like, unflatten, flat),
 }
 
 
 def twin_of(function: Callable[..., Any]) -> Callable[..., Any]:
     """What stands for a primitive in compiled code: a plain function to be compiled, or what Numba knows."""
-    for primitive, made in ((refilled, compiled_refilled), (restored, compiled_restored), (flat, compiled_flat)):
+    for primitive, made in (
+        (unflatten_like, compiled_unflatten_like),
+        (unflatten, compiled_unflatten),
+        (flat, compiled_flat),
+    ):
         if function is primitive:
             return made()
     if function is half_to:

@@ -4,7 +4,7 @@
 
 Between source and law stands the conditioner (`control.conditioning`): the law is shown a motion, whatever the source
 gives. What is recorded as the reference, and what errors are taken to, is what the source gave. Law, source and, for
-sources that ask for it, conditioner are stand-ins, and so are three parts that a loop may have or not, which
+sources that ask for it, conditioner are placeholders, and so are three parts that a loop may have or not, which
 `specialise` fills with `SUPERVISED` (the live loop, replay and the fault matrix) or with `BARE` (simulation of a law
 alone):
 
@@ -27,8 +27,8 @@ from numpy.typing import NDArray
 from bowden.control.conditioning import Conditioned, Conditioning, condition_start, condition_step
 from bowden.control.law import Law, law_start, law_step
 from bowden.control.source import TABLE, Measurement, Source, source_start, source_step
-from bowden.core.kernel import kernel, specialise, stand_in
-from bowden.core.nested import flat, name_of, names, numbers_of, rebuilt, refilled, restored
+from bowden.core.kernel import kernel, placeholder, specialise
+from bowden.core.nested import flat, map_leaves, name_of, names, numbers_of, unflatten, unflatten_like
 from bowden.core.signals import DriveReading, Power, Reference, Sample
 from bowden.models.drive.thermal import ThermalState
 from bowden.safety.evidence import validate_readings
@@ -104,31 +104,31 @@ class CycleState(NamedTuple):
     """That of the supervisor, or of what stands in its place; ``target`` is what the drive was sent last [rad]."""
 
 
-@stand_in
+@placeholder
 def cycle_condition(
     conditioning: Conditioning, conditioned: Conditioned, reference: Reference, dt: float
 ) -> tuple[Conditioned, Reference]:
-    """Stand-in for what the law is shown of the source's reference."""
+    """Placeholder for what the law is shown of the source's reference."""
     raise NotImplementedError  # always replaced
 
 
-@stand_in
+@placeholder
 def cycle_sense(settings: CycleSettings, state: CycleState, observed: Any, dt: float) -> tuple[Sample, Measurement]:
-    """Stand-in for what law and source are shown of the readings."""
+    """Placeholder for what law and source are shown of the readings."""
     raise NotImplementedError  # always replaced
 
 
-@stand_in
+@placeholder
 def cycle_lead(limits: Any, command: float, added: float) -> float:
-    """Stand-in for how a law's command and what the source adds make the wish [rad]."""
+    """Placeholder for how a law's command and what the source adds make the wish [rad]."""
     raise NotImplementedError  # always replaced
 
 
-@stand_in
+@placeholder
 def cycle_watch(
     limits: Any, watched: Any, observed: Any, wish: float, reference: float, dt: float
 ) -> tuple[Any, Verdict]:
-    """Stand-in for the supervisor."""
+    """Placeholder for the supervisor."""
     raise NotImplementedError  # always replaced
 
 
@@ -296,7 +296,7 @@ def unconditioned(
 
 
 def law_and_source(law: Law, source: Source = TABLE) -> dict[str, Callable[..., Any]]:
-    """A law's and a source's kernels by the names of the stand-ins that they replace."""
+    """A law's and a source's kernels by the names of the placeholders that they replace."""
     return {
         "law_start": law.start_kernel,
         "law_step": law.step_kernel,
@@ -342,19 +342,19 @@ def cycle_in_place(
     type. And so are the limits, whose 80 numbers would take longer on their way from Python than the cycle itself; what
     there is to see with the plan, `given`; and reference, wish and verdict, which `said` is filled with.
     """
-    allowed = restored(_LIMITS, limits)
+    allowed = unflatten(_LIMITS, limits)
     now = CycleSettings(
-        refilled(settings.gains, gains), settings.conditioning, settings.source, settings.filters, allowed
+        unflatten_like(settings.gains, gains), settings.conditioning, settings.source, settings.filters, allowed
     )
     begun = Sample(0.0, 0.0)
-    observed = restored(NOTHING_OBSERVED, given)
-    plan = restored(NOTHING_PLANNED, given[_SEEN:])
+    observed = unflatten(NOTHING_OBSERVED, given)
+    plan = unflatten(NOTHING_PLANNED, given[_SEEN:])
     before = CycleState(
-        restored(begun, sample),
-        restored(law_start(now.gains, begun), law),
-        restored(condition_start(settings.conditioning, begun), conditioned),
-        restored(source_start(settings.source, Measurement(0.0, 0.0, 0.0, 0.0)), source),
-        refilled(begin(allowed, NOTHING_OBSERVED.reading, ThermalState(0.0, 0.0, 0.0)), supervisor),
+        unflatten(begun, sample),
+        unflatten(law_start(now.gains, begun), law),
+        unflatten(condition_start(settings.conditioning, begun), conditioned),
+        unflatten(source_start(settings.source, Measurement(0.0, 0.0, 0.0, 0.0)), source),
+        unflatten_like(begin(allowed, NOTHING_OBSERVED.reading, ThermalState(0.0, 0.0, 0.0)), supervisor),
     )
     after, reference, wish, verdict = one_cycle(now, before, observed, plan, dt)
     keep(sample, after.sample)
@@ -407,7 +407,7 @@ class Cycle:
 
     def __init__(self, law: Law, limits: Limits, filters: Filters, period: float, source: Source = TABLE) -> None:
         self.law, self.limits, self.filters, self.period, self.source = law, limits, filters, period, source
-        gains = rebuilt(law.gains, lambda path, value: float(value) if name_of(path) in law.live else value)
+        gains = map_leaves(law.gains, lambda path, value: float(value) if name_of(path) in law.live else value)
         self._settings = CycleSettings(gains, law.conditioning, source.settings, filters, 0.0)
         self._limits = np.array(flat(limits), dtype=np.float64)
         self._given, self._said = np.zeros(_GIVEN.size // 8), np.zeros(9)
@@ -430,8 +430,8 @@ class Cycle:
     @property
     def state(self) -> CycleState:
         """What the last cycle handed on."""
-        parts = [restored(part, row) for part, row in zip(self._like, self._rows, strict=True)]
-        return CycleState(*parts)._replace(supervisor=refilled(self._like.supervisor, self._rows[-1]))
+        parts = [unflatten(part, row) for part, row in zip(self._like, self._rows, strict=True)]
+        return CycleState(*parts)._replace(supervisor=unflatten_like(self._like.supervisor, self._rows[-1]))
 
     @state.setter
     def state(self, state: CycleState) -> None:

@@ -13,7 +13,7 @@ from bowden.control.law import Law, State, law_start, law_step
 from bowden.control.stability import StateSpace
 from bowden.core.errors import ParameterError
 from bowden.core.kernel import kernel, specialise
-from bowden.core.nested import flat, leaves, name_of, names, rebuilt, restored
+from bowden.core.nested import flat, leaves, map_leaves, name_of, names, unflatten
 from bowden.core.signals import Reference, Sample
 from bowden.core.units import RADIANS
 
@@ -76,7 +76,7 @@ def linearise(
         NoNumberError: its command or a state of it is no finite number there.
     """
     frozen, width = estimates or {}, max(width, law.deadband)
-    rest = rebuilt(law.start(Sample(at, at)), lambda path, old: type(old)(frozen.get(name_of(path), old)))
+    rest = map_leaves(law.start(Sample(at, at)), lambda path, old: type(old)(frozen.get(name_of(path), old)))
     free = [i for i, (path, old) in enumerate(leaves(rest)) if name_of(path) not in frozen and isinstance(old, float)]
     start = np.array(flat(rest), dtype=np.float64)
 
@@ -174,7 +174,7 @@ def walk_near_rest(
     """
     like = law_start(gains, Sample(0.0, 0.0))
     for i in range(len(states)):
-        state = restored(like, states[i])
+        state = unflatten(like, states[i])
         sample = Sample(samples[i, 0], samples[i, 1])
         for k in range(commands.shape[1]):
             state, command = law_step(gains, state, sample, reference, dt)

@@ -111,7 +111,7 @@ class Function:
         function: the kernel.
         kinds: of its arguments.
         name: in C.
-        parts: what stands for the stand-ins that it reaches.
+        parts: what stands for the placeholders that it reaches.
     """
 
     def __init__(self, unit: "Unit", function: FunctionType, kinds: tuple[Kind, ...], name: str, parts: Parts) -> None:

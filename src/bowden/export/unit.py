@@ -65,7 +65,7 @@ class Module:
     title: str
     functions: Sequence[Public]
     parts: Parts = ()
-    """What stands for the stand-ins that the kernels reach."""
+    """What stands for the placeholders that the kernels reach."""
     units: dict[str, str] = field(default_factory=dict)
     """Field → unit, where its class does not say."""
     enums: Sequence[type[IntEnum]] = ()

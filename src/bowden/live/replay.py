@@ -12,7 +12,7 @@ from bowden.control.law import Law
 from bowden.control.source import TABLE, Measurement, Source
 from bowden.core.errors import LogError
 from bowden.core.metrics import rmse
-from bowden.core.nested import from_columns, restored
+from bowden.core.nested import from_columns, unflatten
 from bowden.core.signals import DriveReading, Sample
 from bowden.cycle.one_cycle import LAW_BEGINS, NOTHING_OBSERVED, NOTHING_PLANNED, Cycle, CycleState, Filters, verdict_of
 from bowden.cycle.torque_offset import COLUMNS, TorqueOffset
@@ -123,8 +123,8 @@ def replay(
         emg_age = row[at["emg.age"]] if "emg.age" in at else 0.0
         among = (row[at[name]] if name in at else 0.0 for name in ("others", "opposite"))
         around = (*(row[i] for i in surroundings), emg_age, *among, math.nan)
-        observed = restored(NOTHING_OBSERVED, np.array([*(row[i] for i in reading), *around]))
-        plan = restored(NOTHING_PLANNED, np.array([row[at["source"]], row[at["wish"]], *(row[i] for i in reference)]))
+        observed = unflatten(NOTHING_OBSERVED, np.array([*(row[i] for i in reading), *around]))
+        plan = unflatten(NOTHING_PLANNED, np.array([row[at["source"]], row[at["wish"]], *(row[i] for i in reference)]))
         for place, column in changed:
             cycle.gains[place] = row[column]
         wishes[k], judged = cycle.step(observed, plan)

@@ -73,7 +73,7 @@ class Asked:
 
 
 def recording() -> StagedRecording:
-    """The biceps, or its stand-in, until shortly before the eighth contraction."""
+    """The biceps, or its placeholder, until shortly before the eighth contraction."""
     folder = Path(__file__).parents[4] / "shared" / "data" / "emg"
     if (folder / "biceps_bursts.csv.gz").is_file():
         log, labels = read_emg(folder / "biceps_bursts.csv.gz"), read_labels(folder / "biceps_bursts.labels.csv")

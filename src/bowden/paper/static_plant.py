@@ -22,7 +22,7 @@ from bowden.control.laws.adaptive import start as law_start
 from bowden.control.laws.adaptive import step as law_step
 from bowden.control.reference import Trajectory
 from bowden.core.errors import ParameterError
-from bowden.core.kernel import kernel, specialise, stand_in
+from bowden.core.kernel import kernel, placeholder, specialise
 from bowden.core.signals import Reference, Sample
 from bowden.models.cable.backlash import Play, push
 from bowden.models.cable.backlash import joint_angle as play_joint_angle
@@ -67,15 +67,15 @@ def bouc_wen_after(h: float, before: float, motor: float, cable: BoucWen) -> flo
     return advance(h, motor - before, cable)
 
 
-@stand_in
+@placeholder
 def memory_after(memory: float, before: float, motor: float, cable: Any) -> float:
-    """Stand-in for the cable's memory in the loop's source; `specialise` puts a cable's own in its place."""
+    """Placeholder for the cable's memory in the loop's source; `specialise` puts a cable's own in its place."""
     raise NotImplementedError  # always replaced
 
 
-@stand_in
+@placeholder
 def joint_of(motor: float, memory: float, cable: Any) -> float:
-    """Stand-in for the cable's joint angle."""
+    """Placeholder for the cable's joint angle."""
     raise NotImplementedError  # always replaced
 
 

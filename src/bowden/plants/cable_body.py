@@ -1,4 +1,4 @@
-"""A plant round any cable, one cycle at a time; the cable's own kernels take the place of the stand-ins here.
+"""A plant round any cable, one cycle at a time; the cable's own kernels take the place of the placeholders here.
 
 A cable is three kernels and the parameters that they are handed:
 
@@ -13,7 +13,7 @@ gone one way from `before` to `after` within `dt`; a cable that does not know ti
 
 from typing import Any, NamedTuple
 
-from bowden.core.kernel import exp, kernel, stand_in
+from bowden.core.kernel import exp, kernel, placeholder
 from bowden.models.drive.encoder import Encoder
 from bowden.models.drive.motor import Motor, current
 from bowden.models.drive.servo import (
@@ -39,23 +39,23 @@ class Seen(NamedTuple):
     """The internal variable of a cable that has just one, else NaN [–]."""
 
 
-@stand_in
+@placeholder
 def cable_start(cable: Any, motor: float, width: float, slope_factor: float) -> Any:
-    """Stand-in for the cable's ``start``; `specialise` puts the cable's own in its place."""
+    """Placeholder for the cable's ``start``; `specialise` puts the cable's own in its place."""
     raise NotImplementedError  # always replaced
 
 
-@stand_in
+@placeholder
 def cable_advance(
     cable: Any, memory: Any, before: float, after: float, width: float, slope_factor: float, dt: float
 ) -> Any:
-    """Stand-in for the cable's ``advance``."""
+    """Placeholder for the cable's ``advance``."""
     raise NotImplementedError  # always replaced
 
 
-@stand_in
+@placeholder
 def cable_look(cable: Any, memory: Any, motor: float, width: float, slope_factor: float) -> Seen:
-    """Stand-in for the cable's ``look``."""
+    """Placeholder for the cable's ``look``."""
     raise NotImplementedError  # always replaced
 
 

@@ -9,7 +9,7 @@ A plant is a value with its parts whose `dynamics` hands out kernels and the par
     look(plant, body) -> columns                                    where it truly is
 
 `body` is a NamedTuple of numbers, arrays and other NamedTuples; the columns are a NamedTuple of floats that begins with
-the joint's angle, the motor's angle and the speed of the motor's spool. A loop's source calls the stand-ins
+the joint's angle, the motor's angle and the speed of the motor's spool. A loop's source calls the placeholders
 `plant_rest` … `plant_look`, and `specialise` puts the plant's own kernels in their place.
 """
 
@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 from bowden.control.source import Measurement
 from bowden.core import user_file
 from bowden.core.errors import ParameterError
-from bowden.core.kernel import compiled, kernel, stand_in
+from bowden.core.kernel import compiled, kernel, placeholder
 from bowden.models.cable.sheath import Sheath
 from bowden.models.cable.sheath import slope_factor as slope_factor_at
 from bowden.models.cable.sheath import width as width_at
@@ -83,33 +83,33 @@ def fill_sheath(sheath: Sheath, path: SheathPath) -> None:
         path.slope_factors[k] = slope_factor_at(path.bends[k], sheath)
 
 
-@stand_in
+@placeholder
 def plant_rest(plant: Any, motor: float, sheath: SheathState) -> Any:
-    """Stand-in for a plant's ``rest`` in a loop's source; `specialise` puts the plant's own in its place."""
+    """Placeholder for a plant's ``rest`` in a loop's source; `specialise` puts the plant's own in its place."""
     raise NotImplementedError  # always replaced
 
 
-@stand_in
+@placeholder
 def plant_advance(plant: Any, body: Any, applied: float, sheath: SheathState, next_sheath: SheathState) -> Any:
-    """Stand-in for a plant's ``advance``."""
+    """Placeholder for a plant's ``advance``."""
     raise NotImplementedError  # always replaced
 
 
-@stand_in
+@placeholder
 def plant_observe(plant: Any, body: Any, normals: Array) -> tuple[Any, Measurement]:
-    """Stand-in for a plant's ``observe``."""
+    """Placeholder for a plant's ``observe``."""
     raise NotImplementedError  # always replaced
 
 
-@stand_in
+@placeholder
 def plant_effort(plant: Any, body: Any, sheath: SheathState) -> float:
-    """Stand-in for a plant's ``effort``."""
+    """Placeholder for a plant's ``effort``."""
     raise NotImplementedError  # always replaced
 
 
-@stand_in
+@placeholder
 def plant_look(plant: Any, body: Any) -> Any:
-    """Stand-in for a plant's ``look``."""
+    """Placeholder for a plant's ``look``."""
     raise NotImplementedError  # always replaced
 
 
@@ -143,7 +143,7 @@ class Dynamics:
     """Fields of what ``look`` gives, in their order, each with its unit."""
     look: Callable[[Any, Any], Any] = body_as_it_is
     parts: Mapping[str, Callable[..., Any]] = field(default_factory=dict)
-    """Further stand-ins that these kernels call, and what is put in their place."""
+    """Further placeholders that these kernels call, and what is put in their place."""
     normals: int = 2
     """Standard normal numbers that ``observe`` takes each cycle."""
     file: str = ""
@@ -166,7 +166,7 @@ class Dynamics:
             yield
 
     def kernels(self) -> dict[str, Callable[..., Any]]:
-        """What stands for the stand-ins in a loop's source."""
+        """What stands for the placeholders in a loop's source."""
         own: dict[str, Callable[..., Any]] = {
             "plant_rest": self.rest,
             "plant_advance": self.advance,

@@ -13,7 +13,7 @@ The kernels run in a compiled loop (`bowden.sim.run`), and one cycle a call in a
 from typing import NamedTuple
 
 from bowden.control.source import Measurement
-from bowden.core.kernel import apart, kernel, sqrt
+from bowden.core.kernel import kernel, noinline, sqrt
 from bowden.models.cable.sheath import Sheath, slope_factor, width
 from bowden.models.drive.encoder import Encoder, reading
 from bowden.models.drive.geared_motor import GearedMotor, SpoolState, drive_motor, turn_spool
@@ -100,7 +100,7 @@ def suit_start(suit: PreparedSuit, motor: float, joint: float, bend: float) -> S
     return SuitState(0.0, still, joint, 0.0, flexor, extensor, slack, slack, 0.0, 0.0, heat)
 
 
-@apart
+@noinline
 def suit_step(
     suit: PreparedSuit, state: SuitState, command: float, powered: bool, bends: Bends, wearer: Wearer, dt: float
 ) -> SuitState:

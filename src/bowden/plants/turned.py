@@ -12,38 +12,38 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.control.source import Measurement
-from bowden.core.kernel import kernel, stand_in
-from bowden.core.nested import restored
+from bowden.core.kernel import kernel, placeholder
+from bowden.core.nested import unflatten
 from bowden.plants.plant import Dynamics, SheathState
 
 
-@stand_in
+@placeholder
 def own_rest(plant: Any, motor: float, sheath: SheathState) -> Any:
-    """Stand-in for the plant's own ``rest``."""
+    """Placeholder for the plant's own ``rest``."""
     raise NotImplementedError  # always replaced
 
 
-@stand_in
+@placeholder
 def own_advance(plant: Any, body: Any, applied: float, sheath: SheathState, next_sheath: SheathState) -> Any:
-    """Stand-in for the plant's own ``advance``."""
+    """Placeholder for the plant's own ``advance``."""
     raise NotImplementedError  # always replaced
 
 
-@stand_in
+@placeholder
 def own_observe(plant: Any, body: Any, normals: NDArray[np.float64]) -> tuple[Any, Measurement]:
-    """Stand-in for the plant's own ``observe``."""
+    """Placeholder for the plant's own ``observe``."""
     raise NotImplementedError  # always replaced
 
 
-@stand_in
+@placeholder
 def own_effort(plant: Any, body: Any, sheath: SheathState) -> float:
-    """Stand-in for the plant's own ``effort``."""
+    """Placeholder for the plant's own ``effort``."""
     raise NotImplementedError  # always replaced
 
 
-@stand_in
+@placeholder
 def own_look(plant: Any, body: Any) -> Any:
-    """Stand-in for the plant's own ``look``."""
+    """Placeholder for the plant's own ``look``."""
     raise NotImplementedError  # always replaced
 
 
@@ -79,7 +79,7 @@ def turned_look(plant: Any, body: Any) -> Any:
     row = np.empty(len(seen))
     for i in range(len(seen)):
         row[i] = -seen[i] if i == 1 or i == 2 else seen[i]
-    return restored(seen, row)
+    return unflatten(seen, row)
 
 
 def turned_round(dynamics: Dynamics) -> Dynamics:

@@ -17,7 +17,7 @@ from bowden.sensing.stream import EnvelopeFilter, OnsetDetector
 Array = NDArray[np.float64]
 
 
-def stand_in(run: EmgRun) -> Trajectory:
+def placeholder(run: EmgRun) -> Trajectory:
     """The largest motions that EMG can ask for, there and back without a rest: what a law is checked with."""
     intent = run.course.intent
     return PeriodicMinimumJerk(intent.low, intent.high, 2.0 * intent.duration)

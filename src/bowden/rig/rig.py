@@ -798,7 +798,7 @@ class Rig(metaclass=Answering):
         run = self.emg_run
         if run is None or isinstance(self.reference, emg_motion.EmgMotion):
             return self.reference
-        return emg_motion.stand_in(run)
+        return emg_motion.placeholder(run)
 
     @cached_property
     def begin(self) -> float:

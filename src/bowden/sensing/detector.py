@@ -17,7 +17,7 @@ from enum import IntEnum
 from typing import Any
 
 from bowden.core.errors import ParameterError
-from bowden.core.kernel import stand_in
+from bowden.core.kernel import placeholder
 
 
 class Trouble(IntEnum):
@@ -29,15 +29,15 @@ class Trouble(IntEnum):
     MOVEMENT_OR_MAINS = 2
 
 
-@stand_in
+@placeholder
 def detector_step(prepared: Any, state: Any, value: float) -> tuple[Any, bool, Trouble]:
-    """Stand-in for a detector's ``step``; `specialise` puts the detector's own in its place."""
+    """Placeholder for a detector's ``step``; `specialise` puts the detector's own in its place."""
     raise NotImplementedError  # always replaced
 
 
-@stand_in
+@placeholder
 def detector_rest(state: Any) -> float:
-    """Stand-in for a detector's ``rest``."""
+    """Placeholder for a detector's ``rest``."""
     raise NotImplementedError  # always replaced
 
 

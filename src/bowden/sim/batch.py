@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from bowden.control.conditioning import Conditioning
 from bowden.control.source import Measurement
-from bowden.core.kernel import apart, kernel, sqrt
+from bowden.core.kernel import kernel, noinline, sqrt
 from bowden.core.metrics import LATE, SMALLEST_STROKE
-from bowden.core.nested import refilled
+from bowden.core.nested import unflatten_like
 from bowden.core.pairwise import pairwise_sum
 from bowden.core.signals import Reference, Sample
 from bowden.cycle.one_cycle import LAW, Plan, bare_settings, bare_start, one_cycle
@@ -124,7 +124,7 @@ def run_batch(
     """
     figures[:, :] = np.nan
     for r in range(numbers.shape[0]):
-        one = refilled(like, numbers[r])
+        one = unflatten_like(like, numbers[r])
         cycles, references, normals = rows[r, 0], inputs.references[rows[r, 1]], inputs.normals[rows[r, 3]]
         place = rows[r, 2]
         sheath = SheathPath(inputs.bends[place], inputs.widths[place], inputs.slope_factors[place])
@@ -162,7 +162,7 @@ def run_batch(
             return
 
 
-@apart
+@noinline
 def judge(dt: float, initial_motor: float, cycles: int, lasted: int, scratch: Array, figures: Array) -> None:
     """The figures of a run whose scratch rows are filled; of one that ran away only that.
 

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.core.kernel import apart, stand_in
+from bowden.core.kernel import noinline, placeholder
 from bowden.core.signals import DriveReading, Sample
 from bowden.sim.injected import Injected, misread
 
@@ -21,13 +21,13 @@ class SensorFault(NamedTuple):
     """The cycle after the last."""
 
 
-@stand_in
+@placeholder
 def as_it_is(fault: SensorFault, sample: Sample, kept: NDArray[np.float64], k: int) -> Sample:
     """The sample: where nothing goes wrong, this is compiled into the loop in place of `faulty`."""
     return sample
 
 
-@apart
+@noinline
 def faulty(fault: SensorFault, sample: Sample, kept: NDArray[np.float64], k: int) -> Sample:
     """What the law is shown in cycle k; `kept` (2, n) holds the true readings for faults that look back."""
     kept[0, k], kept[1, k] = sample.joint, sample.motor

@@ -17,7 +17,7 @@ from bowden.core.trace import Trace
 from bowden.plants.plant import Dynamics, Plant, SheathPath, sheath_path
 from bowden.sim.batch import FIGURES, ROWS, BatchInputs, BatchLimits, One, run_batch
 from bowden.sim.faulty import SensorFault
-from bowden.sim.run import check_clock, edges_of, initial_angle, simulate, stand_ins
+from bowden.sim.run import check_clock, edges_of, initial_angle, placeholders, simulate
 from bowden.sim.scenario import BendPath
 
 Array = NDArray[np.float64]
@@ -255,4 +255,4 @@ def compiled_batch(dynamics: Dynamics, law: Law, source: Source = TABLE, *, fail
         source: of the reference.
         fails: whether a sensor may go wrong in it.
     """
-    return specialise(run_batch, f"{law.name}_{dynamics.name}", **stand_ins(dynamics, law, source, fails=fails))
+    return specialise(run_batch, f"{law.name}_{dynamics.name}", **placeholders(dynamics, law, source, fails=fails))

@@ -251,11 +251,11 @@ def compiled_loop(dynamics: Dynamics, law: Law, source: Source = TABLE, *, fails
         source: of the reference.
         fails: whether a sensor may go wrong in it.
     """
-    return specialise(run_loop, f"{law.name}_{dynamics.name}", **stand_ins(dynamics, law, source, fails=fails))
+    return specialise(run_loop, f"{law.name}_{dynamics.name}", **placeholders(dynamics, law, source, fails=fails))
 
 
-def stand_ins(dynamics: Dynamics, law: Law, source: Source, *, fails: bool) -> dict[str, Callable[..., Any]]:
-    """What stands for the stand-ins in a loop's source; the arguments are `compiled_loop`'s."""
+def placeholders(dynamics: Dynamics, law: Law, source: Source, *, fails: bool) -> dict[str, Callable[..., Any]]:
+    """What stands for the placeholders in a loop's source; the arguments are `compiled_loop`'s."""
     parts = {**law_and_source(law, source), **BARE, **dynamics.kernels()}
     return parts | ({"as_it_is": faulty} if fails else {})
 

@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.core.errors import ParameterError
-from bowden.core.kernel import apart, kernel, tanh
+from bowden.core.kernel import kernel, noinline, tanh
 from bowden.models.cable.capstan import Tendon
 from bowden.models.cable.friction import coulomb, coulomb_slope, dahl, dahl_slope
 from bowden.models.cable.sliding_cable import PreparedTendon, prepare_tendon, start_tendon
@@ -109,7 +109,7 @@ def prepare_lumped(lumped: LumpedTendon) -> PreparedLumped:
     return PreparedLumped(tendon, masses, damping, bool(lumped.dahl), lumped.presliding, lumped.step)
 
 
-@apart
+@noinline
 def start_lumped(cable: PreparedLumped, motor: float, width: float) -> LumpedMemory:
     """At rest at a `motor` angle [rad], with one tension all along and no friction."""
     moved = start_tendon(cable.tendon, motor, width).moved
@@ -156,7 +156,7 @@ def _share_slope(z: float, travel: float, dahls: bool, presliding: float) -> flo
     return dahl_slope(z, travel, presliding) if dahls else coulomb_slope(z, travel, presliding)
 
 
-@apart
+@noinline
 def _step(cable: PreparedLumped, memory: LumpedMemory, pulled: float, width: float, dt: float) -> None:
     """One implicit step; node 0 goes to `pulled` [m]."""
     u, n, tendon = memory.moved, memory.moved.size - 1, cable.tendon
@@ -189,7 +189,7 @@ def _solve(cable: PreparedLumped, given: _Step, u: NDArray[np.float64]) -> None:
             return
 
 
-@apart
+@noinline
 def _newton(cable: PreparedLumped, given: _Step, u: NDArray[np.float64], presliding: float) -> bool:
     """Newton's method with a line search, and whether it has come to the balance; in place."""
     n = u.size - 1
@@ -229,7 +229,7 @@ def _newton(cable: PreparedLumped, given: _Step, u: NDArray[np.float64], preslid
     return False
 
 
-@apart
+@noinline
 def _balance(
     cable: PreparedLumped,
     given: _Step,

@@ -24,7 +24,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.core.kernel import apart, exp, kernel
+from bowden.core.kernel import exp, kernel, noinline
 from bowden.models.cable.capstan import Tendon, check_tendon, node_angles
 
 
@@ -76,7 +76,7 @@ def prepare_tendon(tendon: Tendon) -> PreparedTendon:
     )
 
 
-@apart
+@noinline
 def start_tendon(tendon: PreparedTendon, motor: float, width: float) -> TendonMemory:
     """At rest at a `motor` angle [rad], with one tension all along, as a tendon that was shaken into place."""
     n = tendon.angles.size - 1
@@ -123,7 +123,7 @@ def motor_tension(tendon: PreparedTendon, memory: TendonMemory) -> float:
     return first / ratio if memory.last[1] > 0.0 else first * ratio
 
 
-@apart
+@noinline
 def _pull(tendon: PreparedTendon, memory: TendonMemory, pulled: float) -> None:
     """The front's walk: node 0 goes to `pulled` [m]."""
     u, ratios, k, p = memory.moved, memory.ratios, tendon.element, tendon.preload
@@ -154,7 +154,7 @@ def _pull(tendon: PreparedTendon, memory: TendonMemory, pulled: float) -> None:
         share *= ratios[i] if direction > 0.0 else 1.0 / ratios[i]
 
 
-@apart
+@noinline
 def _bend(tendon: PreparedTendon, memory: TendonMemory, width: float) -> None:
     """Take the sheath to another width, the motor at rest; in shorter steps where `_settle` goes in circles."""
     part, before = width - memory.last[0], memory.moved.copy()
@@ -178,7 +178,7 @@ def _copy(values: NDArray[np.float64], to: NDArray[np.float64]) -> None:
         to[i] = values[i]
 
 
-@apart
+@noinline
 def _settle(tendon: PreparedTendon, memory: TendonMemory) -> bool:
     """Let every node slide that the straighter sheath no longer holds, the motor at rest.
 
