@@ -256,7 +256,7 @@ def test_two_cells_and_an_input_of_too_small_a_range_are_refused() -> None:
     assert Rig(drive=at_input).drive_parameters.tension_scale == 0.1
     with pytest.raises(ParameterError, match="can tell 100 N"):
         _ = Rig(drive=at_input._replace(tension_scale=0.01)).drive_parameters
-    with pytest.raises(ParameterError, match=r"torque_scale is 0\.1"):
+    with pytest.raises(ParameterError, match=r"torque_nm_per_mv is 0\.1"):
         _ = Rig(drive=at_input._replace(torque_scale=0.1)).drive_parameters
 
 

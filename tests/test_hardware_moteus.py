@@ -276,7 +276,7 @@ def test_a_command_never_leads_out_of_the_rigs_range_should_it_be_the_last() -> 
 
 
 def test_parameters_that_make_no_sense_are_refused() -> None:
-    with pytest.raises(ParameterError, match=r"watchdog is 0\.045"):
+    with pytest.raises(ParameterError, match=r"watchdog_ms is 45"):
         MoteusDrive(DRIVE._replace(watchdog=0.045))
     with pytest.raises(ParameterError, match="host_id"):
         MoteusDrive(DRIVE._replace(host_id=1))

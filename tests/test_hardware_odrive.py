@@ -296,7 +296,7 @@ def test_a_hint_tells_in_which_turn_the_rotor_is_and_here_is_where_it_is_found()
 @pytest.mark.parametrize(
     ("changed", "said"),
     [
-        ({"watchdog": 0.045}, "watchdog is 0.045"),
+        ({"watchdog": 0.045}, "watchdog_ms is 45"),
         ({"node_id": 63}, "node_id"),
         ({"heartbeat": 0.1}, "heartbeat"),
         ({"highest_motor": 2000.0}, "1024 turns"),

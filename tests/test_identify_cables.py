@@ -32,7 +32,7 @@ def fits(shared_data: Path) -> Iterator[dict[str, tuple[Fit, int]]]:
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(projection, "reduced_problem", counting(projection.reduced_problem))
-        patch.setattr(bouc_wen_search, "program", counting(bouc_wen_search.program))
+        patch.setattr(bouc_wen_search, "compiled", counting(bouc_wen_search.compiled))
         found = {}
         for path in logs:
             before = evaluations[0]

@@ -137,16 +137,15 @@ LIGHT = """
 import sys
 from bowden.app.main import run
 assert run(["identify", "log.csv", "--json"]) == 0
-print([name for name in ("matplotlib", "numba", "scipy") if name in sys.modules], file=sys.stderr)
+print("matplotlib" in sys.modules, file=sys.stderr)
 """
 
 
 @pytest.mark.skipif(not hasattr(os, "fork") or (os.cpu_count() or 1) < 2, reason="draws in its own process")
-def test_a_warm_identification_waits_for_no_large_import() -> None:
-    """SciPy is not needed, and matplotlib only by the process that draws. The first call may compile."""
-    for _ in range(2):
-        done = subprocess.run([sys.executable, "-c", LIGHT], capture_output=True, text=True, check=True)
-    assert done.stderr.splitlines()[-1] == "[]"
+def test_an_identification_does_not_wait_for_matplotlib() -> None:
+    """Only the process that draws needs it."""
+    done = subprocess.run([sys.executable, "-c", LIGHT], capture_output=True, text=True, check=True)
+    assert done.stderr.splitlines()[-1] == "False"
 
 
 def test_the_same_log_writes_the_same_bytes(capsys: pytest.CaptureFixture[str]) -> None:

@@ -291,7 +291,7 @@ def test_what_is_asked_for_is_asked_of_all_or_of_none() -> None:
     assert pair.asked(NONE, [running, preflight], [0.0, 0.0]) == [STOP, STOP]
     alone = Together(2, independent=True)
     assert alone.asked(ARM, [stopped, latched], [0.0, 8.0]) == [ARM, ARM]
-    assert alone.shown([2.0**Fault.SLACK, 0.0]) == [0.0, 0.0]
+    assert alone.shown([1 << Fault.SLACK, 0]) == [0, 0]
     assert alone.outcomes([1.0, -1.0]) == [1.0, -1.0]
     assert alone.over([True, False], [running, latched])
     assert not alone.over([True, False], [running, bridging]), "a reading that is missing ends no axis' run"
@@ -299,10 +299,10 @@ def test_what_is_asked_for_is_asked_of_all_or_of_none() -> None:
 
 def test_the_others_are_shown_the_worst_of_an_axis_own_faults() -> None:
     three = Together(3, independent=False)
-    slack, fault, follows = 2.0**Fault.SLACK, 2.0**Fault.DRIVE_FAULT, 2.0**Fault.AXIS_OFF
-    assert three.shown([0.0, 0.0, 0.0]) == [0.0, 0.0, 0.0]
-    assert three.shown([slack, 0.0, 0.0]) == [0.0, 2.0, 2.0]
-    assert three.shown([slack, fault, 0.0]) == [3.0, 2.0, 3.0]
+    slack, fault, follows = 1 << Fault.SLACK, 1 << Fault.DRIVE_FAULT, 1 << Fault.AXIS_OFF
+    assert three.shown([0, 0, 0]) == [0.0, 0.0, 0.0]
+    assert three.shown([slack, 0, 0]) == [0.0, 2.0, 2.0]
+    assert three.shown([slack, fault, 0]) == [3.0, 2.0, 3.0]
     assert three.shown([follows, fault, follows]) == [3.0, 0.0, 3.0]
     assert three.outcomes([1.0, 0.0, 1.0]) == [0.0] * 3
     assert three.outcomes([1.0, 0.0, -1.0]) == [-1.0] * 3
