@@ -24,7 +24,7 @@ from bowden.sensing.intent import Intent, IntentSettings
 from loop_rig import LoopRig, twin_bench
 from support.simulated_drive import SimulatedDrive
 
-LAW, LIMITS = LAWS["adaptive"], Limits(uses_emg=1.0)
+LAW, LIMITS = LAWS["adaptive"], Limits(uses_emg=True)
 SETTINGS = CourseSettings(IntentSettings(0.0, 1.0, 1.0))
 CYCLES = 3000
 

@@ -81,7 +81,7 @@ def react_by_emg(folder: Path, *, jumps: float = 0.0, ends: bool = False) -> tup
     script = Script(np.zeros((1, 3)), 0.0, 0.5, Preflight(), 1e-3, course)
     drive = SimulatedDrive(plant)
     run = LoopRig(
-        folder, LAWS["adaptive"], Limits(uses_emg=1.0), drive, script, between, arms=(500,), quits=1e9, course=course
+        folder, LAWS["adaptive"], Limits(uses_emg=True), drive, script, between, arms=(500,), quits=1e9, course=course
     )
     _, rows = run.run()
     broke = 1.0 + BREAKS

@@ -15,7 +15,7 @@ from bowden.safety.release import longest_release
 from bowden.sim.injected import Injected
 from support.supervised import Outcome, supervised
 
-MEASURED = Limits(measures_tension=1.0, measures_temperature=1.0, uses_emg=1.0)
+MEASURED = Limits(measures_tension=True, measures_temperature=True, uses_emg=True)
 """Limits of a rig that measures all there is to measure, in a run by EMG."""
 FIRST, LAST, AFTER = 0.6, 3.2, 2.8
 """Faults begin between these times [s], and a run lasts so much longer."""

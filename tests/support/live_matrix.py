@@ -40,7 +40,7 @@ period_s = 2.0
 [scenario]
 duration_s = 60.0
 [limits]
-measures_temperature = 1.0
+measures_temperature = true
 reading_age = 8.0
 lateness_s = 1.0
 """
