@@ -162,6 +162,7 @@ def test_a_plant_is_run_behind_its_twin(kind: str, tmp_path: Path) -> None:
     assert np.nanmax(session.trace().array("joint", "deg")) > 50.0
 
 
+@pytest.mark.filterwarnings("ignore:.*counts a turn")
 @each(RIGS, "turned bench", "own", "suit")
 def test_a_law_is_exported_for_a_plant(kind: str, tmp_path: Path) -> None:
     found = bowden.export(short(kind), tmp_path / "c", "adaptive", force=True)

@@ -1015,42 +1015,6 @@ class _Init(Document):
     """Time of the whole command [s]."""
 
 
-class _Cell(Document):
-    law: str
-    """Its name."""
-    plant: str
-    """The plant's name; that of a log for an identified cable."""
-    scenario: str
-    """The scenario's name."""
-    rmse_deg: NonNegativeFloat | None
-    """Root of the mean square of joint - reference, from rest [deg]."""
-    rmse_after_10s_deg: NonNegativeFloat | None
-    """The same without the first ten seconds [deg]."""
-    peak_deg: NonNegativeFloat | None
-    """Largest |joint - reference| [deg]."""
-    delay_s: NonNegativeFloat | None
-    """Shift that makes joint and reference agree best [s]."""
-    chatter: NonNegativeFloat | None
-    """Total variation of the command over that of the exact inverse's command in this cell [1]."""
-    energy_j: float | None
-    """Electrical energy of the motor over the run, Eq. 18 [J]."""
-    stable: bool
-    """Whether the run reached its end with every |joint - reference| within the plant's stroke; if not, every figure is
-    null."""
-
-
-class _League(Document):
-    trust: NotRequired[_Trust]
-    """In the model of the rig's cable; there where it is not yes."""
-    rig: str
-    """Hash of the rig whose servo, motor, encoders and clock the plants have; the default one's where none is given."""
-    cells: list[_Cell]
-    """One entry for each law in each scenario on each plant, in the order in which they were played; fewer if the
-    league was interrupted."""
-    seconds: NonNegativeFloat
-    """The whole command's, compilation included [s]."""
-
-
 class _LogExport(Document):
     files: Annotated[list[str], Field(min_length=1)]
     """The trace."""
@@ -1769,7 +1733,6 @@ DOCUMENTS: dict[str, Any] = {
     "identify": _Identification | _JointIdentification | _Recalibration,
     "identify-servo": _IdentifyServo,
     "init": _Init,
-    "league": _League,
     "log export": _LogExport,
     "log info": _LogInfo,
     "log plot": _LogPlot,

@@ -62,7 +62,12 @@ def counts_of(rig: Rig) -> Counts | None:
 
 
 def guessed(rig: Rig) -> str:
-    """Which encoders' counts are those of the paper's bench, and no log said so; empty where none are."""
+    """Which encoders' counts are those of the paper's bench, round another cable than its own, and no log said so.
+
+    Empty where none are.
+    """
+    if rig.worn is not None or rig.plant is not None or rig.cable == default_bench().cable:
+        return ""
     said = rig.cable.encoders if isinstance(rig.cable, IdentifiedCable) else NOT_SAID
     bench = default_bench().joint_encoder.resolution
     sides = [
@@ -70,7 +75,7 @@ def guessed(rig: Rig) -> str:
         for side, encoder in (("motor", rig.motor_encoder), ("joint", rig.joint_encoder))
         if not getattr(said, side) and math.isclose(encoder.resolution, bench, rel_tol=1e-6)
     ]
-    if rig.worn is not None or not sides:
+    if not sides:
         return ""
     keys = " and ".join(f"encoder.{side}.resolution_deg" for side in sides)
     return (

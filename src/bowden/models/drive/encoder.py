@@ -11,7 +11,7 @@ from bowden.core.quantity import Quantity
 class Encoder(NamedTuple):
     """An incremental encoder.
 
-    >>> Encoder(resolution=np.radians(0.022)).noise
+    >>> Encoder(resolution=0.0004).noise
     0.0
     """
 

@@ -150,7 +150,7 @@ def check_wearer(wearer: Wearer) -> Wearer:
 def gravity_torque(arm: Arm, angle: float) -> float:
     """−m·g·c·sin(φ + φu), flexing positive [N·m].
 
-    >>> round(float(gravity_torque(Arm(), 0.5 * np.pi)), 2)
+    >>> round(float(gravity_torque(Arm(), 0.5 * math.pi)), 2)
     -2.82
     """
     return -GRAVITY * arm.mass * arm.centre * sin(angle + arm.elevation)
