@@ -8,6 +8,7 @@ from bowden.control.law import Law
 from bowden.control.source import TABLE, Source
 from bowden.core import shared_memory
 from bowden.core.clock import SECOND
+from bowden.core.units import RADIANS
 from bowden.cycle.one_cycle import LAW_BEGINS, Cycle, Filters
 from bowden.cycle.torque_offset import TorqueOffset
 from bowden.hardware.emg.course import EmgCourse
@@ -24,11 +25,22 @@ from bowden.live.row import AT, NOTHING_READ, description
 from bowden.live.script import Script
 from bowden.models.drive.thermal import cold
 from bowden.rig.presets.bench import default_bench
-from bowden.safety.limits import Limits
+from bowden.safety.limits import ARM_LOWERING, Limits
 from bowden.safety.state import Mode, Request
 from bowden.sim.scenario import constant_bend
 
 PERIOD = SECOND // 1000
+SUIT_LIMITS = Limits(
+    motor_low=-12.0 * RADIANS,
+    motor_margin=8.0 * RADIANS,
+    joint_high=105.0 * RADIANS,
+    play=20.0 * RADIANS,
+    tracking=35.0 * RADIANS,
+    lowering=ARM_LOWERING,
+    thermal=Limits().thermal._replace(continuous_current=12.0),
+)
+"""For an arm of 105° on the suit's cables."""
+
 ROWS = 20_000
 """No run of these tests is as long; the ring holds so many."""
 

@@ -36,11 +36,11 @@ from bowden.models.drive.holding_brake import (
 from bowden.models.suit.suit_angle import spool_map
 from bowden.plants.suit_parts import Suit
 from bowden.rig.rig import Rig
-from bowden.safety.limits import ARM_LOWERING, Limits
+from bowden.safety.limits import ARM_LOWERING
 from bowden.safety.supervisor import Mode
 from bowden.sim.run import simulate
 from bowden.sim.scenario import constant_bend
-from loop_rig import LoopRig
+from loop_rig import SUIT_LIMITS, LoopRig
 from support.simulated_drive import SimulatedDrive
 
 BRAKE, DT, SPEED = HoldingBrake(holding_torque=0.15, rest_time=0.05), 1e-3, 3.0
@@ -93,17 +93,6 @@ def test_at_rest_the_brake_holds_what_the_current_held_and_a_small_one_slips() -
     assert brake_power(BRAKE, held["brake"])[on].max() == BRAKE.engaged_power < BRAKE.released_power
 
 
-LIMITS = Limits(
-    motor_low=-12.0 * RADIANS,
-    motor_margin=8.0 * RADIANS,
-    joint_high=105.0 * RADIANS,
-    play=20.0 * RADIANS,
-    tracking=35.0 * RADIANS,
-    lowering=ARM_LOWERING,
-    thermal=Limits().thermal._replace(continuous_current=12.0),
-)
-
-
 def test_live_it_holds_at_rest_and_a_release_begins_by_releasing_it(tmp_path: Path) -> None:
     suit, rest = SUIT._replace(brake=BRAKE), 45.0 * RADIANS
     plant = TwinSuit(suit, constant_bend(suit.sheath.bend), 1.0, 1, 0.0, 1.0)
@@ -114,8 +103,10 @@ def test_live_it_holds_at_rest_and_a_release_begins_by_releasing_it(tmp_path: Pa
 
     checks = Preflight(first=8.0 * RADIANS, settle=0.6, noise=0.03, moved=1.5 * RADIANS, light=5.5)
     script = Script(np.tile([rest, 0.0, 0.0], (3000, 1)), rest, 0.5, checks, 1e-3)
-    hold = BrakeHold(drive, BRAKE, LIMITS, 1e-3)
-    rig = LoopRig(tmp_path, LAWS["uncompensated"], LIMITS, drive, script, between, arms=(100,), quits=300, brake=hold)
+    hold = BrakeHold(drive, BRAKE, SUIT_LIMITS, 1e-3)
+    rig = LoopRig(
+        tmp_path, LAWS["uncompensated"], SUIT_LIMITS, drive, script, between, arms=(100,), quits=300, brake=hold
+    )
     ended, log = rig.run()
     assert (ended.mode, ended.faults) == (Mode.STOPPED, 0)
     phase, mode = log["brake.phase"], log["mode"]

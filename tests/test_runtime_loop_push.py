@@ -33,25 +33,15 @@ from bowden.models.drive.geared_motor import GearedMotor
 from bowden.models.suit.suit_angle import spool_map
 from bowden.plants.suit_parts import Suit
 from bowden.safety.faults import Fault
-from bowden.safety.limits import ARM_LOWERING, Limits
 from bowden.safety.state import Mode
 from bowden.sim.run import simulate
 from bowden.sim.scenario import constant_bend
 from bowden.sim.suit_sources import behind, friction_of, push_of
-from loop_rig import LoopRig
+from loop_rig import SUIT_LIMITS, LoopRig
 from support.simulated_drive import SimulatedDrive
 
 LAW, MIDDLE, CYCLES = LAWS["uncompensated"], 45.0 * RADIANS, 6000
 SUIT = Suit(motor=GearedMotor(friction_feedforward=2.79), wearer=swinging(25.0 * RADIANS))
-LIMITS = Limits(
-    motor_low=-12.0 * RADIANS,
-    motor_margin=8.0 * RADIANS,
-    joint_high=105.0 * RADIANS,
-    play=20.0 * RADIANS,
-    tracking=35.0 * RADIANS,
-    lowering=ARM_LOWERING,
-    thermal=Limits().thermal._replace(continuous_current=12.0),
-)
 SETTINGS = push_of(SUIT, LAW, Admittance(high=100.0 * RADIANS), estimated=True)
 SOURCE = push_source(SETTINGS)
 
@@ -90,7 +80,7 @@ def run_of(
     checks = Preflight(first=20.0 * RADIANS, settle=0.6, noise=0.03, follows=0.25, moved=1.5 * RADIANS, light=5.5)
     script = Script(np.tile([MIDDLE, 0.0, 0.0], (cycles, 1)), MIDDLE, 0.5, checks, 1e-3)
     push = TorqueOffset(suit.motor.friction_feedforward, suit.substeps, spool_map(suit.geometry, suit.spool_radius))
-    rig = LoopRig(folder, LAW, LIMITS, drive, script, between, arms=(100,), quits=300, source=SOURCE, push=push)
+    rig = LoopRig(folder, LAW, SUIT_LIMITS, drive, script, between, arms=(100,), quits=300, source=SOURCE, push=push)
     return *rig.run(), pushes
 
 
@@ -132,12 +122,12 @@ def test_the_log_replays_with_no_difference_across_a_gap_too(followed: Any) -> N
     keep = np.r_[0:6500, 6600 : len(log.rows)]
     found = replace(log, numbers=log.numbers[keep], rows=log.rows[keep])
     source = source_of({"admittance": plain(SETTINGS)})
-    again = replay(found, LAW, LIMITS, Filters(), 1e-3, same=True, source=source)
+    again = replay(found, LAW, SUIT_LIMITS, Filters(), 1e-3, same=True, source=source)
     assert (again.wish_largest, again.first_difference, again.verdicts_differing) == (0.0, None, 0)
     assert again.law_cycles > 5000
     assert again.beginnings == 2
     heavier = SETTINGS._replace(admittance=SETTINGS.admittance._replace(damping=0.23))
-    other = replay(found, LAW, LIMITS, Filters(), 1e-3, same=True, source=push_source(heavier))
+    other = replay(found, LAW, SUIT_LIMITS, Filters(), 1e-3, same=True, source=push_source(heavier))
     assert other.wish_largest
 
 
@@ -151,7 +141,7 @@ def test_a_torque_offset_that_is_no_number_is_a_difference(followed: Any) -> Non
         if spoilt:
             rows[2000, log.columns.index("push.torque")] = math.nan
         found = replace(log, numbers=log.numbers[:3000], rows=rows, settings=told)
-        again = replay(found, LAW, LIMITS, Filters(), 1e-3, same=True, source=source)
+        again = replay(found, LAW, SUIT_LIMITS, Filters(), 1e-3, same=True, source=source)
         assert again.torque_largest == 0.0
         assert (again.verdicts_differing, again.differs) == (spoilt, spoilt)
 
@@ -184,8 +174,8 @@ def test_a_reference_goes_no_further_than_its_range_whoever_pushes(tmp_path: Pat
     led_by = log["source"] >= WishSource.LAW_BEGINS
     assert log["reference"][led_by].max() == pytest.approx(100.0 * RADIANS, abs=1e-9)
     assert log["reference"][led_by].min() == pytest.approx(0.0, abs=1e-9)
-    assert log["wish"][led_by].min() >= LIMITS.motor_low
-    assert log["wish"][led_by].max() <= LIMITS.motor_high
+    assert log["wish"][led_by].min() >= SUIT_LIMITS.motor_low
+    assert log["wish"][led_by].max() <= SUIT_LIMITS.motor_high
     assert not log["faults"][led_by].any()
     # a wearer who throws the arm down at 190°/s gets ahead of the release, which is seen as what it is
     assert ended.mode == Mode.STOPPED or ended.faults == 2**Fault.JOINT_MOTOR_MISMATCH
@@ -219,19 +209,19 @@ def test_friction_that_leaves_a_motor_far_behind_holds_it_in_the_preflight(
 
 @pytest.mark.parametrize("run", [clamp_offset, compiled(clamp_offset)])
 def test_what_is_added_leaves_no_range_and_hides_no_bad_command(run: Any) -> None:
-    low, high = LIMITS.motor_low, LIMITS.motor_high
+    low, high = SUIT_LIMITS.motor_low, SUIT_LIMITS.motor_high
     for command in np.linspace(low - 1.0, high + 1.0, 41).tolist():
         for added in np.linspace(-3.0, 3.0, 25).tolist():
-            wish = run(LIMITS, command, added)
+            wish = run(SUIT_LIMITS, command, added)
             if low <= command <= high:
                 assert low <= wish <= high
                 assert wish == min(high, max(low, command + added))
             else:
                 assert wish == command
-        assert run(LIMITS, command, 0.0) == command
-        assert math.isnan(run(LIMITS, command, math.nan)) == (low <= command <= high)
-    assert math.isnan(run(LIMITS, math.nan, 0.0))
-    assert run(LIMITS, math.inf, 0.0) == math.inf
+        assert run(SUIT_LIMITS, command, 0.0) == command
+        assert math.isnan(run(SUIT_LIMITS, command, math.nan)) == (low <= command <= high)
+    assert math.isnan(run(SUIT_LIMITS, math.nan, 0.0))
+    assert run(SUIT_LIMITS, math.inf, 0.0) == math.inf
 
 
 def test_settings_of_another_version_are_one_line() -> None:

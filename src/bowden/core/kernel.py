@@ -1,6 +1,6 @@
 """Kernels: pure functions of numbers and NamedTuples that run interpreted, compiled and exported from one source.
 
-``@kernel`` leaves the plain Python function in place, so that a call from Python, a debugger or a symbolic trace sees
+``@kernel`` leaves the plain Python function in place, so that a call from Python, a debugger or the exporter sees
 ordinary code, and marks it; `compiled` gives its Numba twin, in which every kernel it names is compiled too. Numba is
 imported only then. Compiled code is cached on disk (`bowden.core.kernel_cache`).
 """

@@ -132,12 +132,8 @@ def twin_of(function: Callable[..., Any]) -> Callable[..., Any]:
             return made()
     if function is half_to:
         return _compiled_half_to()
-    plain: dict[Callable[..., Any], Callable[..., Any]] = {power: _pow, tanh: _tanh, floor: _floor}
+    plain: dict[Callable[..., Any], Callable[..., Any]] = {power: _pow, tanh: _tanh, floor: floor}
     return plain[function] if function in plain else getattr(math, function.__name__)
-
-
-def _floor(x: float) -> float:
-    return float(np.floor(x))
 
 
 def _pow(base: float, exponent: float) -> float:

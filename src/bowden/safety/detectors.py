@@ -213,8 +213,8 @@ def saturated(limits: Limits, seen: Evidence) -> bool:
 @kernel
 def peak_for_too_long(limits: Limits, seen: Evidence) -> bool:
     """The sum of I²t is what the peak gives, from a start at rest, in the time that it may last."""
-    peak, lasting = limits.current_peak, limits.thermal.continuous_current
-    return beyond(seen.state.heat.i2t, (peak * peak - lasting * lasting) * limits.i2t_time)
+    peak, continuous = limits.current_peak, limits.thermal.continuous_current
+    return beyond(seen.state.heat.i2t, (peak * peak - continuous * continuous) * limits.i2t_time)
 
 
 @kernel
