@@ -23,7 +23,6 @@ EXTRA_MODULES = {
     "pylsl": "lsl",
     "mujoco": "mujoco",
     "imageio_ffmpeg": "mujoco",
-    "scipy": "mujoco",
     "dask": "cluster",
     "distributed": "cluster",
     "foxglove": "foxglove",
