@@ -310,7 +310,7 @@ FIGURES = {
     "erratum.lyapunov": ("{:.0f}°", THEORY, GAINS),
     "erratum.monotone.slope": ("{:.2f}", THEORY),
     "erratum.monotone.wrong_way": ("{:.2f}°", THEORY),
-    "erratum.monotone.noise": ("{:.2f}°", THEORY, "docs/decisions/0006-stated-choices.md"),
+    "erratum.monotone.noise": ("{:.2f}°", THEORY, "docs/decisions/0004-calibration-of-the-papers-bench.md"),
     "erratum.convergence.slope_inverse": ("{:.2f}", THEORY, GAINS),
     "erratum.convergence.bound": ("{:.2f} rad", THEORY),
     "erratum.rmse": ("{:.4f}°", THEORY),

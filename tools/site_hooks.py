@@ -69,5 +69,5 @@ def _title(path: Path) -> str:
 
 def _decisions() -> str:
     rows = [f"- [{_title(path)}]({path.name})" for path in sorted((ROOT / "docs/decisions").glob("*.md"))]
-    head = "# Decisions\n\nWhat was decided and why. Each says what was so when it was made.\n\n"
+    head = "# Decisions\n\nWhat was decided, why, and what else was tried.\n\n"
     return head + "\n".join(rows) + "\n"

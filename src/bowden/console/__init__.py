@@ -1,1 +1,2 @@
-"""The console: a rig run from a browser. What may be done over the wire, and who does it: docs/decisions/0036."""
+"""The console: a rig run from a browser. What may be done over the wire, and who does it: web/README.md and
+docs/decisions/0036-console.md."""

@@ -125,7 +125,7 @@ class Console:
 
     @property
     def phase(self) -> str:
-        """See docs/decisions/0036-console.md."""
+        """See web/README.md."""
         seen = self.owner.seen
         if seen.phase != "idle":
             return seen.phase

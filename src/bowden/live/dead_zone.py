@@ -5,7 +5,7 @@ The motor goes out until the joint follows and comes back by as much; there the 
     width = motor's way back − joint's way back/slope
 
 It is that of a small stroke, and a lower bound where the joint has not come back at all. No law gets it: our law's
-first strokes are 3 % better with it and its next ones 2 % worse (decision 27).
+first strokes are 3 % better with it and its next ones 2 % worse (docs/background/live.md).
 """
 
 import math
