@@ -9,7 +9,8 @@ import made_tables
 from bowden.core.files import write_text
 
 RESULTS = Path(__file__).parents[1] / "benchmarks" / "results"
-"""NAME.toml: what (caption), date, columns, rows; command and commit (in which the rows were recorded) where known."""
+"""NAME.toml: `what` (the caption), `date` of the run (of the commit that recorded it, where the run's is not known),
+`commit`, `command`, `columns`, `rows`."""
 _NAMED = re.compile(r"<!-- (\w+): made by make docs -->")
 
 
