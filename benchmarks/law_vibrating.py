@@ -4,7 +4,7 @@ Its turns come before a wide dead zone is crossed, so that each crossing is give
 there and back leave must not add up. Plays of 0 to 0.6 rad behind the bench's servo, whose width is given between 0 and
 1.2 times what it is, or not at all (a fifth of them); a joint that moves 0.6 to 1.5 times as far as was given; readings
 with noise of 0, 0.2 or 1 mrad; references of 0.5 to 25 Hz and 0.06 to 36° from turn to turn, for 8 s. See
-docs/background/our_law_checked.md.
+docs/background/our_law.md.
 """
 
 import argparse

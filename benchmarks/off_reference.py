@@ -4,7 +4,7 @@
 
 In order are laws on benches and wearers that are not the ones they were simulated on, `COUNT` draws each. What is wrong
 begins at four moments of a run of script, law and supervisor on the twin's bench in simulated time. The tables stand in
-docs/background/safety.md.
+docs/background/hazards.md.
 """
 
 import sys

@@ -1,5 +1,8 @@
-"""The page of results, which `make bench`, `make soak` and `make walk` write section by section."""
+"""Results: the page of `make bench`, `make soak` and `make walk`, and the files behind tables of docs/background."""
 
+import json
+import time
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from bowden.core.files import whole_file
@@ -20,7 +23,6 @@ ORDER = [
     ),
     *("Identification against others", "Strokes larger than the log's", "The forecast of an identification"),
     *("What more cycles in a log buy", "Time of an identification"),
-    "Twelve recorded cables, from log to running law",
     *("Our law on random plants", "Our law on named cases", "The suit on random wearers"),
     *(
         "The live loop",
@@ -49,3 +51,29 @@ def write(title: str, text: str, page: Path = PAGE) -> None:
         part.write_text(
             "\n".join([HEAD, *(f"## {name}\n\n{known[name]}\n" for name in ORDER if name in known)]), encoding="utf-8"
         )
+
+
+def write_rows(
+    name: str,
+    what: str,
+    command: str,
+    columns: Sequence[str],
+    rows: Iterable[Sequence[str | float]],
+    folder: Path = PAGE.parent / "results",
+) -> None:
+    """Write the rows of an experiment, of which `make docs` makes a table.
+
+    Args:
+        name: of the file, and of the table's markers on a page.
+        what: the table's caption.
+        command: that made the rows.
+        columns: heads of the table.
+        rows: cells.
+        folder: for the file.
+    """
+    head = {"what": what, "command": command, "columns": list(columns)}
+    lines = [f"{key} = {json.dumps(value, ensure_ascii=False)}" for key, value in head.items()]
+    lines.insert(1, f"date = {time.strftime('%Y-%m-%d', time.gmtime())}")
+    lines += ["rows = [", *(f"  {json.dumps(list(row), ensure_ascii=False)}," for row in rows), "]", ""]
+    with whole_file(folder / f"{name}.toml") as part:
+        part.write_text("\n".join(lines), encoding="utf-8")

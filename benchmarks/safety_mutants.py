@@ -5,8 +5,7 @@
 One at a time, in place of the running code of the kernels of safety/ and of what they stand on: every comparison,
 operator, number, clamp, sign, mode, request, time and field is exchanged; neighbours in a tuple or a call change
 places; every operand, condition, branch, bound and detector is left out. Then the supervisor's tests are called,
-interpreted, the likeliest first, until one fails. Survivors that are explained stand in
-docs/background/safety_mutants.md.
+interpreted, the likeliest first, until one fails. Survivors that are explained stand in results/safety_mutants.toml.
 Resumable, until the package or the tests change; --left judges only what survived the last time and what is new since,
 and keeps nothing. Exit code 1 if one is left that is not explained.
 """
@@ -280,7 +279,7 @@ def main() -> int:
         count = sum(1 for _ in mutants())
         kept = Kept(f"safety_mutants-{sha256(b''.join(path.read_bytes() for path in TESTS)).hexdigest()[:8]}")
         rows = kept.filled(judged(islice(mutants(), len(kept.rows()), None), given.seconds), count)
-    explained = (ROOT / "docs" / "background" / "safety_mutants.md").read_text(encoding="utf-8")
+    explained = (ROOT / "benchmarks" / "results" / "safety_mutants.toml").read_text(encoding="utf-8")
     left = [what for what, survived in rows if survived]
     new = [what for what in left if what not in explained]
     for what in new:

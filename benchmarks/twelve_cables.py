@@ -2,7 +2,7 @@
 
 Each cable has a folder of its own. Its log goes into `bowden identify`; after that every command is the one that the
 last line of the one before names, up to the exported law, which is compiled and replayed. Nothing is added but
-``--duration`` of the run on the twin. The figures go into docs/background/twelve_cables.md and RESULTS.md. What came of
+``--duration`` of the run on the twin. The figures go into results/twelve_cables.toml. What came of
 a cable is kept: when it is begun again with the same source, that cable is left out.
 
     python benchmarks/twelve_cables.py [FOLDER OF LOGS]
@@ -10,13 +10,11 @@ a cable is kept: when it is begun again with the same source, that cable is left
 
 import argparse
 import json
-import os
 import shlex
 import shutil
 import subprocess
 import sys
 import tempfile
-import time
 import tomllib
 from collections.abc import Iterator
 from pathlib import Path
@@ -30,9 +28,6 @@ from bowden.core.kernel_cache import source_hash
 
 ROOT = Path(__file__).parents[1]
 LOGS = ROOT.parent / "shared" / "data" / "cable"
-PAGE = ROOT / "docs" / "background" / "twelve_cables.md"
-TITLE = "Twelve recorded cables, from log to running law"
-BEGIN, END = "<!-- made by benchmarks/twelve_cables.py -->\n", "<!-- end -->"
 KEPT = ROOT / "out" / "twelve_cables.json"
 """What came of each log, with the source that it was run with."""
 RUN_FOR = 20.0
@@ -189,43 +184,24 @@ def twin_rmse(log: Path) -> float:
     return float(np.degrees(np.sqrt(np.mean(error[np.isfinite(error)] ** 2))))
 
 
-def table(cables: list[Cable]) -> str:
-    """The figures as a table of the page, and what they come to."""
-    lines = [
-        "| log | model | held-out error, ° RMS | trust | law | simulated, ° RMS | tuned, ° RMS | on the twin, ° RMS | "
-        "replay in C |",
-        "|---|---|---|---|---|---|---|---|---|",
-    ]
-    for one in cables:
-        figures = (one.held_out_deg, one.simulated_deg, one.tuned_deg, one.twin_deg)
-        held, simulated, tuned, twin = (f"{value:.3f}" for value in figures)
-        lines.append(
-            f"| {one.name} | `{one.model}` | {held} | {one.trust} | `{one.law}` | {simulated} | {tuned} | {twin} | "
-            f"{one.replayed} |"
-        )
-    worst = [max(getattr(one, name) for one in cables) for name in ("simulated_deg", "tuned_deg", "twin_deg")]
-    simulated, tuned, twin = (f"{value:.3f}°" for value in worst)
-    return "\n".join(
-        [
-            *lines,
-            "",
-            f"{len(cables)} of {len(cables)} end with a running law. Largest: {simulated} in simulation, {tuned} with "
-            f"tuned gains, {twin} on the twin.",
-        ]
-    )
+COLUMNS = (
+    *("log", "model", "held-out error, RMS [°]", "trust", "law", "simulated, RMS [°]", "tuned, RMS [°]"),
+    *("on the twin, RMS [°]", "cycles that differ in C"),
+)
 
 
 def write(cables: list[Cable]) -> None:
-    """Put the table into its page, and into the page of results."""
-    made = table(cables)
-    print(made)
-    results.write(
-        TITLE,
-        f"{made}\n\nOf {time.strftime('%d %B %Y', time.gmtime())}. Load of the machine at the end: "
-        f"{os.getloadavg()[0]:.1f} processes.",
-    )
-    head, _, rest = PAGE.read_text(encoding="utf-8").partition(BEGIN)
-    PAGE.write_text(f"{head}{BEGIN}{made}\n{END}{rest.partition(END)[2]}", encoding="utf-8")
+    """Write the figures, of which `make docs` makes the table of the page."""
+    what = "Twelve recorded cables from the log to the exported law, by the command that each command names next"
+    rows = [
+        [
+            *(one.name, f"`{one.model}`", round(one.held_out_deg, 3), one.trust, f"`{one.law}`"),
+            *(round(value, 3) for value in (one.simulated_deg, one.tuned_deg, one.twin_deg)),
+            one.replayed.removesuffix(" cycles differ"),
+        ]
+        for one in cables
+    ]
+    results.write_rows("twelve_cables", what, "python benchmarks/twelve_cables.py", COLUMNS, rows)
 
 
 def kept() -> dict[str, Cable]:

@@ -8,6 +8,8 @@ from typing import Any
 
 import pytest
 
+import results_page
+
 BENCHMARKS = Path(__file__).parents[1] / "benchmarks"
 
 
@@ -72,11 +74,22 @@ def test_figures_of_a_part_stand_in_their_section(tmp_path: Path) -> None:
     assert "| 1 |" not in text
 
 
+def test_rows_that_are_written_become_a_table(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    rows = [["`play`", 0.5, "1 of 2"], ["`line`", -1.25, "–"]]
+    importlib.import_module("results").write_rows("some", "What", "cmd", ["law", "[°]", "n"], rows, tmp_path)
+    monkeypatch.setattr(results_page, "RESULTS", tmp_path)
+    made = results_page.results_table("some")
+    assert made.startswith(
+        "| law | [°] | n |\n|---|---|---|\n| `play` | 0.5 | 1 of 2 |\n| `line` | -1.25 | – |\n\n*What. "
+    )
+    assert made.endswith(", `cmd`.*")
+
+
 def test_every_section_of_the_page_is_known() -> None:
     results, run, soak = (importlib.import_module(name) for name in ("results", "run", "soak"))
     programs = (
         *("detector", "drive_families", "several_axes", "exported", "fresh_process"),
-        *("identify_cycles", "identify_forecast", "identify_outward", "identify_time", "twelve_cables", "walk"),
+        *("identify_cycles", "identify_forecast", "identify_outward", "identify_time", "walk"),
     )
     alone = (importlib.import_module(name).TITLE for name in programs)
     peers = "Identification against others"  # of a program that needs torch

@@ -1,10 +1,8 @@
 """The compensators of the literature: what each promises, alone, on cables known exactly, and on the bench."""
 
 import math
-import re
 import sys
 from functools import cache
-from pathlib import Path
 from typing import Any
 
 import control
@@ -25,6 +23,7 @@ from bowden.models.cable.backlash import Play, joint_angle, push
 from bowden.models.cable.bouc_wen import saturation
 from bowden.models.drive.servo import Servo
 from bowden.rig.presets import bench as paper
+from results_page import results
 from support import bench_runs
 
 DT = 1e-3
@@ -33,7 +32,6 @@ NAMES = ("offset_inverse", "hysteresis_model", "cascaded_pid", "backlash_inverse
 INVERSES = ("offset_inverse", "hysteresis_model", "backlash_inverse")
 SLOPES = (0.7, 0.8, 0.9, 1.0, 1.05)
 BENCH = paper.default_bench()
-DOCS = Path(__file__).parents[1] / "docs" / "background" / "laws.md"
 
 
 def on_play(law: Law, play: Play, duration: float, wait: float, *, reference: Any = None) -> tuple[float, Any]:
@@ -413,10 +411,8 @@ def test_disturbance_rejection_carries_a_constant_offset_without_error() -> None
 
 @pytest.mark.parametrize("name", NAMES)
 def test_the_page_quotes_what_is_measured(name: str) -> None:
-    text = DOCS.read_text(encoding="utf-8")
-    row = re.search(rf"^\| `{name}` \|(.+)\|$", text, re.MULTILINE)
-    assert row, f"docs/background/laws.md has no row for {name}"
-    shown = [float(number) for number in re.findall(r"\d+\.?\d*", row[1])]
+    row = {law: figures for law, *figures in results("literature_laws")["rows"]}[f"`{name}`"]
+    shown = [float(figure) for figure in row]
     gain_margin, phase_margin, delay_margin = worst_margins(LAWS[name])
     expected = [gain_margin, phase_margin, 1e3 * delay_margin, *figures(name, False), *figures(name, True)]
     assert shown == pytest.approx(expected, rel=0.01, abs=0.006)

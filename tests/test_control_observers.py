@@ -1,9 +1,7 @@
 """Laws that observe the disturbance from both angles, and the adaptive law's gains for a rig."""
 
 import math
-import re
 from itertools import product
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,11 +18,11 @@ from bowden.core.signals import Reference, Sample
 from bowden.core.units import RADIANS
 from bowden.models.cable.backlash import push
 from bowden.models.drive.servo import Servo
+from results_page import results
 from support import bench_runs
 
 DT = 1e-3
 NAMES = ("disturbance_observer", "adaptive_sliding_mode", "repetitive")
-DOCS = Path(__file__).parents[1] / "docs" / "background" / "laws.md"
 STROKE = PeriodicMinimumJerk(0.0, 60.0 * RADIANS, 2.0)
 
 
@@ -70,9 +68,8 @@ def test_no_law_is_a_straw_man_and_the_page_quotes_what_is_measured(name: str, m
     assert without is not None
     assert found.rmse_deg < 0.1 * without
     chatter = np.abs(np.diff(trace["command"])).sum() / np.abs(np.diff(trace["reference"])).sum()
-    row = re.search(rf"^\| `{name}` \|(.+)\|$", DOCS.read_text(encoding="utf-8"), re.MULTILINE)
-    assert row, f"docs/background/laws.md has no row for {name}"
-    shown = [float(number) for number in re.findall(r"\d+\.?\d*", row[1])][3 * moved : 3 * moved + 3]
+    row = {law: figures for law, *figures in results("observer_laws")["rows"]}[f"`{name}`"]
+    shown = [float(figure) for figure in row][3 * moved : 3 * moved + 3]
     assert shown == pytest.approx([found.rmse_deg, found.rmse_after_10s_deg, chatter], rel=0.01, abs=0.006)
 
 
@@ -154,7 +151,7 @@ def test_the_adaptive_law_has_its_own_gains_on_the_default_bench() -> None:
 def test_the_adaptive_law_holds_on_rigs_that_it_is_not_tuned_for(
     omega: float, damping: float, delay: int, sample_time: float
 ) -> None:
-    """6 dB and 34° from 0.7 to 1.05 of the slope, over its estimates (docs/background/adaptive_gains.md)."""
+    """6 dB and 34° from 0.7 to 1.05 of the slope, over its estimates (docs/background/laws.md)."""
     gains = informed(LAWS["adaptive"], rig(omega, damping, delay, sample_time)).gains
     for factor, slope_inverse, bound in product((0.7, 1.05), (0.0, 1.1 / 0.938), (0.0, 0.4)):
         plant = servo_model(Servo(omega, damping), sample_time, delay, factor * 0.938)

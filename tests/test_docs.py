@@ -14,6 +14,7 @@ from typing import Any
 import pytest
 
 import bowden
+import results_page
 from bowden.app.main import run
 from bowden.live.preflight import REASONS, Reason
 from bowden.safety.faults import Fault
@@ -111,6 +112,20 @@ def run_python(page: Path) -> None:
 SITE = (ROOT / "mkdocs.yml").read_text(encoding="utf-8")
 IN_ORDER = re.findall(r"^ +- (?:[^:\n]+: )?([\w/-]+\.md)$", SITE, re.MULTILINE)
 """The pages in the order of the site."""
+
+
+@pytest.mark.parametrize("page", sorted((ROOT / "docs" / "background").glob("*.md")), ids=page_id)
+def test_tables_are_those_of_the_results(page: Path) -> None:
+    text = page.read_text(encoding="utf-8")
+    assert text == results_page.with_tables(text), "make docs"
+
+
+@pytest.mark.parametrize("name", sorted(file.stem for file in results_page.RESULTS.glob("*.toml")))
+def test_results_are_rows_with_a_date(name: str) -> None:
+    found = results_page.results(name)
+    assert found["what"]
+    assert found["date"]
+    assert {len(row) for row in found["rows"]} == {len(found["columns"])}
 
 
 def test_every_page_has_its_place_in_the_site_and_in_the_index() -> None:

@@ -1,4 +1,4 @@
-"""The tables in docs/background/drive.md and docs/twin.md say what the code does."""
+"""The tables in docs/background/drives.md and docs/twin.md say what the code does."""
 
 from pathlib import Path
 
@@ -22,7 +22,7 @@ def test_the_state_table() -> None:
         words = [CONTROL[state, power] for power in Power]
         cells = [state.name.lower().replace("_", " "), str(int(state)), f"{value:02X}h of {mask:02X}h"]
         rows.append("| " + " | ".join(cells + [f"{word:04X}h" if word else "–" for word in words]) + " |")
-    assert table("background/drive.md", "state table") == rows
+    assert table("background/drives.md", "state table") == rows
 
 
 def test_the_table_of_faults() -> None:

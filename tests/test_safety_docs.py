@@ -1,4 +1,4 @@
-"""docs/safety.md and docs/background/safety_mutants.md say what the code says."""
+"""docs/safety.md and benchmarks/results/safety_mutants.toml say what the code says."""
 
 import importlib
 import sys
@@ -8,6 +8,7 @@ import pytest
 
 from bowden.safety.faults import Fault
 from bowden.safety.limits import Limits
+from results_page import results
 from safety_page import faults_table, limits_table, with_tables, write_docs
 
 DOCS = Path(__file__).parents[1] / "docs"
@@ -47,10 +48,10 @@ def test_a_detector_names_the_limits_that_there_are(fault: Fault) -> None:
     assert named <= set(Limits._fields) | {"joint_age", "motor_age"}
 
 
-def test_the_page_of_mutants_is_of_this_code(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_results_of_the_mutants_are_of_this_code(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys, "path", [str(DOCS.parent / "benchmarks"), *sys.path])
     mutants = [what for _, what, _ in importlib.import_module("safety_mutants").mutants()]
     assert len(mutants) == len(set(mutants))
-    page = (DOCS / "background" / "safety_mutants.md").read_text(encoding="utf-8")
-    assert f"Of {len(mutants)} mutants" in page, "run benchmarks/safety_mutants.py"
-    assert {line.removeprefix("- ") for line in page.splitlines() if line.startswith("- ")} <= set(mutants)
+    found = results("safety_mutants")
+    assert found["mutants"] == len(mutants), "run benchmarks/safety_mutants.py"
+    assert {mutant for mutant, _ in found["rows"]} <= set(mutants)

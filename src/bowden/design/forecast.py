@@ -17,7 +17,7 @@ from bowden.sim.scenario import constant_bend
 HALF_AGAIN = 1.5
 """Error that lasts in a real run over that of the simulated one, at most, of what `play` does not explain: it covers
 150 wearers who are not the one that was simulated, and benches with other slopes, dead zones and servos than the rig
-says (docs/background/safety.md)."""
+says (docs/background/hazards.md)."""
 _LONGEST, _MOVING = 60.0, 20.0
 """Of the rig's own run, and of the check's motion, of which the first strokes are the worst [s]."""
 _HALVINGS = 12

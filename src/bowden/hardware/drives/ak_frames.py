@@ -8,7 +8,7 @@ A field of n bits holds a value from its range's lower to its upper end, code = 
 beyond an end a position begins again at the other one. Three commands are none: seven bytes FFh, and FCh, FDh or FEh.
 
 Source: CubeMars, "AK Series Actuator Driver Manual" V1.0.8, chapter 5.3, pages 48 to 50: codes, layout and the table of
-ranges; page 39 for the error codes. Where it contradicts itself or later editions: docs/background/drive_ak.md.
+ranges; page 39 for the error codes. Where it contradicts itself or later editions: docs/background/drives.md.
 """
 
 from collections.abc import Mapping
