@@ -316,10 +316,10 @@ def _trace() -> Trace:
 
 
 def _traces() -> list[bytes]:
-    csv, parquet = _folder() / "seed.csv", _folder() / "seed.parquet"
-    _trace().to_csv(csv)
-    _trace().to_parquet(parquet)
-    return [csv.read_bytes(), parquet.read_bytes()]
+    csv, npz = _folder() / "seed.csv", _folder() / "seed.npz"
+    _trace().write(csv)
+    _trace().write(npz)
+    return [csv.read_bytes(), npz.read_bytes()]
 
 
 def _matlab() -> list[bytes]:
@@ -449,7 +449,7 @@ TARGETS: dict[str, Target] = {
     "emg": Target(_emg, _file(read_emg, "emg.csv"), 0.03),
     "labels": Target(lambda: [b"onset_s,offset_s\n1,2\n3,4\n"], _file(read_labels, "labels.csv"), 0.05),
     "trace": Target(_traces, _file(read_trace, "trace"), 0.03),
-    "parquet": Target(_traces, _file(read_log, "log.parquet"), 0.02),
+    "npz": Target(_traces, _file(read_log, "log.npz"), 0.02),
     "mat": Target(_matlab, _file(read_log, "log.mat"), 0.05),
     "mcap": Target(_mcap, _file(_of_mcap, "log.mcap"), 0.04),
     "frames": Target(_frames, _wild, 0.2),
