@@ -446,8 +446,7 @@ def write_traces(traces: Iterator[Trace], path: Path) -> None:
     """
     write = {".npz": _write_npz, ".csv": _write_csv, ".parquet": _write_parquet}.get(path.suffix)
     if write is None:
-        raise ParameterError(f"cannot tell from its name in which format to write {path}",
-                             expected="a name that ends in .npz, .csv or .parquet", do="give such a name")  # fmt: skip
+        raise ParameterError(f"path is {path}", expected="a name that ends in .npz, .csv or .parquet")
     with whole_file(path) as part:
         first = next(traces)
         write(part, first, itertools.chain([first], traces))
