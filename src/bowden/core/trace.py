@@ -446,7 +446,7 @@ def write_traces(traces: Iterator[Trace], path: Path) -> None:
     """
     write = {".npz": _write_npz, ".csv": _write_csv, ".parquet": _write_parquet}.get(path.suffix)
     if write is None:
-        raise ParameterError(f"path is {path}", expected="a name that ends in .npz, .csv or .parquet")
+        raise ParameterError(f"path is {path}", expected="a name that ends in .npz, .csv or .parquet", do="choose one")
     with whole_file(path) as part:
         first = next(traces)
         write(part, first, itertools.chain([first], traces))

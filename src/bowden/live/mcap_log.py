@@ -59,7 +59,7 @@ def packed(*records: McapRecord) -> bytes:
     builder = RecordBuilder()
     for record in records:
         record.write(builder)
-    return bytes(builder.end())
+    return bytes(builder.end())  # type: ignore[no-untyped-call]
 
 
 def stamps_of(start: int, time: NDArray[np.float64]) -> NDArray[np.int64]:

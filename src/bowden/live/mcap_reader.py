@@ -191,11 +191,12 @@ def _record(data: mmap.mmap, at: int) -> tuple[int, Chunk | Metadata | None, int
     end = at + _HEAD + length
     if not Opcode.HEADER <= opcode <= Opcode.DATA_END or end > len(data):
         return None
-    record = None
-    if kind := {Opcode.CHUNK: Chunk, Opcode.METADATA: Metadata}.get(opcode):
+    record: Chunk | Metadata | None = None
+    if opcode in (Opcode.CHUNK, Opcode.METADATA):
         data.seek(at + _HEAD)
+        stream = ReadDataStream(data)  # type: ignore[arg-type]  # of a file it calls `read` alone
         try:
-            record = kind.read(ReadDataStream(data))
+            record = Chunk.read(stream) if opcode == Opcode.CHUNK else Metadata.read(stream)
         except (ValueError, struct.error, EndOfFile):
             return opcode, None, end
         if data.tell() != end or (isinstance(record, Chunk) and not _sound(record)):
