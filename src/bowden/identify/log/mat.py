@@ -86,8 +86,7 @@ def _read(path: Path) -> dict[str, NDArray[Any]]:
             f"{path} cannot be read as a MATLAB file: {said}", do="save it in MATLAB with save(…, '-v7'), or as CSV"
         )
     with np.load(io.BytesIO(done.stdout)) as found:
-        return {name.removeprefix("_"): found[name].astype(np.complex128 if found[name].dtype.kind == "c" else np.float64)
-                for name in found.files}  # fmt: skip
+        return {name.removeprefix("_"): found[name] + 0.0 for name in found.files}
 
 
 def _main(path: str) -> None:
