@@ -141,7 +141,7 @@ def followed(log: Path, folder: Path, run_for: float = RUN_FOR) -> Cable:
     trust = next(line for line in steps[0].out.splitlines() if line.startswith("Trust it? "))
     rig = folder / "rig.toml"
     law = tomllib.loads(rig.read_text(encoding="utf-8"))["control"]["law"]
-    made = f"out/simulate/{law}.parquet"
+    made = f"out/simulate/{law}.npz"
     simulated = rmse_of(folder / made)
     again = command(["bowden", "simulate", "rig.toml", "--out", "out/tuned"], folder)
     if again.code != 0:
@@ -153,7 +153,7 @@ def followed(log: Path, folder: Path, run_for: float = RUN_FOR) -> Cable:
         trust=trust.removeprefix("Trust it? ").partition(":")[0].lower(),
         law=law,
         simulated_deg=simulated,
-        tuned_deg=rmse_of(folder / "out" / "tuned" / f"{law}.parquet"),
+        tuned_deg=rmse_of(folder / "out" / "tuned" / f"{law}.npz"),
         twin_deg=twin_rmse(sorted((folder / "out" / "run").glob("*.mcap"), key=lambda one: one.stat().st_mtime)[-1]),
         replayed=_replayed(steps[-1]),
         commands=tuple(shlex.join(step.words) for step in steps),

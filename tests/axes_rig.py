@@ -8,10 +8,10 @@ import numpy as np
 
 from bowden.control.law import Law
 from bowden.control.reference import PeriodicMinimumJerk
-from bowden.core import shared_memory
 from bowden.core.clock import SECOND
 from bowden.core.signals import DriveReading
 from bowden.cycle.one_cycle import Cycle, Filters
+from bowden.hardware import shared_memory
 from bowden.hardware.ports import Power, TorqueLeft
 from bowden.live import axis_columns, control_block, ring, row
 from bowden.live.control_block import ControlBlock

@@ -6,11 +6,11 @@ from typing import Any
 
 from bowden.control.law import Law
 from bowden.control.source import TABLE, Source
-from bowden.core import shared_memory
 from bowden.core.clock import SECOND
 from bowden.core.units import RADIANS
 from bowden.cycle.one_cycle import LAW_BEGINS, Cycle, Filters
 from bowden.cycle.torque_offset import TorqueOffset
+from bowden.hardware import shared_memory
 from bowden.hardware.emg.course import EmgCourse
 from bowden.hardware.twin.bench import TwinBench
 from bowden.live import control_block, ring

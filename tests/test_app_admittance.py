@@ -64,7 +64,7 @@ def test_the_push_makes_the_reference(capsys: pytest.CaptureFixture[str]) -> Non
     (run,) = document["runs"]
     assert run["interaction"]["rms_nm"] < 1.0
     assert run["interaction"]["rms_nm"] < run["interaction"]["peak_nm"]
-    trace = Trace.from_parquet("out/uncompensated.parquet")
+    trace = Trace.read("out/uncompensated.npz")
     assert trace.units["admittance.push.torque"] == "N·m"
     assert trace.units["admittance.virtual.velocity"] == "rad/s"
     assert "Push of the wearer" in Path("out/simulate.html").read_text()

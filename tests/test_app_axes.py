@@ -182,7 +182,7 @@ def test_check_and_simulate_tell_each_axis(leg: Path, tmp_path: Path, capsys: py
     assert [axis["axis"] for axis in checked["axes"]] == ["hip", "knee"]
     simulated = asked("simulate", str(leg), "--out", str(tmp_path / "sim"), capsys=capsys)
     assert [axis["axis"] for axis in simulated["axes"]] == ["hip", "knee"]
-    assert (tmp_path / "sim" / "knee" / "bowden.parquet").exists()
+    assert (tmp_path / "sim" / "knee" / "bowden.npz").exists()
     alone = asked("simulate", str(leg), "--axis", "hip", "--out", str(tmp_path / "one"), capsys=capsys)
     assert alone["runs"][0]["rmse_deg"] == simulated["axes"][0]["runs"][0]["rmse_deg"]
 

@@ -118,7 +118,7 @@ def test_every_row_is_a_run_that_can_be_had_alone(whole: dict[str, Any], capsys:
         assert run["ended"] is row["ended"]
         for name in ("rmse_deg", "rmse_after_10s_deg", "peak_deg", "electrical_energy_j"):
             assert run[name] == row[name]
-        trace = Trace.from_parquet(alone["files"][0])
+        trace = Trace.read(alone["files"][0])
         assert np.isfinite(trace["joint"]).sum() == row["cycles"]
         gains = trace.settings["gains"]
         assert gains["feedback_gain"] == row["control.gains.feedback_gain"]

@@ -88,7 +88,7 @@ def test_a_row_is_the_run_of_bowden_simulate_to_the_last_bit(capsys: pytest.Capt
         row = next(row for row in rows if (row["number"], row["law"]) == (sound["number"], name))
         assert [row[figure] for figure in FIGURES] == [run[figure] for figure in FIGURES]
         assert (row["ended"], row["cycles"]) == (run["stable"], 1500)
-        trace = Trace.from_parquet(f"simulated/{name}.parquet")
+        trace = Trace.read(f"simulated/{name}.npz")
         tensions = [trace[f"{cable}{end}_tension"].max() for cable in ("flexor", "extensor") for end in ("", "_motor")]
         assert row["largest_tension_n"] == max(tensions)
         assert row["largest_torque_nm"] == np.abs(trace["interaction_torque"]).max()

@@ -117,7 +117,7 @@ def test_a_disk_that_fills_up_leaves_nothing_of_a_simulation(capsys: pytest.Capt
     for there in (False, True):
         if there:
             Path("deep/er").mkdir(parents=True)
-            Path("deep/er/observer.parquet").write_text("from before")
+            Path("deep/er/observer.npz").write_text("from before")
         before = tree()
         capsys.readouterr()
         assert run([*TWO_LAWS, "--duration", "0.2", "--out", "deep/er", "--json"]) == 2
@@ -132,7 +132,7 @@ def test_a_disk_that_is_full_leaves_nothing_of_a_simulation(
     def no_room(*_: Any, **__: Any) -> None:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    monkeypatch.setattr("csv.writer", no_room)  # the Parquet file before it fits
+    monkeypatch.setattr("csv.writer", no_room)  # the NPZ file before it fits
     before = tree()
     assert run(["simulate", "rig.toml", "--csv", "--out", "deep/er"]) == 2
     assert "cannot write deep/er/adaptive.csv: No space left on device; choose another place" in one_line(
@@ -222,8 +222,8 @@ def test_an_interrupted_simulation_keeps_the_laws_that_are_done(
         return
     laws = ["uncompensated", "observer"][:done]
     assert one_line(capsys) == f"bowden: interrupted; {', '.join(laws)} (of 3 laws) done and written to o\n"
-    assert {path.name for path in Path("o").iterdir()} == {"simulate.html", *(f"{law}.parquet" for law in laws)}
-    assert len(Trace.from_parquet("o/uncompensated.parquet")) == 1000
+    assert {path.name for path in Path("o").iterdir()} == {"simulate.html", *(f"{law}.npz" for law in laws)}
+    assert len(Trace.read("o/uncompensated.npz")) == 1000
 
 
 @pytest.mark.parametrize("arguments", [["reproduce"], [*TWO_LAWS, "--duration", "10000"]])
@@ -249,10 +249,10 @@ def test_an_own_law_runs_and_what_it_prints_stays_out_of_the_document(capsys: py
     printed = capsys.readouterr()
     (figures,) = json.loads(printed.out)["runs"]
     assert printed.err == "hello\n"
-    parquet, text = Trace.from_parquet("o/law.parquet"), Trace.from_csv("o/law.csv")
-    assert figures["rmse_deg"] == parquet.metrics().rmse_deg == text.metrics().rmse_deg
-    assert (parquet.units, parquet.settings, parquet.seed) == (text.units, text.settings, text.seed)
-    for name, values in parquet.columns.items():
+    binary, text = Trace.read("o/law.npz"), Trace.read("o/law.csv")
+    assert figures["rmse_deg"] == binary.metrics().rmse_deg == text.metrics().rmse_deg
+    assert (binary.units, binary.settings, binary.seed) == (text.units, text.settings, text.seed)
+    for name, values in binary.columns.items():
         assert np.array_equal(values, text[name]), name
 
 

@@ -153,9 +153,9 @@ def test_info_tells_what_the_log_holds(rows: np.ndarray, capsys: pytest.CaptureF
 def test_an_export_is_a_trace_with_every_number(
     kind: str, rows: np.ndarray, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    told = document(["export", "run.mcap", "--to", kind], capsys, "log export")
+    told = document(["export", "run.mcap", "--out", f"run.{kind}"], capsys, "log export")
     assert told["files"] == [f"run.{kind}"]
-    trace = Trace.from_parquet("run.parquet") if kind == "parquet" else Trace.from_csv("run.csv")
+    trace = Trace.read("run.parquet") if kind == "parquet" else Trace.read("run.csv")
     assert np.array_equal(np.stack(list(trace.columns.values()), axis=1), rows, equal_nan=True)
     assert trace.units["motor"] == "rad"
     assert trace.seed == 2
@@ -177,25 +177,25 @@ def test_a_log_that_is_exported_in_parts_is_the_same(
 ) -> None:
     monkeypatch.setattr("bowden.live.mcap_read._TRACE", 1000)
     for kind in ("parquet", "csv"):
-        document(["export", "run.mcap", "--to", kind, "--out", f"a.{kind}"], capsys, "log export")
-    for trace in (Trace.from_parquet("a.parquet"), Trace.from_csv("a.csv")):
+        document(["export", "run.mcap", "--out", f"a.{kind}"], capsys, "log export")
+    for trace in (Trace.read("a.parquet"), Trace.read("a.csv")):
         assert np.array_equal(np.stack(list(trace.columns.values()), axis=1), rows, equal_nan=True)
 
 
 def test_identify_reads_an_export_of_a_run(rows: np.ndarray) -> None:
-    assert main.run(["log", "export", "run.mcap", "--to", "csv"]) == 0
+    assert main.run(["log", "export", "run.mcap"]) == 0
     with pytest.raises(BowdenError, match="joint is nan"):
         read_log(Path("run.csv"))
     beginning = rows[:1500].copy()
     joint = list(read(Path("run.mcap")).columns).index("joint")
     beginning[:2, joint - 1 : joint + 1] = math.nan  # a live run begins before the drive's first answer
     write(Path("begins.mcap"), beginning, {"law": "adaptive"})
-    assert main.run(["log", "export", "begins.mcap", "--to", "csv"]) == 0
+    assert main.run(["log", "export", "begins.mcap"]) == 0
     log = read_log(Path("begins.csv"))
     assert np.array_equal(log.joint, rows[2:1500, joint])
     assert "the first 2 rows, in which no angle had been read yet, were left out" in log.warnings
     write(Path("clean.mcap"), rows[:1500], {"law": "adaptive"})
-    assert main.run(["log", "export", "clean.mcap", "--to", "csv"]) == 0
+    assert main.run(["log", "export", "clean.mcap"]) == 0
     log = read_log(Path("clean.csv"))
     columns = list(read(Path("clean.mcap")).columns)
     assert np.array_equal(log.motor, rows[:1500, columns.index("motor")])

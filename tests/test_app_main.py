@@ -49,9 +49,9 @@ def test_simulate_prints_one_document_and_writes_what_it_names(capsys: pytest.Ca
     assert document["runs"][0]["rmse_after_10s_deg"] is None
     written = sorted(str(path) for path in Path("deep/er").iterdir())
     assert sorted(document["files"]) == written
-    trace = Trace.from_parquet("deep/er/adaptive.parquet")
+    trace = Trace.read("deep/er/adaptive.npz")
     assert len(trace) == 8000
-    assert Trace.from_csv("deep/er/adaptive.csv").columns.keys() == trace.columns.keys()
+    assert Trace.read("deep/er/adaptive.csv").columns.keys() == trace.columns.keys()
     assert trace.metrics().rmse_deg == document["runs"][2]["rmse_deg"]
     assert "adaptive" in Path("deep/er/simulate.html").read_text()
 
@@ -131,7 +131,7 @@ def test_simulate_prints_a_table_and_tells_laws_of_one_name_apart(capsys: pytest
     assert "my_law-2" in printed.out
     assert "out/simulate/simulate.html" in printed.out.replace("\\", "/")
     assert printed.err == ""
-    assert Trace.from_parquet("out/simulate/my_law-2.parquet").seed == 7
+    assert Trace.read("out/simulate/my_law-2.npz").seed == 7
 
 
 def test_a_rig_finds_its_own_law_beside_itself(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -141,7 +141,7 @@ def test_a_rig_finds_its_own_law_beside_itself(folder: Path, capsys: pytest.Capt
     (folder / "rigs" / "rig.toml").write_text(text)
     assert main.run(["simulate", "rigs/rig.toml", "--duration", "1", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["runs"][0]["law"] == "my_law"
-    assert Trace.from_parquet("out/simulate/my_law.parquet").settings["gains"]["integral_gain"] == 0.0
+    assert Trace.read("out/simulate/my_law.npz").settings["gains"]["integral_gain"] == 0.0
 
 
 def test_reproduce_keeps_to_its_schema(capsys: pytest.CaptureFixture[str]) -> None:

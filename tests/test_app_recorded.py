@@ -36,8 +36,8 @@ def test_gzipped_text_and_a_trace_are_read_too(tmp_path: Path) -> None:
     with gzip.open(tmp_path / "motion.csv.gz", "wt") as file:
         file.write(TEXT)
     trace = Trace({"time": TIME, "joint": ANGLE * RADIANS}, {"time": "s", "joint": "rad"})
-    trace.to_csv(tmp_path / "trace.csv")
-    trace.to_parquet(tmp_path / "trace.parquet")
+    trace.write(tmp_path / "trace.csv")
+    trace.write(tmp_path / "trace.parquet")
     sections = [RecordedFile(file="motion.csv.gz")] + [
         RecordedFile(file=f"trace.{ending}", time_column="time", position_column="joint", unit="rad")
         for ending in ("csv", "parquet")

@@ -1,54 +1,19 @@
-"""Tables: Parquet of plain numbers against PyArrow, text with gaps and mistakes, packages that are missing."""
+"""Tables: Parquet and NPZ, text with gaps and mistakes, packages that are missing."""
 
-import contextlib
 import json
 import sys
+import zipfile
 from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from pyarrow import parquet
 
-from bowden.core import plain_parquet, thrift
-from bowden.core.errors import BowdenError, LogError, MissingExtraError
+from bowden.core.errors import LogError, MissingExtraError
 from bowden.core.extras import extra_module
 from bowden.core.table import read_table
-from bowden.core.thrift import I64
-from bowden.core.trace import Trace, write_parquet
-
-values = st.recursive(
-    st.integers(-(2**31), 2**31 - 1) | st.binary(max_size=20),
-    lambda inner: st.dictionaries(st.integers(1, 40), inner, max_size=4) | st.lists(st.integers(0, 9), max_size=20),
-    max_leaves=12,
-)
-
-
-@settings(max_examples=100, deadline=None)
-@given(fields=st.dictionaries(st.integers(1, 60), values, max_size=6))
-def test_a_structure_comes_back(fields: dict[int, object]) -> None:
-    data = thrift.written(fields)
-    assert thrift.read(data) == (fields, len(data))
-
-
-@settings(max_examples=300, deadline=None)
-@given(data=st.binary(max_size=60))
-def test_bytes_that_are_no_structure_are_refused(data: bytes) -> None:
-    try:
-        _, end = thrift.read(data)
-    except ValueError:
-        return
-    assert 0 < end <= len(data)
-
-
-def test_large_numbers_and_deep_nesting() -> None:
-    assert thrift.read(thrift.written({1: I64(-(2**63)), 2: I64(2**63 - 1)}))[0] == {1: -(2**63), 2: 2**63 - 1}
-    with pytest.raises(ValueError, match="nested"):
-        thrift.read(b"\x1c" * 40)
-    with pytest.raises(ValueError, match="no end"):
-        thrift.read(b"\x16" + b"\xff" * 20)
+from bowden.core.trace import Trace, write_traces
 
 
 def trace(n: int = 300_001) -> Trace:
@@ -61,7 +26,7 @@ def test_pyarrow_reads_what_is_written(tmp_path: Path) -> None:
     whole, path = trace(), tmp_path / "run.parquet"
     parts = [Trace({k: v[a:b] for k, v in whole.columns.items()}, whole.units, whole.settings, whole.seed)
              for a, b in ((0, 7), (7, 200_000), (200_000, len(whole)))]  # fmt: skip
-    write_parquet(iter(parts), path)
+    write_traces(iter(parts), path)
     table = parquet.read_table(path)
     assert table.column_names == list(whole.columns)
     assert {str(kind) for kind in table.schema.types} == {"double"}
@@ -69,18 +34,18 @@ def test_pyarrow_reads_what_is_written(tmp_path: Path) -> None:
         assert table[name].to_numpy().tobytes() == column.tobytes()
     assert json.loads(table.schema.metadata[b"bowden"])["units"] == whole.units
     assert parquet.ParquetFile(path).metadata.num_row_groups == 3
-    back = Trace.from_parquet(path)
+    back = Trace.read(path)
     assert all(back[name].tobytes() == column.tobytes() for name, column in whole.columns.items())
 
 
 @pytest.mark.parametrize("compression", ["snappy", "none"])
 def test_what_pyarrow_wrote_is_read_too(compression: str, tmp_path: Path) -> None:
-    """As bowden 0.1 did, and others do: other kinds of numbers, and gaps."""
+    """Other kinds of numbers, and gaps."""
     whole, path = trace(5000), tmp_path / "run.parquet"
     about = {b"bowden": json.dumps({"units": whole.units, "settings": {}, "seed": 3}).encode()}
     schema = pa.schema([pa.field(name, pa.float64()) for name in whole.columns], metadata=about)
     parquet.write_table(pa.table(list(whole.columns.values()), schema=schema), path, compression=compression)
-    assert Trace.from_parquet(path)["joint"].tobytes() == whole["joint"].tobytes()
+    assert Trace.read(path)["joint"].tobytes() == whole["joint"].tobytes()
     mixed = {"t": pa.array([1, 2, None]), "ok": pa.array([True, False, True]), "word": pa.array(["a", "b", "c"])}
     parquet.write_table(pa.table(mixed), path)
     table = read_table(path)
@@ -91,32 +56,31 @@ def test_what_pyarrow_wrote_is_read_too(compression: str, tmp_path: Path) -> Non
         table.numbers([2])
 
 
-def test_a_flipped_or_missing_byte_is_refused_or_changes_a_number(tmp_path: Path) -> None:
-    path, random = tmp_path / "run.parquet", np.random.default_rng(2)
-    trace(50).to_parquet(path)
-    sound = path.read_bytes()
-    for _ in range(400):
-        data = bytearray(sound)
-        for at in random.integers(0, len(data), random.integers(1, 4)):
-            data[at] = random.integers(0, 256)
-        path.write_bytes(bytes(data[: random.integers(1, len(data) + 1)] if random.random() < 0.2 else data))
-        with contextlib.suppress(BowdenError):
-            assert len(Trace.from_parquet(path)) <= 50
+def test_numpys_own_files_are_tables(tmp_path: Path) -> None:
+    for save in (np.savez, np.savez_compressed):
+        save(
+            tmp_path / "log.npz",
+            t=np.arange(3),
+            flag=np.array([True, False, True]),
+            wide=np.eye(2),
+            word=["a", "b", "c"],
+        )
+        table = read_table(tmp_path / "log.npz")
+        assert table.names == ("t", "flag", "wide", "word")
+        assert [one.tolist() for one in table.numbers([0, 1])] == [[0.0, 1.0, 2.0], [1.0, 0.0, 1.0]]
+        with pytest.raises(LogError, match="row 1: word is 'a'; expected a number"):
+            table.numbers([0, 3])
+        with pytest.raises(LogError, match="shapes"):
+            table.numbers([0, 2])
 
 
-def test_more_rows_than_the_file_has_bytes_for_are_refused_before_they_are_made_room_for(tmp_path: Path) -> None:
-    path = tmp_path / "run.parquet"
-    with path.open("wb") as file:
-        plain_parquet.write(file, iter([[np.zeros(4)]]), ["a"], {})
-    data = path.read_bytes()
-    end = int.from_bytes(data[-8:-4], "little")
-    said, _ = thrift.read(data[-8 - end : -8])
-    count = I64(2**50)
-    said[3] = said[4][0][3] = said[4][0][1][0][3][5] = count
-    footer = thrift.written(said | {4: [group | {3: count} for group in said[4]]})
-    path.write_bytes(data[: -8 - end] + footer + len(footer).to_bytes(4, "little") + b"PAR1")
-    with pytest.raises(LogError, match="more rows than fit"):
-        read_table(path)
+def test_what_unpacks_to_more_numbers_than_fit_is_refused_before(tmp_path: Path) -> None:
+    with zipfile.ZipFile(tmp_path / "log.npz", "w", zipfile.ZIP_DEFLATED) as file, file.open("t.npy", "w") as member:
+        np.lib.format.write_array_header_1_0(member, {"descr": "<f8", "fortran_order": False, "shape": (10**12,)})
+        for _ in range(500):
+            member.write(bytes(1 << 20))
+    with pytest.raises(LogError, match="numbers"):
+        read_table(tmp_path / "log.npz").numbers([0])
 
 
 TEXT = 'time_s,emg_mV,note\n0,1,a\n0.5,,b\n1.0,NA,"c, d"\n'
@@ -174,18 +138,18 @@ def test_names_without_rows_are_a_table_of_none(tmp_path: Path) -> None:
     assert [len(one) for one in read_table(path).numbers([0, 1])] == [0, 0]
 
 
-def test_without_pyarrow_our_own_files_are_read_and_others_say_what_to_install(
+def test_without_pyarrow_a_trace_is_kept_otherwise_and_parquet_says_what_to_install(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    ours, theirs = tmp_path / "ours.parquet", tmp_path / "theirs.parquet"
-    trace(10).to_parquet(ours)
-    parquet.write_table(pa.table({"a": [1.0]}), theirs)
+    parquet.write_table(pa.table({"a": [1.0]}), tmp_path / "theirs.parquet")
     for name in [name for name in sys.modules if name.partition(".")[0] == "pyarrow"]:
         monkeypatch.setitem(sys.modules, name, None)
-    assert len(Trace.from_parquet(ours)) == 10
-    for reader in (read_table, Trace.from_parquet):
+    for kind in ("npz", "csv"):
+        trace(10).write(tmp_path / f"ours.{kind}")
+        assert len(Trace.read(tmp_path / f"ours.{kind}")) == 10
+    for refused in (read_table, Trace.read, trace(10).write):
         with pytest.raises(MissingExtraError, match=r'pip install "bowden\[parquet\]"'):
-            reader(theirs)
+            refused(tmp_path / "theirs.parquet")
 
 
 def test_a_package_that_is_there_but_broken_says_why(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -104,7 +104,7 @@ def test_logs_that_are_understood(content: str | bytes, write: Write) -> None:
 def test_our_own_trace(tmp_path: Path) -> None:
     columns = {"time": TIME, "motor": 9.0 + MOTOR, "joint": JOINT, "motor_measured": MOTOR, "joint_measured": JOINT}
     units = {name: "s" if name == "time" else "rad" for name in columns}
-    Trace(columns, units).to_csv(tmp_path / "trace.csv")
+    Trace(columns, units).write(tmp_path / "trace.csv")
     log = read_log(tmp_path / "trace.csv")
     assert np.array_equal(log.motor, MOTOR)  # what the encoder read, not what a simulation knows
     assert log.warnings == ()
@@ -469,7 +469,7 @@ def test_files_that_cannot_be_opened(tmp_path: Path, write: Write) -> None:
 def test_a_trace_in_parquet_is_a_log(tmp_path: Path, write: Write) -> None:
     wanted = read_log(write(text()))
     columns = {"time": wanted.time, "motor": np.degrees(wanted.motor), "joint": np.degrees(wanted.joint)}
-    Trace(columns, {"time": "s", "motor": "deg", "joint": "deg"}).to_parquet(tmp_path / "trace.parquet")
+    Trace(columns, {"time": "s", "motor": "deg", "joint": "deg"}).write(tmp_path / "trace.parquet")
     found = read_log(tmp_path / "trace.parquet")
     assert found.warnings == ()
     for name in ("time", "motor", "joint"):

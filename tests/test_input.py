@@ -212,10 +212,8 @@ CALLS: dict[str, tuple[Callable[..., Any], dict[str, tuple[Any, ...]]]] = {
     "Trace.array": (made(trace().array, "joint"), {"name": (3, "jiont", None), "unit": (3, "mm")}),
     "Trace.to_pandas": (made(trace().to_pandas), {"unit": (3, "mm", ["rad"])}),
     "Trace.plot": (made(trace().plot), {"axes": (3, "here")}),
-    "Trace.to_csv": (made(trace().to_csv, "run.csv"), {"path": (None, *NO_PATH)}),
-    "Trace.to_parquet": (made(trace().to_parquet, "run.parquet"), {"path": (None, *NO_PATH)}),
-    "Trace.from_csv": (made(bowden.Trace.from_csv, "run.csv"), {"path": (None, *NO_PATH)}),
-    "Trace.from_parquet": (made(bowden.Trace.from_parquet, "run.parquet"), {"path": (None, *NO_PATH)}),
+    "Trace.write": (made(trace().write, "run.csv"), {"path": (None, "run.txt", *NO_PATH)}),
+    "Trace.read": (made(bowden.Trace.read, "run.csv"), {"path": (None, *NO_PATH)}),
     "Trace.convergence_times": (made(trace().convergence_times), {"band": NO_NUMBER, "period": NO_NUMBER}),
     "Trace.bandwidth": (
         made(trace().bandwidth, 0.1, 5.0),

@@ -13,9 +13,9 @@ from types import SimpleNamespace
 
 import pytest
 
-from bowden.core import shared_memory
 from bowden.core.clock import SECOND
 from bowden.core.errors import DriveError, SafetyError
+from bowden.hardware import shared_memory
 from bowden.live import control_block, left_behind, loop_process
 from bowden.live.live_run import live_run
 from bowden.live.ring import create

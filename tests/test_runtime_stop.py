@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from bowden.core import shared_memory
+from bowden.hardware import shared_memory
 from bowden.live import control_block
 from bowden.live.control_block import ControlBlock
 from bowden.safety.state import Mode, Request

@@ -1,13 +1,11 @@
-"""Filters over whole recordings, splines and exponentials equal SciPy's."""
+"""Filters over whole recordings equal SciPy's."""
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy import interpolate, linalg, ndimage, signal
+from scipy import ndimage, signal
 
-from bowden.core.matrix import exponential
-from bowden.core.quintic import QuinticSpline
 from bowden.sensing.biquad import butterworth
 from bowden.sensing.whole_signal import band_pass, filtered, running_quantile, zero_phase
 
@@ -39,24 +37,3 @@ def test_a_running_quantile_equals_scipys(count: int, width: int, seed: int) -> 
     width = 2 * width + 1
     ours = running_quantile(values, 0.9, width)
     np.testing.assert_array_equal(ours, ndimage.percentile_filter(values, 90, size=width))
-
-
-@settings(max_examples=50, deadline=None)
-@given(count=st.integers(6, 200), seed=st.integers(0, 99), uneven=st.floats(0.0, 0.8))
-def test_a_quintic_spline_equals_scipys(count: int, seed: int, uneven: float) -> None:
-    random = np.random.default_rng(seed)
-    x = -3.0 + np.cumsum(random.uniform(1.0 - uneven, 1.0 + uneven, count)) * 0.01
-    y = np.cumsum(random.standard_normal(count))
-    ours, theirs = QuinticSpline(x, y), interpolate.make_interp_spline(x, y, k=5)
-    at = np.append(np.linspace(x[0], x[-1], 501), x)
-    for derivative in range(3):
-        wanted = theirs.derivative(derivative)(at) if derivative else theirs(at)
-        np.testing.assert_allclose(ours(at, derivative), wanted, rtol=0.0, atol=1e-8 * float(np.abs(wanted).max()))
-
-
-@pytest.mark.parametrize("size", [1e-9, 0.1, 3.0, 40.0])
-def test_an_exponential_equals_scipys(size: float) -> None:
-    matrices = size * np.random.default_rng(4).standard_normal((5, 6, 6)) / 6.0
-    theirs = linalg.expm(matrices)
-    np.testing.assert_allclose(exponential(matrices), theirs, rtol=0.0, atol=1e-12 * float(np.abs(theirs).max()))
-    np.testing.assert_array_equal(exponential(np.zeros((3, 3))), np.eye(3))

@@ -11,7 +11,6 @@ from bowden.control.reference import PeriodicMinimumJerk
 from bowden.core.errors import ParameterError
 from bowden.core.kernel import compiled, kernel
 from bowden.core.nested import numbers_of, unflatten_like
-from bowden.core.pairwise import pairwise_sum
 from bowden.core.units import DEGREES, RADIANS
 from bowden.models.cable.bouc_wen import BoucWen
 from bowden.models.drive.servo import Servo
@@ -20,6 +19,7 @@ from bowden.sim import many
 from bowden.sim.faulty import SensorFault
 from bowden.sim.injected import Injected
 from bowden.sim.many import Case, Outcome, simulate_many
+from bowden.sim.pairwise import pairwise_sum
 from bowden.sim.run import simulate
 from bowden.sim.scenario import constant_bend, random_bend
 from drawn_plants import random_plant, run_random_plants

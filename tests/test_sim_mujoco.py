@@ -157,8 +157,8 @@ def test_a_run_of_the_suit_is_the_same_in_mujoco(run: Trace, tmp_path: Path) -> 
     motion = replay(run)
     assert np.ptp(motion.mujoco) > 30.0 * RADIANS
     assert motion.error < arm_check.MOTION_LIMIT
-    run.to_parquet(tmp_path / "run.parquet")
-    assert replay(Trace.from_parquet(tmp_path / "run.parquet")).error == motion.error
+    run.write(tmp_path / "run.npz")
+    assert replay(Trace.read(tmp_path / "run.npz")).error == motion.error
     heavier = parts_of(run)[1]
     other = dict(run.settings["plant"]) | {"arm": dict(heavier._replace(mass=1.05 * heavier.mass)._asdict())}
     wrong = Trace(run.columns, run.units, dict(run.settings) | {"plant": other}, run.seed)
@@ -296,8 +296,8 @@ def test_a_run_becomes_a_video_that_browsers_play(
 ) -> None:
     ffmpeg = pytest.importorskip("imageio_ffmpeg", reason="needs the extra bowden[mujoco]").get_ffmpeg_exe()
     monkeypatch.chdir(tmp_path)
-    run.to_parquet("run.parquet")
-    assert main.run(["arm", "render", "run.parquet", "--fps", "2", "--speed", "8", "--json", "--out", "film"]) == 0
+    run.write("run.npz")
+    assert main.run(["arm", "render", "run.npz", "--fps", "2", "--speed", "8", "--json", "--out", "film"]) == 0
     found = json.loads(capsys.readouterr().out)
     jsonschema.validate(found, json_schema("arm render"))
     assert found["files"] == [str(Path("film") / "arm.png"), str(Path("film") / "run.mp4")]

@@ -1,5 +1,6 @@
 """A trace comes back from its files as it went, bit for bit; files that are no traces are refused in one line."""
 
+import contextlib
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,7 @@ from bowden.core.errors import BowdenError, LogError, OutputError, ParameterErro
 from bowden.core.trace import LED, Trace
 from bowden.core.traces import Traces
 
-KINDS = ("parquet", "csv")
+KINDS = ("npz", "csv", "parquet")
 doubles = st.floats(width=64, allow_nan=False) | st.just(float("nan"))  # one NaN: its payload is not part of the value
 
 
@@ -26,9 +27,8 @@ def example(n: int = 5, **columns: np.ndarray) -> Trace:
 
 def through(trace: Trace, kind: str, folder: Path) -> Trace:
     path = folder / f"run.{kind}"
-    getattr(trace, f"to_{kind}")(path)
-    read: Trace = getattr(Trace, f"from_{kind}")(path)
-    return read
+    trace.write(path)
+    return Trace.read(path)
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -90,55 +90,57 @@ NO_TRACES = {
 
 
 @pytest.mark.parametrize("content", NO_TRACES.values(), ids=NO_TRACES.keys())
-@pytest.mark.parametrize("kind", KINDS)
-def test_what_is_no_trace_is_refused_in_one_line(kind: str, content: bytes, tmp_path: Path) -> None:
+def test_what_is_no_trace_is_refused_in_one_line(content: bytes, tmp_path: Path) -> None:
     path = tmp_path / "bad.file"
     path.write_bytes(content)
     with pytest.raises(LogError) as caught:
-        getattr(Trace, f"from_{kind}")(path)
+        Trace.read(path)
     assert "bad.file" in str(caught.value)
-    assert "expected a" in str(caught.value)
     assert "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_a_file_that_is_not_there_or_a_folder_is_refused(kind: str, tmp_path: Path) -> None:
-    with pytest.raises(LogError, match="No such file"):
-        getattr(Trace, f"from_{kind}")(tmp_path / "nothing")
+def test_a_file_that_is_not_there_or_a_folder_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(LogError, match="no such file"):
+        Trace.read(tmp_path / "nothing")
     with pytest.raises(LogError, match="directory"):
-        getattr(Trace, f"from_{kind}")(tmp_path)
+        Trace.read(tmp_path)
 
 
-def test_a_foreign_or_truncated_parquet_file_is_refused(tmp_path: Path) -> None:
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-
-    pq.write_table(pa.table({"a": [1.0]}), tmp_path / "foreign.parquet")
-    with pytest.raises(LogError, match="bowden"):
-        Trace.from_parquet(tmp_path / "foreign.parquet")
-    example().to_parquet(tmp_path / "whole.parquet")
-    (tmp_path / "cut.parquet").write_bytes((tmp_path / "whole.parquet").read_bytes()[:-20])
-    with pytest.raises(LogError):
-        Trace.from_parquet(tmp_path / "cut.parquet")
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_flipped_or_missing_byte_is_refused_or_changes_a_number(kind: str, tmp_path: Path) -> None:
+    path, random = tmp_path / f"run.{kind}", np.random.default_rng(2)
+    example(50).write(path)
+    sound = path.read_bytes()
+    for _ in range(200):
+        data = bytearray(sound)
+        for at in random.integers(0, len(data), random.integers(1, 4)):
+            data[at] = random.integers(0, 256)
+        path.write_bytes(bytes(data[: random.integers(1, len(data) + 1)] if random.random() < 0.2 else data))
+        with contextlib.suppress(BowdenError):
+            assert len(Trace.read(path)) <= 51
+    path.write_bytes(sound[:-20])
+    if kind != "csv":  # whose last row may be cut to another number
+        with pytest.raises(LogError):
+            Trace.read(path)
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_an_unwritable_place_leaves_nothing(kind: str, tmp_path: Path) -> None:
-    (tmp_path / "folder").mkdir()
-    for target in (tmp_path / "missing" / "run", tmp_path / "folder"):
+    (tmp_path / f"folder.{kind}").mkdir()
+    for target in (tmp_path / "missing" / f"run.{kind}", tmp_path / f"folder.{kind}"):
         with pytest.raises(OutputError) as caught:
-            getattr(example(), f"to_{kind}")(target)
+            example().write(target)
         assert str(target) in str(caught.value)
-    assert [path.name for path in tmp_path.rglob("*")] == ["folder"]
+    assert [path.name for path in tmp_path.rglob("*")] == [f"folder.{kind}"]
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_failed_write_keeps_the_old_file(kind: str, tmp_path: Path) -> None:
-    path = tmp_path / "run"
+    path = tmp_path / f"run.{kind}"
     path.write_text("precious")
     unserialisable = Trace({"a": np.zeros(1)}, {"a": "1"}, {"law": object()})
     with pytest.raises(TypeError):
-        getattr(unserialisable, f"to_{kind}")(path)
+        unserialisable.write(path)
     assert path.read_text() == "precious"
     assert list(tmp_path.iterdir()) == [path]
 

@@ -232,26 +232,18 @@ def test_a_mistake_in_a_helper_while_it_is_imported_is_named_there(
     assert str(caught.value).startswith(f"{tmp_path / 'shared.py'}, line {line}: {said}")
 
 
-def test_a_helper_on_the_path_is_run_where_it_stands_and_else_from_its_copy(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_rig_whose_file_is_gone_runs_a_copy_and_says_so(tmp_path: Path) -> None:
     path = with_modules(tmp_path / "a", 5.0)
-    (tmp_path / "lib").mkdir()
-    helper = (path.parent / "shared.py").rename(tmp_path / "lib" / "shared.py")
+    helper = path.parent / "shared.py"
     helper.write_text(f"{helper.read_text()}\ndef fail():\n    raise ValueError('far')\n")
-    monkeypatch.syspath_prepend(tmp_path / "lib")
-    rig = Rig(law=str(path))
-    packed = rig.pack()
-    assert sys.modules[type(rig.fitted().gains).__module__].shared.__file__ == str(helper)
-    shutil.rmtree(tmp_path / "lib")
-    file = Rig.unpack(packed).law
-    copied = user_file.restored(Path(file.path), file.source, "laws", file.modules)
-    assert copied.path == path  # which still stands
-    place = Path(next(one.path for one in copied.modules if one.name == "shared"))
-    assert place.read_bytes() == next(one.source for one in file.modules if one.name == "shared")
+    file = Rig.unpack(Rig(law=str(path)).pack()).law
+    assert user_file.restored(path, file.source, "laws", file.modules).path == path
+    shutil.rmtree(path.parent)
+    copied = user_file.restored(path, file.source, "laws", file.modules)
     with pytest.raises(ValueError, match="far") as caught:
         user_file.run(copied, "law").shared.fail()
-    said = str(user_file.mistake(caught.value, path))
+    said = str(user_file.mistake(caught.value, copied.path))
+    place = copied.path.parent / "shared.py"
     assert said.startswith(f"{place}, line 8: ValueError: far; this is the rig's copy: correct the file from which")
 
 
@@ -334,11 +326,11 @@ def test_files_of_one_name_are_not_written_over_each_other(tmp_path: Path) -> No
         Rig().write(tmp_path)
 
 
-@pytest.mark.parametrize("place", ["../evil.py", "/evil.py", "evil.txt", "lab/evil.py"])
+@pytest.mark.parametrize("place", ["../evil.py", "/evil.py", "evil.txt", "lab/../../evil.py"])
 def test_a_packed_rig_writes_no_file_elsewhere(tmp_path: Path, place: str) -> None:
     packed = json.loads(Rig(law=str(with_modules(tmp_path / "a", 5.0))).pack())
-    packed["law"]["modules"] = {place: ["evil", packed["law"]["source"]]}
-    with pytest.raises(ParameterError, match="module 'evil' should be in"):
+    packed["law"]["modules"] = {place: packed["law"]["source"]}
+    with pytest.raises(ParameterError, match="a module is in"):
         Rig.unpack(packed)
 
 

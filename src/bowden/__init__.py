@@ -92,7 +92,7 @@ _GUESSES = {
     **dict.fromkeys(
         ("load", "read", "open"), "bowden.Rig.read(path), bowden.read_log(path) or bowden.read_trace(path)"
     ),
-    "save": "rig.write(path), fit.write(path) or trace.to_parquet(path)",
+    "save": "rig.write(path), fit.write(path) or trace.write(path)",
     "identify_servo": "bowden identify-servo, in a terminal; what it finds goes into bowden.Rig(servo={…})",
     **{name: f"bowden {name}, in a terminal" for name in ("measure", "confirm", "console", "demo", "doctor", "sample")},
     "twin": "bowden.run(rig, twin=True)",

@@ -316,24 +316,10 @@ def _trace() -> Trace:
 
 
 def _traces() -> list[bytes]:
-    csv, parquet = _folder() / "seed.csv", _folder() / "seed.parquet"
-    _trace().to_csv(csv)
-    _trace().to_parquet(parquet)
-    return [csv.read_bytes(), parquet.read_bytes()]
-
-
-def _matlab() -> list[bytes]:
-    from scipy.io import savemat
-
-    t = np.arange(200) * 0.1
-    content = {"time": t, "motor": np.sin(t), "joint": np.sin(t) - 0.01}
-    many = {"log": content, "names": np.array(["a", "b"], dtype=object), "text": "words", "flag": True, "m": np.eye(3)}
-    found = []
-    for given, options in ((content, {"do_compression": True}), (content, {}), (content, {"format": "4"}), (many, {})):
-        file = io.BytesIO()
-        savemat(file, given, **options)
-        found.append(file.getvalue())
-    return found
+    csv, npz = _folder() / "seed.csv", _folder() / "seed.npz"
+    _trace().write(csv)
+    _trace().write(npz)
+    return [csv.read_bytes(), npz.read_bytes()]
 
 
 def _mcap() -> list[bytes]:
@@ -449,8 +435,7 @@ TARGETS: dict[str, Target] = {
     "emg": Target(_emg, _file(read_emg, "emg.csv"), 0.03),
     "labels": Target(lambda: [b"onset_s,offset_s\n1,2\n3,4\n"], _file(read_labels, "labels.csv"), 0.05),
     "trace": Target(_traces, _file(read_trace, "trace"), 0.03),
-    "parquet": Target(_traces, _file(read_log, "log.parquet"), 0.02),
-    "mat": Target(_matlab, _file(read_log, "log.mat"), 0.05),
+    "npz": Target(_traces, _file(read_log, "log.npz"), 0.02),
     "mcap": Target(_mcap, _file(_of_mcap, "log.mcap"), 0.04),
     "frames": Target(_frames, _wild, 0.2),
     "sdo": Target(_frames, _sdo, 0.1),

@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 
 from bowden.control import LAWS
 from bowden.control.law import Law
-from bowden.core import shared_memory
 from bowden.core.clock import SECOND
 from bowden.core.kernel import compiled
 from bowden.core.signals import DriveReading, Reference
 from bowden.cycle.one_cycle import HOLD, LAW, LAW_BEGINS, NOWHERE, Cycle, Filters, Plan
+from bowden.hardware import shared_memory
 from bowden.hardware.ports import Power, TorqueLeft
 from bowden.live import control_block, ring
 from bowden.live.control_block import ControlBlock

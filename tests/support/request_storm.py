@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import Any
 
 from bowden.control import LAWS
-from bowden.core import shared_memory
 from bowden.core.clock import SECOND
 from bowden.core.signals import DriveReading, DriveState, Reference
 from bowden.cycle.one_cycle import HOLD, LAW, LAW_BEGINS, NOWHERE, Cycle, Filters, Plan
+from bowden.hardware import shared_memory
 from bowden.hardware.ports import Power, TorqueLeft
 from bowden.live import axis_columns, control_block, ring, row
 from bowden.live.control_block import ControlBlock

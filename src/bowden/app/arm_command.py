@@ -61,7 +61,7 @@ def check(
 
 def render(
     trace: Annotated[
-        Path | None, typer.Argument(help="A run, as Parquet or CSV of bowden; without one there is no video.")
+        Path | None, typer.Argument(help="A run, as NPZ, CSV or Parquet of bowden; without one there is no video.")
     ] = None,
     fps: Annotated[float, typer.Option(help="Frames a second of the video.")] = 25.0,
     speed: Annotated[float, typer.Option(help="Seconds of the run in one second of the video.")] = 1.0,
@@ -106,7 +106,7 @@ def render(
 def _read(path: Path) -> Any:
     from bowden.core.trace import Trace
 
-    return Trace.from_csv(path) if path.suffix.lower() == ".csv" else Trace.from_parquet(path)
+    return Trace.read(path)
 
 
 def _parts(
@@ -195,7 +195,7 @@ COMMANDS = (
         "Draw the suit on the arm, and a run as a video.",
         (
             "bowden arm render",
-            "bowden arm render out/simulate/adaptive.parquet --speed 2 --out out/arm",
+            "bowden arm render out/simulate/adaptive.npz --speed 2 --out out/arm",
         ),
         place=20,
     ),

@@ -38,9 +38,9 @@ def run_alone(study: Study, number: int, folder: Path, *, json: bool) -> None:
             traces[law.name] = run_of(rig, law, fault)
     with whole_files(folder) as stage:
         for name, trace in traces.items():
-            trace.to_parquet(stage / f"{name}.parquet")
+            trace.write(stage / f"{name}.npz")
         write_simulation(stage / "simulate.html", traces, f"Run {number} of {study.path.name}")
-    files = [str(folder / f"{name}.parquet") for name in traces] + [str(folder / "simulate.html")]
+    files = [str(folder / f"{name}.npz") for name in traces] + [str(folder / "simulate.html")]
     for note in rig.notes:
         say_note(note)
     metrics = {name: trace.metrics() for name, trace in traces.items()}

@@ -220,7 +220,7 @@ class _CampaignOneRun(Document):
     runs: list[_CampaignRunOfLaw]
     """One entry for each law."""
     files: list[str]
-    """One Parquet file a law, and the page last."""
+    """One NPZ file a law, and the page last."""
     seconds: NonNegativeFloat
 
 

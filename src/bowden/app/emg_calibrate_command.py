@@ -20,7 +20,7 @@ _READY = 1.0
 
 def calibrate(
     recording: Annotated[
-        Path | None, typer.Argument(help="CSV, csv.gz or Parquet: rest, and at least one contraction.")
+        Path | None, typer.Argument(help="CSV, csv.gz, NPZ or Parquet: rest, and at least one contraction.")
     ] = None,
     rest: Annotated[
         Path | None, typer.Option(help="Recording of rest; by default the calmest tenth of RECORDING.")

@@ -24,7 +24,9 @@ JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON documen
 
 
 def score(
-    recording: Annotated[Path, typer.Argument(help="CSV, csv.gz or Parquet with time_s and one or more channels.")],
+    recording: Annotated[
+        Path, typer.Argument(help="CSV, csv.gz, NPZ or Parquet with time_s and one or more channels.")
+    ],
     labels: Annotated[
         Path | None, typer.Option(help="CSV of contractions: onset_s, offset_s, or start, end; also in ms.")
     ] = None,

@@ -16,7 +16,9 @@ from bowden.app.console import print_json, progress_bar, seconds
 from bowden.app.emg_command import JsonOption, RateOption, checked_rate
 from bowden.core.errors import ParameterError, counted
 
-RecordingArgument = Annotated[Path, typer.Argument(help="CSV, csv.gz or Parquet with time_s and one or more channels.")]
+RecordingArgument = Annotated[
+    Path, typer.Argument(help="CSV, csv.gz, NPZ or Parquet with time_s and one or more channels.")
+]
 ChannelsOption = Annotated[list[str] | None, typer.Option("--channel", help="Play this one; may be repeated.")]
 LoopOption = Annotated[bool, typer.Option("--loop", help="Begin again at the end.")]
 

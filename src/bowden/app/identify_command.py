@@ -43,7 +43,7 @@ def identify(
     logs: Annotated[
         list[Path],
         typer.Argument(
-            metavar="LOG...", help="CSV, gzipped CSV, MATLAB or Parquet: time, motor, joint; one file or more."
+            metavar="LOG...", help="CSV, gzipped CSV, MATLAB, NPZ or Parquet: time, motor, joint; one file or more."
         ),
     ],
     time: TimeColumn = None,

@@ -12,7 +12,9 @@ from bowden.core.files import output_folder
 
 
 def identify_servo(
-    log: Annotated[Path, typer.Argument(help="CSV, csv.gz, .mat or Parquet: time, command, motor of a step or chirp.")],
+    log: Annotated[
+        Path, typer.Argument(help="CSV, csv.gz, .mat, NPZ or Parquet: time, command, motor of a step or chirp.")
+    ],
     time: Annotated[str | None, typer.Option(help="Column of times; guessed where it is not given.")] = None,
     command: Annotated[str | None, typer.Option(help="Column of the motor's target angle.")] = None,
     motor: Annotated[str | None, typer.Option(help="Column of the motor's measured angle.")] = None,

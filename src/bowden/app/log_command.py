@@ -3,7 +3,6 @@
 import shlex
 import sys
 from dataclasses import replace
-from enum import StrEnum
 from glob import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -23,13 +22,6 @@ if TYPE_CHECKING:
 FileArgument = Annotated[Path, typer.Argument(help="A log, as bowden run writes it: NAME.mcap.", metavar="FILE")]
 AxisOption = Annotated[str | None, typer.Option("--axis", help="One axis alone, of a run with several.")]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON document and nothing else.")]
-
-
-class LogFormat(StrEnum):
-    """What a log can be exported to."""
-
-    PARQUET = "parquet"
-    CSV = "csv"
 
 
 def info(file: FileArgument, axis: AxisOption = None, json: JsonOption = False) -> None:
@@ -85,8 +77,7 @@ def recover(
 
 def export(
     file: FileArgument,
-    to: Annotated[LogFormat, typer.Option(help="LogFormat of file.")] = LogFormat.PARQUET,
-    out: Annotated[Path | None, typer.Option(help="The new file; NAME.parquet or NAME.csv by default.")] = None,
+    out: Annotated[Path | None, typer.Option(help="The new file, .csv, .npz or .parquet; NAME.csv by default.")] = None,
     axis: AxisOption = None,
     json: JsonOption = False,
 ) -> None:
@@ -94,17 +85,16 @@ def export(
 
     Of a run with several axes the first axis' columns have plain names, those of another begin with its name.
     """
-    from bowden.core.trace import write_csv, write_parquet
+    from bowden.core.trace import write_traces
     from bowden.live.mcap_read import columns_of, traces
     from bowden.live.mcap_reader import LogReader
 
-    target = out or file.with_suffix(f".{to}")
+    target = out or file.with_suffix(".csv")
     if target.absolute() == file.absolute():
         raise OutputError(f"{target} is the log itself", do="choose another name with --out")
     log = LogReader(file)
-    write = write_parquet if to is LogFormat.PARQUET else write_csv
     columns = log.columns if axis is None else columns_of(log, axis)
-    write(traces(log, axis), target)
+    write_traces(traces(log, axis), target)
     if json:
         files = [str(target)]
         print_json({"files": files, "cycles": log.count, "columns": list(columns), "seconds": seconds()})
@@ -275,10 +265,10 @@ COMMANDS = (
     Command(
         "log export",
         export,
-        "Write a log as Parquet or CSV.",
+        "Write a log as CSV, NPZ or Parquet.",
         (
             "bowden log export run.mcap",
-            "bowden log export run.mcap --to csv --out run.csv",
+            "bowden log export run.mcap --out run.parquet",
         ),
         place=30,
     ),

@@ -42,7 +42,7 @@ def simulate(
     force: Annotated[bool, typer.Option("--force", help="Run laws that fail the check on the rig, too.")] = False,
     json: Annotated[bool, typer.Option("--json", help="Print one JSON document and nothing else.")] = False,
 ) -> None:
-    """Simulate laws on a rig: figures of merit, traces as Parquet, and a page with every plot.
+    """Simulate laws on a rig: figures of merit, traces as NPZ, and a page with every plot.
 
     Before anything runs, every law is checked as bowden check does it; one that fails is refused. Interrupted
     between two laws, the command writes the traces and the page of those that are done. Of a rig with several axes each
@@ -145,7 +145,7 @@ def _say_next(
 ) -> None:
     """The check of the rig, under the law that followed best; of a run that nothing compensated, its identification."""
     if list(metrics) == ["uncompensated"]:
-        say_next("identify", out / f"uncompensated.{'csv' if csv else 'parquet'}")
+        say_next("identify", out / f"uncompensated.{'csv' if csv else 'npz'}")
         return
     given = dict(zip(metrics, laws, strict=False))
     errors = {name: one.rmse_deg for name, one in metrics.items() if one.rmse_deg is not None and name in given}
@@ -182,11 +182,9 @@ def _write(traces: "Mapping[str, Trace]", folder: Path, title: str, *, csv: bool
     names = []
     with whole_files(folder) as stage:
         for name, trace in traces.items():
-            names.append(f"{name}.parquet")
-            trace.to_parquet(stage / names[-1])
-            if csv:
-                names.append(f"{name}.csv")
-                trace.to_csv(stage / names[-1])
+            for kind in ("npz", "csv") if csv else ("npz",):
+                names.append(f"{name}.{kind}")
+                trace.write(stage / names[-1])
         names.append("simulate.html")
         write_simulation(stage / names[-1], traces, title)
     return [folder / name for name in names]

@@ -211,12 +211,11 @@ def page(progress: Progress, path: str, to: str) -> str:
 
 def export(progress: Progress, path: str, to: str) -> str:
     """A log as Parquet or CSV, by the ending of the new file's name, as `bowden log export` writes it."""
-    from bowden.core.trace import write_csv, write_parquet
+    from bowden.core.trace import write_traces
     from bowden.live.mcap_read import traces
     from bowden.live.mcap_reader import LogReader
 
-    write = write_csv if to.endswith(".csv") else write_parquet
-    write(traces(LogReader(Path(path))), Path(to))
+    write_traces(traces(LogReader(Path(path))), Path(to))
     return to
 
 

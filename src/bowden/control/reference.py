@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from bowden.core.errors import ParameterError, check_positive
 from bowden.core.quantity import Quantity
-from bowden.core.quintic import QuinticSpline
 from bowden.models.minimum_jerk import minimum_jerk_over
 from bowden.sensing.biquad import butterworth
 from bowden.sensing.whole_signal import zero_phase
@@ -208,7 +207,9 @@ class Recorded:
         self._start, self._end = float(time[0]), float(time[-1])
         self.time, self.position = np.asarray(time, dtype=float), np.asarray(position, dtype=float)
         self.name, self.cutoff = name, cutoff
-        self._spline = QuinticSpline(self.time[index], smooth[index])
+        from scipy.interpolate import make_interp_spline  # a quarter of a second, of recorded motions alone
+
+        self._spline = make_interp_spline(self.time[index], smooth[index], k=5)
 
     @property
     def duration(self) -> float:

@@ -5,12 +5,8 @@ ordinary code, and marks it; `compiled` gives its Numba twin, in which every ker
 imported only then. Compiled code is cached on disk (`bowden.core.kernel_cache`).
 """
 
-import hashlib
-import importlib
-import sys
 from collections.abc import Callable, Mapping
 from functools import cache
-from pathlib import Path
 from types import FunctionType
 from typing import Any, TypeVar
 
@@ -44,8 +40,6 @@ __all__ = [
 ]
 
 F = TypeVar("F", bound=Callable[..., Any])
-
-_NUMBA_OPTIONS: dict[str, Any] = {"error_model": "numpy", "fastmath": False, "forceinline": True}
 
 
 def kernel(function: F) -> F:
@@ -148,16 +142,16 @@ def _compile(function: FunctionType, name: str, parts: Parts, *, within: bool) -
     One that is called `within` compiled code alone goes without what a call from Python needs: to take nested tuples
     apart and to put them together again is half of what there is to compile.
     """
-    options = _NUMBA_OPTIONS | {"forceinline": not hasattr(function, "__noinline__")}
+    options = {"forceinline": not hasattr(function, "__noinline__")}
     if within:
         options |= {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
     content = content_of(function, parts)
     twin = _twin(function, parts)
     # what differs has another name, in this process and in those that the cache's code came from
     twin.__qualname__, twin.__module__ = f"{name}_{content[:16]}" if content else name, function.__module__
-    dispatcher: Callable[..., Any] = _numba().njit(**options)(twin)
+    dispatcher = _njit(twin, **options)
     if content is not None:
-        keep(dispatcher, f"{_how_compiled()} {content} {within}")
+        keep(dispatcher, f"{function.__module__} {content} {within}")
     return dispatcher
 
 
@@ -193,32 +187,13 @@ def _twin(function: FunctionType, parts: Parts) -> FunctionType:
     return FunctionType(function.__code__, namespace, function.__name__, function.__defaults__, function.__closure__)
 
 
-@cache
-def _numba() -> Any:
-    """Numba with its array functions, but without SciPy, which takes a quarter of a second.
-
-    Numba imports scipy.linalg only to know whether a kernel may multiply matrices. None of ours does; one of a user's
-    that does finds SciPy, or is refused for want of it, when it is compiled.
-    """
+def _njit(function: Callable[..., Any], **options: bool) -> Callable[..., Any]:
     import numba
 
-    linalg: Any = importlib.import_module("numba.np.linalg")
-    asked = getattr(linalg, "ensure_blas", None)
-    if asked is None or "numba.np.arraymath" in sys.modules:
-        return numba
-    linalg.ensure_blas = lambda: None
-    try:
-        importlib.import_module("numba.np.arraymath")
-    finally:
-        linalg.ensure_blas = asked
-    return numba
-
-
-@cache
-def _how_compiled() -> str:
-    """A hash of the files that decide how a kernel is compiled, whatever it is."""
-    files = [Path(__file__).with_name(f"{name}.py") for name in ("kernel", "primitives", "nested", "kernel_cache")]
-    return hashlib.sha256(b"".join(path.read_bytes() for path in files)).hexdigest()[:16]
+    made: Callable[..., Any] = numba.njit(**{"error_model": "numpy", "fastmath": False, "forceinline": True} | options)(
+        function
+    )
+    return made
 
 
 @cache
@@ -226,4 +201,4 @@ def _primitive(function: Callable[..., Any], *, within: bool) -> Callable[..., A
     twin = twin_of(function)
     if is_kernel(twin):  # one that calls primitives itself
         return _compile(twin, twin.__qualname__, (), within=within)
-    return _numba().njit(**_NUMBA_OPTIONS)(twin) if isinstance(twin, FunctionType) else twin
+    return _njit(twin) if isinstance(twin, FunctionType) else twin

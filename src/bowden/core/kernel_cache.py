@@ -92,10 +92,13 @@ def _write(path: Path, content: bytes) -> None:
 
 @cache
 def _versions() -> str:
+    """What decides how a kernel is compiled, whatever it is: versions, options, and the files here that do it."""
     config: Any = importlib.import_module("numba.core.config")
     options = (config.OPT, config.BOUNDSCHECK, config.DEBUGINFO_DEFAULT, config.LOOP_VECTORIZE, config.SLP_VECTORIZE)
     versions = [importlib.import_module(name).__version__ for name in ("numba", "llvmlite", "numpy")]
-    return f"{platform.python_version()} {versions} {options}"
+    files = [Path(__file__).with_name(f"{name}.py") for name in ("kernel", "primitives", "nested", "kernel_cache")]
+    here = hashlib.sha256(b"".join(path.read_bytes() for path in files)).hexdigest()
+    return f"{platform.python_version()} {versions} {options} {here}"
 
 
 @cache

@@ -1,8 +1,7 @@
 """What compiled code is made of: a hash over the instructions, constants, types and callees of a kernel.
 
-Two kernels of one hash compute the same. Numba's own cache looks at one file's time; an edit in a called function of
-another file would run old code. So compiled code is named and kept by this hash (`bowden.core.kernel_cache`). It is
-taken of what was loaded, not of the file, which may have changed since.
+Two kernels of one hash compute the same, wherever they stand. It is taken of what was loaded, not of the file, which
+may have changed since. Compiled code is kept by it (`bowden.core.kernel_cache`).
 """
 
 import dis
@@ -39,32 +38,31 @@ def is_kernel(value: Any) -> TypeGuard[FunctionType]:
 
 def is_primitive(value: Any) -> bool:
     """Whether a value is one of `PRIMITIVES`."""
-    return any(value is one for one in PRIMITIVES)  # not everything that can be called has a hash
+    return isinstance(value, FunctionType) and value in PRIMITIVES
 
 
-def content_of(function: FunctionType, parts: Parts = ()) -> Content:
+def content_of(function: Callable[..., Any], parts: Parts = ()) -> Content:
     """The hash of a function and of all that it calls, in which names of placeholders mean `parts`."""
-    return _known(lambda: _function(function, parts))
+    try:
+        return _value(function, frozenset(), parts)
+    except (_UnknownError, RecursionError):
+        return None
 
 
 def code_of(*functions: Callable[..., Any]) -> Content:
-    """The hash of functions wherever they stand: the same in two files, or in a file that is loaded twice."""
-    return _known(lambda: _digest(_value(one, frozenset(), (), places=False) for one in functions))
+    """The hash of several functions."""
+    found = [content_of(one) for one in functions]
+    return None if None in found else _digest(map(str, found))
 
 
 def content_of_types(kinds: Iterable[Any]) -> Content:
-    """The hash of the types of arguments, as Numba has them.
+    """The hash of the types of arguments, as Numba has them; None of one that no other process finds by its name.
 
-    None for one of the main script: what is kept names a type by its module, but has a copy of one of the main
-    script's, which is none of its own.
+    One of the main script is such a type: what is kept has a copy of it, which is none of the script's own.
     """
-    return _known(lambda: _digest(map(_kind, kinds)))
-
-
-def _known(made: Callable[[], str]) -> Content:
     try:
-        return made()
-    except (_UnknownError, RecursionError):
+        return _digest(map(_kind, kinds))
+    except _UnknownError:
         return None
 
 
@@ -108,73 +106,51 @@ def placeholders(function: Callable[..., Any], parts: Parts) -> frozenset[str]:
 
 
 @cache
-def _function(function: FunctionType, parts: Parts, *, places: bool = True) -> str:
-    name = _name(function, places=places)
-    if _is_foreign(function):
-        return name  # whose version is known
-    replaced = dict(parts)
-    attributes = frozenset(name for inner in _codes(function.__code__) for name in inner.co_names)
-
-    def described(value: Any) -> str:
-        return _value(value, attributes, parts, places=places)
-
+def _function(function: FunctionType, parts: Parts) -> str:
+    code, replaced, names = function.__code__, dict(parts), global_names(function.__code__)
+    attributes = frozenset(name for inner in _codes(code) for name in inner.co_names)
     cells = [cell.cell_contents for cell in function.__closure__ or ()]
-    names = global_names(function.__code__)
-    return _digest(
-        [
-            f"{name} {hasattr(function, '__noinline__')}",
-            *_code(function.__code__),
-            *map(described, (*(function.__defaults__ or ()), *cells)),
-            *(f"{name}={described(meant(function, name, replaced))}" for name in names),
-        ]
-    )
+    values = (*(function.__defaults__ or ()), *cells, *(meant(function, name, replaced) for name in names))
+    marked = f"{function.__qualname__} {hasattr(function, '__noinline__')}"
+    return _digest([marked, *_code(code), *names, *(_value(value, attributes, parts) for value in values)])
 
 
-def _name(made: Any, *, places: bool) -> str:
-    """The name of a function or type; without `places` that of a user's file is left out."""
-    own = places or made.__module__.partition(".")[0] == __name__.partition(".")[0] or _is_foreign(made)
-    return f"{made.__module__}.{made.__qualname__}" if own else str(made.__qualname__)
-
-
-def _value(value: Any, attributes: frozenset[str], parts: Parts, *, places: bool = True) -> str:
+def _value(value: Any, attributes: frozenset[str], parts: Parts) -> str:
     """A value that code names; of a module, what it has under the names of `attributes`."""
     if is_primitive(value):
         return f"primitive {value.__name__}"
+    if isinstance(value, ModuleType | type | FunctionType | BuiltinFunctionType | np.ufunc) and _is_foreign(value):
+        return f"{getattr(value, '__module__', '')}.{value.__name__}"
     if isinstance(value, FunctionType):
-        return _function(value, reaching(value, parts), places=places)
+        return _function(value, reaching(value, parts))
     if isinstance(inner := getattr(value, "py_func", None), FunctionType):  # compiled by its author
-        return _digest(["compiled", _function(inner, (), places=places), str(getattr(value, "targetoptions", ""))])
+        return _digest(["compiled", _function(inner, ()), str(getattr(value, "targetoptions", ""))])
     if isinstance(value, type):
-        return _type(value, places=places)
+        return _type(value)
     if isinstance(value, ModuleType):
-        if _is_foreign(value):
-            return value.__name__
         found = {name: getattr(value, name, None) for name in sorted(attributes)}
         return _digest(
-            f"{name}={_value(inner, attributes, parts, places=places)}"
+            f"{name}={_value(inner, attributes, parts)}"
             for name, inner in found.items()
             if not isinstance(inner, FunctionType)  # of a module's functions, only compiled ones can be called
             and (not isinstance(inner, ModuleType) or inner.__name__.startswith(f"{value.__name__}."))
         )
     if isinstance(value, enum.Enum):
-        return f"{_type(type(value), places=places)}.{value.name}"
+        return f"{_type(type(value))}.{value.name}"
     if isinstance(value, tuple):
-        items = (_value(item, attributes, parts, places=places) for item in value)
-        return _digest([_type(type(value), places=places), *items])
+        return _digest([_type(type(value)), *(_value(item, attributes, parts) for item in value)])
     if isinstance(value, np.ndarray):
         layout = (value.dtype.descr, value.shape, value.flags.c_contiguous, value.flags.f_contiguous)
         return _digest([f"array {layout}", hashlib.sha256(value.tobytes()).hexdigest()])
-    if value is None or isinstance(value, str | bytes | int | float | complex | np.generic):
+    if value is None or isinstance(value, str | bytes | int | float | complex | np.generic | np.dtype):
         return f"{type(value).__name__} {value!r}"
-    if isinstance(value, np.dtype):
-        return f"dtype {value.descr!r}"
-    if isinstance(value, np.ufunc | BuiltinFunctionType) or (hasattr(value, "__name__") and _is_foreign(value)):
-        return f"{type(value).__name__} {getattr(value, '__module__', '')}.{value.__name__}"
+    if hasattr(value, "__name__") and _is_foreign(value):
+        return f"{value.__module__}.{value.__name__}"
     raise _UnknownError
 
 
 def _is_foreign(value: Any) -> bool:
-    name = value.__name__ if isinstance(value, ModuleType) else value.__module__
+    name = value.__name__ if isinstance(value, ModuleType) else getattr(value, "__module__", "numpy")
     if name is None:  # made of a text, in no module
         raise _UnknownError
     return name.partition(".")[0] in _FOREIGN
@@ -190,8 +166,7 @@ def _codes(code: CodeType) -> Iterator[CodeType]:
 def _code(code: CodeType) -> Iterator[str]:
     """Instructions, constants and names of code; where it stands in its file is left out."""
     for inner in _codes(code):
-        yield inner.co_code.hex()
-        yield inner.co_exceptiontable.hex()
+        yield f"{inner.co_code.hex()} {inner.co_exceptiontable.hex()}"
         yield repr((inner.co_argcount, inner.co_posonlyargcount, inner.co_kwonlyargcount, inner.co_flags))
         yield repr((inner.co_names, inner.co_varnames, inner.co_freevars, inner.co_cellvars))
         for constant in inner.co_consts:
@@ -200,32 +175,20 @@ def _code(code: CodeType) -> Iterator[str]:
 
 
 @cache
-def _type(made: type, *, places: bool = True) -> str:
+def _type(made: type) -> str:
     """A type: its name, and the fields of a tuple with their defaults, or the members of an enum."""
-    name = _name(made, places=places)
     if _is_foreign(made):
-        return name
+        return f"{made.__module__}.{made.__qualname__}"
     if hasattr(made, "class_type"):  # a jitclass, whose methods are compiled with it
         raise _UnknownError
-    if places and made.__module__ == "__main__" and issubclass(made, BaseException):
+    if made.__module__ == "__main__" and issubclass(made, BaseException):
         raise _UnknownError  # kept as a whole, so that what is raised would be of another class
     fields: dict[str, Any] = {}
     if issubclass(made, tuple):
         fields = dict.fromkeys(getattr(made, "_fields", ())) | getattr(made, "_field_defaults", {})
     elif issubclass(made, enum.Enum):
         fields = {member.name: member.value for member in made}
-    if places and fields and not _is_found(made):
-        raise _UnknownError
-    values = (f"{field}={_value(value, frozenset(), (), places=places)}" for field, value in fields.items())
-    return _digest([name, *values])
-
-
-def _is_found(made: type) -> bool:
-    """Whether a type is found by its name, as a process must that reads what is kept."""
-    found: Any = sys.modules.get(made.__module__)
-    for part in made.__qualname__.split("."):
-        found = getattr(found, part, None)
-    return found is made
+    return _digest([made.__qualname__, *(f"{name}={_value(one, frozenset(), ())}" for name, one in fields.items())])
 
 
 def _kind(kind: Any) -> str:
@@ -234,18 +197,22 @@ def _kind(kind: Any) -> str:
 
     if isinstance(kind, types.BaseTuple):
         inner: Any = list(kind)  # type: ignore[call-overload]  # tuples of types can be walked
-        return _digest([_own(getattr(kind, "instance_class", tuple)), *map(_kind, inner)])
+        return _digest([_found(getattr(kind, "instance_class", tuple)), *map(_kind, inner)])
     if isinstance(kind, types.IntEnumMember):
-        return _digest([_own(kind.instance_class), _kind(kind.dtype)])
+        return _digest([_found(kind.instance_class), _kind(kind.dtype)])
     if isinstance(kind, types.Number | types.Boolean | types.Array | types.NoneType | types.Omitted):
         return str(kind.name)
     raise _UnknownError
 
 
-def _own(made: type) -> str:
-    if made.__module__ == "__main__":
+def _found(made: type) -> str:
+    """The name and content of a type that a process which reads what is kept finds by that name."""
+    found: Any = None if made.__module__ == "__main__" else sys.modules.get(made.__module__)
+    for part in made.__qualname__.split("."):
+        found = getattr(found, part, None)
+    if found is not made:
         raise _UnknownError
-    return _type(made)
+    return f"{made.__module__} {_type(made)}"
 
 
 def _digest(parts: Iterable[str]) -> str:

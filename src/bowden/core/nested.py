@@ -202,76 +202,61 @@ def _number(kind: Any) -> Any:
     return getattr(kind, "dtype", kind)
 
 
-def compiled_unflatten() -> Any:
-    """`unflatten` for Numba; of the template it needs the type alone."""
-    from numba.core import cgutils, types
-    from numba.extending import intrinsic
+def compiled_unflatten_like() -> Any:
+    """`unflatten_like` for Numba, which unrolls the nesting while it compiles."""
+    return _restoring(lambda kind: kind)
 
-    structure: Any = cgutils.create_struct_proxy  # untyped
+
+def compiled_unflatten() -> Any:
+    """`unflatten` for Numba."""
+    from numba.core import types
 
     def floats(kind: Any) -> Any:
         if isinstance(kind, types.Boolean | types.IntEnumMember):
             return kind
         if not isinstance(kind, types.BaseTuple):
             return types.float64
-        inner: Any = list(kind)  # type: ignore[call-overload]  # tuples of types can be walked
         base: Any = types.BaseTuple  # untyped
-        return base.from_types(list(map(floats, inner)), getattr(kind, "instance_class", None))
+        return base.from_types([floats(part) for part in _parts(kind)], getattr(kind, "instance_class", None))
 
-    def filled(context: Any, builder: Any, kind: Any, data: Any, at: list[int]) -> Any:
-        if isinstance(kind, types.BaseTuple):
-            inner: Any = list(kind)  # type: ignore[call-overload]
-            return context.make_tuple(builder, kind, [filled(context, builder, part, data, at) for part in inner])
-        place = builder.gep(data, [context.get_constant(types.intp, at[0])])
-        at[0] += 1
-        return context.cast(builder, builder.load(place), types.float64, _number(kind))
-
-    @intrinsic
-    def restore(typing: Any, template: Any, row: Any) -> Any:
-        made = floats(template)
-
-        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-            array = structure(signature.args[1])(context, builder, value=arguments[1])
-            return filled(context, builder, made, array.data, [0])
-
-        return made(template, row), generate
-
-    return restore
+    return _restoring(floats)
 
 
-def compiled_unflatten_like() -> Any:
-    """`unflatten_like` for Numba, which unrolls the nesting while it compiles."""
+def _parts(kind: Any) -> list[Any]:
+    """The types in a tuple's."""
+    return list(kind)
+
+
+def _restoring(made_of: Callable[[Any], Any]) -> Any:
+    """Tuples of a type that is made of the template's, with the numbers of a row, and the template's own arrays."""
     from numba.core import cgutils, types
+    from numba.extending import intrinsic
 
     structure: Any = cgutils.create_struct_proxy  # untyped
-    from numba.extending import intrinsic
 
     def filled(context: Any, builder: Any, kind: Any, old: Any, data: Any, at: list[int]) -> Any:
         if isinstance(kind, types.BaseTuple):
-            inner: Any = list(kind)  # type: ignore[call-overload]  # tuples of types can be walked
-            parts = [
-                filled(context, builder, part, builder.extract_value(old, i), data, at) for i, part in enumerate(inner)
-            ]
-            made = context.make_tuple(builder, kind, parts)
-            for i, part in enumerate(inner):
-                if isinstance(part, types.Array):
-                    context.nrt.incref(builder, part, parts[i])
-            return made
+            inner = enumerate(_parts(kind))
+            parts = [filled(context, builder, part, builder.extract_value(old, i), data, at) for i, part in inner]
+            return context.make_tuple(builder, kind, parts)
         if isinstance(kind, types.Array):
+            context.nrt.incref(builder, kind, old)
             return old
         place = builder.gep(data, [context.get_constant(types.intp, at[0])])
         at[0] += 1
         return context.cast(builder, builder.load(place), types.float64, _number(kind))
 
     @intrinsic
-    def refill(typing: Any, template: Any, row: Any) -> Any:
+    def restore(typing: Any, template: Any, row: Any) -> Any:
+        made = made_of(template)
+
         def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
             array = structure(signature.args[1])(context, builder, value=arguments[1])
-            return filled(context, builder, signature.args[0], arguments[0], array.data, [0])
+            return filled(context, builder, made, arguments[0], array.data, [0])
 
-        return template(template, row), generate
+        return made(template, row), generate
 
-    return refill
+    return restore
 
 
 def compiled_flat() -> Any:
@@ -282,18 +267,11 @@ def compiled_flat() -> Any:
     def numbers(context: Any, builder: Any, kind: Any, value: Any) -> list[Any]:
         if not isinstance(kind, types.BaseTuple):
             return [context.cast(builder, value, _number(kind), types.float64)]
-        inner: Any = list(kind)  # type: ignore[call-overload]  # tuples of types can be walked
-        return [
-            number
-            for i, part in enumerate(inner)
-            for number in numbers(context, builder, part, builder.extract_value(value, i))
-        ]
+        inner = [(part, builder.extract_value(value, i)) for i, part in enumerate(_parts(kind))]
+        return [number for part, one in inner for number in numbers(context, builder, part, one)]
 
     def count(kind: Any) -> int:
-        if not isinstance(kind, types.BaseTuple):
-            return 1
-        inner: Any = list(kind)  # type: ignore[call-overload]
-        return sum(map(count, inner))
+        return sum(map(count, _parts(kind))) if isinstance(kind, types.BaseTuple) else 1
 
     @intrinsic
     def flatten(typing: Any, value: Any) -> Any:

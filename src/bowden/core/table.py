@@ -1,4 +1,4 @@
-"""Tables of recordings: CSV, also gzipped, and Parquet."""
+"""Tables of recordings: CSV, also gzipped, NumPy's NPZ, and Parquet."""
 
 import codecs
 import contextlib
@@ -7,6 +7,8 @@ import io
 import json
 import os
 import re
+import zipfile
+import zlib
 from array import array
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -16,7 +18,6 @@ from typing import IO, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.core import plain_parquet
 from bowden.core.bounded import DAMAGED, open_file, read_whole
 from bowden.core.errors import LogError
 from bowden.core.extras import extra_module
@@ -24,12 +25,15 @@ from bowden.core.extras import extra_module
 Array = NDArray[np.float64]
 
 KEY = "bowden"
-"""Under which a Parquet file says what bowden has to say of a trace."""
+"""Metadata of a Parquet file, and member of an NPZ file, with what a trace says of itself, as JSON."""
+FIRST_LINE = b"# bowden trace: "
+"""How a CSV file begins that is a trace; the same JSON follows."""
+PARQUET, ZIP = b"PAR1", b"PK\x03\x04"
+"""How Parquet and NPZ files begin."""
 MOST_CELLS = 50_000_000
 """Fields of a table that are taken into memory: twenty-five minutes of sixteen channels at 2 kHz."""
 _PACKED = 4
-"""A compressed Parquet file may have so many fields more for each of its bytes; what was recorded has some bytes for a
-field."""
+"""A compressed file may have so many fields more for each of its bytes."""
 _IDLE = re.compile(
     rb"^(?:#(?!N/A|DIV/|VALUE!|REF!|NAME\?|NULL!|NUM!)[^\n]*|[ \r]+|[ \r]*(?=\n))(?:\n|\Z)",
     re.MULTILINE | re.IGNORECASE,
@@ -48,9 +52,9 @@ class Table:
     read: Callable[[Sequence[int]], list[Array]] = field(repr=False)
     """See `numbers`, with errors as they come."""
     units: Mapping[str, str] = field(default_factory=dict)
-    """Of the columns of a Parquet file that says them."""
+    """Of the columns, where the file says them."""
     about: bytes | None = None
-    """What stands under `KEY` in a Parquet file."""
+    """What a trace says of itself, as JSON."""
 
     def numbers(self, columns: Sequence[int]) -> list[Array]:
         """Columns by their places, each (n,); NaN where a field is empty.
@@ -68,16 +72,18 @@ def read_table(path: Path) -> Table:
     Fields of text stand between commas, or between semicolons or tabs, where numbers may have decimal commas.
 
     Args:
-        path: CSV, which may be gzipped, or Parquet.
+        path: CSV, which may be gzipped, NPZ, or Parquet; its contents decide, not its name.
 
     Raises:
         LogError: it cannot be read, is no table, or is too large.
-        MissingExtraError: Parquet that another program wrote, and PyArrow is not installed.
+        MissingExtraError: Parquet, and PyArrow is not installed.
     """
     with readable(path):
         with open_file(path) as file:
-            parquet = file.read(len(plain_parquet.MAGIC)) == plain_parquet.MAGIC
-        return parquet_table(path) if parquet or path.suffix == ".parquet" else _text_table(path)
+            head = file.read(len(PARQUET))
+        if head == PARQUET or path.suffix == ".parquet":
+            return _parquet_table(path)
+        return _npz_table(path) if head == ZIP else _text_table(path)
 
 
 @contextlib.contextmanager
@@ -99,28 +105,6 @@ def readable(path: Path) -> Iterator[None]:
         raise LogError(f"{path} is not a table: {said}", expected="CSV or Parquet with a row of names") from None
 
 
-def parquet_table(path: Path) -> Table:
-    """A Parquet file.
-
-    Raises:
-        OSError: it cannot be opened.
-        ValueError: it is damaged, or none.
-        MissingExtraError: another program wrote it, and PyArrow is not installed.
-    """
-    with open_file(path) as file:
-        try:
-            found = plain_parquet.contents(file)
-        except plain_parquet.Foreign:
-            return _foreign_table(path)
-
-    def read(columns: Sequence[int]) -> list[Array]:
-        with open_file(path) as file:
-            return [plain_parquet.column(file, found, i) for i in columns]
-
-    about = found.about.get(KEY)
-    return Table(path, found.names, read, _units_in(about), about)
-
-
 def _units_in(about: bytes | None) -> dict[str, str]:
     """Column → unit, as a trace says them."""
     try:
@@ -129,9 +113,8 @@ def _units_in(about: bytes | None) -> dict[str, str]:
         return {}
 
 
-def _foreign_table(path: Path) -> Table:
-    """A Parquet file by PyArrow."""
-    parquet = extra_module("pyarrow.parquet", "parquet", f"reading {path}, which another program wrote,")
+def _parquet_table(path: Path) -> Table:
+    parquet = extra_module("pyarrow.parquet", "parquet", f"reading {path}")
     with _arrow_errors(), open_file(path) as file:
         found = parquet.ParquetFile(file)
         schema, shape = found.schema_arrow, found.metadata
@@ -147,9 +130,10 @@ def _foreign_table(path: Path) -> Table:
             table = parquet.ParquetFile(file).read(wanted)
             return [_as_numbers(table[name].to_numpy(), name, path) for name in wanted]
 
+    about = (schema.metadata or {}).get(KEY.encode())
     said = {name: (schema.field(i).metadata or {}).get(b"unit", b"") for i, name in enumerate(names)}
-    units = {name: unit.decode(errors="replace") for name, unit in said.items()}
-    return Table(path, names, read, units, (schema.metadata or {}).get(KEY.encode()))
+    units = {name: unit.decode(errors="replace") for name, unit in said.items() if unit}
+    return Table(path, names, read, units or _units_in(about), about)
 
 
 @contextlib.contextmanager
@@ -163,6 +147,50 @@ def _arrow_errors() -> Iterator[None]:
         raise ValueError(str(error)) from None
 
 
+def _npz_table(path: Path) -> Table:
+    """The arrays of a file of NumPy's (n,); other members are left alone, but for `KEY`."""
+    size = path.stat().st_size
+    with _zip_errors(), zipfile.ZipFile(path) as file:
+        names = tuple(one.removesuffix(".npy") for one in file.namelist() if one.endswith(".npy"))
+        about = _member(file, KEY, size) if KEY in file.namelist() else None
+
+    def read(columns: Sequence[int]) -> list[Array]:
+        found = []
+        with _zip_errors(), zipfile.ZipFile(path) as file:
+            for name in (names[i] for i in columns):
+                member = io.BytesIO(_member(file, f"{name}.npy", size))
+                found.append(_as_numbers(np.lib.format.read_array(member), name, path))
+        if any(one.shape != (len(found[0]),) for one in found):
+            raise ValueError(f"its columns have the shapes {', '.join(str(one.shape) for one in found)}")
+        return found
+
+    return Table(path, names, read, _units_in(about), about)
+
+
+def _member(file: zipfile.ZipFile, name: str, size: int) -> bytes:
+    """A member of an NPZ file of that size."""
+    if (cells := file.getinfo(name).file_size // 8) > MOST_CELLS + _PACKED * size:
+        raise ValueError(f"{name} has {cells} numbers")
+    return file.read(name)
+
+
+@contextlib.contextmanager
+def _zip_errors() -> Iterator[None]:
+    """What NumPy and zipfile raise of a damaged file as `ValueError`."""
+    try:
+        yield
+    except (
+        zipfile.BadZipFile,
+        zlib.error,
+        EOFError,
+        NotImplementedError,
+        RuntimeError,
+        MemoryError,
+        KeyError,
+    ) as error:
+        raise ValueError(f"it is damaged: {error}") from None
+
+
 def _as_numbers(column: Any, name: str, path: Path) -> Array:
     """A column of whatever kind as numbers.
 
@@ -170,7 +198,7 @@ def _as_numbers(column: Any, name: str, path: Path) -> Array:
         LogError: one of them is none.
     """
     if column.dtype.kind not in "fiub":
-        for row, value in enumerate(column):
+        for row, value in enumerate(column.tolist()):
             try:
                 _number(value)
             except (TypeError, ValueError):
@@ -179,27 +207,15 @@ def _as_numbers(column: Any, name: str, path: Path) -> Array:
 
 
 def _text_table(path: Path) -> Table:
-    text = _IDLE.sub(b"", read_whole(path).removeprefix(codecs.BOM_UTF8))
+    whole = read_whole(path).removeprefix(codecs.BOM_UTF8)
+    about = whole[: whole.find(b"\n")].removeprefix(FIRST_LINE) if whole.startswith(FIRST_LINE) else None
+    text = _IDLE.sub(b"", whole)
     if (cells := max(text.count(one) for one in (b",", b";", b"\t")) + text.count(b"\n")) > MOST_CELLS:
         raise _too_many(path, cells)
 
     def opened() -> IO[str]:
         return io.TextIOWrapper(io.BytesIO(text), "utf-8", errors="replace")
 
-    return csv_table(path, opened)
-
-
-def csv_table(path: Path, opened: Callable[[], IO[str]]) -> Table:
-    """A table in text that begins with its row of names.
-
-    Args:
-        path: for messages.
-        opened: the text, each time from that row on.
-
-    Raises:
-        ValueError: no row of names.
-        LogError: one of them is no text, or all are numbers.
-    """
     with opened() as file:
         first = next((line for line in file if line.strip()), "").removeprefix("\ufeff")
     if not first:
@@ -234,7 +250,7 @@ def csv_table(path: Path, opened: Callable[[], IO[str]]) -> Table:
             return [np.ascontiguousarray(found[:, i]) for i in columns]
         return _field_by_field(path, opened, names, columns, separator)
 
-    return Table(path, names, read)
+    return Table(path, names, read, _units_in(about), about)
 
 
 def _number(text: Any) -> float:

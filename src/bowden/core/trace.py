@@ -1,25 +1,24 @@
-"""A trace: the record of a run, with its units, settings and seed, to and from Parquet and CSV."""
+"""A trace: the record of a run, with its units, settings and seed, to and from NPZ, CSV and Parquet."""
 
-import contextlib
 import csv
-import io
 import itertools
 import json
+import zipfile
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.core import arguments, metrics, plain_parquet, shown
-from bowden.core.bounded import open_file
+from bowden.core import arguments, metrics, shown
 from bowden.core.errors import BowdenError, LogError, ParameterError, UnknownNameError, near
+from bowden.core.extras import extra_module
 from bowden.core.files import whole_file
 from bowden.core.guesses import Answering, answering
 from bowden.core.metrics import Metrics
-from bowden.core.table import KEY, Table, csv_table, parquet_table
+from bowden.core.table import FIRST_LINE, KEY, read_table
 from bowden.core.units import DEGREES
 
 if TYPE_CHECKING:
@@ -28,7 +27,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_MAGIC = "# bowden trace: "
 _ROWS = 10_000
 """That are made text of at a time."""
 
@@ -64,8 +62,10 @@ def _meant(trace: "Trace", name: str) -> str:
 @answering(
     {
         **dict.fromkeys(("to_frame", "to_dataframe", "dataframe", "df"), "trace.to_pandas() or trace.to_polars()"),
-        **dict.fromkeys(("save", "write", "to_file"), "trace.to_parquet(path) or trace.to_csv(path)"),
-        **dict.fromkeys(("load", "read", "from_file"), "bowden.read_trace(path)"),
+        **dict.fromkeys(
+            ("save", "to_file", "to_csv", "to_parquet", "to_npz"), 'trace.write("run.npz"), .csv or .parquet'
+        ),
+        **dict.fromkeys(("load", "from_file", "from_csv", "from_parquet"), "bowden.read_trace(path)"),
         **dict.fromkeys(("show", "draw"), "trace.plot()"),
         **dict.fromkeys(("t", "times"), "trace.time"),
         **dict.fromkeys(("data", "values", "signals", "keys"), "trace.columns"),
@@ -393,102 +393,93 @@ class Trace(metaclass=Answering):
         gain = np.abs(metrics.frequency_response(self.time, reference, joint, frequencies, half_width))
         return metrics.bandwidth(frequencies, gain)
 
-    def to_parquet(self, path: Path | str) -> None:
-        """Write the trace; units, settings and seed go to the file's metadata, under ``bowden``.
+    def write(self, path: Path | str) -> None:
+        """Write the trace with its units, settings and seed, exact to the last bit.
+
+        Args:
+            path: ``.npz`` (NumPy's, which is small and fast), ``.csv`` (for people and other programs), or
+                ``.parquet``.
 
         Raises:
-            ParameterError: what is no path.
+            ParameterError: what is no path, or has another ending.
             OutputError: the file cannot be written.
+            MissingExtraError: Parquet, and PyArrow is not installed.
         """
-        write_parquet(iter([self]), arguments.path_of(path, "to_parquet: path"))
-
-    def to_csv(self, path: Path | str) -> None:
-        """Write the trace as text: a comment with units, settings and seed, a header, and exact decimal numbers.
-
-        Raises:
-            ParameterError: what is no path.
-            OutputError: the file cannot be written.
-        """
-        write_csv(iter([self]), arguments.path_of(path, "to_csv: path"))
+        write_traces(iter([self]), arguments.path_of(path, "write: path"))
 
     @classmethod
-    def from_parquet(cls, path: Path | str) -> "Trace":
-        """Read back what `to_parquet` wrote.
+    def read(cls, path: Path | str) -> "Trace":
+        """Read back what `write` wrote; the contents of the file decide how, not its name.
 
         Raises:
             LogError: no such file, or not a trace.
-            MissingExtraError: bowden 0.1 wrote it, or another program, and PyArrow is not installed.
+            MissingExtraError: Parquet, and PyArrow is not installed.
         """
-        path = arguments.path_of(path, "from_parquet: path")
-        with _reading(path, "Parquet"):
-            table = parquet_table(path)
+        path = arguments.path_of(path, "read: path")
+        table = read_table(path)
+        try:
             if table.about is None:
                 raise KeyError("units")
-            return cls._from(table, json.loads(table.about))
+            metadata = json.loads(table.about)
+            if list(table.names) != list(metadata["units"]):
+                raise ValueError(f"columns {list(table.names)}, declared as {list(metadata['units'])}")
+            values = table.numbers(range(len(table.names)))
+            if not len(values[0]):
+                raise ValueError("it has no rows")
+            columns = dict(zip(table.names, values, strict=True))
+            return cls(columns, metadata["units"], metadata["settings"], metadata["seed"])
+        except (KeyError, TypeError, ValueError, AttributeError, ParameterError, RecursionError) as error:
+            said = f"it does not say its {error.args[0]!s}" if isinstance(error, KeyError) else str(error)
+            raise LogError(f"{path} is no trace: {said}", expected="a file that bowden wrote") from None
 
-    @classmethod
-    def from_csv(cls, path: Path | str) -> "Trace":
-        """Read back what `to_csv` wrote.
-
-        Raises:
-            LogError: no such file, or not a trace.
-        """
-        path = arguments.path_of(path, "from_csv: path")
-        with _reading(path, "CSV"):
-            with open_file(path) as file:
-                first = file.readline().decode()
-            if not first.startswith(_MAGIC):
-                raise ValueError(f"its first line does not begin with {_MAGIC!r}")
-
-            def opened() -> IO[str]:
-                file = open_file(path)
-                file.readline()
-                return io.TextIOWrapper(file, "utf-8", errors="replace")
-
-            return cls._from(csv_table(path, opened), json.loads(first.removeprefix(_MAGIC)))
-
-    def _metadata(self) -> dict[str, Any]:
-        return {"units": self.units, "settings": dict(self.settings), "seed": self.seed}
-
-    @classmethod
-    def _from(cls, table: Table, metadata: dict[str, Any]) -> "Trace":
-        if list(table.names) != list(metadata["units"]):
-            raise ValueError(f"columns {list(table.names)}, declared as {list(metadata['units'])}")
-        values = table.read(range(len(table.names)))
-        if not len(values[0]):
-            raise ValueError("it has no rows")
-        columns = dict(zip(table.names, values, strict=True))
-        return cls(columns, metadata["units"], metadata["settings"], metadata["seed"])
+    def _about(self) -> str:
+        return json.dumps({"units": self.units, "settings": dict(self.settings), "seed": self.seed})
 
 
-def write_parquet(traces: Iterator[Trace], path: Path | str) -> None:
-    """Write traces, one or more that go on in one another, as one trace: what is too long for the memory.
+def write_traces(traces: Iterator[Trace], path: Path) -> None:
+    """Write traces that go on in one another as one; only as ``.npz`` need the whole of them fit into the memory.
 
     Raises:
+        ParameterError: another ending than .npz, .csv or .parquet.
         OutputError: the file cannot be written.
+        MissingExtraError: Parquet, and PyArrow is not installed.
     """
-    with whole_file(path) as part, part.open("wb") as file:
+    write = {".npz": _write_npz, ".csv": _write_csv, ".parquet": _write_parquet}.get(path.suffix)
+    if write is None:
+        raise ParameterError(f"path is {path}", expected="a name that ends in .npz, .csv or .parquet", do="choose one")
+    with whole_file(path) as part:
         first = next(traces)
-        about = {KEY: json.dumps(first._metadata()).encode()}
-        pieces = (list(trace.columns.values()) for trace in itertools.chain([first], traces))
-        plain_parquet.write(file, pieces, list(first.columns), about)
+        write(part, first, itertools.chain([first], traces))
 
 
-def write_csv(traces: Iterator[Trace], path: Path | str) -> None:
-    """The same as text.
+def _write_npz(path: Path, first: Trace, traces: Iterator[Trace]) -> None:
+    pieces = list(traces)
+    with zipfile.ZipFile(path, "w") as file:
+        for name in first.columns:
+            with file.open(zipfile.ZipInfo(f"{name}.npy"), "w", force_zip64=True) as member:  # without the time of day
+                np.lib.format.write_array(member, np.concatenate([one[name] for one in pieces]))
+        file.writestr(zipfile.ZipInfo(KEY), first._about())
 
-    Raises:
-        OutputError: the file cannot be written.
-    """
-    with whole_file(path) as part, part.open("w", encoding="utf-8", newline="") as file:
-        first = next(traces)
-        file.write(_MAGIC + json.dumps(first._metadata()) + "\n")
+
+def _write_csv(path: Path, first: Trace, traces: Iterator[Trace]) -> None:
+    with path.open("w", encoding="utf-8", newline="") as file:
+        file.write(f"{FIRST_LINE.decode()}{first._about()}\n")
         rows = csv.writer(file, lineterminator="\n")
         rows.writerow(first.columns)
-        for trace in itertools.chain([first], traces):
+        for trace in traces:
             for begin in range(0, len(trace), _ROWS):
                 part_of = (values[begin : begin + _ROWS].tolist() for values in trace.columns.values())
                 rows.writerows(zip(*part_of, strict=True))
+
+
+def _write_parquet(path: Path, first: Trace, traces: Iterator[Trace]) -> None:
+    pa = extra_module("pyarrow", "parquet", "writing Parquet (.csv and .npz need no package)")
+    parquet = extra_module("pyarrow.parquet", "parquet", "writing Parquet (.csv and .npz need no package)")
+    kinds = [pa.field(name, pa.float64(), nullable=False) for name in first.columns]
+    schema = pa.schema(kinds, metadata={KEY: first._about()})
+    with parquet.ParquetWriter(path, schema, use_dictionary=False) as file:
+        for trace in traces:
+            file.write_table(pa.table(list(trace.columns.values()), schema=schema))
 
 
 def _frames(name: str) -> Any:
@@ -506,17 +497,3 @@ def _frames(name: str) -> Any:
             f"to_{name} needs {name}, which cannot be imported ({error})",
             do=f"pip install {name}, or take NumPy arrays with trace.array(name)",
         ) from None
-
-
-@contextlib.contextmanager
-def _reading(path: Path | str, kind: str) -> Iterator[None]:
-    """Whatever goes wrong while reading becomes one line."""
-    try:
-        yield
-    except (OSError, csv.Error, KeyError, TypeError, ValueError, AttributeError, ParameterError) as error:
-        reason = (error.strerror if isinstance(error, OSError) else "") or " ".join(str(error).split())
-        if isinstance(error, KeyError):
-            reason = f"it does not say its {error.args[0]!s}"
-        raise LogError(f"cannot read {path}: {reason}", expected=f"a {kind} file written by bowden") from None
-    except RecursionError:  # what it says of itself is nested without end
-        raise LogError(f"cannot read {path}", expected=f"a {kind} file written by bowden") from None

@@ -7,7 +7,7 @@ from bowden.export.law import prefix, state_of
 from bowden.export.unit import template
 
 COLUMNS = ("joint_seen", "motor_seen", "reference", "reference_velocity", "reference_acceleration", "wish", "source")
-"""Columns of a recording, named as in the log of a live run: ``bowden log export run.mcap --to csv`` gives one."""
+"""Columns of a recording, named as in the log of a live run: ``bowden log export run.mcap`` gives one."""
 
 
 def replay_source(law: Law, *, single: bool = False) -> str:

@@ -144,7 +144,7 @@ def emg_score(
     """Find the contractions in a recording, as a live run finds them, and compare them with labels.
 
     Args:
-        recording: the path of a CSV, gzipped CSV or Parquet file, or the samples of one channel (n,), with their rate.
+        recording: path of a CSV (.gz), NPZ or Parquet file, or the samples of one channel (n,), with their rate.
         labels: the contractions as they are known: the path of a CSV (``onset_s,offset_s``), or pairs of onset and end
             in the recording's time [s].
         wearer: what `emg_calibrate` returned, or the path of its file.
@@ -243,7 +243,7 @@ def emg_calibrate(
     """Measure a wearer's rest and maximum voluntary contraction (MVC) in recordings.
 
     Args:
-        recording: the path of a CSV, gzipped CSV or Parquet file, or the samples of one channel (n,), with their rate:
+        recording: path of a CSV (.gz), NPZ or Parquet file, or the samples of one channel (n,), with their rate:
             rest, and a contraction as hard as possible.
         rest: a recording of rest alone; the calmest tenth of `recording` where it is not given.
         channel: name of the channel; of a file the first one where it is not given.

@@ -33,7 +33,7 @@ def identify(
     """Fit six families of cable models to the first half of a log, and judge them on the second half.
 
     Args:
-        log: the path of a CSV, gzipped CSV, MATLAB or Parquet file; a `Log` of `read_log`; a `Trace`; or time (n,) [s].
+        log: the path of a CSV (.gz), MATLAB, NPZ or Parquet file; a `Log` of `read_log`; a `Trace`; or time (n,) [s].
         motor: motor-side angle (n,); of a file, the name of its column.
         joint: joint-side angle (n,); of a file, the name of its column.
         time: the same for time, where it does not come first.
@@ -140,7 +140,7 @@ def read_log(
     """Read the log of a cable and check it: even time, finite angles that move, in radians.
 
     Args:
-        path: ``.csv``, ``.csv.gz``, ``.mat`` or ``.parquet``; lines of text above the column names are skipped.
+        path: ``.csv``, ``.csv.gz``, ``.mat``, ``.npz`` or ``.parquet``; text above the column names is skipped.
         time: name of the time column; guessed where it is not given.
         motor: name of the motor's column.
         joint: name of the joint's column.

@@ -7,11 +7,11 @@ from bowden.core.bounded import open_file, reason
 from bowden.core.errors import LogError
 from bowden.core.trace import Trace
 
-_MCAP, _PARQUET = b"\x89MCAP0\r\n", b"PAR1"
+_MCAP = b"\x89MCAP0\r\n"
 
 
 def read_trace(path: str | Path) -> Trace:
-    """Read a trace: Parquet or CSV of ``bowden simulate`` and of `Trace`, or the MCAP log of a live run.
+    """Read a trace: what ``bowden simulate`` and `Trace.write` wrote, or the MCAP log of a live run.
 
     If a log is cut short or damaged, the readable part is read, and nothing is guessed.
 
@@ -24,7 +24,7 @@ def read_trace(path: str | Path) -> Trace:
     >>> import pathlib, tempfile
     >>> import numpy as np
     >>> file = pathlib.Path(tempfile.mkdtemp()) / "run.csv"
-    >>> Trace({"time": np.arange(3.0)}, {"time": "s"}).to_csv(file)
+    >>> Trace({"time": np.arange(3.0)}, {"time": "s"}).write(file)
     >>> read_trace(file).time
     array([0., 1., 2.])
     """
@@ -33,11 +33,9 @@ def read_trace(path: str | Path) -> Trace:
         with open_file(file) as opened:
             head = opened.read(len(_MCAP))
     except OSError as error:
-        raise LogError(
-            f"cannot read {file}: {reason(error)}", expected="a Parquet, CSV or MCAP file of bowden"
-        ) from None
+        raise LogError(f"cannot read {file}: {reason(error)}", expected="a trace or log of bowden") from None
     if head == _MCAP:
         from bowden.live.mcap_read import read
 
         return read(file).trace()
-    return Trace.from_parquet(file) if head.startswith(_PARQUET) else Trace.from_csv(file)
+    return Trace.read(file)

@@ -13,7 +13,7 @@ import struct
 import threading
 from pathlib import Path
 
-from bowden.core import shared_memory
+from bowden.hardware import shared_memory
 from bowden.safety.state import Request
 
 WORDS = 8

@@ -12,9 +12,9 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from mcap.opcode import Opcode
+from mcap.records import Channel, Schema
 from numpy.typing import NDArray
-
-from bowden.live.mcap_records import Channel, Opcode, Schema
 
 PACKAGE = "bowden_msgs/msg/"
 _CDR_LITTLE_ENDIAN = 0x00000100  # the four bytes 00 01 00 00, read as a little-endian word
@@ -85,7 +85,7 @@ def declarations(found: Sequence[Topic]) -> list[tuple[Schema, Channel]]:
 def _declare(number: int, topic: str, text: str) -> tuple[Schema, Channel]:
     name = PACKAGE + "".join(part.capitalize() for part in topic[1:].split("_"))
     schema = Schema(id=number, name=name, encoding="ros2msg", data=text.encode())
-    return schema, Channel(id=number, schema_id=number, topic=topic, message_encoding="cdr")
+    return schema, Channel(id=number, schema_id=number, topic=topic, message_encoding="cdr", metadata={})
 
 
 class Packing:
@@ -132,8 +132,8 @@ class Packing:
         assert fields is not None
         return [fields[topic.name][1] for topic in self.topics]
 
-    def unpack(self, data: memoryview) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.int64], memoryview]:
-        """Numbers, rows and times [ns] of all whole rows at the beginning of `data`, and what follows them."""
+    def unpack(self, data: memoryview) -> tuple[NDArray[np.int64], NDArray[np.float64], memoryview]:
+        """Numbers and rows of all whole rows at the beginning of `data`, and what follows them."""
         many = np.frombuffer(data, self.dtype, len(data) // self.dtype.itemsize)
         right = np.ones(len(many), bool)
         for channel, topic in enumerate(self.topics, 1):
@@ -144,9 +144,8 @@ class Packing:
         rows = np.empty((n, self.width))
         for topic in self.topics:
             rows[:, topic.columns] = many[topic.name]["data"][:n]
-        first = many[self.topics[0].name]
-        numbers, times = first["sequence"][:n].astype(np.int64), first["log_time"][:n].astype(np.int64)
-        return numbers, rows, times, data[n * self.dtype.itemsize :]
+        numbers = many[self.topics[0].name]["sequence"][:n].astype(np.int64)
+        return numbers, rows, data[n * self.dtype.itemsize :]
 
     def pack_event(self, event: Event, log_time: int) -> bytes:
         """The message of an event at a time [ns]."""

@@ -9,21 +9,22 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
-
-from bowden.live.mcap_layout import Event, Packing, declarations, topics
-from bowden.live.mcap_records import (
+from mcap.data_stream import RecordBuilder
+from mcap.opcode import Opcode
+from mcap.records import (
     ChunkIndex,
     DataEnd,
     Footer,
     Header,
+    McapRecord,
     Metadata,
     MetadataIndex,
-    Opcode,
     Statistics,
     SummaryOffset,
-    packed,
 )
+from numpy.typing import NDArray
+
+from bowden.live.mcap_layout import Event, Packing, declarations, topics
 from bowden.live.ring import Description
 
 MAGIC = b"\x89MCAP0\r\n"
@@ -51,6 +52,14 @@ def about(description: Description, more: Mapping[str, str]) -> dict[str, str]:
 def checksum(said: Mapping[str, str]) -> str:
     """Of all entries but its own; MCAP has none for metadata, and a unit or a gain that is wrong shows nowhere else."""
     return f"{zlib.crc32(json.dumps(sorted((k, v) for k, v in said.items() if k != 'crc32')).encode()):08x}"
+
+
+def packed(*records: McapRecord) -> bytes:
+    """Records one after another, as bytes."""
+    builder = RecordBuilder()
+    for record in records:
+        record.write(builder)
+    return bytes(builder.end())  # type: ignore[no-untyped-call]
 
 
 def stamps_of(start: int, time: NDArray[np.float64]) -> NDArray[np.int64]:
@@ -89,7 +98,7 @@ class _Chunks:
 
     def append(self, entry: ChunkIndex, rows: int, events: int) -> None:
         """Take one more, behind the others."""
-        self.index += entry.packed()
+        self.index += packed(entry)
         times = entry.message_start_time, entry.message_end_time
         self._numbers.extend((entry.chunk_start_offset, rows, events, *times, len(self.index)))
 
@@ -129,7 +138,7 @@ class LogFile:
         """Length of the whole records so far [bytes]."""
         self.rows = 0
         """Rows in the file."""
-        head = MAGIC + packed([Header("ros2", "bowden"), *(record for pair in self._declared for record in pair)])
+        head = MAGIC + packed(Header("ros2", "bowden"), *(record for pair in self._declared for record in pair))
         self._append(head)
         self._put_metadata(ABOUT, metadata)
 
@@ -170,7 +179,9 @@ class LogFile:
             message_index_length=sum(map(len, index)),
             message_index_offsets=places,
             message_start_time=first,
-            size=len(data),
+            compression="",
+            compressed_size=len(data),
+            uncompressed_size=len(data),
         )
         self._append(chunk + b"".join(index))
         self._chunks.append(entry, len(rows), len(texts))
@@ -193,7 +204,7 @@ class LogFile:
             before, kept = self.size, len(self._metadata)
             try:
                 self._put_metadata(CLOSING, {**closing, "given_up": str(given_up), "rows": str(self.rows)})
-                self._append(DataEnd().packed())
+                self._append(packed(DataEnd(0)))
                 self._append(self._summary())
                 return given_up
             except OSError:
@@ -221,7 +232,7 @@ class LogFile:
         self.size += len(data)
 
     def _put_metadata(self, name: str, metadata: Mapping[str, str]) -> None:
-        data, at = Metadata(name, dict(metadata)).packed(), self.size
+        data, at = packed(Metadata(name, dict(metadata))), self.size
         self._append(data)
         self._metadata.append(MetadataIndex(at, len(data), name))
 
@@ -232,6 +243,8 @@ class LogFile:
         counts = dict.fromkeys(range(1, self._packing.event_channel), self.rows)
         counts |= {self._packing.event_channel: events} if events else {}
         statistics = Statistics(
+            attachment_count=0,
+            message_count=sum(counts.values()),
             channel_count=len(self._declared),
             channel_message_counts=counts,
             chunk_count=len(chunks),
@@ -241,11 +254,11 @@ class LogFile:
             schema_count=len(self._declared),
         )
         groups: list[tuple[Opcode, bytes]] = [
-            (Opcode.SCHEMA, packed([schema for schema, _ in self._declared])),
-            (Opcode.CHANNEL, packed([channel for _, channel in self._declared])),
-            (Opcode.STATISTICS, statistics.packed()),
+            (Opcode.SCHEMA, packed(*(schema for schema, _ in self._declared))),
+            (Opcode.CHANNEL, packed(*(channel for _, channel in self._declared))),
+            (Opcode.STATISTICS, packed(statistics)),
             (Opcode.CHUNK_INDEX, bytes(chunks.index)),
-            (Opcode.METADATA_INDEX, packed(self._metadata)),
+            (Opcode.METADATA_INDEX, packed(*self._metadata)),
         ]
         summary, offsets = b"", []
         for opcode, data in groups:
@@ -253,8 +266,8 @@ class LogFile:
                 offsets.append(SummaryOffset(opcode, self.size + len(summary), len(data)))
                 summary += data
         start, offset_start = self.size, self.size + len(summary)
-        summary += packed(offsets)
-        footer = Footer(start, offset_start, 0).packed()[:-4]
+        summary += packed(*offsets)
+        footer = packed(Footer(start, offset_start, 0))[:-4]
         return summary + footer + struct.pack("<I", zlib.crc32(summary + footer)) + MAGIC
 
 

@@ -9,18 +9,20 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from mcap.data_stream import ReadDataStream
+from mcap.exceptions import EndOfFile
+from mcap.opcode import Opcode
+from mcap.records import Chunk, Metadata
 from numpy.typing import NDArray
 
 from bowden.core.bounded import open_file, reason
 from bowden.core.errors import LogError
 from bowden.live import axis_columns
 from bowden.live.mcap_layout import Event, Packing, topics
-from bowden.live.mcap_log import ABOUT, CLOSING, MAGIC, checksum, stamps_of
-from bowden.live.mcap_records import Metadata, Opcode, read_metadata
+from bowden.live.mcap_log import ABOUT, CLOSING, MAGIC, checksum
 from bowden.live.ring import Description
 
 _HEAD = 9  # of a record: opcode and length
-_CHUNK_HEAD = 40  # of an uncompressed chunk: two times, size, CRC-32, no compression, size
 _DO = "give a log of bowden run"
 
 
@@ -32,7 +34,7 @@ class Damage(NamedTuple):
     skipped: int
     """Bytes that are no records, between others [bytes]."""
     torn: int
-    """Bytes at the end that are no whole row or record [bytes]."""
+    """Bytes at the end that are no whole record: the chunk that a kill cut off [bytes]."""
 
 
 class Piece(NamedTuple):
@@ -80,7 +82,6 @@ class LogReader:
         except (KeyError, TypeError, ValueError, RecursionError) as error:
             raise LogError(f"{path} does not say what its rows are: {error}", do=_DO) from error
         self._packing = Packing(topics(columns, units))
-        self._start, self._time = int(about["start_utc_ns"]), columns.index("time")
         names = [str(one["name"]) for one in self.settings.get("axes") or ()]
         wanted = None if only is None else {*axis_columns.named(tuple(only), names)} if names else {*only}
         kept = [i for i, name in enumerate(columns) if wanted is None or name in wanted]
@@ -120,67 +121,35 @@ class LogReader:
         """Take every record; where something is no record, go on at the next whole chunk."""
         data, at, ended = self._data, self._begin, False
         while at < len(data) and not ended:
-            size = self._size(at)
-            if size:
-                ended = data[at] == Opcode.FOOTER
-                yield from self._take(data[at], data[at + _HEAD : at + size])
-                at += size
+            found = _record(data, at)
+            if found is not None:
+                opcode, record, end = found
+                ended = opcode == Opcode.FOOTER
+                yield from self._take(opcode, record)
+                at = end
                 continue
             following = _next_chunk(data, at + 1)
             if following is None:
-                yield from self._take_torn(data[at:])
-                self.closing = None
+                self._torn, self.closing = len(data) - at, None
                 return
             self._skipped += following - at
             at = following
-        if bytes(data[at:]) != MAGIC:
+        if data[at:] != MAGIC:
             self._torn, self.closing = len(data) - at, None
 
-    def _size(self, at: int) -> int:
-        """Length of the record that begins at `at`; 0 where there is no whole one."""
-        if at + _HEAD > len(self._data):
-            return 0
-        opcode, length = struct.unpack_from("<BQ", self._data, at)
-        whole = Opcode.HEADER <= opcode <= Opcode.DATA_END and at + _HEAD + length <= len(self._data)
-        return _HEAD + length if whole else 0
-
-    def _take(self, opcode: int, body: memoryview) -> Iterator[Piece]:
-        if opcode == Opcode.CHUNK and not _sound(body):
-            self._chunks += 1
+    def _take(self, opcode: int, record: Chunk | Metadata | None) -> Iterator[Piece]:
+        if isinstance(record, Chunk):
+            numbers, rows, rest = self._packing.unpack(memoryview(record.data))
+            self._last = int(numbers[-1]) if len(numbers) else self._last
+            self.count += len(numbers)
+            yield Piece(numbers, rows[:, self._kept], self._packing.unpack_events(rest))
         elif opcode == Opcode.CHUNK:
-            numbers, rows, _, rest = self._packing.unpack(body[_CHUNK_HEAD:])
-            yield self._piece(numbers, rows, rest)
-        elif opcode == Opcode.METADATA:
-            record = _metadata(body)
-            if record is not None and record.name == CLOSING:
-                self.closing = record.metadata
-
-    def _take_torn(self, data: memoryview) -> Iterator[Piece]:
-        """The whole rows of a chunk that was cut.
-
-        Its checksum says nothing now; but what a kill leaves is cut, not changed, the row numbers must go on, and a row
-        says its time twice: up to the first that contradicts itself. A time that is wrong by itself has a page drawn
-        over 10³⁰⁰ seconds.
-        """
-        start, self._torn = _HEAD + _CHUNK_HEAD, len(data)
-        if len(data) <= start or data[0] != Opcode.CHUNK:
-            return
-        numbers, rows, times, rest = self._packing.unpack(data[start:])
-        same = stamps_of(self._start, rows[:, self._time]) == times
-        if not same.all():
-            n = int(same.argmin())
-            numbers, rows, rest = numbers[:n], rows[:n], rest[len(rest) :]
-        if (np.diff(numbers, prepend=self._last) > 0).all():
-            self._torn -= start + len(numbers) * self._packing.dtype.itemsize
-            yield self._piece(numbers, rows, rest)
-
-    def _piece(self, numbers: NDArray[np.int64], rows: NDArray[np.float64], rest: memoryview) -> Piece:
-        self._last = int(numbers[-1]) if len(numbers) else self._last
-        self.count += len(numbers)
-        return Piece(numbers, rows[:, self._kept], self._packing.unpack_events(rest))
+            self._chunks += 1
+        elif isinstance(record, Metadata) and record.name == CLOSING:
+            self.closing = record.metadata
 
 
-def _mapped(path: Path) -> memoryview:
+def _mapped(path: Path) -> mmap.mmap:
     """The bytes of a file that begins as MCAP does."""
     try:
         with open_file(path) as file:
@@ -189,55 +158,62 @@ def _mapped(path: Path) -> memoryview:
                 raise LogError(f"{path} is empty", do=_DO)
             if start != MAGIC:
                 raise LogError(f"{path} is no MCAP file", do=_DO)
-            return memoryview(mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ))
+            return mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
     except (OSError, ValueError) as error:  # ValueError: a null byte in its name
         raise LogError(f"cannot read {path}: {reason(error)}", do=_DO) from error
 
 
-def _about(data: memoryview, path: Path) -> tuple[dict[str, str], int]:
+def _about(data: mmap.mmap, path: Path) -> tuple[dict[str, str], int]:
     """The first metadata record, and where it ends."""
     at = len(MAGIC)
-    while at + _HEAD <= len(data):
-        opcode, length = struct.unpack_from("<BQ", data, at)
-        end = at + _HEAD + length
-        if opcode in (Opcode.CHUNK, Opcode.DATA_END, Opcode.FOOTER) or end > len(data):
+    while (found := _record(data, at)) is not None:
+        opcode, record, at = found
+        if opcode in (Opcode.CHUNK, Opcode.DATA_END, Opcode.FOOTER):
             break
-        if opcode == Opcode.METADATA:
-            record = _metadata(data[at + _HEAD : end])
-            if record is not None and record.name == ABOUT:
-                if record.metadata.get("crc32") != checksum(record.metadata):
-                    break
-                return record.metadata, end
-        at = end
+        if isinstance(record, Metadata) and record.name == ABOUT:
+            if record.metadata.get("crc32") != checksum(record.metadata):
+                break
+            return record.metadata, at
     raise LogError(
         f"{path} does not say what its rows are: it is another program's, or its beginning is damaged", do=_DO
     )
 
 
-def _metadata(data: memoryview) -> Metadata | None:
-    try:
-        return read_metadata(bytes(data))
-    except ValueError:
+def _record(data: mmap.mmap, at: int) -> tuple[int, Chunk | Metadata | None, int] | None:
+    """The record that begins at a place, and its end; None where no whole one does.
+
+    Metadata and chunks are read, and are None if they are damaged; what else there is (the index of every chunk above
+    all) is passed over, for which mcap's own `StreamReader` has no way, nor for going on behind a damaged record.
+    """
+    if at + _HEAD > len(data):
         return None
+    opcode, length = struct.unpack_from("<BQ", data, at)
+    end = at + _HEAD + length
+    if not Opcode.HEADER <= opcode <= Opcode.DATA_END or end > len(data):
+        return None
+    record: Chunk | Metadata | None = None
+    if opcode in (Opcode.CHUNK, Opcode.METADATA):
+        data.seek(at + _HEAD)
+        stream = ReadDataStream(data)  # type: ignore[arg-type]  # of a file it calls `read` alone
+        try:
+            record = Chunk.read(stream) if opcode == Opcode.CHUNK else Metadata.read(stream)
+        except (ValueError, struct.error, EndOfFile):
+            return opcode, None, end
+        if data.tell() != end or (isinstance(record, Chunk) and not _sound(record)):
+            record = None
+    return opcode, record, end
 
 
-def _sound(body: memoryview) -> bool:
+def _sound(chunk: Chunk) -> bool:
     """Whether a chunk's length and checksum are right, and it is not compressed."""
-    if len(body) < _CHUNK_HEAD:
-        return False
-    _, _, size, crc, compression, again = struct.unpack_from("<QQQIIQ", body)
-    fits = compression == 0 and size == again == len(body) - _CHUNK_HEAD
-    return fits and zlib.crc32(body[_CHUNK_HEAD:]) == crc
+    fits = not chunk.compression and chunk.uncompressed_size == len(chunk.data)
+    return fits and zlib.crc32(chunk.data) == chunk.uncompressed_crc
 
 
-def _next_chunk(data: memoryview, at: int) -> int | None:
+def _next_chunk(data: mmap.mmap, at: int) -> int | None:
     """Where the next chunk that is as it was written begins, at `at` or later."""
-    buffer = data.obj
-    assert isinstance(buffer, mmap.mmap)
-    while (at := buffer.find(bytes([Opcode.CHUNK]), at)) >= 0:
-        if at + _HEAD + _CHUNK_HEAD <= len(data):
-            (length,) = struct.unpack_from("<Q", data, at + 1)
-            if length <= len(data) - at - _HEAD and _sound(data[at + _HEAD : at + _HEAD + length]):
-                return at
+    while (at := data.find(bytes([Opcode.CHUNK]), at)) >= 0:
+        if (found := _record(data, at)) is not None and found[1] is not None:
+            return at
         at += 1
     return None

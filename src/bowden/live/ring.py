@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.core.errors import LogError, OutputError
-from bowden.core.shared_memory import Barrier
+from bowden.hardware.shared_memory import Barrier
 from bowden.live.ring_status import WORDS, RecorderStatus
 
 Row = NDArray[np.float64]

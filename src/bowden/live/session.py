@@ -20,12 +20,13 @@ from numbers import Real
 from pathlib import Path
 from typing import Any
 
-from bowden.core import shared_memory, shown
+from bowden.core import shown
 from bowden.core.arguments import said
 from bowden.core.clock import SECOND, MonotonicClock, unix_seconds
 from bowden.core.errors import DriveError, LogError, OutputError, ParameterError, SafetyError, near
 from bowden.core.trace import Trace
 from bowden.cycle.one_cycle import WishSource
+from bowden.hardware import shared_memory
 from bowden.hardware.drives.family import family_of
 from bowden.live import control_block, left_behind
 from bowden.live.automatic import automatic

@@ -188,7 +188,7 @@ def refuse_no_number(dynamics: Dynamics, columns: Mapping[str, float], time: flo
             reads = name.endswith("_measured")
             own = dynamics.observe if reads else dynamics.advance
             own = dynamics.parts.get("own_observe" if reads else "own_advance", own)  # of one that is turned round
-            if user_file.is_ours(own):  # encoders are read by ours
+            if user_file.is_package(Path(own.__code__.co_filename)):  # encoders are read by ours
                 own = dynamics.parts.get("own_advance", dynamics.advance)
             where = user_file.line(own, Path(dynamics.file))
             raise ParameterError(

@@ -68,7 +68,7 @@ def held(motion: Recorded) -> RecordedMotion:
 
 
 def read_motion(said: RecordedFile, folder: Path) -> RecordedMotion:
-    """The motion in a CSV (also gzipped) or Parquet file, as [reference] of a rig.toml describes it.
+    """The motion in a CSV (also gzipped), NPZ or Parquet file, as [reference] of a rig.toml describes it.
 
     Raises:
         LogError: no such file or column, text where a number should be, angles in degrees called radians.

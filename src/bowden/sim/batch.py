@@ -16,7 +16,6 @@ from bowden.control.source import Measurement
 from bowden.core.kernel import kernel, noinline, sqrt
 from bowden.core.metrics import LATE, SMALLEST_STROKE
 from bowden.core.nested import unflatten_like
-from bowden.core.pairwise import pairwise_sum
 from bowden.core.signals import Reference, Sample
 from bowden.cycle.one_cycle import LAW, Plan, bare_settings, bare_start, one_cycle
 from bowden.plants.plant import (
@@ -29,6 +28,7 @@ from bowden.plants.plant import (
     sheath_at,
 )
 from bowden.sim.faulty import SensorFault, as_it_is
+from bowden.sim.pairwise import pairwise_sum
 from bowden.sim.run import RUNAWAY
 
 Array = NDArray[np.float64]

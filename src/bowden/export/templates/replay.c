@@ -3,7 +3,7 @@
  *   replay RECORDING.csv           compares every command with the recorded one; exit code 1 where one is not exact
  *   replay RECORDING.csv --print   prints time, command and state of every cycle instead
  *
- * A recording is a CSV file with the columns of a live run's log: `bowden log export RUN.mcap --to csv`.
+ * A recording is a CSV file with the columns of a live run's log: `bowden log export RUN.mcap`.
  */
 
 #include <math.h>

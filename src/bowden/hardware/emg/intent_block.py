@@ -9,7 +9,7 @@ leaves words that grow old, which the supervisor sees.
 from pathlib import Path
 from typing import NamedTuple
 
-from bowden.core import shared_memory
+from bowden.hardware import shared_memory
 
 _SEQUENCE, _FIRST = 0, 1
 

@@ -76,7 +76,7 @@ def read_emg(path: Path, channel: str | None = None, rate: float | None = None) 
     """Read one channel of a recording.
 
     Args:
-        path: ``.csv``, ``.csv.gz`` or ``.parquet`` with a column of times and one or more of EMG.
+        path: ``.csv``, ``.csv.gz``, ``.npz`` or ``.parquet`` with a column of times and one or more of EMG.
         channel: name of the column; the first that is not the time where it is not given.
         rate: samples a second, as they are declared elsewhere; a file without times needs it [Hz].
 

@@ -1,4 +1,4 @@
-"""Reading and checking the log of a cable: CSV (also gzipped), MATLAB and Parquet files."""
+"""Reading and checking the log of a cable: CSV (also gzipped), MATLAB, NPZ and Parquet files."""
 
 import math
 import shlex
@@ -14,7 +14,7 @@ from bowden.core.arguments import said
 from bowden.core.bounded import open_file
 from bowden.core.errors import LogError, ParameterError
 from bowden.core.guesses import answering
-from bowden.core.table import read_table
+from bowden.core.table import PARQUET, ZIP, read_table
 from bowden.core.units import DEGREES
 from bowden.identify.cable import checks
 from bowden.identify.cable.counting import NOT_SAID, Covered, Encoders
@@ -110,7 +110,7 @@ def read_log(
     """Read a cable's log and check it.
 
     Args:
-        path: ``.csv``, ``.csv.gz``, ``.mat`` (up to version 7) or ``.parquet``; rows of text may stand above the names.
+        path: ``.csv``, ``.csv.gz``, ``.mat`` (up to version 7), ``.npz``, ``.parquet``; text may stand above the names.
         time: name of the time column; guessed where it is not given.
         motor: name of the motor's column.
         joint: name of the joint's column.
@@ -177,7 +177,7 @@ def read_columns(
     known: Mapping[str, Sequence[str]] = CABLE,
     optional: Collection[str] = (),
 ) -> RawLog:
-    """Columns of a log, from text, a MATLAB file or Parquet; see `find_columns`.
+    """Columns of a log, from text, a MATLAB file, NPZ or Parquet; see `find_columns`.
 
     Raises:
         LogError: the file cannot be read, or has no such columns.
@@ -185,7 +185,9 @@ def read_columns(
     try:
         if file.is_dir():
             raise LogError(
-                f"{file} is a folder", expected="a log file", do="give the path of one .csv, .csv.gz, .mat or .parquet"
+                f"{file} is a folder",
+                expected="a log file",
+                do="give the path of one .csv, .csv.gz, .mat, .npz or .parquet",
             )
         with open_file(file) as opened:
             head = opened.read(512)
@@ -197,10 +199,10 @@ def read_columns(
             raise LogError(
                 f"{file} is the log of a live run",
                 expected="time, motor and joint in columns",
-                do=f"write them: bowden log export {shlex.quote(str(file))} --to csv; in Python read it with "
+                do=f"write them: bowden log export {shlex.quote(str(file))}; in Python read it with "
                 "bowden.read_trace(path), which bowden.identify takes",
             )
-        read = _read_parquet if head.startswith(b"PAR1") else read_matlab if is_matlab(file, head) else read_text
+        read = _read_table if head.startswith((PARQUET, ZIP)) else read_matlab if is_matlab(file, head) else read_text
         columns, values, place = read(file, given, known, optional)
         return RawLog(columns, {role: np.asarray(part, dtype=np.float64) for role, part in values.items()}, place)
     except FileNotFoundError:
@@ -211,7 +213,7 @@ def read_columns(
         ) from None
 
 
-def _read_parquet(
+def _read_table(
     path: Path, given: Mapping[str, str | None], known: Mapping[str, Sequence[str]], optional: Collection[str] = ()
 ) -> tuple[dict[str, LogColumn], dict[str, Array], Callable[[int], str]]:
     table = read_table(path)
