@@ -19,7 +19,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.core.matrix import exponential
 from bowden.models.drive.holding_brake import HoldingBrake
 from bowden.models.suit.arm import GRAVITY
 from bowden.models.suit.suit_angle import flexor_arm
@@ -56,6 +55,8 @@ def linear_suit(suit: Suit, angle: float, *, extensor: bool = True, slope_factor
     Raises:
         ParameterError: a part of the suit that cannot be.
     """
+    from scipy.linalg import expm  # a fifth of a second, which only a check need wait for
+
     made = prepare_suit(suit)
     motor, arm, wearer, radius = suit.motor, suit.arm, suit.wearer, made.joint_radius
     factor = slope_factor * made.flexor.slope
@@ -78,7 +79,7 @@ def linear_suit(suit: Suit, angle: float, *, extensor: bool = True, slope_factor
     if integral:
         whole[1, 4] = omega**2
         whole[4, 0], whole[4, states] = -motor.integral, motor.integral * gear
-    held = exponential(whole * suit.sample_time)
+    held = expm(whole * suit.sample_time)
     size = states + suit.delay
     a, b, joint, spool = np.zeros((size, size)), np.zeros((size, 1)), np.zeros((1, size)), np.zeros((1, size))
     a[:states, :states], joint[0, 2], spool[0, 0] = held[:states, :states], 1.0, 1.0 / gear

@@ -19,7 +19,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.control.admittance.virtual_elbow import Admittance
-from bowden.core.matrix import exponential
 from bowden.models.suit.arm import Arm
 
 Array = NDArray[np.float64]
@@ -95,15 +94,17 @@ class Held(NamedTuple):
 
 def held_loops(port: Port, wearers: list[Body]) -> list[Held]:
     """The suit with each of the wearers, and with an elbow that is held."""
+    from scipy.linalg import expm  # a fifth of a second, which only a check need wait for
+
     drive = _drive(port)
-    still = exponential(np.delete(np.delete(drive, 2, 0), 2, 1) * port.dt)
+    still = expm(np.delete(np.delete(drive, 2, 0), 2, 1) * port.dt)
     held = Held(port, still[None, :2, :2], still[None, :2, 2], np.array([-port.across, 0.0]))
     whole = np.zeros((len(wearers), 5, 5))
     whole[:, :2, :3], whole[:, :2, 4], whole[:, 2, 3] = drive[:2, :3], drive[:2, 3], 1.0
     for i, body in enumerate(wearers):
         pull = (port.across, 0.0, -port.joint_stiffness - body.stiffness, -body.damping, 0.0)
         whole[i, 3] = np.array(pull) / body.inertia
-    moved = exponential(whole * port.dt)
+    moved = expm(whole * port.dt)
     torque_input = np.array([-port.across, 0.0, port.joint_stiffness, 0.0])
     return [held, Held(port, moved[:, :4, :4], moved[:, :4, 4], torque_input)] if wearers else [held]
 

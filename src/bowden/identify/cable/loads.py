@@ -38,7 +38,6 @@ from bowden.identify.cable.bouc_wen import BoucWenCable
 from bowden.identify.cable.counting import covered_by
 from bowden.identify.cable.cycles import ENOUGH, FOR_YES, Cycles, whole_cycles
 from bowden.identify.cable.model import SCHEDULED, CableModel
-from bowden.identify.cable.non_negative import non_negative
 from bowden.identify.cable.part import Progress
 from bowden.identify.cable.path import Path, path_of
 from bowden.identify.cable.projection import inverse_of, products
@@ -518,10 +517,12 @@ def _fitted(moved: Sequence[_Moved], values: Array, frame: _Frame) -> ScheduledC
 
 def _shares(moved: Sequence[_Moved], frame: _Frame) -> Array:
     """ηᵢ (k,) [1/rad], by non-negative least squares; each log has a static curve of its own beside the plays."""
+    from scipy.optimize import nnls  # half a second, which a simulation need not wait for
+
     sums = np.sum([one.memory for one in moved], axis=0)
     size = np.sqrt(np.maximum(np.diag(sums)[:-1], 1e-300))
     lower = np.linalg.cholesky(sums[:-1, :-1] / np.outer(size, size) + 1e-11 * np.eye(len(size)))
-    found = non_negative(lower.T, np.asarray(np.linalg.solve(lower, sums[:-1, -1] / size))) / size
+    found = nnls(lower.T, np.linalg.solve(lower, sums[:-1, -1] / size))[0] / size
     if not found.any():  # a cable without a loop: any memory will do, and g says that there is none
         found[0] = 1.0
     return np.asarray(found / (found @ frame.half_widths))
