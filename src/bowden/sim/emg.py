@@ -168,5 +168,5 @@ def _filtered(values: Array, order: int, edges: float | tuple[float, float], rat
     """Through a Butterworth low-pass, or a band-pass between two edges [Hz], from rest (n,)."""
     from scipy import signal  # a second, which only made-up EMG need wait for
 
-    kind = "bandpass" if isinstance(edges, tuple) else "lowpass"
-    return np.asarray(signal.sosfilt(signal.butter(order, edges, kind, fs=rate, output="sos"), values))
+    sections = signal.butter(order, edges, "band" if isinstance(edges, tuple) else "low", fs=rate, output="sos")
+    return np.asarray(signal.sosfilt(sections, values))

@@ -59,7 +59,7 @@ def search(path: Path, seed: int) -> Array:
         return found
 
     found = differential_evolution(
-        costs,
+        costs,  # type: ignore[arg-type]  # of one candidate, as SciPy's types have it
         Bounds(*bounds(path.span)),
         popsize=8,
         maxiter=25,

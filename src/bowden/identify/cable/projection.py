@@ -110,11 +110,17 @@ def minimise(
     def problem(theta: bytes) -> tuple[Array, Array, Array]:
         return reduced_problem(basis, np.frombuffer(theta), joint, weight)
 
+    def residual(theta: Array) -> Array:
+        return problem(theta.tobytes())[0]
+
+    def slopes(theta: Array) -> Array:
+        return problem(theta.tobytes())[1]
+
     margin = 1e-6 * (high - low)
     found = least_squares(
-        lambda theta: problem(theta.tobytes())[0],
+        residual,
         np.clip(start, low + margin, high - margin),
-        jac=lambda theta: problem(theta.tobytes())[1],
+        jac=slopes,
         bounds=(low, high),
         x_scale=0.1 * np.minimum(high - low, 10.0),
         xtol=1e-9,

@@ -187,7 +187,7 @@ def _fit(command: Array, motor: Array, dt: float, limits: str, near: _Fit | None
         gtol=1e-14,
         max_nfev=_MOST,
     )
-    left, jacobian = found.fun, found.jac
+    left, jacobian = np.asarray(found.fun), np.asarray(found.jac)
     n = len(left)
     near_one = float(np.sum(left[1:] * left[:-1]) / max(float(np.sum(left**2)), 1e-300))
     independent = n * max(1.0 - near_one, 1e-3) / (1.0 + max(near_one, 0.0))
