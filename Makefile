@@ -23,7 +23,7 @@ help:
 	@echo "make lock    which version of every package was tested, with hashes: requirements/ (needs uv)"
 	@echo "make release check what may be released: versions, lock, wheel, sources, a clean install"
 	@echo "make bench   speed against others; check and our law on random rigs (half an hour)"
-	@echo "make soak    the long tests, hours: live loop for MINUTES=10, kills, faults; resumable; PARTS=live for one"
+	@echo "make soak    the long tests, hours: kills, faults, releases, streams; resumable; PARTS=kills for one"
 	@echo "make walk    all commands of README and of every page, in a fresh environment (half an hour)"
 	@echo "make clean   remove what make and the tools have made"
 	@echo
@@ -129,7 +129,7 @@ bench: .venv/dev
 	$(BIN)/python benchmarks/fresh_process.py
 
 soak: .venv/dev
-	$(BIN)/python benchmarks/soak.py $(PARTS) --minutes $(or $(MINUTES),10)
+	$(BIN)/python benchmarks/soak.py $(PARTS)
 
 walk: .venv/dev
 	$(BIN)/python tools/walk.py --write

@@ -23,7 +23,7 @@ from bowden.control.knowledge import configured
 from bowden.control.law import Law
 from bowden.control.reference import PeriodicMinimumJerk, PointToPoint, Trajectory
 from bowden.core.units import RADIANS
-from bowden.identify.cable.fit import identify_log
+from bowden.identify.cable.identification import identify_log
 from bowden.identify.log.read import read_log
 from bowden.models.cable.capstan import Tendon
 from bowden.models.cable.lumped_cable import LumpedTendon

@@ -20,7 +20,7 @@ from bowden.control.reference import Multisine
 from bowden.core.kernel import compiled, kernel
 from bowden.core.units import DEGREES
 from bowden.identify.cable.bouc_wen import BoucWenCable, simulate
-from bowden.identify.cable.fit import identify
+from bowden.identify.cable.identification import identify
 from bowden.identify.cable.path import Path, build_path
 from bowden.identify.cable.turns import find_turns, motor_noise
 from bowden.identify.log.read import read_log

@@ -13,33 +13,15 @@ HEAD = (
     "run's.\n"
 )
 ORDER = [
-    *(
-        "Speed",
-        "What a user waits for",
-        "Campaigns",
-        "A cycle of each law",
-        "A sample of the detector",
-        "How far `bowden check` can be trusted",
-    ),
-    *("Identification against others", "Strokes larger than the log's", "The forecast of an identification"),
-    *("What more cycles in a log buy", "Time of an identification"),
-    *("Our law on random plants", "Our law on named cases", "The suit on random wearers"),
-    *(
-        "The live loop",
-        "Families of drives",
-        "Several axes",
-        "A long run",
-        "Stops among other requests",
-        "Loss of a process",
-        "Loss of the recorder",
-        "Faults",
-        "A thousand releases",
-        "Hours without a fault",
-    ),
+    *("Speed", "What a user waits for", "A cycle of each law", "A sample of the detector"),
+    "How far `bowden check` can be trusted",
+    *("Identification against others", "Time of an identification", "Twelve recorded cables, from log to running law"),
+    *("Our law on random plants", "The suit on random wearers"),
+    *("Stops among other requests", "Loss of a process", "Faults", "A thousand releases", "Hours without a fault"),
     *("EMG streams", "Hostile streams of EMG", "Inputs that nobody would write"),
-    *("Loss of the console's page", "Curves of the console", "A console for a long time", "Every command of the pages"),
+    "Every command of the pages",
 ]
-"""Titles."""
+"""Titles of sections that a program writes; those of studies that are done stand after them."""
 
 
 def write(title: str, text: str, page: Path = PAGE) -> None:
@@ -47,9 +29,10 @@ def write(title: str, text: str, page: Path = PAGE) -> None:
     there = page.read_text(encoding="utf-8") if page.is_file() else ""
     known = {part.partition("\n")[0]: part.partition("\n")[2].strip() for part in there.split("\n## ")[1:]}
     known[title] = text.strip()
+    titles = [*ORDER, *(name for name in known if name not in ORDER)]
     with whole_file(page) as part:
         part.write_text(
-            "\n".join([HEAD, *(f"## {name}\n\n{known[name]}\n" for name in ORDER if name in known)]), encoding="utf-8"
+            "\n".join([HEAD, *(f"## {name}\n\n{known[name]}\n" for name in titles if name in known)]), encoding="utf-8"
         )
 
 

@@ -3,7 +3,7 @@
 Prints tables and writes each to its section of ``benchmarks/RESULTS.md``. Of speed it is the ratios that count: the
 times are this machine's. With the names of parts (functions of this file) only these are run, and only sections that
 were run whole are written anew. `study` and `plants` take minutes and keep what is done in ``out/bench``, so that they
-can be interrupted; with ``--count`` they run on fewer rigs (of another seed), plants or seeds, and write nothing.
+can be interrupted; with ``--count`` they run on fewer rigs (of another seed), plants or wearers, and write nothing.
 """
 
 import argparse
@@ -55,13 +55,6 @@ def search(count: int | None) -> Found:
     return peer_search.rows()
 
 
-def batch(count: int | None) -> Found:
-    """Many closed loops in one call: throughput, cost, memory."""
-    import batch_cost
-
-    return batch_cost.figures() if count is None else batch_cost.figures(count)
-
-
 def study(count: int | None) -> Found:
     """The verdicts of `bowden check` against long simulations."""
     import check_study
@@ -76,13 +69,6 @@ def plants(count: int | None) -> Found:
     return random_plants.figures(count or random_plants.COUNT)
 
 
-def cases(count: int | None) -> Found:
-    """Our law on the cases that it was asked to meet."""
-    import named_cases
-
-    return named_cases.figures(count or named_cases.SEEDS)
-
-
 def wearers(count: int | None) -> Found:
     """The compensated suit on random wearers."""
     import suit_wearers
@@ -92,10 +78,8 @@ def wearers(count: int | None) -> Found:
 
 SECTIONS: dict[str, tuple[Callable[[int | None], Found], ...]] = {
     "Speed": (c, control, scipy, jax, search),
-    "Campaigns": (batch,),
     "How far `bowden check` can be trusted": (study,),
     "Our law on random plants": (plants,),
-    "Our law on named cases": (cases,),
     "The suit on random wearers": (wearers,),
 }
 
@@ -104,7 +88,7 @@ def main() -> None:
     parts = [part.__name__ for section in SECTIONS.values() for part in section]
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("parts", nargs="*", choices=[[], *parts], help="run only these parts")
-    parser.add_argument("--count", type=int, help="of the runs, rigs, plants or seeds of the last four, for a try")
+    parser.add_argument("--count", type=int, help="of the rigs, plants or wearers of the last three, for a try")
     arguments = parser.parse_args()
     begin = time.perf_counter()
     for title, section in SECTIONS.items():

@@ -18,7 +18,8 @@ from bowden.control.laws.adaptive import ultimate_bounds
 from bowden.control.stability import adaptive_model, margins, servo_model
 from bowden.core.errors import ParameterError
 from bowden.design.advice import advise
-from bowden.design.check import STROKE, VerdictName, check
+from bowden.design.check import STROKE, check
+from bowden.design.check_result import VerdictName
 from bowden.design.limit_cycle import describing_function, hysteresis_response
 from bowden.design.trial import LONGEST, MOVING, run_trial, settled_after
 from bowden.models.cable.bouc_wen import prepare_cable

@@ -20,7 +20,8 @@ from bowden.control import LAWS
 from bowden.control.law import Law
 from bowden.control.reference import PeriodicMinimumJerk, Trajectory
 from bowden.core.errors import OutputError, ParameterError
-from bowden.design.check import MOST_PER_COUNT, check
+from bowden.design.check import check
+from bowden.design.check_result import MOST_PER_COUNT
 from bowden.design.evolution import Array, Population, Score
 from bowden.design.gains_text import with_gains
 from bowden.design.processes import two_workers

@@ -9,7 +9,8 @@ import pytest
 
 from bowden.core.units import DEGREES
 from bowden.identify.cable import bouc_wen_search, projection
-from bowden.identify.cable.fit import Fit, identify_log
+from bowden.identify.cable.fit import Fit
+from bowden.identify.cable.identification import identify_log
 from bowden.identify.log.read import read_log
 
 MOST_EVALUATIONS = 300

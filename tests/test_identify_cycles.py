@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 
 from bowden.identify.cable.advice import seconds_text
 from bowden.identify.cable.cycles import ENOUGH, Cycles, whole_cycles
-from bowden.identify.cable.fit import identify
+from bowden.identify.cable.identification import identify
 from bowden.identify.cable.path import path_of
 from bowden.identify.cable.recalibrate import to_identify
 

@@ -14,9 +14,10 @@ from bowden.core.units import DEGREES
 from bowden.identify.cable import settling as settling_module
 from bowden.identify.cable.bouc_wen import chebyshev
 from bowden.identify.cable.family import Estimate
-from bowden.identify.cable.fit import Fit, identify
+from bowden.identify.cable.fit import Fit
 from bowden.identify.cable.forecast import forecast
 from bowden.identify.cable.generalised import GeneralisedPlay
+from bowden.identify.cable.identification import identify
 from bowden.identify.cable.model import NAMES, CableModel
 from bowden.identify.cable.path import Path, build_path
 from bowden.identify.cable.settling import Settling, settling
@@ -77,11 +78,12 @@ def test_the_forecast_is_what_the_models_inverse_leaves() -> None:
     motor = slot + play.parameters["half_width"] * np.sign(np.gradient(slot))
     left = cable(motor) - reference
     drawn = play.model.joint_angle(MOTOR)
-    said = forecast(fit.log, fit.split, drawn, play, line)
+    known = line.parameters["slope"], play.test_rms, line.test_rms
+    said = forecast(fit.log, fit.split, drawn, *known)
     assert 0.85 < np.sqrt(np.mean(left[fit.split :] ** 2)) / said.compensated < 1.15
     assert said.compensated < 0.2 * said.uncompensated
     counted = np.round(MOTOR / 1e-3) * 1e-3
-    counts = forecast(replace(fit.log, motor=counted), fit.split, drawn, play, line).resolution
+    counts = forecast(replace(fit.log, motor=counted), fit.split, drawn, *known).resolution
     assert counts == pytest.approx(1e-3 * line.parameters["slope"] / math.sqrt(12.0), rel=1e-3)
 
 

@@ -17,11 +17,11 @@ from bowden.app.schema_command import json_schema
 from bowden.core.errors import BowdenError
 from bowden.core.units import DEGREES
 from bowden.identify.cable.fit import Fit
-from bowden.identify.cable.joint_file import joint_text, recalibrated_text
-from bowden.identify.cable.loads import JointFit, _levels, identify_loads
+from bowden.identify.cable.joint_fit import JointFit, joint_text
+from bowden.identify.cable.loads import _levels, identify_loads
 from bowden.identify.cable.model import CableModel, IdentifiedCable
 from bowden.identify.cable.model_file import load_cable, load_judged
-from bowden.identify.cable.recalibrate import recalibrate, recalibrated, verdict
+from bowden.identify.cable.recalibrate import recalibrate, recalibrated, recalibrated_text, verdict
 from bowden.identify.log.read import Log, read_log
 from bowden.identify.log.variables import scheduled_by
 from bowden.models.cable.bouc_wen import saturation

@@ -19,7 +19,7 @@ from scipy.io import savemat
 from bowden.core.errors import BowdenError, LogError, ParameterError
 from bowden.core.trace import Trace
 from bowden.identify.cable import checks
-from bowden.identify.cable.fit import identify
+from bowden.identify.cable.identification import identify
 from bowden.identify.log import text as log_text
 from bowden.identify.log.angles import angle_units
 from bowden.identify.log.clock import even_clock

@@ -14,7 +14,7 @@ from bowden.core.metrics import is_stable
 from bowden.core.units import RADIANS
 from bowden.design.check import STROKE, check
 from bowden.design.limit_cycle import MEASURED, describing_function
-from bowden.identify.cable.fit import identify_log
+from bowden.identify.cable.identification import identify_log
 from bowden.identify.log.read import read_log
 from bowden.models.cable.backlash import Play
 from bowden.models.cable.bouc_wen import BoucWen

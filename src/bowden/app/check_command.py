@@ -13,7 +13,7 @@ from bowden.app.given_rig import read_given
 from bowden.app.next_step import say_next
 
 if TYPE_CHECKING:
-    from bowden.design.check import Check
+    from bowden.design.check_result import Check
     from bowden.rig.rig import Rig
 
 
@@ -109,7 +109,7 @@ def _about(rig: "Rig", found: "Check") -> dict[str, Any]:
 
 
 def _print(found: dict[str, "Check"]) -> None:
-    from bowden.design.findings import check_rows
+    from bowden.design.check_result import check_rows
 
     for name, one in found.items():
         if name:

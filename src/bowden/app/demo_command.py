@@ -49,7 +49,7 @@ def demo(
     from bowden.face.check import checked
     from bowden.face.init import around
     from bowden.face.simulate import simulated
-    from bowden.identify.cable.fit import identify_log
+    from bowden.identify.cable.identification import identify_log
     from bowden.identify.cable.model_file import load_cable
     from bowden.identify.log.read import read_log
     from bowden.report import demo_page as page

@@ -15,93 +15,6 @@ class Document(TypedDict):
     __pydantic_config__ = ConfigDict(extra="forbid", use_attribute_docstrings=True)  # type: ignore[misc]
 
 
-class _Flexor(Document):
-    travel_mm: float
-    """MuJoCo's tendon from 0 to 90°; negative where it shortens."""
-    excursion_error_mm: float
-    """Largest difference of the excursion from ours over 0–90°."""
-    moment_arm_error_mm: float
-    """Largest difference of the moment arm from ours over 0–90°."""
-
-
-class _Extensor(Document):
-    travel_mm: float
-    """MuJoCo's tendon from 0 to 90°; negative where it shortens."""
-    excursion_error_mm: float
-    """Largest difference of the excursion from ours over 0–90°."""
-    moment_arm_error_mm: float
-    """Largest difference of the moment arm from ours over 0–90°."""
-    holds_from_deg: float
-    """Least angle from which on Eq. 2 holds; below it the cable leaves the joint's cylinder."""
-
-
-class _Motion(Document):
-    """One motion."""
-
-    name: str
-    """Which."""
-    duration_s: float
-    """How long it lasts."""
-    error_deg: float
-    """Largest difference of the elbow at any time."""
-
-
-class _Convergence(Document):
-    """One motion by one integrator."""
-
-    motion: str
-    """Which."""
-    integrator: str
-    """MuJoCo's name of it."""
-    steps_s: list[float]
-    """Time steps."""
-    errors_deg: list[float]
-    """Largest difference with each."""
-    order: float
-    """Slope of the difference over the step, both as logarithms."""
-
-
-class _Limit(Document):
-    excursion_mm: float
-    """Of an excursion."""
-    moment_arm_mm: float
-    """Of a moment arm."""
-    motion_deg: float
-    """Of the elbow."""
-
-
-class _ArmCheck(Document):
-    verdict: Literal["agrees", "differs"]
-    """Whether all differences are within the limits."""
-    reasons: list[str]
-    """What is beyond its limit."""
-    flexor: _Flexor
-    """Eq. 1."""
-    extensor: _Extensor
-    """Eq. 2."""
-    motions: list[_Motion]
-    """Three motions against our own elbow, and two runs of the suit."""
-    convergence: list[_Convergence]
-    """How the difference goes with MuJoCo's time step."""
-    limits: _Limit
-    """What is allowed."""
-    mujoco: str
-    """Its version."""
-    files: list[str]
-    """What was written."""
-    seconds: float
-    """Time that the command took."""
-
-
-class _ArmRender(Document):
-    frames: PositiveInt | None
-    """Of the video; null where no run was given."""
-    files: list[str]
-    """What was written."""
-    seconds: float
-    """Time that the command took."""
-
-
 class _Trust(Document):
     level: Literal["with care", "no"]
     reasons: Annotated[list[Annotated[str, Field(min_length=1)]], Field(min_length=1)]
@@ -1713,8 +1626,6 @@ class _Schemas(Document):
 
 
 DOCUMENTS: dict[str, Any] = {
-    "arm check": _ArmCheck,
-    "arm render": _ArmRender,
     "campaign": _Campaign | _CampaignOneRun,
     "check": _CheckOne | _CheckAxes,
     "confirm": _Confirm,

@@ -99,7 +99,7 @@ def identify(
             do=f"give the other logs too, or leave out --{what}",
         )
     with beside(_ready_to_draw, _drawn) as drawn:
-        from bowden.identify.cable.fit import identify_log
+        from bowden.identify.cable.identification import identify_log
         from bowden.identify.log.read import read_log
 
         checked = read_log(logs[0], **named)
@@ -216,7 +216,7 @@ def _print_table(fit: "Fit") -> None:
 
     from bowden.core.units import DEGREES
     from bowden.identify.cable.loop import loop_lines
-    from bowden.identify.cable.trust import parameter_lines
+    from bowden.identify.cable.parameter_text import parameter_lines
 
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
     table.add_column("model", no_wrap=True)

@@ -12,7 +12,7 @@ from bowden.core.files import output_folder, whole_files
 
 if TYPE_CHECKING:
     from bowden.identify.cable.cycles import Cycles
-    from bowden.identify.cable.loads import JointFit
+    from bowden.identify.cable.joint_fit import JointFit
     from bowden.identify.cable.recalibrate import Recalibration
     from bowden.identify.log.read import Log
 
@@ -80,9 +80,8 @@ def again(
         json: print one document and nothing else.
         options: with which the log was read, for a command that reads it again.
     """
-    from bowden.identify.cable.joint_file import recalibrated_text
     from bowden.identify.cable.model_file import load_judged
-    from bowden.identify.cable.recalibrate import recalibrate, verdict
+    from bowden.identify.cable.recalibrate import recalibrate, recalibrated_text, verdict
     from bowden.identify.log.variables import scheduled_by
     from bowden.report.joint_page import recalibration_page
 
@@ -180,7 +179,7 @@ def _print_logs(fit: "JointFit") -> None:
     from rich.console import Console
     from rich.table import Table
 
-    from bowden.identify.cable.loads import cycle_lines
+    from bowden.identify.cable.joint_fit import cycle_lines
     from bowden.identify.log.variables import in_degrees
 
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False)

@@ -13,7 +13,8 @@ from bowden.app.next_step import next_line, say_next
 from bowden.core.errors import counted
 
 if TYPE_CHECKING:
-    from bowden.design.tune import NoGainsError, Tuning
+    from bowden.design.tune import NoGainsError
+    from bowden.design.tune_result import Tuning
 
 
 def tune(
@@ -109,7 +110,8 @@ def _next_without(rig: Path, options: list[str], error: "NoGainsError") -> str:
 def _evidence(found: "Tuning", *, interrupted: bool) -> list[str]:
     """Margins and the largest error, for the file and for who looks on."""
     from bowden.core.units import DEGREES, HERTZ
-    from bowden.design.findings import no_margins, study_text
+    from bowden.design.check_result import no_margins
+    from bowden.design.tune_result import study_text
 
     low, high = found.bends
     rig = found.rig.parts[0].rig

@@ -151,8 +151,8 @@ class GuidedPath:
 def identified(progress: Callable[[str, float], None], rig: Mapping[str, Any], folder: str) -> dict[str, Any]:
     """Identify the cable that was measured, and put it into the rig, as identify and init do."""
     from bowden.core.units import DEGREES
-    from bowden.identify.cable.fit import identify_log
-    from bowden.identify.cable.model_file import load_cable, write_model
+    from bowden.identify.cable.identification import identify_log
+    from bowden.identify.cable.model_file import load_cable
     from bowden.identify.log.read import read_log
     from bowden.report.identify_page import blank, identify_page, pictures
 
@@ -163,7 +163,7 @@ def identified(progress: Callable[[str, float], None], rig: Mapping[str, Any], f
     text = identify_page(fit, pictures(fit, blank(), [1, 2, 3])).html()
     with whole_files(place) as stage:
         (stage / "identify.html").write_text(text, encoding="utf-8")
-        write_model(stage / "model.toml", fit, checked.name)
+        fit.write(stage / "model.toml")
     made = given.replace(cable=load_cable(place / "model.toml"))
     files = ["model.toml", "identify.html", *_written(made, place, "identified")]
     left, without, _ = (value * DEGREES for value in fit.forecast)

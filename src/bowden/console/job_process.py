@@ -85,7 +85,7 @@ _VERDICTS = ("holds", None, "little_margin", "limit_cycle", "does_not_hold")
 
 
 def _checked(made: "Rig") -> dict[str, Any]:
-    from bowden.design.findings import check_rows
+    from bowden.design.check_result import check_rows
     from bowden.design.linearise import NoNumberError
     from bowden.face.check import checked
 

@@ -31,8 +31,9 @@ from bowden.console.stamps import Stamps
 from bowden.core.clock import SECOND, MonotonicClock
 from bowden.core.errors import BowdenError, LogError, SafetyError
 from bowden.core.files import printable
-from bowden.live.operator import STANDS_STILL, keeping, prompt, why_not
+from bowden.live.operator import keeping, prompt, why_not
 from bowden.live.ring import RingReader
+from bowden.live.session import STANDS_STILL
 from bowden.safety.faults import Fault
 from bowden.safety.state import Mode, Request
 

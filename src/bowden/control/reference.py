@@ -13,8 +13,6 @@ from numpy.typing import NDArray
 from bowden.core.errors import ParameterError, check_positive
 from bowden.core.quantity import Quantity
 from bowden.models.minimum_jerk import minimum_jerk_over
-from bowden.sensing.biquad import butterworth
-from bowden.sensing.whole_signal import zero_phase
 
 Array = NDArray[np.float64]
 
@@ -187,6 +185,8 @@ class Recorded:
     """
 
     def __init__(self, time: Array, position: Array, *, cutoff: float = 6.0, name: str = "recorded") -> None:
+        from scipy import interpolate, signal  # a second, which only a recorded motion need wait for
+
         if np.ndim(time) != 1 or len(time) < 16 or np.shape(time) != np.shape(position):
             given = f"times of shape {np.shape(time)}, positions of shape {np.shape(position)}"
             raise ParameterError(f"{name}: {given}", expected="at least 16 times and one position for each")
@@ -201,15 +201,13 @@ class Recorded:
         smooth = np.asarray(position, dtype=float)
         if 0.0 < cutoff < 0.5 * rate:
             padding = min(len(smooth) - 1, int(3 * rate / cutoff))
-            smooth = zero_phase(smooth, butterworth(cutoff, "low", rate), padding)
+            smooth = signal.sosfiltfilt(signal.butter(2, cutoff, fs=rate, output="sos"), smooth, padlen=padding)
         thin = max(1, int(rate / max(20.0 * cutoff, 100.0))) if cutoff > 0.0 else 1  # knots far above the cut-off
         index = np.unique(np.append(np.arange(0, len(time), thin), len(time) - 1))
         self._start, self._end = float(time[0]), float(time[-1])
         self.time, self.position = np.asarray(time, dtype=float), np.asarray(position, dtype=float)
         self.name, self.cutoff = name, cutoff
-        from scipy.interpolate import make_interp_spline  # a quarter of a second, of recorded motions alone
-
-        self._spline = make_interp_spline(self.time[index], smooth[index], k=5)
+        self._spline = interpolate.make_interp_spline(self.time[index], smooth[index], k=5)
 
     @property
     def duration(self) -> float:

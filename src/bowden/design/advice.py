@@ -6,7 +6,8 @@ import numpy as np
 
 from bowden.control.law import Law
 from bowden.core.units import DEGREES
-from bowden.design.check import ENOUGH_DB, ENOUGH_DEG, STROKE, Check, check
+from bowden.design.check import STROKE, check
+from bowden.design.check_result import ENOUGH_DB, ENOUGH_DEG, Check
 from bowden.design.linear_plant import LinearPlant, linear_plant
 from bowden.design.linearise import linearise
 from bowden.plants.plant import Plant, changed

@@ -1,21 +1,24 @@
 """Does this law hold on this bench? Margins over all slopes of the sheath, limit cycle, chatter, proof and trial."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 
 from bowden.control.law import Law
-from bowden.control.stability import Margins
-from bowden.core import shown
 from bowden.core.errors import ParameterError
-from bowden.core.guesses import answering
 from bowden.core.nested import flat, from_columns, names
 from bowden.core.signals import Sample
-from bowden.core.style import new_figure
 from bowden.core.units import RADIANS
-from bowden.design import findings
+from bowden.design.check_result import (
+    ENOUGH_DB,
+    ENOUGH_DEG,
+    Check,
+    Estimates,
+    Point,
+    VerdictName,
+    confirmed_by,
+    swing_of,
+)
 from bowden.design.limit_cycle import LimitCycle, describing_function, predict
 from bowden.design.linear_plant import linear_plant
 from bowden.design.linearise import LawModel, find_estimates, linearise
@@ -23,11 +26,6 @@ from bowden.design.trial import MOVING, Trial, run_trial, settled_after
 from bowden.plants.plant import Plant, changed
 from bowden.plants.transmission import transmission
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-ENOUGH_DB, ENOUGH_DEG = 6.0, 30.0
-"""Margins below which a loop has little of them."""
 STROKE = (0.0, 70.0 * RADIANS)
 """Of the trial, where none is given [rad]."""
 RESERVE = 0.25
@@ -40,169 +38,8 @@ _MOST_ESTIMATES = 3
 """Of a law, that a reason names; a law with more is not understood by them."""
 ROUNDING = 1e-9
 """By which a pole that is one may seem larger."""
-MOST_PER_COUNT = 0.5 * RADIANS
-"""Change of the command in one cycle, for one count of the joint's encoder, beyond which a law is said to chatter and
-tuned gains are refused (docs/decisions/0034-new-user-path.md) [rad]."""
 _AFTER_COUNT = 10
 """Cycles after a count in which the command's largest change is looked for."""
-
-VerdictName = Literal["holds", "little_margin", "limit_cycle", "does_not_hold"]
-Estimates = dict[str, float]
-
-
-@dataclass(frozen=True)
-class Point:
-    """One linear loop, and what its margins are."""
-
-    bend: float
-    """[rad]"""
-    slope: float
-    """Joint motion per motor motion [rad/rad]."""
-    estimates: Estimates
-    """The law's estimates, frozen here."""
-    margins: Margins
-    at: str = ""
-    """What else differs between the loops: of a suit the elbow's angle, and whether the extensor is taut."""
-    per_count: float = 0.0
-    """Largest change of the command in one cycle for one count of the joint's encoder [rad]."""
-
-
-class TautLoop(NamedTuple):
-    """The smallest margins of two motors on one joint, of a case of taut cables; None where one is unstable or none has
-    a limit."""
-
-    at: str
-    """Which cables are taut."""
-    gain_margin_db: float | None
-    phase_margin_deg: float | None
-    delay_margin_s: float | None
-
-
-class PairFindings(NamedTuple):
-    """What is found of two motors on one joint besides."""
-
-    loops: tuple[TautLoop, ...]
-    """Both cables taut, then each alone."""
-    drift: float | None
-    """How far the motors went apart in the trials beyond the co-contraction, or less far, each; None where one ran away
-    [rad]."""
-    apart: float
-    """Largest pole with which the motors part while the joint stands; what it comes to, `drift` says [–]."""
-
-
-@answering(
-    {
-        **dict.fromkeys(("ok", "passed", "stable", "passes", "result"), "check.holds, and check.verdict"),
-        **dict.fromkeys(("margins", "margin"), "check.gain_margin_db, check.phase_margin_deg, check.delay_margin_s"),
-    },
-    "change the rig, and check it again",
-)
-@dataclass(frozen=True, repr=False)
-class Check:
-    """What was found."""
-
-    law: str
-    """Name of the law that was judged."""
-
-    verdict: VerdictName
-    reason: str
-    """What decided, in a sentence."""
-    points: tuple[Point, ...]
-    """Every linear loop that was looked at."""
-    worst: Point
-    """The one that decides."""
-    cycle: LimitCycle | None
-    """The limit cycle that the describing function predicts, at the worse end of the bends."""
-    trials: tuple[Trial, ...]
-    """At the smallest and, if it is another, at the largest bend."""
-    reserve: bool | None
-    """Whether a trial with a delay of `RESERVE` is bounded too; None where no such trial was made."""
-    chatters: bool
-    """Unstable for one count of the encoder, stable for the whole stroke: a steep curve such as tanh(s/ε) chatters."""
-    command_per_count: float
-    """Largest change of the command in one cycle for one count of the joint's encoder, over all points [rad]."""
-    ultimate_s: float | None
-    """The bound on |s| that the law's own proof gives [rad·s]; None where it has none."""
-    ultimate_error: float | None
-    """The bound on |e| likewise [rad]."""
-    leaves_out: str = ""
-    """What the linear loops leave to the trials, where so much that the trials alone decide whether it holds."""
-    refuted: bool = False
-    """Whether a linear loop is unstable where a trial without all that it leaves out comes to rest: then no linear loop
-    stands for this law, and margins there are none."""
-    advice: str = ""
-    """What to change where it does not hold, if that was asked for (`bowden.design.advice`)."""
-    instead: str = ""
-    """Law that holds where this one does not, likewise (`bowden.design.other_law`); empty where none was found."""
-    pair: PairFindings | None = None
-    """Of two motors on one joint: what else was found; `trials` are then of agonist and antagonist by turns."""
-
-    @property
-    def holds(self) -> bool:
-        """Whether the loop stays bounded: any verdict but ``does_not_hold``, with little margin or a limit cycle too.
-
-        Where it does not, `bowden.simulate`, `run` and `export` refuse the law, and ``bowden check`` ends with 1.
-        """
-        return self.verdict != "does_not_hold"
-
-    @property
-    def gain_margin_db(self) -> float | None:
-        """The smallest over all points; None where a loop is unstable or none has a limit."""
-        return self._least(point.margins.gain_margin_db for point in self.points)
-
-    @property
-    def phase_margin_deg(self) -> float | None:
-        """The smallest over all points; None where a loop is unstable or none has a limit."""
-        return self._least(point.margins.phase_margin_deg for point in self.points)
-
-    @property
-    def delay_margin_s(self) -> float | None:
-        """The smallest over all points; None as above."""
-        return self._least(point.margins.delay_margin_s for point in self.points)
-
-    @property
-    def swing(self) -> float | None:
-        """Half of the joint's span while the reference rests, at the worse bend [rad]."""
-        return swing_of(self.trials)
-
-    @property
-    def peak(self) -> float | None:
-        """Largest error of the trials [rad]; None where one ran away."""
-        return None if any(t.peak is None for t in self.trials) else max(t.peak or 0.0 for t in self.trials)
-
-    @property
-    def cycle_confirmed(self) -> bool | None:
-        """Whether the trials swing at rest by at least a quarter of what is predicted; None without a prediction."""
-        return confirmed_by(self.cycle, self.swing)
-
-    def plot(self, axes: "Axes | Sequence[Axes] | None" = None) -> "list[Axes]":
-        """Draw phase margin over gain margin of every linear loop; little of either is shaded.
-
-        Args:
-            axes: matplotlib's; a new figure is made where they are not given.
-
-        Returns:
-            The axes; ``axes[0].figure`` is theirs.
-
-        Raises:
-            ParameterError: something else than axes.
-        """
-        drawn = shown.axes_for(axes, 1, 1, 4.5, 3.4)
-        findings.draw_check(drawn[0], self)
-        return drawn
-
-    def __repr__(self) -> str:
-        """One screen: the verdict and its reason, margins, limit cycle, chatter, errors and advice."""
-        return shown.screen(f"Check of {self.law}", findings.check_rows(self))
-
-    def _repr_html_(self) -> str:
-        figure, axes = new_figure(width=4.5, height=3.4)
-        findings.draw_check(axes[0], self)
-        return shown.fragment(f"Check of {self.law}", findings.check_rows(self), figure)
-
-    def _least(self, values: Iterable[float | None]) -> float | None:
-        there = [value for value in values if value is not None]
-        return min(there) if there and all(point.margins.stable for point in self.points) else None
 
 
 def check(
@@ -291,16 +128,6 @@ def _tried(
         if not estimates[-1] or not all(trial.bounded for trial in trials):
             break
     return trials, estimates
-
-
-def swing_of(trials: Sequence[Trial]) -> float | None:
-    """Half of the joint's span while the reference rests, at the worse bend [rad]; None where a trial ran away."""
-    return None if any(t.swing is None for t in trials) else max(t.swing or 0.0 for t in trials)
-
-
-def confirmed_by(cycle: LimitCycle | None, swing: float | None) -> bool | None:
-    """See `Check.cycle_confirmed`."""
-    return None if cycle is None or swing is None else swing > 0.25 * cycle.amplitude
 
 
 def _rests(apart: Trial) -> bool:

@@ -7,7 +7,7 @@ from bowden.rig import ranges
 from bowden.rig.rig import Rig
 
 if TYPE_CHECKING:
-    from bowden.design.check import Check
+    from bowden.design.check_result import Check
 
 
 def check_rig(rig: Rig, law: Law) -> "Check | str":

@@ -21,7 +21,7 @@ from bowden.rig.one_run import run_of
 from bowden.rig.rig import Rig
 
 if TYPE_CHECKING:
-    from bowden.design.check import Check, VerdictName
+    from bowden.design.check_result import Check, VerdictName
 
 OURS = "bowden"
 """The law that is looked at first, and that `bowden init` writes where it holds."""

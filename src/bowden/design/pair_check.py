@@ -13,22 +13,24 @@ from bowden.core.units import DEGREES, RADIANS
 from bowden.design.check import (
     IDEAL,
     ROUNDING,
+    all_estimates,
+    at_rest,
+    delay_per_degree,
+    further_delay,
+    judge,
+    largest_change,
+    severity,
+    usable,
+)
+from bowden.design.check_result import (
     Check,
     Estimates,
     PairFindings,
     Point,
     TautLoop,
     VerdictName,
-    all_estimates,
-    at_rest,
     confirmed_by,
-    delay_per_degree,
-    further_delay,
-    judge,
-    largest_change,
-    severity,
     swing_of,
-    usable,
 )
 from bowden.design.limit_cycle import AMPLITUDES, MEASURED, LimitCycle, describing_function, predict
 from bowden.design.linearise import LawModel, linearise

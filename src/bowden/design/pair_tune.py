@@ -15,7 +15,7 @@ import numpy as np
 
 from bowden.control.law import Law
 from bowden.core.metrics import rmse
-from bowden.design.check import Check
+from bowden.design.check_result import Check
 from bowden.design.pair_check import Laws, at_bends, check_pair
 from bowden.design.tune import NoGainsError
 from bowden.design.tune_judge import keeps

@@ -12,20 +12,18 @@
 """
 
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from bowden.control.knowledge import informed
 from bowden.control.law import Law
-from bowden.core import shown
 from bowden.core.errors import ParameterError
-from bowden.core.style import new_figure
 from bowden.core.units import DEGREES
-from bowden.design import findings
 from bowden.design.advice import gains_that_matter
-from bowden.design.check import MOST_PER_COUNT, STROKE, Check, Estimates, check, visited_estimates
+from bowden.design.check import STROKE, check, visited_estimates
+from bowden.design.check_result import MOST_PER_COUNT, Check, Estimates
 from bowden.design.evolution import Array, Population, Score
 from bowden.design.tune_judge import (
     Judged,
@@ -39,15 +37,12 @@ from bowden.design.tune_judge import (
     shortfall,
     shortfall_on_the_way,
 )
+from bowden.design.tune_result import Tuning
 from bowden.design.tune_rig import easier
 from bowden.design.tune_runs import NineRuns, TuningRuns, TuningTarget, course_of
 from bowden.plants.knowledge_of import knowledge_of
 from bowden.plants.plant import Plant
 from bowden.plants.suit_parts import Suit
-from bowden.rig import rig as rigs
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 GENERATIONS = 32
 """Of the search, where no other number is given and the clock is 1 kHz."""
@@ -72,91 +67,6 @@ _TRIED_FACTORS = (1.25, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 16.0, 32.0, 64.0, 128.0, 2
 Report = Callable[[str, float], None]
 Workers = Callable[[Callable[[Task], Any], Iterable[Task]], Iterable[Any]]
 """Like `map`: the one of a process pool spreads the work."""
-
-
-@dataclass(frozen=True, repr=False)
-class Tuning:
-    """The gains that were found, and the evidence."""
-
-    law: Law
-    """With the new gains."""
-    gains: Mapping[str, float]
-    """Name → value of those that differ from before."""
-    stood: Mapping[str, float]
-    """Name → value of all gains before."""
-    found: Check
-    """Of the new gains."""
-    before: Check
-    """Of the gains from which the search started."""
-    worst_rmse: float
-    """Largest RMSE over all runs, from rest [rad]."""
-    worst_before: float | None
-    """The same of the gains before [rad]; None where a run was unstable."""
-    bends: tuple[float, float]
-    """Smallest and largest total bend of the sheath over which the margins hold [rad]."""
-    runs: str
-    """By what the errors were judged, in words."""
-    generations: int
-    """After which the search was over, or broken off."""
-    short: str = ""
-    """What the gains fall short of, of what is looked for; empty where they keep it all."""
-    given: rigs.Rig | None = None
-    """The rig whose law was tuned, with these gains; None where a bench alone was handed over."""
-    study: Mapping[str, Any] | None = None
-    """Of a tuning against the plants of a study: its ``name``, how many it was ``tuned_on``, and what the gains
-    ``before`` and ``after`` make of other plants of it (`bowden.study.tune_study.PlantSpread`); None where they were
-    not judged by any."""
-
-    @property
-    def rig(self) -> rigs.Rig:
-        """The rig with these gains.
-
-        Raises:
-            ParameterError: gains were sought for a bench alone.
-        """
-        if self.given is None:
-            raise ParameterError("this tuning is of a bench alone", expected="one of a rig: bowden.tune(rig)")
-        return self.given
-
-    @property
-    def gain_margin_db(self) -> float | None:
-        """The smallest with the new gains [dB]; None where none has a limit."""
-        return self.found.gain_margin_db
-
-    @property
-    def phase_margin_deg(self) -> float | None:
-        """The smallest with the new gains [deg]; None where none has a limit."""
-        return self.found.phase_margin_deg
-
-    @property
-    def delay_margin_s(self) -> float | None:
-        """The smallest with the new gains [s]; None where none has a limit."""
-        return self.found.delay_margin_s
-
-    def plot(self, axes: "Axes | Sequence[Axes] | None" = None) -> "list[Axes]":
-        """Draw by how much each gain changed and, on second axes, the largest error before and after.
-
-        Args:
-            axes: matplotlib's, one or two; a new figure is made where they are not given.
-
-        Returns:
-            The axes; ``axes[0].figure`` is theirs.
-
-        Raises:
-            ParameterError: something else than axes.
-        """
-        drawn = shown.axes_for(axes, 1, 2, 7.0, 3.0)
-        findings.draw_tuning(drawn, self)
-        return drawn
-
-    def __repr__(self) -> str:
-        """One screen: the gains that changed, margins, and the largest error before and after."""
-        return shown.screen(f"Tuning of {self.law.name}", findings.tuning_rows(self))
-
-    def _repr_html_(self) -> str:
-        figure, axes = new_figure(1, 2, height=3.0)
-        findings.draw_tuning(axes, self)
-        return shown.fragment(f"Tuning of {self.law.name}", findings.tuning_rows(self), figure)
 
 
 class NoGainsError(ParameterError):

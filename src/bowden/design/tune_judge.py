@@ -9,16 +9,8 @@ from typing import NamedTuple
 import numpy as np
 
 from bowden.control.law import Law
-from bowden.design.check import (
-    MOST_PER_COUNT,
-    Check,
-    Estimates,
-    check,
-    largest_change,
-    linear_points,
-    stands,
-    visited_estimates,
-)
+from bowden.design.check import check, largest_change, linear_points, stands, visited_estimates
+from bowden.design.check_result import MOST_PER_COUNT, Check, Estimates
 from bowden.design.linearise import linearise
 from bowden.design.trial import run_trial
 from bowden.design.tune_runs import TuningRuns, TuningTarget, course_of

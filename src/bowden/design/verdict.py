@@ -12,7 +12,7 @@ from bowden.rig import ranges
 from bowden.rig.rig import Rig
 
 if TYPE_CHECKING:
-    from bowden.design.check import Check, VerdictName
+    from bowden.design.check_result import Check, VerdictName
 
 
 @dataclass(frozen=True)

@@ -11,8 +11,9 @@ from bowden.core import arguments
 from bowden.core.errors import ParameterError
 from bowden.core.trace import Trace
 from bowden.face.progress import GivenProgress, Progress, reported
-from bowden.identify.cable.fit import Fit, identify_log
-from bowden.identify.cable.fit import identify as identify_signals
+from bowden.identify.cable.fit import Fit
+from bowden.identify.cable.identification import identify as identify_signals
+from bowden.identify.cable.identification import identify_log
 from bowden.identify.log.read import Log
 from bowden.identify.log.read import read_log as read_file
 

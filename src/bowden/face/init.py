@@ -12,7 +12,7 @@ from bowden.core.units import RADIANS
 from bowden.design.other_law import OURS, chosen_law
 from bowden.face import given
 from bowden.identify.cable.fit import Fit
-from bowden.identify.cable.loads import JointFit
+from bowden.identify.cable.joint_fit import JointFit
 from bowden.identify.cable.model import CableModel, IdentifiedCable
 from bowden.identify.cable.model_file import load_cable
 from bowden.identify.cable.recalibrate import Recalibration

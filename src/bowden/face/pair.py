@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from bowden.control import Law, user_law
 from bowden.core.errors import ParameterError
 from bowden.core.traces import Traces
-from bowden.design.check import Check
+from bowden.design.check_result import Check
 from bowden.design.linearise import NoNumberError
 from bowden.design.pair_check import check_pair, with_advice
 from bowden.design.verdict import CheckVerdict, verdict_of

@@ -12,7 +12,8 @@ from bowden.core.trace import Trace
 from bowden.face.identify import read_log
 from bowden.face.progress import GivenProgress, reported
 from bowden.identify.cable.fit import Fit
-from bowden.identify.cable.loads import JointFit, identify_loads
+from bowden.identify.cable.joint_fit import JointFit
+from bowden.identify.cable.loads import identify_loads
 from bowden.identify.cable.model import CableModel, IdentifiedCable
 from bowden.identify.cable.model_file import load_judged
 from bowden.identify.cable.recalibrate import Recalibration

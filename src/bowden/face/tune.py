@@ -19,8 +19,9 @@ from bowden.design.check import check
 from bowden.design.other_law import OtherLaw, mended_law, other_law
 from bowden.design.pair_tune import PairTarget, best_gains, judged_gains, runs_described
 from bowden.design.processes import Mapper, two_workers
-from bowden.design.tune import BrokenOff, NoGainsError, Tuning
+from bowden.design.tune import BrokenOff, NoGainsError
 from bowden.design.tune import tune as search
+from bowden.design.tune_result import Tuning
 from bowden.design.tune_runs import NineRuns, TuningTarget, course_of
 from bowden.face import given
 from bowden.face.given import GivenLaw, GivenRig

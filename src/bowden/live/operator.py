@@ -15,17 +15,15 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from bowden.core.errors import ParameterError, SafetyError
 from bowden.hardware.drives.family import family_of
 from bowden.live.automatic import automatic
+from bowden.live.session import STANDS_STILL, Session
 from bowden.safety import faults
 from bowden.safety.state import Mode, Request
 
 if TYPE_CHECKING:
-    from bowden.live.session import Session
     from bowden.rig.rig import Rig
 
 Handed = TypeVar("Handed")
 
-STANDS_STILL = 5.0
-"""A loop that has done no cycle for this long does none any more; the drive has long taken its torque off [s]."""
 _LOOK = 0.05
 """Between two looks at the run and at the keys [s]."""
 _CLEARED = 1.0
@@ -115,7 +113,7 @@ def ending_signals() -> Iterator[Ending]:
             signal.signal(number, handler)
 
 
-def operate(session: "Session", ending: Ending, *, auto: bool, quiet: bool) -> None:
+def operate(session: Session, ending: Ending, *, auto: bool, quiet: bool) -> None:
     """See a run through, until the operator or a signal ends it, or with `auto` the script or a fault does.
 
     The sign of life is given here, between two looks at the keys, and by nobody else: whoever cannot read a key gives
@@ -224,11 +222,11 @@ def prompt() -> Iterator[None]:
 class _Ends:
     """Tells the loop to end before the terminal is put in order, which may take as long as it likes."""
 
-    def __init__(self, session: "Session") -> None:
+    def __init__(self, session: Session) -> None:
         self.close = session.end
 
 
-def _tell_grants(session: "Session") -> None:
+def _tell_grants(session: Session) -> None:
     for grant in session.ready["grants"]:
         if not grant["granted"]:
             print(f"bowden: note: {grant['name']} {grant['said']}; {grant['remedy']}", file=sys.stderr)
@@ -259,7 +257,7 @@ def _keys() -> Iterator[Callable[[], str]]:
 
 
 @contextlib.contextmanager
-def _screen(session: "Session", auto: bool, quiet: bool) -> Iterator[Callable[..., Any]]:
+def _screen(session: Session, auto: bool, quiet: bool) -> Iterator[Callable[..., Any]]:
     """A function that has a row shown; on a terminal only.
 
     A terminal may take nothing for as long as it likes (Ctrl-S, a connection that hangs), and writing to it waits. So
@@ -277,7 +275,7 @@ def _screen(session: "Session", auto: bool, quiet: bool) -> Iterator[Callable[..
 
 
 @contextlib.contextmanager
-def keeping(session: "Session") -> Iterator[Callable[[dict[str, float]], None]]:
+def keeping(session: Session) -> Iterator[Callable[[dict[str, float]], None]]:
     """A function that has a row's warmth of the motor kept, by a thread of its own: a disk may be slow."""
 
     def write(rows: Iterator[dict[str, float]]) -> None:
@@ -317,7 +315,7 @@ def _apart(work: Callable[[Iterator[Handed]], None]) -> Iterator[Callable[[Hande
         thread.join(_CLEARED)
 
 
-def _draw(session: "Session", auto: bool, shown: Iterator[tuple[dict[str, float], str]]) -> None:
+def _draw(session: Session, auto: bool, shown: Iterator[tuple[dict[str, float], str]]) -> None:
     from rich.live import Live
 
     from bowden.live.screen import picture

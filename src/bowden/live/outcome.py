@@ -1,15 +1,34 @@
 """How a run ended, in words: what a session says of itself, and what its end is a warning with."""
 
-from typing import TYPE_CHECKING
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
 
 from bowden.hardware.ports import TorqueLeft, torque_left
-from bowden.live.stops import AxisFaults, remedy_of, told_apart, unattended
-from bowden.live.summary import STALLED
+from bowden.live.session_axis import SessionAxis
+from bowden.live.stops import STALLED, AxisFaults, remedy_of, told_apart, unattended
 from bowden.safety import faults
 from bowden.safety.state import Mode
 
-if TYPE_CHECKING:
-    from bowden.live.session import Session
+
+class RunState(NamedTuple):
+    """What a session knows of where its run stands, and how it ended."""
+
+    ended: Mapping[str, Any] | None
+    """What the loop said at its end."""
+    error: str
+    """Why the loop ended without a word about how it ended."""
+    mode: Mode | None
+    axes: Sequence[SessionAxis]
+    patience: float
+    """How long the operator may be silent [s]."""
+    on_twin: bool
+
+    @property
+    def ended_well(self) -> bool:
+        """Whether the run has ended as asked, without torque."""
+        ended = self.ended or {}
+        well = ended.get("mode") == Mode.STOPPED and not ended.get("torque") and not ended.get("unattended")
+        return not self.error and well
 
 
 _STANDS = {
@@ -23,36 +42,36 @@ _STANDS = {
 """Of a run that goes on."""
 
 
-def outcome(session: "Session") -> str:
+def outcome(run: RunState) -> str:
     """How a run ended; of one that goes on, where it stands, and the fault that stopped it if there is one."""
-    if session.ended is None and not session.error:
-        if session.mode is None:
+    if run.ended is None and not run.error:
+        if run.mode is None:
             return "not begun"
-        by = _faults(session) if session.mode >= Mode.RELEASING else []
-        return f"stopped by a fault: {'; '.join(by)}" if by else _STANDS[session.mode]
-    return "ended as asked" if session.ended_well else f"the run was ended: {'; '.join(why(session))}"
+        by = _faults(run) if run.mode >= Mode.RELEASING else []
+        return f"stopped by a fault: {'; '.join(by)}" if by else _STANDS[run.mode]
+    return "ended as asked" if run.ended_well else f"the run was ended: {'; '.join(why(run))}"
 
 
-def why(session: "Session") -> list[str]:
+def why(run: RunState) -> list[str]:
     """What ended a run that did not end as asked, the most dangerous first."""
-    ended = session.ended or {}
+    ended = run.ended or {}
     stalled = 1e3 * ended.get("stalled", 0.0)
-    left = torque_left(TorqueLeft(ended.get("torque", TorqueLeft.UNKNOWN)), twin=session.on_twin)
+    left = torque_left(TorqueLeft(ended.get("torque", TorqueLeft.UNKNOWN)), twin=run.on_twin)
     gone = ended.get("unattended", 0.0)
-    alone = unattended(gone, session.live.patience) if gone else ""
-    by = [] if alone else _faults(session)
-    found = [left, STALLED.format(stalled) if stalled else "", alone, *by, ended.get("reason"), session.error]
+    alone = unattended(gone, run.patience) if gone else ""
+    by = [] if alone else _faults(run)
+    found = [left, STALLED.format(stalled) if stalled else "", alone, *by, ended.get("reason"), run.error]
     return [one for one in found if one]
 
 
-def _faults(session: "Session") -> list[str]:
+def _faults(run: RunState) -> list[str]:
     """What came first with its remedy, and what followed from it; of several axes in the one that had it first."""
-    each = [(axis.name, axis.came) for axis in session.axes if axis.came]
+    each = [(axis.name, axis.came) for axis in run.axes if axis.came]
     if not each:
-        each = [("", dict.fromkeys(faults.of((session.ended or {}).get("faults", 0)), 0.0))]
+        each = [("", dict.fromkeys(faults.of((run.ended or {}).get("faults", 0)), 0.0))]
     first, *others = sorted((AxisFaults(name, *told_apart(came), came) for name, came in each), key=_order)
     where = f"{first.axis}: " if first.axis else ""
-    found = [f"{where}{fault.meaning}; {remedy_of(fault, twin=session.on_twin)}" for fault in first.causes]
+    found = [f"{where}{fault.meaning}; {remedy_of(fault, twin=run.on_twin)}" for fault in first.causes]
     later = [fault.meaning for fault in first.consequences]
     later += [f"{one.axis}: {fault.meaning}" for one in others for fault in (*one.causes, *one.consequences)]
     return found + ([f"as a consequence: {', '.join(later)}"] if later else [])

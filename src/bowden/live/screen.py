@@ -10,6 +10,7 @@ from bowden.core.units import RADIANS
 from bowden.cycle.one_cycle import WishSource
 from bowden.live.preflight import REASONS, Reason
 from bowden.live.ring_status import RecorderState
+from bowden.live.session import Session
 from bowden.live.stops import remedy_of
 from bowden.safety import faults
 from bowden.safety.faults import Fault
@@ -17,7 +18,6 @@ from bowden.safety.state import Mode
 from bowden.sensing.intent import Intent
 
 if TYPE_CHECKING:
-    from bowden.live.session import Session
     from bowden.rig.emg_setup import EmgRun
 
 _MOST_ESTIMATES = 6
@@ -34,7 +34,7 @@ _NEXT = {
 }
 
 
-def picture(session: "Session", row: dict[str, float], auto: bool, answer: str = "") -> Table:
+def picture(session: Session, row: dict[str, float], auto: bool, answer: str = "") -> Table:
     """One picture of a run from its newest row; `answer` is why a key did nothing."""
     mode, shown = Mode(int(row["mode"])), faults.of(row["faults"])
     table = Table(box=None, show_header=False, pad_edge=False)

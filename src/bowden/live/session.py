@@ -36,7 +36,7 @@ from bowden.live.gain_check import GainCheck
 from bowden.live.gain_ramp import RAMP
 from bowden.live.live_run import Live
 from bowden.live.mcap_read import read
-from bowden.live.operator import STANDS_STILL
+from bowden.live.outcome import RunState, outcome
 from bowden.live.provenance import rig_revision
 from bowden.live.recorder import check_room
 from bowden.live.ring import CAPACITY, FOLDER, RingReader, Row, create
@@ -53,6 +53,8 @@ from bowden.safety.faults import Fault
 from bowden.safety.limits import Limits
 from bowden.safety.state import Mode, Request
 
+STANDS_STILL = 5.0
+"""A loop that has done no cycle for this long does none any more; the drive has long taken its torque off [s]."""
 _START = 900.0
 """A loop that has not said anything after this has failed; on a slow computer it compiles for minutes at first [s]."""
 _ANSWER_WITHIN = 3.0
@@ -307,16 +309,16 @@ class Session:
     @property
     def ended_well(self) -> bool:
         """Whether the run has ended as asked, without torque."""
-        ended = self.ended or {}
-        well = ended.get("mode") == Mode.STOPPED and not ended.get("torque") and not ended.get("unattended")
-        return not self.error and well
+        return self._state.ended_well
 
     @property
     def outcome(self) -> str:
         """How the run ended, in words: what stopped it, and what to do; of one that goes on, where it stands."""
-        from bowden.live.outcome import outcome
+        return outcome(self._state)
 
-        return outcome(self)
+    @property
+    def _state(self) -> RunState:
+        return RunState(self.ended, self.error, self.mode, self.axes, self.live.patience, self.on_twin)
 
     @property
     def recorder(self) -> int:

@@ -17,6 +17,9 @@ from bowden.safety import faults
 from bowden.safety.faults import Fault
 from bowden.safety.state import Mode
 
+STALLED = "this computer stopped for {:.0f} ms, which is not a fault of the rig: see bowden doctor"
+"""Why a run was ended that nothing else was wrong with; a drive whose host is silent for longer than its watch over it
+lasts takes its torque off itself."""
 Array = NDArray[np.float64]
 
 NEEDED = ("time", "mode", "faults", "lateness", "supervisor.timers.late", "operator_age")

@@ -4,7 +4,7 @@ import shlex
 import sys
 from collections.abc import Sequence
 from dataclasses import asdict, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,16 +20,14 @@ from bowden.live.lateness import figures
 from bowden.live.mcap_log import about as describing
 from bowden.live.mcap_read import Recording, read
 from bowden.live.mcap_reader import Damage
+from bowden.live.session import Session
+from bowden.live.session_axis import SessionAxis
 from bowden.safety import faults
 from bowden.safety.faults import Fault
 from bowden.safety.state import Mode
 
-if TYPE_CHECKING:
-    from bowden.live.session import Session
-    from bowden.live.session_axis import SessionAxis
 
-
-def document(session: "Session") -> dict[str, Any]:
+def document(session: Session) -> dict[str, Any]:
     """The figures of a run that has ended, as JSON values."""
     emg, emg_process = session.live.emg, session.emg_process
     pushing = session.live.pushing
@@ -80,7 +78,7 @@ def document(session: "Session") -> dict[str, Any]:
     }
 
 
-def _followed(axis: "SessionAxis", log: Recording) -> dict[str, Any]:
+def _followed(axis: SessionAxis, log: Recording) -> dict[str, Any]:
     """How well one axis followed, and what its drive said by itself."""
     led = log["source"] >= WishSource.LAW_BEGINS
     error = (log["joint"] - log["reference"])[led]
@@ -94,7 +92,7 @@ def _followed(axis: "SessionAxis", log: Recording) -> dict[str, Any]:
     }
 
 
-def _axes(session: "Session", each: list[dict[str, Any]]) -> list[dict[str, Any]]:
+def _axes(session: Session, each: list[dict[str, Any]]) -> list[dict[str, Any]]:
     """What is said of each axis of several."""
     ended = (session.ended or {}).get("axes") or [None] * len(each)
     return [
@@ -113,7 +111,7 @@ def _axes(session: "Session", each: list[dict[str, Any]]) -> list[dict[str, Any]
     ]
 
 
-def _read(session: "Session", needed: Sequence[str]) -> tuple[Recording, str]:
+def _read(session: Session, needed: Sequence[str]) -> tuple[Recording, str]:
     """What is left of a run's logs, and why nothing of the last one is; no row where none is left."""
     about, found, lost = session.rows.description, [], session.log_lost
     for path in session.logs[:-1] if lost else session.logs:
@@ -137,11 +135,6 @@ def _joined(logs: list[Recording]) -> Recording:
     return replace(broken, numbers=numbers, rows=np.concatenate([log.rows for log in logs])[first])
 
 
-STALLED = "this computer stopped for {:.0f} ms, which is not a fault of the rig: see bowden doctor"
-"""Why a run was ended that nothing else was wrong with; a drive whose host is silent for longer than its watch over it
-lasts takes its torque off itself."""
-
-
 def _print_stops(found: dict[str, Any]) -> None:
     """What stopped the run, in the order of time, then what its log does not show."""
     named = {one["name"]: one["faults"] for one in found.get("axes", ())} or {"": found["faults"]}
@@ -159,7 +152,7 @@ def _print_stops(found: dict[str, Any]) -> None:
             (axis, meaning) for axis, faulty in named.items() for meaning in faulty if f"{axis}: {meaning}" in told
         }
     if found["stalled_ms"] and not any(stop["too_busy"] for stop in found["stops"]):
-        print(STALLED.format(found["stalled_ms"]))
+        print(stops.STALLED.format(found["stalled_ms"]))
     if found["unattended"]:
         print(f"ended before its time: {found['unattended']}")
         said |= {(axis, Fault.OPERATOR_LOST.meaning) for axis in named}

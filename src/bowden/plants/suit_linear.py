@@ -55,7 +55,7 @@ def linear_suit(suit: Suit, angle: float, *, extensor: bool = True, slope_factor
     Raises:
         ParameterError: a part of the suit that cannot be.
     """
-    from scipy.linalg import expm  # a tenth of a second, for checks of suits alone
+    from scipy.linalg import expm  # a fifth of a second, which only a check need wait for
 
     made = prepare_suit(suit)
     motor, arm, wearer, radius = suit.motor, suit.arm, suit.wearer, made.joint_radius

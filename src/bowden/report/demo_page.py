@@ -9,7 +9,7 @@ import numpy as np
 from bowden.core.style import COLOURS, new_figure
 from bowden.core.trace import LED, Trace
 from bowden.core.units import DEGREES
-from bowden.design.check import Check
+from bowden.design.check_result import Check
 from bowden.identify.cable.fit import Fit
 from bowden.identify.log.read import Log
 from bowden.live import stops

@@ -9,10 +9,9 @@ from numpy.typing import NDArray
 
 from bowden.core.style import COLOURS, legend, new_figure, note_cut, thin, widened
 from bowden.core.units import DEGREES
-from bowden.identify.cable.fit import Fit, ModelFit
+from bowden.identify.cable.fit import PARTS, Fit, ModelFit, draw_loop
 from bowden.identify.cable.loop import loop_lines
 from bowden.identify.cable.model import meaning
-from bowden.identify.cable.plot import PARTS, draw_loop
 from bowden.report.page import Page, inline
 
 if TYPE_CHECKING:

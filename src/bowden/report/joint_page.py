@@ -6,9 +6,8 @@ import numpy as np
 
 from bowden.core.style import new_figure
 from bowden.core.units import DEGREES
-from bowden.identify.cable.loads import JointFit, cycle_lines
-from bowden.identify.cable.plot import draw_loads, draw_residual
-from bowden.identify.cable.recalibrate import Recalibration, cycles_line, verdict
+from bowden.identify.cable.joint_fit import JointFit, cycle_lines, draw_loads
+from bowden.identify.cable.recalibrate import Recalibration, cycles_line, draw_residual, verdict
 from bowden.identify.log.variables import in_degrees
 from bowden.report.page import Page
 

@@ -12,7 +12,7 @@ from bowden.core.shown import listed, number
 from bowden.core.style import COLOURS, thin
 from bowden.core.units import DEGREES, HERTZ
 from bowden.identify.cable.model import IdentifiedCable
-from bowden.identify.cable.trust import parameter_lines
+from bowden.identify.cable.parameter_text import parameter_lines
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

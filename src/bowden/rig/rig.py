@@ -29,7 +29,7 @@ from bowden.hardware.drives.load_cell import LoadCellParameters
 from bowden.hardware.ports import Drive
 from bowden.hardware.realtime import Settings
 from bowden.identify.cable.fit import Fit
-from bowden.identify.cable.loads import JointFit
+from bowden.identify.cable.joint_fit import JointFit
 from bowden.identify.cable.model import SCHEDULED, CableModel, IdentifiedCable
 from bowden.identify.cable.recalibrate import Recalibration, outside
 from bowden.models.cable.bouc_wen import BoucWen, upright

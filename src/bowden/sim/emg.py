@@ -7,9 +7,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.sensing.biquad import butterworth
-from bowden.sensing.whole_signal import band_pass, filtered
-
 Array = NDArray[np.float64]
 
 NOISE = 0.004
@@ -85,7 +82,7 @@ def rest(
 
 def background(rate: float, count: int, random: np.random.Generator) -> Array:
     """`count` samples of noise [mV]: half of skin and amplifier, white, half of the muscle's band."""
-    shaped = filtered(random.normal(size=count), *band_pass(1, 20.0, min(400.0, 0.4 * rate), rate))
+    shaped = _filtered(random.normal(size=count), 1, (20.0, min(400.0, 0.4 * rate)), rate)
     return NOISE * (shaped / max(float(np.std(shaped)), 1e-12) + random.normal(size=count)) / np.sqrt(2.0)
 
 
@@ -98,8 +95,8 @@ def contractions(rate: float, spans: Sequence[tuple[float, float, float]], count
         count: samples.
         seed: of the noise.
     """
-    band = band_pass(2, 30.0, min(250.0, 0.4 * rate), rate)
-    carrier = filtered(np.random.default_rng(seed).normal(size=count), *band)
+    noise = np.random.default_rng(seed).normal(size=count)
+    carrier = _filtered(noise, 2, (30.0, min(250.0, 0.4 * rate)), rate)
     carrier /= np.std(carrier)
     time, size = np.arange(count) / rate, np.zeros(count)
     for onset, end, amplitude in spans:
@@ -150,8 +147,8 @@ def disturb(
     elif kind is Artefact.CLICK:
         part += sign * size
     elif kind is Artefact.CABLE:
-        low = butterworth(random.uniform(5.0, 12.0), "low", rate)
-        swing = filtered(random.normal(size=len(part)), low)
+        cutoff = random.uniform(5.0, 12.0)
+        swing = _filtered(random.normal(size=len(part)), 2, cutoff, rate)
         part += size * swing / np.std(swing) * np.hanning(len(part))
     elif kind is Artefact.FLAT:
         part[:] = random.choice([0.0, 0.3, -1.0])
@@ -165,3 +162,11 @@ def disturb(
     else:
         part += size * np.sin(2.0 * np.pi * n / count)
     return count / rate
+
+
+def _filtered(values: Array, order: int, edges: float | tuple[float, float], rate: float) -> Array:
+    """Through a Butterworth low-pass, or a band-pass between two edges [Hz], from rest (n,)."""
+    from scipy import signal  # a second, which only made-up EMG need wait for
+
+    sections = signal.butter(order, edges, "band" if isinstance(edges, tuple) else "low", fs=rate, output="sos")
+    return np.asarray(signal.sosfilt(sections, values))

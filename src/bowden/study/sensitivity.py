@@ -12,16 +12,15 @@ highest rank.
   ranks without any dependence is nearly Beta((g − 1)/2, (n − g)/2) of g bins and n runs.
 """
 
-from functools import cache
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import betaincinv
 
 Array = NDArray[np.float64]
 
 _BINS, _IN_BIN = 20, 10
-_DRAWS = 20_000
 
 
 class Sensitivity(NamedTuple):
@@ -83,14 +82,8 @@ def _share(values: Array, ranks: Array) -> tuple[float, float]:
     means = np.bincount(which, ranks) / counts
     between = float(np.sum(counts * (means - ranks.mean()) ** 2) / np.sum((ranks - ranks.mean()) ** 2))
     chance = (groups - 1) / (n - 1)
-    return max(0.0, (between - chance) / (1.0 - chance)), (_by_chance(n, groups) - chance) / (1.0 - chance)
-
-
-@cache
-def _by_chance(runs: int, groups: int) -> float:
-    """95 % quantile of η² where nothing depends on the parameter."""
-    draws = np.random.default_rng(1).beta(0.5 * (groups - 1), 0.5 * (runs - groups), _DRAWS)
-    return float(np.quantile(draws, 0.95))
+    by_chance = float(betaincinv(0.5 * (groups - 1), 0.5 * (n - groups), 0.95))
+    return max(0.0, (between - chance) / (1.0 - chance)), (by_chance - chance) / (1.0 - chance)
 
 
 def ranked(found: list[Sensitivity]) -> list[Sensitivity]:

@@ -94,7 +94,7 @@ class Held(NamedTuple):
 
 def held_loops(port: Port, wearers: list[Body]) -> list[Held]:
     """The suit with each of the wearers, and with an elbow that is held."""
-    from scipy.linalg import expm
+    from scipy.linalg import expm  # a fifth of a second, which only a check need wait for
 
     drive = _drive(port)
     still = expm(np.delete(np.delete(drive, 2, 0), 2, 1) * port.dt)

@@ -2,18 +2,15 @@
 
 import math
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from bowden.core.units import DEGREES
 from bowden.identify.cable.cycles import ENOUGH
+from bowden.identify.cable.fit import ModelFit
 from bowden.identify.cable.path import Path
 from bowden.identify.cable.turns import motor_noise, resolution
 from bowden.identify.log.read import Log
-
-if TYPE_CHECKING:
-    from bowden.identify.cable.fit import ModelFit
 
 _LAG = 0.3
 """Share of the squared residual that a lag explains, from which on it is taken for one [–]."""
@@ -39,7 +36,7 @@ def advise(
     path: Path,
     fitted_from: int,
     rest_until: float | None,
-    models: Mapping[str, "ModelFit"],
+    models: Mapping[str, ModelFit],
     best: str,
     whole: int,
 ) -> list[str]:
@@ -111,7 +108,7 @@ def seconds_text(time: float) -> str:
     return f"{time:.0f} s" if time >= 10.0 else f"{time:.2g} s"
 
 
-def _about_size(log: Log, split: int, path: Path, models: Mapping[str, "ModelFit"]) -> list[str]:
+def _about_size(log: Log, split: int, path: Path, models: Mapping[str, ModelFit]) -> list[str]:
     found = []
     lost = 2.0 * models["play"].parameters["half_width"]
     if path.strokes > 1 and path.span < 3.0 * lost:
@@ -129,7 +126,7 @@ def _about_size(log: Log, split: int, path: Path, models: Mapping[str, "ModelFit
     return found
 
 
-def _about_parameters(fitted: "ModelFit", name: str) -> list[str]:
+def _about_parameters(fitted: ModelFit, name: str) -> list[str]:
     """What the log shows of the recommended model's shape, where it is a Bouc–Wen one."""
     shape = ("hysteresis_gain", "rate", "shape", "exponent")
     vague = [
@@ -158,7 +155,7 @@ def lags(lag: tuple[float, float]) -> bool:
     return share > _LAG and abs(seconds) > 2e-3
 
 
-def _about_the_second_half(log: Log, split: int, path: Path, best: "ModelFit") -> list[str]:
+def _about_the_second_half(log: Log, split: int, path: Path, best: ModelFit) -> list[str]:
     found = []
     low, high = float(np.min(path.turning)), float(np.max(path.turning))
     beyond = max(low - float(log.motor[split:].min()), float(log.motor[split:].max()) - high)

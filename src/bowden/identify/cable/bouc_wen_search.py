@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.core.kernel import compiled, exp, kernel
-from bowden.identify.cable.evolution import evolve
 from bowden.identify.cable.path import Path
 from bowden.models.cable.bouc_wen import BoucWen, saturation, travel_step
 
@@ -52,14 +51,25 @@ def cable_at(theta: Array) -> tuple[BoucWen, float, Array]:
 
 def search(path: Path, seed: int) -> Array:
     """The best θ (4,) that differential evolution finds."""
-    low, high = bounds(path.span)
+    from scipy.optimize import Bounds, differential_evolution  # half a second, which a simulation need not wait for
 
     def costs(candidates: Array) -> Array:
-        found = np.empty(len(candidates))
-        compiled(projected_costs)(path.motor, path.joint, path.weight, np.ascontiguousarray(candidates), found)
+        found = np.empty(candidates.shape[1])
+        compiled(projected_costs)(path.motor, path.joint, path.weight, np.ascontiguousarray(candidates.T), found)
         return found
 
-    return evolve(costs, low, high, seed, each=8, generations=25, spread=1e-3)
+    found = differential_evolution(
+        costs,  # type: ignore[arg-type]  # of one candidate, as SciPy's types have it
+        Bounds(*bounds(path.span)),
+        popsize=8,
+        maxiter=25,
+        tol=1e-3,
+        rng=seed,
+        polish=False,
+        vectorized=True,
+        updating="deferred",
+    )
+    return np.asarray(found.x, dtype=np.float64)
 
 
 @kernel

@@ -3,7 +3,7 @@
 A whole cycle passes each place in the middle half of the motor's range, on the way up and on the way down. What a
 stroke tells of the next one, a fit learns only from several: a cable settles, and strays. So the error after the log
 falls with the cycles that were fitted; and what a fit states of it, the error on the half that it has not seen, rests
-on as few. Both were measured on recordings that were cut short (benchmarks/identify_cycles.py), each identified alone:
+on as few. Both were measured on recordings that were cut short (docs/background/theory.md), each identified alone:
 of several logs fitted together, and of a recalibration, only what is to be recorded is said.
 """
 

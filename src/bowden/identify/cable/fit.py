@@ -1,39 +1,35 @@
-"""From three signals to a recommended model: each family fitted to a log's first half and judged on its second.
+"""What a log says of its cable: every family's best member, the recommended one, and how it is shown and written.
 
 What is reported of a model, and what a rig takes, was fitted again to the whole log; its errors are those of the same
 family fitted to the first half, since nothing is left to judge the other on.
 """
 
 import math
-import time as clock
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from bowden import __version__
 from bowden.core import shown
 from bowden.core.arguments import path_of as path_of_file
-from bowden.core.errors import LogError, ParameterError
+from bowden.core.files import write_text
 from bowden.core.guesses import answering
-from bowden.core.metrics import rmse
+from bowden.core.style import COLOURS, legend, thin
+from bowden.core.toml_text import quoted
 from bowden.core.units import DEGREES
-from bowden.identify.cable import advice
-from bowden.identify.cable.cycles import Cycles, drift, whole_cycles
+from bowden.identify.cable.cycles import Cycles
+from bowden.identify.cable.file_lines import cycles_row, one_line, warning_lines
 from bowden.identify.cable.forecast import Forecast, forecast
-from bowden.identify.cable.lag import earlier, time_lag
-from bowden.identify.cable.loop import HysteresisLoop, loop_lines, loop_of
-from bowden.identify.cable.model import CableModel
-from bowden.identify.cable.part import Progress, fit_part, refit_whole
-from bowden.identify.cable.path import Path, path_of
-from bowden.identify.cable.trust import parameter_lines, trust
-from bowden.identify.cable.trusted import Trust
-from bowden.identify.cable.turns import motor_noise, peak_speed
-from bowden.identify.cable.uncertainty import all_shown, standard_errors
-from bowden.identify.cable.validation import simplest_of_the_best
-from bowden.identify.log.angles import SIDES, angle_units, angles_of
-from bowden.identify.log.read import Log, checked_rate, prepare
+from bowden.identify.cable.loop import HysteresisLoop, loop_lines
+from bowden.identify.cable.model import NAMES, CableModel, meaning
+from bowden.identify.cable.model_file import log_lines
+from bowden.identify.cable.parameter_text import parameter_lines
+from bowden.identify.cable.trusted import Trust, trust_lines
+from bowden.identify.cable.turns import peak_speed
+from bowden.identify.log.read import Log
 
 if TYPE_CHECKING:
     import pathlib
@@ -42,13 +38,10 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-_OUTWARD = ("line", "play", "prandtl_ishlinskii")
-"""What is offered where one reversal was seen: left-out stretches then do not show how a bent loop goes on."""
-_TAKEN_OUT = 3
-"""Times that a lag is taken out: a loop's model takes a part of it for hysteresis, the less the smaller it is."""
-_WORSE, _SLIGHT = 1.3, 0.01 / DEGREES
-"""A model fitted to the whole log is not taken where its error on it exceeds that of the fit to the first half by this
-factor and by this much [rad]: weights that fade towards the past cost less."""
+_POINTS = 1500
+"""Of a curve: more make no visible difference."""
+PARTS = {"first half": "#c9ced3", "second half": "#b5d3e7"}
+"""Half of the log → its colour: pale and broad, so that the model's thin line hides nothing of it."""
 
 
 @dataclass(frozen=True)
@@ -111,6 +104,8 @@ class Fit:
     """``line``, ``play``, ``bouc_wen``, ``bouc_wen_static``, ``prandtl_ishlinskii``, ``generalised_play``."""
     best: CableModel
     """The recommended model; ``best.name`` says which it is, and a rig takes it as its cable."""
+    trust: Trust
+    """Whether to trust it, and why."""
     warnings: tuple[str, ...]
     """What the log cannot show, what was mended in it, and what to record instead."""
     samples: int
@@ -144,12 +139,9 @@ class Fit:
     @property
     def forecast(self) -> Forecast:
         """The joint's error with the recommended model as feed-forward, and without any."""
-        return forecast(self.log, self.split, self.predicted, self.chosen, self.models["line"])
-
-    @property
-    def trust(self) -> Trust:
-        """Whether to trust the recommended model, and why."""
-        return trust(self)
+        line = self.models["line"]
+        slope = line.parameters["slope"]
+        return forecast(self.log, self.split, self.predicted, slope, self.chosen.test_rms, line.test_rms)
 
     @property
     def motion(self) -> str:
@@ -166,9 +158,7 @@ class Fit:
         Raises:
             OutputError: the file cannot be written.
         """
-        from bowden.identify.cable.model_file import write_model
-
-        write_model(path_of_file(path, "Fit.write: path"), self, self.log.name)
+        write_text(path_of_file(path, "Fit.write: path"), model_text(self, self.log.name))
 
     def plot(self, axes: "Axes | Sequence[Axes] | None" = None) -> "list[Axes]":
         """Draw the loop: joint over motor, as recorded and as the recommended model draws it in the second half.
@@ -183,8 +173,6 @@ class Fit:
         Raises:
             ParameterError: something else than axes.
         """
-        from bowden.identify.cable.plot import draw_loop
-
         found = shown.axes_for(axes, 1, 2, 7.0, 3.4)
         draw_loop(found, self)
         return found
@@ -195,7 +183,6 @@ class Fit:
 
     def _repr_html_(self) -> str:
         from bowden.core.style import new_figure
-        from bowden.identify.cable.plot import draw_loop
 
         figure, axes = new_figure(1, 2, height=3.4)
         draw_loop(axes, self)
@@ -229,173 +216,114 @@ class Fit:
         ]
 
 
-def identify(
-    time: Array | None,
-    motor: Array,
-    joint: Array,
-    *,
-    unit: str | None = None,
-    counts_per_turn: float | Sequence[float] | None = None,
-    rate: float | None = None,
-    name: str = "log",
-    seed: int = 0,
-    progress: Progress | None = None,
-) -> Fit:
-    """Fit every family of cable models to a log's first half, judge it on the second, and fit it again to the whole.
-
-    Args:
-        time: (n,) increasing and even [s]; None where a rate is given.
-        motor: motor-side angle (n,).
-        joint: joint-side angle (n,).
-        unit: of the angles, ``rad``, ``deg`` or ``counts``, or one each (``counts,deg``); radians if not given.
-        counts_per_turn: of the encoders, one number for both or one each.
-        rate: samples a second of signals without times [Hz].
-        name: of the log, for messages.
-        seed: of the global search; with the same seed the result is the same.
-        progress: called with what is being done and the share of the work that is behind.
-
-    Returns:
-        The models with their uncertainties and errors, and the name of the one to use.
-
-    Raises:
-        LogError: signals that nothing can be fitted to; see `bowden.identify.cable.checks`.
-        ParameterError: an unknown unit, or signals of different lengths.
-
-    >>> t = np.arange(0.0, 20.0, 0.01)
-    >>> motor = 0.5 * np.sin(2.0 * t)
-    >>> fit = identify(t, motor, 0.9 * motor + 0.1)
-    >>> fit.best.name, round(fit.models["line"].parameters["slope"], 6)
-    ('line', 0.9)
-    """
-    units = angle_units(unit, counts_per_turn)
-    checked_rate(rate, time)
-    x, y = (np.ascontiguousarray(values, dtype=np.float64) for values in (motor, joint))
-    if time is None and rate is None:
-        raise ParameterError("identify: neither times nor a rate", expected="one of them", do="give rate=, in Hz")
-    t = np.arange(x.size) / (rate or 1.0) if time is None else np.ascontiguousarray(time, dtype=np.float64)
-    if not (t.ndim == 1 and t.shape == x.shape == y.shape):
-        raise ParameterError(f"identify: shapes {t.shape}, {x.shape}, {y.shape}", expected="three of one length")
-    angles, _ = angles_of({side: (side, None) for side in SIDES}, {"motor": x, "joint": y}, units)
-    angles = {side: replace(one, guessed=False) for side, one in angles.items()}  # radians are what arrays are in
-    ready = prepare(t, angles, name, lambda sample: f"{name}, sample {sample + 1}", units.apart)
-    return identify_log(ready, seed, progress)
+def draw_loop(axes: "Sequence[Axes]", fit: Fit) -> None:
+    """Joint over motor as recorded and as the recommended model has it, and on second axes without the line."""
+    log = fit.log
+    line = fit.models["line"].model.joint_angle(log.motor)
+    motor = log.motor * DEGREES
+    for panel, base in zip(axes, (np.zeros_like(line), line), strict=False):
+        for part, (label, colour) in zip((slice(0, fit.split), slice(fit.split, None)), PARTS.items(), strict=True):
+            shown = thin(motor[part], (log.joint - base)[part] * DEGREES, _POINTS)
+            panel.plot(*shown, color=colour, lw=2.8, label=label)
+        late = slice(fit.split, None)
+        drawn = thin(motor[late], (fit.predicted - base)[late] * DEGREES, _POINTS)
+        panel.plot(*drawn, color=COLOURS["model"], lw=0.8, label="model")
+        panel.set_xlabel("motor [°]")
+    axes[0].set_ylabel("joint [°]")
+    if len(axes) > 1:
+        if fit.chosen.loop is not None:
+            _draw_deviations(axes[1], fit, fit.chosen.loop)
+        axes[1].set_ylabel("joint − straight line [°]")
+    legend(axes[-1], 3)
 
 
-def identify_log(log: Log, seed: int = 0, progress: Progress | None = None) -> Fit:
-    """`identify` for a log that was read and checked. A lag of the joint that shows is taken out of it.
-
-    Raises:
-        LogError: the motor's or the joint's motion cannot be distinguished from its noise.
-    """
-    found, late = _identify(log, seed, progress), 0.0
-    for _ in range(_TAKEN_OUT):
-        if not advice.lags(found.lag):
-            break
-        late += found.lag[0]
-        found = _identify(earlier(log, late), seed, progress)
-    return found
+def _draw_deviations(axes: "Axes", fit: Fit, loop: HysteresisLoop) -> None:
+    """Two deviations to either side of the loop, at each of its places."""
+    ways = (loop.rising_place, loop.rising, loop.rising_error), (loop.falling_place, loop.falling, loop.falling_error)
+    for way in ways:
+        place, joint, error = (np.array(one)[np.isfinite(way[2])] for one in way)
+        middle, reach = joint - fit.models["line"].model.joint_angle(place), 2.0 * error
+        ends = (middle - reach) * DEGREES, (middle + reach) * DEGREES
+        axes.vlines(place * DEGREES, *ends, color=COLOURS["model"], lw=1.6)
 
 
-def _identify(log: Log, seed: int, progress: Progress | None) -> Fit:
-    begin = clock.perf_counter()
-    tell = progress or (lambda what, share: None)
-    split = int(np.searchsorted(log.time, 0.5 * (log.time[0] + log.time[-1])))
-    noise = motor_noise(log.motor[:split])
-    _check_motion(log, "motor", log.motor[:split], "check its column, or record a larger motion from the start")
-    _check_motion(log, "joint", log.joint[:split], "check its column, its encoder and the cable")
-    half = fit_part(log, split, noise, seed, tell)
-    few = half.fine.strokes < advice.TOLD
-    tell("fitting the whole log", 0.6)
-    whole = (
-        fit_part(log, len(log.time), noise, seed, lambda what, share: None) if few else refit_whole(log, noise, half)
-    )
-    seen = whole if few else half
-    tell("comparing on left-out stretches", 0.7)
-    errors = seen.left_out_errors(log)
-    shown_by_log = seen.fine.strokes > 1 and advice.following(log, split) >= advice.FOLLOWS  # a reversal, and a cable
-    names = ("line",) if not shown_by_log else _OUTWARD if seen.fine.strokes < 3 else tuple(errors)
-    offered = {name: errors[name] for name in names}
-    unseen = [family.name for family in seen.families if not all_shown(seen.fine, seen.estimates[family.name])]
-    complexity = {name: len(seen.estimates[name].slopes) for name in offered}
-    trading = [family.name for family in seen.families if seen.estimates[family.name].prior is not None]
-    best: str = simplest_of_the_best(offered, complexity, unseen, trading)
-
-    fine, start = half.fine, half.settling.start
-    fitted_from = int(np.searchsorted(log.time, fine.time[np.flatnonzero(fine.weight)[0]])) if start else 0
-    path = path_of(log.time, log.motor, log.joint, len(log.time), noise)
-    models: dict[str, ModelFit] = {}
-    counts = half.counted_at(log.time)
-    predicted, kept = np.empty(0), []
-    for done, family in enumerate(half.families):
-        tell("judging on the second half", 0.9 + 0.02 * done)
-        joint = follow(CableModel(family.name, half.estimates[family.name].parameters), path, log.time)
-        predicted = joint if family.name == best else predicted
-        error = joint - log.joint
-        part, before = whole, rmse(error[fitted_from:])
-        final = follow(CableModel(family.name, whole.estimates[family.name].parameters), path, log.time)
-        after = rmse((final - log.joint)[fitted_from:])
-        if after > _WORSE * before + _SLIGHT:
-            part = half
-            kept.append(f"{family.name} ({after * DEGREES:.2g}° against {before * DEGREES:.2g}°)")
-        estimate = part.estimates[family.name]
-        models[family.name] = ModelFit(
-            model=CableModel(family.name, estimate.parameters),
-            uncertainty=standard_errors(part.fine, estimate, family),
-            loop=loop_of(part.fine, estimate.fitted),
-            fitted_count=len(estimate.slopes),
-            train_rms=math.sqrt(float(np.average(error[fitted_from:split] ** 2, weights=counts[fitted_from:split]))),
-            test_rms=rmse(error[split:]),
-            left_out_rms=math.sqrt(float(np.mean(errors[family.name]))),
-        )
-    cycles, lag = whole_cycles(path), time_lag(fine, half.estimates[best])
-    warnings = advice.advise(log, split, fine, fitted_from, half.rest_until, models, best, cycles.whole)
-    if kept:
-        warnings.append(
-            f"fitted to the whole log a model was worse on it than fitted to the first half, and stays as it was: "
-            f"{', '.join(kept)}; its error beyond the first half's range is not known to be small"
-        )
-    tell("done", 1.0)
-    found = Fit(
-        models=models,
-        best=replace(
-            models[best].model,
-            others={name: dict(one.parameters) for name, one in models.items() if name != best},
-            covered=log.covered,
-            encoders=log.encoders,
-        ),
-        warnings=(*log.warnings, *warnings),
-        samples=len(log.time),
-        cycles=cycles,
-        seconds=clock.perf_counter() - begin,
-        split=split,
-        chosen_on_whole=few,
-        fitted_from=fitted_from,
-        reversals=path.strokes - 1,
-        lag=lag,
-        drift=drift(path),
-        predicted=predicted,
-        log=log,
-    )
-    return replace(found, best=replace(found.best, trust=found.trust))
+def model_text(fit: Fit, source: str) -> str:
+    """The content of model.toml."""
+    lines = [
+        f"# The cable of {one_line(source)}, identified by bowden {__version__}. All angles are in radians.",
+        "# Each value is followed by its unit, one standard deviation of it, and what it is. The models were fitted to",
+        "# the whole log; test_rms_deg is the error on the second half of the same families fitted to the first.",
+        "",
+        "# Recommended: the simplest whose error on stretches left out of the fit is not clearly above the least.",
+        f"best = {quoted(fit.best.name)}",
+        f"source = {quoted(one_line(source))}",
+        f"samples = {fit.samples}",
+        cycles_row(fit.cycles, fit.cycles.advice),
+        *warning_lines(fit.warnings),
+    ]
+    lines += trust_lines(fit.trust)
+    lines += log_lines(fit.log.covered, fit.log.encoders)
+    left, without, counts = (_number(value * DEGREES) for value in fit.forecast)
+    lines += [
+        "",
+        "[forecast]  # error of the joint on a motion like the log's; the servo is taken to follow at once",
+        f"compensated_rms_deg = {left}  # with the recommended model's inverse as feed-forward",
+        f"uncompensated_rms_deg = {without}  # with a straight line's",
+        f"resolution_rms_deg = {counts}  # of both encoders' counts; 0 where the log shows none",
+    ]
+    lines += _loop_lines(fit.chosen.loop)
+    for name in NAMES:
+        lines += _model_lines(name, fit.models[name])
+    return "\n".join(lines) + "\n"
 
 
-def follow(model: CableModel, path: Path, time: Array) -> Array:
-    """The model's joint angle at each sample (n,) [rad], simulated straight through a path at the log's full rate.
+def _loop_lines(loop: HysteresisLoop | None) -> list[str]:
+    """The section with the recommended model's loop; empty where the log shows none."""
+    if loop is None:
+        return []
+    texts = {
+        "slope": "[rad/rad] of the middle half of the stroke",
+        "offset": "[rad] joint angle at motor angle 0 of the line through it",
+        "height": "[rad] how far apart both ways are there, at the joint",
+        "rising_place": "[rad] motor angles along the stroke while it rises",
+        "rising": "[rad] joint angles there",
+        "falling_place": "[rad] while it falls",
+        "falling": "[rad] joint angles there",
+    }
+    lines = [
+        "",
+        "[loop]  # of the recommended model over this log; _error: one standard deviation, inf where not shown",
+    ]
+    for key, value in loop._asdict().items():
+        said = "[" + ", ".join(_number(one) for one in value) + "]" if isinstance(value, tuple) else _number(value)
+        lines.append(f"{key} = {said}" + (f"  # {texts[key]}" if key in texts else ""))
+    return lines
 
-    The path is the motor's motion freed of encoder noise. Bouc–Wen needs that: its small loops do not close, so that a
-    flicker of the encoder, at rest most of all, drives h towards zero, which the cable itself does not do.
-    """
-    counted = path.weight > 0
-    return np.interp(time, path.time[counted], model.joint_angle(path.motor)[counted])
+
+def _model_lines(name: str, fitted: ModelFit) -> list[str]:
+    lines = [
+        "",
+        f"[models.{name}]",
+        f"train_rms_deg = {_number(fitted.train_rms * DEGREES)}",
+        f"test_rms_deg = {_number(fitted.test_rms * DEGREES)}",
+        "",
+        f"[models.{name}.parameters]",
+    ]
+    for key, value in fitted.parameters.items():
+        unit, text = meaning(key)
+        lines.append(f"{key} = {float(value)!r}  # [{unit}] {_spread(fitted.uncertainty[key])}; {text}")
+    lines += [
+        "",
+        f"[models.{name}.uncertainty]  # one standard deviation; inf: the log does not show it; not here: none stated",
+    ]
+    return lines + [f"{key} = {_number(value)}" for key, value in fitted.uncertainty.items() if not math.isnan(value)]
 
 
-def _check_motion(log: Log, what: str, values: Array, do: str) -> None:
-    noise = motor_noise(values)
-    span = float(np.ptp(np.convolve(values, np.full(9, 1.0 / 9.0), "valid")))  # nine outweigh the noise
-    if not span > max(8.0 * noise, 1e-9):
-        raise LogError(
-            f"{log.name}: in the first half the {what} moves {np.rad2deg(span):.3g}° with {np.rad2deg(noise):.2g}° of "
-            "noise",
-            expected="strokes well above the encoder's noise",
-            do=do,
-        )
+def _spread(uncertainty: float) -> str:
+    if math.isnan(uncertainty):
+        return "no uncertainty stated"
+    return "not identifiable from this log" if math.isinf(uncertainty) else f"± {uncertainty:.2g}"
+
+
+def _number(value: float) -> str:
+    return f"{value:.6g}" if math.isfinite(value) else "nan" if math.isnan(value) else "inf"

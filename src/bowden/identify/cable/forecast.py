@@ -13,16 +13,13 @@ follow at once.
 """
 
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bowden.identify.cable.turns import motor_noise
 from bowden.identify.log.read import Log
-
-if TYPE_CHECKING:
-    from bowden.identify.cable.fit import ModelFit
 
 Array = NDArray[np.float64]
 
@@ -42,21 +39,22 @@ class Forecast(NamedTuple):
     shows in this log nor can be commanded; zero where the log shows no counts [rad]."""
 
 
-def forecast(log: Log, split: int, predicted: Array, best: "ModelFit", line: "ModelFit") -> Forecast:
+def forecast(log: Log, split: int, predicted: Array, slope: float, error: float, of_line: float) -> Forecast:
     """See `Forecast`.
 
     Args:
         log: what was fitted.
         split: first sample of the second half.
         predicted: joint angle of the recommended model (n,) [rad].
-        best: the recommended model.
-        line: the straight line.
+        slope: of the straight line [rad/rad].
+        error: of the recommended model on the second half [rad].
+        of_line: the straight line's [rad].
     """
-    slope = abs(line.parameters["slope"])
+    slope = abs(slope)
     of_motor, of_joint = log.resolutions
     counts = math.hypot(slope * of_motor, of_joint)
     share = _share(log.motor[split:], predicted[split:], log.joint[split:] - predicted[split:], slope)
-    return Forecast(share * best.test_rms, line.test_rms, counts / math.sqrt(12.0))
+    return Forecast(share * error, of_line, counts / math.sqrt(12.0))
 
 
 def _share(motor: Array, model: Array, error: Array, slope: float) -> float:

@@ -26,7 +26,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.identify.cable.family import Array, Estimate
-from bowden.identify.cable.non_negative import non_negative
 from bowden.identify.cable.path import Path
 from bowden.identify.cable.projection import inverse_of, products
 from bowden.identify.cable.validation import folds
@@ -129,6 +128,8 @@ class GeneralisedPlay:
 
 def _memory(path: Path, lags: Array) -> _Memory:
     """The plays of a stack round a bent line that fit best, the motor having come from one of the `lags` [rad]."""
+    from scipy.optimize import nnls  # half a second, which a simulation need not wait for
+
     low, high = _range(path)
     u = np.clip((2.0 * path.motor - low - high) / (high - low), -1.0, 1.0)
     bent = np.delete(np.polynomial.chebyshev.chebvander(u, _DEGREE), 1, axis=1)
@@ -145,7 +146,7 @@ def _memory(path: Path, lags: Array) -> _Memory:
         values, vectors = np.linalg.eigh(gram / np.outer(size, size))
         root = np.sqrt(np.maximum(values, 1e-10 * values[-1]))
         sign = 1.0 if sums[free, -1] * path.weight.sum() >= sums[0, free] * sums[0, -1] else -1.0
-        weights = non_negative(root[:, None] * vectors.T, sign * (vectors.T @ (moments / size)) / root) / size
+        weights = nnls(root[:, None] * vectors.T, sign * (vectors.T @ (moments / size)) / root)[0] / size
         cost = float(rest[-1, -1] - 2.0 * sign * weights @ moments + weights @ gram @ weights)
         if best is None or cost < best[0]:
             best = cost, float(lag), sign * weights
@@ -188,6 +189,8 @@ def _settled(path: Path, lag: float, cable: Branches, again: int) -> Estimate:
 
 def _with_plays(path: Path, lag: float, cable: Branches) -> Branches:
     """The same branches with the plays between them that fit best: shares of one sign, which sum to one at most."""
+    from scipy.optimize import nnls
+
     if not cable.gaps.any():
         return cable
     slots = slots_of(path.motor, lag, cable._replace(reaches=np.append(0.0, _REACHES)))  # the first is the mean itself
@@ -197,7 +200,7 @@ def _with_plays(path: Path, lag: float, cable: Branches) -> Branches:
     total = _TOTAL * float(np.sqrt(sums[-1, -1]))
     of_motor = np.append(np.zeros(len(root)), total)  # what it moves by itself is none of `moved`
     rows = np.column_stack([np.vstack([root[:, :-1], np.full(len(_REACHES), total)]), of_motor])
-    shares = non_negative(rows, np.append(root[:, -1], total))[:-1]
+    shares = nnls(rows, np.append(root[:, -1], total))[0][:-1]
     shares = shares / max(1.0, float(shares.sum()))
     kept = shares > _LEAST_SHARE
     size = float(shares[kept] @ _REACHES[kept])

@@ -22,27 +22,23 @@ the same load at another bend stay in the fit. The model itself is fitted to all
 import itertools
 import time as clock
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, NamedTuple
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.core import shown
-from bowden.core.arguments import path_of as path_of_file
 from bowden.core.errors import LogError, ParameterError, counted
-from bowden.core.files import write_text
 from bowden.core.metrics import rmse
 from bowden.core.units import DEGREES
 from bowden.identify.cable.bouc_wen import BoucWenCable
 from bowden.identify.cable.counting import covered_by
-from bowden.identify.cable.cycles import ENOUGH, FOR_YES, Cycles, whole_cycles
+from bowden.identify.cable.cycles import ENOUGH, whole_cycles
+from bowden.identify.cable.joint_fit import JointFit, JudgedLog
 from bowden.identify.cable.model import SCHEDULED, CableModel
-from bowden.identify.cable.non_negative import non_negative
 from bowden.identify.cable.part import Progress
 from bowden.identify.cable.path import Path, path_of
 from bowden.identify.cable.projection import inverse_of, products
-from bowden.identify.cable.trusted import QUARTER, Trust, least
 from bowden.identify.log.read import Log
 from bowden.identify.log.variables import shown_value
 from bowden.models.cable.prandtl_ishlinskii import plays
@@ -54,11 +50,6 @@ from bowden.models.cable.scheduled import (
     parameters_of,
     powers,
 )
-
-if TYPE_CHECKING:
-    import pathlib
-
-    from matplotlib.axes import Axes
 
 Array = NDArray[np.float64]
 
@@ -87,182 +78,6 @@ _BESIDE = 0.005
 """A log whose mean error is above that share of the motor's range and half its scatter lies beside the others [–]."""
 _HIGHEST = 2
 """Highest power of a variable. f bends with the load as a cable's stiffness rises with its tension."""
-
-
-@dataclass(frozen=True)
-class JudgedLog:
-    """How well one of several logs is predicted."""
-
-    name: str
-    """The log's."""
-    values: tuple[float, ...]
-    """Of the scheduling variables, its means."""
-    samples: int
-    """In it."""
-    cycles: Cycles
-    """Whole cycles in it, and how many more to record."""
-    train_rms: float
-    """Error of the model, which was fitted to this log too [rad]."""
-    test_rms: float
-    """On its second half, of a model fitted to the first halves of all logs [rad]."""
-    same_rms: float
-    """Of a model fitted to all logs but this one; NaN where no other has its load [rad]."""
-    same_offset_rms: float
-    """The same on the second half, once the offset was fitted again to the first [rad]."""
-    unseen_rms: float
-    """Of a model fitted to all logs but those of this load, and of this bend where both schedule; NaN where fewer than
-    two values of either are left [rad]."""
-    unseen_offset_rms: float
-    """The same on the second half, once the offset was fitted again to the first [rad]."""
-
-
-@dataclass(frozen=True, repr=False)
-class JointFit:
-    """What several logs say of one cable."""
-
-    best: CableModel
-    """The scheduled model, at the middle of what was seen; a rig takes it as its cable."""
-    variables: tuple[str, ...]
-    """What it is scheduled by: ``load``, ``bend``, both or nothing."""
-    units: tuple[str, ...]
-    """Of the variables; empty where nothing says it."""
-    logs: tuple[JudgedLog, ...]
-    """In the order in which they were given."""
-    warnings: tuple[str, ...]
-    """What the logs cannot show, and what was mended in them."""
-    seconds: float = field(compare=False)
-    """Time that the identification took [s]."""
-    read: tuple[Log, ...] = field(compare=False)
-    """What was fitted."""
-
-    @property
-    def samples(self) -> int:
-        """In all logs."""
-        return sum(one.samples for one in self.logs)
-
-    @property
-    def train_rms(self) -> float:
-        """Of all logs [rad]."""
-        return _over_logs([one.train_rms for one in self.logs])
-
-    @property
-    def test_rms(self) -> float:
-        """Of all logs' second halves [rad]."""
-        return _over_logs([one.test_rms for one in self.logs])
-
-    @property
-    def judged(self) -> float:
-        """What to expect of another log of this cable once its offset was refitted: on unseen loads where those were
-        judged, then on unseen logs, then on second halves [rad]."""
-        for name in ("unseen_offset_rms", "same_offset_rms", "test_rms"):
-            found = [getattr(one, name) for one in self.logs]
-            if np.isfinite(found).any():
-                return _over_logs(found)
-        return float("nan")
-
-    @property
-    def trust(self) -> Trust:
-        """Whether to trust the model: the gravest of what any of its logs gives reason to doubt."""
-        doubts = [
-            Trust(one.level, tuple(f"{log.name}: {why}" for why in one.reasons))
-            for log in self.read
-            for one in log.doubts
-        ]
-        short = [one.name for one in self.logs if one.cycles.whole < FOR_YES]
-        if short:
-            doubts.append(Trust("with care", (f"fewer than {FOR_YES} whole cycles in {', '.join(short)}",)))
-        for log, one in zip(self.read, self.logs, strict=True):
-            if one.test_rms > QUARTER * float(
-                np.std(log.joint - np.polyval(np.polyfit(log.motor, log.joint, 1), log.motor))
-            ):
-                doubts.append(
-                    Trust("with care", (f"{log.name}: the model leaves a quarter or more of what a line does",))
-                )
-        return least([Trust("yes", ("within the motion of these logs",)), *doubts])
-
-    def at(self, **values: float) -> CableModel:
-        """The model at a load, at a bend, or both.
-
-        Raises:
-            ParameterError: it is not scheduled by that.
-        """
-        for name in values:
-            if name not in self.variables:
-                raise ParameterError(
-                    f"the model is scheduled by {', '.join(self.variables) or 'nothing'}, not by {name!r}",
-                    expected="values of its variables",
-                    do="identify logs that differ in it",
-                )
-        return replace(self.best, parameters={**self.best.parameters, **values})
-
-    def write(self, path: "pathlib.Path | str") -> None:
-        """Write the model and how each log was judged, as the model.toml of ``bowden identify`` with several logs.
-
-        Raises:
-            OutputError: the file cannot be written.
-        """
-        from bowden.identify.cable.joint_file import joint_text
-
-        write_text(path_of_file(path, "JointFit.write: path"), joint_text(self))
-
-    def plot(self, axes: "Axes | Sequence[Axes] | None" = None) -> "list[Axes]":
-        """Draw the two branches of the loop without its straight line, at the least, the middle and the largest load.
-
-        Args:
-            axes: matplotlib's; a new figure is made where they are not given.
-
-        Returns:
-            The axes; ``axes[0].figure`` is theirs.
-
-        Raises:
-            ParameterError: something else than axes.
-        """
-        from bowden.identify.cable.plot import draw_loads
-
-        drawn = shown.axes_for(axes, 1, 1, 7.0, 3.6)
-        draw_loads(drawn[0], self)
-        return drawn
-
-    def __repr__(self) -> str:
-        """One screen: errors of each log, and what to know."""
-        return shown.screen(self._title(), self._rows())
-
-    def _repr_html_(self) -> str:
-        from bowden.core.style import new_figure
-        from bowden.identify.cable.plot import draw_loads
-
-        figure, axes = new_figure(height=3.6)
-        draw_loads(axes[0], self)
-        return shown.fragment(self._title(), self._rows(), figure)
-
-    def _title(self) -> str:
-        by = " and ".join(self.variables)
-        return f"Fit of {len(self.logs)} logs{f', scheduled by {by}' if by else ''}"
-
-    def _rows(self) -> list[tuple[str, str]]:
-        rows = []
-        for one in self.logs:
-            errors = (("second half", one.test_rms), ("left out", one.same_rms), ("load left out", one.unseen_rms))
-            said = [f"{what} {shown.number(v * DEGREES, '°')}" for what, v in errors if np.isfinite(v)]
-            at = [f"{name} {shown_value(name, value)}" for name, value in zip(self.variables, one.values, strict=True)]
-            rows.append((one.name, ", ".join([*at, *said, one.cycles.counted])))
-        rows += [("cycles", line) for line in cycle_lines(self.logs)]
-        return [*rows, *(("note", warning) for warning in self.warnings[:4])]
-
-
-def cycle_lines(logs: Sequence[JudgedLog]) -> list[str]:
-    """What more is to be recorded of logs with too few whole cycles: a line for all that lack as many.
-
-    >>> log = JudgedLog("a.csv", (), 2000, Cycles(2, 3), 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    >>> cycle_lines([log, replace(log, name="b.csv")])
-    ['record 3 more whole cycles (up and down): a.csv, b.csv have 2 whole cycles']
-    """
-    lines = []
-    for cycles in dict.fromkeys(one.cycles for one in logs if one.cycles.more):
-        names = [one.name for one in logs if one.cycles == cycles]
-        has = "has" if len(names) == 1 else "have"
-        lines.append(f"{cycles.to_record}: {', '.join(names)} {has} {cycles.counted}")
-    return lines
 
 
 class _Moved(NamedTuple):
@@ -518,10 +333,12 @@ def _fitted(moved: Sequence[_Moved], values: Array, frame: _Frame) -> ScheduledC
 
 def _shares(moved: Sequence[_Moved], frame: _Frame) -> Array:
     """ηᵢ (k,) [1/rad], by non-negative least squares; each log has a static curve of its own beside the plays."""
+    from scipy.optimize import nnls  # half a second, which a simulation need not wait for
+
     sums = np.sum([one.memory for one in moved], axis=0)
     size = np.sqrt(np.maximum(np.diag(sums)[:-1], 1e-300))
     lower = np.linalg.cholesky(sums[:-1, :-1] / np.outer(size, size) + 1e-11 * np.eye(len(size)))
-    found = non_negative(lower.T, np.asarray(np.linalg.solve(lower, sums[:-1, -1] / size))) / size
+    found = nnls(lower.T, np.linalg.solve(lower, sums[:-1, -1] / size))[0] / size
     if not found.any():  # a cable without a loop: any memory will do, and g says that there is none
         found[0] = 1.0
     return np.asarray(found / (found @ frame.half_widths))
@@ -620,9 +437,3 @@ def _left_out(one: _Moved, cable: ScheduledCable | None, values: Array) -> tuple
     error, _ = _error(one, cable, values)
     half = len(error) // 2
     return rmse(error), rmse(error[half:] - error[:half].mean())
-
-
-def _over_logs(errors: Sequence[float]) -> float:
-    """Root mean square over the logs for which there is one."""
-    known = np.array([error for error in errors if np.isfinite(error)])
-    return float(np.sqrt(np.mean(known**2))) if len(known) else float("nan")

@@ -13,12 +13,12 @@ Source: Golub and Pereyra, SIAM Journal on Numerical Analysis 10(2), 1973.
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bowden.core.kernel import compiled, kernel
-from bowden.identify.cable.bounded import ProblemAt, bounded_least_squares
 
 Array = NDArray[np.float64]
 Basis = Callable[[Array], tuple[Array, Array]]
@@ -104,15 +104,28 @@ def minimise(
 
     `rough` ends the search where a step improves the cost by less than 1e-4, as comparing models needs no more.
     """
+    from scipy.optimize import least_squares  # half a second, which a simulation need not wait for
+
+    @lru_cache(1)  # residual and derivative come together, and are asked for one after the other
+    def problem(theta: bytes) -> tuple[Array, Array, Array]:
+        return reduced_problem(basis, np.frombuffer(theta), joint, weight)
+
+    def residual(theta: Array) -> Array:
+        return problem(theta.tobytes())[0]
+
+    def slopes(theta: Array) -> Array:
+        return problem(theta.tobytes())[1]
+
     margin = 1e-6 * (high - low)
-    found = bounded_least_squares(
-        lambda theta: ProblemAt(*reduced_problem(basis, theta, joint, weight)),
+    found = least_squares(
+        residual,
         np.clip(start, low + margin, high - margin),
-        low,
-        high,
-        0.1 * np.minimum(high - low, 10.0),
-        step_tolerance=1e-9,
-        cost_tolerance=1e-4 if rough else 1e-7,
-        most=15 if rough else 80,
+        jac=slopes,
+        bounds=(low, high),
+        x_scale=0.1 * np.minimum(high - low, 10.0),
+        xtol=1e-9,
+        ftol=1e-4 if rough else 1e-7,
+        gtol=1e-14,
+        max_nfev=15 if rough else 80,
     )
-    return Projected(found.theta, found.linear, 2.0 * found.cost)
+    return Projected(found.x, problem(found.x.tobytes())[2], 2.0 * float(found.cost))

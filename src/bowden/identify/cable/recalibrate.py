@@ -30,15 +30,20 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from bowden import __version__
 from bowden.core import shown
 from bowden.core.errors import LogError, ParameterError
 from bowden.core.metrics import rmse
+from bowden.core.style import COLOURS, note_cut, thin, widened
+from bowden.core.toml_text import quoted
 from bowden.core.units import DEGREES
 from bowden.identify.cable.counting import Covered, fitted_range
 from bowden.identify.cable.cycles import Cycles, whole_cycles
+from bowden.identify.cable.file_lines import cycles_row, error_lines, one_line, parameter_rows, warning_lines
 from bowden.identify.cable.model import SCHEDULED, CableModel, IdentifiedCable
+from bowden.identify.cable.model_file import log_lines
 from bowden.identify.cable.path import Path, path_of
-from bowden.identify.cable.trusted import Trust, least
+from bowden.identify.cable.trusted import Trust, least, trust_lines
 from bowden.identify.log.read import Log
 from bowden.identify.log.variables import shown_value
 from bowden.models.cable.scheduled import VARIABLES
@@ -125,8 +130,6 @@ class Recalibration:
         Raises:
             ParameterError: something else than axes.
         """
-        from bowden.identify.cable.plot import draw_residual
-
         drawn = shown.axes_for(axes, 1, 1, 7.0, 2.8)
         draw_residual(drawn[0], self)
         return drawn
@@ -137,7 +140,6 @@ class Recalibration:
 
     def _repr_html_(self) -> str:
         from bowden.core.style import new_figure
-        from bowden.identify.cable.plot import draw_residual
 
         figure, axes = new_figure(height=2.8)
         draw_residual(axes[0], self)
@@ -158,6 +160,41 @@ class Recalibration:
             ("cycles", cycles_line(self)),
             *(("note", warning) for warning in self.warnings[:4]),
         ]
+
+
+def draw_residual(axes: "Axes", found: Recalibration) -> None:
+    """Joint minus recalibrated model over time."""
+    time, rest = found.log.time - found.log.time[0], (found.log.joint - found.predicted) * DEGREES
+    axes.plot(*thin(time, rest), color=COLOURS["error"], lw=0.8)
+    low, high = np.quantile(rest, (0.002, 0.998))  # but for the start
+    axes.set_ylim(*widened(float(low), float(high), 0.3))
+    note_cut(axes, [rest])
+    axes.set(xlabel="time [s]", ylabel="joint − model [°]")
+
+
+def recalibrated_text(found: Recalibration, source: str) -> str:
+    """The content of model.toml of a recalibrated model; how good it was judged stays as its first file has it."""
+    lines = [
+        f"# Gain and offset of {one_line(source)} fitted to {one_line(found.log.name)} by bowden {__version__}.",
+        "# judged_rms_deg is that of the first model; recalibrated_rms_deg what is left on the new log.",
+        "",
+        f"best = {quoted(found.best.name)}",
+        f"source = {quoted(one_line(found.log.name))}",
+        f"recalibrated_from = {quoted(one_line(source))}",
+        f"gain = {found.gain!r}  # over that model's",
+        f"samples = {found.samples}",
+        cycles_row(found.cycles, to_identify(found.cycles)),
+        *warning_lines(found.warnings),
+        *trust_lines(found.best.trust),
+        *log_lines(found.best.covered, found.best.encoders),
+    ]
+    for name, parameters in ((found.best.name, found.best.parameters), *found.best.others.items()):
+        lines += ["", f"[models.{name}]"]
+        if name == found.best.name:
+            lines += error_lines({"judged_rms": found.judged_rms, "recalibrated_rms": found.after_rms})
+            lines += [f"{variable}_unit = {quoted(unit)}" for variable, unit in found.units.items()]
+        lines += ["", f"[models.{name}.parameters]", *parameter_rows(parameters)]
+    return "\n".join(lines) + "\n"
 
 
 def to_identify(cycles: Cycles) -> str:

@@ -11,7 +11,6 @@ from collections.abc import Mapping
 import numpy as np
 
 from bowden.identify.cable.family import Array, Estimate
-from bowden.identify.cable.non_negative import non_negative
 from bowden.identify.cable.path import Path
 from bowden.identify.cable.projection import products, solve_linear
 from bowden.models.cable.prandtl_ishlinskii import plays
@@ -45,6 +44,8 @@ class PrandtlIshlinskii:
         return np.asarray(parameters["slope"] * motor + slots @ weights + parameters["offset"])
 
     def _solve(self, path: Path, widths: Array, lag: float) -> Estimate:
+        from scipy.optimize import nnls  # half a second, which a simulation need not wait for
+
         slots = _slots(path.motor, widths, lag)
         basis = np.column_stack([path.motor, slots])
         share = path.weight / path.weight.sum()
@@ -56,7 +57,7 @@ class PrandtlIshlinskii:
         lower = np.linalg.cholesky(gram / np.outer(size, size) + 1e-11 * np.eye(len(size)))
         wanted = np.asarray(np.linalg.solve(lower, moments / size), dtype=np.float64)
         sign = 1.0 if moments[0] >= 0.0 else -1.0
-        weights = non_negative(lower.T, sign * wanted)
+        weights = nnls(lower.T, sign * wanted)[0]
         active = np.flatnonzero(weights[1:] > 1e-6 * weights.max())
         kept = np.column_stack([path.motor, slots[:, active], np.ones_like(path.motor)])
         linear, _ = solve_linear(kept, path.joint, path.weight)

@@ -1,20 +1,15 @@
 """Whether an identified model is to be trusted, from what its log and its fit say."""
 
-import math
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 
 from bowden.core.units import DEGREES
 from bowden.identify.cable.advice import FOLLOWS, SLIGHT, WORSE, following, lags
 from bowden.identify.cable.cycles import FOR_YES
-from bowden.identify.cable.model import meaning
+from bowden.identify.cable.fit import Fit
 from bowden.identify.cable.trusted import QUARTER, Trust, least
 from bowden.identify.cable.turns import peak_speed
-
-if TYPE_CHECKING:
-    from bowden.identify.cable.fit import Fit
 
 _HALF = 0.5
 """Share of a straight line's error that a model leaves at most, if its loop is to be of use."""
@@ -24,7 +19,7 @@ _COUNTS = 3.0
 """Errors below this many times the encoders' counts are their noise, and so is a loop below as many errors."""
 
 
-def trust(fit: "Fit") -> Trust:
+def trust(fit: Fit) -> Trust:
     """Whether to trust the recommended model: the gravest of what its log and its fit give reason to doubt."""
     chosen, line, log = fit.chosen, fit.models["line"], fit.log
     seen, unseen = chosen.train_rms, chosen.test_rms
@@ -68,41 +63,6 @@ def trust(fit: "Fit") -> Trust:
         doubt("with care", f"the joint is {1e3 * fit.lag[0]:.2g} ms late, which makes its loop look wider")
     judged = least(found)
     return judged if judged.level == "yes" else Trust(judged.level, (*judged.reasons, said))
-
-
-def parameter_lines(parameters: Mapping[str, float], spreads: Mapping[str, float]) -> list[tuple[str, str]]:
-    """Name and value of each parameter of a model, with its deviation and unit; of many of a kind, their range.
-
-    >>> parameter_lines({"slope": 0.9, "gap_1": 0.1, "gap_2": 0.2, "gap_3": 0.2, "gap_4": 0.3}, {"slope": 0.01})
-    [('slope', '0.9 ± 0.01 rad/rad'), ('gap_1 … gap_4', '0.1 to 0.3 rad')]
-    """
-    kinds: dict[str, list[str]] = {}
-    for name in parameters:
-        stem, _, last = name.rpartition("_")
-        kinds.setdefault(stem if last.isdigit() else name, []).append(name)
-    found = []
-    for names in kinds.values():
-        if len(names) > _MOST_OF_A_KIND:
-            values = [parameters[name] for name in names]
-            found.append((f"{names[0]} … {names[-1]}", f"{min(values):.4g} to {max(values):.4g}{_unit(names[0])}"))
-        else:
-            texts = [f"{parameters[name]:.4g}{_spread(spreads.get(name, math.nan), _unit(name))}" for name in names]
-            found += list(zip(names, texts, strict=True))
-    return found
-
-
-_MOST_OF_A_KIND = 3
-
-
-def _unit(name: str) -> str:
-    unit = meaning(name)[0]
-    return "" if unit in ("1", "as given") else f" {unit}"
-
-
-def _spread(value: float, unit: str) -> str:
-    if math.isnan(value):
-        return unit
-    return f"{unit} (not shown by this log)" if math.isinf(value) else f" ± {value:.2g}{unit}"
 
 
 def _degrees(angle: float) -> str:

@@ -11,7 +11,6 @@ from bowden.sensing.detectors import DEFAULT
 from bowden.sensing.envelope import DEFAULTS as CLEANED
 from bowden.sensing.envelope import EnvelopeSettings
 from bowden.sensing.stream import Enveloped, EnvelopeFilter, OnsetDetector
-from bowden.sensing.whole_signal import running_quantile
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -149,6 +148,8 @@ def _artefacts(
     values: Array, rate: float, cleaned: Enveloped, dead: Flags, chain: EnvelopeSettings, detector: Detector
 ) -> Flags:
     """Samples of movement, mains and clicks, each with what is around it (n,)."""
+    from scipy.ndimage import percentile_filter
+
     swung = EnvelopeFilter(rate, chain._replace(offset_hz=_SWING_HZ)).feed(values)
     calm, strong = (float(level) for level in np.quantile(cleaned.envelope[~dead], (0.1, 0.99)))
     large = cleaned.envelope > max(_CALM * calm, _STRONG * strong)
@@ -159,7 +160,7 @@ def _artefacts(
     for first, end in _stretches(odd):
         odd[first:end] &= end - first >= _LONG * rate
     size = np.abs(swung.signal)
-    click = size > _STANDS_OUT * running_quantile(size, 0.9, round(_AROUND * rate) | 1)
+    click = size > _STANDS_OUT * percentile_filter(size, 90, size=round(_AROUND * rate) | 1)
     if np.mean(odd[~dead]) > _HUMS:
         return np.ones(len(values), dtype=bool)
     before, after = round(_BEFORE * rate), round(_AFTER * rate)

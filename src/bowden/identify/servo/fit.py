@@ -20,7 +20,6 @@ from bowden.core.errors import LogError
 from bowden.core.kernel import compiled, kernel
 from bowden.core.metrics import sample_time
 from bowden.core.units import DEGREES, RADIANS
-from bowden.identify.cable.bounded import ProblemAt, bounded_least_squares
 from bowden.models.drive.servo import Servo, ServoState, ServoStep, prepare, servo_step
 
 Array = NDArray[np.float64]
@@ -30,8 +29,6 @@ _SMALLEST_STEP = 0.5 * RADIANS
 """Span of the command below which nothing was asked of the servo [rad]."""
 _LONGEST_DELAY = 0.2
 """[s]"""
-_NONE: Array = np.empty(0)
-"""Linear in the problem is nothing."""
 _MOST = 500
 """How often the model is looked at at most."""
 _PARTS = 3
@@ -154,6 +151,8 @@ def _fit(command: Array, motor: Array, dt: float, limits: str, near: _Fit | None
     first_limits = {"v": float(np.max(np.abs(speed))), "a": float(np.max(np.abs(_slopes(speed, dt))))}
     tail = [np.log(max(first_limits[limit], 1e-6)) for limit in limits]
 
+    from scipy.optimize import least_squares
+
     def residuals(values: Array) -> Array:
         return _model(values, limits, command, float(motor[0]), dt) - motor
 
@@ -167,29 +166,35 @@ def _fit(command: Array, motor: Array, dt: float, limits: str, near: _Fit | None
         grid += [np.array([*near.values, tail[-1] - k]) for k in (0.0, 0.5, 1.0, 2.0)]
     start = min(grid, key=lambda values: float(np.sum(residuals(values) ** 2)))
     span = float(np.ptp(command))
-    low = [np.log(0.1), np.log(0.02), 0.0, -span, *(np.log(1e-6) for _ in limits)]
-    high = [np.log(1e4), np.log(20.0), _LONGEST_DELAY, span, *(np.log(1e9) for _ in limits)]
+    low = np.array([np.log(0.1), np.log(0.02), 0.0, -span, *(np.log(1e-6) for _ in limits)])
+    high = np.array([np.log(1e4), np.log(20.0), _LONGEST_DELAY, span, *(np.log(1e9) for _ in limits)])
     scale = np.array([0.1, 0.1, dt, 0.01 * span, *(0.1 for _ in limits)])
-    inside = np.clip(start, np.array(low) + 1e-9, np.array(high) - 1e-9)
 
-    def problem(values: Array) -> ProblemAt:
-        here = residuals(values)
-        step = 1e-5 * np.maximum(np.abs(values), scale)
-        step = np.where(values + step < np.array(high), step, -step)
-        moved = [residuals(values + np.eye(len(values))[i] * step[i]) for i in range(len(values))]
-        return ProblemAt(here, np.stack([(one - here) / h for one, h in zip(moved, step, strict=True)], axis=1), _NONE)
+    def slopes(values: Array) -> Array:
+        """∂residuals/∂values (n, k); SciPy's own steps are shares of a value, which a delay of zero has none of."""
+        here, step = residuals(values), 1e-5 * np.maximum(np.abs(values), scale)
+        step = np.where(values + step < high, step, -step)
+        return np.stack([residuals(values + change) - here for change in np.diag(step)], axis=1) / step
 
-    best = bounded_least_squares(
-        problem, inside, np.array(low), np.array(high), scale, step_tolerance=1e-8, cost_tolerance=1e-8, most=_MOST
-    ).theta
-    left, jacobian, _ = problem(best)
+    found = least_squares(
+        residuals,
+        np.clip(start, low + 1e-9, high - 1e-9),
+        jac=slopes,
+        bounds=(low, high),
+        x_scale=scale,
+        xtol=1e-8,
+        ftol=1e-8,
+        gtol=1e-14,
+        max_nfev=_MOST,
+    )
+    left, jacobian = np.asarray(found.fun), np.asarray(found.jac)
     n = len(left)
     near_one = float(np.sum(left[1:] * left[:-1]) / max(float(np.sum(left**2)), 1e-300))
     independent = n * max(1.0 - near_one, 1e-3) / (1.0 + max(near_one, 0.0))
-    variance = float(np.sum(left**2)) / max(n - len(inside), 1) * n / independent
+    variance = float(np.sum(left**2)) / max(n - len(start), 1) * n / independent
     covariance = variance * np.linalg.pinv(jacobian.T @ jacobian)
     return _Fit(
-        best,
+        found.x,
         np.asarray(covariance, dtype=np.float64),
         float(np.sqrt(np.mean(left**2))),
         left + motor,

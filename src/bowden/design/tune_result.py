@@ -1,0 +1,161 @@
+"""What a tuning found, and how it is said and drawn."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from bowden.control.law import Law
+from bowden.core import shown
+from bowden.core.errors import ParameterError
+from bowden.core.shown import listed, number
+from bowden.core.style import COLOURS, CYCLE, new_figure
+from bowden.core.units import DEGREES
+from bowden.design.check_result import Check, milliseconds, no_margins
+from bowden.rig import rig as rigs
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+
+@dataclass(frozen=True, repr=False)
+class Tuning:
+    """The gains that were found, and the evidence."""
+
+    law: Law
+    """With the new gains."""
+    gains: Mapping[str, float]
+    """Name → value of those that differ from before."""
+    stood: Mapping[str, float]
+    """Name → value of all gains before."""
+    found: Check
+    """Of the new gains."""
+    before: Check
+    """Of the gains from which the search started."""
+    worst_rmse: float
+    """Largest RMSE over all runs, from rest [rad]."""
+    worst_before: float | None
+    """The same of the gains before [rad]; None where a run was unstable."""
+    bends: tuple[float, float]
+    """Smallest and largest total bend of the sheath over which the margins hold [rad]."""
+    runs: str
+    """By what the errors were judged, in words."""
+    generations: int
+    """After which the search was over, or broken off."""
+    short: str = ""
+    """What the gains fall short of, of what is looked for; empty where they keep it all."""
+    given: rigs.Rig | None = None
+    """The rig whose law was tuned, with these gains; None where a bench alone was handed over."""
+    study: Mapping[str, Any] | None = None
+    """Of a tuning against the plants of a study: its ``name``, how many it was ``tuned_on``, and what the gains
+    ``before`` and ``after`` make of other plants of it (`bowden.study.tune_study.PlantSpread`); None where they were
+    not judged by any."""
+
+    @property
+    def rig(self) -> rigs.Rig:
+        """The rig with these gains.
+
+        Raises:
+            ParameterError: gains were sought for a bench alone.
+        """
+        if self.given is None:
+            raise ParameterError("this tuning is of a bench alone", expected="one of a rig: bowden.tune(rig)")
+        return self.given
+
+    @property
+    def gain_margin_db(self) -> float | None:
+        """The smallest with the new gains [dB]; None where none has a limit."""
+        return self.found.gain_margin_db
+
+    @property
+    def phase_margin_deg(self) -> float | None:
+        """The smallest with the new gains [deg]; None where none has a limit."""
+        return self.found.phase_margin_deg
+
+    @property
+    def delay_margin_s(self) -> float | None:
+        """The smallest with the new gains [s]; None where none has a limit."""
+        return self.found.delay_margin_s
+
+    def plot(self, axes: "Axes | Sequence[Axes] | None" = None) -> "list[Axes]":
+        """Draw by how much each gain changed and, on second axes, the largest error before and after.
+
+        Args:
+            axes: matplotlib's, one or two; a new figure is made where they are not given.
+
+        Returns:
+            The axes; ``axes[0].figure`` is theirs.
+
+        Raises:
+            ParameterError: something else than axes.
+        """
+        drawn = shown.axes_for(axes, 1, 2, 7.0, 3.0)
+        draw_tuning(drawn, self)
+        return drawn
+
+    def __repr__(self) -> str:
+        """One screen: the gains that changed, margins, and the largest error before and after."""
+        return shown.screen(f"Tuning of {self.law.name}", tuning_rows(self))
+
+    def _repr_html_(self) -> str:
+        figure, axes = new_figure(1, 2, height=3.0)
+        draw_tuning(axes, self)
+        return shown.fragment(f"Tuning of {self.law.name}", tuning_rows(self), figure)
+
+
+def tuning_rows(tuning: Tuning) -> list[tuple[str, str]]:
+    """What a tuning found, a line for each thing."""
+    stood = tuning.stood
+    gains = [f"{name} {value:.4g} (was {stood[name]:.4g})" for name, value in tuning.gains.items()]
+    before = "unstable" if tuning.worst_before is None else number(tuning.worst_before * DEGREES, "°")
+    found = tuning.found
+    margins = (number(found.gain_margin_db, "dB"), number(found.phase_margin_deg, "°"))
+    delay = milliseconds(found.delay_margin_s)
+    return [
+        ("gains", ", ".join(gains) or "as they were"),
+        ("verdict", f"{found.verdict} (was {tuning.before.verdict})"),
+        ("margins", listed((*margins, f"{delay} of delay" if delay else "")) or no_margins(found)),
+        ("worst RMSE", f"{number(tuning.worst_rmse * DEGREES, '°')} over {tuning.runs} (was {before})"),
+        *(("other plants", text) for text in ([] if tuning.study is None else [study_text(tuning.study, "after")])),
+        *([("short of", tuning.short)] if tuning.short else []),
+        ("search", f"{tuning.generations} generations"),
+    ]
+
+
+def study_text(found: Mapping[str, Any], when: str) -> str:
+    """What gains make of plants that they were not tuned against.
+
+    Args:
+        found: `Tuning.study`.
+        when: ``before`` or ``after``.
+    """
+    one = found[when]
+    figures = [one[f"rmse_{name}_deg"] for name in ("median", "90", "worst")]
+    median, most, worst = ("none" if value is None else f"{value:.3g}°" for value in figures)
+    return (
+        f"{one['runs']} other plants, {'' if when == 'after' else 'before: '}{one['unstable']} unstable; "
+        f"RMSE median {median}, 90 % {most}, worst {worst}"
+    )
+
+
+def draw_tuning(axes: "Sequence[Axes]", tuning: Tuning) -> None:
+    """How far each gain moved, as a factor, and on second axes the largest error before and after."""
+    stood = tuning.stood
+    moved = {
+        name: value / stood[name] for name, value in tuning.gains.items() if stood[name] and value / stood[name] > 0
+    }
+    panel = axes[0]
+    panel.barh(list(moved), [math.log2(factor) for factor in moved.values()], color=COLOURS["joint"])
+    for i, factor in enumerate(moved.values()):
+        panel.annotate(f" ×{factor:.3g} ", (math.log2(factor), i), va="center", ha="left" if factor >= 1.0 else "right")
+    panel.axvline(0.0, color=COLOURS["reference"], lw=0.8)
+    panel.margins(x=0.25)
+    panel.invert_yaxis()
+    panel.set_xlabel("doublings of the gain")
+    if len(axes) > 1:
+        errors = {"before": tuning.worst_before, "after": tuning.worst_rmse}
+        heights = [0.0 if value is None else value * DEGREES for value in errors.values()]
+        bars = axes[1].bar(list(errors), heights, color=[COLOURS["limit"], CYCLE[2]], width=0.6)
+        axes[1].bar_label(bars, ["unstable" if v is None else f"{v * DEGREES:.3g}°" for v in errors.values()])
+        axes[1].set_ylabel("largest RMSE [°]")
+        axes[1].margins(y=0.15)
