@@ -16,7 +16,7 @@ from bowden.control import LAWS, Law
 from bowden.control.reference import PeriodicMinimumJerk
 from bowden.core.signals import DriveReading
 from bowden.core.units import DEGREES, RADIANS
-from bowden.cycle.one_cycle import Cycle, WishSource
+from bowden.cycle.one_cycle import Cycle, TargetSource
 from bowden.design.forecast import HALF_AGAIN, lasting_error, off_reference
 from bowden.face.identify import identify
 from bowden.face.init import init
@@ -178,7 +178,7 @@ def stopped(name: str, what: str, begins: float) -> tuple[float, str, float]:
         _, verdict = cycle.step(observed, plan)
         mode, target = verdict.mode, verdict.target
         drive.write(target, Power(int(verdict.power)), k * cycle.period)
-        led += plan.source >= WishSource.LAW_BEGINS
+        led += plan.source >= TargetSource.LAW_BEGINS
         if verdict.reaction >= 2.0:
             off = reading.joint - cycle.reference.position
             return since, ", ".join(f"`{fault.name}`" for fault in of(verdict.faults)), abs(off)

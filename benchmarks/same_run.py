@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from bowden.core.units import DEGREES
-from bowden.cycle.one_cycle import WishSource
+from bowden.cycle.one_cycle import TargetSource
 from bowden.hardware.ports import Power
 from bowden.hardware.twin.bench import TwinBench
 from bowden.live.live_run import live_run
@@ -43,7 +43,7 @@ def rmse_deg(rig: Path, law: str, seconds: float) -> float:
         _, verdict = cycle.step(observed, plan)
         mode, target = verdict.mode, verdict.target
         drive.write(target, Power(int(verdict.power)), now)
-        if plan.source >= WishSource.LAW_BEGINS:
+        if plan.source >= TargetSource.LAW_BEGINS:
             errors.append(reading.joint - plan.reference.position)
         if script.done:
             break

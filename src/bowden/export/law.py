@@ -41,7 +41,7 @@ def cycle(
 def law_module(law: Law, sample_time: float, encoders: counts.Counts | None = None) -> Module:
     """``NAME_start`` and ``NAME_step``, with the law's gains as constants, and the conditioner of its reference within.
 
-    What one cycle does between source and wish, `bowden.cycle.one_cycle`, is one function of C. The cycle's length is a
+    What `bowden.cycle.one_cycle` does between source and requested target is one function of C. The cycle's length is a
     constant like the gains, so that what they fix together is worked out by the compiler, and never in a cycle.
 
     Args:

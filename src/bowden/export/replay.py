@@ -6,7 +6,15 @@ from bowden.export.kinds import identifier
 from bowden.export.law import prefix, state_of
 from bowden.export.unit import template
 
-COLUMNS = ("joint_seen", "motor_seen", "reference", "reference_velocity", "reference_acceleration", "wish", "source")
+COLUMNS = (
+    "joint_seen",
+    "motor_seen",
+    "reference",
+    "reference_velocity",
+    "reference_acceleration",
+    "requested_target",
+    "source",
+)
 """Columns of a recording, named as in the log of a live run: ``bowden log export run.mcap --to csv`` gives one."""
 
 

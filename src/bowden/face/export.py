@@ -261,7 +261,7 @@ def _recording(rig: Rig, law: Law) -> str:
         )
     references = rig.trajectory.sample(trace.time).T
     lasted = int(np.isfinite(trace["command"]).cumprod().sum())
-    source = np.where(np.arange(lasted) == 0, 2.0, 3.0)  # `cycle.one_cycle.WishSource`
+    source = np.where(np.arange(lasted) == 0, 2.0, 3.0)  # `cycle.one_cycle.TargetSource`
     values = (trace["time"], trace["joint_measured"], trace["motor_measured"], *references, trace["command"])
     rows = np.column_stack([*(column[:lasted] for column in values), source]).tolist()
     lines = [",".join(("time", *COLUMNS)), *(",".join(map(repr, row)) for row in rows)]

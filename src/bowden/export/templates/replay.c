@@ -15,12 +15,12 @@
 
 #define EXACT @EXACT@ /* whether every command must be the recorded one, to the bit */
 
-enum { TIME, JOINT, MOTOR, POSITION, VELOCITY, ACCELERATION, WISH, SOURCE, COLUMNS };
+enum { TIME, JOINT, MOTOR, POSITION, VELOCITY, ACCELERATION, REQUESTED_TARGET, SOURCE, COLUMNS };
 
 /* other names are those of a simulated trace */
 static const char *const NAMES[COLUMNS][2] = {
     {"time", ""}, {"joint_seen", "joint_measured"}, {"motor_seen", "motor_measured"}, {"reference", ""},
-    {"reference_velocity", ""}, {"reference_acceleration", ""}, {"wish", "command"}, {"source", ""}
+    {"reference_velocity", ""}, {"reference_acceleration", ""}, {"requested_target", "command"}, {"source", ""}
 };
 
 static char line[65536], *fields[512];
@@ -77,7 +77,7 @@ static int table(FILE *in, int print)
             const char *text = at[i] >= 0 && at[i] < count ? fields[at[i]] : "";
             row[i] = *text != '\0' ? strtod(text, NULL) : (double)NAN;
         }
-        /* where the wish came from: below 2 from no law, 2 from one that begins; a simulated run begins once */
+        /* where the requested target came from: below 2 from no law, 2 from one that begins; a simulated run begins once */
         const double source = at[SOURCE] >= 0 ? row[SOURCE] : cycles == 0 ? 2.0 : 3.0;
         if (!(source >= 2.0)) {
             continue;
@@ -90,8 +90,8 @@ static int table(FILE *in, int print)
             @NAME@_start(&state, &sample);
         }
         const double command = (double)@NAME@_step(&state, &sample, &reference);
-        const double away = fabs(command - row[WISH]);
-        differ += !((command != command && row[WISH] != row[WISH]) || memcmp(&command, &row[WISH], sizeof command) == 0);
+        const double away = fabs(command - row[REQUESTED_TARGET]);
+        differ += !((command != command && row[REQUESTED_TARGET] != row[REQUESTED_TARGET]) || memcmp(&command, &row[REQUESTED_TARGET], sizeof command) == 0);
         furthest = away > furthest ? away : furthest;
         cycles++;
         if (print) {
