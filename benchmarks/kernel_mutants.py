@@ -28,7 +28,7 @@ import bowden
 from safety_mutants import ROOT, changes
 
 ROOMS = ("models", "control", "plants", "cycle", "sensing")
-MOST_FILES, PATIENCE = 6, 300.0
+MOST_FILES, PATIENCE = 3, 120.0
 """Test files that are called for one mutant, and for how long [s]."""
 
 
@@ -69,8 +69,8 @@ def tests_of(kernel: FunctionType) -> list[str]:
     _, room, *_, module = kernel.__module__.split(".")
     words = re.compile(rf"\b({kernel.__name__}|{module})\b")
     counts = {path: len(words.findall(path.read_text(encoding="utf-8"))) for path in ROOT.glob("tests/test_*.py")}
-    found = sorted((path for path, number in counts.items() if number), key=lambda path: (room not in path.name, -counts[path]))
-    return [str(path) for path in found[:MOST_FILES]]
+    found = [path for path, number in counts.items() if number]
+    return [str(path) for path in sorted(found, key=lambda path: (room not in path.name, -counts[path]))[:MOST_FILES]]
 
 
 def killed(kernel: FunctionType, text: str, copy: Path) -> str:

@@ -75,7 +75,7 @@ def test_units_are_those_of_the_types() -> None:
     assert SUPERVISOR["supervisor.decided.mode"] == "1"
     units = LAWS["bowden"].columns()
     assert units["law.deadzone.width"] == "rad"
-    assert units["law.swing.load_time"] == "s"
+    assert units["law.oscillation.load_time"] == "s"
     assert LAWS["adaptive"].columns()["law.joint_rate"] == "rad/s"
 
 

@@ -63,17 +63,14 @@ class KernelSource:
         if not isinstance(node, ast.FunctionDef):
             raise self.refused(node, "a lambda or a coroutine", "write a kernel: @kernel def name(x: float) -> float")
         self.node = node
+        self.body = node.body[1:] if ast.get_docstring(node) is not None else node.body
+        """The statements without the docstring."""
         self._lines = text.splitlines()
         self.comments = {
             token.start[0]: token.string.lstrip("# ")
             for token in tokenize.generate_tokens(io.StringIO(text).readline)
             if token.type == tokenize.COMMENT and not token.line[: token.start[1]].strip()
         }
-
-    @property
-    def body(self) -> list[ast.stmt]:
-        """The statements without the docstring."""
-        return self.node.body[1:] if ast.get_docstring(self.node) is not None else self.node.body
 
     def is_blank_after(self, one: ast.stmt) -> bool:
         """Whether an empty line stands behind a statement."""
@@ -90,12 +87,11 @@ class KernelSource:
         line = self.first + getattr(node, "lineno", 1) - 1
         return ParameterError(f"{self.file}, line {line}: {what} cannot be exported", expected=expected, do=do)
 
-    def outside(self, node: ast.AST) -> ParameterError:
-        """The error that C is not made of such a thing."""
-        word = ast.unparse(node).partition("\n")[0] if not isinstance(node, ast.operator | ast.cmpop) else ""
-        name = type(node).__name__
-        what = f"{word if 0 < len(word) < 40 else name}"
-        return self.refused(node, what, INSTEAD.get(type(node), "keep to the subset of docs/kernels.md"))
+    def outside(self, node: ast.AST, where: ast.AST | None = None) -> ParameterError:
+        """The error that C is not made of such a thing; an operator has no line, and is `where` its expression is."""
+        word = "" if where else ast.unparse(node).partition("\n")[0]
+        what = word if 0 < len(word) < 40 else type(node).__name__
+        return self.refused(where or node, what, INSTEAD.get(type(node), "keep to the subset of docs/kernels.md"))
 
 
 @cache

@@ -213,7 +213,7 @@ def _texts(
 ) -> dict[str, str]:
     """Name → text of every file but the recording."""
     from bowden.export.kinds import Style
-    from bowden.export.readme import arduino, makefile, readme
+    from bowden.export.readme import pages
     from bowden.export.replay import replay_source
     from bowden.export.unit import files
 
@@ -223,9 +223,7 @@ def _texts(
         texts |= files(module, Style(module.prefix, single), said)
     return texts | {
         "replay.c": replay_source(law, single=float32),
-        **arduino(modules[0].prefix, counts, period),
-        "Makefile": makefile([module.prefix for module in modules]),
-        "README.md": readme(modules[0], modules[1:], counts, said, period, single=float32),
+        **pages(modules, counts, said, period, single=float32),
     }
 
 
