@@ -73,14 +73,8 @@ def measure(prefix: str, texts: Mapping[str, str], rows: Sequence[Sequence[float
         (folder / "main.c").write_text(rendered("cortex.c", name=prefix, rows=numbers))
         (folder / "board.ld").write_text(rendered("cortex.ld"))
         _run([COMPILER, *FLAGS, "-c", f"{prefix}.c"], folder)
-        _run(
-            [COMPILER, *FLAGS, *_LINK, "main.c", f"{prefix}.o", "-lm", "-o", "image.elf"],
-            folder,
-        )
-        said = _run(
-            [EMULATOR, *_BOARD, "-kernel", "image.elf"],
-            folder,
-        )
+        _run([COMPILER, *FLAGS, *_LINK, "main.c", f"{prefix}.o", "-lm", "-o", "image.elf"], folder)
+        said = _run([EMULATOR, *_BOARD, "-kernel", "image.elf"], folder)
         size = _run([SIZE, f"{prefix}.o"], folder).splitlines()[1].split()
     words = [line.split() for line in said.splitlines()]
     bits = [int(word[1], 16) for word in words if word and word[0] == "command"]

@@ -6,8 +6,10 @@ from bowden.export.kinds import reached
 from bowden.export.law import prefix, state_of
 from bowden.export.unit import rendered
 
-COLUMNS = ("joint_seen", "motor_seen", *("reference", "reference_velocity", "reference_acceleration"))
-COLUMNS += ("requested_target", "source")
+COLUMNS = (
+    *("joint_seen", "motor_seen", "reference", "reference_velocity", "reference_acceleration"),
+    *("requested_target", "source"),
+)
 """Columns of a recording, named as in the log of a live run: ``bowden log export run.mcap --to csv`` gives one."""
 
 
