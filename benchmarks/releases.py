@@ -130,11 +130,11 @@ def release(number: int) -> Release:
         worn = random_wearer(number, rig.worn)
         slope, plant = 1.0, TwinSuit(worn.suit, worn.bend, rig.duration, number, rig.start_motor, 0.0)
     times = np.arange(0.0, 12.0, dt)
-    wishes = (rig.start_motor + (rig.trajectory.sample(times)[:, 0] - rig.begin) / slope).tolist()
+    requested = (rig.start_motor + (rig.trajectory.sample(times)[:, 0] - rig.begin) / slope).tolist()
     caused = round((BEFORE + moment) / dt)
     plant.doing = FOLLOW
     for k in range(caused - round(BEFORE / dt)):
-        plant.command = wishes[k]
+        plant.command = requested[k]
         plant.advance(k * dt)
 
     def reading(lost: bool, current: float, drive_state: float) -> DriveReading:
@@ -173,7 +173,7 @@ def release(number: int) -> Release:
                 PreflightResult.PASSED,
                 0.0,
             ),
-            math.nan if given and cause == "law lost" else wishes[k],
+            math.nan if given and cause == "law lost" else requested[k],
             dt,
         )
         power = verdict.power

@@ -56,7 +56,12 @@ OPERATED |= {ast.BitOr: ast.BitAnd, ast.BitAnd: ast.BitOr}  # type: ignore[dict-
 MEMBERS = (state.Mode, state.Request, state.PreflightResult, faults.Reaction, Power)
 NAMED = {"max": "min", "min": "max"}
 LOCALS: dict[str, Any] = {
-    **{"reading": DriveReading, "motor": plausible.Followed, "joint": plausible.Followed, "heat": thermal.ThermalState},
+    **{
+        "reading": DriveReading,
+        "motor": plausible.SensorState,
+        "joint": plausible.SensorState,
+        "heat": thermal.ThermalState,
+    },
     **{"last": state.Decision, "decided": state.Decision, "before": state.Timers, "timers": state.Timers},
     **{"servo": state.ModelledServo, "readings": evidence.ValidatedReadings, "effort": evidence.Effort},
     **{"requested": evidence.RequestedTarget, "thermal": thermal.Thermal, "state": state.SupervisorState},

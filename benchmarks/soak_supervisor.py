@@ -1,6 +1,6 @@
 """Hours of fault-free running under the supervisor: all laws in the scenarios of league.py on the default bench.
 
-Every cycle's verdict must be the law's wish, with power on.
+Every cycle's verdict must be the law's requested target, with power on.
 """
 
 import itertools
@@ -25,7 +25,7 @@ HOURS = 24.0
 
 
 def runs(hours: float, done: int) -> Iterator[list[Any]]:
-    """[law, plant, scenario, seed, seconds, cycles in which the verdict was not the wish, faults]."""
+    """[law, plant, scenario, seed, seconds, cycles in which the verdict was not the requested target, faults]."""
     bench = default_bench()
     found, played, gone = plants(bench)[:2], 0, 0.0
     for seed in itertools.count(1):

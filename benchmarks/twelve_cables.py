@@ -176,11 +176,11 @@ def rmse_of(trace: Path) -> float:
 
 def twin_rmse(log: Path) -> float:
     """Of a live run, while the law had the motor [deg]."""
-    from bowden.cycle.one_cycle import WishSource
+    from bowden.cycle.one_cycle import TargetSource
     from bowden.live.mcap_read import read
 
     found = read(log, ("source", "joint", "reference"))
-    error = (found["joint"] - found["reference"])[found["source"] >= WishSource.LAW_BEGINS]
+    error = (found["joint"] - found["reference"])[found["source"] >= TargetSource.LAW_BEGINS]
     return float(np.degrees(np.sqrt(np.mean(error[np.isfinite(error)] ** 2))))
 
 

@@ -22,7 +22,7 @@ SHOWN = [
     ("motor_deg", "motor", "°", "motion", None, None),
     ("error_deg", "error", "°", "error", None, None),
     ("command_deg", "command", "°", "command", None, None),
-    ("wish_deg", "wish", "°", "command", None, None),
+    ("requested_target_deg", "requested_target", "°", "command", None, None),
     ("current_a", "motor current", "A", "current", -8.0, 8.0),
     ("winding_c", "winding", "°C", "temperature", None, 155.0),
 ]
@@ -252,7 +252,7 @@ def value(column: str, t: float) -> float:
         "motor_deg": reference * 1.2 + 9.0 * math.tanh(6.0 * slope),
         "error_deg": -2.0 * slope,
         "command_deg": reference * 1.2 + 9.2 * math.tanh(6.0 * slope),
-        "wish_deg": reference * 1.2 + 9.4 * math.tanh(6.0 * slope),
+        "requested_target_deg": reference * 1.2 + 9.4 * math.tanh(6.0 * slope),
         "current_a": 1.2 + 1.7 * slope,
         "winding_c": 41.0 + t / 20.0,
     }.get(column, 60.0 + 20.0 * math.sin(40.0 * t))

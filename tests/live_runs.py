@@ -134,6 +134,6 @@ def assert_replays(log: str, *, pushed: bool = False) -> None:
     with contextlib.redirect_stdout(io.StringIO()) as said:
         assert run(["log", "replay", log, "--json"]) == 0
     again = json.loads(said.getvalue())
-    assert [again[name] for name in ("wish_largest", "verdicts_differing", "command_largest")] == [0, 0, 0]
+    assert [again[name] for name in ("requested_target_largest", "verdicts_differing", "command_largest")] == [0, 0, 0]
     assert again["torque_largest"] == 0.0 if pushed else not again["torque_largest"]
     assert again["law_cycles"] > 300

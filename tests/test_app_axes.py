@@ -18,7 +18,7 @@ from bowden.app import run_command
 from bowden.app.main import run
 from bowden.app.schema_command import json_schema
 from bowden.core.errors import SafetyError
-from bowden.cycle.one_cycle import WishSource
+from bowden.cycle.one_cycle import TargetSource
 from bowden.face.run import run as live
 from bowden.live import twin_process
 from bowden.live.mcap_read import read
@@ -83,7 +83,7 @@ def test_two_twins_run_in_one_loop_and_each_axis_replays_to_the_bit(
     assert [axis["axis"] for axis in again["axes"]] == ["hip", "knee"]
     for axis in again["axes"]:
         assert axis["law_cycles"] > 1000
-        assert (axis["wish_largest"], axis["verdicts_differing"], axis["command_largest"]) == (0.0, 0, 0.0)
+        assert (axis["requested_target_largest"], axis["verdicts_differing"], axis["command_largest"]) == (0.0, 0, 0.0)
     one = asked("log", "replay", found["log"], "--axis", "knee", capsys=capsys)
     assert one["law_cycles"] == again["axes"][1]["law_cycles"]
     told = asked("log", "info", found["log"], capsys=capsys)
@@ -127,13 +127,13 @@ slack_sign = 1.0
     assert all(axis["mode"] == "stopped" and axis["rmse_deg"] < 1.5 for axis in found["axes"])
     log = read(Path(found["log"]))
     assert np.array_equal(log["joint"], log["extensor.joint"], equal_nan=True)
-    led = log["source"] >= WishSource.LAW_BEGINS
+    led = log["source"] >= TargetSource.LAW_BEGINS
     assert log["tension"][led].min() > 2.0
     assert np.isnan(log["extensor.tension"]).all()
     again = asked("log", "replay", found["log"], capsys=capsys)
     for axis in again["axes"]:
         assert axis["law_cycles"] > 1000
-        assert (axis["wish_largest"], axis["verdicts_differing"], axis["command_largest"]) == (0.0, 0, 0.0)
+        assert (axis["requested_target_largest"], axis["verdicts_differing"], axis["command_largest"]) == (0.0, 0, 0.0)
 
 
 def stopped(leg: Path, out: Path, fault: str, axis: str) -> Session:

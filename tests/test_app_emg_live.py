@@ -15,7 +15,7 @@ import pytest
 from bowden.app.main import run
 from bowden.core.errors import StreamError
 from bowden.core.units import RADIANS
-from bowden.cycle.one_cycle import WishSource
+from bowden.cycle.one_cycle import TargetSource
 from bowden.hardware.emg.lsl_library import library
 from bowden.hardware.emg.lsl_outlet import LslOutlet, replay
 from bowden.hardware.emg.trigno_server import TrignoServer
@@ -120,7 +120,7 @@ def test_trigno_moves_the_suit_as_far_as_the_muscle_contracts(tmp_path: Path) ->
     assert found["emg"]["motions"] is None
     assert found["emg"]["samples"] > 4000
     log = read(Path(found["log"]), ("source", "reference", "joint", "push.torque"))
-    led = log["source"] >= WishSource.LAW_BEGINS
+    led = log["source"] >= TargetSource.LAW_BEGINS
     assert np.ptp(log["reference"][led]) > 20.0 * RADIANS
     assert np.ptp(log["joint"][led]) > 15.0 * RADIANS
     assert 0.5 < np.abs(log["push.torque"]).max() <= 1.0

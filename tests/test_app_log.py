@@ -67,11 +67,11 @@ def live_run() -> np.ndarray:
         ran += running
         lateness, elapsed = abs(noise[k, 1]) * 0.1, DT + noise[k, 2] * 0.1
         observed = Observed(reading, lateness, elapsed, request, 0.05, True, PreflightResult(int(k > 150)), 0.0)
-        wish, verdict = cycle.step(observed, Plan(source, target, reference))
+        requested_target, verdict = cycle.step(observed, Plan(source, target, reference))
         mode, target, state = verdict.mode, verdict.target, cycle.recorded()
         rows.append(
             (
-                *(k * DT, *reference, *reading, *state.sample, wish),
+                *(k * DT, *reference, *reading, *state.sample, requested_target),
                 *(*verdict, source, lateness, elapsed, 0.0, float(request), 0.05, 1.0, observed.preflight, 0.0),
                 *(math.nan, 8e-5),
                 *(*state.law, *state.conditioned, *state.supervisor, *gains.recorded),
@@ -217,7 +217,12 @@ def test_a_replay_of_the_same_law_gives_the_very_numbers(capsys: pytest.CaptureF
     assert (told["law"], told["same_law"]) == ("adaptive", True)
     assert (told["cycles"], told["beginnings"]) == (CYCLES - 1, 1)
     assert told["law_cycles"] > 2000
-    assert (told["wish_largest"], told["wish_rms"], told["verdicts_differing"], told["command_largest"]) == (0, 0, 0, 0)
+    assert (
+        told["requested_target_largest"],
+        told["requested_target_rms"],
+        told["verdicts_differing"],
+        told["command_largest"],
+    ) == (0, 0, 0, 0)
     assert told["first_difference"] is None
     assert told["first_other_verdict"] is None
 
@@ -225,18 +230,18 @@ def test_a_replay_of_the_same_law_gives_the_very_numbers(capsys: pytest.CaptureF
 def test_a_replay_shows_what_was_changed(rows: np.ndarray, capsys: pytest.CaptureFixture[str]) -> None:
     columns = list(read(Path("run.mcap")).columns)
     changed = rows.copy()
-    changed[2000, columns.index("wish")] += 1e-3
+    changed[2000, columns.index("requested_target")] += 1e-3
     changed[2100, columns.index("mode")] = 1.0
     settings = run_settings(LAW_USED, Limits(), Filters(joint=600.0), DT)
     write(Path("changed.mcap"), changed, settings)
     told = document(["replay", "changed.mcap"], capsys, "log replay", code=1)
-    assert told["wish_largest"] == pytest.approx(1e-3)
+    assert told["requested_target_largest"] == pytest.approx(1e-3)
     assert (told["first_difference"], told["first_other_verdict"]) == (2.0, 2.1)
     assert told["verdicts_differing"] == 1
-    changed[2000, columns.index("wish")] = math.nan
+    changed[2000, columns.index("requested_target")] = math.nan
     write(Path("nan.mcap"), changed, settings)
     told = document(["replay", "nan.mcap"], capsys, "log replay", code=1)
-    assert (told["wish_largest"], told["first_difference"]) == (0, 2.0)
+    assert (told["requested_target_largest"], told["first_difference"]) == (0, 2.0)
     changed = rows.copy()
     changed[2000, columns.index("command")] = math.nan
     write(Path("target.mcap"), changed, settings)
@@ -244,13 +249,13 @@ def test_a_replay_shows_what_was_changed(rows: np.ndarray, capsys: pytest.Captur
     assert (told["verdicts_differing"], told["first_other_verdict"]) == (1, 2.0)
     gains = settings["gains"] | {"error_gain": 0.02}  # a live one goes by its column
     write(Path("gains.mcap"), rows, settings | {"gains": gains})
-    assert document(["replay", "gains.mcap"], capsys, "log replay", code=1)["wish_largest"] > 1e-5
+    assert document(["replay", "gains.mcap"], capsys, "log replay", code=1)["requested_target_largest"] > 1e-5
 
 
 def test_another_law_is_fed_with_the_run(capsys: pytest.CaptureFixture[str]) -> None:
     told = document(["replay", "run.mcap", "--law", "uncompensated"], capsys, "log replay")
     assert (told["law"], told["same_law"]) == ("uncompensated", False)
-    assert 1e-3 < told["wish_largest"] < 1.0
+    assert 1e-3 < told["requested_target_largest"] < 1.0
     assert main.run(["log", "replay", "run.mcap", "--law", "uncompensated"]) == 0
     assert "in place of the record's law" in capsys.readouterr().out
 
@@ -269,7 +274,7 @@ def test_a_law_of_ones_own_is_found_again(rows: np.ndarray, capsys: pytest.Captu
     }
     write(Path("mine.mcap"), rows, settings)
     found = document(["replay", "mine.mcap"], capsys, "log replay")
-    assert (found["law"], found["same_law"], found["wish_largest"]) == ("mine", True, 0)
+    assert (found["law"], found["same_law"], found["requested_target_largest"]) == ("mine", True, 0)
     assert "law_file" not in live_run_of.live_run(rig.with_law("observer")).settings()
 
 
@@ -290,7 +295,12 @@ def test_a_log_alone_is_enough(rows: np.ndarray, tmp_path: Path, capsys: pytest.
         Path(name).unlink()
     assert rig_of_log(Path("alone.mcap")) == rig
     found = document(["replay", "alone.mcap"], capsys, "log replay")
-    assert (found["law"], found["same_law"], found["wish_largest"], found["rig"]) == ("mine", True, 0, rig.hash)
+    assert (found["law"], found["same_law"], found["requested_target_largest"], found["rig"]) == (
+        "mine",
+        True,
+        0,
+        rig.hash,
+    )
     assert document(["info", "alone.mcap"], capsys, "log info")["rig"] == rig.hash
     assert main.run(["simulate", "alone.mcap", "--json", "--out", str(tmp_path / "again")]) == 0
     again = json.loads(capsys.readouterr().out)
@@ -387,7 +397,7 @@ def test_gaps_begin_a_replay_anew(rows: np.ndarray, capsys: pytest.CaptureFixtur
     Path("hurt.mcap").write_bytes(data)
     told = document(["replay", "hurt.mcap"], capsys, "log replay")
     assert told["beginnings"] == 2
-    assert (told["wish_largest"], told["verdicts_differing"]) == (0, 0)
+    assert (told["requested_target_largest"], told["verdicts_differing"]) == (0, 0)
 
 
 def test_what_a_kill_left_is_told_and_recovered(rows: np.ndarray, capsys: pytest.CaptureFixture[str]) -> None:

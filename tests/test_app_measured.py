@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from bowden.core.errors import SafetyError
-from bowden.cycle.one_cycle import WishSource
+from bowden.cycle.one_cycle import TargetSource
 from bowden.live.mcap_read import Recording
 from bowden.live.mcap_reader import Damage
 from bowden.live.measured import NEEDED, motions, stalls
@@ -28,12 +28,19 @@ def run(
     rows: list[dict[str, float]] = []
     tick = 0
 
-    def cycle(mode: Mode, source: WishSource, wish: float) -> None:
-        angle = 0.9 * wish
-        values = {"mode": mode, "source": source, "wish": wish, "command": wish, "motor": wish, "joint": angle}
+    def cycle(mode: Mode, source: TargetSource, requested_target: float) -> None:
+        angle = 0.9 * requested_target
+        values = {
+            "mode": mode,
+            "source": source,
+            "requested_target": requested_target,
+            "command": requested_target,
+            "motor": requested_target,
+            "joint": angle,
+        }
         rows.append({"time": tick * PERIOD + 4e-5, "lateness": 4e-5, "motor_age": 0.0, "joint_age": 0.0, **values})
 
-    for mode, source, count in ((Mode.STOPPED, WishSource.HOLD, 10), (Mode.PREFLIGHT, WishSource.MOTION, 20)):
+    for mode, source, count in ((Mode.STOPPED, TargetSource.HOLD, 10), (Mode.PREFLIGHT, TargetSource.MOTION, 20)):
         for k in range(count):
             tick += 1
             cycle(Mode.BRIDGING if mode == Mode.PREFLIGHT and k == 7 else mode, source, 0.0)
@@ -42,11 +49,11 @@ def run(
     while place < end:
         tick += 1 + skips.get(place, 0)  # after cycles that were skipped the motion goes on where it was
         place += 1
-        wish = MOTION[min(place, len(MOTION) - 1)] if place >= 0 else -0.01
-        cycle(Mode.BRIDGING if place in bridged else Mode.RUNNING, WishSource.MOTION, float(wish))
+        requested_target = MOTION[min(place, len(MOTION) - 1)] if place >= 0 else -0.01
+        cycle(Mode.BRIDGING if place in bridged else Mode.RUNNING, TargetSource.MOTION, float(requested_target))
     for _ in range(20):
         tick += 1
-        cycle(Mode.RELEASING, WishSource.HOLD, 0.0)
+        cycle(Mode.RELEASING, TargetSource.HOLD, 0.0)
     return {name: np.array([row[name] for row in rows], float) for name in NEEDED}
 
 

@@ -23,7 +23,7 @@ from bowden.app.main import run
 from bowden.control import LAWS
 from bowden.core.clock import boot_seconds
 from bowden.core.errors import SafetyError
-from bowden.cycle.one_cycle import WishSource
+from bowden.cycle.one_cycle import TargetSource
 from bowden.hardware.drives.emergencies import emergency_text
 from bowden.hardware.drives.parameters import DriveParameters
 from bowden.hardware.ports import TorqueLeft, torque_left
@@ -337,15 +337,15 @@ def test_the_screen_tells_what_a_fault_refers_to() -> None:
 def test_a_push_is_shown_only_while_it_makes_the_reference() -> None:
     heard = {"admittance.push.torque": 1.25, "admittance.estimate.doubt": 0.5}
     for source, told in (
-        (WishSource.HOLD, "–"),
-        (WishSource.MOTION, "–"),
-        (WishSource.LAW_BEGINS, "+1.25 N·m, in doubt by 0.50"),
-        (WishSource.LAW, "+1.25 N·m, in doubt by 0.50"),
+        (TargetSource.HOLD, "–"),
+        (TargetSource.MOTION, "–"),
+        (TargetSource.LAW_BEGINS, "+1.25 N·m, in doubt by 0.50"),
+        (TargetSource.LAW, "+1.25 N·m, in doubt by 0.50"),
     ):
         lines = shown(row(source=float(source), **heard)).splitlines()
         assert [line.split(maxsplit=1)[1].strip() for line in lines if line.startswith("push")] == [told]
-    assert "not known" in shown(row(source=float(WishSource.LAW), **(heard | {"admittance.push.torque": math.nan})))
-    assert "push" not in shown(row(source=float(WishSource.LAW)))
+    assert "not known" in shown(row(source=float(TargetSource.LAW), **(heard | {"admittance.push.torque": math.nan})))
+    assert "push" not in shown(row(source=float(TargetSource.LAW)))
 
 
 def test_faults_stand_where_a_low_terminal_still_shows_them() -> None:

@@ -9,7 +9,7 @@ import pytest
 
 from bowden.control import LAWS
 from bowden.core.units import RADIANS
-from bowden.cycle.one_cycle import WishSource
+from bowden.cycle.one_cycle import TargetSource
 from bowden.live.mcap_read import read
 from bowden.live.twin_process import running_twin
 from live_runs import assert_replays, finished, finished_well, on_a_shared_computer, pushed_rig, started, tries
@@ -31,7 +31,7 @@ def test_the_suit_follows_a_wearer_who_swings_and_the_log_has_how(rig: Path, tmp
     assert_replays(found["log"], pushed=True)
     log = read(Path(found["log"]))
     assert {"admittance.virtual.position", "admittance.push.torque", "admittance.estimate.torque"} <= set(log.columns)
-    led = log["source"] == WishSource.LAW
+    led = log["source"] == TargetSource.LAW
     settled = log["joint"][led][2500:]
     assert np.ptp(settled) == pytest.approx(50.0 * RADIANS, abs=4.0 * RADIANS)
     assert (log["reference"][led] == log["admittance.virtual.position"][led]).all(), LAWS["uncompensated"].name
@@ -58,7 +58,7 @@ def test_a_lost_joint_angle_releases_on_any_bus(rig: Path, tmp_path: Path) -> No
     assert_replays(found["log"], pushed=True)
     log = read(Path(found["log"]))
     gone = int(np.argmax(np.abs(log["joint"]) > 100.0))  # the counts that stand for none
-    assert log["source"][gone] == WishSource.LAW
+    assert log["source"][gone] == TargetSource.LAW
     assert np.isfinite(log["admittance.estimate.torque"][gone - 1])
     assert np.isnan(log["admittance.estimate.torque"][gone])
     assert (log["power"][gone + 3300 :] == 0.0).all(), "an arm is let down within 3.1 s"

@@ -15,7 +15,7 @@ from bowden.core.errors import LogError, near
 from bowden.core.signals import DriveReading, Reference, Sample
 from bowden.core.trace import Trace
 from bowden.core.units import RADIANS
-from bowden.cycle.one_cycle import LAW, LAW_BEGINS, NOTHING_OBSERVED, Cycle, Filters, Plan, WishSource, clamp_offset
+from bowden.cycle.one_cycle import LAW, LAW_BEGINS, NOTHING_OBSERVED, Cycle, Filters, Plan, TargetSource, clamp_offset
 from bowden.design.felt import felt
 from bowden.live.events import Changes
 from bowden.live.live_run import Live, live_run
@@ -149,10 +149,10 @@ def recorded(ran: Live) -> np.ndarray:
         reading = reading._replace(joint=swing + 0.02 * math.sin(0.05 * k), motor=swing, current=0.5)
         plan = Plan(LAW_BEGINS if k == 1 else LAW, 0.8, Reference(0.8, 0.0, 0.0))
         observed = NOTHING_OBSERVED._replace(reading=reading, elapsed=DT, recorder=True)
-        wish, verdict = cycle.step(observed, plan)
+        requested_target, verdict = cycle.step(observed, plan)
         rows.append(
             (
-                *(k * DT, *cycle.reference, *reading, *cycle.recorded().sample, wish),
+                *(k * DT, *cycle.reference, *reading, *cycle.recorded().sample, requested_target),
                 *(*verdict, plan.source, 0.0, DT, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, math.nan, 8e-5),
                 *(*cycle.recorded().law, *cycle.recorded().conditioned),
                 *(*cycle.recorded().supervisor, *cycle.recorded().source),
@@ -181,16 +181,16 @@ def test_the_replay_of_another_law_is_that_law_above_its_own_source(capsys: pyte
             state, asked = other.start(sample), source.start(measured)
         asked, reference, added = source.step(asked, measured, Reference(0.0, 0.0, 0.0), DT)
         state, command = other.step(state, sample, reference, DT)
-        differences.append(clamp_offset(ran.limits, command, added) - row[at["wish"]])
+        differences.append(clamp_offset(ran.limits, command, added) - row[at["requested_target"]])
 
     capsys.readouterr()
     assert main.run(["log", "replay", "run.mcap", "--law", "cascaded_pid", "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
     assert (found["same_law"], found["law_cycles"]) == (False, CYCLES - 1)
-    assert found["wish_largest"] == pytest.approx(np.abs(differences).max(), rel=1e-12)
-    assert found["wish_rms"] == pytest.approx(np.sqrt(np.mean(np.square(differences))), rel=1e-12)
+    assert found["requested_target_largest"] == pytest.approx(np.abs(differences).max(), rel=1e-12)
+    assert found["requested_target_rms"] == pytest.approx(np.sqrt(np.mean(np.square(differences))), rel=1e-12)
     assert main.run(["log", "replay", "run.mcap", "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["wish_largest"] == 0.0
+    assert json.loads(capsys.readouterr().out)["requested_target_largest"] == 0.0
 
 
 def test_the_summary_of_a_run_has_the_figures_of_the_simulations(folder: Path) -> None:
@@ -201,8 +201,8 @@ def test_the_summary_of_a_run_has_the_figures_of_the_simulations(folder: Path) -
         time = np.arange(round(seconds / DT)) * DT
         joint, torque = 0.8 + 0.3 * np.sin(time), 2.0 * np.sin(3.0 * time) * np.exp(-time)
         names = ("source", "joint_seen", "admittance.estimate.torque", "admittance.estimate.doubt")
-        before = np.tile([WishSource.MOTION, 0.0, 50.0, 9.0], (700, 1))
-        after = np.column_stack([np.full(len(time), WishSource.LAW), joint, torque, np.full(len(time), 0.4)])
+        before = np.tile([TargetSource.MOTION, 0.0, 50.0, 9.0], (700, 1))
+        after = np.column_stack([np.full(len(time), TargetSource.LAW), joint, torque, np.full(len(time), 0.4)])
         rows = np.vstack([before, after])
         log = Recording({}, None, names, (), np.arange(len(rows)), rows, [], Damage(0, 0, 0))
         found = figures(log, pushing, DT)

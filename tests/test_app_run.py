@@ -19,7 +19,7 @@ from bowden.app import main
 from bowden.control import LAWS
 from bowden.control.reference import PeriodicMinimumJerk
 from bowden.core.errors import BowdenError
-from bowden.cycle.one_cycle import WishSource
+from bowden.cycle.one_cycle import TargetSource
 from bowden.design import forecast, verdict
 from bowden.live.mcap_read import read
 from bowden.live.twin_process import RunningTwin, running_twin
@@ -165,7 +165,7 @@ def test_a_run_is_as_good_as_its_simulation_and_every_cycle_is_in_the_log(
         restart(twin)
     assert found["ended_well"], found
     assert not twin.control.status()["torque"]
-    law = log["source"] >= WishSource.LAW_BEGINS
+    law = log["source"] >= TargetSource.LAW_BEGINS
     assert law.sum() + log["overruns"][law].sum() > 3900
     reference = PeriodicMinimumJerk(0.0, np.radians(50.0), 4.0)
     pure = simulate(default_bench(), LAWS["adaptive"], reference, duration=4.0, seed=1)
@@ -309,7 +309,7 @@ def with_own_twin(rig: Path, out: Path) -> "subprocess.Popen[str]":
         while process.poll() is None:
             for log in set(out.glob("*.mcap")) - before:
                 with contextlib.suppress(BowdenError):
-                    if np.any(read(log)["source"] >= WishSource.LAW_BEGINS):
+                    if np.any(read(log)["source"] >= TargetSource.LAW_BEGINS):
                         return process
             time.sleep(0.1)
         said = process.communicate()

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from bowden.app.main import run
-from bowden.cycle.one_cycle import WishSource
+from bowden.cycle.one_cycle import TargetSource
 from bowden.live.mcap_read import read
 from bowden.live.twin_process import running_twin
 from live_runs import COMMAND, SHARED, started, tries
@@ -79,7 +79,7 @@ def test_the_sheath_begins_to_move_with_the_law_in_every_run(tmp_path: Path) -> 
             words = ["run", str(rig), "--auto", "--json", "--duration", "1", "--channel", twin.channel]
             subprocess.run([*COMMAND, *words, "--out", str(out)], check=False, capture_output=True, timeout=60)
             log = read(next(out.glob("*.mcap")))
-            led = log["source"] >= WishSource.LAW_BEGINS
+            led = log["source"] >= TargetSource.LAW_BEGINS
             told = [float(entry["detail"]) for entry in twin.control.journal(since) if entry["event"] == "scenario"]
             assert told[0] == float("inf")
             if led.any():

@@ -11,10 +11,10 @@ import pytest
 from bowden.control import LAWS
 from bowden.control.knowledge import informed
 from bowden.control.law import Law
-from bowden.control.our_law.crossing import UNANSWERED
+from bowden.control.our_law.deadzone import UNANSWERED
 from bowden.control.our_law.law import UNKNOWN_LAG, BowdenState
 from bowden.control.our_law.observer import derived_rates
-from bowden.control.our_law.swing import (
+from bowden.control.our_law.oscillation import (
     ALIKE,
     TRIED,
     WATCHED,
@@ -88,8 +88,8 @@ def crossing_width(width: float, factor: float) -> float:
 def test_the_width_is_a_lower_end_and_the_slope_is_the_cables(constant: Trace, moved: Trace) -> None:
     for trace in (constant, moved):
         width = crossing_width(trace["width"][-1], trace["slope"][-1] / paper.bench().cable.slope)
-        assert 0.5 * width < trace["law.crossing.width"][-1] < 1.03 * width
-        assert 1.0 / trace["law.crossing.inverse"][-1] == pytest.approx(trace["slope"][-1], rel=0.05)
+        assert 0.5 * width < trace["law.deadzone.width"][-1] < 1.03 * width
+        assert 1.0 / trace["law.deadzone.inverse"][-1] == pytest.approx(trace["slope"][-1], rel=0.05)
 
 
 def test_a_cable_that_runs_the_other_way_is_the_same_cable() -> None:
@@ -299,8 +299,8 @@ def test_a_slope_is_learned_for_the_plan_alone(clean: Any) -> None:
     """The feedback's answer to an error is the same whatever slope was learned."""
     state, wanted, changes = clean[2][-500], Reference(*STROKES[-499].tolist()), []
     for inverse in (1.0, 1.3):
-        held = state._replace(crossing=state.crossing._replace(inverse=inverse))
-        joint = state.crossing.answer_joint
+        held = state._replace(deadzone=state.deadzone._replace(inverse=inverse))
+        joint = state.deadzone.answer_joint
         near, far = (LAW.step(held, Sample(joint + by, 0.5), wanted, 1e-3)[0].observer for by in (0.0, 0.002))
         changes.append(far.innovation - near.innovation)
     assert changes[0] == pytest.approx(changes[1], rel=1e-9)
@@ -312,13 +312,13 @@ def test_a_wearer_who_trembles_is_told_as_the_wearers(hertz: float, amplitude_de
     """Watching → trial → watching: κ comes back at once, no load is learned, and there is no second trial."""
     pushed = amplitude_deg * RADIANS * np.sin(2.0 * np.pi * hertz * 1e-3 * np.arange(6000))
     _, _, states = played(STILL, slope=1.0, half_width=0.0, pushed=pushed)
-    trial = np.array([state.swing.half_waves for state in states]) < 0.0
+    trial = np.array([state.oscillation.half_waves for state in states]) < 0.0
     assert np.sum(np.diff(trial.astype(int)) == 1) == 1
     assert np.sum(trial) * 1e-3 < (TRIED - WATCHED + 1.0) / (2.0 * hertz)  # ended as soon as it is certain
-    assert min(state.swing.bandwidth_share for state in states) < 0.2
-    assert states[-1].swing.bandwidth_share == 1.0
-    assert states[-1].swing.load_time == 0.0
-    assert states[-1].swing.wearer_amplitude > 0.3 * amplitude_deg * RADIANS
+    assert min(state.oscillation.bandwidth_share for state in states) < 0.2
+    assert states[-1].oscillation.bandwidth_share == 1.0
+    assert states[-1].oscillation.load_time == 0.0
+    assert states[-1].oscillation.wearer_amplitude > 0.3 * amplitude_deg * RADIANS
 
 
 def test_a_leap_is_followed_at_twice_the_speed_and_a_swing_is_not() -> None:
@@ -355,7 +355,7 @@ def test_the_steps_of_who_walks_are_no_load_that_swings() -> None:
     strokes = PeriodicMinimumJerk(0.0, 40.0 * RADIANS, 10.0).sample(np.arange(0.0, 20.0, 1e-3))
     steps = 1.5 * RADIANS * np.sin(2.0 * np.pi * 1.9 * np.arange(0.0, 20.0, 1e-3))
     _, _, states = played(strokes, slope=1.0, pushed=steps)
-    assert states[-1].swing.load_time == 0.0
+    assert states[-1].oscillation.load_time == 0.0
 
 
 @pytest.mark.parametrize("damping", [0.1, 0.3])
@@ -363,7 +363,7 @@ def test_an_arm_that_swings_on_the_cable_is_found_out_and_its_load_learned(dampi
     """Watching → trial → own: what nobody told it rings at first, and no more once the load is known."""
     strokes = PeriodicMinimumJerk(0.0, 40.0 * RADIANS, 4.0).sample(np.arange(0.0, 12.0, 1e-3))
     error, _, states = played(strokes, slope=1.0, arm=(2.0 * np.pi * 3.0, damping))
-    learned = [state.swing.load_time for state in states if state.swing.load_time > 0.0]
+    learned = [state.oscillation.load_time for state in states if state.oscillation.load_time > 0.0]
     assert learned[0] == pytest.approx(1.0 / (2.0 * np.pi * 3.0), rel=0.3)
     assert learned[-1] < ALIKE * learned[0]  # a later swing, with κ still small, is slower
     assert rmse(error[8000:]) < 0.5 * rmse(error[:4000])
@@ -373,7 +373,7 @@ def test_a_known_load_that_swings_again_is_not_taken_for_the_wearers() -> None:
     """It decays so slowly in a trial that κ came back whole, time after time, and the arm swung on by 33°."""
     strokes = PeriodicMinimumJerk(0.0, 40.0 * RADIANS, 6.0).sample(np.arange(0.0, 12.0, 1e-3))
     error, _, states = played(strokes, slope=1.0, arm=(2.0 * np.pi * 2.6, 0.1))
-    assert states[-1].swing.load_time == pytest.approx(1.0 / (2.0 * np.pi * 2.6), rel=0.3)
+    assert states[-1].oscillation.load_time == pytest.approx(1.0 / (2.0 * np.pi * 2.6), rel=0.3)
     assert rmse(error[8000:]) < 2.0 * RADIANS
 
 

@@ -74,8 +74,8 @@ def test_units_are_those_of_the_types() -> None:
     assert SUPERVISOR["supervisor.heat.winding"] == "°C"
     assert SUPERVISOR["supervisor.decided.mode"] == "1"
     units = LAWS["bowden"].columns()
-    assert units["law.crossing.width"] == "rad"
-    assert units["law.swing.load_time"] == "s"
+    assert units["law.deadzone.width"] == "rad"
+    assert units["law.oscillation.load_time"] == "s"
     assert LAWS["adaptive"].columns()["law.joint_rate"] == "rad/s"
 
 
@@ -93,7 +93,7 @@ def sliced_states(source: str) -> list[int]:
 
 
 def test_no_state_is_sliced_by_number() -> None:
-    assert sliced_states("a = Followed(*state[12:15])") == [1]
+    assert sliced_states("a = SensorState(*state[12:15])") == [1]
     assert sliced_states("a = b + thermal[:]") == [1]
     for path in SOURCE.rglob("*.py"):
         assert not sliced_states(path.read_text()), path

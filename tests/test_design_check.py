@@ -137,7 +137,7 @@ def test_our_law_has_learned_by_the_end_of_its_trial() -> None:
     short, long = (
         run_trial(BENCH, LAWS["bowden"], np.pi, STROKE, 1, moving).visited[-1] for moving in (MOVING, LONGEST)
     )
-    for name in ("crossing.width", "crossing.inverse"):
+    for name in ("deadzone.width", "deadzone.inverse"):
         assert short[name] == pytest.approx(long[name], rel=0.05)
 
 

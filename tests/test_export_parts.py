@@ -113,16 +113,18 @@ def test_exported_gate_gives_the_bits_of_python(tmp_path: Path) -> None:
         ),
         list(drives(100_000)),
     )
-    rows = np.array([[anew, *flat(observed), wish, DT] for anew, observed, wish in cycles], dtype=float)
+    rows = np.array(
+        [[anew, *flat(observed), requested_target, DT] for anew, observed, requested_target in cycles], dtype=float
+    )
     start = "safety_ThermalState warmth; safety_cold(&warmth); safety_begin(&state, &observed.reading, &warmth)"
     found = Exported(safety_module(limits), "supervise", start, tmp_path).over(rows)
     expected, warmth = np.empty_like(found), cold(limits.thermal)
     compiled(run_gate)(limits, warmth, cycles[0][1], rows, expected)
     state = begin(limits, cycles[0][1].reading, warmth)
-    for (anew, observed, wish), row in zip(cycles[:800], expected, strict=False):
+    for (anew, observed, requested_target), row in zip(cycles[:800], expected, strict=False):
         state = begin(limits, observed.reading, warmth) if anew else state
         with np.errstate(all="ignore"):
-            state, verdict = supervise(limits, state, observed, wish, DT)
+            state, verdict = supervise(limits, state, observed, requested_target, DT)
         assert (bits(flat((state, verdict))) == bits(row)).all()
     modes = set(expected[:, Verdict._fields.index("mode") - len(Verdict._fields)])
     assert {float(mode) for mode in Mode} <= modes

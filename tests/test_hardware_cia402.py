@@ -25,7 +25,7 @@ def climb(state: DriveState, power: Power, cycles: int = 10) -> list[DriveState]
     return states
 
 
-def test_every_state_and_every_wish_have_a_word() -> None:
+def test_every_state_and_every_request_have_a_word() -> None:
     assert set(CONTROL) == set(itertools.product(DriveState, Power))
 
 
@@ -68,7 +68,7 @@ def test_a_statusword_goes_there_and_back(state: DriveState) -> None:
         (Power.ON, DriveState.OPERATION_ENABLED),
     ],
 )
-def test_every_wish_is_reached_and_held(state: DriveState, power: Power, goal: DriveState) -> None:
+def test_every_request_is_reached_and_held(state: DriveState, power: Power, goal: DriveState) -> None:
     states = climb(state, power)
     assert states[-1] is goal
     assert states[4] is goal, "in no more than four steps"
@@ -76,7 +76,7 @@ def test_every_wish_is_reached_and_held(state: DriveState, power: Power, goal: D
 
 @pytest.mark.parametrize("state", DriveState)
 @pytest.mark.parametrize("power", [power for power in Power if power is not Power.ON])
-def test_only_the_wish_for_power_gives_torque(state: DriveState, power: Power) -> None:
+def test_only_the_request_for_power_gives_torque(state: DriveState, power: Power) -> None:
     for before, after in itertools.pairwise(climb(state, power)):
         assert after is not DriveState.OPERATION_ENABLED or before is DriveState.OPERATION_ENABLED
 

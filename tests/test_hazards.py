@@ -102,8 +102,8 @@ def test_no_verdict_that_is_broken_reaches_the_drive(tmp_path: Path, monkeypatch
     def overwritten(self: Cycle, *given: Any) -> tuple[float, Verdict]:
         nonlocal cycles
         cycles += 1
-        wish, verdict = step(self, *given)
-        return wish, verdict._replace(target=verdict.target + 1.5) if cycles == 1300 else verdict
+        requested_target, verdict = step(self, *given)
+        return requested_target, verdict._replace(target=verdict.target + 1.5) if cycles == 1300 else verdict
 
     monkeypatch.setattr(drive, "write", written)
     table = PeriodicMinimumJerk(0.0, 0.3, 2.0).sample(np.arange(5000) * 1e-3)

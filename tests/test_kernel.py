@@ -149,7 +149,7 @@ KERNELS_OF_TWO = [
     (plausible.outside, lambda x, y: (x, y, y + 1.0)),
     (plausible.beyond, lambda x, y: (x, y)),
     (plausible.persistence_time, lambda x, y: (x > 0.0, y, 1e-3)),
-    (plausible.follow, lambda x, y: (plausible.Followed(x, y, 0.0), y, True, 1e-3, 2.0, 0.02, 15.0, 0.005)),
+    (plausible.follow, lambda x, y: (plausible.SensorState(x, y, 0.0), y, True, 1e-3, 2.0, 0.02, 15.0, 0.005)),
     (servo.servo_approach, lambda x, y: (x, 0.5 * y, SERVO)),
     (servo.servo_step, lambda x, y: (servo.ServoState(x, 0.5 * y, 0.0), y, SERVO)),
     (servo.servo_acceleration, lambda x, y: (x, 0.5 * y, SERVO)),

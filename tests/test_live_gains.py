@@ -13,7 +13,7 @@ from bowden.core.errors import ParameterError, SafetyError
 from bowden.core.kernel import kernel
 from bowden.core.quantity import Quantity
 from bowden.core.signals import Reference, Sample
-from bowden.cycle.one_cycle import Filters, WishSource
+from bowden.cycle.one_cycle import Filters, TargetSource
 from bowden.face.run import run
 from bowden.live.events import Changes
 from bowden.live.gain_check import GainCheck, required
@@ -182,9 +182,9 @@ def test_a_ramp_takes_its_time_where_deadlines_are_skipped(tmp_path: Path) -> No
 def test_the_loop_changes_a_nested_gain_and_one_that_is_written_whole(tmp_path: Path) -> None:
     found = led(tmp_path / "own", OWN, {300: (0, 0.5), 1000: (1, 4.5)})
     assert set(found["gain.pair.whole"][-100:]) == {4.5}
-    law = found["source"] == WishSource.LAW
+    law = found["source"] == TargetSource.LAW
     late = law & (found["gain.pair.share"] == 0.5)
-    assert np.all(found["wish"][late] == 0.5 * found["conditioned.position"][late])
+    assert np.all(found["requested_target"][late] == 0.5 * found["conditioned.position"][late])
     assert not replay(found, OWN, Limits(), Filters(), 1e-3, same=True).differs
 
 

@@ -14,7 +14,7 @@ from bowden.core.errors import ParameterError
 from bowden.core.kernel import kernel
 from bowden.core.signals import DriveState, Reference, Sample
 from bowden.core.units import RADIANS
-from bowden.cycle.one_cycle import Filters, WishSource
+from bowden.cycle.one_cycle import Filters, TargetSource
 from bowden.hardware.drives.parameters import motor_scale
 from bowden.hardware.twin.bench import TwinBench
 from bowden.hardware.twin.pair import SharedJoint
@@ -156,13 +156,13 @@ def test_both_motors_take_one_joint_along_its_reference_and_the_run_replays_to_t
     assert Mode(ended.mode) == Mode.STOPPED
     assert ended.faults == 0
     for name, part in rows.parts.items():
-        led = part["source"] >= WishSource.LAW_BEGINS
+        led = part["source"] >= TargetSource.LAW_BEGINS
         assert np.sqrt(np.mean((part["joint"] - part["reference"])[led] ** 2)) < np.radians(2.0), name
         limits = Limits() if name == "flexor" else Limits(slack_sign=1.0, homed=0.0, slope_low=0.0)
         assert not replay(part, LAW, limits, Filters(), 1e-3, same=True).differs, name
     flexor, extensor = (rows.parts[name] for name in ("flexor", "extensor"))
     assert (flexor["joint"] == extensor["joint"]).all(), "there is one encoder"
-    led = flexor["source"] >= WishSource.LAW_BEGINS
+    led = flexor["source"] >= TargetSource.LAW_BEGINS
     assert flexor["tension"][led].min() > 0.0
     assert extensor["tension"][led].min() > 0.0, "neither cable is slack"
 

@@ -11,7 +11,7 @@ import pytest
 from axes_rig import AxesRig, Misread
 from bowden.control import LAWS
 from bowden.core.signals import DriveReading
-from bowden.cycle.one_cycle import Filters, WishSource
+from bowden.cycle.one_cycle import Filters, TargetSource
 from bowden.hardware.ports import Power
 from bowden.live.events import Changes
 from bowden.live.live_run import live_run
@@ -50,7 +50,7 @@ def test_all_axes_are_armed_run_and_end_in_the_same_cycle_and_their_laws_begin_t
 ) -> None:
     _, rows = whole
     parts = list(rows.parts.values())
-    begins = [int(np.flatnonzero(part["source"] >= WishSource.LAW_BEGINS)[0]) for part in parts]
+    begins = [int(np.flatnonzero(part["source"] >= TargetSource.LAW_BEGINS)[0]) for part in parts]
     assert len({*begins}) == 1, "the way to the beginning takes as long for each"
     for part in parts[1:]:
         for mode in (Mode.PREFLIGHT, Mode.RUNNING):
@@ -61,7 +61,7 @@ def test_all_axes_are_armed_run_and_end_in_the_same_cycle_and_their_laws_begin_t
 def test_each_axis_follows_as_it_does_alone_and_replays_to_the_bit(whole: tuple[AxesRig, Recording]) -> None:
     _, rows = whole
     for name, part in rows.parts.items():
-        led = part["source"] >= WishSource.LAW_BEGINS
+        led = part["source"] >= TargetSource.LAW_BEGINS
         assert np.sqrt(np.mean((part["joint"] - part["reference"])[led] ** 2)) < np.radians(1.0), name
         again = replay(part, LAW, Limits(), Filters(), 1e-3, same=True)
         assert again.law_cycles > 2000
@@ -176,7 +176,7 @@ def test_axes_that_are_independent_leave_the_others_running(tmp_path: Path) -> N
     assert hip["mode"][2600] == Mode.LATCHED
     assert knee["mode"][2600] == Mode.RUNNING
     assert not stops(knee)
-    assert (knee["source"] >= WishSource.LAW_BEGINS).sum() >= 1999
+    assert (knee["source"] >= TargetSource.LAW_BEGINS).sum() >= 1999
 
 
 def test_a_preflight_that_fails_fails_for_all(tmp_path: Path) -> None:

@@ -15,7 +15,7 @@ from bowden.core.kernel import kernel
 from bowden.core.quantity import Quantity
 from bowden.core.signals import Reference, Sample
 from bowden.core.units import RADIANS
-from bowden.cycle.one_cycle import Filters, WishSource
+from bowden.cycle.one_cycle import Filters, TargetSource
 from bowden.live.dead_zone import dead_zone
 from bowden.live.preflight import Preflight, begin, step
 from bowden.live.replay import replay
@@ -67,14 +67,14 @@ LAW = Law(
 def test_the_preflight_measures_the_dead_zone_of_the_bench() -> None:
     """Against the width that the cable's equation has: 2·αh·h_max/αφ, less what a small stroke leaves of it."""
     drive, settings, now = SimulatedDrive(twin_bench()), Preflight(moved=1.5 * RADIANS), 1.0
-    state, said, wish = begin(settings, drive.read(now)), None, 0.0
+    state, said, requested_target = begin(settings, drive.read(now)), None, 0.0
     from bowden.hardware.ports import Power
 
     while said is None or said.result == 0.0:
-        drive.write(wish, Power.ON, now)
+        drive.write(requested_target, Power.ON, now)
         now += 1e-3
         reading = drive.read(now)
-        state, wish, said = step(settings, state, reading, 1e-3)
+        state, requested_target, said = step(settings, state, reading, 1e-3)
     assert said.result == 1.0
     whole = of_model(BENCH.cable, BENCH.sheath.gap)
     assert 0.5 * whole < dead_zone(state, reading, BENCH.cable.slope) < 1.1 * whole
@@ -86,14 +86,14 @@ def test_what_was_measured_is_recorded_and_the_law_begins_with_what_it_was_told(
     rest = np.zeros((300, 3))  # the preflight is what moves the motor
     script = Script(rest, 0.0, 0.5, Preflight(moved=1.5 * RADIANS), 1e-3, slope=BENCH.cable.slope)
     _, log = LoopRig(tmp_path, LAW, LIMITS, SimulatedDrive(twin_bench()), script).run()
-    first = int(np.argmax(log["source"] == WishSource.LAW_BEGINS))
-    assert log["source"][first] == WishSource.LAW_BEGINS
+    first = int(np.argmax(log["source"] == TargetSource.LAW_BEGINS))
+    assert log["source"][first] == TargetSource.LAW_BEGINS
     width = log["play"][first]
     assert width > 0.02
     assert np.isnan(log["play"][0])
     assert log["law.width"][first] == LAW.gains.width
     same = replay(log, LAW, LIMITS, Filters(), 1e-3, same=True)
-    assert (same.verdicts_differing, same.wish_largest, same.command_largest) == (0, 0.0, 0.0)
+    assert (same.verdicts_differing, same.requested_target_largest, same.command_largest) == (0, 0.0, 0.0)
 
 
 def test_an_identified_cable_is_a_laws_first_guess() -> None:

@@ -11,7 +11,7 @@ from bowden.control import LAWS
 from bowden.control.reference import PeriodicMinimumJerk
 from bowden.core.clock import next_deadline
 from bowden.core.signals import DriveReading
-from bowden.cycle.one_cycle import WishSource
+from bowden.cycle.one_cycle import TargetSource
 from bowden.hardware.ports import Power, TorqueLeft
 from bowden.hardware.twin.bench import TwinBench
 from bowden.live.loop import Ended
@@ -77,7 +77,7 @@ def test_a_run_is_as_good_as_its_simulation(whole: tuple[LoopRig, Ended, Recordi
     _, ended, rows = whole
     assert Mode(ended.mode) == Mode.STOPPED
     assert ended.faults == 0
-    led = rows["source"] >= WishSource.LAW_BEGINS
+    led = rows["source"] >= TargetSource.LAW_BEGINS
     error = (rows["joint"] - rows["reference"])[led]
     pure = simulate(default_bench(), LAWS["adaptive"], REFERENCE, duration=SECONDS, seed=1)
     wanted = np.sqrt(np.mean(pure.error**2))
@@ -122,7 +122,7 @@ def test_a_run_that_came_to_its_end_needs_nobody_afterwards(tmp_path: Path) -> N
 
     ended, rows = rig_of(tmp_path, between, quits=1e9).run()
     assert Mode(ended.mode) == Mode.STOPPED
-    assert (rows["source"] >= WishSource.LAW_BEGINS).sum() >= 1000 * SECONDS - 2
+    assert (rows["source"] >= TargetSource.LAW_BEGINS).sum() >= 1000 * SECONDS - 2
     assert ended.unattended == 0.0
 
 
@@ -217,13 +217,13 @@ def test_what_is_bridged_goes_on_where_it_was() -> None:
     script = Script(table, 0.0, 0.5, Preflight(), 1e-3)
     still = NOTHING_READ._replace(motor=0.0, joint=0.0, drive_state=4.0)
     for mode in (Mode.PREFLIGHT, Mode.BRIDGING, Mode.PREFLIGHT):
-        assert script.plan(float(mode), 0.0, still, 1).source == WishSource.MOTION
+        assert script.plan(float(mode), 0.0, still, 1).source == TargetSource.MOTION
     sources, places = [], []
     for mode in (Mode.RUNNING, Mode.RUNNING, Mode.BRIDGING, Mode.RUNNING):
         plan = script.plan(float(mode), 0.0, still, 1)
         sources.append(plan.source)
         places.append(plan.reference.position)
-    assert sources == [WishSource.LAW_BEGINS, WishSource.LAW, WishSource.LAW, WishSource.LAW]
+    assert sources == [TargetSource.LAW_BEGINS, TargetSource.LAW, TargetSource.LAW, TargetSource.LAW]
     assert places == [row[0] for row in table[:4]]
 
 

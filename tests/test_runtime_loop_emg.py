@@ -7,7 +7,7 @@ import pytest
 
 from bowden.control import LAWS
 from bowden.core.clock import SECOND
-from bowden.cycle.one_cycle import Filters, WishSource
+from bowden.cycle.one_cycle import Filters, TargetSource
 from bowden.hardware.emg import intent_block
 from bowden.hardware.emg.course import CourseSettings, EmgCourse
 from bowden.hardware.emg.intent_block import IntentReader, IntentWriter, StreamReading
@@ -71,7 +71,7 @@ def test_a_contraction_moves_the_joint_in_the_cycle_in_which_it_comes(tmp_path: 
     assert log["emg.intent"][seen] == Intent.FLEX
     assert log["reference_velocity"][seen] == 0.0
     assert log["reference_velocity"][seen + 1] > 0.0
-    led = log["source"] >= WishSource.LAW_BEGINS
+    led = log["source"] >= TargetSource.LAW_BEGINS
     assert CYCLES <= led.sum() <= CYCLES + 1
     assert log["reference"][led][-1] == 1.0
     assert abs(log["joint"][led][-1] - 1.0) < 0.03
@@ -83,7 +83,7 @@ def test_a_motion_goes_on_where_it_was_after_cycles_that_were_skipped(tmp_path: 
     ended, log = run(tmp_path, 1200, 99_999, stalls=1700)
     assert (ended.mode, ended.faults) == (Mode.STOPPED, 0)
     assert ended.overruns >= 7
-    moves = np.diff(log["reference"][log["source"] == WishSource.LAW][1100:])
+    moves = np.diff(log["reference"][log["source"] == TargetSource.LAW][1100:])
     assert moves.max() == pytest.approx(1.875e-3, rel=1e-3), "15/8 of the mean speed, a cycle after the other"
 
 
@@ -94,7 +94,7 @@ def test_dead_electrodes_hold_no_limb_and_end_no_rest(tmp_path: Path) -> None:
         folder.mkdir()
         ended, log = run(folder, contracts, 99_999, dies=1500)
         assert (ended.mode, ended.faults) == (ends, 2**Fault.EMG_LOST if contracts else 0)
-        led = log["source"] >= WishSource.LAW_BEGINS
+        led = log["source"] >= TargetSource.LAW_BEGINS
         assert led.sum() == pytest.approx(2502 if contracts else CYCLES, abs=3)
 
 
@@ -114,13 +114,13 @@ def test_a_lost_stream_releases_and_no_new_motion_begins(tmp_path: Path, contrac
     moving = log["reference_velocity"][:released][late]
     assert contracts == 300 or not moving[np.isfinite(moving)].any()
     same = replay(log, LAW, LIMITS, Filters(), 1e-3, same=True)
-    assert (same.verdicts_differing, same.wish_largest, same.command_largest) == (0, 0.0, 0.0)
+    assert (same.verdicts_differing, same.requested_target_largest, same.command_largest) == (0, 0.0, 0.0)
 
 
 def test_a_reader_that_is_gone_is_known_sooner_than_a_stream_that_pauses(tmp_path: Path) -> None:
     ended, log = run(tmp_path, 300, 99_999, reader=1500)
     assert (ended.mode, ended.faults) == (Mode.LATCHED, 2**Fault.EMG_LOST)
-    led = np.flatnonzero(log["source"] >= WishSource.LAW_BEGINS)
+    led = np.flatnonzero(log["source"] >= TargetSource.LAW_BEGINS)
     gone = led[1500]
     released = int(np.argmax(log["mode"] == Mode.RELEASING))
     assert released - gone <= 42
@@ -134,5 +134,5 @@ def test_without_a_stream_it_cannot_be_armed_until_there_is_one(tmp_path: Path) 
     assert (log["power"][before] == 0.0).all()
     assert (log["faults"][10:300] == 2**Fault.EMG_LOST).all()
     assert ended.mode == Mode.STOPPED
-    assert (log["source"] >= WishSource.LAW_BEGINS).sum() >= CYCLES
-    assert not log["reference"][log["source"] == WishSource.LAW][1500:].any(), "nobody contracts, nothing moves"
+    assert (log["source"] >= TargetSource.LAW_BEGINS).sum() >= CYCLES
+    assert not log["reference"][log["source"] == TargetSource.LAW][1500:].any(), "nobody contracts, nothing moves"

@@ -19,7 +19,7 @@ from bowden.core.errors import LogError
 from bowden.core.kernel import compiled
 from bowden.core.signals import DriveReading, Reference
 from bowden.core.units import RADIANS
-from bowden.cycle.one_cycle import Filters, WishSource, clamp_offset
+from bowden.cycle.one_cycle import Filters, TargetSource, clamp_offset
 from bowden.cycle.torque_offset import TorqueOffset
 from bowden.design.felt import felt
 from bowden.hardware.twin.suit import TwinSuit
@@ -98,23 +98,23 @@ def test_the_wearer_feels_of_the_live_suit_what_they_feel_of_the_simulated_one(f
     rms = float(np.sqrt(np.mean(live**2)))
     assert rms == pytest.approx(simulated, rel=0.1)
     assert rms < 1.0
-    joint = log["joint"][log["source"] == WishSource.LAW][3000:]
+    joint = log["joint"][log["source"] == TargetSource.LAW][3000:]
     assert joint.min() == pytest.approx(20.0 * RADIANS, abs=2.0 * RADIANS)
     assert joint.max() == pytest.approx(70.0 * RADIANS, abs=2.0 * RADIANS)
 
 
 def test_what_the_log_has_makes_the_same_reference_and_command_interpreted(followed: Any) -> None:
     _, log, _ = followed
-    begins = int(np.argmax(log["source"] == WishSource.LAW_BEGINS))
-    names = ("joint_seen", "motor_seen", "current", "reference", "reference_velocity", "wish")
+    begins = int(np.argmax(log["source"] == TargetSource.LAW_BEGINS))
+    names = ("joint_seen", "motor_seen", "current", "reference", "reference_velocity", "requested_target")
     rows = np.column_stack([log[name] for name in names])[begins : begins + 300].tolist()
     nothing, state = Reference(math.nan, math.nan, math.nan), None
-    for joint, motor, current, position, velocity, wish in rows:
+    for joint, motor, current, position, velocity, requested_target in rows:
         measured = Measurement(joint, motor, current, math.nan)
         state = SOURCE.start(measured) if state is None else state
         state, made, added = SOURCE.step(state, measured, nothing, 1e-3)
         assert (made.position, made.velocity) == (position, velocity)
-        assert made.position + added == wish
+        assert made.position + added == requested_target
 
 
 def test_the_log_replays_with_no_difference_across_a_gap_too(followed: Any) -> None:
@@ -123,12 +123,12 @@ def test_the_log_replays_with_no_difference_across_a_gap_too(followed: Any) -> N
     found = replace(log, numbers=log.numbers[keep], rows=log.rows[keep])
     source = source_of({"admittance": plain(SETTINGS)})
     again = replay(found, LAW, SUIT_LIMITS, Filters(), 1e-3, same=True, source=source)
-    assert (again.wish_largest, again.first_difference, again.verdicts_differing) == (0.0, None, 0)
+    assert (again.requested_target_largest, again.first_difference, again.verdicts_differing) == (0.0, None, 0)
     assert again.law_cycles > 5000
     assert again.beginnings == 2
     heavier = SETTINGS._replace(admittance=SETTINGS.admittance._replace(damping=0.23))
     other = replay(found, LAW, SUIT_LIMITS, Filters(), 1e-3, same=True, source=push_source(heavier))
-    assert other.wish_largest
+    assert other.requested_target_largest
 
 
 def test_a_torque_offset_that_is_no_number_is_a_difference(followed: Any) -> None:
@@ -158,7 +158,7 @@ def test_a_lost_measurement_releases_and_no_push_is_made_of_it(tmp_path: Path, l
     ended, log, _ = run_of(tmp_path, lost, 1500, cycles=2500)
     assert ended.mode == Mode.LATCHED
     assert ended.faults & 2**fault
-    gone = int(np.argmax(np.isnan(log[lost]) & (log["source"] == WishSource.LAW)))
+    gone = int(np.argmax(np.isnan(log[lost]) & (log["source"] == TargetSource.LAW)))
     ends = gone + int(np.argmax(log["mode"][gone:] >= Mode.RELEASING))
     assert ends - gone <= 8
     assert np.isnan(log["admittance.estimate.torque"][gone]), "a torque that is not known"
@@ -171,11 +171,11 @@ def test_a_lost_measurement_releases_and_no_push_is_made_of_it(tmp_path: Path, l
 def test_a_reference_goes_no_further_than_its_range_whoever_pushes(tmp_path: Path) -> None:
     strong = SUIT._replace(wearer=swinging(60.0 * RADIANS, share=1.0))
     ended, log, _ = run_of(tmp_path, suit=strong)
-    led_by = log["source"] >= WishSource.LAW_BEGINS
+    led_by = log["source"] >= TargetSource.LAW_BEGINS
     assert log["reference"][led_by].max() == pytest.approx(100.0 * RADIANS, abs=1e-9)
     assert log["reference"][led_by].min() == pytest.approx(0.0, abs=1e-9)
-    assert log["wish"][led_by].min() >= SUIT_LIMITS.motor_low
-    assert log["wish"][led_by].max() <= SUIT_LIMITS.motor_high
+    assert log["requested_target"][led_by].min() >= SUIT_LIMITS.motor_low
+    assert log["requested_target"][led_by].max() <= SUIT_LIMITS.motor_high
     assert not log["faults"][led_by].any()
     # a wearer who throws the arm down at 190°/s gets ahead of the release, which is seen as what it is
     assert ended.mode == Mode.STOPPED or ended.faults == 2**Fault.JOINT_MOTOR_MISMATCH
@@ -188,7 +188,7 @@ def test_a_reference_goes_no_further_than_its_range_whoever_pushes(tmp_path: Pat
 def test_a_reading_that_the_supervisor_bridges_is_no_push(reading: str, off: float, tmp_path: Path) -> None:
     still = SUIT._replace(wearer=SUIT.wearer._replace(swing=0.0))
     ended, log, _ = run_of(tmp_path, reading, 1500, still, off, cycles=2500)
-    led = np.flatnonzero(log["source"] == WishSource.LAW)[1300:1900]
+    led = np.flatnonzero(log["source"] == TargetSource.LAW)[1300:1900]
     assert ended.faults == 0
     assert np.abs(np.diff(log[reading][led])).max() > 2.0
     assert np.ptp(log["reference"][led]) < 1.0 * RADIANS  # without this 18° and more
@@ -212,12 +212,12 @@ def test_what_is_added_leaves_no_range_and_hides_no_bad_command(run: Any) -> Non
     low, high = SUIT_LIMITS.motor_low, SUIT_LIMITS.motor_high
     for command in np.linspace(low - 1.0, high + 1.0, 41).tolist():
         for added in np.linspace(-3.0, 3.0, 25).tolist():
-            wish = run(SUIT_LIMITS, command, added)
+            requested_target = run(SUIT_LIMITS, command, added)
             if low <= command <= high:
-                assert low <= wish <= high
-                assert wish == min(high, max(low, command + added))
+                assert low <= requested_target <= high
+                assert requested_target == min(high, max(low, command + added))
             else:
-                assert wish == command
+                assert requested_target == command
         assert run(SUIT_LIMITS, command, 0.0) == command
         assert math.isnan(run(SUIT_LIMITS, command, math.nan)) == (low <= command <= high)
     assert math.isnan(run(SUIT_LIMITS, math.nan, 0.0))

@@ -42,7 +42,7 @@ def play_through(
 ) -> tuple[Reason, list[float], PreflightState]:
     """A motor that follows its target after a cycle, and a joint behind a play [rad]."""
     motor = through = before = 0.0
-    now, wishes = begin(settings, reading(0.0, 0.0, state)), []
+    now, requested = begin(settings, reading(0.0, 0.0, state)), []
     for k in range(200_000):
         through = min(max(through, motor - 0.5 * play), motor + 0.5 * play)
         joint = math.nan if missing else slope * through + (shakes if k % 2 else 0.0)
@@ -50,22 +50,22 @@ def play_through(
         current = 0.0 if stuck else load + math.copysign(friction, way) * (way != 0.0)
         current = current if count == 0.0 else count * round(motor / count)
         told = reading(motor, joint, state, current)._replace(**cell(k, through))
-        now, wish, outcome = step(settings, now, told, DT)
-        wishes.append(wish)
-        motor = gain * wish
+        now, requested_target, outcome = step(settings, now, told, DT)
+        requested.append(requested_target)
+        motor = gain * requested_target
         if outcome.result != 0.0:
-            return Reason(int(outcome.reason)), wishes, now
+            return Reason(int(outcome.reason)), requested, now
     raise AssertionError("the preflight does not end")
 
 
 @pytest.mark.parametrize("play_deg", [0.0, 5.0, 14.0, 25.0])
 def test_the_motion_grows_until_the_joint_follows_and_comes_back(play_deg: float) -> None:
-    reason, wishes, _ = play_through(play=play_deg * RADIANS)
+    reason, requested, _ = play_through(play=play_deg * RADIANS)
     assert reason == Reason.NONE
-    assert max(wishes) >= 0.5 * play_deg * RADIANS
-    assert max(wishes) <= max(2.0 * RADIANS, 2.0 * (play_deg + 2.0) * RADIANS)
-    assert abs(wishes[-1]) < 1e-9
-    steps = [abs(b - a) for a, b in itertools.pairwise(wishes)]
+    assert max(requested) >= 0.5 * play_deg * RADIANS
+    assert max(requested) <= max(2.0 * RADIANS, 2.0 * (play_deg + 2.0) * RADIANS)
+    assert abs(requested[-1]) < 1e-9
+    steps = [abs(b - a) for a, b in itertools.pairwise(requested)]
     assert max(steps) <= 1.9 * SETTINGS.speed * DT  # a minimum-jerk motion peaks at 1.875 times its mean speed
 
 
@@ -104,9 +104,9 @@ def test_a_cable_that_carries_nothing_says_nothing_of_where_it_pulls(load: float
 
 def test_a_current_of_coarse_counts_is_judged_by_a_motion_that_changes_it() -> None:
     """Here 6077h tells a spring's pull in counts of which the smallest motion is less than half."""
-    reason, wishes, _ = play_through(count=6.0 * RADIANS)
+    reason, requested, _ = play_through(count=6.0 * RADIANS)
     assert reason == Reason.NONE
-    assert 3.0 * RADIANS < max(wishes) <= SETTINGS.largest
+    assert 3.0 * RADIANS < max(requested) <= SETTINGS.largest
 
 
 @pytest.mark.parametrize(
@@ -127,17 +127,17 @@ def test_a_load_cell_must_rise_while_the_cable_is_pulled(kind: str, gain: float,
     def cell(k: int, through: float) -> dict[str, float]:
         return {column: 5.0 + gain * through + (noise if k % 2 else 0.0)}
 
-    found, wishes, _ = play_through(play=5.0 * RADIANS, settings=settings, cell=cell)
+    found, requested, _ = play_through(play=5.0 * RADIANS, settings=settings, cell=cell)
     assert found == reason
     if reason != Reason.NONE:
-        assert wishes[-1] == pytest.approx(0.0, abs=1e-9), "it ends where it began"
+        assert requested[-1] == pytest.approx(0.0, abs=1e-9), "it ends where it began"
 
 
 def test_a_gap_in_motion_is_left_to_the_supervisor() -> None:
     state = begin(SETTINGS, reading(0.0, 0.0))
     for k in range(120):
-        state, wish, outcome = step(SETTINGS, state, reading(math.nan if k == 100 else 0.0, 0.0), DT)
-        assert math.isfinite(wish)
+        state, requested_target, outcome = step(SETTINGS, state, reading(math.nan if k == 100 else 0.0, 0.0), DT)
+        assert math.isfinite(requested_target)
         assert outcome.result == 0.0
 
 
@@ -148,11 +148,11 @@ def test_a_motor_that_a_release_left_beyond_its_targets_is_never_asked_to_stay_t
     for k in range(20_000):
         current = settings.pull_sign + 0.1 * motor
         told = reading(motor, 0.9 * motor, 4.0 if k > 50 else 3.0, current)
-        state, wish, outcome = step(settings, state, told, DT)
-        assert settings.low <= wish <= settings.high
+        state, requested_target, outcome = step(settings, state, told, DT)
+        assert settings.low <= requested_target <= settings.high
         if outcome.result != 0.0:
             break
-        motor += 0.05 * (wish - motor) if k > 50 else 0.0
+        motor += 0.05 * (requested_target - motor) if k > 50 else 0.0
     assert outcome is not None
     assert Reason(int(outcome.reason)) == Reason.NONE
     assert outcome.result == 1.0

@@ -14,7 +14,7 @@ from bowden.core.nested import flat, map_leaves, name_of, names
 from bowden.core.signals import EMERGENCY_STOP, DriveReading, Power
 from bowden.models.drive.servo import servo_predict
 from bowden.models.drive.thermal import Thermal, ThermalState, cold, warm
-from bowden.models.plausible import Followed, ReadingCheck, beyond, follow, outside, persistence_time
+from bowden.models.plausible import ReadingCheck, SensorState, beyond, follow, outside, persistence_time
 from bowden.safety.detectors import REST
 from bowden.safety.evidence import DEAD_SHARE, PULLED_SPEED
 from bowden.safety.faults import Fault, Reaction, of
@@ -58,7 +58,7 @@ RUNNING = BEGUN._replace(
 
 
 class Law(NamedTuple):
-    wish: float = 0.5
+    requested_target: float = 0.5
 
 
 Changes = dict[str, float]
@@ -84,7 +84,7 @@ def cycle(*changes: Changes) -> tuple[SupervisorState, Verdict]:
         part, _, field = name.partition(".")
         parts[part] = changed(parts[part], {field: float(value)})
     observed = parts["observed"]._replace(reading=parts["reading"])
-    return supervise(parts["limits"], parts["state"], observed, parts["law"].wish, DT)
+    return supervise(parts["limits"], parts["state"], observed, parts["law"].requested_target, DT)
 
 
 def faults(*changes: Changes) -> set[Fault]:
@@ -95,7 +95,13 @@ def motor_at(angle: float, joint: float = NAN) -> Changes:
     """A motor that has stood there, with the joint where the cable holds it."""
     joint = 0.75 * angle if math.isnan(joint) else joint
     at = dict.fromkeys(
-        ("state.motor.value", "state.servo.position", "state.decided.previous_target", "state.target", "law.wish"),
+        (
+            "state.motor.value",
+            "state.servo.position",
+            "state.decided.previous_target",
+            "state.target",
+            "law.requested_target",
+        ),
         angle,
     )
     return {
@@ -293,20 +299,20 @@ EDGES: list[Edge] = [
     (Fault.CLOCK, "observed.elapsed", 0.5, 0.5 + TINY, {}),
     (Fault.CLOCK, "observed.lateness", -DT, -DT - TINY, {}),
     (Fault.CLOCK, "observed.lateness", 1e6, 1e6 + 1.0, {}),
-    (Fault.TARGET_LOST, "law.wish", 2.0, 2.0 + TINY, motor_at(2.0)),
-    (Fault.TARGET_LOST, "law.wish", -0.5, -0.5 - TINY, motor_at(-0.5)),
-    (Fault.TARGET_STEP, "law.wish", 0.625, 0.625 + TINY, {}),
-    (Fault.TARGET_STEP, "law.wish", 0.375, 0.375 - TINY, {}),
-    (Fault.TARGET_STEP, "law.wish", 0.625, 0.625 + TINY, {"observed.elapsed": 0.5 * DT}),
-    (Fault.TARGET_STEP, "law.wish", 0.875, 0.875 + TINY, {"observed.elapsed": 3 * DT}),
-    (Fault.TARGET_STEP, "law.wish", 1.125, 1.125 + TINY, {"observed.elapsed": 5 * DT}),
-    (Fault.TARGET_STEP, "law.wish", 1.125, 1.125 + TINY, {"observed.elapsed": 9 * DT}),
-    (Fault.TARGET_TOO_FAR, "law.wish", 1.375, 1.375 + TINY, {}),
-    (Fault.TARGET_TOO_FAR, "law.wish", -0.375, -0.375 - TINY, {}),
-    (Fault.TARGET_TOO_HARD, "law.wish", 0.5625, 0.5625 + TINY, {"limits.acceleration": 64.0}),
-    (Fault.TARGET_TOO_HARD, "law.wish", 0.4375, 0.4375 - TINY, {"limits.acceleration": 64.0}),
+    (Fault.TARGET_LOST, "law.requested_target", 2.0, 2.0 + TINY, motor_at(2.0)),
+    (Fault.TARGET_LOST, "law.requested_target", -0.5, -0.5 - TINY, motor_at(-0.5)),
+    (Fault.TARGET_STEP, "law.requested_target", 0.625, 0.625 + TINY, {}),
+    (Fault.TARGET_STEP, "law.requested_target", 0.375, 0.375 - TINY, {}),
+    (Fault.TARGET_STEP, "law.requested_target", 0.625, 0.625 + TINY, {"observed.elapsed": 0.5 * DT}),
+    (Fault.TARGET_STEP, "law.requested_target", 0.875, 0.875 + TINY, {"observed.elapsed": 3 * DT}),
+    (Fault.TARGET_STEP, "law.requested_target", 1.125, 1.125 + TINY, {"observed.elapsed": 5 * DT}),
+    (Fault.TARGET_STEP, "law.requested_target", 1.125, 1.125 + TINY, {"observed.elapsed": 9 * DT}),
+    (Fault.TARGET_TOO_FAR, "law.requested_target", 1.375, 1.375 + TINY, {}),
+    (Fault.TARGET_TOO_FAR, "law.requested_target", -0.375, -0.375 - TINY, {}),
+    (Fault.TARGET_TOO_HARD, "law.requested_target", 0.5625, 0.5625 + TINY, {"limits.acceleration": 64.0}),
+    (Fault.TARGET_TOO_HARD, "law.requested_target", 0.4375, 0.4375 - TINY, {"limits.acceleration": 64.0}),
     (
-        *(Fault.TARGET_TOO_HARD, "law.wish"),
+        *(Fault.TARGET_TOO_HARD, "law.requested_target"),
         *(AWAY + (64.0 + 48.0 * SPEED) / 1024.0 + sign * TINY for sign in (-1.0, 1.0)),
         {**MOVING, "limits.acceleration": 64.0},
     ),
@@ -528,10 +534,10 @@ def test_a_drive_must_stay_enabled_while_it_has_power_and_may_be_anything_but_in
 
 
 MOVED_BY_HAND: Changes = {"reading.motor": 1.5, "reading.joint": 1.25}
-FREE: Changes = {"law.wish": NAN, "reading.drive_state": 4.0}
+FREE: Changes = {"law.requested_target": NAN, "reading.drive_state": 4.0}
 UNMEASURED: Changes = {"limits.measures_current": 0.0, "limits.measures_tension": 0.0}
 UNMEASURED |= {"limits.measures_temperature": 0.0}
-WISHES = {Fault.TARGET_LOST, Fault.TARGET_STEP, Fault.TARGET_TOO_FAR, Fault.TARGET_TOO_HARD}
+TARGET_FAULTS = {Fault.TARGET_LOST, Fault.TARGET_STEP, Fault.TARGET_TOO_FAR, Fault.TARGET_TOO_HARD}
 JUMPS = {Fault.MOTOR_JUMP, Fault.JOINT_JUMP, Fault.JOINT_FROZEN}
 CURRENTS = {Fault.CURRENT_LOST, Fault.OVER_CURRENT, Fault.SATURATED, Fault.I2T}
 TENSIONS = {Fault.TENSION_LOST, Fault.OVER_TENSION, Fault.SLACK}
@@ -564,16 +570,24 @@ QUIET: list[tuple[str, set[Fault], Changes]] = [
     ("preflight's outcome when stopped", {Fault.PREFLIGHT_FAILED}, {**STOPPED, "observed.preflight": -1.0}),
     ("no preflight yet", {Fault.PREFLIGHT_FAILED, Fault.NOT_ENABLED}, {**STOPPED, "state.timers.armed": 99.0}),
     ("a late cycle that is a clock's step", {Fault.LATE}, {"observed.elapsed": 0.6, "observed.lateness": 0.6}),
-    ("a wish while stopped", WISHES, {**STOPPED, **FREE}),
-    ("a wish while latched", WISHES, {**LATCHED, **FREE}),
-    ("a wish while releasing", WISHES, {**RELEASING, **FREE}),
-    ("a far wish while releasing", WISHES, {**RELEASING, **FREE, "law.wish": 1.9, "limits.acceleration": 1.0}),
-    ("a wish before the drive is enabled", WISHES, {**ARMED, "law.wish": NAN}),
-    ("a far wish before the drive is enabled", WISHES, {**ARMED, "law.wish": 1.9}),
-    ("a target that moved before, while nothing leads it", WISHES, {**STOPPED, "state.decided.previous_target": -0.25}),
+    ("a target while stopped", TARGET_FAULTS, {**STOPPED, **FREE}),
+    ("a target while latched", TARGET_FAULTS, {**LATCHED, **FREE}),
+    ("a target while releasing", TARGET_FAULTS, {**RELEASING, **FREE}),
+    (
+        "a far target while releasing",
+        TARGET_FAULTS,
+        {**RELEASING, **FREE, "law.requested_target": 1.9, "limits.acceleration": 1.0},
+    ),
+    ("a target before the drive is enabled", TARGET_FAULTS, {**ARMED, "law.requested_target": NAN}),
+    ("a far target before the drive is enabled", TARGET_FAULTS, {**ARMED, "law.requested_target": 1.9}),
+    (
+        "a target that moved before, while nothing leads it",
+        TARGET_FAULTS,
+        {**STOPPED, "state.decided.previous_target": -0.25},
+    ),
     (
         "a target far from the motor while nothing leads it",
-        WISHES,
+        TARGET_FAULTS,
         {
             **STOPPED,
             "state.target": -0.5,
@@ -592,16 +606,16 @@ def test_a_detector_is_silent_where_its_signal_says_nothing(quiet: tuple[str, se
     assert faults(changes) & silent == set()
 
 
-def test_a_wish_that_is_lost_is_no_other_fault_and_a_preflight_that_is_over_none() -> None:
-    for wish in (NAN, 9.0, INF):
-        assert faults({"law.wish": wish}) == {Fault.TARGET_LOST}
+def test_a_target_that_is_lost_is_no_other_fault_and_a_preflight_that_is_over_none() -> None:
+    for requested_target in (NAN, 9.0, INF):
+        assert faults({"law.requested_target": requested_target}) == {Fault.TARGET_LOST}
     assert faults({"observed.preflight": -1.0}) == set()
     assert faults(ARMED, {"reading.drive_state": 4.0, "state.timers.armed": 2.0}) == set()
 
 
 @pytest.mark.parametrize("mode", [Mode.PREFLIGHT, Mode.RUNNING, Mode.BRIDGING])
-def test_a_wish_that_cannot_be_is_seen_wherever_it_might_lead(mode: Mode) -> None:
-    assert Fault.TARGET_LOST in faults({"state.decided.mode": mode, "law.wish": NAN})
+def test_a_target_that_cannot_be_is_seen_wherever_it_might_lead(mode: Mode) -> None:
+    assert Fault.TARGET_LOST in faults({"state.decided.mode": mode, "law.requested_target": NAN})
 
 
 def heated(current: float, time: float, winding: float = 60.0) -> ThermalState:
@@ -711,7 +725,7 @@ ESTIMATES: list[tuple[str, float, Changes]] = [
     ("servo.position", AWAY, {**MOVING, "reading.sample_age": 2e6}),
     ("servo.speed", SPEED, MOVING),
     ("servo.position", LATER, {**MOVING, "observed.elapsed": 3 * DT, "state.decided.previous_target": 0.25}),
-    ("decided.previous_target", 0.25, {"state.target": 0.25, "law.wish": 0.25}),
+    ("decided.previous_target", 0.25, {"state.target": 0.25, "law.requested_target": 0.25}),
     ("servo.enabled", 1.0, {**ARMED, "reading.drive_state": 4.0}),
     ("servo.enabled", 0.0, ARMED),
     ("servo.enabled", 1.0, {"reading.drive_state": 3.0}),
@@ -1009,23 +1023,23 @@ def still(motor: float) -> Changes:
 
 DRAGGED: Changes = {"state.decided.target_met_motor": 1.0, "reading.motor": 0.49}
 STRAINING: Changes = {"reading.current": 16.0, "state.timers.saturated": 1.0}
-TARGETS: list[tuple[str, float, Changes]] = [
-    ("the wish", 0.51, {"law.wish": 0.51}),
+TARGET_FAULTS: list[tuple[str, float, Changes]] = [
+    ("the requested target", 0.51, {"law.requested_target": 0.51}),
     (
-        "the wish, in preflight",
+        "the requested target, in preflight",
         0.51,
-        {"law.wish": 0.51, "state.decided.mode": Mode.PREFLIGHT, "state.decided.started": 0.0},
+        {"law.requested_target": 0.51, "state.decided.mode": Mode.PREFLIGHT, "state.decided.started": 0.0},
     ),
-    ("the motor, until the drive is enabled", 0.49, {**ARMED, "law.wish": 0.51, "reading.motor": 0.49}),
-    ("the last, while bridging", 0.5, {**R1, "law.wish": 0.51, "reading.motor": 0.49}),
+    ("the motor, until the drive is enabled", 0.49, {**ARMED, "law.requested_target": 0.51, "reading.motor": 0.49}),
+    ("the last, while bridging", 0.5, {**R1, "law.requested_target": 0.51, "reading.motor": 0.49}),
     ("the last, not the one before", 0.5, {**R1, "state.decided.previous_target": 0.51}),
-    ("the last, also when the wish is wrong", 0.5, {"law.wish": NAN, "reading.motor": 0.49}),
-    ("down from the target", 0.5 - 2 * DT, {**RELEASING, "law.wish": 0.6}),
+    ("the last, also when the requested target is wrong", 0.5, {"law.requested_target": NAN, "reading.motor": 0.49}),
+    ("down from the target", 0.5 - 2 * DT, {**RELEASING, "law.requested_target": 0.6}),
     ("down from the last, not the one before", 0.5 - 2 * DT, {**RELEASING, "state.decided.previous_target": 0.4}),
     ("not towards a tighter motor", 0.5 - 2 * DT, {**RELEASING, "reading.motor": 0.51}),
     ("up from the target", 0.5 + 2 * DT, {**SLACKER_UP, "reading.motor": 0.49, "limits.taut": 1.0}),
     ("up from the motor", 0.51 + 2 * DT, {**SLACKER_UP, **still(0.51), "limits.taut": 1.0}),
-    ("from the first cycle on", 0.5 - 2 * DT, {**R2, "law.wish": 0.51}),
+    ("from the first cycle on", 0.5 - 2 * DT, {**R2, "law.requested_target": 0.51}),
     ("from where the motor is", 0.49 - 2 * DT, {**R2, **still(0.49)}),
     ("a load that drags the motor on is braked", 0.5 - 2 * DT, {**RELEASING, **DRAGGED}),
     ("from where the motor is, until the target has been there", 0.49 - 2 * DT, {**RELEASING, **still(0.49)}),
@@ -1043,14 +1057,14 @@ TARGETS: list[tuple[str, float, Changes]] = [
     ("a load upwards no further", 0.25, {**motor_at(0.25), **SLACKER_UP}),
     ("to the lowest", -0.5, {**motor_at(-0.499), **RELEASING, "limits.taut": -1.0}),
     ("to the highest", 2.0, {**motor_at(1.999), **SLACKER_UP, "limits.taut": 3.0}),
-    ("the motor, when stopped", 0.51, {**STOPPED, "reading.motor": 0.51, "law.wish": 0.6}),
+    ("the motor, when stopped", 0.51, {**STOPPED, "reading.motor": 0.51, "law.requested_target": 0.6}),
     (
         "the motor, when a release is over",
         0.49,
         {**RELEASING, "state.decided.release_time": 9.0, "reading.motor": 0.49},
     ),
-    ("the motor, when latched", 0.51, {**LATCHED, "reading.motor": 0.51, "law.wish": 0.6}),
-    ("the motor, at once with R3", 0.51, {**R3, "reading.motor": 0.51, "law.wish": 0.6}),
+    ("the motor, when latched", 0.51, {**LATCHED, "reading.motor": 0.51, "law.requested_target": 0.6}),
+    ("the motor, at once with R3", 0.51, {**R3, "reading.motor": 0.51, "law.requested_target": 0.6}),
     ("its last good angle", 0.5, {**STOPPED, "reading.motor": NAN}),
     ("no faster than its limit, upwards", 0.625, {**STOPPED, "reading.motor": 1.5}),
     ("no faster than its limit, downwards", 0.375, {**STOPPED, "reading.motor": -0.25}),
@@ -1074,7 +1088,7 @@ TARGETS: list[tuple[str, float, Changes]] = [
 """Whereto, the target, what is so."""
 
 
-@pytest.mark.parametrize("row", TARGETS, ids=lambda row: row[0])
+@pytest.mark.parametrize("row", TARGET_FAULTS, ids=lambda row: row[0])
 def test_the_target(row: tuple[str, float, Changes]) -> None:
     _, target, changes = row
     state, verdict = cycle(changes)
@@ -1088,7 +1102,7 @@ def test_a_release_waits_at_the_motor_while_that_is_too_quick(case: tuple[float,
     limits = LIMITS._replace(slack_sign=out, taut=out, slope_low=-1.25, slope_high=1.0)
     goes = out * allowed * DT
     for speed, waits in ((OVERSPEED * allowed - TINY, False), (OVERSPEED * allowed + TINY, True), (-9.0, False)):
-        motor = Followed(-0.125 * out, out * speed, 0.0)
+        motor = SensorState(-0.125 * out, out * speed, 0.0)
         target = release_target(limits, 1.0, 0.0, motor, force, DT)
         assert target == pytest.approx(-0.125 * out if waits else goes, abs=1e-12), speed
         ahead = release_target(limits, 1.0, 0.0, motor._replace(value=0.125 * out), force, DT)
@@ -1131,25 +1145,27 @@ def test_inside_holds_its_ends_and_lasting_counts_while_a_condition_holds() -> N
 
 
 def test_a_reading_is_used_as_it_is_or_not_at_all() -> None:
-    before = Followed(0.5, 2.0, 0.25)
+    before = SensorState(0.5, 2.0, 0.25)
 
     def after(value: float, came: bool = True) -> ReadingCheck:
         return follow(before, value, came, 0.25, 4.0, 0.125, 3.0, 0.5)
 
-    good = Followed(1.5, 2.0 + (1.0 - 2.0 * 0.5) / (0.5 + 0.5), 0.0)
+    good = SensorState(1.5, 2.0 + (1.0 - 2.0 * 0.5) / (0.5 + 0.5), 0.0)
     assert after(1.5) == (good, 0.0, 0.0)
-    good = Followed(0.75, 2.0 + (0.25 - 2.0 * 0.5) / (0.5 + 0.5), 0.0)
+    good = SensorState(0.75, 2.0 + (0.25 - 2.0 * 0.5) / (0.5 + 0.5), 0.0)
     assert after(0.75) == (good, 0.0, 0.0)
-    kept = Followed(0.5, 2.0, 0.5)
+    kept = SensorState(0.5, 2.0, 0.5)
     assert after(0.5 + 0.125 + 3.0 * 0.5)[1:] == (0.0, 0.0)
     assert after(0.5 + 0.125 + 3.0 * 0.5 + TINY) == (kept, 0.0, 1.0)
     assert after(0.5 - 0.125 - 3.0 * 0.5 - TINY) == (kept, 0.0, 1.0)
     assert after(4.0 + TINY) == (kept, 1.0, 0.0)
     assert after(NAN) == (kept, 1.0, 0.0)
     assert after(0.5, came=False) == (kept, 0.0, 0.0), "an old one says nothing"
-    assert after(0.5)[0] == Followed(0.5, 2.0 - 2.0 * 0.5 / (0.5 + 0.5), 0.0), "a new one says that all stood still"
-    again = follow(Followed(0.5, 2.0, 0.0), 0.5, True, 0.0, 4.0, 0.125, 3.0, 0.0)
-    assert again == (Followed(0.5, 2.0, 0.0), False, False), "one sample twice, without a filter, says nothing of speed"
+    assert after(0.5)[0] == SensorState(0.5, 2.0 - 2.0 * 0.5 / (0.5 + 0.5), 0.0), "a new one says that all stood still"
+    again = follow(SensorState(0.5, 2.0, 0.0), 0.5, True, 0.0, 4.0, 0.125, 3.0, 0.0)
+    assert again == (SensorState(0.5, 2.0, 0.0), False, False), (
+        "one sample twice, without a filter, says nothing of speed"
+    )
     assert after(0.75, came=False) == after(0.75), "what has changed is a reading, whatever is said of it"
 
 

@@ -63,8 +63,8 @@ def test_the_live_loop_reacts_as_the_matrix_says_in_200_cases(
     "kind", [Injected.JOINT_SPIKE, Injected.MOTOR_SPIKE, Injected.JOINT_NAN], ids=lambda kind: kind.name
 )
 def test_an_angle_that_the_supervisor_does_not_believe_never_reaches_the_law(name: str, kind: Injected) -> None:
-    """What a law sees and wishes for is what it would be with the last good angle in the bad one's place."""
-    wishes = []
+    """What a law sees and requested targets for is what it would be with the last good angle in the bad one's place."""
+    requested = []
     for bad in (True, False):
         cycle = Cycle(LAWS[name], Limits(), Filters(), 1e-3)
         good = _reading()
@@ -77,10 +77,10 @@ def test_an_angle_that_the_supervisor_does_not_believe_never_reaches_the_law(nam
                 reading = good._replace(**({"joint": math.nan} if kind == Injected.JOINT_NAN else off))
             request = Request.ARM if k == 10 else Request.RUN
             plan = Plan(LAW_BEGINS if k == 20 else LAW if k > 20 else HOLD, 0.0, Reference(0.0, 0.0, 0.0))
-            wish, verdict = cycle.step(
+            requested_target, verdict = cycle.step(
                 Observed(reading, 0.0, 1e-3, request, 0.0, True, PreflightResult.PASSED, 0.0), plan
             )
-            wishes.append(wish)
+            requested.append(requested_target)
             assert verdict.reaction == (1.0 if wrong else 0.0)
             assert cycle.state.sample == (good.joint, good.motor)
             if wrong:
@@ -90,4 +90,4 @@ def test_an_angle_that_the_supervisor_does_not_believe_never_reaches_the_law(nam
                     "JOINT_NAN": Fault.JOINT_LOST,
                 }
                 assert verdict.faults == 2.0 ** named[kind.name]
-    assert wishes[:400] == wishes[400:]
+    assert requested[:400] == requested[400:]

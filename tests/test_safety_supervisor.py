@@ -59,14 +59,14 @@ def follow(
 ) -> list[Verdict]:
     state = running(limits) if state is None else state
     verdicts = []
-    for observed, wish in cycles:
-        state, verdict = supervisor.supervise(limits, state, observed, wish, DT)
+    for observed, requested_target in cycles:
+        state, verdict = supervisor.supervise(limits, state, observed, requested_target, DT)
         verdicts.append(verdict)
     return verdicts
 
 
-def lasting(cycles: int, wish: float = 0.5, **changes: float) -> list[Cycle]:
-    return [(seen(**changes), wish)] * cycles
+def lasting(cycles: int, requested_target: float = 0.5, **changes: float) -> list[Cycle]:
+    return [(seen(**changes), requested_target)] * cycles
 
 
 def test_it_starts_stopped_and_gives_no_power_before_it_is_armed() -> None:
@@ -192,7 +192,7 @@ def test_a_lost_recorder_leaves_a_running_loop_alone() -> None:
 
 
 def test_r1_holds_the_last_target_and_gives_the_motor_back() -> None:
-    verdicts = follow(lasting(4, wish=NAN) + lasting(10, wish=0.501))
+    verdicts = follow(lasting(4, requested_target=NAN) + lasting(10, requested_target=0.501))
     assert [v.mode for v in verdicts[:4]] == [Mode.BRIDGING] * 4
     assert {v.target for v in verdicts[:4]} == {0.5}
     assert {v.reaction for v in verdicts[:4]} == {1.0}
@@ -201,11 +201,11 @@ def test_r1_holds_the_last_target_and_gives_the_motor_back() -> None:
 
 
 def test_r1_lasts_5_ms_at_most_and_counts_what_came_before() -> None:
-    modes = [v.mode for v in follow(lasting(8, wish=NAN))]
+    modes = [v.mode for v in follow(lasting(8, requested_target=NAN))]
     assert modes == [Mode.BRIDGING] * 5 + [Mode.RELEASING] * 3
-    every_third = (lasting(1, wish=NAN) + lasting(2)) * 10
+    every_third = (lasting(1, requested_target=NAN) + lasting(2)) * 10
     assert Mode.RELEASING in [v.mode for v in follow(every_third)]
-    seldom = (lasting(1, wish=NAN) + lasting(100)) * 10
+    seldom = (lasting(1, requested_target=NAN) + lasting(100)) * 10
     assert Mode.RELEASING not in [v.mode for v in follow(seldom)]
 
 
@@ -334,7 +334,9 @@ def test_a_late_cycle_is_judged_by_when_its_sample_was_taken() -> None:
     loose = LIMITS._replace(tracking=9.0, target_reach=9.0, motor_high=9.0, joint_high=9.0, sensor_span=9.0)
     judged = follow(rows, loose, running(loose))
     assert {v.faults for v in judged} == {0.0}
-    unknown = [(o._replace(reading=o.reading._replace(sample_age=0.0)), wish) for o, wish in rows]
+    unknown = [
+        (o._replace(reading=o.reading._replace(sample_age=0.0)), requested_target) for o, requested_target in rows
+    ]
     assert {fault for v in follow(unknown, loose, running(loose)) for fault in of(v.faults)} == {
         Fault.JOINT_JUMP,
         Fault.MOTOR_JUMP,
@@ -358,11 +360,11 @@ def test_the_worst_reaction_wins() -> None:
 
 
 def test_a_late_cycle_may_move_the_target_by_five_cycles_at_most() -> None:
-    assert follow(lasting(1, wish=1.0, elapsed=0.003))[0].mode == Mode.RUNNING
-    assert follow(lasting(1, wish=1.0))[0].mode == Mode.BRIDGING
+    assert follow(lasting(1, requested_target=1.0, elapsed=0.003))[0].mode == Mode.RUNNING
+    assert follow(lasting(1, requested_target=1.0))[0].mode == Mode.BRIDGING
     slow = LIMITS._replace(target_speed=50.0)
-    assert follow(lasting(1, wish=0.74, elapsed=0.008), slow, running(slow))[0].mode == Mode.RUNNING
-    assert follow(lasting(1, wish=0.76, elapsed=0.008), slow, running(slow))[0].mode == Mode.RELEASING
+    assert follow(lasting(1, requested_target=0.74, elapsed=0.008), slow, running(slow))[0].mode == Mode.RUNNING
+    assert follow(lasting(1, requested_target=0.76, elapsed=0.008), slow, running(slow))[0].mode == Mode.RELEASING
 
 
 def moving(limits: Limits = LIMITS) -> Iterator[Cycle]:
@@ -379,9 +381,9 @@ def moving(limits: Limits = LIMITS) -> Iterator[Cycle]:
 def moved(**changes: Callable[[int, float], float]) -> list[Cycle]:
     """The same with what an encoder makes of it: name → function of the cycle and the true value."""
     rows = []
-    for k, (observed, wish) in enumerate(moving()):
+    for k, (observed, requested_target) in enumerate(moving()):
         wrong = {name: change(k, getattr(observed.reading, name)) for name, change in changes.items()}
-        rows.append((observed._replace(reading=observed.reading._replace(**wrong)), wish))
+        rows.append((observed._replace(reading=observed.reading._replace(**wrong)), requested_target))
     return rows
 
 
@@ -466,8 +468,8 @@ ALONE: dict[Fault, list[Cycle]] = {
     Fault.BUS_ERRORS: [(seen(bus_errors=float(k)), 0.5) for k in range(9)],
     Fault.LATE: lasting(9, lateness=0.021),
     Fault.CLOCK: lasting(9, elapsed=0.0),
-    Fault.TARGET_LOST: lasting(9, wish=2.001),
-    Fault.TARGET_STEP: lasting(9, wish=0.701),
+    Fault.TARGET_LOST: lasting(9, requested_target=2.001),
+    Fault.TARGET_STEP: lasting(9, requested_target=0.701),
     Fault.TARGET_TOO_FAR: [(seen(), 0.5 + 0.15 * min(k, 7)) for k in range(16)],
     Fault.TARGET_TOO_HARD: reversal(),
     Fault.OPERATOR_LOST: lasting(9, operator_age=1.001),
@@ -564,9 +566,9 @@ def test_no_detector_can_be_taken_out(fault: Fault, monkeypatch: pytest.MonkeyPa
 def test_compiled_and_interpreted_agree_in_every_bit(fault: Fault) -> None:
     limits, state, cycles = situation(fault)
     twin, other = compiled(supervise), state
-    for observed, wish in cycles[:300]:
-        state, verdict = supervise(limits, state, observed, wish, DT)
-        other, same = twin(limits, other, observed, wish, DT)
+    for observed, requested_target in cycles[:300]:
+        state, verdict = supervise(limits, state, observed, requested_target, DT)
+        other, same = twin(limits, other, observed, requested_target, DT)
         assert tuple(map(float, verdict)) == tuple(map(float, same))
         assert flat(state) == flat(other)
 

@@ -205,13 +205,13 @@ def test_errors_are_one_family() -> None:
 
 
 def test_the_figures_of_a_live_log_are_those_of_the_cycles_that_the_law_led() -> None:
-    from bowden.cycle.one_cycle import WishSource
+    from bowden.cycle.one_cycle import TargetSource
 
-    assert LED == WishSource.LAW_BEGINS
+    assert LED == TargetSource.LAW_BEGINS
     count = 200
     joint = np.where(np.arange(count) < 100, 1.0, 0.1)
     columns = {"time": np.arange(count) * 0.01, "reference": np.zeros(count), "joint": joint}
-    columns["source"] = np.where(np.arange(count) < 100, 0.0, float(WishSource.LAW_BEGINS))
+    columns["source"] = np.where(np.arange(count) < 100, 0.0, float(TargetSource.LAW_BEGINS))
     units = {"time": "s", "reference": "rad", "joint": "rad", "source": "–"}
     trace = Trace(columns, units, {"log": {}})
     assert trace.metrics().rmse_deg == pytest.approx(np.degrees(0.1))

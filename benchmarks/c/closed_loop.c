@@ -1,6 +1,7 @@
 /* The adaptive law against the bench, written by hand: the yardstick for the package's compiled loop.
  *
- * The arithmetic is the package's own (servo, series of the cable, law, encoders, reference, current), or, where `whole`
+ * The arithmetic is the package's own (servo, series of the cable, conditioner of the reference, law, encoders,
+ * reference, current), or, where `whole`
  * is 0, with the motor and its turns in sub-steps, powers and tanh by the library, as such a loop is commonly written.
  * The parameters are known at run time only, and the same columns are stored. The encoders' normal numbers are handed
  * in: they must be NumPy's for the two to agree.
@@ -16,6 +17,7 @@ struct parameters { /* SI and radians */
     double joint_resolution, joint_noise, motor_resolution, motor_noise;      /* encoders */
     double error_gain, feedback_gain, smoothing, slope_adaptation, bound_adaptation, slope_leakage, bound_leakage;
     double derivative_time;                                                   /* the last of the law's gains */
+    double conditioning_frequency, conditioning_delay;                        /* the conditioner's */
     double low, high, period;                                                 /* reference */
     double initial_motor;
     long delay, substeps, cycles, whole;
@@ -174,7 +176,87 @@ static double reading(double angle, double normal, double resolution, double inv
     return resolution > 0.0 ? resolution * floor(noisy * inverse + 0.5) : noisy;
 }
 
-/* The loop alone; `references` is (3, n), `normals` (n, 2), `record` (8, n) and `states` (6, n). Returns the cycles. */
+struct motion {
+    double position, velocity, acceleration;
+};
+
+struct conditioned {
+    struct motion shown;
+    double given, unchanged, between, doubt;
+};
+
+static int departs(double before, struct motion given, double most, double dt)
+{
+    double bend = dt * dt * given.acceleration, gone = given.position - before - dt * given.velocity;
+    return !(fabs(gone + 0.5 * bend) <= most || fabs(gone) <= most || fabs(gone + bend) <= most);
+}
+
+static struct motion follow(const struct parameters *p, const struct conditioned *c, struct motion given, double dt)
+{
+    double rate = 1.5 * p->conditioning_frequency / (1.0 + p->conditioning_frequency * p->conditioning_delay);
+    double off = c->shown.position - (given.position - dt * (given.velocity - 0.5 * dt * given.acceleration));
+    double off_rate = c->shown.velocity - (given.velocity - dt * given.acceleration), falls = 1.0 / (1.0 + rate * dt);
+    double next_rate = (off_rate - rate * rate * dt * off) * falls * falls, next_off = off + dt * next_rate;
+    struct motion shown = {given.position + next_off, given.velocity + next_rate,
+                           given.acceleration - rate * (2.0 * next_rate + rate * next_off)};
+    return shown;
+}
+
+static struct motion estimate(const struct parameters *p, const struct conditioned *c, double given, int changed,
+                              double since, double dt)
+{
+    struct motion shown = {c->shown.position + dt * (c->shown.velocity + 0.5 * dt * c->shown.acceleration),
+                           c->shown.velocity + dt * c->shown.acceleration, c->shown.acceleration};
+    double tick = larger(dt, c->between), due = floor(since / tick + 0.5);
+    if (changed || (due > floor((since - dt) / tick + 0.5) && due > 1.5)) {
+        double span = larger(dt, changed ? since : tick), late = 0.5 * (span - dt);
+        double x = 4.0 * p->conditioning_frequency * span, theta = 1.0 / (1.0 + x + 0.5 * x * x);
+        if (span > 1.5 * dt)
+            theta = larger(dt / span, theta);
+        double kept = 1.0 - theta;
+        double miss = given - (shown.position + late * (shown.velocity + 0.5 * late * shown.acceleration));
+        double reach = larger(1.0 / 4.0, p->conditioning_frequency * span), most = 0.1 * reach * reach;
+        double felt = larger(-most, smaller(most, miss)) / span;
+        double by_acceleration = kept * kept * kept * felt / span;
+        double by_velocity = 1.5 * kept * kept * (1.0 + theta) * felt - late * by_acceleration;
+        shown.position += (1.0 - theta * theta * theta) * miss - late * (by_velocity + 0.5 * late * by_acceleration);
+        shown.velocity += by_velocity;
+        shown.acceleration += by_acceleration;
+    }
+    return shown;
+}
+
+/* as `bowden.control.conditioning` */
+static void condition(const struct parameters *p, struct conditioned *c, struct motion given, double dt)
+{
+    const double slowest = 0.06, largest = 1e9;
+    int begun = c->unchanged >= 0.0 && fabs(c->shown.position) < largest;
+    given.position = fabs(given.position) < largest ? given.position : c->given;
+    given.velocity = fabs(given.velocity) < largest ? given.velocity : 0.0;
+    given.acceleration = fabs(given.acceleration) < largest ? given.acceleration : 0.0;
+    double before = begun ? c->given : given.position, since = begun ? c->unchanged + dt : 0.0;
+    int changed = given.position != before;
+    double stray = 1e-3 + dt * (0.6 * fabs(given.acceleration - c->shown.acceleration) + 0.01 * fabs(given.acceleration));
+    int contradicts = departs(before, given, stray * dt, dt);
+    double doubt = larger(0.0, c->doubt - dt);
+    if (contradicts)
+        doubt = c->doubt > 0.0 ? 2.0 * slowest : slowest;
+    if (changed && since > slowest)
+        doubt = smaller(slowest, doubt);
+    if (begun && doubt > slowest)
+        c->shown = estimate(p, c, given.position, changed, since, dt);
+    else if (!begun || (!departs(c->shown.position, given, stray * dt, dt) &&
+                        fabs(c->shown.velocity - (given.velocity - dt * given.acceleration)) <= stray))
+        c->shown = given;
+    else
+        c->shown = follow(p, c, given, dt);
+    c->given = given.position;
+    c->between = changed ? since : c->between;
+    c->unchanged = changed ? 0.0 : since;
+    c->doubt = doubt;
+}
+
+/* The loop alone; `references` is (3, n), `normals` (n, 2), `record` (9, n) and `states` (13, n). Returns the cycles. */
 long loop(const struct parameters *p, const double *references, const double *widths, const double *slopes,
           const double *normals, double *record, double *states)
 {
@@ -189,11 +271,14 @@ long loop(const struct parameters *p, const double *references, const double *wi
     double joint = slopes[0] * p->slope * position + widths[0] * p->hysteresis_gain * h + p->offset;
     double integral = 0.0, slope_inverse = 0.0, bound = 0.0, joint_rate = 0.0;
     double last = reading(joint, normals[0], p->joint_resolution, joint_inverse, p->joint_noise);
+    struct conditioned c = {{last, 0.0, 0.0}, last, -1.0, 0.0, 0.0};
 
     for (long k = 0; k < n; k++) {
         double measured = reading(joint, normals[2 * k], p->joint_resolution, joint_inverse, p->joint_noise);
         double motor = reading(position, normals[2 * k + 1], p->motor_resolution, motor_inverse, p->motor_noise);
-        double reference = references[k], reference_rate = references[n + k];
+        const struct motion given = {references[k], references[n + k], references[2 * n + k]};
+        condition(p, &c, given, dt);
+        double reference = c.shown.position, reference_rate = c.shown.velocity;
 
         double error = measured - reference;
         integral += error * dt;
@@ -207,24 +292,34 @@ long loop(const struct parameters *p, const double *references, const double *wi
         bound += dt * p->bound_adaptation * (slope_inverse * direction * s - p->bound_leakage * bound);
         slope_inverse = next;
 
-        record[k] = joint;
-        record[n + k] = position;
-        record[2 * n + k] = measured;
-        record[3 * n + k] = motor;
-        record[4 * n + k] = command;
-        record[5 * n + k] = velocity;
-        record[6 * n + k] = acceleration;
-        record[7 * n + k] = h;
+        double load = slopes[k] * p->slope * (p->pretension + p->spring * joint);
+        double current = (p->inertia * acceleration + load) / (p->gear * p->torque_constant);
+        record[k] = measured;
+        record[n + k] = motor;
+        record[2 * n + k] = command;
+        record[3 * n + k] = current;
+        record[4 * n + k] = joint;
+        record[5 * n + k] = position;
+        record[6 * n + k] = velocity;
+        record[7 * n + k] = acceleration;
+        record[8 * n + k] = h;
         states[k] = integral;
         states[n + k] = slope_inverse;
         states[2 * n + k] = bound;
         states[3 * n + k] = last;
         states[4 * n + k] = joint_rate;
         states[5 * n + k] = s;
+        states[6 * n + k] = c.shown.position;
+        states[7 * n + k] = c.shown.velocity;
+        states[8 * n + k] = c.shown.acceleration;
+        states[9 * n + k] = c.given;
+        states[10 * n + k] = c.unchanged;
+        states[11 * n + k] = c.between;
+        states[12 * n + k] = c.doubt;
         if (!(fabs(command) < 1e3))
             return k;
 
-        double applied = k >= p->delay ? record[4 * n + k - p->delay] : p->initial_motor;
+        double applied = k >= p->delay ? record[2 * n + k - p->delay] : p->initial_motor;
         double offset = position - applied, travel = 0.0;
         if (fabs(-cycle.stiffness * offset - cycle.drag * velocity) + sqrt(cycle.stiffness) * fabs(velocity) <= reach) {
             double moved = cycle.xx * offset + cycle.xv * velocity, speed = cycle.vx * offset + cycle.vv * velocity;
@@ -272,10 +367,10 @@ long loop(const struct parameters *p, const double *references, const double *wi
     return n;
 }
 
-/* A whole run: times, sheath, reference, loop and current. `inputs` holds time, reference, its rate and acceleration,
+/* A whole run: times, sheath, reference and loop. `inputs` holds time, reference, its rate and acceleration,
  * slope (5, n), `edges` the widths and slope factors between cycles (2, n + 1). */
 long run(const struct parameters *p, const double *normals, double *inputs, double *edges, double *record,
-         double *states, double *current)
+         double *states)
 {
     const long n = p->cycles;
     const double half = 0.5 * p->period, span = p->high - p->low, speed = 1.0 / half;
@@ -296,10 +391,5 @@ long run(const struct parameters *p, const double *normals, double *inputs, doub
         references[2 * n + k] = span * speed * speed * 60.0 * x * (1.0 + x * (2.0 * x - 3.0));
         slope[k] = slopes[k] * p->slope;
     }
-    long lasted = loop(p, references, widths, slopes, normals, record, states);
-    for (long k = 0; k < n; k++) {
-        double load = slope[k] * (p->pretension + p->spring * record[k]);
-        current[k] = (p->inertia * record[6 * n + k] + load) / (p->gear * p->torque_constant);
-    }
-    return lasted;
+    return loop(p, references, widths, slopes, normals, record, states);
 }

@@ -39,7 +39,7 @@ def comparison() -> Figure:
         near.plot(time[near_it], error[near_it], color=colour)
         motors.plot(time[near_it], trace["motor"][near_it] * DEGREES, color=colour)
         if name == "bowden":
-            widths.plot(*style.thin(time, trace["law.crossing.width"] * DEGREES), color=colour)
+            widths.plot(*style.thin(time, trace["law.deadzone.width"] * DEGREES), color=colour)
     for axes in (errors, widths):
         axes.axvspan(10.0, 20.0, color="0.93", label="sheath moves", zorder=0)
     errors.set(ylabel="joint − reference [°]", ylim=(-6.0, 4.0))

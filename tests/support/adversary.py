@@ -57,13 +57,13 @@ def assault(
     """
     state = begin(limits, blank, thermal)
     target, wrong, powered, led, wild = state.target, 0, 0, 0, 0.0
-    wish = 0.0
+    requested_target = 0.0
     for k in range(cycles):
         if k % 500 == 0:
             wild = 0.0 if random.random() < 0.5 else random.random() ** 4
             state = begin(limits, blank, thermal) if random.random() < 0.5 else state
             target = state.target
-            wish = target
+            requested_target = target
         near = state.target
         reading = DriveReading(
             anything(random, near, 0.001, limits.motor_low, limits.motor_high, wild),
@@ -81,7 +81,7 @@ def assault(
             anything(random, 0.0, 0.0, 0.0, 1.0, wild),
             anything(random, 5.0, 1.0, -limits.torque_high, limits.torque_high, wild),
         )
-        wish = near + 0.002 * (random.random() - 0.5)
+        requested_target = near + 0.002 * (random.random() - 0.5)
         elapsed = anything(random, dt, 0.0, 0.0, limits.clock_gap, wild)
         request = Request.ACKNOWLEDGE if state.decided.mode == Mode.LATCHED else Request.ARM
         request = Request.RUN if request == Request.ARM and random.random() < 0.5 else request
@@ -105,7 +105,11 @@ def assault(
             anything(random, near, 0.2, -limits.off_reference, limits.off_reference, wild),
         )
         state, verdict = supervise(
-            limits, state, observed, anything(random, wish, 0.0, limits.motor_low, limits.motor_high, wild), dt
+            limits,
+            state,
+            observed,
+            anything(random, requested_target, 0.0, limits.motor_low, limits.motor_high, wild),
+            dt,
         )
         most = limits.target_speed * dt
         if elapsed > dt and elapsed <= limits.clock_gap:

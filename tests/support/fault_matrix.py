@@ -38,10 +38,10 @@ def _row(reactions: str, faults: str, within: int) -> Row:
     return Row(tuple(int(one) for one in reactions), tuple(Fault[name] for name in faults.split()), within)
 
 
-_WISH = "TARGET_LOST TARGET_STEP TARGET_TOO_FAR TARGET_TOO_HARD"
+_TARGET = "TARGET_LOST TARGET_STEP TARGET_TOO_FAR TARGET_TOO_HARD"
 """What a law may ask for on a wrong angle before the angle itself is found to be wrong."""
-_JOINT = f"JOINT_FROZEN JOINT_MOTOR_MISMATCH JOINT_JUMP {_WISH}"
-_MOTOR = f"NOT_FOLLOWING MOTOR_JUMP JOINT_MOTOR_MISMATCH JOINT_FROZEN {_WISH}"
+_JOINT = f"JOINT_FROZEN JOINT_MOTOR_MISMATCH JOINT_JUMP {_TARGET}"
+_MOTOR = f"NOT_FOLLOWING MOTOR_JUMP JOINT_MOTOR_MISMATCH JOINT_FROZEN {_TARGET}"
 ROWS = {
     Injected.JOINT_NAN: _row("2", "JOINT_LOST", 8),
     Injected.JOINT_RANGE: _row("2", "JOINT_LOST", 8),
@@ -59,9 +59,9 @@ ROWS = {
     Injected.MOTOR_DROPOUT: _row("3", "MOTOR_STALE", 20),
     Injected.MOTOR_DELAY: _row("23", _MOTOR, 20),
     Injected.MOTOR_SIGN: _row("23", _MOTOR, 20),
-    Injected.SLACK: _row("2", f"SLACK JOINT_MOTOR_MISMATCH {_WISH}", 60),
+    Injected.SLACK: _row("2", f"SLACK JOINT_MOTOR_MISMATCH {_TARGET}", 60),
     Injected.BROKEN_CABLE: _row("23", f"{_JOINT} JOINT_OVER_SPEED SLACK", 60),
-    Injected.JOINT_OVER_TRAVEL: _row("23", f"JOINT_OVER_TRAVEL JOINT_OVER_SPEED JOINT_MOTOR_MISMATCH {_WISH}", 10),
+    Injected.JOINT_OVER_TRAVEL: _row("23", f"JOINT_OVER_TRAVEL JOINT_OVER_SPEED JOINT_MOTOR_MISMATCH {_TARGET}", 10),
     Injected.MOTOR_OVER_TRAVEL: _row("3", "MOTOR_OVER_TRAVEL NOT_FOLLOWING", 20),
     Injected.OVER_SPEED: _row("3", "MOTOR_OVER_SPEED JOINT_OVER_SPEED NOT_FOLLOWING MOTOR_OVER_TRAVEL", 20),
     Injected.OVER_TENSION: _row("3", "OVER_TENSION", 4),

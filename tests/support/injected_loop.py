@@ -42,7 +42,7 @@ ENDING = 0.5
 """Time for which there are inputs beyond the matrix's run, in which the loop comes to its end [s]."""
 ROWS = 8192
 """Of the ring; no run is as long."""
-COLUMNS = ("wish", "command", "power", "mode", "reaction", "faults")
+COLUMNS = ("requested_target", "command", "power", "mode", "reaction", "faults")
 """The log's names of `RECORDED`."""
 assert len(COLUMNS) == len(RECORDED)
 

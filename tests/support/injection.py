@@ -82,19 +82,19 @@ def asleep(kind: int, since: int) -> int:
 
 
 @kernel
-def misled(kind: int, since: int, wish: float, dt: float) -> float:
-    """The law's wish with a fault."""
+def misled(kind: int, since: int, requested_target: float, dt: float) -> float:
+    """The law's requested target with a fault."""
     if kind == Injected.LAW_NAN:
         return np.nan
     if kind == Injected.LAW_STEP:
-        return wish + 0.6
+        return requested_target + 0.6
     if kind == Injected.LAW_BEYOND:
-        return 3.0 + wish
+        return 3.0 + requested_target
     if kind == Injected.LAW_RAMP:
-        return wish + 60.0 * dt * since
+        return requested_target + 60.0 * dt * since
     if kind == Injected.LAW_SHAKES:
-        return wish + (0.07 + 0.002 * since) * (1.0 if since % 2 else -1.0)
-    return wish
+        return requested_target + (0.07 + 0.002 * since) * (1.0 if since % 2 else -1.0)
+    return requested_target
 
 
 class Misled(NamedTuple):

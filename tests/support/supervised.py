@@ -75,10 +75,10 @@ class Outcome(NamedTuple):
     stopping: float
     """Those of the cycle with R2 or R3."""
     differs: float
-    """Cycles of the run in which the verdict was not the wish."""
+    """Cycles of the run in which the verdict was not the requested target."""
 
 
-RECORDED = ("wish", *Verdict._fields)
+RECORDED = ("requested_target", *Verdict._fields)
 """What is kept of every cycle that the loop did not miss."""
 OPERATOR_AGE, EMG_AGE = 0.05, 0.02
 """Of an operator and an EMG that are well [s]."""
@@ -160,10 +160,10 @@ def run_supervised(
             reference = Reference(references[0, j], references[1, j], references[2, j])
             plan = Plan(LAW_BEGINS if j == 0 else LAW, 0.0, reference)
         now[0] = k
-        state, _, wish, verdict = one_cycle(settings, state, observed, plan, dt)
+        state, _, requested_target, verdict = one_cycle(settings, state, observed, plan, dt)
         said = flat(verdict)
         for j in range(k, k + missed + 1):
-            record[0, j] = wish
+            record[0, j] = requested_target
             for i in range(len(said)):
                 record[1 + i, j] = said[i]
 
@@ -180,7 +180,7 @@ def run_supervised(
         if ran < 0 and mode == Mode.RUNNING:
             ran = k + 1
         if ran >= 0:
-            out[10] += 1.0 if target != wish or verdict.power != Power.ON else 0.0
+            out[10] += 1.0 if target != requested_target or verdict.power != Power.ON else 0.0
             if out[4] < 0.0:
                 out[7] = max(out[7], said[3])
             for i in range(FAULTS):
@@ -260,7 +260,7 @@ def supervised(
     injected: tuple[tuple[Injected, float], ...] = (),
     thermal: ThermalState | None = None,
 ) -> tuple[Outcome, NDArray[np.float64]]:
-    """Run a law against a plant under the supervisor; the outcome, and what was wished and judged (`RECORDED`, n).
+    """Run a law against a plant under the supervisor; the outcome, and what was requested and judged (`RECORDED`, n).
 
     Args:
         plant: any.

@@ -24,7 +24,7 @@ const TITLES: Record<string, string> = {
 /** Groups that stay far from their limits when all is well: the limits are in sight, if they are to be. */
 const WITH_LIMITS = new Set(["current", "tension", "temperature", "emg"]);
 /** What is shown first, where there is nothing chosen. */
-const FIRST = ["reference_deg", "joint_deg", "motor_deg", "error_deg", "command_deg", "wish_deg", "emg_level", "emg_flexor", "emg_extensor", "current_a", "winding_c"];
+const FIRST = ["reference_deg", "joint_deg", "motor_deg", "error_deg", "command_deg", "requested_target_deg", "emg_level", "emg_flexor", "emg_extensor", "current_a", "winding_c"];
 const NAMES: Record<string, string> = { 2: "2 s", 5: "5 s", 10: "10 s", 30: "30 s", 60: "1 min", 120: "2 min", 300: "5 min" };
 const LEFT = 58;
 const RIGHT = 16;
@@ -511,7 +511,7 @@ function place(all: Column[], column: Column): number {
 }
 
 function dashed(column: Column): boolean {
-  return column.name.startsWith("reference") || column.name.startsWith("wish");
+  return column.name.startsWith("reference") || column.name.startsWith("requested_target");
 }
 
 function limitText(column: Column): string {

@@ -1094,12 +1094,12 @@ class _LogReplayOne(Document):
     """How often the state was taken from the record: at its begin and after each gap."""
     law_cycles: NonNegativeInt
     """Cycles of those in which the law had the motor."""
-    wish_largest: NonNegativeFloat | None
-    """Largest difference of the law's wish from the recorded one; null where the law never had the motor [rad]."""
-    wish_rms: NonNegativeFloat | None
+    requested_target_largest: NonNegativeFloat | None
+    """Largest difference of the requested target from the recorded one; null where the law never led [rad]."""
+    requested_target_rms: NonNegativeFloat | None
     """Its root mean square [rad]."""
     first_difference: float | None
-    """The record's time at the first wish that differs [s]."""
+    """The record's time at the first requested target that differs [s]."""
     verdicts_differing: NonNegativeInt
     """Cycles with another power, mode, reaction or set of faults, or with a target or torque offset in one of both
     alone."""

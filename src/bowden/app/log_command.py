@@ -203,8 +203,11 @@ def _replayed(found: "Recording", law: str | None, *, trust_law: bool) -> "tuple
 def _print_replay(result: "Replay", law: str, same: bool) -> None:
     whose = "with the record's gains" if same else "with its default gains, in place of the record's law"
     print(f"{law}, {whose}: {result.cycles} cycles, the law had the motor in {result.law_cycles}")
-    if result.wish_largest is not None:
-        print(f"wish: differs by {result.wish_largest:.3g} rad at most, {result.wish_rms:.3g} rad RMS")
+    if result.requested_target_largest is not None:
+        print(
+            f"requested target: differs by {result.requested_target_largest:.3g} rad at most, "
+            f"{result.requested_target_rms:.3g} rad RMS"
+        )
     print(
         f"verdict: differs in {result.verdicts_differing} cycles"
         + ("" if result.first_other_verdict is None else f", first at {result.first_other_verdict:.3f} s")

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from bowden.core.signals import DriveState
 from bowden.core.units import DEGREES, RADIANS
-from bowden.cycle.one_cycle import WishSource
+from bowden.cycle.one_cycle import TargetSource
 from bowden.live.axis_columns import view
 from bowden.live.events import Changes
 from bowden.live.mcap_layout import Event
@@ -124,7 +124,7 @@ def columns_of(names: Sequence[str], units: Sequence[str], settings: Mapping[str
         angle("joint_deg", "joint", ("joint",), "motion", "joint_low", "joint_high"),
         angle("motor_deg", "motor", ("motor",), "motion", "motor_low", "motor_high"),
         angle("error_deg", "error, joint − reference", ("joint", "reference"), "error"),
-        angle("wish_deg", "wish of the law", ("wish",), "command"),
+        angle("requested_target_deg", "requested target of the law", ("requested_target",), "command"),
         angle("command_deg", "command to the drive", ("command",), "command", "motor_low", "motor_high"),
         Curve("current_a", "motor current", "A", "current", ("current",), 1.0, None if peak is None else -peak, peak),
         Curve("tension_n", "tension", "N", "tension", ("tension",), 1.0, limit("tension_low"), limit("tension_high")),
@@ -273,7 +273,7 @@ class Watch:
 
     def __init__(self, reader: RingReader, period: float, *, measures: bool = False) -> None:
         self._reader, self.period = reader, period
-        self._leads = float(WishSource.MOTION if measures else WishSource.LAW_BEGINS)
+        self._leads = float(TargetSource.MOTION if measures else TargetSource.LAW_BEGINS)
         about: Description = reader.description
         self._names = about.columns
         self.columns = curves_of(about.columns, about.units, about.settings)
@@ -348,9 +348,9 @@ class Watch:
             if self._last_mode != Mode.PREFLIGHT:
                 self._held, self.preflight_moves = math.nan, False
             if len(on):
-                wish = rows[on, AT["wish"]]
-                self._held = float(wish[0]) if math.isnan(self._held) else self._held
-                self.preflight_moves |= bool(np.nanmax(np.abs(wish - self._held), initial=0.0) > _MOVED)
+                requested_target = rows[on, AT["requested_target"]]
+                self._held = float(requested_target[0]) if math.isnan(self._held) else self._held
+                self.preflight_moves |= bool(np.nanmax(np.abs(requested_target - self._held), initial=0.0) > _MOVED)
         self._last_mode = float(mode[-1])
         if math.isnan(self.led_since) and going[-1]:
             led = np.flatnonzero(going & (source >= self._leads) & (times >= self.running_since))

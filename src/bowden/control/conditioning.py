@@ -100,22 +100,23 @@ def number_or(value: float, default: float) -> float:
 
 
 @kernel
-def contradiction(before: float, given: Reference, dt: float) -> float:
-    """How far a reference is from leading on from a position one cycle before [rad]; by the trapezoid or by Euler.
+def departs(before: float, given: Reference, most: float, dt: float) -> bool:
+    """True if a reference is more than `most` [rad] from leading on from a position one cycle before; by the trapezoid
+    or by Euler.
 
-    >>> contradiction(0.0, Reference(0.5, 1.0, 2.0), 1.0)
-    0.5
+    >>> [departs(0.0, Reference(0.5, 1.0, 2.0), most, 1.0) for most in (0.4, 0.5)]
+    [True, False]
     """
-    way, bend = dt * given.velocity, dt * dt * given.acceleration
-    gone = given.position - before - way
-    return min(abs(gone + 0.5 * bend), min(abs(gone), abs(gone + bend)))
+    bend = dt * dt * given.acceleration
+    gone = given.position - before - dt * given.velocity
+    return not (abs(gone + 0.5 * bend) <= most or abs(gone) <= most or abs(gone + bend) <= most)
 
 
 @kernel
 def leads_on(state: Conditioned, given: Reference, stray: float, dt: float) -> bool:
     """True if a reference leads on from what was shown last, in position and velocity."""
     off_rate = state.velocity - (given.velocity - dt * given.acceleration)
-    return contradiction(state.position, given, dt) <= stray * dt and abs(off_rate) <= stray
+    return not departs(state.position, given, stray * dt, dt) and abs(off_rate) <= stray
 
 
 @kernel
@@ -201,7 +202,7 @@ def condition_step(
     changed = given.position != before
     stray = STRAY + dt * (0.6 * abs(given.acceleration - state.acceleration) + 0.01 * abs(given.acceleration))
 
-    contradicts = contradiction(before, given, dt) > stray * dt
+    contradicts = departs(before, given, stray * dt, dt)
     doubt = update_doubt(state.doubt, contradicts, changed and since > SLOWEST, dt)
     if begun and doubt > SLOWEST:
         shown = estimate_reference(settings, state, given.position, changed, since, dt)

@@ -4,6 +4,7 @@ Every trajectory here has a formula (a recorded one, the formula of its spline),
 differences. Angles in radians, times in seconds.
 """
 
+import math
 from dataclasses import asdict, dataclass
 from typing import Annotated, Any, Protocol
 
@@ -11,8 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.core.errors import ParameterError, check_positive
+from bowden.core.kernel import compiled, floor, kernel
 from bowden.core.quantity import Quantity
-from bowden.models.minimum_jerk import minimum_jerk_over
+from bowden.models.minimum_jerk import minimum_jerk, minimum_jerk_over
 
 Array = NDArray[np.float64]
 
@@ -40,6 +42,18 @@ def _finite(what: str, **values: float | tuple[float, ...]) -> None:
             raise ParameterError(f"{what}: {name} is {value}", expected="finite numbers", do="correct it")
 
 
+@kernel
+def fill_periodic(low: float, high: float, period: float, time: Array, motion: Array) -> None:
+    """Fill `motion` (3, n) with a `PeriodicMinimumJerk` at each `time` (n,); most runs have it, for each cycle."""
+    half = 0.5 * period
+    for k in range(time.size):
+        until_top = half - (time[k] - period * floor(time[k] / period))  # below zero on the way back
+        shown = minimum_jerk(low, high, half, half - abs(until_top))  # the way back mirrors the way up
+        motion[0, k] = shown.position
+        motion[1, k] = shown.velocity * math.copysign(1.0, until_top)
+        motion[2, k] = shown.acceleration
+
+
 @dataclass(frozen=True)
 class PeriodicMinimumJerk:
     """Minimum jerk from `low` to `high` in the first half of each period, and back in the second (Fig. 9)."""
@@ -54,11 +68,9 @@ class PeriodicMinimumJerk:
 
     def sample(self, time: Array) -> Array:
         """See `Trajectory.sample`."""
-        half = 0.5 * self.period
-        until_top = half - (time - self.period * np.floor(time / self.period))  # below zero on the way back
-        motion = _minimum_jerk(self.low, self.high, half, half - np.abs(until_top))  # the way back mirrors the way up
-        motion[:, 1] *= np.copysign(1.0, until_top)
-        return motion
+        motion = np.empty((3, len(time)))
+        compiled(fill_periodic)(self.low, self.high, self.period, np.asarray(time, dtype=np.float64), motion)
+        return motion.T
 
     def describe(self) -> dict[str, Any]:
         """See `Trajectory.describe`."""

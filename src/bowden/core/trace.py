@@ -42,7 +42,7 @@ _SPELLINGS = {"°": "deg", "degrees": "deg", "radians": "rad", "°/s": "deg/s", 
 
 
 LED = 2.0
-"""Column ``source`` of a live log from which on the law leads: `bowden.cycle.one_cycle.WishSource.LAW_BEGINS`."""
+"""Column ``source`` of a live log from which on the law leads: `bowden.cycle.one_cycle.TargetSource.LAW_BEGINS`."""
 
 
 def _meant(trace: "Trace", name: str) -> str:

@@ -1,6 +1,6 @@
 """One cycle of the loop, wherever it runs: sense → reference → law → supervisor, as one kernel.
 
-    one_cycle(settings, state, observed, plan, dt) -> (state, reference, wish, verdict)
+    one_cycle(settings, state, observed, plan, dt) -> (state, reference, requested_target, verdict)
 
 Between source and law stands the conditioner (`control.conditioning`): the law is shown a motion, whatever the source
 gives. What is recorded as the reference, and what errors are taken to, is what the source gave. Law, source and, for
@@ -9,8 +9,8 @@ sources that ask for it, conditioner are placeholders, and so are three parts th
 alone):
 
     cycle_sense(settings, state, observed, dt) -> (sample, measured)           what law and source see of the readings
-    cycle_lead(limits, command, added) -> wish                              the law's command, with what the source adds
-    cycle_watch(limits, watched, observed, wish, reference, dt) -> (watched, verdict)  the last word
+    cycle_target(limits, command, added) -> requested_target     the law's command, with what the source adds
+    cycle_verdict(limits, supervisor, observed, requested_target, reference, dt) -> (supervisor, verdict)
 
 A part that is left out costs nothing once it is compiled. Reading and writing stand around the cycle.
 """
@@ -41,8 +41,8 @@ from bowden.sensing.filters import low_pass
 Array = NDArray[np.float64]
 
 
-class WishSource(IntEnum):
-    """Where the wish for the motor comes from in a cycle."""
+class TargetSource(IntEnum):
+    """Where the requested target for the motor comes from in a cycle."""
 
     HOLD = 0
     """The target stays where the supervisor has it."""
@@ -54,13 +54,13 @@ class WishSource(IntEnum):
     """The law."""
 
 
-HOLD, MOTION, LAW_BEGINS, LAW = WishSource
+HOLD, MOTION, LAW_BEGINS, LAW = TargetSource
 
 
 class Plan(NamedTuple):
     """What is planned for one cycle."""
 
-    source: WishSource
+    source: TargetSource
     motor: float
     """Target of a `MOTION` [rad]."""
     reference: Reference
@@ -119,14 +119,14 @@ def cycle_sense(settings: CycleSettings, state: CycleState, observed: Any, dt: f
 
 
 @placeholder
-def cycle_lead(limits: Any, command: float, added: float) -> float:
-    """Placeholder for how a law's command and what the source adds make the wish [rad]."""
+def cycle_target(limits: Any, command: float, added: float) -> float:
+    """Placeholder for how a law's command and what the source adds make the requested target [rad]."""
     raise NotImplementedError  # always replaced
 
 
 @placeholder
-def cycle_watch(
-    limits: Any, watched: Any, observed: Any, wish: float, reference: float, dt: float
+def cycle_verdict(
+    limits: Any, state: Any, observed: Any, requested_target: float, reference: float, dt: float
 ) -> tuple[Any, Verdict]:
     """Placeholder for the supervisor."""
     raise NotImplementedError  # always replaced
@@ -146,31 +146,34 @@ def one_cycle(
         dt: length of a cycle [s].
 
     Returns:
-        The state after this cycle, the source's reference, the wish for the motor [rad], and what the drive is sent.
+        The state after this cycle, the source's reference, the motor's requested target [rad], and what the drive is
+        sent.
     """
     sample, measured = cycle_sense(settings, state, observed, dt)
     law, conditioned, source = state.law, state.conditioned, state.source
-    reference, wish = plan.reference, state.supervisor.target
-    if plan.source == WishSource.LAW_BEGINS:
+    reference, requested_target = plan.reference, state.supervisor.target
+    if plan.source == TargetSource.LAW_BEGINS:
         law = law_start(settings.gains, sample)
         conditioned = condition_start(settings.conditioning, sample)
         source = source_start(settings.source, Measurement(sample.joint, sample.motor, measured.current, measured.load))
-    if plan.source == WishSource.LAW_BEGINS or plan.source == WishSource.LAW:
+    if plan.source == TargetSource.LAW_BEGINS or plan.source == TargetSource.LAW:
         source, reference, added = source_step(settings.source, source, measured, plan.reference, dt)
         conditioned, shown = cycle_condition(settings.conditioning, conditioned, reference, dt)
         law, command = law_step(settings.gains, law, sample, shown, dt)
-        wish = cycle_lead(settings.limits, command, added)
-    elif plan.source == WishSource.MOTION:
-        wish = plan.motor
-    supervisor, verdict = cycle_watch(settings.limits, state.supervisor, observed, wish, reference.position, dt)
-    return CycleState(sample, law, conditioned, source, supervisor), reference, wish, verdict
+        requested_target = cycle_target(settings.limits, command, added)
+    elif plan.source == TargetSource.MOTION:
+        requested_target = plan.motor
+    supervisor, verdict = cycle_verdict(
+        settings.limits, state.supervisor, observed, requested_target, reference.position, dt
+    )
+    return CycleState(sample, law, conditioned, source, supervisor), reference, requested_target, verdict
 
 
-class Unwatched(NamedTuple):
+class Unsupervised(NamedTuple):
     """What stands in the supervisor's place where there is none."""
 
     target: float
-    """The wish of the cycle before [rad]."""
+    """The requested target of the cycle before [rad]."""
 
 
 @kernel
@@ -183,19 +186,23 @@ def as_measured(
 
 @kernel
 def summed(limits: Any, command: float, added: float) -> float:
-    """`cycle_lead` of a bare law [rad]."""
+    """`cycle_target` of a bare law [rad]."""
     return command + added
 
 
 @kernel
-def unwatched(
-    limits: Any, watched: Unwatched, observed: Any, wish: float, reference: float, dt: float
-) -> tuple[Unwatched, Verdict]:
-    """`cycle_watch` of a bare law: the wish itself, at power on."""
-    return Unwatched(wish), Verdict(wish, Power.ON, Mode.RUNNING, Reaction.NONE, 0)
+def unsupervised(
+    limits: Any, state: Unsupervised, observed: Any, requested_target: float, reference: float, dt: float
+) -> tuple[Unsupervised, Verdict]:
+    """`cycle_verdict` of a bare law: the requested target itself, at power on."""
+    return Unsupervised(requested_target), Verdict(requested_target, Power.ON, Mode.RUNNING, Reaction.NONE, 0)
 
 
-BARE: dict[str, Callable[..., Any]] = {"cycle_sense": as_measured, "cycle_lead": summed, "cycle_watch": unwatched}
+BARE: dict[str, Callable[..., Any]] = {
+    "cycle_sense": as_measured,
+    "cycle_target": summed,
+    "cycle_verdict": unsupervised,
+}
 """A law alone: neither filter nor supervisor, and no state of theirs."""
 
 
@@ -211,7 +218,7 @@ def bare_start(settings: CycleSettings, measured: Measurement) -> CycleState:
     sample = Sample(measured.joint, measured.motor)
     law, source = law_start(settings.gains, sample), source_start(settings.source, measured)
     conditioned = condition_start(settings.conditioning, sample)
-    return CycleState(sample, law, conditioned, source, Unwatched(measured.motor))
+    return CycleState(sample, law, conditioned, source, Unsupervised(measured.motor))
 
 
 @kernel
@@ -240,28 +247,28 @@ def filtered_measurement(
 
 @kernel
 def clamp_offset(limits: Limits, command: float, added: float) -> float:
-    """`cycle_lead` under the supervisor: what is added takes the law's command no further than the motor's range [rad].
+    """`cycle_target` under the supervisor: what is added takes the command no further than the motor's range [rad].
 
     What is no number, or a law's command that is out of range itself, is left to the supervisor.
 
     >>> clamp_offset(Limits(motor_low=-0.25), 0.0, -0.75), clamp_offset(Limits(motor_high=2.0), 2.5, 0.5)
     (-0.25, 2.5)
     """
-    wish = command + added
+    requested_target = command + added
     if command < limits.motor_low or command > limits.motor_high:
         return command
-    if wish < limits.motor_low:
+    if requested_target < limits.motor_low:
         return limits.motor_low
-    if wish > limits.motor_high:
+    if requested_target > limits.motor_high:
         return limits.motor_high
-    return wish
+    return requested_target
 
 
 @kernel
 def supervised(
-    limits: Limits, watched: SupervisorState, observed: Observed, wish: float, reference: float, dt: float
+    limits: Limits, state: SupervisorState, observed: Observed, requested_target: float, reference: float, dt: float
 ) -> tuple[SupervisorState, Verdict]:
-    """`cycle_watch` under the supervisor, which is shown the reference beside all else."""
+    """`cycle_verdict` under the supervisor, which is shown the reference beside all else."""
     seen = Observed(
         observed.reading,
         observed.lateness,
@@ -275,13 +282,13 @@ def supervised(
         observed.opposite,
         reference,
     )
-    return supervise(limits, watched, seen, wish, dt)
+    return supervise(limits, state, seen, requested_target, dt)
 
 
 SUPERVISED: dict[str, Callable[..., Any]] = {
     "cycle_sense": filtered_measurement,
-    "cycle_lead": clamp_offset,
-    "cycle_watch": supervised,
+    "cycle_target": clamp_offset,
+    "cycle_verdict": supervised,
 }
 """A law as it runs live: `Observed` in, and the supervisor's last word out."""
 
@@ -314,8 +321,8 @@ NOTHING_OBSERVED = Observed(
     DriveReading(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
     *(0.0, 0.0, Request.NONE, 0.0, False, PreflightResult.PENDING, 0.0, Reaction.NONE, 0.0, 0.0),
 )
-NOTHING_PLANNED = Plan(WishSource.HOLD, 0.0, Reference(0.0, 0.0, 0.0))
-_SEEN = 24
+NOTHING_PLANNED = Plan(TargetSource.HOLD, 0.0, Reference(0.0, 0.0, 0.0))
+_OBSERVED = 24
 """Numbers of `Observed`."""
 _GIVEN = struct.Struct("29d")
 """Those and the numbers of a `Plan`."""
@@ -332,7 +339,7 @@ def cycle_in_place(
     source: Array,
     supervisor: Array,
     given: Array,
-    said: Array,
+    output: Array,
     dt: float,
 ) -> None:
     """`one_cycle` under the supervisor on states that are kept flat; each row is written again.
@@ -340,7 +347,7 @@ def cycle_in_place(
     Of the states that begin here the types alone are needed, so that no state crosses from Python and back. The law's
     gains are kept flat too, so that one of them can be changed between two cycles; those of the settings are their
     type. And so are the limits, whose 80 numbers would take longer on their way from Python than the cycle itself; what
-    there is to see with the plan, `given`; and reference, wish and verdict, which `said` is filled with.
+    there is to see with the plan, `given`; and reference, requested target and verdict, which `output` is filled with.
     """
     allowed = unflatten(_LIMITS, limits)
     now = CycleSettings(
@@ -348,7 +355,7 @@ def cycle_in_place(
     )
     begun = Sample(0.0, 0.0)
     observed = unflatten(NOTHING_OBSERVED, given)
-    plan = unflatten(NOTHING_PLANNED, given[_SEEN:])
+    plan = unflatten(NOTHING_PLANNED, given[_OBSERVED:])
     before = CycleState(
         unflatten(begun, sample),
         unflatten(law_start(now.gains, begun), law),
@@ -356,13 +363,13 @@ def cycle_in_place(
         unflatten(source_start(settings.source, Measurement(0.0, 0.0, 0.0, 0.0)), source),
         unflatten_like(begin(allowed, NOTHING_OBSERVED.reading, ThermalState(0.0, 0.0, 0.0)), supervisor),
     )
-    after, reference, wish, verdict = one_cycle(now, before, observed, plan, dt)
+    after, reference, requested_target, verdict = one_cycle(now, before, observed, plan, dt)
     keep(sample, after.sample)
     keep(law, after.law)
     keep(conditioned, after.conditioned)
     keep(source, after.source)
     keep(supervisor, after.supervisor)
-    keep(said, (reference, wish, verdict))
+    keep(output, (reference, requested_target, verdict))
 
 
 @kernel
@@ -410,7 +417,7 @@ class Cycle:
         gains = map_leaves(law.gains, lambda path, value: float(value) if name_of(path) in law.live else value)
         self._settings = CycleSettings(gains, law.conditioning, source.settings, filters, 0.0)
         self._limits = np.array(flat(limits), dtype=np.float64)
-        self._given, self._said = np.zeros(_GIVEN.size // 8), np.zeros(9)
+        self._given, self._output = np.zeros(_GIVEN.size // 8), np.zeros(9)
         self._given_bytes = self._given.data.cast("B")
         self._run: Callable[..., None] = specialise(
             cycle_in_place, f"{law.name}_{source.name}", **law_and_source(law, source), **SUPERVISED
@@ -462,22 +469,22 @@ class Cycle:
         fresh = CycleState(sample, law, conditioned, source, supervisor)
         self.state = fresh
         observed = NOTHING_OBSERVED._replace(reading=reading, elapsed=self.period)
-        for wish_source in WishSource:
-            self.step(observed, Plan(wish_source, motor, Reference(joint, 0.0, 0.0)))
+        for target_source in TargetSource:
+            self.step(observed, Plan(target_source, motor, Reference(joint, 0.0, 0.0)))
         if latched is not None:
             decided = supervisor.decided._replace(mode=Mode.LATCHED, latched=latched)
             fresh = fresh._replace(supervisor=supervisor._replace(decided=decided))
         self.state = fresh
 
     def step(self, observed: Observed, plan: Plan) -> tuple[float, Verdict]:
-        """The wish for the motor [rad] and the verdict on it."""
+        """The requested target for the motor [rad] and the verdict on it."""
         _GIVEN.pack_into(
             self._given_bytes, 0, *observed.reading, *observed[1:], plan.source, plan.motor, *plan.reference
         )
-        self._run(self._settings, self._limits, self.gains, *self._rows, self._given, self._said, self.period)
-        position, velocity, acceleration, wish, *verdict = self._said.tolist()
+        self._run(self._settings, self._limits, self.gains, *self._rows, self._given, self._output, self.period)
+        position, velocity, acceleration, requested_target, *verdict = self._output.tolist()
         self.reference = Reference(position, velocity, acceleration)
-        return wish, verdict_of(*verdict)
+        return requested_target, verdict_of(*verdict)
 
     @property
     def latched(self) -> int:

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from bowden.export.unit import template
+from bowden.export.unit import rendered
 
 COMPILER, SIZE, EMULATOR = "arm-none-eabi-gcc", "arm-none-eabi-size", "qemu-system-arm"
 FLAGS = (
@@ -70,17 +70,11 @@ def measure(prefix: str, texts: Mapping[str, str], rows: Sequence[Sequence[float
         for name, text in texts.items():
             (folder / name).write_text(text, encoding="utf-8")
         numbers = ",\n".join("{" + ", ".join(float(value).hex() for value in row) + "}" for row in rows)
-        (folder / "main.c").write_text(template("cortex.c").replace("@NAME@", prefix).replace("@ROWS@", numbers))
-        (folder / "board.ld").write_text(template("cortex.ld"))
+        (folder / "main.c").write_text(rendered("cortex.c", name=prefix, rows=numbers))
+        (folder / "board.ld").write_text(rendered("cortex.ld"))
         _run([COMPILER, *FLAGS, "-c", f"{prefix}.c"], folder)
-        _run(
-            [COMPILER, *FLAGS, *_LINK, "main.c", f"{prefix}.o", "-lm", "-o", "image.elf"],
-            folder,
-        )
-        said = _run(
-            [EMULATOR, *_BOARD, "-kernel", "image.elf"],
-            folder,
-        )
+        _run([COMPILER, *FLAGS, *_LINK, "main.c", f"{prefix}.o", "-lm", "-o", "image.elf"], folder)
+        said = _run([EMULATOR, *_BOARD, "-kernel", "image.elf"], folder)
         size = _run([SIZE, f"{prefix}.o"], folder).splitlines()[1].split()
     words = [line.split() for line in said.splitlines()]
     bits = [int(word[1], 16) for word in words if word and word[0] == "command"]

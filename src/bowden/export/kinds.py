@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from bowden.core.nested import is_named
+from bowden.core.nested import Path, is_named
 
 _WORDS = """
 auto break case char const continue default do double else enum extern float for goto if inline int long register
@@ -59,6 +59,16 @@ def is_number(kind: Kind) -> bool:
     return isinstance(kind, type)
 
 
+def is_enum(kind: Kind) -> bool:
+    """True for a class of IntEnum."""
+    return isinstance(kind, type) and issubclass(kind, IntEnum)
+
+
+def is_tuple_class(of: Any) -> bool:
+    """True for a class of NamedTuple."""
+    return isinstance(of, type) and issubclass(of, tuple) and hasattr(of, "_fields")
+
+
 def said(kind: Kind) -> str:
     """A kind in a message."""
     return str(getattr(kind, "__name__", "") or getattr(getattr(kind, "made", None), "__name__", "a tuple"))
@@ -97,9 +107,9 @@ def annotated(hint: Any) -> Kind:
     """The kind that an annotation says; None for `Any`, and where it leaves something open."""
     if typing.get_origin(hint) is typing.Annotated:
         return annotated(hint.__origin__)
-    if hint in (float, int, bool) or (isinstance(hint, type) and issubclass(hint, IntEnum)):
+    if hint in (float, int, bool) or is_enum(hint):
         return hint
-    if isinstance(hint, type) and issubclass(hint, tuple) and hasattr(hint, "_fields"):
+    if is_tuple_class(hint):
         fields = tuple(field_kinds(hint).items())
         return None if any(kind is None for _, kind in fields) else Struct(hint, fields)
     if typing.get_origin(hint) is tuple:
@@ -137,6 +147,20 @@ def identifier(name: str) -> str:
     if not plain or plain[0].isdigit():
         plain = f"n{plain}"
     return f"{plain}_" if plain in _RESERVED else plain
+
+
+def reached(way: Path) -> str:
+    """How C reaches a leaf of a struct: ``.past.at[2]``."""
+    return "".join(f".at[{one}]" if isinstance(one, int) else f".{identifier(one)}" for one in way)
+
+
+def snake_case(name: str) -> str:
+    """The words of a class' name, with a stroke between them.
+
+    >>> snake_case("LawState")
+    'Law_State'
+    """
+    return re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", name)
 
 
 def comment(text: str) -> str:

@@ -41,7 +41,7 @@ def cycle(
 def law_module(law: Law, sample_time: float, encoders: counts.Counts | None = None) -> Module:
     """``NAME_start`` and ``NAME_step``, with the law's gains as constants, and the conditioner of its reference within.
 
-    What one cycle does between source and wish, `bowden.cycle.one_cycle`, is one function of C. The cycle's length is a
+    What `bowden.cycle.one_cycle` does between source and requested target is one function of C. The cycle's length is a
     constant like the gains, so that what they fix together is worked out by the compiler, and never in a cycle.
 
     Args:
@@ -50,61 +50,49 @@ def law_module(law: Law, sample_time: float, encoders: counts.Counts | None = No
         encoders: how the rig's count, where the code is to have their conversions.
     """
     gains = Argument("gains", law.gains, constant=True, said="the law's gains")
-    conditioning = Argument(
-        "conditioning", law.conditioning, constant=True, said="what the conditioner knows of the rig"
-    )
-    seen = Argument("sample", Sample(0.0, 0.0))
+    known = Argument("conditioning", law.conditioning, constant=True, said="what the conditioner knows of the rig")
     period = Argument("sample_time", float(sample_time), constant=True, said="length of a cycle [s]")
+    state, sample = Argument("state", state_of(law)), Argument("sample", Sample(0.0, 0.0))
     reference = Argument("reference", Reference(0.0, 0.0, 0.0))
+    begins = "The state in which a law begins at a sample."
+    steps = f"One cycle, to be called every {sample_time:g} s: the motor's target angle [rad]."
+    given = gains, known, state, sample, reference, period
     return Module(
         prefix(law),
         f"The control law {law.name!r}: {law.source}.",
-        (
-            Public(
-                "start",
-                begin_cycles,
-                (gains, conditioning, seen),
-                ("state",),
-                "The state in which a law begins at a sample.",
-            ),
-            Public(
-                "step",
-                cycle,
-                (gains, conditioning, Argument("state", state_of(law)), seen, reference, period),
-                ("state", "return"),
-                f"One cycle, to be called every {sample_time:g} s: the motor's target angle [rad].",
-            ),
+        [
+            Public("start", begin_cycles, (gains, known, sample), ("state",), begins),
+            Public("step", cycle, given, ("state", "return"), steps),
             *_motions(),
-            *(() if encoders is None else _conversions(encoders)),
-        ),
+            *([] if encoders is None else _conversions(encoders)),
+        ],
         parts=(("law_start", law.start_kernel), ("law_step", law.step_kernel)),
         units=dict(law.state_units),
     )
 
 
-def _motions() -> tuple[Public, ...]:
+def _motions() -> list[Public]:
     """``NAME_minimum_jerk``, from rest, and ``NAME_minimum_jerk_from`` a motion."""
-    ends = Argument("end", 0.0), Argument("duration", 1.0), Argument("time", 0.0)
-    said = "to rest at an end [rad]: the reference at a time since it began [s], of a duration [s]"
+    end, duration, time = (Argument(name, 1.0) for name in ("end", "duration", "time"))
     start, begin = Argument("start", 0.0), Argument("begin", Reference(0.0, 0.0, 0.0))
-    return (
-        Public(
-            "minimum_jerk", minimum_jerk, (start, *ends), ("return",), f"The motion of minimum jerk from rest {said}."
-        ),
-        Public("minimum_jerk_from", minimum_jerk_from, (begin, *ends), ("return",), f"The same from a motion {said}."),
-    )
+    said = "to rest at an end [rad]: the reference at a time since it began [s], of a duration [s]"
+    rest, motion = f"The motion of minimum jerk from rest {said}.", f"The same from a motion {said}."
+    return [
+        Public("minimum_jerk", minimum_jerk, (start, end, duration, time), ("return",), rest),
+        Public("minimum_jerk_from", minimum_jerk_from, (begin, end, duration, time), ("return",), motion),
+    ]
 
 
-def _conversions(encoders: counts.Counts) -> tuple[Public, ...]:
+def _conversions(encoders: counts.Counts) -> list[Public]:
     """``NAME_motor_angle``, ``NAME_joint_angle`` and ``NAME_motor_counts``."""
     constant = Argument("encoders", encoders, constant=True, said="how the rig's encoders count")
+    n, angle = (constant, Argument("n", 0.0)), (constant, Argument("angle", 0.0))
     said = "from counts of an encoder that counts as in its log"
-    n, angle = Argument("n", 0.0), Argument("angle", 0.0)
-    return (
-        Public("motor_angle", counts.motor_angle, (constant, n), ("return",), f"The motor's angle [rad] {said}."),
-        Public("joint_angle", counts.joint_angle, (constant, n), ("return",), f"The joint's angle [rad] {said}."),
-        Public("motor_counts", counts.motor_counts, (constant, angle), ("return",), "A target [rad] in counts."),
-    )
+    return [
+        Public("motor_angle", counts.motor_angle, n, ("return",), f"The motor's angle [rad] {said}."),
+        Public("joint_angle", counts.joint_angle, n, ("return",), f"The joint's angle [rad] {said}."),
+        Public("motor_counts", counts.motor_counts, angle, ("return",), "A target [rad] in counts."),
+    ]
 
 
 def state_of(law: Law) -> LawState:

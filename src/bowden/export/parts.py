@@ -1,7 +1,5 @@
 """What stands round a law on the chip: the EMG detector before it, the safety gate behind it."""
 
-from typing import Any
-
 from bowden.core.errors import ParameterError
 from bowden.core.signals import EMERGENCY_STOP, DriveState
 from bowden.cycle.one_cycle import NOTHING_OBSERVED
@@ -37,81 +35,45 @@ def emg_modules(rate: float, kind: Detector = DEFAULT) -> tuple[Module, Module]:
             expected=f"from {kind.safe:g} to {kind.quickest:g} Hz",
             do="change --emg-rate",
         )
-    value = Argument("value", 0.0)
-    chain = Argument("chain", prepare_envelope(rate), constant=True, said="the filters' sections")
-    detector = Argument("detector", kind.prepared(rate), constant=True, said="the detector at this rate")
-
-    def at(first: float) -> Any:
-        return kind.start(detector.example, first)
-
+    value, detector = Argument("value", 0.0), kind.prepared(rate)
+    filters = Argument("chain", prepare_envelope(rate), constant=True, said="the filters' sections")
+    settings = Argument("detector", detector, constant=True, said="the detector at this rate")
+    enveloped, detected = (Argument("state", one) for one in (envelope_start(0.0), kind.start(detector, 0.0)))
+    smoothed = "One sample: its envelope, and the signal without offset and mains, in the signal's own unit."
+    active = "One sample, NAN if missing: 1 in a contraction; trouble is 1 for flat, 2 for movement or mains."
     envelope = Module(
         "envelope",
         f"The envelope of an EMG signal of {rate:g} samples a second.",
-        (
-            Public(
-                "step",
-                envelope_step,
-                (chain, Argument("state", envelope_start(0.0)), value),
-                ("state", "signal", "return"),
-                "One sample: its envelope, and the signal without offset and mains, in the signal's own unit.",
-            ),
-        ),
+        [Public("step", envelope_step, (filters, enveloped, value), ("state", "signal", "return"), smoothed)],
         begins=("start", envelope_start(_FIRST), _FIRST, "Before the first sample."),
     )
     onset = Module(
         identifier(kind.name),
         f"Contractions in an EMG signal of {rate:g} samples a second.",
-        (
-            Public(
-                "step",
-                kind.step,
-                (detector, Argument("state", at(0.0)), value),
-                ("state", "return", "trouble"),
-                "One sample, NAN if missing: 1 in a contraction; trouble is 1 for flat, 2 for movement or mains.",
-            ),
-        ),
-        begins=("start", at(_FIRST), _FIRST, "Before the first sample, NAN if missing."),
+        [Public("step", kind.step, (settings, detected, value), ("state", "return", "trouble"), active)],
+        begins=("start", kind.start(detector, _FIRST), _FIRST, "Before the first sample, NAN if missing."),
     )
     return envelope, onset
 
 
 def safety_module(limits: Limits) -> Module:
     """The supervisor, with a rig's limits as constants."""
-    warmth = cold(limits.thermal)
+    warm, reading = cold(limits.thermal), NOTHING_OBSERVED.reading
+    thermal = Argument("thermal", limits.thermal, constant=True, said="the motor's thermal side")
     bound = Argument("limits", limits, constant=True, said="the rig's limits")
-    state = begin(limits, NOTHING_OBSERVED.reading, warmth)
+    first, warmth = Argument("reading", reading), Argument("warmth", warm)
+    state, observed = Argument("state", begin(limits, reading, warm)), Argument("observed", NOTHING_OBSERVED)
+    target, dt = Argument("requested_target", 0.0), Argument("dt", 0.001)
+    stopped = "Stopped, with the motor as warm as the last run left it."
+    judged = "One cycle of dt [s]: the requested target [rad] or less, and whether there is power."
     return Module(
         "safety",
         "The supervisor: it stands last before the wire, and may only refuse or stop.",
-        (
-            Public(
-                "cold",
-                cold,
-                (Argument("thermal", limits.thermal, constant=True, said="the motor's thermal side"),),
-                ("warmth",),
-                "A motor as warm as its surroundings.",
-            ),
-            Public(
-                "begin",
-                begin,
-                (bound, Argument("reading", NOTHING_OBSERVED.reading), Argument("warmth", warmth)),
-                ("state",),
-                "Stopped, with the motor as warm as the last run left it.",
-            ),
-            Public(
-                "supervise",
-                supervise,
-                (
-                    bound,
-                    Argument("state", state),
-                    Argument("observed", NOTHING_OBSERVED),
-                    Argument("requested_target", 0.0),
-                    Argument("dt", 0.001),
-                ),
-                ("state", "verdict"),
-                "One cycle of dt [s]: the requested target [rad] or less, and whether there is power.",
-            ),
-        ),
+        [
+            Public("cold", cold, (thermal,), ("warmth",), "A motor as warm as its surroundings."),
+            Public("begin", begin, (bound, first, warmth), ("state",), stopped),
+            Public("supervise", supervise, (bound, state, observed, target, dt), ("state", "verdict"), judged),
+        ],
         enums=(Request, Mode, DriveState, Power, Fault),
         numbers={"emergency_stop": (EMERGENCY_STOP, "among the codes of `emergency`, for an emergency stop")},
     )

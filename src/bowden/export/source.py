@@ -13,37 +13,31 @@ from typing import Any
 
 from bowden.core.errors import ParameterError
 
-INSTEAD: dict[type[ast.AST], str] = {
-    ast.While: "write a loop over a fixed range: for i in range(n)",
-    ast.Try: "test with an if before: math.isfinite(x), or x != 0.0 before x divides",
-    ast.Raise: "return a number that says so; a kernel has no exceptions",
-    ast.Assert: "take it out; check arguments where the kernel is made",
-    ast.ListComp: "write its terms one by one, or a loop that adds up",
-    ast.GeneratorExp: "write its terms one by one, or a loop that adds up",
-    ast.DictComp: "use a NamedTuple",
-    ast.Dict: "use a NamedTuple",
-    ast.List: "use a NamedTuple",
-    ast.Set: "use a NamedTuple",
-    ast.Lambda: "write a kernel: @kernel def name(x: float) -> float",
-    ast.FunctionDef: "write it outside, as a kernel of its own",
-    ast.JoinedStr: "take texts out of the kernel",
-    ast.With: "take files and locks out of the kernel",
-    ast.Global: "put it into the state",
-    ast.Nonlocal: "put it into the state",
-    ast.Break: "use an if within the loop",
-    ast.Continue: "use an if within the loop",
-    ast.Pow: "multiply, or call bowden.core.kernel.power(a, b)",
-    ast.Mod: "use a - b*floor(a/b), with floor of bowden.core.kernel",
-    ast.FloorDiv: "use floor(a/b), with floor of bowden.core.kernel",
-    ast.Delete: "leave it out",
-    ast.NamedExpr: "assign on a line of its own",
-    ast.Starred: "name the values one by one",
-    ast.Slice: "name the values one by one",
-    ast.Is: "compare numbers with ==",
-    ast.IsNot: "compare numbers with !=",
-    ast.In: "compare with == and or",
-    ast.NotIn: "compare with != and and",
+_ADVICE: dict[str, tuple[type[ast.AST], ...]] = {
+    "write a loop over a fixed range: for i in range(n)": (ast.While,),
+    "test with an if before: math.isfinite(x), or x != 0.0 before x divides": (ast.Try,),
+    "return a number that says so; a kernel has no exceptions": (ast.Raise,),
+    "take it out; check arguments where the kernel is made": (ast.Assert,),
+    "write its terms one by one, or a loop that adds up": (ast.ListComp, ast.GeneratorExp),
+    "use a NamedTuple": (ast.Dict, ast.DictComp, ast.List, ast.Set),
+    "write a kernel: @kernel def name(x: float) -> float": (ast.Lambda,),
+    "write it outside, as a kernel of its own": (ast.FunctionDef,),
+    "take texts out of the kernel": (ast.JoinedStr,),
+    "take files and locks out of the kernel": (ast.With,),
+    "put it into the state": (ast.Global, ast.Nonlocal),
+    "use an if within the loop": (ast.Break, ast.Continue),
+    "multiply, or call bowden.core.kernel.power(a, b)": (ast.Pow,),
+    "use a - b*floor(a/b), with floor of bowden.core.kernel": (ast.Mod,),
+    "use floor(a/b), with floor of bowden.core.kernel": (ast.FloorDiv,),
+    "leave it out": (ast.Delete,),
+    "assign on a line of its own": (ast.NamedExpr,),
+    "name the values one by one": (ast.Starred, ast.Slice),
+    "compare numbers with ==": (ast.Is,),
+    "compare numbers with !=": (ast.IsNot,),
+    "compare with == and or": (ast.In,),
+    "compare with != and and": (ast.NotIn,),
 }
+INSTEAD = {node: advice for advice, nodes in _ADVICE.items() for node in nodes}
 """What the subset has in place of what it does not have."""
 
 
@@ -63,17 +57,14 @@ class KernelSource:
         if not isinstance(node, ast.FunctionDef):
             raise self.refused(node, "a lambda or a coroutine", "write a kernel: @kernel def name(x: float) -> float")
         self.node = node
+        self.body = node.body[1:] if ast.get_docstring(node) is not None else node.body
+        """The statements without the docstring."""
         self._lines = text.splitlines()
         self.comments = {
             token.start[0]: token.string.lstrip("# ")
             for token in tokenize.generate_tokens(io.StringIO(text).readline)
             if token.type == tokenize.COMMENT and not token.line[: token.start[1]].strip()
         }
-
-    @property
-    def body(self) -> list[ast.stmt]:
-        """The statements without the docstring."""
-        return self.node.body[1:] if ast.get_docstring(self.node) is not None else self.node.body
 
     def is_blank_after(self, one: ast.stmt) -> bool:
         """Whether an empty line stands behind a statement."""
@@ -90,12 +81,11 @@ class KernelSource:
         line = self.first + getattr(node, "lineno", 1) - 1
         return ParameterError(f"{self.file}, line {line}: {what} cannot be exported", expected=expected, do=do)
 
-    def outside(self, node: ast.AST) -> ParameterError:
-        """The error that C is not made of such a thing."""
-        word = ast.unparse(node).partition("\n")[0] if not isinstance(node, ast.operator | ast.cmpop) else ""
-        name = type(node).__name__
-        what = f"{word if 0 < len(word) < 40 else name}"
-        return self.refused(node, what, INSTEAD.get(type(node), "keep to the subset of docs/kernels.md"))
+    def outside(self, node: ast.AST, where: ast.AST | None = None) -> ParameterError:
+        """The error that C is not made of such a thing; an operator has no line, and is `where` its expression is."""
+        word = "" if where else ast.unparse(node).partition("\n")[0]
+        what = word if 0 < len(word) < 40 else type(node).__name__
+        return self.refused(where or node, what, INSTEAD.get(type(node), "keep to the subset of docs/kernels.md"))
 
 
 @cache

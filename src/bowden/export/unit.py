@@ -9,24 +9,42 @@ from enum import IntEnum
 from pathlib import Path
 from typing import Any
 
+import jinja2
+
 from bowden.core.errors import ParameterError
 from bowden.core.kernel_content import Parts, reaching
+from bowden.core.nested import leaves, name_of
 from bowden.core.primitives import _tanh, half_to
 from bowden.core.quantity import meanings
 from bowden.export.function import ATOM, UNARY, Expression, Function
-from bowden.export.kinds import Kind, Row, Several, Struct, Style, comment, comments, identifier, is_number, kind_of
+from bowden.export.kinds import (
+    Kind,
+    Row,
+    Several,
+    Struct,
+    Style,
+    comment,
+    comments,
+    identifier,
+    is_enum,
+    is_number,
+    kind_of,
+    snake_case,
+)
 from bowden.export.source import origin
 
 LONGEST = 112
 """Of a line of C, where it can be broken."""
 
 
-def template(name: str) -> str:
-    """A file of C that stands beside this one; what is to be filled in stands between @."""
-    return (Path(__file__).parent / "templates" / name).read_text(encoding="utf-8")
+def rendered(file: str, /, **words: Any) -> str:
+    """A file of `templates` with what is to be filled in."""
+    text = (Path(__file__).parent / "templates" / file).read_text(encoding="utf-8")
+    page = jinja2.Template(text, variable_start_string="[[", variable_end_string="]]", trim_blocks=True)
+    return f"{page.render(**words).rstrip()}\n"
 
 
-_HELPERS = template("helpers.c")
+_HELPERS = rendered("helpers.c")
 """Python's `min` and `max`, by its rule for NaN, and others that have no kernel; two empty lines between them."""
 
 
@@ -101,46 +119,47 @@ class Unit:
 
     def type(self, kind: Kind) -> str:
         """The type of a kind; it is defined if it is new."""
-        known = {float: self.style.real, int: "int64_t", bool: "bool"}.get(kind) if is_number(kind) else None
-        known = known or self._kinds.get(kind)
-        if known:
-            return known
-        word, rows = "struct", []
+        plain = {float: self.style.real, int: "int64_t", bool: "bool"}
+        if is_number(kind) and kind in plain:
+            return plain[kind]
+        if kind not in self._kinds:
+            self._define(kind)
+        return self._kinds[kind]
+
+    def _define(self, kind: Kind) -> None:
+        """The text of a struct, a row or an enum, under a name that no other type has."""
         if isinstance(kind, Row):
-            inner = self.type(kind.of)
-            stem = "" if kind.of is float else f"{inner.removeprefix(f'{self.style.prefix}_').removesuffix('_t')}_"
-            name, rows = f"{self.style.prefix}_{stem}row{kind.length}", [f"    {inner} at[{kind.length}];"]
+            of = (
+                ""
+                if kind.of is float
+                else f"{self.type(kind.of).removeprefix(f'{self.style.prefix}_').removesuffix('_t')}_"
+            )
+            name, rows = f"{of}row{kind.length}", [f"    {self.type(kind.of)} at[{kind.length}];"]
         elif isinstance(kind, Struct | Several):
-            made = kind.made if isinstance(kind, Struct) else None
-            name = f"{self.style.prefix}_{identifier(made.__name__)}" if made else ""
-            name = name or f"{getattr(kind, 'function', '')}_result"
-            meant = meanings(made) if made else {}
-            rows = [self._field(field, one, meant) for field, one in kind.fields]
+            name = identifier(kind.made.__name__) if isinstance(kind, Struct) else f"{kind.function}_result"
+            meant = meanings(kind.made) if isinstance(kind, Struct) else {}
+            rows = [self._field(field, one, meant.get(field, "")) for field, one in kind.fields]
         else:
-            name, word = f"{self.style.prefix}_{identifier(kind.__name__)}", "enum"
+            name, rows = identifier(kind.__name__), []
+        name = name if isinstance(kind, Several) else f"{self.style.prefix}_{name}"
         while name in self.types:
             name = f"{name}_"
         self._kinds[kind] = name
-        if word == "enum":
-            ends = [*(",",) * (len(kind) - 1), ""]
-            said = {one: comment(getattr(one, "meaning", "")) for one in kind}
-            rows = [
-                f"    {self.member(one).text} = {one.value}{end}{said[one]}"
-                for one, end in zip(kind, ends, strict=True)
-            ]
-        self.types[name] = "\n".join([f"typedef {word} {{", *rows, f"}} {name};"])
-        return name
+        if is_enum(kind):
+            texts = [f"    {self.member(one).text} = {one.value}," for one in kind]
+            texts[-1] = texts[-1].rstrip(",")
+            rows = [f"{text}{comment(getattr(one, 'meaning', ''))}" for text, one in zip(texts, kind, strict=True)]
+        self.types[name] = "\n".join([f"typedef {'enum' if is_enum(kind) else 'struct'} {{", *rows, f"}} {name};"])
 
-    def _field(self, field: str, kind: Kind, said: Any) -> str:
+    def _field(self, field: str, kind: Kind, text: str) -> str:
         unit = self.units.get(field, "")
-        text = said.get(field, "")
-        text = text if "[" in text or not unit else f"{text} [{'–' if unit == '1' else unit}]".strip()
+        if unit and "[" not in text:
+            text = f"{text} [{'–' if unit == '1' else unit}]".strip()
         return f"    {self.type(kind)} {identifier(field)};{comment(text)}"
 
     def member(self, member: IntEnum) -> Expression:
         """A member of an enum."""
-        snake = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", self.type(type(member)))
-        return Expression(f"{snake}_{member.name}".upper(), type(member))
+        return Expression(f"{snake_case(self.type(type(member)))}_{member.name}".upper(), type(member))
 
     def number(self, value: Any) -> Expression:
         """A number as it stands."""
@@ -217,7 +236,7 @@ class Unit:
         """The function that moves a row on by one place."""
         return self.helper("ROW_shifted", ROW=self.type(kind), ITEM=self.type(kind.of), LENGTH=str(kind.length))
 
-    def call(self, function: Any, kinds: tuple[Kind, ...], caller: Function | None = None) -> tuple[str, Kind]:
+    def call(self, function: Any, kinds: tuple[Kind, ...]) -> tuple[str, Kind]:
         """The name of a kernel for arguments of these kinds, and the kind of its result; it is written if it is new."""
         if function is half_to:
             return self.helper("half_to"), float
@@ -257,47 +276,28 @@ def files(module: Module, style: Style, preamble: str) -> dict[str, str]:
     unit = Unit(style, module)
     for enum in module.enums:
         unit.type(enum)
-    prototypes, bodies = zip(*(_public(unit, module, one) for one in module.functions), strict=True)
-    if module.begins:
-        prototype, body = _begins(unit, module)
-        prototypes, bodies = (prototype, *prototypes), (body, *bodies)
+    written = [_public(unit, module, one) for one in module.functions]
+    written = [*([_begins(unit, module)] if module.begins else []), *written]
     seen = _seen(unit, module)
-    head = f"/* {module.title}\n *\n * {preamble}\n */"
-    guard = f"{module.prefix.upper()}_H"
-    numbers = [
+    types = [[text for name, text in unit.types.items() if (name in seen) is public] for public in (True, False)]
+    numbers = "\n".join(
         f"#define {identifier(f'{module.prefix}_{name}').upper()} {style.number(value)}{comment(said)}"
         for name, (value, said) in module.numbers.items()
-    ]
-    header = [
-        head,
-        f"#ifndef {guard}\n#define {guard}",
-        "#include <stdbool.h>\n#include <stdint.h>",
-        f"typedef {style.real} {module.prefix}_real;",
-        "\n".join(numbers),
-        *(text for name, text in unit.types.items() if name in seen),
-        '#ifdef __cplusplus\nextern "C" {\n#endif',
-        *prototypes,
-        "#ifdef __cplusplus\n}\n#endif",
-        "#endif",
-    ]
-    source = [
-        head,
-        f'#include <math.h>\n\n#include "{module.prefix}.h"',
-        *(text for name, text in unit.types.items() if name not in seen),
-        "\n\n".join(unit.constants.values()),
-        *unit.helpers.values(),
-        *unit.functions.values(),
-        *bodies,
-    ]
-    return {
-        f"{module.prefix}.h": _page(header),
-        f"{module.prefix}.c": _page(source),
+    )
+    constants, functions = "\n\n".join(unit.constants.values()), [*unit.helpers.values(), *unit.functions.values()]
+    words = {
+        "head": f"/* {module.title}\n *\n * {preamble}\n */",
+        "prefix": module.prefix,
+        "guard": f"{module.prefix.upper()}_H",
+        "real": style.real,
+        "prototypes": [prototype for prototype, _ in written],
     }
-
-
-def _page(parts: Sequence[str]) -> str:
-    text = "\n\n".join(part.strip() for part in parts if part.strip())
-    return "\n".join(row for line in text.split("\n") for row in broken(line)) + "\n"
+    bodies = [f"{prototype}\n{body}" for prototype, body in written]
+    texts = {
+        f"{module.prefix}.h": rendered("module.h", **words, parts=[numbers, *types[0]]),
+        f"{module.prefix}.c": rendered("module.c", **words, parts=[*types[1], constants, *functions, *bodies]),
+    }
+    return {name: "\n".join(row for line in text.split("\n") for row in broken(line)) for name, text in texts.items()}
 
 
 def _seen(unit: Unit, module: Module) -> set[str]:
@@ -306,44 +306,37 @@ def _seen(unit: Unit, module: Module) -> set[str]:
     todo += [kind for public in module.functions for kind in results_of(unit, public)[1]]
     todo += [*module.enums]
     found: set[str] = set()
-    while todo:
-        kind = todo.pop()
-        if kind in (float, int, bool):
-            continue
-        found.add(unit.type(kind))
+    for kind in todo:  # which grows meanwhile
         if isinstance(kind, Row):
             todo.append(kind.of)
         elif isinstance(kind, Struct):
             todo += [inner for _, inner in kind.fields]
+        found.add(unit.type(kind))
     return found
 
 
 def results_of(unit: Unit, one: Public) -> tuple[str, list[Kind], Kind]:
     """The kernel's name, and the kinds of its results, apart and as a whole."""
-    kinds = []
-    for argument in one.arguments:
-        kind = kind_of(argument.example)
+    kinds = tuple(kind_of(argument.example) for argument in one.arguments)
+    for argument, kind in zip(one.arguments, kinds, strict=True):
         if kind is None:
             raise ParameterError(
                 f"{argument.name} of {one.name} is {argument.example!r}",
                 expected="numbers, and NamedTuples of numbers",
                 do="take texts and arrays out of it",
             )
-        kinds.append(kind)
-    name, result = unit.call(one.kernel, tuple(kinds))
-    if len(one.results) > 1:
-        assert isinstance(result, Several)
-        return name, [kind for _, kind in result.fields], result
-    return name, [result], result
+    name, result = unit.call(one.kernel, kinds)
+    apart = [result] if len(one.results) == 1 else [kind for _, kind in result.fields]
+    return name, apart, result
 
 
 def _public(unit: Unit, module: Module, one: Public) -> tuple[str, str]:
-    """Prototype and text of a function that others call."""
+    """Prototype and body of a function that others call: the state first, then what is read, then what is written."""
     name, kinds, result = results_of(unit, one)
+    results = dict(zip(one.results, kinds, strict=True))
+    written = {called: f"{unit.type(kind)} *{called}" for called, kind in results.items() if called != "return"}
+    signature = [written.pop("state")] if "state" in written else []
     texts: list[str] = []
-    inputs: list[str] = []
-    outputs: list[str] = []
-    returned = "void"
     for argument in one.arguments:
         kind, called = kind_of(argument.example), identifier(argument.name)
         if argument.constant:
@@ -352,29 +345,28 @@ def _public(unit: Unit, module: Module, one: Public) -> tuple[str, str]:
             continue
         texts.append(called)
         if argument.name != "state":
-            inputs.append(f"const {unit.type(kind)} {'' if is_number(kind) else '*'}{called}")
-    for called, kind in zip(one.results, kinds, strict=True):
-        if called == "return":
-            returned = unit.type(kind)
-        else:
-            (outputs if called != "state" else inputs).insert(
-                0 if called == "state" else len(outputs), f"{unit.type(kind)} *{called}"
-            )
-    signature = f"{returned} {module.prefix}_{one.name}({', '.join(inputs + outputs) or 'void'})"
+            signature.append(f"const {unit.type(kind)} {'' if is_number(kind) else '*'}{called}")
+    returned = unit.type(results["return"]) if "return" in results else "void"
+    head = f"{returned} {module.prefix}_{one.name}({', '.join([*signature, *written.values()]) or 'void'})"
     call = f"{name}({', '.join(texts)})"
     if not isinstance(result, Several):
-        lines = [f"    return {call};" if one.results == ("return",) else f"    *{one.results[0]} = {call};"]
-    else:
-        lines = [f"    const {unit.type(result)} result = {call};", ""]
-        rows = list(zip(one.results, result.fields, strict=True))
-        for called, (field, kind) in rows:
-            if called == "state":
-                lines += [f"    state->{way} = result.{field}.{way};" for way in _leafs(kind)]
-            elif called != "return":
-                lines.append(f"    *{called} = result.{field};")
-        lines += [f"    return result.{field};" for called, (field, _) in rows if called == "return"]
-    prototype = f"/* {one.summary} */\n{signature};"
-    return prototype, "\n".join([f"/* {one.summary} */", signature, "{", *lines, "}"])
+        lines = [f"return {call};" if one.results == ("return",) else f"*{one.results[0]} = {call};"]
+        return _function(one.summary, head, lines)
+    lines, last = [f"const {unit.type(result)} result = {call};", ""], []
+    for called, (part, kind) in zip(one.results, result.fields, strict=True):
+        if called == "state":  # number by number, so that the compiler keeps them in registers
+            lines += [f"state->{way} = result.{part}.{way};" for way in _leafs(kind)]
+        elif called == "return":
+            last = [f"return result.{part};"]
+        else:
+            lines.append(f"*{called} = result.{part};")
+    return _function(one.summary, head, lines + last)
+
+
+def _function(summary: str, head: str, lines: Sequence[str]) -> tuple[str, str]:
+    """Prototype and body of a public function."""
+    body = "\n".join(f"    {line}" if line else "" for line in lines)
+    return f"/* {summary} */\n{head}", f"{{\n{body}\n}}"
 
 
 def _leafs(kind: Kind) -> list[str]:
@@ -385,42 +377,34 @@ def _leafs(kind: Kind) -> list[str]:
 
 
 def _begins(unit: Unit, module: Module) -> tuple[str, str]:
-    """Prototype and text of a function that sets a state that was worked out here."""
-    from bowden.core.nested import leaves
-
+    """Prototype and body of a function that sets a state that was worked out here."""
     assert module.begins
     name, state, marker, summary = module.begins
     kind = kind_of(state)
     unit.constants["BEGIN"] = unit._constant("BEGIN", state, kind, "a state before the first sample")
-    ways = [".".join(map(str, path)) for path, value in leaves(state) if value == marker]
-    signature = f"void {module.prefix}_{name}({unit.type(kind)} *state, const {unit.style.real} first)"
-    lines = ["    *state = BEGIN;", *(f"    state->{way} = first;" for way in ways)]
-    lines += [] if ways else ["    (void)first;"]
-    return f"/* {summary} */\n{signature};", "\n".join([f"/* {summary} */", signature, "{", *lines, "}"])
+    sets = [f"state->{name_of(path)} = first;" for path, value in leaves(state) if value == marker]
+    head = f"void {module.prefix}_{name}({unit.type(kind)} *state, const {unit.style.real} first)"
+    return _function(summary, head, ["*state = BEGIN;", *(sets or ["(void)first;"])])
 
 
 def broken(line: str) -> list[str]:
-    """A line of C as several, where it is too long and has brackets with commas in them."""
+    """A line of C as several, where it is too long: an item a line of the longest bracket that it ends with."""
     if len(line) <= LONGEST or line.lstrip().startswith(("/*", "*", "#")):
         return [line]
-    opened: list[tuple[int, list[int]]] = []
+    pad = line[: len(line) - len(line.lstrip())]
+    opened: list[list[int]] = []
     groups = []
     for k, c in enumerate(line):
         if c in "({[":
-            opened.append((k, []))
-        elif c in ")}]" and opened:
-            begin, commas = opened.pop()
-            if commas and len(line) - k < 4:
-                groups.append((k - begin, begin, k, commas))
+            opened.append([k])
         elif c == "," and opened:
-            opened[-1][1].append(k)
-    pad = line[: len(line) - len(line.lstrip())]
+            opened[-1].append(k)
+        elif c in ")}]" and opened and len(cuts := [*opened.pop(), k]) > 2 and len(line) - k < 4:
+            groups.append(cuts)
     if not groups:
-        return textwrap.wrap(
-            line, LONGEST, subsequent_indent=f"{pad}    ", break_long_words=False, break_on_hyphens=False
-        )
-    _, begin, end, commas = max(groups)
-    cuts = [begin, *commas, end]
-    items = [line[a + 1 : b].strip() for a, b in itertools.pairwise(cuts)]
-    rows = [f"{pad}    {item}{',' if k + 1 < len(items) else ''}" for k, item in enumerate(items)]
-    return [*broken(line[: begin + 1]), *(row for one in rows for row in broken(one)), f"{pad}{line[end:]}"]
+        deeper = f"{pad}    "
+        return textwrap.wrap(line, LONGEST, subsequent_indent=deeper, break_long_words=False, break_on_hyphens=False)
+    cuts = max(groups, key=lambda cuts: cuts[-1] - cuts[0])
+    items = [f"{pad}    {line[a + 1 : b].strip()}," for a, b in itertools.pairwise(cuts)]
+    items[-1] = items[-1].removesuffix(",")
+    return [*broken(line[: cuts[0] + 1]), *(row for one in items for row in broken(one)), f"{pad}{line[cuts[-1] :]}"]

@@ -213,7 +213,7 @@ def _texts(
 ) -> dict[str, str]:
     """Name → text of every file but the recording."""
     from bowden.export.kinds import Style
-    from bowden.export.readme import arduino, makefile, readme
+    from bowden.export.readme import pages
     from bowden.export.replay import replay_source
     from bowden.export.unit import files
 
@@ -223,9 +223,7 @@ def _texts(
         texts |= files(module, Style(module.prefix, single), said)
     return texts | {
         "replay.c": replay_source(law, single=float32),
-        **arduino(modules[0].prefix, counts, period),
-        "Makefile": makefile([module.prefix for module in modules]),
-        "README.md": readme(modules[0], modules[1:], counts, said, period, single=float32),
+        **pages(modules, counts, said, period, single=float32),
     }
 
 
@@ -261,7 +259,7 @@ def _recording(rig: Rig, law: Law) -> str:
         )
     references = rig.trajectory.sample(trace.time).T
     lasted = int(np.isfinite(trace["command"]).cumprod().sum())
-    source = np.where(np.arange(lasted) == 0, 2.0, 3.0)  # `cycle.one_cycle.WishSource`
+    source = np.where(np.arange(lasted) == 0, 2.0, 3.0)  # `cycle.one_cycle.TargetSource`
     values = (trace["time"], trace["joint_measured"], trace["motor_measured"], *references, trace["command"])
     rows = np.column_stack([*(column[:lasted] for column in values), source]).tolist()
     lines = [",".join(("time", *COLUMNS)), *(",".join(map(repr, row)) for row in rows)]

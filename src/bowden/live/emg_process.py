@@ -17,7 +17,7 @@ from bowden.rig.rig import Rig
 _START = 300.0
 """A process that has not said anything after this has failed; a slow computer compiles for a minute at first [s]."""
 _END = 5.0
-"""From the wish to end to the process' end [s]."""
+"""From the request to end to the process' end [s]."""
 
 
 class EmgProcess:

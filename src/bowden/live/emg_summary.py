@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from bowden.core.errors import counted
 from bowden.core.units import RADIANS
-from bowden.cycle.one_cycle import WishSource
+from bowden.cycle.one_cycle import TargetSource
 from bowden.sensing.intent import Intent
 
 if TYPE_CHECKING:
@@ -39,7 +39,7 @@ def figures(log: Columns, run: "EmgRun", emg_process: "EmgProcess") -> dict[str,
 
     In the proportional mode the joint follows the envelope: there are no motions to speak of.
     """
-    led, triggered = log["source"] >= WishSource.LAW_BEGINS, not run.course.proportional
+    led, triggered = log["source"] >= TargetSource.LAW_BEGINS, not run.course.proportional
     at = _motions(log["emg.intent"], led) if triggered else []
     time, onset = log["time"], log["emg.onset"]
     end = int(np.flatnonzero(led)[-1]) + 1 if led.any() else 0

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from bowden.core.errors import ParameterError, counted
 from bowden.core.files import printable
 from bowden.core.metrics import rmse
-from bowden.cycle.one_cycle import WishSource
+from bowden.cycle.one_cycle import TargetSource
 from bowden.hardware.drives.emergencies import emergency_text
 from bowden.hardware.drives.family import family_named
 from bowden.live import stops
@@ -119,7 +119,7 @@ def followed(found: Recording) -> Tracking:
     """How well the joint followed, by a log with the columns of `FOLLOWED`, and ``time``."""
     if not {*FOLLOWED, "time"} <= {*found.columns} or len(found.rows) < 2:
         return Tracking(None, None, 0.0)
-    led = found["source"] >= WishSource.LAW_BEGINS
+    led = found["source"] >= TargetSource.LAW_BEGINS
     error = (found["joint"] - found["reference"])[led]
     error = error[np.isfinite(error)]
     if not len(error):

@@ -101,7 +101,7 @@ class _Axis:
         self.opposite = 0.0
         """What its supervisor is shown."""
         self._last_word = LastWord(self.cycle.limits, self.cycle.period, self.target)
-        self._plan, self._wish, self._torque = Plan(HOLD, 0.0, NOWHERE), self.target, 0.0
+        self._plan, self._requested_target, self._torque = Plan(HOLD, 0.0, NOWHERE), self.target, 0.0
         self._emg_age = 0.0
 
     def read(self, now: float) -> None:
@@ -122,7 +122,7 @@ class _Axis:
             *(self.reading, lateness, elapsed, self.request, age, recorder, self.outcome, self._emg_age),
             *(self.others, self.opposite),
         )
-        self._wish, verdict = cycle.step(observed, self._plan)
+        self._requested_target, verdict = cycle.step(observed, self._plan)
         if verdict.mode not in _LED and before in _LED and verdict.faults & _STALLS:
             self.stalled = max(lateness, cycle.state.supervisor.timers.late)
         broken = None
@@ -174,14 +174,14 @@ class _Axis:
         if times is not None:
             time, lateness, elapsed, skipped, age, recorder = times
             _WHOLE.pack_into(
-                *(ring, at, time, *cycle.reference, *reading, *cycle.sample, self._wish, *self.verdict),
+                *(ring, at, time, *cycle.reference, *reading, *cycle.sample, self._requested_target, *self.verdict),
                 *(self._plan.source, lateness, elapsed, skipped, self.request, age, recorder),
                 *(self.outcome, script.reason, script.play, 0.0),
             )
             states = at + _WHOLE.size
         else:
             _OWN.pack_into(
-                *(ring, at, *cycle.reference, *reading, *cycle.sample, self._wish, *self.verdict),
+                *(ring, at, *cycle.reference, *reading, *cycle.sample, self._requested_target, *self.verdict),
                 *(self._plan.source, self.request, self.outcome, script.reason, script.play),
             )
             states = at + _OWN.size

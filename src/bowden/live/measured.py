@@ -9,14 +9,25 @@ from numpy.typing import NDArray
 
 from bowden.core.errors import SafetyError, counted
 from bowden.core.files import whole_files
-from bowden.cycle.one_cycle import WishSource
+from bowden.cycle.one_cycle import TargetSource
 from bowden.live.live_run import Live
 from bowden.live.mcap_read import Recording, read
 from bowden.safety.state import Mode
 
 Array = NDArray[np.float64]
 
-NEEDED = ("time", "lateness", "mode", "source", "wish", "command", "motor", "joint", "motor_age", "joint_age")
+NEEDED = (
+    "time",
+    "lateness",
+    "mode",
+    "source",
+    "requested_target",
+    "command",
+    "motor",
+    "joint",
+    "motor_age",
+    "joint_age",
+)
 """Columns of the log that are looked at."""
 HEADER = "time_s,command_rad,motor_rad,joint_rad"
 """Columns of what comes out."""
@@ -79,7 +90,7 @@ def motions(log: Recording, motor: Array, servo_from: int, period: float) -> Map
         SafetyError: the last motion of the run did not come to its end, or this computer was too busy for it.
     """
     mode, rows = log["mode"], _led(log)
-    place = _places(log["wish"][rows], mode[rows] == Mode.RUNNING, motor)
+    place = _places(log["requested_target"][rows], mode[rows] == Mode.RUNNING, motor)
     if place is None:
         done = len(rows)
         raise SafetyError(
@@ -102,7 +113,7 @@ def _led(log: Recording) -> NDArray[np.int_]:
     """Rows of the last motion, and of the way to it."""
     mode = log["mode"]
     armed = np.flatnonzero(mode == Mode.PREFLIGHT)
-    led = (log["source"] == WishSource.MOTION) & ((mode == Mode.RUNNING) | (mode == Mode.BRIDGING))
+    led = (log["source"] == TargetSource.MOTION) & ((mode == Mode.RUNNING) | (mode == Mode.BRIDGING))
     return np.flatnonzero(led & (np.arange(len(mode)) > (armed[-1] if len(armed) else -1)))
 
 
@@ -118,17 +129,17 @@ def stalls(log: Recording, period: float) -> Stalls:
     return Stalls(int(missing.sum()), float(missing.max(initial=0.0) * period))
 
 
-def _places(wish: Array, running: NDArray[np.bool_], motor: Array) -> NDArray[np.int_] | None:
+def _places(requested_target: Array, running: NDArray[np.bool_], motor: Array) -> NDArray[np.int_] | None:
     """Where in the motion each cycle is, less than 0 on the way to it; None where the motion did not end.
 
-    Each cycle is one place further. The wishes themselves show the last one: at the end of the motion, or beyond it.
+    Each cycle is one place further. The targets themselves show the last one: at the end of the motion, or beyond it.
     """
-    for beyond in range(_MOST_BEYOND if len(wish) else 0):
-        place = np.arange(len(wish)) - len(wish) + len(motor) + beyond
+    for beyond in range(_MOST_BEYOND if len(requested_target) else 0):
+        place = np.arange(len(requested_target)) - len(requested_target) + len(motor) + beyond
         if place[0] > 0:
             return None
         there = running & (place >= 0)
-        if np.allclose(wish[there], motor[np.minimum(place[there], len(motor) - 1)], rtol=0.0, atol=1e-9):
+        if np.allclose(requested_target[there], motor[np.minimum(place[there], len(motor) - 1)], rtol=0.0, atol=1e-9):
             return place
     return None
 

@@ -192,7 +192,7 @@ def step(
         dt: cycle time [s].
 
     Returns:
-        The state, the motor's wish [rad], what came of it.
+        The state, the motor's requested target [rad], what came of it.
     """
     since = state.since + dt
     seen = math.isfinite(reading.motor) and math.isfinite(reading.joint)
@@ -235,11 +235,11 @@ def step(
     duration = state.amplitude / settings.speed
     way = float(minimum_jerk_share(since / duration))
     out = settings.pull_sign * state.amplitude
-    wish = state.motor + out * (way if state.step == Step.OUT else 1.0 - way)
+    requested_target = state.motor + out * (way if state.step == Step.OUT else 1.0 - way)
     if since <= duration + settings.settle:
         state = state._replace(charge=state.charge + dt * reading.current)
     if since < duration + settings.settle or not seen:
-        return _answer(state, wish)
+        return _answer(state, requested_target)
     if state.step == Step.OUT:
         went = (reading.motor - state.motor) * settings.pull_sign
         if went < -0.3 * state.amplitude:
@@ -247,7 +247,7 @@ def step(
         if went < settings.follows * state.amplitude:
             return _fail(state, Reason.MOTOR_STILL)
         state = state._replace(far_motor=reading.motor, far_joint=reading.joint, far_load=load)
-        return _answer(state._replace(step=Step.BACK, since=0.0), wish)
+        return _answer(state._replace(step=Step.BACK, since=0.0), requested_target)
     still = state.current_low == state.current_high  # or changed by less than a count, in a motion as small as this
     if settings.pull_sign * state.charge < -2.0 * settings.light * (duration + settings.settle):
         return _fail(state, Reason.SLACK_WRONG_WAY)
@@ -330,11 +330,11 @@ def _hearing(state: PreflightState, reading: DriveReading, load: float) -> Prefl
     return still._replace(load=load, load_low=load, load_high=load)
 
 
-def _answer(state: PreflightState, wish: float) -> tuple[PreflightState, float, PreflightOutcome]:
+def _answer(state: PreflightState, requested_target: float) -> tuple[PreflightState, float, PreflightOutcome]:
     result = PreflightResult.PENDING
     if state.step == Step.DONE:
         result = PreflightResult.PASSED if state.reason == Reason.NONE else PreflightResult.FAILED
-    return state, wish, PreflightOutcome(result, state.reason)
+    return state, requested_target, PreflightOutcome(result, state.reason)
 
 
 def _fail(state: PreflightState, reason: Reason) -> tuple[PreflightState, float, PreflightOutcome]:

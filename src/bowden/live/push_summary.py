@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from bowden.cycle.one_cycle import WishSource
+from bowden.cycle.one_cycle import TargetSource
 from bowden.design.felt import beside_load, rms_and_peak, settled
 
 if TYPE_CHECKING:
@@ -25,7 +25,7 @@ def figures(log: "Recording", pushing: "Pushing", period: float) -> dict[str, fl
         pushing: as the run had it.
         period: of a cycle [s].
     """
-    led = np.flatnonzero(log["source"] >= WishSource.LAW_BEGINS)
+    led = np.flatnonzero(log["source"] >= TargetSource.LAW_BEGINS)
     if not len(led):
         return None
     led = led[settled(period * np.arange(len(led)))]

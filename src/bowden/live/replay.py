@@ -26,7 +26,7 @@ _SURROUNDINGS = ("lateness", "elapsed", "request", "operator_age", "recorder", "
 _VERDICT = ("command", "power", "mode", "reaction", "faults")
 _NEEDED = (
     *("reference", "reference_velocity", "reference_acceleration", *DriveReading._fields, *_SURROUNDINGS, *_VERDICT),
-    *("joint_seen", "motor_seen", "wish", "source", *SUPERVISOR),
+    *("joint_seen", "motor_seen", "requested_target", "source", *SUPERVISOR),
 )
 
 
@@ -39,12 +39,12 @@ class Replay(NamedTuple):
     """1, and one more for each gap."""
     law_cycles: int
     """Those of them in which the law had the motor."""
-    wish_largest: float | None
-    """Largest difference of the wish from the one recorded, where both are numbers; None where they never are [rad]."""
-    wish_rms: float | None
+    requested_target_largest: float | None
+    """Largest difference of the requested target from the recorded one, of numbers; None where there are none [rad]."""
+    requested_target_rms: float | None
     """Its root mean square [rad]."""
     first_difference: float | None
-    """The record's time at the first wish that is another number [s]."""
+    """The record's time at the first requested target that is another number [s]."""
     verdicts_differing: int
     """Cycles with another power, mode, reaction or set of faults, or with a target or torque offset in one of both
     alone."""
@@ -57,9 +57,9 @@ class Replay(NamedTuple):
 
     @property
     def differs(self) -> bool:
-        """Whether a wish, a verdict, a target or a torque offset is another one than was recorded."""
-        wishes = self.first_difference is not None
-        return wishes or bool(self.verdicts_differing or self.command_largest or self.torque_largest)
+        """Whether a requested target, a verdict, a target or a torque offset is another one than was recorded."""
+        requested = self.first_difference is not None
+        return requested or bool(self.verdicts_differing or self.command_largest or self.torque_largest)
 
 
 def replay(
@@ -104,7 +104,7 @@ def replay(
     )
     changed = _gain_columns(found, law) if same else []
     gaps = np.diff(found.numbers, prepend=found.numbers[0] - 2) > 1
-    wishes = np.full(len(found.rows), np.nan)
+    requested = np.full(len(found.rows), np.nan)
     said = np.full((len(found.rows), len(_VERDICT)), np.nan)
     for k, array in enumerate(found.rows):
         row = array.tolist()
@@ -124,12 +124,14 @@ def replay(
         among = (row[at[name]] if name in at else 0.0 for name in ("others", "opposite"))
         around = (*(row[i] for i in surroundings), emg_age, *among, math.nan)
         observed = unflatten(NOTHING_OBSERVED, np.array([*(row[i] for i in reading), *around]))
-        plan = unflatten(NOTHING_PLANNED, np.array([row[at["source"]], row[at["wish"]], *(row[i] for i in reference)]))
+        plan = unflatten(
+            NOTHING_PLANNED, np.array([row[at["source"]], row[at["requested_target"]], *(row[i] for i in reference)])
+        )
         for place, column in changed:
             cycle.gains[place] = row[column]
-        wishes[k], judged = cycle.step(observed, plan)
+        requested[k], judged = cycle.step(observed, plan)
         said[k] = judged
-    return _compared(found, gaps, wishes, said, found.rows[:, verdict], _torques(found, gaps, period))
+    return _compared(found, gaps, requested, said, found.rows[:, verdict], _torques(found, gaps, period))
 
 
 def _gain_columns(found: Recording, law: Law) -> list[tuple[int, int]]:
@@ -167,11 +169,11 @@ def _torques(found: Recording, gaps: Any, period: float) -> Any:
     return differences
 
 
-def _compared(found: Recording, gaps: Any, wishes: Any, said: Any, recorded: Any, torques: Any) -> Replay:
+def _compared(found: Recording, gaps: Any, requested: Any, said: Any, recorded: Any, torques: Any) -> Replay:
     law_had = ~gaps & (found["source"] >= LAW_BEGINS)
-    wish = found["wish"]
-    equal = (wishes == wish) | (np.isnan(wishes) & np.isnan(wish))
-    difference = np.where(equal, 0.0, wishes - wish)[law_had]
+    requested_target = found["requested_target"]
+    equal = (requested == requested_target) | (np.isnan(requested) & np.isnan(requested_target))
+    difference = np.where(equal, 0.0, requested - requested_target)[law_had]
     difference = difference[np.isfinite(difference)]
     other = ~gaps & ((said[:, 1:] != recorded[:, 1:]).any(axis=1) | (np.isnan(said[:, 0]) != np.isnan(recorded[:, 0])))
     other |= torques is not None and np.isnan(torques)
@@ -186,8 +188,8 @@ def _compared(found: Recording, gaps: Any, wishes: Any, said: Any, recorded: Any
         cycles=int((~gaps).sum()),
         beginnings=int(gaps.sum()),
         law_cycles=int(law_had.sum()),
-        wish_largest=float(np.abs(difference).max()) if len(difference) else None,
-        wish_rms=rmse(difference) if len(difference) else None,
+        requested_target_largest=float(np.abs(difference).max()) if len(difference) else None,
+        requested_target_rms=rmse(difference) if len(difference) else None,
         first_difference=first(law_had & ~equal),
         verdicts_differing=int(other.sum()),
         command_largest=float(command.max()) if len(command) else 0.0,

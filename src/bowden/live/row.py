@@ -39,7 +39,7 @@ CYCLE: Mapping[str, str] = {
     "joint_torque": "N·m",
     "joint_seen": "rad",
     "motor_seen": "rad",
-    "wish": "rad",
+    "requested_target": "rad",
     "command": "rad",
     "power": "1",
     "mode": "1",
@@ -63,8 +63,8 @@ it, the torque offset in a run with one, the state of what makes the reference w
 law's live gains (`live.gain_ramp`).
 
 ``joint`` and ``motor`` are as measured, at the same instant as the reference, which is what the source gave;
-``joint_seen`` and ``motor_seen`` are behind the filters. ``wish`` is from before the supervisor and ``command`` from
-after it; ``overruns`` are the deadlines that were skipped before this cycle.
+``joint_seen`` and ``motor_seen`` are behind the filters. ``requested_target`` is from before the supervisor and
+``command`` from after it; ``overruns`` are the deadlines that were skipped before this cycle.
 """
 
 AT: Mapping[str, int] = {name: i for i, name in enumerate(CYCLE)}

@@ -7,7 +7,7 @@ from bowden.control import source as references
 from bowden.control.admittance.push import Push, push_source
 from bowden.control.law import Law
 from bowden.core.errors import LogError
-from bowden.cycle.one_cycle import Filters, WishSource
+from bowden.cycle.one_cycle import Filters, TargetSource
 from bowden.hardware.ports import Power
 from bowden.live.preflight import Reason
 from bowden.models.suit.suit_angle import SpoolMap
@@ -19,7 +19,7 @@ NAMES: Mapping[str, list[str]] = {
     "mode": [mode.name.lower() for mode in Mode],
     "reaction": ["none", "R1", "R2", "R3"],
     "power": [power.name.lower() for power in Power],
-    "source": [source.name.lower() for source in WishSource],
+    "source": [source.name.lower() for source in TargetSource],
     "preflight_reason": [reason.name.lower() for reason in Reason],
     "faults": [fault.name.lower() for fault in Fault],
 }

@@ -7,7 +7,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from bowden.core.units import RADIANS
-from bowden.cycle.one_cycle import WishSource
+from bowden.cycle.one_cycle import TargetSource
 from bowden.live.preflight import REASONS, Reason
 from bowden.live.ring_status import RecorderState
 from bowden.live.session import Session
@@ -86,7 +86,7 @@ def picture(session: Session, row: dict[str, float], auto: bool, answer: str = "
 
 def _push(row: dict[str, float]) -> str:
     """The push that makes the reference; none counts where the law does not have the motor."""
-    if row["source"] < WishSource.LAW_BEGINS:
+    if row["source"] < TargetSource.LAW_BEGINS:
         return "–"
     push, doubt = row["admittance.push.torque"], row["admittance.estimate.doubt"]
     return f"{push:+.2f} N·m, in doubt by {doubt:.2f}" if math.isfinite(push) else "not known"
@@ -115,7 +115,7 @@ def wearer(run: "EmgRun", row: dict[str, float]) -> str:
         return "not known; only contractions are detected"
     given, level = run.wearer, row["emg.level"]
     said = f"{run.where}: {given.channel} at rest {given.rest:.3g}, at most {given.mvc:.3g}"
-    quiet = row["source"] < WishSource.LAW_BEGINS and not row["emg.flexor"] and not row["emg.trouble"]
+    quiet = row["source"] < TargetSource.LAW_BEGINS and not row["emg.flexor"] and not row["emg.trouble"]
     if not quiet or level == 0.0 or given.rest / _OTHER <= level <= given.rest * _OTHER:
         return escape(said)
     return f"{escape(said)}, [red]and rests at {level:.3g} now: another wearer's file, or electrodes elsewhere?[/red]"

@@ -94,11 +94,13 @@ class Script:
         if mode != self._mode:
             self._enter(mode, target, reading, cycles)
         if mode == Mode.PREFLIGHT:
-            self._checked, wish, said = preflight.step(self._checks, self._checked, reading, cycles * self._period)
+            self._checked, requested_target, said = preflight.step(
+                self._checks, self._checked, reading, cycles * self._period
+            )
             if said.result > self.outcome:
                 self.play = dead_zone(self._checked, reading, self._slope)
             self.outcome = said.result
-            return Plan(MOTION, wish, NOWHERE)
+            return Plan(MOTION, requested_target, NOWHERE)
         if mode != Mode.RUNNING:
             return Plan(HOLD, target, NOWHERE)
         self._cycles += cycles

@@ -25,7 +25,7 @@ from bowden.core.arguments import said
 from bowden.core.clock import SECOND, MonotonicClock, unix_seconds
 from bowden.core.errors import DriveError, LogError, OutputError, ParameterError, SafetyError, near
 from bowden.core.trace import Trace
-from bowden.cycle.one_cycle import WishSource
+from bowden.cycle.one_cycle import TargetSource
 from bowden.hardware import shared_memory
 from bowden.hardware.drives.family import family_of
 from bowden.live import control_block, left_behind
@@ -60,7 +60,7 @@ _START = 900.0
 _ANSWER_WITHIN = 3.0
 """A wait of this long is explained [s]."""
 _END = 10.0
-"""From the wish to end to the process' end [s]."""
+"""From the request to end to the process' end [s]."""
 _LOOK = 0.05
 """Between two looks at a run that is seen through [s]."""
 _MOST_LOGS = 3
@@ -592,7 +592,7 @@ class Session:
                     f"the run ended before the law led: {self.outcome}", do="correct the cause, try again"
                 )
             row = self._last
-            if self.mode == Mode.RUNNING and row is not None and row[AT["source"]] == WishSource.LAW:
+            if self.mode == Mode.RUNNING and row is not None and row[AT["source"]] == TargetSource.LAW:
                 return
 
     def _stepped(self) -> Iterator[bool]:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from bowden.core.errors import LogError, counted
 from bowden.core.metrics import rmse
 from bowden.core.units import RADIANS
-from bowden.cycle.one_cycle import WishSource
+from bowden.cycle.one_cycle import TargetSource
 from bowden.hardware.drives.family import family_of
 from bowden.hardware.ports import TorqueLeft, torque_left
 from bowden.live import emg_summary, push_summary, stops
@@ -80,7 +80,7 @@ def document(session: Session) -> dict[str, Any]:
 
 def _followed(axis: SessionAxis, log: Recording) -> dict[str, Any]:
     """How well one axis followed, and what its drive said by itself."""
-    led = log["source"] >= WishSource.LAW_BEGINS
+    led = log["source"] >= TargetSource.LAW_BEGINS
     error = (log["joint"] - log["reference"])[led]
     error = error[np.isfinite(error)]
     codes, explain = log["emergency"], family_of(axis.live.rig.drive).explain

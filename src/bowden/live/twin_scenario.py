@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.core.errors import DriveError
-from bowden.cycle.one_cycle import WishSource
+from bowden.cycle.one_cycle import TargetSource
 from bowden.hardware.drives.family import family_of
 from bowden.hardware.twin.control import TwinControl
 from bowden.live.row import AT
@@ -37,7 +37,7 @@ class TwinScenario:
 
     def see(self, rows: NDArray[np.float64]) -> None:
         """Take in the rows of a run that have come since the last call (n, width)."""
-        led = np.flatnonzero(rows[:, self._at["source"]] >= WishSource.LAW_BEGINS)
+        led = np.flatnonzero(rows[:, self._at["source"]] >= TargetSource.LAW_BEGINS)
         if len(led) and not self._begun:
             self._begun = True
             self._tell(self._start + float(rows[led[0], self._at["time"]]))

@@ -6,7 +6,7 @@ from bowden.core.kernel import kernel
 from bowden.core.quantity import Quantity
 
 
-class Followed(NamedTuple):
+class SensorState(NamedTuple):
     """A sensor's last good reading."""
 
     value: Annotated[float, Quantity("the reading", "rad")]
@@ -35,7 +35,7 @@ def persistence_time(condition: bool, before: float, time: float) -> float:
 class ReadingCheck(NamedTuple):
     """What becomes of a reading: it is used as it is, or not at all."""
 
-    sensor: Followed
+    sensor: SensorState
     lost: bool
     """There was no reading that can be."""
     jumped: bool
@@ -44,7 +44,14 @@ class ReadingCheck(NamedTuple):
 
 @kernel
 def follow(
-    before: Followed, value: float, came: bool, time: float, span: float, jump: float, fastest: float, smoothing: float
+    before: SensorState,
+    value: float,
+    came: bool,
+    time: float,
+    span: float,
+    jump: float,
+    fastest: float,
+    smoothing: float,
 ) -> ReadingCheck:
     """The sensor after a reading `time` [s] later.
 
@@ -62,7 +69,7 @@ def follow(
         smoothing: time constant of the speed's filter [s].
     """
     age = before.age + time
-    aged = Followed(before.value, before.speed, age)
+    aged = SensorState(before.value, before.speed, age)
     if outside(value, -span, span):
         return ReadingCheck(aged, True, False)
     change = value - before.value
@@ -73,4 +80,4 @@ def follow(
     speed = before.speed
     if smoothing + age > 0.0:  # two readings of one sample, without a filter, say nothing of the speed
         speed = before.speed + (change - before.speed * age) / (smoothing + age)
-    return ReadingCheck(Followed(value, speed, 0.0), False, False)
+    return ReadingCheck(SensorState(value, speed, 0.0), False, False)

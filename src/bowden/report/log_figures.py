@@ -44,11 +44,11 @@ def motion(trace: Trace) -> "Figure":
 
 
 def commands(trace: Trace) -> "Figure":
-    """Wish, command and motor over time, and what the drive had still to do."""
+    """Requested target, command and motor over time, and what the drive had still to do."""
     figure, (above, below) = new_figure(2, 1, height=4.0, share_x=True)
     motor = trace["motor"] * DEGREES
-    colours = {"wish": COLOURS["limit"], "command": COLOURS["command"]}
-    for name, width in (("wish", 3.6), ("command", 1.4)):
+    colours = {"requested_target": COLOURS["limit"], "command": COLOURS["command"]}
+    for name, width in (("requested_target", 3.6), ("command", 1.4)):
         if name in trace.columns and np.isfinite(trace[name]).any():
             asked = trace[name] * DEGREES
             _line(above, trace, asked, name, colours[name], width)

@@ -10,7 +10,7 @@ from bowden.core.metrics import rmse
 from bowden.core.style import COLOURS
 from bowden.core.trace import Trace
 from bowden.core.units import DEGREES
-from bowden.cycle.one_cycle import WishSource
+from bowden.cycle.one_cycle import TargetSource
 from bowden.live import stops
 from bowden.report import log_figures as figures
 from bowden.report.page import Page
@@ -59,11 +59,11 @@ def log_page(trace: Trace, events: Sequence[tuple[float, str]], facts: Mapping[s
             if np.isfinite(trace.error).any()
             else "Measured joint angle; this log has no reference.",
         )
-    if has({"motor"}) and not {"wish", "command"}.isdisjoint(trace.columns):
+    if has({"motor"}) and not {"requested_target", "command"}.isdisjoint(trace.columns):
         page.heading("Commands to the motor")
         page.figure(
             figures.commands(trace),
-            "Above: the angle that was wished for the motor, the command that the supervisor sent, and the measured "
+            "Above: the angle that was requested for the motor, the command that the supervisor sent, and the measured "
             "motor angle. Below: how far the motor was from both.",
         )
     bands = figures.states(trace)
@@ -109,7 +109,7 @@ def _summary(page: Page, trace: Trace, facts: Mapping[str, Any]) -> None:
     """The error while the law led, how the run ended, and every stop by a fault with what to do about it."""
     rows = []
     if {"reference", "joint"} <= set(trace.columns):
-        leads = trace["source"] >= WishSource.LAW_BEGINS if "source" in trace.columns else np.ones(len(trace), bool)
+        leads = trace["source"] >= TargetSource.LAW_BEGINS if "source" in trace.columns else np.ones(len(trace), bool)
         error = trace.error[leads]
         error = error[np.isfinite(error)] * DEGREES
         if len(error):

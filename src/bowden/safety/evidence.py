@@ -9,7 +9,7 @@ from bowden.core.kernel import kernel
 from bowden.core.signals import DriveReading, DriveState
 from bowden.models.drive.servo import servo_predict
 from bowden.models.drive.thermal import warm
-from bowden.models.plausible import Followed, ReadingCheck, beyond, follow, outside, persistence_time
+from bowden.models.plausible import ReadingCheck, SensorState, beyond, follow, outside, persistence_time
 from bowden.safety.limits import Limits
 from bowden.safety.state import (
     Mode,
@@ -248,7 +248,7 @@ def judge_request(limits: Limits, state: SupervisorState, requested: float, enab
 
 @kernel
 def watch_pair(
-    limits: Limits, state: SupervisorState, opposite: float, motor: Followed, joint: float, time: float, leads: bool
+    limits: Limits, state: SupervisorState, opposite: float, motor: SensorState, joint: float, time: float, leads: bool
 ) -> PairState:
     """How a motor of a pair goes with the other one: half of what both are further apart than the joint asks.
 

@@ -3,7 +3,7 @@
 from typing import NamedTuple
 
 from bowden.core.kernel import kernel
-from bowden.models.plausible import Followed, beyond, persistence_time
+from bowden.models.plausible import SensorState, beyond, persistence_time
 from bowden.safety.faults import Fault, bits_of
 from bowden.safety.limits import Limits
 from bowden.safety.state import Decision, SupervisorState
@@ -43,7 +43,7 @@ def release_speed(limits: Limits, by_force: bool) -> float:
 
 @kernel
 def release_target(
-    limits: Limits, target_met_motor: bool, target: float, motor: Followed, by_force: bool, time: float
+    limits: Limits, target_met_motor: bool, target: float, motor: SensorState, by_force: bool, time: float
 ) -> float:
     """The motor's next target in R2 [rad]: let down at `release_speed`, to where the cable is just taut.
 
@@ -97,7 +97,7 @@ def follow_release(
     last: Decision,
     seen: SupervisorState,
     latched: int,
-    asked: bool,
+    requested: bool,
     releasing: bool,
     time: float,
     dt: float,
@@ -112,13 +112,13 @@ def follow_release(
         last: what was decided in the cycle before.
         seen: what this cycle shows.
         latched: the faults that are latched in this cycle.
-        asked: whether a release is asked for, or goes on.
+        requested: whether a release is requested, or goes on.
         releasing: whether it goes on.
         time: since the cycle before [s].
         dt: length of a cycle [s].
     """
     joint, motor, out = seen.joint.value, seen.motor.value, limits.slack_sign
-    released = persistence_time(asked, last.release_time, time)
+    released = persistence_time(requested, last.release_time, time)
     joint_at_release = last.joint_at_release if releasing else joint
     motor_at_release = last.motor_at_release if releasing else motor
 
@@ -128,8 +128,8 @@ def follow_release(
     grown = leads - out * (limits.slope_high * motor_at_release - joint_at_release)
     behind = beyond(leads, 0.5 * limits.play) and beyond(grown, 0.5 * limits.play)
     moves = beyond(abs(joint - joint_at_release), limits.joint_still)
-    believed = (latched & OF_JOINT) == 0
-    ahead = persistence_time(behind and moves and believed, last.joint_ahead_time, min(time, 5.0 * dt))
+    joint_credible = (latched & OF_JOINT) == 0
+    ahead = persistence_time(behind and moves and joint_credible, last.joint_ahead_time, min(time, 5.0 * dt))
 
     carries = beyond(out * (limits.taut - seen.servo.position), TAUT) and not beyond(ahead, AHEAD)
     longest = longest_release(limits) if carries else limits.release_time

@@ -7,7 +7,7 @@ from typing import Annotated, NamedTuple
 from bowden.core.quantity import Quantity
 from bowden.core.signals import DriveReading, Power
 from bowden.models.drive.thermal import ThermalState
-from bowden.models.plausible import Followed
+from bowden.models.plausible import SensorState
 from bowden.safety.faults import Reaction
 
 
@@ -166,8 +166,8 @@ class SupervisorState(NamedTuple):
     target: Annotated[float, Quantity("what the drive was sent last", "rad")]
     decided: Decision
     servo: ModelledServo
-    motor: Followed
-    joint: Followed
+    motor: SensorState
+    joint: SensorState
     stuck_joint: StuckSensorState
     stuck_current: StuckCurrentState
     timers: Timers

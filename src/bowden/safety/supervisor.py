@@ -9,7 +9,7 @@ sent meanwhile stays within both. A reading is used as it is or not at all.
 from bowden.core.kernel import kernel
 from bowden.core.signals import DriveReading, Power
 from bowden.models.drive.thermal import ThermalState
-from bowden.models.plausible import Followed, outside
+from bowden.models.plausible import SensorState, outside
 from bowden.safety.detectors import run_detectors
 from bowden.safety.evidence import Evidence, gather, has_power, most_step
 from bowden.safety.faults import AT_ONCE, EVENTUALLY, LATCHING, Fault, Reaction, bits_of, worst_reaction
@@ -43,8 +43,8 @@ def begin(limits: Limits, reading: DriveReading, thermal: ThermalState) -> Super
         target,
         Decision(Mode.STOPPED, False, target, 0.0, 0.0, 0, joint, motor, False, 0.0),
         ModelledServo(False, motor, 0.0, 0.0),
-        Followed(motor, 0.0, 0.0),
-        Followed(joint, 0.0, 0.0),
+        SensorState(motor, 0.0, 0.0),
+        SensorState(joint, 0.0, 0.0),
         StuckSensorState(motor, joint, joint, 0.0),
         StuckCurrentState(0.0, 0.0, 0.0, 0.0),
         Timers(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
@@ -74,8 +74,8 @@ def supervise(
 
     starts = request == Request.RUN and observed.preflight == PreflightResult.PASSED and enabled and found == 0
     started = powered and (starts or last.started)
-    asked = reaction >= Reaction.R2 or request == Request.STOP or releasing
-    release = follow_release(limits, last, now, latched, asked, releasing, time, dt)
+    requested = reaction >= Reaction.R2 or request == Request.STOP or releasing
+    release = follow_release(limits, last, now, latched, requested, releasing, time, dt)
     mode = next_mode(last.mode, request, reaction, started, release.done, latched, active)
 
     target = next_target(limits, evidence, mode, requested_target, latched)

@@ -490,13 +490,15 @@ def observe_rest(onset: Onset, state: OnsetState, power: float, beside: float, d
     # in a contraction rest is forgotten, and a level that rises would end it
     bounded = state.phase == Phase.REST and rest.uncertainty > FAMILIAR
     bound = least if bounded else SILENT
-    heard = max(power, bound * bound)
-    excess = log(heard) - rest.level
+    observed = max(power, bound * bound)
+    excess = log(observed) - rest.level
     if excess > 0.0:
         excess = max(0.0, excess - log(1.0 + beside / (state.sigma * state.sigma)))
     limit = SURE * sqrt(rest.spread + rest.uncertainty)
     muted = power < MUTED * MUTED * least * least
-    return Observation(heard, excess, limit, beside > heard, muted, bounded, learning_speed(onset, state, heard, dead))
+    return Observation(
+        observed, excess, limit, beside > observed, muted, bounded, learning_speed(onset, state, observed, dead)
+    )
 
 
 @kernel

@@ -83,7 +83,7 @@ def run_loop(
         delay: from a sample to the moment its command reaches the servo [cycles].
         record: to be filled: `RECORDED`, then the plant's columns.
         states: to be filled: the law's state, the reference that it was shown with what the conditioner remembers, then
-            the source's state as far as there is room.
+            the source's state if there is room.
         fault: of a sensor.
         kept: (2, n) for the readings that a fault may look back at; without one it is not touched.
     """
@@ -107,9 +107,13 @@ def run_loop(
         columns = flat(plant_look(plant, body))
         for j in range(len(columns)):
             record[4 + j, k] = columns[j]
-        numbers = flat((state.law, state.conditioned, state.source))
-        for j in range(states.shape[0]):
+        numbers = flat((state.law, state.conditioned))  # a number of stores that the compiler knows, without a jump
+        for j in range(len(numbers)):
             states[j, k] = numbers[j]
+        if states.shape[0] > len(numbers):
+            asked = flat(state.source)
+            for j in range(len(asked)):
+                states[len(numbers) + j, k] = asked[j]
         if not abs(command) < RUNAWAY:
             return k
         applied = record[2, k - delay] if k >= delay else initial_motor

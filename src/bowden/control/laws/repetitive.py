@@ -154,12 +154,12 @@ def learnt(
 
 
 @kernel
-def added(asked: Reference, harmonic: Harmonic, c: float, s: float, speed: float) -> Reference:
+def added(requested: Reference, harmonic: Harmonic, c: float, s: float, speed: float) -> Reference:
     """The reference with one harmonic and its derivatives."""
     position = harmonic.even * c + harmonic.odd * s
     velocity = speed * (harmonic.odd * c - harmonic.even * s)
     return Reference(
-        asked.position + position, asked.velocity + velocity, asked.acceleration - speed * speed * position
+        requested.position + position, requested.velocity + velocity, requested.acceleration - speed * speed * position
     )
 
 
@@ -191,13 +191,13 @@ def step(
     fifth = learnt(before.fifth, c5, s5, 5.0 * speed, error, gains, kept)
     sixth = learnt(before.sixth, c6, s6, 6.0 * speed, error, gains, kept)
 
-    asked = added(reference, first, c1, s1, speed)
-    asked = added(asked, second, c2, s2, 2.0 * speed)
-    asked = added(asked, third, c3, s3, 3.0 * speed)
-    asked = added(asked, fourth, c4, s4, 4.0 * speed)
-    asked = added(asked, fifth, c5, s5, 5.0 * speed)
-    asked = added(asked, sixth, c6, s6, 6.0 * speed)
-    observer, command = observer_step(gains, state.observer, sample, asked, dt)
+    requested = added(reference, first, c1, s1, speed)
+    requested = added(requested, second, c2, s2, 2.0 * speed)
+    requested = added(requested, third, c3, s3, 3.0 * speed)
+    requested = added(requested, fourth, c4, s4, 4.0 * speed)
+    requested = added(requested, fifth, c5, s5, 5.0 * speed)
+    requested = added(requested, sixth, c6, s6, 6.0 * speed)
+    observer, command = observer_step(gains, state.observer, sample, requested, dt)
     return RepetitiveState(observer, stroke, Harmonics(first, second, third, fourth, fifth, sixth)), command
 
 

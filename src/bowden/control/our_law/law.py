@@ -7,8 +7,8 @@ With s = 1/a₀, a₀ the given slope, a the learned one, φ the reference, F th
 
 ω, ζ are the servo's, τ the delay. Four parts, each with a file of its own: `observer` takes everything that moves the
 joint for one disturbance and takes it away (F), `drive` knows by how much the motor falls short of its command,
-`crossing` knows the dead zone (J) and learns a, `swing` slows the observer where the loop rings. In the feedback stands
-a₀, in the plan a: what is learned must not be the loop's gain.
+`deadzone` knows the dead zone (J) and learns a, `oscillation` slows the observer where the loop rings. In the feedback
+stands a₀, in the plan a: what is learned must not be the loop's gain.
 
 Derivation, stability and limits: ``docs/background/our_law.md``.
 """
@@ -17,16 +17,16 @@ import math
 from typing import NamedTuple
 
 from bowden.control.law_parts import Filtered, invert_servo
-from bowden.control.our_law.crossing import (
+from bowden.control.our_law.deadzone import (
     TOUCH,
     TOUCH_SIGMAS,
     TURN,
     TURN_SIGMAS,
     UNSEEN,
     WIDEST,
-    Crossing,
     DeadzoneInput,
-    crossing_at_start,
+    DeadzoneState,
+    deadzone_at_start,
     shortfall_at_joint,
     update_deadzone,
 )
@@ -44,7 +44,7 @@ from bowden.control.our_law.observer import (
     observer_at_rest,
     propagate_correction,
 )
-from bowden.control.our_law.swing import (
+from bowden.control.our_law.oscillation import (
     OscillationMonitor,
     is_step_disturbance,
     no_oscillation,
@@ -76,8 +76,8 @@ class BowdenState(NamedTuple):
     """What the law remembers."""
 
     observer: Observer
-    swing: OscillationMonitor
-    crossing: Crossing
+    oscillation: OscillationMonitor
+    deadzone: DeadzoneState
     drive: ExpectedMotor
 
 
@@ -86,8 +86,8 @@ def start(gains: BowdenGains, sample: Sample) -> BowdenState:
     """Begin with the motor held where it is."""
     inverse, motor = 1.0 / abs(gains.slope), math.copysign(1.0, gains.slope) * sample.motor
     offset = motor - sample.joint * inverse
-    crossing = crossing_at_start(sample.joint, offset, inverse, gains.width)
-    return BowdenState(observer_at_rest(offset), no_oscillation(), crossing, ExpectedMotor(motor, 0.0))
+    deadzone = deadzone_at_start(sample.joint, offset, inverse, gains.width)
+    return BowdenState(observer_at_rest(offset), no_oscillation(), deadzone, ExpectedMotor(motor, 0.0))
 
 
 class ValidatedSample(NamedTuple):
@@ -104,7 +104,7 @@ class ValidatedSample(NamedTuple):
 
 
 @kernel
-def measured(gains: BowdenGains, cable: Crossing, sample: Sample, dt: float) -> ValidatedSample:
+def measured(gains: BowdenGains, cable: DeadzoneState, sample: Sample, dt: float) -> ValidatedSample:
     """A sample that is no number changes nothing, and one that jumps counts as the joint's fastest."""
     last = cable.answer_joint
     if not (abs(sample.joint) <= FURTHEST and abs(sample.motor) <= FURTHEST):
@@ -123,19 +123,21 @@ def step(
 
     The motor is counted in the direction in which it moves the joint on, so that the slope is positive.
     """
-    before, cable, inverse = state.observer, state.crossing, 1.0 / abs(gains.slope)
+    before, cable, inverse = state.observer, state.deadzone, 1.0 / abs(gains.slope)
     omega, delay, noise = gains.servo_frequency, gains.delay, gains.noise * inverse
     rates = derived_rates(gains, inverse, dt)
     now = measured(gains, cable, sample, dt)
     wanted = reference.position if abs(reference.position) <= FURTHEST else now.joint  # no NaN stays in the state
 
     # the correction at the joint
-    load = time_of_load(state.swing)
+    load = time_of_load(state.oscillation)
     lag = gains.lag if load > 0.0 else gains.lag + UNKNOWN_LAG / omega
     late = gains.lag + 2.0 * LOAD_DAMPING * load
     shortfall = tracking_shortfall(state.drive, now.motor, gains) if now.valid else 0.0
     in_reach = abs(before.requested - cable.answer_contact) < WIDEST  # of a dead zone
-    step_disturbance = is_step_disturbance(state.swing) and in_reach and late <= 0.0  # a load that is tried is late
+    step_disturbance = (
+        is_step_disturbance(state.oscillation) and in_reach and late <= 0.0
+    )  # a load that is tried is late
     fastest = largest_speed(rates.stopping, reference.velocity * inverse, step_disturbance)
     arrived = propagate_correction(before, shortfall_at_joint(cable, shortfall), delay, lag, load, fastest, dt)
 
@@ -145,8 +147,8 @@ def step(
     slow = slow + (disturbance - slow) * (dt / (SLOW_PART + dt))
 
     # I and F, as fast as the watch allows
-    swing = update_oscillation_monitor(state.swing, disturbance - slow, noise, rates.kappa, dt)
-    kappa = swing.bandwidth_share * rates.kappa
+    oscillation = update_oscillation_monitor(state.oscillation, disturbance - slow, noise, rates.kappa, dt)
+    kappa = oscillation.bandwidth_share * rates.kappa
     rests = abs(reference.velocity) * REST < TURN + TURN_SIGMAS * gains.noise
     least = IDLE + IDLE_SIGMAS * noise if rests else noise
     observer, acceleration = correct(before, disturbance, slow, arrived, kappa, rates, least, fastest, dt)
@@ -166,8 +168,8 @@ def step(
         answer=1.0 / kappa + FILTER_DELAY / rates.quick + delay,
         rate=state.drive.velocity,
     )
-    deadzone = update_deadzone(cable, given, before.requested, observer.requested, dt)
-    observer, cable = apply_shift(observer, deadzone.requested, deadzone.shift), deadzone.crossing
+    updated = update_deadzone(cable, given, before.requested, observer.requested, dt)
+    observer, cable = apply_shift(observer, updated.requested, updated.shift), updated.state
 
     # where the motor is to be, and the servo's inverse of it
     position = reference.position + delay * (reference.velocity + 0.5 * delay * reference.acceleration)
@@ -175,9 +177,9 @@ def step(
     motor = Filtered(
         position * cable.inverse + observer.sent + cable.jump,
         velocity * cable.inverse + observer.sent_rate + cable.jump_rate,
-        reference.acceleration * cable.inverse + acceleration + cable.jump_bend,
+        reference.acceleration * cable.inverse + acceleration + cable.jump_acceleration,
     )
     command = invert_servo(motor, omega, gains.servo_damping)
     sane = command if abs(command) <= FURTHEST else state.drive.position
     drive = predict_motor(state.drive, sane, omega, gains.servo_damping, dt)
-    return BowdenState(observer, swing, cable, drive), math.copysign(1.0, gains.slope) * command
+    return BowdenState(observer, oscillation, cable, drive), math.copysign(1.0, gains.slope) * command

@@ -10,13 +10,13 @@ error e = joint − reference, the delay τ, and F, which is sent to the servo b
 
 y is the correction at the joint, through a load: T²·ÿ + (lag + 2·0.25·T)·ẏ + y = F − τ·F' + u, u the motor's shortfall
 (`drive`); F − τ·F' is F a delay ago. Its lag is given, with 0.35/ω for what nobody knows of it; the time T of a load
-that swings is learned (`swing`). In d̂ the law's own correction cancels, so that where servo, delay, slope and load
-are as modelled and the cable is engaged nothing is fed back: the loop's gain is the error of the model. Hence κ can
-be wide, and is bounded by what is not known of servo and delay. v bounds what a wrong model can do: an unstable loop
-swings with a bounded amplitude and does not run away. A step disturbance (`swing`) is no such swing: V is 2·v +
-s·|φ̇| then, as far as the widest dead zone, and where the joint is not known to be late: one that is swings if it is
-hit too hard. κ, q and v follow from what is given (`derived_rates`); σ₀ is the noise of d̂, so that innovations within
-it hardly count.
+that swings is learned (`oscillation`). In d̂ the law's own correction cancels, so that where servo, delay, slope and
+load are as modelled and the cable is engaged nothing is fed back: the loop's gain is the error of the model. Hence κ
+can be wide, and is bounded by what is not known of servo and delay. v bounds what a wrong model can do: an unstable
+loop swings with a bounded amplitude and does not run away. A step disturbance (`oscillation`) is no such swing: V is
+2·v + s·|φ̇| then, as far as the widest dead zone, and where the joint is not known to be late: one that is swings if it
+is hit too hard. κ, q and v follow from what is given (`derived_rates`); σ₀ is the noise of d̂, so that innovations
+within it hardly count.
 
 Backward Euler and exact exponentials: stable at every sample time.
 """
@@ -79,7 +79,7 @@ class DerivedRates(NamedTuple):
     """DerivedRates that follow from what is given."""
 
     kappa: float
-    """κ, whole: what `swing` leaves of it is used [1/s]."""
+    """κ, whole: what `oscillation` leaves of it is used [1/s]."""
     quick: float
     """q, of the filters [rad/s]."""
     stopping: float

@@ -1,20 +1,20 @@
 /* A loop for a board with the Arduino core: joint and motor by their encoders' counts, a motion to and fro of minimum
  * jerk, the law, and the drive's command in counts. Fill in the three functions that are yours.
  *
- * Arduino: rename to FOLDER.ino, and put it into a folder of that name with @NAME@.h and @NAME@.c.
+ * Arduino: rename to FOLDER.ino, and put it into a folder of that name with [[name]].h and [[name]].c.
  * PlatformIO: this folder is a project; name your board in platformio.ini.
  */
 
 #include <Arduino.h>
 
-#include "@NAME@.h"
+#include "[[name]].h"
 
-static const @NAME@_real AMPLITUDE = 0.2f; /* of the joint, from where it is [rad] */
-static const @NAME@_real DURATION = 2; /* of one way [s] */
-static const uint32_t PERIOD = @MICROSECONDS@; /* of a cycle [us]: what the law was exported for */
+static const [[name]]_real AMPLITUDE = 0.2f; /* of the joint, from where it is [rad] */
+static const [[name]]_real DURATION = 2; /* of one way [s] */
+static const uint32_t PERIOD = [[microseconds]]; /* of a cycle [us]: what the law was exported for */
 
-static @NAME@_LawState state;
-static @NAME@_real begin;
+static [[name]]_LawState state;
+static [[name]]_real begin;
 static uint32_t next_cycle, cycles;
 
 static long read_motor_counts()
@@ -32,20 +32,20 @@ static void write_motor_counts(long counts)
     (void)counts; /* yours: to the drive, in counts of the motor's encoder */
 }
 
-static @NAME@_Sample measured()
+static [[name]]_Sample measured()
 {
-    @NAME@_Sample sample;
+    [[name]]_Sample sample;
 
-    sample.joint = @JOINT@;
-    sample.motor = @MOTOR@;
+    sample.joint = {% if counts %}[[joint]]{% else %}read_joint_counts() * 1e-3 /* yours: counts to the joint's angle [rad] */{% endif %};
+    sample.motor = {% if counts %}[[motor]]{% else %}read_motor_counts() * 1e-3 /* yours: counts to the motor's, through the spool [rad] */{% endif %};
     return sample;
 }
 
 void setup()
 {
-    const @NAME@_Sample sample = measured();
+    const [[name]]_Sample sample = measured();
 
-    @NAME@_start(&state, &sample);
+    [[name]]_start(&state, &sample);
     begin = sample.joint;
     next_cycle = micros();
 }
@@ -56,13 +56,13 @@ void loop()
         return;
     }
     next_cycle += PERIOD;
-    const @NAME@_Sample sample = measured();
-    const @NAME@_real time = (@NAME@_real)cycles * (@NAME@_real)(PERIOD * 1e-6);
+    const [[name]]_Sample sample = measured();
+    const [[name]]_real time = ([[name]]_real)cycles * ([[name]]_real)(PERIOD * 1e-6);
     const bool back = time > DURATION;
-    const @NAME@_Reference reference = @NAME@_minimum_jerk(
+    const [[name]]_Reference reference = [[name]]_minimum_jerk(
         back ? begin + AMPLITUDE : begin, back ? begin : begin + AMPLITUDE, DURATION, back ? time - DURATION : time);
-    const @NAME@_real command = @NAME@_step(&state, &sample, &reference);
+    const [[name]]_real command = [[name]]_step(&state, &sample, &reference);
 
-    write_motor_counts(lround(@COMMAND@));
+    write_motor_counts(lround({% if counts %}[[name]]_motor_counts(command){% else %}command * 1e3 /* yours: back to counts */{% endif %}));
     cycles = time < 2 * DURATION ? cycles + 1 : 0;
 }

@@ -1,7 +1,7 @@
 #include <stdint.h>
 #include <string.h>
 
-#include "@NAME@.h"
+#include "[[name]].h"
 
 #define REGISTER(address) (*(volatile uint32_t *)(address))
 #define PATTERN 0x5aa5c33cu
@@ -16,7 +16,7 @@ __attribute__((section(".vectors"), used)) static const struct {
 } VECTORS = {&stack_top, reset};
 
 static const double ROWS[][5] = {
-@ROWS@
+[[rows]]
 };
 
 static uint32_t semihost(uint32_t what, const void *with)
@@ -50,7 +50,7 @@ static uint32_t now(void)
 
 int main(void)
 {
-    static @NAME@_LawState state;
+    static [[name]]_LawState state;
     static double commands[sizeof ROWS / sizeof ROWS[0]];
     const size_t count = sizeof ROWS / sizeof ROWS[0];
     uint32_t ticks = 0, longest = 0, *at, *top;
@@ -63,18 +63,18 @@ int main(void)
         *at = PATTERN;
     }
     for (size_t k = 0; k < count; ++k) {
-        const @NAME@_Sample sample = {(@NAME@_real)ROWS[k][0], (@NAME@_real)ROWS[k][1]};
-        const @NAME@_Reference reference = {
-            (@NAME@_real)ROWS[k][2], (@NAME@_real)ROWS[k][3], (@NAME@_real)ROWS[k][4]
+        const [[name]]_Sample sample = {([[name]]_real)ROWS[k][0], ([[name]]_real)ROWS[k][1]};
+        const [[name]]_Reference reference = {
+            ([[name]]_real)ROWS[k][2], ([[name]]_real)ROWS[k][3], ([[name]]_real)ROWS[k][4]
         };
         uint32_t begin, took;
-        @NAME@_real command;
+        [[name]]_real command;
 
         if (k == 0) {
-            @NAME@_start(&state, &sample);
+            [[name]]_start(&state, &sample);
         }
         begin = now();
-        command = @NAME@_step(&state, &sample, &reference);
+        command = [[name]]_step(&state, &sample, &reference);
         took = (begin - now()) & 0xffffffu;
         commands[k] = (double)command;
         if (k > 0) {

@@ -1,4 +1,4 @@
-/* Replays a recorded run through @NAME@_start and @NAME@_step.
+/* Replays a recorded run through [[name]]_start and [[name]]_step.
  *
  *   replay RECORDING.csv           compares every command with the recorded one; exit code 1 where one is not exact
  *   replay RECORDING.csv --print   prints time, command and state of every cycle instead
@@ -11,16 +11,16 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "@NAME@.h"
+#include "[[name]].h"
 
-#define EXACT @EXACT@ /* whether every command must be the recorded one, to the bit */
+#define EXACT [[exact]] /* whether every command must be the recorded one, to the bit */
 
-enum { TIME, JOINT, MOTOR, POSITION, VELOCITY, ACCELERATION, WISH, SOURCE, COLUMNS };
+enum { TIME, JOINT, MOTOR, POSITION, VELOCITY, ACCELERATION, REQUESTED_TARGET, SOURCE, COLUMNS };
 
 /* other names are those of a simulated trace */
 static const char *const NAMES[COLUMNS][2] = {
     {"time", ""}, {"joint_seen", "joint_measured"}, {"motor_seen", "motor_measured"}, {"reference", ""},
-    {"reference_velocity", ""}, {"reference_acceleration", ""}, {"wish", "command"}, {"source", ""}
+    {"reference_velocity", ""}, {"reference_acceleration", ""}, {"requested_target", "command"}, {"source", ""}
 };
 
 static char line[65536], *fields[512];
@@ -54,7 +54,7 @@ static int table(FILE *in, int print)
     int at[COLUMNS], count = split(in);
     long cycles = 0, differ = 0;
     double furthest = 0.0;
-    @NAME@_LawState state;
+    [[name]]_LawState state;
 
     for (int i = 0; i < COLUMNS; ++i) {
         at[i] = -1;
@@ -69,7 +69,7 @@ static int table(FILE *in, int print)
         }
     }
     if (print) {
-        printf("time,command,@HEADER@\n");
+        printf("time,command,[[header]]\n");
     }
     while ((count = split(in)) > 0) {
         double row[COLUMNS];
@@ -77,27 +77,27 @@ static int table(FILE *in, int print)
             const char *text = at[i] >= 0 && at[i] < count ? fields[at[i]] : "";
             row[i] = *text != '\0' ? strtod(text, NULL) : (double)NAN;
         }
-        /* where the wish came from: below 2 from no law, 2 from one that begins; a simulated run begins once */
+        /* where the requested target came from: below 2 from no law, 2 from one that begins; a simulated run begins once */
         const double source = at[SOURCE] >= 0 ? row[SOURCE] : cycles == 0 ? 2.0 : 3.0;
         if (!(source >= 2.0)) {
             continue;
         }
-        const @NAME@_Sample sample = {(@NAME@_real)row[JOINT], (@NAME@_real)row[MOTOR]};
-        const @NAME@_Reference reference = {
-            (@NAME@_real)row[POSITION], (@NAME@_real)row[VELOCITY], (@NAME@_real)row[ACCELERATION]
+        const [[name]]_Sample sample = {([[name]]_real)row[JOINT], ([[name]]_real)row[MOTOR]};
+        const [[name]]_Reference reference = {
+            ([[name]]_real)row[POSITION], ([[name]]_real)row[VELOCITY], ([[name]]_real)row[ACCELERATION]
         };
         if (source == 2.0) {
-            @NAME@_start(&state, &sample);
+            [[name]]_start(&state, &sample);
         }
-        const double command = (double)@NAME@_step(&state, &sample, &reference);
-        const double away = fabs(command - row[WISH]);
-        differ += !((command != command && row[WISH] != row[WISH]) || memcmp(&command, &row[WISH], sizeof command) == 0);
+        const double command = (double)[[name]]_step(&state, &sample, &reference);
+        const double away = fabs(command - row[REQUESTED_TARGET]);
+        differ += !((command != command && row[REQUESTED_TARGET] != row[REQUESTED_TARGET]) || memcmp(&command, &row[REQUESTED_TARGET], sizeof command) == 0);
         furthest = away > furthest ? away : furthest;
         cycles++;
         if (print) {
             const double values[] = {
                 row[TIME],
-                command@VALUES@
+                command[[values]]
             };
             for (size_t i = 0; i < sizeof values / sizeof values[0]; ++i) {
                 printf("%s%.17g", i > 0 ? "," : "", values[i]);

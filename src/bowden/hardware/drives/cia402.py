@@ -67,7 +67,7 @@ CONTROL: dict[tuple[DriveState, Power], Controlword] = {
 }
 """DriveState × wanted power → the controlword of this cycle; one step a cycle, and never out of a fault.
 
-A quick stop that has begun is let go to its end while it is wanted; any other wish takes the torque off.
+A quick stop that has begun is let go to its end while it is wanted; any other request takes the torque off.
 """
 
 

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from bowden.control.our_law.crossing import (
+from bowden.control.our_law.deadzone import (
     BELIEVED,
-    Crossing,
     DeadzoneInput,
     DeadzonePhase,
-    crossing_at_start,
+    DeadzoneState,
+    deadzone_at_start,
     shortfall_at_joint,
     update_deadzone,
 )
@@ -22,14 +22,14 @@ def given(joint: float, motor: float, position: float, velocity: float, lag: flo
 
 
 def after_rows(
-    cable: Crossing, rows: list[tuple[float, float, float]], lag: float = 0.0, rate: float = 0.0
-) -> tuple[Crossing, float]:
+    cable: DeadzoneState, rows: list[tuple[float, float, float]], lag: float = 0.0, rate: float = 0.0
+) -> tuple[DeadzoneState, float]:
     """After each of these joints, motors and references, slowly; the shifts summed up."""
     total, before = 0.0, rows[0][2]
     for joint, motor, position in rows:
         now = given(joint, motor, position, 0.05 * np.sign(position - before), lag, rate)
         after = update_deadzone(cable, now, 0.0, 0.0, DT)
-        cable, before, total = after.crossing, position, total + after.shift
+        cable, before, total = after.state, position, total + after.shift
     return cable, total
 
 
@@ -37,14 +37,14 @@ def line(first: float, last: float, count: int) -> list[float]:
     return np.linspace(first, last, count).tolist()
 
 
-def up(width: float) -> Crossing:
-    """Followed up to 0.5 rad with a width believed, engaged."""
-    cable, _ = after_rows(crossing_at_start(0.0, 0.0, 1.0, width), [(x, x, x) for x in line(0.0, 0.5, 500)])
+def up(width: float) -> DeadzoneState:
+    """SensorState up to 0.5 rad with a width believed, engaged."""
+    cable, _ = after_rows(deadzone_at_start(0.0, 0.0, 1.0, width), [(x, x, x) for x in line(0.0, 0.5, 500)])
     assert cable.phase == DeadzonePhase.ENGAGED_UP
     return cable
 
 
-def turned(width: float) -> tuple[Crossing, float]:
+def turned(width: float) -> tuple[DeadzoneState, float]:
     return after_rows(up(width), [(0.5, 0.5, x) for x in line(0.499, 0.46, 40)])
 
 
@@ -100,7 +100,7 @@ def test_a_reference_whose_position_steps_back_while_it_goes_on_does_not_turn() 
     for k in range(200):
         position = 0.5 + 1e-4 * k - 0.005 * (k % 5 == 4)
         after = update_deadzone(cable, given(0.5, 0.5, position, 0.1, 0.0, 0.0), asked, asked, DT)
-        cable, asked = after.crossing, after.requested + after.shift
+        cable, asked = after.state, after.requested + after.shift
         assert cable.phase == DeadzonePhase.ENGAGED_UP
 
 

@@ -50,7 +50,7 @@ class DeadzonePhase(IntEnum):
 
 
 UNSEEN = 1e9
-"""`Crossing.furthest` before there was a reference."""
+"""`DeadzoneState.furthest` before there was a reference."""
 
 PACE = 3.0
 """p over the servo's ω: a jump asks for up to 0.23·(p/ω)² times the width in the command's acceleration term, and
@@ -100,7 +100,7 @@ cable pulls. So a cable that is less than half as steep as given, or whose conta
 joint is held, is left behind [rad]."""
 
 
-class Crossing(NamedTuple):
+class DeadzoneState(NamedTuple):
     """What is known of the cable, and where in it the motor is."""
 
     phase: Annotated[
@@ -109,7 +109,7 @@ class Crossing(NamedTuple):
     furthest: Annotated[float, Quantity("the reference furthest on this side", "rad")]
     jump: Annotated[float, Quantity("J, what the command lacks of a jump", "rad")]
     jump_rate: Annotated[float, Quantity("its rate", "rad/s")]
-    jump_bend: Annotated[float, Quantity("the rate of that", "rad/s²")]
+    jump_acceleration: Annotated[float, Quantity("the rate of that", "rad/s²")]
     width: Annotated[float, Quantity("w, lower end of the dead zone's width in motor angle, crossed upward", "rad")]
     width_back: Annotated[float, Quantity("the same, crossed downward", "rad")]
     contact: Annotated[float, Quantity("o at the last touch, or where the motor turned", "rad")]
@@ -152,7 +152,7 @@ class DeadzoneInput(NamedTuple):
 class DeadzoneUpdate(NamedTuple):
     """What came of a cycle."""
 
-    crossing: Crossing
+    state: DeadzoneState
     requested: float
     """I after holding and within reach, before its jump [rad]."""
     shift: float
@@ -160,10 +160,10 @@ class DeadzoneUpdate(NamedTuple):
 
 
 @kernel
-def crossing_at_start(joint: float, contact: float, inverse: float, width: float) -> Crossing:
+def deadzone_at_start(joint: float, contact: float, inverse: float, width: float) -> DeadzoneState:
     """Nothing is known but what was given."""
     doubt = UNSURE * inverse
-    return Crossing(
+    return DeadzoneState(
         DeadzonePhase.AT_START,
         UNSEEN,
         0.0,
@@ -207,13 +207,13 @@ def crossing_to(side: float) -> DeadzonePhase:
 
 
 @kernel
-def width_of(cable: Crossing, side: float) -> float:
+def width_of(cable: DeadzoneState, side: float) -> float:
     """w of a crossing this way [rad]."""
     return cable.width_back if side < 0.0 else cable.width
 
 
 @kernel
-def shortfall_at_joint(cable: Crossing, shortfall: float) -> float:
+def shortfall_at_joint(cable: DeadzoneState, shortfall: float) -> float:
     """What of the motor's shortfall the joint lacks: nothing within a dead zone that is being crossed.
 
     Args:
@@ -238,7 +238,7 @@ class ReferenceTurn(NamedTuple):
 
 
 @kernel
-def reference_turn(before: Crossing, given: DeadzoneInput) -> ReferenceTurn:
+def reference_turn(before: DeadzoneState, given: DeadzoneInput) -> ReferenceTurn:
     """The reference turns where, as it will be, it is behind the furthest that it was on this side, and does not go on.
 
     Of one that is given in steps the position alone goes back now and then while it goes on.
@@ -270,7 +270,7 @@ class LearnedSlope(NamedTuple):
 
 
 @kernel
-def learn_slope(before: Crossing, given: DeadzoneInput, contact: float) -> LearnedSlope:
+def learn_slope(before: DeadzoneState, given: DeadzoneInput, contact: float) -> LearnedSlope:
     """One Kalman step at the end of a stretch: o now against o at the touch, over the joint's way between."""
     way, loop = given.joint - before.extreme, given.inverse
     if not abs(way) > STRETCH:
@@ -298,11 +298,11 @@ def learn_width(known: LearnedWidths, given: DeadzoneInput, gone: float, side: f
     """At a touch, after o has `gone` this way [rad]."""
     late = 1.0 + given.omega * given.lag
     if gone < known.this_way:
-        believed = gone
+        accepted = gone
     else:
         excess = gone - given.lag * max(0.0, side * given.rate) - known.this_way
-        believed = known.this_way + BELIEVED * max(0.0, excess)
-    this_way = max(0.0, min(WIDEST, believed))
+        accepted = known.this_way + BELIEVED * max(0.0, excess)
+    this_way = max(0.0, min(WIDEST, accepted))
     other_way = known.other_way + max(0.0, this_way - known.this_way) / (late * late)
     return LearnedWidths(this_way, min(WIDEST, other_way))
 
@@ -329,7 +329,7 @@ class JointAnswer(NamedTuple):
 
 
 @kernel
-def joint_answer(before: Crossing, given: DeadzoneInput, contact: float, change: float) -> JointAnswer:
+def joint_answer(before: DeadzoneState, given: DeadzoneInput, contact: float, change: float) -> JointAnswer:
     """Follow a joint that moves by more than a touch; `change` is that of 1/a in this cycle."""
     moved = abs(given.joint - before.answer_joint)
     answered = before.answer_contact - change * before.answer_joint
@@ -355,25 +355,25 @@ class FadingJump(NamedTuple):
 
     lack: float
     rate: float
-    bend: float
+    acceleration: float
 
 
 @kernel
-def fade_jump(before: Crossing, begun: float, pace: float, dt: float) -> FadingJump:
+def fade_jump(before: DeadzoneState, begun: float, pace: float, dt: float) -> FadingJump:
     """J one cycle later: it begins at minus the jump `begun` [rad], and goes to 0 with three poles at p = `pace`."""
     slower = 1.0 + pace * dt
     lack = before.jump - begun
-    damp = before.jump_rate + dt * before.jump_bend
+    damp = before.jump_rate + dt * before.jump_acceleration
     stiff = pace * (lack + dt * damp)
-    pull = -pace * (pace * (stiff + 3.0 * damp) + 3.0 * before.jump_bend)
-    bend = before.jump_bend + pull * (dt / (slower * slower * slower))
-    rate = before.jump_rate + dt * bend
-    return FadingJump(lack + dt * rate, rate, bend)
+    pull = -pace * (pace * (stiff + 3.0 * damp) + 3.0 * before.jump_acceleration)
+    acceleration = before.jump_acceleration + pull * (dt / (slower * slower * slower))
+    rate = before.jump_rate + dt * acceleration
+    return FadingJump(lack + dt * rate, rate, acceleration)
 
 
 @kernel
 def update_deadzone(
-    before: Crossing, given: DeadzoneInput, requested_before: float, requested: float, dt: float
+    before: DeadzoneState, given: DeadzoneInput, requested_before: float, requested: float, dt: float
 ) -> DeadzoneUpdate:
     """One cycle.
 
@@ -421,12 +421,12 @@ def update_deadzone(
     if touches:  # back by what of I is beyond the contact
         jump = -side * max(0.0, min(WIDEST, side * (requested - contact)))
     fading = fade_jump(before, jump, PACE * given.omega, dt)
-    after = Crossing(
+    after = DeadzoneState(
         phase,
         turn.furthest,
         fading.lack,
         fading.rate,
-        fading.bend,
+        fading.acceleration,
         widths.other_way if side < 0.0 else widths.this_way,
         widths.this_way if side < 0.0 else widths.other_way,
         place,

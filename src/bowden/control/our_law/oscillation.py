@@ -39,7 +39,7 @@ SLOWEST = 0.25
 ALIKE = 1.6
 """Ratio of two times up to which they are of one swing: of half-waves, or of what is tried and a load known [–]."""
 
-KEPT, GROWN = 0.8, 1.3
+SUSTAINED, GROWN = 0.8, 1.3
 """Sizes over the half-wave's before: from the first a swing does not decay, from the second it grows [–]."""
 
 GROWTH, MOST_GROWTH = 2.0, 2.0
@@ -61,7 +61,7 @@ SLOWED, SLOWEST_OWN = 0.3, 0.1
 """Largest κ in a trial over the swing's angular frequency, and what no trial takes it below: such a κ does not even
 swing a load with a damping of 0.05, of which it is 2ζ [–]."""
 
-STILL_THERE = 0.6
+PERSISTING = 0.6
 """What is the wearer's: size at the trial's end over that of the swing before it. A load alone has 0.37 after four
 half-waves at a damping of 0.08; a tremor that goes on has 0.65 to 0.8, since what of it is followed meanwhile goes
 through a load that is none [–]."""
@@ -166,8 +166,8 @@ def half_waves_counted(before: OscillationMonitor, now: HalfWave, least: float) 
     if not now.turned:
         return 0.0 if before.half_wave_time > SLOWEST else before.half_waves
     alike = now.in_time and before.last_half_wave_time < ALIKE * before.half_wave_time
-    kept = now.news and now.peak > least and now.peak > KEPT * before.last_peak
-    if not (alike and kept):
+    sustained = now.news and now.peak > least and now.peak > SUSTAINED * before.last_peak
+    if not (alike and sustained):
         return 0.0
     return before.half_waves + (now.growth if now.grows else 1.0)
 
@@ -213,12 +213,12 @@ def go_on_trying(
     last = max(size, before.last_peak) if left <= WATCHED else before.last_peak
     load_tried, share = load_of_half_wave(tried), recovered(before.bandwidth_share, dt)
     known_load = load_tried < ALIKE * load and load < ALIKE * load_tried
-    still_there = last > STILL_THERE * before.wearer_amplitude
-    if still_there and not known_load:
+    persists = last > PERSISTING * before.wearer_amplitude
+    if persists and not known_load:
         return OscillationMonitor(peak, last, lasts, tried, 0.0, 1.0, load, wearers)
     if left > 0.0:
         return OscillationMonitor(peak, last, lasts, tried, -left, before.bandwidth_share, load, wearers)
-    if not (still_there and known_load):
+    if not (persists and known_load):
         load = load_tried
     return OscillationMonitor(peak, last, lasts, tried, 0.0, share, load, 0.0)
 

@@ -1,0 +1,9 @@
+[[head]]
+
+#include <math.h>
+
+#include "[[prefix]].h"
+{% for part in parts if part %}
+
+[[part]]
+{% endfor %}
