@@ -15,7 +15,7 @@ HEAD = (
 ORDER = [
     *("Speed", "What a user waits for", "A cycle of each law", "A sample of the detector"),
     "How far `bowden check` can be trusted",
-    *("Identification against others", "Time of an identification", "Twelve recorded cables, from log to running law"),
+    *("Identification against others", "Time of an identification"),
     *("Our law on random plants", "The suit on random wearers"),
     *("Stops among other requests", "Loss of a process", "Faults", "A thousand releases", "Hours without a fault"),
     *("EMG streams", "Hostile streams of EMG", "Inputs that nobody would write"),

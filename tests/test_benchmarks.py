@@ -87,7 +87,7 @@ def test_rows_that_are_written_become_a_table(tmp_path: Path, monkeypatch: pytes
 
 def test_every_section_of_the_page_is_known() -> None:
     results, run, soak = (importlib.import_module(name) for name in ("results", "run", "soak"))
-    programs = (*("detector", "exported", "fresh_process", "identify_time", "twelve_cables", "walk"),)
+    programs = ("detector", "exported", "fresh_process", "identify_time", "walk")
     alone = (importlib.import_module(name).TITLE for name in programs)
     peers = "Identification against others"  # of a program that needs torch
     written = {peers, *run.SECTIONS, *alone, *(title for title, _ in soak.PARTS.values())}
