@@ -190,9 +190,8 @@ def _twin(function: FunctionType, parts: Parts) -> FunctionType:
 def _njit(function: Callable[..., Any], **options: bool) -> Callable[..., Any]:
     import numba
 
-    made: Callable[..., Any] = numba.njit(**{"error_model": "numpy", "fastmath": False, "forceinline": True} | options)(
-        function
-    )
+    chosen: dict[str, Any] = {"error_model": "numpy", "fastmath": False, "forceinline": True} | options
+    made: Callable[..., Any] = numba.njit(**chosen)(function)
     return made
 
 
