@@ -107,7 +107,7 @@ def test_a_law_object_is_found_by_its_name_or_alone(tmp_path: Path) -> None:
     (tmp_path / "two.py").write_text(source + "HARD = LAWS['adaptive'].with_gains(feedback_gain=30.0)\n")
     for name, gain in (("one.py", 5.0), ("one.py:SOFT", 5.0), ("two.py:HARD", 30.0)):
         assert user_law.load(name, tmp_path).gains.feedback_gain == gain
-    with pytest.raises(ParameterError, match=r"the laws SOFT, HARD; .*say which: two.py:NAME"):
+    with pytest.raises(ParameterError, match=r"several of type Law: SOFT, HARD; .*say which: two.py:NAME"):
         user_law.load("two.py", tmp_path)
     with pytest.raises(ParameterError, match="has no 'WEAK'; expected one of SOFT, HARD"):
         user_law.load("two.py:WEAK", tmp_path)

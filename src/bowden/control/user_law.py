@@ -121,25 +121,11 @@ _BY_NAME: Mapping[str, FromRig] = {
 
 
 def _find(module: ModuleType, attribute: str, path: Path) -> Law:
+    found = user_file.chosen(module, Law, attribute, path, ("Gains", "start", "step"))
+    if found is not None:
+        law: Law = found
+        return law
     names = vars(module)
-    own = [name for name, value in names.items() if isinstance(value, Law)]
-    if attribute:
-        if attribute not in names:
-            raise ParameterError(
-                f"{path} has no {attribute!r}", expected=f"one of {', '.join(own) or 'its laws'}", do="name one of them"
-            )
-        if not isinstance(names[attribute], Law):
-            raise ParameterError(
-                f"{attribute} in {path} is {article(type(names[attribute]).__name__)}", expected="a Law", do="name one"
-            )
-        return names[attribute]
-    if len(own) == 1:
-        return names[own[0]]
-    missing = [part for part in ("Gains", "start", "step") if part not in names]
-    if own or missing:
-        what = f"the laws {', '.join(own)}" if own else f"no Law and no {', '.join(missing)}"
-        do = f"say which: {path.name}:NAME" if own else "write them (docs/kernels.md)"
-        raise ParameterError(f"{path} has {what}", expected="one Law, or Gains, start and step", do=do)
     try:
         gains = names["Gains"]()
     except Exception as error:

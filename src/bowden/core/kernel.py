@@ -187,11 +187,11 @@ def _twin(function: FunctionType, parts: Parts) -> FunctionType:
     return FunctionType(function.__code__, namespace, function.__name__, function.__defaults__, function.__closure__)
 
 
-def _njit(function: Callable[..., Any], **options: Any) -> Callable[..., Any]:
+def _njit(function: Callable[..., Any], **options: bool) -> Callable[..., Any]:
     import numba
 
-    all_options: dict[str, Any] = {"error_model": "numpy", "fastmath": False, "forceinline": True} | options
-    made: Callable[..., Any] = numba.njit(**all_options)(function)
+    chosen: dict[str, Any] = {"error_model": "numpy", "fastmath": False, "forceinline": True} | options
+    made: Callable[..., Any] = numba.njit(**chosen)(function)
     return made
 
 

@@ -6,19 +6,11 @@ only if it is one of those, so that a log of somebody else's is no program until
 """
 
 import contextlib
-import hashlib
 from collections.abc import Sequence
 from pathlib import Path
 
 from bowden.core.kernel_cache import cache_folder
-from bowden.core.user_file import UserModule
-
-
-def digest(source: bytes, modules: Sequence[UserModule]) -> str:
-    """SHA-256 of a file's text and of what it imports."""
-    parts = [hashlib.sha256(source).hexdigest()]
-    parts += [f"{one.file} {hashlib.sha256(one.source).hexdigest()}" for one in modules]
-    return hashlib.sha256("\n".join(parts).encode()).hexdigest()
+from bowden.core.user_file import UserModule, digest
 
 
 def remember(source: bytes, modules: Sequence[UserModule]) -> None:

@@ -14,7 +14,7 @@ import re
 import sys
 import sysconfig
 import traceback
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from importlib.abc import Loader, MetaPathFinder
 from importlib.machinery import ModuleSpec
 from importlib.util import spec_from_loader
@@ -23,7 +23,7 @@ from types import FunctionType, ModuleType
 from typing import Any, NamedTuple
 
 from bowden.core.bounded import MOST_TEXT, read_whole, reason
-from bowden.core.errors import ParameterError
+from bowden.core.errors import ParameterError, article
 from bowden.core.files import whole_file
 from bowden.core.kernel_cache import cache_folder
 
@@ -104,10 +104,16 @@ def _imported(source: bytes, package: str) -> set[str]:
     return {".".join(part[: i + 1]) for part in parts for i in range(len(part))}
 
 
+def digest(source: bytes, modules: Iterable[UserModule] = ()) -> str:
+    """SHA-256 of what stands in a file and in what it imports."""
+    parts = [hashlib.sha256(source).hexdigest()]
+    parts += [f"{one.file} {hashlib.sha256(one.source).hexdigest()}" for one in modules]
+    return hashlib.sha256("\n".join(parts).encode()).hexdigest()
+
+
 def fingerprint(source: bytes, modules: Iterable[UserModule] = ()) -> str:
-    """A short name of what stands in a file and in what it imports."""
-    return hashlib.sha256(b"\0".join((source, *(part for one in modules for part in (one.file.encode(), one.source))))
-                          ).hexdigest()[:16]  # fmt: skip
+    """The beginning of that, as a short name."""
+    return digest(source, modules)[:16]
 
 
 def written(file: Any) -> dict[str, Any]:
@@ -200,6 +206,37 @@ def run(file: UserFile, what: str) -> ModuleType:
         if _RUN[file] is None:
             del _RUN[file]
     return module
+
+
+def chosen(module: ModuleType, kind: type, attribute: str, path: Path, parts: Sequence[str]) -> Any:
+    """The object of a kind that a file defines; None where it defines only the parts of one.
+
+    Args:
+        module: of the file.
+        kind: a law, a plant.
+        attribute: its name there; of the only one if it is empty.
+        path: of the file, for messages.
+        parts: names of all the parts.
+
+    Raises:
+        ParameterError: there is no such one, or several, or not all the parts.
+    """
+    names, what = vars(module), kind.__name__
+    own = [name for name, value in names.items() if isinstance(value, kind)]
+    if attribute:
+        if attribute in names and attribute not in own:
+            given = article(type(names[attribute]).__name__)
+            raise ParameterError(f"{attribute} in {path} is {given}", expected=article(what), do="name one")
+        if attribute not in names:
+            expected = f"one of {', '.join(own) or f'those of type {what}'}"
+            raise ParameterError(f"{path} has no {attribute!r}", expected=expected, do="name one of them")
+        return names[attribute]
+    missing = [part for part in parts if part not in names]
+    if len(own) > 1 or (not own and missing):
+        found = f"several of type {what}: {', '.join(own)}" if own else f"no {what} and no {', '.join(missing)}"
+        do = f"say which: {path.name}:NAME" if own else "write them (docs/kernels.md)"
+        raise ParameterError(f"{path} has {found}", expected=f"one {what}, or {', '.join(parts)}", do=do)
+    return names[own[0]] if own else None
 
 
 class _Beside(MetaPathFinder, Loader):

@@ -254,23 +254,11 @@ def load_file(file: UserFile, name: str) -> UserPlant:
 
 
 def _find(module: ModuleType, attribute: str, path: Path) -> UserPlant:
+    found = user_file.chosen(module, UserPlant, attribute, path, ("Parameters", "rest", "advance"))
+    if found is not None:
+        plant: UserPlant = found
+        return plant
     names = vars(module)
-    own = [name for name, value in names.items() if isinstance(value, UserPlant)]
-    if attribute:
-        if not isinstance(names.get(attribute), UserPlant):
-            raise ParameterError(
-                f"{path} has no plant {attribute!r}", expected=f"one of {', '.join(own) or 'its plants'}", do="name one"
-            )
-        found: UserPlant = names[attribute]
-        return found
-    if len(own) == 1:
-        single: UserPlant = names[own[0]]
-        return single
-    missing = [part for part in ("Parameters", "rest", "advance") if part not in names]
-    if own or missing:
-        what = f"the plants {', '.join(own)}" if own else f"no UserPlant and no {', '.join(missing)}"
-        do = f"say which: {path.name}:NAME" if own else "write them (docs/kernels.md)"
-        raise ParameterError(f"{path} has {what}", expected="one UserPlant, or Parameters, rest and advance", do=do)
     try:
         parameters = names["Parameters"]()
     except Exception as error:
