@@ -8,17 +8,8 @@ from hypothesis import strategies as st
 
 from bowden.core.errors import ParameterError
 from bowden.core.kernel import compiled
-from bowden.models.suit.arm import (
-    Arm,
-    Wearer,
-    arm_of,
-    check_wearer,
-    gravity_torque,
-    passive_torque,
-    resting_angle,
-    wearer_torque,
-)
-from support.wearers import WEARERS
+from bowden.models.suit.arm import Arm, Wearer, arm_of, check_wearer, gravity_torque, passive_torque, wearer_torque
+from support.wearers import WEARERS, resting_angle
 
 
 def test_the_defaults_are_a_body_of_75_kg_and_1_75_m() -> None:

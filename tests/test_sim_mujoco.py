@@ -12,7 +12,7 @@ from bowden.control.reference import PeriodicMinimumJerk
 from bowden.core.trace import Trace
 from bowden.core.units import DEGREES, RADIANS
 from bowden.models.minimum_jerk import minimum_jerk_share
-from bowden.models.suit.arm import GRAVITY, Arm, arm_of, gravity_torque, passive_torque, resting_angle
+from bowden.models.suit.arm import GRAVITY, Arm, arm_of, gravity_torque, passive_torque
 from bowden.models.suit.geometry import (
     SuitGeometry,
     extensor_extension,
@@ -24,7 +24,7 @@ from bowden.plants.suit_parts import Suit
 from bowden.rig.presets.suit import default_suit
 from bowden.sim.run import simulate
 from support.mujoco_arm import MujocoArm, Tensions, replay
-from support.wearers import WEARERS
+from support.wearers import WEARERS, resting_angle
 
 Array = NDArray[np.float64]
 PAPER = SuitGeometry()

@@ -178,13 +178,3 @@ def wearer_torque(wearer: Wearer, arm: Arm, angle: float, velocity: float, time:
     if wearer.swing > 0.0:
         moving = -arm.inertia * omega * omega * sine - passive_torque(arm, wanted, cosine)
     return -wearer.share * gravity_torque(arm, angle) + tremor + resisting + moving + wearer.constant
-
-
-def resting_angle(arm: Arm) -> float:
-    """Where the relaxed arm hangs by itself, without a suit [rad]."""
-    low, high = -0.5 * math.pi - arm.elevation, arm.neutral + math.pi
-    for _ in range(80):
-        middle = 0.5 * (low + high)
-        torque = gravity_torque(arm, middle) + passive_torque(arm, middle, 0.0)
-        low, high = (middle, high) if torque > 0.0 else (low, middle)
-    return 0.5 * (low + high)
