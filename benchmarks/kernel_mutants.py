@@ -48,8 +48,11 @@ def mutants(kernel: FunctionType) -> Iterator[tuple[str, str]]:
     """What each change of a kernel is, and the kernel's source with it; annotations and docstrings stay."""
     lines, _ = inspect.getsourcelines(kernel)
     text = textwrap.dedent("".join(lines))
-    for i, node in enumerate(ast.walk(ast.parse(text))):
-        if getattr(node, "lineno", 0) <= 1 or isinstance(node, ast.Name):
+    whole = ast.parse(text)
+    hints = [getattr(node, name, None) for node in ast.walk(whole) for name in ("annotation", "returns")]
+    typed = {node for hint in hints if hint for node in ast.walk(hint)}
+    for i, node in enumerate(ast.walk(whole)):
+        if getattr(node, "lineno", 0) <= 1 or isinstance(node, ast.Name) or node in typed:
             continue
         for what, change in changes(node, inspect.get_annotations(kernel)):
             tree = ast.parse(text)
