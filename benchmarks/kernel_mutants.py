@@ -30,6 +30,7 @@ from safety_mutants import ROOT, changes
 ROOMS = ("models", "control", "plants", "cycle", "sensing")
 MOST_FILES, PATIENCE = 3, 120.0
 """Test files that are called for one mutant, and for how long [s]."""
+UNJUDGED = "tests that take too long"
 
 
 def kernels() -> Iterator[FunctionType]:
@@ -47,8 +48,11 @@ def mutants(kernel: FunctionType) -> Iterator[tuple[str, str]]:
     """What each change of a kernel is, and the kernel's source with it; annotations and docstrings stay."""
     lines, _ = inspect.getsourcelines(kernel)
     text = textwrap.dedent("".join(lines))
-    for i, node in enumerate(ast.walk(ast.parse(text))):
-        if getattr(node, "lineno", 0) <= 1 or isinstance(node, ast.Name):
+    whole = ast.parse(text)
+    hints = [getattr(node, name, None) for node in ast.walk(whole) for name in ("annotation", "returns")]
+    typed = {node for hint in hints if hint for node in ast.walk(hint)}
+    for i, node in enumerate(ast.walk(whole)):
+        if getattr(node, "lineno", 0) <= 1 or isinstance(node, ast.Name) or node in typed:
             continue
         for what, change in changes(node, inspect.get_annotations(kernel)):
             tree = ast.parse(text)
@@ -93,7 +97,7 @@ def killed(kernel: FunctionType, text: str, copy: Path) -> str:
             check=False,
         )
     except subprocess.TimeoutExpired:
-        return "a test that takes too long"
+        return UNJUDGED
     finally:
         file.write_text(before, encoding="utf-8")
     failed = re.search(r"^(?:FAILED|ERROR) (\S+)", done.stdout, re.MULTILINE)
@@ -106,7 +110,7 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--seconds", type=float, default=float("inf"), help="how long, at most")
     given = parser.parse_args()
-    end, judged, survived = time.monotonic() + given.seconds, 0, 0
+    end, said = time.monotonic() + given.seconds, []
     with tempfile.TemporaryDirectory(prefix="bowden-mutants-") as folder:
         copy = Path(folder) / "src"
         shutil.copytree(Path(bowden.__file__).parents[1], copy, ignore=shutil.ignore_patterns("__pycache__"))
@@ -114,10 +118,10 @@ def main() -> int:
             if time.monotonic() > end:
                 break
             by = killed(kernel, text, copy)
-            judged, survived = judged + 1, survived + (not by)
-            print(f"{'killed' if by else 'SURVIVES'}: {what} {by and f'← {by}'}", flush=True)
-    print(f"{judged} of {given.count} mutants: {judged - survived} killed, {survived} survive")
-    return survived > 0
+            said.append({"": "survives", UNJUDGED: "is not judged"}.get(by, "is killed"))
+            print(f"{said[-1]}: {what} {by and f'← {by}'}", flush=True)
+    print(f"{len(said)} of {given.count} mutants: {', '.join(f'{said.count(one)} {one}' for one in sorted(set(said)))}")
+    return "survives" in said
 
 
 if __name__ == "__main__":

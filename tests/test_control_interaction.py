@@ -52,6 +52,24 @@ def test_without_friction_both_estimates_are_the_springs(motor: float, joint: fl
     assert state.torque == pytest.approx(truth, abs=1e-3 + 1e-3 * abs(truth))
 
 
+def test_flesh_damps_by_the_levers_of_the_taut_cables() -> None:
+    """What the padding gives way is no torque on the elbow: flesh·(arm² + radius²)·rate, of a cable that pulls."""
+    soft, rate = CHAIN._replace(flesh=300.0), 0.4
+    states = [interaction_start(chain, float(spool_of(0.8, MAP)), 0.5) for chain in (CHAIN, soft)]
+    joint = 0.5
+    for _ in range(500):
+        joint += rate * 1e-3
+        spool = float(spool_of(joint, MAP))
+        pair = zip((CHAIN, soft), states, strict=True)
+        states = [interaction_step(chain, Doubt(), state, spool, joint, 1.0, 1e-3) for chain, state in pair]
+    flexor, extensor = springs(spool, joint)
+    taut = [pull / (pull + 1.0) for pull in (flexor, extensor)]
+    damping = 300.0 * (taut[0] * float(flexor_arm(joint, MAP)) ** 2 + taut[1] * 0.05**2) * rate
+    assert damping > 0.1
+    for name in ("from_stretch", "from_current", "torque"):
+        assert getattr(states[0], name) - getattr(states[1], name) == pytest.approx(damping, rel=1e-3)
+
+
 def test_play_is_taken_from_the_side_from_which_the_motor_came() -> None:
     rough = CHAIN._replace(half_width=0.002)
     joint, ends = 0.7, []

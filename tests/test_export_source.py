@@ -98,7 +98,8 @@ def everything(count: int, state: Memory, x: float, y: float) -> tuple[Memory, f
     if mode == Mode.LOST or not math.isfinite(total):
         total, seen = 0.0, False
     elif swapped and (x > y or state.seen):
-        seen = not state.seen
+        kept = x + y
+        seen = kept != 0.0 and not state.seen
     else:
         kept = x - y
         seen = kept != 0.0

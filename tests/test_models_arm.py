@@ -37,6 +37,22 @@ def test_a_weight_in_the_hand_adds_its_own_moment_and_inertia() -> None:
     assert loaded.inertia - bare.inertia == pytest.approx(2.0 * lever**2)
 
 
+def test_a_wearers_torques_add_up_each_with_its_sign() -> None:
+    """Against gravity, along a tremor, towards the centre, against the motion, and flexing."""
+    arm, angle, velocity, time = arm_of(), 0.9, 0.4, 0.03
+    alone = {
+        Wearer(share=0.3): -0.3 * gravity_torque(arm, angle),
+        Wearer(tremor=0.5, tremor_frequency=5.0): 0.5 * math.sin(10.0 * math.pi * time),
+        Wearer(stiffness=2.0, centre=1.2): 2.0 * (1.2 - angle),
+        Wearer(damping=0.7): -0.7 * velocity,
+        Wearer(constant=1.5): 1.5,
+    }
+    for wearer, expected in alone.items():
+        assert wearer_torque(wearer, arm, angle, velocity, time) == pytest.approx(expected)
+    whole = Wearer(0.3, 0.5, 5.0, 2.0, 0.7, 1.2, 1.5)
+    assert wearer_torque(whole, arm, angle, velocity, time) == pytest.approx(sum(alone.values()))
+
+
 @given(st.floats(45.0, 120.0), st.floats(1.5, 2.0), st.floats(-1.0, 1.5))
 def test_a_relaxed_arm_rests_where_its_torques_cancel(mass: float, height: float, elevation: float) -> None:
     arm = arm_of(mass, height, elevation=elevation)

@@ -69,7 +69,7 @@ class PeriodicMinimumJerk:
     def sample(self, time: Array) -> Array:
         """See `Trajectory.sample`."""
         motion = np.empty((3, len(time)))
-        compiled(fill_periodic)(self.low, self.high, self.period, np.asarray(time, dtype=np.float64), motion)
+        compiled(fill_periodic)(self.low, self.high, self.period, np.ascontiguousarray(time, dtype=np.float64), motion)
         return motion.T
 
     def describe(self) -> dict[str, Any]:

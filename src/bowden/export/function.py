@@ -43,23 +43,14 @@ if TYPE_CHECKING:
 CHOICE, OR, AND, BITS, EQUAL, LESS, SUM, PRODUCT, UNARY, ATOM = range(10)
 """How strongly an operator of C binds; those of bits stand in brackets beside one another."""
 
-_OPERATORS: dict[type[ast.AST], tuple[str, int]] = {
-    ast.Add: ("+", SUM),
-    ast.Sub: ("-", SUM),
-    ast.Mult: ("*", PRODUCT),
-    ast.Div: ("/", PRODUCT),
-    ast.BitAnd: ("&", BITS),
-    ast.BitOr: ("|", BITS),
-    ast.BitXor: ("^", BITS),
-    ast.LShift: ("<<", BITS),
-    ast.RShift: (">>", BITS),
-    ast.Eq: ("==", EQUAL),
-    ast.NotEq: ("!=", EQUAL),
-    ast.Lt: ("<", LESS),
-    ast.LtE: ("<=", LESS),
-    ast.Gt: (">", LESS),
-    ast.GtE: (">=", LESS),
+_BY_LEVEL: dict[int, dict[type[ast.AST], str]] = {
+    SUM: {ast.Add: "+", ast.Sub: "-"},
+    PRODUCT: {ast.Mult: "*", ast.Div: "/"},
+    BITS: {ast.BitAnd: "&", ast.BitOr: "|", ast.BitXor: "^", ast.LShift: "<<", ast.RShift: ">>"},
+    EQUAL: {ast.Eq: "==", ast.NotEq: "!="},
+    LESS: {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">="},
 }
+_OPERATORS = {kind: (sign, level) for level, signs in _BY_LEVEL.items() for kind, sign in signs.items()}
 _LIBM: dict[Any, str] = {exp: "exp", sin: "sin", cos: "cos", log: "log", power: "pow", sqrt: "sqrt", floor: "floor"}
 _LIBM |= {math.copysign: "copysign", abs: "fabs"}
 _CALLS: dict[Any, str] = {
