@@ -27,6 +27,8 @@ FLOORS = [
     ["live"],
     ["report"],
     ["face"],
+    ["operations"],
+    ["views"],
     ["console"],
     ["paper"],
     ["app"],
