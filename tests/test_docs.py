@@ -245,7 +245,7 @@ def test_commands_and_options_exist(page: Path, capsys: pytest.CaptureFixture[st
         program, *words = shlex.split(line)
         if program != "bowden" or words[0] == "--help":
             continue
-        names = words[:2] if words[0] in ("log", "emg", "arm", "drive") else words[:1]
+        names = words[:2] if words[0] in ("log", "emg", "drive") else words[:1]
         assert run([*names, "--help"]) == 0, line
         known = capsys.readouterr().out
         for option in (word for word in words if word.startswith("--")):

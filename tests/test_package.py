@@ -21,8 +21,6 @@ PACKAGE = ROOT / "src" / "bowden"
 EXTRA_MODULES = {
     "pyarrow": "parquet",
     "pylsl": "lsl",
-    "mujoco": "mujoco",
-    "imageio_ffmpeg": "mujoco",
     "dask": "cluster",
     "distributed": "cluster",
     "foxglove": "foxglove",
@@ -126,7 +124,7 @@ def test_what_is_imported_is_a_dependency_or_comes_with_an_extra() -> None:
     core = {canonicalize_name(Requirement(one).name) for one in said["dependencies"]}
     extras = {
         canonicalize_name(Requirement(one).name): extra
-        for extra in ("cluster", "foxglove", "mujoco", "lsl", "parquet")
+        for extra in ("cluster", "foxglove", "lsl", "parquet")
         for one in said["optional-dependencies"][extra]
     }
     wrong = []
