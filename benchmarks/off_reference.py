@@ -12,20 +12,20 @@ from collections.abc import Callable
 
 import numpy as np
 
+from bowden import identify
 from bowden.control import LAWS, Law
 from bowden.control.reference import PeriodicMinimumJerk
 from bowden.core.signals import DriveReading
 from bowden.core.units import DEGREES, RADIANS
 from bowden.cycle.one_cycle import Cycle, WishSource
 from bowden.design.forecast import HALF_AGAIN, lasting_error, off_reference
-from bowden.face.identify import identify
-from bowden.face.init import init
 from bowden.hardware.ports import Power
 from bowden.hardware.twin.bench import TwinBench
 from bowden.live.live_run import live_run
 from bowden.live.row import NOTHING_READ
 from bowden.models.cable.bouc_wen import BoucWen
 from bowden.models.drive.thermal import cold
+from bowden.operations.init import init
 from bowden.plants.suit_parts import Suit
 from bowden.rig.bends import RandomBend
 from bowden.rig.emg_motion import EmgMotion

@@ -141,9 +141,7 @@ def _loaded(name: str) -> Any:
     found = getattr(import_module(_HOMES[name]), name)
     if not (_HOMES[name].startswith(f"{__name__}.operations.") and isinstance(found, FunctionType)):
         return found
-    from bowden.operations.support.python import public
-
-    return public(found)
+    return import_module(f"{__name__}.operations.support.python").public(found)
 
 
 def __dir__() -> list[str]:

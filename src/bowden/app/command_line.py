@@ -5,6 +5,7 @@ import inspect
 import re
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -14,7 +15,7 @@ from bowden.app.console import InterruptedPartway, ProgressBar, folder_argument,
 from bowden.core.caller import in_commands, speaking
 from bowden.core.errors import BowdenError
 from bowden.core.files import output_folder
-from bowden.operations.support.operation import Operation, Parameter, Role, parameters
+from bowden.operations.support.operation import Operation, OperationParameter, Role, parameters
 from bowden.operations.support.results import Result, json_of
 from bowden.views.text import Call, note
 
@@ -47,7 +48,7 @@ def command(operation: Operation) -> Callable[..., None]:
                 if writer is not None:
                     bar("writing", 0.9)
                     kept = {name: given[name] for name in more if name in given}
-                    call = call._replace(files=tuple(writer(first, call, **kept)))
+                    call = replace(call, files=tuple(writer(first, call, **kept)))
                 bar.close()
                 if first.interrupted:
                     where = next((given[name] for name, one in offered.items() if one.is_folder), None)
@@ -74,7 +75,7 @@ def command(operation: Operation) -> Callable[..., None]:
     return run
 
 
-def _of_the_rim(one: Parameter, name: str) -> bool:
+def _of_the_rim(one: OperationParameter, name: str) -> bool:
     """Whether a parameter is handed over by the command itself, and is no option."""
     return isinstance(one.kind, Role) or name in ("found", "call")
 
@@ -86,7 +87,7 @@ def _trusts(given: dict[str, Any]) -> bool:
 
 def _called(
     operation: Operation,
-    own: dict[str, Parameter],
+    own: dict[str, OperationParameter],
     given: dict[str, Any],
     rigs: list[Any],
     bar: ProgressBar,
@@ -124,7 +125,7 @@ def _shown(view: Any, found: Result[Any], call: Call, json: bool, rigs: list[Any
         return None
     if trust is not None:
         print(f"Trust in the cable's model: {trust}")
-    code: int | None = view(found, call._replace(seconds=seconds()))
+    code: int | None = view(found, replace(call, seconds=seconds()))
     return code
 
 
@@ -139,7 +140,7 @@ def _trust(found: Result[Any], rigs: list[Any]) -> Any:
     return least(doubts)
 
 
-def _parameter(one: Parameter, names: list[str]) -> inspect.Parameter:
+def _parameter(one: OperationParameter, names: list[str]) -> inspect.Parameter:
     """What typer is told of a parameter."""
     switch = one.switch
     said: dict[str, Any] = {"help": _in_switches(one.means[:1].upper() + one.means[1:], {}), "metavar": switch.metavar}

@@ -87,9 +87,8 @@ def page(progress: Progress, path: str, to: str) -> str:
     from bowden.live.mcap_read import read
     from bowden.views.log import draw_log
 
-    draw_log(
-        next(iter(read(Path(path)).parts.values())), Path(to), f"Run {Path(path).name}"
-    )  # of several axes the first
+    found = next(iter(read(Path(path)).parts.values()))  # of several axes the first
+    draw_log(found, Path(to), f"Run {Path(path).name}")
     return to
 
 

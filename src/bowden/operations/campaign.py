@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from bowden.operations.simulate import Figures
 from bowden.operations.support.operation import GivenProgress, GivenRig, Operation, Switch
-from bowden.operations.support.results import Part, Result, made
+from bowden.operations.support.results import Result, ResultPart, made
 
 if TYPE_CHECKING:
     from bowden.core.trace import Trace
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class FigureSpread(Part):
+class FigureSpread(ResultPart):
     """How a figure is spread over the runs that have it."""
 
     count: int
@@ -31,7 +31,7 @@ class FigureSpread(Part):
 
 
 @dataclass(frozen=True)
-class WorstRun(Part):
+class WorstRun(ResultPart):
     """A run that was among the worst."""
 
     number: int
@@ -43,7 +43,7 @@ class WorstRun(Part):
 
 
 @dataclass(frozen=True)
-class ParameterShare(Part):
+class ParameterShare(ResultPart):
     """What a drawn parameter does to the error."""
 
     parameter: str
@@ -58,7 +58,7 @@ class ParameterShare(Part):
 
 
 @dataclass(frozen=True)
-class LawCampaign(Part):
+class LawCampaign(ResultPart):
     """What one law did over all plants."""
 
     law: str
@@ -86,7 +86,7 @@ class LawCampaign(Part):
 
 
 @dataclass(frozen=True)
-class CampaignResult(Result["Campaign"]):
+class CampaignResult(Result[Any]):
     """What all runs show together."""
 
     rig: str
@@ -127,7 +127,7 @@ class CampaignRunOfLaw(Figures):
 
 
 @dataclass(frozen=True)
-class CampaignRun(Result["dict[str, Trace]"]):
+class CampaignRun(Result[Any]):
     """One run alone."""
 
     run: int

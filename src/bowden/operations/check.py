@@ -5,7 +5,7 @@ from dataclasses import KW_ONLY, dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
 from bowden.operations.support.operation import GivenLaw, GivenProgress, GivenRig, Operation
-from bowden.operations.support.results import Part, Result, degrees
+from bowden.operations.support.results import Result, ResultPart, degrees
 
 if TYPE_CHECKING:
     from bowden.design.check import Check
@@ -15,7 +15,7 @@ Verdict = Literal["holds", "little_margin", "limit_cycle", "does_not_hold"]
 
 
 @dataclass(frozen=True)
-class WorstLoop(Part):
+class WorstLoop(ResultPart):
     """The linear loop that decides."""
 
     bend_deg: float
@@ -30,7 +30,7 @@ class WorstLoop(Part):
 
 
 @dataclass(frozen=True)
-class CycleAtRest(Part):
+class CycleAtRest(ResultPart):
     """The limit cycle that backlash can cause."""
 
     predicted: bool
@@ -49,7 +49,7 @@ class CycleAtRest(Part):
 
 
 @dataclass(frozen=True)
-class Chatter(Part):
+class Chatter(ResultPart):
     """What the encoder's counts do to the command."""
 
     predicted: bool
@@ -61,7 +61,7 @@ class Chatter(Part):
 
 
 @dataclass(frozen=True)
-class TautMargins(Part):
+class TautMargins(ResultPart):
     """Margins of two motors on one joint, of a case of taut cables."""
 
     at: str
@@ -75,7 +75,7 @@ class TautMargins(Part):
 
 
 @dataclass(frozen=True)
-class PairLoops(Part):
+class PairLoops(ResultPart):
     """What is found of two motors on one joint besides."""
 
     axes: tuple[str, ...]
@@ -92,7 +92,7 @@ class PairLoops(Part):
 
 
 @dataclass(frozen=True)
-class LoopCheck(Part):
+class LoopCheck(ResultPart):
     """Whether a law holds on one joint."""
 
     law: str
@@ -148,7 +148,7 @@ class CheckResult(LoopCheck, Result["Check | dict[str, Check]"]):
     """Whether a law holds; of a rig with several axes the figures of the worst, and of each."""
 
     axes: tuple[AxisCheck, ...]
-    """Of a rig with several axes, each of them; two motors on one joint as one. Empty of a rig with one motor."""
+    """Of a rig with several joints, each of them; two motors on one joint as one. Empty of a rig with one joint."""
     _: KW_ONLY
     checks: "dict[str, Check]"
     """Name of the axis → its check."""
@@ -221,7 +221,7 @@ def check(
             checks[joint] = checked_pair(whole)
     rigs = {one.name: one.rig for one in singles} | ({joint: whole} if joint else {})
     worst = max(checks, key=lambda name: _VERDICTS.index(checks[name].verdict))
-    several = {name: _figures(one, rigs[name]) for name, one in checks.items()} if whole.axes else {}
+    several = {name: _figures(one, rigs[name]) for name, one in checks.items()} if len(checks) > 1 else {}
     figures = _figures(checks[worst], whole)
     for margin in ("gain_margin_db", "phase_margin_deg", "delay_margin_s"):
         there = [value for one in checks.values() if (value := getattr(one, margin)) is not None]

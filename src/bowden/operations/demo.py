@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from bowden.operations.check import Verdict
 from bowden.operations.identify import IdentifyTrust
 from bowden.operations.support.operation import Folder, GivenProgress, Operation, Quiet, Switch, Tell
-from bowden.operations.support.results import Part, Result
+from bowden.operations.support.results import Result, ResultPart
 
 if TYPE_CHECKING:
     from bowden.design.verdict import CheckVerdict
@@ -23,7 +23,7 @@ _TRIES, _PAUSE = 3, 3.0
 
 
 @dataclass(frozen=True)
-class DemoRun(Part):
+class DemoRun(ResultPart):
     """A simulated run."""
 
     law: str
@@ -32,7 +32,7 @@ class DemoRun(Part):
 
 
 @dataclass(frozen=True)
-class DemoLive(Part):
+class DemoLive(ResultPart):
     """The live run."""
 
     ended_well: bool

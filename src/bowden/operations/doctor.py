@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from bowden.operations.run import LoopLateness, Privilege
 from bowden.operations.support.operation import Operation, Switch
-from bowden.operations.support.results import Part, Result
+from bowden.operations.support.results import Result, ResultPart
 
 if TYPE_CHECKING:
     from bowden.live.lateness import Lateness
@@ -18,7 +18,7 @@ _EMG_WAIT = 1.0
 
 
 @dataclass(frozen=True)
-class KernelFound(Part):
+class KernelFound(ResultPart):
     """The operating system."""
 
     release: str
@@ -27,7 +27,7 @@ class KernelFound(Part):
 
 
 @dataclass(frozen=True)
-class LatenessBucket(Part):
+class LatenessBucket(ResultPart):
     """A bar of the histogram of lateness."""
 
     up_to_us: float | None
@@ -36,7 +36,7 @@ class LatenessBucket(Part):
 
 
 @dataclass(frozen=True)
-class CanFound(Part):
+class CanFound(ResultPart):
     """CAN on this machine."""
 
     kernel: bool
@@ -44,7 +44,7 @@ class CanFound(Part):
 
 
 @dataclass(frozen=True)
-class EmgStreamFound(Part):
+class EmgStreamFound(ResultPart):
     """A stream of EMG."""
 
     name: str
@@ -58,7 +58,7 @@ class EmgStreamFound(Part):
 
 
 @dataclass(frozen=True)
-class EmgFound(Part):
+class EmgFound(ResultPart):
     """Streams of EMG on the network."""
 
     installed: bool

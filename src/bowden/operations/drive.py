@@ -5,11 +5,11 @@ import math
 import sys
 from collections.abc import Iterator
 from dataclasses import KW_ONLY, dataclass
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 from bowden.operations.confirm import say, say_torque
 from bowden.operations.support.operation import GivenRig, Operation, Quiet
-from bowden.operations.support.results import Part, Result
+from bowden.operations.support.results import Result, ResultPart
 
 if TYPE_CHECKING:
     from bowden.hardware.ports import Drive
@@ -27,7 +27,7 @@ _SHOW = 0.1
 
 
 @dataclass(frozen=True)
-class DeviceFound(Part):
+class DeviceFound(ResultPart):
     """A device on the bus."""
 
     node: int
@@ -50,7 +50,7 @@ class DriveProbe(Result["DriveProbe"]):
 
 
 @dataclass(frozen=True)
-class ReadingRange(Part):
+class ReadingRange(ResultPart):
     """What a reading went through."""
 
     least: float | None
@@ -59,7 +59,7 @@ class ReadingRange(Part):
 
 
 @dataclass(frozen=True)
-class DriveReadings(Part):
+class DriveReadings(ResultPart):
     """What a drive says of itself while it is read."""
 
     drive: str
@@ -86,8 +86,8 @@ class DriveReadings(Part):
 class DriveMonitor(DriveReadings, Result["DriveMonitor"]):
     """What a drive has said."""
 
-    silent_s: dict[Literal["motor", "joint"], float | None]
-    """Longest time for which an angle did not come; null where it never came."""
+    silent_s: dict[str, float | None]
+    """Of motor and joint: longest time for which the angle did not come; null where it never came."""
     said: tuple[str, ...]
     """Emergencies that the drive sent, in words."""
     _: KW_ONLY
@@ -115,10 +115,10 @@ class DriveTare(Result["DriveTare"]):
     """Mean of what it read with the rig's present zero, in `unit`."""
     span: float
     """Largest less smallest reading, in `unit`."""
-    unit: Literal["N", "N·m"]
+    unit: str
     """Of the load: N of a tension, N·m of a torque."""
-    section: Literal["load_cell", "drive"]
-    """Of rig.toml."""
+    section: str
+    """Of rig.toml: load_cell or drive."""
     keys: dict[str, float]
     """Key of that section → value that makes the reading this load; none where it is so already."""
 
@@ -204,7 +204,7 @@ def drive_monitor(
         silent_s=silent,
         said=tuple(told),
         look=look,
-        period=period,  # type: ignore[arg-type]
+        period=period,
     )
     if lost := look.silent_now(period):
         raise DriveError(
@@ -366,8 +366,8 @@ def _readings(look: "DriveLook", identity: str) -> dict[str, Any]:
     ranges = {}
     for name, (shown, factor, _) in SHOWN.items():
         last = getattr(look.last, name)
-        extremes = [round(factor * found[name], 4) if name in found else None for found in (look.least, look.most)]
-        ranges[shown] = ReadingRange(*extremes, round(factor * last, 4) if math.isfinite(last) else None)
+        least, most = (round(factor * found[name], 4) if name in found else None for found in (look.least, look.most))
+        ranges[shown] = ReadingRange(least, most, round(factor * last, 4) if math.isfinite(last) else None)
     return {"drive": identity, "cycles": look.cycles, **ranges, "states": tuple(look.states)}
 
 

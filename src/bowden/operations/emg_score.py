@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from bowden.operations.support.operation import Operation, Switch
-from bowden.operations.support.results import Part, Result
+from bowden.operations.support.results import Result, ResultPart
 
 if TYPE_CHECKING:
     from bowden.operations.support.emg import Contractions, Recording
@@ -17,7 +17,7 @@ LONGEST = 5.0
 
 
 @dataclass(frozen=True)
-class DetectorScore(Part):
+class DetectorScore(ResultPart):
     """Detections against labels."""
 
     detections: int

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from bowden.operations.check import Verdict
 from bowden.operations.support.operation import GivenLaw, GivenRig, Operation, Role, Switch
-from bowden.operations.support.results import Part, Result, made
+from bowden.operations.support.results import Result, ResultPart, made
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -23,7 +23,7 @@ RECORDED = 5.0
 
 
 @dataclass(frozen=True)
-class CortexCost(Part):
+class CortexCost(ResultPart):
     """What a law costs on a microcontroller."""
 
     code_bytes: int

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from bowden.operations.support.operation import GivenProgress, Operation, Switch
-from bowden.operations.support.results import Part, Result, degrees, json_of, made
+from bowden.operations.support.results import Result, ResultPart, degrees, json_of, made
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class IdentifyTrust(Part):
+class IdentifyTrust(ResultPart):
     """Whether to trust a model."""
 
     level: Literal["yes", "with care", "no"]
@@ -33,7 +33,7 @@ class IdentifyTrust(Part):
 
 
 @dataclass(frozen=True)
-class LogCycles(Part):
+class LogCycles(ResultPart):
     """Whole cycles of motion in a log."""
 
     whole: int
@@ -45,7 +45,7 @@ class LogCycles(Part):
 
 
 @dataclass(frozen=True)
-class FittedModel(Part):
+class FittedModel(ResultPart):
     """A family of models, fitted."""
 
     parameters: dict[str, float]
@@ -62,7 +62,7 @@ class FittedModel(Part):
 
 
 @dataclass(frozen=True)
-class LoopOfModel(Part):
+class LoopOfModel(ResultPart):
     """The hysteresis loop of a model."""
 
     slope: float
@@ -89,7 +89,7 @@ class LoopOfModel(Part):
 
 
 @dataclass(frozen=True)
-class ForecastOfModel(Part):
+class ForecastOfModel(ResultPart):
     """What a compensation by the model would leave."""
 
     compensated_rms_deg: float | None
@@ -102,7 +102,7 @@ class ForecastOfModel(Part):
 
 
 @dataclass(frozen=True)
-class _Identified(Part):
+class _Identified(ResultPart):
     """What is said of any identification."""
 
     best: str
@@ -140,7 +140,7 @@ class Identification(_Identified, Result["Fit"]):
 
 
 @dataclass(frozen=True)
-class ScheduleVariables(Part):
+class ScheduleVariables(ResultPart):
     """What a model is scheduled by."""
 
     load: str | None
@@ -150,7 +150,7 @@ class ScheduleVariables(Part):
 
 
 @dataclass(frozen=True)
-class ModelParameters(Part):
+class ModelParameters(ResultPart):
     """The parameters of a model."""
 
     parameters: dict[str, float]
@@ -158,7 +158,7 @@ class ModelParameters(Part):
 
 
 @dataclass(frozen=True)
-class LogOfSeveral(Part):
+class LogOfSeveral(ResultPart):
     """One of several logs."""
 
     name: str
@@ -365,7 +365,7 @@ def identify_together(
     with reported(progress, "identify_together") as report:
         fit = identify_loads(read, *values, units=units, seed=seed, progress=report)
     fit = replace(fit, warnings=(*fit.warnings, *(one.said for one in by if one and one.said)))
-    units_of = {"load": None, "bend": None} | dict(zip(fit.variables, fit.units, strict=True))
+    units_of: dict[str, Any] = {"load": None, "bend": None} | dict(zip(fit.variables, fit.units, strict=True))
     errors = ("train_rms", "test_rms", "same_rms", "same_offset_rms", "unseen_rms", "unseen_offset_rms")
     found = tuple(
         LogOfSeveral(
@@ -441,20 +441,20 @@ def recalibrate(
             units |= {name: found.unit} if found else {}
         elif given is not None:
             values[name] = arguments.number(given, f"recalibrate: {name}")
-    found = recalibrate_log(read, cable, judged, values, units)
+    result = recalibrate_log(read, cable, judged, values, units)
     return Recalibrated(
-        found.best.name,
-        tuple(found.warnings),
-        found.samples,
-        **{name: getattr(found, name) for name in ("gain", "gain_error", "changed")},
-        offset_deg=degrees(found.offset),
-        before_rms_deg=degrees(found.before_rms),
-        after_rms_deg=degrees(found.after_rms),
-        judged_rms_deg=degrees(found.judged_rms),
-        models=_models(found.best),
-        trust=None if found.best.trust is None else IdentifyTrust(*found.best.trust),
-        cycles=_cycles(found.cycles, to_identify(found.cycles)),
-        found=found,
+        result.best.name,
+        tuple(result.warnings),
+        result.samples,
+        **{name: getattr(result, name) for name in ("gain", "gain_error", "changed")},
+        offset_deg=degrees(result.offset),
+        before_rms_deg=degrees(result.before_rms),
+        after_rms_deg=degrees(result.after_rms),
+        judged_rms_deg=degrees(result.judged_rms),
+        models=_models(result.best),
+        trust=None if result.best.trust is None else IdentifyTrust(*result.best.trust),
+        cycles=_cycles(result.cycles, to_identify(result.cycles)),
+        found=result,
     )
 
 

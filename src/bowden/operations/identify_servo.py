@@ -5,14 +5,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from bowden.operations.support.operation import GivenProgress, Operation, Switch
-from bowden.operations.support.results import Part, Result, made
+from bowden.operations.support.results import Result, ResultPart, made
 
 if TYPE_CHECKING:
     from bowden.identify.servo.fit import ServoFit
 
 
 @dataclass(frozen=True)
-class FittedValue(Part):
+class FittedValue(ResultPart):
     """A value and its uncertainty."""
 
     value: float

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from bowden.operations.support.operation import Operation, Switch
-from bowden.operations.support.results import Part, Result, made
+from bowden.operations.support.results import Result, ResultPart, made
 
 if TYPE_CHECKING:
     from bowden.live.mcap_read import Recording
@@ -23,7 +23,7 @@ class LogFormat(StrEnum):
 
 
 @dataclass(frozen=True)
-class LogDamage(Part):
+class LogDamage(ResultPart):
     """What of a log could not be read."""
 
     chunks: int
@@ -35,7 +35,7 @@ class LogDamage(Part):
 
 
 @dataclass(frozen=True)
-class Percentiles(Part):
+class Percentiles(ResultPart):
     """Quantiles of a time."""
 
     p50: float
@@ -45,7 +45,7 @@ class Percentiles(Part):
 
 
 @dataclass(frozen=True)
-class LogStop(Part):
+class LogStop(ResultPart):
     """One end of power by a fault."""
 
     time_s: float
@@ -64,7 +64,7 @@ class LogStop(Part):
 
 
 @dataclass(frozen=True)
-class LogEmergency(Part):
+class LogEmergency(ResultPart):
     """A drive's emergency."""
 
     time_s: float | None
@@ -73,7 +73,7 @@ class LogEmergency(Part):
 
 
 @dataclass(frozen=True)
-class LogGain(Part):
+class LogGain(ResultPart):
     """A gain that was changed while the law ran."""
 
     name: str
@@ -89,7 +89,7 @@ class LogGain(Part):
 
 
 @dataclass(frozen=True)
-class LogEvent(Part):
+class LogEvent(ResultPart):
     """A change of mode or faults."""
 
     time_s: float | None
@@ -98,7 +98,7 @@ class LogEvent(Part):
 
 
 @dataclass(frozen=True)
-class LogAxis(Part):
+class LogAxis(ResultPart):
     """One axis of several."""
 
     law: str | None
@@ -204,7 +204,7 @@ class LogDrawn(Result["LogDrawn"]):
 
 
 @dataclass(frozen=True)
-class ReplayFigures(Part):
+class ReplayFigures(ResultPart):
     """How a replay compares with its record."""
 
     law: str
@@ -398,7 +398,7 @@ def _replayed(found: "Recording", law: str | None, axis: str) -> tuple[ReplayFig
     period, source = float(found.settings["sample_time"]), source_for(found, chosen)
     with user_law.explained(chosen):
         result = run(found, chosen, limits, filters, period, same=same, source=source)
-    whose = {"law": chosen.name, "same_law": same, "rig": hash_of(found.settings), "axis": axis}
+    whose: dict[str, Any] = {"law": chosen.name, "same_law": same, "rig": hash_of(found.settings), "axis": axis}
     return ReplayFigures(**whose, **result._asdict()), same and result.differs
 
 

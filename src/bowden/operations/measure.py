@@ -12,7 +12,7 @@ from bowden.operations.support.results import Result, made
 
 
 @dataclass(frozen=True)
-class Measurement(LiveEnd, Result["Measurement"]):
+class MeasuredMotion(LiveEnd, Result["MeasuredMotion"]):
     """What the motor's motion left."""
 
     cycles_left_out: int
@@ -40,7 +40,7 @@ def measure(
     attended: bool = False,
     tell: Tell = None,
     quiet: Quiet = False,
-) -> Measurement:
+) -> MeasuredMotion:
     """Move the motor of a rig, and leave logs for identify and identify-servo: cable.csv and servo.csv.
 
     The motor goes through ramps, sines and a chirp within the limits. No law takes part; the joint follows as the cable
@@ -100,7 +100,7 @@ def measure(
     files = write_motions(session.live, session.log, out) if found["ended_well"] else []
     left_out = stalls(read(session.log, NEEDED), session.live.rig.sample_time)
     return made(
-        Measurement,
+        MeasuredMotion,
         {one.name: found[one.name] for one in fields(LiveEnd)},
         cycles_left_out=left_out.drawn,
         files=tuple(files),

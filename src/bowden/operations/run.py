@@ -3,19 +3,20 @@
 import contextlib
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from bowden.operations.log import LogStop
 from bowden.operations.support.operation import Folder, GivenLaw, GivenRig, Operation, Quiet, Switch, Tell
-from bowden.operations.support.results import Part, Result, made
+from bowden.operations.support.results import Result, ResultPart, made
 
 if TYPE_CHECKING:
     from bowden.live.session import Session
 
 
 @dataclass(frozen=True)
-class Privilege(Part):
+class Privilege(ResultPart):
     """What the process may do."""
 
     name: str
@@ -27,7 +28,7 @@ class Privilege(Part):
 
 
 @dataclass(frozen=True)
-class LoopLateness(Part):
+class LoopLateness(ResultPart):
     """How late the loop's cycles began."""
 
     p50_us: float
@@ -38,7 +39,7 @@ class LoopLateness(Part):
 
 
 @dataclass(frozen=True)
-class DelaySpread(Part):
+class DelaySpread(ResultPart):
     """Quantiles of a delay [ms]."""
 
     p50: float
@@ -47,7 +48,7 @@ class DelaySpread(Part):
 
 
 @dataclass(frozen=True)
-class EmgRunFigures(Part):
+class EmgRunFigures(ResultPart):
     """How a run by EMG went."""
 
     source: str
@@ -76,7 +77,7 @@ class EmgRunFigures(Part):
 
 
 @dataclass(frozen=True)
-class FeltInRun(Part):
+class FeltInRun(ResultPart):
     """What the wearer felt."""
 
     rms_nm: float
@@ -88,7 +89,7 @@ class FeltInRun(Part):
 
 
 @dataclass(frozen=True)
-class RunAxis(Part):
+class RunAxis(ResultPart):
     """One axis of several."""
 
     name: str
@@ -108,7 +109,7 @@ class RunAxis(Part):
 
 
 @dataclass(frozen=True)
-class LiveEnd(Part):
+class LiveEnd(ResultPart):
     """How a live run ended."""
 
     rig: str
@@ -275,8 +276,9 @@ def _session(
     from bowden.operations.support.python import tell
 
     whole = _given(rig, law, preset, duration, axis, channel, emg)
-    told = {"tell": lambda note: tell([note]), "alone": axis or ""}
-    with live_session(whole, given.name_of(whole), twin=twin, out=out, force=force, **told) as session:
+    name, alone = given.name_of(whole), axis or ""
+    told = partial(live_session, whole, name, tell=lambda note: tell([note]), alone=alone)
+    with told(twin=twin, out=out, force=force) as session:
         yield session
     tell([session.outcome] if not session.ended_well else [session.log_lost] if session.log_lost else [])
 

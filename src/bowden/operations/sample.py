@@ -31,7 +31,7 @@ _NEXT = {
 
 
 @dataclass(frozen=True)
-class Samples(Result["Samples"]):
+class SampleRecordings(Result["SampleRecordings"]):
     """Recordings, and the numbers behind them."""
 
     files: dict[str, str]
@@ -48,7 +48,7 @@ def sample(
     *,
     seed: int = 1,
     force: bool = False,
-) -> Samples:
+) -> SampleRecordings:
     """Write simulated recordings to try everything with, and the numbers behind them.
 
     cable: logs for identify and identify-servo. emg: a muscle for emg calibrate and emg score. suit: a rig with a suit
@@ -81,7 +81,7 @@ def sample(
     before = "" if folder == Path() else f"{folder}/"
     following = [word.format(before) for word in _NEXT[kind].split()]
     written = {str(folder / name): one.about for name, one in files.items()}
-    return Samples(written, seed, shlex.join(["bowden", *following]))
+    return SampleRecordings(written, seed, shlex.join(["bowden", *following]))
 
 
 def _files(kind: SampleKind, seed: int) -> "Mapping[str, SampleFile]":

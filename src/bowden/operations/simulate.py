@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 from bowden.operations.check import Verdict
 from bowden.operations.support.operation import GivenLaw, GivenProgress, GivenRig, Operation, Progress, Switch
-from bowden.operations.support.results import Part, Result
+from bowden.operations.support.results import Result, ResultPart
 
 if TYPE_CHECKING:
     from bowden.core.trace import Trace
@@ -15,19 +15,19 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Felt(Part):
+class FeltTorque(ResultPart):
     """What the wearer felt of the suit."""
 
     rms_nm: float
     """RMS of the suit's torque on the elbow less the weight that it is to carry, settled [N m]."""
     peak_nm: float
     """Its largest size [N m]."""
-    estimate_error_nm: float
+    estimate_error_nm: float | None
     """RMS error of the torque that is estimated without a load cell [N m]."""
 
 
 @dataclass(frozen=True)
-class Figures(Part):
+class Figures(ResultPart):
     """Figures of merit of a run."""
 
     rmse_deg: float | None
@@ -47,7 +47,7 @@ class Figures(Part):
 
 
 @dataclass(frozen=True)
-class MotorRun(Part):
+class MotorRun(ResultPart):
     """One of two motors on one joint."""
 
     axis: str
@@ -76,7 +76,7 @@ class SimulatedRun(Figures):
     """What bowden check says of it on this rig; null where it cannot judge a law of your own."""
     stable: bool
     """Whether the run reached its end; if not, every figure is null."""
-    interaction: Felt | None
+    interaction: FeltTorque | None
     """What the wearer felt of a suit that follows their push ([admittance]); null for any other run."""
     motors: tuple[MotorRun, ...]
     """Of two motors on one joint each, the agonist first; else empty."""
@@ -290,14 +290,14 @@ def _of_suit(rig: "Rig") -> list[str]:
     return [f"suit.drive_integral_per_s is 0: {less}"]
 
 
-def _felt(rig: "Rig", trace: "Trace") -> Felt | None:
+def _felt(rig: "Rig", trace: "Trace") -> FeltTorque | None:
     """What the wearer felt of a suit that follows their push; None of any other run, and of one that ran away."""
     if rig.pushing is None or not trace.ended:
         return None
     from bowden.design.felt import felt
 
     found = felt(trace, rig.pushing.suit.arm, rig.pushing.section.carried)
-    return Felt(found.rms, found.peak, found.estimate)
+    return FeltTorque(found.rms, found.peak, found.estimate)
 
 
 OPERATIONS = (

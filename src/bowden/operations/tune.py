@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from bowden.operations.check import Verdict
 from bowden.operations.support.operation import GivenLaw, GivenProgress, GivenRig, Operation, Role, Switch
-from bowden.operations.support.results import Part, Result, degrees, json_of, made
+from bowden.operations.support.results import Result, ResultPart, degrees, json_of, made
 
 if TYPE_CHECKING:
     from bowden.design.tune import BrokenOff, Tuning
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class PlantsSpread(Part):
+class PlantsSpread(ResultPart):
     """What gains make of plants."""
 
     runs: int
@@ -30,7 +30,7 @@ class PlantsSpread(Part):
 
 
 @dataclass(frozen=True)
-class JudgedByStudy(Part):
+class JudgedByStudy(ResultPart):
     """Gains judged by a study."""
 
     name: str

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from bowden.operations.support.operation import GivenRig, Operation, Switch
-from bowden.operations.support.results import Part, Result, made
+from bowden.operations.support.results import Result, ResultPart, made
 
 if TYPE_CHECKING:
     from bowden.rig.rig import Rig
@@ -37,7 +37,7 @@ class TwinStarted(Result["TwinStarted"]):
 
 
 @dataclass(frozen=True)
-class TwinState(Part):
+class TwinState(ResultPart):
     """The state of a twin."""
 
     time: float
@@ -90,7 +90,7 @@ class TwinJournal(Result["TwinJournal"]):
 
 
 @dataclass(frozen=True)
-class TwinFault(Part):
+class TwinFault(ResultPart):
     """A fault that a twin can be given."""
 
     fault: str

@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING
 from bowden.views.text import Call
 
 if TYPE_CHECKING:
-    from bowden.operations.measure import Measurement
+    from bowden.operations.measure import MeasuredMotion
 
 
-def show_measure(found: "Measurement", call: Call) -> None:
+def show_measure(found: "MeasuredMotion", call: Call) -> None:
     """How the run ended, and what comes next."""
     from bowden.live.summary import print_summary
 

@@ -10,13 +10,17 @@ if TYPE_CHECKING:
 
 
 def show_run_to_end(found: "RunResult", call: Call) -> None:
-    """Figures, what stopped it, its log, and what comes next: the export of what has run, of each axis."""
+    """Figures, what stopped it, its log, and what comes next."""
     from bowden.live.summary import print_summary
     from bowden.operations.support.results import json_of
 
     print_summary(json_of(found))
-    if found.log_lost:
-        return
+    if not found.log_lost:
+        say_next_of(found, call)
+
+
+def say_next_of(found: "RunResult", call: Call) -> None:
+    """What ended a run that did not end as asked; a log that is in parts; the export of what has run, of each axis."""
     if not (found.ended_well and found.log_whole):
         say_next("log", "info" if found.log_whole else "recover", found.log)
         return

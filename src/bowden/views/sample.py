@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING
 from bowden.views.text import Call
 
 if TYPE_CHECKING:
-    from bowden.operations.sample import Samples
+    from bowden.operations.sample import SampleRecordings
 
 
-def show_sample(found: "Samples", call: Call) -> None:
+def show_sample(found: "SampleRecordings", call: Call) -> None:
     """Each file and what it is, and what comes next."""
     print(f"Simulated, in {call['folder']}:")
     for name, about in found.files.items():

@@ -3,11 +3,13 @@
 import shlex
 import sys
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 
-class Call(NamedTuple):
+@dataclass(frozen=True)
+class Call:
     """How an operation was called."""
 
     given: dict[str, Any]
@@ -19,7 +21,7 @@ class Call(NamedTuple):
     seconds: float
     """Since the command began [s]."""
 
-    def __getitem__(self, name: Any) -> Any:
+    def __getitem__(self, name: str) -> Any:
         return self.given[name]
 
     def repeated(self, *names: str) -> Iterator[str]:

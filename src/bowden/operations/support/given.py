@@ -102,7 +102,7 @@ def notes_of(rig: Rig) -> tuple[str, ...]:
     return (*each, *refusals(rig))
 
 
-class Turns(NamedTuple):
+class LawRuns(NamedTuple):
     """What came of laws that ran one after the other."""
 
     runs: dict[str, Any]
@@ -111,7 +111,7 @@ class Turns(NamedTuple):
     """Whether an interruption ended it before the last law was done."""
 
 
-def in_turn(laws: Sequence[Law], run: Callable[[int], Any], progress: Progress) -> Turns:
+def in_turn(laws: Sequence[Law], run: Callable[[int], Any], progress: Progress) -> LawRuns:
     """Run laws one after the other, until an interruption; one before the first is done passes through.
 
     Args:
@@ -131,8 +131,8 @@ def in_turn(laws: Sequence[Law], run: Callable[[int], Any], progress: Progress) 
         except KeyboardInterrupt:
             if not found:
                 raise
-            return Turns(found, True)
-    return Turns(found, False)
+            return LawRuns(found, True)
+    return LawRuns(found, False)
 
 
 def numbered(names: Sequence[str]) -> Iterator[str]:

@@ -65,7 +65,7 @@ Folder = Annotated[Path, Switch(metavar="FOLDER")]
 """A folder that results are written to: looked at before anything is computed."""
 
 
-class Parameter(NamedTuple):
+class OperationParameter(NamedTuple):
     """A parameter of an operation."""
 
     name: str
@@ -89,7 +89,7 @@ class Parameter(NamedTuple):
         return self.switch.name or (f"--{self.name.strip('_').replace('_', '-')}" if self.alone else self.name.upper())
 
 
-def parameters(function: Callable[..., Any]) -> dict[str, Parameter]:
+def parameters(function: Callable[..., Any]) -> dict[str, OperationParameter]:
     """The parameters of a function by name."""
     means = _meanings(inspect.getdoc(function) or "")
     found = {}
@@ -109,7 +109,7 @@ def parameters(function: Callable[..., Any]) -> dict[str, Parameter]:
                     break
         kind = switch.kind or kind
         needed = one.default is inspect.Parameter.empty and one.kind is not inspect.Parameter.KEYWORD_ONLY
-        found[name] = Parameter(
+        found[name] = OperationParameter(
             name,
             kind,
             one.default if switch.default is None else switch.default,
@@ -124,7 +124,7 @@ def parameters(function: Callable[..., Any]) -> dict[str, Parameter]:
 
 
 def _meanings(doc: str) -> dict[str, str]:
-    """Parameter → what the section ``Args:`` of a docstring says of it."""
+    """OperationParameter → what the section ``Args:`` of a docstring says of it."""
     section = re.search(r"^Args:\n(.*?)(?=^\S|\Z)", doc, re.DOTALL | re.MULTILINE)
     if section is None:
         return {}
@@ -173,7 +173,7 @@ class Operation(NamedTuple):
         return getattr(self.view, f"{does}_{self.function.__name__}", None)
 
 
-class Declared(NamedTuple):
+class DeclaredOperations(NamedTuple):
     """What files declare."""
 
     operations: tuple[Operation, ...]
@@ -184,7 +184,7 @@ class Declared(NamedTuple):
 
 def files() -> dict[str, str]:
     """Module → first word of its operations, of all that declare some; none is imported for it."""
-    found = {}
+    found: dict[str, str] = {}
     for package in PACKAGES:
         path = importlib.import_module(package).__path__
         names = (one.name for one in pkgutil.iter_modules(path) if not one.ispkg)
@@ -192,7 +192,7 @@ def files() -> dict[str, str]:
     return found
 
 
-def declared(first_word: str = "") -> Declared:
+def declared(first_word: str = "") -> DeclaredOperations:
     """The operations that begin with a word and those that share its file's name, or all.
 
     Args:
@@ -207,7 +207,8 @@ def declared(first_word: str = "") -> Declared:
         operations += module.OPERATIONS
         if hasattr(module, "GROUP"):
             groups[every[name]] = module.GROUP
-    return Declared(tuple(sorted(operations, key=lambda one: (" " in one.words, one.place, one.words))), groups)
+    operations.sort(key=lambda one: (" " in one.words, one.place, one.words))
+    return DeclaredOperations(tuple(operations), groups)
 
 
 def named(words: str) -> Operation:

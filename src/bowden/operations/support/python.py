@@ -71,7 +71,7 @@ def public(function: Callable[Given, Result[Value]]) -> Callable[Given, Value]:
     return called
 
 
-def _checked(one: operation.Parameter, value: Any, function: str) -> Any:
+def _checked(one: operation.OperationParameter, value: Any, function: str) -> Any:
     """A value that is of its parameter's kind.
 
     Raises:

@@ -18,14 +18,14 @@ Made = TypeVar("Made")
 
 
 @dataclass(frozen=True)
-class Part:
+class ResultPart:
     """Figures of a result: the text under a field is its description in the schema."""
 
     __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid", "use_attribute_docstrings": True}
 
 
 @dataclass(frozen=True)
-class Result(Part, Generic[Value]):
+class Result(ResultPart, Generic[Value]):
     """What an operation found.
 
     The fields after ``_: KW_ONLY`` are no part of the JSON: they are what views draw and Python gets.
@@ -130,7 +130,9 @@ def schema_of(operation: "Operation") -> dict[str, Any]:
     trust = (TrustLevel | None, Field(default=None, description="In the model of the cable, where it is not yes."))
     files = (list[str], Field(description="What was written; a page comes last."))
     models: list[Any] = []
-    for kind in filter(fields, operation.results):
+    for kind in operation.results:
+        if kind.whole_document is not Result.whole_document:  # type: ignore[attr-defined]
+            continue
         said = _descriptions(kind)
         own: dict[str, Any] = {
             one.name: (one.type, Field(description=said.get(one.name) or None)) for one in fields(kind)

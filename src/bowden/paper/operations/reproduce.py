@@ -4,14 +4,14 @@ from dataclasses import KW_ONLY, dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
 from bowden.operations.support.operation import GivenProgress, Operation
-from bowden.operations.support.results import Part, Result, made
+from bowden.operations.support.results import Result, ResultPart, made
 
 if TYPE_CHECKING:
     from bowden.paper.reproduce import Reproduction
 
 
 @dataclass(frozen=True)
-class JudgedClaim(Part):
+class JudgedClaim(ResultPart):
     """A published number and ours."""
 
     id: str
@@ -36,7 +36,7 @@ class JudgedClaim(Part):
 
 
 @dataclass(frozen=True)
-class EquationRemark(Part):
+class EquationRemark(ResultPart):
     """A figure of ours on the paper's equations."""
 
     id: str
