@@ -20,7 +20,6 @@ from bowden.cycle.one_cycle import Cycle
 from bowden.design.forecast import off_reference
 from bowden.design.other_law import chosen_law
 from bowden.design.verdict import verdicts
-from bowden.face.init import init
 from bowden.hardware.ports import Power
 from bowden.identify.cable.counting import Covered
 from bowden.identify.cable.model import IdentifiedCable
@@ -29,6 +28,7 @@ from bowden.live.preflight import REASONS, Reason, require
 from bowden.live.row import NOTHING_READ
 from bowden.models.cable.bouc_wen import BoucWen, saturation
 from bowden.models.drive.thermal import cold
+from bowden.operations.init import init
 from bowden.rig.compose_suit import elbow_dead_zone
 from bowden.rig.objections import objections
 from bowden.rig.rig import Rig

@@ -68,7 +68,7 @@ def lsl() -> Any:
 @pytest.fixture
 def small_search(monkeypatch: pytest.MonkeyPatch) -> None:
     """`tune` in one process and of a quarter of its size, where it matters that it searches and not what it finds."""
-    monkeypatch.setattr("bowden.face.tune.two_workers", lambda *_, **__: contextlib.nullcontext(map))
+    monkeypatch.setattr("bowden.study.tune_law.two_workers", lambda *_, **__: contextlib.nullcontext(map))
     monkeypatch.setattr("bowden.design.tune._DRAWS", 100)
     monkeypatch.setattr("bowden.design.tune._SIMULATED", 20)
     monkeypatch.setattr("bowden.design.tune._MEMBERS", 8)

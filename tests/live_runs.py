@@ -16,9 +16,9 @@ import numpy as np
 import pytest
 
 from bowden.app.main import run
-from bowden.app.schema_command import json_schema
 from bowden.hardware.realtime import Settings
 from bowden.live.lateness import bare_loop_apart
+from bowden.operations.schema import json_schema
 from bowden.safety.faults import Fault
 
 ROOT = Path(__file__).parents[1]

@@ -11,13 +11,13 @@ import pytest
 import bowden
 from bowden.app import main
 from bowden.core.errors import ParameterError
-from bowden.face.tune import tuned
 from bowden.hardware.twin.bench import FOLLOW, OFF
 from bowden.identify.cable.model import CableModel, IdentifiedCable
 from bowden.models.cable.bouc_wen import BoucWen
 from bowden.rig.rig import Rig
 from bowden.rig.settings import SuitSettings
 from bowden.rig.twin_plant import twin_plant_of
+from bowden.study.tune_law import tuned
 from live_runs import SHARED_LIMITS, tries
 
 pytestmark = [

@@ -8,7 +8,6 @@ import pytest
 
 from admittance_study import MIDDLE
 from bowden.app import main
-from bowden.app.schema_command import json_schema
 from bowden.control import LAWS
 from bowden.control.admittance.virtual_elbow import Admittance
 from bowden.control.source import TABLE
@@ -19,6 +18,7 @@ from bowden.hardware.twin.bench import FOLLOW
 from bowden.hardware.twin.suit import TwinSuit
 from bowden.live.live_run import live_run
 from bowden.models.drive.geared_motor import GearedMotor
+from bowden.operations.schema import json_schema
 from bowden.plants.suit_parts import Suit
 from bowden.rig import compose_admittance
 from bowden.rig.rig import Rig

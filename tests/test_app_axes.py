@@ -14,18 +14,19 @@ import jsonschema
 import numpy as np
 import pytest
 
-from bowden.app import run_command
 from bowden.app.main import run
-from bowden.app.schema_command import json_schema
 from bowden.core.errors import SafetyError
 from bowden.cycle.one_cycle import TargetSource
-from bowden.face.run import run as live
 from bowden.live import twin_process
 from bowden.live.mcap_read import read
 from bowden.live.session import Session, own_twin
+from bowden.operations.run import run as live
+from bowden.operations.schema import json_schema
 from bowden.rig.rig import Rig
 from bowden.safety.faults import Fault, of
 from bowden.safety.state import Mode
+from bowden.views.run import say_next_of
+from bowden.views.text import Call
 from live_runs import COMMAND, SHARED, finished_well, tries
 
 SECTIONS = f"""[scenario]
@@ -181,10 +182,10 @@ def test_check_and_simulate_tell_each_axis(leg: Path, tmp_path: Path, capsys: py
     checked = asked("check", str(leg), capsys=capsys)
     assert [axis["axis"] for axis in checked["axes"]] == ["hip", "knee"]
     simulated = asked("simulate", str(leg), "--out", str(tmp_path / "sim"), capsys=capsys)
-    assert [axis["axis"] for axis in simulated["axes"]] == ["hip", "knee"]
+    assert [run["axis"] for run in simulated["runs"]] == ["hip", "knee"]
     assert (tmp_path / "sim" / "knee" / "bowden.npz").exists()
     alone = asked("simulate", str(leg), "--axis", "hip", "--out", str(tmp_path / "one"), capsys=capsys)
-    assert alone["runs"][0]["rmse_deg"] == simulated["axes"][0]["runs"][0]["rmse_deg"]
+    assert alone["runs"][0]["rmse_deg"] == simulated["runs"][0]["rmse_deg"]
 
 
 @pytest.mark.parametrize(
@@ -228,12 +229,17 @@ def test_a_rig_of_axes_that_cannot_be_gets_no_power(tmp_path: Path) -> None:
 
 
 def test_what_is_said_to_come_next_names_the_axis(capsys: pytest.CaptureFixture[str]) -> None:
-    found = {"ended_well": True, "law": "bowden", "log_whole": True, "log_lost": None}
-    both = [{"name": "hip", "law": "bowden"}, {"name": "knee", "law": "bowden"}]
-    run_command._say_next(Path("leg.toml"), found | {"axes": both}, None, None, None)
-    run_command._say_next(Path("leg.toml"), found, "bowden", None, "knee")
-    run_command._say_next(Path("rig.toml"), found, None, None, None)
-    run_command._say_next(Path("rig.toml"), found | {"log_whole": False, "log": "b.mcap"}, None, None, None)
+    switches = {name: f"--{name}" for name in ("law", "preset", "axis")}
+    both = [SimpleNamespace(name=name, law="bowden") for name in ("hip", "knee")]
+    ended = {"ended_well": True, "law": "bowden", "log_whole": True, "log": "b.mcap"}
+    for rig, more, given in (
+        ("leg.toml", {"axes": both}, {}),
+        ("leg.toml", {}, {"law": "bowden", "axis": "knee"}),
+        ("rig.toml", {}, {}),
+        ("rig.toml", {"log_whole": False}, {}),
+    ):
+        call = Call({"rig": rig, "axis": None} | given, switches, (), 0.0)
+        say_next_of(SimpleNamespace(**{"axes": ()} | ended | more), call)  # type: ignore[arg-type]
     assert capsys.readouterr().out.splitlines() == [
         "Next: bowden export leg.toml --axis hip --to firmware/hip",
         "Next: bowden export leg.toml --axis knee --to firmware/knee",

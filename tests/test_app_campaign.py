@@ -23,9 +23,9 @@ import pytest
 
 import study_page
 from bowden.app import main
-from bowden.app.schema_command import json_schema
 from bowden.core.errors import ParameterError
 from bowden.core.trace import Trace
+from bowden.operations.schema import json_schema
 from bowden.study import pack as study_pack
 from bowden.study import workers as campaign_workers
 from bowden.study.load import load

@@ -1,7 +1,8 @@
-"""The commands declare themselves, a file each, and a command line imports the file that it needs and nothing heavy."""
+"""Operations declare themselves, a file each, and a command line imports the files that it needs and nothing heavy."""
 
-import inspect
+import importlib
 import json
+import math
 import subprocess
 import sys
 from pathlib import Path
@@ -9,37 +10,50 @@ from pathlib import Path
 import jsonschema
 import pytest
 
-from bowden import app
 from bowden.app import main
-from bowden.app.command import Command, files, found
-from bowden.app.documents import DOCUMENTS
-from bowden.app.schema_command import json_schema
+from bowden.core.errors import ParameterError
+from bowden.core.guesses import UnknownArgumentError
 from bowden.hardware.twin.injection import KINDS
+from bowden.operations.schema import json_schema
+from bowden.operations.support.operation import Operation, Role, declared, files, parameters
+from bowden.operations.support.python import public
+from bowden.operations.support.results import json_of
 
 HEAVY = ("numpy", "numba", "scipy", "matplotlib", "pyarrow", "pydantic", "rich", "jinja2", "can", "asyncio")
-COMMANDS = found().commands
+OPERATIONS = declared().operations
 GREET = '''
-from typing import Annotated
+"""`greet`: an operation."""
 
-import typer
+from dataclasses import dataclass
 
-from bowden.app.command import Command
-from bowden.app.console import print_json, seconds
-
-
-def greet(
-    name: Annotated[str, typer.Argument(help="Whom.")],
-    json: Annotated[bool, typer.Option("--json", help="Print one JSON document and nothing else.")] = False,
-) -> None:
-    """Greet somebody."""
-    if json:
-        print_json({"greeted": name, "seconds": seconds()})
-    else:
-        print(f"Hello, {name}.")
+from bowden.operations.support.operation import Operation
+from bowden.operations.support.results import Result
 
 
-COMMANDS = (Command("greet", greet, "Greet somebody.", ("bowden greet Anna",)),)
+@dataclass(frozen=True)
+class Greeted(Result["Greeted"]):
+    """Who was greeted."""
+
+    greeted: str
+    """Whom."""
+
+
+def greet(name: str, *, loud: bool = False) -> Greeted:
+    """Greet somebody.
+
+    Args:
+        name: whom.
+        loud: so that all hear it; see `name`.
+    """
+    return Greeted(name.upper() if loud else name)
+
+
+OPERATIONS = (Operation("greet", greet, ("bowden greet Anna",)),)
 '''
+VIEW = """
+def show_greet(found, call):
+    print(f"Hello, {found.greeted}.")
+"""
 
 
 def loaded_by(*words: str) -> tuple[set[str], str]:
@@ -55,11 +69,15 @@ def loaded_by(*words: str) -> tuple[set[str], str]:
 
 def test_help_tells_every_command_and_loads_nothing_heavy() -> None:
     modules, said = loaded_by("--help")
-    alone = {one.words.split()[0] for one in COMMANDS}
+    alone = {one.words.split()[0] for one in OPERATIONS}
     assert {line.split()[0] for line in said.split("Commands:")[1].splitlines() if line[2:3].strip()} == alone
     assert not modules & set(HEAVY)
     assert len(modules) < 300  # 184, of them 33 an empty interpreter's, take 0.2 s
-    assert {f"bowden.app.{name}" for name in files()} <= modules
+    assert {*files()} <= modules
+
+
+TYPES = ("check", "simulate", "identify", "run", "log", "confirm", "measure")
+"""Operations whose types are parts of the results of others."""
 
 
 @pytest.mark.parametrize("words", ["init", "identify-servo", "twin", "log info", "emg serve"])
@@ -67,23 +85,27 @@ def test_a_command_line_imports_the_files_that_its_first_word_names(words: str) 
     modules, said = loaded_by(*words.split(), "--help")
     assert f"bowden {words}" in said
     first = words.split()[0].split("-")[0]
-    wanted = {f"bowden.app.{name}" for name in files() if name.split("_")[0] == first}
-    assert {name for name in modules if name.startswith("bowden.app.") and name.endswith("_command")} == wanted
+    wanted = {name for name, word in files().items() if word == first}
+    assert wanted <= modules & {*files()} <= wanted | {f"bowden.operations.{name}" for name in TYPES}
     assert not modules & set(HEAVY) - {"pydantic"}, "typer itself takes pydantic where it reads a command's words"
 
 
-@pytest.mark.parametrize("one", COMMANDS, ids=lambda one: one.words)
-def test_a_command_is_declared_as_it_is_found_shown_and_documented(
-    one: Command, capsys: pytest.CaptureFixture[str]
+@pytest.mark.parametrize("one", OPERATIONS, ids=lambda one: one.words)
+def test_an_operation_is_declared_as_it_is_found_shown_and_documented(
+    one: Operation, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert one in found(one.words.split()[0]).commands, "its file's name begins with its first word"
+    assert one in declared(one.words.split()[0]).operations, "its file's name begins with its first word"
     assert main.run([*one.words.split(), "--help"]) == 0
     printed = capsys.readouterr().out
     assert one.examples
     assert all(example.startswith(f"bowden {one.words}") for example in one.examples)
     assert all(" ".join(example.split()) in " ".join(printed.split()) for example in one.examples)
     assert one.summary.endswith(".")
-    assert "json" in inspect.signature(one.function).parameters
+    assert "--json" in printed
+    assert "`" not in printed
+    for parameter in parameters(one.function).values():
+        assert parameter.means or parameter.kind in (Role.TELL, Role.QUIET, Role.PROGRESS), parameter.name
+    assert one.viewer("show") is not None
     schema = json_schema(one.words)
     jsonschema.Draft202012Validator.check_schema(schema)
     assert schema["title"] == f"bowden {one.words} --json"
@@ -96,7 +118,7 @@ def test_a_schema_is_printed_by_its_name(name: str, capsys: pytest.CaptureFixtur
     assert main.run(["schema", "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
     jsonschema.validate(found, json_schema("schema"))
-    assert set(found["schemas"]) == {"rig", "study", *DOCUMENTS} == {"rig", "study", *(one.words for one in COMMANDS)}
+    assert set(found["schemas"]) == {"rig", "study", *(one.words for one in OPERATIONS)}
     assert main.run(["schema"]) == 0
     assert {line[:16].strip() for line in capsys.readouterr().out.splitlines()} == set(found["schemas"])
     assert main.run(["schema", "rgi"]) == 2
@@ -104,35 +126,51 @@ def test_a_schema_is_printed_by_its_name(name: str, capsys: pytest.CaptureFixtur
 
 
 def test_a_schema_has_what_the_types_say() -> None:
-    replay = json_schema("log replay")
-    one, several = (replay["$defs"][part["$ref"].split("/")[-1]] for part in replay["anyOf"])
-    asked = several["properties"]["axes"]["items"]["required"]
-    assert set(asked) == {"axis", *one["required"]} - {"file", "seconds"}
-    assert json_schema("log info")["additionalProperties"] is False
-    gain = json_schema("log info")["$defs"]["_Gain"]["properties"]["from"]
+    info = json_schema("log info")
+    assert info["additionalProperties"] is False
+    gain = info["$defs"]["LogGain"]["properties"]["before"]
     assert gain == {"description": "Value in force before, in the law's own unit.", "type": "number"}
+    check = json_schema("check")
+    assert {"law", "verdict", "axes", "seconds"} <= {*check["required"]}
+    assert not {"checks", "whole", "notes", "interrupted"} & {*check["properties"]}
 
 
-def test_no_two_commands_have_the_same_words() -> None:
-    words = [one.words for one in COMMANDS]
+def test_a_number_that_does_not_exist_is_null() -> None:
+    assert json_of({"a": (1.0, math.nan, math.inf), "b": Path("c")}) == {"a": [1.0, None, None], "b": "c"}
+
+
+def test_no_two_operations_have_the_same_words() -> None:
+    words = [one.words for one in OPERATIONS]
     assert len(set(words)) == len(words)
-    assert set(found().groups) == {one.split()[0] for one in words if " " in one}
+    assert set(declared().groups) == {one.split()[0] for one in words if " " in one}
 
 
-def test_a_new_command_is_one_file(
+def test_a_new_operation_is_its_file_and_its_view(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    (tmp_path / "greet_command.py").write_text(GREET)
-    monkeypatch.setattr(app, "__path__", [*app.__path__, str(tmp_path)])
+    for name, text in (("operations", GREET), ("views", VIEW)):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "greet.py").write_text(text)
+        package = importlib.import_module(f"bowden.{name}")
+        monkeypatch.setattr(package, "__path__", [*package.__path__, str(tmp_path / name)])
     assert main.run(["greet", "Anna"]) == 0
     assert capsys.readouterr().out == "Hello, Anna.\n"
-    assert main.run(["greet", "Anna", "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["greeted"] == "Anna"
+    assert main.run(["greet", "Anna", "--loud", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    jsonschema.validate(found, json_schema("greet"))
+    assert found["greeted"] == "ANNA"
     assert main.run(["--help"]) == 0
     assert "greet           Greet somebody." in capsys.readouterr().out
     assert main.run(["greet"]) == 2
     assert capsys.readouterr().err == "bowden: Missing argument 'name'; see bowden greet --help\n"
-    sys.modules.pop("bowden.app.greet_command")
+    greet = public(importlib.import_module("bowden.operations.greet").greet)
+    assert greet("Anna").greeted == "Anna"
+    with pytest.raises(ParameterError, match="greet: loud is 3; expected True or False"):
+        greet("Anna", loud=3)
+    with pytest.raises(UnknownArgumentError, match="greet has no 'lod': did you mean loud"):
+        greet("Anna", lod=True)
+    for name in ("operations", "views"):
+        sys.modules.pop(f"bowden.{name}.greet")
 
 
 @pytest.mark.parametrize(

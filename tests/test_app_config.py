@@ -7,11 +7,11 @@ from typing import Any
 import jsonschema
 import pytest
 
-from bowden.app.schema_command import json_schema
 from bowden.control import LAWS
 from bowden.core.errors import BowdenError, ParameterError
 from bowden.core.units import RADIANS
 from bowden.models.cable.bouc_wen import BoucWen
+from bowden.operations.schema import json_schema
 from bowden.paper.bench import observer as paper_observer
 from bowden.rig.page import toml_text
 from bowden.rig.presets.bench import calibration, default_bench, minimum_jerk

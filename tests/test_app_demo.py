@@ -11,10 +11,10 @@ import jsonschema
 import numpy as np
 import pytest
 
-from bowden.app import demo_command
 from bowden.app.main import run
-from bowden.app.schema_command import json_schema
 from bowden.core.trace import LED, Trace
+from bowden.operations import demo
+from bowden.operations.schema import json_schema
 from bowden.report import demo_page
 from live_runs import tries
 
@@ -25,7 +25,7 @@ WELL = {"ended_well": True, "seconds_led": 1.0, "rmse_deg": 0.1, "peak_deg": 0.2
 @pytest.fixture(autouse=True)
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(demo_command, "LENGTH", 3.0)
+    monkeypatch.setattr(demo, "LENGTH", 3.0)
     return tmp_path
 
 
@@ -46,7 +46,7 @@ def test_it_goes_from_a_simulated_log_to_a_page_with_commands_for_ones_own(
 ) -> None:
     ended = WELL | {"faults": [], "log": "out/demo/bowden-1.mcap"}
     ended |= {} if well else {"ended_well": False, "stalled_ms": 80.0}
-    monkeypatch.setattr(demo_command, "_live", lambda *_, **__: (SimpleNamespace(trace=recorded), ended))
+    monkeypatch.setattr(demo, "_live", lambda *_, **__: (SimpleNamespace(trace=recorded), ended))
     assert run(["demo", *(["--json"] if well else [])]) == (0 if well else 1)
     printed = capsys.readouterr().out
     page = Path("out/demo/demo.html").read_text(encoding="utf-8")

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from bowden.app.main import run
-from bowden.app.schema_command import json_schema
 from bowden.core.errors import ParameterError
 from bowden.hardware.realtime import check_processor
 from bowden.live.lateness import EDGES_US, figures, histogram
 from bowden.live.machine import look, read_cyclictest
+from bowden.operations.schema import json_schema
 
 
 def test_the_document_is_as_its_schema_and_the_process_is_left_as_it_was(capsys: pytest.CaptureFixture[str]) -> None:

@@ -11,8 +11,7 @@ from typing import Any
 import jsonschema
 import pytest
 
-from bowden.app import drive_command, main
-from bowden.app.schema_command import json_schema
+from bowden.app import main
 from bowden.core.errors import DriveError
 from bowden.core.signals import EMERGENCY_STOP, DriveReading, DriveState
 from bowden.hardware.drives.family import family_of
@@ -20,6 +19,8 @@ from bowden.hardware.ports import Power
 from bowden.live import drive_look
 from bowden.live.drive_look import DriveLook, looked_at
 from bowden.live.twin_process import RunningTwin, running_twin
+from bowden.operations import drive
+from bowden.operations.schema import json_schema
 
 READING = DriveReading(0.5, 0.4, 1.0, math.nan, 30.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0)
 
@@ -54,8 +55,8 @@ def test_an_angle_that_comes_no_more_is_silent_and_one_that_never_came_is_not() 
 
 def shown_to(monkeypatch: pytest.MonkeyPatch, look: DriveLook) -> None:
     """Let the commands see this, without a drive."""
-    monkeypatch.setattr(drive_command, "_brought_up", lambda _: contextlib.nullcontext((None, "it")))
-    monkeypatch.setattr(drive_command, "_looked", lambda *_: iter([look]))
+    monkeypatch.setattr(drive, "_brought_up", lambda _: contextlib.nullcontext((None, "it")))
+    monkeypatch.setattr(drive, "_looked", lambda *_: iter([look]))
 
 
 def test_a_drive_that_falls_silent_under_monitor_is_said(

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 from bowden.app.main import run
-from bowden.app.schema_command import json_schema
 from bowden.core.errors import StreamError
 from bowden.hardware.emg.listener import Levels, Listener
 from bowden.hardware.emg.playback import Playback
 from bowden.hardware.ports import EmgChunk
 from bowden.identify.emg.levels import envelope_levels
 from bowden.identify.emg.log import read_emg
+from bowden.operations.schema import json_schema
 from bowden.rig import wearer_file
 from bowden.sensing.envelope import DEFAULTS
 from bowden.sensing.stream import EnvelopeFilter

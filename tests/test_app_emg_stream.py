@@ -16,14 +16,14 @@ import jsonschema
 import numpy as np
 import pytest
 
-from bowden.app.emg_listen import listen
 from bowden.app.main import run
-from bowden.app.schema_command import json_schema
 from bowden.core.clock import SECOND
 from bowden.core.errors import LogError, StreamError
+from bowden.hardware.emg.listen import listen
 from bowden.hardware.emg.lsl_outlet import LslOutlet, replay
 from bowden.hardware.emg.sources import open_source
 from bowden.hardware.ports import EmgChunk
+from bowden.operations.schema import json_schema
 from bowden.rig import wearer_file
 from bowden.sim.emg import background, contractions
 

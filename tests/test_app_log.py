@@ -12,8 +12,7 @@ import numpy as np
 import pytest
 
 from bowden.app import main
-from bowden.app.given_rig import trusting
-from bowden.app.schema_command import json_schema
+from bowden.app.console import trusting
 from bowden.control import LAWS
 from bowden.control.reference import PeriodicMinimumJerk
 from bowden.core import own_code
@@ -32,6 +31,7 @@ from bowden.live.preflight import Reason
 from bowden.live.row import CYCLE, description
 from bowden.live.run_settings import run_settings
 from bowden.models.drive.thermal import cold
+from bowden.operations.schema import json_schema
 from bowden.rig import given_law
 from bowden.rig.rig import Rig
 from bowden.safety.limits import Limits

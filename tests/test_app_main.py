@@ -11,9 +11,9 @@ import jsonschema
 import pytest
 
 from bowden import __version__
-from bowden.app import init_command, main
-from bowden.app.schema_command import json_schema
+from bowden.app import command_line, main
 from bowden.core.trace import Trace
+from bowden.operations.schema import json_schema
 from bowden.rig import page as rig_page
 from bowden.rig.rig import Rig
 
@@ -63,6 +63,7 @@ def test_an_unstable_run_that_is_forced_is_a_result_with_nulls(capsys: pytest.Ca
     assert run.pop("law") == "adaptive"
     assert run.pop("check") == "does_not_hold"
     assert run.pop("stable") is False
+    assert (run.pop("axis"), run.pop("motors")) == ("", [])
     assert set(run.values()) == {None}
     assert printed.err.startswith("bowden: note: adaptive fails the check on rig.toml, and runs because of --force: ")
 
@@ -150,7 +151,7 @@ def test_reproduce_keeps_to_its_schema(capsys: pytest.CaptureFixture[str]) -> No
     assert {claim["id"] for claim in document["claims"]} == {
         f"fig4.{name}" for name in ("half_width", "ratio", "mismatch", "residual")
     }
-    assert Path(document["report"]).is_file()
+    assert [Path(file).name for file in document["files"] if Path(file).is_file()] == ["reproduce.html"]
 
 
 def test_init_writes_the_commented_default_and_never_over_a_file(capsys: pytest.CaptureFixture[str]) -> None:
@@ -221,7 +222,7 @@ def test_an_interruption_is_code_130_and_one_line(
 
 
 def test_a_mistake_of_ours_is_not_hidden(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(init_command, "seconds", lambda: 1 / 0)
+    monkeypatch.setattr(command_line, "seconds", lambda: 1 / 0)
     with pytest.raises(ZeroDivisionError):
         main.run(["init", "new.toml", "--json"])
 

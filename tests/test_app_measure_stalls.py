@@ -14,7 +14,7 @@ import pytest
 
 import bowden
 from bowden.app.main import run
-from bowden.app.schema_command import json_schema
+from bowden.operations.schema import json_schema
 from live_runs import COMMAND, tries
 
 pytestmark = [pytest.mark.live, pytest.mark.usefixtures("state")]

@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 
 import bowden
-from bowden.app import check_command
 from bowden.app.main import run
 from bowden.control import LAWS, Law
 from bowden.core.units import DEGREES
@@ -22,6 +21,8 @@ from bowden.design.trial import Trial
 from bowden.design.tune import NoGainsError
 from bowden.rig.presets.bench import default_bench
 from bowden.rig.rig import Rig
+from bowden.views.check import _say_next_of
+from bowden.views.text import Call
 from live_runs import tries
 
 pytestmark = pytest.mark.usefixtures("undrawn")
@@ -171,7 +172,7 @@ def test_without_gains_the_law_that_follows_better_is_named(
 
     mended = None if own is None else OtherLaw("bowden", "holds", own, 20.0, {"bandwidth": 2.32})
     another = None if other is None else OtherLaw("adaptive", "holds", other, 20.0)
-    module = importlib.import_module("bowden.face.tune")
+    module = importlib.import_module("bowden.study.tune_law")
     monkeypatch.setattr(module, "_narrower", failed)  # as if the check said of none that they hold
     for name, value in (("search", failed), ("mended_law", lambda *_: mended), ("other_law", lambda *_: another)):
         monkeypatch.setattr(module, name, value)
@@ -211,7 +212,8 @@ def test_every_law_is_looked_at_however_long_the_others_took(monkeypatch: pytest
 
 def test_check_does_not_name_itself(capsys: pytest.CaptureFixture[str]) -> None:
     lost = SimpleNamespace(holds=False, instead="", advice="shorten the delay to 2 cycles (now 80)")
-    check_command._say_next(Path("rig.toml"), Rig(), lost, ["--law", "adaptive"])  # type: ignore[arg-type]
+    call = Call({"rig": "rig.toml", "law": "adaptive", "preset": None}, {}, (), 0.0)
+    _say_next_of(SimpleNamespace(checks={"": lost}), Rig(), "", ["--law", "adaptive"], call)  # type: ignore[arg-type]
     assert capsys.readouterr().out == "Next: change the rig as the advice says, then check it again\n"
 
 

@@ -6,12 +6,12 @@ from pathlib import Path
 
 import pytest
 
-from bowden.app import run_command
 from bowden.app.main import run
 from bowden.core.errors import ParameterError
 from bowden.hardware.buses.opening import UNIX, claim
 from bowden.live.session import prepared_loop
 from bowden.live.twin_process import running_twin
+from bowden.operations.run import run_to_end
 
 pytestmark = pytest.mark.usefixtures("state")
 
@@ -107,10 +107,10 @@ def test_what_takes_long_to_load_is_there_before_a_run_waits_for_signs_of_life(
         raise ParameterError("loaded" if "bowden.console.open" in sys.modules else "not loaded")
 
     monkeypatch.delitem(sys.modules, "bowden.console.open", raising=False)
-    monkeypatch.setattr("bowden.face.run.live_session", begun)
+    monkeypatch.setattr("bowden.live.start.live_session", begun)
     (tmp_path / "rig.toml").write_text("")
     with pytest.raises(ParameterError, match=r"^loaded"):
-        run_command.run(tmp_path / "rig.toml", twin=True, auto=True, console=True)
+        run_to_end(tmp_path / "rig.toml", twin=True, auto=True, console=True)
 
 
 def test_a_loop_for_which_no_run_comes_ends_without_a_word() -> None:

@@ -12,11 +12,11 @@ import jsonschema
 import pytest
 
 from bowden.app.main import run
-from bowden.app.schema_command import json_schema
 from bowden.core.units import DEGREES
 from bowden.identify.cable.identification import identify_log
 from bowden.identify.log.read import read_log
 from bowden.models.cable.bouc_wen import BoucWen, saturation
+from bowden.operations.schema import json_schema
 from bowden.rig.rig import Rig
 
 pytestmark = pytest.mark.usefixtures("undrawn")

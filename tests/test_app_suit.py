@@ -6,14 +6,14 @@ from pathlib import Path
 import pytest
 
 from bowden.app.main import run
-from bowden.app.simulate_command import _of_suit
 from bowden.control import LAWS
 from bowden.core.errors import ParameterError
 from bowden.core.toml_text import quoted
 from bowden.core.units import RADIANS
-from bowden.face.init import init
 from bowden.identify.cable.model import CableModel, IdentifiedCable
 from bowden.models.cable.bouc_wen import BoucWen, saturation
+from bowden.operations.init import init
+from bowden.operations.simulate import _of_suit
 from bowden.report.simulate_page import simulation_page
 from bowden.rig.page import toml_text
 from bowden.rig.presets.suit import suit

@@ -74,11 +74,11 @@ def handed(monkeypatch: pytest.MonkeyPatch) -> dict[str, list[Law]]:
 
         return caught
 
-    monkeypatch.setattr("bowden.face.simulate.verdicts", catching("simulate", lambda setup, laws, *_: list(laws)))
-    monkeypatch.setattr("bowden.face.check.judge", catching("check", lambda bench, law: [law]))
-    monkeypatch.setattr("bowden.face.tune.search", catching("tune", lambda bench, law: [law]))
+    monkeypatch.setattr("bowden.design.verdict.verdicts", catching("simulate", lambda setup, laws, *_: list(laws)))
+    monkeypatch.setattr("bowden.design.check.check", catching("check", lambda bench, law: [law]))
+    monkeypatch.setattr("bowden.study.tune_law.search", catching("tune", lambda bench, law: [law]))
     monkeypatch.setattr(export_law, "law_module", catching("export", lambda law, *_: [law]))
-    monkeypatch.setattr("bowden.face.tune.two_workers", lambda *_, **__: contextlib.nullcontext(map))
+    monkeypatch.setattr("bowden.study.tune_law.two_workers", lambda *_, **__: contextlib.nullcontext(map))
     return found
 
 

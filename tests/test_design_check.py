@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 from bowden.app.main import run
-from bowden.app.schema_command import json_schema
 from bowden.control import LAWS
 from bowden.control.law import Law
 from bowden.control.laws.adaptive import ultimate_bounds
@@ -23,6 +22,7 @@ from bowden.design.check_result import VerdictName
 from bowden.design.limit_cycle import describing_function, hysteresis_response
 from bowden.design.trial import LONGEST, MOVING, run_trial, settled_after
 from bowden.models.cable.bouc_wen import prepare_cable
+from bowden.operations.schema import json_schema
 from bowden.plants.bench import Bench
 from bowden.plants.transmission import transmission
 from bowden.rig.presets.bench import default_bench
@@ -208,7 +208,7 @@ def test_exit_code_json_and_python_agree_on_each_verdict(
     monkeypatch.chdir(tmp_path)
     Path("rig.toml").write_text("")
     found = replace(check(default_bench(), LAWS["uncompensated"]), verdict=verdict)
-    monkeypatch.setattr("bowden.face.check.checked", lambda rig: found)
+    monkeypatch.setattr("bowden.design.check_rig.checked", lambda rig: found)
     code = run(["check", "rig.toml", "--json"])
     document = json.loads(capsys.readouterr().out)
     assert (code == 0) is document["holds"] is found.holds is (verdict != "does_not_hold")

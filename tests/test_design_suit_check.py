@@ -9,7 +9,6 @@ import pytest
 
 import bowden
 from bowden.app import main
-from bowden.app.schema_command import json_schema
 from bowden.control import LAWS
 from bowden.control.stability import StateSpace, adaptive_model, margins
 from bowden.core.errors import ParameterError
@@ -19,6 +18,7 @@ from bowden.design.linear_plant import OnArm, linear_plant
 from bowden.design.linearise import linearise
 from bowden.design.trial import run_trial
 from bowden.models.cable.sheath import slope_factor
+from bowden.operations.schema import json_schema
 from bowden.plants.suit_linear import linear_suit, without_friction
 from bowden.plants.suit_parts import Suit
 from bowden.plants.transmission import transmission, unrest

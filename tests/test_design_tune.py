@@ -12,23 +12,23 @@ from typing import Any
 import jsonschema
 import numpy as np
 import pytest
+from bowden.design.evolution import Array, Population, Score
 
 import bowden
 from bowden.app.main import run
-from bowden.app.schema_command import json_schema
 from bowden.control import LAWS
 from bowden.control.law import Law
 from bowden.control.reference import PeriodicMinimumJerk, Trajectory
 from bowden.core.errors import OutputError, ParameterError
 from bowden.design.check import check
 from bowden.design.check_result import MOST_PER_COUNT
-from bowden.design.evolution import Array, Population, Score
 from bowden.design.gains_text import with_gains
 from bowden.design.processes import two_workers
 from bowden.design.tune import NoGainsError, tune
 from bowden.design.tune_judge import WANTED_DB, WANTED_DEG, Task, chatter, keeps, shortfall
 from bowden.design.tune_rig import easier
 from bowden.design.tune_runs import NineRuns, TuningTarget, course_of, runs_of
+from bowden.operations.schema import json_schema
 from bowden.plants.bench import Bench
 from bowden.rig.presets.bench import default_bench
 from bowden.rig.rig import Rig
@@ -194,7 +194,7 @@ def test_what_the_check_says_holds_is_never_given_up(preset: str | None, monkeyp
     def failed(*_: object, **__: object) -> None:
         raise NoGainsError("no gains keep all", do="take another servo")
 
-    monkeypatch.setattr(importlib.import_module("bowden.face.tune"), "search", failed)
+    monkeypatch.setattr(importlib.import_module("bowden.study.tune_law"), "search", failed)
     found = bowden.tune(bowden.Rig(law="adaptive", preset=preset))
     assert bowden.check(found.rig).verdict == found.found.verdict == "holds"
     assert found.rig.fitted().gains == bowden.Rig(law="adaptive").fitted().gains
@@ -309,7 +309,7 @@ def test_a_law_of_ones_own_is_tuned_against_a_study(
     study: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Its gains go to other processes, which know the study's copy of its file as well."""
-    monkeypatch.setattr("bowden.face.tune.two_workers", two_workers)
+    monkeypatch.setattr("bowden.study.tune_law.two_workers", two_workers)
     Path("my_law.py").write_bytes((ROOT / "examples" / "my_law.py").read_bytes())
     Path("rig.toml").write_text('[control]\nlaw = "my_law.py"\n')
     assert run(["tune", "rig.toml", "--study", "study.toml", "--json"]) == 0, capsys.readouterr().err

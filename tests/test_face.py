@@ -21,11 +21,11 @@ import bowden
 from bowden.app.main import run
 from bowden.control import LAWS
 from bowden.core.errors import BowdenError, ParameterError
-from bowden.face.in_turn import in_turn
-from bowden.face.progress import reported
 from bowden.live.log_rig import rig_of_log
 from bowden.live.row import AT
 from bowden.live.session import Session
+from bowden.operations.support.given import in_turn
+from bowden.operations.support.progress import reported
 from bowden.safety.faults import Fault
 from bowden.safety.state import Mode
 from live_runs import SHARED_LIMITS, tries

@@ -16,7 +16,6 @@ import jsonschema
 import pytest
 
 from bowden.app.main import run
-from bowden.app.schema_command import json_schema
 from bowden.core.errors import DriveError, ParameterError
 from bowden.core.signals import DriveState
 from bowden.hardware.drives.canopen_drive import CanopenDrive
@@ -25,6 +24,7 @@ from bowden.hardware.ports import Power
 from bowden.hardware.twin.control import TwinControl, control_path
 from bowden.hardware.twin.injection import KINDS, parse
 from bowden.live.twin_process import RunningTwin, running_twin
+from bowden.operations.schema import json_schema
 from support.drive_cycles import cycles
 
 pytestmark = pytest.mark.live

@@ -2,10 +2,7 @@
 
 import json
 import math
-import os
 import re
-import subprocess
-import sys
 import tomllib
 from dataclasses import replace
 from pathlib import Path
@@ -15,9 +12,7 @@ import jsonschema
 import numpy as np
 import pytest
 
-from bowden.app import identify_command
 from bowden.app.main import run
-from bowden.app.schema_command import json_schema
 from bowden.core.errors import OutputError, ParameterError
 from bowden.identify.cable.fit import Fit, model_text
 from bowden.identify.cable.identification import identify
@@ -25,7 +20,9 @@ from bowden.identify.cable.model import NAMES
 from bowden.identify.cable.model_file import load_cable
 from bowden.models.cable.bouc_wen import BoucWen
 from bowden.models.cable.bouc_wen_sensitivity import hysteresis
-from bowden.report import identify_page as identify_page_module
+from bowden.operations.identify import identify as operation
+from bowden.operations.schema import json_schema
+from bowden.views.identify import _show_models
 
 pytestmark = pytest.mark.usefixtures("undrawn")
 
@@ -113,40 +110,12 @@ def test_a_table_for_people(capsys: pytest.CaptureFixture[str]) -> None:
 
 def test_a_model_without_deviations_says_those_of_its_loop(fit: Fit, capsys: pytest.CaptureFixture[str]) -> None:
     unknown = replace(fit.chosen, uncertainty=dict.fromkeys(fit.chosen.uncertainty, math.nan))
-    identify_command._print_table(replace(fit, models={**fit.models, fit.best.name: unknown}))
+    found = operation(fit.log)
+    _show_models(replace(found, fit=replace(fit, models={**fit.models, fit.best.name: unknown})))
     said = capsys.readouterr().out
     assert re.search(r"loop's slope +-0\.\d+ ± \S+ rad/rad\n", said)
     assert re.search(r"loop's height +\d\.\d+ ± \S+°\n", said)
     assert "no deviation of a single one is given: take those of the loop" in said
-
-
-def test_the_table_is_there_before_the_page_is_drawn(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def drawn(fit: Fit, pictures: list[str]) -> None:
-        shown.append(capsys.readouterr().out)
-        raise OutputError("the page cannot be drawn", expected="a page", do="nothing: this is a test")
-
-    shown: list[str] = []
-    monkeypatch.setattr(identify_page_module, "identify_page", drawn)
-    assert run(["identify", "log.csv"]) == 2
-    assert "* the simplest" in shown[0]
-    assert not Path("out").exists()
-
-
-LIGHT = """
-import sys
-from bowden.app.main import run
-assert run(["identify", "log.csv", "--json"]) == 0
-print([name for name in ("matplotlib", "scipy.signal", "scipy.stats") if name in sys.modules], file=sys.stderr)
-"""
-
-
-@pytest.mark.skipif(not hasattr(os, "fork") or (os.cpu_count() or 1) < 2, reason="draws in its own process")
-def test_an_identification_waits_for_no_large_import() -> None:
-    """Only the process that draws needs matplotlib; of SciPy the optimisers are enough."""
-    done = subprocess.run([sys.executable, "-c", LIGHT], capture_output=True, text=True, check=True)
-    assert done.stderr.splitlines()[-1] == "[]"
 
 
 def test_the_same_log_writes_the_same_bytes(capsys: pytest.CaptureFixture[str]) -> None:

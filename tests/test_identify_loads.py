@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 import bowden
 from bowden.app.main import run
-from bowden.app.schema_command import json_schema
 from bowden.core.errors import BowdenError
 from bowden.core.units import DEGREES
 from bowden.identify.cable.fit import Fit
@@ -27,6 +26,7 @@ from bowden.identify.log.variables import scheduled_by
 from bowden.models.cable.bouc_wen import saturation
 from bowden.models.cable.scheduled import ScheduledCable, bouc_wen_at, cable_of, joint_angle, line_of, parameters_of
 from bowden.models.cable.sheath import Sheath
+from bowden.operations.schema import json_schema
 from bowden.plants.cable_plant import Cable
 from bowden.plants.scheduled_cable import scheduled
 from bowden.rig.bends import ConstantBend

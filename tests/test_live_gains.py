@@ -14,7 +14,6 @@ from bowden.core.kernel import kernel
 from bowden.core.quantity import Quantity
 from bowden.core.signals import Reference, Sample
 from bowden.cycle.one_cycle import Filters, TargetSource
-from bowden.face.run import run
 from bowden.live.events import Changes
 from bowden.live.gain_check import GainCheck, required
 from bowden.live.gain_ramp import RAMP
@@ -23,6 +22,7 @@ from bowden.live.preflight import Preflight
 from bowden.live.replay import replay
 from bowden.live.ring import Description
 from bowden.live.script import Script
+from bowden.operations.run import run
 from bowden.rig.rig import Rig
 from bowden.rig.settings import SuitSettings
 from bowden.safety.limits import Limits

@@ -85,7 +85,7 @@ def test_a_notebook_runs_from_its_first_cell_to_its_last_and_prints_what_it_keep
 
 def test_a_line_of_progress_is_one_line_and_ends(capsys: pytest.CaptureFixture[str]) -> None:
     from bowden.core.errors import ParameterError
-    from bowden.face.progress import reported
+    from bowden.operations.support.progress import reported
 
     calls: list[tuple[str, float]] = []
     with reported(lambda what, share: calls.append((what, share)), "tune") as report:
@@ -102,7 +102,7 @@ def test_a_line_of_progress_is_one_line_and_ends(capsys: pytest.CaptureFixture[s
 def test_a_terminal_gets_its_line_again_and_again(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from bowden.face.progress import reported
+    from bowden.operations.support.progress import reported
 
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
     with reported(True, "tune") as report:

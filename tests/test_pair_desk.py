@@ -13,7 +13,6 @@ import pytest
 
 import bowden
 from bowden.app.main import run
-from bowden.app.schema_command import json_schema
 from bowden.control import LAWS, Law
 from bowden.control.reference import PeriodicMinimumJerk
 from bowden.control.stability import closed_loop_poles, frequencies, margins, servo_model
@@ -30,6 +29,7 @@ from bowden.design.tune_runs import RUN, references_of
 from bowden.models.cable.backlash import Play
 from bowden.models.cable.shared_joint import Ends, JointLoad, shared_joint, shares
 from bowden.models.drive.encoder import Encoder
+from bowden.operations.schema import json_schema
 from bowden.plants.bench import Bench
 from bowden.plants.cables import as_cable_plant, play
 from bowden.rig.presets.bench import default_bench
@@ -297,12 +297,10 @@ def test_simulate_says_of_a_pair_what_both_motors_do(capsys: pytest.CaptureFixtu
     assert "What each cable pulls" in page
     assert "2 laws on two motors" in page
     found = document(capsys, "simulate")
-    assert found["axes"] == []
-    (only,) = found["pair"]["runs"]
+    (only,) = found["runs"]
     assert [one["axis"] for one in only["motors"]] == ["flexor", "extensor"]
     assert [one["slack_share"] for one in only["motors"]] == [0.0, 0.0]
     assert 0.0 < only["rmse_deg"] < 0.3
-    assert found["pair"]["co_contraction_deg"] == pytest.approx(4.0)
 
 
 @pytest.mark.usefixtures("pair_rig")
@@ -316,7 +314,8 @@ def test_check_says_of_a_pair_one_verdict_with_the_margins_by_what_is_taut(capsy
     assert found["holds"] is True
     assert found["axes"] == []
     assert found["pair"]["motors_apart_deg"] < 1.0
-    assert "axis" not in document(capsys, "check", "--axis", "flexor")
+    assert found["pair"]["co_contraction_deg"] == pytest.approx(4.0)
+    assert document(capsys, "check", "--axis", "flexor")["pair"] is None
 
 
 @pytest.mark.usefixtures("pair_rig")
@@ -324,12 +323,12 @@ def test_an_axis_beside_the_pair_is_looked_at_by_itself(capsys: pytest.CaptureFi
     path = Path("pair.toml")
     path.write_text(path.read_text() + '[[axis]]\nname = "wrist"\n[axis.drive]\nnode_id = 3\n')
     found = document(capsys, "check")
-    assert [one["axis"] for one in found["axes"]] == ["wrist"]
-    assert found["pair"]["axes"] == ["flexor", "extensor"]
-    assert [one["axis"] for one in document(capsys, "simulate")["axes"]] == ["wrist"]
+    both = "flexor and extensor on one joint"
+    assert [one["axis"] for one in found["axes"]] == ["wrist", both]
+    assert found["axes"][1]["pair"]["axes"] == ["flexor", "extensor"]
+    assert [one["axis"] for one in document(capsys, "simulate")["runs"]] == ["wrist", both]
     assert Path("out/simulate/wrist/simulate.html").exists()
-    with pytest.raises(ParameterError, match="the rig has the axes flexor, extensor, wrist"):
-        bowden.check(path)
+    assert [*bowden.check(path)] == ["wrist", both]
 
 
 @pytest.mark.usefixtures("pair_rig")
@@ -430,7 +429,7 @@ def test_tune_writes_the_same_gains_for_both_motors_and_says_what_they_are_worth
         asked.append(rig.servo.natural_frequency)
         return SimpleNamespace(law=rig.fitted().with_gains(feedback_gain=60.0), generations=3)
 
-    monkeypatch.setattr("bowden.face.tune.tuned", one)
+    monkeypatch.setattr("bowden.study.tune_law.tuned", one)
     found = document(capsys, "tune", "--dry-run")
     assert len(asked) == (2 if unlike else 1), "one search where both motors are the same"
     assert found["gains"]["feedback_gain"] == 60.0
@@ -444,14 +443,14 @@ def test_tune_writes_the_same_gains_for_both_motors_and_says_what_they_are_worth
     again = Rig.read(path)
     for name in ("flexor", "extensor"):
         assert dict(again.axis(name).gains) == found["gains"]
-    assert document(capsys, "check")["pair"]["phase_margin_deg"] == pytest.approx(found["phase_margin_deg"])
+    assert document(capsys, "check")["phase_margin_deg"] == pytest.approx(found["phase_margin_deg"])
     error = said(capsys, "tune", "pair.toml", "--study", "study.toml", code=2).err
     assert "the plants of a study have one; expected a rig with one motor, or no study; name one with --axis" in error
 
 
 @pytest.mark.usefixtures("pair_rig")
 def test_python_tunes_a_pair(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("bowden.face.tune.two_workers", lambda law, plant: nullcontext(map))
+    monkeypatch.setattr("bowden.study.tune_law.two_workers", lambda law, plant: nullcontext(map))
     found = bowden.tune("pair.toml", "adaptive", generations=1)
     assert found.gains
     assert found.found.pair is not None

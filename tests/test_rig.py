@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from bowden import check
 from bowden.control import LAWS, user_law
 from bowden.control.reference import Chirp, Multisine, PeriodicMinimumJerk, PointToPoint, Recorded
 from bowden.core.errors import BowdenError, OutputError, ParameterError
 from bowden.core.quantity import in_unit
 from bowden.core.units import DEGREES, HERTZ, RADIANS
-from bowden.face.check import check
 from bowden.identify.cable.model import CableModel
 from bowden.live.live_run import live_run
 from bowden.models.cable.bouc_wen import BoucWen

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from bowden.core.errors import ParameterError
-from bowden.face.tune import workers_for
 from bowden.hardware.twin.bench import FOLLOW
 from bowden.hardware.twin.user import TwinUser
 from bowden.models.drive.servo import Servo
@@ -15,6 +14,7 @@ from bowden.plants.user_plant import UserPlant, load
 from bowden.rig.one_run import run_of
 from bowden.rig.rig import Rig
 from bowden.sim.many import Case, simulate_many
+from bowden.study.tune_law import workers_for
 
 pytestmark = pytest.mark.usefixtures("undrawn")
 

@@ -28,7 +28,7 @@ PAGES = {
         "Rig",
         "All that a run needs, as one frozen value, and the parts that it is made of.",
         ("Rig", "init", "Servo", "Motor", "Encoder", "BoucWen", "Sheath"),
-        ("bowden.face.init.NewRig",),
+        ("bowden.design.new_rig.NewRig",),
     ),
     "identify": Page(
         "Identify",
@@ -47,7 +47,7 @@ PAGES = {
         (
             "bowden.design.check.Check",
             "bowden.design.tune.Tuning",
-            "bowden.face.campaign.Campaign",
+            "bowden.operations.support.campaign.Campaign",
         ),
     ),
     "live": Page(
@@ -66,13 +66,13 @@ PAGES = {
         "EMG",
         "Rest and maximum contraction of a wearer, and how well contractions are found.",
         ("emg_calibrate", "emg_score"),
-        ("bowden.face.emg.Contractions",),
+        ("bowden.operations.support.emg.Contractions",),
     ),
     "export": Page(
         "Export",
         "A law as C99.",
         ("export",),
-        ("bowden.face.export.Exported",),
+        ("bowden.operations.export.Exported",),
     ),
     "plants": Page(
         "Plants and cables",

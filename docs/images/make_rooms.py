@@ -22,8 +22,9 @@ FLOORS: list[list[tuple[str, str]]] = [
     [("hardware", "drives/ buses/ emg/ twin/"), ("rig", "rig.toml ↔ the frozen Rig; presets")],
     [("design", "check, tune"), ("export", "C99"), ("study", "campaigns")],
     [("live", "session, processes, recorder, logs, replay")],
-    [("report", "figures, pages"), ("face", "import bowden")],
-    [("paper", "figures and claims"), ("app", "a file a command")],
+    [("report", "figures, pages"), ("console", "the browser console")],
+    [("operations", "each once: function, result"), ("views", "tables, files, next steps")],
+    [("paper", "figures and claims"), ("app", "command line, jobs")],
 ]
 """From the ground up; tests/test_layers.py has the exact order."""
 

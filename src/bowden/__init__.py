@@ -24,33 +24,37 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from bowden.control import LAWS as LAWS
     from bowden.control.law import Law as Law
+    from bowden.control.motion import MinimumJerk as MinimumJerk
     from bowden.core.errors import BowdenError as BowdenError
     from bowden.core.kernel import kernel as kernel
     from bowden.core.signals import Reference as Reference
     from bowden.core.signals import Sample as Sample
     from bowden.core.trace import Trace as Trace
-    from bowden.face.campaign import campaign as campaign
-    from bowden.face.check import check as check
-    from bowden.face.emg import emg_calibrate as emg_calibrate
-    from bowden.face.emg import emg_score as emg_score
-    from bowden.face.export import export as export
-    from bowden.face.identify import identify as identify
-    from bowden.face.identify import read_log as read_log
-    from bowden.face.init import init as init
-    from bowden.face.motion import MinimumJerk as MinimumJerk
-    from bowden.face.read_trace import read_trace as read_trace
-    from bowden.face.run import run as run
-    from bowden.face.several_logs import identify_together as identify_together
-    from bowden.face.several_logs import recalibrate as recalibrate
-    from bowden.face.simulate import simulate as simulate
-    from bowden.face.tune import tune as tune
     from bowden.identify.cable.model import CableModel as CableModel
+    from bowden.identify.given_log import read_log as read_log
+    from bowden.live.read_trace import read_trace as read_trace
     from bowden.models.cable.bouc_wen import BoucWen as BoucWen
     from bowden.models.cable.sheath import Sheath as Sheath
     from bowden.models.drive.encoder import Encoder as Encoder
     from bowden.models.drive.motor import Motor as Motor
     from bowden.models.drive.servo import Servo as Servo
+    from bowden.operations import campaign as _campaign
+    from bowden.operations import check as _check
+    from bowden.operations import emg_calibrate as _emg_calibrate
+    from bowden.operations import emg_score as _emg_score
+    from bowden.operations import export as _export
+    from bowden.operations import identify as _identify
+    from bowden.operations import simulate as _simulate
+    from bowden.operations import tune as _tune
+    from bowden.operations.init import init as init
+    from bowden.operations.run import run as run
+    from bowden.operations.support.python import public
     from bowden.rig.rig import Rig as Rig
+
+    campaign, check, export = public(_campaign.campaign), public(_check.check), public(_export.export)
+    emg_calibrate, emg_score = public(_emg_calibrate.emg_calibrate), public(_emg_score.emg_score)
+    identify, identify_together = public(_identify.identify), public(_identify.identify_together)
+    recalibrate, simulate, tune = public(_identify.recalibrate), public(_simulate.simulate), public(_tune.tune)
 
 __version__ = "0.2.0"
 
@@ -61,7 +65,7 @@ _HOMES = {
     "Encoder": "bowden.models.drive.encoder",
     "LAWS": "bowden.control",
     "Law": "bowden.control.law",
-    "MinimumJerk": "bowden.face.motion",
+    "MinimumJerk": "bowden.control.motion",
     "Motor": "bowden.models.drive.motor",
     "Reference": "bowden.core.signals",
     "Rig": "bowden.rig.rig",
@@ -69,21 +73,21 @@ _HOMES = {
     "Servo": "bowden.models.drive.servo",
     "Sheath": "bowden.models.cable.sheath",
     "Trace": "bowden.core.trace",
-    "campaign": "bowden.face.campaign",
-    "check": "bowden.face.check",
-    "emg_calibrate": "bowden.face.emg",
-    "emg_score": "bowden.face.emg",
-    "export": "bowden.face.export",
-    "identify": "bowden.face.identify",
-    "identify_together": "bowden.face.several_logs",
-    "init": "bowden.face.init",
+    "campaign": "bowden.operations.campaign",
+    "check": "bowden.operations.check",
+    "emg_calibrate": "bowden.operations.emg_calibrate",
+    "emg_score": "bowden.operations.emg_score",
+    "export": "bowden.operations.export",
+    "identify": "bowden.operations.identify",
+    "identify_together": "bowden.operations.identify",
+    "init": "bowden.operations.init",
     "kernel": "bowden.core.kernel",
-    "read_log": "bowden.face.identify",
-    "read_trace": "bowden.face.read_trace",
-    "recalibrate": "bowden.face.several_logs",
-    "run": "bowden.face.run",
-    "simulate": "bowden.face.simulate",
-    "tune": "bowden.face.tune",
+    "read_log": "bowden.identify.given_log",
+    "read_trace": "bowden.live.read_trace",
+    "recalibrate": "bowden.operations.identify",
+    "run": "bowden.operations.run",
+    "simulate": "bowden.operations.simulate",
+    "tune": "bowden.operations.tune",
 }
 """Each name that is offered, and the module that it is taken from when it is first asked for."""
 
@@ -111,22 +115,6 @@ _GUESSES = {
 }
 """Name that is often guessed → what to write."""
 
-_ARGUMENTS = {
-    "gains": "rig.replace(gains={…}), or a law with them: bowden.LAWS[name].with_gains(…)",
-    "gain": "rig.with_gain(name, value)",
-    "units": "unit=",
-    "fs": "rate=, in Hz",
-    "dt": "rate=, in Hz; of a rig its sample_time",
-    "sample_time": "rig.replace(sample_time=…)",
-    "reference": "rig.replace(reference=…)",
-    "delay": "rig.replace(delay=…)",
-    **dict.fromkeys(("out", "to", "path"), "folder="),
-    **dict.fromkeys(("T", "time", "length"), "duration=, in s"),
-    "emg": "rig.with_emg(source)",
-    "verbose": "progress=True, where a function has it",
-}
-"""Argument of a function that is often guessed → what to write."""
-
 _ROOMS = ("identify", "export")
 """Names that are a function here and a folder of the package as well: the folder can be called as the function."""
 
@@ -149,13 +137,11 @@ def __getattr__(name: str) -> Any:
 
 @cache
 def _loaded(name: str) -> Any:
-    """What a name of `_HOMES` stands for; a function of the face answers arguments that it does not have."""
+    """What a name of `_HOMES` stands for; an operation as a function."""
     found = getattr(import_module(_HOMES[name]), name)
-    if not (_HOMES[name].startswith(f"{__name__}.face.") and isinstance(found, FunctionType)):
+    if not (_HOMES[name].startswith(f"{__name__}.operations.") and isinstance(found, FunctionType)):
         return found
-    from bowden.core.guesses import public
-
-    return public(found, _ARGUMENTS)
+    return import_module(f"{__name__}.operations.support.python").public(found)
 
 
 def __dir__() -> list[str]:

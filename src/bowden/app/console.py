@@ -4,49 +4,16 @@ import contextlib
 import json
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any, TypeVar
 
 from bowden.app import STARTED
-from bowden.core.errors import OutputError
+from bowden.core.errors import BowdenError, OutputError
+from bowden.core.files import printable
 
-if TYPE_CHECKING:
-    from bowden.identify.cable.trusted import Trust
-
-
-@dataclass
-class _Command:
-    json: bool = False
-    trust: "Trust | None" = None
-
-
-_COMMAND = _Command()
-"""The one that runs."""
-
-
-def begin(arguments: Sequence[str]) -> None:
-    """Take note of the command line that is run now."""
-    _COMMAND.json, _COMMAND.trust = "--json" in arguments, None
-
-
-def say_trust(trust: "Trust | None") -> None:
-    """Say first of a cable's model that it is not to be trusted, or not without care; in its document with ``--json``.
-
-    Args:
-        trust: in the model of a rig's cable; None where nothing says it.
-    """
-    if trust is None or trust.level == "yes":
-        return
-    _COMMAND.trust = trust
-    if not _COMMAND.json:
-        print(f"Trust in the cable's model: {trust}")
-
-
-def say_note(note: str) -> None:
-    """Say on standard error what the user should know."""
-    print(f"bowden: note: {note}", file=sys.stderr, flush=True)
+Made = TypeVar("Made")
 
 
 def seconds() -> float:
@@ -56,23 +23,42 @@ def seconds() -> float:
 
 def print_json(document: dict[str, Any]) -> None:
     """The one JSON document of a command; a number that does not exist must be None, never NaN."""
-    document = document if _COMMAND.trust is None else {**document, "trust": _COMMAND.trust._asdict()}
     print(json.dumps(document, ensure_ascii=False, allow_nan=False, indent=2))
 
 
-@contextlib.contextmanager
-def progress_bar(quiet: bool = False) -> Iterator[Callable[[str, float], None]]:
-    """A bar on standard error where that is a terminal; call what is given with what is done now and the share done."""
-    if quiet or not sys.stderr.isatty():
-        yield lambda what, share: None
-        return
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+class ProgressBar:
+    """A bar on standard error where that is a terminal, from the first thing that is done until all of it is.
 
-    columns = (TextColumn("{task.description:36}"), BarColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("starting", total=1.0)
-        yield lambda what, share: bar.update(task, description=what, completed=share)
+    Args:
+        quiet: show nothing.
+    """
+
+    def __init__(self, quiet: bool = False) -> None:
+        self._shown = not quiet and sys.stderr.isatty()
+        self._stack = contextlib.ExitStack()
+        self._bar: Any = None
+
+    def __call__(self, what: str, share: float) -> None:
+        """Show what is done now and the share that is done; the bar goes with a share of 1."""
+        if not self._shown:
+            return
+        if share >= 1.0:
+            self.close()
+            return
+        if self._bar is None:
+            from rich.console import Console
+            from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+            columns = (TextColumn("{task.description:36}"), BarColumn(), TimeElapsedColumn())
+            console = Console(stderr=True)
+            bar = self._stack.enter_context(Progress(*columns, console=console, transient=True, redirect_stdout=False))
+            self._bar = partial(bar.update, bar.add_task("starting", total=1.0))
+        self._bar(description=what, completed=share)
+
+    def close(self) -> None:
+        """Take it from the screen."""
+        self._stack.close()
+        self._bar = None
 
 
 class InterruptedPartway(Exception):
@@ -90,3 +76,32 @@ def folder_argument(given: str | Path, option: str = "--out") -> Path:
             f"{option} is {str(given)!r}", expected="the name of a folder", do=f"use {option} . for this one"
         )
     return Path(given)
+
+
+def trusting(made: Callable[[], Made], *, unasked: bool = False) -> Made:
+    """What is made of a log; a program that comes with it runs once the user says that it may.
+
+    Args:
+        made: makes it.
+        unasked: whether the user has said so already.
+
+    Raises:
+        UnknownCodeError: the user does not, or there is no terminal to ask.
+    """
+    try:
+        return made()
+    except BowdenError as error:
+        from bowden.live.log_rig import UnknownCodeError, trust
+
+        if not isinstance(error, UnknownCodeError):
+            raise
+        if not unasked:
+            if not (sys.stdin.isatty() and sys.stderr.isatty()):
+                raise
+            what = printable(error.what)
+            print(f"bowden: {what}. It can do everything that you can do. Run it? [y/N] ", end="", file=sys.stderr)
+            sys.stderr.flush()
+            if sys.stdin.readline().strip().lower() not in ("y", "yes"):
+                raise
+        trust(error.files)
+        return made()

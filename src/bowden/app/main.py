@@ -1,6 +1,6 @@
-"""The command ``bowden``: its commands as their files declare them, and every failure as one line and an exit code.
+"""The command ``bowden``: its operations as their files declare them, and every failure as one line and an exit code.
 
-Nothing heavy is imported here or at the top of a command's module, so that ``bowden --help`` answers at once.
+Nothing heavy is imported here or at the top of an operation's module, so that ``bowden --help`` answers at once.
 """
 
 import gc
@@ -12,11 +12,12 @@ from typing import Annotated
 import typer
 
 from bowden import __version__
-from bowden.app.command import found
-from bowden.app.console import InterruptedPartway, begin
+from bowden.app.command_line import command
+from bowden.app.console import InterruptedPartway
 from bowden.app.interrupts import delivered
 from bowden.core.errors import BowdenError
 from bowden.core.files import printable, shortened
+from bowden.operations.support.operation import declared
 
 _USAGE_ERROR: type[Exception] = typer.BadParameter.__bases__[0]
 """What typer raises for a wrong option or argument; it gives no public name to this class."""
@@ -41,20 +42,20 @@ def _bowden(
 
 
 def application(first_word: str = "") -> typer.Typer:
-    """The command with what its files declare, as `bowden.app.command.found` has it.
+    """The command with what its files declare, as `bowden.operations.support.operation.declared` has it.
 
     Args:
         first_word: of the command line; an option, or nothing, for all commands.
     """
     whole = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
     whole.callback()(_bowden)
-    commands, groups = found("" if first_word.startswith("-") else first_word)
+    operations, groups = declared("" if first_word.startswith("-") else first_word)
     inside = {word: typer.Typer(add_completion=False, rich_markup_mode=None) for word in sorted(groups)}
-    for one in commands:
+    for one in operations:
         *group, name = one.words.split()
         examples = "\n".join(f"  {example}" for example in one.examples)
         owner = inside[group[0]] if group else whole
-        owner.command(name, short_help=one.summary, epilog=f"\b\nExamples:\n{examples}")(one.function)
+        owner.command(name, short_help=one.summary, epilog=f"\b\nExamples:\n{examples}")(command(one))
     for word, group_ in inside.items():
         whole.add_typer(group_, name=word, help=groups[word])
     return whole
@@ -62,7 +63,6 @@ def application(first_word: str = "") -> typer.Typer:
 
 def run(arguments: list[str]) -> int:
     """Run one command line and return its exit code: 0, 2 for anything the user can mend, 130 when interrupted."""
-    begin(arguments)
     try:
         with delivered():
             code = application(arguments[0] if arguments else "")(arguments, prog_name="bowden", standalone_mode=False)

@@ -202,7 +202,7 @@ def identified_servo(progress: Callable[[str, float], None], rig: Mapping[str, A
 def tuned_rig(progress: Callable[[str, float], None], rig: Mapping[str, Any], folder: str) -> dict[str, Any]:
     """Tune the rig's law, and put the gains into the rig."""
     from bowden.core.units import DEGREES
-    from bowden.face.tune import tuned
+    from bowden.study.tune_law import tuned
 
     given = Rig.unpack(rig)
     found = tuned(given, seed=0, progress=progress)

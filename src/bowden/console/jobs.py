@@ -31,13 +31,13 @@ class Jobs:
         self._running: set[asyncio.subprocess.Process] = set()
 
     async def do(self, work: str, progress: Callable[[str, float], None] | None = None, **given: Any) -> Any:
-        """What a piece of work comes to; see `bowden.console.job_process` for what there is.
+        """What a piece of work comes to; see `bowden.app.job_process` for what there is.
 
         Raises:
             BowdenError: what it raised there, or that it died.
         """
         async with self._places:
-            words = [sys.executable, "-P", "-m", "bowden.console.job_process"]
+            words = [sys.executable, "-P", "-m", "bowden.app.job_process"]
             pipe = asyncio.subprocess.PIPE
             process = await asyncio.create_subprocess_exec(
                 *words, stdin=pipe, stdout=pipe, start_new_session=True, limit=_LARGEST

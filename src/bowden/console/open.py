@@ -6,7 +6,7 @@ import socket
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -37,8 +37,7 @@ def opened(
     tls: tuple[Path | None, Path | None] | None,
     insecure: bool,
     browse: bool,
-    announce: Callable[[str], None],
-) -> None:
+) -> Iterator[str]:
     """Serve a rig's console until a signal ends it.
 
     Args:
@@ -51,7 +50,9 @@ def opened(
         tls: certificate and key.
         insecure: listen at another address than this computer's own without TLS.
         browse: open a browser.
-        announce: called with the link, once it can be opened.
+
+    Yields:
+        The link, once it can be opened.
 
     Raises:
         ParameterError: an address that needs TLS and has none.
@@ -68,7 +69,7 @@ def opened(
     shown = names(host)[0] if host in ("0.0.0.0", "::") else host
     place = f"{f'[{shown}]' if ':' in shown else shown}:{where}"
     link = f"{'http' if files is None else 'https'}://{place}/?token={guard.token}"
-    announce(link)
+    yield link
     if host not in _HERE:
         how = "without TLS: who reads along in this network can take the rig over" if files is None else "with TLS"
         print(f"bowden: note: reachable from the network at {host}, {how}", file=sys.stderr)

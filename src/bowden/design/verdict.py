@@ -5,8 +5,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from bowden.control import Law, user_law
+from bowden.core.caller import argument
 from bowden.core.errors import ParameterError
-from bowden.design.check_rig import check_rig
+from bowden.design.check_rig import check_rig, checked_pair, pair_laws
+from bowden.design.linearise import NoNumberError
 from bowden.design.other_law import other_law
 from bowden.rig import ranges
 from bowden.rig.rig import Rig
@@ -46,8 +48,39 @@ def verdicts(rig: Rig, laws: Sequence[Law], name: str, *, force: bool) -> list[C
         said = [f"{law.name} fails the check on {name}: {_why(rig, law, found)}" for law, found in failing]
         others = f" (of {len(laws)} laws, none was run)" if laws[1:] else ""
         better = other_law(rig, [law.name for law, _ in failing])
-        instead = "" if better is None else f"; {better} (--law {better.law})"
-        raise ParameterError("; ".join(said) + f"{instead}; or run it anyway with --force{others}")
+        instead = "" if better is None else f"; {better} ({argument('law', better.law)})"
+        raise ParameterError("; ".join(said) + f"{instead}; {_ANYWAY.format(argument('force', True))}{others}")
+    return [verdict_of(law, found, name) for law, found in zip(laws, checks, strict=True)]
+
+
+_ANYWAY = "or run it anyway with {}"
+
+
+def pair_verdicts(rigs: Sequence[Rig], name: str, *, force: bool) -> list[CheckVerdict]:
+    """The same of two motors on one joint.
+
+    Args:
+        rigs: one rig, under each of the laws.
+        name: the file's name, for messages.
+        force: let laws that do not hold through, with a note.
+
+    Raises:
+        ParameterError: laws that do not hold; the message has the reasons and what to change.
+    """
+    laws = [pair_laws(rig)[0] for rig in rigs]
+    checks: list[Check | str] = []
+    for rig in rigs:
+        try:
+            checks.append(checked_pair(rig))
+        except NoNumberError as error:
+            checks.append(error.what)
+    failing = [
+        f"{law.name} fails the check on {name}: {found.reason}; {found.advice}"
+        for law, found in zip(laws, checks, strict=True)
+        if not isinstance(found, str) and not found.holds
+    ]
+    if failing and not force:
+        raise ParameterError("; ".join([*failing, _ANYWAY.format(argument("force", True))]))
     return [verdict_of(law, found, name) for law, found in zip(laws, checks, strict=True)]
 
 
@@ -70,10 +103,11 @@ def verdict_of(law: Law, found: "Check | str", rig: str) -> CheckVerdict:
     """
     if isinstance(found, str):
         return CheckVerdict(None, f"{law.name} cannot be checked ({found}) and runs unchecked")
+    forced = argument("force", True)
     said = {
         "holds": "",
         "little_margin": f"{law.name} has little margin on {rig}: {found.reason}",
         "limit_cycle": f"{law.name} swings at rest on {rig}: {found.reason}",
-        "does_not_hold": f"{law.name} fails the check on {rig}, and runs because of --force: {found.reason}",
+        "does_not_hold": f"{law.name} fails the check on {rig}, and runs because of {forced}: {found.reason}",
     }
     return CheckVerdict(found.verdict, said[found.verdict])

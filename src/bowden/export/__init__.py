@@ -1,6 +1,6 @@
 """From kernels to C99: their source is read, and written as code for a microcontroller.
 
-Called, it is `bowden.face.export.export`:
+Called, it is `bowden.export`:
 
 >>> import tempfile
 >>> import bowden

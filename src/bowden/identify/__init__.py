@@ -1,4 +1,4 @@
-"""From a log of a cable to a model that predicts what it has not seen; called, it is `bowden.face.identify.identify`.
+"""From a log of a cable to a model that predicts what it has not seen; called, it is `bowden.identify`.
 
 >>> import bowden
 >>> import numpy as np

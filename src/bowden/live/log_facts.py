@@ -168,7 +168,7 @@ def _gains(found: Recording) -> Iterator[dict[str, Any]]:
                 {
                     "name": name,
                     "time_s": _number(time[i]),
-                    "from": float(value[i - 1]),
+                    "before": float(value[i - 1]),
                     "to": float(asked[i]),
                     "in_force_s": _number(time[i + there[0]]) if len(there) else None,
                 }
@@ -232,7 +232,7 @@ def lines(document: dict[str, Any]) -> Iterator[tuple[str, str]]:
     for change in document["gains"]:
         there = change["in_force_s"]
         when = "not in force at the log's end" if there is None else f"in force at {there - begin:.3f} s"
-        values = f"{change['name']} {change['from']:.6g} → {change['to']:.6g}"
+        values = f"{change['name']} {change['before']:.6g} → {change['to']:.6g}"
         yield "gain", f"{(change['time_s'] or begin) - begin:.3f} s: {values}, {when}"
     left_out = len(events) - _MOST_EVENTS
     for number, event in enumerate(events):

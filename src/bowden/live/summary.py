@@ -177,7 +177,7 @@ def print_summary(found: dict[str, Any]) -> None:
     for one in found.get("axes", ()):
         said = "no law led" if one["rmse_deg"] is None else f"{one['rmse_deg']:.3f}° RMS, {one['peak_deg']:.2f}° peak"
         print(f"{one['name']}, {one['law']}: {said} over {one['seconds_led']:g} s")
-    if found["rmse_deg"] is not None and "axes" not in found:
+    if found["rmse_deg"] is not None and not found.get("axes"):
         print(f"{found['law']}: {found['rmse_deg']:.3f}° RMS, {found['peak_deg']:.2f}° peak", end="")
         print(f" over {found['seconds_led']:g} s{' on the twin' if found['twin'] else ''}")
     late = found["lateness"]

@@ -47,7 +47,7 @@ class Claim:
 
 
 @dataclass(frozen=True)
-class Result:
+class ClaimResult:
     """A claim with the figure that we computed."""
 
     claim: Claim

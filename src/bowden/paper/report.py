@@ -7,7 +7,7 @@ from pathlib import Path
 
 from bowden.paper import sensitivity
 from bowden.paper.calibration import parameters
-from bowden.paper.claims import Result, is_remark, number, plausible_sets, span
+from bowden.paper.claims import ClaimResult, is_remark, number, plausible_sets, span
 from bowden.paper.plots import loops
 from bowden.paper.reproduce import Reproduction
 from bowden.report.page import Page
@@ -122,7 +122,7 @@ def write_report(outcome: Reproduction, path: Path) -> None:
     page.write(path)
 
 
-def _summary(page: Page, results: Sequence[Result]) -> None:
+def _summary(page: Page, results: Sequence[ClaimResult]) -> None:
     """What the paper did, what was done here, and the verdicts system by system."""
     unstable = sum(not math.isfinite(one["fig17.adaptive.error"]) for one in plausible_sets())
     page.text(
@@ -183,7 +183,7 @@ def _definitions(page: Page, terms: dict[str, str]) -> None:
     page.text(f"<dl>{html}</dl>", **values)
 
 
-def _table(page: Page, results: Sequence[Result]) -> None:
+def _table(page: Page, results: Sequence[ClaimResult]) -> None:
     remarks = all(is_remark(result.claim) for result in results)
     page.table(
         ["quantity", *([] if remarks else ["published"]), "ours", *([] if remarks else ["interval"]), "unit", "why"],

@@ -21,7 +21,7 @@ from bowden.paper import (
     sensitivity,
     stability_map,
 )
-from bowden.paper.claims import Claim, Result, interval, is_remark, select
+from bowden.paper.claims import Claim, ClaimResult, interval, is_remark, select
 from bowden.paper.experiment import Experiment, Finding, Runs
 
 EXPERIMENTS: dict[str, tuple[Experiment, tuple[str, ...]]] = {
@@ -51,7 +51,7 @@ EXPERIMENTS: dict[str, tuple[Experiment, tuple[str, ...]]] = {
 class Reproduction:
     """The judged claims, and what `bowden.paper.report` needs to show them."""
 
-    results: list[Result]
+    results: list[ClaimResult]
     findings: list[Finding]
     earlier: dict[str, dict[str, float | None]]
     """What the two earlier calibrations predict, by claim; empty where only a part was asked for."""
@@ -117,9 +117,9 @@ def claims_of(only: Sequence[str]) -> list[str]:
     return [claim for name in only for claim in shown.get(name, [name])]
 
 
-def _judge(claim: Claim, findings: list[Finding]) -> Result:
+def _judge(claim: Claim, findings: list[Finding]) -> ClaimResult:
     for finding in findings:
         if claim.id in finding.values:
             over = finding.intervals.get(claim.id) or (None if claim.fitted else interval(claim.id))
-            return Result(claim, finding.values[claim.id], claim.why.format(**finding.details), over)
+            return ClaimResult(claim, finding.values[claim.id], claim.why.format(**finding.details), over)
     raise LookupError(f"no experiment computes {claim.id}")

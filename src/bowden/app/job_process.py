@@ -1,0 +1,117 @@
+"""The process of one piece of work of the console: an operation, or work on earlier runs; see `bowden.console.jobs`."""
+
+import json
+import os
+import sys
+import threading
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+from bowden.console import guided, works
+from bowden.core.caller import on_a_page, speaking
+from bowden.core.errors import BowdenError
+
+Progress = Callable[[str, float], None]
+
+_NICE = 10
+"""The loop and the page come first."""
+
+
+def main() -> int:
+    """``python -m bowden.app.job_process``."""
+    os.nice(_NICE)
+    out = os.fdopen(os.dup(1), "w", encoding="utf-8")
+    os.dup2(2, 1)  # what anything prints is no part of what is said
+
+    def say(what: str, value: Any) -> None:
+        out.write(json.dumps({what: value}, ensure_ascii=True) + "\n")
+        out.flush()
+
+    given = json.loads(sys.stdin.buffer.readline())
+    threading.Thread(target=_end_with_the_console, daemon=True).start()
+    work = given.pop("work")
+    try:
+        with speaking(on_a_page):
+            say("done", WORKS[work](lambda what, share: say("progress", [what, share]), **given))
+    except BowdenError as error:
+        say("error", {"what": error.what, "expected": error.expected, "do": error.do})
+    except Exception as error:  # the page says so; the terminal of the console shows the rest
+        say(
+            "error",
+            {"what": f"the work failed: {type(error).__name__}", "expected": "", "do": "see the console's terminal"},
+        )
+        raise
+    return 0
+
+
+def _end_with_the_console() -> None:
+    """Whoever waited for this is gone once nothing can come any more."""
+    sys.stdin.buffer.read()
+    os._exit(3)
+
+
+def check(progress: Progress, rig: Mapping[str, Any]) -> dict[str, Any]:
+    """What the page says of a rig's law: the operation `check`, with its lines as a terminal has them."""
+    from bowden.design.check_result import check_rows
+    from bowden.design.linearise import NoNumberError
+    from bowden.operations.check import check as operation
+    from bowden.rig.rig import Rig
+
+    given = Rig.unpack(rig)
+    try:
+        found = operation(given, progress=progress)
+    except NoNumberError as error:
+        text = f"{given.parts[0].rig.law_name} cannot be checked ({error.what}) and runs unchecked"
+        return {"holds": True, "name": None, "text": text, "rows": [], "of": given.hash}
+    rows = [
+        [f"{axis}: {label}" if axis else label, text]
+        for axis, one in found.checks.items()
+        for label, text in check_rows(one)
+        if text
+    ]
+    worst = next((one.axis for one in found.axes if one.reason == found.reason), "")
+    return {
+        "holds": found.holds,
+        "name": found.verdict,
+        "text": f"{worst}: {found.reason}" if worst else found.reason,
+        "rows": rows,
+        "of": found.rig,
+        "gain_margin_db": found.gain_margin_db,
+        "phase_margin_deg": found.phase_margin_deg,
+    }
+
+
+def page(progress: Progress, path: str, to: str) -> str:
+    """The page of a log, as `bowden log plot` draws it."""
+    from bowden.live.mcap_read import read
+    from bowden.views.log import draw_log
+
+    found = next(iter(read(Path(path)).parts.values()))  # of several axes the first
+    draw_log(found, Path(to), f"Run {Path(path).name}")
+    return to
+
+
+def export(progress: Progress, path: str, to: str) -> str:
+    """A log as Parquet or CSV, by the ending of the new file's name."""
+    from bowden.operations.log import log_export
+
+    log_export(Path(path), out=Path(to))
+    return to
+
+
+WORKS: dict[str, Callable[..., Any]] = {
+    "check": check,
+    "summaries": works.summaries,
+    "details": works.details,
+    "page": page,
+    "export": export,
+    "curves": works.curves,
+    "identify": guided.identified,
+    "identify-servo": guided.identified_servo,
+    "tune": guided.tuned_rig,
+}
+"""Name → the work."""
+
+if __name__ == "__main__":
+    sys.exit(main())

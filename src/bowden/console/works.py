@@ -1,0 +1,133 @@
+"""Work on the logs of earlier runs, for a process of its own; see `bowden.console.jobs`."""
+
+import base64
+import json
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from bowden.core.errors import BowdenError
+
+if TYPE_CHECKING:
+    from bowden.live.mcap_read import Recording
+    from bowden.live.stops import Stop
+
+Progress = Callable[[str, float], None]
+
+_MOST_EVENTS = 500
+
+
+def summaries(progress: Progress, paths: Sequence[str]) -> dict[str, Any]:
+    """Path → what the list of earlier runs says of each; a log that cannot be read is there with its error."""
+    from bowden.live.log_facts import FOLLOWED, NEEDED, facts
+    from bowden.live.mcap_read import read
+
+    done: dict[str, Any] = {}
+    for number, path in enumerate(paths):
+        progress("reading logs", number / len(paths))
+        try:
+            found = read(Path(path), tuple(dict.fromkeys((*NEEDED, *FOLLOWED))))
+            done[path] = _summary(found, facts(found))
+        except BowdenError as error:
+            done[path] = {"time": "", "law": "", "rig": "", "how": error.what}
+    return done
+
+
+def _summary(found: "Recording", said: Mapping[str, Any]) -> dict[str, Any]:
+    from bowden.core.units import DEGREES
+    from bowden.live.log_facts import followed
+
+    about, rig = said["settings"].get("about") or {}, said["settings"].get("rig") or {}
+    stops, mode = said["stops"], float(found["mode"][-1]) if "mode" in found.columns and len(found.rows) else -1.0
+    how = "stopped by a fault" if stops else "as asked" if mode == 0.0 else "not known"
+    tracked = followed(found)
+    return {
+        "time": said["start_utc"],
+        "law": str(said["law"] or ""),
+        "rig": Path(str(rig.get("origin", ""))).name,
+        **{name: str(about.get(name, "")) for name in ("subject", "session", "notes")},
+        "rmse_deg": None if tracked.rmse is None else tracked.rmse * DEGREES,
+        "peak_deg": None if tracked.peak is None else tracked.peak * DEGREES,
+        "seconds": said["duration_s"],
+        "led_seconds": tracked.seconds,
+        "how": how if said["whole"] else f"{how}; the log is not whole",
+        "first_fault": stops[0]["causes"][0] if stops and stops[0]["causes"] else None,
+    }
+
+
+def details(progress: Progress, path: str) -> dict[str, Any]:
+    """All that the page of one earlier run shows, but its curves."""
+    from bowden.console.stream import curves_of
+    from bowden.live.log_facts import FOLLOWED, NEEDED, facts
+    from bowden.live.mcap_read import read
+    from bowden.live.stops import stops
+    from bowden.safety.faults import OF_OTHERS
+
+    found = read(Path(path), tuple(dict.fromkeys((*NEEDED, *FOLLOWED, "temperature"))))
+    said = facts(found)
+    begin = said["begin_s"] or 0.0
+    first = min(
+        ((name, stop) for name, part in found.parts.items() for stop in stops(part)[:1]),
+        key=lambda one: (one[1].time, {*one[1].causes} <= {*OF_OTHERS}),
+        default=None,
+    )
+    faults = [] if first is None else list(_faults(*first))
+    whole = _summary(found, said)
+    names, units = list(said["columns"]), list(said["columns"].values())
+    return {
+        **whole,
+        "first_fault": faults[0] if faults else None,
+        "consequences": faults[1:],
+        "metrics": list(_metrics(whole, said)),
+        "events": [{"at": round(one.time - begin, 3), "text": one.text} for one in found.events[:_MOST_EVENTS]],
+        "columns": [one.document() for one in curves_of(names, units, said["settings"])],
+        "from": 0.0,
+        "to": said["duration_s"],
+    }
+
+
+def _faults(axis: str, stop: "Stop") -> Iterator[dict[str, Any]]:
+    """What stopped a run, of several axes with the one that it came from."""
+    for fault in (*stop.causes, *stop.consequences):
+        meaning = f"{axis}: {fault.meaning}" if axis else fault.meaning
+        yield {"name": fault.name.lower(), "at": round(stop.time, 3), "meaning": meaning, "remedy": fault.remedy}
+
+
+def _metrics(whole: Mapping[str, Any], said: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    if whole["rmse_deg"] is not None:
+        yield "error, RMS", f"{whole['rmse_deg']:.3f}°"
+        yield "error, peak", f"{whole['peak_deg']:.2f}°"
+        yield "the law led for", f"{whole['led_seconds']:g} s"
+    if said["lateness_s"]:
+        yield "lateness, median", f"{1e6 * said['lateness_s']['p50']:.0f} µs"
+        yield "lateness, 99 %", f"{1e6 * said['lateness_s']['p99']:.0f} µs"
+        yield "lateness, largest", f"{1e6 * said['lateness_s']['max']:.0f} µs"
+    if said["run_time_s"]:
+        yield "run time of a cycle, median", f"{1e6 * said['run_time_s']['p50']:.0f} µs"
+    if said["overruns"] is not None:
+        yield "overruns", f"{said['overruns']} in {said['cycles']} cycles"
+    yield "cycles missing in the log", f"{said['missing']}"
+
+
+def curves(progress: Progress, path: str, columns: Sequence[str], begin: float, end: float, pixels: int) -> str:
+    """Curves of a log as a frame of the stream, in base64."""
+    import numpy as np
+
+    from bowden.console.stream import WHOLE, curves_of, packed, reduced, taken
+    from bowden.core.errors import LogError
+    from bowden.live.mcap_read import read
+    from bowden.live.mcap_reader import LogReader
+
+    log = LogReader(Path(path), ("time",))
+    named = dict(zip(json.loads(log.about["columns"]), json.loads(log.about["units"]), strict=True))
+    offered = {one.name: one for one in curves_of(list(named), list(named.values()), log.settings)}
+    chosen = [offered[name] for name in columns if name in offered]
+    if len(chosen) != len(columns):
+        raise LogError("the log has no such curve", expected=", ".join(offered), do="choose others")
+    found = read(Path(path), ("time", *(source for one in chosen for source in one.source)))
+    times = found["time"] - (found["time"][0] if len(found.rows) else 0.0)
+    step = (end - begin) / pixels
+    first = int(np.floor(begin / step + 1e-9))
+    values = taken(chosen, found.columns, found.rows)
+    frame = packed(WHOLE, reduced(times, values, values, first, pixels, step), 0, first * step, step)
+    return base64.b64encode(frame).decode()

@@ -1,0 +1,102 @@
+"""A rig round an identified cable, within what its log covered."""
+
+import tomllib
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from bowden.core import shown
+from bowden.core.guesses import answering
+from bowden.core.units import RADIANS
+from bowden.design.other_law import OURS, chosen_law
+from bowden.identify.cable.model import IdentifiedCable
+from bowden.rig.model_rig import Chosen, counting_of, model_text, with_stroke
+from bowden.rig.rig import Rig
+from bowden.rig.suit_rig import suit_text
+
+
+@answering(
+    {"save": "made.rig.write(path)"},
+    "make another: bowden.init(fit, …)",
+    lambda made, name: f"made.rig.{name}" if hasattr(Rig, name) else "",
+)
+@dataclass(frozen=True, repr=False)
+class NewRig:
+    """A rig round an identified cable."""
+
+    rig: Rig
+    """With the cable, and a reference, limits and a law that suit it."""
+    why: str
+    """Why it has its law, ``rig.law``."""
+    known: bool
+    """Whether the model says what motion its log covered; else the reference is not known to lie within it."""
+    text: str = field(compare=False)
+    """The commented rig.toml that ``bowden init --model`` writes."""
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Reference, law, and how angles are counted, in words; of a suit, whose cables it has."""
+        law = f"Law: {self.rig.law_name}{self._gains()}, {self.why}"
+        if self.rig.worn is not None:
+            return f"Cables: {self.rig.whose_cable}", law
+        low, high = (f"{end / RADIANS:g}" for end in (self.rig.reference.low, self.rig.reference.high))  # type: ignore[attr-defined]
+        within = "within what the log covered"
+        within = within if self.known else "the model does not say what its log covered: check it yourself"
+        said = [f"Reference: {low} to {high}°, {within}", law]
+        if not self.rig.cable.counting.as_recorded:  # type: ignore[union-attr]
+            said.append("Angles of the rig differ from those of the log: see direction and zeros in [cable]")
+        return tuple(said)
+
+    def _gains(self) -> str:
+        given = ", ".join(f"{name} = {value:.3g}" for name, value in self.rig.gains.items())
+        return f" with {given}" if given else ""
+
+    def __repr__(self) -> str:
+        """One screen: reference, law and why, and how angles are counted."""
+        return shown.screen(self._title(), self._rows())
+
+    def _repr_html_(self) -> str:
+        return shown.fragment(self._title(), self._rows())
+
+    def _title(self) -> str:
+        return f"New rig {self.rig.hash}"
+
+    def _rows(self) -> list[tuple[str, str]]:
+        said = [note.partition(": ") for note in self.notes[:2]]
+        if self.rig.worn is not None:
+            return [(name.lower(), text) for name, _, text in said]
+        counting = self.rig.cable.counting  # type: ignore[union-attr]
+        turned = "against the log's direction, " if counting.direction < 0 else ""
+        zeros = f"{counting.motor_zero / RADIANS:.1f}° of the log's motor and {counting.joint_zero / RADIANS:.1f}°"
+        counted = "" if counting.as_recorded else f"the motor {turned}from {zeros} of its joint"
+        return [*((name.lower(), text) for name, _, text in said), ("counted", counted or "as in the log")]
+
+
+def around(
+    cable: IdentifiedCable, path: Path, place: str, parts: dict[str, Any] | None = None, *, suit: bool = False
+) -> NewRig:
+    """A rig round a cable.
+
+    Args:
+        cable: as it was identified.
+        path: of the rig's file, which is not written here; without an ending, no file.
+        place: of the model's file, from the rig's folder.
+        parts: of the rig that are not as on the paper's bench.
+        suit: whether it is a suit on an arm.
+
+    Raises:
+        ParameterError: a model without what zeros and limits follow from, or a part that is none.
+    """
+    name = path.name if path.suffix else "rig.toml"
+    cable = with_stroke(cable)
+    counted = replace(cable if suit else cable.counted(counting_of(cable)), file=place)
+
+    def written(chosen: Chosen) -> str:
+        return suit_text(name, place, chosen, cable) if suit else model_text(name, place, cable, chosen)
+
+    first = written(Chosen(OURS, ""))
+    rig = Rig.of_tree(tomllib.loads(first), path, keep=Rig(cable=counted)).replace(**(parts or {}))
+    chosen = chosen_law(rig)
+    text = written(chosen)
+    rig = rig.with_law(chosen.law).replace(gains=chosen.gains)
+    return NewRig(rig, chosen.why, cable.covered is not None, text)

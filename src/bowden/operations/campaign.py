@@ -1,0 +1,265 @@
+"""`campaign`: thousands of closed loops on plants drawn at random, and what comes of them."""
+
+import shlex
+from dataclasses import KW_ONLY, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from bowden.operations.simulate import Figures
+from bowden.operations.support.operation import GivenProgress, GivenRig, Operation, Switch
+from bowden.operations.support.results import Result, ResultPart, made
+
+if TYPE_CHECKING:
+    from bowden.core.trace import Trace
+    from bowden.operations.support.campaign import Campaign
+    from bowden.study.study import Study
+
+
+@dataclass(frozen=True)
+class FigureSpread(ResultPart):
+    """How a figure is spread over the runs that have it."""
+
+    count: int
+    """Runs that have it."""
+    least: float
+    q05: float
+    """Quantile at 5 %."""
+    median: float
+    q90: float
+    q99: float
+    most: float
+
+
+@dataclass(frozen=True)
+class WorstRun(ResultPart):
+    """A run that was among the worst."""
+
+    number: int
+    """By which it is run again."""
+    value: float | None
+    """RMSE from rest [deg]; null where it ran away."""
+    drawn: dict[str, float | str]
+    """Parameter -> its value in the unit of its name."""
+
+
+@dataclass(frozen=True)
+class ParameterShare(ResultPart):
+    """What a drawn parameter does to the error."""
+
+    parameter: str
+    rank_correlation: float | None
+    """Spearman's; null where it does not exist [1]."""
+    variance_share: float | None
+    """Of the variance, between the means of bins of the parameter; null where the law has no such gain [1]."""
+    chance_share: float | None
+    """Share below which 95 % of the parameters stay that change nothing, with as many runs; null likewise [1]."""
+    above_chance: bool
+    """Whether the share is more than that."""
+
+
+@dataclass(frozen=True)
+class LawCampaign(ResultPart):
+    """What one law did over all plants."""
+
+    law: str
+    """Its name."""
+    runs: int
+    ran_away: int
+    """Runs that did not reach their end: a command beyond 1000 rad, or no number."""
+    unstable: int
+    """Those, and runs in which the joint was further from the reference than its whole stroke (5 deg at least)."""
+    unstable_interval: tuple[float, ...]
+    """Wilson's 95 % interval of the share of unstable runs [1]."""
+    oscillating: int | None
+    """Runs whose command travelled more than five times as far as the reference, or that ran away; null where runs
+    differ in the reference, in a suit and under admittance."""
+    worse_than_uncompensated: int | None
+    """Runs with a larger RMSE than the law uncompensated on the same plant; null of that law, and where it did not
+    run."""
+    figures: dict[str, FigureSpread]
+    """Figure of merit (a column of the rows, with its unit in the name) -> how it is spread over the runs that have
+    it."""
+    worst: tuple[WorstRun, ...]
+    """The runs with the largest RMSE from rest, the worst first; those that ran away before all others."""
+    sensitivity: tuple[ParameterShare, ...]
+    """What the RMSE from rest depends on, the parameter that matters most first; of ranks."""
+
+
+@dataclass(frozen=True)
+class CampaignResult(Result[Any]):
+    """What all runs show together."""
+
+    rig: str
+    """Hash of the rig whose plants are drawn, with what [set] changes."""
+    study: str
+    """A hash of all that the rows depend on."""
+    rows_sha256: str
+    """SHA-256 of the rows, sorted by number and law; it depends neither on the workers nor on how runs are cut into
+    chunks."""
+    runs: int
+    """Plants drawn; each law has run on all of them."""
+    laws: tuple[LawCampaign, ...]
+    """One entry for each law, in the order of the study."""
+    chunks_computed: int
+    """By this call."""
+    chunks_kept: int
+    """That were there before."""
+    chunks_set_aside: int
+    """That were there and damaged; they were computed again."""
+    files: tuple[Path, ...]
+    """The folder of the Parquet files, and the page."""
+    _: KW_ONLY
+    found: "Campaign"
+
+    @property
+    def value(self) -> "Campaign":
+        """The campaign."""
+        return self.found
+
+
+@dataclass(frozen=True)
+class CampaignRunOfLaw(Figures):
+    """What one law did in one run."""
+
+    law: str
+    ended: bool
+    """Whether it reached its end; if not, every figure is null."""
+
+
+@dataclass(frozen=True)
+class CampaignRun(Result[Any]):
+    """One run alone."""
+
+    run: int
+    """Its number."""
+    rig: str
+    """Hash of the rig: equal rigs have the same, whether they come from a file, Python or a log."""
+    drawn: dict[str, float | str]
+    """Parameter -> its value in the unit of its name."""
+    runs: tuple[CampaignRunOfLaw, ...]
+    """One entry for each law."""
+    files: tuple[Path, ...]
+    """One Parquet file a law, and the page last."""
+    _: KW_ONLY
+    traces: "dict[str, Trace]"
+
+    @property
+    def value(self) -> "dict[str, Trace]":
+        """Name of the law → its trace."""
+        return self.traces
+
+
+def campaign(
+    study: Path,
+    out: Annotated[Path | None, Switch(name="--out", metavar="FOLDER")] = None,
+    *,
+    rig: GivenRig | None = None,
+    workers: Annotated[int | None, Switch(least=1)] = None,
+    cluster: str | None = None,
+    run: Annotated[int | None, Switch(least=0)] = None,
+    progress: GivenProgress = None,
+) -> CampaignResult | CampaignRun:
+    """Run thousands of closed loops with random plants, gains and faults: figures as Parquet, and a page.
+
+    Each run depends only on its number, so that the number of workers and their order do not matter. After an
+    interruption the same call continues where it stopped. Where the study has more ``runs`` than it had in the same
+    folder, and is else as it was, only the new ones are computed.
+
+    Args:
+        study: a TOML file (docs/campaign.md).
+        out: folder for the results; out/campaign/STUDY by default.
+        rig: the rig, for a study that names none.
+        workers: processes on this machine; one for each core.
+        cluster: a dask scheduler's address, or local:N for N processes, in place of these.
+        run: only this run, with traces and a page.
+        progress: True for a line that says how far it is, or a function of what is being done and the share done.
+
+    Raises:
+        ParameterError: a study that cannot be run.
+        OutputError: a folder that cannot be written.
+        MissingExtraError: PyArrow is not installed: ``pip install "bowden[parquet]"``.
+
+    >>> import bowden, pathlib, tempfile
+    >>> folder = pathlib.Path(tempfile.mkdtemp())
+    >>> _ = (folder / "study.toml").write_text('''
+    ... runs = 4
+    ... duration_s = 5.0
+    ... laws = ["uncompensated"]
+    ... [vary]
+    ... "cable.rate_per_rad" = { uniform = [7.0, 12.0] }
+    ... ''')
+    >>> found = bowden.campaign(folder / "study.toml", folder / "out", workers=1)
+    >>> found.summary.laws[0].unstable, found.table().num_rows
+    (0, 4)
+    """
+    from bowden.core.caller import argument
+    from bowden.core.files import output_folder
+    from bowden.operations.support.campaign import computed, require_parquet
+    from bowden.operations.support.given import rig_of
+    from bowden.operations.support.progress import reported
+    from bowden.study.load import load
+
+    folder = Path("out/campaign") / study.stem if out is None else out
+    given = None if rig is None else rig_of(rig)
+    if given is not None and given.axes:
+        from bowden.rig.config import one_motor
+
+        raise one_motor(Path(given.origin))
+    loaded = load(study, given)
+    if run is None:
+        require_parquet()
+    output_folder(folder, argument("out"))
+    if run is not None:
+        return _alone(loaded, run, folder / f"run-{run}")
+    origin = "" if given is None else given.origin
+    more = [*(["--rig", origin] if Path(origin).suffix else []), *(["--out", str(out)] if out else [])]
+    again = "" if given is not None and not Path(origin).suffix else ["bowden", "campaign", str(study), *more, "--run"]
+    with reported(progress, "campaign") as report:
+        found = computed(loaded, folder, workers=workers, cluster=cluster, again=shlex.join(again), progress=report)
+    return made(
+        CampaignResult,
+        {"rig": loaded.rig.hash} | found.summary.document(),
+        chunks_computed=found.computed,
+        chunks_kept=found.kept,
+        chunks_set_aside=len(found.notes),
+        files=found.files,
+        found=found,
+        notes=tuple(filter(None, (found.enlarged, *found.notes))),
+    )
+
+
+def _alone(study: "Study", number: int, folder: Path) -> CampaignRun:
+    """All laws of a study on the plant of one number, written as `simulate` writes them."""
+    from dataclasses import asdict
+
+    from bowden.core.files import whole_files
+    from bowden.operations.support.campaign import run_alone
+    from bowden.report.simulate_page import write_simulation
+
+    traces = run_alone(study, number)
+    with whole_files(folder) as stage:
+        for name, trace in traces.items():
+            trace.write(stage / f"{name}.npz")
+        write_simulation(stage / "simulate.html", traces, f"Run {number} of {study.path.name}")
+    rig, drawn = study.run(number)[0], study.drawn(number)
+    values: dict[str, Any] = {"seed": drawn.seed} | drawn.values
+    figures = tuple(
+        CampaignRunOfLaw(law=name, ended=one.ended, **asdict(one.metrics())) for name, one in traces.items()
+    )
+    files = (*(folder / f"{name}.npz" for name in traces), folder / "simulate.html")
+    return CampaignRun(number, rig.hash, values, figures, files, traces=traces, notes=tuple(rig.notes))
+
+
+OPERATIONS = (
+    Operation(
+        "campaign",
+        campaign,
+        (
+            "bowden campaign study.toml",
+            "bowden campaign study.toml --out out/study --workers 2 --json",
+            "bowden campaign study.toml --cluster tcp://127.0.0.1:8786",
+            "bowden campaign study.toml --run 17",
+        ),
+        place=100,
+    ),
+)

@@ -1,0 +1,295 @@
+"""`check`: does a law hold on a rig, before anything moves?"""
+
+import contextlib
+from dataclasses import KW_ONLY, dataclass
+from typing import TYPE_CHECKING, Any, Literal
+
+from bowden.operations.support.operation import GivenLaw, GivenProgress, GivenRig, Operation
+from bowden.operations.support.results import Result, ResultPart, degrees
+
+if TYPE_CHECKING:
+    from bowden.design.check_result import Check
+    from bowden.rig.rig import Rig
+
+Verdict = Literal["holds", "little_margin", "limit_cycle", "does_not_hold"]
+
+
+@dataclass(frozen=True)
+class WorstLoop(ResultPart):
+    """The linear loop that decides."""
+
+    bend_deg: float
+    at: str
+    """What else differs between the loops: of a suit the elbow's angle, and whether the extensor is taut."""
+    slope: float
+    """Joint motion per motor motion."""
+    estimates: dict[str, float]
+    """The law's estimates, in SI units, as they were frozen."""
+    largest_pole: float
+    """Largest magnitude of a closed-loop pole."""
+
+
+@dataclass(frozen=True)
+class CycleAtRest(ResultPart):
+    """The limit cycle that backlash can cause."""
+
+    predicted: bool
+    """Whether the describing function shows a lasting one."""
+    amplitude_deg: float | None
+    """Predicted, half of the span at the joint [deg]."""
+    period_s: float | None
+    """Predicted [s]."""
+    confirmed: bool | None
+    """Whether the joint swings at rest in simulation by at least a quarter of the prediction; null where nothing was
+    predicted or the run ran away."""
+    simulated_amplitude_deg: float | None
+    """Half of the joint's span while the reference rests; null where the run ran away [deg]."""
+    simulated_period_s: float | None
+    """Null where it does not swing to and fro [s]."""
+
+
+@dataclass(frozen=True)
+class Chatter(ResultPart):
+    """What the encoder's counts do to the command."""
+
+    predicted: bool
+    """Unstable for one count, stable for the whole stroke."""
+    command_per_count_deg: float | None
+    """Largest change of the command in one cycle for one count of the joint's encoder; above 0.5 is chatter [deg]."""
+    simulated_ripple_deg: float | None
+    """Root mean square of the command's step in one cycle at rest [deg]."""
+
+
+@dataclass(frozen=True)
+class TautMargins(ResultPart):
+    """Margins of two motors on one joint, of a case of taut cables."""
+
+    at: str
+    """Which cables are taut."""
+    gain_margin_db: float | None
+    """Smallest over all slopes and estimates; null where a loop is unstable or nothing limits it [dB]."""
+    phase_margin_deg: float | None
+    """The same [deg]."""
+    delay_margin_s: float | None
+    """The same, as further delay [s]."""
+
+
+@dataclass(frozen=True)
+class PairLoops(ResultPart):
+    """What is found of two motors on one joint besides."""
+
+    axes: tuple[str, ...]
+    """Names of both axes, the agonist first."""
+    co_contraction_deg: float
+    """How much further each motor pulls than the joint asks for [deg]."""
+    loops: tuple[TautMargins, ...]
+    """Smallest margins with both cables taut, and with each alone."""
+    motors_apart_deg: float | None
+    """How far the motors went apart beyond the co-contraction in simulation; null where a trial ran away [deg]."""
+    largest_pole_apart: float
+    """Largest magnitude of a pole with which the motors part while the joint stands: what it comes to is
+    motors_apart_deg."""
+
+
+@dataclass(frozen=True)
+class LoopCheck(ResultPart):
+    """Whether a law holds on one joint."""
+
+    law: str
+    """Name of the law."""
+    verdict: Verdict
+    """little_margin: below 6 dB or 30 degrees, or chatter that stays bounded, or a trial that does not stand a further
+    delay of 7.5 degrees."""
+    holds: bool
+    """Whether the loop stays bounded: any verdict but does_not_hold. Exit code 0 where it is true, else 1."""
+    reason: str
+    """What decided."""
+    gain_margin_db: float | None
+    """Smallest over all slopes and estimates; null where a loop is unstable or nothing limits it [dB]."""
+    phase_margin_deg: float | None
+    """The same [deg]."""
+    delay_margin_s: float | None
+    """The same, as further delay [s]."""
+    worst: WorstLoop
+    """The linear loop that decides."""
+    limit_cycle: CycleAtRest
+    """The cycle that backlash can cause."""
+    chatter: Chatter
+    """What a steep curve such as tanh(s/ε) does with the encoder's counts."""
+    ultimate_bound_deg: float | None
+    """The paper's Lyapunov bound on the error; null for other laws [deg]."""
+    ultimate_bound_s: float | None
+    """The same on s [rad·s]."""
+    simulated_peak_deg: float | None
+    """Largest error of the trials, for comparison; null where one ran away [deg]."""
+    leaves_out: str
+    """What the linear loops leave to the trials, which then alone decide whether it holds: of a suit; else empty."""
+    refuted: bool
+    """A linear loop is unstable where a trial without all that comes to rest: no linear loop stands for the law, and
+    its margins are null."""
+    advice: str
+    """Which number to change, and to what; empty where nothing is to be mended."""
+    pair: PairLoops | None
+    """Of two motors on one joint, which are judged as one; null of one motor."""
+    rig: str
+    """Hash of the rig: equal rigs have the same, whether they come from a file, Python or a log."""
+
+
+@dataclass(frozen=True)
+class AxisCheck(LoopCheck):
+    """Whether a law holds on one axis of several."""
+
+    axis: str
+    """Its name; of two motors on one joint what they are."""
+
+
+@dataclass(frozen=True)
+class CheckResult(LoopCheck, Result["Check | dict[str, Check]"]):
+    """Whether a law holds; of a rig with several axes the figures of the worst, and of each."""
+
+    axes: tuple[AxisCheck, ...]
+    """Of a rig with several joints, each of them; two motors on one joint as one. Empty of a rig with one joint."""
+    _: KW_ONLY
+    checks: "dict[str, Check]"
+    """Name of the axis → its check."""
+    whole: "Rig"
+
+    @property
+    def value(self) -> "Check | dict[str, Check]":
+        """The check; of several axes the name of each → its check."""
+        return self.checks if len(self.checks) > 1 else next(iter(self.checks.values()))
+
+    @property
+    def exit_code(self) -> int:
+        """1 where it does not hold."""
+        return 0 if self.holds else 1
+
+
+def check(
+    rig: GivenRig,
+    law: GivenLaw | None = None,
+    *,
+    preset: str | None = None,
+    axis: str | None = None,
+    progress: GivenProgress = None,
+) -> CheckResult:
+    """Say whether a rig's gains hold, before anything moves: margins, limit cycle, chatter, bounds, what to change.
+
+    Margins are looked at over all bends of the sheath; trial runs confirm them. Of a rig with several axes, each is
+    checked; two motors on one joint (docs/pair.md) are checked as one. The command's exit code is 0 where the loop
+    stays bounded, with little margin or a limit cycle too (the verdict says which), 1 where it does not hold, 2 where
+    that cannot be said.
+
+    Args:
+        rig: the bench, law and scenario; ``bowden init`` writes one.
+        law: a law's name, or FILE.py:NAME of your own, in place of the rig's.
+        preset: a named set of gains of that law.
+        axis: one axis alone, of a rig with several.
+        progress: True for a line that says how far it is, or a function of what is being done and the share done.
+
+    Returns:
+        The check: ``holds``, whether the loop stays bounded; ``verdict`` (``holds``, ``little_margin``, ``limit_cycle``
+        or ``does_not_hold``), its ``reason``, the margins, and ``advice`` on what to change. Of two motors on one joint
+        ``pair`` too; of several axes a dictionary of checks.
+
+    Raises:
+        ParameterError: a rig, law or setting that cannot be used.
+
+    >>> from bowden import Rig, check
+    >>> found = check(Rig(), "adaptive")
+    >>> found.holds, found.verdict, round(found.gain_margin_db)
+    (True, 'holds', 19)
+    """
+    from bowden.core.errors import asked_for_by
+    from bowden.core.toml_text import quoted
+    from bowden.design.check_rig import checked, checked_pair
+    from bowden.operations.support import given
+    from bowden.operations.support.progress import reported
+    from bowden.rig.axes import refuse_sources
+
+    whole = given.under(given.with_axis(given.rig_of(rig), axis), law, preset)
+    refuse_sources(whole)
+    singles, joint, count = given.singles(whole), given.joint_name(whole), len(whole.parts)
+    checks: dict[str, Check] = {}
+    with reported(progress, "check") as report:
+        for number, one in enumerate(singles):
+            report(f"checking {one.name} {one.rig.law_name}".replace("  ", " "), number / count)
+            with asked_for_by(f"axis {quoted(one.name)}") if one.name else contextlib.nullcontext():
+                checks[one.name] = checked(one.rig)
+        if joint:
+            report(f"checking {joint}", len(singles) / count)
+            checks[joint] = checked_pair(whole)
+    rigs = {one.name: one.rig for one in singles} | ({joint: whole} if joint else {})
+    worst = max(checks, key=lambda name: _VERDICTS.index(checks[name].verdict))
+    several = {name: _figures(one, rigs[name]) for name, one in checks.items()} if len(checks) > 1 else {}
+    figures = _figures(checks[worst], whole)
+    for margin in ("gain_margin_db", "phase_margin_deg", "delay_margin_s"):
+        there = [value for one in checks.values() if (value := getattr(one, margin)) is not None]
+        figures[margin] = min(there, default=None)
+    axes = tuple(AxisCheck(**one, axis=name) for name, one in several.items())
+    return CheckResult(**figures, axes=axes, checks=checks, whole=whole, notes=given.notes_of(whole))
+
+
+_VERDICTS = ("holds", "little_margin", "limit_cycle", "does_not_hold")
+"""From the best to the worst."""
+
+
+def _figures(found: "Check", rig: "Rig") -> dict[str, Any]:
+    """The figures of one check, angles in degrees."""
+    period = next((t.period for t in found.trials if t.swing is not None and t.swing == found.swing), None)
+    cycle, apart = found.cycle, found.pair
+    ripple = [t.ripple for t in found.trials if t.ripple is not None]
+    pair = (
+        None
+        if apart is None
+        else PairLoops(
+            rig.pair.names,
+            degrees(rig.pair.co_contraction),
+            tuple(TautMargins(*loop) for loop in apart.loops),
+            degrees(apart.drift),
+            apart.apart,
+        )
+    )
+    return {
+        **{name: getattr(found, name) for name in ("law", "verdict", "holds", "reason", "leaves_out", "refuted")},
+        **{name: getattr(found, name) for name in ("gain_margin_db", "phase_margin_deg", "delay_margin_s", "advice")},
+        "worst": WorstLoop(
+            degrees(found.worst.bend),
+            found.worst.at,
+            found.worst.slope,
+            found.worst.estimates,
+            found.worst.margins.largest_pole,
+        ),
+        "limit_cycle": CycleAtRest(
+            cycle is not None,
+            degrees(cycle.amplitude) if cycle else None,
+            cycle.period if cycle else None,
+            found.cycle_confirmed,
+            degrees(found.swing),
+            period,
+        ),
+        "chatter": Chatter(
+            found.chatters,
+            degrees(found.command_per_count),
+            degrees(max(ripple)) if found.peak is not None else None,
+        ),
+        "ultimate_bound_deg": degrees(found.ultimate_error),
+        "ultimate_bound_s": found.ultimate_s,
+        "simulated_peak_deg": degrees(found.peak),
+        "pair": pair,
+        "rig": rig.hash,
+    }
+
+
+OPERATIONS = (
+    Operation(
+        "check",
+        check,
+        (
+            "bowden check rig.toml",
+            "bowden check rig.toml --preset paper",
+            "bowden check rig.toml --law my_law.py --json",
+        ),
+        place=80,
+    ),
+)

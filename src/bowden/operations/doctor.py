@@ -1,0 +1,192 @@
+"""`doctor`: whether this machine is fast enough for live runs, and what to change."""
+
+import shutil
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Annotated, Any
+
+from bowden.operations.run import LoopLateness, Privilege
+from bowden.operations.support.operation import Operation, Switch
+from bowden.operations.support.results import Result, ResultPart
+
+if TYPE_CHECKING:
+    from bowden.live.lateness import Lateness
+    from bowden.live.machine import Machine
+
+_PERIOD = 1e-3
+_EMG_WAIT = 1.0
+"""How long streams of EMG are looked for [s]."""
+
+
+@dataclass(frozen=True)
+class KernelFound(ResultPart):
+    """The operating system."""
+
+    release: str
+    preemption: str
+    real_time: bool
+
+
+@dataclass(frozen=True)
+class LatenessBucket(ResultPart):
+    """A bar of the histogram of lateness."""
+
+    up_to_us: float | None
+    """Upper edge; null for what lies above the last."""
+    cycles: int
+
+
+@dataclass(frozen=True)
+class CanFound(ResultPart):
+    """CAN on this machine."""
+
+    kernel: bool
+    interfaces: dict[str, str]
+
+
+@dataclass(frozen=True)
+class EmgStreamFound(ResultPart):
+    """A stream of EMG."""
+
+    name: str
+    source_id: str
+    host: str
+    channels: int
+    rate_hz: float
+    """0 where it is irregular."""
+    problem: str
+    """Why it cannot be used; empty where it can."""
+
+
+@dataclass(frozen=True)
+class EmgFound(ResultPart):
+    """Streams of EMG on the network."""
+
+    installed: bool
+    streams: tuple[EmgStreamFound, ...]
+    problem: str
+    """Why no streams can be seen; empty where they can."""
+
+
+@dataclass(frozen=True)
+class Diagnosis(Result["Diagnosis"]):
+    """What this machine can do."""
+
+    kernel: KernelFound
+    clock_source: str
+    processors: tuple[int, ...]
+    isolated_processors: tuple[int, ...]
+    privileges: tuple[Privilege, ...]
+    granted: tuple[Privilege, ...]
+    period_ms: float
+    lateness: LoopLateness
+    histogram: tuple[LatenessBucket, ...]
+    cyclictest: LoopLateness | None
+    """Null where it is not installed."""
+    can: CanFound
+    emg: EmgFound
+    advice: tuple[str, ...]
+
+
+def doctor(
+    *,
+    time: Annotated[float, Switch(name="--seconds")] = 5.0,
+    priority: int = 80,
+    cpu: int | None = None,
+) -> Diagnosis:
+    """Say whether this machine keeps time at 1 kHz, and what to change.
+
+    How late it wakes a loop is measured; what it may do and what is missing is looked up.
+
+    Args:
+        time: how long lateness is measured [s].
+        priority: SCHED_FIFO's, as in [live]; 0 for the ordinary scheduler.
+        cpu: processor to measure on; any by default.
+
+    Raises:
+        ParameterError: a number that cannot be.
+    """
+    from bowden.core.caller import argument
+    from bowden.hardware.emg.lsl_info import which
+    from bowden.hardware.realtime import Settings, check_processor, privileges
+    from bowden.live import machine
+    from bowden.live.lateness import EDGES_US, bare_loop_apart, figures, histogram
+    from bowden.operations.support.given import check_number
+
+    check_number("time", time, 0.1, 3600.0)
+    check_number("priority", priority, 0, 99)
+    check_processor(cpu, argument("cpu").rstrip("="))
+    late, grants = bare_loop_apart(time, _PERIOD, Settings(priority=priority, cpu=cpu))
+    measured, other = figures(late), machine.cyclictest(time, _PERIOD, priority, cpu)
+    here, may, emg = machine.look(), privileges(), _emg()
+    advice = _advice(here, measured, [*may, *grants])
+    sources: dict[str, list[str]] = {}
+    for one in emg.streams:
+        sources.setdefault(one.name, []).append(one.source_id)
+    for name, ids in sorted(sources.items()):
+        if len(ids) > 1:
+            advice.append(f"{len(ids)} LSL streams are named {name!r}: {which(name, ids)}")
+    counts = zip((*EDGES_US, None), histogram(late), strict=True)
+    return Diagnosis(
+        kernel=KernelFound(here.release, here.preemption, here.real_time),
+        clock_source=here.clock_source,
+        processors=tuple(here.processors),
+        isolated_processors=tuple(here.isolated),
+        privileges=tuple(Privilege(**asdict(grant)) for grant in may),
+        granted=tuple(Privilege(**asdict(grant)) for grant in grants),
+        period_ms=1e3 * _PERIOD,
+        lateness=LoopLateness(**asdict(measured)),
+        histogram=tuple(LatenessBucket(edge, count) for edge, count in counts),
+        cyclictest=LoopLateness(**asdict(other)) if other else None,
+        can=CanFound(here.can_known, here.can),
+        emg=emg,
+        advice=tuple(advice),
+    )
+
+
+def _emg() -> EmgFound:
+    """Streams of EMG on the network by the Lab Streaming Layer."""
+    from bowden.core.errors import StreamError
+    from bowden.hardware.emg.lsl_info import check_info
+    from bowden.hardware.emg.lsl_library import library
+
+    try:
+        found = library().resolve_byprop("type", "EMG", 0, _EMG_WAIT)
+    except StreamError as error:
+        return EmgFound(False, (), str(error))
+    streams = []
+    for info in sorted(found, key=lambda one: (one.name(), one.source_id())):
+        problem = ""
+        try:
+            check_info(info, info.name())
+        except StreamError as error:
+            problem = str(error)
+        streams.append(
+            EmgStreamFound(
+                info.name(), info.source_id(), info.hostname(), info.channel_count(), info.nominal_srate(), problem
+            )
+        )
+    return EmgFound(True, tuple(streams), "")
+
+
+def _advice(here: "Machine", measured: "Lateness", grants: list[Any]) -> list[str]:
+    """What to change, the most important first."""
+    advice = list(dict.fromkeys(grant.remedy for grant in grants if not grant.granted))
+    period = 1e6 * _PERIOD
+    if measured.p999_us > 0.5 * period:
+        advice.append("one cycle in a thousand begins half a period late: close other programs, or run more slowly")
+    if measured.max_us > period and not here.real_time:
+        advice.append(
+            "single cycles were skipped: a PREEMPT_RT kernel on a real computer, not a virtual machine, skips fewer"
+        )
+    if here.clock_source not in ("tsc", "arch_sys_counter"):
+        advice.append(f"the kernel's clock is {here.clock_source}, which is slow: see whether it can use tsc")
+    if len(here.processors) > 1 and not here.isolated:
+        advice.append("keep a processor for the loop: isolcpus=N on the kernel's command line, [live] cpu = N")
+    if not here.can:
+        advice.append("no CAN interface: plug one in and set it up, or use bowden twin")
+    if shutil.which("cyclictest") is None:
+        advice.append("to compare with cyclictest, install rt-tests")
+    return advice
+
+
+OPERATIONS = (Operation("doctor", doctor, ("bowden doctor", "bowden doctor --seconds 60 --cpu 1 --json"), place=70),)

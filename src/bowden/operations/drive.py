@@ -1,0 +1,398 @@
+"""`drive`: who is on a bus, what a drive says of itself, and where its zero is; the motor gets no power."""
+
+import contextlib
+import math
+import sys
+from collections.abc import Iterator
+from dataclasses import KW_ONLY, dataclass
+from typing import TYPE_CHECKING, Any
+
+from bowden.operations.confirm import say, say_torque
+from bowden.operations.support.operation import GivenRig, Operation, Quiet
+from bowden.operations.support.results import Result, ResultPart
+
+if TYPE_CHECKING:
+    from bowden.hardware.ports import Drive
+    from bowden.live.drive_look import DriveLook
+    from bowden.rig.rig import Rig
+
+_LISTENED = 1.1
+"""So long a load cell is read [s]."""
+_FAR = 0.1
+"""Of the largest load allowed: a zero that moves by more is told [–]."""
+_SETTLE = 0.1
+"""So long the drive is read before its last reading is taken [s]."""
+_SHOW = 0.1
+"""Between two pictures on a terminal [s]."""
+
+
+@dataclass(frozen=True)
+class DeviceFound(ResultPart):
+    """A device on the bus."""
+
+    node: int
+    what: str
+    """What kind of device it is."""
+    identity: str
+    """Who it is."""
+    state: str
+    """Of a drive; empty of others."""
+
+
+@dataclass(frozen=True)
+class DriveProbe(Result["DriveProbe"]):
+    """Who answers on a bus."""
+
+    bus: dict[str, str]
+    """Where was looked, and the node of the rig."""
+    devices: tuple[DeviceFound, ...]
+    """Who answers, by their numbers."""
+
+
+@dataclass(frozen=True)
+class ReadingRange(ResultPart):
+    """What a reading went through."""
+
+    least: float | None
+    most: float | None
+    last: float | None
+
+
+@dataclass(frozen=True)
+class DriveReadings(ResultPart):
+    """What a drive says of itself while it is read."""
+
+    drive: str
+    """Who the drive is."""
+    cycles: int
+    """How often it was read."""
+    motor_deg: ReadingRange
+    """Angle of the motor, at its spool; null where it is not measured."""
+    joint_deg: ReadingRange
+    """Angle of the joint; null where it is not measured."""
+    current_a: ReadingRange
+    """Motor current; null where it is not measured."""
+    tension_n: ReadingRange
+    """Tension of the cable; null where it is not measured."""
+    joint_torque_nm: ReadingRange
+    """Torque of the suit on the joint, by a load cell; null where it is not measured."""
+    temperature_c: ReadingRange
+    """Of the power stage; null where it is not measured."""
+    states: tuple[str, ...]
+    """The drive's states, in their order."""
+
+
+@dataclass(frozen=True)
+class DriveMonitor(DriveReadings, Result["DriveMonitor"]):
+    """What a drive has said."""
+
+    silent_s: dict[str, float | None]
+    """Of motor and joint: longest time for which the angle did not come; null where it never came."""
+    said: tuple[str, ...]
+    """Emergencies that the drive sent, in words."""
+    _: KW_ONLY
+    look: "DriveLook | None"
+    period: float = 0.0
+
+
+@dataclass(frozen=True)
+class DriveZero(DriveReadings, Result["DriveZero"]):
+    """Where a drive's zero is."""
+
+    keys: dict[str, float]
+    """Key of [drive] → value that makes the present position these angles; none where it is so already."""
+
+
+@dataclass(frozen=True)
+class DriveTare(Result["DriveTare"]):
+    """Where a load cell's zero is."""
+
+    drive: str
+    """Who the drive and the load cell are."""
+    load: float
+    """What is said to hang on the load cell, in `unit`."""
+    read: float
+    """Mean of what it read with the rig's present zero, in `unit`."""
+    span: float
+    """Largest less smallest reading, in `unit`."""
+    unit: str
+    """Of the load: N of a tension, N·m of a torque."""
+    section: str
+    """Of rig.toml: load_cell or drive."""
+    keys: dict[str, float]
+    """Key of that section → value that makes the reading this load; none where it is so already."""
+
+
+def drive_probe(rig: GivenRig, *, axis: str | None = None, channel: str | None = None) -> DriveProbe:
+    """Say who answers on the bus of a rig: it is listened to, then asked. Nothing is set, nothing gets power.
+
+    Args:
+        rig: with its [drive].
+        axis: the axis, of a rig with several.
+        channel: the bus, in place of the rig's.
+
+    Raises:
+        DriveError: nobody answers.
+    """
+    from bowden.core.errors import DriveError
+    from bowden.hardware.buses.link import Links
+    from bowden.hardware.drives.family import family_of
+
+    parameters = _given(rig, axis, channel).drive_parameters
+    family = family_of(parameters)
+    if family.probe is None:
+        do = "bowden drive monitor asks the one that the rig names"
+        raise DriveError(f"a drive of the family {family.name} says nothing of itself", do=do)
+    found = family.probe(parameters, Links())
+    bus = family.address(parameters)
+    if not found:
+        raise DriveError(
+            f"nobody answers on the bus {bus.get('channel', '')} ({bus.get('interface', '')})",
+            do="switch the drive on; check the cable, its termination at both ends, and the bit rate",
+        )
+    return DriveProbe(dict(bus), tuple(DeviceFound(**one._asdict()) for one in found))
+
+
+def drive_monitor(
+    rig: GivenRig,
+    *,
+    axis: str | None = None,
+    channel: str | None = None,
+    duration: float | None = None,
+    quiet: Quiet = False,
+) -> Iterator[DriveMonitor]:
+    """Show live what a drive says of itself, without power, until Ctrl-C: angles, current, temperature, state, faults.
+
+    The drive is brought up, as before a run, and gets no power: turn motor and joint by hand, and look.
+
+    Args:
+        rig: with its [drive].
+        axis: the axis, of a rig with several.
+        channel: the bus, in place of the rig's.
+        duration: how long [s]; until Ctrl-C where none is given.
+
+    Yields:
+        What it has said, once it is over.
+
+    Raises:
+        DriveError: an angle has not come.
+        ParameterError: no end is given where one is needed.
+    """
+    from bowden.core.caller import argument
+    from bowden.core.errors import DriveError, ParameterError
+    from bowden.hardware.drives.family import family_of
+    from bowden.live.drive_look import AGES
+
+    if duration is not None and not 0.0 < duration <= 1e6:
+        what = argument("duration").rstrip("=")
+        raise ParameterError(f"{what} is {duration:g}", expected="seconds above 0", do="correct it")
+    if duration is None and quiet:
+        raise ParameterError("--json needs an end", do="add --duration 10")
+    whole = _given(rig, axis, channel)
+    look: DriveLook | None = None
+    with _brought_up(whole) as (drive, identity), contextlib.suppress(KeyboardInterrupt):
+        say(identity)
+        for look in _looked(drive, whole, math.inf if duration is None else duration):
+            _show(look, whole)
+    if look is None:
+        return
+    period = whole.sample_time
+    silent = {name: round(period * look.oldest[name], 4) if name in look.oldest else None for name in AGES}
+    told = look.said(family_of(whole.drive).explain)
+    yield DriveMonitor(
+        **_readings(look, identity),
+        silent_s=silent,
+        said=tuple(told),
+        look=look,
+        period=period,
+    )
+    if lost := look.silent_now(period):
+        raise DriveError(
+            f"the angle of the {' and the '.join(lost)} has not come for {max(lost.values()):.1f} s",
+            do="look at the plugs of bus and encoder, at both terminations, and at the drive's supply",
+        )
+
+
+def drive_zero(
+    rig: GivenRig,
+    *,
+    motor_deg: float = 0.0,
+    joint_deg: float = 0.0,
+    axis: str | None = None,
+    channel: str | None = None,
+) -> DriveZero:
+    """Say which lines of rig.toml make the present position zero, or other angles; the motor gets no power.
+
+    Put the joint where its angle is known, with the cable just taut, and call this. Nothing is written.
+
+    Args:
+        rig: with its [drive].
+        motor_deg: angle of the motor, at its spool, where it is now [°].
+        joint_deg: angle of the joint where it is now [°].
+        axis: the axis, of a rig with several.
+        channel: the bus, in place of the rig's.
+
+    Raises:
+        DriveError: a bus or drive that cannot be used.
+        ParameterError: angles that cannot be.
+    """
+    from bowden.core.units import RADIANS
+    from bowden.hardware.drives.family import family_of
+    from bowden.live.drive_look import require_zero, zero_keys
+
+    _check_finite(motor_deg=motor_deg, joint_deg=joint_deg)
+    whole = _given(rig, axis, channel)
+    require_zero(whole.drive)
+    with _brought_up(whole) as (drive, identity):
+        say(identity)
+        *_, look = _looked(drive, whole, _SETTLE)
+    assert look.last is not None
+    keys = zero_keys(whole.drive, whole.drive_parameters, look.last, motor_deg * RADIANS, joint_deg * RADIANS)
+    if hint := family_of(whole.drive).zero_hint:
+        say(hint)
+    return DriveZero(**_readings(look, identity), keys={name: round(value, 4) for name, value in keys.items()})
+
+
+def drive_tare(rig: GivenRig, *, load: float = 0.0, axis: str | None = None, channel: str | None = None) -> DriveTare:
+    """Say which line of rig.toml makes what the load cell reads now zero, or a known load; the motor gets no power.
+
+    Let the cable hang slack, or hang a known weight on it, and call this. Nothing is written.
+
+    Args:
+        rig: with its [drive].
+        load: what hangs on the load cell now [N or N·m].
+        axis: the axis, of a rig with several.
+        channel: the bus, in place of the rig's.
+
+    Raises:
+        DriveError: a bus or drive that cannot be used.
+        ParameterError: a load that cannot be, or a rig without a load cell.
+    """
+    from bowden.live.drive_look import require_load_cell, tare
+
+    _check_finite(load=load)
+    whole = _given(rig, axis, channel)
+    require_load_cell(whole)
+    with _brought_up(whole) as (drive, identity):
+        say(identity)
+        looks = _looked(drive, whole, _LISTENED)
+        readings = [look.last for look in looks if look.last is not None and look.cycles * whole.sample_time > _SETTLE]
+    found = tare(whole, readings, load)
+    limits = whole.supervisor_limits
+    most = limits.torque_high if limits.measures_torque else limits.tension_high
+    off = f"{found.read - load:+.3g} {found.unit}"
+    far = f"the zero moves by {off}: is nothing but that load on the cell, and is its scale right?"
+    return DriveTare(
+        identity,
+        load,
+        found.read,
+        found.span,
+        found.unit,
+        found.section,
+        {name: round(value, 4) for name, value in found.keys.items()},
+        notes=(far,) if abs(found.read - load) > _FAR * most else (),
+    )
+
+
+def _given(rig: Any, axis: str | None, channel: str | None) -> "Rig":
+    from bowden.operations.support.given import rig_of
+
+    return rig_of(rig).axis(axis).on_bus(channel)
+
+
+def _check_finite(**values: float) -> None:
+    """Refuse numbers that are not finite.
+
+    Raises:
+        ParameterError: one is not.
+    """
+    from bowden.core.caller import argument
+    from bowden.core.errors import ParameterError
+
+    for name, value in values.items():
+        if not math.isfinite(value):
+            expected = "degrees" if name.endswith("_deg") else "N or N·m"
+            raise ParameterError(f"{argument(name).rstrip('=')} is {value:g}", expected=expected, do="correct it")
+
+
+@contextlib.contextmanager
+def _brought_up(given: "Rig") -> Iterator[tuple["Drive", str]]:
+    """The rig's drive without power, and who it is; let go of at the end, and its torque is printed."""
+    from bowden.hardware.buses.link import Links
+
+    drive = given.open_drive(Links())
+    try:
+        yield drive, drive.bring_up()
+    finally:
+        say_torque(drive.close(), say)
+
+
+def _looked(drive: "Drive", given: "Rig", duration: float) -> Iterator["DriveLook"]:
+    from bowden.core.clock import MonotonicClock
+    from bowden.live.drive_look import looked_at
+
+    return looked_at(drive, MonotonicClock(), given.sample_time, duration)
+
+
+def _show(look: "DriveLook", given: "Rig") -> None:
+    """One line on a terminal, ten times a second."""
+    from bowden.core.signals import EMERGENCY_STOP
+
+    if look.cycles % max(1, round(_SHOW / given.sample_time)) or not sys.stderr.isatty():
+        return
+    assert look.last is not None
+    silent = look.silent_now(given.sample_time)
+    parts = [f"{name} {value} {unit}" for name, value, unit in values_of(look) if name not in silent]
+    parts += [f"{name} SILENT FOR {age:.1f} s" for name, age in silent.items()]
+    parts += ["EMERGENCY STOP"] if look.last.emergency == EMERGENCY_STOP else []
+    line = f"{look.states[-1].lower().replace('_', ' ')}: {', '.join(parts)}"
+    print(f"\r\x1b[K{line}", end="", file=sys.stderr, flush=True)
+
+
+def values_of(look: "DriveLook") -> Iterator[tuple[str, str, str]]:
+    """What was read last: name, value and unit of each."""
+    from bowden.live.drive_look import SHOWN
+
+    for name, (_, factor, unit) in SHOWN.items():
+        value = getattr(look.last, name)
+        if math.isfinite(value):
+            yield name, f"{factor * value:.2f}", unit
+
+
+def _readings(look: "DriveLook", identity: str) -> dict[str, Any]:
+    """The fields of `DriveReadings`."""
+    from bowden.live.drive_look import SHOWN
+
+    ranges = {}
+    for name, (shown, factor, _) in SHOWN.items():
+        last = getattr(look.last, name)
+        least, most = (round(factor * found[name], 4) if name in found else None for found in (look.least, look.most))
+        ranges[shown] = ReadingRange(least, most, round(factor * last, 4) if math.isfinite(last) else None)
+    return {"drive": identity, "cycles": look.cycles, **ranges, "states": tuple(look.states)}
+
+
+GROUP = "Find drives on a bus, look at one, and set its zero; without power."
+
+OPERATIONS = (
+    Operation(
+        "drive probe",
+        drive_probe,
+        ("bowden drive probe rig.toml", "bowden drive probe rig.toml --channel can1"),
+        place=43,
+    ),
+    Operation(
+        "drive monitor",
+        drive_monitor,
+        ("bowden drive monitor rig.toml", "bowden drive monitor rig.toml --duration 10 --json"),
+        place=43,
+    ),
+    Operation(
+        "drive zero",
+        drive_zero,
+        ("bowden drive zero rig.toml", "bowden drive zero rig.toml --joint-deg 90"),
+        place=43,
+    ),
+    Operation(
+        "drive tare", drive_tare, ("bowden drive tare rig.toml", "bowden drive tare rig.toml --load 20"), place=43
+    ),
+)

@@ -1,0 +1,129 @@
+"""`identify-servo`: natural frequency, damping, delay and limits from a log of command and motor."""
+
+from dataclasses import KW_ONLY, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from bowden.operations.support.operation import GivenProgress, Operation, Switch
+from bowden.operations.support.results import Result, ResultPart, made
+
+if TYPE_CHECKING:
+    from bowden.identify.servo.fit import ServoFit
+
+
+@dataclass(frozen=True)
+class FittedValue(ResultPart):
+    """A value and its uncertainty."""
+
+    value: float
+    uncertainty: float
+    """Standard uncertainty."""
+
+
+@dataclass(frozen=True)
+class ServoIdentification(Result["ServoIdentification"]):
+    """A servo, as a rig.toml has it."""
+
+    natural_frequency_hz: FittedValue
+    """Natural frequency under the position loop [Hz]."""
+    damping: FittedValue
+    """Damping ratio."""
+    delay_s: FittedValue
+    """Between the logged command and the moment it acts, fractions of a sample included [s]."""
+    delay_cycles: int
+    """The same in cycles of the rig, rounded up."""
+    sample_time_ms: float
+    """One cycle of the rig [ms]."""
+    speed_limit_deg_per_s: FittedValue | None
+    """Largest speed; null where the log does not reach it [deg/s]."""
+    acceleration_limit_deg_per_s2: FittedValue | None
+    """Largest acceleration; null where the log does not reach it [deg/s²]."""
+    residual_deg: float
+    """Root mean square of motor - model [deg]."""
+    unexplained: float
+    """The same as a share of the motor's motion."""
+    warnings: tuple[str, ...]
+    """What was mended in the log: repeated or uneven time stamps."""
+    _: KW_ONLY
+    fit: "ServoFit"
+
+
+def identify_servo(
+    log: Path,
+    *,
+    time: str | None = None,
+    command: str | None = None,
+    motor: str | None = None,
+    unit: str | None = None,
+    rate: Annotated[float | None, Switch(metavar="HZ")] = None,
+    sample_time_ms: float | None = None,
+    into: Annotated[Path | None, Switch(metavar="RIG.TOML")] = None,
+    progress: GivenProgress = None,
+) -> ServoIdentification:
+    """Identify a servo from a log of a step or a chirp, and write the keys of rig.toml for it.
+
+    With `into` they take the place of those in a rig; its comments and all other keys stay as they are.
+
+    Args:
+        log: CSV, csv.gz, .mat, NPZ or Parquet: time, command, motor of a step or chirp.
+        time: column of times; guessed where it is not given.
+        command: column of the motor's target angle.
+        motor: column of the motor's measured angle.
+        unit: deg or rad, of both angles; from the columns' names where it is not given.
+        rate: rows a second, of a log without times.
+        sample_time_ms: control cycle of the rig, for delay_cycles; the one of `into`, or 1.
+        into: write the values into this rig, in place of servo.toml.
+
+    Raises:
+        LogError: a log that cannot be used.
+        ParameterError: a cycle that is not the rig's, or a rig that has several motors.
+    """
+    from bowden.identify.servo.fit import identify_servo as fit
+    from bowden.identify.servo.keys import document_of
+    from bowden.identify.servo.log import read_servo_log
+    from bowden.operations.support.given import check_number
+    from bowden.operations.support.progress import reported
+
+    cycle = check_number("sample_time_ms", 1.0 if sample_time_ms is None else sample_time_ms, 0.01, 100.0)
+    if into is not None:
+        cycle = _cycle_of(into, sample_time_ms)
+    columns, notes = read_servo_log(log, {"time": time, "command": command, "motor": motor}, unit, rate)
+    with reported(progress, "identify-servo") as report:
+        report("fitting the servo", 0.0)
+        found = fit(*columns)
+    return made(ServoIdentification, document_of(found, cycle), warnings=tuple(notes), fit=found)
+
+
+def _cycle_of(path: Path, given: float | None) -> float:
+    """Control cycle of the rig that is written into [ms].
+
+    Raises:
+        ParameterError: no rig.toml of one motor, or one of another cycle than the given one.
+    """
+    from bowden.core.caller import argument
+    from bowden.core.errors import ParameterError
+    from bowden.rig.config import one_motor
+    from bowden.rig.rig import Rig
+
+    rig = Rig.read(path)
+    if rig.axes:
+        raise one_motor(path)
+    own = 1e3 * rig.sample_time
+    if given is not None and abs(given - own) > 1e-9 * own:
+        what = f"{argument('sample_time_ms')} is {given:g}"
+        raise ParameterError(what, expected=f"{own:g}, as {path} has it", do="leave it out")
+    return own
+
+
+OPERATIONS = (
+    Operation(
+        "identify-servo",
+        identify_servo,
+        (
+            "bowden identify-servo step.csv",
+            "bowden identify-servo step.csv --into rig.toml",
+            "bowden identify-servo chirp.csv --command target --unit deg --json",
+        ),
+        place=40,
+    ),
+)

@@ -1,0 +1,161 @@
+"""`init`: the rig.toml of the default bench, or a rig round an identified cable."""
+
+from dataclasses import KW_ONLY, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from bowden.operations.support.operation import Operation, Switch
+from bowden.operations.support.results import Result
+
+if TYPE_CHECKING:
+    from bowden.design.new_rig import NewRig
+    from bowden.identify.cable.fit import Fit
+    from bowden.identify.cable.joint_fit import JointFit
+    from bowden.identify.cable.model import CableModel, IdentifiedCable
+    from bowden.identify.cable.recalibrate import Recalibration
+
+    GivenModel = str | Path | Fit | JointFit | Recalibration | CableModel | IdentifiedCable
+
+
+@dataclass(frozen=True)
+class Initialised(Result["NewRig"]):
+    """A rig.toml that was written."""
+
+    files: tuple[Path, ...]
+    """The rig.toml."""
+    _: KW_ONLY
+    said: tuple[str, ...] = ()
+    """Reference, law, and how angles are counted, of a rig with an identified cable."""
+
+
+def init(model: "GivenModel", *, suit: bool = False, **parts: Any) -> "NewRig":
+    """Make a rig round an identified cable, as ``bowden init --model`` does.
+
+    A cable whose joint falls as its motor rises, or whose log does not count from where it is just taut, is counted so
+    that both rise together from the lower end of the log's motion. The reference stays within the motion that the log
+    covered, and the limits stand round it. The law is ``bowden`` where a check says that it holds there; else the law
+    that does.
+
+    Args:
+        model: what `identify`, `identify_together` or `recalibrate` returned, its ``best``, or the path of a
+            model.toml.
+        suit: True for a suit on an arm, both cables of which lose what this one does, as ``bowden init --suit --model``
+            makes it.
+        **parts: of the rig that are not as on the paper's bench, as `Rig` takes them, such as ``servo``. The law is
+            chosen for the rig with them.
+
+    Returns:
+        ``rig``, and ``why`` it has its law. ``rig.write("rig.toml")`` writes it with its model.
+
+    Raises:
+        ParameterError: what is no model, a model without what zeros and limits follow from, or a part that is none.
+
+    >>> import numpy as np
+    >>> import bowden
+    >>> time = np.arange(0.0, 20.0, 0.01)
+    >>> motor = 0.5 * np.sin(2.0 * time)
+    >>> made = bowden.init(bowden.identify(time, motor, 0.5 - 0.9 * motor))
+    >>> made.rig.law, made.rig.cable.counting.direction
+    ('bowden', -1)
+    """
+    from bowden.core import arguments
+    from bowden.core.errors import ParameterError
+    from bowden.design.new_rig import around
+    from bowden.identify.cable.fit import Fit
+    from bowden.identify.cable.joint_fit import JointFit
+    from bowden.identify.cable.model import CableModel, IdentifiedCable
+    from bowden.identify.cable.model_file import load_cable
+    from bowden.identify.cable.recalibrate import Recalibration
+    from bowden.rig.rig import Rig
+
+    for name in ("cable", "plant", "law", "reference"):
+        if name in parts:
+            raise ParameterError(
+                f"init: {name} is chosen here", expected="other parts of a rig", do=f"init(…).rig.replace({name}=…)"
+            )
+    if isinstance(model, str | Path):
+        cable = load_cable(arguments.path_of(model, "init: model"))
+    else:
+        kinds = (Fit, JointFit, Recalibration, CableModel, IdentifiedCable)
+        if not isinstance(model, kinds):
+            raise ParameterError(
+                f"init: model is {arguments.said(model)}",
+                expected="a model.toml, or what bowden.identify gives",
+                do="identify a log first",
+            )
+        cable = Rig(cable=model).cable  # type: ignore[assignment]  # an identified one, in whatever form it came
+    return around(cable, Path("Rig"), "model.toml", parts, suit=suit)
+
+
+def init_file(
+    path: Annotated[Path, Switch(place=True)] = Path("rig.toml"),
+    *,
+    model: Path | None = None,
+    suit: bool = False,
+    force: bool = False,
+) -> Initialised:
+    """Write a commented rig.toml of the default bench: every key with its unit and meaning.
+
+    With `model` it has that cable, a reference within the motion that the cable's log covered, limits round it, and the
+    law bowden where a check says that it holds there, if need be with a smaller bandwidth; else one that does, and why.
+    With `suit` too, both cables of the suit lose what that one does.
+
+    Args:
+        path: the file to write.
+        model: model.toml of ``bowden identify``: a bench with that cable, within its motion.
+        suit: write a suit on an arm, moved by EMG, in place of the bench.
+        force: overwrite a file that is there.
+
+    Raises:
+        ParameterError: a model that cannot be read.
+        OutputError: a file that is there, or cannot be written.
+    """
+    import os
+
+    from bowden.core.caller import argument
+    from bowden.core.errors import OutputError
+    from bowden.core.files import shortened, whole_file
+    from bowden.design.other_law import OURS
+    from bowden.rig import page
+    from bowden.rig.suit_rig import suit_text
+
+    try:
+        is_there, is_folder = path.exists(), path.is_dir()
+    except OSError as error:
+        raise OutputError(f"cannot write {shortened(str(path))}: {error.strerror}", do="choose another name") from error
+    if is_folder:
+        raise OutputError(f"{path} is a folder", do=f"name the file: {path / 'rig.toml'}")
+    if is_there and not force:
+        do = f"choose another name, or overwrite it with {argument('force', True)}"
+        raise OutputError(f"{path} is there already", do=do)
+    said: tuple[str, ...] = ()
+    trust = None
+    if model is not None:
+        from bowden.design.new_rig import around
+        from bowden.identify.cable.model_file import load_cable
+
+        cable = load_cable(model)
+        made = around(
+            cable, path, Path(os.path.relpath(model.absolute(), path.absolute().parent)).as_posix(), suit=suit
+        )
+        text, said, trust = made.text, made.notes, cable.trust
+    else:
+        text = suit_text(path.name) if suit else page.toml_text(path.name, OURS)
+    with whole_file(path) as part:
+        part.write_text(text, encoding="utf-8")
+    return Initialised((path,), said=said, cable_trust=trust)
+
+
+OPERATIONS = (
+    Operation(
+        "init",
+        init_file,
+        (
+            "bowden init",
+            "bowden init my_rig.toml --force",
+            "bowden init --model out/identify/model.toml",
+            "bowden init suit.toml --suit --model out/identify/model.toml",
+        ),
+        place=10,
+    ),
+)

@@ -1,0 +1,453 @@
+"""`log`: what is in the log of a run, and what can be made of it."""
+
+from dataclasses import KW_ONLY, dataclass, fields
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from bowden.operations.support.operation import Operation, Switch
+from bowden.operations.support.results import Result, ResultPart, made
+
+if TYPE_CHECKING:
+    from bowden.live.mcap_read import Recording
+    from bowden.live.mcap_reader import LogReader
+
+File = Annotated[Path, Switch(metavar="FILE")]
+
+
+@dataclass(frozen=True)
+class LogDamage(ResultPart):
+    """What of a log could not be read."""
+
+    chunks: int
+    """Chunks whose checksum is wrong; their rows are left out."""
+    skipped: int
+    """Bytes between records that are none."""
+    torn: int
+    """Bytes at the end that are no whole row or record."""
+
+
+@dataclass(frozen=True)
+class Percentiles(ResultPart):
+    """Quantiles of a time."""
+
+    p50: float
+    p99: float
+    p99_9: float
+    max: float
+
+
+@dataclass(frozen=True)
+class LogStop(ResultPart):
+    """One end of power by a fault."""
+
+    time_s: float
+    """Since the first cycle [s]."""
+    causes: tuple[str, ...]
+    """The faults that came first."""
+    remedies: tuple[str, ...]
+    """What to do about each."""
+    consequences: tuple[str, ...]
+    """The faults that came after them or follow from them, in their order."""
+    too_busy: str | None
+    """That this computer was too busy, or its twin silent, with the figure and what to set; null where neither was."""
+    axis: str | None = None
+    """Of a run with several axes: the axis that the stop came from, whose causes these are; null where it came to all
+    at once."""
+
+
+@dataclass(frozen=True)
+class LogEmergency(ResultPart):
+    """A drive's emergency."""
+
+    time_s: float | None
+    """Of the cycle in which it came [s]."""
+    text: str
+
+
+@dataclass(frozen=True)
+class LogGain(ResultPart):
+    """A gain that was changed while the law ran."""
+
+    name: str
+    """Of the gain."""
+    time_s: float | None
+    """When the loop took the change [s]."""
+    before: float
+    """Value in force before, in the law's own unit."""
+    to: float
+    """Value that was asked for."""
+    in_force_s: float | None
+    """When the law first ran with it, 0.5 s later [s]; null where the log ends before."""
+
+
+@dataclass(frozen=True)
+class LogEvent(ResultPart):
+    """A change of mode or faults."""
+
+    time_s: float | None
+    """Of the cycle in which it shows [s]."""
+    text: str
+
+
+@dataclass(frozen=True)
+class LogAxis(ResultPart):
+    """One axis of several."""
+
+    law: str | None
+    rig: str | None
+    """Hash of its rig."""
+
+
+@dataclass(frozen=True)
+class LogInfo(Result["LogInfo"]):
+    """What a log holds."""
+
+    file: Path
+    """The log."""
+    closed: bool
+    """Whether the recorder ended it properly."""
+    whole: bool
+    """Whether it was closed and nothing in it changed since."""
+    cycles: int
+    """Cycles in the log."""
+    missing: int
+    """Cycles before the last of them that are not in it."""
+    damage: LogDamage
+    """What could not be read."""
+    duration_s: float
+    """From the first cycle to the last [s]."""
+    begin_s: float | None
+    """Column time of the first cycle: zero is when the command began [s]; null in a log without a cycle."""
+    sample_time_s: float | None
+    """Median time between two cycles; null with fewer than two [s]."""
+    start_utc: str
+    """When the column time was zero, ISO 8601."""
+    law: str | None
+    """The law that ran; null where the log does not say."""
+    rig: str | None
+    """Hash of the rig: equal rigs have the same, whether they come from a file, Python or a log. null in a log without
+    one."""
+    seed: int | None
+    """Of the run's random numbers."""
+    twin: bool | None
+    """Whether the drive was a twin that the command had started itself; null in a log of an earlier version."""
+    lateness_s: Percentiles | None
+    """Of the cycles' beginnings; null where it was not recorded [s]."""
+    run_time_s: Percentiles | None
+    """Of the cycles' work; null where it was not recorded [s]."""
+    overruns: int | None
+    """Deadlines that were skipped; null where they were not recorded."""
+    stops: tuple[LogStop, ...]
+    """What stopped the run, in the order of time; also what was acknowledged and gone on from."""
+    emergencies: tuple[LogEmergency, ...]
+    """What the drive's emergencies meant, with their codes, in their order."""
+    gains: tuple[LogGain, ...]
+    """Gains that were changed while the law ran, in the order of time."""
+    events: tuple[LogEvent, ...]
+    """Changes of modes and faults, in their order."""
+    software: dict[str, str]
+    """Versions, git revisions and host of the run."""
+    recorder: dict[str, str]
+    """What the recorder said at the end, as text; empty where the log was not closed."""
+    columns: dict[str, str]
+    """Name of each column and its unit."""
+    settings: dict[str, Any]
+    """All that made the run; a number that is not finite is null."""
+    axes: dict[str, LogAxis]
+    """Of a run with several axes: name of each, its law and the hash of its rig."""
+
+
+@dataclass(frozen=True)
+class LogRecovered(Result["LogRecovered"]):
+    """A whole log of what was left of one."""
+
+    files: tuple[Path, ...]
+    """The new log."""
+    rows: int
+    """Cycles in it."""
+    missing: int
+    """Cycles before the last of them that are lost."""
+    missing_seconds: float
+    """Those cycles' share of the run [s]."""
+    tail_seconds: float
+    """Time that may be missing from the end of the run, on a healthy disk; 0 where the log was closed properly [s]."""
+    damage: LogDamage
+    """What could not be read."""
+
+
+@dataclass(frozen=True)
+class LogExported(Result["LogExported"]):
+    """A log as a trace."""
+
+    files: tuple[Path, ...]
+    """The trace."""
+    cycles: int
+    """Its rows."""
+    columns: tuple[str, ...]
+    """Its columns."""
+
+
+@dataclass(frozen=True)
+class LogDrawn(Result["LogDrawn"]):
+    """A log that was read."""
+
+    _: KW_ONLY
+    recording: "Recording"
+
+
+@dataclass(frozen=True)
+class ReplayFigures(ResultPart):
+    """How a replay compares with its record."""
+
+    law: str
+    """The law that was fed with it."""
+    same_law: bool
+    """Whether it is the law of the record, with the gains it had."""
+    cycles: int
+    """Cycles that were compared."""
+    beginnings: int
+    """How often the state was taken from the record: at its begin and after each gap."""
+    law_cycles: int
+    """Cycles of those in which the law had the motor."""
+    requested_target_largest: float | None
+    """Largest difference of the requested target from the recorded one; null where the law never led [rad]."""
+    requested_target_rms: float | None
+    """Its root mean square [rad]."""
+    first_difference: float | None
+    """The record's time at the first requested target that differs [s]."""
+    verdicts_differing: int
+    """Cycles with another power, mode, reaction or set of faults, or with a target or torque offset in one of both
+    alone."""
+    command_largest: float
+    """Largest difference of the supervisor's target [rad]."""
+    first_other_verdict: float | None
+    """The record's time at the first verdict that differs [s]."""
+    torque_largest: float | None
+    """Largest difference of the drive's torque offset [N·m]; null in a run without one."""
+    rig: str | None
+    """Hash of the rig: equal rigs have the same, whether they come from a file, Python or a log. null in a log without
+    one."""
+    axis: str
+    """Name of the one that these figures are of; empty of a run with one motor."""
+
+
+@dataclass(frozen=True)
+class LogReplay(ReplayFigures, Result["LogReplay"]):
+    """How a run, fed through a law and the supervisor again, compares with its record.
+
+    Of a run with several axes the figures are those of the one that differs most.
+    """
+
+    file: Path
+    """The log."""
+    axes: tuple[ReplayFigures, ...]
+    """Of a run with several axes those of each; else empty."""
+    differs: bool
+    """Whether the law that ran gives other numbers than were recorded."""
+
+    @property
+    def exit_code(self) -> int:
+        """1 where they differ."""
+        return 1 if self.differs else 0
+
+
+def log_info(file: File, *, axis: str | None = None) -> LogInfo:
+    """Say what a log holds: duration, cycles, what is missing, lateness, events, settings.
+
+    Args:
+        file: a log, as ``bowden run`` writes it: NAME.mcap.
+        axis: one axis alone, of a run with several.
+
+    Raises:
+        LogError: it cannot be read.
+    """
+    from bowden.live.log_facts import facts, needed
+    from bowden.live.mcap_read import read
+
+    found = read(file, needed(file))
+    said = {"axes": {}} | facts(found if axis is None else found.axis(axis))
+    return made(LogInfo, said, file=file, notes=_doubts(found, file))
+
+
+def log_recover(
+    file: File,
+    more: Annotated[list[Path] | None, Switch(metavar="MORE", place=True)] = None,
+    *,
+    out: Path | None = None,
+) -> LogRecovered:
+    """Recover what a killed process or a full disk left of a log, and join the files of one run.
+
+    A run whose recorder was ended has another file for each recorder that was started again. They stay as they are.
+
+    Args:
+        file: a log, as ``bowden run`` writes it: NAME.mcap.
+        more: others of the same run, to be joined: NAME-again1.mcap.
+        out: the new file; NAME.recovered.mcap by default.
+
+    Raises:
+        LogError: nothing of it can be read.
+        OutputError: the new file is there, or cannot be written.
+    """
+    from bowden.live.mcap_recover import recover as save
+
+    target = out or file.with_name(f"{file.stem}.recovered.mcap")
+    saved = save(file, target, more or ())
+    lost = round(saved.missing_seconds, 6)
+    return LogRecovered(
+        (target,), saved.rows, saved.missing, lost, saved.tail_seconds, LogDamage(**saved.damage._asdict())
+    )
+
+
+def log_export(file: File, *, out: Path | None = None, axis: str | None = None) -> LogExported:
+    """Write a log as CSV, NPZ or Parquet, with units and settings: bowden identify takes it, and so does pandas.
+
+    Of a run with several axes the first axis' columns have plain names, those of another begin with its name.
+
+    Args:
+        file: a log, as ``bowden run`` writes it: NAME.mcap.
+        out: the new file, .csv, .npz or .parquet; NAME.csv by default.
+        axis: one axis alone, of a run with several.
+
+    Raises:
+        LogError: it cannot be read.
+        OutputError: the new file cannot be written.
+    """
+    from bowden.core.trace import write_traces
+    from bowden.live.mcap_read import columns_of, traces
+    from bowden.live.mcap_reader import LogReader
+
+    target = _other(out or file.with_suffix(".csv"), file)
+    log = LogReader(file)
+    columns = log.columns if axis is None else columns_of(log, axis)
+    write_traces(traces(log, axis), target)
+    return LogExported((target,), log.count, tuple(columns), notes=_doubts(log, file))
+
+
+def log_plot(file: File, *, axis: str | None = None) -> LogDrawn:
+    """Draw a log as a page: motion, error, command, modes and faults, lateness, settings.
+
+    Of a run with several axes one page for each, NAME-AXIS.html.
+
+    Args:
+        file: a log, as ``bowden run`` writes it: NAME.mcap.
+        axis: one axis alone, of a run with several.
+
+    Raises:
+        LogError: it cannot be read.
+    """
+    from bowden.live.mcap_read import read
+
+    found = read(file)
+    notes = _doubts(found, file)
+    return LogDrawn(recording=found if axis is None else found.axis(axis), notes=notes)
+
+
+def log_replay(file: File, *, law: str | None = None, trust_law: bool = False, axis: str | None = None) -> LogReplay:
+    """Feed a recorded run through a law and the supervisor again, and compare with what was commanded then.
+
+    Of a run with several axes each is, one after the other. The command's exit code is 1 where the law that ran gives
+    other numbers than were recorded.
+
+    Args:
+        file: a log, as ``bowden run`` writes it: NAME.mcap.
+        law: a law's name, or FILE.py:NAME of your own; by default the one that ran.
+        trust_law: run the law and the plant in the log although you never ran them on this computer.
+        axis: one axis alone, of a run with several.
+
+    Raises:
+        LogError: it cannot be read, or has a program that was never run here.
+    """
+    from bowden.live.log_rig import hash_of
+    from bowden.live.mcap_read import read
+
+    found = read(file)
+    parts = found.parts if axis is None else {axis: found.axis(axis)}
+    figures, differs = [], False
+    for name, part in parts.items():
+        one, other = _replayed(part, law, name)
+        figures.append(one)
+        differs = differs or other
+    most = max(figures, key=lambda one: (one.verdicts_differing, one.command_largest))
+    whole = {one.name: getattr(most, one.name) for one in fields(most)} | {"rig": hash_of(found.settings)}
+    several = tuple(figures) if len(figures) > 1 else ()
+    return LogReplay(**whole, file=file, axes=several, differs=differs, notes=_doubts(found, file))
+
+
+def _replayed(found: "Recording", law: str | None, axis: str) -> tuple[ReplayFigures, bool]:
+    """How the replay of one axis compares, and whether it differs though the law is the one that ran."""
+    from bowden.control import user_law
+    from bowden.live.log_replay import law_of, source_for
+    from bowden.live.log_rig import hash_of
+    from bowden.live.replay import replay as run
+    from bowden.live.run_settings import filters_of, limits_of
+
+    chosen, same = law_of(found, law)
+    limits, filters = limits_of(found.settings), filters_of(found.settings)
+    period, source = float(found.settings["sample_time"]), source_for(found, chosen)
+    with user_law.explained(chosen):
+        result = run(found, chosen, limits, filters, period, same=same, source=source)
+    whose: dict[str, Any] = {"law": chosen.name, "same_law": same, "rig": hash_of(found.settings), "axis": axis}
+    return ReplayFigures(**whose, **result._asdict()), same and result.differs
+
+
+def _other(target: Path, file: Path) -> Path:
+    """A file to write, which is not the log.
+
+    Raises:
+        OutputError: it is.
+    """
+    from bowden.core.caller import argument
+    from bowden.core.errors import OutputError
+
+    if target.absolute() == file.absolute():
+        raise OutputError(f"{target} is the log itself", do=f"choose another name with {argument('out')}")
+    return target
+
+
+def _doubts(found: "Recording | LogReader", file: Path) -> tuple[str, ...]:
+    """Where a log is not what a run that ended well leaves."""
+    import shlex
+    from glob import escape
+
+    def recovering(*files: Path) -> str:
+        return shlex.join(["bowden", "log", "recover", *map(str, files)])
+
+    notes = []
+    if not found.whole:
+        how = "was not closed properly" if found.closing is None else "is damaged"
+        notes.append(f"{file} {how}; see: {recovering(file)}")
+    if found.missing:
+        others = sorted(file.parent.glob(f"{escape(file.stem)}-again*.mcap"))
+        join = f"; join it with its others: {recovering(file, *others)}" if others else ""
+        notes.append(f"{found.missing} cycles of this run are not in {file}{join}")
+    return tuple(notes)
+
+
+GROUP = "What is in the log of a run, and what can be made of it."
+
+OPERATIONS = (
+    Operation("log info", log_info, ("bowden log info run.mcap", "bowden log info run.mcap --json"), place=10),
+    Operation(
+        "log recover",
+        log_recover,
+        (
+            "bowden log recover run.mcap",
+            "bowden log recover run.mcap --out saved.mcap",
+            "bowden log recover run.mcap run-again1.mcap",
+        ),
+        place=20,
+    ),
+    Operation(
+        "log export",
+        log_export,
+        ("bowden log export run.mcap", "bowden log export run.mcap --out run.parquet"),
+        place=30,
+    ),
+    Operation("log plot", log_plot, ("bowden log plot run.mcap", "bowden log plot run.mcap --out page.html"), place=40),
+    Operation(
+        "log replay",
+        log_replay,
+        ("bowden log replay run.mcap", "bowden log replay run.mcap --law my_law.py:MINE --json"),
+        place=50,
+    ),
+)

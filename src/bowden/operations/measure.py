@@ -1,0 +1,119 @@
+"""`measure`: move the motor under supervision, and leave logs that identify and identify-servo take."""
+
+import contextlib
+from dataclasses import KW_ONLY, dataclass, fields
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from bowden.operations.run import LiveEnd
+from bowden.operations.support.operation import Folder, GivenRig, Operation, Quiet, Tell
+from bowden.operations.support.results import Result, made
+
+
+@dataclass(frozen=True)
+class MeasuredMotion(LiveEnd, Result["MeasuredMotion"]):
+    """What the motor's motion left."""
+
+    cycles_left_out: int
+    """Cycles of the motion that this computer did not let run; their samples are drawn in between their neighbours."""
+    files: tuple[Path, ...]
+    """The cable's log and the servo's; none where the run did not end well."""
+    _: KW_ONLY
+    summary: dict[str, Any]
+    """All that is said of the run."""
+
+    @property
+    def exit_code(self) -> int:
+        """1 where nothing was written."""
+        return 0 if self.files else 1
+
+
+def measure(
+    rig: GivenRig,
+    *,
+    out: Folder = Path("out/measure"),
+    auto: bool = False,
+    twin: bool = False,
+    axis: str | None = None,
+    channel: str | None = None,
+    attended: bool = False,
+    tell: Tell = None,
+    quiet: Quiet = False,
+) -> MeasuredMotion:
+    """Move the motor of a rig, and leave logs for identify and identify-servo: cable.csv and servo.csv.
+
+    The motor goes through ramps, sines and a chirp within the limits. No law takes part; the joint follows as the cable
+    lets it. Everything is supervised as in ``bowden run``.
+
+    Args:
+        rig: with its [drive] and [limits].
+        out: folder for the logs.
+        auto: arm, move once and end, without keys.
+        twin: start bowden twin as well, on a bus of its own.
+        axis: the axis, of a rig with several: one after the other.
+        channel: the bus, in place of the rig's.
+        attended: over ssh: somebody at the rig has the emergency stop in hand.
+
+    Raises:
+        SafetyError: limits that contradict one another, or a drive without an angle that was confirmed by hand.
+        DriveError: a bus or drive that cannot be used.
+    """
+    from bowden.hardware.drives.family import family_of
+    from bowden.live.by_hand import require_confirmed, require_watch, unseen_watch
+    from bowden.live.left_behind import await_host
+    from bowden.live.live_run import live_run
+    from bowden.live.mcap_read import read
+    from bowden.live.measured import NEEDED, stalls, write_motions
+    from bowden.live.operator import ending_signals, operate, refuse_over_ssh, refuse_without_keys
+    from bowden.live.preflight import require
+    from bowden.live.session import Session, own_twin, prepared_loop
+    from bowden.live.start import new_log
+    from bowden.live.summary import document
+    from bowden.operations.support import given
+
+    note = tell or (lambda text: None)
+    refuse_without_keys(auto, quiet)
+    whole = given.rig_of(rig).axis(axis).on_bus(channel)
+    if not twin:
+        refuse_over_ssh(whole, attended=attended)
+    live = live_run(whole, measure=True)
+    require(live.limits, live.rig.sample_time, "holds")  # no gains take part
+    if not twin:
+        await_host(partial(family_of(whole.drive).claim, whole.drive), note)
+        require_watch(whole)
+        require_confirmed(whole, axis or "")
+    for text in filter(None, (*live.notes, unseen_watch(whole))):
+        note(text)
+    with contextlib.ExitStack() as stack:
+        ending = stack.enter_context(ending_signals())
+        loop = stack.enter_context(prepared_loop())
+        if twin:
+            own = stack.enter_context(own_twin(whole, measure=True, alone=axis or ""))
+            live = live_run(own, measure=True, logged=whole)
+        session = stack.enter_context(Session(live, new_log(out, "measure"), remembers=not twin, loop=loop))
+        if not quiet:
+            note(live.losses())
+        operate(session, ending, auto=auto, quiet=quiet)
+    session.require_log()
+    found = document(session)
+    files = write_motions(session.live, session.log, out) if found["ended_well"] else []
+    left_out = stalls(read(session.log, NEEDED), session.live.rig.sample_time)
+    return made(
+        MeasuredMotion,
+        {one.name: found[one.name] for one in fields(LiveEnd)},
+        cycles_left_out=left_out.drawn,
+        files=tuple(files),
+        summary=found,
+        notes=(left_out.note,) if files and left_out.note else (),
+    )
+
+
+OPERATIONS = (
+    Operation(
+        "measure",
+        measure,
+        ("bowden measure rig.toml", "bowden measure rig.toml --twin --auto"),
+        place=50,
+    ),
+)

@@ -1,0 +1,114 @@
+"""Operations as functions of ``import bowden``: arguments checked by annotation, notes as warnings."""
+
+import sys
+import warnings
+from collections.abc import Callable, Iterable
+from functools import wraps
+from inspect import Parameter, signature
+from pathlib import Path
+from typing import Any, ParamSpec, TypeVar
+
+from bowden.core import arguments
+from bowden.core.errors import BowdenError, ParameterError
+from bowden.core.guesses import UnknownArgumentError, answer
+from bowden.operations.support import operation
+from bowden.operations.support.results import Result
+
+Given = ParamSpec("Given")
+Value = TypeVar("Value")
+
+_GUESSES = {
+    "gains": "rig.replace(gains={…}), or a law with them: bowden.LAWS[name].with_gains(…)",
+    "gain": "rig.with_gain(name, value)",
+    "laws": "law=, which takes a list too",
+    "units": "unit=",
+    "fs": "rate=, in Hz",
+    "dt": "rate=, in Hz; of a rig its sample_time",
+    "sample_time": "rig.replace(sample_time=…)",
+    "reference": "rig.replace(reference=…)",
+    "delay": "rig.replace(delay=…)",
+    **dict.fromkeys(("out", "to", "path"), "folder="),
+    **dict.fromkeys(("T", "time", "length"), "duration=, in s"),
+    "verbose": "progress=True, where a function has it",
+}
+"""Argument that is often guessed → what to write."""
+
+
+def public(function: Callable[Given, Result[Value]]) -> Callable[Given, Value]:
+    """An operation as a function: it returns the value of its result, and its errors are one line without a chain.
+
+    An argument that it does not have is answered with the one that was meant.
+    """
+    form, known = signature(function), operation.parameters(function)
+    any_name = any(one.kind is Parameter.VAR_KEYWORD for one in form.parameters.values())
+    name = function.__name__
+
+    @wraps(function)
+    def called(*given: Given.args, **named: Given.kwargs) -> Value:
+        for one in named:
+            if one not in form.parameters and not any_name:
+                raise UnknownArgumentError(answer(name, one, form.parameters, _GUESSES))
+        try:
+            bound = form.bind(*given, **named)
+        except TypeError as error:
+            expected = f"{name}({', '.join(form.parameters)})"
+            raise UnknownArgumentError(f"{name}: {error}", expected=expected) from None
+        try:
+            for one, value in bound.arguments.items():
+                if one in known:
+                    bound.arguments[one] = _checked(known[one], value, name)
+            found: Any = function(*bound.args, **bound.kwargs)
+        except BowdenError as error:
+            raise error from None
+        if not isinstance(found, Result):
+            return found
+        tell(found.notes)
+        if found.interrupted:
+            raise found.interruption()
+        return found.value
+
+    called.__module__ = "bowden"  # where it is found again, by another process too
+    return called
+
+
+def _checked(one: operation.OperationParameter, value: Any, function: str) -> Any:
+    """A value that is of its parameter's kind.
+
+    Raises:
+        ParameterError: it is not; the message names function and argument.
+    """
+    if value is one.default:
+        return value
+    if one.is_rig:
+        from bowden.operations.support.given import rig_of
+
+        try:
+            return rig_of(value)
+        except ParameterError as error:
+            if isinstance(value, str | Path) and not error.what.startswith("there is no"):
+                raise
+            raise ParameterError(f"{function}: {error.what}", expected=error.expected, do=error.do) from None
+    what = f"{function}: {one.name}"
+    if not one.plain:
+        return value
+    if one.kind is bool:
+        return arguments.flag(value, what)
+    if one.kind is float:
+        return arguments.number(value, what)
+    if one.kind is int:
+        return arguments.whole(value, what, int(one.switch.least or 0))
+    if one.kind is str:
+        return arguments.text(value, what, "text")
+    return arguments.path_of(value, what, "folder" if one.is_folder else "file") if one.kind is Path else value
+
+
+def tell(notes: Iterable[str]) -> None:
+    """Say what the user should know, as Python says it: a warning at the line that called the package."""
+    frame, level = sys._getframe(1), 2
+    while frame.f_back is not None and frame.f_globals.get("__name__", "").partition(".")[0] in (
+        "bowden",
+        "contextlib",
+    ):
+        frame, level = frame.f_back, level + 1
+    for note in notes:
+        warnings.warn(note, stacklevel=level)

@@ -1,0 +1,184 @@
+"""A result: frozen, with the figures that are printed as JSON, and beside them what a view draws."""
+
+import dataclasses
+import enum
+import itertools
+import math
+from collections.abc import Mapping
+from dataclasses import KW_ONLY, dataclass
+from pathlib import Path
+from types import NoneType, UnionType
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, Literal, NamedTuple, TypeVar, get_args, get_origin
+
+if TYPE_CHECKING:
+    from bowden.operations.support.operation import Operation
+
+Value = TypeVar("Value")
+Made = TypeVar("Made")
+
+
+@dataclass(frozen=True)
+class ResultPart:
+    """Figures of a result: the text under a field is its description in the schema."""
+
+    __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid", "use_attribute_docstrings": True}
+
+
+@dataclass(frozen=True)
+class Result(ResultPart, Generic[Value]):
+    """What an operation found.
+
+    The fields after ``_: KW_ONLY`` are no part of the JSON: they are what views draw and Python gets.
+    """
+
+    _: KW_ONLY
+    notes: tuple[str, ...] = ()
+    """What the user should know."""
+    interrupted: str = ""
+    """What was done before an interruption, up to where it was written; empty where there was no interruption."""
+    cable_trust: Any = None
+    """Trust in the model of the cable; None where nothing says it."""
+
+    @property
+    def value(self) -> Value:
+        """What the function of ``import bowden`` returns."""
+        return self  # type: ignore[return-value]
+
+    @property
+    def whole_document(self) -> dict[str, Any] | None:
+        """What is printed as JSON in place of the fields; None for these."""
+        return None
+
+    def interruption(self) -> KeyboardInterrupt:
+        """What Python gets of an operation that was interrupted."""
+        return KeyboardInterrupt()
+
+    @property
+    def exit_code(self) -> int:
+        """Of the command: 0, or 1 where the result is a bad one."""
+        return 0
+
+
+class TrustLevel(NamedTuple):
+    """Whether to trust a cable's model."""
+
+    level: Literal["yes", "with care", "no"]
+    reasons: tuple[str, ...]
+    """The gravest first."""
+
+
+def fields(kind: type) -> list[dataclasses.Field[Any]]:
+    """The fields of a result's type that are figures."""
+    return [one for one in dataclasses.fields(kind) if not one.kw_only]
+
+
+def json_of(value: Any) -> Any:
+    """A result, or a part of one, as JSON has it; a number that is not finite does not exist, and is None.
+
+    >>> json_of((1.0, math.nan, Path("a")))
+    [1.0, None, 'a']
+    """
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        return {one.name: json_of(getattr(value, one.name)) for one in fields(type(value))}
+    if isinstance(value, float):
+        return float(value) if math.isfinite(value) else None
+    if isinstance(value, enum.Enum):
+        return value.value
+    if hasattr(value, "_asdict"):
+        return json_of(value._asdict())
+    if isinstance(value, Mapping):
+        return {key: json_of(one) for key, one in value.items()}
+    if isinstance(value, list | tuple):
+        return [json_of(one) for one in value]
+    return str(value) if isinstance(value, Path) else value
+
+
+def made(kind: type[Made], values: Mapping[str, Any], **more: Any) -> Made:
+    """A result of nested mappings, as who computes them has them.
+
+    Args:
+        kind: of the result.
+        values: by name.
+        **more: the fields that are not in them.
+
+    Raises:
+        TypeError: fields that the kind does not have, or that are missing.
+    """
+    hints = {one.name: one.type for one in dataclasses.fields(kind)}  # type: ignore[arg-type]
+    return kind(**{name: _taken(hints.get(name), value) for name, value in values.items()}, **more)
+
+
+def _taken(hint: Any, value: Any) -> Any:
+    origin, inside = get_origin(hint), get_args(hint)
+    if origin is UnionType:
+        chosen = [one for one in inside if one is not NoneType]
+        return None if value is None else _taken(chosen[0] if len(chosen) == 1 else None, value)
+    if isinstance(hint, type) and origin is None and dataclasses.is_dataclass(hint) and isinstance(value, Mapping):
+        return made(hint, value)
+    if origin in (tuple, list) and isinstance(value, list | tuple):
+        return tuple(_taken(inside[0] if len(inside) == 1 or inside[1] is ... else None, one) for one in value)
+    if origin is dict and isinstance(value, Mapping):
+        return {key: _taken(inside[1], one) for key, one in value.items()}
+    return value
+
+
+def schema_of(operation: "Operation") -> dict[str, Any]:
+    """The JSON schema of what an operation prints with ``--json``."""
+    from pydantic import ConfigDict, Field, TypeAdapter, create_model
+
+    seconds = (float, Field(ge=0.0, description="Time of the whole command, compilation included [s]."))
+    trust = (TrustLevel | None, Field(default=None, description="In the model of the cable, where it is not yes."))
+    files = (list[str], Field(description="What was written; a page comes last."))
+    models: list[Any] = []
+    for kind in operation.results:
+        if kind.whole_document is not Result.whole_document:  # type: ignore[attr-defined]
+            continue
+        said = _descriptions(kind)
+        own: dict[str, Any] = {
+            one.name: (one.type, Field(description=said.get(one.name) or None)) for one in fields(kind)
+        }
+        if operation.viewer("write"):
+            own.setdefault("files", files)
+        own.setdefault("trust", trust)
+        own["seconds"] = seconds
+        models.append(create_model(kind.__name__, __config__=ConfigDict(extra="forbid"), __doc__=kind.__doc__, **own))
+    whole: Any = models[0]
+    for other in models[1:]:
+        whole = whole | other
+    found = _plain(TypeAdapter(whole).json_schema(mode="serialization"))
+    return found | {"title": f"bowden {operation.words} --json"}
+
+
+def _descriptions(kind: type) -> dict[str, str]:
+    """Field of a class → the text under it, those that it inherits too."""
+    import ast
+    import inspect
+    import textwrap
+
+    found: dict[str, str] = {}
+    for one in reversed(kind.__mro__):
+        if not dataclasses.is_dataclass(one):
+            continue
+        (tree,) = ast.parse(textwrap.dedent(inspect.getsource(one))).body
+        body = tree.body if isinstance(tree, ast.ClassDef) else []
+        for name, text in itertools.pairwise(body):
+            if isinstance(name, ast.AnnAssign) and isinstance(text, ast.Expr) and isinstance(text.value, ast.Constant):
+                found[ast.unparse(name.target)] = str(text.value.value)
+    return found
+
+
+def _plain(schema: Any) -> Any:
+    """Without the titles that pydantic makes of names, and with each description on one line."""
+    if isinstance(schema, list):
+        return [_plain(part) for part in schema]
+    if not isinstance(schema, dict):
+        return schema
+    kept = {key: _plain(part) for key, part in schema.items() if not (key == "title" and isinstance(part, str))}
+    if isinstance(text := kept.get("description"), str):
+        kept["description"] = " ".join(text.split())
+    return kept
+
+
+def degrees(angle: float | None) -> Any:
+    """An angle in degrees; None where there is none."""
+    return None if angle is None else float(angle * 180.0 / math.pi)

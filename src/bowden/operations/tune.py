@@ -1,0 +1,196 @@
+"""`tune`: gains with margins for a rig."""
+
+from dataclasses import KW_ONLY, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from bowden.operations.check import Verdict
+from bowden.operations.support.operation import GivenLaw, GivenProgress, GivenRig, Operation, Role, Switch
+from bowden.operations.support.results import Result, ResultPart, degrees, json_of, made
+
+if TYPE_CHECKING:
+    from bowden.design.tune import BrokenOff
+    from bowden.design.tune_result import Tuning
+    from bowden.rig.rig import Rig
+
+
+@dataclass(frozen=True)
+class PlantsSpread(ResultPart):
+    """What gains make of plants."""
+
+    runs: int
+    unstable: int
+    """As in bowden campaign."""
+    unstable_interval: tuple[float, ...]
+    """Wilson's 95 % interval of their share [1]."""
+    rmse_median_deg: float | None
+    """From rest; null where that run did not end [deg]."""
+    rmse_90_deg: float | None
+    """Of nine runs in ten [deg]."""
+    rmse_worst_deg: float | None
+
+
+@dataclass(frozen=True)
+class JudgedByStudy(ResultPart):
+    """Gains judged by a study."""
+
+    name: str
+    """Of the study."""
+    tuned_on: int
+    """Plants that the gains were tuned against, its first runs."""
+    before: PlantsSpread
+    """Over the runs of the study that follow those; a run that did not end counts as the largest RMSE."""
+    after: PlantsSpread
+    """Over the runs of the study that follow those; a run that did not end counts as the largest RMSE."""
+
+
+@dataclass(frozen=True)
+class TuneResult(Result["Tuning"]):
+    """Gains with margins, and what they are better than."""
+
+    rig: str
+    """Hash of the rig: equal rigs have the same, whether they come from a file, Python or a log."""
+    law: str
+    """Name of the law."""
+    preset: str | None
+    """The named set of gains on which these stand, written to the file as well; null where there is none."""
+    gains: dict[str, float]
+    """The gains that were changed, in SI units."""
+    before: dict[str, float]
+    """The same gains before."""
+    verdict: Literal["holds"]
+    """Of bowden check."""
+    verdict_before: Verdict
+    """The same of the gains before."""
+    gain_margin_db: float | None
+    """Smallest over slopes and estimates [dB]."""
+    phase_margin_deg: float | None
+    """The same [deg]."""
+    delay_margin_s: float | None
+    """The same [s]."""
+    worst_rmse_deg: float
+    """Largest RMSE over all runs [deg]."""
+    worst_rmse_before_deg: float | None
+    """The same with the gains before; null where a run was unstable [deg]."""
+    short: str
+    """What these gains fall short of, of what is looked for, and why; empty where they keep it all."""
+    study: JudgedByStudy | None
+    """With --study: what the gains make of plants that they were not tuned against; null without."""
+    _: KW_ONLY
+    tuning: "Tuning"
+    axes: tuple[str | None, ...] = (None,)
+    """In the gains of which axes these are; None of a rig with one motor."""
+    alone: bool = False
+    """Whether one of two motors on one joint was tuned by itself."""
+
+    @property
+    def value(self) -> "Tuning":
+        """The tuning."""
+        return self.tuning
+
+    def interruption(self) -> "BrokenOff":
+        """With the best gains."""
+        from bowden.design.tune import BrokenOff
+
+        return BrokenOff(self.tuning)
+
+
+def tune(
+    rig: GivenRig,
+    law: Annotated["GivenLaw | None", Switch(Role.PYTHON)] = None,
+    *,
+    preset: Annotated[str | None, Switch(Role.PYTHON)] = None,
+    study: Path | None = None,
+    axis: str | None = None,
+    seed: Annotated[int, Switch(least=0)] = 0,
+    generations: Annotated[int | None, Switch(Role.PYTHON, least=1)] = None,
+    progress: GivenProgress = None,
+) -> TuneResult:
+    """Find gains of the rig's law that keep margins of 6 dB and 45°, and follow best.
+
+    The margins are kept over all bends of the sheath. Best means the smallest error in the worst of nine runs. Of two
+    motors on one joint (docs/pair.md) both get the same gains, which are judged on the joint. The command writes the
+    gains into the rig; interrupted, the best ones so far, if they are better than those before.
+
+    Args:
+        rig: whose [control.gains] the command rewrites; of a run's log, nothing. From Python no file is changed.
+        law: a key of `LAWS`, ``FILE.py:NAME`` or a `Law`; the rig's by default.
+        preset: a named set of gains of that law, to begin with.
+        study: tune against some of the plants of this study, and judge by others (docs/campaign.md).
+        axis: the axis, of a rig with several.
+        seed: of the search; the same seed gives the same result.
+        generations: of the search; the time grows with them. 32 by default, 8 on a suit; both take minutes.
+        progress: True for a line that says how far it is, or a function of what is being done and the share done.
+
+    Returns:
+        The tuning: ``rig``, the rig with the law and these gains; ``gains`` that changed; margins and errors.
+
+    Raises:
+        ParameterError: a rig, law, study or setting that cannot be used; or no gains hold, and the message names the
+            nearest rig for which some do.
+        BrokenOff: interrupted; a KeyboardInterrupt whose ``tuning`` has the best gains so far.
+
+    >>> from bowden import Rig, tune
+    >>> tuning = tune(Rig(), "adaptive", generations=1)
+    >>> tuning.rig.gains == tuning.gains, tuning.found.verdict
+    (True, 'holds')
+    """
+    from bowden.design.tune import BrokenOff
+    from bowden.operations.support import given
+    from bowden.operations.support.progress import reported
+    from bowden.study.tune_law import tuned, tuned_pair
+
+    whole = given.rig_of(rig)
+    both = bool(whole.axes) and whole.pair.there and axis is None
+    chosen = given.under(whole if both else whole.axis(axis), law, preset)
+    path = None if study is None else Path(study)
+    alone = axis is not None and whole.pair.there and axis in whole.pair.names
+    notes = list(given.notes_of(chosen))
+    if alone:
+        notes.append(f"axis {axis} was tuned as if its motor were alone on the joint; check both together")
+    broken = False
+    with reported(progress, "tune") as report:
+        try:
+            found = (tuned_pair if both else tuned)(chosen, path, seed=seed, generations=generations, progress=report)
+        except BrokenOff as broken_off:
+            found, broken = broken_off.tuning, True
+    return TuneResult(
+        **_figures(found, chosen),
+        tuning=found,
+        axes=tuple(whole.pair.names) if both else (axis,),
+        alone=alone,
+        notes=tuple(notes),
+        interrupted=f"the best gains after {found.generations} generations are" if broken else "",
+    )
+
+
+def _figures(found: "Tuning", rig: "Rig") -> dict[str, Any]:
+    """What was found, angles in degrees."""
+    return {
+        "rig": rig.hash,
+        "law": found.law.name,
+        "preset": None if found.rig.axes else found.rig.preset,
+        "gains": dict(found.gains),
+        "before": {name: found.stood[name] for name in found.gains},
+        "verdict": found.found.verdict,
+        "verdict_before": found.before.verdict,
+        **{name: getattr(found.found, name) for name in ("gain_margin_db", "phase_margin_deg", "delay_margin_s")},
+        "worst_rmse_deg": degrees(found.worst_rmse),
+        "worst_rmse_before_deg": degrees(found.worst_before),
+        "short": found.short,
+        "study": None if found.study is None else made(JudgedByStudy, json_of(found.study)),
+    }
+
+
+OPERATIONS = (
+    Operation(
+        "tune",
+        tune,
+        (
+            "bowden tune rig.toml",
+            "bowden tune rig.toml --dry-run --json",
+            "bowden tune rig.toml --study study.toml",
+        ),
+        place=110,
+    ),
+)

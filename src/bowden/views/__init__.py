@@ -1,0 +1,5 @@
+"""Results for people: tables and next steps in a terminal, and the files that are written of a result.
+
+``views/NAME.py`` has ``show_NAME(result, call)`` for the operation NAME of ``operations/NAME.py``, and
+``write_NAME(result, call, …)`` where files are written, whose further parameters are options of the command.
+"""

@@ -1,0 +1,51 @@
+"""What a check found, in a terminal."""
+
+from typing import TYPE_CHECKING
+
+from bowden.views.text import Call, rows, say_next
+
+if TYPE_CHECKING:
+    from bowden.operations.check import CheckResult
+    from bowden.rig.rig import Rig
+
+
+def show_check(found: "CheckResult", call: Call) -> None:
+    """A line for each thing, and what comes next."""
+    from bowden.design.check_result import check_rows
+    from bowden.rig.objections import refusals
+
+    names = {one.name for one in found.whole.axes}
+    for name, one in found.checks.items():
+        if name:
+            print(f"axis {name}" if name in names else name)
+        rows(check_rows(one), least=13)
+    print(f"({call.seconds:.1f} s)")
+    if refusals(found.whole):
+        print("Next: correct what bowden run refuses, see the note, then check it again")
+        return
+    failing = [name for name, one in found.checks.items() if not one.holds]
+    options = [*call.repeated("law", "preset", "axis")]
+    if failing and failing[0] not in names and failing[0]:
+        say_next("check", call["rig"], *options, "--axis", found.whole.pair.agonist)
+    elif failing and failing[0]:
+        _say_next_of(found, found.whole.axis(failing[0]), failing[0], [*options, "--axis", failing[0]], call)
+    elif found.whole.axes:
+        say_next("run", call["rig"], *options, "--twin", "--auto")
+    else:
+        _say_next_of(found, found.whole, "", options, call)
+
+
+def _say_next_of(found: "CheckResult", rig: "Rig", name: str, options: list[str], call: Call) -> None:
+    """Gains for the rig's own law, where it has a choice; else a run of what was checked, or of a law that holds."""
+    one = found.checks[name]
+    if rig.loaded_law.choices and not (call["law"] or call["preset"]):
+        say_next("tune", call["rig"], *options)
+    elif one.holds:
+        say_next("run", call["rig"], *options, "--twin", "--auto")
+    elif one.instead:
+        axis = options[options.index("--axis") :][:2] if "--axis" in options else []
+        say_next("simulate", call["rig"], "--law", one.instead, *axis)
+    elif one.advice:
+        print("Next: change the rig as the advice says, then check it again")
+    else:
+        print("Next: change the law or the rig, then check it again")

@@ -1,0 +1,29 @@
+"""A wearer's levels, in a terminal and in a file."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from bowden.views.text import Call
+
+if TYPE_CHECKING:
+    from bowden.operations.emg_calibrate import EmgCalibration
+
+
+def write_emg_calibrate(found: "EmgCalibration", call: Call, *, out: Path = Path("wearer.toml")) -> list[Path]:
+    """Write the levels.
+
+    Args:
+        found: the levels.
+        call: of the command.
+        out: file to write.
+    """
+    from bowden.rig import wearer_file
+
+    wearer_file.write(out, found.wearer)
+    return [out]
+
+
+def show_emg_calibrate(found: "EmgCalibration", call: Call) -> None:
+    """Both levels."""
+    unit = f"envelopes, in the unit of {found.channel}"
+    print(f"rest {found.rest:.4g}, MVC {found.mvc:.4g} ({unit}) → {call['out']}")

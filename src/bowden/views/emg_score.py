@@ -1,0 +1,62 @@
+"""The contractions in a recording: a table in a terminal, and a page."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from bowden.operations.support.operation import Folder
+from bowden.views.text import Call
+
+if TYPE_CHECKING:
+    from bowden.operations.emg_score import DetectorScore, EmgScore
+
+
+def write_emg_score(found: "EmgScore", call: Call, *, out: Folder = Path("out/emg")) -> list[Path]:
+    """Write the page.
+
+    Args:
+        found: the contractions.
+        call: of the command.
+        out: folder for emg.html.
+    """
+    from bowden.core.files import whole_files
+    from bowden.report.emg_page import emg_page
+
+    whole = found.found
+    with whole_files(out) as folder:
+        emg_page(call["recording"].name, whole.log, whole.labels, whole.findings).write(folder / "emg.html")
+    return [out / "emg.html"]
+
+
+def show_emg_score(found: "EmgScore", call: Call) -> None:
+    """Our detector beside the plain threshold."""
+    from bowden.identify.emg.log import channel_unit
+    from bowden.sensing.envelope import PLAIN_THRESHOLD
+
+    unit = channel_unit(found.channel) or "(no unit in the channel's name)"
+    print(f"{'':18}{'detections':>11}{'misses':>8}{'false':>7}{'a minute':>10}{'latency, median':>17}{'worst':>9}")
+    for name, one in (("our detector", found), ("plain threshold", found.plain_threshold)):
+        print(f"{name:18}{one.detections:11}{_text(one.misses, 8)}{_text(one.false_activations, 7)}{_rest(one)}")
+    share, level = f"{100.0 * PLAIN_THRESHOLD:g} %", PLAIN_THRESHOLD * found.mvc
+    print(f"plain threshold: {level:.3g} {unit} = {share} of MVC {found.mvc:.3g} {unit}, from {found.mvc_from}")
+    if found.found.units_differ:
+        print(found.found.units_differ)
+    if found.shortest_ms:
+        rejected = found.rejected
+        said = f"; {rejected} labelled ones are, and count neither as missed nor as found" if rejected else ""
+        print(f"contractions shorter than {found.shortest_ms:g} ms are left out{said}")
+        print(f"that costs {found.shortest_ms:g} ms of latency")
+    if found.trouble_s >= 0.05:
+        print(f"nothing can be detected in {found.trouble_s:.1f} s of movement, mains or a dead electrode")
+    call.page()
+
+
+def _text(value: float | None, width: int) -> str:
+    return f"{'–' if value is None else value:>{width}}"
+
+
+def _rest(one: "DetectorScore") -> str:
+    def milliseconds(value: float | None, width: int) -> str:
+        return f"{'–' if value is None else f'{1e3 * value:.0f} ms':>{width}}"
+
+    minute = "–" if one.false_per_minute is None else f"{one.false_per_minute:.2f}"
+    return f"{minute:>10}{milliseconds(one.latency_median_s, 17)}{milliseconds(one.latency_max_s, 9)}"

@@ -1,0 +1,17 @@
+"""What `init` wrote, in a terminal."""
+
+from typing import TYPE_CHECKING
+
+from bowden.views.text import Call, say_next
+
+if TYPE_CHECKING:
+    from bowden.operations.init import Initialised
+
+
+def show_init_file(found: "Initialised", call: Call) -> None:
+    """The file, what the rig has and why, and what comes next."""
+    path = call["path"]
+    print(f"Wrote {path}")
+    for line in found.said:
+        print(line)
+    say_next(*(("run", path, "--twin") if call["suit"] else ("simulate", path)))

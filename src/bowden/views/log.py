@@ -1,0 +1,100 @@
+"""The log of a run: its facts in a terminal, and its page."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from bowden.core.errors import OutputError
+from bowden.views.text import Call
+
+if TYPE_CHECKING:
+    from bowden.live.mcap_read import Recording
+    from bowden.operations.log import LogDrawn, LogExported, LogInfo, LogRecovered, LogReplay
+
+
+def show_log_info(found: "LogInfo", call: Call) -> None:
+    """A line for each fact."""
+    from bowden.live.log_facts import lines
+    from bowden.operations.support.results import json_of
+
+    print(found.file)
+    for name, value in lines(json_of(found)):
+        print(f"  {name:<16} {value}")
+
+
+def show_log_recover(found: "LogRecovered", call: Call) -> None:
+    """What could be saved, and what may be missing."""
+    print(f"{found.files[0]}: {found.rows} cycles")
+    if found.missing:
+        print(f"missing before the last of them: {found.missing} cycles, {found.missing_seconds:.3f} s")
+    damaged = found.damage.chunks or found.damage.skipped
+    if damaged:
+        print(f"left out: {found.damage.chunks} damaged chunks, {found.damage.skipped} bytes that are no record")
+    if found.tail_seconds:
+        print(
+            f"{call['file']} has no proper end: after its last cycle up to {found.tail_seconds:g} s of the run may be "
+            "missing, more where the disk was slow or full or the power went"
+        )
+    elif not (found.missing or damaged):
+        print("nothing was missing")
+
+
+def show_log_export(found: "LogExported", call: Call) -> None:
+    """The trace."""
+    print(f"{found.files[0]}: {found.cycles} cycles of {len(found.columns)} columns")
+
+
+def write_log_plot(found: "LogDrawn", call: Call, *, out: Path | None = None) -> list[Path]:
+    """Write a page for each axis.
+
+    Args:
+        found: the log.
+        call: of the command.
+        out: the page; NAME.html by default.
+    """
+    file, axis = call["file"], call["axis"]
+    target = out or file.with_suffix(".html")
+    if target.absolute() == file.absolute():
+        raise OutputError(f"{target} is the log itself", do="choose another name with --out")
+    parts = found.recording.parts if axis is None else {"": found.recording}
+    files = [target.with_stem(f"{target.stem}-{name}") if name else target for name in parts]
+    for page, (name, part) in zip(files, parts.items(), strict=True):
+        draw_log(part, page, f"Run {file.name}{f', {name or axis}' if name or axis else ''}")
+    return files
+
+
+def draw_log(found: "Recording", target: Path, title: str) -> None:
+    """Write the page of one axis."""
+    from bowden.live.log_facts import facts
+    from bowden.report.log_page import write_log
+
+    said, trace = facts(found), found.trace()
+    begin = said["begin_s"] or 0.0  # the column time begins with the command, which compiles first
+    trace = replace(trace, columns={**trace.columns, "time": trace.columns["time"] - begin})
+    events = [(event.time - begin, event.text) for event in found.events]
+    write_log(target, trace, events, said, title)
+
+
+def show_log_plot(found: "LogDrawn", call: Call) -> None:
+    """Where the pages are."""
+    for page in call.files:
+        print(f"Page: {page}  ({call.seconds:.1f} s)")
+
+
+def show_log_replay(found: "LogReplay", call: Call) -> None:
+    """How each axis compares."""
+    for one in found.axes or (found,):
+        if one.axis:
+            print(f"axis {one.axis}")
+        whose = "with the record's gains" if one.same_law else "with its default gains, in place of the record's law"
+        print(f"{one.law}, {whose}: {one.cycles} cycles, the law had the motor in {one.law_cycles}")
+        if one.requested_target_largest is not None:
+            print(
+                f"requested target: differs by {one.requested_target_largest:.3g} rad at most, "
+                f"{one.requested_target_rms:.3g} rad RMS"
+            )
+        first = "" if one.first_other_verdict is None else f", first at {one.first_other_verdict:.3f} s"
+        target = f"target by {one.command_largest:.3g} rad at most"
+        print(f"verdict: differs in {one.verdicts_differing} cycles{first}; {target}")
+        if one.torque_largest is not None:
+            print(f"torque offset: differs by {one.torque_largest:.3g} N·m at most")
