@@ -63,8 +63,8 @@ def emg_calibrate(
     rest and to contract.
 
     Args:
-        recording: CSV, csv.gz, NPZ or Parquet: rest, and at least one contraction as hard as possible; in Python also the
-            samples of one channel (n,), with their rate.
+        recording: CSV, csv.gz, NPZ or Parquet: rest, and at least one contraction as hard as possible; in Python also
+            the samples of one channel (n,), with their rate.
         rest: recording of rest; by default the calmest tenth of the other.
         source: a stream in place of a recording: lsl:NAME, trigno:HOST or file:PATH.
         lasting: of a stream: of rest, and of contraction [s].

@@ -253,7 +253,8 @@ def identify(
     """Fit six families of cable models to the first half of a log, and judge them on the second half.
 
     Args:
-        log: the path of a CSV, gzipped CSV, MATLAB, NPZ or Parquet file; a `Log` of `read_log`; a `Trace`; or time (n,) [s].
+        log: the path of a CSV, gzipped CSV, MATLAB, NPZ or Parquet file; a `Log` of `read_log`; a `Trace`; or time (n,)
+            [s].
         motor: motor-side angle (n,); of a file, the name of its column.
         joint: joint-side angle (n,); of a file, the name of its column.
         time: the same for time, where it does not come first.
