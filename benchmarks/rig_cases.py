@@ -40,7 +40,8 @@ BASES = {
     "[axis.servo]\ndamping = 0.9\n",
     "pair": "[pair]\nagonist = 'up'\nantagonist = 'down'\nco_contraction_deg = 2.0\n[[axis]]\nname = 'up'\n"
     "[[axis]]\nname = 'down'\n[axis.drive]\nnode_id = 2\n[axis.limits]\nslack_sign = 1.0\n",
-    "independent": "independent = true\n[[axis]]\nname = 'a'\n[[axis]]\nname = 'b'\n[axis.drive]\nfamily = 'odrive'\nchannel = 'b'\n",
+    "independent": "independent = true\n[[axis]]\nname = 'a'\n[[axis]]\nname = 'b'\n[axis.drive]\nfamily = 'odrive'\n"
+    "channel = 'b'\n",
 }
 BAD = {
     "unknown section": "[benhc]\n",
