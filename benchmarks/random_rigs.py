@@ -22,8 +22,8 @@ from bowden.design.other_law import chosen_law
 from bowden.design.verdict import verdicts
 from bowden.face.init import init
 from bowden.hardware.ports import Power
-from bowden.identify.cable.counting import Covered
-from bowden.identify.cable.model import IdentifiedCable
+from bowden.plants.counting import Covered
+from bowden.plants.identified import IdentifiedCable
 from bowden.live.live_run import live_run
 from bowden.live.preflight import REASONS, Reason, require
 from bowden.live.row import NOTHING_READ

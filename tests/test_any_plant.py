@@ -13,8 +13,8 @@ from bowden.app import main
 from bowden.core.errors import ParameterError
 from bowden.face.tune import tuned
 from bowden.hardware.twin.bench import FOLLOW, OFF
-from bowden.identify.cable.model import CableModel, IdentifiedCable
 from bowden.models.cable.bouc_wen import BoucWen
+from bowden.plants.identified import CableModel, IdentifiedCable
 from bowden.rig.rig import Rig
 from bowden.rig.settings import SuitSettings
 from bowden.rig.twin_plant import twin_plant_of

@@ -12,8 +12,8 @@ from bowden.core.errors import ParameterError
 from bowden.core.toml_text import quoted
 from bowden.core.units import RADIANS
 from bowden.face.init import init
-from bowden.identify.cable.model import CableModel, IdentifiedCable
 from bowden.models.cable.bouc_wen import BoucWen, saturation
+from bowden.plants.identified import CableModel, IdentifiedCable
 from bowden.report.simulate_page import simulation_page
 from bowden.rig.page import toml_text
 from bowden.rig.presets.suit import suit

@@ -11,10 +11,10 @@ import pytest
 import bowden
 from bowden.core.bounded import Bounded
 from bowden.core.errors import BowdenError, ParameterError
-from bowden.identify.cable.model import IdentifiedCable
 from bowden.identify.log.read import Log
 from bowden.live.live_run import live_run
 from bowden.models.cable.bouc_wen import BoucWen
+from bowden.plants.identified import IdentifiedCable
 from bowden.rig import packing
 from bowden.rig.rig import Rig
 

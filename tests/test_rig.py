@@ -16,12 +16,12 @@ from bowden.core.errors import BowdenError, OutputError, ParameterError
 from bowden.core.quantity import in_unit
 from bowden.core.units import DEGREES, HERTZ, RADIANS
 from bowden.face.check import check
-from bowden.identify.cable.model import CableModel
 from bowden.live.live_run import live_run
 from bowden.models.cable.bouc_wen import BoucWen
 from bowden.models.drive.encoder import Encoder
 from bowden.models.drive.servo import Servo
 from bowden.plants.cable_plant import CablePlant
+from bowden.plants.identified import CableModel
 from bowden.rig.bends import ConstantBend, RandomBend, ScriptedBend
 from bowden.rig.declaration import items_of
 from bowden.rig.one_run import run_of

@@ -44,12 +44,12 @@ if TYPE_CHECKING:
     from bowden.face.several_logs import recalibrate as recalibrate
     from bowden.face.simulate import simulate as simulate
     from bowden.face.tune import tune as tune
-    from bowden.identify.cable.model import CableModel as CableModel
     from bowden.models.cable.bouc_wen import BoucWen as BoucWen
     from bowden.models.cable.sheath import Sheath as Sheath
     from bowden.models.drive.encoder import Encoder as Encoder
     from bowden.models.drive.motor import Motor as Motor
     from bowden.models.drive.servo import Servo as Servo
+    from bowden.plants.identified import CableModel as CableModel
     from bowden.rig.rig import Rig as Rig
 
 __version__ = "0.2.0"
@@ -57,7 +57,7 @@ __version__ = "0.2.0"
 _HOMES = {
     "BoucWen": "bowden.models.cable.bouc_wen",
     "BowdenError": "bowden.core.errors",
-    "CableModel": "bowden.identify.cable.model",
+    "CableModel": "bowden.plants.identified",
     "Encoder": "bowden.models.drive.encoder",
     "LAWS": "bowden.control",
     "Law": "bowden.control.law",

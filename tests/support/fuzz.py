@@ -29,13 +29,13 @@ from bowden.core.trace import Trace
 from bowden.face.read_trace import read_trace
 from bowden.hardware.drives import canopen_dialogue, canopen_frames, emergencies
 from bowden.hardware.emg import lsl_info, trigno_protocol
-from bowden.identify.cable.model_file import load_cable
 from bowden.identify.emg.log import read_emg, read_labels
 from bowden.identify.log.read import read_log
 from bowden.live.log_facts import facts
 from bowden.live.mcap_log import LogFile, about
 from bowden.live.mcap_read import read as read_mcap
 from bowden.live.ring import Description
+from bowden.plants.model_file import load_cable
 from bowden.rig import wearer_file
 from bowden.rig.given_law import law_file
 from bowden.rig.rig import Rig

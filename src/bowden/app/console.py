@@ -13,7 +13,7 @@ from bowden.app import STARTED
 from bowden.core.errors import OutputError
 
 if TYPE_CHECKING:
-    from bowden.identify.cable.trusted import Trust
+    from bowden.plants.trust import Trust
 
 
 @dataclass

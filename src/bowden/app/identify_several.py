@@ -81,9 +81,9 @@ def again(
         options: with which the log was read, for a command that reads it again.
     """
     from bowden.identify.cable.joint_file import recalibrated_text
-    from bowden.identify.cable.model_file import load_judged
     from bowden.identify.cable.recalibrate import recalibrate, verdict
     from bowden.identify.log.variables import scheduled_by
+    from bowden.plants.model_file import load_judged
     from bowden.report.joint_page import recalibration_page
 
     cable, judged = load_judged(model)

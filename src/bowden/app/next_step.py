@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from typer import Exit
 
 if TYPE_CHECKING:
-    from bowden.identify.cable.trusted import Trust
+    from bowden.plants.trust import Trust
 
 
 def say_next(*words: str | Path, why: str = "") -> None:

@@ -13,9 +13,9 @@ from bowden.design.other_law import OURS, chosen_law
 from bowden.face import given
 from bowden.identify.cable.fit import Fit
 from bowden.identify.cable.loads import JointFit
-from bowden.identify.cable.model import CableModel, IdentifiedCable
-from bowden.identify.cable.model_file import load_cable
 from bowden.identify.cable.recalibrate import Recalibration
+from bowden.plants.identified import CableModel, IdentifiedCable
+from bowden.plants.model_file import load_cable
 from bowden.rig.model_rig import Chosen, counting_of, model_text, with_stroke
 from bowden.rig.rig import Rig
 from bowden.rig.suit_rig import suit_text

@@ -11,8 +11,8 @@ from bowden.core.style import COLOURS, legend, new_figure, note_cut, thin, widen
 from bowden.core.units import DEGREES
 from bowden.identify.cable.fit import Fit, ModelFit
 from bowden.identify.cable.loop import loop_lines
-from bowden.identify.cable.model import meaning
 from bowden.identify.cable.plot import PARTS, draw_loop
+from bowden.plants.identified import meaning
 from bowden.report.page import Page, inline
 
 if TYPE_CHECKING:

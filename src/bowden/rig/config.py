@@ -16,10 +16,10 @@ from bowden.core import bounded
 from bowden.core.errors import ParameterError, asked_for_by, near
 from bowden.core.toml_text import quoted
 from bowden.hardware.drives.family import names as families
-from bowden.identify.cable.counting import Counting
-from bowden.identify.cable.model import IdentifiedCable
-from bowden.identify.cable.model_file import load_cable
 from bowden.models.cable.bouc_wen import BoucWen
+from bowden.plants.counting import Counting
+from bowden.plants.identified import IdentifiedCable
+from bowden.plants.model_file import load_cable
 from bowden.rig import axes, emg_setup
 from bowden.rig.checked import Gains
 from bowden.rig.declaration import Section, items_of, value_of

@@ -11,8 +11,8 @@ from bowden.core.quantity import Quantity, declared
 from bowden.core.shown import listed, number
 from bowden.core.style import COLOURS, thin
 from bowden.core.units import DEGREES, HERTZ
-from bowden.identify.cable.model import IdentifiedCable
 from bowden.identify.cable.trust import parameter_lines
+from bowden.plants.identified import IdentifiedCable
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

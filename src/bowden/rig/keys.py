@@ -6,7 +6,7 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from bowden.identify.cable.model import IdentifiedCable, meaning
+from bowden.plants.identified import IdentifiedCable, meaning
 from bowden.rig.given_plant import PlantFile
 from bowden.rig.rig import Rig
 from bowden.rig.sections import RigFile

@@ -20,10 +20,10 @@ from bowden.core.arguments import said
 from bowden.core.errors import BowdenError, ParameterError
 from bowden.core.kernel_content import code_of
 from bowden.core.quantity import optional
-from bowden.identify.cable.counting import Counting, Covered
-from bowden.identify.cable.model import IdentifiedCable
-from bowden.identify.cable.trusted import Trust
 from bowden.models.cable.bouc_wen import BoucWen
+from bowden.plants.counting import Counting, Covered
+from bowden.plants.identified import IdentifiedCable
+from bowden.plants.trust import Trust
 from bowden.plants.user_plant import UserPlant
 from bowden.rig.checked import Gains
 from bowden.rig.declaration import items_of

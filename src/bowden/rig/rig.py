@@ -30,7 +30,6 @@ from bowden.hardware.ports import Drive
 from bowden.hardware.realtime import Settings
 from bowden.identify.cable.fit import Fit
 from bowden.identify.cable.loads import JointFit
-from bowden.identify.cable.model import SCHEDULED, CableModel, IdentifiedCable
 from bowden.identify.cable.recalibrate import Recalibration, outside
 from bowden.models.cable.bouc_wen import BoucWen, upright
 from bowden.models.cable.sheath import Sheath
@@ -42,6 +41,7 @@ from bowden.models.suit.geometry import ELBOW_RANGE, SuitGeometry, flexor_moment
 from bowden.plants.bench import Bench
 from bowden.plants.cable_plant import CablePlant
 from bowden.plants.cables import plant_of_model
+from bowden.plants.identified import SCHEDULED, CableModel, IdentifiedCable
 from bowden.plants.knowledge_of import knowledge_of
 from bowden.plants.plant import Plant
 from bowden.plants.suit_parts import Suit

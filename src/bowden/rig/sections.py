@@ -18,9 +18,9 @@ from bowden.core.quantity import Quantity, declared
 from bowden.core.units import RADIANS
 from bowden.hardware.drives import family as drive_families
 from bowden.hardware.drives.load_cell import LoadCellParameters
-from bowden.identify.cable.counting import Counting
 from bowden.models.cable.bouc_wen import BoucWen
 from bowden.models.drive.holding_brake import HoldingBrake
+from bowden.plants.counting import Counting
 from bowden.rig.bends import ConstantBend, RandomBend, ScriptedBend
 from bowden.rig.consistent import UNWRITTEN, USUAL
 from bowden.rig.declaration import Section, at, items_of, key_of, rounded, section_of

@@ -8,9 +8,9 @@ from bowden.control import Law
 from bowden.core.errors import ParameterError, article
 from bowden.core.quantity import declared
 from bowden.core.toml_text import key_of, quoted
-from bowden.identify.cable.counting import Counting
-from bowden.identify.cable.model import IdentifiedCable
-from bowden.identify.cable.model_file import cable_text
+from bowden.plants.counting import Counting
+from bowden.plants.identified import IdentifiedCable
+from bowden.plants.model_file import cable_text
 from bowden.rig import wearer_file
 from bowden.rig.declaration import in_file, items_of
 from bowden.rig.declaration import tree_of as section_tree

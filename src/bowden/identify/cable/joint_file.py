@@ -9,10 +9,10 @@ from bowden.core.toml_text import quoted
 from bowden.core.units import DEGREES
 from bowden.identify.cable.cycles import Cycles
 from bowden.identify.cable.loads import JointFit
-from bowden.identify.cable.model import meaning
-from bowden.identify.cable.model_file import log_lines
 from bowden.identify.cable.recalibrate import Recalibration, to_identify
-from bowden.identify.cable.trusted import trust_lines
+from bowden.plants.identified import meaning
+from bowden.plants.model_file import log_lines
+from bowden.plants.trust import trust_lines
 
 
 def joint_text(fit: JointFit) -> str:

@@ -35,14 +35,11 @@ from bowden.core.files import write_text
 from bowden.core.metrics import rmse
 from bowden.core.units import DEGREES
 from bowden.identify.cable.bouc_wen import BoucWenCable
-from bowden.identify.cable.counting import covered_by
 from bowden.identify.cable.cycles import ENOUGH, FOR_YES, Cycles, whole_cycles
-from bowden.identify.cable.model import SCHEDULED, CableModel
 from bowden.identify.cable.non_negative import non_negative
 from bowden.identify.cable.part import Progress
 from bowden.identify.cable.path import Path, path_of
 from bowden.identify.cable.projection import inverse_of, products
-from bowden.identify.cable.trusted import QUARTER, Trust, least
 from bowden.identify.log.read import Log
 from bowden.identify.log.variables import shown_value
 from bowden.models.cable.prandtl_ishlinskii import plays
@@ -54,6 +51,9 @@ from bowden.models.cable.scheduled import (
     parameters_of,
     powers,
 )
+from bowden.plants.counting import covered_by
+from bowden.plants.identified import SCHEDULED, CableModel
+from bowden.plants.trust import QUARTER, Trust, least
 
 if TYPE_CHECKING:
     import pathlib

@@ -1,33 +1,20 @@
 """model.toml: an identified cable as a commented file, the same bytes for the same log."""
 
 import math
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
-
-import numpy as np
 
 from bowden import __version__
-from bowden.core.bounded import read_toml
-from bowden.core.errors import ParameterError
 from bowden.core.files import write_text
 from bowden.core.toml_text import quoted
 from bowden.core.units import DEGREES
-from bowden.identify.cable.counting import Covered, Encoders
 from bowden.identify.cable.fit import Fit, ModelFit
 from bowden.identify.cable.loop import HysteresisLoop
-from bowden.identify.cable.model import (
-    KNOWN,
-    LEAST_SLOPE,
+from bowden.plants.identified import (
     NAMES,
-    CableModel,
-    IdentifiedCable,
-    check_parameters,
     meaning,
 )
-from bowden.identify.cable.trusted import trust_lines, trust_of
-from bowden.models.cable.scheduled import VARIABLES
-from bowden.plants.cables import DISTRIBUTED, whole_slope
+from bowden.plants.model_file import log_lines
+from bowden.plants.trust import trust_lines
 
 
 def write_model(path: Path | str, fit: Fit, source: str) -> None:
@@ -73,21 +60,6 @@ def model_text(fit: Fit, source: str) -> str:
     for name in NAMES:
         lines += _model_lines(name, fit.models[name])
     return "\n".join(lines) + "\n"
-
-
-def log_lines(covered: Covered | None, encoders: Encoders) -> list[str]:
-    """The sections of model.toml with the motion that the log covered, and its encoders; as far as they are known."""
-    lines = []
-    if covered is not None:
-        ends = [f"{angle * DEGREES:.4f}" for angle in covered]
-        lines += [
-            "",
-            "[covered]  # by the log, in its own angles; the models were not fitted beyond this motion",
-            f"motor_deg = [{ends[0]}, {ends[1]}]",
-            f"joint_deg = [{ends[2]}, {ends[3]}]",
-        ]
-    known = [f"{side}_deg = {count * DEGREES:.11g}" for side, count in encoders._asdict().items() if count]
-    return lines + (["", "[encoders]  # one count, as it was said: --counts-per-turn", *known] if known else [])
 
 
 def _loop_lines(loop: HysteresisLoop | None) -> list[str]:
@@ -144,144 +116,3 @@ def _number(value: float) -> str:
 
 def _one_line(text: str) -> str:
     return " ".join("".join(c if c.isprintable() else " " for c in text).split())
-
-
-def load_cable(path: Path | str, name: str = "") -> IdentifiedCable:
-    """Read all models of model.toml.
-
-    Args:
-        path: of the file.
-        name: of the file, as the cable shall have it; the path where it is not given.
-
-    Raises:
-        ParameterError: no such file, not written by `write_model`, an unknown model, or an absurd parameter.
-    """
-    file = Path(path)
-    models, best = _document(file)
-    needed = (best,) if best in DISTRIBUTED else ("bouc_wen", best)
-    for wanted in needed:
-        if wanted not in models or wanted not in KNOWN:
-            raise ParameterError(f"{file} has no model {wanted!r}", expected=f"one of {', '.join(models)}")
-    found = {one: _checked(file, one, table) for one, table in models.items() if one in KNOWN}
-    for wanted in needed:
-        if "slope" in found[wanted] and abs(whole_slope(found[wanted])) < LEAST_SLOPE:
-            raise ParameterError(
-                f"{file}: slope of {wanted} is {whole_slope(found[wanted]):g}, of all its parts",
-                expected=f"{LEAST_SLOPE:g} at least, either way: the joint has to move with the motor",
-                do="identify the cable again",
-            )
-    said = {one: models[best].get(f"{one}_unit") for one in VARIABLES}
-    units = {one: unit for one, unit in said.items() if isinstance(unit, str) and unit}
-    trust, covered = trust_of(read_toml(file), file), _covered(file)
-    return IdentifiedCable(
-        best, found, name or str(file), units=units, covered=covered, trust=trust, encoders=_encoders(file)
-    )
-
-
-def load_judged(path: Path | str, name: str = "") -> tuple[IdentifiedCable, float]:
-    """`load_cable`, and the error of the recommended model on data that it had not seen; NaN where nothing says [rad].
-
-    Raises:
-        ParameterError: see `load_cable`.
-    """
-    cable = load_cable(path, name)
-    models, best = _document(Path(path))
-    for key in ("judged_rms_deg", "test_rms_deg"):
-        value = models[best].get(key)
-        if isinstance(value, int | float) and not isinstance(value, bool) and 0.0 < value < math.inf:
-            return cable, float(value) / DEGREES
-    return cable, math.nan
-
-
-def cable_text(cable: IdentifiedCable) -> str:
-    """A model.toml that `load_cable` reads back; what an identification says beside the models is not in it."""
-    lines = [f"# An identified cable, written by bowden {__version__}.", f"best = {quoted(cable.best)}"]
-    lines += trust_lines(cable.trust)
-    lines += log_lines(cable.covered, cable.encoders)
-    for name, parameters in cable.models.items():
-        lines += ["", f"[models.{name}.parameters]"]
-        lines += [f"{key} = {float(value)!r}  # [{meaning(key)[0]}]" for key, value in parameters.items()]
-    return "\n".join(lines) + "\n"
-
-
-def _covered(file: Path) -> Covered | None:
-    """The motion that the log covered; None where the file does not say it."""
-    said = read_toml(file).get("covered")
-    if said is None:
-        return None
-    ends: list[float] = []
-    for key, most in (("motor_deg", 1e5), ("joint_deg", 1e4)):
-        pair = said.get(key) if isinstance(said, dict) else None
-        numbers = [one for one in pair if type(one) in (int, float)] if isinstance(pair, list) else []
-        if not (len(numbers) == 2 and pair == numbers and -most <= numbers[0] < numbers[1] <= most):
-            raise ParameterError(
-                f"{file}: {key} of [covered] is {pair!r}",
-                expected=f"two angles within ±{most:.0f}, the lower one first",
-                do="write the file again, or delete the section",
-            )
-        ends += [one / DEGREES for one in numbers]
-    return Covered(*ends)
-
-
-def _encoders(file: Path) -> Encoders:
-    """One count of each encoder, where the file says it."""
-    said = read_toml(file).get("encoders", {})
-    known = said if isinstance(said, dict) else {}
-    counts = [known.get(f"{side}_deg", 0.0) for side in Encoders._fields]
-    if not (isinstance(said, dict) and all(type(one) in (int, float) and 0.0 <= one <= 180.0 for one in counts)):
-        raise ParameterError(
-            f"{file}: [encoders] is {said!r}",
-            expected="motor_deg and joint_deg, one count each, up to 180°",
-            do="write the file again, or delete the section",
-        )
-    return Encoders(*(one / DEGREES for one in counts))
-
-
-_WRITTEN = "the model.toml that `bowden identify` writes"
-
-
-def _document(file: Path) -> tuple[dict[str, Any], str]:
-    """The models of a file as they stand there, and the name of the recommended one."""
-    try:
-        document = read_toml(file)
-    except OSError as error:
-        raise ParameterError(f"{file} cannot be read: {error.strerror or error}", do="check the path") from None
-    except ValueError as error:
-        raise ParameterError(
-            f"{file} is no TOML file: {error}", expected=_WRITTEN, do="of a log, identify it first"
-        ) from None
-    models, best = document.get("models"), document.get("best")
-    if not isinstance(models, dict) or not isinstance(best, str):
-        raise ParameterError(f"{file} has no models in it", expected=_WRITTEN)
-    return models, best
-
-
-def _checked(file: Path, name: str, table: Any) -> Mapping[str, float]:
-    parameters = table.get("parameters") if isinstance(table, dict) else None
-    if not isinstance(parameters, dict):
-        raise ParameterError(f"{file}: [models.{name}.parameters] is missing", do="write the file again")
-    check_parameters(name, parameters, str(file))
-    bounds = {"shape": 0.5}
-    bounds |= {f"{key}_high": parameters[f"{key}_low"] for key in ("load", "bend") if f"{key}_low" in parameters}
-    for key, least in bounds.items():
-        if key in parameters and not parameters[key] > least:
-            raise ParameterError(f"{file}: {key} of {name} is {parameters[key]}", expected=f"a number above {least:g}")
-    if name == "generalised_play":
-        _check_branches(file, parameters)
-    model = CableModel(name, {key: float(value) for key, value in parameters.items()})
-    model.joint_angle(np.zeros(2))  # names what is missing
-    return model.parameters
-
-
-def _check_branches(file: Path, given: Mapping[str, float]) -> None:
-    """That the nodes and plays of a generalised play make one."""
-    sizes = {kind: sum(key.startswith(f"{kind}_") for key in given) for kind in ("bend", "gap", "reach", "share")}
-    said, what = f"{file}: generalised_play", f"{sizes['reach']} reaches and {sizes['share']} shares"
-    if sizes["reach"] != sizes["share"]:
-        raise ParameterError(f"{said} has {what}", expected="as many of both")
-    for kind in ("bend", "gap"):
-        if sizes[kind] < 2:
-            raise ParameterError(f"{said} has {sizes[kind]} {kind}s", expected="2 or more")
-    low, high = given.get("first_node", -math.inf), given.get("last_node", math.inf)
-    if not high > low:
-        raise ParameterError(f"{said}: first_node {low:g}, last_node {high:g}", expected="the last above the first")

@@ -34,15 +34,15 @@ from bowden.core import shown
 from bowden.core.errors import LogError, ParameterError
 from bowden.core.metrics import rmse
 from bowden.core.units import DEGREES
-from bowden.identify.cable.counting import Covered, fitted_range
 from bowden.identify.cable.cycles import Cycles, whole_cycles
-from bowden.identify.cable.model import SCHEDULED, CableModel, IdentifiedCable
 from bowden.identify.cable.path import Path, path_of
-from bowden.identify.cable.trusted import Trust, least
 from bowden.identify.log.read import Log
 from bowden.identify.log.variables import shown_value
 from bowden.models.cable.scheduled import VARIABLES
 from bowden.plants.cables import DISTRIBUTED
+from bowden.plants.counting import Covered, fitted_range
+from bowden.plants.identified import SCHEDULED, CableModel, IdentifiedCable
+from bowden.plants.trust import Trust, least
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -9,9 +9,9 @@ import numpy as np
 from bowden.core.units import DEGREES
 from bowden.identify.cable.advice import FOLLOWS, SLIGHT, WORSE, following, lags
 from bowden.identify.cable.cycles import FOR_YES
-from bowden.identify.cable.model import meaning
-from bowden.identify.cable.trusted import QUARTER, Trust, least
 from bowden.identify.cable.turns import peak_speed
+from bowden.plants.identified import meaning
+from bowden.plants.trust import QUARTER, Trust, least
 
 if TYPE_CHECKING:
     from bowden.identify.cable.fit import Fit

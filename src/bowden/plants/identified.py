@@ -16,31 +16,18 @@ from bowden.core.arguments import number, path_of
 from bowden.core.errors import ParameterError, near
 from bowden.core.files import write_text
 from bowden.core.guesses import Answering, answering
-from bowden.identify.cable.bouc_wen import cable_of, simulate
-from bowden.identify.cable.counting import NOT_SAID, Counting, Covered, Encoders, recounted
-from bowden.identify.cable.generalised import GeneralisedPlay
-from bowden.identify.cable.line import Line
-from bowden.identify.cable.play import PlayOperator
-from bowden.identify.cable.stack import PrandtlIshlinskii
-from bowden.identify.cable.trusted import Trust
 from bowden.models.cable import scheduled as scheduling
 from bowden.models.cable.bouc_wen import BoucWen
 from bowden.models.cable.capstan import Tendon
 from bowden.plants.cable_plant import Cable
 from bowden.plants.cables import DISTRIBUTED, bouc_wen_like, distributed_parameters, identified, whole_slope
+from bowden.plants.counting import NOT_SAID, Counting, Covered, Encoders, recounted
+from bowden.plants.predicted import PREDICTED, cable_of
+from bowden.plants.trust import Trust
 
 Array = NDArray[np.float64]
 
-_PREDICT = {
-    "line": Line().predict,
-    "play": PlayOperator().predict,
-    "bouc_wen": simulate,
-    "bouc_wen_static": simulate,
-    "prandtl_ishlinskii": PrandtlIshlinskii().predict,
-    "generalised_play": GeneralisedPlay().predict,
-}
-
-NAMES = tuple(_PREDICT)
+NAMES = tuple(PREDICTED)
 """Every family's name that is fitted to a log, from the simplest on."""
 SCHEDULED = "scheduled"
 """The model of several logs, whose loop changes with the load or the bend (`bowden.models.cable.scheduled`)."""
@@ -225,7 +212,7 @@ class CableModel(metaclass=Answering):
         Raises:
             ParameterError: no such file, or none that `write`, a fit or ``bowden identify`` has written.
         """
-        from bowden.identify.cable.model_file import load_cable
+        from bowden.plants.model_file import load_cable
 
         found = load_cable(path_of(path, "CableModel.read: path"))
         others = {name: one for name, one in found.models.items() if name != found.best}
@@ -239,7 +226,7 @@ class CableModel(metaclass=Answering):
         Raises:
             OutputError: the file cannot be written.
         """
-        from bowden.identify.cable.model_file import cable_text
+        from bowden.plants.model_file import cable_text
 
         write_text(path_of(path, "CableModel.write: path"), cable_text(self.identified()))
 
@@ -261,10 +248,10 @@ class CableModel(metaclass=Answering):
         if self.name == SCHEDULED:
             cable, values = _scheduled(self.parameters)
             return scheduling.joint_angle(np.ascontiguousarray(motor, dtype=np.float64), cable, values)
-        if self.name not in _PREDICT:
+        if self.name not in PREDICTED:
             raise ParameterError(f"there is no cable model {self.name!r}", expected=f"one of {', '.join(KNOWN)}")
         try:
-            return _PREDICT[self.name](self.parameters, np.ascontiguousarray(motor, dtype=np.float64))
+            return PREDICTED[self.name](self.parameters, np.ascontiguousarray(motor, dtype=np.float64))
         except KeyError as error:
             raise ParameterError(f"cable model {self.name!r} has no parameter {error.args[0]!r}") from None
 
