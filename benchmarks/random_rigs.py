@@ -22,13 +22,13 @@ from bowden.design.other_law import chosen_law
 from bowden.design.verdict import verdicts
 from bowden.face.init import init
 from bowden.hardware.ports import Power
-from bowden.plants.counting import Covered
-from bowden.plants.identified import IdentifiedCable
 from bowden.live.live_run import live_run
 from bowden.live.preflight import REASONS, Reason, require
 from bowden.live.row import NOTHING_READ
 from bowden.models.cable.bouc_wen import BoucWen, saturation
 from bowden.models.drive.thermal import cold
+from bowden.plants.counting import Covered
+from bowden.plants.identified import IdentifiedCable
 from bowden.rig.compose_suit import elbow_dead_zone
 from bowden.rig.objections import objections
 from bowden.rig.rig import Rig

@@ -216,7 +216,7 @@ def _print_table(fit: "Fit") -> None:
 
     from bowden.core.units import DEGREES
     from bowden.identify.cable.loop import loop_lines
-    from bowden.identify.cable.trust import parameter_lines
+    from bowden.plants.cable_parameters import parameter_lines
 
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
     table.add_column("model", no_wrap=True)

@@ -181,7 +181,7 @@ def _print_logs(fit: "JointFit") -> None:
     from rich.table import Table
 
     from bowden.identify.cable.loads import cycle_lines
-    from bowden.identify.log.variables import in_degrees
+    from bowden.plants.cable_parameters import in_degrees
 
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
     table.add_column("log", no_wrap=True)

@@ -13,9 +13,10 @@ from bowden.core.errors import ParameterError
 from bowden.core.toml_text import quoted
 from bowden.core.units import DEGREES
 from bowden.models.cable.scheduled import VARIABLES
+from bowden.plants.cable_parameters import LEAST_SLOPE, check_parameters, meaning
 from bowden.plants.cables import DISTRIBUTED, whole_slope
 from bowden.plants.counting import Covered, Encoders
-from bowden.plants.identified import KNOWN, LEAST_SLOPE, CableModel, IdentifiedCable, check_parameters, meaning
+from bowden.plants.identified import KNOWN, CableModel, IdentifiedCable
 from bowden.plants.trust import trust_lines, trust_of
 
 

@@ -12,7 +12,7 @@ from bowden.core.units import DEGREES
 from bowden.identify.cable.fit import Fit, ModelFit
 from bowden.identify.cable.loop import loop_lines
 from bowden.identify.cable.plot import PARTS, draw_loop
-from bowden.plants.identified import meaning
+from bowden.plants.cable_parameters import meaning
 from bowden.report.page import Page, inline
 
 if TYPE_CHECKING:

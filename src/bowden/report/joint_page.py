@@ -9,7 +9,7 @@ from bowden.core.units import DEGREES
 from bowden.identify.cable.loads import JointFit, cycle_lines
 from bowden.identify.cable.plot import draw_loads, draw_residual
 from bowden.identify.cable.recalibrate import Recalibration, cycles_line, verdict
-from bowden.identify.log.variables import in_degrees
+from bowden.plants.cable_parameters import in_degrees
 from bowden.report.page import Page
 
 if TYPE_CHECKING:

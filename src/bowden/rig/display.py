@@ -11,7 +11,7 @@ from bowden.core.quantity import Quantity, declared
 from bowden.core.shown import listed, number
 from bowden.core.style import COLOURS, thin
 from bowden.core.units import DEGREES, HERTZ
-from bowden.identify.cable.trust import parameter_lines
+from bowden.plants.cable_parameters import parameter_lines
 from bowden.plants.identified import IdentifiedCable
 
 if TYPE_CHECKING:

@@ -6,7 +6,8 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from bowden.plants.identified import IdentifiedCable, meaning
+from bowden.plants.cable_parameters import meaning
+from bowden.plants.identified import IdentifiedCable
 from bowden.rig.given_plant import PlantFile
 from bowden.rig.rig import Rig
 from bowden.rig.sections import RigFile

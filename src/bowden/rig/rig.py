@@ -30,7 +30,7 @@ from bowden.hardware.ports import Drive
 from bowden.hardware.realtime import Settings
 from bowden.identify.cable.fit import Fit
 from bowden.identify.cable.loads import JointFit
-from bowden.identify.cable.recalibrate import Recalibration, outside
+from bowden.identify.cable.recalibrate import Recalibration
 from bowden.models.cable.bouc_wen import BoucWen, upright
 from bowden.models.cable.sheath import Sheath
 from bowden.models.drive.encoder import Encoder
@@ -39,6 +39,7 @@ from bowden.models.drive.motor import Motor
 from bowden.models.drive.servo import Servo
 from bowden.models.suit.geometry import ELBOW_RANGE, SuitGeometry, flexor_moment_arm
 from bowden.plants.bench import Bench
+from bowden.plants.cable_parameters import outside
 from bowden.plants.cable_plant import CablePlant
 from bowden.plants.cables import plant_of_model
 from bowden.plants.identified import SCHEDULED, CableModel, IdentifiedCable

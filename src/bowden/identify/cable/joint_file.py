@@ -10,7 +10,7 @@ from bowden.core.units import DEGREES
 from bowden.identify.cable.cycles import Cycles
 from bowden.identify.cable.loads import JointFit
 from bowden.identify.cable.recalibrate import Recalibration, to_identify
-from bowden.plants.identified import meaning
+from bowden.plants.cable_parameters import meaning
 from bowden.plants.model_file import log_lines
 from bowden.plants.trust import trust_lines
 

@@ -41,7 +41,6 @@ from bowden.identify.cable.part import Progress
 from bowden.identify.cable.path import Path, path_of
 from bowden.identify.cable.projection import inverse_of, products
 from bowden.identify.log.read import Log
-from bowden.identify.log.variables import shown_value
 from bowden.models.cable.prandtl_ishlinskii import plays
 from bowden.models.cable.scheduled import (
     VARIABLES,
@@ -51,6 +50,7 @@ from bowden.models.cable.scheduled import (
     parameters_of,
     powers,
 )
+from bowden.plants.cable_parameters import shown_value
 from bowden.plants.counting import covered_by
 from bowden.plants.identified import SCHEDULED, CableModel
 from bowden.plants.trust import QUARTER, Trust, least
