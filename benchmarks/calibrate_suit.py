@@ -27,7 +27,8 @@ from bowden.control import LAWS
 from bowden.core.metrics import delay
 from bowden.core.trace import Trace
 from bowden.paper.claims import claims
-from bowden.rig.presets.suit import SuitCalibration, energies, largest_errors, run_suit, suit_calibration
+from bowden.rig.presets.suit import SuitCalibration, suit_calibration
+from bowden.sim.suit_runs import energies, largest_errors, run_suit
 
 START = SuitCalibration(friction=2.2, half_width=0.002, period=35.0)
 """Where the fit begins."""

@@ -21,12 +21,12 @@ import numpy as np
 import results
 from bowden.hardware.buses.link import Links
 from bowden.hardware.buses.unix_bus import UnixBus
-from bowden.hardware.drives.family import family_of
 from bowden.hardware.ports import Power
 from bowden.hardware.realtime import Settings
 from bowden.live.lateness import bare_loop_apart, figures
 from bowden.live.mcap_read import read
 from bowden.live.twin_process import running_twin
+from bowden.rig.families import family_of
 from bowden.rig.rig import Rig
 from kept import FOLDER
 

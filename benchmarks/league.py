@@ -28,6 +28,7 @@ from bowden.identify.log.read import read_log
 from bowden.models.cable.capstan import Tendon
 from bowden.models.cable.lumped_cable import LumpedTendon
 from bowden.models.cable.sheath import Sheath
+from bowden.models.cable.sheath_path import BendPath, constant_bend, scripted_bend
 from bowden.models.drive.encoder import Encoder
 from bowden.plants.bench import Bench
 from bowden.plants.cable_plant import Cable, CablePlant
@@ -39,7 +40,6 @@ from bowden.rig.presets.bench import default_bench, moved_sheath
 from bowden.rig.recorded import read_motion
 from bowden.rig.sections import RecordedFile
 from bowden.sim.many import Case, simulate_many
-from bowden.sim.scenario import BendPath, constant_bend, scripted_bend
 
 DATA = Path(__file__).parents[2] / "shared" / "data"
 STROKE = 70.0 * RADIANS

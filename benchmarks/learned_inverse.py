@@ -41,9 +41,9 @@ from bowden.control.reference import PointToPoint
 from bowden.core.kernel import kernel, tanh
 from bowden.core.signals import Reference, Sample
 from bowden.models.cable.backlash import push
+from bowden.models.cable.sheath_path import constant_bend
 from bowden.sim.many import simulate_many
 from bowden.sim.run import simulate
-from bowden.sim.scenario import constant_bend
 from unseen_cells import DURATION, Cell, case_of, draw
 from unseen_rig import Worn
 

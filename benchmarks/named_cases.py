@@ -24,13 +24,13 @@ from bowden.core.units import DEGREES, RADIANS
 from bowden.models.cable.backlash import Play
 from bowden.models.cable.bouc_wen import BoucWen, saturation
 from bowden.models.cable.sheath import Sheath
+from bowden.models.cable.sheath_path import BendPath
 from bowden.plants.cable_plant import CablePlant
 from bowden.plants.cables import bouc_wen, play
 from bowden.plants.knowledge_of import knowledge_of
 from bowden.plants.plant import Plant
 from bowden.rig.presets import bench as paper
 from bowden.sim.run import simulate
-from bowden.sim.scenario import BendPath
 from measure import Figure
 from unseen_cells import PoorSource, Steps
 

@@ -20,6 +20,7 @@ from bowden.cycle.one_cycle import Cycle, WishSource
 from bowden.design.forecast import HALF_AGAIN, lasting_error, off_reference
 from bowden.face.identify import identify
 from bowden.face.init import init
+from bowden.hardware.emg.recorded import EmgMotion
 from bowden.hardware.ports import Power
 from bowden.hardware.twin.bench import TwinBench
 from bowden.live.live_run import live_run
@@ -28,12 +29,11 @@ from bowden.models.cable.bouc_wen import BoucWen
 from bowden.models.drive.thermal import cold
 from bowden.plants.suit_parts import Suit
 from bowden.rig.bends import RandomBend
-from bowden.rig.emg_motion import EmgMotion
-from bowden.rig.one_run import run_of
 from bowden.rig.presets.suit import suit, suit_adaptive_integral, suit_ours
 from bowden.rig.rig import Rig
 from bowden.safety.faults import of
 from bowden.safety.state import Mode, Observed, Request
+from bowden.sim.one_run import run_of
 from bowden.sim.run import simulate
 from releases import written_suit
 from suit_wearers import worn_suit

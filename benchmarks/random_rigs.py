@@ -22,6 +22,7 @@ from bowden.design.other_law import chosen_law
 from bowden.design.verdict import verdicts
 from bowden.face.init import init
 from bowden.hardware.ports import Power
+from bowden.hardware.twin.of_rig import twin_plant_of
 from bowden.live.live_run import live_run
 from bowden.live.preflight import REASONS, Reason, require
 from bowden.live.row import NOTHING_READ
@@ -33,7 +34,6 @@ from bowden.rig.compose_suit import elbow_dead_zone
 from bowden.rig.objections import objections
 from bowden.rig.rig import Rig
 from bowden.rig.settings import SuitSettings
-from bowden.rig.twin_plant import twin_plant_of
 from bowden.safety.faults import of
 from bowden.safety.state import Mode, Observed, Request
 from kept import Kept

@@ -13,11 +13,11 @@ from bowden.app import main
 from bowden.core.errors import ParameterError
 from bowden.face.tune import tuned
 from bowden.hardware.twin.bench import FOLLOW, OFF
+from bowden.hardware.twin.of_rig import twin_plant_of
 from bowden.models.cable.bouc_wen import BoucWen
 from bowden.plants.identified import CableModel, IdentifiedCable
 from bowden.rig.rig import Rig
 from bowden.rig.settings import SuitSettings
-from bowden.rig.twin_plant import twin_plant_of
 from live_runs import SHARED_LIMITS, tries
 
 pytestmark = [

@@ -24,11 +24,11 @@ from bowden.plants.cable_plant import CablePlant
 from bowden.plants.identified import CableModel
 from bowden.rig.bends import ConstantBend, RandomBend, ScriptedBend
 from bowden.rig.declaration import items_of
-from bowden.rig.one_run import run_of
 from bowden.rig.rig import Rig
 from bowden.rig.sections import PARTS
 from bowden.rig.settings import EmgSettings, SuitSettings
 from bowden.safety.limits import Limits
+from bowden.sim.one_run import run_of
 from bowden.study.load import load as load_study
 
 MODEL = """

@@ -36,9 +36,9 @@ from bowden.live.mcap_log import LogFile, about
 from bowden.live.mcap_read import read as read_mcap
 from bowden.live.ring import Description
 from bowden.plants.model_file import load_cable
-from bowden.rig import wearer_file
 from bowden.rig.given_law import law_file
 from bowden.rig.rig import Rig
+from bowden.sensing import wearer_file
 from bowden.study.load import load
 
 ROOT = Path(__file__).parents[2]

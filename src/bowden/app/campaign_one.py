@@ -23,7 +23,7 @@ def run_alone(study: Study, number: int, folder: Path, *, json: bool) -> None:
     """
     from bowden.control import user_law
     from bowden.report.simulate_page import write_simulation
-    from bowden.rig.one_run import run_of
+    from bowden.sim.one_run import run_of
 
     if number >= study.file.runs:
         raise ParameterError(

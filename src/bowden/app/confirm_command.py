@@ -11,6 +11,7 @@ import typer
 from bowden.app.command import Command
 from bowden.app.console import print_json, seconds
 from bowden.app.given_rig import read_given
+from bowden.hardware.drives.of_rig import open_drive
 
 if TYPE_CHECKING:
     from bowden.hardware.ports import TorqueLeft
@@ -36,7 +37,7 @@ def confirm(
     if not sys.stdin.isatty():
         raise ParameterError("there is no terminal to take an angle from", do="run it at a terminal, beside the rig")
     given = read_given(rig, axis).on_bus(channel)
-    drive = given.open_drive(Links())
+    drive = open_drive(given.drive_parameters, given.load_cell, Links())
     with contextlib.ExitStack() as stack:
         identity = drive.bring_up()
         stack.callback(lambda: _tell_torque(drive.close()))

@@ -13,6 +13,7 @@ from bowden.app.command import Command
 from bowden.app.console import print_json, seconds
 from bowden.app.given_rig import read_given
 from bowden.app.next_step import say_next
+from bowden.hardware.drives.of_rig import open_drive
 
 if TYPE_CHECKING:
     from bowden.hardware.ports import Drive
@@ -31,7 +32,7 @@ def probe(rig: Rig_, axis: Axis = None, channel: Channel = None, json: Json = Fa
     """Say who answers on the bus of a rig: it is listened to, then asked. Nothing is set, nothing gets power."""
     from bowden.core.errors import DriveError, counted
     from bowden.hardware.buses.link import Links
-    from bowden.hardware.drives.family import family_of
+    from bowden.rig.families import family_of
 
     given = read_given(rig, axis).on_bus(channel)
     parameters = given.drive_parameters
@@ -72,8 +73,8 @@ def monitor(
     The drive is brought up, as before a run, and gets no power: turn motor and joint by hand, and look.
     """
     from bowden.core.errors import DriveError, ParameterError
-    from bowden.hardware.drives.family import family_of
     from bowden.live.drive_look import AGES
+    from bowden.rig.families import family_of
 
     if duration is not None and not 0.0 < duration <= 1e6:
         raise ParameterError(f"--duration is {duration:g}", expected="seconds above 0", do="correct it")
@@ -118,8 +119,8 @@ def zero(
     """
     from bowden.core.errors import ParameterError
     from bowden.core.units import RADIANS
-    from bowden.hardware.drives.family import family_of
     from bowden.live.drive_look import require_zero, zero_keys
+    from bowden.rig.families import family_of
 
     for name, value in (("--motor-deg", motor_deg), ("--joint-deg", joint_deg)):
         if not math.isfinite(value):
@@ -210,7 +211,7 @@ def _brought_up(given: "Rig") -> Iterator[tuple["Drive", str]]:
     from bowden.hardware.buses.link import Links
     from bowden.hardware.ports import TORQUE_LEFT
 
-    drive = given.open_drive(Links())
+    drive = open_drive(given.drive_parameters, given.load_cell, Links())
     try:
         yield drive, drive.bring_up()
     finally:

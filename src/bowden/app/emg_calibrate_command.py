@@ -11,8 +11,8 @@ from bowden.app.console import print_json, progress_bar
 from bowden.app.emg_command import ChannelOption, DetectorOption, JsonOption, RateOption, checked_rate, warn
 
 if TYPE_CHECKING:
-    from bowden.rig.wearer_file import MuscleCalibration
     from bowden.sensing.detector import Detector
+    from bowden.sensing.wearer_file import MuscleCalibration
 
 _READY = 1.0
 """Time to make ready for what comes next [s]."""
@@ -43,7 +43,7 @@ def calibrate(
     is asked on standard error to rest and to contract.
     """
     from bowden.core.errors import ParameterError
-    from bowden.rig import wearer_file
+    from bowden.sensing import wearer_file
     from bowden.sensing.detectors import detector_named
 
     kind = detector_named(detector)
@@ -102,7 +102,7 @@ def _from_stream(
     from bowden.core.errors import ParameterError
     from bowden.hardware.emg.sources import open_source
     from bowden.identify.emg.levels import check_contraction, envelope_levels
-    from bowden.rig.wearer_file import MuscleCalibration
+    from bowden.sensing.wearer_file import MuscleCalibration
 
     if not 2.0 <= lasting <= 60.0:
         raise ParameterError(f"--seconds is {lasting:g}", expected="a number from 2 to 60")

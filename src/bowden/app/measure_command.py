@@ -35,7 +35,6 @@ def measure(
     No law takes part; the joint follows as the cable lets it. Everything is supervised as in bowden run.
     """
     from bowden.face.run import new_log
-    from bowden.hardware.drives.family import family_of
     from bowden.live.by_hand import require_confirmed, require_watch, unseen_watch
     from bowden.live.left_behind import await_host
     from bowden.live.live_run import live_run
@@ -45,6 +44,7 @@ def measure(
     from bowden.live.preflight import require
     from bowden.live.session import Session, own_twin, prepared_loop
     from bowden.live.summary import document, print_summary
+    from bowden.rig.families import family_of
 
     refuse_without_keys(auto, json)
     given = read_given(rig, axis).on_bus(channel)

@@ -53,8 +53,8 @@ def _plain(schema: Any) -> Any:
 
 def _rig() -> dict[str, Any]:
     """Of rig.toml, with the drives of every family."""
-    from bowden.hardware.drives.family import names as families
     from bowden.rig.axes import AXIS, FEWEST, INDEPENDENT, MEANINGS, MOST
+    from bowden.rig.families import names as families
     from bowden.rig.sections import PAIR, RigFile, drive_part
 
     schema = RigFile.model_json_schema()

@@ -3,8 +3,8 @@
 from typing import TYPE_CHECKING
 
 from bowden.control import Law, user_law
-from bowden.rig import ranges
 from bowden.rig.rig import Rig
+from bowden.sim import ranges
 
 if TYPE_CHECKING:
     from bowden.design.check import Check

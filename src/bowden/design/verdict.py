@@ -8,8 +8,8 @@ from bowden.control import Law, user_law
 from bowden.core.errors import ParameterError
 from bowden.design.check_rig import check_rig
 from bowden.design.other_law import other_law
-from bowden.rig import ranges
 from bowden.rig.rig import Rig
+from bowden.sim import ranges
 
 if TYPE_CHECKING:
     from bowden.design.check import Check, VerdictName

@@ -66,7 +66,7 @@ class Campaign:
             ParameterError: there is no such run.
         """
         from bowden.control import user_law
-        from bowden.rig.one_run import run_of
+        from bowden.sim.one_run import run_of
 
         runs = self.study.file.runs
         if not (isinstance(number, int) and 0 <= number < runs):

@@ -11,10 +11,10 @@ from bowden.design.other_law import other_law
 from bowden.face import given
 from bowden.face.given import GivenLaw, GivenRig
 from bowden.face.pair import checked_pair
-from bowden.rig import ranges
 from bowden.rig.axes import refuse_sources
 from bowden.rig.objections import refusals
 from bowden.rig.rig import Rig
+from bowden.sim import ranges
 
 
 def check(rig: GivenRig, law: GivenLaw | None = None, *, preset: str | None = None) -> Check:

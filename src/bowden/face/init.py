@@ -10,15 +10,15 @@ from bowden.core.errors import ParameterError
 from bowden.core.guesses import answering
 from bowden.core.units import RADIANS
 from bowden.design.other_law import OURS, chosen_law
+from bowden.design.rig_of_model import Chosen, counting_of, model_text, with_stroke
+from bowden.design.rig_of_suit import suit_text
 from bowden.face import given
 from bowden.identify.cable.fit import Fit
 from bowden.identify.cable.loads import JointFit
 from bowden.identify.cable.recalibrate import Recalibration
 from bowden.plants.identified import CableModel, IdentifiedCable
 from bowden.plants.model_file import load_cable
-from bowden.rig.model_rig import Chosen, counting_of, model_text, with_stroke
 from bowden.rig.rig import Rig
-from bowden.rig.suit_rig import suit_text
 
 GivenModel = str | Path | Fit | JointFit | Recalibration | CableModel | IdentifiedCable
 

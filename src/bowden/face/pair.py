@@ -12,8 +12,8 @@ from bowden.design.pair_check import check_pair, with_advice
 from bowden.design.verdict import CheckVerdict, verdict_of
 from bowden.face.in_turn import in_turn
 from bowden.face.progress import Progress
-from bowden.rig.pair_plant import agonist_of, pair_plant_of, pair_ranges, run_of_pair
 from bowden.rig.rig import Rig
+from bowden.sim.pair_of_rig import agonist_of, pair_plant_of, pair_ranges, run_of_pair
 
 
 @dataclass(frozen=True)

@@ -152,13 +152,13 @@ def live_session(
     """
     from bowden.design.forecast import off_reference
     from bowden.design.verdict import CheckVerdict, verdicts
-    from bowden.hardware.drives.family import family_of
     from bowden.live import left_behind
     from bowden.live.by_hand import require_confirmed, require_watch, unseen_watch
     from bowden.live.emg_process import EmgProcess
     from bowden.live.live_run import live_run
     from bowden.live.preflight import require
     from bowden.live.session import Session, own_twin, prepared_loop
+    from bowden.rig.families import family_of
     from bowden.rig.objections import mismatches
 
     live = live_run(rig, measure=measure)

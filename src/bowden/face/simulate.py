@@ -15,8 +15,8 @@ from bowden.face.in_turn import in_turn
 from bowden.face.pair import simulated_pair
 from bowden.face.progress import Progress
 from bowden.rig.objections import refusals
-from bowden.rig.one_run import run_of
 from bowden.rig.rig import Rig
+from bowden.sim.one_run import run_of
 
 
 @dataclass(frozen=True)

@@ -26,13 +26,13 @@ from bowden.face import given
 from bowden.face.given import GivenLaw, GivenRig
 from bowden.face.pair import pair_laws
 from bowden.face.progress import GivenProgress, Progress, reported
-from bowden.rig import ranges
 from bowden.rig.axes import Axis
 from bowden.rig.given_law import LawFile
 from bowden.rig.given_plant import PlantFile
 from bowden.rig.objections import refusals
-from bowden.rig.pair_plant import pair_plant_of, pair_ranges
 from bowden.rig.rig import Rig
+from bowden.sim import ranges
+from bowden.sim.pair_of_rig import pair_plant_of, pair_ranges
 from bowden.study import tune_study
 from bowden.study.load import load
 from bowden.study.study import Study

@@ -16,7 +16,6 @@ from bowden.core.toml_text import quoted
 from bowden.core.units import RADIANS
 from bowden.cycle.one_cycle import Cycle
 from bowden.cycle.torque_offset import TorqueOffset
-from bowden.hardware.drives.family import DriveNeeds
 from bowden.hardware.emg.course import EmgCourse
 from bowden.hardware.emg.intent_block import IntentReader
 from bowden.hardware.ports import BrakedDrive, Drive
@@ -31,16 +30,17 @@ from bowden.rig.axes import refuse_sources
 from bowden.rig.compose_admittance import Pushing
 from bowden.rig.drive import most_push
 from bowden.rig.emg_setup import EmgRun
+from bowden.rig.families import DriveNeeds
 from bowden.rig.given_law import LawFile
 from bowden.rig.objections import reference_beyond, require_joint, turned
 from bowden.rig.pair import pulling
 from bowden.rig.pair import said as said_of_pair
-from bowden.rig.pair_plant import parting_in_run
 from bowden.rig.rig import Rig
 from bowden.rig.settings import LiveSettings
 from bowden.safety.limits import Limits
 from bowden.safety.release import longest_release, release_speed
 from bowden.sensing.intent import FOLLOWED_ACCELERATION, FOLLOWED_SPEED, TURNED_ACCELERATION, TURNED_SPEED
+from bowden.sim.pair_of_rig import parting_in_run
 
 WRONG_WAY = 1.5 * RADIANS
 """Motion of the joint that the preflight believes: after a reversal the paper's own cable first goes the wrong way by

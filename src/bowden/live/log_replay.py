@@ -17,10 +17,10 @@ from bowden.live.log_rig import check_code, without_none
 from bowden.live.mcap_read import Recording
 from bowden.live.run_settings import source_of
 from bowden.plants.suit_parts import Suit
+from bowden.plants.suit_push import push_of
 from bowden.rig.given_law import LawFile, loaded, named
 from bowden.rig.packing import unpacked
 from bowden.rig.rig import Rig
-from bowden.sim.suit_sources import push_of
 
 
 def law_of(found: Recording, wanted: str | None) -> tuple[Law, bool]:

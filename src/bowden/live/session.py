@@ -26,7 +26,6 @@ from bowden.core.clock import SECOND, MonotonicClock, unix_seconds
 from bowden.core.errors import DriveError, LogError, OutputError, ParameterError, SafetyError, near
 from bowden.core.trace import Trace
 from bowden.cycle.one_cycle import WishSource
-from bowden.hardware.drives.family import family_of
 from bowden.live import control_block, left_behind
 from bowden.live.automatic import automatic
 from bowden.live.control_block import ControlBlock
@@ -46,6 +45,7 @@ from bowden.live.stops import AxisFaults, told_apart
 from bowden.live.together import OF_ALL, mode_of_all, of_all
 from bowden.rig.axes import Axis
 from bowden.rig.declaration import at, items_of
+from bowden.rig.families import family_of
 from bowden.rig.rig import Rig
 from bowden.safety import faults
 from bowden.safety.faults import Fault

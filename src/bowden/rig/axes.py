@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from bowden.core.errors import ParameterError, near
 from bowden.core.toml_text import quoted
-from bowden.hardware.drives import on_can
-from bowden.hardware.drives.family import family_of
-from bowden.rig.drive import devices
+from bowden.rig.drive import collision, devices
+from bowden.rig.families import family_of
 from bowden.rig.sections import DEFAULT_FAMILY, Control, RigFile
 
 if TYPE_CHECKING:
@@ -185,8 +184,8 @@ def _twice(axes: Sequence[Axis]) -> Iterator[str]:
                 said = ", ".join(f"{key} {value}" for key, value in place.items())
                 yield f"axes {quoted(other)} and {quoted(name)} have one drive ({family.name}, {said})"
             pairs = product(devices(another.drive, another.load_cell), devices(rig.drive, rig.load_cell))
-            for collision in filter(None, (on_can.collision(*pair) for pair in pairs)):
-                yield f"axes {quoted(other)} and {quoted(name)} {collision}"
+            for problem in filter(None, (collision(*pair) for pair in pairs)):
+                yield f"axes {quoted(other)} and {quoted(name)} {problem}"
 
 
 def _apart(axes: Sequence[Axis]) -> Iterator[str]:

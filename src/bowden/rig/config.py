@@ -15,7 +15,6 @@ from bowden.control.reference import Trajectory
 from bowden.core import bounded
 from bowden.core.errors import ParameterError, asked_for_by, near
 from bowden.core.toml_text import quoted
-from bowden.hardware.drives.family import names as families
 from bowden.models.cable.bouc_wen import BoucWen
 from bowden.plants.counting import Counting
 from bowden.plants.identified import IdentifiedCable
@@ -24,6 +23,7 @@ from bowden.rig import axes, emg_setup
 from bowden.rig.checked import Gains
 from bowden.rig.declaration import Section, items_of, value_of
 from bowden.rig.effect import refuse_switched_off
+from bowden.rig.families import names as families
 from bowden.rig.given_law import LawFile, law_file
 from bowden.rig.given_plant import PlantFile, plant_file
 from bowden.rig.pair import PairSettings

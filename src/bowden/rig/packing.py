@@ -27,7 +27,6 @@ from bowden.plants.trust import Trust
 from bowden.plants.user_plant import UserPlant
 from bowden.rig.checked import Gains
 from bowden.rig.declaration import items_of
-from bowden.rig.emg_motion import EmgMotion
 from bowden.rig.given_law import LawFile, code_of_law, packable
 from bowden.rig.given_plant import PlantFile, as_file
 from bowden.rig.pair import NO_PAIR, PairSettings
@@ -168,8 +167,8 @@ def _said(value: Any) -> Any:
     if isinstance(value, RecordedMotion):
         contents = hashlib.sha256(np.round(value.position, 9).tobytes() + np.round(value.time, 9).tobytes())
         return {"recorded": contents.hexdigest(), "cutoff": _said(value.said.cutoff)}
-    if isinstance(value, EmgMotion):
-        return {"emg": hashlib.sha256(value.rows.tobytes()).hexdigest()}
+    if hasattr(value, "content"):  # the motion of a recording of EMG
+        return {"emg": hashlib.sha256(value.content).hexdigest()}
     if isinstance(value, IdentifiedCable):
         return {"best": value.best, "models": _said(_dicts(value.models))}
     if isinstance(value, LawFile):

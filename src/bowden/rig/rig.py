@@ -6,13 +6,13 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
 from bowden.control import LAWS, Law
 from bowden.control.knowledge import Knowledge, configured, preset_of, with_cable
-from bowden.control.reference import Recorded, Trajectory
+from bowden.control.reference import PeriodicMinimumJerk, Recorded, Trajectory
 from bowden.core import arguments
 from bowden.core.errors import OutputError, ParameterError, asked_for_by, near
 from bowden.core.files import whole_file
@@ -24,15 +24,9 @@ from bowden.core.style import new_figure
 from bowden.core.toml_text import quoted
 from bowden.core.units import DEGREES, RADIANS
 from bowden.cycle.one_cycle import Filters
-from bowden.hardware.drives.family import DriveNeeds, family_of
-from bowden.hardware.drives.load_cell import LoadCellParameters
-from bowden.hardware.ports import Drive
-from bowden.hardware.realtime import Settings
-from bowden.identify.cable.fit import Fit
-from bowden.identify.cable.loads import JointFit
-from bowden.identify.cable.recalibrate import Recalibration
 from bowden.models.cable.bouc_wen import BoucWen, upright
 from bowden.models.cable.sheath import Sheath
+from bowden.models.cable.sheath_path import BendPath
 from bowden.models.drive.encoder import Encoder
 from bowden.models.drive.holding_brake import HoldingBrake
 from bowden.models.drive.motor import Motor
@@ -48,7 +42,7 @@ from bowden.plants.plant import Plant
 from bowden.plants.suit_parts import Suit
 from bowden.plants.user_plant import UserPlant
 from bowden.rig import axes as several
-from bowden.rig import config, display, emg_motion, emg_setup, given_law, given_plant, packing, toml_text, wearer_file
+from bowden.rig import config, display, emg_setup, given_law, given_plant, packing, toml_text
 from bowden.rig import drive as live_parts
 from bowden.rig.axes import Axis
 from bowden.rig.bends import Bend, ConstantBend, RandomBend, ScriptedBend
@@ -59,8 +53,10 @@ from bowden.rig.consistent import Basis
 from bowden.rig.declaration import tree_of as section_tree
 from bowden.rig.effect import refuse_idle
 from bowden.rig.emg_setup import EmgRun
+from bowden.rig.families import DriveNeeds, family_of, resolved
 from bowden.rig.given_law import LawFile
 from bowden.rig.given_plant import PlantFile
+from bowden.rig.load_cell import LoadCellParameters, moved_cell
 from bowden.rig.pair import NO_PAIR, PairSettings, check_pair
 from bowden.rig.recorded import held
 from bowden.rig.sections import (
@@ -79,7 +75,7 @@ from bowden.rig.sections import (
 )
 from bowden.rig.settings import AdmittanceSettings, EmgSettings, LiveSettings, SuitSettings, WearerSettings
 from bowden.safety.limits import Limits
-from bowden.sim.scenario import BendPath
+from bowden.sensing import wearer_file
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -87,7 +83,17 @@ if TYPE_CHECKING:
 MOST_CYCLES = 10_000_000
 """A longer run is refused: its record would not fit into the memory of a common computer."""
 
-CableLike = BoucWen | IdentifiedCable | CableModel | Fit | JointFit | Recalibration
+
+class Identification(Protocol):
+    """What an identification gives."""
+
+    @property
+    def best(self) -> CableModel:
+        """The recommended model."""
+        ...
+
+
+CableLike = BoucWen | IdentifiedCable | CableModel | Identification
 GivenPlant = str | UserPlant | PlantFile | None
 GivenLaw = str | Law | LawFile
 
@@ -566,7 +572,7 @@ class Rig(metaclass=Answering):
         run, whole = self.emg_run, arguments.flag(whole, "Rig.offline: whole")
         if run is None or self.stands_for:
             return self
-        motion = emg_motion.recorded(run, self.sample_time)
+        motion = resolved("emg.recorded").recorded(run, self.sample_time)
         if motion is None:
             said = f"{run.source} is live: simulated is the largest motion that it can ask for"
             return self._in_place_of(remarks=(*self.remarks, said))
@@ -797,9 +803,10 @@ class Rig(metaclass=Answering):
     def trajectory(self) -> Trajectory:
         """Where the joint shall be; by EMG, the largest motion that it can ask for, unless the rig is `offline`."""
         run = self.emg_run
-        if run is None or isinstance(self.reference, emg_motion.EmgMotion):
+        if run is None or hasattr(self.reference, "content"):
             return self.reference
-        return emg_motion.placeholder(run)
+        intent = run.course.intent  # there and back without a rest: what a law is checked with
+        return PeriodicMinimumJerk(intent.low, intent.high, 2.0 * intent.duration)
 
     @cached_property
     def begin(self) -> float:
@@ -1051,17 +1058,6 @@ class Rig(metaclass=Answering):
         live_parts.check_load(self.drive, self.load_cell, self.supervisor_limits, self.sample_time)
         return live_parts.drive_parameters(self.drive, self.drive_needs, Path(self.origin).parent)
 
-    def open_drive(self, links: Any) -> Drive:
-        """The drive, with the load cell beside it where there is one; nothing is sent before it is brought up.
-
-        Args:
-            links: the buses of this process, `hardware.buses.link.Links`.
-
-        Raises:
-            ParameterError: values that make no sense together.
-        """
-        return live_parts.opened(self.drive_parameters, self.load_cell, links)
-
     def on_bus(self, channel: str | None, interface: str | None = None) -> "Rig":
         """The rig with its drive on another bus, where one is given.
 
@@ -1074,14 +1070,9 @@ class Rig(metaclass=Answering):
         if self.axes:
             return self._with_axes(lambda rig: rig.on_bus(channel, interface))
         moved = family_of(self.drive).moved(self.drive, channel, interface)
-        cell = live_parts.moved_cell(self.load_cell, channel, interface)
+        cell = moved_cell(self.load_cell, channel, interface)
         same = moved == self.drive and cell == self.load_cell
         return self if same else self.replace(drive=moved, load_cell=cell)
-
-    @property
-    def system(self) -> Settings:
-        """What the live loop asks of the system."""
-        return live_parts.settings(self.live)
 
     @property
     def filters(self) -> Filters:
@@ -1124,7 +1115,7 @@ def _one_file(one: Any, other: Any) -> bool:
 
 
 def _cable(given: Any) -> BoucWen | IdentifiedCable:
-    if isinstance(given, Fit | JointFit | Recalibration):
+    if isinstance(getattr(given, "best", None), CableModel):
         given = given.best
     if isinstance(given, CableModel):
         given = given.identified()

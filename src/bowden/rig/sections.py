@@ -16,14 +16,14 @@ from bowden.control.reference import Chirp, Multisine, PeriodicMinimumJerk, Poin
 from bowden.core.errors import ParameterError
 from bowden.core.quantity import Quantity, declared
 from bowden.core.units import RADIANS
-from bowden.hardware.drives import family as drive_families
-from bowden.hardware.drives.load_cell import LoadCellParameters
 from bowden.models.cable.bouc_wen import BoucWen
 from bowden.models.drive.holding_brake import HoldingBrake
 from bowden.plants.counting import Counting
+from bowden.rig import families as drive_families
 from bowden.rig.bends import ConstantBend, RandomBend, ScriptedBend
 from bowden.rig.consistent import UNWRITTEN, USUAL
 from bowden.rig.declaration import Section, at, items_of, key_of, rounded, section_of
+from bowden.rig.load_cell import LoadCellParameters
 from bowden.rig.pair import PairSettings
 from bowden.rig.presets.bench import chirp, default_bench, document, minimum_jerk
 from bowden.rig.settings import AdmittanceSettings, EmgSettings, LiveSettings, SuitSettings, WearerSettings

@@ -11,13 +11,13 @@ from bowden.core.toml_text import key_of, quoted
 from bowden.plants.counting import Counting
 from bowden.plants.identified import IdentifiedCable
 from bowden.plants.model_file import cable_text
-from bowden.rig import wearer_file
 from bowden.rig.declaration import in_file, items_of
 from bowden.rig.declaration import tree_of as section_tree
 from bowden.rig.given_law import LawFile, packable
 from bowden.rig.given_plant import PlantFile, as_file
 from bowden.rig.recorded import RecordedMotion
 from bowden.rig.sections import BENDS, MODEL_FILE, PARTS, REFERENCES, TITLES, Clock, RigFile, Scenario
+from bowden.sensing import wearer_file
 
 
 def tree_of(values: Mapping[str, Any]) -> dict[str, Any]:

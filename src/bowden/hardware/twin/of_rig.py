@@ -2,7 +2,7 @@
 
 from typing import Any, NamedTuple
 
-from bowden.hardware.drives.family import TwinProcess
+from bowden.hardware.drives.of_rig import cell_place
 from bowden.hardware.twin.bench import TwinBench
 from bowden.hardware.twin.late import late
 from bowden.hardware.twin.pair import SharedJoint
@@ -10,7 +10,7 @@ from bowden.hardware.twin.plant import TwinPlant
 from bowden.hardware.twin.suit import TwinSuit
 from bowden.hardware.twin.user import TwinUser
 from bowden.plants.user_plant import UserPlant
-from bowden.rig.drive import cell_place
+from bowden.rig.families import TwinProcess
 from bowden.rig.pair import mirrored
 from bowden.rig.rig import Rig
 
