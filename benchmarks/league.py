@@ -21,6 +21,7 @@ import unseen
 from bowden.control import LAWS, user_law
 from bowden.control.knowledge import configured
 from bowden.control.law import Law
+from bowden.control.recorded_motion import RecordedFile, read_motion
 from bowden.control.reference import PeriodicMinimumJerk, PointToPoint, Trajectory
 from bowden.core.units import RADIANS
 from bowden.identify.cable.fit import identify_log
@@ -37,8 +38,6 @@ from bowden.plants.friction_cables import lumped, sliding
 from bowden.plants.knowledge_of import knowledge_of
 from bowden.plants.pose_cable import poses
 from bowden.rig.presets.bench import default_bench, moved_sheath
-from bowden.rig.recorded import read_motion
-from bowden.rig.sections import RecordedFile
 from bowden.sim.many import Case, simulate_many
 
 DATA = Path(__file__).parents[2] / "shared" / "data"

@@ -18,6 +18,7 @@ from bowden.core.errors import BowdenError
 from bowden.core.units import RADIANS
 from bowden.cycle.one_cycle import Cycle
 from bowden.design.forecast import off_reference
+from bowden.design.objections import objections
 from bowden.design.other_law import chosen_law
 from bowden.design.verdict import verdicts
 from bowden.face.init import init
@@ -31,7 +32,6 @@ from bowden.models.drive.thermal import cold
 from bowden.plants.counting import Covered
 from bowden.plants.identified import IdentifiedCable
 from bowden.rig.compose_suit import elbow_dead_zone
-from bowden.rig.objections import objections
 from bowden.rig.rig import Rig
 from bowden.rig.settings import SuitSettings
 from bowden.safety.faults import of

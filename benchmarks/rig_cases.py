@@ -14,7 +14,7 @@ import numpy as np
 
 from bowden import Rig
 from bowden.core.errors import BowdenError
-from bowden.rig.objections import objections
+from bowden.design.objections import objections
 
 FAMILIES = ("cia402", "ak_mit", "moteus", "odrive")
 BASES = {

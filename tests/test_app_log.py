@@ -15,6 +15,7 @@ from bowden.app import main
 from bowden.app.given_rig import trusting
 from bowden.app.schema_command import json_schema
 from bowden.control import LAWS
+from bowden.control import law_file as given_law
 from bowden.control.reference import PeriodicMinimumJerk
 from bowden.core import own_code
 from bowden.core.errors import BowdenError, LogError
@@ -32,7 +33,6 @@ from bowden.live.preflight import Reason
 from bowden.live.row import CYCLE, description
 from bowden.live.run_settings import run_settings
 from bowden.models.drive.thermal import cold
-from bowden.rig import given_law
 from bowden.rig.rig import Rig
 from bowden.safety.limits import Limits
 from bowden.safety.state import Mode, Observed, PreflightResult, Request, Verdict

@@ -14,7 +14,7 @@ from bowden import __version__
 from bowden.app import init_command, main
 from bowden.app.schema_command import json_schema
 from bowden.core.trace import Trace
-from bowden.rig import page as rig_page
+from bowden.design import rig_of_bench as rig_page
 from bowden.rig.rig import Rig
 
 pytestmark = pytest.mark.usefixtures("undrawn")

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 from bowden.app.main import run
+from bowden.control.law_file import law_file
 from bowden.core import bounded
 from bowden.core.errors import BowdenError, ParameterError
 from bowden.core.table import MOST_CELLS, read_table
@@ -24,7 +25,6 @@ from bowden.live.mcap_read import read as read_mcap
 from bowden.plants.cables import identified
 from bowden.plants.model_file import load_cable
 from bowden.rig.config import read_values
-from bowden.rig.given_law import law_file
 from bowden.sensing import wearer_file
 from bowden.study.load import load
 

@@ -24,6 +24,7 @@ import can
 import canopen
 import numpy as np
 
+from bowden.control.law_file import law_file
 from bowden.core.errors import BowdenError, DriveError
 from bowden.core.trace import Trace
 from bowden.face.read_trace import read_trace
@@ -36,7 +37,6 @@ from bowden.live.mcap_log import LogFile, about
 from bowden.live.mcap_read import read as read_mcap
 from bowden.live.ring import Description
 from bowden.plants.model_file import load_cable
-from bowden.rig.given_law import law_file
 from bowden.rig.rig import Rig
 from bowden.sensing import wearer_file
 from bowden.study.load import load

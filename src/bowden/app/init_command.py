@@ -33,8 +33,8 @@ def init(
     """
     from bowden.core.files import whole_file
     from bowden.design.other_law import OURS
+    from bowden.design.rig_of_bench import toml_text
     from bowden.design.rig_of_suit import suit_text
-    from bowden.rig.page import toml_text
 
     try:
         is_there, is_folder = path.exists(), path.is_dir()

@@ -34,9 +34,9 @@ def tune(
     Interrupted, the command writes the best gains that it has, if they are better than those before.
     """
     from bowden.core.units import DEGREES
+    from bowden.design.objections import refusals
     from bowden.design.tune import BrokenOff, NoGainsError
     from bowden.face.tune import tuned, tuned_pair
-    from bowden.rig.objections import refusals
 
     whole = read_given(rig, several=True)
     both = whole.pair.there and axis is None

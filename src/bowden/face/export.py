@@ -22,8 +22,8 @@ from bowden.safety.limits import Limits
 from bowden.sensing.detectors import detector_named
 
 if TYPE_CHECKING:
+    from bowden.export.counts import Counts
     from bowden.export.unit import Module
-    from bowden.rig.counts import Counts
 
 RECORDED = 5.0
 """Length of the run that goes with the code, at most [s]."""
@@ -141,8 +141,8 @@ def exported(
     law = rig.fitted()
     output_folder(folder, "--to")
     progress("reading the kernels", 0.0)
+    from bowden.export.counts import counts_of, guessed
     from bowden.export.readme import TARGETS
-    from bowden.rig.counts import counts_of, guessed
 
     if target not in TARGETS:
         raise ParameterError(f"there is no target {target!r}", expected=near(target, TARGETS), do="correct --target")

@@ -151,6 +151,7 @@ def live_session(
         alone: name of the axis that the rig is, of a file with several.
     """
     from bowden.design.forecast import off_reference
+    from bowden.design.objections import mismatches
     from bowden.design.verdict import CheckVerdict, verdicts
     from bowden.live import left_behind
     from bowden.live.by_hand import require_confirmed, require_watch, unseen_watch
@@ -159,7 +160,6 @@ def live_session(
     from bowden.live.preflight import require
     from bowden.live.session import Session, own_twin, prepared_loop
     from bowden.rig.families import family_of
-    from bowden.rig.objections import mismatches
 
     live = live_run(rig, measure=measure)
     for axis in () if twin else live.axes:  # another run's bus is refused at once; the drive claims it for good

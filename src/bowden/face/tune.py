@@ -10,12 +10,14 @@ import numpy as np
 
 from bowden.control import Law, user_law
 from bowden.control.knowledge import preset_of
+from bowden.control.law_file import LawFile
 from bowden.core import arguments
 from bowden.core.errors import ParameterError
 from bowden.core.shown import listed
 from bowden.core.toml_text import quoted
 from bowden.core.units import DEGREES
 from bowden.design.check import check
+from bowden.design.objections import refusals
 from bowden.design.other_law import OtherLaw, mended_law, other_law
 from bowden.design.pair_tune import PairTarget, best_gains, judged_gains, runs_described
 from bowden.design.processes import Mapper, two_workers
@@ -26,10 +28,8 @@ from bowden.face import given
 from bowden.face.given import GivenLaw, GivenRig
 from bowden.face.pair import pair_laws
 from bowden.face.progress import GivenProgress, Progress, reported
+from bowden.plants.plant_file import PlantFile
 from bowden.rig.axes import Axis
-from bowden.rig.given_law import LawFile
-from bowden.rig.given_plant import PlantFile
-from bowden.rig.objections import refusals
 from bowden.rig.rig import Rig
 from bowden.sim import ranges
 from bowden.sim.pair_of_rig import pair_plant_of, pair_ranges

@@ -10,12 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.control import LAWS, Law
+from bowden.control.law_file import LawFile
 from bowden.control.source import TABLE, Source
 from bowden.core.errors import ParameterError, asked_for_by
 from bowden.core.toml_text import quoted
 from bowden.core.units import RADIANS
 from bowden.cycle.one_cycle import Cycle
 from bowden.cycle.torque_offset import TorqueOffset
+from bowden.design.objections import reference_beyond, require_joint, turned
 from bowden.hardware.emg.course import EmgCourse
 from bowden.hardware.emg.intent_block import IntentReader
 from bowden.hardware.ports import BrakedDrive, Drive
@@ -31,8 +33,6 @@ from bowden.rig.compose_admittance import Pushing
 from bowden.rig.drive import most_push
 from bowden.rig.emg_setup import EmgRun
 from bowden.rig.families import DriveNeeds
-from bowden.rig.given_law import LawFile
-from bowden.rig.objections import reference_beyond, require_joint, turned
 from bowden.rig.pair import pulling
 from bowden.rig.pair import said as said_of_pair
 from bowden.rig.rig import Rig

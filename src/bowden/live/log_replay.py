@@ -10,6 +10,7 @@ import numpy as np
 from bowden.control import Law
 from bowden.control.admittance.push import push_source
 from bowden.control.knowledge import Knowledge, configured, informed
+from bowden.control.law_file import LawFile, loaded, named
 from bowden.control.source import TABLE, Source
 from bowden.core.errors import BowdenError, LogError, ParameterError
 from bowden.core.nested import leaves, name_of
@@ -18,7 +19,6 @@ from bowden.live.mcap_read import Recording
 from bowden.live.run_settings import source_of
 from bowden.plants.suit_parts import Suit
 from bowden.plants.suit_push import push_of
-from bowden.rig.given_law import LawFile, loaded, named
 from bowden.rig.packing import unpacked
 from bowden.rig.rig import Rig
 

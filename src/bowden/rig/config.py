@@ -11,6 +11,8 @@ from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
 from bowden.control import user_law
+from bowden.control.law_file import LawFile, law_file
+from bowden.control.recorded_motion import RecordedFile, RecordedMotion, read_motion
 from bowden.control.reference import Trajectory
 from bowden.core import bounded
 from bowden.core.errors import ParameterError, asked_for_by, near
@@ -19,15 +21,13 @@ from bowden.models.cable.bouc_wen import BoucWen
 from bowden.plants.counting import Counting
 from bowden.plants.identified import IdentifiedCable
 from bowden.plants.model_file import load_cable
+from bowden.plants.plant_file import PlantFile, plant_file
 from bowden.rig import axes, emg_setup
 from bowden.rig.checked import Gains
 from bowden.rig.declaration import Section, items_of, value_of
 from bowden.rig.effect import refuse_switched_off
 from bowden.rig.families import names as families
-from bowden.rig.given_law import LawFile, law_file
-from bowden.rig.given_plant import PlantFile, plant_file
 from bowden.rig.pair import PairSettings
-from bowden.rig.recorded import RecordedMotion, read_motion
 from bowden.rig.sections import (
     BEND_KINDS,
     BENDS,
@@ -39,7 +39,6 @@ from bowden.rig.sections import (
     REFERENCES,
     Clock,
     Control,
-    RecordedFile,
     RigFile,
     Scenario,
     drive_part,

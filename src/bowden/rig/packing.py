@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 
 from bowden import __version__
 from bowden.control import LAWS, Law
+from bowden.control.law_file import LawFile, code_of_law, packable
+from bowden.control.recorded_motion import RecordedFile, RecordedMotion
 from bowden.core import user_file
 from bowden.core.arguments import said
 from bowden.core.errors import BowdenError, ParameterError
@@ -23,15 +25,13 @@ from bowden.core.quantity import optional
 from bowden.models.cable.bouc_wen import BoucWen
 from bowden.plants.counting import Counting, Covered
 from bowden.plants.identified import IdentifiedCable
+from bowden.plants.plant_file import PlantFile, as_file
 from bowden.plants.trust import Trust
 from bowden.plants.user_plant import UserPlant
 from bowden.rig.checked import Gains
 from bowden.rig.declaration import items_of
-from bowden.rig.given_law import LawFile, code_of_law, packable
-from bowden.rig.given_plant import PlantFile, as_file
 from bowden.rig.pair import NO_PAIR, PairSettings
-from bowden.rig.recorded import RecordedMotion
-from bowden.rig.sections import BENDS, DEFAULT_FAMILY, PARTS, REFERENCES, RecordedFile, drive_part
+from bowden.rig.sections import BENDS, DEFAULT_FAMILY, PARTS, REFERENCES, drive_part
 
 FORMAT = 1
 """Of the document."""

@@ -11,7 +11,10 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from bowden.control import LAWS, Law
+from bowden.control import law_file as given_law
 from bowden.control.knowledge import Knowledge, configured, preset_of, with_cable
+from bowden.control.law_file import LawFile
+from bowden.control.recorded_motion import held
 from bowden.control.reference import PeriodicMinimumJerk, Recorded, Trajectory
 from bowden.core import arguments
 from bowden.core.errors import OutputError, ParameterError, asked_for_by, near
@@ -32,6 +35,7 @@ from bowden.models.drive.holding_brake import HoldingBrake
 from bowden.models.drive.motor import Motor
 from bowden.models.drive.servo import Servo
 from bowden.models.suit.geometry import ELBOW_RANGE, SuitGeometry, flexor_moment_arm
+from bowden.plants import plant_file as given_plant
 from bowden.plants.bench import Bench
 from bowden.plants.cable_parameters import outside
 from bowden.plants.cable_plant import CablePlant
@@ -39,10 +43,11 @@ from bowden.plants.cables import plant_of_model
 from bowden.plants.identified import SCHEDULED, CableModel, IdentifiedCable
 from bowden.plants.knowledge_of import knowledge_of
 from bowden.plants.plant import Plant
+from bowden.plants.plant_file import PlantFile
 from bowden.plants.suit_parts import Suit
 from bowden.plants.user_plant import UserPlant
 from bowden.rig import axes as several
-from bowden.rig import config, display, emg_setup, given_law, given_plant, packing, toml_text
+from bowden.rig import config, display, emg_setup, packing, toml_text
 from bowden.rig import drive as live_parts
 from bowden.rig.axes import Axis
 from bowden.rig.bends import Bend, ConstantBend, RandomBend, ScriptedBend
@@ -54,11 +59,8 @@ from bowden.rig.declaration import tree_of as section_tree
 from bowden.rig.effect import refuse_idle
 from bowden.rig.emg_setup import EmgRun
 from bowden.rig.families import DriveNeeds, family_of, resolved
-from bowden.rig.given_law import LawFile
-from bowden.rig.given_plant import PlantFile
 from bowden.rig.load_cell import LoadCellParameters, moved_cell
 from bowden.rig.pair import NO_PAIR, PairSettings, check_pair
-from bowden.rig.recorded import held
 from bowden.rig.sections import (
     DEFAULT_CABLE,
     DEFAULT_FAMILY,

@@ -7,11 +7,12 @@ from the values' own declarations (`bowden.core.quantity`).
 import math
 from collections.abc import Callable, Mapping
 from functools import cache
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 from pydantic import BeforeValidator, Field, WrapValidator, create_model
 from pydantic_core import PydanticCustomError
 
+from bowden.control.recorded_motion import RecordedFile
 from bowden.control.reference import Chirp, Multisine, PeriodicMinimumJerk, PointToPoint
 from bowden.core.errors import ParameterError
 from bowden.core.quantity import Quantity, declared
@@ -70,16 +71,6 @@ class Control(NamedTuple):
 
     law: Annotated[str, Quantity('name of a law, or your own as "file.py:NAME", found from this file')] = "adaptive"
     preset: Annotated[str | None, Quantity("a named set of gains of that law", example="paper")] = None
-
-
-class RecordedFile(NamedTuple):
-    """A recorded motion, smoothed by a zero-phase low-pass filter."""
-
-    file: Annotated[str, Quantity("CSV, csv.gz or Parquet file, found from this file", example="motion.csv")]
-    time_column: Annotated[str, Quantity("its column of times, in seconds")] = "time_s"
-    position_column: Annotated[str, Quantity("its column of joint angles")] = "joint_deg"
-    unit: Annotated[Literal["deg", "rad"], Quantity("unit of the angles")] = "deg"
-    cutoff: Annotated[float, Quantity("cut-off of the filter; 0 for none", "Hz", ge=0.0, le=1000.0)] = 6.0
 
 
 class Part(NamedTuple):

@@ -5,17 +5,17 @@ from pathlib import Path
 from typing import Any
 
 from bowden.control import Law
+from bowden.control.law_file import LawFile, packable
+from bowden.control.recorded_motion import RecordedMotion
 from bowden.core.errors import ParameterError, article
 from bowden.core.quantity import declared
 from bowden.core.toml_text import key_of, quoted
 from bowden.plants.counting import Counting
 from bowden.plants.identified import IdentifiedCable
 from bowden.plants.model_file import cable_text
+from bowden.plants.plant_file import PlantFile, as_file
 from bowden.rig.declaration import in_file, items_of
 from bowden.rig.declaration import tree_of as section_tree
-from bowden.rig.given_law import LawFile, packable
-from bowden.rig.given_plant import PlantFile, as_file
-from bowden.rig.recorded import RecordedMotion
 from bowden.rig.sections import BENDS, MODEL_FILE, PARTS, REFERENCES, TITLES, Clock, RigFile, Scenario
 from bowden.sensing import wearer_file
 

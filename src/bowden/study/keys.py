@@ -8,7 +8,7 @@ from pydantic import BaseModel
 
 from bowden.plants.cable_parameters import meaning
 from bowden.plants.identified import IdentifiedCable
-from bowden.rig.given_plant import PlantFile
+from bowden.plants.plant_file import PlantFile
 from bowden.rig.rig import Rig
 from bowden.rig.sections import RigFile
 

@@ -4,10 +4,10 @@ from pathlib import Path
 from typing import Any
 
 from bowden.control import Law
+from bowden.control.law_file import LawFile, loaded, named, packable
 from bowden.core.errors import ParameterError
 from bowden.rig.config import checked_file, read_toml
 from bowden.rig.effect import missing_for
-from bowden.rig.given_law import LawFile, loaded, named, packable
 from bowden.rig.rig import Rig
 from bowden.study.distributions import Value
 from bowden.study.file import read_study

@@ -13,12 +13,12 @@ import numpy as np
 from bowden import __version__
 from bowden.control import Law
 from bowden.control.knowledge import Knowledge
+from bowden.control.law_file import LawFile
 from bowden.core import user_file
 from bowden.core.errors import ParameterError
 from bowden.core.kernel_cache import source_hash
 from bowden.models.cable.sheath_path import BendPath
 from bowden.rig.bends import RandomBend
-from bowden.rig.given_law import LawFile
 from bowden.rig.rig import Rig
 from bowden.sim.faulty import SensorFault
 from bowden.sim.injected import Injected
