@@ -144,7 +144,8 @@ def _emergencies(found: Recording) -> list[dict[str, Any]]:
     if EMERGENCY not in found.columns:
         return []
     rig = found.settings.get("rig")
-    drive = rig.get("drive") if isinstance(rig, dict) else None
+    tree = rig.get("tree") if isinstance(rig, dict) else None
+    drive = tree.get("drive") if isinstance(tree, dict) else None
     family = drive.get("family") if isinstance(drive, dict) else None
     try:
         explain = family_named(family).explain if isinstance(family, str) else emergency_text

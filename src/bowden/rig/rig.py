@@ -47,7 +47,7 @@ from bowden.plants.plant_file import PlantFile
 from bowden.plants.suit_parts import Suit
 from bowden.plants.user_plant import UserPlant
 from bowden.rig import axes as several
-from bowden.rig import config, display, emg_setup, packing, toml_text
+from bowden.rig import display, emg_setup, packing
 from bowden.rig import drive as live_parts
 from bowden.rig.axes import Axis
 from bowden.rig.bends import Bend, ConstantBend, RandomBend, ScriptedBend
@@ -76,6 +76,7 @@ from bowden.rig.sections import (
     drive_part,
 )
 from bowden.rig.settings import AdmittanceSettings, EmgSettings, LiveSettings, SuitSettings, WearerSettings
+from bowden.rig.tree import Files, files_of, read_values, tree_of, values_of, written
 from bowden.safety.limits import Limits
 from bowden.sensing import wearer_file
 
@@ -351,7 +352,7 @@ class Rig(metaclass=Answering):
             ParameterError: no such file, not TOML, an unknown key, a value of the wrong kind or out of its range.
             LogError: a recorded motion that cannot be used.
         """
-        return cls._of_values(config.read_values(arguments.path_of(path, "Rig.read: path")))
+        return cls._of_values(read_values(arguments.path_of(path, "Rig.read: path")))
 
     @classmethod
     def _of_values(cls, values: dict[str, Any]) -> "Rig":
@@ -381,7 +382,7 @@ class Rig(metaclass=Answering):
         place = arguments.path_of(origin, "Rig.of_tree: origin")
         if keep is not None and not isinstance(keep, Rig):
             raise ParameterError(f"Rig.of_tree: keep is {shown(keep)}", expected="a Rig", do="leave it out")
-        return cls._of_values(config.values_of(tree, place, None if keep is None else keep.fields))
+        return cls._of_values(values_of(tree, place, None if keep is None else keep.fields))
 
     def tree(self) -> dict[str, Any]:
         """The rig as the sections of a rig.toml.
@@ -391,7 +392,7 @@ class Rig(metaclass=Answering):
         """
         if self.axes:
             return several.shared({name: rig.tree() for name, rig in self.axes}) | self._independence
-        return toml_text.tree_of(self.fields)
+        return tree_of(self.fields)
 
     @property
     def _independence(self) -> dict[str, Any]:
@@ -406,7 +407,7 @@ class Rig(metaclass=Answering):
         Raises:
             ParameterError: see `tree`.
         """
-        return toml_text.written(self.tree())
+        return written(self.tree())
 
     def write(self, path: Path | str) -> None:
         """Write the rig as a rig.toml, and next to it the files that it needs: model, motion, law and wearer.
@@ -419,9 +420,7 @@ class Rig(metaclass=Answering):
         if target.is_dir():
             raise OutputError(f"{target} is a folder", do=f"give the file's name: {target / 'rig.toml'}")
         tree, files = self._tree_and_files()
-        contents = {target: toml_text.written(tree).encode()} | {
-            target.parent / name: text for name, text in files.items()
-        }
+        contents = {target: written(tree).encode()} | {target.parent / name: text for name, text in files.items()}
         for file, content in contents.items():
             if file.exists() and file.read_bytes() != content:
                 raise OutputError(f"{file} is there already", do="choose another folder, or delete it")
@@ -434,10 +433,10 @@ class Rig(metaclass=Answering):
     def _tree_and_files(self) -> tuple[dict[str, Any], dict[str, bytes]]:
         """The sections with the names of the files that lie beside, and what is in these."""
         if not self.axes:
-            return toml_text.files_of(self.fields)
-        trees, files = {}, toml_text.Files()
+            return files_of(self.fields)
+        trees, files = {}, Files()
         for name, rig in self.axes:
-            trees[name], own = toml_text.files_of(rig.fields)
+            trees[name], own = files_of(rig.fields)
             for file, content in own.items():
                 files.add(file, content)
         return several.shared(trees) | self._independence, files.contents
@@ -619,7 +618,11 @@ class Rig(metaclass=Answering):
         Raises:
             ParameterError: a reference, cable or law that exists only in this process.
         """
-        return packing.document(self._values) | {"origin": self.origin, "hash": self.hash}
+        found = packing.document(self._values) | {"origin": self.origin, "hash": self.hash}
+        if not self.axes:
+            return found
+        axes = [{"name": name, "rig": rig.document()} for name, rig in self.axes]
+        return found | {"axes": axes, "independent": self.independent, "pair": self.pair._asdict()}
 
     def pack(self) -> bytes:
         """The rig as bytes, for another process; see `unpack`.
@@ -631,15 +634,16 @@ class Rig(metaclass=Answering):
 
     @classmethod
     def unpack(cls, pack: bytes | Mapping[str, Any]) -> "Rig":
-        """The rig of `pack` or `document`.
+        """The rig of `pack` or `document`; no file is read.
 
         Raises:
             ParameterError: it is none, or of another version.
         """
-        known = [one.name for one in dataclasses.fields(cls) if one.compare or one.name == "origin"]
-        values, remarks = packing.unpacked(pack, known)
-        axes = tuple(Axis(name, cls.unpack(document)) for name, document in values.get("axes", ()))
-        return cls(**{**values, "axes": axes}, remarks=remarks)
+        values, beside = packing.unpacked(pack)
+        if "axes" in beside:
+            values["axes"] = tuple(Axis(name, cls.unpack(document)) for name, document in beside["axes"])
+            values |= {"independent": beside["independent"], "pair": beside["pair"]}
+        return cls(**values)
 
     def __repr__(self) -> str:
         given = [
