@@ -17,13 +17,12 @@ from bowden.core.units import RADIANS
 from bowden.cycle.one_cycle import Filters, WishSource
 from bowden.hardware.drives.parameters import motor_scale
 from bowden.hardware.twin.bench import TwinBench
-from bowden.hardware.twin.of_rig import twin_pair_of
+from bowden.hardware.twin.of_rig import mirrored, twin_pair_of
 from bowden.hardware.twin.pair import SharedJoint
-from bowden.live.live_run import live_run
+from bowden.live.live_run import live_run, pulling
 from bowden.live.preflight import Preflight, contradictions
 from bowden.live.replay import replay
 from bowden.models.cable.sheath_path import constant_bend
-from bowden.rig.pair import mirrored, pulling
 from bowden.rig.presets.bench import default_bench
 from bowden.rig.rig import Rig
 from bowden.safety.faults import Fault, of

@@ -34,10 +34,9 @@ def check(
     """
     from bowden.core.errors import asked_for_by
     from bowden.core.toml_text import quoted
-    from bowden.design.objections import refusals
+    from bowden.design.objections import refusals, refuse_sources
     from bowden.face.check import checked
     from bowden.face.pair import checked_pair
-    from bowden.rig.axes import refuse_sources
 
     own = read_given(rig, axis, several=True)
     given = own.with_law(law, preset)

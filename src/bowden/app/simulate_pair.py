@@ -82,7 +82,7 @@ def simulate_pair(
 def say_next_of_pair(whole: "Rig", file: Path, *options: str) -> None:
     """Print what comes next: the check of both, or why there is none of what was simulated."""
     from bowden.core.errors import ParameterError
-    from bowden.rig.axes import refuse_sources
+    from bowden.design.objections import refuse_sources
 
     try:
         refuse_sources(whole)

@@ -7,12 +7,11 @@ from bowden.core.shown import listed
 from bowden.design.advice import advise
 from bowden.design.check import Check
 from bowden.design.check import check as judge
-from bowden.design.objections import refusals
+from bowden.design.objections import refusals, refuse_sources
 from bowden.design.other_law import other_law
 from bowden.face import given
 from bowden.face.given import GivenLaw, GivenRig
 from bowden.face.pair import checked_pair
-from bowden.rig.axes import refuse_sources
 from bowden.rig.rig import Rig
 from bowden.sim import ranges
 

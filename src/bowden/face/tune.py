@@ -29,8 +29,7 @@ from bowden.face.given import GivenLaw, GivenRig
 from bowden.face.pair import pair_laws
 from bowden.face.progress import GivenProgress, Progress, reported
 from bowden.plants.plant_file import PlantFile
-from bowden.rig.axes import Axis
-from bowden.rig.rig import Rig
+from bowden.rig.rig import Axis, Rig
 from bowden.sim import ranges
 from bowden.sim.pair_of_rig import pair_plant_of, pair_ranges
 from bowden.study import tune_study

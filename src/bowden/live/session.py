@@ -43,10 +43,9 @@ from bowden.live.row import AT, described
 from bowden.live.session_axis import SessionAxis
 from bowden.live.stops import AxisFaults, told_apart
 from bowden.live.together import OF_ALL, mode_of_all, of_all
-from bowden.rig.axes import Axis
 from bowden.rig.declaration import at, items_of
 from bowden.rig.families import family_of
-from bowden.rig.rig import Rig
+from bowden.rig.rig import Axis, Rig
 from bowden.safety import faults
 from bowden.safety.faults import Fault
 from bowden.safety.limits import Limits

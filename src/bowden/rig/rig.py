@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -49,7 +49,6 @@ from bowden.plants.user_plant import UserPlant
 from bowden.rig import axes as several
 from bowden.rig import display, emg_setup, packing
 from bowden.rig import drive as live_parts
-from bowden.rig.axes import Axis
 from bowden.rig.bends import Bend, ConstantBend, RandomBend, ScriptedBend
 from bowden.rig.checked import Gains, checked, checked_number, shown
 from bowden.rig.compose_admittance import Pushing, pushing_of
@@ -65,13 +64,11 @@ from bowden.rig.sections import (
     DEFAULT_CABLE,
     DEFAULT_FAMILY,
     DEFAULT_WIDTH,
-    DRIVE,
     PARTS,
     REFERENCES,
     WIDTH,
     Clock,
     Control,
-    Part,
     Scenario,
     drive_part,
 )
@@ -99,6 +96,15 @@ class Identification(Protocol):
 CableLike = BoucWen | IdentifiedCable | CableModel | Identification
 GivenPlant = str | UserPlant | PlantFile | None
 GivenLaw = str | Law | LawFile
+
+
+class Axis(NamedTuple):
+    """One axis of a rig."""
+
+    name: str
+    rig: "Rig"
+    """All of it: what is common, with what is its own."""
+
 
 _LINE = "line"
 
@@ -175,8 +181,9 @@ class Rig(metaclass=Answering):
     """Of the encoders' noise and of a random bend."""
     initial_motor: float | None = _SCENARIO.initial_motor
     """Motor angle before the start; None: the joint is where the reference starts [rad]."""
-    drive: Any = DRIVE
-    """Parameters of a family of drives. What only the rig itself says of it; `drive_parameters` is the whole."""
+    drive: Any = None
+    """Parameters of a family of drives; None for the default ones. What only the rig itself says of it;
+    `drive_parameters` is the whole."""
     load_cell: LoadCellParameters = PARTS["load_cell"].default
     """A load cell on a CAN bus; one at the drive's own input is in `drive`."""
     brake: HoldingBrake = PARTS["brake"].default
@@ -222,7 +229,10 @@ class Rig(metaclass=Answering):
             for one in declared(kind):
                 value = checked_number(getattr(self, one.name), one.kind, one.quantity, one.name)
                 object.__setattr__(self, one.name, value)
-        for name, part in {**PARTS, "drive": self._drive_part()}.items():
+        drive = drive_part(getattr(self.drive, "family", DEFAULT_FAMILY))
+        if self.drive is None:
+            object.__setattr__(self, "drive", drive.default)
+        for name, part in {**PARTS, "drive": drive}.items():
             object.__setattr__(self, name, checked(getattr(self, name), part.kind, name, part.default))
         for name, value in self._made().items():
             object.__setattr__(self, name, value)
@@ -281,10 +291,6 @@ class Rig(metaclass=Answering):
             taken = given_plant.agreed(self.own_plant, own, default)
         for name, value in taken.items():
             object.__setattr__(self, name, value)
-
-    def _drive_part(self) -> Part:
-        """What [drive] is of its family."""
-        return drive_part(getattr(self.drive, "family", DEFAULT_FAMILY))
 
     def _made(self) -> dict[str, Any]:
         """The fields that may be given in several forms, in the one in which a rig holds them."""
@@ -647,11 +653,13 @@ class Rig(metaclass=Answering):
 
     def __repr__(self) -> str:
         given = [
-            f"{name}={shown(value)}"
-            for name, value in self._values.items()
-            if not _same(value, type(self).__dataclass_fields__[name].default)
+            f"{name}={shown(value)}" for name, value in self._values.items() if not _same(value, self._default(name))
         ]
         return f"Rig({', '.join(given)})"
+
+    @classmethod
+    def _default(cls, name: str) -> Any:
+        return drive_part(DEFAULT_FAMILY).default if name == "drive" else cls.__dataclass_fields__[name].default
 
     def __str__(self) -> str:
         """One screen: hash, law, cable, servo, encoders, clock, reference and scenario."""
