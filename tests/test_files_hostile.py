@@ -23,7 +23,7 @@ from bowden.identify.emg.log import read_emg
 from bowden.identify.log.read import read_log
 from bowden.live.mcap_read import read as read_mcap
 from bowden.plants.cables import identified
-from bowden.plants.model_file import load_cable
+from bowden.plants.identified import load_cable
 from bowden.rig.tree import read_values
 from bowden.sensing import wearer_file
 from bowden.study.load import load

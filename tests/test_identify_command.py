@@ -23,8 +23,8 @@ from bowden.identify.cable.fit import Fit, identify
 from bowden.identify.cable.model_file import model_text, write_model
 from bowden.models.cable.bouc_wen import BoucWen
 from bowden.models.cable.bouc_wen_sensitivity import hysteresis
-from bowden.plants.identified import NAMES
-from bowden.plants.model_file import load_cable
+from bowden.plants.identified import load_cable
+from bowden.plants.predicted import NAMES
 from bowden.report import identify_page as identify_page_module
 
 pytestmark = pytest.mark.usefixtures("undrawn")

@@ -27,8 +27,8 @@ from bowden.models.cable.generalised_play import Branches, design_of, with_curve
 from bowden.models.cable.generalised_play import joint_angle as branched
 from bowden.models.cable.prandtl_ishlinskii import plays
 from bowden.plants.cables import branches_of
-from bowden.plants.identified import NAMES, CableModel
-from bowden.plants.predicted import chebyshev, generalised_play
+from bowden.plants.identified import CableModel
+from bowden.plants.predicted import NAMES, chebyshev, generalised_play
 
 Array = NDArray[np.float64]
 

@@ -26,8 +26,7 @@ from bowden.models.cable.bouc_wen import saturation
 from bowden.models.cable.scheduled import ScheduledCable, bouc_wen_at, cable_of, joint_angle, line_of, parameters_of
 from bowden.models.cable.sheath import Sheath
 from bowden.plants.cable_plant import Cable
-from bowden.plants.identified import CableModel, IdentifiedCable
-from bowden.plants.model_file import load_cable, load_judged
+from bowden.plants.identified import CableModel, IdentifiedCable, load_cable, load_judged
 from bowden.plants.scheduled_cable import scheduled
 from bowden.rig.bends import ConstantBend
 

@@ -12,7 +12,7 @@ import pytest
 
 import bowden
 from bowden.app.main import run
-from bowden.plants.model_file import load_cable
+from bowden.plants.identified import load_cable
 from bowden.plants.trust import Trust
 from bowden.rig.rig import Rig
 

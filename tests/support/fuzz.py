@@ -36,7 +36,7 @@ from bowden.live.log_facts import facts
 from bowden.live.mcap_log import LogFile, about
 from bowden.live.mcap_read import read as read_mcap
 from bowden.live.ring import Description
-from bowden.plants.model_file import load_cable
+from bowden.plants.identified import load_cable
 from bowden.rig.rig import Rig
 from bowden.sensing import wearer_file
 from bowden.study.load import load

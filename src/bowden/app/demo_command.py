@@ -51,7 +51,7 @@ def demo(
     from bowden.face.simulate import simulated
     from bowden.identify.cable.fit import identify_log
     from bowden.identify.log.read import read_log
-    from bowden.plants.model_file import load_cable
+    from bowden.plants.identified import load_cable
     from bowden.report import demo_page as page
     from bowden.rig.rig import Rig
 

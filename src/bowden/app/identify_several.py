@@ -83,7 +83,7 @@ def again(
     from bowden.identify.cable.joint_file import recalibrated_text
     from bowden.identify.cable.recalibrate import recalibrate, verdict
     from bowden.identify.log.variables import scheduled_by
-    from bowden.plants.model_file import load_judged
+    from bowden.plants.identified import load_judged
     from bowden.report.joint_page import recalibration_page
 
     cable, judged = load_judged(model)

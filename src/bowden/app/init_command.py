@@ -67,7 +67,7 @@ def _with_model(path: Path, model: Path, *, suit: bool) -> tuple[str, list[str]]
         ParameterError: a model that cannot be read.
     """
     from bowden.face.init import around
-    from bowden.plants.model_file import load_cable
+    from bowden.plants.identified import load_cable
 
     place = Path(os.path.relpath(model.absolute(), path.absolute().parent)).as_posix()
     cable = load_cable(model)

@@ -154,7 +154,7 @@ def identified(progress: Callable[[str, float], None], rig: Mapping[str, Any], f
     from bowden.identify.cable.fit import identify_log
     from bowden.identify.cable.model_file import write_model
     from bowden.identify.log.read import read_log
-    from bowden.plants.model_file import load_cable
+    from bowden.plants.identified import load_cable
     from bowden.report.identify_page import blank, identify_page, pictures
 
     place, given = Path(folder), Rig.unpack(rig)

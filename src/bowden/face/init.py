@@ -16,8 +16,7 @@ from bowden.face import given
 from bowden.identify.cable.fit import Fit
 from bowden.identify.cable.loads import JointFit
 from bowden.identify.cable.recalibrate import Recalibration
-from bowden.plants.identified import CableModel, IdentifiedCable
-from bowden.plants.model_file import load_cable
+from bowden.plants.identified import CableModel, IdentifiedCable, load_cable
 from bowden.rig.rig import Rig
 
 GivenModel = str | Path | Fit | JointFit | Recalibration | CableModel | IdentifiedCable

@@ -18,8 +18,7 @@ from bowden.identify.cable.recalibrate import recalibrate as recalibrate_log
 from bowden.identify.log.angles import SIDES, angle_units, angles_of
 from bowden.identify.log.read import Log, prepare
 from bowden.identify.log.variables import Scheduled, of_numbers, scheduled_by
-from bowden.plants.identified import CableModel, IdentifiedCable
-from bowden.plants.model_file import load_judged
+from bowden.plants.identified import CableModel, IdentifiedCable, load_judged
 
 AnyLog = str | Path | Log | Trace
 AnyModel = str | Path | Fit | JointFit | Recalibration | CableModel | IdentifiedCable

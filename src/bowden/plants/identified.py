@@ -10,28 +10,23 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from bowden import __version__
 from bowden.core.arguments import number, path_of
 from bowden.core.errors import ParameterError, near
 from bowden.core.files import write_text
 from bowden.core.guesses import Answering, answering
+from bowden.core.toml_text import quoted
 from bowden.models.cable import scheduled as scheduling
 from bowden.models.cable.bouc_wen import BoucWen
 from bowden.models.cable.capstan import Tendon
-from bowden.plants.cable_parameters import check_parameters
-from bowden.plants.cable_plant import Cable
+from bowden.plants.cable_parameters import check_parameters, meaning
 from bowden.plants.cables import DISTRIBUTED, bouc_wen_like, distributed_parameters, identified, whole_slope
 from bowden.plants.counting import NOT_SAID, Counting, Covered, Encoders, recounted
-from bowden.plants.predicted import PREDICTED, cable_of
-from bowden.plants.trust import Trust
+from bowden.plants.model_file import log_lines, read_models
+from bowden.plants.predicted import SCHEDULED, cable_of, joint_along, scheduled_of
+from bowden.plants.trust import Trust, trust_lines
 
 Array = NDArray[np.float64]
-
-NAMES = tuple(PREDICTED)
-"""Every family's name that is fitted to a log, from the simplest on."""
-SCHEDULED = "scheduled"
-"""The model of several logs, whose loop changes with the load or the bend (`bowden.models.cable.scheduled`)."""
-KNOWN = (*NAMES, *DISTRIBUTED, SCHEDULED)
-"""Every model that a cable may have."""
 
 
 @answering(
@@ -73,8 +68,6 @@ class CableModel(metaclass=Answering):
         Raises:
             ParameterError: no such file, or none that `write`, a fit or ``bowden identify`` has written.
         """
-        from bowden.plants.model_file import load_cable
-
         found = load_cable(path_of(path, "CableModel.read: path"))
         others = {name: one for name, one in found.models.items() if name != found.best}
         return cls(found.best, found.models[found.best], others, found.covered, found.trust, found.encoders)
@@ -87,8 +80,6 @@ class CableModel(metaclass=Answering):
         Raises:
             OutputError: the file cannot be written.
         """
-        from bowden.plants.model_file import cable_text
-
         write_text(path_of(path, "CableModel.write: path"), cable_text(self.identified()))
 
     def identified(self) -> "IdentifiedCable":
@@ -104,17 +95,7 @@ class CableModel(metaclass=Answering):
         Raises:
             ParameterError: an unknown model, or a parameter that is missing.
         """
-        if self.name in DISTRIBUTED:
-            return _moved(identified(self.name, self.parameters), motor)
-        if self.name == SCHEDULED:
-            cable, values = _scheduled(self.parameters)
-            return scheduling.joint_angle(np.ascontiguousarray(motor, dtype=np.float64), cable, values)
-        if self.name not in PREDICTED:
-            raise ParameterError(f"there is no cable model {self.name!r}", expected=f"one of {', '.join(KNOWN)}")
-        try:
-            return PREDICTED[self.name](self.parameters, np.ascontiguousarray(motor, dtype=np.float64))
-        except KeyError as error:
-            raise ParameterError(f"cable model {self.name!r} has no parameter {error.args[0]!r}") from None
+        return joint_along(self.name, self.parameters, motor)
 
     def to_bouc_wen(self) -> BoucWen:
         """The cable for simulation and control.
@@ -265,7 +246,7 @@ class IdentifiedCable:
         if self.best in DISTRIBUTED and "bouc_wen" not in self.models:
             return _like(tuple(sorted(self.model().parameters.items())))
         if self.best == SCHEDULED:
-            return scheduling.bouc_wen_at(*_scheduled(self.model().parameters), self.model("bouc_wen").to_bouc_wen())
+            return scheduling.bouc_wen_at(*scheduled_of(self.model().parameters), self.model("bouc_wen").to_bouc_wen())
         cable = self.model("bouc_wen").to_bouc_wen()
         if cable.slope == 0.0:
             raise ParameterError(
@@ -273,13 +254,6 @@ class IdentifiedCable:
                 do="identify a log in which the joint moves",
             )
         return cable
-
-
-def _scheduled(parameters: Mapping[str, float]) -> tuple[scheduling.ScheduledCable, tuple[float, ...]]:
-    try:
-        return scheduling.cable_of(parameters)
-    except KeyError as error:
-        raise ParameterError(f"cable model {SCHEDULED!r} has no parameter {error.args[0]!r}") from None
 
 
 _PLACES = 400
@@ -294,10 +268,36 @@ def _like(parameters: tuple[tuple[str, float], ...]) -> BoucWen:
     return bouc_wen_like(identified("sliding", {k: value for k, value in parameters if k in Tendon._fields}))
 
 
-def _moved(cable: Cable, motor: Array) -> Array:
-    """The joint along a motion of the motor, a hundredth of a second from sample to sample (n,) [rad]."""
-    memory, joints = cable.start(cable.prepared, float(motor[0]), 1.0, 1.0), np.empty(len(motor))
-    for i, after in enumerate(motor.tolist()):
-        memory = cable.advance(cable.prepared, memory, float(motor[max(i - 1, 0)]), after, 1.0, 1.0, 0.01)
-        joints[i] = cable.look(cable.prepared, memory, after, 1.0, 1.0).joint
-    return joints
+def load_cable(path: Path | str, name: str = "") -> IdentifiedCable:
+    """Read all models of model.toml.
+
+    Args:
+        path: of the file.
+        name: of the file, as the cable shall have it; the path where it is not given.
+
+    Raises:
+        ParameterError: no such file, not written by `write_model`, an unknown model, or an absurd parameter.
+    """
+    return load_judged(path, name)[0]
+
+
+def load_judged(path: Path | str, name: str = "") -> tuple[IdentifiedCable, float]:
+    """`load_cable`, and the error of the recommended model on data that it had not seen; NaN where nothing says [rad].
+
+    Raises:
+        ParameterError: see `load_cable`.
+    """
+    best, models, units, covered, trust, encoders, judged = read_models(Path(path))
+    about = {"units": units, "covered": covered, "trust": trust, "encoders": encoders}
+    return IdentifiedCable(best, models, name or str(Path(path)), **about), judged  # type: ignore[arg-type]
+
+
+def cable_text(cable: IdentifiedCable) -> str:
+    """A model.toml that `load_cable` reads back; what an identification says beside the models is not in it."""
+    lines = [f"# An identified cable, written by bowden {__version__}.", f"best = {quoted(cable.best)}"]
+    lines += trust_lines(cable.trust)
+    lines += log_lines(cable.covered, cable.encoders)
+    for name, parameters in cable.models.items():
+        lines += ["", f"[models.{name}.parameters]"]
+        lines += [f"{key} = {float(value)!r}  # [{meaning(key)[0]}]" for key, value in parameters.items()]
+    return "\n".join(lines) + "\n"

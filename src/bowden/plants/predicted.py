@@ -8,11 +8,14 @@ from collections.abc import Callable, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from bowden.core.errors import ParameterError
+from bowden.models.cable import scheduled as scheduling
 from bowden.models.cable.bouc_wen import BoucWen
 from bowden.models.cable.bouc_wen_sensitivity import hysteresis
 from bowden.models.cable.generalised_play import joint_angle
 from bowden.models.cable.prandtl_ishlinskii import plays
-from bowden.plants.cables import branches_of
+from bowden.plants.cable_plant import Cable
+from bowden.plants.cables import DISTRIBUTED, branches_of, identified
 
 Array = NDArray[np.float64]
 Parameters = Mapping[str, float]
@@ -90,3 +93,46 @@ PREDICTED: Mapping[str, Callable[[Parameters, Array], Array]] = {
     "generalised_play": generalised_play,
 }
 """Every model's name that is fitted to a log, from the simplest on → the joint along a motion (n,) → (n,) [rad]."""
+
+NAMES = tuple(PREDICTED)
+"""Every family's name that is fitted to a log, from the simplest on."""
+SCHEDULED = "scheduled"
+"""The model of several logs, whose loop changes with the load or the bend (`bowden.models.cable.scheduled`)."""
+KNOWN = (*NAMES, *DISTRIBUTED, SCHEDULED)
+"""Every model that a cable may have."""
+
+
+def joint_along(name: str, parameters: Parameters, motor: Array) -> Array:
+    """Joint angle along a recorded motion of the motor, by a model of any name: (n,) [rad] → (n,) [rad].
+
+    Raises:
+        ParameterError: an unknown model, or a parameter that is missing.
+    """
+    if name in DISTRIBUTED:
+        return _moved(identified(name, parameters), motor)
+    if name == SCHEDULED:
+        cable, values = scheduled_of(parameters)
+        return scheduling.joint_angle(np.ascontiguousarray(motor, dtype=np.float64), cable, values)
+    if name not in PREDICTED:
+        raise ParameterError(f"there is no cable model {name!r}", expected=f"one of {', '.join(KNOWN)}")
+    try:
+        return PREDICTED[name](parameters, np.ascontiguousarray(motor, dtype=np.float64))
+    except KeyError as error:
+        raise ParameterError(f"cable model {name!r} has no parameter {error.args[0]!r}") from None
+
+
+def scheduled_of(parameters: Parameters) -> tuple[scheduling.ScheduledCable, tuple[float, ...]]:
+    """A scheduled cable, and where it is looked at."""
+    try:
+        return scheduling.cable_of(parameters)
+    except KeyError as error:
+        raise ParameterError(f"cable model {SCHEDULED!r} has no parameter {error.args[0]!r}") from None
+
+
+def _moved(cable: Cable, motor: Array) -> Array:
+    """The joint along a motion of the motor, a hundredth of a second from sample to sample (n,) [rad]."""
+    memory, joints = cable.start(cable.prepared, float(motor[0]), 1.0, 1.0), np.empty(len(motor))
+    for i, after in enumerate(motor.tolist()):
+        memory = cable.advance(cable.prepared, memory, float(motor[max(i - 1, 0)]), after, 1.0, 1.0, 0.01)
+        joints[i] = cable.look(cable.prepared, memory, after, 1.0, 1.0).joint
+    return joints

@@ -40,10 +40,11 @@ from bowden.plants.bench import Bench
 from bowden.plants.cable_parameters import outside
 from bowden.plants.cable_plant import CablePlant
 from bowden.plants.cables import plant_of_model
-from bowden.plants.identified import SCHEDULED, CableModel, IdentifiedCable
+from bowden.plants.identified import CableModel, IdentifiedCable
 from bowden.plants.knowledge_of import knowledge_of
 from bowden.plants.plant import Plant
 from bowden.plants.plant_file import PlantFile
+from bowden.plants.predicted import SCHEDULED
 from bowden.plants.suit_parts import Suit
 from bowden.plants.user_plant import UserPlant
 from bowden.rig import axes as several

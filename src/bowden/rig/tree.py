@@ -17,8 +17,7 @@ from bowden.core.quantity import declared
 from bowden.core.toml_text import quoted
 from bowden.models.cable.bouc_wen import BoucWen
 from bowden.plants.counting import Counting
-from bowden.plants.identified import IdentifiedCable
-from bowden.plants.model_file import cable_text, load_cable
+from bowden.plants.identified import IdentifiedCable, cable_text, load_cable
 from bowden.plants.plant_file import PlantFile, as_file, plant_file
 from bowden.rig import axes, emg_setup
 from bowden.rig.checked import Gains

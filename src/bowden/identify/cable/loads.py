@@ -52,7 +52,8 @@ from bowden.models.cable.scheduled import (
 )
 from bowden.plants.cable_parameters import shown_value
 from bowden.plants.counting import covered_by
-from bowden.plants.identified import SCHEDULED, CableModel
+from bowden.plants.identified import CableModel
+from bowden.plants.predicted import SCHEDULED
 from bowden.plants.trust import QUARTER, Trust, least
 
 if TYPE_CHECKING:

@@ -10,8 +10,8 @@ from bowden.core.units import DEGREES
 from bowden.identify.cable.fit import Fit, ModelFit
 from bowden.identify.cable.loop import HysteresisLoop
 from bowden.plants.cable_parameters import meaning
-from bowden.plants.identified import NAMES
 from bowden.plants.model_file import log_lines
+from bowden.plants.predicted import NAMES
 from bowden.plants.trust import trust_lines
 
 

@@ -41,7 +41,8 @@ from bowden.models.cable.scheduled import VARIABLES
 from bowden.plants.cable_parameters import outside
 from bowden.plants.cables import DISTRIBUTED
 from bowden.plants.counting import Covered, fitted_range
-from bowden.plants.identified import SCHEDULED, CableModel, IdentifiedCable
+from bowden.plants.identified import CableModel, IdentifiedCable
+from bowden.plants.predicted import SCHEDULED
 from bowden.plants.trust import Trust, least
 
 if TYPE_CHECKING:
