@@ -312,11 +312,12 @@ def digest(values: Mapping[str, Any]) -> str:
         own = {name: found for name in _USUAL if (found := _of_process(values[name])) is not None}
         tree = tree_of({**values, **{name: _USUAL[name] for name in own}}, of_process=True)
         emg = values["emg"]
+        held = isinstance(values["cable"], IdentifiedCable) or values["plant"] is not None  # its content says more
         without: dict[str, tuple[str, ...]] = {
             "drive": ("interface", "channel"),
             "load_cell": ("interface", "channel"),
             "emg": ("wearer", "source"),
-            "cable": ("model", "model_hash", "plant"),
+            "cable": tuple(tree["cable"]) if held else (),
             "control": ("law",) if isinstance(values["law"], LawFile) else (),
             "reference": () if "reference" in own else ("file", "time_column", "position_column", "unit"),
         }
@@ -364,7 +365,8 @@ def _content_hash(value: Any) -> Any:
         return hashlib.sha256(np.round(value.position, 9).tobytes() + np.round(value.time, 9).tobytes()).hexdigest()
     if isinstance(value, LawFile | PlantFile):
         modules = {one.file: hashlib.sha256(one.source).hexdigest() for one in value.modules}
-        return [value.name.rpartition(".py")[2], hashlib.sha256(value.source).hexdigest(), modules]
+        changed = dict(value.changed) if isinstance(value, PlantFile) else {}
+        return [value.name.rpartition(".py")[2], hashlib.sha256(value.source).hexdigest(), modules, changed]
     return None
 
 
