@@ -21,8 +21,8 @@ from bowden.core.trace import Trace
 from bowden.core.units import RADIANS
 from bowden.models.suit.arm import Wearer
 from bowden.plants.suit_parts import Suit
+from bowden.plants.suit_push import push_of
 from bowden.sim.run import simulate
-from bowden.sim.suit_sources import push_of
 
 MIDDLE = 45.0 * RADIANS
 """Of the elbow's range [rad]."""

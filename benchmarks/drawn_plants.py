@@ -18,12 +18,12 @@ from bowden.control.reference import PeriodicMinimumJerk
 from bowden.core.units import DEGREES, RADIANS
 from bowden.models.cable.bouc_wen import BoucWen, saturation
 from bowden.models.cable.sheath import Sheath
+from bowden.models.cable.sheath_path import BendPath, scripted_bend
 from bowden.models.drive.encoder import Encoder
 from bowden.models.drive.servo import Servo
 from bowden.plants.cable_plant import CablePlant
 from bowden.plants.cables import bouc_wen
 from bowden.sim.many import Case, simulate_many
-from bowden.sim.scenario import BendPath, scripted_bend
 
 
 class RandomPlant(NamedTuple):

@@ -27,9 +27,9 @@ from bowden.export.kinds import Style
 from bowden.export.law import law_module
 from bowden.export.readme import FLAGS
 from bowden.export.unit import files
+from bowden.models.cable.sheath_path import constant_bend
 from bowden.rig.presets import bench as paper
 from bowden.sim.run import inputs_of, simulate
-from bowden.sim.scenario import constant_bend
 from hand_c import compiler
 from measure import Timing, by_turns, machine
 

@@ -26,9 +26,9 @@ import results
 from bowden.core.metrics import rmse
 from bowden.core.units import DEGREES, RADIANS
 from bowden.identify.cable.identification import follow
-from bowden.identify.cable.model import CableModel
 from bowden.identify.cable.path import build_path
 from bowden.identify.cable.turns import find_turns, motor_noise, reversals
+from bowden.plants.identified import CableModel
 
 TITLE = "Identification against others"
 

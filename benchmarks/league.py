@@ -21,6 +21,7 @@ import unseen
 from bowden.control import LAWS, user_law
 from bowden.control.knowledge import configured
 from bowden.control.law import Law
+from bowden.control.recorded_motion import RecordedFile, read_motion
 from bowden.control.reference import PeriodicMinimumJerk, PointToPoint, Trajectory
 from bowden.core.units import RADIANS
 from bowden.identify.cable.identification import identify_log
@@ -28,6 +29,7 @@ from bowden.identify.log.read import read_log
 from bowden.models.cable.capstan import Tendon
 from bowden.models.cable.lumped_cable import LumpedTendon
 from bowden.models.cable.sheath import Sheath
+from bowden.models.cable.sheath_path import BendPath, constant_bend, scripted_bend
 from bowden.models.drive.encoder import Encoder
 from bowden.plants.bench import Bench
 from bowden.plants.cable_plant import Cable, CablePlant
@@ -36,10 +38,7 @@ from bowden.plants.friction_cables import lumped, sliding
 from bowden.plants.knowledge_of import knowledge_of
 from bowden.plants.pose_cable import poses
 from bowden.rig.presets.bench import default_bench, moved_sheath
-from bowden.rig.recorded import read_motion
-from bowden.rig.sections import RecordedFile
 from bowden.sim.many import Case, simulate_many
-from bowden.sim.scenario import BendPath, constant_bend, scripted_bend
 
 DATA = Path(__file__).parents[2] / "shared" / "data"
 STROKE = 70.0 * RADIANS

@@ -19,13 +19,14 @@ from bowden.control import LAWS
 from bowden.control.reference import Multisine
 from bowden.core.kernel import compiled, kernel
 from bowden.core.units import DEGREES
-from bowden.identify.cable.bouc_wen import BoucWenCable, simulate
+from bowden.identify.cable.bouc_wen import BoucWenCable
 from bowden.identify.cable.identification import identify
 from bowden.identify.cable.path import Path, build_path
 from bowden.identify.cable.turns import find_turns, motor_noise
 from bowden.identify.log.read import read_log
 from bowden.models.cable.bouc_wen import BoucWen, saturation, travel_step
 from bowden.models.cable.bouc_wen_sensitivity import hysteresis
+from bowden.plants.predicted import bouc_wen
 from bowden.rig.presets import bench as paper
 from bowden.sim import run
 from measure import Row, Timing, by_turns
@@ -65,7 +66,7 @@ class HalfLog:
         """Error on the second half, simulated from the log's start [rad]."""
         path = self.path(2 * NODES, whole=True)
         unseen = path.with_weight(np.where(path.time > self.time[self.split], path.weight, 0.0))
-        return error_on(unseen, simulate(parameters, path.motor))
+        return error_on(unseen, bouc_wen(parameters, path.motor))
 
 
 @dataclass(frozen=True)
@@ -239,7 +240,7 @@ def rows(rounds: int = 5) -> tuple[list[Row], list[str]]:
     for log in logs():
         parameters = ours(log)
         path = log.path(JUDGED)
-        target = error_on(path, simulate(parameters, path.motor))
+        target = error_on(path, bouc_wen(parameters, path.motor))
         timing = by_turns(rounds, ours=lambda log=log: ours(log))["ours"]
         mine = log.test_rms(parameters)
         said = []

@@ -18,22 +18,22 @@ from bowden.core.errors import BowdenError
 from bowden.core.units import RADIANS
 from bowden.cycle.one_cycle import Cycle
 from bowden.design.forecast import off_reference
+from bowden.design.objections import objections
 from bowden.design.other_law import chosen_law
 from bowden.design.verdict import verdicts
 from bowden.hardware.ports import Power
-from bowden.identify.cable.counting import Covered
-from bowden.identify.cable.model import IdentifiedCable
+from bowden.hardware.twin.of_rig import twin_plant_of
 from bowden.live.live_run import live_run
 from bowden.live.preflight import REASONS, Reason, require
 from bowden.live.row import NOTHING_READ
 from bowden.models.cable.bouc_wen import BoucWen, saturation
 from bowden.models.drive.thermal import cold
 from bowden.operations.init import init
+from bowden.plants.counting import Covered
+from bowden.plants.identified import IdentifiedCable
 from bowden.rig.compose_suit import elbow_dead_zone
-from bowden.rig.objections import objections
 from bowden.rig.rig import Rig
 from bowden.rig.settings import SuitSettings
-from bowden.rig.twin_plant import twin_plant_of
 from bowden.safety.faults import of
 from bowden.safety.state import Mode, Observed, Request
 from kept import Kept

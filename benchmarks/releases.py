@@ -17,14 +17,14 @@ from bowden.control.reference import PeriodicMinimumJerk
 from bowden.core.kernel import compiled
 from bowden.core.signals import DriveReading
 from bowden.core.units import DEGREES, RADIANS
+from bowden.design.rig_of_suit import suit_text
 from bowden.hardware.twin.bench import FOLLOW
+from bowden.hardware.twin.of_rig import twin_plant_of
 from bowden.hardware.twin.suit import TwinSuit
 from bowden.models.cable.bouc_wen import BoucWen, saturation
 from bowden.models.drive.servo import Servo
 from bowden.models.drive.thermal import cold
 from bowden.rig.rig import Rig
-from bowden.rig.suit_rig import suit_text
-from bowden.rig.twin_plant import twin_plant_of
 from bowden.safety.faults import Fault
 from bowden.safety.limits import Limits
 from bowden.safety.release import longest_release

@@ -18,6 +18,7 @@ from bowden.core.units import RADIANS
 from bowden.models.cable.bouc_wen import BoucWen, saturation
 from bowden.models.cable.capstan import Tendon
 from bowden.models.cable.sheath import Sheath
+from bowden.models.cable.sheath_path import BendPath, constant_bend, scripted_bend
 from bowden.models.drive.encoder import Encoder
 from bowden.models.drive.servo import Servo
 from bowden.models.minimum_jerk import minimum_jerk_over
@@ -25,7 +26,6 @@ from bowden.plants.cable_plant import Cable, CablePlant
 from bowden.plants.friction_cables import sliding
 from bowden.plants.knowledge_of import knowledge_of
 from bowden.sim.many import Case
-from bowden.sim.scenario import BendPath, constant_bend, scripted_bend
 from unseen_rig import OPERATORS, PUSHES, Worn, WornCable, WornRig, worn_cable
 
 Array = NDArray[np.float64]

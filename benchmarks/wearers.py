@@ -17,11 +17,11 @@ from bowden.control.law import Law
 from bowden.control.reference import PeriodicMinimumJerk
 from bowden.core.trace import Trace
 from bowden.core.units import DEGREES, RADIANS
+from bowden.models.cable.sheath_path import BendPath, random_bend
 from bowden.models.suit.arm import Wearer, arm_of
 from bowden.models.suit.flex_sensor import PAPER_FLEX
 from bowden.plants.suit_parts import Suit
 from bowden.sim.run import simulate
-from bowden.sim.scenario import BendPath, random_bend
 
 PERIOD, FLEXIONS, LEARNING = 25.0, 4, 2
 """Of the reference, 0–90°, as in Fig. 17 [s]; how many are run; and how many of them a law has to learn in."""

@@ -23,11 +23,11 @@ from bowden.live.ring import RingReader, RingWriter
 from bowden.live.ring_status import RecorderState, Report
 from bowden.live.row import AT, NOTHING_READ, description
 from bowden.live.script import Script
+from bowden.models.cable.sheath_path import constant_bend
 from bowden.models.drive.thermal import cold
 from bowden.rig.presets.bench import default_bench
 from bowden.safety.limits import ARM_LOWERING, Limits
 from bowden.safety.state import Mode, Request
-from bowden.sim.scenario import constant_bend
 
 PERIOD = SECOND // 1000
 SUIT_LIMITS = Limits(

@@ -12,11 +12,11 @@ import bowden
 from bowden.app import main
 from bowden.core.errors import ParameterError
 from bowden.hardware.twin.bench import FOLLOW, OFF
-from bowden.identify.cable.model import CableModel, IdentifiedCable
+from bowden.hardware.twin.of_rig import twin_plant_of
 from bowden.models.cable.bouc_wen import BoucWen
+from bowden.plants.identified import CableModel, IdentifiedCable
 from bowden.rig.rig import Rig
 from bowden.rig.settings import SuitSettings
-from bowden.rig.twin_plant import twin_plant_of
 from bowden.study.tune_law import tuned
 from live_runs import SHARED_LIMITS, tries
 

@@ -17,13 +17,13 @@ from bowden.core.units import RADIANS
 from bowden.hardware.twin.bench import FOLLOW
 from bowden.hardware.twin.suit import TwinSuit
 from bowden.live.live_run import live_run
+from bowden.models.cable.sheath_path import constant_bend
 from bowden.models.drive.geared_motor import GearedMotor
 from bowden.operations.schema import json_schema
 from bowden.plants.suit_parts import Suit
+from bowden.plants.suit_push import behind, push_of
 from bowden.rig import compose_admittance
 from bowden.rig.rig import Rig
-from bowden.sim.scenario import constant_bend
-from bowden.sim.suit_sources import behind, push_of
 
 pytestmark = pytest.mark.usefixtures("undrawn")
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from bowden.app.main import run
-from bowden.identify.cable.model_file import load_cable
+from bowden.plants.identified import load_cable
 from bowden.rig.presets.bench import default_bench
 
 pytestmark = pytest.mark.usefixtures("undrawn")

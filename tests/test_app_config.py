@@ -10,10 +10,10 @@ import pytest
 from bowden.control import LAWS
 from bowden.core.errors import BowdenError, ParameterError
 from bowden.core.units import RADIANS
+from bowden.design.rig_of_bench import toml_text
 from bowden.models.cable.bouc_wen import BoucWen
 from bowden.operations.schema import json_schema
 from bowden.paper.bench import observer as paper_observer
-from bowden.rig.page import toml_text
 from bowden.rig.presets.bench import calibration, default_bench, minimum_jerk
 from bowden.rig.rig import Rig
 from bowden.rig.sections import BENDS, REFERENCES, RigFile

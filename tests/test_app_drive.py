@@ -14,13 +14,13 @@ import pytest
 from bowden.app import main
 from bowden.core.errors import DriveError
 from bowden.core.signals import EMERGENCY_STOP, DriveReading, DriveState
-from bowden.hardware.drives.family import family_of
 from bowden.hardware.ports import Power
 from bowden.live import drive_look
 from bowden.live.drive_look import DriveLook, looked_at
 from bowden.live.twin_process import RunningTwin, running_twin
 from bowden.operations import drive
 from bowden.operations.schema import json_schema
+from bowden.rig.families import family_of
 
 READING = DriveReading(0.5, 0.4, 1.0, math.nan, 30.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0)
 

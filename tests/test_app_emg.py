@@ -16,7 +16,7 @@ from bowden.hardware.ports import EmgChunk
 from bowden.identify.emg.levels import envelope_levels
 from bowden.identify.emg.log import read_emg
 from bowden.operations.schema import json_schema
-from bowden.rig import wearer_file
+from bowden.sensing import wearer_file
 from bowden.sensing.envelope import DEFAULTS
 from bowden.sensing.stream import EnvelopeFilter
 from bowden.sim.emg import NOISE, background, contractions

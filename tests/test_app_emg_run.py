@@ -9,15 +9,14 @@ import pytest
 
 from bowden.app.main import run
 from bowden.core.errors import BowdenError
-from bowden.hardware.emg.course import CourseSettings
+from bowden.hardware.emg.recorded import EmgMotion, columns
 from bowden.hardware.ports import EmgChunk
 from bowden.live.emg_summary import figures
 from bowden.live.live_run import Live, live_run
 from bowden.live.preflight import Preflight, require
 from bowden.live.screen import _emg, wearer
-from bowden.rig.emg_motion import EmgMotion
-from bowden.rig.emg_setup import columns
 from bowden.rig.rig import Rig
+from bowden.sensing.course import CourseSettings
 from bowden.sensing.stream import EnvelopeFilter
 
 pytestmark = pytest.mark.usefixtures("undrawn")

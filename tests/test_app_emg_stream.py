@@ -24,7 +24,7 @@ from bowden.hardware.emg.lsl_outlet import LslOutlet, replay
 from bowden.hardware.emg.sources import open_source
 from bowden.hardware.ports import EmgChunk
 from bowden.operations.schema import json_schema
-from bowden.rig import wearer_file
+from bowden.sensing import wearer_file
 from bowden.sim.emg import background, contractions
 
 RATE = 1000.0

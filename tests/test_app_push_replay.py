@@ -52,12 +52,6 @@ def told(ran: Live) -> dict[str, Any]:
     return found
 
 
-def older(settings: dict[str, Any]) -> dict[str, Any]:
-    """The same as older versions wrote it: with the sections of the rig.toml alone."""
-    sections: dict[str, Any] = json.loads(json.dumps(Rig.read("rig.toml").tree()))
-    return settings | {"rig": sections}
-
-
 def recording(settings: dict[str, Any]) -> Recording:
     nothing = np.empty((0, 0))
     return Recording({}, None, (), (), np.arange(0), nothing, [], Damage(0, 0, 0), settings)
@@ -93,20 +87,20 @@ def test_a_table_is_the_same_table_for_any_law() -> None:
     [
         (lambda s: s.pop("rig"), "the log has no rig, of which the wearer's push is made for another law"),
         (
-            lambda s: s["rig"]["suit"].update(friction_mn=1),
+            lambda s: s["rig"]["tree"]["suit"].update(friction_mn=1),
             "the log's rig: unknown key 'friction_mn' in [suit]; expected "
             f"{near('friction_mn', PARTS['suit'].section.model_fields)}",
         ),
         (
-            lambda s: s["rig"]["suit"].update(friction_nm=-1.0),
+            lambda s: s["rig"]["tree"]["suit"].update(friction_nm=-1.0),
             "the log's rig: suit.friction_nm is -1.0; expected a number not below 0",
         ),
         (
-            lambda s: s["rig"]["suit"].update(worn=False),
+            lambda s: s["rig"]["tree"]["suit"].update(worn=False),
             "the log's rig: [admittance]: [admittance] is enabled without a suit; expected suit.worn = true",
         ),
         (
-            lambda s: s["rig"]["suit"].update(friction_nm=3.0),
+            lambda s: s["rig"]["tree"]["suit"].update(friction_nm=3.0),
             "the log's rig computes the wearer's push in another way: its chain.friction is 3, and ran with 2.3032",
         ),
         (
@@ -116,22 +110,13 @@ def test_a_table_is_the_same_table_for_any_law() -> None:
     ],
 )
 def test_what_cannot_be_made_again_is_refused_and_its_own_law_is_not(change: Any, said: str) -> None:
-    settings = older(told(live("uncompensated")))
+    settings = told(live("uncompensated"))
     change(settings)
     log = recording(settings)
     assert source_for(log, LAWS["uncompensated"]).name == "admittance"
     with pytest.raises(LogError) as refused:
         source_for(log, LAWS["adaptive"])
     assert str(refused.value) == f"{said}; replay it without --law, which needs no rig"
-
-
-def test_the_cables_model_of_the_run_is_not_looked_for(folder: Path) -> None:
-    settings = older(told(live("uncompensated")))
-    settings["rig"]["cable"]["model"] = "cable.toml"
-    for written in (None, "what another run has"):
-        if written:
-            Path("cable.toml").write_text(written)
-        assert source_for(recording(settings), LAWS["adaptive"]).settings == live("adaptive").source().settings
 
 
 CYCLES = 300

@@ -6,11 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from bowden.control.recorded_motion import RecordedFile, read_motion
 from bowden.core.errors import BowdenError
 from bowden.core.trace import Trace
 from bowden.core.units import RADIANS
-from bowden.rig.recorded import read_motion
-from bowden.rig.sections import RecordedFile
 
 pytestmark = pytest.mark.usefixtures("undrawn")
 

@@ -98,7 +98,11 @@ def test_a_file_that_is_edited_after_the_check_changes_nothing(
     log = read(Path(found["log"]))
     assert found["rig"] == log.settings["rig"]["hash"] == Rig.unpack(log.settings["rig"]).hash
     assert log.settings["twin"], "else a twin's late answers would be told as the drive's"
-    assert log.settings["gains"]["feedback_gain"] == log.settings["rig"]["gains"]["feedback_gain"] == 3.0
+    assert (
+        log.settings["gains"]["feedback_gain"]
+        == log.settings["rig"]["tree"]["control"]["gains"]["feedback_gain"]
+        == 3.0
+    )
     assert found["rig"] != checked, "the duration and the bus are the command's"
     path.unlink()
     assert_replays(found["log"])

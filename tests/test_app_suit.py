@@ -10,12 +10,12 @@ from bowden.control import LAWS
 from bowden.core.errors import ParameterError
 from bowden.core.toml_text import quoted
 from bowden.core.units import RADIANS
-from bowden.identify.cable.model import CableModel, IdentifiedCable
+from bowden.design.rig_of_bench import toml_text
 from bowden.models.cable.bouc_wen import BoucWen, saturation
 from bowden.operations.init import init
 from bowden.operations.simulate import _of_suit
+from bowden.plants.identified import CableModel, IdentifiedCable
 from bowden.report.simulate_page import simulation_page
-from bowden.rig.page import toml_text
 from bowden.rig.presets.suit import suit
 from bowden.rig.rig import Rig
 from bowden.rig.settings import SuitSettings

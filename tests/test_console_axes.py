@@ -9,8 +9,7 @@ from bowden.console.state import rig_of
 from bowden.console.stream import columns_of, curves_of
 from bowden.core.errors import ParameterError
 from bowden.live.live_run import live_run
-from bowden.rig.axes import Axis
-from bowden.rig.rig import Rig
+from bowden.rig.rig import Axis, Rig
 from console_client import RIG, running_console
 
 

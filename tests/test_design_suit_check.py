@@ -22,11 +22,11 @@ from bowden.operations.schema import json_schema
 from bowden.plants.suit_linear import linear_suit, without_friction
 from bowden.plants.suit_parts import Suit
 from bowden.plants.transmission import transmission, unrest
-from bowden.rig import ranges
 from bowden.rig.presets.bench import default_bench
 from bowden.rig.presets.suit import DRIVE_INTEGRAL, suit, suit_adaptive
 from bowden.rig.rig import Rig
 from bowden.rig.settings import AdmittanceSettings, SuitSettings, WearerSettings
+from bowden.sim import ranges
 
 STROKE = (0.0, 70.0 * RADIANS)
 BEND = float(np.pi)

@@ -28,12 +28,12 @@ from bowden.design.tune import NoGainsError, tune
 from bowden.design.tune_judge import WANTED_DB, WANTED_DEG, Task, chatter, keeps, shortfall
 from bowden.design.tune_rig import easier
 from bowden.design.tune_runs import NineRuns, TuningTarget, course_of, runs_of
+from bowden.models.cable.sheath_path import BendPath, constant_bend, scripted_bend
 from bowden.operations.schema import json_schema
 from bowden.plants.bench import Bench
 from bowden.rig.presets.bench import default_bench
 from bowden.rig.rig import Rig
 from bowden.sim.run import simulate
-from bowden.sim.scenario import BendPath, constant_bend, scripted_bend
 from bowden.study import tune_study
 from bowden.study.load import load
 from bowden.study.rows import table_of

@@ -19,9 +19,9 @@ from bowden.control.conditioning import Conditioned
 from bowden.core.signals import EMERGENCY_STOP, DriveState
 from bowden.export.readme import FLAGS
 from bowden.hardware.ports import Power
-from bowden.identify.cable.counting import Counting
-from bowden.identify.cable.model import CableModel
 from bowden.operations.schema import json_schema
+from bowden.plants.counting import Counting
+from bowden.plants.identified import CableModel
 from bowden.rig.rig import Rig
 from bowden.safety.faults import Fault
 from bowden.safety.state import Mode, Request

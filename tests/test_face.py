@@ -151,7 +151,7 @@ def test_an_error_is_one_line_without_a_chain(call: str, said: str) -> None:
     [
         "import bowden; f = bowden.identify",
         "import bowden.identify.log.read; import bowden; f = bowden.identify",
-        "from bowden import identify as f; import bowden.identify.cable.model",
+        "from bowden import identify as f; import bowden.plants.identified",
         "import bowden.identify.log.read as module; assert module.read_log; import bowden; f = bowden.identify",
     ],
 )

@@ -13,12 +13,12 @@ from bowden.core.kernel import kernel
 from bowden.core.quantity import Quantity
 from bowden.export.parts import emg_modules
 from bowden.hardware.buses.link import Links
-from bowden.hardware.drives import family as drive_families
-from bowden.hardware.drives.family import DriveFamily, DriveNeeds, family_named, family_of, names
 from bowden.hardware.emg.listener import Listener
 from bowden.hardware.ports import Drive, EmgChunk, Power
 from bowden.hardware.twin.bench import TwinBench
 from bowden.identify.emg.score import find
+from bowden.rig import families as drive_families
+from bowden.rig.families import DriveFamily, DriveNeeds, family_named, family_of, names
 from bowden.rig.rig import Rig
 from bowden.sensing.detector import Detector, Trouble
 from bowden.sensing.detectors import DETECTORS, detector_named

@@ -21,13 +21,15 @@ from bowden.hardware.drives import (
     odrive_probe,
     odrive_setup,
 )
-from bowden.hardware.drives.family import family_of
 from bowden.hardware.drives.findings import LagWatch
-from bowden.hardware.drives.load_cell import LoadCellParameters, LoadCellReader
+from bowden.hardware.drives.load_cell import LoadCellReader
+from bowden.hardware.drives.of_rig import open_drive
 from bowden.hardware.ports import Power, serial_of
 from bowden.hardware.twin.bench import OFF
 from bowden.plants.suit_parts import Suit
 from bowden.rig.drive import drive_needs
+from bowden.rig.families import family_of
+from bowden.rig.load_cell import LoadCellParameters
 from bowden.rig.presets.bench import default_bench
 from bowden.safety.limits import Limits
 from bowden.safety.state import Mode
@@ -96,7 +98,7 @@ def test_a_load_cell_that_is_slow_or_cut_from_the_first_gets_no_run(missed: int,
 )
 def test_a_drive_tells_its_serial_number_where_its_family_has_one(name: str, serial: str) -> None:
     rig, bus, _ = played(name)
-    drive = rig.open_drive(Links(bus))
+    drive = open_drive(rig.drive_parameters, rig.load_cell, Links(bus))
     drive.bring_up()
     assert serial_of(drive) == serial
 

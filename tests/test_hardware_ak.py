@@ -34,9 +34,9 @@ from bowden.hardware.twin.bench import FOLLOW, OFF, TwinBench
 from bowden.hardware.twin.injection import parse
 from bowden.live.by_hand import require_watch, unseen_watch
 from bowden.live.live_run import require_joint
+from bowden.models.cable.sheath_path import constant_bend
 from bowden.rig.presets.bench import bench
 from bowden.rig.rig import Rig
-from bowden.sim.scenario import constant_bend
 from support.memory_bus import MemoryBus
 
 CYCLE = 1e-3

@@ -18,8 +18,8 @@ from bowden.hardware.ports import Power
 from bowden.hardware.twin.bench import TwinBench
 from bowden.hardware.twin.control import TwinControl
 from bowden.hardware.twin.twin import Twin
+from bowden.models.cable.sheath_path import constant_bend
 from bowden.rig.presets.bench import bench
-from bowden.sim.scenario import constant_bend
 
 DRIVE = DriveParameters(interface="virtual", channel="any-bus", bitrate=500_000)
 

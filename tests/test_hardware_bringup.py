@@ -17,8 +17,8 @@ from bowden.hardware.ports import Power
 from bowden.hardware.twin.bench import TwinBench
 from bowden.hardware.twin.bus import TwinBus
 from bowden.hardware.twin.objects import Key
+from bowden.models.cable.sheath_path import constant_bend
 from bowden.rig.presets.bench import bench
-from bowden.sim.scenario import constant_bend
 
 DRIVE = DriveParameters(answer_timeout=0.05)
 CYCLE = 1e-3

@@ -22,10 +22,10 @@ from bowden.hardware.twin.bench import TwinBench
 from bowden.hardware.twin.bus import TwinBus
 from bowden.hardware.twin.injection import parse
 from bowden.identify.servo.fit import identify_servo
+from bowden.models.cable.sheath_path import constant_bend
 from bowden.models.drive.encoder import Encoder
 from bowden.models.drive.servo import ServoState, prepare, servo_step
 from bowden.rig.presets.bench import bench
-from bowden.sim.scenario import constant_bend
 
 DRIVE = DriveParameters(answer_timeout=0.05)
 CYCLE = 1e-3

@@ -22,8 +22,8 @@ from bowden.hardware.twin.bench import TwinBench
 from bowden.hardware.twin.bus import TwinBus
 from bowden.hardware.twin.canopen_node import CanopenNode
 from bowden.hardware.twin.injection import KINDS, parse
+from bowden.models.cable.sheath_path import constant_bend
 from bowden.rig.presets.bench import bench
-from bowden.sim.scenario import constant_bend
 
 CYCLE = 1e-3
 DRIVE = DriveParameters(answer_timeout=0.05, tension_scale=0.01, tension_zero=200.0)

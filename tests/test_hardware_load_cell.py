@@ -15,7 +15,7 @@ from bowden.hardware.buses.link import BusPlace, Links
 from bowden.hardware.drives import canopen_frames as frames
 from bowden.hardware.drives.ak_drive import AkDrive
 from bowden.hardware.drives.ak_parameters import AkParameters
-from bowden.hardware.drives.load_cell import VALUE_32, LoadCellParameters, LoadCellReader
+from bowden.hardware.drives.load_cell import VALUE_32, LoadCellReader
 from bowden.hardware.drives.moteus_parameters import MoteusParameters
 from bowden.hardware.drives.parameters import DriveParameters, load_of, load_range, tared
 from bowden.hardware.drives.with_load_cell import DriveWithLoadCell
@@ -29,13 +29,13 @@ from bowden.hardware.twin.objects import Key
 from bowden.hardware.twin.sampler import Sampler
 from bowden.live.drive_look import tare
 from bowden.live.live_run import live_run
+from bowden.models.cable.sheath_path import constant_bend
 from bowden.models.drive.thermal import cold
-from bowden.rig.drive import BESIDE
+from bowden.rig.load_cell import BESIDE, LoadCellParameters
 from bowden.rig.presets.bench import bench
 from bowden.rig.rig import Rig
 from bowden.safety.limits import Limits
 from bowden.safety.supervisor import begin
-from bowden.sim.scenario import constant_bend
 from support.memory_bus import MemoryBus
 
 PLACE = BusPlace("bowden_unix", "bowden", 1_000_000)

@@ -18,13 +18,13 @@ from bowden.hardware.twin.bench import BRAKE, FOLLOW, OFF
 from bowden.hardware.twin.bus import TwinBus
 from bowden.hardware.twin.sampler import RATED_CURRENT
 from bowden.hardware.twin.suit import TwinSuit
+from bowden.models.cable.sheath_path import constant_bend, scripted_bend
 from bowden.models.drive.geared_motor import GearedMotor, SpoolState, drive_motor
 from bowden.models.suit.arm import Wearer
 from bowden.models.suit.suit_angle import spool_map, spool_of
 from bowden.plants.suit_parts import Suit
 from bowden.safety.faults import Reaction
 from bowden.safety.state import Mode, Verdict
-from bowden.sim.scenario import constant_bend, scripted_bend
 
 SUIT = Suit(motor=GearedMotor(integral=40.0))
 DRIVE = DriveParameters(gear=SUIT.motor.gear, spool=spool_map(SUIT.geometry, SUIT.spool_radius))

@@ -22,6 +22,7 @@ from bowden.hardware.twin.suit import TwinSuit
 from bowden.live.brake_hold import BrakeHold
 from bowden.live.preflight import Preflight
 from bowden.live.script import Script
+from bowden.models.cable.sheath_path import constant_bend
 from bowden.models.drive.geared_motor import GearedMotor
 from bowden.models.drive.holding_brake import (
     ENGAGING,
@@ -39,7 +40,6 @@ from bowden.rig.rig import Rig
 from bowden.safety.limits import ARM_LOWERING
 from bowden.safety.supervisor import Mode
 from bowden.sim.run import simulate
-from bowden.sim.scenario import constant_bend
 from loop_rig import SUIT_LIMITS, LoopRig
 from support.simulated_drive import SimulatedDrive
 

@@ -16,12 +16,12 @@ from bowden.app.main import run
 from bowden.core.errors import OutputError, ParameterError
 from bowden.identify.cable.fit import Fit, model_text
 from bowden.identify.cable.identification import identify
-from bowden.identify.cable.model import NAMES
-from bowden.identify.cable.model_file import load_cable
 from bowden.models.cable.bouc_wen import BoucWen
 from bowden.models.cable.bouc_wen_sensitivity import hysteresis
 from bowden.operations.identify import identify as operation
 from bowden.operations.schema import json_schema
+from bowden.plants.identified import load_cable
+from bowden.plants.predicted import NAMES
 from bowden.views.identify import _show_models
 
 pytestmark = pytest.mark.usefixtures("undrawn")

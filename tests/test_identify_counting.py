@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 
 from bowden.core.errors import ParameterError
-from bowden.identify.cable.counting import Counting, Covered, covered_by, recounted
-from bowden.identify.cable.model import CableModel, IdentifiedCable
-from bowden.identify.cable.model_file import cable_text, load_cable
-from bowden.rig.model_rig import with_stroke
+from bowden.design.rig_of_model import with_stroke
+from bowden.plants.counting import Counting, Covered, covered_by, recounted
+from bowden.plants.identified import CableModel, IdentifiedCable, cable_text, load_cable
 from bowden.rig.rig import Rig
 
 BOUC_WEN = {

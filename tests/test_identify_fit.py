@@ -12,13 +12,11 @@ from bowden.core.errors import LogError, ParameterError
 from bowden.core.metrics import rmse
 from bowden.core.units import DEGREES
 from bowden.identify.cable import settling as settling_module
-from bowden.identify.cable.bouc_wen import chebyshev
 from bowden.identify.cable.family import Estimate
 from bowden.identify.cable.fit import Fit
 from bowden.identify.cable.forecast import forecast
 from bowden.identify.cable.generalised import GeneralisedPlay
 from bowden.identify.cable.identification import identify
-from bowden.identify.cable.model import NAMES, CableModel
 from bowden.identify.cable.path import Path, build_path
 from bowden.identify.cable.settling import Settling, settling
 from bowden.identify.cable.stack import PrandtlIshlinskii
@@ -30,6 +28,8 @@ from bowden.models.cable.generalised_play import Branches, design_of, with_curve
 from bowden.models.cable.generalised_play import joint_angle as branched
 from bowden.models.cable.prandtl_ishlinskii import plays
 from bowden.plants.cables import branches_of
+from bowden.plants.identified import CableModel
+from bowden.plants.predicted import NAMES, chebyshev, generalised_play
 
 Array = NDArray[np.float64]
 
@@ -195,7 +195,7 @@ def test_the_final_model_holds_where_the_second_half_reaches_further() -> None:
     near = branches.fit(paths[0])
     whole = branches.refit(paths[1], near)
     assert whole.parameters["last_node"] > 0.54 > 0.51 > near.parameters["last_node"]
-    error = branches.predict(whole.parameters, motor) - branched(motor, 0.0, bent)
+    error = generalised_play(whole.parameters, motor) - branched(motor, 0.0, bent)
     assert rmse(error[1500:]) * DEGREES < 0.05
     assert rmse(error) * DEGREES < 0.1
 

@@ -18,8 +18,6 @@ from bowden.core.units import DEGREES
 from bowden.identify.cable.fit import Fit
 from bowden.identify.cable.joint_fit import JointFit, joint_text
 from bowden.identify.cable.loads import _levels, identify_loads
-from bowden.identify.cable.model import CableModel, IdentifiedCable
-from bowden.identify.cable.model_file import load_cable, load_judged
 from bowden.identify.cable.recalibrate import recalibrate, recalibrated, recalibrated_text, verdict
 from bowden.identify.log.read import Log, read_log
 from bowden.identify.log.variables import scheduled_by
@@ -28,6 +26,7 @@ from bowden.models.cable.scheduled import ScheduledCable, bouc_wen_at, cable_of,
 from bowden.models.cable.sheath import Sheath
 from bowden.operations.schema import json_schema
 from bowden.plants.cable_plant import Cable
+from bowden.plants.identified import CableModel, IdentifiedCable, load_cable, load_judged
 from bowden.plants.scheduled_cable import scheduled
 from bowden.rig.bends import ConstantBend
 

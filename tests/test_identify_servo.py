@@ -13,11 +13,11 @@ from bowden.app.main import run
 from bowden.core.errors import LogError
 from bowden.core.kernel import compiled
 from bowden.core.units import RADIANS
+from bowden.design.rig_of_bench import toml_text
 from bowden.identify.servo.fit import ServoEstimate, identify_servo
 from bowden.identify.servo.log import read_servo_log
 from bowden.models.drive.servo import Servo, prepare
 from bowden.operations.schema import json_schema
-from bowden.rig.page import toml_text
 from bowden.rig.rig import Rig
 from bowden.sim.samples.cable import follow
 

@@ -12,8 +12,8 @@ import pytest
 
 import bowden
 from bowden.app.main import run
-from bowden.identify.cable.model_file import load_cable
-from bowden.identify.cable.trusted import Trust
+from bowden.plants.identified import load_cable
+from bowden.plants.trust import Trust
 from bowden.rig.rig import Rig
 
 BENCHMARKS = Path(__file__).parents[1] / "benchmarks"

@@ -11,10 +11,10 @@ import pytest
 import bowden
 from bowden.core.bounded import Bounded
 from bowden.core.errors import BowdenError, ParameterError
-from bowden.identify.cable.model import IdentifiedCable
 from bowden.identify.log.read import Log
 from bowden.live.live_run import live_run
 from bowden.models.cable.bouc_wen import BoucWen
+from bowden.plants.identified import IdentifiedCable
 from bowden.rig import packing
 from bowden.rig.rig import Rig
 
@@ -310,7 +310,7 @@ def test_every_function_of_the_face_is_in_that_table() -> None:
         if not name.startswith("_") and set(inspect.signature(value).parameters) - {"self"}
     }
     # below; as to_pandas; of the loop, with its own buses
-    assert methods - set(CALLS) == {"Rig.unpack", "Trace.to_polars", "Rig.open_drive"}
+    assert methods - set(CALLS) == {"Rig.unpack", "Trace.to_polars"}
 
 
 # what a rig is packed as
@@ -325,12 +325,18 @@ FOREIGN: dict[str, Any] = {
     "an empty one": {},
     "no format": {"servo": {}},
     "a rig of the future": DOCUMENT | {"format": 99},
-    **{f"{name} is {value!r}": DOCUMENT | {name: value} for name in DOCUMENT for value in (3.5, "x", [1], {"a": 1})
-       if name not in ("format", "software", "origin", "hash", "own_gains") and (name, value) != ("preset", "x")
-       and not (value == 3.5 and name in ("sample_time", "width", "duration", "initial_motor", "bend"))},
-    "a recording that is none": DOCUMENT | {"reference": {"kind": "recorded", "said": {}, "time": "", "position": ""}},
-    "a law without a source": DOCUMENT | {"law": {"name": "a.py", "path": "a.py"}},
-    "a plant of text": DOCUMENT | {"plant": {"name": "a.py", "path": "a.py", "source": "!", "changed": {}}},
+    **{f"{name} is {value!r}": DOCUMENT | {name: value}
+       for name in ("tree", "files", "exact", "axes") for value in (3.5, "x", [1], {"a": 1})},
+    **{f"{name} is {value!r}": DOCUMENT | {"tree": DOCUMENT["tree"] | {name: value}}
+       for name in DOCUMENT["tree"] for value in (3.5, "x", [1], {"a": 1})},
+    "a recording that is none": DOCUMENT | {"files": {"reference": {"said": {}, "time": "", "position": ""}}},
+    "a law without a source": DOCUMENT | {"files": {"law": {"name": "a.py", "path": "a.py"}}},
+    "a law that is not there": DOCUMENT | {"tree": DOCUMENT["tree"] | {"control": {"law": "a.py"}}},
+    "a model that is not there": DOCUMENT | {"tree": DOCUMENT["tree"] | {"cable": {"model": "model.toml"}}},
+    "a plant of text": DOCUMENT | {"tree": DOCUMENT["tree"] | {"cable": {"plant": "a.py"}}} | {
+        "files": {"plant": {"name": "a.py", "path": "a.py", "source": "!", "changed": {}}}},
+    "an exact number of nothing": DOCUMENT | {"exact": {"servo.nothing": 1.0}},
+    "an exact number that is none": DOCUMENT | {"exact": {"servo.damping": [1]}},
     "own gains of no law": DOCUMENT | {"own_gains": {"nope": 1.0}},
 }  # fmt: skip
 
@@ -341,16 +347,6 @@ def test_a_foreign_document_is_refused_in_a_line(given: Any) -> None:
         Rig.unpack(given)
     assert "\n" not in str(caught.value)
     assert caught.value.expected
-
-
-def test_what_a_document_does_not_say_or_says_too_much_is_noted() -> None:
-    less = {name: value for name, value in DOCUMENT.items() if name != "plant"}
-    rig = Rig.unpack(less | {"spare": 1})
-    assert rig == Rig.unpack(DOCUMENT)
-    assert [note.partition(",")[0] for note in rig.notes] == [
-        "the packed rig has no plant: taken as the default bench has it",
-        "the packed rig has spare",
-    ]
 
 
 def test_a_rig_that_is_too_large_to_be_handed_on_is_refused_before_a_live_run(monkeypatch: pytest.MonkeyPatch) -> None:

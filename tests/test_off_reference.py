@@ -10,11 +10,11 @@ from bowden.core.kernel import kernel
 from bowden.core.signals import Reference, Sample
 from bowden.core.units import RADIANS
 from bowden.design.forecast import HALF_AGAIN, lasting_error, off_reference
-from bowden.rig.one_run import run_of
 from bowden.rig.presets.bench import default_bench
 from bowden.rig.rig import Rig
 from bowden.safety.faults import Fault, of
 from bowden.safety.limits import Limits
+from bowden.sim.one_run import run_of
 from support.supervised import Outcome, supervised
 
 REFERENCE = PeriodicMinimumJerk(0.0, 70.0 * RADIANS, 4.0)

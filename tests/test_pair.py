@@ -17,18 +17,17 @@ from bowden.core.units import RADIANS
 from bowden.cycle.one_cycle import Filters, TargetSource
 from bowden.hardware.drives.parameters import motor_scale
 from bowden.hardware.twin.bench import TwinBench
+from bowden.hardware.twin.of_rig import mirrored, twin_pair_of
 from bowden.hardware.twin.pair import SharedJoint
-from bowden.live.live_run import live_run
+from bowden.live.live_run import live_run, pulling
 from bowden.live.preflight import Preflight, contradictions
 from bowden.live.replay import replay
-from bowden.rig.pair import mirrored, pulling
+from bowden.models.cable.sheath_path import constant_bend
 from bowden.rig.presets.bench import default_bench
 from bowden.rig.rig import Rig
-from bowden.rig.twin_plant import twin_pair_of
 from bowden.safety.faults import Fault, of
 from bowden.safety.limits import Limits
 from bowden.safety.state import Mode
-from bowden.sim.scenario import constant_bend
 from support.pair_runs import mirrors, pair_run
 
 PAIR = """

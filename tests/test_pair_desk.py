@@ -28,6 +28,7 @@ from bowden.design.tune import NoGainsError
 from bowden.design.tune_runs import RUN, references_of
 from bowden.models.cable.backlash import Play
 from bowden.models.cable.shared_joint import Ends, JointLoad, shared_joint, shares
+from bowden.models.cable.sheath_path import constant_bend
 from bowden.models.drive.encoder import Encoder
 from bowden.operations.schema import json_schema
 from bowden.plants.bench import Bench
@@ -37,7 +38,6 @@ from bowden.rig.rig import Rig
 from bowden.sim.pair import PairPlant, PairSide, simulate_pair
 from bowden.sim.parting import parting_of
 from bowden.sim.run import simulate
-from bowden.sim.scenario import constant_bend
 from test_pair import PAIR
 
 BENCH = default_bench()

@@ -22,8 +22,9 @@ from bowden.paper.report import HEADINGS, VERDICTS, write_report
 from bowden.paper.reproduce import EXPERIMENTS, Reproduction, claims_of, reproduce
 from bowden.paper.suit_rows import TimedMotions, uncompensated
 from bowden.rig.presets import bench as paper
-from bowden.rig.presets.suit import energies, largest_errors, run_suit, suit_calibration
+from bowden.rig.presets.suit import suit_calibration
 from bowden.sim.run import simulate
+from bowden.sim.suit_runs import energies, largest_errors, run_suit
 from calibrate import calibrate
 from support import bench_runs
 

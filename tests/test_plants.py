@@ -19,6 +19,7 @@ from bowden.identify.log.read import read_log
 from bowden.models.cable.backlash import Play
 from bowden.models.cable.bouc_wen import BoucWen
 from bowden.models.cable.sheath import Sheath
+from bowden.models.cable.sheath_path import constant_bend
 from bowden.models.drive.servo import Servo
 from bowden.plants import cables
 from bowden.plants.bench import Bench
@@ -30,7 +31,6 @@ from bowden.plants.user_plant import UserPlant, load
 from bowden.rig.rig import Rig
 from bowden.sim.many import Case, simulate_many
 from bowden.sim.run import simulate
-from bowden.sim.scenario import constant_bend
 from support.sensors import PAPER_ENCODER
 
 EXAMPLE = Path(__file__).parents[1] / "examples" / "my_plant.py"

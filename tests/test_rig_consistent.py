@@ -15,13 +15,13 @@ from bowden.control import LAWS
 from bowden.control.reference import PeriodicMinimumJerk
 from bowden.core.errors import ParameterError
 from bowden.core.units import RADIANS
+from bowden.design.objections import objections
 from bowden.hardware.drives.families.cia402 import FAMILY
-from bowden.hardware.drives.family import longest_silence
 from bowden.live.preflight import Preflight
 from bowden.models.cable.bouc_wen import BoucWen
 from bowden.rig.consistent import FOLLOWING, USUAL
 from bowden.rig.declaration import items_of
-from bowden.rig.objections import objections
+from bowden.rig.families import longest_silence
 from bowden.rig.rig import Rig
 from bowden.rig.settings import SuitSettings
 from bowden.safety.limits import Limits

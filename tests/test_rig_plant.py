@@ -11,9 +11,9 @@ from bowden.hardware.twin.user import TwinUser
 from bowden.models.drive.servo import Servo
 from bowden.plants.transmission import transmission
 from bowden.plants.user_plant import UserPlant, load
-from bowden.rig.one_run import run_of
 from bowden.rig.rig import Rig
 from bowden.sim.many import Case, simulate_many
+from bowden.sim.one_run import run_of
 from bowden.study.tune_law import workers_for
 
 pytestmark = pytest.mark.usefixtures("undrawn")

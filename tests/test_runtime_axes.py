@@ -24,8 +24,7 @@ from bowden.live.session import Session
 from bowden.live.session_axis import SessionAxis
 from bowden.live.stops import document, stops
 from bowden.live.together import PATIENCE, Together, mode_of_all, modes_of_all
-from bowden.rig.axes import Axis
-from bowden.rig.rig import Rig
+from bowden.rig.rig import Axis, Rig
 from bowden.safety.faults import Fault, of
 from bowden.safety.limits import Limits
 from bowden.safety.release import longest_release

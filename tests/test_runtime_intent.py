@@ -12,12 +12,13 @@ from bowden.core.clock import SECOND
 from bowden.core.errors import LogError
 from bowden.core.signals import Reference
 from bowden.hardware.emg import intent_block
-from bowden.hardware.emg.course import CourseSettings, CourseState, EmgCourse, course_step
+from bowden.hardware.emg.course import EmgCourse
 from bowden.hardware.emg.intent_block import IntentReader, IntentWriter, StreamReading
 from bowden.hardware.emg.listener import Levels, Listener
+from bowden.hardware.emg.recorded import EmgMotion
 from bowden.hardware.ports import EmgChunk
-from bowden.rig.emg_motion import EmgMotion
 from bowden.rig.emg_setup import EmgRun
+from bowden.sensing.course import CourseSettings, CourseState, course_step
 from bowden.sensing.intent import Intent, IntentSettings, intent_start
 from bowden.sensing.stream import EnvelopeFilter, OnsetDetector
 from bowden.sim.emg import rest

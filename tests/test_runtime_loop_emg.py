@@ -9,7 +9,7 @@ from bowden.control import LAWS
 from bowden.core.clock import SECOND
 from bowden.cycle.one_cycle import Filters, TargetSource
 from bowden.hardware.emg import intent_block
-from bowden.hardware.emg.course import CourseSettings, EmgCourse
+from bowden.hardware.emg.course import EmgCourse
 from bowden.hardware.emg.intent_block import IntentReader, IntentWriter, StreamReading
 from bowden.live.loop import Ended
 from bowden.live.mcap_read import Recording
@@ -20,6 +20,7 @@ from bowden.safety.faults import Fault
 from bowden.safety.limits import Limits
 from bowden.safety.release import longest_release
 from bowden.safety.state import Mode
+from bowden.sensing.course import CourseSettings
 from bowden.sensing.intent import Intent, IntentSettings
 from loop_rig import LoopRig, twin_bench
 from support.simulated_drive import SimulatedDrive

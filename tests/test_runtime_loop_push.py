@@ -29,14 +29,14 @@ from bowden.live.preflight import Preflight, Reason
 from bowden.live.replay import replay
 from bowden.live.run_settings import plain, source_of
 from bowden.live.script import Script
+from bowden.models.cable.sheath_path import constant_bend
 from bowden.models.drive.geared_motor import GearedMotor
 from bowden.models.suit.suit_angle import spool_map
 from bowden.plants.suit_parts import Suit
+from bowden.plants.suit_push import behind, friction_of, push_of
 from bowden.safety.faults import Fault
 from bowden.safety.state import Mode
 from bowden.sim.run import simulate
-from bowden.sim.scenario import constant_bend
-from bowden.sim.suit_sources import behind, friction_of, push_of
 from loop_rig import SUIT_LIMITS, LoopRig
 from support.simulated_drive import SimulatedDrive
 

@@ -11,8 +11,8 @@ import pytest
 from bowden.core.errors import ParameterError, SafetyError
 from bowden.core.signals import DriveReading
 from bowden.core.units import RADIANS
-from bowden.identify.cable.model import IdentifiedCable
 from bowden.live.preflight import REASONS, Preflight, PreflightState, Reason, begin, contradictions, require, step
+from bowden.plants.identified import IdentifiedCable
 from bowden.rig.declaration import items_of
 from bowden.rig.rig import Rig
 from bowden.safety.limits import Limits

@@ -8,8 +8,8 @@ import pytest
 
 from bowden.control import LAWS
 from bowden.control.knowledge import informed
-from bowden.identify.cable.model import CableModel
 from bowden.models.cable.bouc_wen import BoucWen
+from bowden.plants.identified import CableModel
 from bowden.plants.knowledge_of import knowledge_of
 from bowden.rig.presets.bench import default_bench
 from bowden.rig.rig import Rig

@@ -10,6 +10,7 @@ import pytest
 from bowden.core.kernel import compiled
 from bowden.core.signals import DriveReading
 from bowden.core.units import DEGREES, RADIANS
+from bowden.design.rig_of_suit import suit_text
 from bowden.live.live_run import live_run
 from bowden.models.drive.thermal import cold
 from bowden.models.suit.arm import Wearer
@@ -17,7 +18,6 @@ from bowden.plants.suit_parts import Suit, prepare_suit
 from bowden.plants.suit_plant import Bends, SuitState, suit_motor, suit_start, suit_step
 from bowden.rig.rig import Rig
 from bowden.rig.settings import SuitSettings
-from bowden.rig.suit_rig import suit_text
 from bowden.safety.limits import Limits
 from bowden.safety.release import longest_release
 from bowden.safety.state import Mode, Observed, PreflightResult, Request

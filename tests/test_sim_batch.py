@@ -13,6 +13,7 @@ from bowden.core.kernel import compiled, kernel
 from bowden.core.nested import numbers_of, unflatten_like
 from bowden.core.units import DEGREES, RADIANS
 from bowden.models.cable.bouc_wen import BoucWen
+from bowden.models.cable.sheath_path import constant_bend, random_bend
 from bowden.models.drive.servo import Servo
 from bowden.plants.bench import Bench
 from bowden.sim import many
@@ -21,7 +22,6 @@ from bowden.sim.injected import Injected
 from bowden.sim.many import Case, Outcome, simulate_many
 from bowden.sim.pairwise import pairwise_sum
 from bowden.sim.run import simulate
-from bowden.sim.scenario import constant_bend, random_bend
 from drawn_plants import random_plant, run_random_plants
 from support.sensors import PAPER_ENCODER
 

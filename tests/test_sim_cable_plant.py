@@ -14,7 +14,6 @@ from bowden.core.errors import ParameterError
 from bowden.core.kernel import compiled
 from bowden.core.trace import Trace
 from bowden.core.units import DEGREES, RADIANS
-from bowden.identify.cable.model import CableModel
 from bowden.models.cable import backlash, capstan, prandtl_ishlinskii
 from bowden.models.cable.backlash import Play
 from bowden.models.cable.bouc_wen import BoucWen
@@ -22,14 +21,15 @@ from bowden.models.cable.bouc_wen_static import StaticTerms, joint_angle
 from bowden.models.cable.capstan import Tendon
 from bowden.models.cable.lumped_cable import LumpedTendon
 from bowden.models.cable.sheath import Sheath, joint_in_sheath
+from bowden.models.cable.sheath_path import scripted_bend
 from bowden.models.drive.servo import Servo
 from bowden.plants import cables, friction_cables
 from bowden.plants.bench import Bench
 from bowden.plants.cable_body import lagged
 from bowden.plants.cable_plant import CablePlant
+from bowden.plants.identified import CableModel
 from bowden.plants.pose_cable import poses
 from bowden.sim.run import simulate
-from bowden.sim.scenario import scripted_bend
 from support.sensors import PAPER_ENCODER
 
 STROKE = PeriodicMinimumJerk(0.0, 70.0 * RADIANS, 10.0)

@@ -20,11 +20,11 @@ from bowden.core.trace import Trace
 from bowden.core.units import RADIANS
 from bowden.models.cable.bouc_wen import BoucWen, advance
 from bowden.models.cable.sheath import Sheath, joint_in_sheath
+from bowden.models.cable.sheath_path import constant_bend, scripted_bend
 from bowden.models.drive.encoder import Encoder
 from bowden.models.drive.servo import Servo, ServoState, prepare, servo_step
 from bowden.plants.bench import Bench
 from bowden.sim.run import simulate
-from bowden.sim.scenario import constant_bend, scripted_bend
 from support.sensors import PAPER_ENCODER
 
 STROKE = PeriodicMinimumJerk(0.0, 70.0 * RADIANS, 10.0)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from bowden.core.errors import ParameterError
-from bowden.sim.scenario import constant_bend, random_bend, scripted_bend
+from bowden.models.cable.sheath_path import constant_bend, random_bend, scripted_bend
 
 TIME = np.linspace(0.0, 60.0, 60_001)
 

@@ -14,6 +14,7 @@ from bowden.core.trace import Trace
 from bowden.core.units import DEGREES, RADIANS
 from bowden.identify.suit_friction import spool_friction
 from bowden.models.cable.sheath import Sheath
+from bowden.models.cable.sheath_path import scripted_bend
 from bowden.models.suit.arm import GRAVITY, Arm, Wearer, arm_of, gravity_torque, passive_torque
 from bowden.models.suit.flex_sensor import FlexSensor
 from bowden.models.suit.geometry import extensor_extension, flexor_extension, flexor_moment_arm
@@ -23,7 +24,6 @@ from bowden.plants.suit_plant import Bends, SuitState, suit_motor, suit_start, s
 from bowden.rig.rig import Rig
 from bowden.rig.settings import SuitSettings
 from bowden.sim.run import simulate
-from bowden.sim.scenario import scripted_bend
 from support.wearers import WEARERS, resting_angle
 
 SUIT = Suit()

@@ -16,15 +16,15 @@ from bowden.control import LAWS, user_law
 from bowden.control.reference import PeriodicMinimumJerk
 from bowden.core import user_file
 from bowden.core.errors import OutputError, ParameterError, StreamError
+from bowden.design.rig_of_bench import toml_text
+from bowden.models.cable.sheath_path import constant_bend
 from bowden.plants import user_plant
-from bowden.rig.page import toml_text
 from bowden.rig.presets.bench import default_bench
 from bowden.rig.rig import Rig
 from bowden.rig.settings import EmgSettings
 from bowden.sim.many import Case, simulate_many
 from bowden.sim.pair import PairPlant, PairSide, simulate_pair
 from bowden.sim.run import simulate
-from bowden.sim.scenario import constant_bend
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 LAW, PLANT = ((EXAMPLES / name).read_text() for name in ("my_law.py", "my_plant.py"))

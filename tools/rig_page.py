@@ -7,9 +7,9 @@ from bowden.control import LAWS, Law
 from bowden.control.knowledge import Knowledge
 from bowden.core.files import write_text
 from bowden.core.quantity import meanings
+from bowden.design.rig_of_bench import gains_of, keys_of, sections, sentence
 from bowden.rig.axes import AXIS, INDEPENDENT, MEANINGS
 from bowden.rig.declaration import Section
-from bowden.rig.page import gains_of, keys_of, sections, sentence
 from bowden.rig.sections import PAIR
 
 _GAINS = (

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import made_tables
 from bowden.core.files import write_text
+from bowden.design.rig_of_bench import keys_of
 from bowden.rig.declaration import Section
-from bowden.rig.page import keys_of
 from bowden.study.distributions import WANTED
 from bowden.study.rows import FIGURES, SUIT_FIGURES
 from bowden.study.schema import DistributionSection, FaultSection, KnownSection, StudyFile

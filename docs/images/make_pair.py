@@ -16,9 +16,9 @@ from bowden.control.reference import PeriodicMinimumJerk
 from bowden.core import style
 from bowden.core.style import COLOURS, thin
 from bowden.core.units import DEGREES, RADIANS
+from bowden.models.cable.sheath_path import constant_bend
 from bowden.rig.presets.bench import default_bench
 from bowden.sim.pair import PairPlant, PairSide, simulate_pair
-from bowden.sim.scenario import constant_bend
 
 _STEP, _SECONDS = 1e-3, 16.0
 _PUSH, _HERTZ = 0.5, 0.4

@@ -30,7 +30,6 @@ if TYPE_CHECKING:
     from bowden.core.signals import Reference as Reference
     from bowden.core.signals import Sample as Sample
     from bowden.core.trace import Trace as Trace
-    from bowden.identify.cable.model import CableModel as CableModel
     from bowden.identify.given_log import read_log as read_log
     from bowden.live.read_trace import read_trace as read_trace
     from bowden.models.cable.bouc_wen import BoucWen as BoucWen
@@ -49,6 +48,7 @@ if TYPE_CHECKING:
     from bowden.operations.init import init as init
     from bowden.operations.run import run as run
     from bowden.operations.support.python import public
+    from bowden.plants.identified import CableModel as CableModel
     from bowden.rig.rig import Rig as Rig
 
     campaign, check, export = public(_campaign.campaign), public(_check.check), public(_export.export)
@@ -61,7 +61,7 @@ __version__ = "0.2.0"
 _HOMES = {
     "BoucWen": "bowden.models.cable.bouc_wen",
     "BowdenError": "bowden.core.errors",
-    "CableModel": "bowden.identify.cable.model",
+    "CableModel": "bowden.plants.identified",
     "Encoder": "bowden.models.drive.encoder",
     "LAWS": "bowden.control",
     "Law": "bowden.control.law",

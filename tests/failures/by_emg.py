@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from bowden.control import LAWS
 from bowden.core.clock import SECOND
 from bowden.hardware.emg import intent_block
-from bowden.hardware.emg.course import CourseSettings, EmgCourse
+from bowden.hardware.emg.course import EmgCourse
 from bowden.hardware.emg.intent_block import IntentReader, IntentWriter
 from bowden.hardware.emg.listener import Listener
 from bowden.hardware.emg.lsl import LslStream, _Block
@@ -19,6 +19,7 @@ from bowden.live.preflight import Preflight
 from bowden.live.script import Script
 from bowden.safety.faults import of
 from bowden.safety.limits import Limits
+from bowden.sensing.course import CourseSettings
 from bowden.sensing.intent import IntentSettings
 from loop_rig import LoopRig, twin_bench
 from support.simulated_drive import SimulatedDrive

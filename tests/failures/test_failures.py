@@ -8,10 +8,10 @@ import pytest
 from bowden.core.errors import DriveError
 from bowden.hardware.buses.link import Links
 from bowden.hardware.drives import ak_drive, canopen_setup, moteus_setup, odrive_setup
-from bowden.hardware.drives.family import family_of
 from bowden.hardware.ports import Power
 from bowden.hardware.twin.injection import parse
 from bowden.identify.emg.score import find
+from bowden.rig.families import family_of
 from bowden.safety.state import Mode
 from failures.book import BOOK, NEVER, PAGE, Failure, page
 from failures.by_emg import CONTRACTS, contraction, react_by_emg

@@ -17,7 +17,6 @@ from bowden.core.clock import SECOND
 from bowden.core.units import RADIANS
 from bowden.hardware.buses.link import Links
 from bowden.hardware.drives.ak_parameters import AkParameters
-from bowden.hardware.drives.load_cell import LoadCellParameters
 from bowden.hardware.drives.moteus_parameters import MoteusParameters
 from bowden.hardware.drives.odrive_parameters import OdriveParameters
 from bowden.hardware.drives.parameters import DriveParameters
@@ -30,6 +29,7 @@ from bowden.hardware.twin.moteus_node import MoteusNode
 from bowden.hardware.twin.odrive_node import OdriveNode
 from bowden.live.preflight import Preflight, Reason
 from bowden.live.script import Script
+from bowden.rig.load_cell import LoadCellParameters
 from bowden.rig.rig import Rig
 from bowden.safety.faults import of
 from bowden.safety.limits import Limits

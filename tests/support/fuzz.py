@@ -24,11 +24,11 @@ import can
 import canopen
 import numpy as np
 
+from bowden.control.law_file import law_file
 from bowden.core.errors import BowdenError, DriveError
 from bowden.core.trace import Trace
 from bowden.hardware.drives import canopen_dialogue, canopen_frames, emergencies
 from bowden.hardware.emg import lsl_info, trigno_protocol
-from bowden.identify.cable.model_file import load_cable
 from bowden.identify.emg.log import read_emg, read_labels
 from bowden.identify.log.read import read_log
 from bowden.live.log_facts import facts
@@ -36,9 +36,9 @@ from bowden.live.mcap_log import LogFile, about
 from bowden.live.mcap_read import read as read_mcap
 from bowden.live.read_trace import read_trace
 from bowden.live.ring import Description
-from bowden.rig import wearer_file
-from bowden.rig.given_law import law_file
+from bowden.plants.identified import load_cable
 from bowden.rig.rig import Rig
+from bowden.sensing import wearer_file
 from bowden.study.load import load
 
 ROOT = Path(__file__).parents[2]

@@ -26,13 +26,13 @@ from bowden.live.loop import AxisParts, Loop
 from bowden.live.ring import RingReader, RingWriter
 from bowden.live.ring_status import RecorderState, Report
 from bowden.live.row import AT, description
+from bowden.models.cable.sheath_path import constant_bend
 from bowden.models.drive.thermal import cold
 from bowden.plants.bench import Bench
 from bowden.plants.plant import sheath_at
 from bowden.safety.state import Mode, Request
 from bowden.sim.injected import Injected
 from bowden.sim.run import inputs_of
-from bowden.sim.scenario import constant_bend
 from support.fault_matrix import AFTER, LAST, MEASURED, REFERENCE, begins
 from support.injected_drive import drive_moved, drive_read, drive_reading, drive_start, of_plant, settings_of
 from support.injection import HOUR, asleep, misled_gains, misled_kernels

@@ -9,9 +9,9 @@ from bowden.control.law import Law
 from bowden.core.signals import DriveReading
 from bowden.hardware.ports import Power, TorqueLeft
 from bowden.hardware.twin.bench import TwinBench
+from bowden.hardware.twin.of_rig import twin_pair_of
 from bowden.live.live_run import live_run
 from bowden.rig.rig import Rig
-from bowden.rig.twin_plant import twin_pair_of
 from support.simulated_drive import SimulatedDrive
 
 

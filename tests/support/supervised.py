@@ -29,6 +29,7 @@ from bowden.cycle.one_cycle import (
     law_and_source,
     one_cycle,
 )
+from bowden.models.cable.sheath_path import BendPath, constant_bend
 from bowden.models.drive.thermal import ThermalState, cold
 from bowden.plants.plant import Plant, SheathPath, sheath_at
 from bowden.safety.faults import Fault, Reaction
@@ -37,7 +38,6 @@ from bowden.safety.state import Mode, Observed, PreflightResult, Request, Verdic
 from bowden.safety.supervisor import begin
 from bowden.sim.injected import FAULT, Injected
 from bowden.sim.run import inputs_of
-from bowden.sim.scenario import BendPath, constant_bend
 from support.injected_drive import (
     DriveSettings,
     Place,

@@ -135,7 +135,7 @@ def _trust(found: Result[Any], rigs: list[Any]) -> Any:
     doubts = [one for one in (found.cable_trust, *cables) if one is not None and one.level != "yes"]
     if not doubts:
         return None
-    from bowden.identify.cable.trusted import least
+    from bowden.plants.trust import least
 
     return least(doubts)
 

@@ -22,13 +22,13 @@ from bowden.console.stream import Watch
 from bowden.core.clock import SECOND
 from bowden.core.errors import BowdenError, ParameterError, SafetyError
 from bowden.design.verdict import CheckVerdict
-from bowden.hardware.drives.family import family_of
 from bowden.hardware.twin.control import TwinControl
 from bowden.live.gain_check import required
 from bowden.live.live_run import live_run
 from bowden.live.operator import prompt
 from bowden.live.ring import RingReader
 from bowden.live.start import live_session
+from bowden.rig.families import family_of
 from bowden.rig.rig import Rig
 from bowden.safety.state import Mode, Request
 

@@ -152,8 +152,8 @@ def identified(progress: Callable[[str, float], None], rig: Mapping[str, Any], f
     """Identify the cable that was measured, and put it into the rig, as identify and init do."""
     from bowden.core.units import DEGREES
     from bowden.identify.cable.identification import identify_log
-    from bowden.identify.cable.model_file import load_cable
     from bowden.identify.log.read import read_log
+    from bowden.plants.identified import load_cable
     from bowden.report.identify_page import blank, identify_page, pictures
 
     place, given = Path(folder), Rig.unpack(rig)

@@ -10,11 +10,11 @@ from bowden.console.runs import RunSeen
 from bowden.console.stream import Watch
 from bowden.core.errors import BowdenError
 from bowden.core.signals import DriveState
-from bowden.hardware.drives.family import family_of
 from bowden.hardware.twin.injection import KINDS, SIDES
 from bowden.live.gain_ramp import in_force
 from bowden.live.preflight import REASONS, Reason
 from bowden.live.ring_status import RecorderState
+from bowden.rig.families import family_of
 from bowden.rig.rig import Rig
 from bowden.safety import faults
 from bowden.safety.faults import Fault

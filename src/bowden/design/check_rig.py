@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING
 
 from bowden.control import Law, user_law
 from bowden.core.shown import listed
-from bowden.rig import ranges
 from bowden.rig.rig import Rig
+from bowden.sim import ranges
 
 if TYPE_CHECKING:
     from bowden.design.check_result import Check
@@ -50,7 +50,7 @@ def pair_laws(rig: Rig) -> tuple[Law, Law]:
 def checked_pair(rig: Rig) -> "Check":
     """The check of both motors on their joint, with its advice."""
     from bowden.design.pair_check import check_pair, with_advice
-    from bowden.rig.pair_plant import pair_plant_of, pair_ranges
+    from bowden.sim.pair_of_rig import pair_plant_of, pair_ranges
 
     pair, laws, (bends, stroke) = pair_plant_of(rig), pair_laws(rig), pair_ranges(rig)
     with user_law.explained(laws[0]):

@@ -6,13 +6,13 @@ from numpy.typing import NDArray
 from bowden.control.law import Law
 from bowden.core.trace import Trace
 from bowden.design.trial import motion
+from bowden.models.cable.sheath_path import constant_bend
 from bowden.plants.plant import Plant
-from bowden.rig import ranges
-from bowden.rig.one_run import run_of
 from bowden.rig.rig import Rig
 from bowden.safety.limits import Limits
+from bowden.sim import ranges
+from bowden.sim.one_run import run_of
 from bowden.sim.run import simulate
-from bowden.sim.scenario import constant_bend
 
 HALF_AGAIN = 1.5
 """Error that lasts in a real run over that of the simulated one, at most, of what `play` does not explain: it covers

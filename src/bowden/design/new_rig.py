@@ -9,10 +9,10 @@ from bowden.core import shown
 from bowden.core.guesses import answering
 from bowden.core.units import RADIANS
 from bowden.design.other_law import OURS, chosen_law
-from bowden.identify.cable.model import IdentifiedCable
-from bowden.rig.model_rig import Chosen, counting_of, model_text, with_stroke
+from bowden.design.rig_of_model import Chosen, counting_of, model_text, with_stroke
+from bowden.design.rig_of_suit import suit_text
+from bowden.plants.identified import IdentifiedCable
 from bowden.rig.rig import Rig
-from bowden.rig.suit_rig import suit_text
 
 
 @answering(

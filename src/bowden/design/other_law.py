@@ -15,10 +15,10 @@ from bowden.core.shown import number
 from bowden.core.units import DEGREES
 from bowden.design.advice import mending_gain
 from bowden.design.check_rig import check_rig
-from bowden.rig import ranges
-from bowden.rig.model_rig import Chosen
-from bowden.rig.one_run import run_of
+from bowden.design.rig_of_model import Chosen
 from bowden.rig.rig import Rig
+from bowden.sim import ranges
+from bowden.sim.one_run import run_of
 
 if TYPE_CHECKING:
     from bowden.design.check_result import Check, VerdictName

@@ -37,12 +37,12 @@ from bowden.design.linearise import LawModel, linearise
 from bowden.design.pair_loops import BOTH, DOWN_ALONE, UP_ALONE, SideLoop, Taut, pair_margins, reaches
 from bowden.design.trial import AFTER, MOVING, Bounds, Trial, judged, motion, settled_after
 from bowden.models.cable.shared_joint import shares
+from bowden.models.cable.sheath_path import constant_bend
 from bowden.plants.bench import Bench
 from bowden.plants.plant import changed
 from bowden.plants.transmission import transmission
 from bowden.sim.pair import PairPlant, PairSide, simulate_pair
 from bowden.sim.parting import Range, asked_by, parting_of
-from bowden.sim.scenario import constant_bend
 
 Bends = tuple[float, float]
 """Of both sheaths, the agonist's first [rad]."""

@@ -11,8 +11,8 @@ from multiprocessing import resource_tracker
 from types import ModuleType
 from typing import Any
 
-from bowden.rig.given_law import LawFile
-from bowden.rig.given_plant import PlantFile
+from bowden.control.law_file import LawFile
+from bowden.plants.plant_file import PlantFile
 
 Mapper = Callable[[Callable[..., Any], Iterable[Any]], Iterable[Any]]
 

@@ -12,11 +12,11 @@ from bowden.control.law import Law
 from bowden.control.reference import PointToPoint, Trajectory
 from bowden.core.trace import Trace
 from bowden.core.units import DEGREES
+from bowden.models.cable.sheath_path import constant_bend
 from bowden.plants.plant import Plant
 from bowden.plants.suit_parts import Suit
 from bowden.plants.transmission import transmission, unrest
 from bowden.sim.run import simulate
-from bowden.sim.scenario import constant_bend
 
 Array = NDArray[np.float64]
 

@@ -9,10 +9,10 @@ import numpy as np
 from bowden.control.law import Law
 from bowden.control.reference import PeriodicMinimumJerk, PointToPoint, Trajectory
 from bowden.design.trial import Kept
+from bowden.models.cable.sheath_path import BendPath, constant_bend, scripted_bend
 from bowden.plants.plant import Plant
 from bowden.sim.course import Course
 from bowden.sim.many import Case
-from bowden.sim.scenario import BendPath, constant_bend, scripted_bend
 
 RUN = 20.0
 """Length of one simulation [s]."""

@@ -10,8 +10,8 @@ from bowden.core.errors import ParameterError
 from bowden.design.check_rig import check_rig, checked_pair, pair_laws
 from bowden.design.linearise import NoNumberError
 from bowden.design.other_law import other_law
-from bowden.rig import ranges
 from bowden.rig.rig import Rig
+from bowden.sim import ranges
 
 if TYPE_CHECKING:
     from bowden.design.check_result import Check, VerdictName

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 
 from bowden.export.cortex import COMPILER
 from bowden.export.cortex import FLAGS as CORTEX_FLAGS
+from bowden.export.counts import Counts
 from bowden.export.unit import Module, rendered
-from bowden.rig.counts import Counts
 
 FLAGS = "-std=c99 -pedantic -Wall -Wextra -Werror -O2 -ffp-contract=off"
 """Every operation rounds as in Python only where products are not fused with sums, and nothing is reordered."""

@@ -15,13 +15,12 @@ from bowden.identify.cable.fit import Fit
 from bowden.identify.cable.identification import identify as identify_signals
 from bowden.identify.cable.identification import identify_log
 from bowden.identify.cable.joint_fit import JointFit
-from bowden.identify.cable.model import CableModel, IdentifiedCable
-from bowden.identify.cable.model_file import load_judged
 from bowden.identify.cable.recalibrate import Recalibration
 from bowden.identify.log.angles import SIDES, angle_units, angles_of
 from bowden.identify.log.read import Log, prepare
 from bowden.identify.log.read import read_log as read_file
 from bowden.identify.log.variables import Scheduled, of_numbers, scheduled_by
+from bowden.plants.identified import CableModel, IdentifiedCable, load_judged
 
 
 def identified(

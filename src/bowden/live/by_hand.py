@@ -21,9 +21,9 @@ from bowden.core.errors import DriveError, OutputError, SafetyError
 from bowden.core.files import state_folder, whole_file
 from bowden.core.signals import DriveReading
 from bowden.core.units import DEGREES, RADIANS
-from bowden.hardware.drives.family import family_of
 from bowden.hardware.ports import Drive
 from bowden.live.drive_look import looked_at
+from bowden.rig.families import family_of
 from bowden.rig.rig import Rig
 from bowden.safety.limits import Limits
 

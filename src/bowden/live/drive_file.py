@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from bowden.core.files import state_folder
-from bowden.hardware.drives.family import DEFAULT, family_of
+from bowden.rig.families import DEFAULT, family_of
 
 
 def path_of(drive: Any, kind: str) -> Path:

@@ -10,9 +10,9 @@ from bowden.core.errors import DriveError
 from bowden.core.quantity import declared
 from bowden.core.signals import EMERGENCY_STOP, DriveReading, DriveState
 from bowden.core.units import DEGREES
-from bowden.hardware.drives.family import family_of
 from bowden.hardware.ports import Drive, Power
 from bowden.rig.declaration import in_file
+from bowden.rig.families import family_of
 from bowden.rig.rig import Rig
 
 SHOWN: Mapping[str, tuple[str, float, str]] = {

@@ -48,9 +48,10 @@ def _run(given: dict[str, Any]) -> int:
     from bowden.core.clock import SECOND, MonotonicClock
     from bowden.hardware.emg.intent_block import IntentWriter
     from bowden.hardware.emg.listener import Listener
+    from bowden.hardware.emg.recorded import columns, levels
     from bowden.hardware.emg.sources import open_source
     from bowden.hardware.ports import EmgChunk
-    from bowden.rig.emg_setup import check_recording, columns, levels
+    from bowden.rig.emg_setup import check_recording
     from bowden.rig.rig import Rig
 
     clock, run = MonotonicClock(), Rig.unpack(given["rig"]).emg_run

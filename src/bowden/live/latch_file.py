@@ -10,8 +10,8 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from bowden.hardware.drives.family import family_of
 from bowden.live import drive_file
+from bowden.rig.families import family_of
 from bowden.safety.faults import Fault, bits_of, of
 
 

@@ -10,13 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.control import LAWS, Law
+from bowden.control.law_file import LawFile
 from bowden.control.source import TABLE, Source
 from bowden.core.errors import ParameterError, asked_for_by
 from bowden.core.toml_text import quoted
 from bowden.core.units import RADIANS
 from bowden.cycle.one_cycle import Cycle
 from bowden.cycle.torque_offset import TorqueOffset
-from bowden.hardware.drives.family import DriveNeeds
+from bowden.design.objections import reference_beyond, refuse_sources, require_joint, turned
 from bowden.hardware.emg.course import EmgCourse
 from bowden.hardware.emg.intent_block import IntentReader
 from bowden.hardware.ports import BrakedDrive, Drive
@@ -27,20 +28,17 @@ from bowden.live.preflight import Preflight
 from bowden.live.run_settings import plain, run_settings
 from bowden.live.script import Home, Script
 from bowden.live.suit_preflight import on_suit
-from bowden.rig.axes import refuse_sources
 from bowden.rig.compose_admittance import Pushing
 from bowden.rig.drive import most_push
 from bowden.rig.emg_setup import EmgRun
-from bowden.rig.given_law import LawFile
-from bowden.rig.objections import reference_beyond, require_joint, turned
-from bowden.rig.pair import pulling
-from bowden.rig.pair import said as said_of_pair
-from bowden.rig.pair_plant import parting_in_run
+from bowden.rig.families import DriveNeeds
+from bowden.rig.pair import PairSettings
 from bowden.rig.rig import Rig
 from bowden.rig.settings import LiveSettings
 from bowden.safety.limits import Limits
 from bowden.safety.release import longest_release, release_speed
 from bowden.sensing.intent import FOLLOWED_ACCELERATION, FOLLOWED_SPEED, TURNED_ACCELERATION, TURNED_SPEED
+from bowden.sim.pair_of_rig import parting_in_run
 
 WRONG_WAY = 1.5 * RADIANS
 """Motion of the joint that the preflight believes: after a reversal the paper's own cable first goes the wrong way by
@@ -319,7 +317,7 @@ def _together(rig: Rig, logged: Rig) -> Live:
         with asked_for_by(f"axis {quoted(name)}"):
             found.append(_one_of(rig, name, own, kept))
     notes = tuple(f"axis {quoted(axis.name)}: {note}" for axis in found for note in axis.notes)
-    paired = (said_of_pair(rig.pair),) if rig.pair.there else ()
+    paired = (_said_of_pair(rig.pair),) if rig.pair.there else ()
     return replace(found[0], several=tuple(found), whole=rig, logged=logged, notes=(*rig.remarks, *paired, *notes))
 
 
@@ -378,3 +376,20 @@ def _check_duration(emg: EmgRun, limits: Limits) -> None:
             expected=f"at least {math.ceil(100.0 * least) / 100.0:g} s, by {what}",
             do="make it longer, or the range smaller",
         )
+
+
+def pulling(rig: Rig, co_contraction: float) -> Rig:
+    """The rig of one axis whose motor pulls so much further than the joint asks for [rad].
+
+    Everything above the drive knows the joint's coordinate alone: the motor's home is moved.
+    """
+    home = rig.drive.motor_home + rig.limits.slack_sign * co_contraction
+    return rig.replace(drive=rig.drive._replace(motor_home=home))
+
+
+def _said_of_pair(pair: PairSettings) -> str:
+    """The pair in a sentence, for whoever starts a run."""
+    return (
+        f"axes {quoted(pair.agonist)} and {quoted(pair.antagonist)} are on one joint, with a co-contraction of "
+        f"{pair.co_contraction / RADIANS:g}°"
+    )

@@ -14,13 +14,13 @@ from bowden.core.files import printable
 from bowden.core.metrics import rmse
 from bowden.cycle.one_cycle import TargetSource
 from bowden.hardware.drives.emergencies import emergency_text
-from bowden.hardware.drives.family import family_named
 from bowden.live import stops
 from bowden.live.events import EMERGENCY
 from bowden.live.gain_ramp import ASKED, IN_FORCE
 from bowden.live.log_rig import hash_of
 from bowden.live.mcap_read import Recording, axes_of
 from bowden.live.mcap_reader import LogReader
+from bowden.rig.families import family_named
 
 NEEDED = (*dict.fromkeys(("time", "lateness", "run_time", "overruns", EMERGENCY, *stops.NEEDED)),)
 """Columns of the log that are looked at."""
@@ -144,7 +144,8 @@ def _emergencies(found: Recording) -> list[dict[str, Any]]:
     if EMERGENCY not in found.columns:
         return []
     rig = found.settings.get("rig")
-    drive = rig.get("drive") if isinstance(rig, dict) else None
+    tree = rig.get("tree") if isinstance(rig, dict) else None
+    drive = tree.get("drive") if isinstance(tree, dict) else None
     family = drive.get("family") if isinstance(drive, dict) else None
     try:
         explain = family_named(family).explain if isinstance(family, str) else emergency_text

@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,17 +9,17 @@ import numpy as np
 from bowden.control import Law
 from bowden.control.admittance.push import push_source
 from bowden.control.knowledge import Knowledge, configured, informed
+from bowden.control.law_file import LawFile, loaded, named
 from bowden.control.source import TABLE, Source
 from bowden.core.errors import BowdenError, LogError, ParameterError
 from bowden.core.nested import leaves, name_of
-from bowden.live.log_rig import check_code, without_none
+from bowden.live.log_rig import check_code
 from bowden.live.mcap_read import Recording
 from bowden.live.run_settings import source_of
 from bowden.plants.suit_parts import Suit
-from bowden.rig.given_law import LawFile, loaded, named
-from bowden.rig.packing import unpacked
+from bowden.plants.suit_push import push_of
+from bowden.rig.packing import own_files
 from bowden.rig.rig import Rig
-from bowden.sim.suit_sources import push_of
 
 
 def law_of(found: Recording, wanted: str | None) -> tuple[Law, bool]:
@@ -61,21 +60,15 @@ def _recorded_law(found: Recording) -> str | LawFile | None:
     """The law that ran: a user's with its source, where the log has that."""
     ran, rig = found.settings.get("law"), found.settings.get("rig")
     where = found.settings.get("law_file")
-    if isinstance(rig, Mapping) and "format" in rig and isinstance(rig.get("law"), Mapping):
-        law = unpacked({"format": rig["format"], "law": rig["law"]}, ["law"]).values["law"]
+    for law in own_files({**rig, "axes": ()}) if isinstance(rig, Mapping) else ():
         if isinstance(law, LawFile) and law.load().name == ran:  # a measurement runs another one than the rig's
             return law
     return where or (ran if isinstance(ran, str) else None)
 
 
 def _known_of(settings: Mapping[str, Any]) -> Knowledge:
-    """What the rig of a log knows; of a cable whose model the log names and does not have, nothing."""
-    if "rig" not in settings:
-        return Knowledge()
-    known, document = _rig_of(settings["rig"]).knowledge, settings["rig"]
-    if "format" in document or document.get("cable", {}).get("model") is None:
-        return known
-    return known._replace(cable=Knowledge().cable, motor_zero=Knowledge().motor_zero)
+    """What the rig of a log knows."""
+    return _rig_of(settings["rig"]).knowledge if "rig" in settings else Knowledge()
 
 
 def source_for(found: Recording, law: Law) -> Source:
@@ -134,17 +127,8 @@ def _suit_of(document: Any) -> tuple[Suit, float]:
 
 
 def _rig_of(document: Any) -> Rig:
-    """A log's rig.
-
-    Of a log that has a rig.toml's sections alone, what a replay does not need is left out, so that no files are needed
-    that were the run's: reference and cable's model.
-    """
-    where = Path("the log's rig")
+    """A log's rig."""
     try:
-        if "format" in document:
-            return Rig.unpack(document)
-        cable = {key: value for key, value in document.get("cable", {}).items() if key != "model"}
-        others = {key: value for key, value in document.items() if key not in ("cable", "reference", "control", "emg")}
-        return Rig.of_tree(without_none(others | {"cable": cable}), where)
+        return Rig.unpack({**document, "origin": "the log's rig"})
     except BowdenError as error:
         raise LogError(error.what, expected=error.expected, do=_WITHOUT) from error

@@ -10,7 +10,7 @@ from bowden.core.errors import BowdenError, LogError
 from bowden.core.files import shortened
 from bowden.core.user_file import UserModule
 from bowden.live.mcap_reader import LogReader
-from bowden.rig.packing import unpacked
+from bowden.rig.packing import own_files
 from bowden.rig.rig import Rig
 
 
@@ -22,14 +22,8 @@ class OwnFile(NamedTuple):
     modules: tuple[UserModule, ...]
 
 
-_OLDER = "the log is of an older bowden, which stored the rig's sections but not the files that they name"
-
-
 def rig_of_log(path: Path) -> Rig:
     """The rig that a run was made with, with what its files held then.
-
-    A log of an older version holds the sections of a rig.toml alone: files that they name are read where they are
-    still found from here, and the law's gains are those that ran.
 
     Raises:
         LogError: the log has no rig, or one that this version cannot read.
@@ -41,16 +35,7 @@ def rig_of_log(path: Path) -> Rig:
     if not isinstance(document, Mapping):
         raise LogError(f"{path} does not say with which rig it ran", do="give the rig.toml of that run")
     try:
-        if "format" in document:
-            return Rig.unpack(document).replace(origin=str(path))
-        tree = without_none(document)
-        law = settings.get("law_file") or settings.get("law")
-        check_code(settings, path, law)
-        control = {"law": law, "gains": settings.get("gains", {})} if isinstance(law, str) else {}
-        rig = Rig.of_tree(tree | {"control": control}, path)
-        return rig.replace(remarks=(*rig.remarks, f"{path}: {_OLDER}"))
-    except UnknownCodeError:
-        raise
+        return Rig.unpack(document).replace(origin=str(path))
     except BowdenError as error:
         raise LogError(f"{path}: its rig cannot be used: {error.what}", expected=error.expected, do=error.do) from error
 
@@ -79,7 +64,7 @@ def check_code(settings: Mapping[str, Any], path: Path | str, named: Any = None)
     Raises:
         UnknownCodeError: it has such.
     """
-    files = [*_code_in(settings), *_code_beside(settings, named, Path(path).parent)]
+    files = [*_code_in(settings), *_code_beside(named, Path(path).parent)]
     unknown = [one for one in files if not own_code.known(one.source, one.modules)]
     if unknown:
         raise UnknownCodeError(str(path), unknown)
@@ -94,37 +79,18 @@ def trust(files: Sequence[OwnFile]) -> None:
 def _code_in(settings: Mapping[str, Any]) -> Iterator[OwnFile]:
     """The laws and plants of a log's rig, and of its axes, that are users' files."""
     document = settings.get("rig")
-    if not isinstance(document, Mapping) or "format" not in document:
-        return
-    axes = document.get("axes")
-    rigs = [document, *(one.get("rig") for one in axes or () if isinstance(one, Mapping))]
-    for each in (one for one in rigs if isinstance(one, Mapping)):
-        for name in ("law", "plant"):
-            if isinstance(each.get(name), Mapping):
-                one = unpacked({"format": document["format"], name: each[name]}, [name]).values[name]
-                yield OwnFile(one.name, one.source, one.modules)
+    for one in own_files(document) if isinstance(document, Mapping) else ():
+        yield OwnFile(one.name, one.source, one.modules)
 
 
-def _code_beside(settings: Mapping[str, Any], law: Any, folder: Path) -> Iterator[OwnFile]:
-    """The law, and an older log's plant, as they are found where the log says."""
-    document = settings.get("rig")
-    old = document if isinstance(document, Mapping) and "format" not in document else {}
-    cable = old.get("cable")
-    plant = cable.get("plant") if isinstance(cable, Mapping) else None
-    for name, what in ((law, "law"), (plant, "plant")):
-        if isinstance(name, str) and user_law.is_file(name):
-            there = user_file.found((folder / user_file.split(name)[0]).absolute(), what)
-            yield OwnFile(name, there.source, there.modules)
+def _code_beside(law: Any, folder: Path) -> Iterator[OwnFile]:
+    """The law as it is found where the log says."""
+    if isinstance(law, str) and user_law.is_file(law):
+        there = user_file.found((folder / user_file.split(law)[0]).absolute(), "law")
+        yield OwnFile(law, there.source, there.modules)
 
 
 def hash_of(settings: Mapping[str, Any]) -> str | None:
     """The hash of the rig that a log's settings name; None of a log without one."""
     document = settings.get("rig")
     return document.get("hash") if isinstance(document, Mapping) else None
-
-
-def without_none(tree: Any) -> Any:
-    """Nested dictionaries without the keys that older logs kept as left out."""
-    if not isinstance(tree, Mapping):
-        return tree
-    return {key: without_none(value) for key, value in tree.items() if value is not None}

@@ -62,8 +62,9 @@ def _cycle(live: "Live", given: dict[str, Any]) -> int:
     from bowden.core.errors import asked_for_by
     from bowden.core.toml_text import quoted
     from bowden.hardware.buses.link import Links
+    from bowden.hardware.drives.of_rig import open_drive
     from bowden.hardware.ports import serial_of
-    from bowden.hardware.realtime import become_realtime
+    from bowden.hardware.realtime import Settings, become_realtime
     from bowden.live import latch_file
     from bowden.live.by_hand import require_same
     from bowden.live.control_block import ControlBlock
@@ -80,7 +81,7 @@ def _cycle(live: "Live", given: dict[str, Any]) -> int:
         course = axis.course(emg, given["start_ns"])
         cycle = axis.cycle()
         cycle.begin(NOTHING_READ, ThermalState(*thermal), latched)
-        drive = axis.rig.open_drive(links)
+        drive = open_drive(axis.rig.drive_parameters, axis.rig.load_cell, links)
         parts.append(AxisParts(drive, cycle, axis.script(course), course, axis.push(), axis.brake(drive)))
     ring, block = RingWriter(Path(given["ring"])), ControlBlock(Path(given["block"]))
     start, alone = given["start_ns"], live.independent
@@ -95,7 +96,8 @@ def _cycle(live: "Live", given: dict[str, Any]) -> int:
             with asked_for_by(f"axis {quoted(axis.name)}") if axis.name else contextlib.nullcontext():
                 drives.append(one.drive.bring_up())
         require_same([(axis.name, axis.rig, serial_of(one.drive)) for axis, one in zip(live.axes, parts, strict=True)])
-        grants = become_realtime(live.rig.system)
+        asked = live.rig.live
+        grants = become_realtime(Settings(asked.priority, asked.cpu, asked.lock_memory))
         named = [f"{axis.name}: {drive}" if axis.name else drive for axis, drive in zip(live.axes, drives, strict=True)]
         _say("ready", {"drive": "; ".join(named), "drives": drives, "grants": [asdict(grant) for grant in grants]})
     except BaseException:

@@ -13,9 +13,9 @@ from types import FrameType
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from bowden.core.errors import ParameterError, SafetyError
-from bowden.hardware.drives.family import family_of
 from bowden.live.automatic import automatic
 from bowden.live.session import STANDS_STILL, Session
+from bowden.rig.families import family_of
 from bowden.safety import faults
 from bowden.safety.state import Mode, Request
 

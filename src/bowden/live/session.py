@@ -27,7 +27,6 @@ from bowden.core.errors import DriveError, LogError, OutputError, ParameterError
 from bowden.core.trace import Trace
 from bowden.cycle.one_cycle import TargetSource
 from bowden.hardware import shared_memory
-from bowden.hardware.drives.family import family_of
 from bowden.live import control_block, left_behind
 from bowden.live.automatic import automatic
 from bowden.live.control_block import ControlBlock
@@ -45,9 +44,9 @@ from bowden.live.row import AT, described
 from bowden.live.session_axis import SessionAxis
 from bowden.live.stops import AxisFaults, told_apart
 from bowden.live.together import OF_ALL, mode_of_all, of_all
-from bowden.rig.axes import Axis
 from bowden.rig.declaration import at, items_of
-from bowden.rig.rig import Rig
+from bowden.rig.families import family_of
+from bowden.rig.rig import Axis, Rig
 from bowden.safety import faults
 from bowden.safety.faults import Fault
 from bowden.safety.limits import Limits

@@ -45,15 +45,15 @@ def live_session(
         alone: name of the axis that the rig is, of a file with several.
     """
     from bowden.design.forecast import off_reference
+    from bowden.design.objections import mismatches
     from bowden.design.verdict import CheckVerdict, verdicts
-    from bowden.hardware.drives.family import family_of
     from bowden.live import left_behind
     from bowden.live.by_hand import require_confirmed, require_watch, unseen_watch
     from bowden.live.emg_process import EmgProcess
     from bowden.live.live_run import live_run
     from bowden.live.preflight import require
     from bowden.live.session import Session, own_twin, prepared_loop
-    from bowden.rig.objections import mismatches
+    from bowden.rig.families import family_of
 
     live = live_run(rig, measure=measure)
     for axis in () if twin else live.axes:  # another run's bus is refused at once; the drive claims it for good

@@ -13,7 +13,6 @@ from bowden.core.errors import LogError, counted
 from bowden.core.metrics import rmse
 from bowden.core.units import RADIANS
 from bowden.cycle.one_cycle import TargetSource
-from bowden.hardware.drives.family import family_of
 from bowden.hardware.ports import TorqueLeft, torque_left
 from bowden.live import emg_summary, push_summary, stops
 from bowden.live.lateness import figures
@@ -22,6 +21,7 @@ from bowden.live.mcap_read import Recording, read
 from bowden.live.mcap_reader import Damage
 from bowden.live.session import Session
 from bowden.live.session_axis import SessionAxis
+from bowden.rig.families import family_of
 from bowden.safety import faults
 from bowden.safety.faults import Fault
 from bowden.safety.state import Mode

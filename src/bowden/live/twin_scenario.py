@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from bowden.core.errors import DriveError
 from bowden.cycle.one_cycle import TargetSource
-from bowden.hardware.drives.family import family_of
 from bowden.hardware.twin.control import TwinControl
 from bowden.live.row import AT
+from bowden.rig.families import family_of
 
 _PATIENCE = 0.5
 """For a twin's answer; it must not hold up the operator [s]."""

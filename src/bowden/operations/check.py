@@ -203,9 +203,9 @@ def check(
     from bowden.core.errors import asked_for_by
     from bowden.core.toml_text import quoted
     from bowden.design.check_rig import checked, checked_pair
+    from bowden.design.objections import refuse_sources
     from bowden.operations.support import given
     from bowden.operations.support.progress import reported
-    from bowden.rig.axes import refuse_sources
 
     whole = given.under(given.with_axis(given.rig_of(rig), axis), law, preset)
     refuse_sources(whole)

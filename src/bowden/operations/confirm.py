@@ -50,6 +50,7 @@ def confirm(rig: GivenRig, *, axis: str | None = None, channel: str | None = Non
     from bowden.core.clock import MonotonicClock
     from bowden.core.errors import ParameterError
     from bowden.hardware.buses.link import Links
+    from bowden.hardware.drives.of_rig import open_drive
     from bowden.hardware.ports import serial_of
     from bowden.live import by_hand
     from bowden.operations.support import given
@@ -57,7 +58,7 @@ def confirm(rig: GivenRig, *, axis: str | None = None, channel: str | None = Non
     if not sys.stdin.isatty():
         raise ParameterError("there is no terminal to take an angle from", do="run it at a terminal, beside the rig")
     whole = given.rig_of(rig).axis(axis).on_bus(channel)
-    drive = whole.open_drive(Links())
+    drive = open_drive(whole.drive_parameters, whole.load_cell, Links())
     with contextlib.ExitStack() as stack:
         identity = drive.bring_up()
         stack.callback(lambda: say_torque(drive.close(), say))

@@ -109,10 +109,10 @@ def demo(
     from bowden.design.new_rig import around
     from bowden.design.verdict import verdict_of
     from bowden.identify.cable.identification import identify_log
-    from bowden.identify.cable.model_file import load_cable
     from bowden.identify.log.read import read_log
     from bowden.operations.simulate import simulate
     from bowden.operations.support.progress import reported
+    from bowden.plants.identified import load_cable
     from bowden.report import demo_page as page
     from bowden.rig.rig import Rig
 

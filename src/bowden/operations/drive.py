@@ -136,7 +136,7 @@ def drive_probe(rig: GivenRig, *, axis: str | None = None, channel: str | None =
     """
     from bowden.core.errors import DriveError
     from bowden.hardware.buses.link import Links
-    from bowden.hardware.drives.family import family_of
+    from bowden.rig.families import family_of
 
     parameters = _given(rig, axis, channel).drive_parameters
     family = family_of(parameters)
@@ -180,8 +180,8 @@ def drive_monitor(
     """
     from bowden.core.caller import argument
     from bowden.core.errors import DriveError, ParameterError
-    from bowden.hardware.drives.family import family_of
     from bowden.live.drive_look import AGES
+    from bowden.rig.families import family_of
 
     if duration is not None and not 0.0 < duration <= 1e6:
         what = argument("duration").rstrip("=")
@@ -237,8 +237,8 @@ def drive_zero(
         ParameterError: angles that cannot be.
     """
     from bowden.core.units import RADIANS
-    from bowden.hardware.drives.family import family_of
     from bowden.live.drive_look import require_zero, zero_keys
+    from bowden.rig.families import family_of
 
     _check_finite(motor_deg=motor_deg, joint_deg=joint_deg)
     whole = _given(rig, axis, channel)
@@ -319,8 +319,9 @@ def _check_finite(**values: float) -> None:
 def _brought_up(given: "Rig") -> Iterator[tuple["Drive", str]]:
     """The rig's drive without power, and who it is; let go of at the end, and its torque is printed."""
     from bowden.hardware.buses.link import Links
+    from bowden.hardware.drives.of_rig import open_drive
 
-    drive = given.open_drive(Links())
+    drive = open_drive(given.drive_parameters, given.load_cell, Links())
     try:
         yield drive, drive.bring_up()
     finally:

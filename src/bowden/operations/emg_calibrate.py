@@ -10,8 +10,8 @@ from bowden.operations.support.results import Result
 
 if TYPE_CHECKING:
     from bowden.operations.support.emg import Recording
-    from bowden.rig.wearer_file import MuscleCalibration
     from bowden.sensing.detector import Detector
+    from bowden.sensing.wearer_file import MuscleCalibration
 
 _READY = 1.0
 """Time to make ready for what comes next [s]."""
@@ -94,7 +94,7 @@ def emg_calibrate(
     from bowden.core.errors import ParameterError
     from bowden.operations.support.emg import calibrated, recording_of
     from bowden.operations.support.progress import reported
-    from bowden.rig import wearer_file
+    from bowden.sensing import wearer_file
     from bowden.sensing.detectors import detector_named
 
     kind = detector_named(detector)
@@ -135,7 +135,7 @@ def _from_stream(
     from bowden.identify.emg.levels import check_contraction, envelope_levels
     from bowden.operations.support.emg import note_left_out
     from bowden.operations.support.given import check_number
-    from bowden.rig.wearer_file import MuscleCalibration
+    from bowden.sensing.wearer_file import MuscleCalibration
 
     check_number("lasting", lasting, 2.0, 60.0)
     stream = open_source(source, [] if channel is None else [channel])

@@ -10,7 +10,7 @@ from bowden.operations.support.results import Result, ResultPart
 
 if TYPE_CHECKING:
     from bowden.operations.support.emg import Contractions, Recording
-    from bowden.rig.wearer_file import MuscleCalibration
+    from bowden.sensing.wearer_file import MuscleCalibration
 
 LONGEST = 5.0
 """Contractions up to this long can be left out [s]."""

@@ -13,8 +13,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from bowden.control import Law
+    from bowden.export.counts import Counts
     from bowden.export.unit import Module
-    from bowden.rig.counts import Counts
     from bowden.rig.rig import Rig
     from bowden.safety.limits import Limits
 
@@ -114,10 +114,10 @@ def export(
     from bowden.core.errors import ParameterError, near
     from bowden.core.files import output_folder, whole_files
     from bowden.design.verdict import verdicts
+    from bowden.export.counts import counts_of, guessed
     from bowden.export.readme import TARGETS
     from bowden.operations.support import given
     from bowden.operations.support.progress import reported
-    from bowden.rig.counts import counts_of, guessed
 
     whole = given.under(given.rig_of(rig).axis(axis), law, preset)
     own, name = whole.fitted(), given.name_of(whole)

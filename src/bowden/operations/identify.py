@@ -15,9 +15,9 @@ if TYPE_CHECKING:
     from bowden.identify.cable.cycles import Cycles
     from bowden.identify.cable.fit import Fit
     from bowden.identify.cable.joint_fit import JointFit
-    from bowden.identify.cable.model import CableModel, IdentifiedCable
     from bowden.identify.cable.recalibrate import Recalibration
     from bowden.identify.log.read import Log
+    from bowden.plants.identified import CableModel, IdentifiedCable
 
     AnyLog = str | Path | Log | Trace
     AnyModel = str | Path | Fit | JointFit | Recalibration | CableModel | IdentifiedCable

@@ -11,8 +11,8 @@ if TYPE_CHECKING:
     from bowden.design.new_rig import NewRig
     from bowden.identify.cable.fit import Fit
     from bowden.identify.cable.joint_fit import JointFit
-    from bowden.identify.cable.model import CableModel, IdentifiedCable
     from bowden.identify.cable.recalibrate import Recalibration
+    from bowden.plants.identified import CableModel, IdentifiedCable
 
     GivenModel = str | Path | Fit | JointFit | Recalibration | CableModel | IdentifiedCable
 
@@ -63,9 +63,8 @@ def init(model: "GivenModel", *, suit: bool = False, **parts: Any) -> "NewRig":
     from bowden.design.new_rig import around
     from bowden.identify.cable.fit import Fit
     from bowden.identify.cable.joint_fit import JointFit
-    from bowden.identify.cable.model import CableModel, IdentifiedCable
-    from bowden.identify.cable.model_file import load_cable
     from bowden.identify.cable.recalibrate import Recalibration
+    from bowden.plants.identified import CableModel, IdentifiedCable, load_cable
     from bowden.rig.rig import Rig
 
     for name in ("cable", "plant", "law", "reference"):
@@ -115,9 +114,9 @@ def init_file(
     from bowden.core.caller import argument
     from bowden.core.errors import OutputError
     from bowden.core.files import shortened, whole_file
+    from bowden.design import rig_of_bench as page
     from bowden.design.other_law import OURS
-    from bowden.rig import page
-    from bowden.rig.suit_rig import suit_text
+    from bowden.design.rig_of_suit import suit_text
 
     try:
         is_there, is_folder = path.exists(), path.is_dir()
@@ -132,7 +131,7 @@ def init_file(
     trust = None
     if model is not None:
         from bowden.design.new_rig import around
-        from bowden.identify.cable.model_file import load_cable
+        from bowden.plants.identified import load_cable
 
         cable = load_cable(model)
         made = around(

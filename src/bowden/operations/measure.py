@@ -59,7 +59,6 @@ def measure(
         SafetyError: limits that contradict one another, or a drive without an angle that was confirmed by hand.
         DriveError: a bus or drive that cannot be used.
     """
-    from bowden.hardware.drives.family import family_of
     from bowden.live.by_hand import require_confirmed, require_watch, unseen_watch
     from bowden.live.left_behind import await_host
     from bowden.live.live_run import live_run
@@ -71,6 +70,7 @@ def measure(
     from bowden.live.start import new_log
     from bowden.live.summary import document
     from bowden.operations.support import given
+    from bowden.rig.families import family_of
 
     note = tell or (lambda text: None)
     refuse_without_keys(auto, quiet)

@@ -93,7 +93,7 @@ def _files(kind: SampleKind, seed: int) -> "Mapping[str, SampleFile]":
 
     if kind is SampleKind.EMG:
         return emg_files(seed)
-    from bowden.rig import suit_rig
+    from bowden.design import rig_of_suit as suit_rig
     from bowden.sim.samples.files import SampleFile
 
     rig = SampleFile(suit_rig.suit_text("suit.toml"), "a suit on an arm, as bowden init --suit writes it")

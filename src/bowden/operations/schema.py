@@ -54,8 +54,8 @@ def json_schema(name: str) -> dict[str, Any]:
 
 def _rig() -> dict[str, Any]:
     """Of rig.toml, with the drives of every family."""
-    from bowden.hardware.drives.family import names as families
     from bowden.rig.axes import AXIS, FEWEST, INDEPENDENT, MEANINGS, MOST
+    from bowden.rig.families import names as families
     from bowden.rig.sections import PAIR, RigFile, drive_part
 
     schema = RigFile.model_json_schema()
@@ -78,13 +78,9 @@ def _rig() -> dict[str, Any]:
         INDEPENDENT: {"description": MEANINGS[INDEPENDENT], "type": "boolean", "default": False},
         "pair": PAIR.section.model_json_schema(),
     }
-    _, *others = families()
-    for family in others:
-        section = drive_part(family).section
-        drive = schema["properties"]["drive"]
-        drive.setdefault("anyOf", [{"$ref": drive.pop("$ref")}] if "$ref" in drive else [])
-        drive["anyOf"].append({"$ref": f"#/$defs/{section.__name__}"})
-        schema["$defs"][section.__name__] = section.model_json_schema()
+    drives = [drive_part(family).section for family in families()]
+    schema["properties"]["drive"] = {"anyOf": [{"$ref": f"#/$defs/{section.__name__}"} for section in drives]}
+    schema["$defs"] |= {section.__name__: section.model_json_schema() for section in drives}
     return schema
 
 

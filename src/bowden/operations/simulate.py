@@ -211,10 +211,10 @@ def _of_motor(
 ) -> tuple[SimulatedJoint, list[str], str]:
     """One axis, or a rig with one motor, under each of the laws; what the user should know, and what was done."""
     from bowden.core.traces import Traces
+    from bowden.design.objections import refusals
     from bowden.design.verdict import verdicts
     from bowden.operations.support import given
-    from bowden.rig.objections import refusals
-    from bowden.rig.one_run import run_of
+    from bowden.sim.one_run import run_of
 
     laws = [rig.fitted() for rig in rigs]
     progress(f"checking {', '.join(law.name for law in laws)} (compiled at first)", 0.0)
@@ -246,7 +246,7 @@ def _of_pair(
     from bowden.design.check_rig import pair_laws
     from bowden.design.verdict import pair_verdicts
     from bowden.operations.support import given
-    from bowden.rig.pair_plant import agonist_of, run_of_pair
+    from bowden.sim.pair_of_rig import agonist_of, run_of_pair
 
     laws = [pair_laws(rig) for rig in rigs]
     progress(f"checking {', '.join(one.name for one, _ in laws)} (compiled at first)", 0.0)

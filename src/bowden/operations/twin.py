@@ -188,9 +188,9 @@ def twin(
 
 def _talk(rig: "Rig", inject: str | None, after: float, lasting: float | None, clear: bool) -> TwinJournal:
     from bowden.core.errors import ParameterError
-    from bowden.hardware.drives.family import family_of
     from bowden.hardware.twin.control import TwinControl
     from bowden.hardware.twin.injection import OF_LOAD_CELL, parse
+    from bowden.rig.families import family_of
 
     limits = rig.supervisor_limits
     if inject and parse(inject).name in OF_LOAD_CELL and not (limits.measures_tension or limits.measures_torque):
@@ -207,10 +207,10 @@ def _talk(rig: "Rig", inject: str | None, after: float, lasting: float | None, c
 
 def _run(rig: "Rig", objects: list[str], until_orphaned: bool) -> Iterator[TwinStarted]:
     from bowden.core.clock import SECOND, MonotonicClock
-    from bowden.hardware.drives.family import family_of
+    from bowden.hardware.twin.of_rig import PlayedDrive, attach_load_cell, twin_pair_of, twin_plant_of
     from bowden.hardware.twin.twin import raise_priority
     from bowden.live.left_behind import sweep
-    from bowden.rig.twin_plant import PlayedDrive, attach_load_cell, twin_pair_of, twin_plant_of
+    from bowden.rig.families import family_of
 
     monotonic = MonotonicClock()
 

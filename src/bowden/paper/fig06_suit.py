@@ -7,7 +7,7 @@ from bowden.core.units import DEGREES
 from bowden.paper.calibration import suit_fit
 from bowden.paper.experiment import Finding, Runs
 from bowden.paper.plots import over_time
-from bowden.rig.presets.suit import run_suit
+from bowden.sim.suit_runs import run_suit
 
 
 def run(runs: Runs) -> Finding:

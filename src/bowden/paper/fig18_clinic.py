@@ -34,9 +34,9 @@ from bowden.paper.suit_rows import (
     measure_motions,
     motions_of,
 )
-from bowden.rig.presets.suit import flexions, run_suit
 from bowden.sensing.intent import IntentSettings, IntentState, intent_start, intent_step
 from bowden.sim.emg import background, contractions
+from bowden.sim.suit_runs import flexions, run_suit
 
 Array = NDArray[np.float64]
 

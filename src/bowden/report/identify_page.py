@@ -11,7 +11,7 @@ from bowden.core.style import COLOURS, legend, new_figure, note_cut, thin, widen
 from bowden.core.units import DEGREES
 from bowden.identify.cable.fit import PARTS, Fit, ModelFit, draw_loop
 from bowden.identify.cable.loop import loop_lines
-from bowden.identify.cable.model import meaning
+from bowden.plants.cable_parameters import meaning
 from bowden.report.page import Page, inline
 
 if TYPE_CHECKING:

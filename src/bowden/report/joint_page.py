@@ -8,7 +8,7 @@ from bowden.core.style import new_figure
 from bowden.core.units import DEGREES
 from bowden.identify.cable.joint_fit import JointFit, cycle_lines, draw_loads
 from bowden.identify.cable.recalibrate import Recalibration, cycles_line, draw_residual, verdict
-from bowden.identify.log.variables import in_degrees
+from bowden.plants.cable_parameters import in_degrees
 from bowden.report.page import Page
 
 if TYPE_CHECKING:

@@ -3,17 +3,13 @@
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import product
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 from bowden.core.errors import ParameterError, near
 from bowden.core.toml_text import quoted
-from bowden.hardware.drives import on_can
-from bowden.hardware.drives.family import family_of
-from bowden.rig.drive import devices
+from bowden.rig.drive import collision, devices
+from bowden.rig.families import family_of
 from bowden.rig.sections import DEFAULT_FAMILY, Control, RigFile
-
-if TYPE_CHECKING:
-    from bowden.rig.rig import Rig
 
 AXIS, INDEPENDENT, PAIR = "axis", "independent", "pair"
 """Keys of a rig.toml beside its sections."""
@@ -36,14 +32,6 @@ _NAME = re.compile(r"(?!.{25})[a-z][a-z0-9]*(_[a-z0-9]+)*")
 _KINDS: Mapping[str, Any] = {"family": DEFAULT_FAMILY, "law": Control().law, "model": None, "plant": None}
 """Keys of which another value makes another section of it → what stands for one that is left out."""
 _FIRST_KINDS: Mapping[str, str] = {"reference": "periodic_minimum_jerk", "bend": "constant"}
-
-
-class Axis(NamedTuple):
-    """One axis of a rig."""
-
-    name: str
-    rig: "Rig"
-    """All of it: what is common, with what is its own."""
 
 
 class AxisTree(NamedTuple):
@@ -130,8 +118,12 @@ def shared(trees: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
     return {**common, AXIS: axes}
 
 
-def check(axes: Sequence[Axis], where: str) -> None:
+def check(axes: Sequence[tuple[str, Any]], where: str) -> None:
     """Refuse axes that cannot be in one loop.
+
+    Args:
+        axes: name and rig of each.
+        where: for messages.
 
     Raises:
         ParameterError: too few or many, names that are none or the same, one drive twice, or another loop for each.
@@ -154,28 +146,7 @@ def check(axes: Sequence[Axis], where: str) -> None:
         raise ParameterError(f"{where}: {problem}", do=_CORRECT)
 
 
-def refuse_sources(rig: "Rig") -> None:
-    """Refuse axes whose joints are moved by what moves a joint that is alone: EMG and the wearer's push.
-
-    A run refuses them, and so does a check of what would run.
-
-    Args:
-        rig: whole.
-
-    Raises:
-        ParameterError: an axis has one of them.
-    """
-    for name, own in rig.axes:
-        for there, key in ((own.emg.source is not None, "emg.source"), (own.admittance.enabled, "admittance.enabled")):
-            if there:
-                raise ParameterError(
-                    f"axis {quoted(name)}: {key} is set in a rig with several axes",
-                    expected="[reference] for each: EMG and the wearer's push move a joint that is alone",
-                    do="delete it, or take that axis alone, with --axis",
-                )
-
-
-def _twice(axes: Sequence[Axis]) -> Iterator[str]:
+def _twice(axes: Sequence[tuple[str, Any]]) -> Iterator[str]:
     for number, (name, rig) in enumerate(axes):
         for other, another in axes[:number]:
             if other == name:
@@ -185,16 +156,16 @@ def _twice(axes: Sequence[Axis]) -> Iterator[str]:
                 said = ", ".join(f"{key} {value}" for key, value in place.items())
                 yield f"axes {quoted(other)} and {quoted(name)} have one drive ({family.name}, {said})"
             pairs = product(devices(another.drive, another.load_cell), devices(rig.drive, rig.load_cell))
-            for collision in filter(None, (on_can.collision(*pair) for pair in pairs)):
-                yield f"axes {quoted(other)} and {quoted(name)} {collision}"
+            for problem in filter(None, (collision(*pair) for pair in pairs)):
+                yield f"axes {quoted(other)} and {quoted(name)} {problem}"
 
 
-def _apart(axes: Sequence[Axis]) -> Iterator[str]:
-    first = axes[0].rig
+def _apart(axes: Sequence[tuple[str, Any]]) -> Iterator[str]:
+    first = axes[0][1]
     for name, rig in axes[1:]:
         for field, key in COMMON.items():
             if getattr(rig, field) != getattr(first, field):
-                yield f"{key} of axis {quoted(name)} is another one than that of {quoted(axes[0].name)}: it is common"
+                yield f"{key} of axis {quoted(name)} is another one than that of {quoted(axes[0][0])}: it is common"
 
 
 def _times(count: int) -> str:

@@ -9,8 +9,8 @@ from bowden.control.source import Source
 from bowden.core.errors import ParameterError
 from bowden.models.suit.load_cell import LoadCell
 from bowden.plants.suit_parts import Suit
+from bowden.plants.suit_push import limit_for, push_of
 from bowden.rig.settings import AdmittanceSettings
-from bowden.sim.suit_sources import limit_for, push_of
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,5 @@
 """From a rig's suit and wearer to a suit on an arm."""
 
-from bowden.identify.cable.model import IdentifiedCable
 from bowden.models.cable.bouc_wen import BoucWen
 from bowden.models.cable.sheath import Sheath
 from bowden.models.drive.geared_motor import GearedMotor
@@ -9,6 +8,7 @@ from bowden.models.suit.flex_sensor import FlexSensor
 from bowden.models.suit.geometry import SuitGeometry, flexor_moment_arm
 from bowden.models.suit.suit_cable import Fabric, SuitCable
 from bowden.plants.bench import Bench
+from bowden.plants.identified import IdentifiedCable
 from bowden.plants.suit_parts import Suit, prepare_suit
 from bowden.rig.settings import SuitSettings, WearerSettings
 

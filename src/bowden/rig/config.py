@@ -2,7 +2,6 @@
 
 import itertools
 from collections.abc import Callable, Mapping
-from functools import lru_cache
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, get_args
@@ -10,123 +9,19 @@ from typing import Any, get_args
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
-from bowden.control import user_law
-from bowden.control.reference import Trajectory
 from bowden.core import bounded
-from bowden.core.errors import ParameterError, asked_for_by, near
-from bowden.core.toml_text import quoted
-from bowden.hardware.drives.family import names as families
-from bowden.identify.cable.counting import Counting
-from bowden.identify.cable.model import IdentifiedCable
-from bowden.identify.cable.model_file import load_cable
-from bowden.models.cable.bouc_wen import BoucWen
-from bowden.rig import axes, emg_setup
-from bowden.rig.checked import Gains
+from bowden.core.errors import ParameterError, near
+from bowden.plants.counting import Counting
+from bowden.rig import axes
 from bowden.rig.declaration import Section, items_of, value_of
-from bowden.rig.effect import refuse_switched_off
-from bowden.rig.given_law import LawFile, law_file
-from bowden.rig.given_plant import PlantFile, plant_file
-from bowden.rig.pair import PairSettings
-from bowden.rig.recorded import RecordedMotion, read_motion
+from bowden.rig.families import names as families
 from bowden.rig.sections import (
     BEND_KINDS,
-    BENDS,
     DEFAULT_FAMILY,
-    MODEL_FILE,
-    PAIR,
-    PARTS,
     REFERENCE_KINDS,
-    REFERENCES,
-    Clock,
-    Control,
-    RecordedFile,
     RigFile,
-    Scenario,
     drive_part,
 )
-from bowden.rig.settings import EmgSettings
-
-
-def read_values(path: Path) -> dict[str, Any]:
-    """The fields of the rig that a file describes; what the file leaves out is as on the paper's bench.
-
-    What the file names (model, motion, wearer, law) is read too.
-
-    Raises:
-        ParameterError: no such file, not TOML, an unknown key, a value of the wrong kind or out of its range.
-        LogError: a recorded motion that cannot be used.
-    """
-    return values_of(read_toml(path), path)
-
-
-def values_of(
-    tree: Mapping[str, Any], path: Path, keep: Mapping[str, Any] | None = None, *, whole: bool = True
-) -> dict[str, Any]:
-    """`read_values` for a file that is parsed already.
-
-    Args:
-        tree: sections as they stand in a rig.toml.
-        path: for messages, and to find the files that it names.
-        keep: fields of a rig whose contents of files serve where these name the same files.
-        whole: whether it is a whole rig, and not what several axes have in common.
-
-    Raises:
-        ParameterError: see `read_values`.
-        LogError: likewise.
-    """
-    if {axes.AXIS, axes.INDEPENDENT, axes.PAIR} & {*tree}:
-        return _values_of_axes(tree, path, keep or {})
-    file = checked_file(tree, path)
-    if whole:
-        refuse_switched_off(file, path)
-    kept = keep or {}
-    values: dict[str, Any] = {name: _part(file, name) for name in PARTS}
-    drive = drive_part(file.drive.family)
-    values["drive"] = value_of(drive.kind, file.drive.model_dump(), drive.default)
-    flat: tuple[tuple[str, Any], ...] = (("bench", Clock), ("scenario", Scenario), ("control", Control))
-    for title, kind in flat:
-        values |= value_of(kind, getattr(file, title).model_dump())._asdict()
-    values["gains"] = Gains(file.control.gains)
-    values["width"] = file.cable.width
-    values["cable"] = _cable(file.cable, path, kept.get("cable"))
-    values["plant"] = _plant(file.cable, path, kept.get("plant"))
-    values["reference"] = _reference(file.reference, path, kept.get("reference"))
-    bend = file.scenario.bend
-    values["bend"] = value_of(BENDS[bend.kind].kind, bend.model_dump())
-    values["emg"] = _emg(values["emg"], path, kept.get("emg"))
-    if user_law.is_file(values["law"]):
-        before = kept.get("law")
-        same = isinstance(before, LawFile) and before.name == values["law"]
-        values["law"] = before if same else law_file(values["law"], path.parent)
-    return values | {"origin": str(path)}
-
-
-def _values_of_axes(tree: Mapping[str, Any], path: Path, keep: Mapping[str, Any]) -> dict[str, Any]:
-    """The common values, and among them those of each axis with its name."""
-    common, each, independent = axes.split(tree, str(path))
-    known = {one.name: one.rig.fields for one in keep.get("axes", ())}
-    found = []
-    for name, whole in each:
-        with asked_for_by(f"axis {quoted(name)}"):
-            found.append((name, values_of(whole, path, known.get(name))))
-    pair = _pair(tree, path)
-    return values_of(common, path, keep, whole=False) | {"axes": tuple(found), "independent": independent, "pair": pair}
-
-
-class _PairFile(Section):
-    """The one section of a rig.toml that speaks of two axes."""
-
-    pair: PAIR.section = PAIR.section()  # type: ignore[name-defined]
-
-
-def _pair(tree: Mapping[str, Any], path: Path) -> PairSettings:
-    """What [pair] says."""
-    try:
-        given = _PairFile.model_validate({axes.PAIR: tree[axes.PAIR]} if axes.PAIR in tree else {}).pair
-    except ValidationError as error:
-        raise explained(error, path, _PairFile) from None
-    found: PairSettings = value_of(PairSettings, given.model_dump(), PAIR.default)
-    return found
 
 
 def one_motor(path: Path) -> ParameterError:
@@ -179,71 +74,6 @@ def checked_file(tree: Mapping[str, Any], path: Path) -> Any:
         raise ParameterError(f"{path}: cable.slope is 0", expected="a number above or below 0", do=_CORRECT)
     check_points(file, path)
     return file
-
-
-def _part(file: Any, name: str) -> Any:
-    side = name.removesuffix("_encoder")
-    section = getattr(file, name) if side == name else getattr(file.encoder, side)
-    return _value(name, section)
-
-
-@lru_cache(512)
-def _value(name: str, section: Section) -> Any:
-    """The value of a section; in a study most are those of the run before."""
-    return value_of(PARTS[name].kind, section.model_dump(), PARTS[name].default)
-
-
-def _cable(section: Any, path: Path, before: Any) -> BoucWen | IdentifiedCable:
-    if section.model is None:
-        return value_of(BoucWen, section.model_dump())
-    counting = value_of(Counting, section.model_dump())
-    same = isinstance(before, IdentifiedCable) and (before.file or MODEL_FILE) == section.model
-    same = same and before.counting == counting and section.model_hash in (None, before.digest)
-    if same and before.changed.keys() <= section.parameters.keys():
-        found: IdentifiedCable = before
-    else:
-        with asked_for_by(f"{path}: cable.model"):
-            found = load_cable(path.parent / section.model, section.model).counted(counting)
-        if section.model_hash not in (None, found.digest):
-            raise ParameterError(
-                f"{path}: {section.model} is not the model that this rig was made from, it has been written again",
-                expected=f"the model {section.model_hash}, not {found.digest}",
-                do=f"make a new rig: bowden init NEW.toml --model {path.parent / section.model}; or, if reference, "
-                f'limits and law suit the new model too, write model_hash = "{found.digest}"',
-            )
-    with asked_for_by(f"{path}: cable.parameters"):
-        return found.with_parameters(section.parameters)
-
-
-def _plant(section: Any, path: Path, before: Any) -> PlantFile | None:
-    name = section.plant
-    if name is None:
-        return None
-    if isinstance(before, PlantFile) and before.name == name:
-        found = before
-    else:
-        with asked_for_by(f"{path}: cable.plant"):
-            found = plant_file(name, path.parent)
-    with asked_for_by(f"{path}: cable.parameters"):
-        return found.with_parameters(section.parameters)
-
-
-def _reference(section: Any, path: Path, before: Any) -> Trajectory:
-    part = REFERENCES[section.kind]
-    with asked_for_by(f"{path}: reference"):
-        said: Any = value_of(part.kind, section.model_dump())
-        if not isinstance(said, RecordedFile):
-            found: Trajectory = before if said == before else said
-            return found
-        if isinstance(before, RecordedMotion) and before.said == said:
-            return before
-        return read_motion(said, path.parent)
-
-
-def _emg(given: EmgSettings, path: Path, before: Any) -> EmgSettings:
-    if isinstance(before, EmgSettings) and (before.source, before.wearer) == (given.source, given.wearer):
-        return given._replace(levels=before.levels, place=before.place, recording=before.recording)
-    return emg_setup.found(given, path.parent)
 
 
 def dotted(

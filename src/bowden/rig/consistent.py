@@ -18,8 +18,8 @@ import numpy as np
 
 from bowden.core.quantity import declared
 from bowden.core.units import DEGREES, RADIANS
-from bowden.hardware.drives.family import LOST
 from bowden.rig.declaration import at, in_file, items_of, rounded
+from bowden.rig.families import LOST
 from bowden.safety.limits import Limits
 from bowden.safety.release import OVERSPEED, longest_release, steepest
 

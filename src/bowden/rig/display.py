@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -11,18 +11,17 @@ from bowden.core.quantity import Quantity, declared
 from bowden.core.shown import listed, number
 from bowden.core.style import COLOURS, thin
 from bowden.core.units import DEGREES, HERTZ
-from bowden.identify.cable.model import IdentifiedCable
-from bowden.identify.cable.parameter_text import parameter_lines
+from bowden.plants.cable_parameters import parameter_lines
+from bowden.plants.identified import IdentifiedCable
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from bowden.rig.rig import Rig
 
 _INSTANTS = 2001
 
 
-def rows(rig: "Rig") -> list[tuple[str, str]]:
+def rows(rig: Any) -> list[tuple[str, str]]:
     """What a rig is, a line for each part."""
     said = [("plant", "suit on an arm" if rig.worn is not None else "bench"), ("cable", _cable(rig))]
     servo, clock = rig.servo, f"{rig.sample_time * 1e3:g} ms, delay of {counted(rig.delay, 'cycle')}"
@@ -47,7 +46,7 @@ def rows(rig: "Rig") -> list[tuple[str, str]]:
     ]
 
 
-def _cable(rig: "Rig") -> str:
+def _cable(rig: Any) -> str:
     """Where the cable is known from, and the parameters of what a simulation runs."""
     cable = rig.cable
     if rig.worn is not None:
@@ -61,14 +60,14 @@ def _cable(rig: "Rig") -> str:
     return f"{known}: {', '.join(parts)}"
 
 
-def _own(rig: "Rig") -> str:
+def _own(rig: Any) -> str:
     """The plant of the user's own, with its numbers."""
     plant = rig.own_plant
     numbers = [f"{name} {value:.4g}" for name, value in plant.parameters._asdict().items() if isinstance(value, float)]
     return f"{plant.name} of {plant.path.name}: {', '.join(numbers)}"
 
 
-def draw(axes: "Sequence[Axes]", rig: "Rig") -> None:
+def draw(axes: "Sequence[Axes]", rig: Any) -> None:
     """Where the joint shall be and, on second axes, the sheath's bend."""
     time = np.linspace(0.0, rig.duration, _INSTANTS)
     axes[0].plot(*thin(time, rig.trajectory.sample(time)[:, 0] * DEGREES), color=COLOURS["reference"])
@@ -80,7 +79,7 @@ def draw(axes: "Sequence[Axes]", rig: "Rig") -> None:
     axes[-1].set_xlabel("time [s]")
 
 
-def _bends(rig: "Rig") -> tuple[float, float]:
+def _bends(rig: Any) -> tuple[float, float]:
     path = rig.bend_path(np.linspace(0.0, rig.duration, _INSTANTS))
     return float(np.min(path)), float(np.max(path))
 

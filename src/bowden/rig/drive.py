@@ -2,29 +2,23 @@
 
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from bowden.control.admittance.interaction import Doubt
 from bowden.core.errors import ParameterError
 from bowden.core.units import HERTZ, RADIANS
 from bowden.cycle.one_cycle import Filters
-from bowden.hardware.drives import on_can
-from bowden.hardware.drives.family import DriveNeeds, family_of, longest_silence
-from bowden.hardware.drives.load_cell import ROOM, LoadCellParameters, check_cell, identifiers_of
-from bowden.hardware.ports import Drive
-from bowden.hardware.realtime import Settings
 from bowden.models.drive.holding_brake import HoldingBrake
 from bowden.models.suit.suit_angle import spool_map
 from bowden.plants.bench import Bench
 from bowden.plants.suit_parts import Suit
 from bowden.rig.consistent import Basis, follow
+from bowden.rig.families import DriveNeeds, family_of, longest_silence, resolved
+from bowden.rig.load_cell import ROOM, LoadCellParameters, check_cell
 from bowden.rig.settings import LiveSettings
 from bowden.safety.evidence import DEAD_SHARE
 from bowden.safety.limits import ARM_LOWERING, FASTEST_RELEASE, Limits
 from bowden.safety.release import steepest
-
-if TYPE_CHECKING:
-    from bowden.hardware.buses.link import BusPlace
 
 _LEAST_TRAVEL = 0.1
 """Travel of the motor, of the bench's slope, that shows a frozen joint where the cable has next to no dead zone: what
@@ -234,10 +228,10 @@ def check_load(drive: Any, cell: LoadCellParameters, allowed: Limits, sample_tim
     most, key = (allowed.torque_high, "torque_high_nm") if torque else (allowed.tension_high, "tension_high_n")
     if cell.there:
         check_cell(cell, sample_time, most, key)
-        collision = on_can.collision(*devices(drive, cell)) if hasattr(drive, "interface") else ""
-        if collision:
+        problem = collision(*devices(drive, cell)) if hasattr(drive, "interface") else ""
+        if problem:
             raise ParameterError(
-                f"drive and load cell {collision}",
+                f"drive and load cell {problem}",
                 expected="one speed and frames that differ, or a bus for each",
                 do="correct one, or write channel in [load_cell]",
             )
@@ -250,83 +244,20 @@ def check_load(drive: Any, cell: LoadCellParameters, allowed: Limits, sample_tim
         )
 
 
-def opened(parameters: Any, cell: LoadCellParameters, links: Any) -> Drive:
-    """The drive, with a load cell of its own beside it where there is one.
-
-    Args:
-        parameters: of the drive, whole.
-        cell: of the rig.
-        links: the buses of this process.
-
-    Raises:
-        ParameterError: the cell says no bus, and the drive has none.
-    """
-    drive = family_of(parameters).open(parameters, links)
-    if not cell.there:
-        return drive
-    from bowden.hardware.drives.with_load_cell import DriveWithLoadCell  # with python-can
-
-    place, shared = cell_place(parameters, cell)
-    timeout = getattr(parameters, "answer_timeout", CELL_TIMEOUT)
-    return DriveWithLoadCell(drive, cell, place, links, timeout, shared=shared)
-
-
-CELL_TIMEOUT = 0.3
-"""Longest wait for an answer of a load cell beside a drive that says none [s]."""
-
-
-def cell_place(parameters: Any, cell: LoadCellParameters) -> "tuple[BusPlace, bool]":
-    """The bus of the load cell, and whether that is the drive's.
-
-    Raises:
-        ParameterError: the cell says no bus, and the drive has none.
-    """
-    from bowden.hardware.drives.on_can import place  # with python-can
-
-    if not hasattr(parameters, "interface") and None in (cell.interface, cell.channel, cell.bitrate):
-        raise ParameterError(
-            "[load_cell] says no bus, and the drive has none that it could share",
-            expected="interface, channel and bitrate",
-            do="write them in [load_cell]",
-        )
-    own = {name: getattr(cell, name) for name in ("interface", "channel", "bitrate") if getattr(cell, name) is not None}
-    found = place(parameters._replace(**own) if hasattr(parameters, "interface") else cell)
-    shared = hasattr(parameters, "interface") and found[:2] == place(parameters)[:2]
-    if shared:
-        found = place(parameters)
-    return found, shared
-
-
 def devices(drive: Any, cell: LoadCellParameters) -> list[Any]:
-    """What `on_can.collision` compares: the drive's parameters and, where there is one on a bus, its load cell."""
-    if not cell.there:
-        return [drive]
-    place, _ = cell_place(drive, cell)
-    return [drive, on_can.Device(place.interface, place.channel, place.bitrate, identifiers_of(cell))]
+    """What `collision` compares: the drive's parameters and, where there is one on a bus, its load cell."""
+    return [drive, resolved("drives.of_rig").device_of(drive, cell)] if cell.there else [drive]
 
 
-def moved_cell(cell: LoadCellParameters, channel: str | None, interface: str | None) -> LoadCellParameters:
-    """The same load cell on another bus, where one is given; one with a bus of its own stays on one of its own."""
-    if not cell.there or cell.channel is None:
-        return cell if interface is None or cell.interface is None else cell._replace(interface=interface)
-    if channel is not None and not cell.channel.endswith(BESIDE):
-        inside = "/" if "/" in channel else "-"  # of a folder, or a bare name
-        cell = cell._replace(channel=f"{channel}{inside}{BESIDE}")
-    return cell if interface is None else cell._replace(interface=interface)
-
-
-BESIDE = "load-cell"
-"""Ending of the name of a twin's bus for a load cell alone."""
+def collision(one: Any, other: Any) -> str:
+    """What keeps two of the `devices` from being on one bus, where they are; empty of others."""
+    said: str = resolved("drives.on_can").collision(one, other)
+    return said
 
 
 def most_push(given: Any, needs: DriveNeeds) -> float:
     """Largest torque offset that the drive takes, at the spool [N·m]."""
     return family_of(given).most_push(given, needs)
-
-
-def settings(live: LiveSettings) -> Settings:
-    """What the live loop asks of the system."""
-    return Settings(live.priority, live.cpu, live.lock_memory)
 
 
 def filters(live: LiveSettings, sample_time: float) -> Filters:

@@ -8,15 +8,12 @@ EMG, [limits] beside a simulation.
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 from bowden.core.errors import ParameterError
 from bowden.core.toml_text import quoted
 from bowden.rig.declaration import Section, at, items_of
 from bowden.rig.sections import DEFAULT_CABLE, DEFAULT_WIDTH, PARTS, TITLES
-
-if TYPE_CHECKING:
-    from bowden.rig.rig import Rig
 
 SWITCHES: Mapping[str, tuple[str, str, Any, str]] = {
     "suit": ("suit", "worn", False, "suit.worn = true"),
@@ -39,7 +36,7 @@ class Idle(NamedTuple):
     do: str
 
 
-def idle(rig: "Rig") -> Iterator[Idle]:
+def idle(rig: Any) -> Iterator[Idle]:
     """Keys of a rig without axes whose place another one took."""
     if rig.worn is None:
         return
@@ -71,7 +68,7 @@ def idle(rig: "Rig") -> Iterator[Idle]:
         yield from _part(rig, "sheath", ("loss",), "a capstan computes what its sheath loses", "delete it")
 
 
-def _part(rig: "Rig", name: str, fields: tuple[str, ...] | None, why: str, do: str) -> Iterator[Idle]:
+def _part(rig: Any, name: str, fields: tuple[str, ...] | None, why: str, do: str) -> Iterator[Idle]:
     """Keys of a part of the rig; all of them where no fields are named."""
     title = ".".join(TITLES.get(name, (name,)))
     for item in items_of(PARTS[name].kind):
@@ -80,7 +77,7 @@ def _part(rig: "Rig", name: str, fields: tuple[str, ...] | None, why: str, do: s
             yield Idle(f"{title}.{item.key}", differs, why, do)
 
 
-def refuse_idle(rig: "Rig") -> None:
+def refuse_idle(rig: Any) -> None:
     """Refuse a value that another one took the place of.
 
     Raises:
@@ -113,20 +110,3 @@ def refuse_switched_off(file: Any, path: Path) -> None:
                     expected=on,
                     do="write that too, or delete the key",
                 )
-
-
-def missing_for(key: str, rig: "Rig") -> str | None:
-    """What the rig would need for a simulation to feel one of its numeric keys; None where it does feel it.
-
-    >>> from bowden.rig.rig import Rig
-    >>> missing_for("wearer.share", Rig()), missing_for("cable.slope", Rig())
-    ('suit.worn = true', None)
-    """
-    section = key.partition(".")[0]
-    if section in ("suit", "wearer") and not rig.suit.worn:
-        return SWITCHES[section][3]
-    if section == "admittance" and not rig.admittance.enabled:
-        return SWITCHES[section][3]
-    if section == "brake" and not rig.brake.there:
-        return SWITCHES[section][3]
-    return next((f"another rig: {one.why}" for one in idle(rig) if one.key == key), None)

@@ -1,8 +1,6 @@
 """What a run by EMG goes by: the stream, its channels, the wearer's levels and the motions, from [emg] and --emg."""
 
 import hashlib
-import re
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -10,19 +8,14 @@ from typing import Any
 from bowden.core.bounded import open_file
 from bowden.core.errors import ParameterError, StreamError
 from bowden.core.units import RADIANS
-from bowden.hardware.emg.course import CourseSettings
-from bowden.hardware.emg.listener import Levels
-from bowden.hardware.emg.sources import open_source
-from bowden.hardware.ports import EmgStream
-from bowden.rig import wearer_file
+from bowden.rig.families import resolved
 from bowden.rig.settings import EmgSettings
-from bowden.rig.wearer_file import MuscleCalibration
+from bowden.sensing import wearer_file
+from bowden.sensing.course import CourseSettings
 from bowden.sensing.detector import Detector
 from bowden.sensing.detectors import DEFAULT, detector_named
 from bowden.sensing.intent import IntentSettings
-
-_UNIT = re.compile(r"[_\s(\[]+([mµu]?V)[)\]]?$")
-"""At the end of a channel's name."""
+from bowden.sensing.wearer_file import MuscleCalibration
 
 
 @dataclass(frozen=True)
@@ -67,7 +60,7 @@ def emg_run(given: EmgSettings) -> EmgRun | None:
     """
     if given.source is None:
         return None
-    open_source(given.source)
+    resolved("emg.sources").open_source(given.source)
     if not given.low < given.high:
         raise ParameterError(
             f"emg.low_deg is {given.low / RADIANS:g} and high_deg {given.high / RADIANS:g}",
@@ -144,50 +137,3 @@ def check_recording(run: EmgRun) -> None:
         raise StreamError(
             f"{path} has changed since the rig was read", expected="the recording that was checked", do="start again"
         )
-
-
-def columns(run: EmgRun, stream: EmgStream) -> tuple[int, int | None]:
-    """Where flexor and extensor are among an open stream's channels.
-
-    Raises:
-        StreamError: a channel is missing, or the flexor is none that the wearer was measured with.
-    """
-    names = stream.channels
-    for wanted in run.wanted:
-        if wanted not in names:
-            raise StreamError(f"{run.source} has no channel {wanted!r}", expected=f"one of {_listed(names)}")
-    others = [i for i, name in enumerate(names) if name != run.extensor]
-    if not others:
-        raise StreamError(f"{run.source} has no channel beside the extensor {run.extensor!r}")
-    flexor = others[0] if run.flexor is None else names.index(run.flexor)
-    if run.wearer is not None:
-        _check_wearer(run, names[flexor], stream.unit)
-    return flexor, None if run.extensor is None else names.index(run.extensor)
-
-
-def _check_wearer(run: EmgRun, channel: str, unit: str) -> None:
-    assert run.wearer is not None
-    measured, ours = _parts(run.wearer.channel), _parts(channel, unit)
-    if measured != ours:
-        raise StreamError(
-            f"{run.where} was measured on {measured[0]!r} in {measured[1] or 'no unit'}, and {run.source} has "
-            f"{ours[0]!r} in {ours[1] or 'no unit'}",
-            do="run bowden emg calibrate on this channel, or name another one as emg.flexor",
-        )
-
-
-def _parts(channel: str, unit: str = "") -> tuple[str, str]:
-    """A channel's plain name and its unit."""
-    named = _UNIT.search(channel)
-    unit = (named[1] if named else unit).replace("u", "µ")
-    return (channel[: named.start()] if named else channel), unit
-
-
-def levels(run: EmgRun) -> Levels | None:
-    """The wearer's, for the envelope's share of MVC."""
-    wearer = run.wearer
-    return None if wearer is None else Levels(wearer.rest, wearer.mvc, wearer.mains, wearer.sigma)
-
-
-def _listed(names: Sequence[str]) -> str:
-    return ", ".join(map(repr, names))

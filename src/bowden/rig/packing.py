@@ -1,4 +1,4 @@
-"""A rig as plain bytes: a JSON document with all its numbers, and the contents of the files that it was made of."""
+"""A rig as plain bytes: its sections as a file has them, the contents of the files that these name, and its hash."""
 
 import base64
 import contextlib
@@ -7,34 +7,34 @@ import hashlib
 import json
 import math
 import zlib
-from collections.abc import Iterable, Iterator, Mapping
-from typing import Any, NamedTuple, get_type_hints
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bowden import __version__
-from bowden.control import LAWS, Law
+from bowden.control import LAWS, Law, user_law
+from bowden.control.law_file import LawFile, code_of_law, packable
+from bowden.control.recorded_motion import RecordedFile, RecordedMotion
 from bowden.core import user_file
-from bowden.core.arguments import said
+from bowden.core.arguments import said as shown
 from bowden.core.errors import BowdenError, ParameterError
 from bowden.core.kernel_content import code_of
-from bowden.core.quantity import optional
-from bowden.identify.cable.counting import Counting, Covered
-from bowden.identify.cable.model import IdentifiedCable
-from bowden.identify.cable.trusted import Trust
-from bowden.models.cable.bouc_wen import BoucWen
+from bowden.plants.counting import Counting, Covered
+from bowden.plants.identified import IdentifiedCable
+from bowden.plants.plant_file import PlantFile, as_file
+from bowden.plants.trust import Trust
 from bowden.plants.user_plant import UserPlant
-from bowden.rig.checked import Gains
-from bowden.rig.declaration import items_of
-from bowden.rig.emg_motion import EmgMotion
-from bowden.rig.given_law import LawFile, code_of_law, packable
-from bowden.rig.given_plant import PlantFile, as_file
-from bowden.rig.pair import NO_PAIR, PairSettings
-from bowden.rig.recorded import RecordedMotion
-from bowden.rig.sections import BENDS, DEFAULT_FAMILY, PARTS, REFERENCES, RecordedFile, drive_part
+from bowden.rig.declaration import replaced
+from bowden.rig.pair import PairSettings
+from bowden.rig.sections import PARTS, REFERENCES
+from bowden.rig.settings import EmgSettings
+from bowden.rig.tree import tree_of, unnamed, values_of
+from bowden.sensing.wearer_file import MuscleCalibration
 
-FORMAT = 1
+FORMAT = 2
 """Of the document."""
 MOST_BYTES = 32 << 20
 """A larger rig is not packed: its recorded motion is too long [bytes]."""
@@ -43,41 +43,30 @@ _DIGITS = 12
 
 OF_AXES = ("axes", "independent", "pair")
 """Fields of a rig that one without axes says nothing of."""
-OF_SOME = ("load_cell", "brake")
-"""Fields of which a rig that is as usual says nothing."""
-
-_REFERENCE_TAGS = {part.kind: tag for tag, part in REFERENCES.items() if tag != "recorded"}
-_BEND_TAGS = {part.kind: tag for tag, part in BENDS.items()}
-
-
-class Packed(NamedTuple):
-    """What is in a document."""
-
-    values: dict[str, Any]
-    """Field of a rig → its value."""
-    remarks: tuple[str, ...]
-    """What another version of the package wrote otherwise."""
 
 
 def document(values: Mapping[str, Any]) -> dict[str, Any]:
-    """The fields of a rig as JSON values.
+    """The fields of a rig as JSON values; of one with axes, what these have in common.
+
+    ``tree`` is what a file says; ``files`` is what was in the files that it names; ``exact`` are numbers that no file
+    can say to the last bit, in SI.
 
     Raises:
         ParameterError: a reference, cable or law that exists only in this process, or too much of it.
     """
-    found = {name: _written(name, value) for name, value in values.items() if _says(name, value)}
-    law, more = found["law"], {}
-    if isinstance(values["law"], Law):
-        base, own = packable(values["law"])
-        law, more = _written("law", base), {"own_gains": own}
-    return {"format": FORMAT, "software": f"bowden {__version__}"} | found | {"law": law} | more
-
-
-def _says(name: str, value: Any) -> bool:
-    """Whether a document has this field: one that not every rig has, and that is as usual, is left out."""
-    if name == "pair":
-        return bool(value.there)
-    return bool(value) if name in OF_AXES else name not in OF_SOME or value != PARTS[name].default
+    law: Any = values["law"]
+    own: dict[str, float] = {}
+    if isinstance(law, Law):
+        law, own = packable(law)
+    values = {**values, "law": law}
+    tree = tree_of(values, of_process=True)
+    found: dict[str, Any] = {"format": FORMAT, "software": f"bowden {__version__}", "tree": tree}
+    found["files"] = {name: text for name in _HELD if (text := _content(name, values[name])) is not None}
+    again = values_of(tree, Path("Rig"), values, whole=False)
+    found["exact"] = {
+        name: given for key in again if key in values for name, given in _rest(key, values[key], again[key])
+    }
+    return found | ({"own_gains": own} if own else {})
 
 
 def packed(found: Mapping[str, Any]) -> bytes:
@@ -96,134 +85,11 @@ def packed(found: Mapping[str, Any]) -> bytes:
     return whole
 
 
-def digest(values: Mapping[str, Any]) -> str:
-    """A short name of the values: equal ones have the same, whether they come from Python or a file."""
-    if values["axes"]:
-        said: dict[str, Any] = {"axes": [[one.name, one.rig.hash] for one in values["axes"]]}
-        said["independent"] = values["independent"]
-        said |= {"pair": values["pair"]} if values["pair"].there else {}
-    else:
-        usual = [name for name in OF_SOME if not _says(name, values[name])]
-        left_out = {*OF_AXES, *usual, *(["plant"] if values["plant"] is None else [])}
-        said = {name: value for name, value in values.items() if name not in left_out}
-    return hashlib.sha256(json.dumps(_said(said), sort_keys=True).encode()).hexdigest()[:16]
-
-
-def _written(name: str, value: Any) -> Any:
-    if name == "axes":
-        return [{"name": one.name, "rig": one.rig.document()} for one in value]
-    if isinstance(value, RecordedMotion):
-        numbers = {"time": _array(value.time), "position": _array(value.position)}
-        return {"kind": "recorded", "said": _plain(value.said)} | numbers
-    if isinstance(value, IdentifiedCable):
-        changed = {"changed": dict(value.changed)} if value.changed else {}
-        counted = {} if value.counting.as_recorded else {"counting": _plain(value.counting)}
-        covered = {} if value.covered is None else {"covered": _plain(value.covered)}
-        found = {"best": value.best, "models": _dicts(value.models), "file": value.file, "digest": value.digest}
-        trust = {} if value.trust is None else {"trust": _plain(value.trust)}
-        return found | changed | counted | covered | trust
-    if isinstance(value, LawFile):
-        return user_file.written(value)
-    if isinstance(value, UserPlant | PlantFile):
-        plant = as_file(value)
-        return user_file.written(plant) | {"changed": dict(plant.changed)}
-    if isinstance(value, Law):
-        return None  # `document` has its name or file
-    if name == "reference":
-        if type(value) not in _REFERENCE_TAGS:
-            raise ParameterError(
-                f"a reference of the type {type(value).__name__} exists only in this process",
-                expected=f"one of {', '.join(part.kind.__name__ for part in REFERENCES.values())}",
-                do="use one of these, or simulate in this process",
-            )
-        return {"kind": _REFERENCE_TAGS[type(value)]} | {
-            one.name: _plain(getattr(value, one.name)) for one in dataclasses.fields(value)
-        }
-    if name == "bend":
-        return {"kind": _BEND_TAGS[type(value)]} | _plain(value)
-    return _plain(value)
-
-
-def _plain(value: Any) -> Any:
-    """Nested NamedTuples as dictionaries, without numbers that JSON does not have."""
-    if hasattr(value, "_asdict"):
-        return {name: _plain(part) for name, part in value._asdict().items()}
-    if isinstance(value, Mapping):
-        return {name: _plain(part) for name, part in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(part) for part in value]
-    return str(value) if isinstance(value, float) and not math.isfinite(value) else value
-
-
-def _array(values: NDArray[np.float64]) -> str:
-    return base64.b64encode(zlib.compress(np.ascontiguousarray(values, dtype="<f8").tobytes())).decode()
-
-
-def _dicts(models: Mapping[str, Mapping[str, float]]) -> dict[str, dict[str, float]]:
-    return {name: dict(parameters) for name, parameters in models.items()}
-
-
-def _said(value: Any) -> Any:
-    """What the hash is made of: numbers in a file's units and in their first digits, contents by their own hash."""
-    if isinstance(value, RecordedMotion):
-        contents = hashlib.sha256(np.round(value.position, 9).tobytes() + np.round(value.time, 9).tobytes())
-        return {"recorded": contents.hexdigest(), "cutoff": _said(value.said.cutoff)}
-    if isinstance(value, EmgMotion):
-        return {"emg": hashlib.sha256(value.rows.tobytes()).hexdigest()}
-    if isinstance(value, IdentifiedCable):
-        return {"best": value.best, "models": _said(_dicts(value.models))}
-    if isinstance(value, LawFile):
-        attribute = value.name.rpartition(".py")[2]
-        return {"law": hashlib.sha256(value.source).hexdigest(), "name": attribute} | _modules_said(value)
-    if isinstance(value, PlantFile):
-        attribute = value.name.rpartition(".py")[2]
-        found = {"plant": hashlib.sha256(value.source).hexdigest(), "name": attribute}
-        return found | {"changed": _said(dict(value.changed))} | _modules_said(value)
-    if isinstance(value, UserPlant):  # of a notebook, as for a law
-        code = code_of(value.rest, value.advance, value.observe, value.effort) or id(value.advance)
-        return {"plant": value.name, "code": code, "parameters": _said(value.describe())}
-    if isinstance(value, Law):
-        try:
-            base, own = packable(value)
-        except ParameterError:  # of a notebook: what is run is all that is known of it
-            return {"law": value.name, "code": code_of_law(value) or id(value.step_kernel), "gains": _said(value.gains)}
-        return {"law": _said(base), "gains": _said(own)} if own else _said(base)
-    if isinstance(value, Mapping):
-        return {key: _said(part) for key, part in value.items()}
-    if hasattr(value, "_fields") or (dataclasses.is_dataclass(value) and not isinstance(value, type)):
-        names = value._fields if hasattr(value, "_fields") else [one.name for one in dataclasses.fields(value)]
-        factors = {item.path[0]: item.quantity.factor for item in items_of(type(value)) if not item.path[1:]}
-        parts = {key: _said(_scaled(getattr(value, key), factors.get(key, 1.0))) for key in names}
-        if "channel" in parts and "interface" in parts:  # where the drive hangs is not what the drive is
-            parts |= {"channel": "", "interface": ""}
-        if type(value).__name__ == "EmgSettings":
-            parts |= {"place": "", "wearer": "", "source": value.source if not value.recording else value.recording}
-        return {"type": type(value).__name__} | parts
-    if isinstance(value, list | tuple):
-        return [_said(part) for part in value]
-    if hasattr(value, "describe"):
-        return {"type": type(value).__name__, "described": _said(value.describe())}
-    return f"{value:.{_DIGITS}g}" if isinstance(value, float) else value
-
-
-def _modules_said(value: LawFile | PlantFile) -> dict[str, Any]:
-    """What a user's file imports, for the hash; nothing where it imports nothing of the user's own."""
-    found = {one.file: hashlib.sha256(one.source).hexdigest() for one in value.modules}
-    return {"modules": found} if found else {}
-
-
-def _scaled(value: Any, factor: float) -> Any:
-    if isinstance(value, tuple) and not hasattr(value, "_fields"):
-        return tuple(part / factor for part in value)
-    return value / factor if isinstance(value, float) else value
-
-
-def unpacked(pack: bytes | Mapping[str, Any], known: Iterable[str]) -> Packed:
-    """The fields of a rig from a document, or its bytes; what it leaves out is left out.
+def unpacked(pack: bytes | Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
+    """The fields of a rig from a document, or its bytes, and those of its axes as they stand there. No file is read.
 
     Args:
         pack: what `packed` or `document` gave.
-        known: names of all fields.
 
     Raises:
         ParameterError: it is none, or of a version that cannot be read.
@@ -235,29 +101,42 @@ def unpacked(pack: bytes | Mapping[str, Any], known: Iterable[str]) -> Packed:
             expected=f"format {FORMAT}",
             do="use the version of bowden that wrote it",
         )
-    remarks: list[str] = []
-    values: dict[str, Any] = {}
-    fields = tuple(known)
-    if missing := [name for name in fields if name not in found and name not in (*OF_AXES, *OF_SOME)]:
-        remarks.append(f"the packed rig has no {', '.join(missing)}: taken as the default bench has it")
-    for name, given in found.items():
-        if name in ("format", "software", "own_gains", "hash"):
-            continue
-        if name not in fields:
-            remarks.append(f"the packed rig has {name}, which this version does not know and leaves out")
-            continue
-        with _understood(name, given):
-            values[name] = _value(name, given, remarks)
-    if "own_gains" in found:
-        with _understood("own_gains", found["own_gains"]):
+    with _understood(found):
+        tree, files, exact = (dict(found.get(name, {})) for name in ("tree", "files", "exact"))
+        held = {name: _HELD[name](given) for name, given in files.items()}
+        held["emg"] = held.get("emg", EmgSettings())._replace(
+            **{key: tree.get("emg", {}).get(key) for key in ("source", "wearer")}
+        )
+        _refuse_absent(tree, held)
+        values = values_of(tree, Path(str(found.get("origin", "Rig"))), held, whole=False)
+        for name, given in exact.items():
+            field, *path = name.split(".")
+            values[field] = _with(values[field], path, given)
+        if "own_gains" in found:
             law = values["law"]
             loaded = law.load() if isinstance(law, LawFile) else LAWS[law]
             values["law"] = loaded.with_gains(**found["own_gains"])
-    return Packed(values, tuple(remarks))
+        beside = {name: found[name] for name in OF_AXES if name in found}
+        if "axes" in beside:
+            beside["axes"] = [(one["name"], one["rig"]) for one in beside["axes"]]
+            beside["pair"] = PairSettings(**beside["pair"])
+    return values, beside
+
+
+def own_files(found: Mapping[str, Any]) -> list[LawFile | PlantFile]:
+    """The users' programs in a document, and in those of its axes; nothing of them is run.
+
+    Raises:
+        ParameterError: the document is none.
+    """
+    with _understood(found):
+        axes = [one["rig"] for one in found.get("axes", ())]
+        files = [dict(one.get("files", {})) for one in (found, *axes)]
+        return [_HELD[name](one[name]) for one in files for name in ("law", "plant") if name in one]
 
 
 @contextlib.contextmanager
-def _understood(name: str, given: Any) -> Iterator[None]:
+def _understood(found: Mapping[str, Any]) -> Iterator[None]:
     """Whatever a foreign document holds in place of a part of a rig becomes one line.
 
     Raises:
@@ -267,10 +146,10 @@ def _understood(name: str, given: Any) -> Iterator[None]:
         yield
     except BowdenError:
         raise
-    except (KeyError, TypeError, ValueError, AttributeError, zlib.error) as error:
-        why = f"it has no {error.args[0]!r}" if isinstance(error, KeyError) else str(error)
+    except (KeyError, TypeError, ValueError, AttributeError, IndexError, zlib.error) as error:
+        why = f"it has no {error.args[0]!r}" if isinstance(error, KeyError) and error.args else str(error)
         raise ParameterError(
-            f"the packed rig's {name} is {said(given)}: {why}",
+            f"the packed rig is {shown(dict(found))}: {' '.join(why.split())}",
             expected="what Rig.pack or Rig.document gave",
             do="pack the rig again",
         ) from None
@@ -282,79 +161,218 @@ def _read(pack: bytes) -> Mapping[str, Any]:
         found = json.loads(pack)
     if not isinstance(found, dict):
         raise ParameterError(
-            f"Rig.unpack: {said(pack)} is not a packed rig",
+            f"Rig.unpack: {shown(pack)} is not a packed rig",
             expected="what Rig.pack or Rig.document gives",
             do="read a rig.toml with Rig.read",
         )
     return found
 
 
-def _value(name: str, given: Any, remarks: list[str]) -> Any:
-    if name == "axes":
-        return tuple((one["name"], one["rig"]) for one in given)
-    if name == "pair":
-        return _made(PairSettings, given, NO_PAIR, name, remarks)
-    if name in PARTS:
-        return _made(PARTS[name].kind, given, PARTS[name].default, name, remarks)
-    if name == "drive":
-        part = drive_part(given.get("family", DEFAULT_FAMILY))
-        return _made(part.kind, given, part.default, name, remarks)
-    if name == "cable":
-        if "best" in given:
-            return IdentifiedCable(
-                given["best"],
-                given["models"],
-                given.get("file", ""),
-                given.get("changed", {}),
-                digest=given.get("digest", ""),
-                counting=Counting(**given.get("counting", {})),
-                covered=Covered(**given["covered"]) if "covered" in given else None,
-                trust=Trust(given["trust"]["level"], tuple(given["trust"]["reasons"])) if "trust" in given else None,
+def _refuse_absent(tree: Mapping[str, Any], held: Mapping[str, Any]) -> None:
+    """Refuse sections that name a file whose content is not there: this computer's own is not the one that was."""
+    cable, control, reference = (tree.get(name, {}) for name in ("cable", "control", "reference"))
+    named = {
+        "cable": cable.get("model"),
+        "plant": cable.get("plant"),
+        "law": law if isinstance(law := control.get("law"), str) and user_law.is_file(law) else None,
+        "reference": reference.get("file"),
+    }
+    for name, file in named.items():
+        if file is not None and name not in held:
+            raise ParameterError(
+                f"the packed rig names {file!r}, and what was in it is not there",
+                expected="what Rig.pack or Rig.document gave",
+                do="pack the rig again",
             )
-        return _made(BoucWen, given, BoucWen(), name, remarks)
-    if name == "reference":
-        if given["kind"] == "recorded":
-            said = RecordedFile(**given["said"])
-            return RecordedMotion(said, _numbers(given["time"]), _numbers(given["position"]))
-        part = REFERENCES[given["kind"]]
-        rest = {key: tuple(v) if isinstance(v, list) else v for key, v in given.items() if key != "kind"}
-        return part.kind(**rest)
-    if name == "bend":
-        part = BENDS[given["kind"]]
-        return _made(part.kind, {k: v for k, v in given.items() if k != "kind"}, part.default, name, remarks)
-    if name == "law" and isinstance(given, Mapping):
-        return LawFile(given["name"], given["path"], **user_file.read(given))
-    if name == "plant" and given is not None:
-        changed = tuple((key, float(value)) for key, value in given["changed"].items())
-        return PlantFile(given["name"], given["path"], changed=changed, **user_file.read(given))
-    return Gains(given) if name == "gains" else given
 
 
-def _made(kind: Any, given: Mapping[str, Any], default: Any, name: str, remarks: list[str]) -> Any:
-    """A NamedTuple of a kind from what `_plain` made of it; what another version called otherwise is remarked."""
-    if not isinstance(given, Mapping) or (given and not set(given) & set(kind._fields)):
-        raise ValueError(f"it has none of {', '.join(kind._fields)}")
-    unknown = sorted(set(given) - set(kind._fields))
-    missing = [one for one in kind._fields if one not in given]
-    if unknown:
-        remarks.append(f"{name} has {', '.join(unknown)}, which this version does not know and leaves out")
-    if missing:
-        remarks.append(f"{name} has no {', '.join(missing)}: taken as the default bench has it")
-    hints, values = get_type_hints(kind), {}
-    for key in kind._fields:
-        if key not in given:
-            continue
-        value, hint = given[key], hints[key]
-        inner = optional(hint) or hint
-        if isinstance(value, Mapping) and hasattr(inner, "_fields"):
-            value = _made(inner, value, getattr(default, key), f"{name}.{key}", remarks)
-        elif isinstance(value, list):
-            value = tuple(value)
-        elif inner is float and isinstance(value, str):
-            value = float(value)
-        values[key] = value
-    return kind(**values) if not missing else default._replace(**values)
+# contents of files
+
+
+def _content(name: str, value: Any) -> Any:
+    """What was in the file from which a field of a rig comes, as JSON; None of others."""
+    if isinstance(value, IdentifiedCable):
+        found = {"best": value.best, "models": _dicts(value.models), "file": value.file, "digest": value.digest}
+        rest = {"changed": dict(value.changed), "counting": value.counting._asdict()}
+        covered = None if value.covered is None else value.covered._asdict()
+        return found | rest | {"covered": covered, "trust": None if value.trust is None else list(value.trust)}
+    if isinstance(value, RecordedMotion):
+        return {"said": value.said._asdict(), "time": _array(value.time), "position": _array(value.position)}
+    if isinstance(value, LawFile):
+        return user_file.written(value)
+    if isinstance(value, UserPlant | PlantFile):
+        plant = as_file(value)
+        return user_file.written(plant) | {"changed": dict(plant.changed)}
+    if isinstance(value, EmgSettings) and (value.levels or value.place or value.recording):
+        levels = None if value.levels is None else value.levels._asdict()
+        return {"levels": levels, "place": value.place, "recording": value.recording}
+    return None
+
+
+def _cable(given: Mapping[str, Any]) -> IdentifiedCable:
+    covered, trust = given["covered"], given["trust"]
+    return IdentifiedCable(
+        given["best"],
+        given["models"],
+        given["file"],
+        given["changed"],
+        counting=Counting(**given["counting"]),
+        covered=None if covered is None else Covered(**covered),
+        trust=None if trust is None else Trust(trust[0], tuple(trust[1])),
+        digest=given["digest"],
+    )
+
+
+def _law(given: Mapping[str, Any]) -> LawFile:
+    return LawFile(given["name"], given["path"], **user_file.read(given))
+
+
+def _plant(given: Mapping[str, Any]) -> PlantFile:
+    changed = tuple((key, float(value)) for key, value in given["changed"].items())
+    return PlantFile(given["name"], given["path"], changed=changed, **user_file.read(given))
+
+
+def _motion(given: Mapping[str, Any]) -> RecordedMotion:
+    return RecordedMotion(RecordedFile(**given["said"]), _numbers(given["time"]), _numbers(given["position"]))
+
+
+def _emg(given: Mapping[str, Any]) -> EmgSettings:
+    levels = given["levels"]
+    return EmgSettings(
+        levels=None if levels is None else MuscleCalibration(**levels),
+        place=str(given["place"]),
+        recording=str(given["recording"]),
+    )
+
+
+_HELD: Mapping[str, Callable[[Mapping[str, Any]], Any]] = {
+    "cable": _cable,
+    "law": _law,
+    "plant": _plant,
+    "reference": _motion,
+    "emg": _emg,
+}
+"""Field of a rig that may come from a file → that field from its content."""
+
+
+def _array(values: NDArray[np.float64]) -> str:
+    return base64.b64encode(zlib.compress(np.ascontiguousarray(values, dtype="<f8").tobytes())).decode()
 
 
 def _numbers(text: str) -> NDArray[np.float64]:
     return np.frombuffer(zlib.decompress(base64.b64decode(text)), dtype="<f8")
+
+
+def _dicts(models: Mapping[str, Mapping[str, float]]) -> dict[str, dict[str, float]]:
+    return {name: dict(parameters) for name, parameters in models.items()}
+
+
+# what a file cannot say
+
+
+def _rest(name: str, value: Any, again: Any) -> Iterator[tuple[str, Any]]:
+    """Dotted name and value of each number that a file does not say to the last bit, or has no key for."""
+    if value is again or value == again or name == "gains":
+        return
+    if hasattr(value, "_fields") and type(value) is type(again):
+        fields = value._fields
+    elif dataclasses.is_dataclass(value) and type(value) is type(again):
+        fields = tuple(one.name for one in dataclasses.fields(value))
+    elif not (value != value and again != again):  # NaN
+        yield name, str(value) if isinstance(value, float) and not math.isfinite(value) else value
+        return
+    else:
+        return
+    for field in fields:
+        yield from _rest(f"{name}.{field}", getattr(value, field), getattr(again, field))
+
+
+def _with(value: Any, path: list[str], given: Any) -> Any:
+    """A value with one that `_rest` gave."""
+    given = tuple(given) if isinstance(given, list) else float(given) if isinstance(given, str) else given
+    if not path:
+        return given
+    if hasattr(value, "_fields"):
+        return replaced(value, tuple(path), given)
+    return dataclasses.replace(value, **{path[0]: given})
+
+
+# the hash
+
+
+def digest(values: Mapping[str, Any]) -> str:
+    """A short name of the values: equal ones have the same, whether they come from Python or a file.
+
+    It is that of what a file says, of what was in the files that it names, and not of where these and the drive are.
+    """
+    if values["axes"]:
+        said: Any = {"axes": [[one.name, one.rig.hash] for one in values["axes"]], "independent": values["independent"]}
+        said |= {"pair": list(values["pair"])} if values["pair"].there else {}
+    else:
+        own = {name: found for name in _USUAL if (found := _of_process(values[name])) is not None}
+        tree = tree_of({**values, **{name: _USUAL[name] for name in own}}, of_process=True)
+        emg = values["emg"]
+        held = isinstance(values["cable"], IdentifiedCable) or values["plant"] is not None  # its content says more
+        without: dict[str, tuple[str, ...]] = {
+            "drive": ("interface", "channel"),
+            "load_cell": ("interface", "channel"),
+            "emg": ("wearer", "source"),
+            "cable": tuple(tree["cable"]) if held else (),
+            "control": ("law",) if isinstance(values["law"], LawFile) else (),
+            "reference": () if "reference" in own else ("file", "time_column", "position_column", "unit"),
+        }
+        said = {
+            title: {key: one for key, one in section.items() if key not in without.get(title, ())}
+            for title, section in tree.items()
+        }
+        said |= {"own": own, "emg source": emg.recording or emg.source, "levels": emg.levels}
+        said |= {f"{name} file": _content_hash(values[name]) for name in ("cable", "law", "plant", "reference")}
+        said |= {"unnamed": {name: dict(unnamed(values[name], part.default)) for name, part in PARTS.items()}}
+    return hashlib.sha256(json.dumps(_rounded(said), sort_keys=True).encode()).hexdigest()[:16]
+
+
+_USUAL = {"law": "adaptive", "plant": None, "reference": REFERENCES["periodic_minimum_jerk"].default}
+"""Fields that may hold what exists only in this process → what stands for it in the sections."""
+
+
+def _of_process(value: Any) -> Any:
+    """What distinguishes a value that no file can say; None of all others."""
+    if isinstance(value, UserPlant):  # of a notebook: what is run is all that is known of it
+        code = code_of(value.rest, value.advance, value.observe, value.effort) or id(value.advance)
+        return {"plant": value.name, "code": code, "parameters": value.describe()}
+    if isinstance(value, Law):
+        try:
+            packable(value)
+        except ParameterError:
+            return {
+                "law": value.name,
+                "code": code_of_law(value) or id(value.step_kernel),
+                "gains": value.gains._asdict(),
+            }
+    if hasattr(value, "content"):  # the motion of a recording of EMG
+        return hashlib.sha256(value.content).hexdigest()
+    known = isinstance(value, RecordedMotion) or any(type(value) is part.kind for part in REFERENCES.values())
+    if hasattr(value, "describe") and not known:
+        return {"type": type(value).__name__, "described": value.describe()}
+    return None
+
+
+def _content_hash(value: Any) -> Any:
+    """What distinguishes the content of a file; nothing of what is from none."""
+    if isinstance(value, IdentifiedCable):
+        return {"best": value.best, "models": _dicts(value.models)}
+    if isinstance(value, RecordedMotion):
+        return hashlib.sha256(np.round(value.position, 9).tobytes() + np.round(value.time, 9).tobytes()).hexdigest()
+    if isinstance(value, LawFile | PlantFile):
+        modules = {one.file: hashlib.sha256(one.source).hexdigest() for one in value.modules}
+        changed = dict(value.changed) if isinstance(value, PlantFile) else {}
+        return [value.name.rpartition(".py")[2], hashlib.sha256(value.source).hexdigest(), modules, changed]
+    return None
+
+
+def _rounded(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {key: _rounded(one) for key, one in value.items()}
+    if isinstance(value, list | tuple):
+        return [_rounded(one) for one in value]
+    return f"{value:.{_DIGITS}g}" if isinstance(value, float) else value

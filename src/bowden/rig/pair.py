@@ -1,17 +1,13 @@
 """Two axes on one joint: a cable that pulls it up, one that pulls it down, and how far both pull against each other."""
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 from bowden.core.errors import ParameterError, near
 from bowden.core.quantity import Quantity
 from bowden.core.toml_text import quoted
 from bowden.core.units import RADIANS
 from bowden.plants.user_plant import UserPlant
-
-if TYPE_CHECKING:
-    from bowden.rig.axes import Axis
-    from bowden.rig.rig import Rig
 
 
 class PairSettings(NamedTuple):
@@ -54,7 +50,7 @@ _ROOM = 0.8
 """Of the distance that the supervisor allows between joint and motor [–]."""
 
 
-def check_pair(pair: PairSettings, axes: "Sequence[Axis]", independent: bool, where: str) -> None:
+def check_pair(pair: PairSettings, axes: Sequence[tuple[str, Any]], independent: bool, where: str) -> None:
     """Refuse a pair that cannot be.
 
     Raises:
@@ -74,7 +70,7 @@ def check_pair(pair: PairSettings, axes: "Sequence[Axis]", independent: bool, wh
         raise ParameterError(f"{where}: [pair]: {problem}", expected=expected, do="correct it there")
 
 
-def _problems(pair: PairSettings, found: Mapping[str, "Rig"], independent: bool) -> list[tuple[str, str]]:
+def _problems(pair: PairSettings, found: Mapping[str, Any], independent: bool) -> list[tuple[str, str]]:
     one, other = (found[name] for name in pair.names)
     names = " and ".join(quoted(name) for name in pair.names)
     slack = [rig.limits.slack_sign for rig in (one, other)]
@@ -119,34 +115,3 @@ def _problems(pair: PairSettings, found: Mapping[str, "Rig"], independent: bool)
         ),
     )
     return [(problem, expected) for fine, problem, expected in rules if not fine]
-
-
-def pulling(rig: "Rig", co_contraction: float) -> "Rig":
-    """The rig of one axis whose motor pulls so much further than the joint asks for [rad].
-
-    Everything above the drive knows the joint's coordinate alone: the motor's home is moved.
-    """
-    home = rig.drive.motor_home + rig.limits.slack_sign * co_contraction
-    return rig.replace(drive=rig.drive._replace(motor_home=home))
-
-
-_TURNED = ("motor_direction", "motor_home", "motor_hint", "joint_direction", "joint_home")
-
-
-def mirrored(drive: Any) -> Any:
-    """A drive's parameters whose angles have the other sign, and whose counts are the same.
-
-    Args:
-        drive: parameters of a family, whole.
-    """
-    turned = {name: -getattr(drive, name) for name in _TURNED if hasattr(drive, name)}
-    low, high = -drive.highest_motor, -drive.lowest_motor
-    return drive._replace(**turned, lowest_motor=low, highest_motor=high)
-
-
-def said(pair: PairSettings) -> str:
-    """The pair in a sentence, for whoever starts a run."""
-    return (
-        f"axes {quoted(pair.agonist)} and {quoted(pair.antagonist)} are on one joint, with a co-contraction of "
-        f"{pair.co_contraction / RADIANS:g}°"
-    )

@@ -6,13 +6,16 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 
 from bowden.control import LAWS, Law
+from bowden.control import law_file as given_law
 from bowden.control.knowledge import Knowledge, configured, preset_of, with_cable
-from bowden.control.reference import Recorded, Trajectory
+from bowden.control.law_file import LawFile
+from bowden.control.recorded_motion import held
+from bowden.control.reference import PeriodicMinimumJerk, Recorded, Trajectory
 from bowden.core import arguments
 from bowden.core.errors import OutputError, ParameterError, asked_for_by, near
 from bowden.core.files import whole_file
@@ -24,32 +27,29 @@ from bowden.core.style import new_figure
 from bowden.core.toml_text import quoted
 from bowden.core.units import DEGREES, RADIANS
 from bowden.cycle.one_cycle import Filters
-from bowden.hardware.drives.family import DriveNeeds, family_of
-from bowden.hardware.drives.load_cell import LoadCellParameters
-from bowden.hardware.ports import Drive
-from bowden.hardware.realtime import Settings
-from bowden.identify.cable.fit import Fit
-from bowden.identify.cable.joint_fit import JointFit
-from bowden.identify.cable.model import SCHEDULED, CableModel, IdentifiedCable
-from bowden.identify.cable.recalibrate import Recalibration, outside
 from bowden.models.cable.bouc_wen import BoucWen, upright
 from bowden.models.cable.sheath import Sheath
+from bowden.models.cable.sheath_path import BendPath
 from bowden.models.drive.encoder import Encoder
 from bowden.models.drive.holding_brake import HoldingBrake
 from bowden.models.drive.motor import Motor
 from bowden.models.drive.servo import Servo
 from bowden.models.suit.geometry import ELBOW_RANGE, SuitGeometry, flexor_moment_arm
+from bowden.plants import plant_file as given_plant
 from bowden.plants.bench import Bench
+from bowden.plants.cable_parameters import outside
 from bowden.plants.cable_plant import CablePlant
 from bowden.plants.cables import plant_of_model
+from bowden.plants.identified import CableModel, IdentifiedCable
 from bowden.plants.knowledge_of import knowledge_of
 from bowden.plants.plant import Plant
+from bowden.plants.plant_file import PlantFile
+from bowden.plants.predicted import SCHEDULED
 from bowden.plants.suit_parts import Suit
 from bowden.plants.user_plant import UserPlant
 from bowden.rig import axes as several
-from bowden.rig import config, display, emg_motion, emg_setup, given_law, given_plant, packing, toml_text, wearer_file
+from bowden.rig import display, emg_setup, packing
 from bowden.rig import drive as live_parts
-from bowden.rig.axes import Axis
 from bowden.rig.bends import Bend, ConstantBend, RandomBend, ScriptedBend
 from bowden.rig.checked import Gains, checked, checked_number, shown
 from bowden.rig.compose_admittance import Pushing, pushing_of
@@ -58,27 +58,25 @@ from bowden.rig.consistent import Basis
 from bowden.rig.declaration import tree_of as section_tree
 from bowden.rig.effect import refuse_idle
 from bowden.rig.emg_setup import EmgRun
-from bowden.rig.given_law import LawFile
-from bowden.rig.given_plant import PlantFile
+from bowden.rig.families import DriveNeeds, family_of, resolved
+from bowden.rig.load_cell import LoadCellParameters, moved_cell
 from bowden.rig.pair import NO_PAIR, PairSettings, check_pair
-from bowden.rig.recorded import held
 from bowden.rig.sections import (
     DEFAULT_CABLE,
     DEFAULT_FAMILY,
     DEFAULT_WIDTH,
-    DRIVE,
     PARTS,
     REFERENCES,
     WIDTH,
     Clock,
     Control,
-    Part,
     Scenario,
     drive_part,
 )
 from bowden.rig.settings import AdmittanceSettings, EmgSettings, LiveSettings, SuitSettings, WearerSettings
+from bowden.rig.tree import Files, files_of, read_values, tree_of, values_of, written
 from bowden.safety.limits import Limits
-from bowden.sim.scenario import BendPath
+from bowden.sensing import wearer_file
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -86,9 +84,28 @@ if TYPE_CHECKING:
 MOST_CYCLES = 10_000_000
 """A longer run is refused: its record would not fit into the memory of a common computer."""
 
-CableLike = BoucWen | IdentifiedCable | CableModel | Fit | JointFit | Recalibration
+
+class Identification(Protocol):
+    """What an identification gives."""
+
+    @property
+    def best(self) -> CableModel:
+        """The recommended model."""
+        ...
+
+
+CableLike = BoucWen | IdentifiedCable | CableModel | Identification
 GivenPlant = str | UserPlant | PlantFile | None
 GivenLaw = str | Law | LawFile
+
+
+class Axis(NamedTuple):
+    """One axis of a rig."""
+
+    name: str
+    rig: "Rig"
+    """All of it: what is common, with what is its own."""
+
 
 _LINE = "line"
 
@@ -165,8 +182,9 @@ class Rig(metaclass=Answering):
     """Of the encoders' noise and of a random bend."""
     initial_motor: float | None = _SCENARIO.initial_motor
     """Motor angle before the start; None: the joint is where the reference starts [rad]."""
-    drive: Any = DRIVE
-    """Parameters of a family of drives. What only the rig itself says of it; `drive_parameters` is the whole."""
+    drive: Any = None
+    """Parameters of a family of drives; None for the default ones. What only the rig itself says of it;
+    `drive_parameters` is the whole."""
     load_cell: LoadCellParameters = PARTS["load_cell"].default
     """A load cell on a CAN bus; one at the drive's own input is in `drive`."""
     brake: HoldingBrake = PARTS["brake"].default
@@ -212,7 +230,10 @@ class Rig(metaclass=Answering):
             for one in declared(kind):
                 value = checked_number(getattr(self, one.name), one.kind, one.quantity, one.name)
                 object.__setattr__(self, one.name, value)
-        for name, part in {**PARTS, "drive": self._drive_part()}.items():
+        drive = drive_part(getattr(self.drive, "family", DEFAULT_FAMILY))
+        if self.drive is None:
+            object.__setattr__(self, "drive", drive.default)
+        for name, part in {**PARTS, "drive": drive}.items():
             object.__setattr__(self, name, checked(getattr(self, name), part.kind, name, part.default))
         for name, value in self._made().items():
             object.__setattr__(self, name, value)
@@ -271,10 +292,6 @@ class Rig(metaclass=Answering):
             taken = given_plant.agreed(self.own_plant, own, default)
         for name, value in taken.items():
             object.__setattr__(self, name, value)
-
-    def _drive_part(self) -> Part:
-        """What [drive] is of its family."""
-        return drive_part(getattr(self.drive, "family", DEFAULT_FAMILY))
 
     def _made(self) -> dict[str, Any]:
         """The fields that may be given in several forms, in the one in which a rig holds them."""
@@ -342,7 +359,7 @@ class Rig(metaclass=Answering):
             ParameterError: no such file, not TOML, an unknown key, a value of the wrong kind or out of its range.
             LogError: a recorded motion that cannot be used.
         """
-        return cls._of_values(config.read_values(arguments.path_of(path, "Rig.read: path")))
+        return cls._of_values(read_values(arguments.path_of(path, "Rig.read: path")))
 
     @classmethod
     def _of_values(cls, values: dict[str, Any]) -> "Rig":
@@ -372,7 +389,7 @@ class Rig(metaclass=Answering):
         place = arguments.path_of(origin, "Rig.of_tree: origin")
         if keep is not None and not isinstance(keep, Rig):
             raise ParameterError(f"Rig.of_tree: keep is {shown(keep)}", expected="a Rig", do="leave it out")
-        return cls._of_values(config.values_of(tree, place, None if keep is None else keep.fields))
+        return cls._of_values(values_of(tree, place, None if keep is None else keep.fields))
 
     def tree(self) -> dict[str, Any]:
         """The rig as the sections of a rig.toml.
@@ -382,7 +399,7 @@ class Rig(metaclass=Answering):
         """
         if self.axes:
             return several.shared({name: rig.tree() for name, rig in self.axes}) | self._independence
-        return toml_text.tree_of(self.fields)
+        return tree_of(self.fields)
 
     @property
     def _independence(self) -> dict[str, Any]:
@@ -397,7 +414,7 @@ class Rig(metaclass=Answering):
         Raises:
             ParameterError: see `tree`.
         """
-        return toml_text.written(self.tree())
+        return written(self.tree())
 
     def write(self, path: Path | str) -> None:
         """Write the rig as a rig.toml, and next to it the files that it needs: model, motion, law and wearer.
@@ -410,9 +427,7 @@ class Rig(metaclass=Answering):
         if target.is_dir():
             raise OutputError(f"{target} is a folder", do=f"give the file's name: {target / 'rig.toml'}")
         tree, files = self._tree_and_files()
-        contents = {target: toml_text.written(tree).encode()} | {
-            target.parent / name: text for name, text in files.items()
-        }
+        contents = {target: written(tree).encode()} | {target.parent / name: text for name, text in files.items()}
         for file, content in contents.items():
             if file.exists() and file.read_bytes() != content:
                 raise OutputError(f"{file} is there already", do="choose another folder, or delete it")
@@ -425,10 +440,10 @@ class Rig(metaclass=Answering):
     def _tree_and_files(self) -> tuple[dict[str, Any], dict[str, bytes]]:
         """The sections with the names of the files that lie beside, and what is in these."""
         if not self.axes:
-            return toml_text.files_of(self.fields)
-        trees, files = {}, toml_text.Files()
+            return files_of(self.fields)
+        trees, files = {}, Files()
         for name, rig in self.axes:
-            trees[name], own = toml_text.files_of(rig.fields)
+            trees[name], own = files_of(rig.fields)
             for file, content in own.items():
                 files.add(file, content)
         return several.shared(trees) | self._independence, files.contents
@@ -565,7 +580,7 @@ class Rig(metaclass=Answering):
         run, whole = self.emg_run, arguments.flag(whole, "Rig.offline: whole")
         if run is None or self.stands_for:
             return self
-        motion = emg_motion.recorded(run, self.sample_time)
+        motion = resolved("emg.recorded").recorded(run, self.sample_time)
         if motion is None:
             said = f"{run.source} is live: simulated is the largest motion that it can ask for"
             return self._in_place_of(remarks=(*self.remarks, said))
@@ -610,7 +625,11 @@ class Rig(metaclass=Answering):
         Raises:
             ParameterError: a reference, cable or law that exists only in this process.
         """
-        return packing.document(self._values) | {"origin": self.origin, "hash": self.hash}
+        found = packing.document(self._values) | {"origin": self.origin, "hash": self.hash}
+        if not self.axes:
+            return found
+        axes = [{"name": name, "rig": rig.document()} for name, rig in self.axes]
+        return found | {"axes": axes, "independent": self.independent, "pair": self.pair._asdict()}
 
     def pack(self) -> bytes:
         """The rig as bytes, for another process; see `unpack`.
@@ -622,23 +641,26 @@ class Rig(metaclass=Answering):
 
     @classmethod
     def unpack(cls, pack: bytes | Mapping[str, Any]) -> "Rig":
-        """The rig of `pack` or `document`.
+        """The rig of `pack` or `document`; no file is read.
 
         Raises:
             ParameterError: it is none, or of another version.
         """
-        known = [one.name for one in dataclasses.fields(cls) if one.compare or one.name == "origin"]
-        values, remarks = packing.unpacked(pack, known)
-        axes = tuple(Axis(name, cls.unpack(document)) for name, document in values.get("axes", ()))
-        return cls(**{**values, "axes": axes}, remarks=remarks)
+        values, beside = packing.unpacked(pack)
+        if "axes" in beside:
+            values["axes"] = tuple(Axis(name, cls.unpack(document)) for name, document in beside["axes"])
+            values |= {"independent": beside["independent"], "pair": beside["pair"]}
+        return cls(**values)
 
     def __repr__(self) -> str:
         given = [
-            f"{name}={shown(value)}"
-            for name, value in self._values.items()
-            if not _same(value, type(self).__dataclass_fields__[name].default)
+            f"{name}={shown(value)}" for name, value in self._values.items() if not _same(value, self._default(name))
         ]
         return f"Rig({', '.join(given)})"
+
+    @classmethod
+    def _default(cls, name: str) -> Any:
+        return drive_part(DEFAULT_FAMILY).default if name == "drive" else cls.__dataclass_fields__[name].default
 
     def __str__(self) -> str:
         """One screen: hash, law, cable, servo, encoders, clock, reference and scenario."""
@@ -796,9 +818,10 @@ class Rig(metaclass=Answering):
     def trajectory(self) -> Trajectory:
         """Where the joint shall be; by EMG, the largest motion that it can ask for, unless the rig is `offline`."""
         run = self.emg_run
-        if run is None or isinstance(self.reference, emg_motion.EmgMotion):
+        if run is None or hasattr(self.reference, "content"):
             return self.reference
-        return emg_motion.placeholder(run)
+        intent = run.course.intent  # there and back without a rest: what a law is checked with
+        return PeriodicMinimumJerk(intent.low, intent.high, 2.0 * intent.duration)
 
     @cached_property
     def begin(self) -> float:
@@ -1050,17 +1073,6 @@ class Rig(metaclass=Answering):
         live_parts.check_load(self.drive, self.load_cell, self.supervisor_limits, self.sample_time)
         return live_parts.drive_parameters(self.drive, self.drive_needs, Path(self.origin).parent)
 
-    def open_drive(self, links: Any) -> Drive:
-        """The drive, with the load cell beside it where there is one; nothing is sent before it is brought up.
-
-        Args:
-            links: the buses of this process, `hardware.buses.link.Links`.
-
-        Raises:
-            ParameterError: values that make no sense together.
-        """
-        return live_parts.opened(self.drive_parameters, self.load_cell, links)
-
     def on_bus(self, channel: str | None, interface: str | None = None) -> "Rig":
         """The rig with its drive on another bus, where one is given.
 
@@ -1073,14 +1085,9 @@ class Rig(metaclass=Answering):
         if self.axes:
             return self._with_axes(lambda rig: rig.on_bus(channel, interface))
         moved = family_of(self.drive).moved(self.drive, channel, interface)
-        cell = live_parts.moved_cell(self.load_cell, channel, interface)
+        cell = moved_cell(self.load_cell, channel, interface)
         same = moved == self.drive and cell == self.load_cell
         return self if same else self.replace(drive=moved, load_cell=cell)
-
-    @property
-    def system(self) -> Settings:
-        """What the live loop asks of the system."""
-        return live_parts.settings(self.live)
 
     @property
     def filters(self) -> Filters:
@@ -1123,7 +1130,7 @@ def _one_file(one: Any, other: Any) -> bool:
 
 
 def _cable(given: Any) -> BoucWen | IdentifiedCable:
-    if isinstance(given, Fit | JointFit | Recalibration):
+    if isinstance(getattr(given, "best", None), CableModel):
         given = given.best
     if isinstance(given, CableModel):
         given = given.identified()

@@ -7,23 +7,24 @@ from the values' own declarations (`bowden.core.quantity`).
 import math
 from collections.abc import Callable, Mapping
 from functools import cache
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
-from pydantic import BeforeValidator, Field, WrapValidator, create_model
+from pydantic import BeforeValidator, Field, create_model
 from pydantic_core import PydanticCustomError
 
+from bowden.control.recorded_motion import RecordedFile
 from bowden.control.reference import Chirp, Multisine, PeriodicMinimumJerk, PointToPoint
 from bowden.core.errors import ParameterError
 from bowden.core.quantity import Quantity, declared
 from bowden.core.units import RADIANS
-from bowden.hardware.drives import family as drive_families
-from bowden.hardware.drives.load_cell import LoadCellParameters
-from bowden.identify.cable.counting import Counting
 from bowden.models.cable.bouc_wen import BoucWen
 from bowden.models.drive.holding_brake import HoldingBrake
+from bowden.plants.counting import Counting
+from bowden.rig import families as drive_families
 from bowden.rig.bends import ConstantBend, RandomBend, ScriptedBend
 from bowden.rig.consistent import UNWRITTEN, USUAL
 from bowden.rig.declaration import Section, at, items_of, key_of, rounded, section_of
+from bowden.rig.load_cell import LoadCellParameters
 from bowden.rig.pair import PairSettings
 from bowden.rig.presets.bench import chirp, default_bench, document, minimum_jerk
 from bowden.rig.settings import AdmittanceSettings, EmgSettings, LiveSettings, SuitSettings, WearerSettings
@@ -70,16 +71,6 @@ class Control(NamedTuple):
 
     law: Annotated[str, Quantity('name of a law, or your own as "file.py:NAME", found from this file')] = "adaptive"
     preset: Annotated[str | None, Quantity("a named set of gains of that law", example="paper")] = None
-
-
-class RecordedFile(NamedTuple):
-    """A recorded motion, smoothed by a zero-phase low-pass filter."""
-
-    file: Annotated[str, Quantity("CSV, csv.gz or Parquet file, found from this file", example="motion.csv")]
-    time_column: Annotated[str, Quantity("its column of times, in seconds")] = "time_s"
-    position_column: Annotated[str, Quantity("its column of joint angles")] = "joint_deg"
-    unit: Annotated[Literal["deg", "rad"], Quantity("unit of the angles")] = "deg"
-    cutoff: Annotated[float, Quantity("cut-off of the filter; 0 for none", "Hz", ge=0.0, le=1000.0)] = 6.0
 
 
 class Part(NamedTuple):
@@ -208,17 +199,13 @@ def drive_part(name: str) -> Part:
     return part._replace(default=part.default._replace(**follow))
 
 
-DRIVE: Any = drive_part(DEFAULT_FAMILY).default
-"""Parameters of the drive of a rig that says nothing of it."""
-
-
-def _drive_section(given: Any, default: Any) -> Any:
-    """[drive] of the family that it names; the default family's is checked as any section is."""
+def _drive_section(given: Any) -> Any:
+    """[drive] of the family that it names."""
+    if isinstance(given, Section):
+        return given
     named = given.get("family", DEFAULT_FAMILY) if isinstance(given, Mapping) else DEFAULT_FAMILY
-    if not isinstance(named, str) or named == DEFAULT_FAMILY:
-        return default(given)
     try:
-        return drive_part(named).section.model_validate(given)
+        return drive_part(named if isinstance(named, str) else DEFAULT_FAMILY).section.model_validate(given)
     except ParameterError as error:
         raise PydanticCustomError("drive_family", "there is no such family", {"family": named}) from error
 
@@ -289,32 +276,28 @@ def _section(kind: type[Section]) -> tuple[Any, Section]:
     return kind, kind()
 
 
-_DRIVE_SECTION: Any = (
-    Annotated[drive_part(DEFAULT_FAMILY).section, WrapValidator(_drive_section)],
-    drive_part(DEFAULT_FAMILY).section(),
+_OWN: dict[str, Any] = {
+    "bench": _section(_ClockSection),
+    "cable": _section(_CableSection),
+    "encoder": _section(EncodersSection),
+    "control": _section(_ControlSection),
+    "reference": (_one_of(REFERENCE_KINDS), REFERENCE_KINDS["periodic_minimum_jerk"]()),
+    "scenario": _section(_ScenarioSection),
+    "drive": (
+        Annotated[Any, BeforeValidator(_drive_section)],
+        Field(default_factory=lambda: drive_part(DEFAULT_FAMILY).section()),
+    ),
+}
+"""Sections that hold more than one part, or one of several kinds."""
+_ORDER = (
+    *("bench", "servo", "cable", "sheath", "motor", "encoder", "suit", "wearer", "admittance", "control", "reference"),
+    *("scenario", "drive", "load_cell", "brake", "limits", "live", "emg"),
 )
-
+_FIELDS: dict[str, Any] = {name: _OWN.get(name) or _section(PARTS[name].section) for name in _ORDER}
 RigFile: type[Section] = create_model(
     "Rig",
     __base__=Section,
     __doc__="A rig.toml: a bench or a suit, its law, its reference, the scenario, and what the live loop needs.",
-    bench=_section(_ClockSection),
-    servo=_section(PARTS["servo"].section),
-    cable=_section(_CableSection),
-    sheath=_section(PARTS["sheath"].section),
-    motor=_section(PARTS["motor"].section),
-    encoder=_section(EncodersSection),
-    suit=_section(PARTS["suit"].section),
-    wearer=_section(PARTS["wearer"].section),
-    admittance=_section(PARTS["admittance"].section),
-    control=_section(_ControlSection),
-    reference=(_one_of(REFERENCE_KINDS), REFERENCE_KINDS["periodic_minimum_jerk"]()),
-    scenario=_section(_ScenarioSection),
-    drive=_DRIVE_SECTION,
-    load_cell=_section(PARTS["load_cell"].section),
-    brake=_section(PARTS["brake"].section),
-    limits=_section(PARTS["limits"].section),
-    live=_section(PARTS["live"].section),
-    emg=_section(PARTS["emg"].section),
+    **_FIELDS,
 )
 """A whole rig.toml, as pydantic checks it."""

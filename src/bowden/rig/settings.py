@@ -5,15 +5,14 @@ from typing import Annotated, Literal, NamedTuple
 from bowden.control.admittance.virtual_elbow import Admittance
 from bowden.core.quantity import Quantity
 from bowden.core.units import RADIANS
-from bowden.hardware.emg.course import CourseSettings
-from bowden.hardware.realtime import Settings
 from bowden.models.suit.load_cell import LoadCell
+from bowden.plants.suit_push import FRICTION_SHARE
 from bowden.rig.presets.suit import default_suit
-from bowden.rig.wearer_file import MuscleCalibration
-from bowden.sim.suit_sources import FRICTION_SHARE
+from bowden.sensing.course import CourseSettings
+from bowden.sensing.wearer_file import MuscleCalibration
 
 _SUIT, _OWN, _CELL = default_suit(), Admittance(), LoadCell()
-_SYSTEM, _COURSE = Settings(), CourseSettings()
+_COURSE = CourseSettings()
 
 
 class SuitSettings(NamedTuple):
@@ -167,9 +166,9 @@ class AdmittanceSettings(NamedTuple):
 class LiveSettings(NamedTuple):
     """The loop of `bowden run`: what it asks of the system, filters, and the way to where the run begins."""
 
-    priority: Annotated[int, Quantity("of SCHED_FIFO; 0 for the ordinary scheduler", ge=0, le=99)] = _SYSTEM.priority
+    priority: Annotated[int, Quantity("of SCHED_FIFO; 0 for the ordinary scheduler", ge=0, le=99)] = 80
     cpu: Annotated[int | None, Quantity("processor to stay on", ge=0, example=1)] = None
-    lock_memory: Annotated[bool, Quantity("keep all of its memory from being swapped out")] = _SYSTEM.lock_memory
+    lock_memory: Annotated[bool, Quantity("keep all of its memory from being swapped out")] = True
     joint_cutoff: Annotated[
         float, Quantity("low-pass on the joint angle that the law sees; 0 for none", "rad/s", shown="Hz", ge=0.0)
     ] = 0.0

@@ -19,6 +19,7 @@ from bowden.core.nested import flat
 from bowden.core.signals import Reference, Sample
 from bowden.core.trace import Trace
 from bowden.cycle.one_cycle import BARE, LAW, Plan, bare_settings, bare_start, law_and_source, one_cycle
+from bowden.models.cable.sheath_path import BendPath, constant_bend
 from bowden.plants.plant import (
     Dynamics,
     Plant,
@@ -34,7 +35,6 @@ from bowden.plants.plant import (
     sheath_path,
 )
 from bowden.sim.faulty import SensorFault, as_it_is, faulty
-from bowden.sim.scenario import BendPath, constant_bend
 
 Array = NDArray[np.float64]
 

@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from bowden.control import user_law
+from bowden.control.law_file import LawFile, loaded
 from bowden.core import user_file
 from bowden.core.errors import ParameterError
-from bowden.rig.given_law import LawFile, loaded
 from bowden.rig.rig import Rig
 from bowden.study.distributions import distribution
 from bowden.study.rows import table_of

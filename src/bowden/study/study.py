@@ -13,18 +13,18 @@ import numpy as np
 from bowden import __version__
 from bowden.control import Law
 from bowden.control.knowledge import Knowledge
+from bowden.control.law_file import LawFile
 from bowden.core import user_file
 from bowden.core.errors import ParameterError
 from bowden.core.kernel_cache import source_hash
+from bowden.models.cable.sheath_path import BendPath
 from bowden.rig.bends import RandomBend
-from bowden.rig.given_law import LawFile
-from bowden.rig.keys import simulated, with_values
 from bowden.rig.rig import Rig
 from bowden.sim.faulty import SensorFault
 from bowden.sim.injected import Injected
 from bowden.sim.many import Case
-from bowden.sim.scenario import BendPath
 from bowden.study.distributions import Distribution, Value, describe
+from bowden.study.keys import simulated, with_values
 from bowden.study.schema import KnownSection, StudyFile
 
 SENSOR_FAULTS = [kind.name.lower() for kind in Injected if Injected.JOINT_NAN <= kind <= Injected.MOTOR_SIGN]

@@ -10,6 +10,7 @@ import numpy as np
 
 from bowden.control import Law, user_law
 from bowden.control.knowledge import preset_of
+from bowden.control.law_file import LawFile
 from bowden.core.caller import argument
 from bowden.core.errors import ParameterError
 from bowden.core.shown import listed
@@ -24,12 +25,10 @@ from bowden.design.tune import BrokenOff, NoGainsError
 from bowden.design.tune import tune as search
 from bowden.design.tune_result import Tuning
 from bowden.design.tune_runs import NineRuns, TuningTarget, course_of
-from bowden.rig import ranges
-from bowden.rig.axes import Axis
-from bowden.rig.given_law import LawFile
-from bowden.rig.given_plant import PlantFile
-from bowden.rig.pair_plant import pair_plant_of, pair_ranges
-from bowden.rig.rig import Rig
+from bowden.plants.plant_file import PlantFile
+from bowden.rig.rig import Axis, Rig
+from bowden.sim import ranges
+from bowden.sim.pair_of_rig import pair_plant_of, pair_ranges
 from bowden.study import tune_study
 from bowden.study.load import load
 from bowden.study.study import Study

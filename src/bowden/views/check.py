@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 def show_check(found: "CheckResult", call: Call) -> None:
     """A line for each thing, and what comes next."""
     from bowden.design.check_result import check_rows
-    from bowden.rig.objections import refusals
+    from bowden.design.objections import refusals
 
     names = {one.name for one in found.whole.axes}
     for name, one in found.checks.items():

@@ -17,7 +17,7 @@ def write_emg_calibrate(found: "EmgCalibration", call: Call, *, out: Path = Path
         call: of the command.
         out: file to write.
     """
-    from bowden.rig import wearer_file
+    from bowden.sensing import wearer_file
 
     wearer_file.write(out, found.wearer)
     return [out]

@@ -89,7 +89,7 @@ def _after_model(call: Call, trust: "IdentifyTrust | None") -> int:
 
 def _show_models(found: Identification) -> None:
     from bowden.identify.cable.loop import loop_lines
-    from bowden.identify.cable.parameter_text import parameter_lines
+    from bowden.plants.cable_parameters import parameter_lines
 
     fit = found.fit
     lines = (
@@ -122,7 +122,7 @@ def _errors(one: Any) -> Iterator[str]:
 
 def _show_logs(found: JointIdentification) -> None:
     from bowden.identify.cable.joint_fit import cycle_lines
-    from bowden.identify.log.variables import in_degrees
+    from bowden.plants.cable_parameters import in_degrees
 
     fit = found.fit
     units = list(zip(fit.variables, fit.units, strict=True))

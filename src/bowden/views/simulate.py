@@ -96,7 +96,7 @@ def _say_next(joint: "SimulatedJoint", found: "Simulation", call: Call) -> None:
     laws, preset = call["law"] or [], [*call.repeated("preset")]
     if joint.by_law:
         from bowden.core.errors import ParameterError
-        from bowden.rig.axes import refuse_sources
+        from bowden.design.objections import refuse_sources
 
         try:
             refuse_sources(found.whole)

@@ -36,7 +36,7 @@ from bowden.models.suit.suit_angle import SpoolMap, flexor_arm, flexor_travel
 
 
 class Chain(NamedTuple):
-    """What the estimate knows of motor and cables; of a rig, as `bowden.sim.suit_sources.chain_of` reads it."""
+    """What the estimate knows of motor and cables; of a rig, as `bowden.plants.suit_push.chain_of` reads it."""
 
     map: SpoolMap
     extensor_radius: float

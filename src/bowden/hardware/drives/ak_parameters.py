@@ -9,10 +9,10 @@ from bowden.core.units import RADIANS
 from bowden.hardware.drives import joint_encoder as joints
 from bowden.hardware.drives import on_can
 from bowden.hardware.drives.ak_frames import HIGHEST_KD, HIGHEST_KP, HIGHEST_POSITION, MODELS, AkModel
-from bowden.hardware.drives.family import LOST, DriveNeeds
 from bowden.hardware.drives.joint_encoder import check_beside, identifiers_of, joint_encoder_of
 from bowden.hardware.drives.scale import Scale, SuitScale, spool_scale
 from bowden.models.suit.suit_angle import SpoolMap
+from bowden.rig.families import LOST, DriveNeeds
 
 
 class AkParameters(NamedTuple):

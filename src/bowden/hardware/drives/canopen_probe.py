@@ -4,8 +4,8 @@ from bowden.hardware.buses.link import BusPlace, Links
 from bowden.hardware.drives.canopen_dialogue import dialogue
 from bowden.hardware.drives.canopen_setup import LISTENING, check_alone, identity
 from bowden.hardware.drives.cia402 import decode
-from bowden.hardware.drives.family import FoundDevice
 from bowden.hardware.drives.parameters import DriveParameters
+from bowden.rig.families import FoundDevice
 
 PROFILES = {401: "inputs and outputs", 402: "servo drive", 404: "measuring device", 406: "encoder"}
 """Lower half of 1000h → what such a device is; the number is that of its CiA profile (CiA 301, 1000h)."""

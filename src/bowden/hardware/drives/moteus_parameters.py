@@ -5,10 +5,10 @@ from typing import Annotated, Literal, NamedTuple
 
 from bowden.core.quantity import Quantity
 from bowden.hardware.drives import on_can
-from bowden.hardware.drives.family import LOST, DriveNeeds
 from bowden.hardware.drives.moteus_frames import HIGHEST_PREFIX, MOST_TURNS, MoteusCommand
 from bowden.hardware.drives.scale import Scale, SuitScale, spool_scale
 from bowden.models.suit.suit_angle import SpoolMap
+from bowden.rig.families import LOST, DriveNeeds
 
 LOOK = 1e-3
 """Time in which a board has taken its torque off once its watchdog has run out; it looks 15 000 times a second or

@@ -4,11 +4,11 @@ import time
 
 from bowden.hardware.buses.link import BusPlace, Links
 from bowden.hardware.drives import moteus_frames as frames
-from bowden.hardware.drives.family import FoundDevice
 from bowden.hardware.drives.host_end import joined, send_now
 from bowden.hardware.drives.moteus_frames import NumberKind, Register
 from bowden.hardware.drives.moteus_parameters import MoteusParameters
 from bowden.hardware.drives.moteus_setup import LISTENING, MoteusDialogue, message, state_of
+from bowden.rig.families import FoundDevice
 
 
 def probe(drive: MoteusParameters, links: Links) -> list[FoundDevice]:

@@ -8,12 +8,12 @@ from bowden.core.errors import ParameterError
 from bowden.core.quantity import Quantity
 from bowden.hardware.drives import joint_encoder as joints
 from bowden.hardware.drives import on_can
-from bowden.hardware.drives.family import LOST, DriveNeeds
 from bowden.hardware.drives.joint_encoder import check_beside, identifiers_of, joint_encoder_of
 from bowden.hardware.drives.odrive_endpoints import TWIN
 from bowden.hardware.drives.odrive_frames import INT16, MOST_TURNS, Cmd, Scales, Target, identifier_of
 from bowden.hardware.drives.scale import Scale, SuitScale, spool_scale
 from bowden.models.suit.suit_angle import SpoolMap
+from bowden.rig.families import LOST, DriveNeeds
 
 LOOK = 1e-3
 """Time in which a board has taken its torque off once its watchdog has run out: its control loop, which looks, runs

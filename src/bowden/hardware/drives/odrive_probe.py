@@ -4,13 +4,13 @@ import time
 
 from bowden.hardware.buses.link import BusPort, Links
 from bowden.hardware.drives import odrive_frames as frames
-from bowden.hardware.drives.family import FoundDevice
 from bowden.hardware.drives.host_end import classic_frame, joined, send_now
 from bowden.hardware.drives.odrive_faults import WATCHDOG, errors_text
 from bowden.hardware.drives.odrive_frames import Beat, BoardVersion, Cmd, identifier_of
 from bowden.hardware.drives.odrive_parameters import OdriveParameters
 from bowden.hardware.drives.odrive_setup import state_of
 from bowden.hardware.drives.on_can import place
+from bowden.rig.families import FoundDevice
 
 LISTENING = 0.5
 """So long heartbeats are listened to, which come every 0.1 s as boards come [s]."""

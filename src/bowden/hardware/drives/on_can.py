@@ -15,9 +15,9 @@ from bowden.core.quantity import Quantity, declared
 
 if TYPE_CHECKING:
     from bowden.hardware.buses.link import BusPlace, Links
-    from bowden.hardware.drives.family import DriveNeeds
     from bowden.hardware.ports import Drive
     from bowden.hardware.twin.twin import NodePlace
+    from bowden.rig.families import DriveNeeds
 
 BusInterface = Annotated[
     str, Quantity("python-can's name of the bus: bowden_unix for the twin, socketcan on a rig; others are untried")

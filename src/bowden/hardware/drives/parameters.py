@@ -6,9 +6,9 @@ from typing import Annotated, Literal, NamedTuple
 from bowden.core.quantity import Quantity
 from bowden.hardware.drives import canopen_frames as frames
 from bowden.hardware.drives import on_can
-from bowden.hardware.drives.family import LOST
 from bowden.hardware.drives.scale import Scale, SuitScale, spool_scale
 from bowden.models.suit.suit_angle import SpoolMap
+from bowden.rig.families import LOST
 
 
 class DriveParameters(NamedTuple):

@@ -6,8 +6,9 @@ from bowden.core.signals import DriveReading
 from bowden.hardware.buses.link import BusPlace, BusPort, Links
 from bowden.hardware.buses.unix_bus import ERROR, REMOTE
 from bowden.hardware.drives import canopen_frames as frames
-from bowden.hardware.drives.load_cell import LoadCellParameters, LoadCellReader
+from bowden.hardware.drives.load_cell import LoadCellReader
 from bowden.hardware.ports import BrakedDrive, Drive, Power, TorqueLeft, serial_of
+from bowden.rig.load_cell import LoadCellParameters
 
 
 class DriveWithLoadCell:

@@ -1,7 +1,6 @@
 """Where the joint should be in a run by EMG: what the stream says, turned into a reference within the cycle."""
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +10,7 @@ from bowden.core.kernel import compiled, kernel
 from bowden.core.nested import flat, unflatten, unflatten_like
 from bowden.core.signals import Reference
 from bowden.hardware.emg.intent_block import IntentReader, StreamReading
-from bowden.sensing.intent import IntentSettings, IntentState, intent_start, intent_step, proportional
+from bowden.sensing.course import CourseSettings, course_start, course_step
 
 Array = NDArray[np.float64]
 
@@ -40,41 +39,7 @@ _AT_REST = 1e-3
 """So near to the extended joint a reference is at rest [rad]."""
 
 
-class CourseSettings(NamedTuple):
-    """How contractions move the reference."""
-
-    intent: IntentSettings = IntentSettings()
-    proportional: bool = False
-    """Whether the joint follows the envelope; else contractions begin motions."""
-    full: float = 1.0 / 3.0
-    """Envelope of a full flexion, as a share of MVC."""
-
-
 _DEFAULTS = CourseSettings()
-
-
-class CourseState(NamedTuple):
-    """What one cycle hands to the next."""
-
-    intent: IntentState
-    followed: Reference
-    """The proportional reference."""
-
-
-@kernel
-def course_step(
-    settings: CourseSettings, state: CourseState, flexes: bool, extends: bool, share: float, dt: float
-) -> tuple[CourseState, Reference]:
-    """One cycle of `dt` [s]; `share` of MVC is NaN where a signal is in trouble or the wearer is not known."""
-    intent, reference = intent_step(settings.intent, state.intent, flexes, extends, dt)
-    followed = proportional(settings.intent, state.followed, share, settings.full, dt)
-    return CourseState(intent, followed), followed if settings.proportional else reference
-
-
-@kernel
-def course_start(low: float) -> CourseState:
-    """At rest where the joint is extended, at `low` [rad]."""
-    return CourseState(intent_start(low), Reference(low, 0.0, 0.0))
 
 
 @kernel

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.core.kernel import kernel, reached, specialise
+from bowden.models.cable.sheath_path import BendPath
 from bowden.models.drive.encoder import reading
 from bowden.models.drive.servo import servo_approach
 from bowden.plants.bench import Bench
@@ -21,7 +22,6 @@ from bowden.plants.cable_body import Moving, Seen, cable_advance, cable_look, ca
 from bowden.plants.cable_plant import CablePlant
 from bowden.plants.cables import as_cable_plant
 from bowden.plants.plant import SheathState, sheath_state
-from bowden.sim.scenario import BendPath
 
 
 class Doing(IntEnum):

@@ -19,13 +19,13 @@ from bowden.hardware.drives.load_cell import (
     UNIT,
     VALUE_16,
     VALUE_32,
-    LoadCellParameters,
 )
 from bowden.hardware.twin.faults import Faults
 from bowden.hardware.twin.node import Send
 from bowden.hardware.twin.objects import Entry, Key, Objects, overridden
 from bowden.hardware.twin.plant import TwinPlant, torque_on_joint
 from bowden.hardware.twin.sensor_node import SensorNode, identity
+from bowden.rig.load_cell import LoadCellParameters
 
 DEVICE_TYPE = 0x0002_0194
 """Profile 404, an analogue input."""

@@ -16,12 +16,12 @@ from numpy.typing import NDArray
 
 from bowden.core.kernel import compiled, kernel
 from bowden.hardware.twin.bench import BRAKE, LONGEST_GAP, OFF, Physics, course_at, stage_temperature
+from bowden.models.cable.sheath_path import BendPath
 from bowden.models.drive.encoder import reading
 from bowden.models.suit.arm import Wearer
 from bowden.models.suit.flex_sensor import flex_start, flex_step
 from bowden.plants.suit_parts import Suit, gripped, prepare_suit
 from bowden.plants.suit_plant import SETTLING, Bends, PreparedSuit, SuitState, suit_motor, suit_start, suit_step
-from bowden.sim.scenario import BendPath
 
 SWELL = 1.0
 """Time in which a wearer's swing grows to its size, and goes [s]."""

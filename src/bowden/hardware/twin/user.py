@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from bowden.control.source import Measurement
 from bowden.core.kernel import kernel, reached, specialise
 from bowden.hardware.twin.bench import FOLLOW, LONGEST_GAP, OFF, Physics, course_at, stage_temperature
+from bowden.models.cable.sheath_path import BendPath
 from bowden.models.drive.motor import current
 from bowden.plants.plant import (
     SheathState,
@@ -27,7 +28,6 @@ from bowden.plants.plant import (
     sheath_state,
 )
 from bowden.plants.user_plant import UserPlant
-from bowden.sim.scenario import BendPath
 
 
 class PlantCycle(NamedTuple):

@@ -11,8 +11,6 @@ A cable that runs backwards has a negative slope and then a positive hysteresis_
 loop's shape (ρ, σ, n) is the same.
 """
 
-from collections.abc import Mapping
-
 import numpy as np
 
 from bowden.identify.cable.bouc_wen_search import bounds, cable_at, search
@@ -20,7 +18,8 @@ from bowden.identify.cable.family import Array, Estimate
 from bowden.identify.cable.path import Path
 from bowden.identify.cable.projection import minimise
 from bowden.models.cable.bouc_wen import BoucWen, slope_of_h
-from bowden.models.cable.bouc_wen_sensitivity import hysteresis, sensitivities
+from bowden.models.cable.bouc_wen_sensitivity import sensitivities
+from bowden.plants.predicted import chebyshev
 
 SEARCHED = ("rate", "shape", "exponent", "initial_h")
 """The parameters that are not linear."""
@@ -42,42 +41,6 @@ class BoucWenCable:
     def refit(self, path: Path, near: Estimate) -> Estimate:
         """See `Family.refit`."""
         return fit_terms(path, near.theta, 1, 0, rough=True)
-
-    def predict(self, parameters: Mapping[str, float], motor: Array) -> Array:
-        """See `Family.predict`."""
-        return simulate(parameters, motor)
-
-
-def cable_of(parameters: Mapping[str, float]) -> BoucWen:
-    """The cable for simulation and control; static terms, where there are any, are left out."""
-    return BoucWen(**{name: float(parameters[name]) for name in BoucWen._fields})
-
-
-def simulate(parameters: Mapping[str, float], motor: Array) -> Array:
-    """Joint angle along a recorded motion (n,) [rad], from the reported parameters."""
-    h = hysteresis(motor, float(parameters["initial_h"]), cable_of(parameters))
-    joint = parameters["slope"] * motor + parameters["offset"] + parameters["hysteresis_gain"] * h
-    static, heights = degrees_of(parameters)
-    if static > 1 or heights > 0:
-        u = (motor - parameters["static_centre"]) / parameters["static_half_range"]
-        for k in range(2, static + 1):
-            joint = joint + parameters[f"static_{k}"] * chebyshev(u, k)
-        for k in range(1, heights + 1):
-            joint = joint + parameters[f"hysteresis_gain_{k}"] * chebyshev(np.clip(u, -1.0, 1.0), k) * h
-    return np.asarray(joint)
-
-
-def degrees_of(parameters: Mapping[str, float]) -> tuple[int, int]:
-    """Highest degree of the static terms (1: none) and of the loop's height (0: none)."""
-    static = max((int(name[7:]) for name in parameters if name.startswith("static_") and name[7:].isdigit()), default=1)
-    return static, sum(name.startswith("hysteresis_gain_") for name in parameters)
-
-
-def chebyshev(u: Array, degree: int) -> Array:
-    """T_k(u) inside ±1, its tangent outside."""
-    inside = np.clip(u, -1.0, 1.0)
-    tangent = degree**2 * np.sign(inside) ** (degree + 1)  # T_k'(±1)
-    return np.asarray(np.cos(degree * np.arccos(inside)) + tangent * (u - inside))
 
 
 def at_bound(path: Path, theta: Array) -> list[str]:

@@ -4,15 +4,14 @@ The richest form is fitted first. With its h held, every other choice of degrees
 judged on left-out strokes at almost no cost; the choice is then fitted properly.
 """
 
-from collections.abc import Mapping
-
 import numpy as np
 
-from bowden.identify.cable.bouc_wen import SEARCHED, degrees_of, fit_terms, simulate
+from bowden.identify.cable.bouc_wen import SEARCHED, fit_terms
 from bowden.identify.cable.family import Array, Estimate
 from bowden.identify.cable.path import Path
 from bowden.identify.cable.projection import products
 from bowden.identify.cable.validation import folds, simplest_of_the_best
+from bowden.plants.predicted import degrees_of
 
 _RICHEST = (7, 2)
 _CHOICES = [(static, heights) for static in (2, 3, 5, 7) for heights in (0, 1, 2)]
@@ -34,10 +33,6 @@ class BoucWenStatic:
     def refit(self, path: Path, near: Estimate) -> Estimate:
         """See `Family.refit`."""
         return fit_terms(path, near.theta, *degrees_of(near.parameters), rough=True)
-
-    def predict(self, parameters: Mapping[str, float], motor: Array) -> Array:
-        """See `Family.predict`."""
-        return simulate(parameters, motor)
 
 
 def richest(path: Path, plain: Estimate) -> Estimate:

@@ -1,6 +1,5 @@
 """What every family of cable models offers to the identification."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -45,8 +44,4 @@ class Family(Protocol):
 
     def refit(self, path: Path, near: Estimate) -> Estimate:
         """The best member for the path (perhaps another part of the log, or other weights), searched from `near`."""
-        ...
-
-    def predict(self, parameters: Mapping[str, float], motor: Array) -> Array:
-        """Joint angle along a recorded motion, simulated straight through: (n,) [rad] → (n,) [rad]."""
         ...

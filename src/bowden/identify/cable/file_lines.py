@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from bowden.core.toml_text import quoted
 from bowden.core.units import DEGREES
 from bowden.identify.cable.cycles import Cycles
-from bowden.identify.cable.model import meaning
+from bowden.plants.cable_parameters import meaning
 
 
 def cycles_row(cycles: Cycles, advice: str) -> str:

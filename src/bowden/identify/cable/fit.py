@@ -24,12 +24,13 @@ from bowden.identify.cable.cycles import Cycles
 from bowden.identify.cable.file_lines import cycles_row, one_line, warning_lines
 from bowden.identify.cable.forecast import Forecast, forecast
 from bowden.identify.cable.loop import HysteresisLoop, loop_lines
-from bowden.identify.cable.model import NAMES, CableModel, meaning
-from bowden.identify.cable.model_file import log_lines
-from bowden.identify.cable.parameter_text import parameter_lines
-from bowden.identify.cable.trusted import Trust, trust_lines
 from bowden.identify.cable.turns import peak_speed
 from bowden.identify.log.read import Log
+from bowden.plants.cable_parameters import meaning, parameter_lines
+from bowden.plants.identified import CableModel
+from bowden.plants.model_file import log_lines
+from bowden.plants.predicted import NAMES
+from bowden.plants.trust import Trust, trust_lines
 
 if TYPE_CHECKING:
     import pathlib

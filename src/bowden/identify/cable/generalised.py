@@ -19,7 +19,6 @@ Where a branch would go against the motor, or the gap below zero, λ grows until
 Source: Eilers and Marx, Statistical Science 11(2), 1996 (penalised splines).
 """
 
-from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -120,10 +119,6 @@ class GeneralisedPlay:
         columns = np.column_stack([design_of(path.motor, lag, cable), path.joint])
         cable, strengths = _solved(path, columns, cable, (of_mean, of_gap))
         return _estimate(path, lag, cable, strengths)
-
-    def predict(self, parameters: Mapping[str, float], motor: Array) -> Array:
-        """See `Family.predict`."""
-        return joint_angle(motor, parameters["initial_lag"], branches_of(parameters))
 
 
 def _memory(path: Path, lags: Array) -> _Memory:

@@ -16,16 +16,16 @@ from bowden.identify.cable.cycles import drift, whole_cycles
 from bowden.identify.cable.fit import Fit, ModelFit
 from bowden.identify.cable.lag import earlier, time_lag
 from bowden.identify.cable.loop import loop_of
-from bowden.identify.cable.model import CableModel
 from bowden.identify.cable.part import Progress, fit_part, refit_whole
 from bowden.identify.cable.path import Path, path_of
 from bowden.identify.cable.trust import trust
-from bowden.identify.cable.trusted import Trust
 from bowden.identify.cable.turns import motor_noise
 from bowden.identify.cable.uncertainty import all_shown, standard_errors
 from bowden.identify.cable.validation import simplest_of_the_best
 from bowden.identify.log.angles import SIDES, angle_units, angles_of
 from bowden.identify.log.read import Log, checked_rate, prepare
+from bowden.plants.identified import CableModel
+from bowden.plants.trust import Trust
 
 Array = NDArray[np.float64]
 

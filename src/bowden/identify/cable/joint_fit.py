@@ -17,12 +17,12 @@ from bowden.core.toml_text import quoted
 from bowden.core.units import DEGREES
 from bowden.identify.cable.cycles import FOR_YES, Cycles
 from bowden.identify.cable.file_lines import cycles_row, error_lines, one_line, parameter_rows, warning_lines
-from bowden.identify.cable.model import CableModel
-from bowden.identify.cable.model_file import log_lines
-from bowden.identify.cable.trusted import QUARTER, Trust, least, trust_lines
 from bowden.identify.log.read import Log
-from bowden.identify.log.variables import shown_value
 from bowden.models.cable.scheduled import cable_of, hats, powers
+from bowden.plants.cable_parameters import shown_value
+from bowden.plants.identified import CableModel
+from bowden.plants.model_file import log_lines
+from bowden.plants.trust import QUARTER, Trust, least, trust_lines
 
 if TYPE_CHECKING:
     import pathlib

@@ -11,8 +11,8 @@ import numpy as np
 from bowden.identify.cable.family import Estimate
 from bowden.identify.cable.path import Path
 from bowden.identify.cable.projection import solve_linear
-from bowden.identify.cable.trusted import Trust
 from bowden.identify.log.read import Log
+from bowden.plants.trust import Trust
 
 
 def time_lag(path: Path, estimate: Estimate) -> tuple[float, float]:

@@ -1,10 +1,8 @@
 """The straight line: joint = slope·motor + offset, a cable without any loss of motion."""
 
-from collections.abc import Mapping
-
 import numpy as np
 
-from bowden.identify.cable.family import Array, Estimate
+from bowden.identify.cable.family import Estimate
 from bowden.identify.cable.path import Path
 from bowden.identify.cable.projection import solve_linear
 
@@ -28,7 +26,3 @@ class Line:
     def refit(self, path: Path, near: Estimate) -> Estimate:
         """See `Family.refit`."""
         return self.fit(path)
-
-    def predict(self, parameters: Mapping[str, float], motor: Array) -> Array:
-        """See `Family.predict`."""
-        return parameters["slope"] * motor + parameters["offset"]

@@ -32,15 +32,12 @@ from bowden.core.errors import LogError, ParameterError, counted
 from bowden.core.metrics import rmse
 from bowden.core.units import DEGREES
 from bowden.identify.cable.bouc_wen import BoucWenCable
-from bowden.identify.cable.counting import covered_by
 from bowden.identify.cable.cycles import ENOUGH, whole_cycles
 from bowden.identify.cable.joint_fit import JointFit, JudgedLog
-from bowden.identify.cable.model import SCHEDULED, CableModel
 from bowden.identify.cable.part import Progress
 from bowden.identify.cable.path import Path, path_of
 from bowden.identify.cable.projection import inverse_of, products
 from bowden.identify.log.read import Log
-from bowden.identify.log.variables import shown_value
 from bowden.models.cable.prandtl_ishlinskii import plays
 from bowden.models.cable.scheduled import (
     VARIABLES,
@@ -50,6 +47,10 @@ from bowden.models.cable.scheduled import (
     parameters_of,
     powers,
 )
+from bowden.plants.cable_parameters import shown_value
+from bowden.plants.counting import covered_by
+from bowden.plants.identified import CableModel
+from bowden.plants.predicted import SCHEDULED
 
 Array = NDArray[np.float64]
 

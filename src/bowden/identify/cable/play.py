@@ -5,8 +5,6 @@
 A jump of the contact makes the error uneven in the half-width, so a scan of the whole range comes before the search.
 """
 
-from collections.abc import Mapping
-
 import numpy as np
 
 from bowden.core.kernel import compiled, kernel
@@ -14,7 +12,6 @@ from bowden.identify.cable.family import Array, Estimate
 from bowden.identify.cable.path import Path
 from bowden.identify.cable.projection import minimise, solve_linear
 from bowden.models.cable.backlash import push
-from bowden.models.cable.prandtl_ishlinskii import plays
 
 
 def play_sensitivities(motor: Array, half_width: float, initial_lag: float) -> Array:
@@ -62,13 +59,6 @@ class PlayOperator:
     def refit(self, path: Path, near: Estimate) -> Estimate:
         """See `Family.refit`."""
         return self._search(path, near.theta)
-
-    def predict(self, parameters: Mapping[str, float], motor: Array) -> Array:
-        """See `Family.predict`."""
-        before = motor[0] + parameters["initial_lag"]  # a play that was pushed from there stands at z
-        history = np.concatenate([[before], motor])
-        slots = plays(history, np.array([parameters["half_width"]]))
-        return np.asarray(parameters["slope"] * slots[1:, 0] + parameters["offset"])
 
     def _search(self, path: Path, start: Array) -> Estimate:
         low, high = np.array([0.0, -1.0]), np.array([0.5 * path.span, 1.0])

@@ -37,17 +37,18 @@ from bowden.core.metrics import rmse
 from bowden.core.style import COLOURS, note_cut, thin, widened
 from bowden.core.toml_text import quoted
 from bowden.core.units import DEGREES
-from bowden.identify.cable.counting import Covered, fitted_range
 from bowden.identify.cable.cycles import Cycles, whole_cycles
 from bowden.identify.cable.file_lines import cycles_row, error_lines, one_line, parameter_rows, warning_lines
-from bowden.identify.cable.model import SCHEDULED, CableModel, IdentifiedCable
-from bowden.identify.cable.model_file import log_lines
 from bowden.identify.cable.path import Path, path_of
-from bowden.identify.cable.trusted import Trust, least, trust_lines
 from bowden.identify.log.read import Log
-from bowden.identify.log.variables import shown_value
 from bowden.models.cable.scheduled import VARIABLES
+from bowden.plants.cable_parameters import outside
 from bowden.plants.cables import DISTRIBUTED
+from bowden.plants.counting import Covered, fitted_range
+from bowden.plants.identified import CableModel, IdentifiedCable
+from bowden.plants.model_file import log_lines
+from bowden.plants.predicted import SCHEDULED
+from bowden.plants.trust import Trust, least, trust_lines
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -372,22 +373,6 @@ def _placed(cable: IdentifiedCable, values: Mapping[str, float]) -> tuple[Identi
             do=f"give {missing[0]} its value or its column",
         )
     return cable.with_parameters(values) if values else cable, outside(cable.model().parameters, values)
-
-
-def outside(parameters: Mapping[str, float], values: Mapping[str, float]) -> list[str]:
-    """A warning for each variable whose value lies beyond those that were identified by a tenth of their range."""
-    found = []
-    for name, value in values.items():
-        if f"{name}_low" not in parameters:
-            continue
-        low, high = parameters[f"{name}_low"], parameters[f"{name}_high"]
-        if max(low - value, value - high) > 0.1 * (high - low):
-            found.append(
-                f"the {name} {shown_value(name, value)} lies outside those of the logs that the model was identified "
-                f"from ({shown_value(name, low)} to {shown_value(name, high)}): the model goes on straight, at most as "
-                "far as that range is wide"
-            )
-    return found
 
 
 def _fit(path: Path, model: CableModel) -> tuple[float, float, float, Array, bool]:

@@ -6,14 +6,12 @@ Weights of one sign keep the stack invertible and its loops dissipative; the fit
 leaves only the few plays that the data need. Source: Lawson and Hanson, *Solving Least Squares Problems*, 1974.
 """
 
-from collections.abc import Mapping
-
 import numpy as np
 
 from bowden.identify.cable.family import Array, Estimate
 from bowden.identify.cable.path import Path
 from bowden.identify.cable.projection import products, solve_linear
-from bowden.models.cable.prandtl_ishlinskii import plays
+from bowden.plants.predicted import slots_along
 
 _GRID = np.geomspace(2e-3, 0.45, 18)
 """Half-widths offered, over the motor's range [–]."""
@@ -35,18 +33,10 @@ class PrandtlIshlinskii:
         """See `Family.refit`."""
         return self._solve(path, _GRID * path.span, float(near.theta[0]))
 
-    def predict(self, parameters: Mapping[str, float], motor: Array) -> Array:
-        """See `Family.predict`."""
-        count = sum(name.startswith("weight_") for name in parameters)
-        widths = np.array([parameters[f"half_width_{i}"] for i in range(1, count + 1)])
-        weights = np.array([parameters[f"weight_{i}"] for i in range(1, count + 1)])
-        slots = _slots(motor, widths, parameters["initial_lag"])
-        return np.asarray(parameters["slope"] * motor + slots @ weights + parameters["offset"])
-
     def _solve(self, path: Path, widths: Array, lag: float) -> Estimate:
         from scipy.optimize import nnls  # half a second, which a simulation need not wait for
 
-        slots = _slots(path.motor, widths, lag)
+        slots = slots_along(path.motor, widths, lag)
         basis = np.column_stack([path.motor, slots])
         share = path.weight / path.weight.sum()
         centred = basis - share @ basis
@@ -69,8 +59,3 @@ class PrandtlIshlinskii:
         parameters |= {"offset": float(linear[-1]), "initial_lag": lag}
         slopes["offset"] = kept[:, -1]
         return Estimate(parameters, slopes, kept @ linear, np.array([lag]))
-
-
-def _slots(motor: Array, widths: Array, lag: float) -> Array:
-    """zᵢ (n, k), each slot pushed to the first sample from motor[0] + `lag`."""
-    return plays(np.concatenate([[motor[0] + lag], motor]), widths)[1:]

@@ -8,8 +8,8 @@ from bowden.core.units import DEGREES
 from bowden.identify.cable.advice import FOLLOWS, SLIGHT, WORSE, following, lags
 from bowden.identify.cable.cycles import FOR_YES
 from bowden.identify.cable.fit import Fit
-from bowden.identify.cable.trusted import QUARTER, Trust, least
 from bowden.identify.cable.turns import peak_speed
+from bowden.plants.trust import QUARTER, Trust, least
 
 _HALF = 0.5
 """Share of a straight line's error that a model leaves at most, if its loop is to be of use."""

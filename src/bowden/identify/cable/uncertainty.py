@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from bowden.identify.cable.family import Array, Estimate, Family
 from bowden.identify.cable.path import Path
 from bowden.identify.cable.projection import inverse_of, products
+from bowden.plants.predicted import PREDICTED
 
 _BLOCKS = 24
 _LEAST_LEFT = 0.1
@@ -130,12 +131,12 @@ def _reversal_changes(path: Path, estimate: Estimate, family: Family) -> list[Ar
     outward = np.sign(path.motor[turns] - path.motor[turns - 1])
     if not len(turns) or path.reversal_error == 0.0:
         return []
-    found, base = [], family.predict(estimate.parameters, path.motor)
+    found, base = [], PREDICTED[family.name](estimate.parameters, path.motor)
     for side in (1.0, -1.0):
         if not (outward == side).any():
             continue
         error = path.reversal_error  # what the tops of a motion have in common, several amplitudes do not mend
         motor = path.motor.copy()
         motor[turns[outward == side]] += side * error
-        found.append(family.predict(estimate.parameters, motor) - base)
+        found.append(PREDICTED[family.name](estimate.parameters, motor) - base)
     return found

@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 
 from bowden.identify.cable.family import Array, Estimate, Family
 from bowden.identify.cable.path import Path
+from bowden.plants.predicted import PREDICTED
 
 _FOLDS, _STRETCHES = 5, 20
 _TWENTIETH = 1.05**2 - 1.0
@@ -85,7 +86,7 @@ def held_out_errors(family: Family, path: Path, near: Estimate, along: Path, sam
         if not (fold == one).any() or not mine.any():
             continue
         member = family.refit(path.with_weight(np.where(fold == one, 0.0, path.weight)), near)
-        joint = family.predict(member.parameters, along.motor)[counted]
+        joint = PREDICTED[family.name](member.parameters, along.motor)[counted]
         error = np.interp(samples.time[mine], along.time[counted], joint) - samples.joint[mine]
         found.append(float(np.average(error**2, weights=samples.share[mine])))
     return np.array(found)

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from bowden.core.arguments import said
 from bowden.core.errors import LogError, ParameterError
 from bowden.core.units import CABLE_LOG_LIMIT, RADIANS
-from bowden.identify.cable.trusted import Trust
 from bowden.identify.log.columns import split_name
+from bowden.plants.trust import Trust
 
 Array = NDArray[np.float64]
 

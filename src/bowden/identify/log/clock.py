@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from bowden.core.errors import LogError, counted
 from bowden.core.units import DEGREES
-from bowden.identify.cable.trusted import Trust
 from bowden.identify.cable.turns import peak_speed
+from bowden.plants.trust import Trust
 
 Array = NDArray[np.float64]
 

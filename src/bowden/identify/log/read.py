@@ -17,8 +17,6 @@ from bowden.core.guesses import answering
 from bowden.core.table import PARQUET, ZIP, read_table
 from bowden.core.units import DEGREES
 from bowden.identify.cable import checks
-from bowden.identify.cable.counting import NOT_SAID, Covered, Encoders
-from bowden.identify.cable.trusted import Trust
 from bowden.identify.cable.turns import least_swing, resolution, reversals
 from bowden.identify.log.angles import (
     SIDES,
@@ -35,6 +33,8 @@ from bowden.identify.log.clock import even_clock, held_rows, odd_time, rises_eve
 from bowden.identify.log.columns import CABLE, FACTORS, LogColumn, find_columns, unit_of
 from bowden.identify.log.mat import is_matlab, read_matlab
 from bowden.identify.log.text import read_text
+from bowden.plants.counting import NOT_SAID, Covered, Encoders
+from bowden.plants.trust import Trust
 
 Array = NDArray[np.float64]
 

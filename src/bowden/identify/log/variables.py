@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from bowden.core.errors import LogError, ParameterError, counted
-from bowden.core.units import DEGREES, RADIANS
+from bowden.core.units import RADIANS
 from bowden.identify.log.columns import split_name
 from bowden.identify.log.read import read_columns
 
@@ -27,21 +27,6 @@ COMMON: Mapping[str, Sequence[str]] = {
     "bend": _BENDS,
 }
 """Variable → common names of its column, the likeliest first."""
-
-
-def in_degrees(name: str, value: float, unit: str = "") -> tuple[float, str]:
-    """A load as it is, and a bend, which is an angle [rad], in degrees: for whoever reads it; value and unit."""
-    return (value * DEGREES, "°") if name == BEND else (value, unit)
-
-
-def shown_value(name: str, value: float, unit: str = "") -> str:
-    """The same as text.
-
-    >>> shown_value("load", 0.12, "N·m"), shown_value("bend", 3.14159265)
-    ('0.12 N·m', '180°')
-    """
-    found, its = in_degrees(name, value, unit)
-    return f"{found:.4g}{its}" if its == "°" else f"{found:.4g} {its}".strip()
 
 
 class Scheduled(NamedTuple):

@@ -94,7 +94,7 @@ def run_alone(study: Study, number: int) -> dict[str, Trace]:
         ParameterError: there is no such run.
     """
     from bowden.control import user_law
-    from bowden.rig.one_run import run_of
+    from bowden.sim.one_run import run_of
 
     runs = study.file.runs
     if not (isinstance(number, int) and 0 <= number < runs):

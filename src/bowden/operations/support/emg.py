@@ -14,10 +14,10 @@ from bowden.core.errors import LogError, ParameterError
 from bowden.identify.emg.levels import EnvelopeLevels, check_contraction, envelope_levels
 from bowden.identify.emg.log import EmgLog, channel_unit, checked_emg, read_emg, read_labels
 from bowden.identify.emg.score import Findings, Score, Spans, find, spans
-from bowden.rig import wearer_file
-from bowden.rig.wearer_file import MuscleCalibration
+from bowden.sensing import wearer_file
 from bowden.sensing.detector import Detector
 from bowden.sensing.stream import OnsetDetector
+from bowden.sensing.wearer_file import MuscleCalibration
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -10,8 +10,7 @@ from bowden.core import arguments
 from bowden.core.caller import argument
 from bowden.core.errors import ParameterError
 from bowden.operations.support.operation import Progress
-from bowden.rig.axes import Axis
-from bowden.rig.rig import Rig
+from bowden.rig.rig import Axis, Rig
 
 Run = TypeVar("Run")
 
@@ -96,7 +95,7 @@ def joint_name(rig: Rig) -> str:
 
 def notes_of(rig: Rig) -> tuple[str, ...]:
     """What is odd about a rig, each with the axis that it is of, and why a run would refuse it."""
-    from bowden.rig.objections import refusals
+    from bowden.design.objections import refusals
 
     each = (f"axis {one.name}: {note}" if one.name else note for one in rig.parts for note in one.rig.notes)
     return (*each, *refusals(rig))

@@ -10,11 +10,11 @@ from bowden.control.reference import Chirp, PeriodicMinimumJerk
 from bowden.core.units import RADIANS
 from bowden.models.cable.bouc_wen import BoucWen
 from bowden.models.cable.sheath import Sheath
+from bowden.models.cable.sheath_path import BendPath, scripted_bend
 from bowden.models.drive.encoder import Encoder
 from bowden.models.drive.motor import Motor
 from bowden.models.drive.servo import Servo
 from bowden.plants.bench import Bench
-from bowden.sim.scenario import BendPath, scripted_bend
 
 
 @cache

@@ -1,26 +1,18 @@
 """The paper's suit as we run it: what is printed, what is chosen, and what is fitted, from paper.toml."""
 
-import itertools
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-import numpy as np
-from numpy.typing import NDArray
-
 from bowden.control import LAWS
 from bowden.control.law import Law
-from bowden.control.reference import PeriodicMinimumJerk, Trajectory
-from bowden.core.trace import Trace
-from bowden.core.units import DEGREES, RADIANS
+from bowden.core.units import RADIANS
 from bowden.models.cable.sheath import Sheath
 from bowden.models.drive.geared_motor import GearedMotor
-from bowden.models.drive.holding_brake import HoldingBrake
 from bowden.models.suit.arm import arm_of
 from bowden.models.suit.geometry import SuitGeometry
 from bowden.models.suit.suit_cable import Fabric, SuitCable
 from bowden.plants.suit_parts import Suit
 from bowden.rig.presets.bench import bench, document
-from bowden.sim.run import simulate
 
 
 @dataclass(frozen=True)
@@ -110,67 +102,3 @@ DRIVE_INTEGRAL = 25.0
 FRICTION_FEEDFORWARD = 2.79
 """What our stack's drive pushes against friction: 0.7 of the 3.99 N·m that the uncompensated run shows
 (`bowden.identify.suit_friction`), so that it is no more than there is where friction is 30 % less [N·m]."""
-
-
-NO_BRAKE = HoldingBrake()
-
-
-def flexions(period: float | None = None) -> PeriodicMinimumJerk:
-    """Flexions and extensions 0–90°; one takes 25 s (Fig. 17) where no `period` [s] is given."""
-    return PeriodicMinimumJerk(
-        0.0, 90.0 * RADIANS, document()["suit"]["chosen"]["period"] if period is None else period
-    )
-
-
-def run_suit(
-    law: Law,
-    *,
-    count: int = 5,
-    period: float | None = None,
-    fit: SuitCalibration | None = None,
-    reference: Trajectory | None = None,
-    duration: float | None = None,
-    drive_integral: float | None = None,
-    friction_feedforward: float = 0.0,
-    brake: HoldingBrake = NO_BRAKE,
-) -> Trace:
-    """A run of the suit from rest.
-
-    Args:
-        law: with its gains.
-        count: of flexions.
-        period: of one of them [s].
-        fit: in place of the frozen calibration.
-        reference: in place of the flexions.
-        duration: with it [s].
-        drive_integral: of the drive's position loop; the calibration's where it is not given [1/s].
-        friction_feedforward: of the drive, which the paper's has not [N·m].
-        brake: of the drive, likewise.
-    """
-    made, motion = suit(fit), reference or flexions(period)
-    made = made._replace(motor=made.motor._replace(friction_feedforward=friction_feedforward), brake=brake)
-    if drive_integral is not None:
-        made = made._replace(motor=made.motor._replace(integral=drive_integral))
-    one = document()["suit"]["chosen"]["period"] if period is None else period
-    length = count * one if duration is None else duration
-    return simulate(made, law, motion, duration=length, seed=document()["chosen"]["seed"])
-
-
-def each_flexion(trace: Trace, period: float | None = None) -> list[slice]:
-    """The samples of each whole flexion and extension of a run."""
-    length = document()["suit"]["chosen"]["period"] if period is None else period
-    step = float(trace.time[1] - trace.time[0])
-    edges = [round(k * length / step) for k in range(int(len(trace) * step / length + 1e-6) + 1)]
-    return [slice(start, end) for start, end in itertools.pairwise(edges)]
-
-
-def energies(trace: Trace) -> NDArray[np.float64]:
-    """∫Pe dt of each flexion and extension (Eq. 18), (k,) [J]."""
-    electrical = trace.power()[1]
-    return np.array([np.trapezoid(electrical[part], trace.time[part]) for part in each_flexion(trace)])
-
-
-def largest_errors(trace: Trace, after: float = 1.0) -> NDArray[np.float64]:
-    """The largest |joint − reference| of each flexion, without its first second, (k,) [deg]."""
-    skip = round(after / float(trace.time[1] - trace.time[0]))
-    return np.array([np.max(np.abs(trace.error[part][skip:])) * DEGREES for part in each_flexion(trace)])

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 
 from bowden.hardware.drives import on_can
 from bowden.hardware.drives.ak_parameters import AkParameters, check_parameters, completed, most_push
-from bowden.hardware.drives.family import DriveFamily, FoundDevice, TwinProcess
 from bowden.hardware.drives.findings import FINDINGS
 from bowden.hardware.drives.homing import zeroed
+from bowden.rig.families import DriveFamily, FoundDevice, TwinProcess
 
 if TYPE_CHECKING:
     from bowden.hardware.buses.link import Links

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 from bowden.core.errors import ParameterError
 from bowden.hardware.drives import on_can
 from bowden.hardware.drives.emergencies import emergency_text
-from bowden.hardware.drives.family import LOST, DriveFamily, DriveNeeds, FoundDevice, TwinProcess
 from bowden.hardware.drives.homing import zeroed
 from bowden.hardware.drives.parameters import (
     LONGEST_TIMEOUT,
@@ -16,6 +15,7 @@ from bowden.hardware.drives.parameters import (
     load_range,
     tared,
 )
+from bowden.rig.families import LOST, DriveFamily, DriveNeeds, FoundDevice, TwinProcess
 
 LOOK = 1e-3
 """How often a drive looks at its heartbeat consumer [s]."""

@@ -5,10 +5,10 @@ from typing import TYPE_CHECKING
 
 from bowden.core.errors import ParameterError
 from bowden.hardware.drives import on_can
-from bowden.hardware.drives.family import DriveFamily, FoundDevice, TwinProcess
 from bowden.hardware.drives.homing import zeroed
 from bowden.hardware.drives.moteus_faults import fault_text
 from bowden.hardware.drives.moteus_parameters import LOOK, MoteusParameters, check_parameters, completed
+from bowden.rig.families import DriveFamily, FoundDevice, TwinProcess
 
 if TYPE_CHECKING:
     from bowden.hardware.buses.link import Links

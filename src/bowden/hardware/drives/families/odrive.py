@@ -5,7 +5,6 @@ from typing import TYPE_CHECKING
 
 from bowden.core.errors import ParameterError
 from bowden.hardware.drives import on_can
-from bowden.hardware.drives.family import DriveFamily, FoundDevice, TwinProcess
 from bowden.hardware.drives.homing import zeroed
 from bowden.hardware.drives.odrive_faults import fault_text
 from bowden.hardware.drives.odrive_parameters import (
@@ -15,6 +14,7 @@ from bowden.hardware.drives.odrive_parameters import (
     completed,
     found_from,
 )
+from bowden.rig.families import DriveFamily, FoundDevice, TwinProcess
 
 if TYPE_CHECKING:
     from bowden.hardware.buses.link import Links

@@ -8,8 +8,8 @@ from bowden.control.law import Law
 from bowden.core.trace import Trace
 from bowden.core.traces import Traces
 from bowden.plants.user_plant import UserPlant
-from bowden.rig import ranges
 from bowden.rig.rig import Rig
+from bowden.sim import ranges
 from bowden.sim.pair import PairPlant, PairSide, simulate_pair
 from bowden.sim.parting import Parting, Range, parting_of
 

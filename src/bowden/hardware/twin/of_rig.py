@@ -2,7 +2,7 @@
 
 from typing import Any, NamedTuple
 
-from bowden.hardware.drives.family import TwinProcess
+from bowden.hardware.drives.of_rig import cell_place
 from bowden.hardware.twin.bench import TwinBench
 from bowden.hardware.twin.late import late
 from bowden.hardware.twin.pair import SharedJoint
@@ -10,8 +10,7 @@ from bowden.hardware.twin.plant import TwinPlant
 from bowden.hardware.twin.suit import TwinSuit
 from bowden.hardware.twin.user import TwinUser
 from bowden.plants.user_plant import UserPlant
-from bowden.rig.drive import cell_place
-from bowden.rig.pair import mirrored
+from bowden.rig.families import TwinProcess
 from bowden.rig.rig import Rig
 
 
@@ -94,3 +93,17 @@ def _at_rest(rig: Rig, rest: tuple[Any, ...]) -> TwinPlant:
         return TwinUser(plant, *rest)
     motor = plant.motor._replace(pretension=plant.motor.pretension - plant.motor.spring * rig.home)
     return TwinBench(plant._replace(motor=motor), *rest)
+
+
+_TURNED = ("motor_direction", "motor_home", "motor_hint", "joint_direction", "joint_home")
+
+
+def mirrored(drive: Any) -> Any:
+    """A drive's parameters whose angles have the other sign, and whose counts are the same.
+
+    Args:
+        drive: parameters of a family, whole.
+    """
+    turned = {name: -getattr(drive, name) for name in _TURNED if hasattr(drive, name)}
+    low, high = -drive.highest_motor, -drive.lowest_motor
+    return drive._replace(**turned, lowest_motor=low, highest_motor=high)

@@ -1,26 +1,26 @@
-"""The joint's motion that EMG asks for, for commands that do not run live."""
+"""A rig's run by EMG on its stream: which channels, whose levels; and the motion of a recording."""
 
+import re
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.control.reference import PeriodicMinimumJerk, Trajectory
 from bowden.core.errors import StreamError
 from bowden.core.kernel import compiled, kernel
-from bowden.hardware.emg.course import CourseSettings, CourseState, course_start, course_step
-from bowden.hardware.emg.listener import filters_of, share_of
-from bowden.rig.emg_setup import EmgRun, check_recording, columns, levels
+from bowden.hardware.emg.listener import Levels, filters_of, share_of
+from bowden.hardware.emg.playback import Playback
+from bowden.hardware.ports import EmgStream
+from bowden.identify.emg.log import read_channels
+from bowden.rig.emg_setup import EmgRun, check_recording
+from bowden.sensing.course import CourseSettings, CourseState, course_start, course_step
 from bowden.sensing.stream import EnvelopeFilter, OnsetDetector
 
 Array = NDArray[np.float64]
-
-
-def placeholder(run: EmgRun) -> Trajectory:
-    """The largest motions that EMG can ask for, there and back without a rest: what a law is checked with."""
-    intent = run.course.intent
-    return PeriodicMinimumJerk(intent.low, intent.high, 2.0 * intent.duration)
+_UNIT = re.compile(r"[_\s(\[]+([mµu]?V)[)\]]?$")
+"""At the end of a channel's name."""
 
 
 def recorded(run: EmgRun, dt: float) -> "EmgMotion | None":
@@ -29,9 +29,6 @@ def recorded(run: EmgRun, dt: float) -> "EmgMotion | None":
     Raises:
         StreamError: a recording that cannot be used, or without the channels.
     """
-    from bowden.hardware.emg.playback import Playback
-    from bowden.identify.emg.log import read_channels
-
     kind, _, path = run.source.partition(":")
     if kind != "file":
         return None
@@ -72,6 +69,8 @@ class EmgMotion:
         self.rows = np.empty((len(flexor), 3))
         start = course_start(run.course.intent.low)
         compiled(_follow)(run.course, start, flexor, extensor, share, dt, self.rows)
+        self.content = self.rows.tobytes()
+        """What distinguishes it from other motions."""
 
     def sample(self, time: Array) -> Array:
         """See `Trajectory.sample`: as it is in the cycle that begins at or before `time`."""
@@ -97,3 +96,50 @@ def _follow(
     for k in range(len(flexor)):
         state, reference = course_step(settings, state, flexor[k] > 0.5, extensor[k] > 0.5, share[k], dt)
         rows[k, 0], rows[k, 1], rows[k, 2] = reference
+
+
+def columns(run: EmgRun, stream: EmgStream) -> tuple[int, int | None]:
+    """Where flexor and extensor are among an open stream's channels.
+
+    Raises:
+        StreamError: a channel is missing, or the flexor is none that the wearer was measured with.
+    """
+    names = stream.channels
+    for wanted in run.wanted:
+        if wanted not in names:
+            raise StreamError(f"{run.source} has no channel {wanted!r}", expected=f"one of {_listed(names)}")
+    others = [i for i, name in enumerate(names) if name != run.extensor]
+    if not others:
+        raise StreamError(f"{run.source} has no channel beside the extensor {run.extensor!r}")
+    flexor = others[0] if run.flexor is None else names.index(run.flexor)
+    if run.wearer is not None:
+        _check_wearer(run, names[flexor], stream.unit)
+    return flexor, None if run.extensor is None else names.index(run.extensor)
+
+
+def _check_wearer(run: EmgRun, channel: str, unit: str) -> None:
+    assert run.wearer is not None
+    measured, ours = _parts(run.wearer.channel), _parts(channel, unit)
+    if measured != ours:
+        raise StreamError(
+            f"{run.where} was measured on {measured[0]!r} in {measured[1] or 'no unit'}, and {run.source} has "
+            f"{ours[0]!r} in {ours[1] or 'no unit'}",
+            do="run bowden emg calibrate on this channel, or name another one as emg.flexor",
+        )
+
+
+def _parts(channel: str, unit: str = "") -> tuple[str, str]:
+    """A channel's plain name and its unit."""
+    named = _UNIT.search(channel)
+    unit = (named[1] if named else unit).replace("u", "µ")
+    return (channel[: named.start()] if named else channel), unit
+
+
+def levels(run: EmgRun) -> Levels | None:
+    """The wearer's, for the envelope's share of MVC."""
+    wearer = run.wearer
+    return None if wearer is None else Levels(wearer.rest, wearer.mvc, wearer.mains, wearer.sigma)
+
+
+def _listed(names: Sequence[str]) -> str:
+    return ", ".join(map(repr, names))

@@ -5,10 +5,10 @@ import math
 from bowden.core.errors import ParameterError
 from bowden.core.toml_text import quoted
 from bowden.core.units import DEGREES, RADIANS
-from bowden.identify.cable.model import IdentifiedCable
+from bowden.design.rig_of_model import Chosen, gain_lines
+from bowden.plants.identified import IdentifiedCable
 from bowden.rig.compose_suit import USUAL_DEAD_ZONE, elbow_dead_zone
 from bowden.rig.consistent import CROSSING, PLAYS
-from bowden.rig.model_rig import Chosen, gain_lines
 from bowden.rig.settings import SuitSettings
 
 _TEXT = """\

@@ -11,9 +11,9 @@ import numpy as np
 from bowden.core.errors import ParameterError
 from bowden.core.toml_text import quoted
 from bowden.core.units import DEGREES, RADIANS
-from bowden.identify.cable.counting import Counting, Covered, fitted_range
-from bowden.identify.cable.model import IdentifiedCable
 from bowden.identify.servo.keys import NOT_YOURS
+from bowden.plants.counting import Counting, Covered, fitted_range
+from bowden.plants.identified import IdentifiedCable
 from bowden.rig.presets.bench import default_bench
 from bowden.rig.sections import DEFAULT_CABLE
 from bowden.safety.limits import Limits

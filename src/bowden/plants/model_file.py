@@ -1,29 +1,21 @@
-"""model.toml: an identified cable as a commented file, the same bytes for the same log."""
+"""model.toml, the file of an identified cable, as `bowden.plants.identified` reads it."""
 
 import math
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from bowden import __version__
 from bowden.core.bounded import read_toml
 from bowden.core.errors import ParameterError
-from bowden.core.toml_text import quoted
 from bowden.core.units import DEGREES
-from bowden.identify.cable.counting import Covered, Encoders
-from bowden.identify.cable.model import (
-    KNOWN,
-    LEAST_SLOPE,
-    CableModel,
-    IdentifiedCable,
-    check_parameters,
-    meaning,
-)
-from bowden.identify.cable.trusted import trust_lines, trust_of
 from bowden.models.cable.scheduled import VARIABLES
+from bowden.plants.cable_parameters import LEAST_SLOPE, check_parameters
 from bowden.plants.cables import DISTRIBUTED, whole_slope
+from bowden.plants.counting import Covered, Encoders
+from bowden.plants.predicted import KNOWN, joint_along
+from bowden.plants.trust import Trust, trust_of
 
 
 def log_lines(covered: Covered | None, encoders: Encoders) -> list[str]:
@@ -41,17 +33,27 @@ def log_lines(covered: Covered | None, encoders: Encoders) -> list[str]:
     return lines + (["", "[encoders]  # one count, as it was said: --counts-per-turn", *known] if known else [])
 
 
-def load_cable(path: Path | str, name: str = "") -> IdentifiedCable:
+class ReadModels(NamedTuple):
+    """What a model.toml says."""
+
+    best: str
+    """Name of the recommended model."""
+    models: Mapping[str, Mapping[str, float]]
+    units: Mapping[str, str]
+    """Of what schedules the recommended model."""
+    covered: Covered | None
+    trust: Trust | None
+    encoders: Encoders
+    judged: float
+    """Error of the recommended model on data that it had not seen; NaN where nothing says it [rad]."""
+
+
+def read_models(file: Path) -> ReadModels:
     """Read all models of model.toml.
 
-    Args:
-        path: of the file.
-        name: of the file, as the cable shall have it; the path where it is not given.
-
     Raises:
-        ParameterError: no such file, not written by `Fit.write`, an unknown model, or an absurd parameter.
+        ParameterError: no such file, not written by `write_model`, an unknown model, or an absurd parameter.
     """
-    file = Path(path)
     models, best = _document(file)
     needed = (best,) if best in DISTRIBUTED else ("bouc_wen", best)
     for wanted in needed:
@@ -67,36 +69,10 @@ def load_cable(path: Path | str, name: str = "") -> IdentifiedCable:
             )
     said = {one: models[best].get(f"{one}_unit") for one in VARIABLES}
     units = {one: unit for one, unit in said.items() if isinstance(unit, str) and unit}
-    trust, covered = trust_of(read_toml(file), file), _covered(file)
-    return IdentifiedCable(
-        best, found, name or str(file), units=units, covered=covered, trust=trust, encoders=_encoders(file)
-    )
-
-
-def load_judged(path: Path | str, name: str = "") -> tuple[IdentifiedCable, float]:
-    """`load_cable`, and the error of the recommended model on data that it had not seen; NaN where nothing says [rad].
-
-    Raises:
-        ParameterError: see `load_cable`.
-    """
-    cable = load_cable(path, name)
-    models, best = _document(Path(path))
-    for key in ("judged_rms_deg", "test_rms_deg"):
-        value = models[best].get(key)
-        if isinstance(value, int | float) and not isinstance(value, bool) and 0.0 < value < math.inf:
-            return cable, float(value) / DEGREES
-    return cable, math.nan
-
-
-def cable_text(cable: IdentifiedCable) -> str:
-    """A model.toml that `load_cable` reads back; what an identification says beside the models is not in it."""
-    lines = [f"# An identified cable, written by bowden {__version__}.", f"best = {quoted(cable.best)}"]
-    lines += trust_lines(cable.trust)
-    lines += log_lines(cable.covered, cable.encoders)
-    for name, parameters in cable.models.items():
-        lines += ["", f"[models.{name}.parameters]"]
-        lines += [f"{key} = {float(value)!r}  # [{meaning(key)[0]}]" for key, value in parameters.items()]
-    return "\n".join(lines) + "\n"
+    errors = [models[best].get(key) for key in ("judged_rms_deg", "test_rms_deg")]
+    judged = next((one for one in errors if type(one) in (int, float) and 0.0 < one < math.inf), math.nan)
+    trust = trust_of(read_toml(file), file)
+    return ReadModels(best, found, units, _covered(file), trust, _encoders(file), judged / DEGREES)
 
 
 def _covered(file: Path) -> Covered | None:
@@ -163,9 +139,9 @@ def _checked(file: Path, name: str, table: Any) -> Mapping[str, float]:
             raise ParameterError(f"{file}: {key} of {name} is {parameters[key]}", expected=f"a number above {least:g}")
     if name == "generalised_play":
         _check_branches(file, parameters)
-    model = CableModel(name, {key: float(value) for key, value in parameters.items()})
-    model.joint_angle(np.zeros(2))  # names what is missing
-    return model.parameters
+    found = {key: float(value) for key, value in parameters.items()}
+    joint_along(name, found, np.zeros(2))  # names what is missing
+    return found
 
 
 def _check_branches(file: Path, given: Mapping[str, float]) -> None:

@@ -6,8 +6,8 @@ from typing import Any, NamedTuple
 
 from bowden.control import LAWS, Law
 from bowden.core.quantity import meanings
-from bowden.hardware.drives.family import names as families
 from bowden.rig.declaration import Section
+from bowden.rig.families import names as families
 from bowden.rig.sections import BEND_KINDS, REFERENCE_KINDS, Control, EncodersSection, RigFile, drive_part
 
 _HEAD = """\

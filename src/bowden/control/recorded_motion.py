@@ -3,18 +3,28 @@
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bowden.control.reference import Recorded
 from bowden.core.errors import LogError, near
+from bowden.core.quantity import Quantity
 from bowden.core.table import read_table
 from bowden.core.units import CABLE_LOG_LIMIT, RADIANS
-from bowden.rig.sections import RecordedFile
 
 Array = NDArray[np.float64]
+
+
+class RecordedFile(NamedTuple):
+    """A recorded motion, smoothed by a zero-phase low-pass filter."""
+
+    file: Annotated[str, Quantity("CSV, csv.gz or Parquet file, found from this file", example="motion.csv")]
+    time_column: Annotated[str, Quantity("its column of times, in seconds")] = "time_s"
+    position_column: Annotated[str, Quantity("its column of joint angles")] = "joint_deg"
+    unit: Annotated[Literal["deg", "rad"], Quantity("unit of the angles")] = "deg"
+    cutoff: Annotated[float, Quantity("cut-off of the filter; 0 for none", "Hz", ge=0.0, le=1000.0)] = 6.0
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 from bowden.core.errors import ParameterError
 from bowden.core.toml_text import quoted
 from bowden.core.units import DEGREES
-from bowden.hardware.drives.family import family_of
 from bowden.plants.cable_plant import CablePlant
 from bowden.plants.user_plant import UserPlant
 from bowden.rig.compose_suit import elbow_dead_zone
 from bowden.rig.consistent import contradictions
+from bowden.rig.families import family_of
 from bowden.rig.rig import Rig
 from bowden.safety.limits import Limits
 
@@ -148,3 +148,24 @@ def _weak(rig: Rig, limits: Limits, path: NDArray[np.float64]) -> Iterator[str]:
             f"long: write its gear in [motor], {motor.gear:.4g} now, {math.ceil(more * motor.gear):g} would do, or "
             "spring_nm_per_rad and pretension_nm as they are"
         )
+
+
+def refuse_sources(rig: Rig) -> None:
+    """Refuse axes whose joints are moved by what moves a joint that is alone: EMG and the wearer's push.
+
+    A run refuses them, and so does a check of what would run.
+
+    Args:
+        rig: whole.
+
+    Raises:
+        ParameterError: an axis has one of them.
+    """
+    for name, own in rig.axes:
+        for there, key in ((own.emg.source is not None, "emg.source"), (own.admittance.enabled, "admittance.enabled")):
+            if there:
+                raise ParameterError(
+                    f"axis {quoted(name)}: {key} is set in a rig with several axes",
+                    expected="[reference] for each: EMG and the wearer's push move a joint that is alone",
+                    do="delete it, or take that axis alone, with --axis",
+                )

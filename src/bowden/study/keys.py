@@ -6,8 +6,10 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from bowden.identify.cable.model import IdentifiedCable, meaning
-from bowden.rig.given_plant import PlantFile
+from bowden.plants.cable_parameters import meaning
+from bowden.plants.identified import IdentifiedCable
+from bowden.plants.plant_file import PlantFile
+from bowden.rig.effect import SWITCHES, idle
 from bowden.rig.rig import Rig
 from bowden.rig.sections import RigFile
 
@@ -118,3 +120,20 @@ def nearest(key: str, known: Iterable[str]) -> str:
         name for name in names if difflib.SequenceMatcher(None, last, name.rpartition(".")[2]).ratio() > 0.5
     ]
     return f"{alike[0]} (did you mean this?)" if alike else "a numeric key of rig.toml (docs/rig.md)"
+
+
+def missing_for(key: str, rig: Rig) -> str | None:
+    """What the rig would need for a simulation to feel one of its numeric keys; None where it does feel it.
+
+    >>> from bowden.rig.rig import Rig
+    >>> missing_for("wearer.share", Rig()), missing_for("cable.slope", Rig())
+    ('suit.worn = true', None)
+    """
+    section = key.partition(".")[0]
+    if section in ("suit", "wearer") and not rig.suit.worn:
+        return SWITCHES[section][3]
+    if section == "admittance" and not rig.admittance.enabled:
+        return SWITCHES[section][3]
+    if section == "brake" and not rig.brake.there:
+        return SWITCHES[section][3]
+    return next((f"another rig: {one.why}" for one in idle(rig) if one.key == key), None)

@@ -2,188 +2,31 @@
 
 import hashlib
 import json
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from bowden import __version__
 from bowden.core.arguments import number, path_of
 from bowden.core.errors import ParameterError, near
 from bowden.core.files import write_text
 from bowden.core.guesses import Answering, answering
-from bowden.identify.cable.bouc_wen import cable_of, simulate
-from bowden.identify.cable.counting import NOT_SAID, Counting, Covered, Encoders, recounted
-from bowden.identify.cable.generalised import GeneralisedPlay
-from bowden.identify.cable.line import Line
-from bowden.identify.cable.play import PlayOperator
-from bowden.identify.cable.stack import PrandtlIshlinskii
-from bowden.identify.cable.trusted import Trust
+from bowden.core.toml_text import quoted
 from bowden.models.cable import scheduled as scheduling
 from bowden.models.cable.bouc_wen import BoucWen
 from bowden.models.cable.capstan import Tendon
-from bowden.plants.cable_plant import Cable
+from bowden.plants.cable_parameters import check_parameters, meaning
 from bowden.plants.cables import DISTRIBUTED, bouc_wen_like, distributed_parameters, identified, whole_slope
+from bowden.plants.counting import NOT_SAID, Counting, Covered, Encoders, recounted
+from bowden.plants.model_file import log_lines, read_models
+from bowden.plants.predicted import SCHEDULED, cable_of, joint_along, scheduled_of
+from bowden.plants.trust import Trust, trust_lines
 
 Array = NDArray[np.float64]
-
-_PREDICT = {
-    "line": Line().predict,
-    "play": PlayOperator().predict,
-    "bouc_wen": simulate,
-    "bouc_wen_static": simulate,
-    "prandtl_ishlinskii": PrandtlIshlinskii().predict,
-    "generalised_play": GeneralisedPlay().predict,
-}
-
-NAMES = tuple(_PREDICT)
-"""Every family's name that is fitted to a log, from the simplest on."""
-SCHEDULED = "scheduled"
-"""The model of several logs, whose loop changes with the load or the bend (`bowden.models.cable.scheduled`)."""
-KNOWN = (*NAMES, *DISTRIBUTED, SCHEDULED)
-"""Every model that a cable may have."""
-
-_MEANINGS = (
-    (
-        r"slope",
-        "rad/rad",
-        "αφ: joint motion per motor motion outside the play; of a stack, plus the sum of its weights",
-    ),
-    (r"offset", "rad", "joint angle at motor angle 0 without hysteresis"),
-    (r"half_width(_\d+)?", "rad", "half the motor's travel lost at a reversal"),
-    (r"weight_\d+", "rad/rad", "share of the play of that half-width"),
-    (r"bend_\d+", "rad", "distance of the mean of both branches from the straight line at that node"),
-    (r"gap_\d+", "rad", "half the distance between the branches at that node, in joint angle"),
-    (r"reach_\d+", "1", "half the slot of that play over the gap"),
-    (r"share_\d+", "1", "of the joint's motion that that play makes"),
-    (r"(first|last)_node", "rad", "motor angle of that node; the others lie evenly between them"),
-    (r"initial_lag", "rad", "where the play stood beside the motor at the log's start"),
-    (r"hysteresis_gain", "rad", "αh: joint motion per unit of h"),
-    (r"hysteresis_gain_\d+", "rad", "the same, for the Chebyshev polynomial of that degree in the motor"),
-    (r"rate", "1/rad", "ρ: how fast h follows the motor"),
-    (r"shape", "1", "σ: how much faster h falls than it rose"),
-    (r"exponent", "1", "n: how sharply h saturates"),
-    (r"initial_h", "1", "h at the log's start"),
-    (r"static_\d+", "rad", "coefficient of the Chebyshev polynomial of that degree in the motor"),
-    (r"static_centre", "rad", "motor angle at the middle of the fitted range"),
-    (r"load", "as given", "at which the cable is looked at, in the unit in which it was identified"),
-    (r"load_(low|high)", "as given", "least or largest load among the logs"),
-    (r"bend_(low|high)", "rad", "least or largest bend among the logs"),
-    (r"knot_first", "rad", "motor angle of the first knot"),
-    (r"knot_step", "rad", "motor angle between two knots"),
-    (r"eta_\d+", "1/rad", "η of the play of that half-width"),
-    (r"middle_\d+", "rad", "f, the middle of the loop at that knot, at the least load and bend"),
-    (r"middle_\d+_(load|bend)_[12]", "rad", "what that power of the scaled load or bend adds to it"),
-    (r"height_\d+", "rad", "g, half the height of the loop at that knot, at the least load and bend"),
-    (r"height_\d+_(load|bend)_[12]", "rad", "what that power of the scaled load or bend adds to it"),
-    (r"length", "m", "L, of the sheath"),
-    (r"stiffness", "N", "EA, of tendon and sheath in series: force per strain"),
-    (r"friction", "1", "μ, between tendon and sheath"),
-    (
-        r"bend",
-        "rad",
-        "total bend: of a tendon, θ₀, when its sheath's relative width is 1; else where the cable is looked at",
-    ),
-    (r"motor_radius", "m", "r_m, of the spool"),
-    (r"joint_radius", "m", "r_j, of the pulley"),
-    (r"spring", "N·m/rad", "stiffness of the spring that pulls the joint back"),
-    (r"pretension", "N·m", "torque of that spring at joint angle zero"),
-    (r"slack", "m", "tendon to be taken up before it is taut, at motor angle zero"),
-    (r"elements", "1", "n, into how many the sheath is cut"),
-    (r"density", "kg/m", "of the tendon"),
-    (r"inertia", "kg·m²", "of the joint"),
-    (r"damping", "N·m·s/rad", "of the joint"),
-    (r"presliding", "m", "z₀, how far a node gives before it slides"),
-    (r"step", "s", "longest step of the calculation"),
-    (r"static_half_range", "rad", "half the fitted range; the polynomials' argument is (motor − centre)/half range"),
-)
-
-
-_RANGES: Mapping[str, tuple[float, float]] = {
-    "rad": (-1e4, 1e4),
-    "rad/rad": (-100.0, 100.0),
-    "1/rad": (-1e6, 1e6),
-    "1": (-1e4, 1e4),
-    "as given": (-1e9, 1e9),
-    "half_width": (0.0, 1e4),
-    "half_width_1": (0.0, 1e4),
-    "gap_1": (0.0, 1e4),
-    "reach_1": (0.0, 1e4),
-    "share_1": (0.0, 1e4),
-    "rate": (1e-6, 1e6),
-    "exponent": (0.01, 50.0),
-    "static_half_range": (1e-6, 1e4),
-    "knot_step": (1e-6, 1e4),
-    "length": (1e-3, 100.0),
-    "stiffness": (1.0, 1e9),
-    "friction": (0.0, 5.0),
-    "bend": (1e-6, 63.0),
-    "motor_radius": (1e-4, 1.0),
-    "joint_radius": (1e-4, 1.0),
-    "spring": (0.0, 1e4),
-    "pretension": (-1e3, 1e3),
-    "slack": (-10.0, 10.0),
-    "elements": (1.0, 1000.0),
-    "density": (1e-9, 10.0),
-    "inertia": (1e-9, 100.0),
-    "damping": (0.0, 1e3),
-    "presliding": (1e-9, 1.0),
-    "step": (1e-7, 1e-2),
-}
-"""Parameter, numbered ones by their first, or else unit → least and largest value: wide for any cable, and its model
-is finite."""
-LEAST_SLOPE = 1e-4
-"""Of all parts of a model together, either way: a law divides by it [rad/rad]."""
-MOST_PARAMETERS = 1000
-"""Of one model: each play takes its time in every cycle."""
-
-
-def check_parameters(name: str, given: Mapping[str, Any], where: str) -> None:
-    """Refuse a model that no cable has.
-
-    Args:
-        name: of the model.
-        given: its parameters.
-        where: they stand, for messages.
-
-    Raises:
-        ParameterError: an unknown parameter, one that is no number or out of its range, or too many.
-    """
-    if len(given) > MOST_PARAMETERS:
-        raise ParameterError(
-            f"{where}: {name} has {len(given)} parameters",
-            expected=f"at most {MOST_PARAMETERS}",
-            do="identify the cable again",
-        )
-    for key, value in given.items():
-        unit, _ = meaning(key)
-        scheduled = key == "bend" and "bend_low" in given  # then it is a place between two, in their unit
-        low, high = _RANGES.get("bend_low" if scheduled else re.sub(r"_\d+$", "_1", key)) or _RANGES[unit]
-        if isinstance(value, bool) or not isinstance(value, int | float) or not low <= value <= high:
-            raise ParameterError(
-                f"{where}: {key} of {name} is {value!r}",
-                expected=f"a number from {low:g} to {high:g} ({unit})",
-                do="correct it, or identify the cable again",
-            )
-
-
-def meaning(parameter: str) -> tuple[str, str]:
-    """Unit and meaning of a parameter.
-
-    >>> meaning("rate")
-    ('1/rad', 'ρ: how fast h follows the motor')
-
-    Raises:
-        ParameterError: no model has a parameter of that name.
-    """
-    for pattern, unit, text in _MEANINGS:
-        if re.fullmatch(pattern, parameter):
-            return unit, text
-    raise ParameterError(f"no model has a parameter {parameter!r}")
 
 
 @answering(
@@ -225,8 +68,6 @@ class CableModel(metaclass=Answering):
         Raises:
             ParameterError: no such file, or none that `write`, a fit or ``bowden identify`` has written.
         """
-        from bowden.identify.cable.model_file import load_cable
-
         found = load_cable(path_of(path, "CableModel.read: path"))
         others = {name: one for name, one in found.models.items() if name != found.best}
         return cls(found.best, found.models[found.best], others, found.covered, found.trust, found.encoders)
@@ -239,8 +80,6 @@ class CableModel(metaclass=Answering):
         Raises:
             OutputError: the file cannot be written.
         """
-        from bowden.identify.cable.model_file import cable_text
-
         write_text(path_of(path, "CableModel.write: path"), cable_text(self.identified()))
 
     def identified(self) -> "IdentifiedCable":
@@ -256,17 +95,7 @@ class CableModel(metaclass=Answering):
         Raises:
             ParameterError: an unknown model, or a parameter that is missing.
         """
-        if self.name in DISTRIBUTED:
-            return _moved(identified(self.name, self.parameters), motor)
-        if self.name == SCHEDULED:
-            cable, values = _scheduled(self.parameters)
-            return scheduling.joint_angle(np.ascontiguousarray(motor, dtype=np.float64), cable, values)
-        if self.name not in _PREDICT:
-            raise ParameterError(f"there is no cable model {self.name!r}", expected=f"one of {', '.join(KNOWN)}")
-        try:
-            return _PREDICT[self.name](self.parameters, np.ascontiguousarray(motor, dtype=np.float64))
-        except KeyError as error:
-            raise ParameterError(f"cable model {self.name!r} has no parameter {error.args[0]!r}") from None
+        return joint_along(self.name, self.parameters, motor)
 
     def to_bouc_wen(self) -> BoucWen:
         """The cable for simulation and control.
@@ -417,7 +246,7 @@ class IdentifiedCable:
         if self.best in DISTRIBUTED and "bouc_wen" not in self.models:
             return _like(tuple(sorted(self.model().parameters.items())))
         if self.best == SCHEDULED:
-            return scheduling.bouc_wen_at(*_scheduled(self.model().parameters), self.model("bouc_wen").to_bouc_wen())
+            return scheduling.bouc_wen_at(*scheduled_of(self.model().parameters), self.model("bouc_wen").to_bouc_wen())
         cable = self.model("bouc_wen").to_bouc_wen()
         if cable.slope == 0.0:
             raise ParameterError(
@@ -425,13 +254,6 @@ class IdentifiedCable:
                 do="identify a log in which the joint moves",
             )
         return cable
-
-
-def _scheduled(parameters: Mapping[str, float]) -> tuple[scheduling.ScheduledCable, tuple[float, ...]]:
-    try:
-        return scheduling.cable_of(parameters)
-    except KeyError as error:
-        raise ParameterError(f"cable model {SCHEDULED!r} has no parameter {error.args[0]!r}") from None
 
 
 _PLACES = 400
@@ -446,10 +268,36 @@ def _like(parameters: tuple[tuple[str, float], ...]) -> BoucWen:
     return bouc_wen_like(identified("sliding", {k: value for k, value in parameters if k in Tendon._fields}))
 
 
-def _moved(cable: Cable, motor: Array) -> Array:
-    """The joint along a motion of the motor, a hundredth of a second from sample to sample (n,) [rad]."""
-    memory, joints = cable.start(cable.prepared, float(motor[0]), 1.0, 1.0), np.empty(len(motor))
-    for i, after in enumerate(motor.tolist()):
-        memory = cable.advance(cable.prepared, memory, float(motor[max(i - 1, 0)]), after, 1.0, 1.0, 0.01)
-        joints[i] = cable.look(cable.prepared, memory, after, 1.0, 1.0).joint
-    return joints
+def load_cable(path: Path | str, name: str = "") -> IdentifiedCable:
+    """Read all models of model.toml.
+
+    Args:
+        path: of the file.
+        name: of the file, as the cable shall have it; the path where it is not given.
+
+    Raises:
+        ParameterError: no such file, not written by `write_model`, an unknown model, or an absurd parameter.
+    """
+    return load_judged(path, name)[0]
+
+
+def load_judged(path: Path | str, name: str = "") -> tuple[IdentifiedCable, float]:
+    """`load_cable`, and the error of the recommended model on data that it had not seen; NaN where nothing says [rad].
+
+    Raises:
+        ParameterError: see `load_cable`.
+    """
+    best, models, units, covered, trust, encoders, judged = read_models(Path(path))
+    about = {"units": units, "covered": covered, "trust": trust, "encoders": encoders}
+    return IdentifiedCable(best, models, name or str(Path(path)), **about), judged  # type: ignore[arg-type]
+
+
+def cable_text(cable: IdentifiedCable) -> str:
+    """A model.toml that `load_cable` reads back; what an identification says beside the models is not in it."""
+    lines = [f"# An identified cable, written by bowden {__version__}.", f"best = {quoted(cable.best)}"]
+    lines += trust_lines(cable.trust)
+    lines += log_lines(cable.covered, cable.encoders)
+    for name, parameters in cable.models.items():
+        lines += ["", f"[models.{name}.parameters]"]
+        lines += [f"{key} = {float(value)!r}  # [{meaning(key)[0]}]" for key, value in parameters.items()]
+    return "\n".join(lines) + "\n"

@@ -5,8 +5,8 @@ from typing import Annotated, NamedTuple
 
 from bowden.core.quantity import Quantity
 from bowden.core.units import DEGREES
-from bowden.identify.cable.counting import NOT_SAID, Counting
-from bowden.identify.cable.model import IdentifiedCable
+from bowden.plants.counting import NOT_SAID, Counting
+from bowden.plants.identified import IdentifiedCable
 from bowden.rig.presets.bench import default_bench
 from bowden.rig.rig import Rig
 

@@ -1,4 +1,4 @@
-"""What a family of drives offers, and how one is found by its name."""
+"""What a family of drives offers a rig, and how one is found by its name: its module is loaded when a rig names it."""
 
 import importlib
 import math
@@ -6,17 +6,16 @@ import pkgutil
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+from types import ModuleType
+from typing import Any, NamedTuple, Protocol
 
 from bowden.core.errors import ParameterError, near
 from bowden.core.signals import DriveReading
-from bowden.hardware.drives import families
-from bowden.hardware.ports import Drive
 from bowden.models.suit.suit_angle import SpoolMap
 
-if TYPE_CHECKING:
-    from bowden.hardware.buses.link import Links
-    from bowden.hardware.twin.plant import TwinPlant
+_ROOM = "bowden.hardware"
+"""Where what a rig names is found once somebody runs: drives, load cells, sources of EMG. Nothing of it is imported
+before."""
 
 DEFAULT = "cia402"
 """The family of a rig that names none."""
@@ -113,9 +112,10 @@ class DriveFamily:
     completed: Callable[[Any, DriveNeeds], Any]
     """``completed(parameters, needs)``: the parameters with what the rig asks for; raises a ParameterError for values
     that make no sense together, before anything is opened."""
-    open: Callable[[Any, "Links"], Drive]
-    """``open(parameters, links)``: the drive, on the buses of this process; nothing is sent before `bring_up`."""
-    twin: Callable[[Any, "TwinPlant", Callable[[], float], Sequence[str]], TwinProcess]
+    open: Callable[[Any, Any], Any]
+    """``open(parameters, links)``: a `bowden.hardware.ports.Drive` on the buses of this process; nothing is sent before
+    `bring_up`."""
+    twin: Callable[[Any, Any, Callable[[], float], Sequence[str]], TwinProcess]
     """``twin(parameters, plant, clock, options)``: who plays the drive; the options are the command line's --object."""
     moved: Callable[[Any, str | None, str | None], Any]
     """``moved(parameters, channel, interface)``: the same drive on another bus, where one is given."""
@@ -140,7 +140,7 @@ class DriveFamily:
     """Whether nobody but a twin can be at its bus, so that no motor and no limb is."""
     explain: Callable[[int], str]
     """What the code of an emergency means."""
-    probe: Callable[[Any, "Links"], Sequence[FoundDevice]] | None = None
+    probe: Callable[[Any, Any], Sequence[FoundDevice]] | None = None
     """``probe(parameters, links)``: who answers on the bus, without power or a setting; None of a family whose devices
     say nothing of themselves."""
     zeroed: Callable[[Any, DriveReading, float, float], Any] | None = None
@@ -170,6 +170,11 @@ class DriveFamily:
     """``found_from(parameters, folder)``: the parameters with the files that they name found from there."""
 
 
+def resolved(name: str) -> ModuleType:
+    """A module of the hardware by its name, such as ``drives.on_can``; loaded now, if it is not."""
+    return importlib.import_module(f"{_ROOM}.{name}")
+
+
 _REGISTERED: dict[str, DriveFamily] = {}
 
 
@@ -181,7 +186,7 @@ def register(family: DriveFamily) -> DriveFamily:
 
 def names() -> tuple[str, ...]:
     """The families that there are; none of them is imported for it."""
-    found = (module.name for module in pkgutil.iter_modules(families.__path__))
+    found = (module.name for module in pkgutil.iter_modules(resolved("drives.families").__path__))
     return tuple(dict.fromkeys((DEFAULT, *found, *_REGISTERED)))
 
 
@@ -195,7 +200,7 @@ def family_named(name: str) -> DriveFamily:
         return _REGISTERED[name]
     if name not in names():
         raise ParameterError(f"drive.family is {name!r}", expected=near(name, names()), do="correct it in rig.toml")
-    family: DriveFamily = importlib.import_module(f"{families.__name__}.{name}").FAMILY
+    family: DriveFamily = resolved(f"drives.families.{name}").FAMILY
     return family
 
 
