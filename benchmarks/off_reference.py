@@ -29,12 +29,13 @@ from bowden.models.cable.bouc_wen import BoucWen
 from bowden.models.drive.thermal import cold
 from bowden.plants.suit_parts import Suit
 from bowden.rig.bends import RandomBend
-from bowden.rig.presets.suit import suit, suit_adaptive_integral, suit_ours
+from bowden.rig.presets.suit import suit
 from bowden.rig.rig import Rig
 from bowden.safety.faults import of
 from bowden.safety.state import Mode, Observed, Request
 from bowden.sim.one_run import run_of
 from bowden.sim.run import simulate
+from bowden.sim.suit_runs import suit_adaptive_integral, suit_ours
 from releases import written_suit
 from suit_wearers import worn_suit
 from support.simulated_drive import SimulatedDrive
