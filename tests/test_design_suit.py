@@ -9,16 +9,9 @@ from bowden.core.units import DEGREES, RADIANS
 from bowden.models.suit.arm import GRAVITY
 from bowden.models.suit.suit_angle import flexor_arm
 from bowden.plants.suit_parts import prepare_suit
-from bowden.rig.presets.suit import (
-    DRIVE_INTEGRAL,
-    FRICTION_FEEDFORWARD,
-    suit,
-    suit_adaptive,
-    suit_adaptive_integral,
-    suit_calibration,
-    suit_ours,
-)
+from bowden.rig.presets.suit import suit, suit_calibration
 from bowden.sim.run import simulate
+from bowden.sim.suit_runs import DRIVE_INTEGRAL, FRICTION_FEEDFORWARD, suit_adaptive, suit_adaptive_integral, suit_ours
 from suit_gains import ESTIMATES, FEEDBACK_GAINS, SMOOTHINGS
 from suit_linear import corners, suit_model, worst_margins
 from wearers import random_wearer, wear

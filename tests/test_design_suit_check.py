@@ -23,10 +23,11 @@ from bowden.plants.suit_linear import linear_suit, without_friction
 from bowden.plants.suit_parts import Suit
 from bowden.plants.transmission import transmission, unrest
 from bowden.rig.presets.bench import default_bench
-from bowden.rig.presets.suit import DRIVE_INTEGRAL, suit, suit_adaptive
+from bowden.rig.presets.suit import suit
 from bowden.rig.rig import Rig
 from bowden.rig.settings import AdmittanceSettings, SuitSettings, WearerSettings
 from bowden.sim import ranges
+from bowden.sim.suit_runs import DRIVE_INTEGRAL, suit_adaptive
 
 STROKE = (0.0, 70.0 * RADIANS)
 BEND = float(np.pi)

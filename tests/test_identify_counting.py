@@ -8,8 +8,9 @@ import pytest
 
 from bowden.core.errors import ParameterError
 from bowden.design.rig_of_model import with_stroke
-from bowden.plants.counting import Counting, Covered, covered_by, recounted
+from bowden.plants.counting import Counting, Covered, covered_by
 from bowden.plants.identified import CableModel, IdentifiedCable, cable_text, load_cable
+from bowden.plants.recounted import recounted
 from bowden.rig.rig import Rig
 
 BOUC_WEN = {

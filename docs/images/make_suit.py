@@ -11,8 +11,7 @@ from bowden.control import LAWS
 from bowden.core import style
 from bowden.core.style import COLOURS, legend, thin
 from bowden.core.units import DEGREES
-from bowden.rig.presets.suit import DRIVE_INTEGRAL, suit_adaptive, suit_ours
-from bowden.sim.suit_runs import run_suit
+from bowden.sim.suit_runs import DRIVE_INTEGRAL, run_suit, suit_adaptive, suit_ours
 
 
 def elbow() -> Figure:

@@ -9,8 +9,7 @@ from bowden.core.units import DEGREES
 from bowden.paper.claims import interval
 from bowden.paper.experiment import Finding, PageTable, Runs
 from bowden.paper.suit_rows import BRAKE, DRIVES, RESTS, five_flexions, laws_on, rested
-from bowden.rig.presets.suit import suit_adaptive
-from bowden.sim.suit_runs import NO_BRAKE, each_flexion, energies, largest_errors
+from bowden.sim.suit_runs import NO_BRAKE, each_flexion, energies, largest_errors, suit_adaptive
 
 
 def run(runs: Runs) -> Finding:

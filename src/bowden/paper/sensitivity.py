@@ -10,7 +10,8 @@ from bowden.paper.figures_of_merit import closed_loop_bandwidth
 from bowden.paper.suit_rows import five_flexions, motions_of
 from bowden.rig.presets import bench as paper
 from bowden.rig.presets.bench import calibration
-from bowden.rig.presets.suit import suit_adaptive, suit_adaptive_integral, suit_calibration
+from bowden.rig.presets.suit import suit_calibration
+from bowden.sim.suit_runs import suit_adaptive, suit_adaptive_integral
 
 ROWS = {
     "table1.adaptive.constant": "RMSE, adaptive, constant bend [°]",

@@ -21,9 +21,10 @@ from bowden.models.cable.bouc_wen import BoucWen
 from bowden.models.cable.capstan import Tendon
 from bowden.plants.cable_parameters import check_parameters, meaning
 from bowden.plants.cables import DISTRIBUTED, bouc_wen_like, distributed_parameters, identified, whole_slope
-from bowden.plants.counting import NOT_SAID, Counting, Covered, Encoders, recounted
+from bowden.plants.counting import NOT_SAID, Counting, Covered, Encoders
 from bowden.plants.model_file import log_lines, read_models
 from bowden.plants.predicted import SCHEDULED, cable_of, joint_along, scheduled_of
+from bowden.plants.recounted import recounted
 from bowden.plants.trust import Trust, trust_lines
 
 Array = NDArray[np.float64]

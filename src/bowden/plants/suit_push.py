@@ -6,15 +6,12 @@ from bowden.control.admittance.interaction import Chain, Doubt
 from bowden.control.admittance.passivity import Limit, limit_of
 from bowden.control.admittance.port import Body, Port, bodies
 from bowden.control.admittance.push import ROOM, Push, Under
-from bowden.control.admittance.virtual_elbow import Admittance, check_admittance
+from bowden.control.admittance.virtual_elbow import FRICTION_SHARE, Admittance, check_admittance
 from bowden.control.law import Law
 from bowden.core.units import RADIANS
 from bowden.models.suit.arm import GRAVITY, Arm, arm_of
 from bowden.models.suit.suit_angle import flexor_arm
 from bowden.plants.suit_parts import Suit, prepare_suit, spool_friction
-
-FRICTION_SHARE = 0.8
-"""How much of the friction is made up for: less than all of it, so that the drive does not hunt [–]."""
 
 
 def chain_of(suit: Suit) -> Chain:

@@ -16,19 +16,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from bowden.core.quantity import declared
 from bowden.core.units import DEGREES, RADIANS
-from bowden.rig.declaration import at, in_file, items_of, rounded
+from bowden.rig.declaration import at, in_file, items_of
 from bowden.rig.families import LOST
+from bowden.rig.sections import FOLLOWING, USUAL
 from bowden.safety.limits import Limits
 from bowden.safety.release import OVERSPEED, longest_release, steepest
-
-USUAL = rounded(Limits(), 4)
-"""Of the paper's bench, as a file has them."""
-FOLLOWING = frozenset(one.name for one in declared(Limits) if one.quantity.follows)
-"""Names of those that follow where they are not written."""
-UNWRITTEN = USUAL._replace(**dict.fromkeys(FOLLOWING, math.nan))  # type: ignore[arg-type]
-"""Of a rig that writes none of them."""
 
 PLAYS = 1.5
 """Distance of the joint from where its slopes have it that is the cable's play, over its dead zone."""

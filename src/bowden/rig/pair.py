@@ -7,7 +7,6 @@ from bowden.core.errors import ParameterError, near
 from bowden.core.quantity import Quantity
 from bowden.core.toml_text import quoted
 from bowden.core.units import RADIANS
-from bowden.plants.user_plant import UserPlant
 
 
 class PairSettings(NamedTuple):
@@ -103,7 +102,7 @@ def _problems(pair: PairSettings, found: Mapping[str, Any], independent: bool) -
             "families that have one, by which the co-contraction is set",
         ),
         (
-            not any(isinstance(rig.cabled, UserPlant) for rig in (one, other)),
+            one.plant is None and other.plant is None,
             "an axis has a plant of your own",
             "cables, which the twin can put on one joint",
         ),

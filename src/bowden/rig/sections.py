@@ -22,14 +22,21 @@ from bowden.models.drive.holding_brake import HoldingBrake
 from bowden.plants.counting import Counting
 from bowden.rig import families as drive_families
 from bowden.rig.bends import ConstantBend, RandomBend, ScriptedBend
-from bowden.rig.consistent import UNWRITTEN, USUAL
 from bowden.rig.declaration import Section, at, items_of, key_of, rounded, section_of
 from bowden.rig.load_cell import LoadCellParameters
 from bowden.rig.pair import PairSettings
 from bowden.rig.presets.bench import chirp, default_bench, document, minimum_jerk
 from bowden.rig.settings import AdmittanceSettings, EmgSettings, LiveSettings, SuitSettings, WearerSettings
+from bowden.safety.limits import Limits
 
 _BENCH, _CHOSEN = default_bench(), document()["chosen"]
+
+USUAL = rounded(Limits(), 4)
+"""Of the paper's bench, as a file has them."""
+FOLLOWING = frozenset(one.name for one in declared(Limits) if one.quantity.follows)
+"""Names of those that follow where they are not written."""
+UNWRITTEN = USUAL._replace(**dict.fromkeys(FOLLOWING, math.nan))  # type: ignore[arg-type]
+"""Of a rig that writes none of them."""
 
 
 class Clock(NamedTuple):

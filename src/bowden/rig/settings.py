@@ -2,16 +2,18 @@
 
 from typing import Annotated, Literal, NamedTuple
 
-from bowden.control.admittance.virtual_elbow import Admittance
+from bowden.control.admittance.virtual_elbow import FRICTION_SHARE, Admittance
 from bowden.core.quantity import Quantity
 from bowden.core.units import RADIANS
+from bowden.models.suit.flex_sensor import PAPER_FLEX
 from bowden.models.suit.load_cell import LoadCell
-from bowden.plants.suit_push import FRICTION_SHARE
-from bowden.rig.presets.suit import default_suit
+from bowden.models.suit.suit_cable import SuitCable
+from bowden.rig.presets.bench import document
 from bowden.sensing.course import CourseSettings
 from bowden.sensing.wearer_file import MuscleCalibration
 
-_SUIT, _OWN, _CELL = default_suit(), Admittance(), LoadCell()
+_CHOSEN, _FIT = document()["suit"]["chosen"], document()["suit"]["calibration"]["first"]
+_OWN, _CELL = Admittance(), LoadCell()
 _COURSE = CourseSettings()
 
 
@@ -21,19 +23,19 @@ class SuitSettings(NamedTuple):
     worn: Annotated[bool, Quantity("true: the suit on an arm; false: the bench")] = False
     spool_radius: Annotated[
         float, Quantity("of the flexor's spool; the extensor's by Eqs 1-3", "m", shown="mm", gt=0.0, le=500.0)
-    ] = _SUIT.spool_radius
+    ] = _CHOSEN["spool_radius"]
     second_gear: Annotated[float, Quantity("planetary stage behind motor.gear", gt=0.0, le=1e3)] = 5.0
-    rotor_inertia: Annotated[float, Quantity("rotor and gears, at the spool", "kg·m²", gt=0.0, le=100.0)] = (
-        _SUIT.motor.inertia
-    )
-    efficiency: Annotated[float, Quantity("of both gears", symbol="η", gt=0.0, le=1.0)] = _SUIT.motor.efficiency
+    rotor_inertia: Annotated[float, Quantity("rotor and gears, at the spool", "kg·m²", gt=0.0, le=100.0)] = _CHOSEN[
+        "inertia"
+    ]
+    efficiency: Annotated[float, Quantity("of both gears", symbol="η", gt=0.0, le=1.0)] = _CHOSEN["efficiency"]
     friction: Annotated[
         float, Quantity("of bearings and feeder alike both ways, at the spool", "N·m", symbol="F", ge=0.0, le=100.0)
-    ] = _SUIT.motor.friction
-    supply: Annotated[float, Quantity("supply of the drive", "V", gt=0.0, le=1e3)] = _SUIT.motor.supply
+    ] = _FIT["friction"]
+    supply: Annotated[float, Quantity("supply of the drive", "V", gt=0.0, le=1e3)] = _CHOSEN["supply"]
     drive_integral: Annotated[
         float, Quantity("integral of the drive's position loop; the paper's has none", "1/s", ge=0.0, le=1e3)
-    ] = _SUIT.motor.integral
+    ] = _FIT["drive_integral"]
     friction_feedforward: Annotated[
         float,
         Quantity(
@@ -42,48 +44,44 @@ class SuitSettings(NamedTuple):
             ge=0.0,
             le=100.0,
         ),
-    ] = _SUIT.motor.friction_feedforward
+    ] = 0.0
     cable: Annotated[
         Literal["play", "capstan", "bouc_wen"],
         Quantity("friction of both cables; bouc_wen takes the parameters of [cable]"),
     ] = "play"
-    cable_stiffness: Annotated[float, Quantity("of cable and sheath", "N/m", symbol="k", gt=0.0, le=1e7)] = (
-        _SUIT.flexor.stiffness
-    )
+    cable_stiffness: Annotated[float, Quantity("of cable and sheath", "N/m", symbol="k", gt=0.0, le=1e7)] = _FIT[
+        "cable_stiffness"
+    ]
     play: Annotated[
         float, Quantity("half the play of a cable, kind play", "m", shown="mm", symbol="r", ge=0.0, le=100.0)
-    ] = _SUIT.flexor.half_width
-    capstan_friction: Annotated[float, Quantity("kind capstan", symbol="μ", ge=0.0, le=2.0)] = _SUIT.flexor.friction
+    ] = _FIT["half_width"]
+    capstan_friction: Annotated[float, Quantity("kind capstan", symbol="μ", ge=0.0, le=2.0)] = SuitCable().friction
     feeder_drag: Annotated[
         float, Quantity("of the feeder on a cable that is pulled in; none on one that is paid out", "N", ge=0.0, le=1e3)
-    ] = _SUIT.flexor.feeder_drag
-    pretension: Annotated[float, Quantity("of both cables at the straight arm", "N", ge=0.0, le=1e4)] = _SUIT.pretension
+    ] = 0.0
+    pretension: Annotated[float, Quantity("of both cables at the straight arm", "N", ge=0.0, le=1e4)] = _CHOSEN[
+        "pretension"
+    ]
     fabric_stiffness: Annotated[float, Quantity("sleeve, brace and flesh", "N/m", symbol="K", gt=0.0, le=1e7)] = (
-        _SUIT.fabric.stiffness
+        _CHOSEN["fabric_stiffness"]
     )
-    fabric_stiffening: Annotated[float, Quantity("how it stiffens", "N/m²", symbol="q", ge=0.0, le=1e10)] = (
-        _SUIT.fabric.stiffening
-    )
-    fabric_damping: Annotated[float, Quantity("of the flesh", "N·s/m", ge=0.0, le=1e5)] = _SUIT.fabric.damping
+    fabric_stiffening: Annotated[float, Quantity("how it stiffens", "N/m²", symbol="q", ge=0.0, le=1e10)] = 0.0
+    fabric_damping: Annotated[float, Quantity("of the flesh", "N·s/m", ge=0.0, le=1e5)] = _CHOSEN["fabric_damping"]
     posture: Annotated[float, Quantity("bend of the sheaths per angle of the elbow", "rad/rad", ge=-10.0, le=10.0)] = (
-        _SUIT.posture
+        _CHOSEN["posture"]
     )
-    sensor_gain: Annotated[float, Quantity("error of the flex sensor's scale", ge=-0.5, le=0.5)] = (
-        _SUIT.joint_sensor.gain
-    )
-    sensor_offset: Annotated[float, Quantity("error of its zero", "rad", ge=-90.0, le=90.0)] = _SUIT.joint_sensor.offset
+    sensor_gain: Annotated[float, Quantity("error of the flex sensor's scale", ge=-0.5, le=0.5)] = PAPER_FLEX.gain
+    sensor_offset: Annotated[float, Quantity("error of its zero", "rad", ge=-90.0, le=90.0)] = PAPER_FLEX.offset
     sensor_hysteresis: Annotated[float, Quantity("whole width of its loop", "rad", ge=0.0, le=90.0)] = (
-        _SUIT.joint_sensor.hysteresis
+        PAPER_FLEX.hysteresis
     )
     sensor_drift: Annotated[float, Quantity("standard deviation of its drift", "rad", ge=0.0, le=90.0)] = (
-        _SUIT.joint_sensor.drift
+        PAPER_FLEX.drift
     )
     sensor_noise: Annotated[float, Quantity("standard deviation of one reading", "rad", ge=0.0, le=90.0)] = (
-        _SUIT.joint_sensor.noise
+        PAPER_FLEX.noise
     )
-    sensor_step: Annotated[float, Quantity("one step of its converter", "rad", ge=0.0, le=90.0)] = (
-        _SUIT.joint_sensor.resolution
-    )
+    sensor_step: Annotated[float, Quantity("one step of its converter", "rad", ge=0.0, le=90.0)] = PAPER_FLEX.resolution
 
 
 class WearerSettings(NamedTuple):

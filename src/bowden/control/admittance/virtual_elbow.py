@@ -31,6 +31,9 @@ from bowden.core.quantity import Quantity
 from bowden.core.signals import Reference
 from bowden.core.units import RADIANS
 
+FRICTION_SHARE = 0.8
+"""How much of the friction is made up for: less than all of it, so that the drive does not hunt [–]."""
+
 
 class Admittance(NamedTuple):
     """The virtual elbow; the defaults hold on the suit as it is worn by 45 to 120 kg (docs/admittance.md)."""

@@ -44,10 +44,11 @@ from bowden.identify.log.read import Log
 from bowden.models.cable.scheduled import VARIABLES
 from bowden.plants.cable_parameters import outside
 from bowden.plants.cables import DISTRIBUTED
-from bowden.plants.counting import Covered, fitted_range
+from bowden.plants.counting import Covered
 from bowden.plants.identified import CableModel, IdentifiedCable
 from bowden.plants.model_file import log_lines
 from bowden.plants.predicted import SCHEDULED
+from bowden.plants.recounted import fitted_range
 from bowden.plants.trust import Trust, least, trust_lines
 
 if TYPE_CHECKING:

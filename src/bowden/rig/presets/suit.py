@@ -3,8 +3,6 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from bowden.control import LAWS
-from bowden.control.law import Law
 from bowden.core.units import RADIANS
 from bowden.models.cable.sheath import Sheath
 from bowden.models.drive.geared_motor import GearedMotor
@@ -79,26 +77,3 @@ def suit(fit: SuitCalibration | None = None) -> Suit:
 def default_suit() -> Suit:
     """The suit that every default of this package stands on."""
     return suit()
-
-
-def suit_adaptive() -> Law:
-    """The adaptive law with the gains that `benchmarks/suit_gains.py` chose for margin on the suit."""
-    return LAWS["adaptive"].preset("suit")
-
-
-def suit_adaptive_integral() -> Law:
-    """The same where the drive has an integral, whose lag leaves half the κ; both calibrations have this choice."""
-    return suit_adaptive().with_gains(error_gain=0.03, feedback_gain=1.5, smoothing=0.2)
-
-
-def suit_ours() -> Law:
-    """Our own law, with its gains for the suit."""
-    return LAWS["bowden"].preset("suit")
-
-
-DRIVE_INTEGRAL = 25.0
-"""k_i of a drive whose position loop has an integral, with which our law runs: 12 dB below that loop's limit, which is
-2·ζ·ω = 107 1/s [1/s]."""
-FRICTION_FEEDFORWARD = 2.79
-"""What our stack's drive pushes against friction: 0.7 of the 3.99 N·m that the uncompensated run shows
-(`bowden.identify.suit_friction`), so that it is no more than there is where friction is 30 % less [N·m]."""
