@@ -483,11 +483,11 @@ WRONG: dict[str, tuple[Callable[[], Any], str]] = {
     "the class of rigs": (lambda: bowden.simulate(bowden.Rig), r"rig is the class Rig.*make one of it: Rig\(\)"),  # type: ignore[call-overload]
     "a rig of numbers": (lambda: bowden.check(3), r"check: rig is 3; expected a Rig or the path"),  # type: ignore[arg-type]
     "another law": (lambda: bowden.simulate(bowden.Rig(), "adaptiv"), r"adaptive \(did you mean this\?\)"),
-    "a class for a law": (lambda: bowden.tune(bowden.Rig(), Path), r"tune: law is the class Path; expected a name"),  # type: ignore[arg-type]
-    "no laws": (lambda: bowden.simulate(bowden.Rig(), []), r"laws is empty"),
-    "a duration in text": (lambda: bowden.simulate(bowden.Rig(), duration="5"), r"duration is '5'; expected a number"),  # type: ignore[call-overload]
+    "a class for a law": (lambda: bowden.tune(bowden.Rig(), Path), r"law is the class Path; expected a name"),  # type: ignore[arg-type]
+    "no laws": (lambda: bowden.simulate(bowden.Rig(), []), r"law is empty"),
+    "a duration in text": (lambda: bowden.simulate(bowden.Rig(), duration="5"), r"duration is '5'; expected a finite"),
     "a seed below 0": (lambda: bowden.simulate(bowden.Rig(), seed=-1), r"the seed is -1; expected a whole number"),
-    "a preset of numbers": (lambda: bowden.check(bowden.Rig(), preset=3), r"check: preset is 3; expected the name"),  # type: ignore[arg-type]
+    "a preset of numbers": (lambda: bowden.check(bowden.Rig(), preset=3), r"check: preset is 3; expected text"),  # type: ignore[arg-type]
     "an unknown preset": (lambda: bowden.check(bowden.Rig(), "adaptive", preset="no"), r"has no preset 'no'"),
     "an unknown field": (lambda: bowden.Rig().replace(servos=1), r"a rig has no 'servos'; expected servo"),
     "a cable of text": (lambda: bowden.Rig(cable="stiff"), r"cable is 'stiff'; expected"),  # type: ignore[arg-type]
@@ -498,7 +498,7 @@ WRONG: dict[str, tuple[Callable[[], Any], str]] = {
     "no workers": (lambda: bowden.campaign("s.toml", workers=0), r"workers is 0; expected a whole number from 1"),
     "a bus of numbers": (
         lambda: bowden.run(bowden.Rig(), channel=3).__enter__(),
-        r"run: channel is 3; expected the name of a bus",
+        r"run: channel is 3; expected text",
     ),  # type: ignore[arg-type]
     "an unknown law": (lambda: bowden.LAWS["adaptiv"], r"adaptive \(did you mean this\?\)"),
 }

@@ -47,7 +47,7 @@ PAGES = {
         (
             "bowden.design.check.Check",
             "bowden.design.tune.Tuning",
-            "bowden.operations.support.campaign.Campaign",
+            "bowden.study.computed.Campaign",
         ),
     ),
     "live": Page(
@@ -66,7 +66,7 @@ PAGES = {
         "EMG",
         "Rest and maximum contraction of a wearer, and how well contractions are found.",
         ("emg_calibrate", "emg_score"),
-        ("bowden.operations.support.emg.Contractions",),
+        ("bowden.design.contractions.Contractions",),
     ),
     "export": Page(
         "Export",

@@ -135,11 +135,15 @@ def __getattr__(name: str) -> Any:
     raise AttributeError(answer("bowden", name, _HOMES, _GUESSES))
 
 
+_OF_CALLS = ("bowden.operations.", "bowden.identify.given_log", "bowden.live.read_trace")
+"""Modules whose functions answer what they cannot be called with."""
+
+
 @cache
 def _loaded(name: str) -> Any:
     """What a name of `_HOMES` stands for; an operation as a function."""
     found = getattr(import_module(_HOMES[name]), name)
-    if not (_HOMES[name].startswith(f"{__name__}.operations.") and isinstance(found, FunctionType)):
+    if not (_HOMES[name].startswith(_OF_CALLS) and isinstance(found, FunctionType)):
         return found
     return import_module(f"{__name__}.operations.support.python").public(found)
 

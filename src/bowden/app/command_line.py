@@ -60,6 +60,10 @@ def command(operation: Operation) -> Callable[..., None]:
                     _ = [*found]
                     if (ended := operation.viewer("ended")) and not json:
                         ended(first, call)
+            except KeyboardInterrupt as stop:
+                if str(stop):  # it says what is kept
+                    raise InterruptedPartway(str(stop)) from None
+                raise
             except BowdenError as error:
                 if (failed := operation.viewer("failed")) and not json:
                     failed(error, call)
@@ -109,8 +113,10 @@ def _called(
 
 def _shown(view: Any, found: Result[Any], call: Call, json: bool, rigs: list[Any]) -> int | None:
     """Print a result: as one document, or as its view has it, which may say how the command ends."""
+    told = getattr(found, "warnings", ()) if json else ()  # the document has these
     for text in found.notes:
-        note(text)
+        if text not in told:
+            note(text)
     trust = _trust(found, rigs)
     if json and found.whole_document is not None:
         print_json(found.whole_document)

@@ -11,7 +11,7 @@ from bowden.operations.support.results import Result, ResultPart, made
 
 if TYPE_CHECKING:
     from bowden.core.trace import Trace
-    from bowden.operations.support.campaign import Campaign
+    from bowden.study.computed import Campaign
     from bowden.study.study import Study
 
 
@@ -193,10 +193,11 @@ def campaign(
     (0, 4)
     """
     from bowden.core.caller import argument
-    from bowden.core.files import output_folder
-    from bowden.operations.support.campaign import computed, require_parquet
+    from bowden.core.files import output_folder, whole_files
     from bowden.operations.support.given import rig_of
     from bowden.operations.support.progress import reported
+    from bowden.report.campaign_page import campaign_page
+    from bowden.study.computed import computed, require_parquet
     from bowden.study.load import load
 
     folder = Path("out/campaign") / study.stem if out is None else out
@@ -215,7 +216,11 @@ def campaign(
     more = [*(["--rig", origin] if Path(origin).suffix else []), *(["--out", str(out)] if out else [])]
     again = "" if given is not None and not Path(origin).suffix else ["bowden", "campaign", str(study), *more, "--run"]
     with reported(progress, "campaign") as report:
-        found = computed(loaded, folder, workers=workers, cluster=cluster, again=shlex.join(again), progress=report)
+        found = computed(loaded, folder, workers=workers, cluster=cluster, progress=report)
+    columns = [(column.name, column.unit, column.spread) for column in loaded.columns]
+    page = campaign_page(found.summary, f"Campaign {study.stem}", columns, shlex.join(again), loaded.duration)
+    with whole_files(folder) as stage:
+        page.write(stage / "campaign.html")
     return made(
         CampaignResult,
         {"rig": loaded.rig.hash} | found.summary.document(),
@@ -233,8 +238,8 @@ def _alone(study: "Study", number: int, folder: Path) -> CampaignRun:
     from dataclasses import asdict
 
     from bowden.core.files import whole_files
-    from bowden.operations.support.campaign import run_alone
     from bowden.report.simulate_page import write_simulation
+    from bowden.study.computed import run_alone
 
     traces = run_alone(study, number)
     with whole_files(folder) as stage:

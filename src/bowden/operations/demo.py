@@ -118,6 +118,8 @@ def demo(
 
     def say(*lines: str) -> None:
         """What a step came to, and what that means."""
+        if callable(progress):
+            progress("", 1.0)  # a bar goes, so that lines have the screen
         if not quiet:
             print("\n  ".join(lines), flush=True)
 

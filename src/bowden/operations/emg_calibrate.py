@@ -9,7 +9,7 @@ from bowden.operations.support.operation import GivenProgress, Operation, Progre
 from bowden.operations.support.results import Result
 
 if TYPE_CHECKING:
-    from bowden.operations.support.emg import Recording
+    from bowden.design.contractions import Recording
     from bowden.sensing.detector import Detector
     from bowden.sensing.wearer_file import MuscleCalibration
 
@@ -92,7 +92,7 @@ def emg_calibrate(
     """
     from bowden.core.caller import argument
     from bowden.core.errors import ParameterError
-    from bowden.operations.support.emg import calibrated, recording_of
+    from bowden.design.contractions import calibrated, recording_of
     from bowden.operations.support.progress import reported
     from bowden.sensing import wearer_file
     from bowden.sensing.detectors import detector_named
@@ -130,10 +130,10 @@ def _from_stream(
     tell: Callable[[str], None],
 ) -> "tuple[MuscleCalibration, float, list[str]]":
     """The wearer, how much was left out [s], and what is said of that."""
+    from bowden.design.contractions import note_left_out
     from bowden.hardware.emg.listen import listen
     from bowden.hardware.emg.sources import open_source
     from bowden.identify.emg.levels import check_contraction, envelope_levels
-    from bowden.operations.support.emg import note_left_out
     from bowden.operations.support.given import check_number
     from bowden.sensing.wearer_file import MuscleCalibration
 

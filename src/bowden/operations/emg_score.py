@@ -9,7 +9,7 @@ from bowden.operations.support.operation import Operation, Switch
 from bowden.operations.support.results import Result, ResultPart
 
 if TYPE_CHECKING:
-    from bowden.operations.support.emg import Contractions, Recording
+    from bowden.design.contractions import Contractions, Recording
     from bowden.sensing.wearer_file import MuscleCalibration
 
 LONGEST = 5.0
@@ -111,7 +111,7 @@ def emg_score(
     >>> len(found.spans), found.score.misses, found.score.false_activations
     (1, 0, 0)
     """
-    from bowden.operations.support.emg import recording_of, scored
+    from bowden.design.contractions import recording_of, scored
     from bowden.operations.support.given import check_number
     from bowden.sensing.detectors import detector_named
 

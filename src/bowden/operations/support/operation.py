@@ -78,8 +78,8 @@ class OperationParameter(NamedTuple):
     """What the docstring says of it."""
     alone: bool
     """Whether it is an option, and not given by its place."""
-    plain: bool
-    """Whether Python takes the same kind as the command line."""
+    plain: Any
+    """Type that Python takes, where it is a plain one; else None."""
     is_rig: bool
     is_folder: bool
 
@@ -107,6 +107,7 @@ def parameters(function: Callable[..., Any]) -> dict[str, OperationParameter]:
                 given = kind = inside[0]
                 if switch != Switch():
                     break
+        plain = kind if switch.kind in (None, Role.PYTHON) else None
         kind = switch.kind or kind
         needed = one.default is inspect.Parameter.empty and one.kind is not inspect.Parameter.KEYWORD_ONLY
         found[name] = OperationParameter(
@@ -116,7 +117,7 @@ def parameters(function: Callable[..., Any]) -> dict[str, OperationParameter]:
             switch,
             means.get(name, ""),
             alone=switch.name.startswith("--") or not (needed or switch.place),
-            plain=switch.kind is None,
+            plain=plain,
             is_rig=switch is typing.get_args(GivenRig)[1],
             is_folder=switch.metavar == "FOLDER",
         )

@@ -89,17 +89,15 @@ def _checked(one: operation.OperationParameter, value: Any, function: str) -> An
                 raise
             raise ParameterError(f"{function}: {error.what}", expected=error.expected, do=error.do) from None
     what = f"{function}: {one.name}"
-    if not one.plain:
-        return value
-    if one.kind is bool:
+    if one.plain is bool:
         return arguments.flag(value, what)
-    if one.kind is float:
+    if one.plain is float:
         return arguments.number(value, what)
-    if one.kind is int:
+    if one.plain is int and (one.switch.least is not None or not isinstance(value, int)):
         return arguments.whole(value, what, int(one.switch.least or 0))
-    if one.kind is str:
+    if one.plain is str:
         return arguments.text(value, what, "text")
-    return arguments.path_of(value, what, "folder" if one.is_folder else "file") if one.kind is Path else value
+    return arguments.path_of(value, what, "folder" if one.is_folder else "file") if one.plain is Path else value
 
 
 def tell(notes: Iterable[str]) -> None:

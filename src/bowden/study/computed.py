@@ -1,4 +1,4 @@
-"""A campaign computed: the chunks that are missing, all of them summed up, and the page that shows them."""
+"""A campaign computed: the chunks that are missing, and all of them summed up."""
 
 import contextlib
 import os
@@ -15,7 +15,6 @@ from bowden.core.caller import argument
 from bowden.core.clock import unix_seconds
 from bowden.core.errors import BowdenError, ParameterError
 from bowden.core.extras import extra_module
-from bowden.core.files import whole_files
 from bowden.core.trace import Trace
 from bowden.core.units import DEGREES
 from bowden.study.figures import Summary, summarise
@@ -119,9 +118,7 @@ def require_parquet() -> None:
     extra_module("pyarrow.parquet", "parquet", "a campaign")
 
 
-def computed(
-    study: Study, folder: Path, *, workers: int | None, cluster: str | None, again: str, progress: Progress
-) -> Campaign:
+def computed(study: Study, folder: Path, *, workers: int | None, cluster: str | None, progress: Progress) -> Campaign:
     """Compute the chunks of a study that are missing, and sum all of them up.
 
     Args:
@@ -129,7 +126,6 @@ def computed(
         folder: of the results.
         workers: processes on this machine; None for one for each core.
         cluster: a dask scheduler's address, or ``local:N``, in place of these.
-        again: the command by which a run is repeated, but for its number, for the page; empty where there is none.
         progress: called with what is being done and the share that is behind.
 
     Raises:
@@ -151,8 +147,8 @@ def computed(
     except BowdenError as error:
         do = shown.listed((error.do, _standing(store, len(cut))), "; ")
         raise type(error)(error.what, expected=error.expected, do=do) from None
-    progress("drawing the page", 1.0)
-    summary = _summed_up(study, store, again)
+    progress("summing up", 0.99)
+    summary = _summed_up(study, store)
     files = (store.folder / "runs", store.folder / "campaign.html")
     return Campaign(study, summary, files, len(missing), len(cut) - len(missing), tuple(notes), store.enlarged)
 
@@ -224,14 +220,12 @@ def _reference_travel(study: Study) -> float | None:
     return float(np.abs(np.diff(rig.trajectory.sample(seconds)[:, 0])).sum()) * DEGREES
 
 
-def _summed_up(study: Study, store: Store, again: str) -> Summary:
-    """The figures, and the page that shows them."""
-    from bowden.report.campaign_page import campaign_page
-
+def _summed_up(study: Study, store: Store) -> Summary:
+    """The figures of all chunks."""
     drawn_names, more = [column.name for column in study.columns], list(SUIT_FIGURES) if study.worn else []
     gains = {name: name.removeprefix("control.gains.") for name in drawn_names if name.startswith("control.gains.")}
     lacking = {law.name: [name for name, gain in gains.items() if gain not in law.numbers] for law in study.laws}
-    summary = summarise(
+    return summarise(
         store,
         [law.name for law in study.laws],
         drawn_names,
@@ -239,8 +233,3 @@ def _summed_up(study: Study, store: Store, again: str) -> Summary:
         lacking=lacking,
         reference_travel=_reference_travel(study),
     )
-    drawn = [(column.name, column.unit, column.spread) for column in study.columns]
-    page = campaign_page(summary, f"Campaign {study.path.stem}", drawn, again, study.duration)
-    with whole_files(store.folder) as stage:
-        page.write(stage / "campaign.html")
-    return summary
