@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.core.errors import ParameterError, check_positive
+from bowden.core.guesses import answering_fields
 from bowden.core.quantity import Quantity
 from bowden.core.quintic import QuinticSpline
 from bowden.models.minimum_jerk import minimum_jerk_over
@@ -43,6 +44,7 @@ def _finite(what: str, **values: float | tuple[float, ...]) -> None:
             raise ParameterError(f"{what}: {name} is {value}", expected="finite numbers", do="correct it")
 
 
+@answering_fields
 @dataclass(frozen=True)
 class PeriodicMinimumJerk:
     """Minimum jerk from `low` to `high` in the first half of each period, and back in the second (Fig. 9)."""
@@ -68,6 +70,7 @@ class PeriodicMinimumJerk:
         return {"kind": "periodic_minimum_jerk", **asdict(self)}
 
 
+@answering_fields
 @dataclass(frozen=True)
 class PointToPoint:
     """Minimum-jerk motions through way points, with holds where two following ones are equal."""
@@ -97,6 +100,7 @@ class PointToPoint:
         return {"kind": "point_to_point", "times": list(self.times), "positions": list(self.positions)}
 
 
+@answering_fields
 @dataclass(frozen=True)
 class Chirp:
     """A sine whose frequency goes linearly from `f0` to `f1` [Hz] in `duration` [s], and then stays there.
@@ -131,6 +135,7 @@ class Chirp:
         return {"kind": "chirp", **asdict(self)}
 
 
+@answering_fields
 @dataclass(frozen=True)
 class Multisine:
     """A sum of sines about `centre`, scaled to start at rest at the centre over the first `ramp` seconds."""
