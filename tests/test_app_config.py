@@ -228,18 +228,18 @@ def test_an_identified_cable_is_the_benchs_and_the_observers(tmp_path: Path) -> 
         Rig.read(path)
 
 
-def test_the_uncompensated_law_knows_how_the_encoders_are_zeroed_and_nothing_else(tmp_path: Path) -> None:
+def test_the_uncompensated_law_knows_pulleys_and_zeros_and_nothing_else(tmp_path: Path) -> None:
     path = rig(tmp_path, "[cable]\nmodel = 'model.toml'\n[scenario]\nduration_s = 10.0")
     errors = []
     for offset in ("0.0", "1.25"):
         (tmp_path / "model.toml").write_text(MODEL.format(slope=-0.9, best="bouc_wen").replace("0.02", offset))
         setup = Rig.read(path)
         law = setup.fitted("uncompensated")
-        assert law.gains._asdict() == {"slope": 1.0, "motor_zero": pytest.approx(-float(offset) / 0.9)}
+        assert law.numbers == pytest.approx({"slope": 0.9 / 0.938, "motor_zero": -float(offset) / 0.9})
         trace = simulate(setup.bench, law, setup.trajectory, duration=setup.duration, initial_motor=setup.start_motor)
         errors.append(trace.metrics().rmse_deg)
     assert errors[0] is not None
-    assert 2.0 < errors[0] < 8.0  # the slope of 0.9 and the play
+    assert 2.0 < errors[0] < 8.0  # the play, and a slope as far off as the paper's
     assert errors[1] == pytest.approx(errors[0], rel=1e-6)  # wherever the motor's encoder is zeroed
 
 

@@ -31,6 +31,7 @@ from bowden.design.tune_runs import NineRuns, TuningTarget, course_of, runs_of
 from bowden.models.cable.sheath_path import BendPath, constant_bend, scripted_bend
 from bowden.operations.schema import json_schema
 from bowden.plants.bench import Bench
+from bowden.rig import ranges
 from bowden.rig.presets.bench import default_bench
 from bowden.rig.rig import Rig
 from bowden.sim.run import simulate
@@ -201,6 +202,29 @@ def test_what_the_check_says_holds_is_never_given_up(preset: str | None, monkeyp
     assert bool(found.gains) == (preset is not None)
     assert (found.worst_before is None) == (preset is not None)
     assert found.short == "no gains keep all; take another servo; these hold"
+
+
+@pytest.mark.usefixtures("small_search")
+def test_the_search_for_the_nearest_rig_knows_the_cable_that_the_law_knew(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A geared cable by hand, whose slope the pulleys tell, and one of a log: on the nearest rig, too."""
+    tuned_with: list[Law] = []
+    module = importlib.import_module("bowden.design.tune")
+    real = module.judge
+    monkeypatch.setattr(module, "judge", lambda task: (tuned_with.append(task.law), real(task))[1])
+    monkeypatch.setattr(module, "keeps", lambda _: False)
+    monkeypatch.setattr(module, "easier", lambda bench, factor: [*easier(bench, 2.0)] if factor < 1.3 else [])
+    slow = {"delay": 3, "servo": {"natural_frequency": 20.0}, "law": "cascaded_pid", "duration": 5.0}
+    geared = default_bench().cable._replace(slope=3.0)
+    model = bowden.CableModel("bouc_wen", geared._asdict() | {"initial_h": 0.0})
+    for cable in (geared, model):
+        rig = bowden.Rig(cable=cable, **slow)
+        slope = rig.fitted().numbers["slope"]
+        assert slope == pytest.approx(3.0, rel=0.1)
+        tuned_with.clear()
+        with pytest.raises(NoGainsError):
+            tune(ranges.judged(rig), rig.fitted(), generations=1, known=rig.knowledge)
+        assert {law.numbers["slope"] for law in tuned_with} == {slope}
+        assert len({law.numbers["lead"] for law in tuned_with}) > 1
 
 
 def test_a_law_without_feedback_has_nothing_to_tune() -> None:

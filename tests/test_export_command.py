@@ -175,9 +175,13 @@ def test_make_check_replays_the_recorded_run(capsys: pytest.CaptureFixture[str],
         f"conditioned.{name}" for name in Conditioned._fields
     )
     assert len(table.stdout.splitlines()) == 3001
+    (code / "board.c").write_text("of one's own")
     before = {path.name: path.read_bytes() for path in code.iterdir()}
     assert main.run(["export", "rig.toml", "--law", "uncompensated", "--to", "deep/code"]) == 0
     assert before == {path.name: path.read_bytes() for path in code.iterdir()}
+    capsys.readouterr()
+    assert main.run(["export", "rig.toml", "--law", "cascaded_pid", "--to", "deep/code"]) == 2
+    assert "deep/code holds another export: uncompensated.c and 1 more" in capsys.readouterr().err
     lines = (code / "recording.csv").read_text().splitlines()
     cells = lines[1000].split(",")
     cells[6] = "0.5"
@@ -201,7 +205,7 @@ def test_make_check_replays_the_recorded_run(capsys: pytest.CaptureFixture[str],
         (["--preset", "printed"], "has no preset 'printed'"),
         (["--emg", "--emg-rate", "100"], "the EMG's rate is 100 Hz"),
         (["--to", "rig.toml"], "rig.toml is not a folder"),
-        (["--to", "full"], "full holds other files: a.txt and 1 more"),
+        (["--to", "full"], "full holds other files: README.md and 1 more"),
         (["--to", ""], "--to is ''"),
     ],
 )
@@ -209,7 +213,7 @@ def test_what_cannot_be_is_one_line_and_nothing_is_written(
     arguments: list[str], said: str, capsys: pytest.CaptureFixture[str], folder: Path
 ) -> None:
     (folder / "full").mkdir()
-    for name in ("a.txt", "b.txt"):
+    for name in ("README.md", "a.txt"):
         (folder / "full" / name).write_text("precious")
     (folder / "mine.py").write_text(MINE)
     assert main.run(["export", "rig.toml", "--to", "code", *arguments]) == 2
@@ -218,7 +222,7 @@ def test_what_cannot_be_is_one_line_and_nothing_is_written(
     assert printed.err.count("\n") == 1
     assert not printed.out
     assert not (folder / "code").exists()
-    assert sorted(path.name for path in (folder / "full").iterdir()) == ["a.txt", "b.txt"]
+    assert sorted(path.name for path in (folder / "full").iterdir()) == ["README.md", "a.txt"]
 
 
 MINE = """

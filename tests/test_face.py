@@ -79,6 +79,13 @@ CABLE = bowden.CableModel("line", {"slope": 0.9, "offset": 0.1})
         ("TRACE.metrics().rmse", "Metrics has no 'rmse': did you mean rmse_deg?"),
         ("CABLE.slope", "CableModel has no 'slope': model.parameters['slope']"),
         ("CABLE.predict", "CableModel has no 'predict': model.joint_angle(motor)"),
+        ("Rig().limits.joint_high_deg", "Limits has no 'joint_high_deg': joint_high, in rad"),
+        (
+            "Rig().limits.joint_max",
+            "Limits has no 'joint_max'; it has joint_low, joint_high, joint_speed, joint_still and 66 others",
+        ),
+        ("Rig().servo.natural_frequency_hz", "Servo has no 'natural_frequency_hz': natural_frequency, in rad/s"),
+        ("Rig().reference.hihg", "PeriodicMinimumJerk has no 'hihg': did you mean high?"),
         ("LAWS['adaptive'].set_gains", "Law has no 'set_gains': law.with_gains(name=value)"),
     ],
 )

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.core.errors import ParameterError, check_positive
+from bowden.core.guesses import answering_fields
 from bowden.core.kernel import compiled, floor, kernel
 from bowden.core.quantity import Quantity
 from bowden.models.minimum_jerk import minimum_jerk, minimum_jerk_over
@@ -54,6 +55,7 @@ def fill_periodic(low: float, high: float, period: float, time: Array, motion: A
         motion[2, k] = shown.acceleration
 
 
+@answering_fields
 @dataclass(frozen=True)
 class PeriodicMinimumJerk:
     """Minimum jerk from `low` to `high` in the first half of each period, and back in the second (Fig. 9)."""
@@ -77,6 +79,7 @@ class PeriodicMinimumJerk:
         return {"kind": "periodic_minimum_jerk", **asdict(self)}
 
 
+@answering_fields
 @dataclass(frozen=True)
 class PointToPoint:
     """Minimum-jerk motions through way points, with holds where two following ones are equal."""
@@ -106,6 +109,7 @@ class PointToPoint:
         return {"kind": "point_to_point", "times": list(self.times), "positions": list(self.positions)}
 
 
+@answering_fields
 @dataclass(frozen=True)
 class Chirp:
     """A sine whose frequency goes linearly from `f0` to `f1` [Hz] in `duration` [s], and then stays there.
@@ -140,6 +144,7 @@ class Chirp:
         return {"kind": "chirp", **asdict(self)}
 
 
+@answering_fields
 @dataclass(frozen=True)
 class Multisine:
     """A sum of sines about `centre`, scaled to start at rest at the centre over the first `ramp` seconds."""

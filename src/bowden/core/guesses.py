@@ -8,6 +8,7 @@ from inspect import Parameter, signature
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from bowden.core.errors import BowdenError, ParameterError
+from bowden.core.quantity import declared
 
 Kind = TypeVar("Kind", bound=type)
 Meant = Callable[[Any, str], str]
@@ -38,7 +39,10 @@ def answer(owner: str, name: str, known: Iterable[str], guesses: Mapping[str, st
     alike = alike or sorted((one for one in public if one.startswith(f"{name}_")), key=len)  # the same, with its unit
     if alike:
         return f"{owner} has no {name!r}: {guesses.get(alike[0]) or f'did you mean {alike[0]}?'}"
-    return f"{owner} has no {name!r}; it has {', '.join(public)}"
+    words = set(name.split("_"))
+    kin = [one for one in public if words & set(one.split("_"))] if len(public) > _MANY else []
+    rest = f" and {len(public) - len(kin)} others" if kin else ""
+    return f"{owner} has no {name!r}; it has {', '.join(kin or public)}{rest}"
 
 
 class Answering(type):
@@ -85,6 +89,30 @@ def answering(guesses: Mapping[str, str], change: str, meant: Meant = lambda one
     return decorated
 
 
+def answering_fields(kind: Kind) -> Kind:
+    """Let a NamedTuple or dataclass of declared fields answer a name that it does not have, such as a file's key.
+
+    >>> from bowden.safety.limits import Limits
+    >>> Limits().joint_high_deg
+    Traceback (most recent call last):
+    ...
+    AttributeError: Limits has no 'joint_high_deg': joint_high, in rad
+    """
+    made: Any = kind
+
+    def missing(self: Any, name: str) -> Any:
+        if name.startswith("_") or hasattr(kind, name):
+            return object.__getattribute__(self, name)
+        keys = {one.quantity.named(one.name): f"{one.name}, in {one.quantity.unit}" for one in declared(kind)}
+        units = {key: said for key, said in keys.items() if key not in kind.__annotations__}
+        raise AttributeError(answer(kind.__name__, name, kind.__annotations__, units))
+
+    made.__getattr__ = missing
+    return kind
+
+
+_MANY = 20
+"""Of more names than these only those are said that share a word."""
 _LONG = 40
 """A value with more characters is not repeated."""
 

@@ -6,6 +6,8 @@ from typing import Any, TypeVar
 
 from bowden.core.arguments import said
 from bowden.core.errors import ParameterError, near
+from bowden.core.guesses import answering_fields
+from bowden.core.quantity import declared
 
 Kind = TypeVar("Kind", bound=type)
 
@@ -25,7 +27,8 @@ def signed(kind: Kind) -> Kind:
 def part(kind: Kind) -> Kind:
     """Let a NamedTuple of numbers refuse, when it is made, a name that it has not and a value that is no number.
 
-    Ranges are looked at where a rig takes it (`bowden.rig.checked`). Compiled code makes it as before.
+    Ranges are looked at where a rig takes it (`bowden.rig.checked`), but of what has a hint (`Quantity.hint`). Compiled
+    code makes it as before.
 
     >>> from bowden.models.drive.encoder import Encoder
     >>> Encoder(resolutoin=0.1)
@@ -35,6 +38,7 @@ def part(kind: Kind) -> Kind:
     """  # noqa: E501  # as Python prints it
     made: Any = kind
     plain, fields = made.__new__, made._fields
+    hinted = {one.name: one.quantity for one in declared(kind) if one.quantity.hint}
 
     @wraps(plain)
     def checked(cls: Any, *given: Any, **named: Any) -> Any:
@@ -54,7 +58,13 @@ def part(kind: Kind) -> Kind:
                 raise ParameterError(
                     f"{kind.__name__}: {name} is {said(value)}", expected="a number, in SI and radians", do="give one"
                 )
+            if name in hinted and isinstance(value, int | float) and value > hinted[name].ends[1]:
+                raise ParameterError(
+                    f"{kind.__name__}: {name} is {value:g} {hinted[name].unit}",
+                    expected=f"a number {hinted[name].range}",
+                    do=hinted[name].hint.format(value=value),
+                )
         return plain(cls, *given, **named)
 
     made.__new__ = checked
-    return kind
+    return answering_fields(kind)

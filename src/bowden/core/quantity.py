@@ -111,6 +111,8 @@ class Quantity:
     """Shortest length of a list."""
     live: bool = False
     """Of a law's gain: whether it may be changed while the law runs (`Law.live`)."""
+    hint: str = ""
+    """What else a value out of the range, ``{value}``, may have been meant as."""
     follows: bool = False
     """Whether it may be left out, as NaN, and then follows from the rig's other parts (`rig.consistent`)."""
 

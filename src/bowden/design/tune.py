@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from bowden.control.knowledge import informed
+from bowden.control.knowledge import Knowledge, informed
 from bowden.control.law import Law
 from bowden.core.errors import ParameterError
 from bowden.core.units import DEGREES
@@ -40,7 +40,7 @@ from bowden.design.tune_judge import (
 from bowden.design.tune_result import Tuning
 from bowden.design.tune_rig import easier
 from bowden.design.tune_runs import NineRuns, TuningRuns, TuningTarget, course_of
-from bowden.plants.knowledge_of import knowledge_of
+from bowden.plants.knowledge_of import knowledge_of, with_loop
 from bowden.plants.plant import Plant
 from bowden.plants.suit_parts import Suit
 
@@ -98,6 +98,7 @@ def tune(
     workers: Workers = map,
     report: Report = lambda what, share: None,
     nearest: bool = True,
+    known: Knowledge | None = None,
 ) -> Tuning:
     """Find gains.
 
@@ -115,6 +116,7 @@ def tune(
         workers: how a function is mapped over many gains; the result does not depend on it.
         report: called with what is done and the share done.
         nearest: whether the nearest rig is looked for, where there are none.
+        known: what the law knows of the rig; what the bench says of itself where it is not given.
 
     Raises:
         ParameterError: the law has no gains that the loop knows, or none keep the margins and follow; the message has
@@ -125,7 +127,8 @@ def tune(
         share = _OF_SUIT if isinstance(bench, Suit) else 1.0
         generations = max(_FEWEST, round(share * GENERATIONS * min(1.0, bench.sample_time / 1e-3)))
     rig = TuningTarget(bench, bends or (bench.sheath.bend, 2.0 * bench.sheath.bend), stroke)
-    search = _Search(rig, law, np.random.default_rng(seed), workers, runs, fixed, nearest=nearest)
+    random = np.random.default_rng(seed)
+    search = _Search(rig, law, random, workers, runs, fixed, known or knowledge_of(bench), nearest=nearest)
     try:
         report("margins of random gains", 0.05)
         search.begin(min(1.0, generations / _FULL))
@@ -153,13 +156,14 @@ class _Search:
         workers: Workers,
         runs: TuningRuns | None,
         fixed: Collection[str],
+        known: Knowledge,
         *,
         nearest: bool,
     ) -> None:
         self.before = check(rig.bench, law, bends=rig.bends, stroke=rig.stroke)
         rig = rig._replace(refuted=self.before.refuted)
         self.rig, self.law, self.random, self.workers = rig, law, random, workers
-        self.runs, self.fixed, self.steps = runs or NineRuns(rig), fixed, 0
+        self.runs, self.fixed, self.known, self.steps = runs or NineRuns(rig), fixed, known, 0
         self.nearest = nearest and runs is None
         usual = all(trial.bounded for trial in self.before.trials)
         estimates = visited_estimates(law, self.before.trials if usual else (), rig.bench.sample_time)
@@ -186,7 +190,7 @@ class _Search:
 
     def _begun(self) -> list[Array]:
         """Gains that are tried first: as they stand, and as the rig would give them."""
-        usual = informed(replace(self.law, overridden_gains=frozenset()), knowledge_of(self.rig.bench)).numbers
+        usual = informed(replace(self.law, overridden_gains=frozenset()), self.known).numbers
         shares = np.array([usual[name] / self.law.numbers[name] for name in self.names])
         known = np.log(np.where(shares > 0.0, shares, 1.0))  # a gain that would be off stays as it stands
         return [np.zeros(len(self.names)), np.clip(known, *_REACH)]
@@ -362,7 +366,7 @@ class _Search:
         bench, limit = self.rig.bench, self.still()
         for factor in _TRIED_FACTORS:
             for said, changed in easier(bench, factor):
-                rig, base = self.rig._replace(bench=changed), informed(self.law, knowledge_of(changed))
+                rig, base = self.rig._replace(bench=changed), informed(self.law, with_loop(self.known, changed))
                 tasks = [
                     self._task(self._law(point, base), limit)._replace(rig=rig, runs=NineRuns(rig))
                     for point in self._begun()

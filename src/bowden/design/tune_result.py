@@ -109,17 +109,23 @@ def tuning_rows(tuning: Tuning) -> list[tuple[str, str]]:
     gains = [f"{name} {value:.4g} (was {stood[name]:.4g})" for name, value in tuning.gains.items()]
     before = "unstable" if tuning.worst_before is None else number(tuning.worst_before * DEGREES, "°")
     found = tuning.found
-    margins = (number(found.gain_margin_db, "dB"), number(found.phase_margin_deg, "°"))
-    delay = milliseconds(found.delay_margin_s)
+    was = _margins(tuning.before)
     return [
         ("gains", ", ".join(gains) or "as they were"),
         ("verdict", f"{found.verdict} (was {tuning.before.verdict})"),
-        ("margins", listed((*margins, f"{delay} of delay" if delay else "")) or no_margins(found)),
+        ("margins", (_margins(found) or no_margins(found)) + (f" (was {was})" if was else "")),
         ("worst RMSE", f"{number(tuning.worst_rmse * DEGREES, '°')} over {tuning.runs} (was {before})"),
         *(("other plants", text) for text in ([] if tuning.study is None else [study_text(tuning.study, "after")])),
         *([("short of", tuning.short)] if tuning.short else []),
         ("search", f"{tuning.generations} generations"),
     ]
+
+
+def _margins(found: Check) -> str:
+    """Gain, phase and delay margin, those that there are."""
+    delay = milliseconds(found.delay_margin_s)
+    gain, phase = number(found.gain_margin_db, "dB"), number(found.phase_margin_deg, "°")
+    return listed((gain, phase, f"{delay} of delay" if delay else ""))
 
 
 def study_text(found: Mapping[str, Any], when: str) -> str:

@@ -20,6 +20,10 @@ if TYPE_CHECKING:
 
 RECORDED = 5.0
 """Length of the run that goes with the code, at most [s]."""
+_MARK = b"Written by bowden"
+"""In the beginning of what an export writes: of its README.md, and of each file of the law."""
+_HEAD = 500
+"""Of a file, in which that stands [bytes]."""
 
 
 @dataclass(frozen=True)
@@ -193,7 +197,7 @@ def _said(rig: str, law: "Law", preset: str | None, *, float32: bool, counts: "C
     gains = f" with the preset {preset}" if preset else ""
     kind = "float" if float32 else "double"
     angles = "" if counts is None else f" {counts.notes()}"
-    return f"Written by bowden {bowden.__version__}: the law {law.name}{gains} for {rig}, in {kind}.{angles}"
+    return f"{_MARK.decode()} {bowden.__version__}: the law {law.name}{gains} for {rig}, in {kind}.{angles}"
 
 
 def _texts(
@@ -216,19 +220,29 @@ def _texts(
 
 
 def _only_ours(folder: Path, names: set[str]) -> None:
-    """Refuse a folder in which other things are than an earlier export of the same law.
+    """Refuse a folder that is neither empty nor an earlier export of the same law; files of one's own beside that stay.
 
     Raises:
-        OutputError: there are.
+        OutputError: it is.
     """
     from bowden.core.caller import argument
     from bowden.core.errors import OutputError
 
-    others = sorted(path.name for path in folder.iterdir() if path.name not in names) if folder.is_dir() else []
+    there = sorted(path.name for path in folder.iterdir()) if folder.is_dir() else []
+    earlier = _written(folder / "README.md")
+    others = [name for name in there if not earlier or (name not in names and _written(folder / name))]
     if others:
         more = f" and {len(others) - 1} more" if others[1:] else ""
-        do = f"choose another with {argument('folder')}"
-        raise OutputError(f"{folder} holds other files: {others[0]}{more}", expected="an empty folder", do=do)
+        raise OutputError(
+            f"{folder} holds {'another export' if earlier else 'other files'}: {others[0]}{more}",
+            expected="an empty folder, or one of an earlier export of this law",
+            do=f"choose another with {argument('folder')}",
+        )
+
+
+def _written(file: Path) -> bool:
+    """Whether an export has written it."""
+    return file.is_file() and _MARK in file.read_bytes()[:_HEAD]
 
 
 def _recording(rig: "Rig", law: "Law") -> str:

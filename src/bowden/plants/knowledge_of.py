@@ -43,6 +43,17 @@ def knowledge_of(plant: Plant, *, identified: bool = False) -> Knowledge:
     return known
 
 
+def with_loop(known: Knowledge, plant: Plant) -> Knowledge:
+    """The same with servo and clock of a plant: what is known of the cable stays known where only these change."""
+    own = knowledge_of(plant)
+    return known._replace(
+        servo_frequency=own.servo_frequency,
+        servo_damping=own.servo_damping,
+        delay=own.delay,
+        sample_time=own.sample_time,
+    )
+
+
 def _zero(plant: UserPlant) -> float:
     """The motor angle at which its joint rests at zero; NaN where it does so at none [rad]."""
     try:

@@ -150,7 +150,7 @@ def _in_degrees(number: float, quantity: Quantity) -> str:
     """What to do; with a hint where an angle is too large to be in radians, and would be right in degrees."""
     angle = quantity.unit == "rad" and quantity.file_unit == "°" and math.isfinite(number)
     like = angle and quantity.holds(number / DEGREES)
-    return f"that looks like degrees: np.radians({number:g})" if like else _GIVE
+    return f"that looks like degrees: np.radians({number:g})" if like else quantity.hint.format(value=number) or _GIVE
 
 
 def shown(value: Any) -> str:

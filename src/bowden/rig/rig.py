@@ -968,9 +968,9 @@ class Rig(metaclass=Answering):
         """What a law knows of the rig."""
         if self.worn is not None:
             return knowledge_of(self.worn)
-        if self.plant is not None:
-            return knowledge_of(self.cabled)
-        known = knowledge_of(self.bench, identified=self.identified)
+        known = knowledge_of(self.bench if self.plant is None else self.cabled, identified=self.identified)
+        if self.plant is not None and math.isnan(known.slope):
+            return known
         return known._replace(relative_slope=self.slope / DEFAULT_CABLE.slope)
 
     def fitted(self, law: GivenLaw | None = None, known: Knowledge | None = None) -> Law:

@@ -3,6 +3,7 @@
 from typing import Annotated, Literal, NamedTuple
 
 from bowden.control.admittance.virtual_elbow import FRICTION_SHARE, Admittance
+from bowden.core.guesses import answering_fields
 from bowden.core.quantity import Quantity
 from bowden.core.units import RADIANS
 from bowden.models.suit.flex_sensor import PAPER_FLEX
@@ -17,6 +18,7 @@ _OWN, _CELL = Admittance(), LoadCell()
 _COURSE = CourseSettings()
 
 
+@answering_fields
 class SuitSettings(NamedTuple):
     """The suit on an arm in place of the bench; the spring of the motor and the joint's encoder then do not count."""
 
@@ -84,6 +86,7 @@ class SuitSettings(NamedTuple):
     sensor_step: Annotated[float, Quantity("one step of its converter", "rad", ge=0.0, le=90.0)] = PAPER_FLEX.resolution
 
 
+@answering_fields
 class WearerSettings(NamedTuple):
     """Who wears the suit, and what their muscles do."""
 
@@ -116,6 +119,7 @@ class WearerSettings(NamedTuple):
     swing_frequency: Annotated[float, Quantity("its frequency", "Hz", key="swing_hz", ge=0.01, le=10.0)] = 0.5
 
 
+@answering_fields
 class AdmittanceSettings(NamedTuple):
     """The wearer's push makes the reference, on a suit (suit.worn); [reference] then only says where it begins."""
 
@@ -161,6 +165,7 @@ class AdmittanceSettings(NamedTuple):
     cell_offset: Annotated[float, Quantity("error of its zero", "N·m", ge=-10.0, le=10.0)] = _CELL.offset
 
 
+@answering_fields
 class LiveSettings(NamedTuple):
     """The loop of `bowden run`: what it asks of the system, filters, and the way to where the run begins."""
 
@@ -181,6 +186,7 @@ class LiveSettings(NamedTuple):
     ] = 20.0 * RADIANS
 
 
+@answering_fields
 class EmgSettings(NamedTuple):
     """EMG in place of [reference]: contractions move the joint between low and high."""
 

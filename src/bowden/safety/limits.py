@@ -2,6 +2,7 @@
 
 from typing import Annotated, NamedTuple
 
+from bowden.core.guesses import answering_fields
 from bowden.core.quantity import Quantity
 from bowden.core.units import RADIANS
 from bowden.models.drive.thermal import Thermal
@@ -12,6 +13,7 @@ ARM_LOWERING = 40.0 * RADIANS
 """Speed at which an arm is let down [rad/s]."""
 
 
+@answering_fields
 class Limits(NamedTuple):
     """Limits, each with its meaning and unit; those without a key in rig.toml follow from its other sections.
 

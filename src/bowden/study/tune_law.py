@@ -83,6 +83,7 @@ def tuned(
                     workers=workers,
                     report=progress,
                     nearest=bends == own,
+                    known=looked_at.knowledge,
                 )
 
         try:

@@ -2,8 +2,8 @@
 
     command = motor_zero + reference/slope
 
-The paper's law has slope 1, and a motor encoder zeroed where the joint is at zero. Where it is not, the angle between
-the two zeros is no backlash, and a law without it would have that angle as its error and little else.
+The paper's law has slope 1, on a bench of 0.938, and a motor encoder zeroed where the joint is at zero. Pulleys and
+zeros of another rig are no backlash: a law without them would have them as its error and little else.
 """
 
 from typing import Annotated, NamedTuple
@@ -50,7 +50,7 @@ LAW = Law(
     start_kernel=start,
     step_kernel=step,
     source="Dinh et al. 2017, Section 3.1, Fig. 7B",
-    from_rig={"motor_zero": "motor_zero"},
+    from_rig={"slope": "relative_slope", "motor_zero": "motor_zero"},
     tunable=frozenset(),
     feeds_back=frozenset(),
 )

@@ -15,7 +15,16 @@ class Encoder(NamedTuple):
     0.0
     """
 
-    resolution: Annotated[float, Quantity("one count; 0 for an ideal encoder", "rad", ge=0.0, le=90.0)] = 0.0
+    resolution: Annotated[
+        float,
+        Quantity(
+            "one count; 0 for an ideal encoder",
+            "rad",
+            ge=0.0,
+            le=90.0,
+            hint="of {value:g} counts a turn one is 2*numpy.pi/{value:g}",
+        ),
+    ] = 0.0
     noise: Annotated[float, Quantity("standard deviation, before counting", "rad", ge=0.0, le=90.0)] = 0.0
 
 

@@ -8,6 +8,7 @@ bounds short peaks as a drive does: dS/dt = I² − Ic², S ≥ 0, for the conti
 
 from typing import Annotated, NamedTuple
 
+from bowden.core.guesses import answering_fields
 from bowden.core.kernel import kernel
 from bowden.core.quantity import Quantity
 
@@ -15,6 +16,7 @@ COPPER = 0.0039
 """Temperature coefficient of copper's resistance [1/K]."""
 
 
+@answering_fields
 class Thermal(NamedTuple):
     """A motor's thermal side; defaults are of the size that brushless motors of 40 mm and 70 W have: a stated choice.
 
