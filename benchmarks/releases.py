@@ -17,7 +17,7 @@ from bowden.control.reference import PeriodicMinimumJerk
 from bowden.core.kernel import compiled
 from bowden.core.signals import DriveReading
 from bowden.core.units import DEGREES, RADIANS
-from bowden.hardware.twin.bench import FOLLOW
+from bowden.hardware.twin.plant import FOLLOW
 from bowden.hardware.twin.suit import TwinSuit
 from bowden.models.cable.bouc_wen import BoucWen, saturation
 from bowden.models.drive.servo import Servo

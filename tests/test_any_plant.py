@@ -12,7 +12,7 @@ import bowden
 from bowden.app import main
 from bowden.core.errors import ParameterError
 from bowden.face.tune import tuned
-from bowden.hardware.twin.bench import FOLLOW, OFF
+from bowden.hardware.twin.plant import FOLLOW, OFF
 from bowden.identify.cable.model import CableModel, IdentifiedCable
 from bowden.models.cable.bouc_wen import BoucWen
 from bowden.rig.rig import Rig

@@ -14,8 +14,8 @@ from bowden.hardware.drives.homing import zeroed
 from bowden.hardware.drives.parameters import DriveParameters, joint_scale, motor_scale
 from bowden.hardware.drives.scale import Scale, SuitScale
 from bowden.hardware.ports import Power
-from bowden.hardware.twin.bench import BRAKE, FOLLOW, OFF
 from bowden.hardware.twin.bus import TwinBus
+from bowden.hardware.twin.plant import BRAKE, FOLLOW, OFF
 from bowden.hardware.twin.sampler import RATED_CURRENT
 from bowden.hardware.twin.suit import TwinSuit
 from bowden.models.drive.geared_motor import GearedMotor, SpoolState, drive_motor

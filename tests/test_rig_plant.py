@@ -7,7 +7,7 @@ import pytest
 
 from bowden.core.errors import ParameterError
 from bowden.face.tune import workers_for
-from bowden.hardware.twin.bench import FOLLOW
+from bowden.hardware.twin.plant import FOLLOW
 from bowden.hardware.twin.user import TwinUser
 from bowden.models.drive.servo import Servo
 from bowden.plants.transmission import transmission

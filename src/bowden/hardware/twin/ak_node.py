@@ -33,12 +33,11 @@ from bowden.hardware.drives.ak_frames import (
 )
 from bowden.hardware.drives.ak_parameters import AkParameters, model_of, motor_scale, reply_id
 from bowden.hardware.drives.joint_encoder import joint_encoder_of
-from bowden.hardware.twin.bench import FOLLOW, OFF, Doing
 from bowden.hardware.twin.injection import UNCOUNTED
 from bowden.hardware.twin.node import HOTTEST, Journal, TwinNode
 from bowden.hardware.twin.objects import Key
 from bowden.hardware.twin.outbox import Send
-from bowden.hardware.twin.plant import TwinPlant
+from bowden.hardware.twin.plant import FOLLOW, OFF, Doing, TwinPlant
 
 OVER_CURRENT, OVER_TEMPERATURE = 2, 1
 """Error codes of the faults that the twin finds itself, or is given by a number that is none of the drive's."""

@@ -9,11 +9,10 @@ from bowden.hardware.drives import canopen_frames as frames
 from bowden.hardware.drives.cia402 import WITH_TORQUE, encode, step
 from bowden.hardware.drives.emergencies import HEARTBEAT_LOST, SAFE_TORQUE_OFF
 from bowden.hardware.drives.parameters import DriveParameters, motor_scale
-from bowden.hardware.twin.bench import BRAKE, FOLLOW, Doing
 from bowden.hardware.twin.node import HOTTEST, Journal, TwinNode
 from bowden.hardware.twin.objects import Key, Made, Objects, SdoServer, dictionary, overridden
 from bowden.hardware.twin.outbox import Send
-from bowden.hardware.twin.plant import TwinPlant
+from bowden.hardware.twin.plant import BRAKE, FOLLOW, Doing, TwinPlant
 from bowden.hardware.twin.sampler import RATED_CURRENT, Sampler
 
 RPM = 30.0 / math.pi  # turns a minute in one rad/s

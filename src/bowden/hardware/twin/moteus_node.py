@@ -25,13 +25,12 @@ from bowden.hardware.drives.moteus_frames import (
 )
 from bowden.hardware.drives.moteus_parameters import MoteusParameters, joint_scale, motor_scale
 from bowden.hardware.drives.moteus_setup import HOMED, state_of
-from bowden.hardware.twin.bench import BRAKE, FOLLOW, OFF, Doing
 from bowden.hardware.twin.faults import NO_NUMBER
 from bowden.hardware.twin.injection import UNCOUNTED
 from bowden.hardware.twin.moteus_console import MoteusConsole, usual
 from bowden.hardware.twin.node import SUPPLY, Journal, TwinNode
 from bowden.hardware.twin.outbox import Send
-from bowden.hardware.twin.plant import TwinPlant
+from bowden.hardware.twin.plant import BRAKE, FOLLOW, OFF, Doing, TwinPlant
 
 ENABLING_TIME = 5e-3
 """From a command to the mode that it asks for: gate driver, offsets of the current's sensors; a stated choice [s]."""

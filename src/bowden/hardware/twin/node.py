@@ -13,13 +13,12 @@ from bowden.core.signals import DriveState
 from bowden.hardware.buses.unix_bus import ERROR
 from bowden.hardware.drives.joint_encoder import JointEncoderParameters
 from bowden.hardware.drives.scale import Scale, SuitScale
-from bowden.hardware.twin.bench import OFF, Doing
 from bowden.hardware.twin.faults import Faults
 from bowden.hardware.twin.injection import Injection
 from bowden.hardware.twin.joint_encoder_node import JointEncoderNode
 from bowden.hardware.twin.objects import Key
 from bowden.hardware.twin.outbox import BIT_ERROR, Outbox, Send
-from bowden.hardware.twin.plant import TwinPlant
+from bowden.hardware.twin.plant import OFF, Doing, TwinPlant
 
 Journal = Callable[[float, str, str], None]
 """Takes what happened: time [s], event, detail. Every family says ``torque_on`` and ``torque_off``."""

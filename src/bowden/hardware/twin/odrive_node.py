@@ -23,13 +23,12 @@ from bowden.hardware.drives.odrive_faults import ESTOP, WATCHDOG
 from bowden.hardware.drives.odrive_frames import AxisState, Beat, BoardErrors, BoardVersion, Cmd, Scales
 from bowden.hardware.drives.odrive_parameters import OdriveParameters, motor_scale
 from bowden.hardware.drives.odrive_setup import state_of
-from bowden.hardware.twin.bench import FOLLOW, OFF, Doing
 from bowden.hardware.twin.faults import NO_NUMBER
 from bowden.hardware.twin.injection import UNCOUNTED
 from bowden.hardware.twin.node import HOTTEST, SUPPLY, Journal, TwinNode
 from bowden.hardware.twin.objects import Key
 from bowden.hardware.twin.outbox import Send
-from bowden.hardware.twin.plant import TwinPlant
+from bowden.hardware.twin.plant import FOLLOW, OFF, Doing, TwinPlant
 
 ARMING_TIME = 5e-3
 """From a request for closed loop to it; a stated choice [s]."""
