@@ -19,13 +19,13 @@ from bowden.hardware.drives.cia402 import Controlword
 from bowden.hardware.drives.parameters import DriveParameters, joint_scale, motor_scale
 from bowden.hardware.ports import Power
 from bowden.hardware.twin.bench import TwinBench
-from bowden.hardware.twin.bus import TwinBus
 from bowden.hardware.twin.injection import parse
 from bowden.identify.servo.fit import identify_servo
 from bowden.models.drive.encoder import Encoder
 from bowden.models.drive.servo import ServoState, prepare, servo_step
 from bowden.rig.presets.bench import bench
 from bowden.sim.scenario import constant_bend
+from support.memory_bus import TwinBus
 
 DRIVE = DriveParameters(answer_timeout=0.05)
 CYCLE = 1e-3
@@ -93,11 +93,11 @@ def test_of_several_emergencies_in_a_cycle_the_first_is_told() -> None:
     drive, bus = enabled()
     drive.read(bus.time)
     for code in (0x4210, 0x8130, 0):
-        bus._take(frames.EMERGENCY + 1, frames.pack_emergency(code, 1))
+        bus.put(frames.EMERGENCY + 1, frames.pack_emergency(code, 1))
     assert drive.read(bus.time).emergency == 0x4210
-    bus._take(frames.EMERGENCY + 1, frames.pack_emergency(0, 0))
+    bus.put(frames.EMERGENCY + 1, frames.pack_emergency(0, 0))
     assert drive.read(bus.time).emergency == 0.0
-    bus._take(frames.EMERGENCY + 2, frames.pack_emergency(0x4210, 1))
+    bus.put(frames.EMERGENCY + 2, frames.pack_emergency(0x4210, 1))
     assert drive.read(bus.time).emergency == 0.0, "another node's"
 
 
@@ -218,7 +218,7 @@ def attacked(foreign: list[tuple[int, bytes]], target: float, power: Power, rese
     """A cycle in which frames come that nobody should send."""
     drive, bus = tapped()
     for cob_id, data in foreign:
-        bus._take(cob_id, data)
+        bus.put(cob_id, data)
     reading = drive.read(bus.time)
     assert all(isinstance(value, float) for value in reading)
     assert math.isnan(reading.motor) or abs(reading.motor) <= 2**31 * 1e-4

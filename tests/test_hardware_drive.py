@@ -19,11 +19,11 @@ from bowden.hardware.drives.findings import UNWATCHED
 from bowden.hardware.drives.parameters import DriveParameters
 from bowden.hardware.ports import Drive, Power, TorqueLeft
 from bowden.hardware.twin.bench import TwinBench
-from bowden.hardware.twin.bus import TwinBus
 from bowden.hardware.twin.canopen_node import CanopenNode
 from bowden.hardware.twin.injection import KINDS, parse
 from bowden.rig.presets.bench import bench
 from bowden.sim.scenario import constant_bend
+from support.memory_bus import TwinBus
 
 CYCLE = 1e-3
 DRIVE = DriveParameters(answer_timeout=0.05, tension_scale=0.01, tension_zero=200.0)
@@ -136,12 +136,12 @@ class TwiceAnswered(TwinBus):
 
     before = b""
 
-    def _take(self, cob_id: int, data: bytes) -> None:
+    def put(self, cob_id: int, data: bytes) -> None:
         if cob_id == 0x581:
             if self.before:
-                super()._take(cob_id, self.before)
+                super().put(cob_id, self.before)
             self.before = data
-        super()._take(cob_id, data)
+        super().put(cob_id, data)
 
 
 def test_a_late_answer_to_a_question_before_is_not_taken_for_the_next_one() -> None:
@@ -324,7 +324,7 @@ def test_close_takes_the_torque_off_and_is_no_fault() -> None:
 def test_no_frames_make_reading_fail_nor_give_power(foreign: list[tuple[int, bytes]]) -> None:
     rig = _shared()
     for cob_id, data in foreign:
-        rig.bus._take(cob_id, data)
+        rig.bus.put(cob_id, data)
     reading = rig.drive.read(rig.bus.time)
     assert not math.isinf(reading.motor)
     rig.drive.write(0.0, Power.OFF, rig.bus.time)

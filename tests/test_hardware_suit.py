@@ -14,7 +14,6 @@ from bowden.hardware.drives.homing import zeroed
 from bowden.hardware.drives.parameters import DriveParameters, joint_scale, motor_scale
 from bowden.hardware.drives.scale import Scale, SuitScale
 from bowden.hardware.ports import Power
-from bowden.hardware.twin.bus import TwinBus
 from bowden.hardware.twin.plant import BRAKE, FOLLOW, OFF
 from bowden.hardware.twin.sampler import RATED_CURRENT
 from bowden.hardware.twin.suit import TwinSuit
@@ -25,6 +24,7 @@ from bowden.plants.suit_parts import Suit
 from bowden.safety.faults import Reaction
 from bowden.safety.state import Mode, Verdict
 from bowden.sim.scenario import constant_bend, scripted_bend
+from support.memory_bus import TwinBus
 
 SUIT = Suit(motor=GearedMotor(integral=40.0))
 DRIVE = DriveParameters(gear=SUIT.motor.gear, spool=spool_map(SUIT.geometry, SUIT.spool_radius))

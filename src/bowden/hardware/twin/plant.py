@@ -1,4 +1,4 @@
-"""What is behind a twin's drive, in real time: a bench, a suit on an arm or a user's own plant. What they share is here.
+"""What is behind a twin's drive, in real time: a bench, a suit on an arm or a user's own plant: what they share.
 
 The power stage is one thermal mass: τ·dT/dt = T₀ + R·r·i² − T.
 """
