@@ -16,6 +16,7 @@ from bowden.hardware.drives import canopen_frames as frames
 from bowden.hardware.drives.canopen_drive import MOST_DUE, CanopenDrive
 from bowden.hardware.drives.canopen_setup import DriveFindings
 from bowden.hardware.drives.cia402 import Controlword
+from bowden.hardware.drives.homing import zeroed
 from bowden.hardware.drives.parameters import DriveParameters, joint_scale, motor_scale
 from bowden.hardware.ports import Power
 from bowden.hardware.twin.bench import TwinBench
@@ -158,8 +159,9 @@ def test_homing_by_hand_holds_where_home_is_wherever_the_rig_is_found() -> None:
         drive.read(bus.time)
         drive.write(1.0 + min(k, 200) * 1e-3, Power.ON if k < 280 else Power.OFF, bus.time)
         bus.advance(CYCLE)
-    assert drive.read(bus.time).motor == pytest.approx(1.2, abs=0.01)
-    again = CanopenDrive(drive.zeroed(motor=0.25, joint=0.5), Links(bus))
+    reading = drive.read(bus.time)
+    assert reading.motor == pytest.approx(1.2, abs=0.01)
+    again = CanopenDrive(zeroed(here, reading, 0.25, 0.5), Links(bus))
     again.bring_up()
     again.write(0.0, Power.OFF, bus.time)
     bus.advance(CYCLE)
@@ -321,7 +323,7 @@ def test_no_drive_is_wronged_for_late_frames_and_a_second_one_of_its_number_is_f
 ) -> None:
     """Jitter of a cycle, lost SYNCs, stalls of the drive; then each SYNC has two answers."""
     port, drive = Port(seed, losses, twice, stall), CanopenDrive(DRIVE)
-    drive._port = port  # type: ignore[assignment]
+    drive._host, drive._up = port, True  # type: ignore[assignment]
     drive._found = DriveFindings("", motor_scale(DRIVE), joint_scale(DRIVE), 0.2, DriveState.SWITCH_ON_DISABLED, "")
     port._waiting.extend([0.0] * 4)  # to the SYNCs of the bring-up
     foreign = []

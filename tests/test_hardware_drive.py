@@ -16,6 +16,7 @@ from bowden.hardware.drives import canopen_frames as frames
 from bowden.hardware.drives.canopen_drive import CanopenDrive
 from bowden.hardware.drives.cia402 import WITH_TORQUE
 from bowden.hardware.drives.findings import UNWATCHED
+from bowden.hardware.drives.homing import zeroed
 from bowden.hardware.drives.parameters import DriveParameters
 from bowden.hardware.ports import Drive, Power, TorqueLeft
 from bowden.hardware.twin.bench import TwinBench
@@ -173,10 +174,10 @@ def test_directions_and_homes_turn_the_counts_and_not_the_angles() -> None:
     assert abs(reading.joint - 2.0) < 2e-3
     rig = Rig().up()
     rig.run(5, Power.OFF)
-    again = Rig(rig.drive.zeroed(motor=0.25, joint=0.5))
+    again = Rig(zeroed(DRIVE, rig.readings[-1], 0.25, 0.5))
     assert abs(again.drive._drive.motor_home - 0.15) < 1e-3
     with pytest.raises(DriveError, match="not reported a position yet"):
-        Rig().drive.zeroed()
+        zeroed(DRIVE, Rig().drive.read(100.0))
 
 
 @pytest.mark.parametrize("target", [math.nan, math.inf, -math.inf, 1e9])
