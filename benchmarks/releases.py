@@ -18,8 +18,8 @@ from bowden.core.kernel import compiled
 from bowden.core.signals import DriveReading
 from bowden.core.units import DEGREES, RADIANS
 from bowden.design.rig_of_suit import suit_text
-from bowden.hardware.twin.bench import FOLLOW
 from bowden.hardware.twin.of_rig import twin_plant_of
+from bowden.hardware.twin.plant import FOLLOW
 from bowden.hardware.twin.suit import TwinSuit
 from bowden.models.cable.bouc_wen import BoucWen, saturation
 from bowden.models.drive.servo import Servo

@@ -11,8 +11,8 @@ import pytest
 import bowden
 from bowden.app import main
 from bowden.core.errors import ParameterError
-from bowden.hardware.twin.bench import FOLLOW, OFF
 from bowden.hardware.twin.of_rig import twin_plant_of
+from bowden.hardware.twin.plant import FOLLOW, OFF
 from bowden.models.cable.bouc_wen import BoucWen
 from bowden.plants.identified import CableModel, IdentifiedCable
 from bowden.rig.rig import Rig

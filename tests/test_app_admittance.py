@@ -14,7 +14,7 @@ from bowden.control.source import TABLE
 from bowden.core.errors import ParameterError
 from bowden.core.trace import Trace
 from bowden.core.units import RADIANS
-from bowden.hardware.twin.bench import FOLLOW
+from bowden.hardware.twin.plant import FOLLOW
 from bowden.hardware.twin.suit import TwinSuit
 from bowden.live.live_run import live_run
 from bowden.models.cable.sheath_path import constant_bend

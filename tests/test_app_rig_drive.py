@@ -15,12 +15,12 @@ from bowden.hardware.drives.canopen_drive import CanopenDrive
 from bowden.hardware.drives.parameters import DriveParameters
 from bowden.hardware.ports import Power
 from bowden.hardware.twin.bench import TwinBench
-from bowden.hardware.twin.bus import TwinBus
 from bowden.live.preflight import contradictions
 from bowden.models.cable.sheath_path import constant_bend
 from bowden.rig.presets.bench import default_bench
 from bowden.rig.rig import Rig
 from bowden.rig.sections import drive_part
+from support.memory_bus import TwinBus
 
 BENCH = default_bench()
 

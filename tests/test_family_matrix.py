@@ -25,7 +25,7 @@ from bowden.hardware.drives.findings import LagWatch
 from bowden.hardware.drives.load_cell import LoadCellReader
 from bowden.hardware.drives.of_rig import open_drive
 from bowden.hardware.ports import Power, serial_of
-from bowden.hardware.twin.bench import OFF
+from bowden.hardware.twin.plant import OFF
 from bowden.plants.suit_parts import Suit
 from bowden.rig.drive import drive_needs
 from bowden.rig.families import family_of

@@ -30,8 +30,9 @@ from bowden.hardware.drives.families.ak_mit import FAMILY
 from bowden.hardware.drives.findings import INERT, LOST_RANGE
 from bowden.hardware.ports import Power, TorqueLeft
 from bowden.hardware.twin.ak_node import AkNode
-from bowden.hardware.twin.bench import FOLLOW, OFF, TwinBench
+from bowden.hardware.twin.bench import TwinBench
 from bowden.hardware.twin.injection import parse
+from bowden.hardware.twin.plant import FOLLOW, OFF
 from bowden.live.by_hand import require_watch, unseen_watch
 from bowden.live.live_run import require_joint
 from bowden.models.cable.sheath_path import constant_bend

@@ -15,10 +15,10 @@ from bowden.hardware.drives.canopen_drive import CanopenDrive
 from bowden.hardware.drives.parameters import DriveParameters
 from bowden.hardware.ports import Power
 from bowden.hardware.twin.bench import TwinBench
-from bowden.hardware.twin.bus import TwinBus
 from bowden.hardware.twin.objects import Key
 from bowden.models.cable.sheath_path import constant_bend
 from bowden.rig.presets.bench import bench
+from support.memory_bus import TwinBus
 
 DRIVE = DriveParameters(answer_timeout=0.05)
 CYCLE = 1e-3
@@ -46,7 +46,7 @@ class Shared(TwinBus):
         if self.beating:
             self.node.receive(frames.HEARTBEAT + 127, bytes((frames.OPERATIONAL,)), self.time)
             if self.heard:
-                self._take(frames.HEARTBEAT + 127, bytes((frames.OPERATIONAL,)))
+                self.put(frames.HEARTBEAT + 127, bytes((frames.OPERATIONAL,)))
 
 
 def shared(heard: bool) -> Shared:

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from bowden.core.signals import DriveState
 from bowden.hardware.drives import cia402
-from bowden.hardware.drives.cia402 import CONTROL, STATUS, WITH_TORQUE, Controlword, controlword, decode, encode, fell
+from bowden.hardware.drives.cia402 import CONTROL, STATUS, WITH_TORQUE, Controlword, controlword, decode, encode
 from bowden.hardware.drives.emergencies import emergency_text
 from bowden.hardware.ports import Power
 
@@ -117,16 +117,6 @@ def test_no_word_gives_torque_but_enable_operation_from_switched_on(
     if after is DriveState.OPERATION_ENABLED and state is not DriveState.OPERATION_ENABLED:
         assert state is DriveState.SWITCHED_ON
         assert control & 0x0F == 0x0F
-
-
-def test_a_drive_that_fell_is_not_switched_on_again_before_off_was_wanted() -> None:
-    enabled, down, word = DriveState.OPERATION_ENABLED, DriveState.SWITCH_ON_DISABLED, int(Controlword.ENABLE_OPERATION)
-    assert fell(enabled, down, word, False, Power.ON)
-    assert fell(down, down, word, True, Power.ON)
-    assert fell(down, down, word, True, Power.READY)
-    assert not fell(down, down, word, True, Power.OFF)
-    assert not fell(enabled, enabled, word, False, Power.ON)
-    assert not fell(enabled, DriveState.SWITCHED_ON, int(Controlword.SWITCH_ON), False, Power.READY), "it was asked to"
 
 
 @given(st.integers(-1, 0x1_FFFF))

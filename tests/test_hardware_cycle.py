@@ -16,16 +16,17 @@ from bowden.hardware.drives import canopen_frames as frames
 from bowden.hardware.drives.canopen_drive import MOST_DUE, CanopenDrive
 from bowden.hardware.drives.canopen_setup import DriveFindings
 from bowden.hardware.drives.cia402 import Controlword
+from bowden.hardware.drives.homing import zeroed
 from bowden.hardware.drives.parameters import DriveParameters, joint_scale, motor_scale
 from bowden.hardware.ports import Power
 from bowden.hardware.twin.bench import TwinBench
-from bowden.hardware.twin.bus import TwinBus
 from bowden.hardware.twin.injection import parse
 from bowden.identify.servo.fit import identify_servo
 from bowden.models.cable.sheath_path import constant_bend
 from bowden.models.drive.encoder import Encoder
 from bowden.models.drive.servo import ServoState, prepare, servo_step
 from bowden.rig.presets.bench import bench
+from support.memory_bus import TwinBus
 
 DRIVE = DriveParameters(answer_timeout=0.05)
 CYCLE = 1e-3
@@ -93,11 +94,11 @@ def test_of_several_emergencies_in_a_cycle_the_first_is_told() -> None:
     drive, bus = enabled()
     drive.read(bus.time)
     for code in (0x4210, 0x8130, 0):
-        bus._take(frames.EMERGENCY + 1, frames.pack_emergency(code, 1))
+        bus.put(frames.EMERGENCY + 1, frames.pack_emergency(code, 1))
     assert drive.read(bus.time).emergency == 0x4210
-    bus._take(frames.EMERGENCY + 1, frames.pack_emergency(0, 0))
+    bus.put(frames.EMERGENCY + 1, frames.pack_emergency(0, 0))
     assert drive.read(bus.time).emergency == 0.0
-    bus._take(frames.EMERGENCY + 2, frames.pack_emergency(0x4210, 1))
+    bus.put(frames.EMERGENCY + 2, frames.pack_emergency(0x4210, 1))
     assert drive.read(bus.time).emergency == 0.0, "another node's"
 
 
@@ -158,8 +159,9 @@ def test_homing_by_hand_holds_where_home_is_wherever_the_rig_is_found() -> None:
         drive.read(bus.time)
         drive.write(1.0 + min(k, 200) * 1e-3, Power.ON if k < 280 else Power.OFF, bus.time)
         bus.advance(CYCLE)
-    assert drive.read(bus.time).motor == pytest.approx(1.2, abs=0.01)
-    again = CanopenDrive(drive.zeroed(motor=0.25, joint=0.5), Links(bus))
+    reading = drive.read(bus.time)
+    assert reading.motor == pytest.approx(1.2, abs=0.01)
+    again = CanopenDrive(zeroed(here, reading, 0.25, 0.5), Links(bus))
     again.bring_up()
     again.write(0.0, Power.OFF, bus.time)
     bus.advance(CYCLE)
@@ -218,7 +220,7 @@ def attacked(foreign: list[tuple[int, bytes]], target: float, power: Power, rese
     """A cycle in which frames come that nobody should send."""
     drive, bus = tapped()
     for cob_id, data in foreign:
-        bus._take(cob_id, data)
+        bus.put(cob_id, data)
     reading = drive.read(bus.time)
     assert all(isinstance(value, float) for value in reading)
     assert math.isnan(reading.motor) or abs(reading.motor) <= 2**31 * 1e-4
@@ -321,7 +323,7 @@ def test_no_drive_is_wronged_for_late_frames_and_a_second_one_of_its_number_is_f
 ) -> None:
     """Jitter of a cycle, lost SYNCs, stalls of the drive; then each SYNC has two answers."""
     port, drive = Port(seed, losses, twice, stall), CanopenDrive(DRIVE)
-    drive._port = port  # type: ignore[assignment]
+    drive._host, drive._up = port, True  # type: ignore[assignment]
     drive._found = DriveFindings("", motor_scale(DRIVE), joint_scale(DRIVE), 0.2, DriveState.SWITCH_ON_DISABLED, "")
     port._waiting.extend([0.0] * 4)  # to the SYNCs of the bring-up
     foreign = []

@@ -16,14 +16,15 @@ from bowden.hardware.drives import canopen_frames as frames
 from bowden.hardware.drives.canopen_drive import CanopenDrive
 from bowden.hardware.drives.cia402 import WITH_TORQUE
 from bowden.hardware.drives.findings import UNWATCHED
+from bowden.hardware.drives.homing import zeroed
 from bowden.hardware.drives.parameters import DriveParameters
 from bowden.hardware.ports import Drive, Power, TorqueLeft
 from bowden.hardware.twin.bench import TwinBench
-from bowden.hardware.twin.bus import TwinBus
 from bowden.hardware.twin.canopen_node import CanopenNode
 from bowden.hardware.twin.injection import KINDS, parse
 from bowden.models.cable.sheath_path import constant_bend
 from bowden.rig.presets.bench import bench
+from support.memory_bus import TwinBus
 
 CYCLE = 1e-3
 DRIVE = DriveParameters(answer_timeout=0.05, tension_scale=0.01, tension_zero=200.0)
@@ -136,12 +137,12 @@ class TwiceAnswered(TwinBus):
 
     before = b""
 
-    def _take(self, cob_id: int, data: bytes) -> None:
+    def put(self, cob_id: int, data: bytes) -> None:
         if cob_id == 0x581:
             if self.before:
-                super()._take(cob_id, self.before)
+                super().put(cob_id, self.before)
             self.before = data
-        super()._take(cob_id, data)
+        super().put(cob_id, data)
 
 
 def test_a_late_answer_to_a_question_before_is_not_taken_for_the_next_one() -> None:
@@ -173,10 +174,10 @@ def test_directions_and_homes_turn_the_counts_and_not_the_angles() -> None:
     assert abs(reading.joint - 2.0) < 2e-3
     rig = Rig().up()
     rig.run(5, Power.OFF)
-    again = Rig(rig.drive.zeroed(motor=0.25, joint=0.5))
+    again = Rig(zeroed(DRIVE, rig.readings[-1], 0.25, 0.5))
     assert abs(again.drive._drive.motor_home - 0.15) < 1e-3
     with pytest.raises(DriveError, match="not reported a position yet"):
-        Rig().drive.zeroed()
+        zeroed(DRIVE, Rig().drive.read(100.0))
 
 
 @pytest.mark.parametrize("target", [math.nan, math.inf, -math.inf, 1e9])
@@ -208,7 +209,7 @@ def test_without_our_heartbeat_the_torque_is_zero_in_time(phase: int) -> None:
     assert node.state is DriveState.FAULT
     assert node.error == 0x8130
     assert node.bench.current == 0.0
-    assert 0.020 <= rig.torque_off_at() - node.host_heartbeat <= 0.050
+    assert 0.020 <= rig.torque_off_at() - node.host <= 0.050
     reading = rig.run(2, Power.ON, target=1.0)
     assert reading.emergency == 0x8130 or rig.readings[-2].emergency == 0x8130
     rig.run(50, Power.ON, target=1.0)
@@ -228,7 +229,7 @@ def test_a_drive_that_only_switches_off_is_not_switched_on_again_by_itself(optio
     rig.run(60, Power.ON, target=0.5)
     rig.bus.advance(0.2)
     assert rig.bus.node.state is DriveState.SWITCH_ON_DISABLED
-    assert rig.torque_off_at() - rig.bus.node.host_heartbeat <= 0.050
+    assert rig.torque_off_at() - rig.bus.node.host <= 0.050
     rig.run(100, Power.ON, target=0.5)
     assert rig.bus.node.state is DriveState.SWITCH_ON_DISABLED
     rig.run(2, Power.OFF)
@@ -324,7 +325,7 @@ def test_close_takes_the_torque_off_and_is_no_fault() -> None:
 def test_no_frames_make_reading_fail_nor_give_power(foreign: list[tuple[int, bytes]]) -> None:
     rig = _shared()
     for cob_id, data in foreign:
-        rig.bus._take(cob_id, data)
+        rig.bus.put(cob_id, data)
     reading = rig.drive.read(rig.bus.time)
     assert not math.isinf(reading.motor)
     rig.drive.write(0.0, Power.OFF, rig.bus.time)

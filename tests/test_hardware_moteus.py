@@ -23,9 +23,10 @@ from bowden.hardware.drives.moteus_faults import TIMED_OUT
 from bowden.hardware.drives.moteus_frames import BoardMode, NumberKind, Register
 from bowden.hardware.drives.moteus_parameters import MoteusParameters, command_of, limits_of, motor_scale
 from bowden.hardware.ports import Power, TorqueLeft
-from bowden.hardware.twin.bench import OFF, TwinBench
+from bowden.hardware.twin.bench import TwinBench
 from bowden.hardware.twin.injection import parse
 from bowden.hardware.twin.moteus_node import MoteusNode, Overrides
+from bowden.hardware.twin.plant import OFF
 from bowden.rig.rig import Rig
 from support.memory_bus import MemoryBus
 

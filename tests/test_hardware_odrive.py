@@ -24,9 +24,10 @@ from bowden.hardware.drives.odrive_faults import ERRORS, UNTOLD, code_of
 from bowden.hardware.drives.odrive_frames import AxisState, Cmd, Scales, Target, identifier_of
 from bowden.hardware.drives.odrive_parameters import OdriveParameters, check_parameters, target_of
 from bowden.hardware.ports import Power, TorqueLeft
-from bowden.hardware.twin.bench import OFF, TwinBench
+from bowden.hardware.twin.bench import TwinBench
 from bowden.hardware.twin.injection import parse
 from bowden.hardware.twin.odrive_node import OdriveNode
+from bowden.hardware.twin.plant import OFF
 from bowden.rig.rig import Rig
 from live_runs import SHARED, assert_replays, finished_well
 from support.memory_bus import MemoryBus

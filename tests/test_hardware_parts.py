@@ -1,6 +1,8 @@
 """What families of drives share: encoders that wrap, readings made of replies, who may be switched on again."""
 
 import math
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 from hypothesis import given, settings
@@ -9,8 +11,9 @@ from hypothesis import strategies as st
 from bowden.core.errors import DriveError, ParameterError
 from bowden.core.signals import DriveState
 from bowden.hardware.drives import canopen_frames as frames
+from bowden.hardware.drives.ak_drive import Silence
 from bowden.hardware.drives.canopen_sensor import MOST_SILENCE
-from bowden.hardware.drives.enabling import Silence, fell
+from bowden.hardware.drives.driver import Driver
 from bowden.hardware.drives.findings import INERT, InertWatch
 from bowden.hardware.drives.joint_encoder import JointEncoder, JointEncoderParameters, check_beside
 from bowden.hardware.drives.limited_range import LimitedRange, nearest
@@ -49,12 +52,24 @@ def test_a_hint_tells_the_turn(angle: float, period: float, hint: float) -> None
     assert (found - angle) / period == pytest.approx(round((found - angle) / period), abs=1e-6)
 
 
-def test_a_drive_that_fell_stays_off_until_the_master_has_wanted_it_off() -> None:
-    down = fell(ENABLED, DISABLED, asked=True, already=False, power=Power.ON)
-    assert down
-    assert fell(DISABLED, ENABLED, asked=True, already=down, power=Power.ON)
-    assert not fell(DISABLED, DISABLED, asked=True, already=down, power=Power.OFF)
-    assert not fell(ENABLED, DISABLED, asked=False, already=False, power=Power.READY)
+@pytest.mark.parametrize(
+    ("before", "now", "asked", "already", "power", "fallen"),
+    [
+        (ENABLED, DISABLED, True, False, Power.ON, True),
+        (DISABLED, DISABLED, True, True, Power.ON, True),
+        (DISABLED, ENABLED, True, True, Power.ON, True),
+        (DISABLED, DISABLED, True, True, Power.READY, True),
+        (DISABLED, DISABLED, True, True, Power.OFF, False),
+        (ENABLED, ENABLED, True, False, Power.ON, False),
+        (ENABLED, DISABLED, False, False, Power.READY, False),  # it was asked to
+    ],
+)
+def test_a_drive_that_fell_is_not_switched_on_again_before_off_was_wanted(
+    before: DriveState, now: DriveState, asked: bool, already: bool, power: Power, fallen: bool
+) -> None:
+    drive: Any = SimpleNamespace(_before=before, _state=now, _asked=asked, _fell=already)
+    assert Driver._has_fallen(drive, power) is fallen
+    assert drive._fell is fallen
 
 
 def test_a_silence_of_ours_near_the_drives_own_time_counts_as_let_go() -> None:

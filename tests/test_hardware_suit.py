@@ -14,8 +14,7 @@ from bowden.hardware.drives.homing import zeroed
 from bowden.hardware.drives.parameters import DriveParameters, joint_scale, motor_scale
 from bowden.hardware.drives.scale import Scale, SuitScale
 from bowden.hardware.ports import Power
-from bowden.hardware.twin.bench import BRAKE, FOLLOW, OFF
-from bowden.hardware.twin.bus import TwinBus
+from bowden.hardware.twin.plant import BRAKE, FOLLOW, OFF
 from bowden.hardware.twin.sampler import RATED_CURRENT
 from bowden.hardware.twin.suit import TwinSuit
 from bowden.models.cable.sheath_path import constant_bend, scripted_bend
@@ -25,6 +24,7 @@ from bowden.models.suit.suit_angle import spool_map, spool_of
 from bowden.plants.suit_parts import Suit
 from bowden.safety.faults import Reaction
 from bowden.safety.state import Mode, Verdict
+from support.memory_bus import TwinBus
 
 SUIT = Suit(motor=GearedMotor(integral=40.0))
 DRIVE = DriveParameters(gear=SUIT.motor.gear, spool=spool_map(SUIT.geometry, SUIT.spool_radius))

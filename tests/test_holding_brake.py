@@ -17,7 +17,6 @@ from bowden.hardware.buses.link import Links
 from bowden.hardware.drives.canopen_drive import CanopenDrive
 from bowden.hardware.drives.parameters import DriveParameters
 from bowden.hardware.ports import Power
-from bowden.hardware.twin.bus import TwinBus
 from bowden.hardware.twin.suit import TwinSuit
 from bowden.live.brake_hold import BrakeHold
 from bowden.live.preflight import Preflight
@@ -41,6 +40,7 @@ from bowden.safety.limits import ARM_LOWERING
 from bowden.safety.supervisor import Mode
 from bowden.sim.run import simulate
 from loop_rig import SUIT_LIMITS, LoopRig
+from support.memory_bus import TwinBus
 from support.simulated_drive import SimulatedDrive
 
 BRAKE, DT, SPEED = HoldingBrake(holding_torque=0.15, rest_time=0.05), 1e-3, 3.0

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from bowden.core.errors import ParameterError
-from bowden.hardware.twin.bench import FOLLOW
+from bowden.hardware.twin.plant import FOLLOW
 from bowden.hardware.twin.user import TwinUser
 from bowden.models.drive.servo import Servo
 from bowden.plants.transmission import transmission

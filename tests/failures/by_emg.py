@@ -14,7 +14,7 @@ from bowden.hardware.emg.intent_block import IntentReader, IntentWriter
 from bowden.hardware.emg.listener import Listener
 from bowden.hardware.emg.lsl import LslStream, _Block
 from bowden.hardware.emg.sample_times import SampleTimes
-from bowden.hardware.twin.bench import OFF
+from bowden.hardware.twin.plant import OFF
 from bowden.live.preflight import Preflight
 from bowden.live.script import Script
 from bowden.safety.faults import of

@@ -3,12 +3,17 @@
 import threading
 import time
 from collections import deque
+from collections.abc import Callable
 from typing import Any, Protocol
 
 import can
 
 from bowden.hardware.buses.unix_bus import REMOTE
+from bowden.hardware.drives.parameters import DriveParameters
+from bowden.hardware.twin.canopen_node import CanopenNode
 from bowden.hardware.twin.faults import Faults
+from bowden.hardware.twin.objects import Key
+from bowden.hardware.twin.plant import TwinPlant
 from bowden.hardware.twin.twin import message_of
 
 
@@ -92,3 +97,18 @@ class MemoryBus(can.BusABC):
             self.advance(max(1e-3, time.monotonic() - begin))  # whoever waits meanwhile does so by the clock
         with self._lock:
             return (self._frames.popleft() if self._frames else None), False
+
+
+class TwinBus(MemoryBus):
+    """With the twin of a CiA 402 drive, of its plant at a time and of objects that are otherwise than usual."""
+
+    def __init__(
+        self,
+        drive: DriveParameters,
+        make_bench: Callable[[float], TwinPlant],
+        overrides: dict[Key, int | None] | None = None,
+    ) -> None:
+        super().__init__()
+        self.node = CanopenNode(drive, make_bench(self.time), self.put, self.note, overrides)
+        self.faults = self.node.faults
+        self.attach(self.node)

@@ -4,8 +4,7 @@ import math
 
 from bowden.core.signals import DriveReading, DriveState
 from bowden.hardware.ports import Power, TorqueLeft
-from bowden.hardware.twin.bench import BRAKE, FOLLOW, OFF
-from bowden.hardware.twin.plant import TwinPlant
+from bowden.hardware.twin.plant import BRAKE, FOLLOW, OFF, TwinPlant
 
 _NEXT = {
     Power.OFF: (DriveState.SWITCH_ON_DISABLED, OFF),

@@ -8,6 +8,7 @@ command after its timeout. So here:
   torque in these cycles was what such gains give: one whose position has gone round its range would pull;
 - a torque that is asked for and not given, for 20 ms, is an inert motor, or one that has left its mode;
 - a silence of ours as long as its timeout is taken for a torque that it let go of, and it is not switched on again;
+- a fault ends when the drive reports none: nothing resets it;
 - a silence of its own may be a restart, after which its position is another: it has to be brought up again.
 """
 
@@ -17,7 +18,6 @@ from bowden.core.errors import DriveError, ParameterError
 from bowden.core.signals import DriveReading, DriveState
 from bowden.hardware.buses.link import BusPort, Links
 from bowden.hardware.buses.unix_bus import REMOTE
-from bowden.hardware.drives import canopen_frames as canopen
 from bowden.hardware.drives.ak_frames import (
     ENTER,
     EXIT,
@@ -40,14 +40,12 @@ from bowden.hardware.drives.ak_parameters import (
     motor_scale,
     reply_id,
 )
-from bowden.hardware.drives.enabling import Silence, fell
+from bowden.hardware.drives.driver import LOST, Driver
 from bowden.hardware.drives.findings import INERT, LOST_RANGE, LOST_TURNS, InertWatch
-from bowden.hardware.drives.host_end import HostEnd
-from bowden.hardware.drives.joint_encoder import JointEncoder, joint_encoder_of
+from bowden.hardware.drives.joint_encoder import joint_encoder_of
 from bowden.hardware.drives.limited_range import LimitedRange, TurnCount, nearest
 from bowden.hardware.drives.on_can import place
-from bowden.hardware.drives.readings import Readings
-from bowden.hardware.ports import Power, TorqueLeft
+from bowden.hardware.ports import Power
 
 MOST_UNANSWERED = 16
 """Commands that are waited for at most; what is older than these is lost."""
@@ -61,13 +59,35 @@ STRAIN = 0.05
 """Of the model's torque: more is a torque of which nothing was asked [–]."""
 ASKED, GIVEN = 0.02, 0.1
 """Of the model's torque, from which on one counts as asked for; and of that, up to which none was given [–]."""
-LOST = 0.1
-"""Silence of the drive after which it may have started again, with another position [s]."""
 _LIMP = AkCommand(0.0, 0.0, 0.0, 0.0, 0.0)
 """No torque, but for the half step by which a field of an even number of codes misses zero."""
 
 
-class AkDrive:
+class Silence:
+    """Our own: a drive that gives torque again with the next command must be switched off after it, and stays off.
+
+    Args:
+        watch: time without a word of ours after which the drive has taken its torque off [s].
+    """
+
+    def __init__(self, watch: float) -> None:
+        self._watch, self._last = watch, -1.0
+
+    def begin(self) -> None:
+        """Nothing has been said yet."""
+        self._last = -1.0
+
+    def broken(self, now: float) -> bool:
+        """Whether we were silent until `now` [s] for so long that the drive has, or may have, let go; we speak now."""
+        last, self._last = self._last, now
+        return last >= 0.0 and now - last >= _MARGIN * self._watch
+
+
+_MARGIN = 0.9
+"""Of the drive's own time: whether it has let go is not known this near to it, and then it counts as let go."""
+
+
+class AkDrive(Driver):
     """The drive of one motor.
 
     Args:
@@ -82,21 +102,13 @@ class AkDrive:
         check_parameters(parameters)
         self._drive = parameters
         self._model, self._reply_id = model_of(parameters), reply_id(parameters)
-        encoder = joint_encoder_of(parameters)
-        self._encoder = None if encoder is None else JointEncoder(encoder, parameters.answer_timeout)
-        synced = self._encoder is not None and self._encoder.synced
-        self._host = HostEnd(place(parameters), parameters.node_id, links, self._concerns, synced=synced)
+        super().__init__(parameters, place(parameters), links, joint_encoder_of(parameters))
         self._scale = motor_scale(parameters)
         self._range = LimitedRange(2.0 * HIGHEST_POSITION)
         self._turns = TurnCount(2.0 * math.pi / self._model.gear, fastest(parameters, self._scale))
-        self._readings, self._silence = Readings(), Silence(parameters.watchdog)
+        self._silence = Silence(parameters.watchdog)
         self._inert = InertWatch(math.inf)  # what gives no torque at all is inert, moving or not
         self._begin(DriveState.NOT_READY_TO_SWITCH_ON)
-
-    def bring_up(self) -> str:
-        """See `hardware.ports.Drive.bring_up`; may be called again after a failure or a restart of the drive."""
-        self._up = False
-        return self._host.bring_up(self._find)
 
     def _find(self, port: BusPort) -> str:
         drive = self._drive
@@ -138,11 +150,8 @@ class AkDrive:
         said += "[drive], which no frame shows"
         if last.error:
             said += f"; in fault, {error_text(last.error)}"
-        if self._encoder is not None:
-            said += f"; joint: {self._encoder.bring_up(port.bus)}"
         self._begin(DriveState.FAULT if last.error else DriveState.SWITCH_ON_DISABLED)
         self._range.follow(last.position)
-        self._up = True
         return said
 
     def _ask(self, port: BusPort) -> AkReply:
@@ -174,9 +183,7 @@ class AkDrive:
         )
 
     def _concerns(self, identifier: int) -> bool:
-        """Whether a frame is of this drive or its joint's encoder, or one that only this host may send."""
-        mine = identifier in (self._drive.node_id, self._reply_id)
-        return mine or (self._encoder is not None and self._encoder.wants(identifier))
+        return identifier in (self._drive.node_id, self._reply_id)
 
     def _is_it(self, identifier: int, data: bytes) -> bool:
         """Whether a frame is a reply of this drive."""
@@ -190,8 +197,8 @@ class AkDrive:
 
     def _begin(self, state: DriveState) -> None:
         """Nothing has been read or sent yet, and the drive is in that state."""
-        self._state = self._before = state
-        self._up = self._lost = self._fell = self._entered = self._asked = False
+        self._reset_to(state)
+        self._entered = False
         self._unanswered = self._until_off = self._trial = 0
         self._position = math.nan  # of the drive, over the ends of its range
         self._speed = self._torque = self._expected = 0.0
@@ -199,8 +206,7 @@ class AkDrive:
             math.nan,
             math.nan,
         )  # the torque that the drive reports, and what was expected when it reported it first
-        self._sent_at = self._replied_at = math.nan
-        self._readings.begin()
+        self._replied_at = math.nan
         self._range.begin()
         self._turns.begin()
         self._silence.begin()
@@ -208,7 +214,7 @@ class AkDrive:
 
     def read(self, now: float) -> DriveReading:
         """See `hardware.ports.Drive.read`."""
-        readings, encoder = self._readings, self._encoder
+        readings = self._readings
         readings.cycle(now)
         for identifier, data in self._host.take_all() if self._up else ():
             if self._is_it(identifier, data):
@@ -217,16 +223,12 @@ class AkDrive:
                     self._take(reply, now)
             elif self._commands(identifier, data):
                 readings.meant()
-            elif encoder is not None:
-                angle = encoder.read(identifier, data, now)
-                if angle is not None:
-                    readings.turned(angle)
-                elif encoder.foreign(identifier & ~REMOTE):
-                    readings.meant()
+            else:
+                self._read_joint(identifier, data, now)
         self._lost = self._lost or now - self._replied_at > LOST
         if self._lost:
             readings.motor = math.nan
-        self._before, self._state = self._state, self._standing()
+        self._see(self._standing())
         return readings.reading(now, self._state, self._host.errors)
 
     def _take(self, reply: AkReply, now: float) -> None:
@@ -253,7 +255,7 @@ class AkDrive:
             return
         current = drive.motor_direction * reply.torque / (drive.gear * drive.torque_constant)
         temperature = float((reply.temperature + 128) % 256 - 128 if drive.temperature_zero == 0 else reply.temperature)
-        sampled = now if math.isnan(self._sent_at) else self._sent_at
+        sampled = now if math.isnan(self._written) else self._written
         readings.moved(self._scale.angle(self._position), current, temperature - drive.temperature_zero, sampled)
         if self._entered:
             self._try(now)
@@ -300,8 +302,7 @@ class AkDrive:
         if not self._up:
             return
         broken = self._silence.broken(now)
-        self._fell = fell(self._before, self._state, asked=self._asked, already=self._fell, power=power)
-        self._fell = self._fell or (broken and self._entered and power is not Power.OFF)
+        self._fell = self._has_fallen(power) or (broken and self._entered and power is not Power.OFF)
         position = self._scale.counts(target)
         fine = abs(position) <= HIGHEST_POSITION - ROOM and not (math.isnan(self._position) or self._lost)
         on = power is Power.ON and fine and not self._fell and not self._readings.error
@@ -319,9 +320,8 @@ class AkDrive:
             drive, most = self._drive, self._drive.torque_offset
             pushed = max(-most, min(most, torque)) if math.isfinite(torque) else 0.0
             self._follow(position, drive.stiffness, drive.damping, drive.motor_direction * pushed)
-        self._sent_at = now
-        if self._encoder is not None and self._encoder.synced:
-            self._host.sync(canopen.SYNC)
+        self._written = now
+        self._sync_encoder()
 
     def _follow(self, position: float, stiffness: float, damping: float, torque: float) -> None:
         """A command; what the drive should make of it is kept."""
@@ -336,18 +336,6 @@ class AkDrive:
             self._until_off = self._unanswered + 1
         self._entered, self._expected = False, 0.0
         self._send(EXIT)
-
-    def reset_fault(self) -> None:
-        """See `hardware.ports.Drive.reset_fault`: a fault ends when the drive reports none; nothing resets it."""
-
-    def close(self) -> TorqueLeft:
-        """See `hardware.ports.Drive.close`; a reply to the order to leave motor mode, without torque, is its word."""
-        left = self._host.power_off(self._tell_off, self._torque_told)
-        if self._host.joined and self._encoder is not None:
-            self._host.send(canopen.NMT, bytes((canopen.NMT_STOP, self._drive.joint_node_id)))
-        self._up = False
-        self._host.leave()
-        return left
 
     def _tell_off(self, number: int) -> None:
         """The order to leave motor mode; before the first one, once, no gains."""

@@ -8,7 +8,7 @@ import math
 
 from bowden.core.signals import EMERGENCY_STOP, DriveReading, DriveState
 from bowden.hardware.buses.link import BusPlace, BusPort, Links
-from bowden.hardware.buses.unix_bus import ERROR, REMOTE
+from bowden.hardware.buses.unix_bus import REMOTE
 from bowden.hardware.drives import canopen_frames as frames
 from bowden.hardware.drives.canopen_setup import (
     DISABLE_VOLTAGE,
@@ -20,18 +20,12 @@ from bowden.hardware.drives.canopen_setup import (
     restore,
     set_up,
 )
-from bowden.hardware.drives.cia402 import WITH_TORQUE, Controlword, controlword, decode, fell
+from bowden.hardware.drives.cia402 import WITH_TORQUE, Controlword, controlword, decode
+from bowden.hardware.drives.driver import Driver
 from bowden.hardware.drives.emergencies import SAFE_TORQUE_OFF
-from bowden.hardware.drives.findings import INERT, UNWATCHED, WATCH_EVERY, LagWatch
-from bowden.hardware.drives.homing import zeroed
+from bowden.hardware.drives.findings import UNWATCHED, WATCH_EVERY, LagWatch
 from bowden.hardware.drives.parameters import DriveParameters, check_parameters, load_of
 from bowden.hardware.ports import Power, TorqueLeft
-
-MOST_FRAMES = 64
-"""Frames that one cycle reads at most, so that a flood on the bus cannot hold the loop."""
-
-CLOSING_CYCLES = 20
-"""How often `close` asks for the power to go off, 2 ms apart, while the drive still has torque."""
 
 MOST_INPUTS_AGE = 10
 """Cycles for which the digital inputs may be missing; after that the emergency stop counts as pressed, by a node that
@@ -50,16 +44,8 @@ WATCH = ((0x1016, 1), (0x6007, 0))
 REPEAT = 10e-3
 """Until the drive has confirmed an order to its brake it is repeated so often [s]."""
 
-SETTLED = 10
-"""Orders to follow the target, in a row, after which a drive is expected to do it."""
 
-NOTHING = DriveReading(
-    math.nan, math.nan, math.nan, math.nan, math.nan, math.inf, math.inf, math.inf, 0.0, 0.0, 0.0, 0.0, 0.0
-)  # fmt: skip
-"""What has been read before anything has come."""
-
-
-class CanopenDrive:
+class CanopenDrive(Driver):
     """The drive of one motor.
 
     Args:
@@ -72,12 +58,10 @@ class CanopenDrive:
 
     def __init__(self, parameters: DriveParameters, links: Links | None = None) -> None:
         check_parameters(parameters)
-        self._drive, self._links = parameters, links or Links()
-        self._port: BusPort | None = None
+        self._drive = parameters
+        place = BusPlace(parameters.interface, parameters.channel, parameters.bitrate)
+        super().__init__(parameters, place, links, synced=True, restore=self._restore)
         self._found: DriveFindings | None = None
-        self._bus_errors = 0
-        self.serial = ""
-        """See `hardware.ports.serial_of`."""
         self._begin(DriveState.NOT_READY_TO_SWITCH_ON)
         node, host = parameters.node_id, parameters.host_id
         self._pushed = parameters.torque_offset > 0.0
@@ -89,48 +73,35 @@ class CanopenDrive:
         self._watch_as_set = {0x1016: (heartbeat_consumer(parameters),), 0x6007: (FAULT_SIGNAL, DISABLE_VOLTAGE)}
         self._ours = frames.of_the_host(node, host)
 
-    def bring_up(self) -> str:
-        """See `hardware.ports.Drive.bring_up`; may be called again after a failure or a reboot of the drive."""
-        drive = self._drive
-        if self._port is None:
-            place = BusPlace(drive.interface, drive.channel, drive.bitrate)
-            self._port = self._links.join(
-                place, f"node {drive.node_id}", self._wants, synced=True, restore=self._restore
-            )
-        try:
-            self._found = set_up(self._port.bus, drive)
-            self._port.disturbed()
-        except BaseException:
-            self._leave()
-            raise
-        self.serial = self._found.serial
-        self._begin(self._found.state)
+    def _find(self, port: BusPort) -> str:
+        self._found = None
+        found = self._found = set_up(port.bus, self._drive)
+        port.disturbed()
+        self.serial = found.serial
+        self._begin(found.state)
         self._operational = True
-        return self._found.identity
+        return found.identity
 
     def _restore(self) -> None:
         """Be as it was brought up, after another drive on this bus was."""
-        if self._port is not None and self._found is not None and self._found.state is not DriveState.FAULT:
-            restore(self._port.bus, self._drive)
+        bus = self._host.bus
+        if bus is not None and self._found is not None and self._found.state is not DriveState.FAULT:
+            restore(bus, self._drive)
 
-    def _wants(self, identifier: int) -> bool:
-        """Whether a frame is of this drive, or one that only this host may send, or an error of the bus."""
-        node, plain = self._drive.node_id, identifier & ~REMOTE
-        return bool(identifier & ERROR) or identifier & 0x7F == node or plain in self._ours
+    def _concerns(self, identifier: int) -> bool:
+        return identifier & 0x7F == self._drive.node_id or identifier in self._ours
 
     def _begin(self, state: DriveState) -> None:
         """Nothing has been read or sent yet, and the drive is in that state."""
-        self._state = self._before = self._statusword_state = state
-        self._operational = self._fell = self._reset = False
+        self._reset_to(state)
+        self._statusword_state = state
+        self._operational = False
         self._sent = int(Controlword.DISABLE_VOLTAGE)
         self._counts = 0  # the motor's position, as it came last
-        self._values = NOTHING
         self._stop_released, self._inputs_age = True, 0
-        self._heartbeat_at, self._heartbeat_sent = math.nan, -math.inf
-        self._synced = self._target = math.nan
-        self._followed = 0  # orders to follow the target, in a row
+        self._heartbeat_sent = -math.inf
         self._due = SPARE  # TPDO 1 that may come
-        self._asked, self._asked_at = 0, -math.inf  # questions about the watch
+        self._questioned, self._questioned_at = 0, -math.inf  # about the watch
         self._unwatched: set[int] = set()  # objects that are not as they were set
         self._lag = self._watch()
         self._brake = False  # whether it is to hold; bring-up has released it
@@ -149,37 +120,32 @@ class CanopenDrive:
 
     def read(self, now: float) -> DriveReading:
         """See `hardware.ports.Drive.read`."""
-        values = self._values
-        motor_age, joint_age, emergency, foreign = values.motor_age + 1.0, values.joint_age + 1.0, 0.0, 0.0
-        motor, joint, current = values.motor, values.joint, values.current
-        tension, temperature, joint_torque = values.tension, values.temperature, values.joint_torque
-        drive, found, port = self._drive, self._found, self._port
-        for cob_id, data in () if found is None or port is None else port.take_all():
+        readings, drive, found = self._readings, self._drive, self._found
+        readings.cycle(now)
+        for cob_id, data in () if found is None or not self._up else self._host.take_all():
             if found is None:
                 break
-            if cob_id & ERROR:
-                self._bus_errors += 1
-            elif cob_id == self._tpdo1 and (motion := frames.unpack_tpdo1(data)) is not None:
+            if cob_id == self._tpdo1 and (motion := frames.unpack_tpdo1(data)) is not None:
                 self._counts = motion.position
                 self._statusword_state = decode(motion.statusword)
-                motor, motor_age = found.motor.angle(motion.position), 0.0
                 current = self._current(motion.torque, found)
+                readings.moved(found.motor.angle(motion.position), current, readings.temperature, self._written)
                 self._due -= 1.0
                 if self._due < 0.0:  # not the drive's: it sends one for each SYNC
-                    self._due, foreign = 0.0, foreign + 1.0
+                    self._due = 0.0
+                    readings.meant()
             elif cob_id == self._tpdo2 and (sensors := frames.unpack_tpdo2(data)) is not None:
-                joint, joint_age = found.joint.angle(sensors.joint), 0.0
-                temperature = math.nan if sensors.temperature is None else 0.1 * sensors.temperature
+                readings.turned(found.joint.angle(sensors.joint))
+                readings.temperature = math.nan if sensors.temperature is None else 0.1 * sensors.temperature
                 if drive.tension_scale != 0.0:
-                    tension = load_of(drive, sensors.analog)
+                    readings.tension = load_of(drive, sensors.analog)
                 elif drive.torque_scale != 0.0:
-                    joint_torque = load_of(drive, sensors.analog)
+                    readings.joint_torque = load_of(drive, sensors.analog)
             elif cob_id == self._beats and (state := frames.unpack_heartbeat(data)) is not None:
-                self._heartbeat_at = now
+                readings.replied(now)
                 self._operational = self._operational and state == frames.OPERATIONAL
             elif cob_id == self._emergencies and (code := frames.unpack_emergency(data)):
-                sent = EMERGENCY_STOP if code == SAFE_TORQUE_OFF else float(code)
-                emergency = emergency or sent  # of several in a cycle the first is the cause
+                readings.found(EMERGENCY_STOP if code == SAFE_TORQUE_OFF else code)
             elif cob_id == self._tpdo3 and (inputs := frames.unpack_tpdo3(data)) is not None:
                 self._stop_released, self._inputs_age = bool(inputs >> drive.emergency_stop_input & 1), 0
             elif cob_id == self._answers and frames.unpack_sdo_written(data) == OUTPUTS:
@@ -187,25 +153,18 @@ class CanopenDrive:
             elif cob_id == self._answers and (said := frames.unpack_sdo_value(data)) is not None:
                 self._see_watch(*said)
             elif cob_id & ~REMOTE in self._ours:
-                foreign += 1.0
-        missing = self._inputs_age > MOST_INPUTS_AGE and max(motor_age, joint_age) <= MOST_ANGLES_AGE
+                readings.meant()
+        there = max(readings.motor_age, readings.joint_age) <= MOST_ANGLES_AGE
+        missing = self._inputs_age > MOST_INPUTS_AGE and there
         if drive.emergency_stop_input >= 0 and (missing or not self._stop_released):
-            emergency = EMERGENCY_STOP
+            readings.stopped()
         self._inputs_age += 1
-        self._before, self._state = self._state, self._statusword_state if self._operational else DriveState(0)
-        led = self._state is DriveState.OPERATION_ENABLED and self._followed >= SETTLED
-        if self._lag.inert(motor, self._target, current, now, led=led, fresh=motor_age == 0.0):
-            emergency = emergency or float(INERT)
+        self._see(self._statusword_state if self._operational else DriveState.NOT_READY_TO_SWITCH_ON)
+        self._see_inert(self._lag, now)
         if self._unwatched and self._operational:
-            emergency = emergency or float(UNWATCHED)
-        if math.isnan(self._heartbeat_at):
-            self._heartbeat_at = now  # of the first cycle: from here on it can be late
-        self._values = DriveReading(
-            motor, joint, current, tension, temperature, motor_age, joint_age,
-            now - self._heartbeat_at, float(self._state), emergency, float(self._errors()), foreign,
-            0.0 if math.isnan(self._synced) else now - self._synced, joint_torque,
-        )  # fmt: skip
-        return self._values
+            readings.found(UNWATCHED)
+        readings.sampled = self._written
+        return readings.reading(now, self._state, self._host.errors)
 
     def _see_watch(self, index: int, value: int) -> None:
         """What the drive says of an object of its watch over us; one that has started again says it at bring-up."""
@@ -223,32 +182,33 @@ class CanopenDrive:
         operation by itself is not switched on again before `Power.OFF` has been wanted. A torque offset goes out only
         with the order to follow the target, to a drive that does, and within the rig's bound.
         """
-        if self._port is None or self._found is None:
+        if not self._up or self._found is None:
             return
-        self._fell = fell(self._before, self._state, self._sent, self._fell, power)
+        fallen = self._has_fallen(power)
         counts = self._found.motor.counts(target)
-        if math.isnan(self._values.motor):
+        if math.isnan(self._readings.motor):
             power = min(power, Power.READY)
         if not -frames.INT32 <= counts <= frames.INT32 - 1:
             power, counts = Power.OFF, float(self._counts)
-        wanted = Power.OFF if self._fell else power
+        wanted = Power.OFF if fallen else power
         if self._state is not DriveState.OPERATION_ENABLED:
             counts = float(self._counts)
         self._sent = controlword(self._state, wanted, self._reset and self._sent != Controlword.FAULT_RESET)
         if self._sent == Controlword.FAULT_RESET or self._state is not DriveState.FAULT:
             self._reset = False
         led = self._state is DriveState.OPERATION_ENABLED and self._sent == Controlword.ENABLE_OPERATION
-        self._target, self._followed = (target, self._followed + 1) if led else (math.nan, 0)
+        self._asked = self._sent == Controlword.ENABLE_OPERATION
+        self._target, self._led = (target, self._led + 1) if led else (math.nan, 0)
         self._order(self._sent, round(counts), torque if led and math.isfinite(torque) else 0.0)
-        self._synced, self._due = now, min(self._due + (1.0 + REFILL if self._due < SPARE else 1.0), MOST_DUE)
+        self._written, self._due = now, min(self._due + (1.0 + REFILL if self._due < SPARE else 1.0), MOST_DUE)
         if power is Power.OFF:
             self.set_brake(False)
         if not self._brake_confirmed and now - self._brake_at >= REPEAT:
             self._brake_at = now
             self._send(self._questions, brake_order(self._drive, engaged=self._brake))
-        elif now - self._asked_at >= WATCH_EVERY:  # after the SYNC, which it does not delay
-            self._asked, self._asked_at = self._asked + 1, now
-            self._send(self._questions, frames.pack_sdo_read(*self._watched[self._asked % len(self._watched)]))
+        elif now - self._questioned_at >= WATCH_EVERY:  # after the SYNC, which it does not delay
+            self._questioned, self._questioned_at = self._questioned + 1, now
+            self._send(self._questions, frames.pack_sdo_read(*self._watched[self._questioned % len(self._watched)]))
         if now - self._heartbeat_sent >= self._drive.heartbeat_time - 0.5 * self._drive.sample_time:
             self._heartbeat_sent = now
             self._send(self._heartbeat, _OPERATIONAL)
@@ -260,9 +220,8 @@ class CanopenDrive:
             bounded = max(-drive.torque_offset, min(drive.torque_offset, torque))
             share = round(1e3 * drive.motor_direction * bounded / (drive.gear * self._found.rated_torque))
             share = max(-frames.INT16, min(frames.INT16 - 1, share))
-        if self._port is not None:
-            self._port.send(self._rpdo, frames.pack_rpdo1(control, counts, share))
-            self._port.sync(frames.SYNC)
+        self._send(self._rpdo, frames.pack_rpdo1(control, counts, share))
+        self._host.sync(frames.SYNC)
 
     @property
     def brake_confirmed(self) -> bool:
@@ -274,61 +233,24 @@ class CanopenDrive:
         if engaged != self._brake and self._drive.brake_output != "none":
             self._brake, self._brake_confirmed, self._brake_at = engaged, False, -math.inf
 
-    def reset_fault(self) -> None:
-        """See `hardware.ports.Drive.reset_fault`; without effect where the drive has no fault."""
-        self._reset = True
+    def _tell_off(self, number: int) -> None:
+        if number == 0 and self._brake:
+            self._send(self._questions, brake_order(self._drive, engaged=False))
+        self._order(Controlword.DISABLE_VOLTAGE, self._counts)
 
-    def zeroed(self, motor: float = 0.0, joint: float = 0.0) -> DriveParameters:
-        """`homing.zeroed` at what has been read last: homing by hand."""
-        return zeroed(self._drive, self._values, motor, joint)
+    def _torque_told(self, identifier: int, data: bytes) -> bool | None:
+        motion = frames.unpack_tpdo1(data) if identifier == self._tpdo1 else None
+        return None if motion is None else decode(motion.statusword) in WITH_TORQUE
 
-    def close(self) -> TorqueLeft:
-        """See `hardware.ports.Drive.close`.
-
-        The drive stops watching our heartbeat only once it has said that it has no torque. What it said
-        before it was switched off for the last time does not count.
-        """
-        left = TorqueLeft.OFF
-        if self._port is not None and self._found is not None:
-            left, self._port.synced = TorqueLeft.UNKNOWN, False
-            if self._brake:
-                self._send(self._questions, brake_order(self._drive, engaged=False))
-            for _ in range(MOST_FRAMES):
-                if self._port is None or self._port.take() is None:
-                    break
-            for _ in range(CLOSING_CYCLES):
-                self._order(Controlword.DISABLE_VOLTAGE, self._counts)
-                status = self._wait_for(frames.TPDO1, 0.002)
-                motion = frames.unpack_tpdo1(status) if status is not None else None
-                if motion:
-                    left = TorqueLeft.ON if decode(motion.statusword) in WITH_TORQUE else TorqueLeft.OFF
-                if left is TorqueLeft.OFF:
-                    node = self._drive.node_id
-                    self._send(frames.SDO_REQUEST + node, frames.pack_sdo_write(0x1016, 1, 0, 4))
-                    self._wait_for(frames.SDO_ANSWER, self._drive.answer_timeout)  # none of a node that NMT has stopped
-                    break
-            self._send(frames.NMT, bytes((frames.NMT_STOP, self._drive.node_id)))
-        self._leave()
-        return left
-
-    def _wait_for(self, cob_id: int, timeout: float) -> bytes | None:
-        """The data of the drive's next frame of that kind; None where it does not come."""
-        wanted = cob_id + self._drive.node_id
-        frame = self._port.wait_for(lambda identifier, _: identifier == wanted, timeout) if self._port else None
-        return None if frame is None else frame[1]
-
-    def _errors(self) -> int:
-        return self._bus_errors + (self._port.errors if self._port else 0)
-
-    def _leave(self) -> None:
-        if self._port is not None:
-            self._bus_errors += self._port.errors
-            self._port.leave()
-        self._port = self._found = None
+    def _let_go(self, left: TorqueLeft) -> None:
+        """It stops watching our heartbeat only once it has said that it has no torque; and it is stopped."""
+        if left is TorqueLeft.OFF:
+            self._send(self._questions, frames.pack_sdo_write(0x1016, 1, 0, 4))
+            self._host.wait_for(self._answers, self._drive.answer_timeout)  # none of a node that NMT has stopped
+        self._send(frames.NMT, bytes((frames.NMT_STOP, self._drive.node_id)))
 
     def _send(self, cob_id: int, data: bytes) -> None:
-        if self._port is not None:
-            self._port.send(cob_id, data)
+        self._host.send(cob_id, data)
 
 
 def brake_order(drive: DriveParameters, *, engaged: bool) -> bytes:

@@ -7,7 +7,6 @@ drive modes 6502h.
 from enum import IntEnum
 
 from bowden.core.signals import DriveState
-from bowden.hardware.drives import enabling
 from bowden.hardware.ports import Power
 
 
@@ -105,19 +104,6 @@ def controlword(state: DriveState, power: Power, reset: bool = False) -> int:
     if reset and state is DriveState.FAULT:
         return Controlword.FAULT_RESET
     return CONTROL[state, power]
-
-
-def fell(before: DriveState, now: DriveState, sent: int, already: bool, power: Power) -> bool:
-    """Whether the drive has left operation enabled by itself; see `hardware.drives.enabling.fell`.
-
-    Args:
-        before: the state of the cycle before.
-        now: the state of this cycle.
-        sent: the controlword sent in the cycle before.
-        already: the value of the cycle before.
-        power: what is wanted now.
-    """
-    return enabling.fell(before, now, asked=sent == Controlword.ENABLE_OPERATION, already=already, power=power)
 
 
 def step(state: DriveState, control: int, edge: bool, fault_gone: bool = True) -> DriveState:

@@ -30,20 +30,28 @@ class HostEnd:
         links: the buses of this process; of its own where none are given.
         concerns: whether a frame with this identifier, without its flags, is the drive's or its host's.
         synced: whether something for the whole bus is sent in each cycle, see `BusPort.sync`.
+        restore: see `BusPort.disturbed`.
     """
 
     def __init__(
-        self, place: BusPlace, node: int, links: Links | None, concerns: Callable[[int], bool], *, synced: bool = False
+        self,
+        place: BusPlace,
+        node: int,
+        links: Links | None,
+        concerns: Callable[[int], bool],
+        *,
+        synced: bool = False,
+        restore: Callable[[], None] | None = None,
     ) -> None:
         self._place, self._node, self._links = place, f"node {node}", links or Links()
-        self._concerns, self._synced = concerns, synced
+        self._concerns, self._synced, self._restore = concerns, synced, restore
         self._port: BusPort | None = None
         self._errors = 0
 
     @property
-    def joined(self) -> bool:
-        """Whether there is a bus."""
-        return self._port is not None
+    def bus(self) -> can.BusABC | None:
+        """The bus, while it is joined."""
+        return None if self._port is None else self._port.bus
 
     @property
     def errors(self) -> float:
@@ -57,7 +65,8 @@ class HostEnd:
             DriveError: the bus cannot be joined, or what `find` raises.
         """
         if self._port is None:
-            self._port = self._links.join(self._place, self._node, self._wants, synced=self._synced)
+            join = self._links.join
+            self._port = join(self._place, self._node, self._wants, synced=self._synced, restore=self._restore)
         else:
             self.drain()
         try:
@@ -79,6 +88,11 @@ class HostEnd:
                 self._errors += sum(bool(one[0] & ERROR) for one in found)
                 return [one for one in found if not one[0] & ERROR]
         return found
+
+    def wait_for(self, identifier: int, timeout: float) -> bytes | None:
+        """The data of the next frame with an identifier; None where it does not come within `timeout` [s]."""
+        frame = self._port.wait_for(lambda found, _: found == identifier, timeout) if self._port else None
+        return None if frame is None else frame[1]
 
     def drain(self) -> None:
         """Take what has come up to now, and forget it."""

@@ -131,7 +131,7 @@ class JointEncoder:
     """
 
     def __init__(self, parameters: JointEncoderParameters, timeout: float) -> None:
-        self._given, self._timeout, self._node = parameters, timeout, parameters.node_id
+        self._given, self._timeout, self.node_id = parameters, timeout, parameters.node_id
         self._health = SensorHealth(parameters.node_id)
         self._scale = Scale(1.0, 0.0)
         self._turns = LimitedRange(math.inf)
@@ -143,7 +143,7 @@ class JointEncoder:
 
     def wants(self, identifier: int) -> bool:
         """Whether a frame is of it, or one that only its host may send."""
-        return (identifier & 0x7F == self._node and identifier > 0x7F) or self.foreign(identifier)
+        return (identifier & 0x7F == self.node_id and identifier > 0x7F) or self.foreign(identifier)
 
     def foreign(self, identifier: int) -> bool:
         """Whether a frame is one that only its host may send."""
@@ -161,7 +161,7 @@ class JointEncoder:
         from bowden.hardware.drives.canopen_dialogue import dialogue
 
         given = self._given
-        with dialogue(bus, self._node, HOST, self._timeout, "a CiA 406 encoder") as node:
+        with dialogue(bus, self.node_id, HOST, self._timeout, "a CiA 406 encoder") as node:
             if not node.answers():
                 node.command(frames.NMT_PRE_OPERATIONAL)
             turns = _check_kind(node)

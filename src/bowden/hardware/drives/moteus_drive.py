@@ -12,9 +12,8 @@ from bowden.core.signals import DriveReading, DriveState
 from bowden.hardware.buses.link import BusPlace, BusPort, Links
 from bowden.hardware.buses.unix_bus import EXTENDED
 from bowden.hardware.drives import moteus_frames as frames
-from bowden.hardware.drives.enabling import fell
-from bowden.hardware.drives.findings import INERT, LEFT, LOST_TURNS, UNWATCHED, LagWatch
-from bowden.hardware.drives.host_end import HostEnd
+from bowden.hardware.drives.driver import LOST, SETTLED, Driver
+from bowden.hardware.drives.findings import LEFT, LOST_TURNS, UNWATCHED, LagWatch
 from bowden.hardware.drives.limited_range import LimitedRange, TurnCount
 from bowden.hardware.drives.moteus_faults import TIMED_OUT
 from bowden.hardware.drives.moteus_frames import BoardMode
@@ -28,17 +27,12 @@ from bowden.hardware.drives.moteus_setup import (
     set_up,
     state_of,
 )
-from bowden.hardware.drives.readings import Readings
-from bowden.hardware.ports import Power, TorqueLeft
+from bowden.hardware.ports import Power
 
 _NO_FLAGS = ~EXTENDED & 0xFFFF_FFFF
-LOST = 0.1
-"""Silence of the board after which it may have started again, and its position be off by whole turns [s]."""
-SETTLED = 10
-"""Cycles of commands after which every reply is to one of them."""
 
 
-class MoteusDrive:
+class MoteusDrive(Driver):
     """The drive of one motor.
 
     Args:
@@ -54,45 +48,33 @@ class MoteusDrive:
         drive = self._drive = parameters
         place = BusPlace(drive.interface, drive.channel, drive.bitrate, fd=True, data_bitrate=drive.data_bitrate)
         self._answer = frames.identifier_of(drive.node_id, drive.host_id, drive.can_prefix)
-        self._host = HostEnd(place, drive.node_id, links, self._concerns)
+        super().__init__(drive, place, links)
         self._cycle = frames.CommandFrames(parameters.joint_source)
         self._found: MoteusFindings | None = None
-        self.serial = ""
-        """See `hardware.ports.serial_of`."""
-        self._readings = Readings()
         self._joint_turns = LimitedRange(1.0)
         self._lag = LagWatch(drive.current_limit, drive.lag_current, drive.lag_time)
         self._to_board = frames.identifier_of(drive.host_id, drive.node_id, drive.can_prefix, reply=True)
         self._to_board |= EXTENDED * (self._to_board > frames.STANDARD_ID)
         self._begin(DriveState.NOT_READY_TO_SWITCH_ON, 0)
 
-    def bring_up(self) -> str:
-        """See `hardware.ports.Drive.bring_up`; may be called again after a failure or a restart of the board."""
+    def _find(self, port: BusPort) -> str:
         self._found = None
-        return self._host.bring_up(self._set_up)
-
-    def _set_up(self, port: BusPort) -> str:
         found = set_up(port, self._drive)
         self._found, self.serial = found, found.serial
         self._begin(found.state, found.fault)
         return found.identity
 
     def _concerns(self, identifier: int) -> bool:
-        """Whether a frame is of this board, or one that only this host may send."""
         return is_answer(self._drive, identifier) or is_foreign(self._drive, identifier)
 
     def _begin(self, state: DriveState, fault: int) -> None:
         """Nothing has been read or sent yet, and the board is in that state."""
-        self._state = self._before = state
-        self._fell = self._reset = self._asked = self._lost = False
+        self._reset_to(state)
         self._replied = math.nan  # [s]
         fastest = math.inf if self._found is None else self._found.limits.speed
         self._count = TurnCount(self._drive.output_ratio, fastest)
-        self._commands = 0  # in a row
-        self._target = self._turns = math.nan  # of the cycle before [rad], [turns]
-        self._written = math.nan
+        self._turns = math.nan  # the target of the cycle before
         self._timed_out = False
-        self._readings.begin()
         self._readings.failed(fault)  # one that was there before is no news
         self._joint_turns.begin()
         if self._found is not None:
@@ -104,7 +86,7 @@ class MoteusDrive:
         readings, drive, found = self._readings, self._drive, self._found
         readings.cycle(now)
         state = self._state
-        for identifier, data in () if found is None else self._host.take_all():
+        for identifier, data in self._host.take_all() if self._up else ():
             if identifier & _NO_FLAGS == self._answer:
                 reply = self._cycle.reply(data)
                 if reply is not None and found is not None:
@@ -115,14 +97,10 @@ class MoteusDrive:
         self._lost = self._lost or now - self._replied > LOST
         if self._lost:
             readings.motor, state = math.nan, DriveState.NOT_READY_TO_SWITCH_ON
-        self._before, self._state = self._state, state
+        self._see(state)
         if self._asked and self._before is DriveState.OPERATION_ENABLED is not state and state is not DriveState.FAULT:
             readings.found(TIMED_OUT if self._timed_out else LEFT)
-        led = state is DriveState.OPERATION_ENABLED and self._commands >= SETTLED
-        if self._lag.inert(
-            readings.motor, self._target, readings.current, now, led=led, fresh=readings.motor_age == 0.0
-        ):
-            readings.found(INERT)
+        self._see_inert(self._lag, now)
         return readings.reading(now, state, self._host.errors)
 
     def _take(self, reply: frames.MoteusReply, found: MoteusFindings, now: float) -> DriveState:
@@ -143,7 +121,7 @@ class MoteusDrive:
             readings.turned(found.joint.angle(self._joint_turns.follow(_within_a_turn(reply.joint))))
         self._timed_out = reply.mode == BoardMode.TIMEOUT
         readings.failed((reply.fault & 0xFF or LEFT) if reply.mode == BoardMode.FAULT else 0)
-        if self._commands >= SETTLED and not abs(reply.timeout - drive.watchdog) <= SAME_TIME:
+        if self._led >= SETTLED and not abs(reply.timeout - drive.watchdog) <= SAME_TIME:
             readings.found(UNWATCHED)
         return state_of(reply.mode)
 
@@ -157,37 +135,26 @@ class MoteusDrive:
         only with the order to follow the target, to a board that does, and within the rig's bound.
         """
         found = self._found
-        if found is None:
+        if found is None or not self._up:
             return
-        self._fell = fell(self._before, self._state, asked=self._asked, already=self._fell, power=power)
+        fallen = self._has_fallen(power)
         turns = found.motor.counts(target) if math.isfinite(target) else math.nan
         fine = abs(turns) <= frames.MOST_TURNS and math.isfinite(self._readings.motor)
-        if power is Power.ON and fine and not self._fell and self._state is not DriveState.FAULT:
+        if power is Power.ON and fine and not fallen and self._state is not DriveState.FAULT:
             led = self._state is DriveState.OPERATION_ENABLED
             sent = turns if led else math.nan
             command = command_of(self._drive, found.limits, sent, self._turns, torque if led else 0.0)
             self._put(self._cycle.command(command))
-            self._asked, self._commands = True, self._commands + 1
+            self._asked, self._led = True, self._led + 1
             self._target, self._turns = (target, turns) if led else (math.nan, math.nan)
         else:
             keep = self._state is DriveState.FAULT and not self._reset
             self._put(self._cycle.ask if keep else self._cycle.stop)
-            self._asked, self._commands = False, 0
+            self._asked, self._led = False, 0
             self._target = self._turns = math.nan
         if self._state is not DriveState.FAULT or self._reset:
             self._reset = False
         self._written = now
-
-    def reset_fault(self) -> None:
-        """See `hardware.ports.Drive.reset_fault`; without effect where the board has no fault."""
-        self._reset = True
-
-    def close(self) -> TorqueLeft:
-        """See `hardware.ports.Drive.close`; what the board said before the last stop does not count."""
-        left = TorqueLeft.OFF if self._found is None else self._host.power_off(self._tell_off, self._torque_told)
-        self._found = None
-        self._host.leave()
-        return left
 
     def _tell_off(self, number: int) -> None:
         self._put(self._cycle.ask if self._state is DriveState.FAULT else self._cycle.stop)

@@ -17,12 +17,10 @@ import math
 from bowden.core.signals import EMERGENCY_STOP, DriveReading, DriveState
 from bowden.hardware.buses.link import BusPort, Links
 from bowden.hardware.buses.unix_bus import REMOTE
-from bowden.hardware.drives import canopen_frames as canopen
 from bowden.hardware.drives import odrive_frames as frames
-from bowden.hardware.drives.enabling import fell
-from bowden.hardware.drives.findings import INERT, LEFT, LOST_TURNS, UNWATCHED, WATCH_EVERY, LagWatch
-from bowden.hardware.drives.host_end import HostEnd
-from bowden.hardware.drives.joint_encoder import JointEncoder, joint_encoder_of
+from bowden.hardware.drives.driver import LOST, Driver
+from bowden.hardware.drives.findings import LEFT, LOST_TURNS, UNWATCHED, WATCH_EVERY, LagWatch
+from bowden.hardware.drives.joint_encoder import joint_encoder_of
 from bowden.hardware.drives.limited_range import TurnCount
 from bowden.hardware.drives.odrive_endpoints import ENABLED, TIMEOUT, endpoints_of
 from bowden.hardware.drives.odrive_faults import ESTOP, UNTOLD, WATCHDOG, code_of
@@ -30,8 +28,7 @@ from bowden.hardware.drives.odrive_frames import AxisState, Beat, Cmd, identifie
 from bowden.hardware.drives.odrive_parameters import OdriveParameters, check_parameters, scales_of, target_of
 from bowden.hardware.drives.odrive_setup import SAME, OdriveFindings, is_foreign, set_up, state_of
 from bowden.hardware.drives.on_can import place
-from bowden.hardware.drives.readings import Readings
-from bowden.hardware.ports import Power, TorqueLeft
+from bowden.hardware.ports import Power
 
 TURN = (*(Cmd.GET_IQ,) * 7, Cmd.GET_TEMPERATURE)
 """What a cycle asks for beside the position, in turn."""
@@ -41,15 +38,11 @@ REFUSED = 5
 """Requests in vain after which the board has refused."""
 DISOBEYED = 6
 """Heartbeats with closed loop after it was told to be idle, after which its emergency stop is used."""
-LOST = 0.1
-"""Silence of the board after which it may have started again [s]."""
-SETTLED = 10
-"""Cycles of targets after which every answer is to one of them."""
 _EIGHT = bytes(8)
 _IDLE, _CLOSED_LOOP = frames.pack_state(AxisState.IDLE), frames.pack_state(AxisState.CLOSED_LOOP_CONTROL)
 
 
-class OdriveDrive:
+class OdriveDrive(Driver):
     """The drive of one motor.
 
     Args:
@@ -64,14 +57,8 @@ class OdriveDrive:
         check_parameters(parameters)
         drive = self._drive = parameters
         self._endpoints, self._scales = endpoints_of(drive.endpoints), scales_of(drive)
-        encoder = joint_encoder_of(drive)
-        self._encoder = None if encoder is None else JointEncoder(encoder, drive.answer_timeout)
-        synced = self._encoder is not None and self._encoder.synced
-        self._host = HostEnd(place(drive), drive.node_id, links, self._concerns, synced=synced)
+        super().__init__(drive, place(drive), links, joint_encoder_of(drive))
         self._found: OdriveFindings | None = None
-        self.serial = ""
-        """See `hardware.ports.serial_of`."""
-        self._readings = Readings()
         self._lag = LagWatch(drive.current_limit, drive.lag_current, drive.lag_time)
         self._frames = drive.node_id << 5
         """Identifier of its frames, of command 0."""
@@ -88,41 +75,30 @@ class OdriveDrive:
         """Identifier → command of what it tells."""
         self._begin(DriveState.NOT_READY_TO_SWITCH_ON, 0)
 
-    def bring_up(self) -> str:
-        """See `hardware.ports.Drive.bring_up`; may be called again after a failure or a restart of the board."""
+    def _find(self, port: BusPort) -> str:
         self._found = None
-        return self._host.bring_up(self._set_up)
-
-    def _set_up(self, port: BusPort) -> str:
         found = set_up(port, self._drive, self._endpoints)
-        said = found.identity
-        if self._encoder is not None:
-            said += f"; joint: {self._encoder.bring_up(port.bus)}"
         self._found, self.serial = found, found.serial
         self._begin(found.state, found.errors)
-        return said
+        return found.identity
 
     def _concerns(self, identifier: int) -> bool:
-        """Whether a frame is of this board or its joint's encoder, or one that only this host may send."""
-        mine = identifier >> 5 in (self._drive.node_id, frames.BROADCAST)
-        return mine or (self._encoder is not None and self._encoder.wants(identifier))
+        return identifier >> 5 in (self._drive.node_id, frames.BROADCAST)
 
     def _begin(self, state: DriveState, errors: int) -> None:
         """Nothing has been read or sent yet, and the board is in that state."""
-        self._state = self._before = state
+        self._reset_to(state)
         self._beat = Beat(errors, AxisState.IDLE)
         self._armed_with = 0  # errors that it had when it came to closed loop, of the time before
         self._untouched = True  # nothing with power has been ordered
-        self._fell = self._reset = self._asked = self._lost = False
         self._stopped = False  # by our own Estop
         self._asked_at, self._requests, self._disobeyed = -math.inf, 0, 0
-        self._commands = self._cycles = self._questions = 0
+        self._cycles = self._questions = 0
         self._asked_watch_at = -math.inf
         self._unwatched: set[int] = set()  # settings of the watchdog that are not as they were
-        self._turns = self._target = self._before_turns = math.nan  # as read; as sent [rad], [turns]
-        self._temperature = self._written = self._beat_at = math.nan
+        self._turns = self._before_turns = math.nan  # as read, as sent
+        self._temperature = self._beat_at = math.nan
         self._count = TurnCount(1.0, math.inf if self._found is None else self._found.limits.speed)
-        self._readings.begin()
         self._readings.failed(code_of(errors))  # one that was there before is no news
         self._lag.begin()
 
@@ -130,21 +106,21 @@ class OdriveDrive:
         """See `hardware.ports.Drive.read`."""
         readings, found = self._readings, self._found
         readings.cycle(now)
-        for identifier, data in () if found is None else self._host.take_all():
+        for identifier, data in self._host.take_all() if self._up else ():
             cmd = self._told.get(identifier)
             if cmd is not None and data and found is not None:
                 self._take(cmd, data, found, now)
             elif is_foreign(self._drive.node_id, identifier, data):
                 readings.meant()
-            elif self._encoder is not None:
-                self._take_joint(self._encoder, identifier, data, now)
+            else:
+                self._read_joint(identifier, data, now)
         if math.isnan(self._beat_at):
             self._beat_at = now  # of the first cycle: from here on it can be late
         if now - self._beat_at > LOST:
             self._lost = True
         if self._lost:
             readings.motor = math.nan
-        self._before, self._state = self._state, self._standing()
+        self._see(self._standing())
         self._judge(now)
         return readings.reading(now, self._state, self._host.errors)
 
@@ -176,13 +152,6 @@ class OdriveDrive:
             as_set = value is None or abs(value - wanted) <= SAME * wanted
             (self._unwatched.discard if as_set else self._unwatched.add)(endpoint.number)
 
-    def _take_joint(self, encoder: JointEncoder, identifier: int, data: bytes, now: float) -> None:
-        angle = encoder.read(identifier, data, now)
-        if angle is not None:
-            self._readings.turned(angle)
-        elif encoder.foreign(identifier & ~REMOTE):
-            self._readings.meant()
-
     @property
     def _expired(self) -> bool:
         """Whether the board's one error is that nobody spoke to it before the first order with power."""
@@ -213,11 +182,7 @@ class OdriveDrive:
             readings.found(UNTOLD)
         if self._unwatched and not self._lost:
             readings.found(UNWATCHED)
-        led = led and self._commands >= SETTLED
-        if self._lag.inert(
-            readings.motor, self._target, readings.current, now, led=led, fresh=readings.motor_age == 0.0
-        ):
-            readings.found(INERT)
+        self._see_inert(self._lag, now)
 
     def write(self, target: float, power: Power, now: float, torque: float = 0.0) -> None:
         """See `hardware.ports.Drive.write`.
@@ -229,18 +194,18 @@ class OdriveDrive:
         target, to a board that does, and within the rig's bound.
         """
         found = self._found
-        if found is None:
+        if found is None or not self._up:
             return
-        self._fell = fell(self._before, self._state, asked=self._asked, already=self._fell, power=power)
+        fallen = self._has_fallen(power)
         turns = found.motor.counts(target) if math.isfinite(target) else math.nan
         fine = abs(turns) <= frames.MOST_TURNS and math.isfinite(self._turns) and math.isfinite(self._readings.motor)
         ready = self._state in (DriveState.SWITCH_ON_DISABLED, DriveState.OPERATION_ENABLED)
-        on = power is Power.ON and fine and ready and not self._fell and not self._lost
+        on = power is Power.ON and fine and ready and not fallen and not self._lost
         if on and not self._expired:
             self._untouched = False
             self._lead(found, target, turns, torque, now)
         else:
-            self._asked, self._commands, self._requests = False, 0, 0
+            self._asked, self._led, self._requests = False, 0, 0
             self._target = self._before_turns = math.nan
             if self._disobeyed > DISOBEYED or (power is Power.QUICK_STOP and self._beat.state != AxisState.IDLE):
                 self._disobeyed, self._stopped = 0, True
@@ -257,8 +222,7 @@ class OdriveDrive:
             self._host.send(self._asks[self._cycles % len(TURN)], _EIGHT)
         self._cycles += 1
         self._written = now
-        if self._encoder is not None and self._encoder.synced:
-            self._host.sync(canopen.SYNC)
+        self._sync_encoder()
 
     def _lead(self, found: OdriveFindings, target: float, turns: float, torque: float, now: float) -> None:
         """The order with power: to closed loop, and there to the target."""
@@ -272,7 +236,7 @@ class OdriveDrive:
         if led:
             self._requests = 0
             sent = target_of(self._drive, found.limits, turns, self._before_turns, torque)
-            self._target, self._before_turns, self._commands = target, turns, self._commands + 1
+            self._target, self._before_turns, self._led = target, turns, self._led + 1
         else:
             sent = frames.Target(self._turns, 0.0, 0.0)
         self._order(Cmd.SET_INPUT_POS, frames.pack_target(sent, self._scales))
@@ -283,15 +247,6 @@ class OdriveDrive:
     def reset_fault(self) -> None:
         """See `hardware.ports.Drive.reset_fault`; without effect where the board has no fault."""
         self._reset = self._state is DriveState.FAULT
-
-    def close(self) -> TorqueLeft:
-        """See `hardware.ports.Drive.close`; what the board's heartbeat says after the second order is its word."""
-        left = TorqueLeft.OFF if self._found is None else self._host.power_off(self._tell_off, self._torque_told)
-        if self._found is not None and self._encoder is not None:
-            self._host.send(canopen.NMT, bytes((canopen.NMT_STOP, self._drive.joint_node_id)))
-        self._found = None
-        self._host.leave()
-        return left
 
     def _tell_off(self, number: int) -> None:
         """Idle; and where that does not help the emergency stop."""

@@ -1,12 +1,12 @@
-"""The readings of a drive that has no heartbeat, no emergency frame and no PDOs: made of its replies.
+"""The readings of a drive of any family, made of what has come of it.
 
-The age of its sign of life is that of its last reply; its error code is an emergency when it changes; a sample is as
-old as the command that it answers.
+Of one that has no heartbeat, emergency frame and PDOs the age of its sign of life is that of its last reply; its error
+code is an emergency when it changes; a sample is as old as the command that it answers.
 """
 
 import math
 
-from bowden.core.signals import DriveReading, DriveState
+from bowden.core.signals import EMERGENCY_STOP, DriveReading, DriveState
 
 
 class Readings:
@@ -17,11 +17,11 @@ class Readings:
 
     def begin(self) -> None:
         """Nothing has come yet."""
-        self.motor = self.joint = self.current = self.tension = self.temperature = math.nan
+        self.motor = self.joint = self.current = self.tension = self.temperature = self.joint_torque = math.nan
         self.motor_age = self.joint_age = math.inf
         self._error = 0
         self._emergency = self._foreign = 0.0
-        self._replied = self._sampled = math.nan
+        self._replied = self.sampled = math.nan
 
     def cycle(self, now: float) -> None:
         """A cycle begins at `now` [s]: everything is one older."""
@@ -38,7 +38,7 @@ class Readings:
     def moved(self, motor: float, current: float, temperature: float, sampled: float) -> None:
         """The motor's angle [rad], current [A] and temperature [°C] came, taken at `sampled` [s]; NaN for none."""
         self.motor, self.motor_age = motor, 0.0
-        self.current, self.temperature, self._sampled = current, temperature, sampled
+        self.current, self.temperature, self.sampled = current, temperature, sampled
 
     def turned(self, joint: float) -> None:
         """The joint's angle came [rad]."""
@@ -53,6 +53,10 @@ class Readings:
     def found(self, code: float) -> None:
         """Something is wrong in this cycle; of several the first is the cause."""
         self._emergency = self._emergency or float(code)
+
+    def stopped(self) -> None:
+        """The emergency stop is pressed, which comes before everything else."""
+        self._emergency = EMERGENCY_STOP
 
     def meant(self) -> None:
         """A frame came that nobody but this host may send."""
@@ -69,5 +73,5 @@ class Readings:
             self.motor, self.joint, self.current, self.tension, self.temperature, self.motor_age, self.joint_age,
             now - self._replied if math.isfinite(self._replied) else math.inf,
             float(state), self._emergency, float(bus_errors), self._foreign,
-            0.0 if math.isnan(self._sampled) else now - self._sampled,
+            0.0 if math.isnan(self.sampled) else now - self.sampled, self.joint_torque,
         )  # fmt: skip

@@ -17,12 +17,10 @@ nearest to zero.
 """
 
 import math
-from collections import deque
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, ClassVar
 
 from bowden.core.signals import DriveState
-from bowden.hardware.buses.unix_bus import ERROR
 from bowden.hardware.drives.ak_frames import (
     ENTER,
     EXIT,
@@ -35,23 +33,14 @@ from bowden.hardware.drives.ak_frames import (
 )
 from bowden.hardware.drives.ak_parameters import AkParameters, model_of, motor_scale, reply_id
 from bowden.hardware.drives.joint_encoder import joint_encoder_of
-from bowden.hardware.twin.bench import FOLLOW, OFF
-from bowden.hardware.twin.faults import Faults
 from bowden.hardware.twin.injection import UNCOUNTED
-from bowden.hardware.twin.joint_encoder_node import JointEncoderNode
-from bowden.hardware.twin.node import Journal, Send
+from bowden.hardware.twin.node import HOTTEST, Journal, TwinNode
 from bowden.hardware.twin.objects import Key
-from bowden.hardware.twin.outbox import BIT_ERROR, Outbox
-from bowden.hardware.twin.plant import TwinPlant
+from bowden.hardware.twin.outbox import Send
+from bowden.hardware.twin.plant import FOLLOW, OFF, Doing, TwinPlant
 
 OVER_CURRENT, OVER_TEMPERATURE = 2, 1
 """Error codes of the faults that the twin finds itself, or is given by a number that is none of the drive's."""
-HOTTEST = 110.0
-"""Temperature at which the drive protects itself [°C]."""
-REBOOT_TIME = 0.3
-"""[s]"""
-STEP = 0.9e-3
-"""The bench is moved on at every command, and without one after this [s]."""
 KICK = 20e-3
 """How long it pulls towards a target that it remembers, where that is injected [s]."""
 CLEARED = 0.1
@@ -59,8 +48,8 @@ CLEARED = 0.1
 IDLE = AkCommand(0.0, 0.0, 0.0, 0.0, 0.0)
 
 
-class AkNode:
-    """One drive, as `hardware.twin.node.TwinNode` has it.
+class AkNode(TwinNode):
+    """The drive.
 
     Args:
         drive: model, numbers and directions, as the rig has them.
@@ -70,13 +59,12 @@ class AkNode:
         overrides: objects of the joint's encoder that are otherwise than usual; None takes one away.
     """
 
-    lacks: Mapping[str, str] = {
+    lacks: ClassVar[Mapping[str, str]] = {
         "doubled_pdos": UNCOUNTED,
         "watch_off": "its CAN timeout is set with its maker's tool, over another port",
         "emergency_stop": "an AK drive has no input for it, and its supply is cut: inject reboot, or silence",
         "encoder_nan motor": "its position has no number that means none",
     }
-    """See `hardware.twin.node.TwinNode`."""
 
     def __init__(
         self,
@@ -86,28 +74,15 @@ class AkNode:
         journal: Journal,
         overrides: dict[Key, int | None] | None = None,
     ) -> None:
-        self._drive, self.bench, self.faults = drive, bench, Faults()
-        self._send, self._journal = send, journal
-        self._outbox = Outbox(send, self.faults)
-        self._model, self._scale = model_of(drive), motor_scale(drive)
-        encoder = joint_encoder_of(drive)
-        self._encoder = (
-            None
-            if encoder is None
-            else JointEncoderNode(encoder, lambda: bench.read_encoders()[0], self.faults, send, overrides)
-        )
-        self._history: deque[AkReply] = deque(maxlen=1000)
-        self._shift = 0.0  # between the drive's position and the plant's, after a restart
-        self.patience = 0.0
-        self.scenario_noted = False
-        self._host_at = self._moved = self._ready = -math.inf
-        self._error, self._leaving = 0, math.nan
-        self._moded, self._command = False, IDLE
-        self._kicks_until = -math.inf  # towards the target that it remembers
+        self._drive, self._model = drive, model_of(drive)
+        self.turn = 2.0 * math.pi / self._model.gear
+        self._moded, self._kicks_until = False, -math.inf  # towards the target that it remembers
+        super().__init__(motor_scale(drive), bench, send, journal, joint_encoder_of(drive), overrides)
 
-    def _position(self) -> float:
-        """Of the output shaft, as the drive counts it [rad]."""
-        return self._scale.counts(self.bench.motor) + self._shift
+    def _power_up(self) -> None:
+        self._error, self._leaving, self._command = 0, math.nan, IDLE
+        if math.isfinite(self._ready):
+            self._shift -= self.turn * round(self._position() / self.turn)
 
     @property
     def _gains(self) -> bool:
@@ -115,27 +90,20 @@ class AkNode:
         half = 0.51 * 2.0 * self._model.torque / 4095.0
         return self._command.kp > 0.0 or self._command.kd > 0.0 or abs(self._command.torque) > half
 
-    def status(self) -> dict[str, Any]:
-        """See `hardware.twin.node.TwinNode`."""
+    def _standing(self) -> tuple[DriveState, int, dict[str, Any]]:
         state = DriveState.SWITCH_ON_DISABLED if not self._moded else DriveState.OPERATION_ENABLED
-        return {
-            "state": (DriveState.FAULT if self._error else state).name,
-            "torque": self.bench.doing != OFF,
-            "error_code": self._error,
-            "last_heartbeat": self._host_at if math.isfinite(self._host_at) else None,
-        }
+        return DriveState.FAULT if self._error else state, self._error, {}
 
     def receive(self, identifier: int, data: bytes, now: float) -> None:
-        """A frame from the bus."""
-        if self.faults.destroys(now):
-            self._send(ERROR | BIT_ERROR, bytes(8))
+        """See `TwinNode.receive`."""
+        if self._destroyed(now):
             return
         if self._encoder is not None and identifier != self._drive.node_id:
             self._encoder.receive(identifier, data, now)
-        if identifier != self._drive.node_id or len(data) != 8 or now < self._ready or self.faults.active("deaf", now):
+        if identifier != self._drive.node_id or len(data) != 8 or not self._hears(now):
             return
         self._move(now)  # up to here under the command before
-        self._host_at = now
+        self.host = now
         command = unpack_command(data, self._model)
         if self.faults.active("commands_ignored", now):
             pass  # and what it does not obey counts for its timeout: nothing says otherwise
@@ -150,28 +118,15 @@ class AkNode:
         self._order(now)
         self._reply(now)
 
-    def tick(self, now: float) -> None:
-        """Let time pass: bench, faults, timeout, frames that wait."""
-        for injection in self.faults.due(now):
-            if injection.name == "reboot":
-                self._restart(now)
-            elif injection.name == "mode_left":
-                self._leave(now, "by itself")
-            elif injection.name == "turns_lost":
-                self._shift += injection.amount * 2.0 * math.pi / self._model.gear
-            else:
-                amount = int(injection.amount)
-                self._fail(amount if amount <= 0xFF else OVER_CURRENT, now)
+    def _code_of(self, amount: int) -> int:
+        return amount if amount <= 0xFF else OVER_CURRENT
+
+    def _watch(self, now: float) -> None:
         limit = max(self._drive.watchdog, self.patience)
-        if self._drive.watchdog > 0.0 and now - self._host_at >= limit and self._gains:
+        if self._drive.watchdog > 0.0 and now - self.host >= limit and self._gains:
             self._command = IDLE
             self._journal(now, "timeout", "")
             self._order(now)
-        if now - self._moved >= STEP:
-            self._move(now)
-        if self._encoder is not None:
-            self._encoder.tick(now)
-        self._outbox.tick(now)
 
     def _enter(self, now: float) -> None:
         if self._error or self._moded:
@@ -183,18 +138,15 @@ class AkNode:
             place = self._position() + math.radians(kick.amount)
             self._command = AkCommand(place, 0.0, self._drive.stiffness, self._drive.damping, 0.0)
             self._kicks_until = now + KICK
-        if not self.scenario_noted:
-            self.scenario_noted = True
-            self.bench.start_scenario(now)
 
     def _told_to_leave(self, now: float) -> None:
-        self._leave(now, DriveState.SWITCH_ON_DISABLED.name)
+        self._stop(now, DriveState.SWITCH_ON_DISABLED.name)
         if self._error and math.isnan(self._leaving):
             self._leaving = now
         if now - self._leaving >= CLEARED and self.bench.temperature < HOTTEST:
             self._error, self._leaving = 0, math.nan
 
-    def _leave(self, now: float, why: str) -> None:
+    def _stop(self, now: float, why: str) -> None:
         """Out of motor mode; the command stays, as the gains of one before do when it is entered again."""
         if self._moded:
             self._journal(now, "state", DriveState.SWITCH_ON_DISABLED.name)
@@ -204,36 +156,24 @@ class AkNode:
     def _fail(self, code: int, now: float) -> None:
         self._error, self._leaving = code, math.nan
         self._journal(now, "fault", f"0x{code:02X}")
-        self._leave(now, DriveState.FAULT.name)
-
-    def _restart(self, now: float) -> None:
-        self._journal(now, "reboot", "")
-        self._leave(now, "reboot")
-        self._ready, self._error, self._command = now + REBOOT_TIME, 0, IDLE
-        turn = 2.0 * math.pi / self._model.gear
-        self._shift -= turn * round(self._position() / turn)
+        self._stop(now, DriveState.FAULT.name)
 
     def _order(self, now: float, why: str = "no gains") -> None:
-        """What the motor does by mode and gains."""
-        bench = self.bench
-        torque = self._moded and self._gains
-        if torque and bench.doing == OFF:
-            self._journal(now, "torque_on", "")
-        elif not torque and bench.doing != OFF:
-            self._journal(now, "torque_off", f"{why}; {1e3 * (now - self._host_at):.3f} ms after the last heartbeat")
-        bench.doing = FOLLOW if torque and not self.faults.active("inert", now) else OFF
+        """Whether the motor may have torque, by mode and gains."""
+        self._power(now, on=self._moded and self._gains, why=why)
 
-    def _move(self, now: float) -> None:
-        """Move the bench on, towards where the drive's law has no torque."""
-        bench, command, self._moved = self.bench, self._command, now
-        self.faults.damage(bench, now)
+    def _motor_does(self, now: float, span: float) -> Doing:
+        bench = self.bench
         self._order(now)
-        if bench.doing == FOLLOW:
+        doing = self._follow_or_inert(now, FOLLOW if self._powered else OFF)
+        if doing == FOLLOW:
             bench.command = self._scale.angle(self._position() + self._reach() - self._shift)
             if bench.torque_offset is not None:
-                bench.torque_offset = self._drive.motor_direction * command.torque
-        bench.advance(now)
-        if bench.temperature >= HOTTEST and not self._error:
+                bench.torque_offset = self._drive.motor_direction * self._command.torque
+        return doing
+
+    def _protect(self, now: float) -> None:
+        if self.bench.temperature >= HOTTEST and not self._error:
             self._fail(OVER_TEMPERATURE, now)
 
     def _reach(self) -> float:
@@ -265,9 +205,7 @@ class AkNode:
     def _reply(self, now: float) -> None:
         """What is measured, with the faults of the sensors."""
         drive, bench, faults, model = self._drive, self.bench, self.faults, self._model
-        hot, flows = faults.active("over_temperature", now), faults.active("over_current", now)
-        if hot:
-            bench.temperature = hot.amount
+        flows = faults.active("over_current", now)
         position = self._scale.counts(bench.read_encoders()[1]) + self._shift
         position = faults.encoder("motor", position, 1.0, now)
         if math.isinf(position):
@@ -280,8 +218,7 @@ class AkNode:
             velocity, torque = model.velocity, model.torque
         temperature = max(-128, min(127, round(bench.temperature))) + drive.temperature_zero
         self._history.append(AkReply(drive.node_id, position, velocity, torque, temperature, self._error, False))
-        back = faults.active("delayed_readings", now)
-        sent = self._history[-min(len(self._history), 1 + int(back.amount if back else 0))]
+        sent = self._delayed(now)
         self._outbox.emit_cyclic(reply_id(drive), pack_reply(sent._replace(error=self._error), model), now)
         if faults.active("foreign_replies", now):
             other = sent._replace(number=drive.node_id % 127 + 1, position=1.0)

@@ -3,17 +3,14 @@
 With torque the motor is the servo of the simulation. Without, it coasts to a stop: dω/dt = −ω/τ, a stated choice; the
 cable's friction and the gear are taken to hold the joint's spring. A quick stop brakes at a constant rate. The cable's
 end follows the motor, or, with slack s, the play between motor − s and motor. A torn cable lets the joint go to where
-its spring is at rest, x' = (rest − x)/τ. The power stage is one thermal mass: τ·dT/dt = T₀ + R·r·i² − T.
+its spring is at rest, x' = (rest − x)/τ.
 """
 
 import math
-from enum import IntEnum
 from typing import Any, NamedTuple, Protocol
 
-import numpy as np
-from numpy.typing import NDArray
-
 from bowden.core.kernel import kernel, reached, specialise
+from bowden.hardware.twin.plant import BRAKE, FOLLOW, OFF, Doing, Physics, TwinPlant
 from bowden.models.cable.sheath_path import BendPath
 from bowden.models.drive.encoder import reading
 from bowden.models.drive.servo import servo_approach
@@ -22,47 +19,6 @@ from bowden.plants.cable_body import Moving, Seen, cable_advance, cable_look, ca
 from bowden.plants.cable_plant import CablePlant
 from bowden.plants.cables import as_cable_plant
 from bowden.plants.plant import SheathState, sheath_state
-
-
-class Doing(IntEnum):
-    """What the motor does."""
-
-    OFF = 0
-    FOLLOW = 1
-    BRAKE = 2
-
-
-OFF, FOLLOW, BRAKE = Doing
-
-LONGEST_GAP = 1.0
-"""Time that one call makes up for at most; a twin that was stopped for longer has lost it [s]."""
-
-
-class Physics(NamedTuple):
-    """What the rig does not say; stated choices."""
-
-    coasting: float = 0.02
-    """τ of the motor without torque [s]."""
-    braking: float = 400.0
-    """Deceleration of the quick stop, at the spool [rad/s²]."""
-    spool_radius: float = 0.02
-    """[m]"""
-    spring_return: float = 0.05
-    """τ of the joint when its cable is torn [s]."""
-    ambient: float = 30.0
-    """T₀ of the power stage [°C]."""
-    thermal_resistance: float = 6.0
-    """R of the power stage [K/W]."""
-    stage_resistance: float = 0.05
-    """r, of the power stage's transistors [Ω]."""
-    thermal_time: float = 60.0
-    """τ of the power stage [s]."""
-
-
-def stage_temperature(physics: Physics, before: float, current: float, elapsed: float) -> float:
-    """Of the power stage after `elapsed` [s] under a `current` [A] [°C]."""
-    end = physics.ambient + physics.thermal_resistance * physics.stage_resistance * current**2
-    return before + (end - before) * (1.0 - math.exp(-elapsed / physics.thermal_time))
 
 
 class BenchMotion(NamedTuple):
@@ -151,17 +107,6 @@ def move(
     return BenchMotion(position, velocity, (velocity - before) / dt, end, memory, seen, joint)
 
 
-def course_at(course: NDArray[np.float64], time: float, spacing: float) -> float:
-    """A course of values `spacing` [s] apart, straight between them, after a `time` [s]; its ends go on as they are."""
-    if time <= 0.0:
-        return float(course[0])
-    place = time / spacing
-    i = int(place)
-    if i >= len(course) - 1:
-        return float(course[-1])
-    return float(course[i] + (course[i + 1] - course[i]) * (place - i))
-
-
 class Opposed(Protocol):
     """A joint that another bench's cable pulls too: `hardware.twin.pair`."""
 
@@ -174,8 +119,8 @@ class Opposed(Protocol):
         ...
 
 
-class TwinBench:
-    """The bench at a time that only goes forward.
+class TwinBench(TwinPlant):
+    """The bench; see `TwinPlant`.
 
     Args:
         bench: of the rig, or a plant round any cable.
@@ -186,13 +131,6 @@ class TwinBench:
         now: [s]
         physics: what the rig does not say.
     """
-
-    has_cable = True
-    brake_set = False
-    interaction = None
-    """See `TwinPlant.interaction`."""
-    servo_gains: tuple[float, float] | None = None
-    """See `TwinPlant.servo_gains`."""
 
     def __init__(
         self,
@@ -205,38 +143,21 @@ class TwinBench:
         physics: Physics = Physics(),  # noqa: B008  # a tuple
     ) -> None:
         self.bench = plant = as_cable_plant(bench)
-        self.physics = physics
+        super().__init__(bend, duration, plant.sample_time, seed, initial_motor, now, physics)
         dynamics = plant.dynamics()
         self._plant: Moving = dynamics.plant
         self._substep = self._plant.servo.substep.dt
         self._move = specialise(move, dynamics.name, **reached(move, dynamics.parts))
-        edges = np.arange(round(duration / plant.sample_time) + 1, dtype=np.float64) * plant.sample_time
-        self._bends = np.asarray(bend(edges), dtype=np.float64)
         self._coast = math.exp(-self._substep / physics.coasting)
-        self._random = np.random.default_rng(seed)
-        self._normals: NDArray[np.float64] = np.zeros((0, 2))
-        self._used = 0
-        self._time = now
-        self._began = math.inf
         rest = specialise(at_rest, dynamics.name, **reached(at_rest, dynamics.parts))
         self._motion = BenchMotion(*rest(self._plant, float(initial_motor), self._sheath_at(now)))
         self._sag = math.nan  # the joint's angle while the cable is torn
-        self.doing, self.command = OFF, initial_motor
-        self.slack, self.torn = 0.0, False
-        self.temperature = physics.ambient
         self.opposed: Opposed | None = None
-        self.torque_offset: float | None = None  # its servo is linear: there is no friction to push against
         self.advance(now + 2.0 * self._substep)  # compiles
-
-    def start_scenario(self, now: float) -> None:
-        """From `now` on the sheath's bend changes as the scenario has it; before it is as at its start."""
-        self._began = now
 
     def advance(self, now: float) -> None:
         """Move on to `now` [s], in whole sub-steps; what is left over waits for the next call."""
-        gap = now - self._time
-        if gap > LONGEST_GAP:
-            self._time, gap = now - LONGEST_GAP, LONGEST_GAP
+        gap = self._since(now)
         count = int(gap / self._substep)
         if count < 1:
             return
@@ -261,7 +182,7 @@ class TwinBench:
             self._sag = self._rest() + (start - self._rest()) * math.exp(-elapsed / self.physics.spring_return)
         else:
             self._sag = math.nan
-        self.temperature = stage_temperature(self.physics, self.temperature, self.current, elapsed)
+        self._warm(elapsed)
 
     def _rest(self) -> float:
         """The joint angle at which its spring has no torque [rad]."""
@@ -278,8 +199,7 @@ class TwinBench:
         return self.bench.motor.current_limit
 
     def _sheath_at(self, time: float) -> SheathState:
-        bend = course_at(self._bends, time - self._began, self.bench.sample_time)
-        return sheath_state(self.bench.sheath, bend)
+        return sheath_state(self.bench.sheath, self._bend_at(time))
 
     @property
     def motor(self) -> float:
@@ -339,10 +259,7 @@ class TwinBench:
 
     def read_encoders(self) -> tuple[float, float]:
         """What the joint's and the motor's encoder show now, with the noise of the next cycle [rad]."""
-        if self._used == len(self._normals):
-            self._normals, self._used = self._random.standard_normal((4096, 2)), 0
-        of_joint, of_motor = (float(normal) for normal in self._normals[self._used])
-        self._used += 1
+        of_joint, of_motor = (float(normal) for normal in self._noise(2))
         return (
             float(reading(self.joint, of_joint, self.bench.joint_encoder)),
             float(reading(self.motor, of_motor, self.bench.motor_encoder)),

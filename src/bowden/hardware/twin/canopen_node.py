@@ -1,21 +1,18 @@
 """The twin of a CiA 402 drive as a node of the bus: NMT, heartbeats, SDO, PDOs at SYNC, state machine, faults."""
 
 import math
-from collections import deque
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import Any, ClassVar
 
 from bowden.core.signals import DriveState
 from bowden.hardware.drives import canopen_frames as frames
 from bowden.hardware.drives.cia402 import WITH_TORQUE, encode, step
 from bowden.hardware.drives.emergencies import HEARTBEAT_LOST, SAFE_TORQUE_OFF
 from bowden.hardware.drives.parameters import DriveParameters, motor_scale
-from bowden.hardware.twin.bench import BRAKE, FOLLOW, OFF
-from bowden.hardware.twin.faults import Faults
-from bowden.hardware.twin.node import Journal, Send
+from bowden.hardware.twin.node import HOTTEST, Journal, TwinNode
 from bowden.hardware.twin.objects import Key, Made, Objects, SdoServer, dictionary, overridden
-from bowden.hardware.twin.outbox import Outbox
-from bowden.hardware.twin.plant import TwinPlant
+from bowden.hardware.twin.outbox import Send
+from bowden.hardware.twin.plant import BRAKE, FOLLOW, Doing, TwinPlant
 from bowden.hardware.twin.sampler import RATED_CURRENT, Sampler
 
 RPM = 30.0 / math.pi  # turns a minute in one rad/s
@@ -23,12 +20,6 @@ LIMIT_ERROR, LAG_ERROR, OVER_TEMPERATURE = 0x8A82, 0x8611, 0x4210
 """Codes of the faults that the twin finds itself."""
 ALL_RELEASED = 0xFFFF_FFFF
 """60FDh where no contact is open."""
-HOTTEST = 110.0
-"""Temperature at which the power stage protects itself [°C]."""
-REBOOT_TIME = 0.3
-"""[s]"""
-STEP = 0.9e-3
-"""The bench is moved on at every SYNC, and without one after this [s]."""
 STANDSTILL = 1e-6
 """Speed at which a quick stop is over [rad/s]."""
 
@@ -36,8 +27,8 @@ WINDOW = 2.0
 """Following error that the drive allows as it comes; one that was chosen for a rig allows what that asks for [rad]."""
 
 
-class CanopenNode:
-    """One drive, as `hardware.twin.node.TwinNode` has it.
+class CanopenNode(TwinNode):
+    """The drive.
 
     Args:
         drive: number, encoders and scales, as the rig has them.
@@ -47,6 +38,19 @@ class CanopenNode:
         overrides: objects that are otherwise than usual; None takes one away.
     """
 
+    lacks: ClassVar[Mapping[str, str]] = {
+        "kick": "it takes its target with the order that enables it",
+        "mode_left": "it says so in its statusword: inject drive_fault",
+        "foreign_replies": "its frames have numbers of their own",
+        "saturated": "its PDOs have no fields that end so soon",
+        "joint_silence": "the joint's encoder hangs on the drive: inject encoder_frozen joint",
+        "turns_lost": "its counter is its encoder's: inject encoder_offset motor",
+        **dict.fromkeys(
+            ("load_half", "load_doubled"), "a load cell at the drive's input sends no frames: inject load_stuck"
+        ),
+        "load_silence": "a load cell at the drive's input sends nothing by itself: inject load_stuck",
+    }
+
     def __init__(
         self,
         drive: DriveParameters,
@@ -55,23 +59,11 @@ class CanopenNode:
         journal: Journal,
         overrides: dict[Key, int | None] | None = None,
     ) -> None:
-        self._drive, self.bench, self.faults = drive, bench, Faults()
-        self._outbox, self._journal, self._overrides = Outbox(send, self.faults), journal, overrides or {}
-        self._motor = motor_scale(drive)
+        self._drive, self._overrides, self.syncs = drive, overrides or {}, 0
+        super().__init__(motor_scale(drive), bench, send, journal)
         self._sampler = Sampler(drive, bench, self.faults)
-        self._history: deque[tuple[frames.Motion, frames.Sensors]] = deque(maxlen=1000)
-        self.syncs = 0
-        self.host_heartbeat = -math.inf
-        """When the host's heartbeat came last [s]."""
-        self.patience = 0.0
-        self.scenario_noted = False
-        """Whether the sheath's motion has begun, or somebody has said when it does."""
-        self._moved = -math.inf
-        self._power_up(-math.inf)
 
-    def _power_up(self, ready: float) -> None:
-        """Everything as after switching on, and silent until `ready`."""
-        self._ready, self._booted = ready, False
+    def _power_up(self) -> None:
         self.nmt, self.state, self.error = frames.BOOT_UP, DriveState.NOT_READY_TO_SWITCH_ON, 0
         self._control, self._target = 0, 0
         self._pending: tuple[int, int, int] | None = None
@@ -86,7 +78,7 @@ class CanopenNode:
             rated_torque=RATED_CURRENT * self._drive.torque_constant,
             speed=math.ceil(speed) if speed < 50e3 else 50e3,
             current=bench.current_limit,
-            window=math.ceil(lag * self._motor.steepest(-math.inf, math.inf) / abs(self._motor.step)),
+            window=math.ceil(lag * self._scale.steepest(-math.inf, math.inf) / abs(self._scale.step)),
             braking=min(bench.physics.braking * gear * RPM, 2**31),
             pushed=bench.torque_offset is not None,
             braked=self._drive.brake_output != "none",
@@ -95,7 +87,7 @@ class CanopenNode:
         current = {key: value for key, value in self._current_values().items() if key not in self._overrides}
         self.objects = Objects(entries, self._written, current)
         self._sdo = SdoServer(self.objects)
-        self._see_outputs(ready)
+        self._see_outputs(self._ready)
 
     def _current_values(self) -> dict[Key, Callable[[], int]]:
         return {
@@ -110,34 +102,12 @@ class CanopenNode:
             (0x3201, 1): lambda: self._sampler.true()[1].temperature or 0,
         }
 
-    lacks: Mapping[str, str] = {
-        "kick": "it takes its target with the order that enables it",
-        "mode_left": "it says so in its statusword: inject drive_fault",
-        "foreign_replies": "its frames have numbers of their own",
-        "saturated": "its PDOs have no fields that end so soon",
-        "joint_silence": "the joint's encoder hangs on the drive: inject encoder_frozen joint",
-        "turns_lost": "its counter is its encoder's: inject encoder_offset motor",
-        **dict.fromkeys(
-            ("load_half", "load_doubled"), "a load cell at the drive's input sends no frames: inject load_stuck"
-        ),
-        "load_silence": "a load cell at the drive's input sends nothing by itself: inject load_stuck",
-    }
-    """See `hardware.twin.node.TwinNode`."""
-
-    def status(self) -> dict[str, Any]:
-        """See `hardware.twin.node.TwinNode`."""
-        return {
-            "state": self.state.name,
-            "nmt": self.nmt,
-            "torque": self.bench.doing != OFF and self.state in WITH_TORQUE,
-            "error_code": self.error,
-            "last_heartbeat": self.host_heartbeat if math.isfinite(self.host_heartbeat) else None,
-            "syncs": self.syncs,
-        }
+    def _standing(self) -> tuple[DriveState, int, dict[str, Any]]:
+        return self.state, self.error, {"nmt": self.nmt, "syncs": self.syncs}
 
     def receive(self, cob_id: int, data: bytes, now: float) -> None:
-        """A frame from the bus."""
-        if self.faults.active("deaf", now) or now < self._ready:
+        """See `TwinNode.receive`."""
+        if not self._hears(now):
             return
         node = self._drive.node_id
         if cob_id == frames.SYNC and not data:
@@ -149,35 +119,25 @@ class CanopenNode:
         elif cob_id == frames.SDO_REQUEST + node and self.nmt in (frames.OPERATIONAL, frames.PRE_OPERATIONAL):
             answer = self._sdo.answer(data)
             if answer is not None:
-                self._outbox.emit(frames.SDO_ANSWER + node, answer, now)
+                self._emit(frames.SDO_ANSWER, answer, now)
         elif cob_id == frames.NMT and len(data) == 2 and data[1] in (0, node):
             self._obey(data[0], now)
         elif cob_id == frames.HEARTBEAT + (self.objects[0x1016, 1] >> 16 & 0x7F) and self.objects[0x1016, 1]:
-            self.host_heartbeat, self._watching = now, True
+            self.host, self._watching = now, True
 
-    def tick(self, now: float) -> None:
-        """Let time pass: bench, heartbeats in both directions, faults, frames that wait."""
-        if now >= self._ready and not self._booted:
-            self._booted, self.nmt, self.state = True, frames.PRE_OPERATIONAL, DriveState.SWITCH_ON_DISABLED
-            self._journal(now, "boot", "")
-            self._outbox.emit(frames.HEARTBEAT + self._drive.node_id, bytes((frames.BOOT_UP,)), now)
-        for injection in self.faults.due(now):
-            if injection.name == "reboot":
-                self._journal(now, "reboot", "")
-                self._torque_off(now, "reboot")
-                self._power_up(now + REBOOT_TIME)
-            else:
-                self._fail(int(injection.amount) & 0xFFFF, now)
-        if self.faults.active("watch_off", now):
-            self.objects.change((0x1016, 1), 0)
-        self._watch(now)
-        self._see_emergency_stop(now)
-        if now - self._moved >= STEP:
-            self._move(now)
+    def _starts(self, now: float) -> None:
+        self._journal(now, "boot", "")
+        self.nmt, self.state = frames.PRE_OPERATIONAL, DriveState.SWITCH_ON_DISABLED
+        self._emit(frames.HEARTBEAT, bytes((frames.BOOT_UP,)), now)
+
+    def _sends(self, now: float) -> None:
         if self._booted and self.objects[0x1017, 0] and now >= self._next_heartbeat:
             self._next_heartbeat = max(self._next_heartbeat + 1e-3 * self.objects[0x1017, 0], now)
-            self._outbox.emit(frames.HEARTBEAT + self._drive.node_id, bytes((self.nmt,)), now)
+            self._emit(frames.HEARTBEAT, bytes((self.nmt,)), now)
         self._outbox.tick(now)
+
+    def _emit(self, kind: int, data: bytes, now: float) -> None:
+        self._outbox.emit(kind + self._drive.node_id, data, now)
 
     def _see_emergency_stop(self, now: float) -> None:
         """Pressed, it opens every digital input and the safe torque off."""
@@ -187,13 +147,19 @@ class CanopenNode:
             self._fail(SAFE_TORQUE_OFF, now)
 
     def _watch(self, now: float) -> None:
+        if self.faults.active("watch_off", now):
+            self.objects.change((0x1016, 1), 0)
+        self._watch_host(now)
+        self._see_emergency_stop(now)
+
+    def _watch_host(self, now: float) -> None:
         """The heartbeat consumer, 1016h, and what 6007h wants when the host has fallen silent."""
         limit = 1e-3 * (self.objects[0x1016, 1] & 0xFFFF)
         if not limit:
             self._watching = False
         if self.state in WITH_TORQUE:
             limit = max(limit, self.patience)
-        if self._watching and now - self.host_heartbeat >= limit:
+        if self._watching and now - self.host >= limit:
             self._watching = False
             option = self.objects[0x6007, 0]
             if self.objects[0x1029, 1] == 0 and self.nmt == frames.OPERATIONAL:
@@ -201,9 +167,7 @@ class CanopenNode:
             if option == 1:
                 self._fail(HEARTBEAT_LOST, now)
             elif option:  # 2, disable voltage; 3, quick stop
-                self._outbox.emit(
-                    frames.EMERGENCY + self._drive.node_id, frames.pack_emergency(HEARTBEAT_LOST, 0x11), now
-                )
+                self._emit(frames.EMERGENCY, frames.pack_emergency(HEARTBEAT_LOST, 0x11), now)
                 self._enter(step(self.state, 0x00 if option == 2 else 0x02, edge=False), now)
 
     def _synchronise(self, now: float) -> None:
@@ -218,8 +182,7 @@ class CanopenNode:
             self._written((0x60B2, 0), torque)
             self._command(control, now)
         self._history.append(self._sampler.sample(now))
-        back = self.faults.active("delayed_readings", now)
-        motion, sensors = self._history[-min(len(self._history), 1 + int(back.amount if back else 0))]
+        motion, sensors = self._delayed(now)
         if self.objects[0x1A01, 0] < len(frames.TPDO2_MAPPING):
             sensors = sensors._replace(temperature=None)
         node = self._drive.node_id
@@ -247,47 +210,38 @@ class CanopenNode:
         self._journal(now, "state", state.name)
         if before is DriveState.FAULT:
             self.error = 0
-            self._outbox.emit(frames.EMERGENCY + self._drive.node_id, frames.pack_emergency(0, 0), now)
+            self._emit(frames.EMERGENCY, frames.pack_emergency(0, 0), now)
         if state is DriveState.OPERATION_ENABLED:
-            if not self.scenario_noted:
-                self.scenario_noted = True
-                self.bench.start_scenario(now)
-            self._journal(now, "torque_on", "")
+            self._power(now, on=True)
         elif before in WITH_TORQUE and state not in WITH_TORQUE:
-            self._torque_off(now, state.name)
+            self._power(now, on=False, why=state.name)
 
-    def _torque_off(self, now: float, why: str) -> None:
-        self.bench.advance(now)
-        if self.bench.doing != OFF:
-            self._journal(
-                now, "torque_off", f"{why}; {1e3 * (now - self.host_heartbeat):.3f} ms after the last heartbeat"
-            )
-        self.bench.doing = OFF
+    def _stop(self, now: float, why: str) -> None:
+        self._power(now, on=False, why=why)
 
     def _fail(self, code: int, now: float) -> None:
         """Into fault: torque off at once, as 605Eh is 0, or braking first."""
         self.error = code
         self._journal(now, "fault", f"0x{code:04X}")
-        self._outbox.emit(frames.EMERGENCY + self._drive.node_id, frames.pack_emergency(code, 1), now)
+        self._emit(frames.EMERGENCY, frames.pack_emergency(code, 1), now)
         if self.state is DriveState.OPERATION_ENABLED and self.objects[0x605E, 0] != 0:
             self._enter(DriveState.FAULT_REACTION_ACTIVE, now)
         elif self._booted:
             self._enter(DriveState.FAULT, now)
 
-    def _move(self, now: float) -> None:
-        """Move the bench on, with torque where the state has it, and see to the drive's own limits."""
-        bench, self._moved = self.bench, now
-        self.faults.damage(bench, now)
+    def _motor_does(self, now: float, span: float) -> Doing:
         if self.state is DriveState.OPERATION_ENABLED:
             low, high = self.objects[0x607D, 1], self.objects[0x607D, 2]
-            if low < high and not low <= self._target <= high:
-                self._fail(LIMIT_ERROR, now)
-            else:
-                inert = self.faults.active("inert", now) is not None
-                bench.doing, bench.command = OFF if inert else FOLLOW, self._motor.angle(self._target)
+            if not low < high or low <= self._target <= high:
+                self.bench.command = self._scale.angle(self._target)
+                return self._follow_or_inert(now, FOLLOW)
+            self._fail(LIMIT_ERROR, now)
         elif self.state in (DriveState.QUICK_STOP_ACTIVE, DriveState.FAULT_REACTION_ACTIVE):
-            bench.doing = BRAKE
-        bench.advance(now)
+            return BRAKE
+        return self.bench.doing
+
+    def _protect(self, now: float) -> None:
+        bench = self.bench
         if bench.doing == BRAKE and abs(bench.velocity) <= STANDSTILL:
             quick = self.state is DriveState.QUICK_STOP_ACTIVE
             if not (quick and self.objects[0x605A, 0] >= 5):  # 5 to 8 stay, with torque
@@ -298,7 +252,7 @@ class CanopenNode:
 
     def _check_lag(self, now: float) -> None:
         """6065h, following error window, and 6066h, how long it may last [ms]."""
-        lag = abs(self._target - self._motor.counts(self.bench.motor))
+        lag = abs(self._target - self._scale.counts(self.bench.motor))
         if self.state is not DriveState.OPERATION_ENABLED or lag <= self.objects[0x6065, 0]:
             self._lagging_since = math.nan
         elif math.isnan(self._lagging_since):
@@ -309,8 +263,7 @@ class CanopenNode:
     def _obey(self, order: int, now: float) -> None:
         """NMT node control; leaving operational takes the torque off."""
         if order in (frames.NMT_RESET_NODE, frames.NMT_RESET_COMMUNICATION):
-            self._torque_off(now, "NMT reset")
-            self._power_up(now + REBOOT_TIME)
+            self._restart(now, "NMT reset")
             return
         state = {
             frames.NMT_START: frames.OPERATIONAL,

@@ -11,8 +11,8 @@ from bowden.hardware.drives import canopen_frames as frames
 from bowden.hardware.drives.joint_encoder import BY_TIMER, JointEncoderParameters
 from bowden.hardware.drives.scale import Scale
 from bowden.hardware.twin.faults import NO_NUMBER, Faults
-from bowden.hardware.twin.node import Send
 from bowden.hardware.twin.objects import Entry, Key, Objects, overridden
+from bowden.hardware.twin.outbox import Send
 from bowden.hardware.twin.sensor_node import SensorNode, identity
 
 DEVICE_TYPE = 0x0002_0196

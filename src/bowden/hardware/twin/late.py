@@ -3,8 +3,7 @@
 from collections import deque
 from typing import Any, cast
 
-from bowden.hardware.twin.bench import FOLLOW
-from bowden.hardware.twin.plant import TwinPlant
+from bowden.hardware.twin.plant import FOLLOW, TwinPlant
 
 
 def late(plant: TwinPlant, delay: float) -> TwinPlant:

@@ -8,10 +8,10 @@ watchdog); mjbots/mjlib, mjlib/multiplex/micro_server.cc (order of replies, what
 """
 
 import math
-from collections import deque
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
+from bowden.core.signals import DriveState
 from bowden.hardware.buses.unix_bus import EXTENDED, REMOTE
 from bowden.hardware.drives import moteus_frames as frames
 from bowden.hardware.drives.moteus_frames import (
@@ -25,27 +25,20 @@ from bowden.hardware.drives.moteus_frames import (
 )
 from bowden.hardware.drives.moteus_parameters import MoteusParameters, joint_scale, motor_scale
 from bowden.hardware.drives.moteus_setup import HOMED, state_of
-from bowden.hardware.twin.bench import BRAKE, FOLLOW, OFF, Doing
-from bowden.hardware.twin.faults import NO_NUMBER, Faults
+from bowden.hardware.twin.faults import NO_NUMBER
 from bowden.hardware.twin.injection import UNCOUNTED
 from bowden.hardware.twin.moteus_console import MoteusConsole, usual
-from bowden.hardware.twin.node import Journal, Send
-from bowden.hardware.twin.outbox import Outbox
-from bowden.hardware.twin.plant import TwinPlant
+from bowden.hardware.twin.node import SUPPLY, Journal, TwinNode
+from bowden.hardware.twin.outbox import Send
+from bowden.hardware.twin.plant import BRAKE, FOLLOW, OFF, Doing, TwinPlant
 
 ENABLING_TIME = 5e-3
 """From a command to the mode that it asks for: gate driver, offsets of the current's sensors; a stated choice [s]."""
-REBOOT_TIME = 0.3
-"""[s]"""
-STEP = 0.9e-3
-"""The bench is moved on at every frame, and without one after this [s]."""
 DRIVER_FAULT, OVER_TEMPERATURE, OUTSIDE_LIMITS, POSITION_ERROR = 33, 38, 39, 49
 """Codes of the faults that the twin finds itself, or is given."""
 FIRST_FAULT, FIRST_LIMIT = 32, 96
 LARGEST_REPLY, RESERVE = 64, 23
 """Of a reply, and the room that it must have for the next subframe to be looked at [bytes]."""
-SUPPLY = 24.0
-"""[V]"""
 MODEL, FIRMWARE, SERIAL = 0x0B, 0x010101, (0x626F7764, 0x656E, 0x7477696E)
 NOT_COMMANDED = frozenset({BoardMode.FAULT, BoardMode.ENABLING, BoardMode.CALIBRATING, BoardMode.CALIBRATED})
 """Modes that nobody can write."""
@@ -85,8 +78,8 @@ class Sampled(NamedTuple):
     """[A]"""
 
 
-class MoteusNode:
-    """One board, as `hardware.twin.node.TwinNode` has it.
+class MoteusNode(TwinNode):
+    """The board.
 
     Args:
         drive: number, encoders and scales, as the rig has them.
@@ -96,14 +89,13 @@ class MoteusNode:
         overrides: registers and settings that are otherwise than usual.
     """
 
-    lacks: Mapping[str, str] = {
+    lacks: ClassVar[Mapping[str, str]] = {
         "doubled_pdos": UNCOUNTED,
         "watch_off": "each command sets its watchdog anew",
         "kick": "its target comes with the order that enables it",
         "emergency_stop": "a board has no input for it that is read: it cuts the supply, so inject reboot",
         "joint_silence": "the joint's encoder hangs on the board: inject encoder_frozen joint, or encoder_nan joint",
     }
-    """See `hardware.twin.node.TwinNode`."""
 
     def __init__(
         self,
@@ -113,29 +105,19 @@ class MoteusNode:
         journal: Journal,
         overrides: Overrides | None = None,
     ) -> None:
-        self._drive, self.bench, self.faults = drive, bench, Faults()
-        self._outbox, self._journal, self._overrides = Outbox(send, self.faults), journal, overrides or {}
-        self._motor, self._joint = motor_scale(drive), joint_scale(drive)
-        self._history: deque[Sampled] = deque(maxlen=1000)
-        self._shift = 0.0  # between the board's position and the plant's [turns]
-        self.patience = 0.0
-        self.scenario_noted = False
+        self._drive, self._joint, self._overrides = drive, joint_scale(drive), overrides or {}
+        self.turn = drive.output_ratio
         self.commands = 0
         """Frames that were for this board."""
-        self.host = -math.inf
-        """When the host last sent something [s]."""
-        self._moved = -math.inf
-        self._power_up(-math.inf)
+        super().__init__(motor_scale(drive), bench, send, journal)
 
-    def _power_up(self, ready: float) -> None:
-        """Everything as after switching on, and silent until `ready`."""
-        self._ready, self._booted = ready, False
+    def _power_up(self) -> None:
         self.mode, self.fault = BoardMode.STOPPED, 0
         self._command, self._wanted = dict(COMMANDS), BoardMode.STOPPED
         self._valid = False
         self._commanded = self._deadline = self._enabled = math.inf
         self._held = math.nan
-        speed = self.bench.speed_limit * self._motor.steepest(-math.inf, math.inf) / abs(self._motor.step)
+        speed = self._speed_limit()
         self._named: dict[str, float] = usual(
             source=self._drive.joint_source,
             ratio=self._drive.output_ratio,
@@ -151,25 +133,14 @@ class MoteusNode:
                 self._named[name] = value
         self.console = MoteusConsole(self._named, lambda: self._write(Register.MODE, BoardMode.STOPPED))
 
-    def _position(self) -> float:
-        """Of the output, as the board counts it [turns]."""
-        return self._motor.counts(self.bench.motor) + self._shift
-
-    def status(self) -> dict[str, Any]:
-        """See `hardware.twin.node.TwinNode`."""
-        return {
-            "state": state_of(self.mode).name,
-            "mode": int(self.mode),
-            "torque": self.bench.doing != OFF,
-            "error_code": self.fault if self.mode is BoardMode.FAULT else 0,
-            "last_heartbeat": self.host if math.isfinite(self.host) else None,
-            "commands": self.commands,
-        }
+    def _standing(self) -> tuple[DriveState, int, dict[str, Any]]:
+        fault = self.fault if self.mode is BoardMode.FAULT else 0
+        return state_of(self.mode), fault, {"mode": int(self.mode), "commands": self.commands}
 
     def receive(self, identifier: int, data: bytes, now: float) -> None:
         """A frame from the bus; whether its identifier is an extended one does not count."""
         prefix = self._drive.can_prefix
-        if self.faults.active("deaf", now) or now < self._ready or identifier & REMOTE:
+        if not self._hears(now) or identifier & REMOTE:
             return
         source, receiver = identifier >> 8 & 0xFF, identifier & 0xFF
         if frames.prefix_of(identifier) != prefix or receiver not in (self._drive.node_id, frames.BROADCAST):
@@ -274,16 +245,12 @@ class MoteusNode:
 
     def _measured(self, now: float) -> dict[int, float]:
         shown, bench, drive = self._shown(now), self.bench, self._drive
-        hot = self.faults.active("over_temperature", now)
-        if hot:
-            bench.temperature = hot.amount
-        velocity = bench.velocity * self._motor.steepest(-math.inf, math.inf) / self._motor.step
         sources = {1: math.nan, 2: math.nan, drive.joint_source: shown.joint}
         valid = math.isfinite(shown.joint)
         return {
             Register.MODE: float(self.mode),
             Register.POSITION: shown.motor,
-            Register.VELOCITY: velocity if math.isfinite(velocity) else 0.0,
+            Register.VELOCITY: self._velocity(),
             Register.TORQUE: shown.current * drive.torque_constant / drive.output_ratio,
             Register.Q_CURRENT: shown.current,
             Register.D_CURRENT: 0.0,
@@ -320,20 +287,18 @@ class MoteusNode:
         bench, faults = self.bench, self.faults
         joint, motor = bench.read_encoders()
         turns = faults.encoders(
-            self._motor.counts(motor), self._joint.counts(joint), abs(self._motor.step), abs(self._joint.step), now
+            self._scale.counts(motor), self._joint.counts(joint), abs(self._scale.step), abs(self._joint.step), now
         )
-        flows = faults.active("over_current", now)
-        current = self._drive.motor_direction * (flows.amount if flows else bench.current)
+        current = self._drive.motor_direction * self._current(now)
         shown, turned = (math.nan if value == NO_NUMBER else value for value in turns)
         shown = math.copysign(frames.MOST_TURNS, shown) if math.isinf(shown) else shown + self._shift
         self._history.append(Sampled(shown, turned % 1.0 if math.isfinite(turned) else math.nan, current))
 
     def _shown(self, now: float) -> Sampled:
-        """The newest sample, or, where its faults are such, one from before."""
         if not self._history:
             self._sample(now)
-        back = self.faults.active("delayed_readings", now)
-        return self._history[-min(len(self._history), 1 + int(back.amount if back else 0))]
+        shown: Sampled = self._delayed(now)
+        return shown
 
     def _take(self, now: float) -> None:
         """A command takes effect, once its frame has been answered."""
@@ -387,16 +352,14 @@ class MoteusNode:
         self._journal(now, "state", mode.name)
         if before is BoardMode.FAULT:
             self.fault = 0
-        if mode is BoardMode.POSITION:
-            if not self.scenario_noted:
-                self.scenario_noted = True
-                self.bench.start_scenario(now)
-            self._journal(now, "torque_on", "")
-        elif self._doing(now) == OFF:
-            self.bench.advance(now)
-            if self.bench.doing != OFF:
-                self._journal(now, "torque_off", f"{mode.name}; {1e3 * (now - self.host):.3f} ms after the last frame")
-            self.bench.doing = OFF
+        on = mode is BoardMode.POSITION or self._doing(now) != OFF
+        self._power(now, on=on, why=mode.name)
+
+    def _stop(self, now: float, why: str) -> None:
+        self._enter(BoardMode.STOPPED, now)
+
+    def _code_of(self, amount: int) -> int:
+        return amount if FIRST_FAULT <= amount < FIRST_LIMIT else DRIVER_FAULT
 
     def _doing(self, now: float) -> Doing:
         """What the motor does in this mode."""
@@ -410,30 +373,7 @@ class MoteusNode:
         braking = self.mode is BoardMode.TIMEOUT and reaction != BoardMode.STOPPED
         return BRAKE if braking or self.mode in (BoardMode.ZERO_VELOCITY, BoardMode.BRAKE) else OFF
 
-    def tick(self, now: float) -> None:
-        """Let time pass: bench, watchdog, faults, frames that wait."""
-        if now >= self._ready and not self._booted:
-            self._booted = True
-            self._journal(now, "boot", "")
-        for injection in self.faults.due(now):
-            if injection.name == "reboot":
-                self._journal(now, "reboot", "")
-                self._enter(BoardMode.STOPPED, now)
-                self._power_up(now + REBOOT_TIME)
-            elif injection.name == "mode_left":
-                self._enter(BoardMode.STOPPED, now)
-            elif injection.name == "turns_lost":
-                self._shift += injection.amount * self._drive.output_ratio
-            else:
-                code = int(injection.amount)
-                self._fail(code if FIRST_FAULT <= code < FIRST_LIMIT else DRIVER_FAULT, now)
-        self._watch(now)
-        if now - self._moved >= STEP:
-            self._move(now)
-        self._outbox.tick(now)
-
     def _watch(self, now: float) -> None:
-        """The way from stopped to a mode with torque, and the watchdog's time in position mode."""
         if self.mode is BoardMode.ENABLING and now >= self._enabled:
             self._begin(now)
         deadline = max(self._deadline, self._commanded + self.patience) if self.patience else self._deadline
@@ -441,30 +381,29 @@ class MoteusNode:
             self._enter(BoardMode.TIMEOUT, now)
 
     def _fail(self, code: int, now: float) -> None:
-        """Into fault: torque off at once."""
+        """Torque off at once."""
         self.fault = code
         self._journal(now, "fault", f"{code}")
         self._enter(BoardMode.FAULT, now)
 
-    def _move(self, now: float) -> None:
-        """Move the bench on, with torque where the mode has it, and see to the board's own limits."""
-        bench, self._moved = self.bench, now
-        self.faults.damage(bench, now)
+    def _motor_does(self, now: float, span: float) -> Doing:
+        bench = self.bench
         self._watch(now)
         doing = self._doing(now)
-        bench.doing = doing
         if doing == FOLLOW:
-            bench.command = self._motor.angle(self._control(now) - self._shift)
+            bench.command = self._scale.angle(self._control(now) - self._shift)
             if bench.torque_offset is not None:
                 feed = self._command[Register.COMMAND_TORQUE] * self._drive.output_ratio * self._drive.gear
                 bench.torque_offset = self._drive.motor_direction * feed if math.isfinite(feed) else 0.0
-        bench.advance(now)
+        return doing
+
+    def _protect(self, now: float) -> None:
         window = self._named.get("servo.fault_position_error", math.nan)
         if self.mode is not BoardMode.POSITION:
             return
         if math.isfinite(window) and abs(self._control(now) - self._position()) > window:
             self._fail(POSITION_ERROR, now)
-        if bench.temperature >= self._named.get("servo.fault_temperature", math.inf):
+        if self.bench.temperature >= self._named.get("servo.fault_temperature", math.inf):
             self._fail(OVER_TEMPERATURE, now)
 
 

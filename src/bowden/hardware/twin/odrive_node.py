@@ -10,11 +10,11 @@ fewest frames that its maker's examples say: axis states and inputs.
 """
 
 import math
-from collections import deque
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
-from bowden.hardware.buses.unix_bus import ERROR, REMOTE
+from bowden.core.signals import DriveState
+from bowden.hardware.buses.unix_bus import REMOTE
 from bowden.hardware.drives import odrive_endpoints as settings
 from bowden.hardware.drives import odrive_frames as frames
 from bowden.hardware.drives.joint_encoder import joint_encoder_of
@@ -23,25 +23,15 @@ from bowden.hardware.drives.odrive_faults import ESTOP, WATCHDOG
 from bowden.hardware.drives.odrive_frames import AxisState, Beat, BoardErrors, BoardVersion, Cmd, Scales
 from bowden.hardware.drives.odrive_parameters import OdriveParameters, motor_scale
 from bowden.hardware.drives.odrive_setup import state_of
-from bowden.hardware.twin.bench import FOLLOW, OFF
-from bowden.hardware.twin.faults import NO_NUMBER, Faults
+from bowden.hardware.twin.faults import NO_NUMBER
 from bowden.hardware.twin.injection import UNCOUNTED
-from bowden.hardware.twin.joint_encoder_node import JointEncoderNode
-from bowden.hardware.twin.node import Journal, Send
+from bowden.hardware.twin.node import HOTTEST, SUPPLY, Journal, TwinNode
 from bowden.hardware.twin.objects import Key
-from bowden.hardware.twin.outbox import BIT_ERROR, Outbox
-from bowden.hardware.twin.plant import TwinPlant
+from bowden.hardware.twin.outbox import Send
+from bowden.hardware.twin.plant import FOLLOW, OFF, Doing, TwinPlant
 
 ARMING_TIME = 5e-3
 """From a request for closed loop to it; a stated choice [s]."""
-REBOOT_TIME = 0.3
-"""[s]"""
-STEP = 0.9e-3
-"""The bench is moved on at every order, and without one after this [s]."""
-SUPPLY = 24.0
-"""[V]"""
-HOTTEST = 110.0
-"""Temperature at which the board protects itself [°C]."""
 OVERSPEED = 1.2
 """vel_limit_tolerance: share of its speed limit at which it protects itself [–]."""
 DRV_FAULT, MISSING_ESTIMATE, OVER_TEMPERATURE, TOO_FAST = 0x20, 0x8, 0x4000, 0x8000
@@ -65,8 +55,8 @@ class Told(NamedTuple):
     """[A]"""
 
 
-class OdriveNode:
-    """One board, as `hardware.twin.node.TwinNode` has it.
+class OdriveNode(TwinNode):
+    """The board.
 
     Args:
         drive: number, encoders and scales, as the rig has them.
@@ -77,12 +67,11 @@ class OdriveNode:
         joint: objects of the joint's encoder that are otherwise than usual; None takes one away.
     """
 
-    lacks: Mapping[str, str] = {
+    lacks: ClassVar[Mapping[str, str]] = {
         "doubled_pdos": UNCOUNTED,
         **dict.fromkeys(("saturated", "position_saturated"), "its numbers are floating-point, which have no ends"),
         "kick": "it begins at its own position",
     }
-    """See `hardware.twin.node.TwinNode`."""
 
     def __init__(
         self,
@@ -93,33 +82,19 @@ class OdriveNode:
         overrides: Mapping[str, float | None] | None = None,
         joint: dict[Key, int | None] | None = None,
     ) -> None:
-        self._drive, self.bench, self.faults = drive, bench, Faults()
-        self._send, self._journal, self._overrides = send, journal, overrides or {}
-        self._outbox, self._scale = Outbox(send, self.faults), motor_scale(drive)
-        self._endpoints = endpoints_of(drive.endpoints)
-        encoder = joint_encoder_of(drive)
-        self._encoder = (
-            None
-            if encoder is None
-            else JointEncoderNode(encoder, lambda: bench.read_encoders()[0], self.faults, send, joint)
-        )
-        self._history: deque[Told] = deque(maxlen=1000)
-        self._shift = 0.0  # between the board's position and the plant's, after a restart [turns]
-        self.patience = 0.0
-        self.scenario_noted = False
-        self.host = -math.inf
-        """When the host last sent something [s]."""
-        self._moved = -math.inf
-        self._power_up(-math.inf)
+        self._drive, self._overrides, self._endpoints = drive, overrides or {}, endpoints_of(drive.endpoints)
+        self._set: dict[str, float] = {}
+        super().__init__(motor_scale(drive), bench, send, journal, joint_encoder_of(drive), joint)
 
-    def _power_up(self, ready: float) -> None:
-        """Everything as after switching on, and silent until `ready`."""
-        self._ready = self._fed = ready
+    def _power_up(self) -> None:
+        if self._set:  # it was on before, and has lost its turns, or its position
+            turns = self._position()
+            self._shift -= round(turns) if self._set[settings.ABSOLUTE] else turns
+        self._fed = self._ready
         self._arming = math.inf
         self.active = self.disarmed = 0
-        drive, speed = self._drive, self.bench.speed_limit * self._scale.steepest(-math.inf, math.inf)
-        speed /= abs(self._scale.step)
-        self._set: dict[str, float] = {
+        drive, speed = self._drive, self._speed_limit()
+        self._set = {
             settings.ENABLED: 1.0,
             settings.TIMEOUT: drive.watchdog,
             settings.BEAT_EVERY: 1e3 * drive.heartbeat,
@@ -144,21 +119,11 @@ class OdriveNode:
         self.state = AxisState(int(self._set[FIRST_STATE]))
         self._input = frames.Target(0.0, 0.0, 0.0)
         self._setpoint, self._speed = 0.0, 0.0  # [turns], [turns/s]
-        self._next_beat = self._next_estimate = ready
+        self._next_beat = self._next_estimate = self._ready
 
-    def _position(self) -> float:
-        """Of the motor's shaft, as the board counts it [turns]."""
-        return self._scale.counts(self.bench.motor) + self._shift
-
-    def status(self) -> dict[str, Any]:
-        """See `hardware.twin.node.TwinNode`."""
-        return {
-            "state": state_of(Beat(self._errors, self.state), self._errors).name,
-            "axis_state": int(self.state),
-            "torque": self.bench.doing != OFF,
-            "error_code": self._errors,
-            "last_heartbeat": self.host if math.isfinite(self.host) else None,
-        }
+    def _standing(self) -> tuple[DriveState, int, dict[str, Any]]:
+        errors = self._errors
+        return state_of(Beat(errors, self.state), errors), errors, {"axis_state": int(self.state)}
 
     @property
     def _errors(self) -> int:
@@ -166,15 +131,14 @@ class OdriveNode:
 
     def receive(self, identifier: int, data: bytes, now: float) -> None:
         """A frame from the bus; `buses.unix_bus.REMOTE` marks a question, and so does a frame without data."""
-        if self.faults.destroys(now):
-            self._send(ERROR | BIT_ERROR, bytes(8))
+        if self._destroyed(now):
             return
         plain = identifier & ~REMOTE
         number, cmd = plain >> 5, plain & 0x1F
         mine = plain <= frames.HIGHEST_ID and number in (self._drive.node_id, frames.BROADCAST)
         if self._encoder is not None and not mine and not identifier & REMOTE:
             self._encoder.receive(identifier, data, now)
-        if not mine or now < self._ready or self.faults.active("deaf", now):
+        if not mine or not self._hears(now):
             return
         self.host = now
         asked = bool(identifier & REMOTE) or not data
@@ -198,7 +162,8 @@ class OdriveNode:
         elif cmd == Cmd.CLEAR_ERRORS:
             self.active = self.disarmed = 0
         elif cmd == Cmd.REBOOT and self.state is AxisState.IDLE and data[:1] in (b"", b"\0"):
-            self._restart(now)
+            self._journal(now, "reboot", "")
+            self._restart(now, "reboot")
         elif cmd == Cmd.SET_CONTROLLER_MODE and len(data) == 8:
             self._change(settings.CONTROL_MODE, float(int.from_bytes(data[:4], "little")))
             self._change(settings.INPUT_MODE, float(int.from_bytes(data[4:], "little")))
@@ -236,26 +201,22 @@ class OdriveNode:
         self._setpoint, self._speed = self._position(), 0.0
         self._input = frames.Target(self._setpoint, 0.0, 0.0)
         self._enter(AxisState.CLOSED_LOOP_CONTROL, now)
-        if not self.scenario_noted:
-            self.scenario_noted = True
-            self.bench.start_scenario(now)
 
     def _enter(self, state: AxisState, now: float, why: str = "") -> None:
         if state is self.state:
             return
         self.state = state
         self._journal(now, "state", state.name)
-        if state is AxisState.CLOSED_LOOP_CONTROL:
-            self._journal(now, "torque_on", "")
-            return
-        self.bench.advance(now)
-        if self.bench.doing != OFF:
-            detail = f"{why or state.name}; {1e3 * (now - self._fed):.3f} ms after the last order"
-            self._journal(now, "torque_off", detail)
-        self.bench.doing = OFF
+        self._power(now, on=state is AxisState.CLOSED_LOOP_CONTROL, why=why or state.name)
+
+    def _stop(self, now: float, why: str) -> None:
+        self._enter(AxisState.IDLE, now, why)
+
+    def _code_of(self, amount: int) -> int:
+        return 1 << amount - 1 if 0 < amount <= 32 else DRV_FAULT
 
     def _fail(self, flag: int, now: float) -> None:
-        """An error: torque off at once."""
+        """Torque off at once."""
         if not self.active & flag:
             self._journal(now, "fault", f"0x{flag:X}")
         self.active |= flag
@@ -264,47 +225,19 @@ class OdriveNode:
             self.disarmed |= flag
             self._enter(AxisState.IDLE, now, f"error 0x{flag:X}")
 
-    def _restart(self, now: float) -> None:
-        self._journal(now, "reboot", "")
-        self._enter(AxisState.IDLE, now, "reboot")
-        turns = self._position()
-        self._shift -= round(turns) if self._set[settings.ABSOLUTE] else turns
-        self._power_up(now + REBOOT_TIME)
-
-    def tick(self, now: float) -> None:
-        """Let time pass: bench, watchdog, heartbeat, cyclic frames, faults, frames that wait."""
-        for injection in self.faults.due(now):
-            if injection.name == "reboot":
-                self._restart(now)
-            elif injection.name == "mode_left":
-                self._enter(AxisState.IDLE, now, "by itself")
-            elif injection.name == "turns_lost":
-                self._shift += injection.amount
-            else:
-                code = int(injection.amount)
-                self._fail(1 << code - 1 if 0 < code <= 32 else DRV_FAULT, now)
-        if self.faults.active("emergency_stop", now):
-            self._fail(ESTOP, now)
-        self._watch(now)
-        if now - self._moved >= STEP:
-            self._move(now)
-        if self._encoder is not None:
-            self._encoder.tick(now)
-        if now >= self._ready:
-            self._cyclic(now)
-        self._outbox.tick(now)
-
-    def _cyclic(self, now: float) -> None:
+    def _sends(self, now: float) -> None:
         beat, estimate = 1e-3 * self._set[settings.BEAT_EVERY], 1e-3 * self._set[ENCODER_EVERY]
-        if beat > 0.0 and now >= self._next_beat:
+        if self._booted and beat > 0.0 and now >= self._next_beat:
             self._next_beat = max(self._next_beat + beat, now)
             self._emit(Cmd.HEARTBEAT, frames.pack_beat(Beat(self._errors, self.state)), now)
-        if estimate > 0.0 and now >= self._next_estimate:
+        if self._booted and estimate > 0.0 and now >= self._next_estimate:
             self._next_estimate = max(self._next_estimate + estimate, now)
             self._tell(Cmd.GET_ENCODER_ESTIMATES, now)
+        self._outbox.tick(now)
 
     def _watch(self, now: float) -> None:
-        """Arming, and the watchdog."""
+        if self.faults.active("emergency_stop", now):
+            self._fail(ESTOP, now)
         if now >= self._arming:
             self._arm(now)
         armed = self.state is AxisState.CLOSED_LOOP_CONTROL
@@ -315,27 +248,25 @@ class OdriveNode:
         if runs and now >= self._ready and now - self._fed >= limit:
             self._fail(WATCHDOG, now)
 
-    def _move(self, now: float) -> None:
-        """Move the bench on, with torque in closed loop, and see to the board's own limits."""
+    def _motor_does(self, now: float, span: float) -> Doing:
         bench = self.bench
-        span = min(0.01, now - self._moved) if math.isfinite(self._moved) else 0.0
-        self._moved = now
-        self.faults.damage(bench, now)
         self._watch(now)
         armed = self.state is AxisState.CLOSED_LOOP_CONTROL
         gives = armed and self._set[settings.CONTROL_MODE] >= VELOCITY_CONTROL
-        bench.doing = FOLLOW if gives and not self.faults.active("inert", now) else OFF
-        if bench.doing == FOLLOW:
+        doing = self._follow_or_inert(now, FOLLOW if gives else OFF)
+        if doing == FOLLOW:
             self._plan(span)
             bench.command = self._scale.angle(self._setpoint - self._shift)
             if bench.torque_offset is not None:
                 bench.torque_offset = self._drive.motor_direction * self._input.torque * self._drive.gear
-        bench.advance(now)
-        if not armed:
+        return doing
+
+    def _protect(self, now: float) -> None:
+        if self.state is not AxisState.CLOSED_LOOP_CONTROL:
             return
         if self.faults.active("encoder_nan", now, "motor"):
             self._fail(MISSING_ESTIMATE, now)
-        elif bench.temperature >= HOTTEST:
+        elif self.bench.temperature >= HOTTEST:
             self._fail(OVER_TEMPERATURE, now)
         elif abs(self._velocity()) > OVERSPEED * self._set[settings.VELOCITY_LIMIT]:
             self._fail(TOO_FAST, now)
@@ -352,27 +283,18 @@ class OdriveNode:
         else:
             self._setpoint = self._input.position
 
-    def _velocity(self) -> float:
-        velocity = self.bench.velocity * self._scale.steepest(-math.inf, math.inf) / self._scale.step
-        return velocity if math.isfinite(velocity) else 0.0
-
     def _sample(self, now: float) -> None:
         """Through the encoder's noise, with the faults that are there at `now` [s]."""
         turns = self._scale.counts(self.bench.read_encoders()[1]) + self._shift
         turns = self.faults.encoder("motor", turns, abs(self._scale.step), now)
-        flows = self.faults.active("over_current", now)
-        current = self._drive.motor_direction * (flows.amount if flows else self.bench.current)
+        current = self._drive.motor_direction * self._current(now)
         self._history.append(Told(math.nan if turns == NO_NUMBER else turns, self._velocity(), current))
 
     def _tell(self, cmd: int, now: float) -> None:
-        """What the board is asked for; the readings of a while ago where that is injected."""
+        """What the board is asked for."""
         if cmd in (Cmd.GET_ENCODER_ESTIMATES, Cmd.GET_IQ):
             self._sample(now)
-        back = self.faults.active("delayed_readings", now)
-        told = self._history[-min(len(self._history), 1 + int(back.amount if back else 0))] if self._history else None
-        hot = self.faults.active("over_temperature", now)
-        if hot:
-            self.bench.temperature = hot.amount
+        told = self._delayed(now)
         if cmd == Cmd.GET_ENCODER_ESTIMATES and told is not None:
             self._emit_cyclic(cmd, frames.pack_floats(told.position, told.velocity), now)
         elif cmd == Cmd.GET_IQ and told is not None:

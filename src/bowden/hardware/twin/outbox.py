@@ -1,10 +1,13 @@
 """What a twin's drive sends, with the faults of the bus: it says nothing, loses frames, or is late."""
 
 from collections import deque
+from collections.abc import Callable
 
 from bowden.hardware.buses.unix_bus import ERROR
 from bowden.hardware.twin.faults import Faults
-from bowden.hardware.twin.node import Send
+
+Send = Callable[[int, bytes], None]
+"""Puts a frame on the bus: identifier, with the flags of `buses.unix_bus`, and data."""
 
 BIT_ERROR = 0x08
 """Error class of an error frame: violation in the protocol (Linux, `linux/can/error.h`, CAN_ERR_PROT)."""

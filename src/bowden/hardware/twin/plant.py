@@ -1,8 +1,52 @@
-"""What a twin's drive needs of the plant behind it: a bench, a suit on an arm or a user's own plant."""
+"""What is behind a twin's drive, in real time: a bench, a suit on an arm or a user's own plant: what they share.
 
-from typing import Protocol
+The power stage is one thermal mass: τ·dT/dt = T₀ + R·r·i² − T.
+"""
 
-from bowden.hardware.twin.bench import Doing, Physics
+import math
+from abc import ABC, abstractmethod
+from enum import IntEnum
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowden.models.cable.sheath_path import BendPath
+
+
+class Doing(IntEnum):
+    """What the motor does."""
+
+    OFF = 0
+    FOLLOW = 1
+    BRAKE = 2
+
+
+OFF, FOLLOW, BRAKE = Doing
+
+LONGEST_GAP = 1.0
+"""Time that one call makes up for at most; a twin that was stopped for longer has lost it [s]."""
+
+
+class Physics(NamedTuple):
+    """What the rig does not say; stated choices."""
+
+    coasting: float = 0.02
+    """τ of the motor without torque [s]."""
+    braking: float = 400.0
+    """Deceleration of the quick stop, at the spool [rad/s²]."""
+    spool_radius: float = 0.02
+    """[m]"""
+    spring_return: float = 0.05
+    """τ of the joint when its cable is torn [s]."""
+    ambient: float = 30.0
+    """T₀ of the power stage [°C]."""
+    thermal_resistance: float = 6.0
+    """R of the power stage [K/W]."""
+    stage_resistance: float = 0.05
+    """r, of the power stage's transistors [Ω]."""
+    thermal_time: float = 60.0
+    """τ of the power stage [s]."""
 
 
 def torque_on_joint(plant: "TwinPlant") -> float:
@@ -12,78 +56,138 @@ def torque_on_joint(plant: "TwinPlant") -> float:
     return plant.tension * plant.physics.spool_radius if own is None else own
 
 
-class TwinPlant(Protocol):
-    """A plant at a time that only goes forward."""
+def course_at(course: NDArray[np.float64], time: float, spacing: float) -> float:
+    """A course of values `spacing` [s] apart, straight between them, after a `time` [s]; its ends go on as they are."""
+    if time <= 0.0:
+        return float(course[0])
+    place = time / spacing
+    i = int(place)
+    if i >= len(course) - 1:
+        return float(course[-1])
+    return float(course[i] + (course[i + 1] - course[i]) * (place - i))
 
-    physics: Physics
-    doing: Doing
-    command: float
-    """The target to follow [rad]."""
-    slack: float
-    """Of the cable, at the spool [rad]."""
-    torn: bool
-    """Whether the cable that pulls is torn."""
-    temperature: float
-    """Of the power stage [°C]."""
-    has_cable: bool
+
+class TwinPlant(ABC):
+    """A plant at a time that only goes forward.
+
+    Args:
+        bend: the sheath's total bend over time, from when `start_scenario` was called; before that as at its start.
+        duration: for how long the bend is known; it stays as it is then [s].
+        spacing: of the times at which it is taken [s].
+        seed: of the sensors' noise.
+        initial_motor: angle at power-up, which is its target too [rad].
+        now: [s]
+        physics: what the rig does not say.
+    """
+
+    has_cable = True
     """Whether a cable can be torn or slack in it."""
-    torque_offset: float | None
-    """What the drive adds to its torque, at the spool; None where it takes none [N·m]."""
-    servo_gains: tuple[float, float] | None
-    """Of the position loop of a plant whose motor gives way: torque per angle [N·m/rad] and per speed [N·m·s/rad], at
-    the spool; None of one whose servo bears any load."""
 
-    brake_set: bool
-    """Whether the holding brake of its motor is told to hold; without effect on a plant that has none."""
+    def __init__(
+        self,
+        bend: BendPath,
+        duration: float,
+        spacing: float,
+        seed: int,
+        initial_motor: float,
+        now: float,
+        physics: Physics,
+    ) -> None:
+        edges = np.arange(round(duration / spacing) + 1, dtype=np.float64) * spacing
+        self._bends, self._spacing = np.asarray(bend(edges), dtype=np.float64), spacing
+        self._random = np.random.default_rng(seed)
+        self._normals: NDArray[np.float64] = np.zeros((0, 0))
+        self._used = 0
+        self._time, self._began = now, math.inf
+        self.physics = physics
+        self.doing = OFF
+        self.command = initial_motor
+        """The target to follow [rad]."""
+        self.slack = 0.0
+        """Of the cable, at the spool [rad]."""
+        self.torn = False
+        """Whether the cable that pulls is torn."""
+        self.temperature = physics.ambient
+        """Of the power stage [°C]."""
+        self.torque_offset: float | None = None
+        """What the drive adds to its torque, at the spool; None where it takes none [N·m]."""
+        self.servo_gains: tuple[float, float] | None = None
+        """Of the position loop of a plant whose motor gives way: torque per angle [N·m/rad] and per speed [N·m·s/rad],
+        at the spool; None of one whose servo bears any load."""
+        self.brake_set = False
+        """Whether the holding brake of its motor is told to hold; without effect on a plant that has none."""
 
     @property
+    @abstractmethod
     def motor(self) -> float:
         """Angle of the spool, of a suit in the joint's coordinate [rad]."""
-        ...
 
     @property
+    @abstractmethod
     def velocity(self) -> float:
         """Of the spool [rad/s]."""
-        ...
 
     @property
+    @abstractmethod
     def joint(self) -> float:
         """Joint angle [rad]."""
-        ...
 
     @property
+    @abstractmethod
     def tension(self) -> float:
         """Of the cable at the spool [N]."""
-        ...
 
     @property
+    @abstractmethod
     def current(self) -> float:
         """Of the motor; zero without torque [A]."""
-        ...
 
     @property
     def interaction(self) -> float | None:
         """Torque of a suit on the elbow, flexing positive; None of a bench [N·m]."""
-        ...
+        return None
 
     @property
+    @abstractmethod
     def speed_limit(self) -> float:
         """Of the drive, at the spool [rad/s]."""
-        ...
 
     @property
+    @abstractmethod
     def current_limit(self) -> float:
         """Of the drive [A]."""
-        ...
+
+    @abstractmethod
+    def advance(self, now: float) -> None:
+        """Move on to `now` [s]."""
+
+    @abstractmethod
+    def read_encoders(self) -> tuple[float, float]:
+        """What the joint's and the motor's sensor show now [rad]."""
 
     def start_scenario(self, now: float) -> None:
         """From `now` on the sheath's bend changes as the scenario has it; before it is as at its start."""
-        ...
+        self._began = now
 
-    def advance(self, now: float) -> None:
-        """Move on to `now` [s]."""
-        ...
+    def _bend_at(self, time: float) -> float:
+        """The sheath's bend [rad]."""
+        return course_at(self._bends, time - self._began, self._spacing)
 
-    def read_encoders(self) -> tuple[float, float]:
-        """What the joint's and the motor's sensor show now [rad]."""
-        ...
+    def _since(self, now: float) -> float:
+        """How long it has to move on; what is more than `LONGEST_GAP` is lost [s]."""
+        self._time = max(self._time, now - LONGEST_GAP)
+        return now - self._time
+
+    def _warm(self, elapsed: float) -> None:
+        """The power stage after `elapsed` [s] under its current."""
+        physics = self.physics
+        end = physics.ambient + physics.thermal_resistance * physics.stage_resistance * self.current**2
+        self.temperature += (end - self.temperature) * (1.0 - math.exp(-elapsed / physics.thermal_time))
+
+    def _noise(self, count: int) -> NDArray[np.float64]:
+        """Standard normal numbers of the next reading (count,)."""
+        if self._used == len(self._normals):
+            self._normals, self._used = self._random.standard_normal((4096, count)), 0
+        self._used += 1
+        drawn: NDArray[np.float64] = self._normals[self._used - 1]
+        return drawn

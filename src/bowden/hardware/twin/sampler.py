@@ -34,9 +34,7 @@ class Sampler:
         counts = faults.encoders(
             self._motor.counts(motor), self._joint.counts(joint), abs(self._motor.step), abs(self._joint.step), now
         )
-        hot, flows = faults.active("over_temperature", now), faults.active("over_current", now)
-        if hot:
-            bench.temperature = hot.amount
+        flows = faults.active("over_current", now)
         return self._packed(counts[0], counts[1], flows.amount if flows else bench.current, now)
 
     def spool_torque(self, share: int) -> float:

@@ -7,9 +7,8 @@ import math
 
 from bowden.hardware.drives import canopen_frames as frames
 from bowden.hardware.twin.faults import Faults
-from bowden.hardware.twin.node import Send
 from bowden.hardware.twin.objects import Entry, Key, Objects, SdoServer
-from bowden.hardware.twin.outbox import Outbox
+from bowden.hardware.twin.outbox import Outbox, Send
 
 
 class SensorNode:

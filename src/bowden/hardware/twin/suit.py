@@ -11,11 +11,8 @@ rest when the power goes off.
 
 import math
 
-import numpy as np
-from numpy.typing import NDArray
-
 from bowden.core.kernel import compiled, kernel
-from bowden.hardware.twin.bench import BRAKE, LONGEST_GAP, OFF, Physics, course_at, stage_temperature
+from bowden.hardware.twin.plant import BRAKE, OFF, Physics, TwinPlant
 from bowden.models.cable.sheath_path import BendPath
 from bowden.models.drive.encoder import reading
 from bowden.models.suit.arm import Wearer
@@ -50,8 +47,8 @@ def advance_suit(
     return state
 
 
-class TwinSuit:
-    """The suit at a time that only goes forward; see `TwinPlant`.
+class TwinSuit(TwinPlant):
+    """The suit; see `TwinPlant`.
 
     Args:
         suit: with the arm that wears it.
@@ -73,27 +70,19 @@ class TwinSuit:
         now: float,
         physics: Physics = Physics(),  # noqa: B008  # a tuple
     ) -> None:
-        self.suit, self.physics = suit, physics
+        super().__init__(bend, duration, suit.sample_time, seed, initial_motor, now, physics)
+        self.suit = suit
         self._substep = suit.sample_time / suit.substeps
         motor = suit.motor._replace(friction_feedforward=0.0)  # of a drive on a bus the loop makes it
         self._intact = prepare_suit(suit._replace(motor=motor))._replace(substeps=1)
         self._prepared = self._intact
-        edges = np.arange(round(duration / suit.sample_time) + 1, dtype=np.float64) * suit.sample_time
-        self._bends = np.asarray(bend(edges), dtype=np.float64)
         self._advance = compiled(advance_suit)
-        self._random = np.random.default_rng(seed)
-        self._normals: NDArray[np.float64] = np.zeros((0, 3))
-        self._used = 0
-        self._time, self._began, self._read = now, math.inf, now
-        self.doing, self.command = OFF, initial_motor
-        self.slack, self.torn, self.has_cable = 0.0, False, True
+        self._read = now
         self._swinging, self._swing = False, 0.0  # whether the wearer does, and how much of it there is, 0 to 1
-        self.temperature = physics.ambient
-        self.torque_offset: float | None = 0.0
+        self.torque_offset = 0.0
         stiffness = motor.inertia * motor.servo.natural_frequency**2
-        self.servo_gains: tuple[float, float] | None = None
         self.servo_gains = stiffness, 2.0 * motor.servo.damping * stiffness / motor.servo.natural_frequency
-        self.brake_set, self._told, self._grips = False, (False, now), False
+        self._told, self._grips = (False, now), False
         self._held = math.nan  # where a quick stop holds the motor
         first = float(self._bends[0])
         state = suit_start(self._prepared, initial_motor, initial_motor, first)
@@ -107,19 +96,17 @@ class TwinSuit:
 
     def start_scenario(self, now: float) -> None:
         """See `TwinPlant.start_scenario`."""
-        self._began, self._swinging = now, now < math.inf
+        super().start_scenario(now)
+        self._swinging = now < math.inf
         self._state = self._state._replace(time=SETTLING)  # their swing's phase is that of a simulation then
 
     def advance(self, now: float) -> None:
         """See `TwinPlant.advance`: in whole sub-steps; what is left over waits for the next call."""
-        gap = now - self._time
-        if gap > LONGEST_GAP:
-            self._time, gap = now - LONGEST_GAP, LONGEST_GAP
-        count = int(gap / self._substep)
+        count = int(self._since(now) / self._substep)
         if count < 1:
             return
         elapsed = count * self._substep
-        before, after = self._at(self._time), self._at(self._time + elapsed)
+        before, after = self._bend_at(self._time), self._bend_at(self._time + elapsed)
         wearer = self._wearer(elapsed)
         self._time += elapsed
         self._held = math.nan if self.doing != BRAKE else self.motor if math.isnan(self._held) else self._held
@@ -136,7 +123,7 @@ class TwinSuit:
             ),
             *(wearer, count, self._substep),
         )
-        self.temperature = stage_temperature(self.physics, self.temperature, self.current, elapsed)
+        self._warm(elapsed)
 
     def _braked(self) -> bool:
         """Whether the brake grips: it does what it is told with its delay."""
@@ -163,10 +150,6 @@ class TwinSuit:
         self._swing = max(0.0, min(1.0, grown))
         size = self._swing**2 * (3.0 - 2.0 * self._swing)
         return self.suit.wearer._replace(swing=size * self.suit.wearer.swing)
-
-    def _at(self, time: float) -> float:
-        """The sheaths' bend [rad]."""
-        return course_at(self._bends, time - self._began, self.suit.sample_time)
 
     @property
     def motor(self) -> float:
@@ -211,10 +194,7 @@ class TwinSuit:
 
     def read_encoders(self) -> tuple[float, float]:
         """See `TwinPlant.read_encoders`: the flex sensor at the elbow, the encoder at the spool."""
-        if self._used == len(self._normals):
-            self._normals, self._used = self._random.standard_normal((4096, 3)), 0
-        normal, wander, of_motor = (float(normal) for normal in self._normals[self._used])
-        self._used += 1
+        normal, wander, of_motor = (float(normal) for normal in self._noise(3))
         since, self._read = max(self._time - self._read, 1e-6), self._time
         self._flex, joint = flex_step(self.suit.joint_sensor, self._flex, self.joint, normal, wander, since)
         return float(joint), float(reading(self.motor, of_motor, self.suit.motor_encoder))

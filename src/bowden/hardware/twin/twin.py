@@ -20,7 +20,8 @@ from bowden.hardware.buses.unix_bus import ERROR, EXTENDED, REMOTE
 from bowden.hardware.twin.control import ControlServer, control_path
 from bowden.hardware.twin.faults import Faults
 from bowden.hardware.twin.injection import OF_CABLE, OF_LOAD_CELL, Injection, parse
-from bowden.hardware.twin.node import BesideNode, Journal, Send, TwinNode
+from bowden.hardware.twin.node import BesideNode, Journal, TwinNode
+from bowden.hardware.twin.outbox import Send
 from bowden.hardware.twin.plant import TwinPlant
 
 TICK = 1e-3

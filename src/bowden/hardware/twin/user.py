@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from bowden.control.source import Measurement
 from bowden.core.kernel import kernel, reached, specialise
-from bowden.hardware.twin.bench import FOLLOW, LONGEST_GAP, OFF, Physics, course_at, stage_temperature
+from bowden.hardware.twin.plant import FOLLOW, OFF, Physics, TwinPlant
 from bowden.models.cable.sheath_path import BendPath
 from bowden.models.drive.motor import current
 from bowden.plants.plant import (
@@ -69,8 +69,8 @@ def seen(plant: Any, body: Any) -> Any:
     return plant_look(plant, body)
 
 
-class TwinUser:
-    """A user's plant at a time that only goes forward; see `TwinPlant`.
+class TwinUser(TwinPlant):
+    """A user's plant; see `TwinPlant`.
 
     Args:
         plant: of the rig.
@@ -86,11 +86,6 @@ class TwinUser:
     """
 
     has_cable = False
-    brake_set = False
-    interaction = None
-    """See `TwinPlant.interaction`."""
-    servo_gains: tuple[float, float] | None = None
-    """See `TwinPlant.servo_gains`."""
 
     def __init__(
         self,
@@ -102,31 +97,20 @@ class TwinUser:
         now: float,
         physics: Physics = Physics(),  # noqa: B008  # a tuple
     ) -> None:
-        self.plant, self.physics = plant, physics
+        super().__init__(bend, duration, plant.sample_time, seed, initial_motor, now, physics)
+        self.plant = plant
         self._dynamics = dynamics = plant.dynamics()
-        edges = np.arange(round(duration / plant.sample_time) + 1, dtype=np.float64) * plant.sample_time
-        self._bends = np.asarray(bend(edges), dtype=np.float64)
-        self._random = np.random.default_rng(seed)
         kernels = dynamics.kernels()
         rest, self._one_on, self._sensed, self._seen = (
             specialise(one, dynamics.name, **reached(one, kernels)) for one in (begin, one_on, sensed, seen)
         )
-        self._time, self._first, self._began = now, now, math.inf
-        self.doing, self.command = OFF, initial_motor
-        self.slack, self.torn = 0.0, False
-        self.temperature = physics.ambient
-        self.torque_offset: float | None = None
-        self._now = now
+        self._first = self._now = now
         with dynamics.explained():
             body = rest(dynamics.plant, float(initial_motor), self._sheath_at(now))
             self._cycle = PlantCycle(body, body, math.nan)
             self._after = self._seen(dynamics.plant, body)
             self._step(initial_motor)
             self.read_encoders()  # compiles
-
-    def start_scenario(self, now: float) -> None:
-        """See `TwinPlant.start_scenario`."""
-        self._began = now
 
     def advance(self, now: float) -> None:
         """Move on to `now` [s]: the cycle that it lies in has been calculated to its end.
@@ -135,8 +119,7 @@ class TwinUser:
             ParameterError: the plant gave no number, or failed.
         """
         self._now = max(now, self._time)
-        if now - self._time > LONGEST_GAP:
-            self._time = now - LONGEST_GAP
+        self._since(now)
         with self._dynamics.explained():
             while now - self._time >= self.plant.sample_time:
                 self._time += self.plant.sample_time
@@ -151,14 +134,14 @@ class TwinUser:
         self._cycle = PlantCycle(*self._one_on(self._dynamics.plant, self._cycle.after, float(applied), *ends, normals))
         self._after = self._seen(self._dynamics.plant, self._cycle.after)
         refuse_no_number(self._dynamics, self._after._asdict(), self._time + dt - self._first)
-        self.temperature = stage_temperature(self.physics, self.temperature, self.current, dt)
+        self._warm(dt)
 
     def _between(self, before: float, after: float) -> float:
         part = min((self._now - self._time) / self.plant.sample_time, 1.0)
         return before + part * (after - before)
 
     def _sheath_at(self, time: float) -> SheathState:
-        return sheath_state(self.plant.sheath, course_at(self._bends, time - self._began, self.plant.sample_time))
+        return sheath_state(self.plant.sheath, self._bend_at(time))
 
     @property
     def motor(self) -> float:
