@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 from bowden.control import Law, user_law
 from bowden.core.caller import argument
 from bowden.core.errors import ParameterError
-from bowden.design.check_rig import check_rig, checked_pair, pair_laws
+from bowden.design.advised_check import checked_pair
+from bowden.design.check_rig import check_rig, pair_laws
 from bowden.design.linearise import NoNumberError
 from bowden.design.other_law import other_law
 from bowden.rig.rig import Rig

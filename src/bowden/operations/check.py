@@ -202,7 +202,7 @@ def check(
     """
     from bowden.core.errors import asked_for_by
     from bowden.core.toml_text import quoted
-    from bowden.design.check_rig import checked, checked_pair
+    from bowden.design.advised_check import checked, checked_pair
     from bowden.design.objections import refuse_sources
     from bowden.operations.support import given
     from bowden.operations.support.progress import reported

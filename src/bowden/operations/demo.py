@@ -105,7 +105,7 @@ def demo(
     """
     from bowden.core.errors import LogError, ParameterError
     from bowden.core.files import write_text
-    from bowden.design.check_rig import checked
+    from bowden.design.advised_check import checked
     from bowden.design.new_rig import around
     from bowden.design.verdict import verdict_of
     from bowden.identify.cable.identification import identify_log

@@ -85,7 +85,7 @@ MOST_CYCLES = 10_000_000
 """A longer run is refused: its record would not fit into the memory of a common computer."""
 
 
-class Identification(Protocol):
+class IdentifiedModel(Protocol):
     """What an identification gives."""
 
     @property
@@ -94,7 +94,7 @@ class Identification(Protocol):
         ...
 
 
-CableLike = BoucWen | IdentifiedCable | CableModel | Identification
+CableLike = BoucWen | IdentifiedCable | CableModel | IdentifiedModel
 GivenPlant = str | UserPlant | PlantFile | None
 GivenLaw = str | Law | LawFile
 
