@@ -71,9 +71,9 @@ def step(
     error = reference.position - sample.joint
     limit = gains.correction_limit
     summed = clamp(state.integral + gains.integral_gain * error * dt, -limit, limit, state.integral)
-    wished = gains.proportional_gain * error + summed + gains.derivative_gain * (reference.velocity - joint_rate)
-    correction = clamp(wished, -limit, limit, 0.0)
-    saturated = (wished - correction) * error > 0.0  # and the error would drive it further
+    demanded = gains.proportional_gain * error + summed + gains.derivative_gain * (reference.velocity - joint_rate)
+    correction = clamp(demanded, -limit, limit, 0.0)
+    saturated = (demanded - correction) * error > 0.0  # and the error would drive it further
     integral = state.integral if saturated else summed
 
     command = (

@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 from bowden.core.errors import ParameterError
 from bowden.core.quantity import Quantity, declared
+from bowden.hardware.buses.node_place import NodePlace
 
 if TYPE_CHECKING:
     from bowden.hardware.buses.link import BusPlace, Links
     from bowden.hardware.ports import Drive
-    from bowden.hardware.twin.twin import NodePlace
     from bowden.rig.families import DriveNeeds
 
 BusInterface = Annotated[
@@ -168,10 +168,8 @@ def place(parameters: Any) -> "BusPlace":
     return BusPlace(parameters.interface, parameters.channel, parameters.bitrate)
 
 
-def node_place(parameters: Any) -> "NodePlace":
+def node_place(parameters: Any) -> NodePlace:
     """Where the twin of this node is."""
-    from bowden.hardware.twin.twin import NodePlace  # with python-can
-
     return NodePlace(parameters.interface, parameters.channel, parameters.bitrate, parameters.node_id)
 
 

@@ -23,8 +23,8 @@ def attach_load_cell(running: TwinProcess, rig: Rig) -> None:
     cell = rig.load_cell
     if not cell.there:
         return
+    from bowden.hardware.buses.node_place import NodePlace
     from bowden.hardware.twin.load_cell_node import LoadCellNode
-    from bowden.hardware.twin.twin import NodePlace  # with python-can
 
     place, shared = cell_place(rig.drive_parameters, cell)
     own = NodePlace(place.interface, place.channel, place.bitrate, cell.node_id)

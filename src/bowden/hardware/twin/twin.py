@@ -10,11 +10,12 @@ import os
 import resource
 from collections import deque
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any
 
 import can
 
 from bowden.core.errors import BowdenError, DriveError, ParameterError
+from bowden.hardware.buses.node_place import NodePlace
 from bowden.hardware.buses.opening import claim, open_bus
 from bowden.hardware.buses.unix_bus import ERROR, EXTENDED, REMOTE
 from bowden.hardware.twin.control import ControlServer, control_path
@@ -35,22 +36,6 @@ MOST_PATIENCE = 5.0
 
 MOST_ENTRIES = 500
 """Entries of the journal in one answer."""
-
-
-class NodePlace(NamedTuple):
-    """Where a node is."""
-
-    interface: str
-    """python-can's name of the bus."""
-    channel: str
-    bitrate: int
-    """[bit/s]"""
-    node_id: int
-    """Its number on the bus."""
-    fd: bool = False
-    """Whether it speaks CAN-FD."""
-    data_bitrate: int = 5_000_000
-    """Of its data [bit/s]."""
 
 
 class Twin:
