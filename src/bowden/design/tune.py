@@ -3,7 +3,7 @@
 1. Every gain that is a choice (`Law.tunable`) and that the loop or the errors feel is varied, on a logarithmic scale
    around where it stands; what the rig would give the law (`bowden.control.knowledge`), had nobody chosen otherwise, is
    tried first too.
-2. The search is an evolution (`evolution`): gains that lack 6 dB or 45°, or whose command jumps by more than
+2. The search is SciPy's differential evolution: gains that lack 6 dB or 45°, or whose command jumps by more than
    `MOST_PER_COUNT` with one count of the joint's encoder, are ranked by what they lack, without a simulation; the
    others by their largest RMSE over a set of sheath paths and references.
 3. Whatever is to be the best so far is checked as `bowden check` does it. Where it fails at estimates that its own
@@ -13,9 +13,10 @@
 
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bowden.control.knowledge import Knowledge, informed
 from bowden.control.law import Law
@@ -24,8 +25,8 @@ from bowden.core.units import DEGREES
 from bowden.design.advice import gains_that_matter
 from bowden.design.check import STROKE, check, visited_estimates
 from bowden.design.check_result import MOST_PER_COUNT, Check, Estimates
-from bowden.design.evolution import Array, Population, Score
 from bowden.design.tune_judge import (
+    UNSTABLE,
     Judged,
     Task,
     chatter,
@@ -43,6 +44,9 @@ from bowden.design.tune_runs import NineRuns, TuningRuns, TuningTarget, course_o
 from bowden.plants.knowledge_of import knowledge_of, with_loop
 from bowden.plants.plant import Plant
 from bowden.plants.suit_parts import Suit
+
+if TYPE_CHECKING:
+    from scipy.optimize import OptimizeResult
 
 GENERATIONS = 32
 """Of the search, where no other number is given and the clock is 1 kHz."""
@@ -64,6 +68,10 @@ _SAME = 1.002
 """Share of the best error that is no change."""
 _TRIED_FACTORS = (1.25, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 16.0, 32.0, 64.0, 128.0, 256.0)
 
+_LACKING = 1e6
+"""What gains cost at least that lack something; no error is as large."""
+
+Array = NDArray[np.float64]
 Report = Callable[[str, float], None]
 Workers = Callable[[Callable[[Task], Any], Iterable[Task]], Iterable[Any]]
 """Like `map`: the one of a process pool spreads the work."""
@@ -132,11 +140,8 @@ def tune(
     try:
         report("margins of random gains", 0.05)
         search.begin(min(1.0, generations / _FULL))
-        for generation in range(generations):
-            if search.settled():
-                break
-            report(f"simulating gains, step {generation + 1} of {generations}", 0.1 + 0.8 * generation / generations)
-            search.step()
+        while search.steps < generations and not search.settled():
+            search.evolve(generations, report)
         report("checking the best", 0.9)
         return search.finish()
     except KeyboardInterrupt:
@@ -172,6 +177,10 @@ class _Search:
         self.errors_before = errors(self._task(law))
         self.names = self._names()
         self.best: tuple[Law, Check, float] | None = None
+        self.points: Array = np.empty((0, 0))
+        self.costs: Array = np.empty(0)
+        self.stale = False
+        """Whether the members were judged before the last of the estimates was known to count."""
 
     def begin(self, share: float) -> None:
         """Draw gains, a share of the usual number, and take those that lack the least of their margins."""
@@ -179,13 +188,13 @@ class _Search:
         part = min(1.0, count / _FULL)
         members = max(min(_FEWEST_MEMBERS, _MEMBERS), round(part * _MEMBERS))
         points = self._begun()
-        for _ in range(round(share * part * _DRAWS)):
+        for _ in range(max(members, round(share * part * _DRAWS))):
             points.append(self.random.uniform(-1.0, 1.0, count) * float(self.random.choice(_SPREADS)))
         lacking = list(self.workers(shortfall, [self._task(self._law(point)) for point in points]))
         first = [points[i] for i in sorted(range(len(points)), key=lambda i: (lacking[i], i))]
         first = first[: max(members, round(share * part * _SIMULATED))]
         best = self._best(first, members)
-        self.population = Population([point for point, _ in best], [score for _, score in best], self.random)
+        self.points, self.costs = np.array([point for point, _ in best]), np.array([cost for _, cost in best])
         self._confirm()
 
     def _begun(self) -> list[Array]:
@@ -195,17 +204,39 @@ class _Search:
         known = np.log(np.where(shares > 0.0, shares, 1.0))  # a gain that would be off stays as it stands
         return [np.zeros(len(self.names)), np.clip(known, *_REACH)]
 
-    def step(self) -> None:
-        """One generation; every fifth is followed by a check of what leads then."""
-        self.population.step(self._judge, _REACH)
-        self.steps += 1
+    def evolve(self, generations: int, report: Report) -> None:
+        """Some of that many generations, and a check of what leads then."""
+        from scipy.optimize import Bounds, differential_evolution  # half a second, which a check need not wait for
+
+        def stepped(intermediate_result: "OptimizeResult") -> None:
+            report(f"simulating gains, step {self.steps + 1} of {generations}", 0.1 + 0.8 * self.steps / generations)
+            self.steps += 1
+            self.points = intermediate_result.population
+            self.costs = np.array(intermediate_result.population_energies)
+            if self.settled():
+                raise StopIteration
+
+        differential_evolution(
+            self._costs,  # type: ignore[arg-type]  # of one point, as SciPy's types have it
+            Bounds(*np.outer(_REACH, np.ones(len(self.names)))),
+            strategy="currenttobest1bin",
+            init=self.points,
+            maxiter=min(_CHECKED_EVERY, generations - self.steps),
+            mutation=(0.4, 0.9),
+            recombination=0.9,
+            tol=0.0,
+            rng=self.random,
+            callback=stepped,
+            polish=False,
+            vectorized=True,
+            updating="deferred",
+        )
         if self.steps % _CHECKED_EVERY == 0:
             self._confirm()
 
     def settled(self) -> bool:
         """Whether the population has come together, so that nothing better is to be expected of it."""
-        least, most = (choose(self.population.scores) for choose in (min, max))
-        return most[0] == 0.0 and most[1] <= _SAME * least[1]
+        return bool(self.costs.max() <= min(_SAME * self.costs.min(), _LACKING))
 
     def finish(self) -> Tuning:
         """The best of all, with the gains that need not differ put back."""
@@ -272,8 +303,8 @@ class _Search:
     def _task(self, law: Law, limit: float = np.inf) -> Task:
         return Task(self.rig, law, self.estimates, self.order, limit, self.runs)
 
-    def _best(self, points: Sequence[Array], count: int) -> list[tuple[Array, Score]]:
-        """The best of some points with their scores, the best first.
+    def _best(self, points: Sequence[Array], count: int) -> list[tuple[Array, float]]:
+        """The best of some points with what they cost, the best first.
 
         The margins on the way take longest and are calculated last: of the smallest errors first, until enough keep
         them.
@@ -292,34 +323,43 @@ class _Search:
                 scores[i] = (lacking, scores[i][1])
                 (refused if lacking else passed).append(i)
         found = [*passed, *kept, *sorted(refused, key=lambda i: (scores[i], i))]
-        return [(points[i], scores[i]) for i in found[:count]]
+        return [(points[i], _cost(*scores[i])) for i in found[:count]]
 
-    def _judge(self, points: Iterable[Array], wanted: Iterable[Score]) -> list[Score]:
-        """Scores; those above what is wanted say no more than that."""
+    def _costs(self, points: Array) -> Array:
+        """What points (k, m) cost (m,), all judged at once; infinite where it is more than the member's in whose place
+        one would come, whose runs are then given up early."""
+        if np.allclose(points.T, self.points):  # the members themselves, at the begin of a search
+            if not self.stale:
+                return self.costs
+            self.costs, self.stale = np.full(len(self.points), np.inf), False
         tasks = [
-            self._task(self._law(point), value if lacking == 0.0 else np.inf)
-            for point, (lacking, value) in zip(points, wanted, strict=True)
+            self._task(self._law(point), limit if limit < _LACKING else np.inf)
+            for point, limit in zip(points.T, self.costs.tolist(), strict=True)
         ]
-        found: Iterable[Judged] = self.workers(judge, tasks)
-        return [(judged.shortfall, judged.worst) for judged in found]
+        judged: Iterable[Judged] = self.workers(judge, tasks)
+        found = [
+            _cost(one.shortfall, one.worst) if one.shortfall or one.worst <= task.limit else np.inf
+            for task, one in zip(tasks, judged, strict=True)
+        ]
+        self.costs = np.minimum(self.costs, found)
+        return np.array(found)
 
     def _confirm(self, rounds: int = 1) -> None:
         """Check members that are better than the best, the best of them first, two at a time."""
-        population = self.population
         for _ in range(rounds):
-            limit = self.best[2] if self.best else np.inf
-            leading = [i for i in population.ranked()[:2] if population.scores[i] < (0.0, limit)]
-            laws = [self._law(population.points[i]) for i in leading]
+            limit = self.best[2] if self.best else _LACKING
+            leading = [i for i in np.argsort(self.costs, kind="stable")[:2] if self.costs[i] < limit]
+            laws = [self._law(self.points[i]) for i in leading]
             found: list[Check] = list(self.workers(checked, [self._task(law) for law in laws]))
             for i, law, one in zip(leading, laws, found, strict=True):
                 if keeps(one):
-                    self.best = law, one, population.scores[i][1]
+                    self.best = law, one, float(self.costs[i])
                     run = errors(self._task(law))
                     self.order = tuple(sorted(range(len(run)), key=lambda k: -run[k]))
                     return
-                population.scores[i] = (1.0, np.inf)
+                self.costs[i] = _cost(1.0, np.inf)
                 if one.worst.estimates not in self.estimates and len(self.estimates) < _MOST_ESTIMATES:
-                    self.estimates = (*self.estimates, one.worst.estimates)
+                    self.estimates, self.stale = (*self.estimates, one.worst.estimates), True
             if not leading:
                 return
 
@@ -346,12 +386,12 @@ class _Search:
             f"a servo of {bench.servo.natural_frequency / (2.0 * np.pi):.3g} Hz and damping {bench.servo.damping:.2g} "
             f"behind {1e3 * bench.delay * bench.sample_time:.3g} ms of delay leaves them too little phase or gain"
         )
-        tasks = [self._task(self._law(point)) for point in self.population.points]
+        tasks = [self._task(self._law(point)) for point in self.points]
         if min(chatter(task) for task in tasks) > 0.0:
             count, most = bench.joint_encoder.resolution * DEGREES, MOST_PER_COUNT * DEGREES
             reason = f"one count of the joint's encoder, {count:.3g}°, changes the command by more than {most:g}°"
             raise NoGainsError(f"{what}: {reason}", do="take a finer encoder, or another law")
-        best = self._law(self.population.points[self.population.ranked()[0]])
+        best = self._law(self.points[int(np.argmin(self.costs))])
         found = self.before if best == self.law else checked(self._task(best))
         what += f"; the best of them {lacking(found)}"
         if keeps(found):
@@ -376,6 +416,14 @@ class _Search:
                 if any(keeps(one) for one in self.workers(checked, good)):
                     return said
         return ""
+
+
+def _cost(lacking: float, error: float) -> float:
+    """A score as one number, by Deb's rule (2000): what lacks something comes after all that does not; what lacks no
+    margin and runs away all the same, with what is unstable."""
+    if not lacking and np.isfinite(error):
+        return error
+    return _LACKING * (1.0 + (lacking or UNSTABLE))
 
 
 def lacking(found: Check) -> str:

@@ -20,7 +20,7 @@ WANTED_DB, WANTED_DEG = 6.0, 45.0
 """Margins that tuned gains keep."""
 _LONGEST_DELAY = 40
 """Cycles of delay for which the poles of many loops are quickly found."""
-_UNSTABLE = 10.0
+UNSTABLE = 10.0
 """What an unstable loop lacks, in parts of the margins that are wanted, and its largest pole on top."""
 
 
@@ -80,7 +80,7 @@ def shortfall(task: Task) -> float:
     for point in linear_points(bench, task.law, rig.bends, task.estimates, resolution, rig.stroke):
         found = point.margins
         if not found.stable:
-            missing = max(missing, _UNSTABLE + found.largest_pole)
+            missing = max(missing, UNSTABLE + found.largest_pole)
         if found.gain_margin_db is not None:
             missing = max(missing, 1.0 - found.gain_margin_db / WANTED_DB)
         if found.phase_margin_deg is not None:
@@ -116,9 +116,9 @@ def shortfall_on_the_way(task: Task) -> float:
     for bend in dict.fromkeys(task.rig.bends):
         trials.append(run_trial(bench, law, bend, task.rig.stroke))
         if not trials[-1].bounded:
-            return _UNSTABLE
+            return UNSTABLE
     if task.rig.refuted:
-        return 0.0 if stands(bench, law, task.rig.bends[-1], task.rig.stroke) else _UNSTABLE
+        return 0.0 if stands(bench, law, task.rig.bends[-1], task.rig.stroke) else UNSTABLE
     visited = visited_estimates(law, trials, bench.sample_time)
     ends = [choose(visited, key=lambda values: values[name]) for name in visited[0] for choose in (min, max)]
     different = [values for i, values in enumerate(ends) if values not in [*task.estimates, *ends[:i]]]
