@@ -12,7 +12,6 @@ from bowden.control import LAWS
 from bowden.control.admittance.virtual_elbow import Admittance
 from bowden.control.source import TABLE
 from bowden.core.errors import ParameterError
-from bowden.core.trace import Trace
 from bowden.core.units import RADIANS
 from bowden.hardware.twin.plant import FOLLOW
 from bowden.hardware.twin.suit import TwinSuit
@@ -22,6 +21,7 @@ from bowden.models.drive.geared_motor import GearedMotor
 from bowden.operations.schema import json_schema
 from bowden.plants.suit_parts import Suit
 from bowden.plants.suit_push import behind, push_of
+from bowden.records.trace import Trace
 from bowden.rig import compose_admittance
 from bowden.rig.rig import Rig
 

@@ -24,8 +24,8 @@ import pytest
 import study_page
 from bowden.app import main
 from bowden.core.errors import ParameterError
-from bowden.core.trace import Trace
 from bowden.operations.schema import json_schema
+from bowden.records.trace import Trace
 from bowden.study import pack as study_pack
 from bowden.study import workers as campaign_workers
 from bowden.study.load import load

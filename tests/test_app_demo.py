@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 from bowden.app.main import run
-from bowden.core.trace import LED, Trace
 from bowden.operations import demo
 from bowden.operations.schema import json_schema
+from bowden.records.trace import LED, Trace
 from bowden.report import demo_page
 from live_runs import tries
 

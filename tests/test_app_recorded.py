@@ -8,8 +8,8 @@ import pytest
 
 from bowden.control.recorded_motion import RecordedFile, read_motion
 from bowden.core.errors import BowdenError
-from bowden.core.trace import Trace
 from bowden.core.units import RADIANS
+from bowden.records.trace import Trace
 
 pytestmark = pytest.mark.usefixtures("undrawn")
 

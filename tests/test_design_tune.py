@@ -12,7 +12,6 @@ from typing import Any
 import jsonschema
 import numpy as np
 import pytest
-from bowden.design.evolution import Array, Population, Score
 
 import bowden
 from bowden.app.main import run

@@ -16,13 +16,13 @@ from bowden.app.main import run
 from bowden.control.law_file import law_file
 from bowden.core import bounded
 from bowden.core.errors import BowdenError, ParameterError
-from bowden.core.table import MOST_CELLS, read_table
 from bowden.identify.emg.log import read_emg
 from bowden.identify.log.read import read_log
 from bowden.live.mcap_read import read as read_mcap
 from bowden.live.read_trace import read_trace
 from bowden.plants.cables import identified
 from bowden.plants.identified import load_cable
+from bowden.records.table import MOST_CELLS, read_table
 from bowden.rig.tree import read_values
 from bowden.sensing import wearer_file
 from bowden.study.load import load

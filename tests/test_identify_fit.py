@@ -9,7 +9,6 @@ import pytest
 from numpy.typing import NDArray
 
 from bowden.core.errors import LogError, ParameterError
-from bowden.core.metrics import rmse
 from bowden.core.units import DEGREES
 from bowden.identify.cable import settling as settling_module
 from bowden.identify.cable.family import Estimate
@@ -30,6 +29,7 @@ from bowden.models.cable.prandtl_ishlinskii import plays
 from bowden.plants.cables import branches_of
 from bowden.plants.identified import CableModel
 from bowden.plants.predicted import NAMES, chebyshev, generalised_play
+from bowden.records.metrics import rmse
 
 Array = NDArray[np.float64]
 

@@ -9,7 +9,6 @@ from scipy.integrate import solve_ivp
 
 from bowden.control import LAWS
 from bowden.control.reference import PeriodicMinimumJerk
-from bowden.core.trace import Trace
 from bowden.core.units import DEGREES, RADIANS
 from bowden.models.minimum_jerk import minimum_jerk_share
 from bowden.models.suit.arm import GRAVITY, Arm, arm_of, gravity_torque, passive_torque
@@ -21,6 +20,7 @@ from bowden.models.suit.geometry import (
     flexor_moment_arm,
 )
 from bowden.plants.suit_parts import Suit
+from bowden.records.trace import Trace
 from bowden.rig.presets.suit import default_suit
 from bowden.sim.run import simulate
 from support.mujoco_arm import MujocoArm, Tensions, replay

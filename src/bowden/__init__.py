@@ -29,7 +29,6 @@ if TYPE_CHECKING:
     from bowden.core.kernel import kernel as kernel
     from bowden.core.signals import Reference as Reference
     from bowden.core.signals import Sample as Sample
-    from bowden.core.trace import Trace as Trace
     from bowden.identify.given_log import read_log as read_log
     from bowden.live.read_trace import read_trace as read_trace
     from bowden.models.cable.bouc_wen import BoucWen as BoucWen
@@ -49,6 +48,7 @@ if TYPE_CHECKING:
     from bowden.operations.run import run as run
     from bowden.operations.support.python import public
     from bowden.plants.identified import CableModel as CableModel
+    from bowden.records.trace import Trace as Trace
     from bowden.rig.rig import Rig as Rig
 
     campaign, check, export = public(_campaign.campaign), public(_check.check), public(_export.export)
@@ -72,7 +72,7 @@ _HOMES = {
     "Sample": "bowden.core.signals",
     "Servo": "bowden.models.drive.servo",
     "Sheath": "bowden.models.cable.sheath",
-    "Trace": "bowden.core.trace",
+    "Trace": "bowden.records.trace",
     "campaign": "bowden.operations.campaign",
     "check": "bowden.operations.check",
     "emg_calibrate": "bowden.operations.emg_calibrate",

@@ -26,7 +26,6 @@ import numpy as np
 
 from bowden.control.law_file import law_file
 from bowden.core.errors import BowdenError, DriveError
-from bowden.core.trace import Trace
 from bowden.hardware.drives import canopen_dialogue, canopen_frames, emergencies
 from bowden.hardware.emg import lsl_info, trigno_protocol
 from bowden.identify.emg.log import read_emg, read_labels
@@ -37,6 +36,7 @@ from bowden.live.mcap_read import read as read_mcap
 from bowden.live.read_trace import read_trace
 from bowden.live.ring import Description
 from bowden.plants.identified import load_cable
+from bowden.records.trace import Trace
 from bowden.rig.rig import Rig
 from bowden.sensing import wearer_file
 from bowden.study.load import load

@@ -19,9 +19,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from bowden.core.trace import Trace
 from bowden.models.suit.arm import GRAVITY, Arm
 from bowden.models.suit.geometry import SuitGeometry, extensor_moment_arm, flexor_moment_arm
+from bowden.records.trace import Trace
 
 Array = NDArray[np.float64]
 

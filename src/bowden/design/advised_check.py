@@ -4,8 +4,8 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from bowden.control import user_law
-from bowden.core.shown import listed
 from bowden.design.check_rig import pair_laws
+from bowden.drawing.shown import listed
 from bowden.rig.rig import Rig
 from bowden.sim import ranges
 

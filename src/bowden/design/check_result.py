@@ -6,13 +6,13 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
 from bowden.control.stability import Margins
-from bowden.core import shown
 from bowden.core.guesses import answering
-from bowden.core.shown import listed, number
-from bowden.core.style import COLOURS, CYCLE, legend, new_figure
 from bowden.core.units import DEGREES, RADIANS
 from bowden.design.limit_cycle import LimitCycle
 from bowden.design.trial import Trial
+from bowden.drawing import shown
+from bowden.drawing.shown import listed, number
+from bowden.drawing.style import COLOURS, CYCLE, legend, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

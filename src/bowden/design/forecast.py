@@ -4,10 +4,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.control.law import Law
-from bowden.core.trace import Trace
 from bowden.design.trial import motion
 from bowden.models.cable.sheath_path import constant_bend
 from bowden.plants.plant import Plant
+from bowden.records.trace import Trace
 from bowden.rig.rig import Rig
 from bowden.safety.limits import Limits
 from bowden.sim import ranges

@@ -5,12 +5,12 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from bowden.core import shown
 from bowden.core.guesses import answering
 from bowden.core.units import RADIANS
 from bowden.design.other_law import OURS, chosen_law
 from bowden.design.rig_of_model import Chosen, counting_of, model_text, with_stroke
 from bowden.design.rig_of_suit import suit_text
+from bowden.drawing import shown
 from bowden.plants.identified import IdentifiedCable
 from bowden.rig.rig import Rig
 

@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from bowden.control import LAWS, Law
 from bowden.core.errors import BowdenError
-from bowden.core.shown import number
 from bowden.core.units import DEGREES
 from bowden.design.advice import mending_gain
 from bowden.design.check_rig import check_rig
 from bowden.design.rig_of_model import Chosen
+from bowden.drawing.shown import number
 from bowden.rig.rig import Rig
 from bowden.sim import ranges
 from bowden.sim.one_run import run_of

@@ -8,7 +8,6 @@ from typing import NamedTuple
 import numpy as np
 
 from bowden.control.law import Law
-from bowden.core.trace import Trace
 from bowden.core.units import DEGREES, RADIANS
 from bowden.design.check import (
     IDEAL,
@@ -41,6 +40,7 @@ from bowden.models.cable.sheath_path import constant_bend
 from bowden.plants.bench import Bench
 from bowden.plants.plant import changed
 from bowden.plants.transmission import transmission
+from bowden.records.trace import Trace
 from bowden.sim.pair import PairPlant, PairSide, simulate_pair
 from bowden.sim.parting import Range, asked_by, parting_of
 

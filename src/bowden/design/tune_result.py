@@ -6,12 +6,12 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from bowden.control.law import Law
-from bowden.core import shown
 from bowden.core.errors import ParameterError
-from bowden.core.shown import listed, number
-from bowden.core.style import COLOURS, CYCLE, new_figure
 from bowden.core.units import DEGREES
 from bowden.design.check_result import Check, milliseconds, no_margins
+from bowden.drawing import shown
+from bowden.drawing.shown import listed, number
+from bowden.drawing.style import COLOURS, CYCLE, new_figure
 from bowden.rig import rig as rigs
 
 if TYPE_CHECKING:

@@ -10,7 +10,6 @@ import numpy as np
 
 from bowden.core import arguments
 from bowden.core.errors import ParameterError
-from bowden.core.trace import Trace
 from bowden.identify.cable.fit import Fit
 from bowden.identify.cable.identification import identify as identify_signals
 from bowden.identify.cable.identification import identify_log
@@ -21,6 +20,7 @@ from bowden.identify.log.read import Log, prepare
 from bowden.identify.log.read import read_log as read_file
 from bowden.identify.log.variables import Scheduled, of_numbers, scheduled_by
 from bowden.plants.identified import CableModel, IdentifiedCable, load_judged
+from bowden.records.trace import Trace
 
 
 def identified(

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.core.errors import LogError, counted
-from bowden.core.metrics import rmse
 from bowden.core.units import RADIANS
 from bowden.cycle.one_cycle import TargetSource
 from bowden.hardware.ports import TorqueLeft, torque_left
@@ -21,6 +20,7 @@ from bowden.live.mcap_read import Recording, read
 from bowden.live.mcap_reader import Damage
 from bowden.live.session import Session
 from bowden.live.session_axis import SessionAxis
+from bowden.records.metrics import rmse
 from bowden.rig.families import family_of
 from bowden.safety import faults
 from bowden.safety.faults import Fault

@@ -10,7 +10,7 @@ from bowden.operations.support.operation import GivenProgress, GivenRig, Operati
 from bowden.operations.support.results import Result, ResultPart, made
 
 if TYPE_CHECKING:
-    from bowden.core.trace import Trace
+    from bowden.records.trace import Trace
     from bowden.study.computed import Campaign
     from bowden.study.study import Study
 

@@ -11,13 +11,13 @@ from bowden.operations.support.results import Result, ResultPart, degrees, json_
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-    from bowden.core.trace import Trace
     from bowden.identify.cable.cycles import Cycles
     from bowden.identify.cable.fit import Fit
     from bowden.identify.cable.joint_fit import JointFit
     from bowden.identify.cable.recalibrate import Recalibration
     from bowden.identify.log.read import Log
     from bowden.plants.identified import CableModel, IdentifiedCable
+    from bowden.records.trace import Trace
 
     AnyLog = str | Path | Log | Trace
     AnyModel = str | Path | Fit | JointFit | Recalibration | CableModel | IdentifiedCable
@@ -347,11 +347,11 @@ def identify_together(
     """
     from bowden.core import arguments
     from bowden.core.errors import ParameterError
-    from bowden.core.trace import Trace
     from bowden.identify.cable.loads import identify_loads
     from bowden.identify.given_log import log_of, variable_of
     from bowden.identify.log.read import Log
     from bowden.operations.support.progress import reported
+    from bowden.records.trace import Trace
 
     if isinstance(logs, str | Path | Log | Trace) or not isinstance(logs, Sequence):
         raise ParameterError(

@@ -312,9 +312,9 @@ def log_export(file: File, *, out: Path | None = None, axis: str | None = None) 
         LogError: it cannot be read.
         OutputError: the new file cannot be written.
     """
-    from bowden.core.trace import write_traces
     from bowden.live.mcap_read import columns_of, traces
     from bowden.live.mcap_reader import LogReader
+    from bowden.records.trace import write_traces
 
     target = _other(out or file.with_suffix(".csv"), file)
     log = LogReader(file)

@@ -9,8 +9,8 @@ from bowden.operations.support.operation import GivenLaw, GivenProgress, GivenRi
 from bowden.operations.support.results import Result, ResultPart
 
 if TYPE_CHECKING:
-    from bowden.core.trace import Trace
-    from bowden.core.traces import Traces
+    from bowden.records.trace import Trace
+    from bowden.records.traces import Traces
     from bowden.rig.rig import Rig
 
 
@@ -114,7 +114,7 @@ class Simulation(Result[Any]):
     @property
     def value(self) -> "Trace | Traces":
         """The trace; of a list of laws all of them; of several axes by axis, or ``law-axis`` of a list."""
-        from bowden.core.traces import Traces
+        from bowden.records.traces import Traces
 
         first, *others = self.joints
         if not others and not first.by_law:
@@ -210,10 +210,10 @@ def _of_motor(
     name: str, setup: "Rig", rigs: "Sequence[Rig]", force: bool, progress: Progress
 ) -> tuple[SimulatedJoint, list[str], str]:
     """One axis, or a rig with one motor, under each of the laws; what the user should know, and what was done."""
-    from bowden.core.traces import Traces
     from bowden.design.objections import refusals
     from bowden.design.verdict import verdicts
     from bowden.operations.support import given
+    from bowden.records.traces import Traces
     from bowden.sim.one_run import run_of
 
     laws = [rig.fitted() for rig in rigs]
@@ -242,10 +242,10 @@ def _of_pair(
     rigs: "Sequence[Rig]", force: bool, entire: bool, progress: Progress
 ) -> tuple[SimulatedJoint, list[str], str]:
     """Two motors on one joint, under each of the laws."""
-    from bowden.core.traces import Traces
     from bowden.design.check_rig import pair_laws
     from bowden.design.verdict import pair_verdicts
     from bowden.operations.support import given
+    from bowden.records.traces import Traces
     from bowden.sim.pair_of_rig import agonist_of, run_of_pair
 
     laws = [pair_laws(rig) for rig in rigs]

@@ -4,8 +4,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from bowden.core.style import new_figure
 from bowden.core.units import DEGREES
+from bowden.drawing.style import new_figure
 from bowden.identify.cable.joint_fit import JointFit, cycle_lines, draw_loads
 from bowden.identify.cable.recalibrate import Recalibration, cycles_line, draw_residual, verdict
 from bowden.plants.cable_parameters import in_degrees

@@ -8,9 +8,9 @@ import numpy as np
 
 from bowden.core.errors import counted
 from bowden.core.quantity import Quantity, declared
-from bowden.core.shown import listed, number
-from bowden.core.style import COLOURS, thin
 from bowden.core.units import DEGREES, HERTZ
+from bowden.drawing.shown import listed, number
+from bowden.drawing.style import COLOURS, thin
 from bowden.plants.cable_parameters import parameter_lines
 from bowden.plants.identified import IdentifiedCable
 

@@ -22,11 +22,11 @@ from bowden.core.files import whole_file
 from bowden.core.guesses import Answering, answering
 from bowden.core.part import signed
 from bowden.core.quantity import Quantity, declared
-from bowden.core.shown import axes_for, fragment, screen
-from bowden.core.style import new_figure
 from bowden.core.toml_text import quoted
 from bowden.core.units import DEGREES, RADIANS
 from bowden.cycle.one_cycle import Filters
+from bowden.drawing.shown import axes_for, fragment, screen
+from bowden.drawing.style import new_figure
 from bowden.models.cable.bouc_wen import BoucWen, upright
 from bowden.models.cable.sheath import Sheath
 from bowden.models.cable.sheath_path import BendPath

@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from bowden.core import shown
 from bowden.core.caller import argument
 from bowden.core.clock import unix_seconds
 from bowden.core.errors import BowdenError, ParameterError
 from bowden.core.extras import extra_module
-from bowden.core.trace import Trace
 from bowden.core.units import DEGREES
+from bowden.drawing import shown
+from bowden.records.trace import Trace
 from bowden.study.figures import Summary, summarise
 from bowden.study.rows import SUIT_FIGURES, chunks
 from bowden.study.store import Store

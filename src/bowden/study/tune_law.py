@@ -13,7 +13,6 @@ from bowden.control.knowledge import preset_of
 from bowden.control.law_file import LawFile
 from bowden.core.caller import argument
 from bowden.core.errors import ParameterError
-from bowden.core.shown import listed
 from bowden.core.toml_text import quoted
 from bowden.core.units import DEGREES
 from bowden.design.check import check
@@ -25,6 +24,7 @@ from bowden.design.tune import BrokenOff, NoGainsError
 from bowden.design.tune import tune as search
 from bowden.design.tune_result import Tuning
 from bowden.design.tune_runs import NineRuns, TuningTarget, course_of
+from bowden.drawing.shown import listed
 from bowden.plants.plant_file import PlantFile
 from bowden.rig.rig import Axis, Rig
 from bowden.sim import ranges

@@ -13,13 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden import __version__
-from bowden.core import shown
 from bowden.core.arguments import path_of as path_of_file
 from bowden.core.files import write_text
 from bowden.core.guesses import answering
-from bowden.core.style import COLOURS, legend, thin
 from bowden.core.toml_text import quoted
 from bowden.core.units import DEGREES
+from bowden.drawing import shown
+from bowden.drawing.style import COLOURS, legend, thin
 from bowden.identify.cable.cycles import Cycles
 from bowden.identify.cable.file_lines import cycles_row, one_line, warning_lines
 from bowden.identify.cable.forecast import Forecast, forecast
@@ -183,7 +183,7 @@ class Fit:
         return shown.screen(self._title(), self._rows())
 
     def _repr_html_(self) -> str:
-        from bowden.core.style import new_figure
+        from bowden.drawing.style import new_figure
 
         figure, axes = new_figure(1, 2, height=3.4)
         draw_loop(axes, self)

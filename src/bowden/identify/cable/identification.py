@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.core.errors import LogError, ParameterError
-from bowden.core.metrics import rmse
 from bowden.core.units import DEGREES
 from bowden.identify.cable import advice
 from bowden.identify.cable.cycles import drift, whole_cycles
@@ -26,6 +25,7 @@ from bowden.identify.log.angles import SIDES, angle_units, angles_of
 from bowden.identify.log.read import Log, checked_rate, prepare
 from bowden.plants.identified import CableModel
 from bowden.plants.trust import Trust
+from bowden.records.metrics import rmse
 
 Array = NDArray[np.float64]
 

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from bowden import __version__
-from bowden.core import shown
 from bowden.core.arguments import path_of as path_of_file
 from bowden.core.errors import ParameterError
 from bowden.core.files import write_text
-from bowden.core.style import legend
 from bowden.core.toml_text import quoted
 from bowden.core.units import DEGREES
+from bowden.drawing import shown
+from bowden.drawing.style import legend
 from bowden.identify.cable.cycles import FOR_YES, Cycles
 from bowden.identify.cable.file_lines import cycles_row, error_lines, one_line, parameter_rows, warning_lines
 from bowden.identify.log.read import Log
@@ -168,7 +168,7 @@ class JointFit:
         return shown.screen(self._title(), self._rows())
 
     def _repr_html_(self) -> str:
-        from bowden.core.style import new_figure
+        from bowden.drawing.style import new_figure
 
         figure, axes = new_figure(height=3.6)
         draw_loads(axes[0], self)

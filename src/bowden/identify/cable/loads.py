@@ -29,7 +29,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.core.errors import LogError, ParameterError, counted
-from bowden.core.metrics import rmse
 from bowden.core.units import DEGREES
 from bowden.identify.cable.bouc_wen import BoucWenCable
 from bowden.identify.cable.cycles import ENOUGH, whole_cycles
@@ -51,6 +50,7 @@ from bowden.plants.cable_parameters import shown_value
 from bowden.plants.counting import covered_by
 from bowden.plants.identified import CableModel
 from bowden.plants.predicted import SCHEDULED
+from bowden.records.metrics import rmse
 
 Array = NDArray[np.float64]
 

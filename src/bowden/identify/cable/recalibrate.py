@@ -31,12 +31,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden import __version__
-from bowden.core import shown
 from bowden.core.errors import LogError, ParameterError
-from bowden.core.metrics import rmse
-from bowden.core.style import COLOURS, note_cut, thin, widened
 from bowden.core.toml_text import quoted
 from bowden.core.units import DEGREES
+from bowden.drawing import shown
+from bowden.drawing.style import COLOURS, note_cut, thin, widened
 from bowden.identify.cable.cycles import Cycles, whole_cycles
 from bowden.identify.cable.file_lines import cycles_row, error_lines, one_line, parameter_rows, warning_lines
 from bowden.identify.cable.path import Path, path_of
@@ -50,6 +49,7 @@ from bowden.plants.model_file import log_lines
 from bowden.plants.predicted import SCHEDULED
 from bowden.plants.recounted import fitted_range
 from bowden.plants.trust import Trust, least, trust_lines
+from bowden.records.metrics import rmse
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -141,7 +141,7 @@ class Recalibration:
         return shown.screen(self._title(), self._rows())
 
     def _repr_html_(self) -> str:
-        from bowden.core.style import new_figure
+        from bowden.drawing.style import new_figure
 
         figure, axes = new_figure(height=2.8)
         draw_residual(axes[0], self)
