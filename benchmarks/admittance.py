@@ -134,8 +134,8 @@ def with_inertia(settings: Admittance, inertia: float | None) -> Admittance | No
 
 def draw(rows: list[dict[str, Any]], path: Path) -> None:
     """One swing: the suit switched off, and with admittance; and the worst of the sweep, cell by cell."""
-    from bowden.core import style
-    from bowden.core.style import COLOURS, thin
+    from bowden.drawing import style
+    from bowden.drawing.style import COLOURS, thin
 
     made, wearer = suit(), swinging(25.0 * RADIANS)
     runs = {"switched off": back_driven(made, SURE, wearer)}

@@ -17,10 +17,10 @@ from bowden.control.admittance.push import push_source
 from bowden.control.admittance.virtual_elbow import Admittance
 from bowden.control.law import Law
 from bowden.control.reference import PointToPoint
-from bowden.core.trace import Trace
 from bowden.core.units import RADIANS
 from bowden.models.suit.arm import Wearer
 from bowden.plants.suit_parts import Suit
+from bowden.records.trace import Trace
 from bowden.sim.run import simulate
 from bowden.sim.suit_sources import push_of
 

@@ -16,11 +16,11 @@ from dataclasses import asdict, replace
 from scipy.optimize import brentq
 
 from bowden.control import LAWS
-from bowden.core.metrics import rmse
 from bowden.core.units import DEGREES
 from bowden.paper.bench import observer, run_bench, run_chirp
 from bowden.paper.claims import claims
 from bowden.paper.figures_of_merit import closed_loop_bandwidth, dead_zone_deg
+from bowden.records.metrics import rmse
 from bowden.rig.presets import bench as paper
 from bowden.rig.presets.bench import Calibration
 

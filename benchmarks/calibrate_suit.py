@@ -24,9 +24,9 @@ from dataclasses import asdict, replace
 from scipy.optimize import brentq
 
 from bowden.control import LAWS
-from bowden.core.metrics import delay
-from bowden.core.trace import Trace
 from bowden.paper.claims import claims
+from bowden.records.metrics import delay
+from bowden.records.trace import Trace
 from bowden.rig.presets.suit import SuitCalibration, energies, largest_errors, run_suit, suit_calibration
 
 START = SuitCalibration(friction=2.2, half_width=0.002, period=35.0)

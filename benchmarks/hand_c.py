@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 import tight
 from bowden.control import LAWS
 from bowden.control.source import TABLE
-from bowden.core.trace import Trace
 from bowden.models.drive.encoder import Encoder
 from bowden.plants.bench import Bench
 from bowden.plants.plant import SheathPath
+from bowden.records.trace import Trace
 from bowden.rig.presets import bench as paper
 from bowden.sim.faulty import SensorFault
 from bowden.sim.run import RECORDED, compiled_loop, simulate

@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 
 import results
 from bowden import identify, read_log
-from bowden.core.metrics import rmse
 from bowden.core.units import DEGREES
 from bowden.identify.cable import path as cable_path
 from bowden.identify.cable.fit import follow
 from bowden.identify.log.read import Log
+from bowden.records.metrics import rmse
 from measure import machine
 
 DATA = Path(__file__).parents[2] / "shared" / "data"

@@ -19,13 +19,13 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 import results
-from bowden.core.metrics import rmse
 from bowden.core.units import DEGREES
 from bowden.identify.cable.fit import Fit, identify_log
 from bowden.identify.cable.forecast import forecast
 from bowden.identify.log.read import read_log
 from bowden.plants.cable_plant import Cable
 from bowden.plants.cables import identified
+from bowden.records.metrics import rmse
 
 TITLE = "The forecast of an identification"
 

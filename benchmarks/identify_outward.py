@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 
 import bowden
 import results
-from bowden.core.metrics import rmse
 from bowden.core.units import DEGREES, RADIANS
 from bowden.identify.cable.fit import Fit, follow
 from bowden.identify.cable.path import path_of
 from bowden.plants.cable_plant import Cable
+from bowden.records.metrics import rmse
 from drawn_logs import SETS, asked
 from unseen_cells import drawn_cable
 

@@ -23,12 +23,12 @@ from numpy.typing import NDArray
 
 import bowden
 import results
-from bowden.core.metrics import rmse
 from bowden.core.units import DEGREES, RADIANS
 from bowden.identify.cable.fit import follow
 from bowden.identify.cable.model import CableModel
 from bowden.identify.cable.path import build_path
 from bowden.identify.cable.turns import find_turns, motor_noise, reversals
+from bowden.records.metrics import rmse
 
 TITLE = "Identification against others"
 

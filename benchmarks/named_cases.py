@@ -19,7 +19,6 @@ from bowden.control import LAWS
 from bowden.control.knowledge import configured
 from bowden.control.law import Law
 from bowden.control.reference import Trajectory
-from bowden.core.metrics import rmse
 from bowden.core.units import DEGREES, RADIANS
 from bowden.models.cable.backlash import Play
 from bowden.models.cable.bouc_wen import BoucWen, saturation
@@ -28,6 +27,7 @@ from bowden.plants.cable_plant import CablePlant
 from bowden.plants.cables import bouc_wen, play
 from bowden.plants.knowledge_of import knowledge_of
 from bowden.plants.plant import Plant
+from bowden.records.metrics import rmse
 from bowden.rig.presets import bench as paper
 from bowden.sim.run import simulate
 from bowden.sim.scenario import BendPath

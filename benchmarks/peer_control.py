@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.control import LAWS
-from bowden.core.metrics import rmse
 from bowden.models.cable.sheath import width as width_at
 from bowden.models.drive.encoder import Encoder
+from bowden.records.metrics import rmse
 from bowden.rig.presets import bench as paper
 from bowden.sim.run import simulate
 from measure import Row, Timing, by_turns

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from bowden.core.metrics import rmse
+from bowden.records.metrics import rmse
 from bowden.sim.run import simulate
 from measure import Row, Timing, by_turns
 from peer_control import BENCH, LAW, REFERENCE

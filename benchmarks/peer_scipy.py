@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from bowden.core.metrics import rmse
 from bowden.core.signals import Reference, Sample
+from bowden.records.metrics import rmse
 from bowden.sim.run import simulate
 from measure import Row, Timing, by_turns
 from peer_control import BENCH, LAW, REFERENCE

@@ -23,7 +23,6 @@ import numpy as np
 
 from bowden.control import LAWS
 from bowden.control.law import Law
-from bowden.core.metrics import rmse
 from bowden.core.units import DEGREES
 from bowden.paper.bench import adaptive, observer, run_bench, run_chirp
 from bowden.paper.calibration import bench_fit, parameters, suit_fit, values
@@ -31,6 +30,7 @@ from bowden.paper.claims import claims
 from bowden.paper.figures_of_merit import closed_loop_bandwidth
 from bowden.paper.gain_choice import choose_gains
 from bowden.paper.suit_rows import five_flexions, motions_of, uncompensated
+from bowden.records.metrics import rmse
 from bowden.rig.presets import bench as paper
 from bowden.rig.presets.suit import DRIVE_INTEGRAL, suit
 from suit_gains import choose_suit_gains

@@ -20,12 +20,12 @@ from numpy.typing import NDArray
 from bowden.control import LAWS
 from bowden.control.law import Law
 from bowden.control.reference import PointToPoint
-from bowden.core.trace import Trace
 from bowden.core.units import RADIANS
 from bowden.design.check import STROKE, VerdictName, check
 from bowden.models.drive.servo import Servo
 from bowden.plants.bench import Bench
 from bowden.plants.transmission import transmission
+from bowden.records.trace import Trace
 from bowden.sim.run import simulate
 
 _MOTION = 2.5

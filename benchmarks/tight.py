@@ -4,8 +4,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from bowden.core.trace import Trace
 from bowden.plants.bench import Bench
+from bowden.records.trace import Trace
 
 
 def joint(bench: Bench, trace: Trace) -> NDArray[np.float64]:

@@ -15,11 +15,11 @@ import numpy as np
 
 from bowden.control.law import Law
 from bowden.control.reference import PeriodicMinimumJerk
-from bowden.core.trace import Trace
 from bowden.core.units import DEGREES, RADIANS
 from bowden.models.suit.arm import Wearer, arm_of
 from bowden.models.suit.flex_sensor import PAPER_FLEX
 from bowden.plants.suit_parts import Suit
+from bowden.records.trace import Trace
 from bowden.sim.run import simulate
 from bowden.sim.scenario import BendPath, random_bend
 

@@ -78,7 +78,7 @@ def small_search(monkeypatch: pytest.MonkeyPatch) -> None:
 def undrawn(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
     """Pages with an empty element for each figure, whose drawing takes longest of all; not for tests marked `drawn`."""
     if request.node.get_closest_marker("drawn") is None:
-        monkeypatch.setattr("bowden.core.style.svg", lambda figure, prefix: "<svg></svg>")
+        monkeypatch.setattr("bowden.drawing.style.svg", lambda figure, prefix: "<svg></svg>")
 
 
 @pytest.fixture

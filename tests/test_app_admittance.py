@@ -13,13 +13,13 @@ from bowden.control import LAWS
 from bowden.control.admittance.virtual_elbow import Admittance
 from bowden.control.source import TABLE
 from bowden.core.errors import ParameterError
-from bowden.core.trace import Trace
 from bowden.core.units import RADIANS
 from bowden.hardware.twin.bench import FOLLOW
 from bowden.hardware.twin.suit import TwinSuit
 from bowden.live.live_run import live_run
 from bowden.models.drive.geared_motor import GearedMotor
 from bowden.plants.suit_parts import Suit
+from bowden.records.trace import Trace
 from bowden.rig import compose_admittance
 from bowden.rig.rig import Rig
 from bowden.sim.scenario import constant_bend

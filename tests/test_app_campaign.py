@@ -25,7 +25,7 @@ import study_page
 from bowden.app import main
 from bowden.app.schema_command import json_schema
 from bowden.core.errors import ParameterError
-from bowden.core.trace import Trace
+from bowden.records.trace import Trace
 from bowden.study import pack as study_pack
 from bowden.study import workers as campaign_workers
 from bowden.study.load import load

@@ -10,8 +10,8 @@ import pytest
 
 from bowden.app import main
 from bowden.core.errors import ParameterError
-from bowden.core.trace import Trace
 from bowden.core.units import DEGREES
+from bowden.records.trace import Trace
 from bowden.rig.one_run import run_of
 from bowden.study.load import load
 from bowden.study.rows import SUIT_FIGURES, table_of

@@ -14,7 +14,7 @@ import pytest
 from bowden.app import demo_command
 from bowden.app.main import run
 from bowden.app.schema_command import json_schema
-from bowden.core.trace import LED, Trace
+from bowden.records.trace import LED, Trace
 from bowden.report import demo_page
 from live_runs import tries
 

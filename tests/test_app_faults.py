@@ -18,8 +18,8 @@ import pytest
 from bowden.app.main import run
 from bowden.core.errors import OutputError
 from bowden.core.files import whole_file, whole_files
-from bowden.core.trace import Trace
 from bowden.design import trial  # noqa: F401  # takes the loop by name, before a test puts another in its place
+from bowden.records.trace import Trace
 from bowden.rig import one_run
 
 pytestmark = pytest.mark.usefixtures("undrawn")

@@ -19,7 +19,6 @@ from bowden.control.reference import PeriodicMinimumJerk
 from bowden.core import own_code
 from bowden.core.errors import BowdenError, LogError
 from bowden.core.signals import DriveReading, Reference, Sample
-from bowden.core.trace import Trace
 from bowden.cycle.one_cycle import HOLD, LAW, LAW_BEGINS, NOWHERE, Cycle, Filters, Plan
 from bowden.identify.log.read import read_log
 from bowden.live import live_run as live_run_of
@@ -32,6 +31,7 @@ from bowden.live.preflight import Reason
 from bowden.live.row import CYCLE, description
 from bowden.live.run_settings import run_settings
 from bowden.models.drive.thermal import cold
+from bowden.records.trace import Trace
 from bowden.rig import given_law
 from bowden.rig.rig import Rig
 from bowden.safety.limits import Limits

@@ -13,7 +13,7 @@ import pytest
 from bowden import __version__
 from bowden.app import init_command, main
 from bowden.app.schema_command import json_schema
-from bowden.core.trace import Trace
+from bowden.records.trace import Trace
 from bowden.rig import page as rig_page
 from bowden.rig.rig import Rig
 

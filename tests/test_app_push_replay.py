@@ -13,7 +13,6 @@ from bowden.control import LAWS
 from bowden.control.source import TABLE, Measurement
 from bowden.core.errors import LogError, near
 from bowden.core.signals import DriveReading, Reference, Sample
-from bowden.core.trace import Trace
 from bowden.core.units import RADIANS
 from bowden.cycle.one_cycle import LAW, LAW_BEGINS, NOTHING_OBSERVED, Cycle, Filters, Plan, WishSource, clamp_offset
 from bowden.design.felt import felt
@@ -27,6 +26,7 @@ from bowden.live.push_summary import figures
 from bowden.live.row import columns, description
 from bowden.live.run_settings import run_settings
 from bowden.models.drive.thermal import cold
+from bowden.records.trace import Trace
 from bowden.rig.rig import Rig
 from bowden.rig.sections import PARTS
 from live_runs import pushed_rig

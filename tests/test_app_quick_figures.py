@@ -4,7 +4,7 @@ import subprocess
 import sys
 
 DRAW = """
-from bowden.core.style import legend, new_figure, svg
+from bowden.drawing.style import legend, new_figure, svg
 from matplotlib import artist
 assert artist.kwdoc(artist.Artist)
 figure, (axes,) = new_figure()

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from bowden.core.errors import BowdenError
-from bowden.core.trace import Trace
 from bowden.core.units import RADIANS
+from bowden.records.trace import Trace
 from bowden.rig.recorded import read_motion
 from bowden.rig.sections import RecordedFile
 

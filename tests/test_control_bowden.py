@@ -24,10 +24,8 @@ from bowden.control.our_law.swing import (
 )
 from bowden.control.reference import PeriodicMinimumJerk, PointToPoint
 from bowden.core.kernel import compiled, kernel
-from bowden.core.metrics import rmse
 from bowden.core.nested import names
 from bowden.core.signals import Reference, Sample
-from bowden.core.trace import Trace
 from bowden.core.units import DEGREES, RADIANS
 from bowden.models.cable.backlash import Play
 from bowden.models.cable.bouc_wen import BoucWen
@@ -36,6 +34,8 @@ from bowden.models.drive.servo import Servo, ServoState, ServoStep, prepare, ser
 from bowden.plants.cable_plant import CablePlant
 from bowden.plants.cables import bouc_wen, play
 from bowden.plants.knowledge_of import knowledge_of
+from bowden.records.metrics import rmse
+from bowden.records.trace import Trace
 from bowden.rig.presets import bench as paper
 from bowden.sim.run import simulate
 from drawn_plants import run_random_plant

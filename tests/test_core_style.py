@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bowden.core.style import COLOURS, CYCLE, colours_for, finish, new_figure, thin
+from bowden.drawing.style import COLOURS, CYCLE, colours_for, finish, new_figure, thin
 
 
 @settings(max_examples=100)

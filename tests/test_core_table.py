@@ -12,8 +12,8 @@ from pyarrow import parquet
 
 from bowden.core.errors import LogError, MissingExtraError
 from bowden.core.extras import extra_module
-from bowden.core.table import read_table
-from bowden.core.trace import Trace, write_traces
+from bowden.records.table import read_table
+from bowden.records.trace import Trace, write_traces
 
 
 def trace(n: int = 300_001) -> Trace:

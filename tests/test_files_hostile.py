@@ -15,13 +15,13 @@ from scipy.io import savemat
 from bowden.app.main import run
 from bowden.core import bounded
 from bowden.core.errors import BowdenError, ParameterError
-from bowden.core.table import MOST_CELLS, read_table
 from bowden.face.read_trace import read_trace
 from bowden.identify.cable.model_file import load_cable
 from bowden.identify.emg.log import read_emg
 from bowden.identify.log.read import read_log
 from bowden.live.mcap_read import read as read_mcap
 from bowden.plants.cables import identified
+from bowden.records.table import MOST_CELLS, read_table
 from bowden.rig import wearer_file
 from bowden.rig.config import read_values
 from bowden.rig.given_law import law_file

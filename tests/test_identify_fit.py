@@ -9,7 +9,6 @@ import pytest
 from numpy.typing import NDArray
 
 from bowden.core.errors import LogError, ParameterError
-from bowden.core.metrics import rmse
 from bowden.core.units import DEGREES
 from bowden.identify.cable import settling as settling_module
 from bowden.identify.cable.bouc_wen import chebyshev
@@ -29,6 +28,7 @@ from bowden.models.cable.generalised_play import Branches, design_of, with_curve
 from bowden.models.cable.generalised_play import joint_angle as branched
 from bowden.models.cable.prandtl_ishlinskii import plays
 from bowden.plants.cables import branches_of
+from bowden.records.metrics import rmse
 
 Array = NDArray[np.float64]
 

@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 from scipy.io import savemat
 
 from bowden.core.errors import BowdenError, LogError, ParameterError
-from bowden.core.trace import Trace
 from bowden.identify.cable import checks
 from bowden.identify.cable.fit import identify
 from bowden.identify.log import text as log_text
@@ -25,6 +24,7 @@ from bowden.identify.log.angles import angle_units
 from bowden.identify.log.clock import even_clock
 from bowden.identify.log.columns import find_columns, split_name
 from bowden.identify.log.read import checked_rate, read_log
+from bowden.records.trace import Trace
 
 Array = NDArray[np.float64]
 

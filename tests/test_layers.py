@@ -13,6 +13,8 @@ PACKAGE = ROOT / "src" / "bowden"
 
 FLOORS = [
     ["core"],
+    ["drawing"],
+    ["records"],
     ["models"],
     ["sensing", "safety"],
     ["control"],

@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import signal
 
-from bowden.core import metrics
 from bowden.core.errors import LogError
+from bowden.records import metrics
 
 DT = 1e-3
 

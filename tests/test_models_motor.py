@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bowden.core.metrics import power
 from bowden.models.drive.motor import Motor, acceleration_limit, current
+from bowden.records.metrics import power
 
 MOTOR = Motor()
 

@@ -12,7 +12,6 @@ import pytest
 
 from bowden.control import LAWS
 from bowden.core.errors import ParameterError
-from bowden.core.metrics import rmse
 from bowden.core.units import DEGREES
 from bowden.paper.calibration import bench_fit, gains, parameters, suit_fit
 from bowden.paper.claims import Claim, claims, interval, is_remark, judge, plausible_sets, select, span
@@ -21,6 +20,7 @@ from bowden.paper.gain_choice import choose_gains, worst_margins
 from bowden.paper.report import HEADINGS, VERDICTS, write_report
 from bowden.paper.reproduce import EXPERIMENTS, Reproduction, claims_of, reproduce
 from bowden.paper.suit_rows import TimedMotions, uncompensated
+from bowden.records.metrics import rmse
 from bowden.rig.presets import bench as paper
 from bowden.rig.presets.suit import energies, largest_errors, run_suit, suit_calibration
 from bowden.sim.run import simulate

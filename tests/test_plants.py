@@ -10,7 +10,6 @@ import pytest
 from bowden.control import LAWS
 from bowden.control.reference import PeriodicMinimumJerk
 from bowden.core.errors import ParameterError
-from bowden.core.metrics import is_stable
 from bowden.core.units import RADIANS
 from bowden.design.check import STROKE, check
 from bowden.design.limit_cycle import MEASURED, describing_function
@@ -27,6 +26,7 @@ from bowden.plants.plant import Plant
 from bowden.plants.suit_parts import Suit
 from bowden.plants.transmission import measured_response, transmission
 from bowden.plants.user_plant import UserPlant, load
+from bowden.records.metrics import is_stable
 from bowden.rig.rig import Rig
 from bowden.sim.many import Case, simulate_many
 from bowden.sim.run import simulate

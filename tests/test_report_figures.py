@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from bowden.control import LAWS
-from bowden.core.style import COLOURS, CYCLE, colours_for, dashes_for, legend, new_figure, stay_near
-from bowden.core.trace import Trace
+from bowden.drawing.style import COLOURS, CYCLE, colours_for, dashes_for, legend, new_figure, stay_near
+from bowden.records.trace import Trace
 from bowden.report import log_figures, page, simulate_figures
 from bowden.report.identify_page import _density
 from bowden.report.log_page import log_page

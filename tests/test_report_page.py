@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from bowden.core.errors import OutputError
-from bowden.core.style import legend, new_figure
+from bowden.drawing.style import legend, new_figure
 from bowden.report.page import Page
 
 VOID = {"meta", "br", "hr", "img", "link", "input"}
@@ -175,7 +175,7 @@ def test_a_page_is_written_whole_or_not_at_all(tmp_path: Path) -> None:
 
 def test_pyplot_is_never_imported_and_matplotlib_only_when_something_is_drawn() -> None:
     program = (
-        "import sys; from bowden.report.page import Page; from bowden.core.style import new_figure; "
+        "import sys; from bowden.report.page import Page; from bowden.drawing.style import new_figure; "
         "from bowden.report.simulate_page import write_simulation; "
         "assert not {'matplotlib', 'jinja2', 'scipy', 'numba', 'pyarrow'} & set(sys.modules); "
         "p = Page('t'); f, (a,) = new_figure(); a.plot([1, 2]); p.figure(f); p.html(); "

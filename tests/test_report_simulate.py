@@ -8,7 +8,7 @@ import pytest
 from scipy import signal
 
 from bowden.core.errors import LogError, OutputError
-from bowden.core.trace import Trace
+from bowden.records.trace import Trace
 from bowden.report.simulate_page import write_simulation
 
 pytestmark = pytest.mark.usefixtures("undrawn")

@@ -12,7 +12,6 @@ from bowden.control import LAWS
 from bowden.control.reference import PeriodicMinimumJerk
 from bowden.core.errors import ParameterError
 from bowden.core.kernel import compiled
-from bowden.core.trace import Trace
 from bowden.core.units import DEGREES, RADIANS
 from bowden.identify.cable.model import CableModel
 from bowden.models.cable import backlash, capstan, prandtl_ishlinskii
@@ -28,6 +27,7 @@ from bowden.plants.bench import Bench
 from bowden.plants.cable_body import lagged
 from bowden.plants.cable_plant import CablePlant
 from bowden.plants.pose_cable import poses
+from bowden.records.trace import Trace
 from bowden.sim.run import simulate
 from bowden.sim.scenario import scripted_bend
 from support.sensors import PAPER_ENCODER

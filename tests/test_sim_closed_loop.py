@@ -16,13 +16,13 @@ from bowden.control.reference import PeriodicMinimumJerk
 from bowden.core.errors import ParameterError
 from bowden.core.kernel import compiled, kernel
 from bowden.core.signals import Reference, Sample
-from bowden.core.trace import Trace
 from bowden.core.units import RADIANS
 from bowden.models.cable.bouc_wen import BoucWen, advance
 from bowden.models.cable.sheath import Sheath, joint_in_sheath
 from bowden.models.drive.encoder import Encoder
 from bowden.models.drive.servo import Servo, ServoState, prepare, servo_step
 from bowden.plants.bench import Bench
+from bowden.records.trace import Trace
 from bowden.sim.run import simulate
 from bowden.sim.scenario import constant_bend, scripted_bend
 from support.sensors import PAPER_ENCODER

@@ -18,11 +18,11 @@ from bowden.app.schema_command import json_schema
 from bowden.control import LAWS
 from bowden.control.reference import PeriodicMinimumJerk
 from bowden.core.errors import BowdenError, LogError, ParameterError
-from bowden.core.trace import Trace
 from bowden.core.units import DEGREES, RADIANS
 from bowden.models.suit.arm import GRAVITY, Arm, arm_of, resting_angle
 from bowden.models.suit.geometry import SuitGeometry
 from bowden.plants.suit_parts import Suit
+from bowden.records.trace import Trace
 from bowden.report import arm_pictures, arm_renderer
 from bowden.report.arm_renderer import ArmRenderer, Pose
 from bowden.report.arm_video import poses, write_video

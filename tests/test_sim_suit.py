@@ -10,7 +10,6 @@ from bowden.control import LAWS
 from bowden.control.reference import PeriodicMinimumJerk, PointToPoint
 from bowden.core.errors import LogError, ParameterError
 from bowden.core.kernel import compiled
-from bowden.core.trace import Trace
 from bowden.core.units import DEGREES, RADIANS
 from bowden.identify.suit_friction import spool_friction
 from bowden.models.cable.sheath import Sheath
@@ -20,6 +19,7 @@ from bowden.models.suit.geometry import extensor_extension, flexor_extension, fl
 from bowden.models.suit.suit_cable import Fabric, fabric_tension
 from bowden.plants.suit_parts import Suit, prepare_suit
 from bowden.plants.suit_plant import Bends, SuitState, suit_motor, suit_start, suit_step
+from bowden.records.trace import Trace
 from bowden.rig.rig import Rig
 from bowden.rig.settings import SuitSettings
 from bowden.sim.run import simulate

@@ -11,8 +11,8 @@ from scipy import signal
 
 import bowden
 from bowden.core.errors import BowdenError, LogError, OutputError, ParameterError
-from bowden.core.trace import LED, Trace
-from bowden.core.traces import Traces
+from bowden.records.trace import LED, Trace
+from bowden.records.traces import Traces
 
 KINDS = ("npz", "csv", "parquet")
 doubles = st.floats(width=64, allow_nan=False) | st.just(float("nan"))  # one NaN: its payload is not part of the value

@@ -22,7 +22,7 @@ PAGES = {
         "Simulate",
         "A law on a rig, and the trace that comes of it.",
         ("simulate", "Trace", "read_trace", "MinimumJerk"),
-        ("bowden.core.metrics.Metrics",),
+        ("bowden.records.metrics.Metrics",),
     ),
     "rig": Page(
         "Rig",

@@ -10,11 +10,11 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from bowden.control import LAWS
-from bowden.core import style
-from bowden.core.style import COLOURS, thin
-from bowden.core.trace import Trace
 from bowden.core.units import DEGREES
+from bowden.drawing import style
+from bowden.drawing.style import COLOURS, thin
 from bowden.paper.bench import run_bench
+from bowden.records.trace import Trace
 from bowden.rig.presets.bench import calibration
 
 _SECONDS = 60.0

@@ -12,8 +12,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from bowden.core import style
 from bowden.core.kernel import compiled
+from bowden.drawing import style
 from bowden.models.cable import capstan, sliding_cable
 from bowden.models.cable.capstan import Tendon
 from bowden.models.cable.sliding_cable import TendonMemory, prepare_tendon

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from bowden.core import style
+from bowden.drawing import style
 
 _LABELS = {"onset": "ours"}
 """Names of detectors as the figure has them; others are shown as they are."""

@@ -9,8 +9,8 @@ from pathlib import Path
 from matplotlib.figure import Figure
 
 from bowden.control import LAWS
-from bowden.core import style
 from bowden.core.units import DEGREES
+from bowden.drawing import style
 from bowden.rig.presets import bench
 from bowden.sim.run import simulate
 

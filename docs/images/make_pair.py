@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from bowden.control import LAWS
 from bowden.control.reference import PeriodicMinimumJerk
-from bowden.core import style
-from bowden.core.style import COLOURS, thin
 from bowden.core.units import DEGREES, RADIANS
+from bowden.drawing import style
+from bowden.drawing.style import COLOURS, thin
 from bowden.rig.presets.bench import default_bench
 from bowden.sim.pair import PairPlant, PairSide, simulate_pair
 from bowden.sim.scenario import constant_bend

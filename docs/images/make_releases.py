@@ -7,7 +7,7 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from bowden.core import style
+from bowden.drawing import style
 
 sys.path.append(str(Path(__file__).parents[2] / "benchmarks"))
 from releases import Release, kept

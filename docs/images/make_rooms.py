@@ -9,7 +9,7 @@ from pathlib import Path
 from matplotlib.figure import Figure
 from matplotlib.patches import FancyBboxPatch
 
-from bowden.core import style
+from bowden.drawing import style
 
 FLOORS: list[list[tuple[str, str]]] = [
     [("core", "kernels, nested states, signals, quantities, traces, errors, files")],

@@ -8,9 +8,9 @@ from pathlib import Path
 from matplotlib.figure import Figure
 
 from bowden.control import LAWS
-from bowden.core import style
-from bowden.core.style import COLOURS, legend, thin
 from bowden.core.units import DEGREES
+from bowden.drawing import style
+from bowden.drawing.style import COLOURS, legend, thin
 from bowden.rig.presets.suit import DRIVE_INTEGRAL, run_suit, suit_adaptive, suit_ours
 
 

@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from bowden.core.kernel import kernel as kernel
     from bowden.core.signals import Reference as Reference
     from bowden.core.signals import Sample as Sample
-    from bowden.core.trace import Trace as Trace
     from bowden.face.campaign import campaign as campaign
     from bowden.face.check import check as check
     from bowden.face.emg import emg_calibrate as emg_calibrate
@@ -50,6 +49,7 @@ if TYPE_CHECKING:
     from bowden.models.drive.encoder import Encoder as Encoder
     from bowden.models.drive.motor import Motor as Motor
     from bowden.models.drive.servo import Servo as Servo
+    from bowden.records.trace import Trace as Trace
     from bowden.rig.rig import Rig as Rig
 
 __version__ = "0.2.0"
@@ -68,7 +68,7 @@ _HOMES = {
     "Sample": "bowden.core.signals",
     "Servo": "bowden.models.drive.servo",
     "Sheath": "bowden.models.cable.sheath",
-    "Trace": "bowden.core.trace",
+    "Trace": "bowden.records.trace",
     "campaign": "bowden.face.campaign",
     "check": "bowden.face.check",
     "emg_calibrate": "bowden.face.emg",

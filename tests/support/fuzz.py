@@ -25,7 +25,6 @@ import canopen
 import numpy as np
 
 from bowden.core.errors import BowdenError, DriveError
-from bowden.core.trace import Trace
 from bowden.face.read_trace import read_trace
 from bowden.hardware.drives import canopen_dialogue, canopen_frames, emergencies
 from bowden.hardware.emg import lsl_info, trigno_protocol
@@ -36,6 +35,7 @@ from bowden.live.log_facts import facts
 from bowden.live.mcap_log import LogFile, about
 from bowden.live.mcap_read import read as read_mcap
 from bowden.live.ring import Description
+from bowden.records.trace import Trace
 from bowden.rig import wearer_file
 from bowden.rig.given_law import law_file
 from bowden.rig.rig import Rig

@@ -104,7 +104,7 @@ def render(
 
 
 def _read(path: Path) -> Any:
-    from bowden.core.trace import Trace
+    from bowden.records.trace import Trace
 
     return Trace.read(path)
 

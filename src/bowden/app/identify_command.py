@@ -169,8 +169,8 @@ def _drawn(empty: "Blank", fit: "Fit") -> str:
 
 def document(fit: "Fit") -> dict[str, Any]:
     """The figures of a fit for JSON, without the seconds; what does not exist is None."""
-    from bowden.core.metrics import finite
     from bowden.core.units import DEGREES
+    from bowden.records.metrics import finite
 
     models = {
         name: {
@@ -200,7 +200,7 @@ def document(fit: "Fit") -> dict[str, Any]:
 
 def _loop(loop: "HysteresisLoop") -> dict[str, Any]:
     """The recommended model's loop for JSON; what does not exist is None."""
-    from bowden.core.metrics import finite
+    from bowden.records.metrics import finite
 
     said = {
         name: finite(value) if isinstance(value, float) else [finite(one) for one in value]

@@ -167,8 +167,8 @@ def _cycles(cycles: "Cycles", advice: str) -> dict[str, Any]:
 
 
 def _degrees(value: float) -> float | None:
-    from bowden.core.metrics import finite
     from bowden.core.units import DEGREES
+    from bowden.records.metrics import finite
 
     return finite(value * DEGREES)
 

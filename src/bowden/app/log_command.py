@@ -85,9 +85,9 @@ def export(
 
     Of a run with several axes the first axis' columns have plain names, those of another begin with its name.
     """
-    from bowden.core.trace import write_traces
     from bowden.live.mcap_read import columns_of, traces
     from bowden.live.mcap_reader import LogReader
+    from bowden.records.trace import write_traces
 
     target = out or file.with_suffix(".csv")
     if target.absolute() == file.absolute():

@@ -17,8 +17,8 @@ from bowden.core.files import output_folder, whole_files
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from bowden.core.metrics import Metrics
-    from bowden.core.trace import Trace
+    from bowden.records.metrics import Metrics
+    from bowden.records.trace import Trace
     from bowden.rig.rig import Rig
 
 

@@ -12,8 +12,8 @@ from bowden.core.files import output_folder
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
-    from bowden.core.trace import Trace
-    from bowden.core.traces import Traces
+    from bowden.records.trace import Trace
+    from bowden.records.traces import Traces
     from bowden.rig.rig import Rig
 
     Written = Callable[[Mapping[str, Trace]], list[Path]]

@@ -211,9 +211,9 @@ def page(progress: Progress, path: str, to: str) -> str:
 
 def export(progress: Progress, path: str, to: str) -> str:
     """A log as Parquet or CSV, by the ending of the new file's name, as `bowden log export` writes it."""
-    from bowden.core.trace import write_traces
     from bowden.live.mcap_read import traces
     from bowden.live.mcap_reader import LogReader
+    from bowden.records.trace import write_traces
 
     write_traces(traces(LogReader(Path(path))), Path(to))
     return to

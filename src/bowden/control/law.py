@@ -17,7 +17,6 @@ from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
 from bowden.control.conditioning import Conditioning
-from bowden.core import shown
 from bowden.core.arguments import said
 from bowden.core.errors import ParameterError, near
 from bowden.core.guesses import answering
@@ -25,6 +24,7 @@ from bowden.core.kernel import placeholder
 from bowden.core.nested import columns, is_named, leaves, map_leaves, name_of, quantity_at
 from bowden.core.part import signed
 from bowden.core.signals import Reference, Sample
+from bowden.drawing import shown
 
 Gains = Any  # a NamedTuple of floats (nested ones allowed), one type a law
 State = Any  # a NamedTuple of floats (nested ones allowed), one type a law

@@ -8,18 +8,18 @@ import numpy as np
 
 from bowden.control.law import Law
 from bowden.control.stability import Margins
-from bowden.core import shown
 from bowden.core.errors import ParameterError
 from bowden.core.guesses import answering
 from bowden.core.nested import flat, from_columns, names
 from bowden.core.signals import Sample
-from bowden.core.style import new_figure
 from bowden.core.units import RADIANS
 from bowden.design import findings
 from bowden.design.limit_cycle import LimitCycle, describing_function, predict
 from bowden.design.linear_plant import linear_plant
 from bowden.design.linearise import LawModel, find_estimates, linearise
 from bowden.design.trial import MOVING, Trial, run_trial, settled_after
+from bowden.drawing import shown
+from bowden.drawing.style import new_figure
 from bowden.plants.plant import Plant, changed
 from bowden.plants.transmission import transmission
 

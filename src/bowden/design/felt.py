@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.core.metrics import rmse
-from bowden.core.trace import Trace
 from bowden.core.units import DEGREES
 from bowden.models.suit.arm import GRAVITY, Arm
+from bowden.records.metrics import rmse
+from bowden.records.trace import Trace
 
 Array = NDArray[np.float64]
 

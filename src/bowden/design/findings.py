@@ -4,9 +4,9 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from bowden.core.shown import listed, number
-from bowden.core.style import COLOURS, CYCLE, legend
 from bowden.core.units import DEGREES
+from bowden.drawing.shown import listed, number
+from bowden.drawing.style import COLOURS, CYCLE, legend
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

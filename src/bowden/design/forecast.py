@@ -4,9 +4,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.control.law import Law
-from bowden.core.trace import Trace
 from bowden.design.trial import motion
 from bowden.plants.plant import Plant
+from bowden.records.trace import Trace
 from bowden.rig import ranges
 from bowden.rig.one_run import run_of
 from bowden.rig.rig import Rig

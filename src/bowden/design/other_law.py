@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from bowden.control import LAWS, Law
 from bowden.core.errors import BowdenError
-from bowden.core.shown import number
 from bowden.core.units import DEGREES
 from bowden.design.advice import mending_gain
 from bowden.design.check_rig import check_rig
+from bowden.drawing.shown import number
 from bowden.rig import ranges
 from bowden.rig.model_rig import Chosen
 from bowden.rig.one_run import run_of

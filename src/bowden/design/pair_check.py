@@ -8,7 +8,6 @@ from typing import NamedTuple
 import numpy as np
 
 from bowden.control.law import Law
-from bowden.core.trace import Trace
 from bowden.core.units import DEGREES, RADIANS
 from bowden.design.check import (
     IDEAL,
@@ -38,6 +37,7 @@ from bowden.models.cable.shared_joint import shares
 from bowden.plants.bench import Bench
 from bowden.plants.plant import changed
 from bowden.plants.transmission import transmission
+from bowden.records.trace import Trace
 from bowden.sim.pair import PairPlant, PairSide, simulate_pair
 from bowden.sim.parting import Range, asked_by, parting_of
 from bowden.sim.scenario import constant_bend

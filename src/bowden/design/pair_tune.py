@@ -14,12 +14,12 @@ from typing import NamedTuple
 import numpy as np
 
 from bowden.control.law import Law
-from bowden.core.metrics import rmse
 from bowden.design.check import Check
 from bowden.design.pair_check import Laws, at_bends, check_pair
 from bowden.design.tune import NoGainsError
 from bowden.design.tune_judge import keeps
 from bowden.design.tune_runs import RUN, references_of
+from bowden.records.metrics import rmse
 from bowden.sim.pair import PairPlant, simulate_pair
 from bowden.sim.parting import Range
 

@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 
 from bowden.control.law import Law
 from bowden.control.reference import PointToPoint, Trajectory
-from bowden.core.trace import Trace
 from bowden.core.units import DEGREES
 from bowden.plants.plant import Plant
 from bowden.plants.suit_parts import Suit
 from bowden.plants.transmission import transmission, unrest
+from bowden.records.trace import Trace
 from bowden.sim.run import simulate
 from bowden.sim.scenario import constant_bend
 

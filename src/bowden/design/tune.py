@@ -19,9 +19,7 @@ import numpy as np
 
 from bowden.control.knowledge import informed
 from bowden.control.law import Law
-from bowden.core import shown
 from bowden.core.errors import ParameterError
-from bowden.core.style import new_figure
 from bowden.core.units import DEGREES
 from bowden.design import findings
 from bowden.design.advice import gains_that_matter
@@ -41,6 +39,8 @@ from bowden.design.tune_judge import (
 )
 from bowden.design.tune_rig import easier
 from bowden.design.tune_runs import NineRuns, TuningRuns, TuningTarget, course_of
+from bowden.drawing import shown
+from bowden.drawing.style import new_figure
 from bowden.plants.knowledge_of import knowledge_of
 from bowden.plants.plant import Plant
 from bowden.plants.suit_parts import Suit

@@ -10,16 +10,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from bowden.core import arguments, shown
+from bowden.core import arguments
 from bowden.core.clock import unix_seconds
 from bowden.core.errors import BowdenError, ParameterError
 from bowden.core.extras import extra_module
 from bowden.core.files import output_folder, whole_files
-from bowden.core.trace import Trace
 from bowden.core.units import DEGREES
+from bowden.drawing import shown
 from bowden.face import given
 from bowden.face.given import GivenRig
 from bowden.face.progress import GivenProgress, Progress, reported
+from bowden.records.trace import Trace
 from bowden.rig.rig import Rig
 from bowden.study.figures import Summary, summarise
 from bowden.study.load import load

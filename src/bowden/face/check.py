@@ -3,11 +3,11 @@
 from dataclasses import replace
 
 from bowden.control import user_law
-from bowden.core.shown import listed
 from bowden.design.advice import advise
 from bowden.design.check import Check
 from bowden.design.check import check as judge
 from bowden.design.other_law import other_law
+from bowden.drawing.shown import listed
 from bowden.face import given
 from bowden.face.given import GivenLaw, GivenRig
 from bowden.face.pair import checked_pair

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from bowden.core import arguments, shown
+from bowden.core import arguments
 from bowden.core.errors import LogError, ParameterError
+from bowden.drawing import shown
 from bowden.face import given
 from bowden.identify.emg.levels import EnvelopeLevels, check_contraction, envelope_levels
 from bowden.identify.emg.log import EmgLog, channel_unit, checked_emg, read_emg, read_labels

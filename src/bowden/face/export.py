@@ -10,11 +10,12 @@ import numpy as np
 
 import bowden
 from bowden.control import Law, user_law
-from bowden.core import arguments, shown
+from bowden.core import arguments
 from bowden.core.errors import OutputError, ParameterError, near
 from bowden.core.files import output_folder, whole_files
 from bowden.design.forecast import off_reference
 from bowden.design.verdict import verdicts
+from bowden.drawing import shown
 from bowden.face import given
 from bowden.face.given import GivenLaw, GivenRig
 from bowden.rig.rig import Rig

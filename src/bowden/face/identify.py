@@ -9,12 +9,12 @@ from numpy.typing import ArrayLike
 
 from bowden.core import arguments
 from bowden.core.errors import ParameterError
-from bowden.core.trace import Trace
 from bowden.face.progress import GivenProgress, Progress, reported
 from bowden.identify.cable.fit import Fit, identify_log
 from bowden.identify.cable.fit import identify as identify_signals
 from bowden.identify.log.read import Log
 from bowden.identify.log.read import read_log as read_file
+from bowden.records.trace import Trace
 
 
 def identify(

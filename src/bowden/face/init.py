@@ -5,11 +5,12 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from bowden.core import arguments, shown
+from bowden.core import arguments
 from bowden.core.errors import ParameterError
 from bowden.core.guesses import answering
 from bowden.core.units import RADIANS
 from bowden.design.other_law import OURS, chosen_law
+from bowden.drawing import shown
 from bowden.face import given
 from bowden.identify.cable.fit import Fit
 from bowden.identify.cable.loads import JointFit

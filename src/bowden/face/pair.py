@@ -5,13 +5,13 @@ from dataclasses import dataclass
 
 from bowden.control import Law, user_law
 from bowden.core.errors import ParameterError
-from bowden.core.traces import Traces
 from bowden.design.check import Check
 from bowden.design.linearise import NoNumberError
 from bowden.design.pair_check import check_pair, with_advice
 from bowden.design.verdict import CheckVerdict, verdict_of
 from bowden.face.in_turn import in_turn
 from bowden.face.progress import Progress
+from bowden.records.traces import Traces
 from bowden.rig.pair_plant import agonist_of, pair_plant_of, pair_ranges, run_of_pair
 from bowden.rig.rig import Rig
 

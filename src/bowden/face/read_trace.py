@@ -5,7 +5,7 @@ from pathlib import Path
 from bowden.core import arguments
 from bowden.core.bounded import open_file, reason
 from bowden.core.errors import LogError
-from bowden.core.trace import Trace
+from bowden.records.trace import Trace
 
 _MCAP = b"\x89MCAP0\r\n"
 

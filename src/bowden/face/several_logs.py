@@ -8,7 +8,6 @@ from typing import Any
 
 from bowden.core import arguments
 from bowden.core.errors import ParameterError
-from bowden.core.trace import Trace
 from bowden.face.identify import read_log
 from bowden.face.progress import GivenProgress, reported
 from bowden.identify.cable.fit import Fit
@@ -20,6 +19,7 @@ from bowden.identify.cable.recalibrate import recalibrate as recalibrate_log
 from bowden.identify.log.angles import SIDES, angle_units, angles_of
 from bowden.identify.log.read import Log, prepare
 from bowden.identify.log.variables import Scheduled, of_numbers, scheduled_by
+from bowden.records.trace import Trace
 
 AnyLog = str | Path | Log | Trace
 AnyModel = str | Path | Fit | JointFit | Recalibration | CableModel | IdentifiedCable

@@ -6,14 +6,14 @@ from typing import Any, overload
 
 from bowden.control import Law
 from bowden.core import arguments
-from bowden.core.trace import Trace
-from bowden.core.traces import Traces
 from bowden.design.verdict import CheckVerdict, verdicts
 from bowden.face import given
 from bowden.face.given import GivenLaw, GivenRig
 from bowden.face.in_turn import in_turn
 from bowden.face.pair import simulated_pair
 from bowden.face.progress import Progress
+from bowden.records.trace import Trace
+from bowden.records.traces import Traces
 from bowden.rig.objections import refusals
 from bowden.rig.one_run import run_of
 from bowden.rig.rig import Rig

@@ -12,7 +12,6 @@ from bowden.control import Law, user_law
 from bowden.control.knowledge import preset_of
 from bowden.core import arguments
 from bowden.core.errors import ParameterError
-from bowden.core.shown import listed
 from bowden.core.toml_text import quoted
 from bowden.core.units import DEGREES
 from bowden.design.check import check
@@ -22,6 +21,7 @@ from bowden.design.processes import Mapper, two_workers
 from bowden.design.tune import BrokenOff, NoGainsError, Tuning
 from bowden.design.tune import tune as search
 from bowden.design.tune_runs import NineRuns, TuningTarget, course_of
+from bowden.drawing.shown import listed
 from bowden.face import given
 from bowden.face.given import GivenLaw, GivenRig
 from bowden.face.pair import pair_laws

@@ -9,7 +9,7 @@ what the motor's torque has to make up for, at the spool: bearings, gears and sh
 import numpy as np
 
 from bowden.core.errors import LogError
-from bowden.core.trace import Trace
+from bowden.records.trace import Trace
 
 BINS, SLOWEST = 20, 0.02
 """Of the spool's angle, and its speed below which friction may have any size up to its own [rad/s]."""

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from bowden.core.errors import ParameterError, counted
 from bowden.core.files import printable
-from bowden.core.metrics import rmse
 from bowden.cycle.one_cycle import WishSource
 from bowden.hardware.drives.emergencies import emergency_text
 from bowden.hardware.drives.family import family_named
@@ -21,6 +20,7 @@ from bowden.live.gain_ramp import ASKED, IN_FORCE
 from bowden.live.log_rig import hash_of
 from bowden.live.mcap_read import Recording, axes_of
 from bowden.live.mcap_reader import LogReader
+from bowden.records.metrics import rmse
 
 NEEDED = (*dict.fromkeys(("time", "lateness", "run_time", "overruns", EMERGENCY, *stops.NEEDED)),)
 """Columns of the log that are looked at."""

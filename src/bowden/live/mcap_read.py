@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.core.errors import LogError, near
-from bowden.core.trace import Trace
 from bowden.live.axis_columns import view
 from bowden.live.mcap_layout import Event
 from bowden.live.mcap_reader import Damage, LogReader, missing_of
+from bowden.records.trace import Trace
 
 _TRACE = 50_000  # rows
 

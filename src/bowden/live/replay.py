@@ -11,7 +11,6 @@ from bowden.control.conditioning import Conditioned
 from bowden.control.law import Law
 from bowden.control.source import TABLE, Measurement, Source
 from bowden.core.errors import LogError
-from bowden.core.metrics import rmse
 from bowden.core.nested import from_columns, unflatten
 from bowden.core.signals import DriveReading, Sample
 from bowden.cycle.one_cycle import LAW_BEGINS, NOTHING_OBSERVED, NOTHING_PLANNED, Cycle, CycleState, Filters, verdict_of
@@ -20,6 +19,7 @@ from bowden.live.gain_ramp import IN_FORCE
 from bowden.live.mcap_read import Recording
 from bowden.live.row import STOPPED, SUPERVISOR
 from bowden.live.run_settings import push_of
+from bowden.records.metrics import rmse
 from bowden.safety.limits import Limits
 
 _SURROUNDINGS = ("lateness", "elapsed", "request", "operator_age", "recorder", "preflight")

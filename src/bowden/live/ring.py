@@ -44,7 +44,7 @@ class Description:
     columns: tuple[str, ...]
     """Names, ``time`` [s] among them; ``law.<name>`` and ``supervisor.<name>`` are the states of these two."""
     units: tuple[str, ...]
-    """A unit for each column, as `core.trace.Trace` prints them."""
+    """A unit for each column, as `records.trace.Trace` prints them."""
     settings: Mapping[str, Any] = field(default_factory=dict)
     """All that made the run, as JSON values."""
     start_utc_ns: int = 0

@@ -20,12 +20,11 @@ from numbers import Real
 from pathlib import Path
 from typing import Any
 
-from bowden.core import shown
 from bowden.core.arguments import said
 from bowden.core.clock import SECOND, MonotonicClock, unix_seconds
 from bowden.core.errors import DriveError, LogError, OutputError, ParameterError, SafetyError, near
-from bowden.core.trace import Trace
 from bowden.cycle.one_cycle import WishSource
+from bowden.drawing import shown
 from bowden.hardware import shared_memory
 from bowden.hardware.drives.family import family_of
 from bowden.live import control_block, left_behind
@@ -45,6 +44,7 @@ from bowden.live.row import AT, described
 from bowden.live.session_axis import SessionAxis
 from bowden.live.stops import AxisFaults, told_apart
 from bowden.live.together import OF_ALL, mode_of_all, of_all
+from bowden.records.trace import Trace
 from bowden.rig.axes import Axis
 from bowden.rig.declaration import at, items_of
 from bowden.rig.rig import Rig

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.core.errors import LogError, counted
-from bowden.core.metrics import rmse
 from bowden.core.units import RADIANS
 from bowden.cycle.one_cycle import WishSource
 from bowden.hardware.drives.family import family_of
@@ -20,6 +19,7 @@ from bowden.live.lateness import figures
 from bowden.live.mcap_log import about as describing
 from bowden.live.mcap_read import Recording, read
 from bowden.live.mcap_reader import Damage
+from bowden.records.metrics import rmse
 from bowden.safety import faults
 from bowden.safety.faults import Fault
 from bowden.safety.state import Mode

@@ -6,10 +6,8 @@ import numpy as np
 
 from bowden.control.law import Law
 from bowden.core.kernel import compiled
-from bowden.core.metrics import rmse
-from bowden.core.style import COLOURS, new_figure
-from bowden.core.trace import Trace
 from bowden.core.units import DEGREES, RADIANS
+from bowden.drawing.style import COLOURS, new_figure
 from bowden.models.cable.bouc_wen import BoucWen, advance, joint_angle, saturation, slope_of_h
 from bowden.models.cable.sheath import width
 from bowden.models.drive.encoder import Encoder
@@ -17,6 +15,8 @@ from bowden.paper.bench import observer
 from bowden.paper.calibration import bench_fit
 from bowden.paper.experiment import Finding, Runs
 from bowden.paper.readings import self_fed
+from bowden.records.metrics import rmse
+from bowden.records.trace import Trace
 from bowden.rig.presets import bench as paper
 from bowden.sim.run import simulate
 

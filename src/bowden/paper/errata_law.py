@@ -4,13 +4,13 @@ import numpy as np
 
 from bowden.control.laws.adaptive import PRINTED, ultimate_bounds
 from bowden.control.stability import adaptive_model, closed_loop_poles, servo_model
-from bowden.core.metrics import rmse
 from bowden.core.units import DEGREES
 from bowden.paper.bench import adaptive, run_bench, true_bound
 from bowden.paper.calibration import bench_fit, gains
 from bowden.paper.experiment import Finding, Runs
 from bowden.paper.readings import BETA_ABSORBED, COMMAND_IN_EQ14
 from bowden.plants.bench import Bench
+from bowden.records.metrics import rmse
 from bowden.rig.presets import bench as paper
 
 

@@ -6,9 +6,9 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 from bowden.control import LAWS
-from bowden.core.trace import Trace
 from bowden.paper.bench import adaptive, observer, ours, run_bench, run_chirp
 from bowden.paper.suit_rows import DRIVES, Five, five_flexions, laws_on
+from bowden.records.trace import Trace
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

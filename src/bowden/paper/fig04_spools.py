@@ -4,8 +4,8 @@ import math
 
 import numpy as np
 
-from bowden.core.style import COLOURS, legend, new_figure
 from bowden.core.units import DEGREES
+from bowden.drawing.style import COLOURS, legend, new_figure
 from bowden.models.suit.geometry import (
     ELBOW_RANGE,
     SuitGeometry,

@@ -1,12 +1,12 @@
 """Fig. 6: the suit without compensation, and how far it lags behind."""
 
 from bowden.control import LAWS
-from bowden.core.metrics import delay
-from bowden.core.style import COLOURS, legend, new_figure, thin
 from bowden.core.units import DEGREES
+from bowden.drawing.style import COLOURS, legend, new_figure, thin
 from bowden.paper.calibration import suit_fit
 from bowden.paper.experiment import Finding, Runs
 from bowden.paper.plots import over_time
+from bowden.records.metrics import delay
 from bowden.rig.presets.suit import run_suit
 
 

@@ -1,6 +1,6 @@
 """Fig. 9: the bench without compensation."""
 
-from bowden.core.style import COLOURS
+from bowden.drawing.style import COLOURS
 from bowden.paper.experiment import Finding, Runs
 from bowden.paper.figures_of_merit import dead_zone_deg
 from bowden.paper.plots import time_and_loop

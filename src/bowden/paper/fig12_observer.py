@@ -1,10 +1,10 @@
 """Fig. 12 and Table 1: the backlash observer at constant bend."""
 
-from bowden.core.metrics import rmse
-from bowden.core.style import COLOURS
 from bowden.core.units import DEGREES
+from bowden.drawing.style import COLOURS
 from bowden.paper.experiment import Finding, Runs
 from bowden.paper.plots import time_and_loop
+from bowden.records.metrics import rmse
 
 
 def run(runs: Runs) -> Finding:

@@ -7,15 +7,15 @@ import numpy as np
 
 from bowden.control.laws.adaptive import PRINTED, AdaptiveGains
 from bowden.control.reference import PeriodicMinimumJerk
-from bowden.core.metrics import convergence_time, rmse
-from bowden.core.style import COLOURS, legend, new_figure
 from bowden.core.units import DEGREES, RADIANS
+from bowden.drawing.style import COLOURS, legend, new_figure
 from bowden.models.cable.backlash import Play
 from bowden.paper.bench import adaptive, run_bench, true_bound
 from bowden.paper.calibration import bench_fit, gains
 from bowden.paper.experiment import Finding, Runs
 from bowden.paper.plots import time_and_loop
 from bowden.paper.static_plant import StaticRun, static_plant_run
+from bowden.records.metrics import convergence_time, rmse
 from bowden.rig.presets import bench as paper
 
 IN_DEGREES = PRINTED._replace(

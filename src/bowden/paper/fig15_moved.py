@@ -4,15 +4,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from bowden.core.metrics import rmse
-from bowden.core.style import COLOURS, legend, new_figure, thin
 from bowden.core.units import DEGREES
+from bowden.drawing.style import COLOURS, legend, new_figure, thin
 from bowden.paper.bench import adaptive as adaptive_law
 from bowden.paper.bench import run_bench
 from bowden.paper.calibration import bench_fit, gains
 from bowden.paper.experiment import Finding, Runs
 from bowden.paper.figures_of_merit import dead_zone_deg
 from bowden.paper.plots import loop
+from bowden.records.metrics import rmse
 from bowden.rig.presets import bench as paper
 
 

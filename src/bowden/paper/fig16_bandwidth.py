@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from bowden.core.style import COLOURS, legend, new_figure
+from bowden.drawing.style import COLOURS, legend, new_figure
 from bowden.models.drive.motor import acceleration_limit
 from bowden.paper.bench import adaptive, run_chirp
 from bowden.paper.calibration import bench_fit, gains

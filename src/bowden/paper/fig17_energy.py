@@ -3,12 +3,12 @@
 import numpy as np
 
 from bowden.control import LAWS
-from bowden.core.style import COLOURS, legend, new_figure, thin
-from bowden.core.trace import Trace
 from bowden.core.units import DEGREES
+from bowden.drawing.style import COLOURS, legend, new_figure, thin
 from bowden.paper.claims import interval
 from bowden.paper.experiment import Finding, PageTable, Runs
 from bowden.paper.suit_rows import BRAKE, DRIVES, RESTS, five_flexions, laws_on, rested
+from bowden.records.trace import Trace
 from bowden.rig.presets.suit import NO_BRAKE, each_flexion, energies, largest_errors, suit_adaptive
 
 

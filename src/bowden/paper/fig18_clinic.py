@@ -16,9 +16,8 @@ from numpy.typing import NDArray
 
 from bowden.control.law import Law
 from bowden.core.kernel import compiled, kernel
-from bowden.core.style import COLOURS, legend, new_figure, thin
-from bowden.core.trace import Trace
 from bowden.core.units import DEGREES
+from bowden.drawing.style import COLOURS, legend, new_figure, thin
 from bowden.identify.emg.log import read_emg, read_labels
 from bowden.identify.emg.score import Findings, Spans, find
 from bowden.models.minimum_jerk import minimum_jerk_over
@@ -34,6 +33,7 @@ from bowden.paper.suit_rows import (
     measure_motions,
     motions_of,
 )
+from bowden.records.trace import Trace
 from bowden.rig.presets.suit import flexions, run_suit
 from bowden.sensing.intent import IntentSettings, IntentState, intent_start, intent_step
 from bowden.sim.emg import background, contractions

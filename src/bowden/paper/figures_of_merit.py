@@ -4,9 +4,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.control.reference import Chirp
-from bowden.core import metrics
-from bowden.core.trace import Trace
 from bowden.core.units import DEGREES
+from bowden.records import metrics
+from bowden.records.trace import Trace
 
 CHIRP_FREQUENCIES = np.linspace(0.3, 19.5, 769)
 """Where the closed loop's response is read off a chirp [Hz]."""

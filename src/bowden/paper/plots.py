@@ -3,10 +3,10 @@
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from bowden.core.metrics import rmse
-from bowden.core.style import COLOURS, legend, new_figure, thin
-from bowden.core.trace import Trace
 from bowden.core.units import DEGREES
+from bowden.drawing.style import COLOURS, legend, new_figure, thin
+from bowden.records.metrics import rmse
+from bowden.records.trace import Trace
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

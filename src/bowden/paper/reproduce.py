@@ -4,7 +4,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from bowden.core.trace import Trace
 from bowden.paper import (
     errata_cable,
     errata_chirp,
@@ -23,6 +22,7 @@ from bowden.paper import (
 )
 from bowden.paper.claims import Claim, Result, interval, is_remark, select
 from bowden.paper.experiment import Experiment, Finding, Runs
+from bowden.records.trace import Trace
 
 EXPERIMENTS: dict[str, tuple[Experiment, tuple[str, ...]]] = {
     "fig4": (fig04_spools.run, ("fig4.", "erratum.spools.")),

@@ -2,12 +2,12 @@
 
 from bowden.control import LAWS
 from bowden.control.law import Law
-from bowden.core.metrics import rmse
 from bowden.core.units import DEGREES
 from bowden.paper.bench import adaptive, run_bench, run_chirp
 from bowden.paper.experiment import PageTable
 from bowden.paper.figures_of_merit import closed_loop_bandwidth
 from bowden.paper.suit_rows import five_flexions, motions_of
+from bowden.records.metrics import rmse
 from bowden.rig.presets import bench as paper
 from bowden.rig.presets.bench import calibration
 from bowden.rig.presets.suit import suit_adaptive, suit_adaptive_integral, suit_calibration

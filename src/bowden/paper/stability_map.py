@@ -4,7 +4,7 @@ import numpy as np
 
 from bowden.control.laws.adaptive import PRINTED, AdaptiveGains
 from bowden.control.stability import adaptive_model, closed_loop_poles, servo_model
-from bowden.core.style import COLOURS, new_figure
+from bowden.drawing.style import COLOURS, new_figure
 from bowden.paper.calibration import bench_fit
 from bowden.paper.calibration import gains as chosen_gains
 from bowden.paper.experiment import Finding, Runs

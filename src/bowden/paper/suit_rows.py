@@ -11,13 +11,13 @@ from bowden.control import LAWS
 from bowden.control.knowledge import configured
 from bowden.control.law import Law
 from bowden.control.reference import PointToPoint
-from bowden.core.metrics import delay
-from bowden.core.trace import Trace
 from bowden.core.units import DEGREES, RADIANS
 from bowden.models.drive.holding_brake import ENGAGING, HELD, HoldingBrake, brake_power
 from bowden.models.minimum_jerk import minimum_jerk_over
 from bowden.paper.calibration import gains, suit_fit
 from bowden.plants.knowledge_of import knowledge_of
+from bowden.records.metrics import delay
+from bowden.records.trace import Trace
 from bowden.rig.presets.suit import (
     DRIVE_INTEGRAL,
     NO_BRAKE,

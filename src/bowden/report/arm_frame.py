@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from bowden.core.style import COLOURS, drawing, finish, legend, new_figure, thin
-from bowden.core.trace import Trace
 from bowden.core.units import DEGREES
+from bowden.drawing.style import COLOURS, drawing, finish, legend, new_figure, thin
+from bowden.records.trace import Trace
 from bowden.report.arm_renderer import EXTENSOR, FLEXOR, Image, Pose
 
 if TYPE_CHECKING:

@@ -2,8 +2,8 @@
 
 from typing import TYPE_CHECKING
 
-from bowden.core.style import CYCLE, legend, new_figure, thin
 from bowden.core.units import DEGREES
+from bowden.drawing.style import CYCLE, legend, new_figure, thin
 from bowden.models.suit.arm import Arm
 from bowden.models.suit.geometry import SuitGeometry
 from bowden.report.arm_pictures import arm_data_uri

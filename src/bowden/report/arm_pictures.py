@@ -11,8 +11,8 @@ import numpy as np
 
 from bowden.core.errors import BowdenError
 from bowden.core.files import whole_file
-from bowden.core.style import new_figure
 from bowden.core.units import DEGREES, RADIANS
+from bowden.drawing.style import new_figure
 from bowden.models.suit.arm import Arm
 from bowden.models.suit.geometry import SuitGeometry
 from bowden.report.arm_renderer import EXTENSOR, FLEXOR, ArmRenderer, Image, Pose, cable_colour

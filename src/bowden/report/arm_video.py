@@ -9,8 +9,8 @@ import numpy as np
 
 from bowden.core.errors import BowdenError, LogError, ParameterError
 from bowden.core.files import whole_file
-from bowden.core.trace import Trace
 from bowden.models.suit.geometry import SuitGeometry
+from bowden.records.trace import Trace
 from bowden.report.arm_frame import HEIGHT, WIDTH, Frame
 from bowden.report.arm_renderer import ArmRenderer, Image, Pose
 

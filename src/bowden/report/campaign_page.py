@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from bowden.core import style
+from bowden.drawing import style
 from bowden.report.page import Page
 from bowden.study.distributions import Distribution
 from bowden.study.figures import MOVING, UNSTABLE, LawFigures, Spread, Summary

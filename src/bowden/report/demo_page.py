@@ -6,13 +6,13 @@ from typing import Any
 
 import numpy as np
 
-from bowden.core.style import COLOURS, new_figure
-from bowden.core.trace import LED, Trace
 from bowden.core.units import DEGREES
 from bowden.design.check import Check
+from bowden.drawing.style import COLOURS, new_figure
 from bowden.identify.cable.fit import Fit
 from bowden.identify.log.read import Log
 from bowden.live import stops
+from bowden.records.trace import LED, Trace
 from bowden.report import simulate_figures as figures
 from bowden.report.identify_page import TITLES, loop_figure
 from bowden.report.page import Page

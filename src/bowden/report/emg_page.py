@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.core.style import COLOURS, CYCLE, legend, new_figure
+from bowden.drawing.style import COLOURS, CYCLE, legend, new_figure
 from bowden.identify.emg.log import EmgLog
 from bowden.identify.emg.score import Findings, Score, Spans, spans
 from bowden.report.page import Page

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.core.style import COLOURS, legend, new_figure, note_cut, thin, widened
 from bowden.core.units import DEGREES
+from bowden.drawing.style import COLOURS, legend, new_figure, note_cut, thin, widened
 from bowden.identify.cable.fit import Fit, ModelFit
 from bowden.identify.cable.loop import loop_lines
 from bowden.identify.cable.model import meaning

@@ -4,8 +4,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from bowden.core.style import new_figure
 from bowden.core.units import DEGREES
+from bowden.drawing.style import new_figure
 from bowden.identify.cable.loads import JointFit, cycle_lines
 from bowden.identify.cable.plot import draw_loads, draw_residual
 from bowden.identify.cable.recalibrate import Recalibration, cycles_line, verdict

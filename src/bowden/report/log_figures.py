@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.core.style import COLOURS, CYCLE, legend, logarithmic, new_figure, thin
-from bowden.core.trace import Trace
 from bowden.core.units import DEGREES
+from bowden.drawing.style import COLOURS, CYCLE, legend, logarithmic, new_figure, thin
 from bowden.live.events import UNREAD, UNSETTLED
+from bowden.records.trace import Trace
 from bowden.report.simulate_figures import law_states as _law_states
 
 if TYPE_CHECKING:

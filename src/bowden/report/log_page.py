@@ -6,12 +6,12 @@ from typing import Any
 
 import numpy as np
 
-from bowden.core.metrics import rmse
-from bowden.core.style import COLOURS
-from bowden.core.trace import Trace
 from bowden.core.units import DEGREES
 from bowden.cycle.one_cycle import WishSource
+from bowden.drawing.style import COLOURS
 from bowden.live import stops
+from bowden.records.metrics import rmse
+from bowden.records.trace import Trace
 from bowden.report import log_figures as figures
 from bowden.report.page import Page
 from bowden.safety.state import Mode

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from bowden import __version__
-from bowden.core import style
 from bowden.core.files import write_text
+from bowden.drawing import style
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

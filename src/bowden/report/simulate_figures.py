@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.core.motion_plot import draw_motion
-from bowden.core.style import (
+from bowden.core.units import DEGREES
+from bowden.drawing.motion_plot import draw_motion
+from bowden.drawing.style import (
     COLOURS,
     dashes_for,
     legend,
@@ -17,8 +18,7 @@ from bowden.core.style import (
     stay_near,
     thin,
 )
-from bowden.core.trace import Trace
-from bowden.core.units import DEGREES
+from bowden.records.trace import Trace
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

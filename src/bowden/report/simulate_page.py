@@ -4,9 +4,9 @@ from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from bowden.core.metrics import Metrics
-from bowden.core.style import colours_for
-from bowden.core.trace import Trace
+from bowden.drawing.style import colours_for
+from bowden.records.metrics import Metrics
+from bowden.records.trace import Trace
 from bowden.report import simulate_figures as figures
 from bowden.report import suit_figures
 from bowden.report.page import Page

@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from bowden.core.style import COLOURS, dashes_for, legend, new_figure, thin
-from bowden.core.trace import Trace
+from bowden.drawing.style import COLOURS, dashes_for, legend, new_figure, thin
+from bowden.records.trace import Trace
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -8,9 +8,9 @@ import numpy as np
 
 from bowden.core.errors import counted
 from bowden.core.quantity import Quantity, declared
-from bowden.core.shown import listed, number
-from bowden.core.style import COLOURS, thin
 from bowden.core.units import DEGREES, HERTZ
+from bowden.drawing.shown import listed, number
+from bowden.drawing.style import COLOURS, thin
 from bowden.identify.cable.model import IdentifiedCable
 from bowden.identify.cable.trust import parameter_lines
 

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 from bowden.control.law import Law
 from bowden.control.source import TABLE
-from bowden.core.trace import Trace
+from bowden.records.trace import Trace
 from bowden.rig.rig import Rig
 from bowden.sim.faulty import SensorFault
 from bowden.sim.run import simulate

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 
 from bowden.control.law import Law
-from bowden.core.trace import Trace
-from bowden.core.traces import Traces
 from bowden.plants.user_plant import UserPlant
+from bowden.records.trace import Trace
+from bowden.records.traces import Traces
 from bowden.rig import ranges
 from bowden.rig.rig import Rig
 from bowden.sim.pair import PairPlant, PairSide, simulate_pair

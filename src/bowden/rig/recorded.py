@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from bowden.control.reference import Recorded
 from bowden.core.errors import LogError, near
-from bowden.core.table import read_table
 from bowden.core.units import CABLE_LOG_LIMIT, RADIANS
+from bowden.records.table import read_table
 from bowden.rig.sections import RecordedFile
 
 Array = NDArray[np.float64]

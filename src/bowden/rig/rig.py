@@ -19,11 +19,11 @@ from bowden.core.files import whole_file
 from bowden.core.guesses import Answering, answering
 from bowden.core.part import signed
 from bowden.core.quantity import Quantity, declared
-from bowden.core.shown import axes_for, fragment, screen
-from bowden.core.style import new_figure
 from bowden.core.toml_text import quoted
 from bowden.core.units import DEGREES, RADIANS
 from bowden.cycle.one_cycle import Filters
+from bowden.drawing.shown import axes_for, fragment, screen
+from bowden.drawing.style import new_figure
 from bowden.hardware.drives.family import DriveNeeds, family_of
 from bowden.hardware.drives.load_cell import LoadCellParameters
 from bowden.hardware.ports import Drive

@@ -1,7 +1,7 @@
 """Many closed loops in one compiled call: figures of merit, and nothing else kept.
 
 A run here is the run of `bowden.sim.run.simulate` to the last bit, made of the same kernels, and its figures
-are those of `bowden.core.metrics`: their sums are taken in NumPy's order. A handful of rows as long as one run are
+are those of `bowden.records.metrics`: their sums are taken in NumPy's order. A handful of rows as long as one run are
 filled again by each run, so that memory does not grow with their number.
 """
 
@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from bowden.control.conditioning import Conditioning
 from bowden.control.source import Measurement
 from bowden.core.kernel import kernel, noinline, sqrt
-from bowden.core.metrics import LATE, SMALLEST_STROKE
 from bowden.core.nested import unflatten_like
 from bowden.core.signals import Reference, Sample
 from bowden.cycle.one_cycle import LAW, Plan, bare_settings, bare_start, one_cycle
@@ -27,6 +26,7 @@ from bowden.plants.plant import (
     plant_rest,
     sheath_at,
 )
+from bowden.records.metrics import LATE, SMALLEST_STROKE
 from bowden.sim.faulty import SensorFault, as_it_is
 from bowden.sim.pairwise import pairwise_sum
 from bowden.sim.run import RUNAWAY

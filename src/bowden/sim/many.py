@@ -13,8 +13,8 @@ from bowden.control.reference import Trajectory
 from bowden.control.source import TABLE, Source
 from bowden.core.kernel import specialise
 from bowden.core.nested import form_of, numbers_of
-from bowden.core.trace import Trace
 from bowden.plants.plant import Dynamics, Plant, SheathPath, sheath_path
+from bowden.records.trace import Trace
 from bowden.sim.batch import FIGURES, ROWS, BatchInputs, BatchLimits, One, run_batch
 from bowden.sim.faulty import SensorFault
 from bowden.sim.run import check_clock, edges_of, initial_angle, placeholders, simulate

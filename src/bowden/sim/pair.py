@@ -18,7 +18,6 @@ from bowden.core.errors import ParameterError
 from bowden.core.kernel import kernel, specialise
 from bowden.core.nested import flat
 from bowden.core.signals import Reference
-from bowden.core.trace import Trace
 from bowden.cycle.one_cycle import BARE, LAW, Plan, bare_settings, bare_start, law_and_source, one_cycle
 from bowden.models.cable.shared_joint import Ends, JointLoad, cable_pull, shared_joint
 from bowden.models.drive.encoder import Encoder, reading
@@ -27,6 +26,7 @@ from bowden.plants.cable_body import CableBody, Moving, cable_moved, cable_rest
 from bowden.plants.cable_plant import CablePlant, prepare_plant
 from bowden.plants.cables import as_cable_plant
 from bowden.plants.plant import SheathPath, sheath_at
+from bowden.records.trace import Trace
 from bowden.sim.run import RUNAWAY, inputs_of, refuse_no_number_in, settings_of, state_columns
 from bowden.sim.scenario import BendPath
 

@@ -17,7 +17,6 @@ from bowden.core.errors import ParameterError
 from bowden.core.kernel import kernel, specialise
 from bowden.core.nested import flat
 from bowden.core.signals import Reference, Sample
-from bowden.core.trace import Trace
 from bowden.cycle.one_cycle import BARE, LAW, Plan, bare_settings, bare_start, law_and_source, one_cycle
 from bowden.plants.plant import (
     Dynamics,
@@ -33,6 +32,7 @@ from bowden.plants.plant import (
     sheath_at,
     sheath_path,
 )
+from bowden.records.trace import Trace
 from bowden.sim.faulty import SensorFault, as_it_is, faulty
 from bowden.sim.scenario import BendPath, constant_bend
 

@@ -5,9 +5,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from bowden.core import metrics
-from bowden.core.metrics import LATE
-from bowden.core.trace import Trace
+from bowden.records import metrics
+from bowden.records.metrics import LATE
+from bowden.records.trace import Trace
 from bowden.sim.many import Case, Outcome
 
 _TENSIONS = ("flexor_tension", "flexor_motor_tension", "extensor_tension", "extensor_motor_tension")

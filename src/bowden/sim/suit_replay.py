@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.core.errors import LogError, ParameterError
-from bowden.core.trace import Trace
 from bowden.models.suit.arm import Arm
 from bowden.models.suit.geometry import SuitGeometry, extensor_moment_arm, flexor_moment_arm
+from bowden.records.trace import Trace
 from bowden.sim.arm_check import ArmMotion
 from bowden.sim.mujoco_arm import MujocoArm
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.core.metrics import finite
+from bowden.records.metrics import finite
 from bowden.study.sensitivity import Sensitivity, ranked, sensitivity
 from bowden.study.store import Store
 

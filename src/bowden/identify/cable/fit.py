@@ -13,12 +13,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.core import shown
 from bowden.core.arguments import path_of as path_of_file
 from bowden.core.errors import LogError, ParameterError
 from bowden.core.guesses import answering
-from bowden.core.metrics import rmse
 from bowden.core.units import DEGREES
+from bowden.drawing import shown
 from bowden.identify.cable import advice
 from bowden.identify.cable.cycles import Cycles, drift, whole_cycles
 from bowden.identify.cable.forecast import Forecast, forecast
@@ -34,6 +33,7 @@ from bowden.identify.cable.uncertainty import all_shown, standard_errors
 from bowden.identify.cable.validation import simplest_of_the_best
 from bowden.identify.log.angles import SIDES, angle_units, angles_of
 from bowden.identify.log.read import Log, checked_rate, prepare
+from bowden.records.metrics import rmse
 
 if TYPE_CHECKING:
     import pathlib
@@ -194,7 +194,7 @@ class Fit:
         return shown.screen(self._title(), self._rows())
 
     def _repr_html_(self) -> str:
-        from bowden.core.style import new_figure
+        from bowden.drawing.style import new_figure
         from bowden.identify.cable.plot import draw_loop
 
         figure, axes = new_figure(1, 2, height=3.4)

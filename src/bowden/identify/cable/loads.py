@@ -28,12 +28,11 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.core import shown
 from bowden.core.arguments import path_of as path_of_file
 from bowden.core.errors import LogError, ParameterError, counted
 from bowden.core.files import write_text
-from bowden.core.metrics import rmse
 from bowden.core.units import DEGREES
+from bowden.drawing import shown
 from bowden.identify.cable.bouc_wen import BoucWenCable
 from bowden.identify.cable.counting import covered_by
 from bowden.identify.cable.cycles import ENOUGH, FOR_YES, Cycles, whole_cycles
@@ -54,6 +53,7 @@ from bowden.models.cable.scheduled import (
     parameters_of,
     powers,
 )
+from bowden.records.metrics import rmse
 
 if TYPE_CHECKING:
     import pathlib
@@ -228,7 +228,7 @@ class JointFit:
         return shown.screen(self._title(), self._rows())
 
     def _repr_html_(self) -> str:
-        from bowden.core.style import new_figure
+        from bowden.drawing.style import new_figure
         from bowden.identify.cable.plot import draw_loads
 
         figure, axes = new_figure(height=3.6)

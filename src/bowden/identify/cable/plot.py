@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from bowden.core.style import COLOURS, legend, note_cut, thin, widened
 from bowden.core.units import DEGREES
+from bowden.drawing.style import COLOURS, legend, note_cut, thin, widened
 from bowden.models.cable.scheduled import cable_of, hats, powers
 
 if TYPE_CHECKING:

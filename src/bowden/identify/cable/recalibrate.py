@@ -30,10 +30,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.core import shown
 from bowden.core.errors import LogError, ParameterError
-from bowden.core.metrics import rmse
 from bowden.core.units import DEGREES
+from bowden.drawing import shown
 from bowden.identify.cable.counting import Covered, fitted_range
 from bowden.identify.cable.cycles import Cycles, whole_cycles
 from bowden.identify.cable.model import SCHEDULED, CableModel, IdentifiedCable
@@ -43,6 +42,7 @@ from bowden.identify.log.read import Log
 from bowden.identify.log.variables import shown_value
 from bowden.models.cable.scheduled import VARIABLES
 from bowden.plants.cables import DISTRIBUTED
+from bowden.records.metrics import rmse
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -136,7 +136,7 @@ class Recalibration:
         return shown.screen(self._title(), self._rows())
 
     def _repr_html_(self) -> str:
-        from bowden.core.style import new_figure
+        from bowden.drawing.style import new_figure
         from bowden.identify.cable.plot import draw_residual
 
         figure, axes = new_figure(height=2.8)

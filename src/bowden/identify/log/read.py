@@ -14,7 +14,6 @@ from bowden.core.arguments import said
 from bowden.core.bounded import open_file
 from bowden.core.errors import LogError, ParameterError
 from bowden.core.guesses import answering
-from bowden.core.table import PARQUET, ZIP, read_table
 from bowden.core.units import DEGREES
 from bowden.identify.cable import checks
 from bowden.identify.cable.counting import NOT_SAID, Covered, Encoders
@@ -35,6 +34,7 @@ from bowden.identify.log.clock import even_clock, held_rows, odd_time, rises_eve
 from bowden.identify.log.columns import CABLE, FACTORS, LogColumn, find_columns, unit_of
 from bowden.identify.log.mat import is_matlab, read_matlab
 from bowden.identify.log.text import read_text
+from bowden.records.table import PARQUET, ZIP, read_table
 
 Array = NDArray[np.float64]
 

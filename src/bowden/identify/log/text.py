@@ -170,7 +170,7 @@ def _names(
 
 
 def _declared_units(first: str) -> dict[str, str | None]:
-    """Column → unit, where the first line is the one that `bowden.core.trace.Trace.write` writes."""
+    """Column → unit, where the first line is the one that `bowden.records.trace.Trace.write` writes."""
     if not first.startswith(_TRACE):
         return {}
     try:

@@ -18,10 +18,10 @@ from numpy.typing import NDArray
 
 from bowden.core.errors import LogError
 from bowden.core.kernel import compiled, kernel
-from bowden.core.metrics import sample_time
 from bowden.core.units import DEGREES, RADIANS
 from bowden.identify.cable.bounded import ProblemAt, bounded_least_squares
 from bowden.models.drive.servo import Servo, ServoState, ServoStep, prepare, servo_step
+from bowden.records.metrics import sample_time
 
 Array = NDArray[np.float64]
 

@@ -1,4 +1,4 @@
-"""The motor's electrical side: its current, from which `bowden.core.metrics.power` has Eq. 18."""
+"""The motor's electrical side: its current, from which `bowden.records.metrics.power` has Eq. 18."""
 
 from typing import Annotated, NamedTuple
 

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from bowden.control import LAWS
 from bowden.control.law import Law
 from bowden.control.reference import PeriodicMinimumJerk, Trajectory
-from bowden.core.trace import Trace
 from bowden.core.units import DEGREES, RADIANS
 from bowden.models.cable.sheath import Sheath
 from bowden.models.drive.geared_motor import GearedMotor
@@ -19,6 +18,7 @@ from bowden.models.suit.arm import arm_of
 from bowden.models.suit.geometry import SuitGeometry
 from bowden.models.suit.suit_cable import Fabric, SuitCable
 from bowden.plants.suit_parts import Suit
+from bowden.records.trace import Trace
 from bowden.rig.presets.bench import bench, document
 from bowden.sim.run import simulate
 

@@ -12,14 +12,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.core import arguments, metrics, shown
+from bowden.core import arguments
 from bowden.core.errors import BowdenError, LogError, ParameterError, UnknownNameError, near
 from bowden.core.extras import extra_module
 from bowden.core.files import whole_file
 from bowden.core.guesses import Answering, answering
-from bowden.core.metrics import Metrics
-from bowden.core.table import FIRST_LINE, KEY, read_table
 from bowden.core.units import DEGREES
+from bowden.drawing import shown
+from bowden.records import metrics
+from bowden.records.metrics import Metrics
+from bowden.records.table import FIRST_LINE, KEY, read_table
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -231,7 +233,7 @@ class Trace(metaclass=Answering):
         return found
 
     def _draw(self, axes: "Sequence[Axes]") -> None:
-        from bowden.core import motion_plot
+        from bowden.drawing import motion_plot
 
         signals = self["time"], self["reference"], self["joint"]
         motion_plot.draw_motion(axes[0], *signals)
@@ -248,7 +250,7 @@ class Trace(metaclass=Answering):
         return shown.fragment(self._title(), self._rows(), figure)
 
     def _figure(self) -> "Figure":
-        from bowden.core.style import new_figure
+        from bowden.drawing.style import new_figure
 
         figure, axes = new_figure(2, 1, height=4.2, share_x=True)
         self._draw(axes)
@@ -320,7 +322,7 @@ class Trace(metaclass=Answering):
     def stable(self) -> bool:
         """Whether it ended, and the error was never larger than the whole stroke of the reference (at least 5°).
 
-        See `bowden.core.metrics.is_stable`.
+        See `bowden.records.metrics.is_stable`.
         """
         return metrics.is_stable(self.columns["reference"], self.columns["joint"])
 
@@ -351,7 +353,7 @@ class Trace(metaclass=Answering):
         return metrics.power(self.columns["motor_velocity"], self.columns["current"], resistance, constant)
 
     def convergence_times(self, band: float = 0.05, period: float = 0.0) -> dict[str, float | None]:
-        """When each of the law's variables (columns ``law.*``) settles: see `core.metrics.convergence_time` [s].
+        """When each of the law's variables (columns ``law.*``) settles: see `records.metrics.convergence_time` [s].
 
         Raises:
             LogError: time is not even.

@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.core.style import COLOURS, legend, stay_near, thin
 from bowden.core.units import DEGREES
+from bowden.drawing.style import COLOURS, legend, stay_near, thin
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -3,10 +3,10 @@
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from bowden.core import shown
 from bowden.core.errors import UnknownNameError, near
-from bowden.core.trace import Trace
 from bowden.core.units import DEGREES
+from bowden.drawing import shown
+from bowden.records.trace import Trace
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -50,7 +50,7 @@ class Traces(dict[str, Trace]):
         return found
 
     def _draw(self, axes: "Sequence[Axes]") -> None:
-        from bowden.core.style import COLOURS, colours_for, legend, stay_near, thin
+        from bowden.drawing.style import COLOURS, colours_for, legend, stay_near, thin
 
         references = [trace["reference"] * DEGREES for trace in self.values()]
         joints = [trace["joint"] * DEGREES for trace in self.values()]
@@ -81,7 +81,7 @@ class Traces(dict[str, Trace]):
         return shown.screen(self._title(), rows)
 
     def _repr_html_(self) -> str:
-        from bowden.core.style import new_figure
+        from bowden.drawing.style import new_figure
 
         figure = None
         if self and all(set(trace.columns) >= _DRAWN for trace in self.values()):

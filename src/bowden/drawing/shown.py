@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from bowden.core import style
 from bowden.core.errors import ParameterError, article
+from bowden.drawing import style
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

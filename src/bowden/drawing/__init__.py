@@ -1,0 +1,1 @@
+"""How figures and screens look: colours, axes, lines of one screen."""

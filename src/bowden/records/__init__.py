@@ -1,0 +1,1 @@
+"""What a run leaves: traces, tables in files, figures of merit."""
