@@ -31,9 +31,9 @@ from bowden.control.admittance.virtual_elbow import Admittance
 from bowden.core.units import RADIANS
 from bowden.design.felt import felt
 from bowden.models.suit.arm import arm_of
+from bowden.plants.presets.suit import suit
 from bowden.plants.suit_parts import Suit
 from bowden.plants.suit_push import BODIES, limit_for, ports_of
-from bowden.rig.presets.suit import suit
 
 STIFFNESSES = (0.0, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0)
 DAMPINGS = (0.0, 0.5, 2.0, 10.0)

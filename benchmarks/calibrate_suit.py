@@ -1,4 +1,4 @@
-"""Fit what the paper does not say of its suit to its rows without compensation, for rig/presets/paper.toml.
+"""Fit what the paper does not say of its suit to its rows without compensation, for plants/presets/paper.toml.
 
 Three unknowns, three published figures, of the second flexion of a run without compensation, which has forgotten the
 first:
@@ -27,7 +27,7 @@ from bowden.control import LAWS
 from bowden.core.metrics import delay
 from bowden.core.trace import Trace
 from bowden.paper.claims import claims
-from bowden.rig.presets.suit import SuitCalibration, suit_calibration
+from bowden.plants.presets.suit import SuitCalibration, suit_calibration
 from bowden.sim.suit_runs import energies, largest_errors, run_suit
 
 START = SuitCalibration(friction=2.2, half_width=0.002, period=35.0)

@@ -20,7 +20,7 @@ from bowden.core.trace import Trace
 from bowden.models.drive.encoder import Encoder
 from bowden.plants.bench import Bench
 from bowden.plants.plant import SheathPath
-from bowden.rig.presets import bench as paper
+from bowden.plants.presets import bench as paper
 from bowden.sim.faulty import SensorFault
 from bowden.sim.run import RECORDED, compiled_loop, simulate
 from measure import Row, by_turns

@@ -29,7 +29,7 @@ from bowden.plants.cable_plant import CablePlant
 from bowden.plants.cables import bouc_wen, play
 from bowden.plants.knowledge_of import knowledge_of
 from bowden.plants.plant import Plant
-from bowden.rig.presets import bench as paper
+from bowden.plants.presets import bench as paper
 from bowden.sim.run import simulate
 from measure import Figure
 from unseen_cells import PoorSource, Steps

@@ -27,9 +27,9 @@ from bowden.live.live_run import live_run
 from bowden.live.row import NOTHING_READ
 from bowden.models.cable.bouc_wen import BoucWen
 from bowden.models.drive.thermal import cold
+from bowden.plants.bends import RandomBend
+from bowden.plants.presets.suit import suit
 from bowden.plants.suit_parts import Suit
-from bowden.rig.bends import RandomBend
-from bowden.rig.presets.suit import suit
 from bowden.rig.rig import Rig
 from bowden.safety.faults import of
 from bowden.safety.state import Mode, Observed, Request

@@ -12,7 +12,7 @@ from bowden.control import LAWS
 from bowden.core.metrics import rmse
 from bowden.models.cable.sheath import width as width_at
 from bowden.models.drive.encoder import Encoder
-from bowden.rig.presets import bench as paper
+from bowden.plants.presets import bench as paper
 from bowden.sim.run import simulate
 from measure import Row, Timing, by_turns
 

@@ -24,7 +24,7 @@ from bowden.core.units import RADIANS
 from bowden.models.cable.backlash import Play, joint_angle, push
 from bowden.models.cable.bouc_wen import saturation
 from bowden.models.drive.servo import Servo
-from bowden.rig.presets import bench as paper
+from bowden.plants.presets import bench as paper
 from support import bench_runs
 
 DT = 1e-3

@@ -23,8 +23,8 @@ from bowden.design.limit_cycle import describing_function, hysteresis_response
 from bowden.design.trial import LONGEST, MOVING, run_trial, settled_after
 from bowden.models.cable.bouc_wen import prepare_cable
 from bowden.plants.bench import Bench
+from bowden.plants.presets.bench import default_bench
 from bowden.plants.transmission import transmission
-from bowden.rig.presets.bench import default_bench
 from study import random_rigs
 
 BENCH = default_bench()

@@ -18,7 +18,7 @@ from bowden.hardware.twin.bench import TwinBench
 from bowden.hardware.twin.bus import TwinBus
 from bowden.hardware.twin.objects import Key
 from bowden.models.cable.sheath_path import constant_bend
-from bowden.rig.presets.bench import bench
+from bowden.plants.presets.bench import bench
 
 DRIVE = DriveParameters(answer_timeout=0.05)
 CYCLE = 1e-3

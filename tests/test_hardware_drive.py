@@ -23,7 +23,7 @@ from bowden.hardware.twin.bus import TwinBus
 from bowden.hardware.twin.canopen_node import CanopenNode
 from bowden.hardware.twin.injection import KINDS, parse
 from bowden.models.cable.sheath_path import constant_bend
-from bowden.rig.presets.bench import bench
+from bowden.plants.presets.bench import bench
 
 CYCLE = 1e-3
 DRIVE = DriveParameters(answer_timeout=0.05, tension_scale=0.01, tension_zero=200.0)

@@ -22,11 +22,11 @@ from bowden.core.trace import Trace
 from bowden.core.units import DEGREES, RADIANS
 from bowden.models.suit.arm import GRAVITY, Arm, arm_of, resting_angle
 from bowden.models.suit.geometry import SuitGeometry
+from bowden.plants.presets.suit import default_suit
 from bowden.plants.suit_parts import Suit
 from bowden.report import arm_pictures, arm_renderer
 from bowden.report.arm_renderer import ArmRenderer, Pose
 from bowden.report.arm_video import poses, write_video
-from bowden.rig.presets.suit import default_suit
 from bowden.sim import arm_check, mujoco_arm
 from bowden.sim.arm_agreement import Agreement
 from bowden.sim.mujoco_arm import MujocoArm, arm_xml

@@ -15,7 +15,7 @@ from bowden.core.style import COLOURS, thin
 from bowden.core.trace import Trace
 from bowden.core.units import DEGREES
 from bowden.paper.bench import run_bench
-from bowden.rig.presets.bench import calibration
+from bowden.plants.presets.bench import calibration
 
 _SECONDS = 60.0
 _SETTLED = 20.0  # s; the loops show what comes after the second period

@@ -2,7 +2,7 @@
 
 from bowden.control.law import Law
 from bowden.core.trace import Trace
-from bowden.rig.presets.bench import bench, document, minimum_jerk, moved_sheath
+from bowden.plants.presets.bench import bench, document, minimum_jerk, moved_sheath
 from bowden.sim.run import simulate
 
 

@@ -39,8 +39,8 @@ def check(
     Excursions and moment arms may differ by 0.1 mm over 0–90°, the elbow by 0.5° at any time.
     """
     from bowden.control import LAWS
+    from bowden.plants.presets.suit import default_suit
     from bowden.report.arm_page import arm_page
-    from bowden.rig.presets.suit import default_suit
     from bowden.sim.arm_agreement import check_arm
 
     output_folder(out)

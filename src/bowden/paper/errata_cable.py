@@ -17,7 +17,7 @@ from bowden.paper.bench import observer
 from bowden.paper.calibration import bench_fit
 from bowden.paper.experiment import Finding, Runs
 from bowden.paper.readings import self_fed
-from bowden.rig.presets import bench as paper
+from bowden.plants.presets import bench as paper
 from bowden.sim.run import simulate
 
 

@@ -11,8 +11,8 @@ from bowden.control.reference import PeriodicMinimumJerk, Trajectory
 from bowden.core.trace import Trace
 from bowden.core.units import DEGREES, RADIANS
 from bowden.models.drive.holding_brake import HoldingBrake
-from bowden.rig.presets.bench import document
-from bowden.rig.presets.suit import SuitCalibration, suit
+from bowden.plants.presets.bench import document
+from bowden.plants.presets.suit import SuitCalibration, suit
 from bowden.sim.run import simulate
 
 
