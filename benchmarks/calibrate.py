@@ -1,4 +1,4 @@
-"""Fit what the paper does not say to its rows without the adaptive law; the result is frozen in rig/presets/paper.toml.
+"""Fit what the paper does not say to its rows without the adaptive law; the result is frozen in paper.toml.
 
 Four unknowns, four published figures, each found in turn by bracketing, because each hardly touches the ones before:
 
@@ -20,9 +20,9 @@ from bowden.core.units import DEGREES
 from bowden.paper.bench import observer, run_bench, run_chirp
 from bowden.paper.claims import claims
 from bowden.paper.figures_of_merit import closed_loop_bandwidth, dead_zone_deg
+from bowden.plants.presets import bench as paper
+from bowden.plants.presets.bench import Calibration
 from bowden.records.metrics import rmse
-from bowden.rig.presets import bench as paper
-from bowden.rig.presets.bench import Calibration
 
 START = Calibration(natural_frequency=54.4, gap=0.9, observer_share=1.0, loss=0.2, period=10.0)
 """Where the fit begins."""

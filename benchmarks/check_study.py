@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from bowden.rig.presets.bench import default_bench
+from bowden.plants.presets.bench import default_bench
 from kept import Kept
 from measure import Figure
 from study import Case, Study, study

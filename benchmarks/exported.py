@@ -28,7 +28,7 @@ from bowden.export.law import law_module
 from bowden.export.readme import FLAGS
 from bowden.export.unit import files
 from bowden.models.cable.sheath_path import constant_bend
-from bowden.rig.presets import bench as paper
+from bowden.plants.presets import bench as paper
 from bowden.sim.run import inputs_of, simulate
 from hand_c import compiler
 from measure import Timing, by_turns, machine

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from bowden.control import LAWS
-from bowden.rig.presets.bench import default_bench
+from bowden.plants.presets.bench import default_bench
 from bowden.sim.injected import Injected
 from kept import Kept
 from measure import Figure

@@ -20,8 +20,8 @@ from bowden.control.source import TABLE
 from bowden.models.drive.encoder import Encoder
 from bowden.plants.bench import Bench
 from bowden.plants.plant import SheathPath
+from bowden.plants.presets import bench as paper
 from bowden.records.trace import Trace
-from bowden.rig.presets import bench as paper
 from bowden.sim.faulty import SensorFault
 from bowden.sim.run import RECORDED, compiled_loop, simulate
 from measure import Row, by_turns

@@ -33,7 +33,7 @@ from bowden.control.our_law.law import UNKNOWN_LAG
 from bowden.control.our_law.observer import Observer, correct, derived_rates, propagate_correction
 from bowden.control.stability import Array, StateSpace, frequencies, margins, response
 from bowden.plants.knowledge_of import knowledge_of
-from bowden.rig.presets.bench import default_bench
+from bowden.plants.presets.bench import default_bench
 from check_study import COUNT, SEED
 from study import random_rigs
 

@@ -37,7 +37,7 @@ from bowden.plants.cables import as_cable_plant, identified, play
 from bowden.plants.friction_cables import lumped, sliding
 from bowden.plants.knowledge_of import knowledge_of
 from bowden.plants.pose_cable import poses
-from bowden.rig.presets.bench import default_bench, moved_sheath
+from bowden.plants.presets.bench import default_bench, moved_sheath
 from bowden.sim.many import Case, simulate_many
 
 DATA = Path(__file__).parents[2] / "shared" / "data"

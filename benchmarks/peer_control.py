@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from bowden.control import LAWS
 from bowden.models.cable.sheath import width as width_at
 from bowden.models.drive.encoder import Encoder
+from bowden.plants.presets import bench as paper
 from bowden.records.metrics import rmse
-from bowden.rig.presets import bench as paper
 from bowden.sim.run import simulate
 from measure import Row, Timing, by_turns
 

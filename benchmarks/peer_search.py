@@ -27,7 +27,7 @@ from bowden.identify.log.read import read_log
 from bowden.models.cable.bouc_wen import BoucWen, saturation, travel_step
 from bowden.models.cable.bouc_wen_sensitivity import hysteresis
 from bowden.plants.predicted import bouc_wen
-from bowden.rig.presets import bench as paper
+from bowden.plants.presets import bench as paper
 from bowden.sim import run
 from measure import Row, Timing, by_turns
 

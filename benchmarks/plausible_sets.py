@@ -30,9 +30,9 @@ from bowden.paper.claims import claims
 from bowden.paper.figures_of_merit import closed_loop_bandwidth
 from bowden.paper.gain_choice import choose_gains
 from bowden.paper.suit_rows import five_flexions, motions_of, uncompensated
+from bowden.plants.presets import bench as paper
+from bowden.plants.presets.suit import suit
 from bowden.records.metrics import rmse
-from bowden.rig.presets import bench as paper
-from bowden.rig.presets.suit import suit
 from bowden.sim.suit_runs import DRIVE_INTEGRAL
 from suit_gains import choose_suit_gains
 

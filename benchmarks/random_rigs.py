@@ -31,9 +31,9 @@ from bowden.models.drive.thermal import cold
 from bowden.operations.init import init
 from bowden.plants.counting import Covered
 from bowden.plants.identified import IdentifiedCable
-from bowden.rig.compose_suit import elbow_dead_zone
+from bowden.plants.suit_settings import SuitSettings
+from bowden.plants.worn_suit import elbow_dead_zone
 from bowden.rig.rig import Rig
-from bowden.rig.settings import SuitSettings
 from bowden.safety.faults import of
 from bowden.safety.state import Mode, Observed, Request
 from kept import Kept

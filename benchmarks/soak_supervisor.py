@@ -12,7 +12,7 @@ import numpy as np
 from bowden.control import LAWS
 from bowden.control.knowledge import informed
 from bowden.plants.knowledge_of import knowledge_of
-from bowden.rig.presets.bench import default_bench
+from bowden.plants.presets.bench import default_bench
 from bowden.safety.faults import of
 from bowden.safety.limits import Limits
 from kept import Kept

@@ -57,6 +57,6 @@ def choose_suit_gains(suit: Suit, gain_margin_db: float = 12.0, phase_margin_deg
 
 
 if __name__ == "__main__":
-    from bowden.rig.presets.suit import suit
+    from bowden.plants.presets.suit import suit
 
     print(choose_suit_gains(suit()))

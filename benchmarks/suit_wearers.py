@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from bowden.control.law import Law
+from bowden.plants.presets.suit import suit
 from bowden.plants.suit_parts import Suit
-from bowden.rig.presets.suit import suit
 from bowden.sim.suit_runs import DRIVE_INTEGRAL, FRICTION_FEEDFORWARD, suit_adaptive_integral, suit_ours
 from kept import Kept
 from measure import Figure

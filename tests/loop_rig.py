@@ -25,7 +25,7 @@ from bowden.live.row import AT, NOTHING_READ, description
 from bowden.live.script import Script
 from bowden.models.cable.sheath_path import constant_bend
 from bowden.models.drive.thermal import cold
-from bowden.rig.presets.bench import default_bench
+from bowden.plants.presets.bench import default_bench
 from bowden.safety.limits import ARM_LOWERING, Limits
 from bowden.safety.state import Mode, Request
 

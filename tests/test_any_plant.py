@@ -15,8 +15,8 @@ from bowden.hardware.twin.of_rig import twin_plant_of
 from bowden.hardware.twin.plant import FOLLOW, OFF
 from bowden.models.cable.bouc_wen import BoucWen
 from bowden.plants.identified import CableModel, IdentifiedCable
+from bowden.plants.suit_settings import SuitSettings
 from bowden.rig.rig import Rig
-from bowden.rig.settings import SuitSettings
 from bowden.study.tune_law import tuned
 from live_runs import SHARED_LIMITS, tries
 

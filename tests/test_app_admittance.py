@@ -19,10 +19,10 @@ from bowden.live.live_run import live_run
 from bowden.models.cable.sheath_path import constant_bend
 from bowden.models.drive.geared_motor import GearedMotor
 from bowden.operations.schema import json_schema
+from bowden.plants import pushing
 from bowden.plants.suit_parts import Suit
 from bowden.plants.suit_push import behind, push_of
 from bowden.records.trace import Trace
-from bowden.rig import compose_admittance
 from bowden.rig.rig import Rig
 
 pytestmark = pytest.mark.usefixtures("undrawn")
@@ -162,7 +162,7 @@ def test_beyond_the_limit_nothing_runs_live(
         def refuse(self, settings: Admittance) -> None:
             raise ParameterError(f"an inertia of {settings.inertia:g} swings up")
 
-    monkeypatch.setattr(compose_admittance, "limit_for", lambda suit: Beyond())
+    monkeypatch.setattr(pushing, "limit_for", lambda suit: Beyond())
     Path("rig.toml").write_text(RIG.replace(*PUSH) + 'torque = "estimate"\n')
     assert main.run(["run", "rig.toml", "--twin", "--auto"]) == 2
     assert capsys.readouterr().err == (

@@ -7,7 +7,7 @@ import pytest
 
 from bowden.app.main import run
 from bowden.plants.identified import load_cable
-from bowden.rig.presets.bench import default_bench
+from bowden.plants.presets.bench import default_bench
 
 pytestmark = pytest.mark.usefixtures("undrawn")
 

@@ -19,7 +19,7 @@ from bowden.design.check import at_rest
 from bowden.design.other_law import OtherLaw, mended_law, other_law
 from bowden.design.trial import Trial
 from bowden.design.tune import NoGainsError
-from bowden.rig.presets.bench import default_bench
+from bowden.plants.presets.bench import default_bench
 from bowden.rig.rig import Rig
 from bowden.views.check import _say_next_of
 from bowden.views.text import Call

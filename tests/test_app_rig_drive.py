@@ -17,7 +17,7 @@ from bowden.hardware.ports import Power
 from bowden.hardware.twin.bench import TwinBench
 from bowden.live.preflight import contradictions
 from bowden.models.cable.sheath_path import constant_bend
-from bowden.rig.presets.bench import default_bench
+from bowden.plants.presets.bench import default_bench
 from bowden.rig.rig import Rig
 from bowden.rig.sections import drive_part
 from support.memory_bus import TwinBus

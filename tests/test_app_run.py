@@ -23,7 +23,7 @@ from bowden.cycle.one_cycle import TargetSource
 from bowden.design import forecast, verdict
 from bowden.live.mcap_read import read
 from bowden.live.twin_process import RunningTwin, running_twin
-from bowden.rig.presets.bench import default_bench
+from bowden.plants.presets.bench import default_bench
 from bowden.rig.rig import Rig
 from bowden.safety.faults import Fault
 from bowden.sim.run import simulate

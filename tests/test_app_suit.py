@@ -15,10 +15,10 @@ from bowden.models.cable.bouc_wen import BoucWen, saturation
 from bowden.operations.init import init
 from bowden.operations.simulate import _of_suit
 from bowden.plants.identified import CableModel, IdentifiedCable
+from bowden.plants.presets.suit import suit
+from bowden.plants.suit_settings import SuitSettings
 from bowden.report.simulate_page import simulation_page
-from bowden.rig.presets.suit import suit
 from bowden.rig.rig import Rig
-from bowden.rig.settings import SuitSettings
 from bowden.sim.run import simulate
 
 pytestmark = pytest.mark.usefixtures("undrawn")

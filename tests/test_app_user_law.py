@@ -13,7 +13,7 @@ from bowden.core.errors import ParameterError
 from bowden.core.kernel import compiled
 from bowden.core.signals import Reference, Sample
 from bowden.core.units import RADIANS
-from bowden.rig.presets.bench import default_bench
+from bowden.plants.presets.bench import default_bench
 from bowden.sim.run import simulate
 
 pytestmark = pytest.mark.usefixtures("undrawn")

@@ -34,9 +34,9 @@ from bowden.models.drive.servo import Servo, ServoState, ServoStep, prepare, ser
 from bowden.plants.cable_plant import CablePlant
 from bowden.plants.cables import bouc_wen, play
 from bowden.plants.knowledge_of import knowledge_of
+from bowden.plants.presets import bench as paper
 from bowden.records.metrics import rmse
 from bowden.records.trace import Trace
-from bowden.rig.presets import bench as paper
 from bowden.sim.run import simulate
 from drawn_plants import run_random_plant
 from support import bench_runs

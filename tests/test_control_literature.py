@@ -22,7 +22,7 @@ from bowden.core.units import RADIANS
 from bowden.models.cable.backlash import Play, joint_angle, push
 from bowden.models.cable.bouc_wen import saturation
 from bowden.models.drive.servo import Servo
-from bowden.rig.presets import bench as paper
+from bowden.plants.presets import bench as paper
 from results_page import results
 from support import bench_runs
 

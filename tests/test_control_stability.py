@@ -16,7 +16,7 @@ from bowden.control.stability import (
 )
 from bowden.core.signals import Reference, Sample
 from bowden.models.drive.servo import Servo
-from bowden.rig.presets.bench import bench
+from bowden.plants.presets.bench import bench
 
 DT = 1e-3
 

@@ -24,8 +24,8 @@ from bowden.design.trial import LONGEST, MOVING, run_trial, settled_after
 from bowden.models.cable.bouc_wen import prepare_cable
 from bowden.operations.schema import json_schema
 from bowden.plants.bench import Bench
+from bowden.plants.presets.bench import default_bench
 from bowden.plants.transmission import transmission
-from bowden.rig.presets.bench import default_bench
 from study import random_rigs
 
 BENCH = default_bench()

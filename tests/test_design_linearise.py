@@ -14,7 +14,7 @@ from bowden.core.nested import flat, names
 from bowden.core.signals import Reference, Sample
 from bowden.design.linearise import NoNumberError, find_estimates, linearise
 from bowden.models.drive.servo import Servo
-from bowden.rig.presets.bench import default_bench
+from bowden.plants.presets.bench import default_bench
 
 DT = 1e-3
 COUNT = default_bench().joint_encoder.resolution

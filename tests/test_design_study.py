@@ -3,7 +3,7 @@
 import pytest
 
 from bowden.control import LAWS
-from bowden.rig.presets.bench import default_bench
+from bowden.plants.presets.bench import default_bench
 from study import Case, Study, is_stable, simulated_margin, study
 
 BENCH = default_bench()

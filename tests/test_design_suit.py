@@ -8,8 +8,8 @@ from bowden.control.reference import PointToPoint
 from bowden.core.units import DEGREES, RADIANS
 from bowden.models.suit.arm import GRAVITY
 from bowden.models.suit.suit_angle import flexor_arm
+from bowden.plants.presets.suit import suit, suit_calibration
 from bowden.plants.suit_parts import prepare_suit
-from bowden.rig.presets.suit import suit, suit_calibration
 from bowden.sim.run import simulate
 from bowden.sim.suit_runs import DRIVE_INTEGRAL, FRICTION_FEEDFORWARD, suit_adaptive, suit_adaptive_integral, suit_ours
 from suit_gains import ESTIMATES, FEEDBACK_GAINS, SMOOTHINGS

@@ -19,13 +19,14 @@ from bowden.design.linearise import linearise
 from bowden.design.trial import run_trial
 from bowden.models.cable.sheath import slope_factor
 from bowden.operations.schema import json_schema
+from bowden.plants.presets.bench import default_bench
+from bowden.plants.presets.suit import suit
+from bowden.plants.push_settings import AdmittanceSettings
 from bowden.plants.suit_linear import linear_suit, without_friction
 from bowden.plants.suit_parts import Suit
+from bowden.plants.suit_settings import SuitSettings, WearerSettings
 from bowden.plants.transmission import transmission, unrest
-from bowden.rig.presets.bench import default_bench
-from bowden.rig.presets.suit import suit
 from bowden.rig.rig import Rig
-from bowden.rig.settings import AdmittanceSettings, SuitSettings, WearerSettings
 from bowden.sim import ranges
 from bowden.sim.suit_runs import DRIVE_INTEGRAL, suit_adaptive
 

@@ -30,7 +30,7 @@ from bowden.design.tune_runs import NineRuns, TuningTarget, course_of, runs_of
 from bowden.models.cable.sheath_path import BendPath, constant_bend, scripted_bend
 from bowden.operations.schema import json_schema
 from bowden.plants.bench import Bench
-from bowden.rig.presets.bench import default_bench
+from bowden.plants.presets.bench import default_bench
 from bowden.rig.rig import Rig
 from bowden.sim import ranges
 from bowden.sim.run import simulate

@@ -12,7 +12,7 @@ from bowden.core.kernel import kernel
 from bowden.core.signals import Reference, Sample
 from bowden.export.law import law_module
 from bowden.export.readme import FLAGS
-from bowden.rig.presets import bench as paper
+from bowden.plants.presets import bench as paper
 from bowden.sim.run import simulate
 from support.exported_c import COMPILER, write
 

@@ -26,11 +26,11 @@ from bowden.hardware.drives.load_cell import LoadCellReader
 from bowden.hardware.drives.of_rig import open_drive
 from bowden.hardware.ports import Power, serial_of
 from bowden.hardware.twin.plant import OFF
+from bowden.plants.presets.bench import default_bench
 from bowden.plants.suit_parts import Suit
 from bowden.rig.drive import drive_needs
 from bowden.rig.families import family_of
 from bowden.rig.load_cell import LoadCellParameters
-from bowden.rig.presets.bench import default_bench
 from bowden.safety.limits import Limits
 from bowden.safety.state import Mode
 from support.family_matrix import CELLS, DriveRow, LoadRow, cases, complaints, load_cases, played, react, react_load

@@ -36,7 +36,7 @@ from bowden.hardware.twin.plant import FOLLOW, OFF
 from bowden.live.by_hand import require_watch, unseen_watch
 from bowden.live.live_run import require_joint
 from bowden.models.cable.sheath_path import constant_bend
-from bowden.rig.presets.bench import bench
+from bowden.plants.presets.bench import bench
 from bowden.rig.rig import Rig
 from support.memory_bus import MemoryBus
 

@@ -19,7 +19,7 @@ from bowden.hardware.twin.bench import TwinBench
 from bowden.hardware.twin.control import TwinControl
 from bowden.hardware.twin.twin import Twin
 from bowden.models.cable.sheath_path import constant_bend
-from bowden.rig.presets.bench import bench
+from bowden.plants.presets.bench import bench
 
 DRIVE = DriveParameters(interface="virtual", channel="any-bus", bitrate=500_000)
 

@@ -17,7 +17,7 @@ from bowden.hardware.ports import Power
 from bowden.hardware.twin.bench import TwinBench
 from bowden.hardware.twin.objects import Key
 from bowden.models.cable.sheath_path import constant_bend
-from bowden.rig.presets.bench import bench
+from bowden.plants.presets.bench import bench
 from support.memory_bus import TwinBus
 
 DRIVE = DriveParameters(answer_timeout=0.05)

@@ -25,7 +25,7 @@ from bowden.identify.servo.fit import identify_servo
 from bowden.models.cable.sheath_path import constant_bend
 from bowden.models.drive.encoder import Encoder
 from bowden.models.drive.servo import ServoState, prepare, servo_step
-from bowden.rig.presets.bench import bench
+from bowden.plants.presets.bench import bench
 from support.memory_bus import TwinBus
 
 DRIVE = DriveParameters(answer_timeout=0.05)

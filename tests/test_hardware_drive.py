@@ -23,7 +23,7 @@ from bowden.hardware.twin.bench import TwinBench
 from bowden.hardware.twin.canopen_node import CanopenNode
 from bowden.hardware.twin.injection import KINDS, parse
 from bowden.models.cable.sheath_path import constant_bend
-from bowden.rig.presets.bench import bench
+from bowden.plants.presets.bench import bench
 from support.memory_bus import TwinBus
 
 CYCLE = 1e-3

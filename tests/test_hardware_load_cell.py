@@ -31,8 +31,8 @@ from bowden.live.drive_look import tare
 from bowden.live.live_run import live_run
 from bowden.models.cable.sheath_path import constant_bend
 from bowden.models.drive.thermal import cold
+from bowden.plants.presets.bench import bench
 from bowden.rig.load_cell import BESIDE, LoadCellParameters
-from bowden.rig.presets.bench import bench
 from bowden.rig.rig import Rig
 from bowden.safety.limits import Limits
 from bowden.safety.supervisor import begin

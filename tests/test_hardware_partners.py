@@ -13,7 +13,7 @@ from bowden.hardware.drives.ak_parameters import AkParameters
 from bowden.hardware.drives.families import ak_mit
 from bowden.hardware.twin.bench import TwinBench
 from bowden.models.cable.sheath_path import constant_bend
-from bowden.rig.presets.bench import bench
+from bowden.plants.presets.bench import bench
 
 AK80_6 = AkParameters(model="AK80-6", gear=6.0, node_id=3, stiffness=20.0, damping=1.0, watchdog=0.1)
 

@@ -25,10 +25,10 @@ from bowden.models.cable.bouc_wen import saturation
 from bowden.models.cable.scheduled import ScheduledCable, bouc_wen_at, cable_of, joint_angle, line_of, parameters_of
 from bowden.models.cable.sheath import Sheath
 from bowden.operations.schema import json_schema
+from bowden.plants.bends import ConstantBend
 from bowden.plants.cable_plant import Cable
 from bowden.plants.identified import CableModel, IdentifiedCable, load_cable, load_judged
 from bowden.plants.scheduled_cable import scheduled
-from bowden.rig.bends import ConstantBend
 
 Array = NDArray[np.float64]
 

@@ -23,8 +23,8 @@ from bowden.live.replay import replay
 from bowden.live.ring import Description
 from bowden.live.script import Script
 from bowden.operations.run import run
+from bowden.plants.suit_settings import SuitSettings
 from bowden.rig.rig import Rig
-from bowden.rig.settings import SuitSettings
 from bowden.safety.limits import Limits
 from live_runs import SHARED_LIMITS, assert_replays, tries
 from loop_rig import LoopRig, twin_bench

@@ -10,7 +10,7 @@ from bowden.core.kernel import kernel
 from bowden.core.signals import Reference, Sample
 from bowden.core.units import RADIANS
 from bowden.design.forecast import HALF_AGAIN, lasting_error, off_reference
-from bowden.rig.presets.bench import default_bench
+from bowden.plants.presets.bench import default_bench
 from bowden.rig.rig import Rig
 from bowden.safety.faults import Fault, of
 from bowden.safety.limits import Limits

@@ -23,7 +23,7 @@ from bowden.live.live_run import live_run, pulling
 from bowden.live.preflight import Preflight, contradictions
 from bowden.live.replay import replay
 from bowden.models.cable.sheath_path import constant_bend
-from bowden.rig.presets.bench import default_bench
+from bowden.plants.presets.bench import default_bench
 from bowden.rig.rig import Rig
 from bowden.safety.faults import Fault, of
 from bowden.safety.limits import Limits

@@ -33,7 +33,7 @@ from bowden.models.drive.encoder import Encoder
 from bowden.operations.schema import json_schema
 from bowden.plants.bench import Bench
 from bowden.plants.cables import as_cable_plant, play
-from bowden.rig.presets.bench import default_bench
+from bowden.plants.presets.bench import default_bench
 from bowden.rig.rig import Rig
 from bowden.sim.pair import PairPlant, PairSide, simulate_pair
 from bowden.sim.parting import parting_of

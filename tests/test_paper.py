@@ -20,9 +20,9 @@ from bowden.paper.gain_choice import choose_gains, worst_margins
 from bowden.paper.report import HEADINGS, VERDICTS, write_report
 from bowden.paper.reproduce import EXPERIMENTS, Reproduction, claims_of, reproduce
 from bowden.paper.suit_rows import TimedMotions, uncompensated
+from bowden.plants.presets import bench as paper
+from bowden.plants.presets.suit import suit_calibration
 from bowden.records.metrics import rmse
-from bowden.rig.presets import bench as paper
-from bowden.rig.presets.suit import suit_calibration
 from bowden.sim.run import simulate
 from bowden.sim.suit_runs import energies, largest_errors, run_suit
 from calibrate import calibrate
@@ -279,7 +279,7 @@ def test_json_is_complete(outcome: Reproduction) -> None:
 
 def test_claims_file_is_plain_toml() -> None:
     claims = (resources.files("bowden.paper") / "claims.toml").read_text(encoding="utf-8")
-    preset = (resources.files("bowden.rig.presets") / "paper.toml").read_text(encoding="utf-8")
+    preset = (resources.files("bowden.plants.presets") / "paper.toml").read_text(encoding="utf-8")
     assert set(tomllib.loads(claims)) == {"claims"}
     assert set(tomllib.loads(preset)) == {"chosen", "calibration", "suit"}
 

@@ -20,13 +20,14 @@ from bowden.live.live_run import live_run
 from bowden.models.cable.bouc_wen import BoucWen
 from bowden.models.drive.encoder import Encoder
 from bowden.models.drive.servo import Servo
+from bowden.plants.bends import ConstantBend, RandomBend, ScriptedBend
 from bowden.plants.cable_plant import CablePlant
 from bowden.plants.identified import CableModel
-from bowden.rig.bends import ConstantBend, RandomBend, ScriptedBend
+from bowden.plants.suit_settings import SuitSettings
 from bowden.rig.declaration import items_of
 from bowden.rig.rig import Rig
 from bowden.rig.sections import PARTS
-from bowden.rig.settings import EmgSettings, SuitSettings
+from bowden.rig.settings import EmgSettings
 from bowden.safety.limits import Limits
 from bowden.sim.one_run import run_of
 from bowden.study.load import load as load_study

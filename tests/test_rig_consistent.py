@@ -19,11 +19,11 @@ from bowden.design.objections import objections
 from bowden.hardware.drives.families.cia402 import FAMILY
 from bowden.live.preflight import Preflight
 from bowden.models.cable.bouc_wen import BoucWen
+from bowden.plants.suit_settings import SuitSettings
 from bowden.rig.declaration import items_of
 from bowden.rig.families import longest_silence
 from bowden.rig.rig import Rig
 from bowden.rig.sections import FOLLOWING, USUAL
-from bowden.rig.settings import SuitSettings
 from bowden.safety.limits import Limits
 from live_runs import SHARED_LIMITS, tries
 

@@ -21,7 +21,7 @@ from bowden.live.preflight import Preflight, begin, step
 from bowden.live.replay import replay
 from bowden.live.script import Script
 from bowden.plants.knowledge_of import knowledge_of
-from bowden.rig.presets.bench import default_bench
+from bowden.plants.presets.bench import default_bench
 from bowden.safety.limits import Limits
 from loop_rig import LoopRig, twin_bench
 from support.simulated_drive import SimulatedDrive

@@ -19,7 +19,7 @@ from bowden.live.mcap_read import Recording
 from bowden.live.preflight import Preflight
 from bowden.live.row import NOTHING_READ
 from bowden.live.script import Script
-from bowden.rig.presets.bench import default_bench
+from bowden.plants.presets.bench import default_bench
 from bowden.safety.faults import Fault
 from bowden.safety.limits import Limits
 from bowden.safety.release import longest_release

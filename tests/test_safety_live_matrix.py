@@ -10,7 +10,7 @@ from bowden.control import LAWS
 from bowden.core.signals import DriveReading, Reference
 from bowden.cycle.one_cycle import HOLD, LAW, LAW_BEGINS, Cycle, Filters, Plan
 from bowden.models.drive.thermal import cold
-from bowden.rig.presets.bench import default_bench
+from bowden.plants.presets.bench import default_bench
 from bowden.safety.faults import Fault
 from bowden.safety.limits import Limits
 from bowden.safety.state import Observed, PreflightResult, Request

@@ -11,7 +11,7 @@ from bowden.control.knowledge import informed
 from bowden.models.cable.bouc_wen import BoucWen
 from bowden.plants.identified import CableModel
 from bowden.plants.knowledge_of import knowledge_of
-from bowden.rig.presets.bench import default_bench
+from bowden.plants.presets.bench import default_bench
 from bowden.rig.rig import Rig
 from bowden.safety.faults import Fault, of
 from bowden.safety.limits import Limits

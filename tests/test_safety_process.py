@@ -7,7 +7,7 @@ import pytest
 
 from bowden.control import LAWS
 from bowden.core.errors import BowdenError
-from bowden.rig.presets.bench import default_bench
+from bowden.plants.presets.bench import default_bench
 from bowden.sim.injected import Injected
 from live_runs import tries
 from support.fault_matrix import run_row

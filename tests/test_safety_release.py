@@ -16,8 +16,8 @@ from bowden.models.drive.thermal import cold
 from bowden.models.suit.arm import Wearer
 from bowden.plants.suit_parts import Suit, prepare_suit
 from bowden.plants.suit_plant import Bends, SuitState, suit_motor, suit_start, suit_step
+from bowden.plants.suit_settings import SuitSettings
 from bowden.rig.rig import Rig
-from bowden.rig.settings import SuitSettings
 from bowden.safety.limits import Limits
 from bowden.safety.release import longest_release
 from bowden.safety.state import Mode, Observed, PreflightResult, Request

@@ -27,8 +27,8 @@ from bowden.core.signals import Reference
 from bowden.core.units import RADIANS
 from bowden.design.felt import felt
 from bowden.models.suit.arm import NEUTRAL, Arm, Wearer, arm_of, gravity_torque, passive_torque, wearer_torque
+from bowden.plants.presets.suit import suit
 from bowden.plants.suit_push import limit_for, push_of
-from bowden.rig.presets.suit import suit
 from bowden.sim.run import simulate
 
 SURE = LAWS["uncompensated"]

@@ -19,9 +19,9 @@ from bowden.models.suit.geometry import (
     flexor_extension,
     flexor_moment_arm,
 )
+from bowden.plants.presets.suit import default_suit
 from bowden.plants.suit_parts import Suit
 from bowden.records.trace import Trace
-from bowden.rig.presets.suit import default_suit
 from bowden.sim.run import simulate
 from support.mujoco_arm import MujocoArm, Tensions, replay
 from support.wearers import WEARERS, resting_angle

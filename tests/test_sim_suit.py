@@ -20,9 +20,9 @@ from bowden.models.suit.geometry import extensor_extension, flexor_extension, fl
 from bowden.models.suit.suit_cable import Fabric, fabric_tension
 from bowden.plants.suit_parts import Suit, prepare_suit
 from bowden.plants.suit_plant import Bends, SuitState, suit_motor, suit_start, suit_step
+from bowden.plants.suit_settings import SuitSettings
 from bowden.records.trace import Trace
 from bowden.rig.rig import Rig
-from bowden.rig.settings import SuitSettings
 from bowden.sim.run import simulate
 from support.wearers import WEARERS, resting_angle
 

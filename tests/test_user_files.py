@@ -19,7 +19,7 @@ from bowden.core.errors import OutputError, ParameterError, StreamError
 from bowden.design.rig_of_bench import toml_text
 from bowden.models.cable.sheath_path import constant_bend
 from bowden.plants import user_plant
-from bowden.rig.presets.bench import default_bench
+from bowden.plants.presets.bench import default_bench
 from bowden.rig.rig import Rig
 from bowden.rig.settings import EmgSettings
 from bowden.sim.many import Case, simulate_many

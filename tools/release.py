@@ -28,7 +28,7 @@ MUST_HAVE = (
     "paper/calibration.toml",
     "paper/claims.toml",
     "paper/plausible_sets.csv",
-    "rig/presets/paper.toml",
+    "plants/presets/paper.toml",
     "report/templates/page.html",
     "report/templates/page.css",
     "export/templates/arduino.cpp",

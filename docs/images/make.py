@@ -14,8 +14,8 @@ from bowden.core.units import DEGREES
 from bowden.drawing import style
 from bowden.drawing.style import COLOURS, thin
 from bowden.paper.bench import run_bench
+from bowden.plants.presets.bench import calibration
 from bowden.records.trace import Trace
-from bowden.rig.presets.bench import calibration
 
 _SECONDS = 60.0
 _SETTLED = 20.0  # s; the loops show what comes after the second period

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from bowden.control import LAWS
 from bowden.core.units import DEGREES
 from bowden.drawing import style
-from bowden.rig.presets import bench
+from bowden.plants.presets import bench
 from bowden.sim.run import simulate
 
 _SHOWN = {

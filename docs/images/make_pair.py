@@ -17,7 +17,7 @@ from bowden.core.units import DEGREES, RADIANS
 from bowden.drawing import style
 from bowden.drawing.style import COLOURS, thin
 from bowden.models.cable.sheath_path import constant_bend
-from bowden.rig.presets.bench import default_bench
+from bowden.plants.presets.bench import default_bench
 from bowden.sim.pair import PairPlant, PairSide, simulate_pair
 
 _STEP, _SECONDS = 1e-3, 16.0

@@ -19,6 +19,7 @@ from bowden.hardware.buses.link import Links
 from bowden.hardware.drives.ak_parameters import AkParameters
 from bowden.hardware.drives.moteus_parameters import MoteusParameters
 from bowden.hardware.drives.odrive_parameters import OdriveParameters
+from bowden.hardware.drives.of_rig import open_drive
 from bowden.hardware.drives.parameters import DriveParameters
 from bowden.hardware.twin.ak_node import AkNode
 from bowden.hardware.twin.bench import TwinBench
@@ -240,7 +241,7 @@ def react(
     began, before, torque_off, at, pulled, moved = [np.nan], [np.nan], [np.nan], [np.nan], [0.0], [0.0]
     if onset is None:
         begin()
-    drive = rig.open_drive(Links(bus))
+    drive = open_drive(rig.drive_parameters, rig.load_cell, Links(bus))
     drive.bring_up()
     table = PeriodicMinimumJerk(0.0, 60.0 * RADIANS, PERIOD).sample(np.arange(4000 + 1000 * int(onset or 0)) * 1e-3)
     checks = Preflight(tension=limits.measures_tension, torque=limits.measures_torque)

@@ -11,7 +11,7 @@ from bowden.core.toml_text import quoted
 from bowden.core.units import DEGREES
 from bowden.plants.cable_plant import CablePlant
 from bowden.plants.user_plant import UserPlant
-from bowden.rig.compose_suit import elbow_dead_zone
+from bowden.plants.worn_suit import elbow_dead_zone
 from bowden.rig.consistent import contradictions
 from bowden.rig.families import family_of
 from bowden.rig.rig import Rig

@@ -14,8 +14,8 @@ from bowden.core.units import DEGREES, RADIANS
 from bowden.identify.servo.keys import NOT_YOURS
 from bowden.plants.counting import Counting, Covered
 from bowden.plants.identified import IdentifiedCable
+from bowden.plants.presets.bench import default_bench
 from bowden.plants.recounted import fitted_range
-from bowden.rig.presets.bench import default_bench
 from bowden.rig.sections import DEFAULT_CABLE
 from bowden.safety.limits import Limits
 

@@ -7,9 +7,9 @@ from bowden.core.toml_text import quoted
 from bowden.core.units import DEGREES, RADIANS
 from bowden.design.rig_of_model import Chosen, gain_lines
 from bowden.plants.identified import IdentifiedCable
-from bowden.rig.compose_suit import USUAL_DEAD_ZONE, elbow_dead_zone
+from bowden.plants.suit_settings import SuitSettings
+from bowden.plants.worn_suit import USUAL_DEAD_ZONE, elbow_dead_zone
 from bowden.rig.consistent import CROSSING, PLAYS
-from bowden.rig.settings import SuitSettings
 
 _TEXT = """\
 # {name}: a suit on an arm, moved by EMG. What is not here is as bowden init writes it; docs/live.md says why.

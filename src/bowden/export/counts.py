@@ -7,7 +7,7 @@ from bowden.core.quantity import Quantity
 from bowden.core.units import DEGREES
 from bowden.plants.counting import NOT_SAID, Counting
 from bowden.plants.identified import IdentifiedCable
-from bowden.rig.presets.bench import default_bench
+from bowden.plants.presets.bench import default_bench
 from bowden.rig.rig import Rig
 
 

@@ -8,9 +8,9 @@ from bowden.control.admittance.virtual_elbow import Admittance
 from bowden.core.errors import ParameterError
 from bowden.core.units import RADIANS
 from bowden.live.suit_preflight import SOFT_FIRST, SOFT_FOLLOWS
+from bowden.plants.presets.suit import suit as papers_suit
+from bowden.plants.pushing import Pushing
 from bowden.plants.suit_push import behind, friction_of
-from bowden.rig.compose_admittance import Pushing
-from bowden.rig.presets.suit import suit as papers_suit
 from bowden.safety.limits import Limits
 
 MARGIN = ROOM

@@ -28,7 +28,7 @@ from bowden.live.preflight import Preflight
 from bowden.live.run_settings import plain, run_settings
 from bowden.live.script import Home, Script
 from bowden.live.suit_preflight import on_suit
-from bowden.rig.compose_admittance import Pushing
+from bowden.plants.pushing import Pushing
 from bowden.rig.drive import most_push
 from bowden.rig.emg_setup import EmgRun
 from bowden.rig.families import DriveNeeds

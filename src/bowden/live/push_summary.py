@@ -9,7 +9,7 @@ from bowden.design.felt import beside_load, rms_and_peak, settled
 
 if TYPE_CHECKING:
     from bowden.live.mcap_read import Recording
-    from bowden.rig.compose_admittance import Pushing
+    from bowden.plants.pushing import Pushing
 
 NEEDED = ("joint_seen", "joint_torque", "admittance.estimate.torque", "admittance.estimate.doubt")
 """Columns of the log that the figures come from, beside those of every run."""

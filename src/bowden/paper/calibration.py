@@ -9,8 +9,8 @@ from typing import Any
 
 from bowden.models.drive.motor import Motor
 from bowden.models.suit.geometry import SuitGeometry
-from bowden.rig.presets.bench import Calibration, document
-from bowden.rig.presets.suit import SuitCalibration
+from bowden.plants.presets.bench import Calibration, document
+from bowden.plants.presets.suit import SuitCalibration
 
 GEAR = 25.0
 """Motor turns per spool turn, 5:1 and 5:1 (Section 2.2); taken for the bench, too, whose gear is not printed [–]."""

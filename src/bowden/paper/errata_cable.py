@@ -15,9 +15,9 @@ from bowden.paper.bench import observer
 from bowden.paper.calibration import bench_fit
 from bowden.paper.experiment import Finding, Runs
 from bowden.paper.readings import self_fed
+from bowden.plants.presets import bench as paper
 from bowden.records.metrics import rmse
 from bowden.records.trace import Trace
-from bowden.rig.presets import bench as paper
 from bowden.sim.run import simulate
 
 

@@ -10,8 +10,8 @@ from bowden.paper.calibration import bench_fit, gains
 from bowden.paper.experiment import Finding, Runs
 from bowden.paper.readings import BETA_ABSORBED, COMMAND_IN_EQ14
 from bowden.plants.bench import Bench
+from bowden.plants.presets import bench as paper
 from bowden.records.metrics import rmse
-from bowden.rig.presets import bench as paper
 
 
 def run(runs: Runs) -> Finding:

@@ -15,8 +15,8 @@ from bowden.paper.calibration import bench_fit, gains
 from bowden.paper.experiment import Finding, Runs
 from bowden.paper.plots import time_and_loop
 from bowden.paper.static_plant import StaticRun, static_plant_run
+from bowden.plants.presets import bench as paper
 from bowden.records.metrics import convergence_time, rmse
-from bowden.rig.presets import bench as paper
 
 IN_DEGREES = PRINTED._replace(
     smoothing=PRINTED.smoothing * RADIANS,

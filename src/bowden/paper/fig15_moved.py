@@ -12,8 +12,8 @@ from bowden.paper.calibration import bench_fit, gains
 from bowden.paper.experiment import Finding, Runs
 from bowden.paper.figures_of_merit import dead_zone_deg
 from bowden.paper.plots import loop
+from bowden.plants.presets import bench as paper
 from bowden.records.metrics import rmse
-from bowden.rig.presets import bench as paper
 
 
 def run(runs: Runs) -> Finding:

@@ -9,7 +9,7 @@ from bowden.paper.calibration import bench_fit
 from bowden.paper.calibration import gains as chosen_gains
 from bowden.paper.experiment import Finding, Runs
 from bowden.paper.gain_choice import corners, worst_margins
-from bowden.rig.presets import bench as paper
+from bowden.plants.presets import bench as paper
 
 
 def run(runs: Runs) -> Finding:

@@ -16,9 +16,9 @@ from bowden.models.drive.holding_brake import ENGAGING, HELD, HoldingBrake, brak
 from bowden.models.minimum_jerk import minimum_jerk_over
 from bowden.paper.calibration import gains, suit_fit
 from bowden.plants.knowledge_of import knowledge_of
+from bowden.plants.presets.suit import SuitCalibration, suit
 from bowden.records.metrics import delay
 from bowden.records.trace import Trace
-from bowden.rig.presets.suit import SuitCalibration, suit
 from bowden.sim.suit_runs import DRIVE_INTEGRAL, NO_BRAKE, each_flexion, energies, flexions, largest_errors, run_suit
 
 Array = NDArray[np.float64]

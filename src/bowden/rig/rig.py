@@ -37,6 +37,7 @@ from bowden.models.drive.servo import Servo
 from bowden.models.suit.geometry import ELBOW_RANGE, SuitGeometry, flexor_moment_arm
 from bowden.plants import plant_file as given_plant
 from bowden.plants.bench import Bench
+from bowden.plants.bends import Bend, ConstantBend, RandomBend, ScriptedBend
 from bowden.plants.cable_parameters import outside
 from bowden.plants.cable_plant import CablePlant
 from bowden.plants.cables import plant_of_model
@@ -45,15 +46,16 @@ from bowden.plants.knowledge_of import knowledge_of
 from bowden.plants.plant import Plant
 from bowden.plants.plant_file import PlantFile
 from bowden.plants.predicted import SCHEDULED
+from bowden.plants.push_settings import AdmittanceSettings
+from bowden.plants.pushing import Pushing, pushing_of
 from bowden.plants.suit_parts import Suit
+from bowden.plants.suit_settings import SuitSettings, WearerSettings
 from bowden.plants.user_plant import UserPlant
+from bowden.plants.worn_suit import USUAL_DEAD_ZONE, elbow_dead_zone, suit_of
 from bowden.rig import axes as several
 from bowden.rig import display, emg_setup, packing
 from bowden.rig import drive as live_parts
-from bowden.rig.bends import Bend, ConstantBend, RandomBend, ScriptedBend
 from bowden.rig.checked import Gains, checked, checked_number, shown
-from bowden.rig.compose_admittance import Pushing, pushing_of
-from bowden.rig.compose_suit import USUAL_DEAD_ZONE, elbow_dead_zone, suit_of
 from bowden.rig.consistent import Basis
 from bowden.rig.declaration import tree_of as section_tree
 from bowden.rig.effect import refuse_idle
@@ -73,7 +75,7 @@ from bowden.rig.sections import (
     Scenario,
     drive_part,
 )
-from bowden.rig.settings import AdmittanceSettings, EmgSettings, LiveSettings, SuitSettings, WearerSettings
+from bowden.rig.settings import EmgSettings, LiveSettings
 from bowden.rig.tree import Files, files_of, read_values, tree_of, values_of, written
 from bowden.safety.limits import Limits
 from bowden.sensing import wearer_file

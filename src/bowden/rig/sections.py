@@ -19,14 +19,16 @@ from bowden.core.quantity import Quantity, declared
 from bowden.core.units import RADIANS
 from bowden.models.cable.bouc_wen import BoucWen
 from bowden.models.drive.holding_brake import HoldingBrake
+from bowden.plants.bends import ConstantBend, RandomBend, ScriptedBend
 from bowden.plants.counting import Counting
+from bowden.plants.presets.bench import chirp, default_bench, document, minimum_jerk
+from bowden.plants.push_settings import AdmittanceSettings
+from bowden.plants.suit_settings import SuitSettings, WearerSettings
 from bowden.rig import families as drive_families
-from bowden.rig.bends import ConstantBend, RandomBend, ScriptedBend
 from bowden.rig.declaration import Section, at, items_of, key_of, rounded, section_of
 from bowden.rig.load_cell import LoadCellParameters
 from bowden.rig.pair import PairSettings
-from bowden.rig.presets.bench import chirp, default_bench, document, minimum_jerk
-from bowden.rig.settings import AdmittanceSettings, EmgSettings, LiveSettings, SuitSettings, WearerSettings
+from bowden.rig.settings import EmgSettings, LiveSettings
 from bowden.safety.limits import Limits
 
 _BENCH, _CHOSEN = default_bench(), document()["chosen"]

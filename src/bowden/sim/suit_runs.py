@@ -10,9 +10,9 @@ from bowden.control.law import Law
 from bowden.control.reference import PeriodicMinimumJerk, Trajectory
 from bowden.core.units import DEGREES, RADIANS
 from bowden.models.drive.holding_brake import HoldingBrake
+from bowden.plants.presets.bench import document
+from bowden.plants.presets.suit import SuitCalibration, suit
 from bowden.records.trace import Trace
-from bowden.rig.presets.bench import document
-from bowden.rig.presets.suit import SuitCalibration, suit
 from bowden.sim.run import simulate
 
 

@@ -18,7 +18,7 @@ from bowden.core import user_file
 from bowden.core.errors import ParameterError
 from bowden.core.kernel_cache import source_hash
 from bowden.models.cable.sheath_path import BendPath
-from bowden.rig.bends import RandomBend
+from bowden.plants.bends import RandomBend
 from bowden.rig.rig import Rig
 from bowden.sim.faulty import SensorFault
 from bowden.sim.injected import Injected

@@ -1,4 +1,4 @@
-"""From the admittance of a rig to the source of a run's reference."""
+"""The source of a run's reference that the wearer's push makes."""
 
 from dataclasses import dataclass
 
@@ -8,9 +8,9 @@ from bowden.control.law import Law
 from bowden.control.source import Source
 from bowden.core.errors import ParameterError
 from bowden.models.suit.load_cell import LoadCell
+from bowden.plants.push_settings import AdmittanceSettings
 from bowden.plants.suit_parts import Suit
 from bowden.plants.suit_push import limit_for, push_of
-from bowden.rig.settings import AdmittanceSettings
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""From a rig's suit and wearer to a suit on an arm."""
+"""The suit on an arm that a rig describes."""
 
 from bowden.models.cable.bouc_wen import BoucWen
 from bowden.models.cable.sheath import Sheath
@@ -10,7 +10,7 @@ from bowden.models.suit.suit_cable import Fabric, SuitCable
 from bowden.plants.bench import Bench
 from bowden.plants.identified import IdentifiedCable
 from bowden.plants.suit_parts import Suit, prepare_suit
-from bowden.rig.settings import SuitSettings, WearerSettings
+from bowden.plants.suit_settings import SuitSettings, WearerSettings
 
 
 def elbow_dead_zone(half_width: float) -> float:

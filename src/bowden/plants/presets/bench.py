@@ -20,7 +20,7 @@ from bowden.plants.bench import Bench
 @cache
 def document() -> dict[str, Any]:
     """paper.toml as it stands."""
-    return tomllib.loads((resources.files("bowden.rig.presets") / "paper.toml").read_text(encoding="utf-8"))
+    return tomllib.loads((resources.files("bowden.plants.presets") / "paper.toml").read_text(encoding="utf-8"))
 
 
 @dataclass(frozen=True)
