@@ -97,7 +97,7 @@ def _checked(progress: Progress, rig: Any, axis: str | None) -> dict[str, Any]:
         for label, text in check_rows(one)
         if text
     ]
-    worst = next((one.axis for one in found.axes if one.verdict == found.verdict), "")
+    worst = next((one.axis for one in found.axes if one.reason == found.reason), "")
     return {
         "holds": found.holds,
         "name": found.verdict,
