@@ -52,21 +52,48 @@ def _end_with_the_console() -> None:
 
 
 def check(progress: Progress, rig: Mapping[str, Any]) -> dict[str, Any]:
-    """What the page says of a rig's law: the operation `check`, with its lines as a terminal has them."""
-    from bowden.design.check_result import check_rows
+    """What the page says of a rig's law; of one with several axes of each, and the worst of them of all."""
     from bowden.design.linearise import NoNumberError
-    from bowden.operations.check import check as operation
     from bowden.rig.rig import Rig
 
-    given = Rig.unpack(rig)
+    whole = Rig.unpack(rig)
     try:
-        found = operation(given, progress=progress)
+        return _checked(progress, whole, None)
     except NoNumberError as error:
-        text = f"{given.parts[0].rig.law_name} cannot be checked ({error.what}) and runs unchecked"
-        return {"holds": True, "name": None, "text": text, "rows": [], "of": given.hash}
+        if not whole.axes:
+            text = f"{whole.law_name} cannot be checked ({error.what}) and runs unchecked"
+            return _UNCHECKED | {"text": text, "of": whole.hash}
+    each = {}
+    for one in whole.parts:  # what cannot be judged of one axis says nothing of another
+        try:
+            each[one.name] = _checked(progress, whole, one.name)
+        except NoNumberError as error:
+            each[one.name] = _UNCHECKED | {"text": f"{one.rig.law_name} cannot be checked ({error.what})"}
+    name = max(each, key=lambda name: _VERDICTS.index(each[name]["name"]))
+    margins = {
+        key: min((one[key] for one in each.values() if one[key] is not None), default=None)
+        for key in ("gain_margin_db", "phase_margin_deg")
+    }
+    rows = [[f"{axis}: {label}", text] for axis, one in each.items() for label, text in one["rows"]]
+    holds = all(one["holds"] for one in each.values())
+    said = {"holds": holds, "rows": rows, "text": f"{name}: {each[name]['text']}", "of": whole.hash}
+    return each[name] | said | margins
+
+
+_VERDICTS = ("holds", None, "little_margin", "limit_cycle", "does_not_hold")
+"""From the best to the worst; None of a law that cannot be checked."""
+_UNCHECKED = {"holds": True, "name": None, "rows": [], "gain_margin_db": None, "phase_margin_deg": None}
+
+
+def _checked(progress: Progress, rig: Any, axis: str | None) -> dict[str, Any]:
+    """The operation `check`, with its lines as a terminal has them."""
+    from bowden.design.check_result import check_rows
+    from bowden.operations.check import check as operation
+
+    found = operation(rig, axis=axis, progress=progress)
     rows = [
-        [f"{axis}: {label}" if axis else label, text]
-        for axis, one in found.checks.items()
+        [f"{name}: {label}" if name else label, text]
+        for name, one in found.checks.items()
         for label, text in check_rows(one)
         if text
     ]

@@ -1,6 +1,7 @@
 """`check`: does a law hold on a rig, before anything moves?"""
 
 import contextlib
+import math
 from dataclasses import KW_ONLY, dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -220,18 +221,21 @@ def check(
             report(f"checking {joint}", len(singles) / count)
             checks[joint] = checked_pair(whole)
     rigs = {one.name: one.rig for one in singles} | ({joint: whole} if joint else {})
-    worst = max(checks, key=lambda name: _VERDICTS.index(checks[name].verdict))
+    worst = max(checks, key=lambda name: _badness(checks[name]))
     several = {name: _figures(one, rigs[name]) for name, one in checks.items()} if len(checks) > 1 else {}
-    figures = _figures(checks[worst], whole)
-    for margin in ("gain_margin_db", "phase_margin_deg", "delay_margin_s"):
-        there = [value for one in checks.values() if (value := getattr(one, margin)) is not None]
-        figures[margin] = min(there, default=None)
+    figures = _figures(checks[worst], rigs[worst]) | {"rig": whole.hash}
     axes = tuple(AxisCheck(**one, axis=name) for name, one in several.items())
     return CheckResult(**figures, axes=axes, checks=checks, whole=whole, notes=given.notes_of(whole))
 
 
 _VERDICTS = ("holds", "little_margin", "limit_cycle", "does_not_hold")
 """From the best to the worst."""
+
+
+def _badness(found: "Check") -> tuple[int, float]:
+    """By verdict, then by gain margin: of a loop that holds none is no limit, of another instability."""
+    margin = found.gain_margin_db
+    return _VERDICTS.index(found.verdict), -(margin if margin is not None else math.inf if found.holds else -math.inf)
 
 
 def _figures(found: "Check", rig: "Rig") -> dict[str, Any]:
