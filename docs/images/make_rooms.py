@@ -12,7 +12,8 @@ from matplotlib.patches import FancyBboxPatch
 from bowden.drawing import style
 
 FLOORS: list[list[tuple[str, str]]] = [
-    [("core", "kernels, nested states, signals, quantities, traces, errors, files")],
+    [("core", "kernels, nested states, signals, quantities, errors, files")],
+    [("drawing", "how figures and screens look"), ("records", "traces, tables, figures of merit")],
     [("models", "equations: cable/ drive/ suit/")],
     [("sensing", "filters, EMG envelope, onset, intent"), ("safety", "limits, faults, supervisor")],
     [("control", "Law, Knowledge, references, laws/, our_law/, admittance/")],
