@@ -40,6 +40,7 @@ from bowden.hardware.drives.ak_parameters import (
     motor_scale,
     reply_id,
 )
+from bowden.hardware.drives.checklist import refuse_torque
 from bowden.hardware.drives.driver import LOST, Driver
 from bowden.hardware.drives.findings import INERT, LOST_RANGE, LOST_TURNS, InertWatch
 from bowden.hardware.drives.joint_encoder import joint_encoder_of
@@ -117,11 +118,8 @@ class AkDrive(Driver):
         )
         first = self._ask(port)
         if abs(first.torque) > STRAIN * self._model.torque:
-            raise DriveError(
-                f"node {drive.node_id} has {first.torque:.3g} N·m",
-                expected="a drive without torque",
-                do="end the master that holds it, or switch the drive off",
-            )
+            do = "end the master that holds it, or switch the drive off"
+            raise refuse_torque(f"node {drive.node_id}", f"motor mode, with {first.torque:.3g} N·m", do)
         replies = [first, *(self._ask(port) for _ in range(4))]
         moved = max(abs(reply.position - first.position) for reply in replies)
         if any(reply.at_end for reply in replies) or moved > 0.5:

@@ -11,7 +11,8 @@ from bowden.core.errors import DriveError
 from bowden.hardware.buses.link import Links
 from bowden.hardware.drives.ak_frames import EXIT, AkReply, error_text, unpack_reply
 from bowden.hardware.drives.ak_parameters import AkParameters, model_of, reply_id
-from bowden.hardware.drives.host_end import classic_frame, joined, send_now
+from bowden.hardware.drives.checklist import send_now
+from bowden.hardware.drives.host_end import classic_frame, joined
 from bowden.hardware.drives.on_can import place
 from bowden.rig.families import FoundDevice
 

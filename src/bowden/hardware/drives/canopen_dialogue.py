@@ -12,6 +12,7 @@ from canopen.sdo.exceptions import SdoError
 
 from bowden.core.errors import DriveError
 from bowden.hardware.drives import canopen_frames as frames
+from bowden.hardware.drives.checklist import nobody_there
 
 NOT_THERE = (0x0602_0000, 0x0609_0011)
 """SDO abort codes: no such object, no such sub-index (CiA 301)."""
@@ -157,10 +158,7 @@ class Dialogue:
         try:
             self._network.send_message(cob_id, data)
         except _FAILURES as error:
-            raise DriveError(
-                f"no other device is on the bus: {error}",
-                do="switch the drive on, or start bowden twin; check the cable and its termination",
-            ) from error
+            raise nobody_there(error) from error
 
     def answers(self) -> bool:
         """Whether the node answers at all; one that NMT has stopped, or that is not there, does not."""

@@ -13,6 +13,7 @@ from bowden.core.signals import DriveState
 from bowden.hardware.buses.opening import UNIX
 from bowden.hardware.drives import canopen_frames as frames
 from bowden.hardware.drives.canopen_dialogue import Dialogue, dialogue
+from bowden.hardware.drives.checklist import Limit, check_limits, refuse_torque
 from bowden.hardware.drives.cia402 import WITH_TORQUE, Controlword, OperationMode, decode, supports
 from bowden.hardware.drives.emergencies import HEARTBEAT_LOST, emergency_text
 from bowden.hardware.drives.parameters import DriveParameters, joint_scale, motor_scale
@@ -232,11 +233,8 @@ def _check_torque_free(node: Dialogue) -> DriveState:
     """Whoever finds the motor under torque must not touch it."""
     state = decode(node.read(0x6041))
     if state in WITH_TORQUE:
-        raise DriveError(
-            f"{node.name} is in {state.name.lower().replace('_', ' ')}",
-            expected="a drive without torque",
-            do="end the master that holds it, or switch the drive off",
-        )
+        do = "end the master that holds it, or switch the drive off"
+        raise refuse_torque(node.name, state.name.lower().replace("_", " "), do)
     return state
 
 
@@ -285,14 +283,6 @@ def _check_rated(node: Dialogue, drive: DriveParameters, rated: float) -> None:
 
 def _check_limits(node: Dialogue, drive: DriveParameters, motor: Scale | SuitScale) -> None:
     """The rig's limits against those in the drive, which are read and never changed."""
-
-    def refuse(what: str, wanted: float, own: float, unit: str) -> None:
-        raise DriveError(
-            f"the rig's {what} is {wanted:.6g} {unit}, beyond the drive's own {own:.6g} {unit}",
-            expected="a rig within the drive's limits",
-            do="reduce it in the rig, or extend the drive's with its maker's tool",
-        )
-
     low, high = node.read_if_there(0x607D, 1, signed=True), node.read_if_there(0x607D, 2, signed=True)
     if low is None or high is None or low >= high:
         if drive.interface != UNIX:
@@ -303,22 +293,28 @@ def _check_limits(node: Dialogue, drive: DriveParameters, motor: Scale | SuitSca
             )
         low, high = -frames.INT32, frames.INT32 - 1  # its counter's own
     ends = sorted((motor.angle(low), motor.angle(high)))
-    if math.isfinite(drive.lowest_motor) and drive.lowest_motor < ends[0]:
-        refuse("lowest motor angle", drive.lowest_motor, ends[0], "rad")
-    if math.isfinite(drive.highest_motor) and drive.highest_motor > ends[1]:
-        refuse("highest motor angle", drive.highest_motor, ends[1], "rad")
     spool = motor.steepest(drive.lowest_motor, drive.highest_motor)  # the drive's own limits are the spool's
     unit = _speed_unit(node) / drive.gear / spool
-    for index in (0x6080, 0x607F):
-        speed = node.read_if_there(index)
-        if speed is not None and drive.speed_limit > speed * unit:
-            refuse(f"speed limit ({index:04X}h)", drive.speed_limit, speed * unit, "rad/s")
-    window = node.read_if_there(0x6065)
-    if window is not None and drive.following_error > window * abs(motor.step) / spool:
-        refuse("following error", drive.following_error, window * abs(motor.step) / spool, "rad")
-    current = node.read_if_there(0x3001, 2)
-    if current is not None and drive.current_limit > 1e-3 * current:
-        refuse("current limit", drive.current_limit, 1e-3 * current, "A")
+    window, current = abs(motor.step) / spool, 1e-3
+    asked = (
+        ("speed limit", drive.speed_limit, "rad/s", (0x6080, 0), unit),
+        ("speed limit", drive.speed_limit, "rad/s", (0x607F, 0), unit),
+        ("following error", drive.following_error, "rad", (0x6065, 0), window),
+        ("current limit", drive.current_limit, "A", (0x3001, 2), current),
+    )
+    own = [(*limit, node.read_if_there(*limit[3])) for limit in asked]
+    check_limits(
+        (
+            Limit("lowest motor angle", drive.lowest_motor, ends[0], "rad", "607Dh", lower=True),
+            Limit("highest motor angle", drive.highest_motor, ends[1], "rad", "607Dh"),
+            *(
+                Limit(what, rig, count * size, unit_, f"{at[0]:04X}h")
+                for what, rig, unit_, at, size, count in own
+                if count is not None
+            ),
+        ),
+        "with its maker's tool",
+    )
 
 
 def _speed_unit(node: Dialogue) -> float:

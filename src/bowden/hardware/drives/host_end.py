@@ -6,7 +6,6 @@ from typing import TypeVar
 
 import can
 
-from bowden.core.errors import DriveError
 from bowden.hardware.buses.link import BusPlace, BusPort, Frame, Links
 from bowden.hardware.buses.unix_bus import ERROR, REMOTE
 from bowden.hardware.ports import TorqueLeft
@@ -160,18 +159,3 @@ def classic_frame(identifier: int, length: int, *, remote: bool = False) -> can.
     if remote:
         return can.Message(arbitration_id=identifier, is_extended_id=False, is_remote_frame=True, dlc=length)
     return can.Message(arbitration_id=identifier, is_extended_id=False, data=bytes(length))
-
-
-def send_now(bus: can.BusABC, message: can.Message) -> None:
-    """Send a frame at bring-up.
-
-    Raises:
-        DriveError: nobody else is on the bus.
-    """
-    try:
-        bus.send(message)
-    except (can.CanError, OSError) as error:
-        raise DriveError(
-            f"no other device is on the bus: {error}",
-            do="switch the drive on, or start bowden twin; check the cable and its termination",
-        ) from error

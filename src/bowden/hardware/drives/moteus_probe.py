@@ -4,11 +4,12 @@ import time
 
 from bowden.hardware.buses.link import BusPlace, Links
 from bowden.hardware.drives import moteus_frames as frames
-from bowden.hardware.drives.host_end import joined, send_now
+from bowden.hardware.drives.checklist import LISTENING, send_now
+from bowden.hardware.drives.host_end import joined
 from bowden.hardware.drives.moteus_frames import NumberKind, Register
 from bowden.hardware.drives.moteus_parameters import MoteusParameters
-from bowden.hardware.drives.moteus_setup import LISTENING, MoteusDialogue, message, state_of
 from bowden.rig.families import FoundDevice
+from bowden.hardware.drives.moteus_setup import MoteusDialogue, message, state_of
 
 
 def probe(drive: MoteusParameters, links: Links) -> list[FoundDevice]:
@@ -27,7 +28,7 @@ def probe(drive: MoteusParameters, links: Links) -> list[FoundDevice]:
     question += frames.subframe(frames.READ, NumberKind.INT32, Register.MODEL, 3)
     found: dict[int, FoundDevice] = {}
     with joined(place, drive.node_id, links) as port:
-        MoteusDialogue(port, drive).listen(LISTENING)
+        MoteusDialogue(port, drive).bus.listen(LISTENING)
 
         def looked_at(identifier: int, data: bytes) -> bool:
             node, receiver = identifier >> 8 & 0x7F, identifier & 0xFF

@@ -7,8 +7,7 @@ Source of the names: mjbots/moteus, docs/reference/configuration.md and docs/pro
 """
 
 import math
-import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import can
@@ -18,14 +17,23 @@ from bowden.core.signals import DriveState
 from bowden.hardware.buses.link import BusPort
 from bowden.hardware.buses.opening import UNIX
 from bowden.hardware.drives import moteus_frames as frames
+from bowden.hardware.drives.checklist import (
+    LISTENING,
+    TRIES,
+    Conversation,
+    Limit,
+    Setting,
+    check_limits,
+    check_settings,
+    is_about,
+    refuse_torque,
+    send_now,
+)
 from bowden.hardware.drives.moteus_faults import fault_text
 from bowden.hardware.drives.moteus_frames import BoardMode, NumberKind, Register
 from bowden.hardware.drives.moteus_parameters import MoteusLimits, MoteusParameters, joint_scale, limits_of, motor_scale
 from bowden.hardware.drives.scale import Scale, SuitScale
 
-LISTENING = 0.5
-"""So long the bus is listened to before anything is said on it: a board's own watchdog is 0.1 s as it comes, so that
-another master commands more often [s]."""
 WITHOUT_TORQUE = frozenset(
     {
         BoardMode.STOPPED,
@@ -41,8 +49,6 @@ HOMED = 2
 """Register 00Ch: the position counts from a place of the output, and not of one turn of the rotor."""
 SAME_TIME = 1e-6
 """Two times of a watchdog that differ by less are the same, but for a rounding [s]."""
-_TRIES = 3
-"""Of a question, since a frame may get lost."""
 _MOST_POLLS = 50
 """Questions for the bytes of one line."""
 _LONGEST = 256
@@ -126,46 +132,19 @@ class MoteusDialogue:
     """
 
     def __init__(self, port: BusPort, drive: MoteusParameters) -> None:
-        self._port, self._drive = port, drive
-        self.name = f"node {drive.node_id}"
-        self._foreign: int | None = None
+        self._drive = drive
+        others = "tview, moteus_tool or the other program"
+        self.bus = Conversation(port, drive.node_id, lambda identifier, _: is_foreign(drive, identifier), others)
+        self.name = self.bus.name
 
-    def check_alone(self) -> None:
-        """No other master may have sent anything.
+    def _ask(self, data: bytes, kinds: tuple[int, ...], tries: int = TRIES) -> bytes | None:
+        """The data of the board's answer, whose first byte is a subframe of one of these kinds."""
 
-        Raises:
-            DriveError: one has.
-        """
-        if self._foreign is not None:
-            raise DriveError(
-                f"another master speaks to {self.name}, or it answers one (a frame {self._foreign:04X}h)",
-                expected="one host",
-                do="end tview, moteus_tool or the other program first, or correct node_id in [drive]",
-            )
+        def answered(identifier: int, told: bytes) -> bytes | None:
+            kind = told[0] & 0xF0 if told and told[0] & 0xF0 == frames.REPLY else told[0] if told else -1
+            return told if is_answer(self._drive, identifier) and kind in kinds else None
 
-    def listen(self, span: float) -> None:
-        """Listen to the bus, and say nothing.
-
-        Raises:
-            DriveError: another master sends.
-        """
-        self._wait(span, lambda identifier, data: False)
-        self.check_alone()
-
-    def _wait(self, span: float, matches: Callable[[int, bytes], bool]) -> bytes | None:
-        """The next answer of the board that matches, of those that come within a time [s]."""
-
-        def looked_at(identifier: int, data: bytes) -> bool:
-            if is_foreign(self._drive, identifier) and self._foreign is None:
-                self._foreign = identifier & 0xFFFF
-            return is_answer(self._drive, identifier) and matches(identifier, data)
-
-        ends = time.monotonic() + span
-        while (left := ends - time.monotonic()) > 0.0:
-            found = self._port.wait_for(looked_at, left)
-            if found is not None:
-                return found[1]
-        return None
+        return self.bus.ask(message(self._drive, data, reply=True), self._drive.answer_timeout, answered, tries)
 
     def ask(self, data: bytes, wanted: tuple[int, ...]) -> dict[int, float]:
         """Registers that a frame asks for.
@@ -173,11 +152,8 @@ class MoteusDialogue:
         Raises:
             DriveError: no answer, or the board does not have one of them.
         """
-        for _ in range(_TRIES):
-            self._send(data, reply=True)
-            answer = self._wait(
-                self._drive.answer_timeout, lambda _, data: bool(data) and (data[0] & 0xF0 == 0x20 or data[0] == 0x31)
-            )
+        for _ in range(TRIES):
+            answer = self._ask(data, (frames.REPLY, frames.READ_ERROR), 1)
             if answer is None:
                 continue
             found, failed, _ = frames.replied(answer)
@@ -217,10 +193,11 @@ class MoteusDialogue:
         Raises:
             DriveError: it answers nothing.
         """
-        for _ in range(_TRIES):
+        for _ in range(TRIES):
             self._drain()
             words = text.encode() + b"\n"
-            self._send(bytes((frames.TO_DRIVE, frames.CHANNEL)) + frames.varuint(len(words)) + words, reply=False)
+            order = bytes((frames.TO_DRIVE, frames.CHANNEL)) + frames.varuint(len(words)) + words
+            send_now(self.bus.port.bus, message(self._drive, order, reply=False))
             said = b""
             for _ in range(_MOST_POLLS):
                 part = self._poll()
@@ -231,7 +208,7 @@ class MoteusDialogue:
                 if end:
                     return line.decode("latin-1").strip()
                 if not part:
-                    self._wait(1e-3, lambda identifier, data: False)
+                    self.bus.wait(1e-3, lambda identifier, data: None)
         raise DriveError(
             f"{self.name} answers nothing on its diagnostic channel to {text!r}",
             expected="a line",
@@ -246,18 +223,8 @@ class MoteusDialogue:
 
     def _poll(self) -> bytes | None:
         """What the console says now; None where the board does not answer."""
-        self._send(bytes((frames.POLL, frames.CHANNEL, 48)), reply=True)
-        answer = self._wait(self._drive.answer_timeout, lambda _, data: bool(data) and data[0] == frames.FROM_DRIVE)
+        answer = self._ask(bytes((frames.POLL, frames.CHANNEL, 48)), (frames.FROM_DRIVE,), 1)
         return None if answer is None else frames.replied(answer)[2]
-
-    def _send(self, data: bytes, *, reply: bool) -> None:
-        try:
-            self._port.bus.send(message(self._drive, data, reply=reply))
-        except (can.CanError, OSError) as error:
-            raise DriveError(
-                f"no other device is on the bus: {error}",
-                do="switch the drive on, or start bowden twin; check the cable and its termination",
-            ) from error
 
 
 def set_up(port: BusPort, drive: MoteusParameters) -> MoteusFindings:
@@ -272,12 +239,10 @@ def set_up(port: BusPort, drive: MoteusParameters) -> MoteusFindings:
             us, no encoder of the joint, or limits narrower than the rig's.
     """
     board = MoteusDialogue(port, drive)
-    board.listen(LISTENING)
+    board.bus.listen(LISTENING)
     who, serial = _check_version(board)
     seen = _check_without_torque(board, drive)
-    _check_reaction(board)
-    _check_control(board)
-    _check_ratio(board, drive)
+    check_settings(board.name, board.configured, _settings(drive))
     turns, joint_turns = _check_encoders(board, drive, seen)
     here = drive.home == "here"
     motor = motor_scale(drive, turns if here else 0.0)
@@ -285,7 +250,7 @@ def set_up(port: BusPort, drive: MoteusParameters) -> MoteusFindings:
     limits = limits_of(drive, motor)
     _check_limits(board, drive, motor, limits)
     _check_watchdog(board, drive)
-    board.check_alone()
+    board.bus.check_alone()
     fault = int(seen[Register.FAULT])
     in_fault = int(seen[Register.MODE]) == BoardMode.FAULT
     identity = f"moteus board at {board.name}, {who}, supply {seen[Register.VOLTAGE]:.1f} V"
@@ -336,58 +301,46 @@ def _check_without_torque(board: MoteusDialogue, drive: MoteusParameters) -> dic
     mode = int(seen[Register.MODE])
     if mode not in WITHOUT_TORQUE:
         named = BoardMode(mode).name.lower().replace("_", " ") if mode in list(BoardMode) else "unknown"
-        raise DriveError(
-            f"{board.name} runs already, in mode {mode} ({named})",
-            expected="a board without torque",
-            do="end the program that runs it, or stop it with moteus_tool --stop",
-        )
+        do = "end the program that runs it, or stop it with moteus_tool --stop"
+        raise refuse_torque(board.name, f"mode {mode} ({named})", do)
     return seen
 
 
-def _check_reaction(board: MoteusDialogue) -> None:
-    """What the board does once its watchdog has run out: as it comes it keeps torque, to damp the motor."""
-    reaction = board.configured("servo.timeout_mode")
-    if reaction != BoardMode.STOPPED:
-        raise DriveError(
-            f"{board.name} keeps its torque when its host falls silent (servo.timeout_mode is {reaction:g})",
-            expected="0, stopped",
-            do="moteus_tool, console: conf set servo.timeout_mode 0, conf write",
-        )
+def _settings(drive: MoteusParameters) -> tuple[Setting, ...]:
+    """Those under which position mode is the one that is meant here, and a lost host means no torque."""
 
+    def console(name: str, value: str) -> str:
+        return f"moteus_tool, console: conf set {name} {value}, conf write"
 
-def _check_control(board: MoteusDialogue) -> None:
-    """Settings under which position mode is another than the one that is meant here."""
-    for name in ("servo.fixed_voltage_mode", "servo.voltage_mode_control"):
-        if board.configured(name) != 0.0:
-            raise DriveError(
-                f"{board.name} has {name} set: neither its largest current nor our largest torque holds then",
-                expected="0",
-                do=f"moteus_tool, console: conf set {name} 0, conf write",
-            )
-    for name in ("servo.default_velocity_limit", "servo.default_accel_limit"):
-        if math.isfinite(board.configured(name)):
-            raise DriveError(
-                f"{board.name} plans a motion of its own to each target ({name} is set), and lags behind them",
-                expected="nan, none",
-                do=f"moteus_tool, console: conf set {name} nan, conf write",
-            )
-    gain = board.configured("servo.pid_position.kp")
-    if not 0.0 < gain < math.inf:
-        raise DriveError(
-            f"{board.name} has no gain of its position control (servo.pid_position.kp is {gain:g})",
-            expected="a number above 0",
-            do="tune it with tview, the shaft free",
-        )
-
-
-def _check_ratio(board: MoteusDialogue, drive: MoteusParameters) -> None:
-    own = board.configured("motor_position.rotor_to_output_ratio")
-    if not abs(own / drive.output_ratio - 1.0) <= 1e-3:
-        raise DriveError(
-            f"drive.output_ratio is {drive.output_ratio:g}",
-            expected=f"{own:g}, as {board.name} has it (motor_position.rotor_to_output_ratio)",
-            do="correct it in rig.toml; the rig's own gear is motor.gear",
-        )
+    reaction, ratio = "servo.timeout_mode", "motor_position.rotor_to_output_ratio"
+    silent = "keeps its torque when its host falls silent"
+    loose = "has a mode in which neither its largest current nor our largest torque holds"
+    plans = "plans a motion of its own to each target, and lags behind them"
+    return (
+        Setting(reaction, is_about(float(BoardMode.STOPPED)), "0, stopped", silent, console(reaction, "0")),
+        *(
+            Setting(name, is_about(0.0), "0", loose, console(name, "0"))
+            for name in ("servo.fixed_voltage_mode", "servo.voltage_mode_control")
+        ),
+        *(
+            Setting(name, lambda found: not math.isfinite(found), "nan, none", plans, console(name, "nan"))
+            for name in ("servo.default_velocity_limit", "servo.default_accel_limit")
+        ),
+        Setting(
+            "servo.pid_position.kp",
+            lambda found: 0.0 < found < math.inf,
+            "a number above 0",
+            "has no gain of its position control",
+            "tune it with tview, the shaft free",
+        ),
+        Setting(
+            ratio,
+            is_about(drive.output_ratio, 1e-3),
+            f"{drive.output_ratio:g}, as drive.output_ratio has it",
+            "turns its output otherwise than the rig says",
+            "correct drive.output_ratio in rig.toml; the rig's own gear is motor.gear",
+        ),
+    )
 
 
 def _check_encoders(board: MoteusDialogue, drive: MoteusParameters, seen: dict[int, float]) -> tuple[float, float]:
@@ -431,14 +384,6 @@ def _check_limits(
     board: MoteusDialogue, drive: MoteusParameters, motor: Scale | SuitScale, limits: MoteusLimits
 ) -> None:
     """The rig's limits against those in the board, which are read and never changed."""
-
-    def refuse(what: str, wanted: float, own: float, unit: str, name: str) -> None:
-        raise DriveError(
-            f"the rig's {what} is {wanted:.6g} {unit}, beyond the board's own {own:.6g} {unit} ({name})",
-            expected="a rig within the board's limits",
-            do=f"reduce it in the rig, or extend {name} with moteus_tool",
-        )
-
     low, high = (board.configured(f"servopos.position_{end}") for end in ("min", "max"))
     if not (math.isfinite(low) and math.isfinite(high)) and drive.interface != UNIX:
         raise DriveError(
@@ -446,23 +391,27 @@ def _check_limits(
             expected="the range that the rig may go to at most, in turns of the output",
             do="set both with moteus_tool: they hold whatever this computer does, and whatever its scales are",
         )
-    for own, wanted, name, beyond in (
-        (low, limits.low, "servopos.position_min", limits.low < low),
-        (high, limits.high, "servopos.position_max", limits.high > high),
-    ):
-        if beyond:
-            refuse("range of the motor", motor.angle(wanted), motor.angle(own), "rad", name)
-    steepest = motor.steepest(drive.lowest_motor, drive.highest_motor)
-    spool = abs(motor.step) / steepest
-    speed = board.configured("servo.max_velocity")
-    if drive.speed_limit > 0.0 and limits.speed > speed:
-        refuse("speed limit", drive.speed_limit, speed * spool, "rad/s", "servo.max_velocity")
-    current = board.configured("servo.max_current_A")
-    if drive.current_limit > current:
-        refuse("current limit", drive.current_limit, current, "A", "servo.max_current_A")
-    window = board.configured("servo.fault_position_error")
-    if math.isfinite(window) and drive.following_error > window * spool:
-        refuse("following error", drive.following_error, window * spool, "rad", "servo.fault_position_error")
+    spool = abs(motor.step) / motor.steepest(drive.lowest_motor, drive.highest_motor)  # rad a turn
+    speed, current, window = (
+        _or(board.configured(f"servo.{name}"), math.inf)
+        for name in ("max_velocity", "max_current_A", "fault_position_error")
+    )
+    asked = limits.speed * spool if drive.speed_limit > 0.0 else 0.0
+    check_limits(
+        (
+            Limit("lowest position", limits.low, _or(low, -math.inf), "turns", "servopos.position_min", lower=True),
+            Limit("highest position", limits.high, _or(high, math.inf), "turns", "servopos.position_max"),
+            Limit("speed limit", asked, speed * spool, "rad/s", "servo.max_velocity"),
+            Limit("current limit", drive.current_limit, current, "A", "servo.max_current_A"),
+            Limit("following error", drive.following_error, window * spool, "rad", "servo.fault_position_error"),
+        ),
+        "with moteus_tool",
+    )
+
+
+def _or(limit: float, none: float) -> float:
+    """A limit of the board, where nan is none."""
+    return none if math.isnan(limit) else limit
 
 
 def _check_watchdog(board: MoteusDialogue, drive: MoteusParameters) -> None:

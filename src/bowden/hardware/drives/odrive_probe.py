@@ -4,7 +4,8 @@ import time
 
 from bowden.hardware.buses.link import BusPort, Links
 from bowden.hardware.drives import odrive_frames as frames
-from bowden.hardware.drives.host_end import classic_frame, joined, send_now
+from bowden.hardware.drives.checklist import send_now
+from bowden.hardware.drives.host_end import classic_frame, joined
 from bowden.hardware.drives.odrive_faults import WATCHDOG, errors_text
 from bowden.hardware.drives.odrive_frames import Beat, BoardVersion, Cmd, identifier_of
 from bowden.hardware.drives.odrive_parameters import OdriveParameters

@@ -5,9 +5,10 @@ is saved. The watchdog is the owner's to set; it is read, and then tried by sayi
 """
 
 import math
-import time
 from collections.abc import Callable
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple
+
+import can
 
 from bowden.core.errors import DriveError
 from bowden.core.signals import DriveState
@@ -15,7 +16,20 @@ from bowden.hardware.buses.link import BusPort
 from bowden.hardware.buses.unix_bus import REMOTE
 from bowden.hardware.drives import odrive_endpoints as settings
 from bowden.hardware.drives import odrive_frames as frames
-from bowden.hardware.drives.host_end import classic_frame, send_now
+from bowden.hardware.drives.checklist import (
+    LISTENING,
+    TRIES,
+    Conversation,
+    Limit,
+    Said,
+    Setting,
+    check_limits,
+    check_settings,
+    is_about,
+    refuse_torque,
+    send_now,
+)
+from bowden.hardware.drives.host_end import classic_frame
 from bowden.hardware.drives.limited_range import nearest
 from bowden.hardware.drives.odrive_endpoints import Endpoints
 from bowden.hardware.drives.odrive_faults import WATCHDOG, errors_text
@@ -23,9 +37,6 @@ from bowden.hardware.drives.odrive_frames import AxisState, Beat, Cmd, identifie
 from bowden.hardware.drives.odrive_parameters import OdriveLimits, OdriveParameters, limits_of, motor_scale
 from bowden.hardware.drives.scale import Scale, SuitScale
 
-LISTENING = 0.5
-"""So long the bus is listened to before anything is said on it: another master commands more often than that, since
-watchdogs are shorter, and a heartbeat must come in it [s]."""
 OLDEST, NEWEST = (0, 6, 9), (0, 7, 0)
 """Firmwares from the first to before the second are spoken to: with Get_Version and Clear_Errors as they are here."""
 STILL = 0.05
@@ -34,12 +45,8 @@ SAME = 1e-5
 """Share by which two numbers may differ that are one, as f32 [–]."""
 CONSTANT = 0.05
 """Share by which the torque constants of board and rig may differ [–]."""
-_TRIES = 3
-"""Of a question, since a frame may get lost."""
 _LATE = 0.05
 """That this computer may be late in seeing what the trial of the watchdog waits for [s]."""
-
-Said = TypeVar("Said")
 
 
 class OdriveFindings(NamedTuple):
@@ -92,49 +99,23 @@ class OdriveDialogue:
     """
 
     def __init__(self, port: BusPort, drive: OdriveParameters, endpoints: Endpoints) -> None:
-        self._port, self._drive, self._endpoints = port, drive, endpoints
-        self.name = f"node {drive.node_id}"
+        self._drive, self._endpoints = drive, endpoints
         self.beat: Beat | None = None
-        self._foreign: int | None = None
+        node = drive.node_id
+        self.bus = Conversation(port, node, lambda identifier, data: is_foreign(node, identifier, data))
+        self.name = self.bus.name
 
-    def check_alone(self) -> None:
-        """No other master may have been heard.
+    def _matching(self, matches: Callable[[int, bytes], Said | None]) -> Callable[[int, bytes], Said | None]:
+        """What a frame of the board says, by its command and data; heartbeats are kept."""
 
-        Raises:
-            DriveError: one has been.
-        """
-        if self._foreign is not None:
-            raise DriveError(
-                f"another master speaks to {self.name} (a frame {self._foreign:03X}h)",
-                expected="one host",
-                do="end the other program first, or correct node_id in [drive]",
-            )
+        def looked_at(identifier: int, data: bytes) -> Said | None:
+            if identifier >> 5 != self._drive.node_id or is_foreign(self._drive.node_id, identifier, data):
+                return None
+            if identifier & 0x1F == Cmd.HEARTBEAT:
+                self.beat = frames.unpack_beat(data) or self.beat
+            return matches(identifier & 0x1F, data)
 
-    def wait(self, span: float, matches: Callable[[int, bytes], Said | None]) -> Said | None:
-        """What the next frame that matches says, of those of the board that come within a time [s].
-
-        Args:
-            span: [s]
-            matches: of a command and its data; None of one that does not.
-        """
-        found: list[Said] = []
-
-        def looked_at(identifier: int, data: bytes) -> bool:
-            if is_foreign(self._drive.node_id, identifier, data):
-                self._foreign = self._foreign or identifier
-            elif identifier >> 5 == self._drive.node_id:
-                cmd = identifier & 0x1F
-                if cmd == Cmd.HEARTBEAT:
-                    self.beat = frames.unpack_beat(data) or self.beat
-                said = matches(cmd, data)
-                if said is not None:
-                    found.append(said)
-            return bool(found)
-
-        ends = time.monotonic() + span
-        while not found and (left := ends - time.monotonic()) > 0.0:
-            self._port.wait_for(looked_at, left)
-        return found[0] if found else None
+        return looked_at
 
     def beats(self, span: float, wanted: Callable[[Beat], bool]) -> bool:
         """Whether a heartbeat as wanted comes within a time [s]."""
@@ -143,7 +124,7 @@ class OdriveDialogue:
             beat = frames.unpack_beat(data) if cmd == Cmd.HEARTBEAT else None
             return True if beat is not None and wanted(beat) else None
 
-        return self.wait(span, looked_at) is not None
+        return self.bus.wait(span, self._matching(looked_at)) is not None
 
     def ask(self, cmd: Cmd, unpack: Callable[[bytes], Said | None]) -> Said:
         """What the board tells when it is asked.
@@ -151,11 +132,11 @@ class OdriveDialogue:
         Raises:
             DriveError: no answer.
         """
-        for _ in range(_TRIES):
-            send_now(self._port.bus, classic_frame(identifier_of(self._drive.node_id, cmd), 8, remote=True))
-            said = self.wait(self._drive.answer_timeout, lambda told, data: unpack(data) if told == cmd else None)
-            if said is not None:
-                return said
+        question = classic_frame(identifier_of(self._drive.node_id, cmd), 8, remote=True)
+        answered = self._matching(lambda told, data: unpack(data) if told == cmd else None)
+        said = self.bus.ask(question, self._drive.answer_timeout, answered)
+        if said is not None:
+            return said
         raise DriveError(
             f"{self.name} does not answer {cmd.name}",
             expected="an ODrive board with firmware 0.6.9 or later, and an adapter that sends remote frames",
@@ -165,17 +146,20 @@ class OdriveDialogue:
     def serial(self) -> str:
         """Its serial number, bytes 1 to 6 of its frame Address; empty of a firmware that does not tell it."""
         address = identifier_of(self._drive.node_id, Cmd.ADDRESS)
-        send_now(self._port.bus, classic_frame(address, 8, remote=True))
-        frame = self._port.wait_for(
-            lambda identifier, data: identifier == address and len(data) == 8, self._drive.answer_timeout
+        told = self.bus.ask(
+            classic_frame(address, 8, remote=True),
+            self._drive.answer_timeout,
+            lambda identifier, data: data if identifier == address and len(data) == 8 else None,
+            tries=1,
         )
-        return "" if frame is None else frame[1][1:7].hex()
+        return "" if told is None else told[1:7].hex()
 
     def tell(self, cmd: Cmd, data: bytes) -> None:
         """An order."""
-        message = classic_frame(identifier_of(self._drive.node_id, cmd), len(data))
-        message.data = bytearray(data)
-        send_now(self._port.bus, message)
+        send_now(self.bus.port.bus, self._frame(cmd, data))
+
+    def _frame(self, cmd: Cmd, data: bytes) -> can.Message:
+        return can.Message(arbitration_id=identifier_of(self._drive.node_id, cmd), is_extended_id=False, data=data)
 
     def setting(self, name: str) -> float:
         """A value of the board's configuration.
@@ -189,11 +173,10 @@ class OdriveDialogue:
             answer = frames.unpack_answer(data) if cmd == Cmd.TX_SDO else None
             return None if answer is None or answer[0] != endpoint.number else endpoint.unpack(answer[1])
 
-        for _ in range(_TRIES):
-            self.tell(Cmd.RX_SDO, frames.pack_question(endpoint.number))
-            value = self.wait(self._drive.answer_timeout, answered)
-            if value is not None:
-                return value
+        question = self._frame(Cmd.RX_SDO, frames.pack_question(endpoint.number))
+        value = self.bus.ask(question, self._drive.answer_timeout, self._matching(answered))
+        if value is not None:
+            return value
         raise DriveError(
             f"{self.name} does not tell its setting {name} (endpoint {endpoint.number})",
             expected="an answer (TxSdo)",
@@ -215,7 +198,7 @@ def set_up(port: BusPort, drive: OdriveParameters, endpoints: Endpoints) -> Odri
     """
     board = OdriveDialogue(port, drive, endpoints)
     board.beats(LISTENING, lambda _: False)
-    board.check_alone()
+    board.bus.check_alone()
     if board.beat is None:
         raise DriveError(
             f"no ODrive board is heard as {board.name}",
@@ -227,14 +210,15 @@ def set_up(port: BusPort, drive: OdriveParameters, endpoints: Endpoints) -> Odri
     errors = board.ask(Cmd.GET_ERROR, frames.unpack_errors)
     failed = (errors.active | errors.disarmed) & ~WATCHDOG
     voltage, _ = board.ask(Cmd.GET_BUS_VOLTAGE_CURRENT, frames.unpack_floats)
-    _check_settings(board, drive)
+    check_settings(board.name, board.setting, _settings(drive))
+    _check_encoder(board)
     motor = motor_scale(drive, _turns_at_home(board, drive))
     limits = limits_of(drive, motor)
     _check_range(board, limits)
     _set_modes(board)
     _set_limits(board, limits)
     tried = not failed and _try_watchdog(board, drive)
-    board.check_alone()
+    board.bus.check_alone()
     identity = f"ODrive board at {board.name}, {who}, supply {voltage:.1f} V; watchdog of {1e3 * drive.watchdog:g} ms, "
     identity += "tried" if tried else "read back and not tried: it does not run while the board is idle"
     state = DriveState.SWITCH_ON_DISABLED
@@ -268,53 +252,53 @@ def _check_idle(board: OdriveDialogue) -> None:
     state = board.beat.state if board.beat is not None else -1
     if state != AxisState.IDLE:
         known = AxisState(state).name if state in list(AxisState) else "not known here"
-        raise DriveError(
-            f"{board.name} runs already: its axis is in state {state} ({known})",
-            expected=f"{AxisState.IDLE.value}, idle",
-            do="end the program that runs it, or switch it off and on; it must not begin by itself "
-            "(axis0.config.startup_closed_loop_control)",
+        do = "end the program that runs it, or switch it off and on; it must not begin by itself "
+        raise refuse_torque(
+            board.name, f"axis state {state} ({known})", do + "(axis0.config.startup_closed_loop_control)"
         )
 
 
-def _check_settings(board: OdriveDialogue, drive: OdriveParameters) -> None:
+def _settings(drive: OdriveParameters) -> list[Setting]:
     """What a run needs, and nobody but the board's owner sets."""
-    if board.setting(settings.ENABLED) != 1.0:
-        raise DriveError(
-            f"{board.name} keeps its torque when its host falls silent: its watchdog is off ({settings.ENABLED})",
-            expected="True",
-            do=f"in odrivetool: {settings.TIMEOUT} = {drive.watchdog:g}, {settings.ENABLED} = True, and save",
-        )
-    wanted = [
-        (settings.TIMEOUT, drive.watchdog, "drive.watchdog_ms"),
-        (settings.BEAT_EVERY, 1e3 * drive.heartbeat, "drive.heartbeat_ms"),
-        (settings.VELOCITY_SCALE, float(drive.velocity_scale), "drive.velocity_scale"),
-        (settings.TORQUE_SCALE, float(drive.torque_scale), "drive.torque_scale"),
+    alike = [
+        (settings.TIMEOUT, drive.watchdog, ", or correct drive.watchdog_ms"),
+        (settings.BEAT_EVERY, 1e3 * drive.heartbeat, ", or correct drive.heartbeat_ms"),
+        (settings.VELOCITY_SCALE, float(drive.velocity_scale), ", or correct drive.velocity_scale"),
+        (settings.TORQUE_SCALE, float(drive.torque_scale), ", or correct drive.torque_scale"),
         (settings.CIRCULAR, 0.0, ""),
         (settings.VELOCITY_LIMITED, 1.0, ""),
+        (settings.ABSOLUTE, float(drive.home != "here"), ', or set home = "here" in [drive]'),
     ]
-    if drive.home != "here":
-        wanted.append((settings.ABSOLUTE, 1.0, 'drive.home (or set home = "here")'))
-    for name, value, key in wanted:
-        found = board.setting(name)
-        if not abs(found - value) <= SAME * abs(value):
-            raise DriveError(
-                f"{board.name} has {name} {found:g}",
-                expected=f"{value:g}",
-                do="set it with odrivetool" + (f", or correct {key}" if key else ""),
-            )
+    return [
+        Setting(
+            settings.ENABLED,
+            is_about(1.0),
+            "True",
+            "keeps its torque when its host falls silent: its watchdog is off",
+            f"in odrivetool: {settings.TIMEOUT} = {drive.watchdog:g}, {settings.ENABLED} = True, and save",
+        ),
+        *(
+            Setting(name, is_about(value, SAME), f"{value:g}", do="set it with odrivetool" + key)
+            for name, value, key in alike
+            if name != settings.ABSOLUTE or value
+        ),
+        Setting(
+            settings.TORQUE_CONSTANT,
+            is_about(drive.torque_constant, CONSTANT),
+            f"{drive.torque_constant:.4g} N·m/A, as the rig has it",
+            "has another torque constant than the rig's motor",
+            f"correct torque_constant_nm_per_a in [motor], or {settings.TORQUE_CONSTANT}",
+        ),
+    ]
+
+
+def _check_encoder(board: OdriveDialogue) -> None:
     load, motor = board.setting(settings.LOAD_ENCODER), board.setting(settings.MOTOR_ENCODER)
     if load != motor:
         raise DriveError(
             f"{board.name} takes its position from encoder {load:g} and commutates by encoder {motor:g}",
             expected="one encoder for both, at the motor's shaft",
             do=f"set {settings.LOAD_ENCODER} to that of the motor with odrivetool",
-        )
-    constant = board.setting(settings.TORQUE_CONSTANT)
-    if not abs(constant / drive.torque_constant - 1.0) <= CONSTANT:
-        raise DriveError(
-            f"{board.name} has a torque constant of {constant:.4g} N·m/A, and the rig {drive.torque_constant:.4g}",
-            expected="one, that of the motor",
-            do=f"correct torque_constant_nm_per_a in [motor], or {settings.TORQUE_CONSTANT}",
         )
 
 
@@ -358,20 +342,19 @@ def _set_modes(board: OdriveDialogue) -> None:
 
 def _set_limits(board: OdriveDialogue, limits: OdriveLimits) -> None:
     """The rig's limits, which the board keeps from here on; its own must not be narrower."""
-    kept = []
-    for what, name, wanted, unit in (
-        ("speed", settings.VELOCITY_LIMIT, limits.speed, "turns/s"),
-        ("current", settings.CURRENT_LIMIT, limits.current, "A"),
-    ):
-        own = board.setting(name)
-        if math.isfinite(wanted) and not wanted <= own * (1.0 + SAME):
-            raise DriveError(
-                f"the rig's {what} limit is {wanted:.6g} {unit}, beyond the board's own {own:.6g} {unit} ({name})",
-                expected="a rig within the board's limits",
-                do="reduce it in the rig, or extend the board's with odrivetool; where another rig ran before, "
-                "switch the board off and on: its limits hold until then",
-            )
-        kept.append((name, min(wanted, own)))
+    own = [board.setting(name) for name in (settings.VELOCITY_LIMIT, settings.CURRENT_LIMIT)]
+    again = "with odrivetool; where another rig ran before, switch the board off and on: its limits hold until then"
+    check_limits(
+        (
+            Limit("speed limit", limits.speed / (1.0 + SAME), own[0], "turns/s", settings.VELOCITY_LIMIT),
+            Limit("current limit", limits.current / (1.0 + SAME), own[1], "A", settings.CURRENT_LIMIT),
+        ),
+        again,
+    )
+    kept = (
+        (settings.VELOCITY_LIMIT, min(limits.speed, own[0])),
+        (settings.CURRENT_LIMIT, min(limits.current, own[1])),
+    )
     board.tell(Cmd.SET_LIMITS, frames.pack_floats(kept[0][1], kept[1][1]))
     for name, value in kept:
         found = board.setting(name)
@@ -385,7 +368,7 @@ def _try_watchdog(board: OdriveDialogue, drive: OdriveParameters) -> bool:
     Raises:
         DriveError: it says so while we speak, too.
     """
-    for _ in range(_TRIES):
+    for _ in range(TRIES):
         board.tell(Cmd.SET_AXIS_STATE, frames.pack_state(AxisState.IDLE))
         board.tell(Cmd.CLEAR_ERRORS, bytes(1))
         if board.beats(drive.heartbeat + _LATE, lambda beat: not beat.errors & WATCHDOG):

@@ -1,0 +1,184 @@
+"""The one checklist of bring-up, which each family fills with its frames and settings. Nothing in it has power.
+
+1. Alone: the bus is listened to before anything is said on it, and to the end: another master refuses (`Conversation`).
+2. Who is there: the drive answers by its number, and its firmware or profile is one that is known here.
+3. Without torque: whoever finds the motor under torque must not touch it (`refuse_torque`).
+4. What is set: settings without which a run is another than was checked (`check_settings`), and scales.
+5. Where it is: the motor stands still, both angles are there, and home is as the rig has it.
+6. Limits: the rig's are within the drive's own, which are never widened (`check_limits`).
+7. The watchdog: set or read back, and tried where possible: all that happens when this computer dies rests on it.
+8. Alone still, and of a drive in fault which one.
+"""
+
+import math
+import time
+from collections.abc import Callable, Iterable
+from typing import NamedTuple, TypeVar
+
+import can
+
+from bowden.core.errors import DriveError
+from bowden.hardware.buses.link import BusPort
+
+LISTENING = 0.5
+"""So long the bus is listened to first, where a drive's watchdog is shorter: another master speaks in it [s]."""
+TRIES = 3
+"""Of a question, since a frame may get lost."""
+
+Said = TypeVar("Said")
+
+
+def send_now(bus: can.BusABC, message: can.Message) -> None:
+    """Send a frame at bring-up.
+
+    Raises:
+        DriveError: nobody else is on the bus.
+    """
+    try:
+        bus.send(message)
+    except (can.CanError, OSError) as error:
+        raise nobody_there(error) from error
+
+
+def nobody_there(error: Exception) -> DriveError:
+    """What a bus says on which no other node acknowledges."""
+    return DriveError(
+        f"no other device is on the bus: {error}",
+        do="switch the drive on, or start bowden twin; check the cable and its termination",
+    )
+
+
+class Conversation:
+    """Questions and answers with one drive, and an ear for other masters.
+
+    Args:
+        port: of its bus, while no cycle runs.
+        node: the drive's number.
+        is_foreign: whether a frame is one that only this host may send, or an answer to somebody else.
+        others: programs that may be another master.
+    """
+
+    def __init__(
+        self, port: BusPort, node: int, is_foreign: Callable[[int, bytes], bool], others: str = "the other program"
+    ) -> None:
+        self.port, self.name, self._is_foreign, self._others = port, f"node {node}", is_foreign, others
+        self._foreign: int | None = None
+
+    def check_alone(self) -> None:
+        """No other master may have been heard.
+
+        Raises:
+            DriveError: one has been.
+        """
+        if self._foreign is not None:
+            raise DriveError(
+                f"another master speaks to {self.name}, or it answers one (a frame {self._foreign:03X}h)",
+                expected="one host",
+                do=f"end {self._others} first, or correct node_id in [drive]",
+            )
+
+    def listen(self, span: float) -> None:
+        """Listen to the bus for a `span` [s], and say nothing.
+
+        Raises:
+            DriveError: another master speaks.
+        """
+        self.wait(span, lambda identifier, data: None)
+        self.check_alone()
+
+    def wait(self, span: float, matches: Callable[[int, bytes], Said | None]) -> Said | None:
+        """What the first frame says that matches, of those that come within a `span` [s]; None of none."""
+        found: list[Said] = []
+
+        def looked_at(identifier: int, data: bytes) -> bool:
+            if self._foreign is None and self._is_foreign(identifier, data):
+                self._foreign = identifier
+            said = matches(identifier, data)
+            if said is not None:
+                found.append(said)
+            return bool(found)
+
+        ends = time.monotonic() + span
+        while not found and (left := ends - time.monotonic()) > 0.0:
+            self.port.wait_for(looked_at, left)
+        return found[0] if found else None
+
+    def ask(
+        self, question: can.Message, span: float, matches: Callable[[int, bytes], Said | None], tries: int = TRIES
+    ) -> Said | None:
+        """The answer to a question, which is asked again where none comes within a `span` [s]; None of none."""
+        for _ in range(tries):
+            send_now(self.port.bus, question)
+            said = self.wait(span, matches)
+            if said is not None:
+                return said
+        return None
+
+
+def refuse_torque(name: str, state: str, do: str) -> DriveError:
+    """Why a drive is not touched that runs already, in a `state`."""
+    return DriveError(f"{name} runs already: it is in {state}", expected="a drive without torque", do=do)
+
+
+class Setting(NamedTuple):
+    """What a setting of the drive must be."""
+
+    name: str
+    fine: Callable[[float], bool]
+    expected: str
+    why: str = ""
+    """What it would be otherwise."""
+    do: str = ""
+
+
+def is_about(value: float, same: float = 0.0) -> Callable[[float], bool]:
+    """Whether a setting is a value, but for a share `same` of it."""
+    return lambda found: abs(found - value) <= same * abs(value)
+
+
+def check_settings(name: str, read: Callable[[str], float], settings: Iterable[Setting]) -> None:
+    """See that a drive is set up as a run needs it.
+
+    Raises:
+        DriveError: the first setting that is otherwise.
+    """
+    for setting in settings:
+        found = read(setting.name)
+        if not setting.fine(found):
+            raise DriveError(
+                f"{name} {setting.why or 'is set otherwise'} ({setting.name} is {found:g})",
+                expected=setting.expected,
+                do=setting.do,
+            )
+
+
+class Limit(NamedTuple):
+    """A limit of the rig against the drive's own; beyond it where it is larger, of a lower end where it is smaller."""
+
+    what: str
+    rig: float
+    """NaN, or infinite, of a rig that asks for none."""
+    own: float
+    unit: str
+    where: str
+    """Object or setting that says the drive's."""
+    lower: bool = False
+
+
+def check_limits(limits: Iterable[Limit], do: str) -> None:
+    """See that a rig is within the drive's own limits.
+
+    Args:
+        limits: in the order in which they are looked at.
+        do: how the drive's are extended.
+
+    Raises:
+        DriveError: the first that is beyond.
+    """
+    for what, rig, own, unit, where, lower in limits:
+        if abs(rig) < math.inf and not (rig >= own if lower else rig <= own):
+            raise DriveError(
+                f"the rig's {what} is {rig:.6g} {unit}, beyond the drive's own {own:.6g} {unit} ({where})",
+                expected="a rig within the drive's limits",
+                do=f"reduce it in the rig, or extend the drive's {do}",
+            )
