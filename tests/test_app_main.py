@@ -12,7 +12,7 @@ import pytest
 
 from bowden import __version__
 from bowden.app import command_line, main
-from bowden.design import page as rig_page
+from bowden.design import rig_of_bench as rig_page
 from bowden.operations.schema import json_schema
 from bowden.records.trace import Trace
 from bowden.rig.rig import Rig

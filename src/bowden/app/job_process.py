@@ -62,13 +62,13 @@ def check(progress: Progress, rig: Mapping[str, Any]) -> dict[str, Any]:
     except NoNumberError as error:
         if not whole.axes:
             text = f"{whole.law_name} cannot be checked ({error.what}) and runs unchecked"
-            return _UNCHECKED | {"text": text, "of": whole.hash}
+            return {**_UNCHECKED, "text": text, "of": whole.hash}
     each = {}
     for one in whole.parts:  # what cannot be judged of one axis says nothing of another
         try:
             each[one.name] = _checked(progress, whole, one.name)
         except NoNumberError as error:
-            each[one.name] = _UNCHECKED | {"text": f"{one.rig.law_name} cannot be checked ({error.what})"}
+            each[one.name] = {**_UNCHECKED, "text": f"{one.rig.law_name} cannot be checked ({error.what})"}
     name = max(each, key=lambda name: _VERDICTS.index(each[name]["name"]))
     margins = {
         key: min((one[key] for one in each.values() if one[key] is not None), default=None)
@@ -82,7 +82,7 @@ def check(progress: Progress, rig: Mapping[str, Any]) -> dict[str, Any]:
 
 _VERDICTS = ("holds", None, "little_margin", "limit_cycle", "does_not_hold")
 """From the best to the worst; None of a law that cannot be checked."""
-_UNCHECKED = {"holds": True, "name": None, "rows": [], "gain_margin_db": None, "phase_margin_deg": None}
+_UNCHECKED: Mapping[str, Any] = {"holds": True, "name": None, "rows": [], "gain_margin_db": None, "phase_margin_deg": None}
 
 
 def _checked(progress: Progress, rig: Any, axis: str | None) -> dict[str, Any]:

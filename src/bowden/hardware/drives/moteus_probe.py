@@ -8,8 +8,8 @@ from bowden.hardware.drives.checklist import LISTENING, send_now
 from bowden.hardware.drives.host_end import joined
 from bowden.hardware.drives.moteus_frames import NumberKind, Register
 from bowden.hardware.drives.moteus_parameters import MoteusParameters
-from bowden.rig.families import FoundDevice
 from bowden.hardware.drives.moteus_setup import MoteusDialogue, message, state_of
+from bowden.rig.families import FoundDevice
 
 
 def probe(drive: MoteusParameters, links: Links) -> list[FoundDevice]:
