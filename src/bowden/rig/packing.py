@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import TypeAdapter
 
 from bowden import __version__
 from bowden.control import LAWS, Law, user_law
@@ -22,10 +23,8 @@ from bowden.core import user_file
 from bowden.core.arguments import said as shown
 from bowden.core.errors import BowdenError, ParameterError
 from bowden.core.kernel_content import code_of
-from bowden.plants.counting import Counting, Covered
 from bowden.plants.identified import IdentifiedCable
 from bowden.plants.plant_file import PlantFile, as_file
-from bowden.plants.trust import Trust
 from bowden.plants.user_plant import UserPlant
 from bowden.rig.declaration import replaced
 from bowden.rig.pair import PairSettings
@@ -192,10 +191,7 @@ def _refuse_absent(tree: Mapping[str, Any], held: Mapping[str, Any]) -> None:
 def _content(name: str, value: Any) -> Any:
     """What was in the file from which a field of a rig comes, as JSON; None of others."""
     if isinstance(value, IdentifiedCable):
-        found = {"best": value.best, "models": _dicts(value.models), "file": value.file, "digest": value.digest}
-        rest = {"changed": dict(value.changed), "counting": value.counting._asdict()}
-        covered = None if value.covered is None else value.covered._asdict()
-        return found | rest | {"covered": covered, "trust": None if value.trust is None else list(value.trust)}
+        return _CABLE.dump_python(value, mode="json")
     if isinstance(value, RecordedMotion):
         return {"said": value.said._asdict(), "time": _array(value.time), "position": _array(value.position)}
     if isinstance(value, LawFile):
@@ -204,23 +200,8 @@ def _content(name: str, value: Any) -> Any:
         plant = as_file(value)
         return user_file.written(plant) | {"changed": dict(plant.changed)}
     if isinstance(value, EmgSettings) and (value.levels or value.place or value.recording):
-        levels = None if value.levels is None else value.levels._asdict()
-        return {"levels": levels, "place": value.place, "recording": value.recording}
+        return _LEVELS.dump_python(value.levels, mode="json"), value.place, value.recording
     return None
-
-
-def _cable(given: Mapping[str, Any]) -> IdentifiedCable:
-    covered, trust = given["covered"], given["trust"]
-    return IdentifiedCable(
-        given["best"],
-        given["models"],
-        given["file"],
-        given["changed"],
-        counting=Counting(**given["counting"]),
-        covered=None if covered is None else Covered(**covered),
-        trust=None if trust is None else Trust(trust[0], tuple(trust[1])),
-        digest=given["digest"],
-    )
 
 
 def _law(given: Mapping[str, Any]) -> LawFile:
@@ -236,17 +217,15 @@ def _motion(given: Mapping[str, Any]) -> RecordedMotion:
     return RecordedMotion(RecordedFile(**given["said"]), _numbers(given["time"]), _numbers(given["position"]))
 
 
-def _emg(given: Mapping[str, Any]) -> EmgSettings:
-    levels = given["levels"]
-    return EmgSettings(
-        levels=None if levels is None else MuscleCalibration(**levels),
-        place=str(given["place"]),
-        recording=str(given["recording"]),
-    )
+def _emg(given: Any) -> EmgSettings:
+    levels, place, recording = given
+    return EmgSettings(levels=_LEVELS.validate_python(levels), place=str(place), recording=str(recording))
 
 
-_HELD: Mapping[str, Callable[[Mapping[str, Any]], Any]] = {
-    "cable": _cable,
+_CABLE: TypeAdapter[IdentifiedCable] = TypeAdapter(IdentifiedCable)
+_LEVELS: TypeAdapter[MuscleCalibration | None] = TypeAdapter(MuscleCalibration | None)
+_HELD: Mapping[str, Callable[[Any], Any]] = {
+    "cable": _CABLE.validate_python,
     "law": _law,
     "plant": _plant,
     "reference": _motion,
@@ -261,10 +240,6 @@ def _array(values: NDArray[np.float64]) -> str:
 
 def _numbers(text: str) -> NDArray[np.float64]:
     return np.frombuffer(zlib.decompress(base64.b64decode(text)), dtype="<f8")
-
-
-def _dicts(models: Mapping[str, Mapping[str, float]]) -> dict[str, dict[str, float]]:
-    return {name: dict(parameters) for name, parameters in models.items()}
 
 
 # what a file cannot say
@@ -360,7 +335,7 @@ def _of_process(value: Any) -> Any:
 def _content_hash(value: Any) -> Any:
     """What distinguishes the content of a file; nothing of what is from none."""
     if isinstance(value, IdentifiedCable):
-        return {"best": value.best, "models": _dicts(value.models)}
+        return {"best": value.best, "models": value.models}
     if isinstance(value, RecordedMotion):
         return hashlib.sha256(np.round(value.position, 9).tobytes() + np.round(value.time, 9).tobytes()).hexdigest()
     if isinstance(value, LawFile | PlantFile):
