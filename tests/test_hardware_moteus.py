@@ -1,6 +1,5 @@
 """A moteus board: frames, the driver against the twin in memory, what bring-up refuses, what frames cannot do."""
 
-import itertools
 import math
 import struct
 from collections.abc import Mapping
@@ -17,7 +16,6 @@ from bowden.hardware.buses.unix_bus import EXTENDED
 from bowden.hardware.drives import moteus_frames as frames
 from bowden.hardware.drives import moteus_setup
 from bowden.hardware.drives.families.moteus import FAMILY
-from bowden.hardware.drives.findings import INERT, LEFT
 from bowden.hardware.drives.moteus_drive import MoteusDrive
 from bowden.hardware.drives.moteus_faults import TIMED_OUT
 from bowden.hardware.drives.moteus_frames import BoardMode, NumberKind, Register
@@ -133,15 +131,6 @@ def test_a_board_is_brought_up_led_and_let_go_of() -> None:
     assert bus.node.bench.doing == OFF
 
 
-def test_enabling_moves_nothing_and_a_target_that_is_none_takes_the_torque_off() -> None:
-    bus = Bench().up()
-    before = bus.node.bench.motor
-    bus.drive.write(math.nan, Power.ON, bus.time)
-    bus.advance(1e-3)
-    assert bus.node.mode is BoardMode.STOPPED
-    assert bus.node.bench.motor == pytest.approx(before, abs=1e-3)
-
-
 def test_the_torque_is_off_40_ms_after_our_last_word_and_comes_back_by_an_order_alone() -> None:
     bus = Bench().up()
     last = bus.time
@@ -156,56 +145,10 @@ def test_the_torque_is_off_40_ms_after_our_last_word_and_comes_back_by_an_order_
     assert bus.run(30, Power.ON)[-1].drive_state == ENABLED
 
 
-def test_a_fault_is_told_once_kept_and_cleared_by_an_operator_alone() -> None:
-    bus = Bench().up()
-    bus.node.faults.inject(parse("drive_fault 0x22"))
-    readings = bus.run(20, Power.ON) + bus.run(20, Power.OFF)
-    assert [reading.emergency for reading in readings if reading.emergency] == [34.0]
-    assert readings[-1].drive_state == DriveState.FAULT
-    assert "over-voltage" in FAMILY.explain(34)
-    bus.run(20, Power.ON)
-    assert bus.node.mode is BoardMode.FAULT
-    bus.drive.reset_fault()
-    bus.run(5, Power.OFF)
-    assert bus.node.mode is BoardMode.STOPPED
-
-
-@pytest.mark.parametrize(
-    ("fault", "code"), [("inert", INERT), ("mode_left", LEFT)], ids=["inert motor", "a mode that is left"]
-)
-def test_what_a_board_does_not_say_is_seen_within_50_ms(fault: str, code: int) -> None:
-    bus = Bench().up()
-    bus.run(100, Power.ON, speed=0.35)
-    bus.node.faults.inject(parse(fault))
-    readings = bus.run(50, Power.ON, speed=0.35)
-    assert code in {reading.emergency for reading in readings}
-    healthy = Bench().up().run(400, Power.ON, speed=0.35)
-    assert {reading.emergency for reading in healthy} == {0.0}
-
-
-def test_replies_of_another_board_are_no_readings_and_those_to_another_master_are_foreign() -> None:
-    bus = Bench().up()
-    bus.node.faults.inject(parse("foreign_replies"))
-    readings = bus.run(50, Power.ON)
-    assert {reading.foreign for reading in readings} == {0.0}
-    bus.put(0x8001 | EXTENDED, b"\x01\x00\x00")
-    bus.put(0x0100, b"\x21\x00\x0a")
-    assert bus.drive.read(bus.time).foreign == 2.0
-
-
 def test_fields_at_their_ends_are_no_small_currents() -> None:
     bus = Bench().up()
     bus.node.faults.inject(parse("saturated"))
     assert abs(bus.run(5, Power.ON)[-1].current) > 3000.0
-
-
-def test_bit_errors_of_a_loosened_ground_are_counted_and_lead_to_no_wrong_reading() -> None:
-    bus = Bench().up()
-    bus.node.faults.inject(parse("bit_errors 0.01"))
-    readings = bus.run(2000, Power.ON, speed=0.1)
-    assert 5 <= readings[-1].bus_errors <= 50
-    steps = [abs(b.motor - a.motor) for a, b in itertools.pairwise(readings)]
-    assert max(steps) < 0.02
 
 
 @pytest.mark.parametrize(

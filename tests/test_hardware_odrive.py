@@ -1,6 +1,5 @@
 """An ODrive board: frames, the driver against the twin in memory, what bring-up refuses, what frames cannot do."""
 
-import itertools
 import json
 import math
 from collections.abc import Mapping
@@ -14,11 +13,9 @@ from hypothesis import strategies as st
 from bowden.core.errors import DriveError, ParameterError
 from bowden.core.signals import EMERGENCY_STOP, DriveReading, DriveState
 from bowden.hardware.buses.link import Links
-from bowden.hardware.buses.unix_bus import REMOTE
 from bowden.hardware.drives import odrive_endpoints, odrive_setup
 from bowden.hardware.drives import odrive_frames as frames
 from bowden.hardware.drives.families.odrive import FAMILY
-from bowden.hardware.drives.findings import INERT, LEFT
 from bowden.hardware.drives.odrive_drive import OdriveDrive
 from bowden.hardware.drives.odrive_faults import ERRORS, UNTOLD, code_of
 from bowden.hardware.drives.odrive_frames import AxisState, Cmd, Scales, Target, identifier_of
@@ -112,18 +109,6 @@ def test_a_board_is_brought_up_led_and_let_go_of_with_its_joint() -> None:
     assert bus.drive.close() is TorqueLeft.OFF
 
 
-def test_enabling_moves_nothing_and_a_target_that_is_none_takes_the_torque_off() -> None:
-    bus = Bench().up()
-    before = bus.node.bench.motor
-    for target in (math.nan, math.inf, 1e9):
-        bus.run(30, Power.ON)
-        bus.drive.write(target, Power.ON, bus.time)
-        bus.advance(1e-3)
-        assert not bus.powered
-        bus.run(10, Power.OFF)
-    assert bus.node.bench.motor == pytest.approx(before, abs=2e-3)
-
-
 def test_closed_loop_is_asked_for_once() -> None:
     bus = Bench()
     bus.drive.bring_up()
@@ -158,19 +143,6 @@ def test_a_watchdog_that_does_not_run_while_idle_is_read_and_said_to_be_untried(
     assert "read back and not tried" in Bench({"watchdog_idle": 0.0}).drive.bring_up()
 
 
-def test_a_fault_is_told_once_kept_and_cleared_by_an_operator_alone() -> None:
-    bus = Bench().up()
-    bus.inject("drive_fault 10")
-    readings = bus.run(20, Power.ON) + bus.run(20, Power.OFF)
-    assert [reading.emergency for reading in readings if reading.emergency] == [10.0]
-    assert readings[-1].drive_state == DriveState.FAULT
-    assert "DC_BUS_UNDER_VOLTAGE" in FAMILY.explain(10)
-    bus.run(20, Power.ON)
-    assert not bus.powered
-    bus.drive.reset_fault()
-    assert bus.run(20, Power.OFF)[-1].drive_state == IDLE
-
-
 def test_every_error_of_the_protocol_has_a_text_of_its_own() -> None:
     texts = {FAMILY.explain(code_of(flag)) for flag in ERRORS}
     assert len(texts) == len(ERRORS)
@@ -201,48 +173,6 @@ def test_a_board_that_refuses_closed_loop_is_told() -> None:
     bus.run(20, Power.OFF)
     bus.node._request = lambda state, now: None  # type: ignore[method-assign]
     assert UNTOLD in {reading.emergency for reading in bus.run(700, Power.ON)}
-
-
-@pytest.mark.parametrize(
-    ("fault", "code"), [("inert", INERT), ("mode_left", LEFT)], ids=["inert motor", "a mode that is left"]
-)
-def test_what_a_board_does_not_say_is_seen_within_50_ms(fault: str, code: int) -> None:
-    bus = Bench().up()
-    bus.run(100, Power.ON, speed=0.35)
-    bus.inject(fault)
-    assert code in {reading.emergency for reading in bus.run(50, Power.ON, speed=0.35)}
-    healthy = Bench().up().run(400, Power.ON, speed=0.35)
-    assert {reading.emergency for reading in healthy} == {0.0}
-
-
-def test_a_board_that_has_restarted_is_not_believed_before_it_is_brought_up_again() -> None:
-    bus = Bench().up()
-    bus.inject("reboot")
-    readings = bus.run(600, Power.OFF)
-    assert math.isnan(readings[-1].motor)
-    assert readings[-1].drive_state == DriveState.NOT_READY_TO_SWITCH_ON
-    bus.run(50, Power.ON)
-    assert not bus.powered
-    bus.up()
-
-
-def test_frames_of_another_board_are_no_readings_and_those_of_another_master_are_foreign() -> None:
-    bus = Bench().up()
-    bus.inject("foreign_replies")
-    assert {reading.foreign for reading in bus.run(50, Power.ON)} == {0.0}
-    bus.drain()
-    bus.put(identifier_of(1, Cmd.SET_INPUT_POS), bytes(8))
-    bus.put(identifier_of(1, Cmd.GET_IQ) | REMOTE, b"")
-    bus.put(identifier_of(frames.BROADCAST, Cmd.ESTOP), b"")
-    assert bus.drive.read(bus.time).foreign == 3.0
-
-
-def test_bit_errors_of_a_loosened_ground_are_counted_and_lead_to_no_wrong_reading() -> None:
-    bus = Bench().up()
-    bus.inject("bit_errors 0.01")
-    readings = bus.run(1000, Power.ON, speed=0.1)
-    assert 20 <= readings[-1].bus_errors <= 140
-    assert max(abs(b.motor - a.motor) for a, b in itertools.pairwise(readings)) < 0.02
 
 
 @pytest.mark.parametrize(

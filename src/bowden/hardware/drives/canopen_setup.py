@@ -22,7 +22,7 @@ from bowden.hardware.drives.scale import Scale, SuitScale
 FAULT_SIGNAL = 1
 """6007h, abort connection option code: a lost heartbeat is a fault, and so it is latched."""
 DISABLE_VOLTAGE = 2
-"""6007h for a drive that refuses the former: torque off, and `cia402.fell` keeps it off."""
+"""6007h for a drive that refuses the former: torque off, and `Driver` keeps it off."""
 DISABLE = 0
 """605Eh fault reaction, 605Bh shutdown, 605Ch disable operation: torque off at once."""
 SLOW_DOWN_AND_DISABLE = 2

@@ -1,7 +1,5 @@
 """Which moteus boards are on a bus: all are asked at once who they are and what they do; nothing is written."""
 
-import time
-
 from bowden.hardware.buses.link import BusPlace, Links
 from bowden.hardware.drives import moteus_frames as frames
 from bowden.hardware.drives.checklist import LISTENING, send_now
@@ -28,9 +26,10 @@ def probe(drive: MoteusParameters, links: Links) -> list[FoundDevice]:
     question += frames.subframe(frames.READ, NumberKind.INT32, Register.MODEL, 3)
     found: dict[int, FoundDevice] = {}
     with joined(place, drive.node_id, links) as port:
-        MoteusDialogue(port, drive).bus.listen(LISTENING)
+        bus = MoteusDialogue(port, drive).bus
+        bus.listen(LISTENING)
 
-        def looked_at(identifier: int, data: bytes) -> bool:
+        def looked_at(identifier: int, data: bytes) -> None:
             node, receiver = identifier >> 8 & 0x7F, identifier & 0xFF
             ours = receiver == drive.host_id and frames.prefix_of(identifier) == drive.can_prefix
             told, failed, _ = frames.replied(data)
@@ -39,10 +38,7 @@ def probe(drive: MoteusParameters, links: Links) -> list[FoundDevice]:
                 version = f"{firmware >> 16 & 0xFF}.{firmware >> 8 & 0xFF}.{firmware & 0xFF}"
                 said = f"model 0x{int(told[Register.MODEL]) & 0xFFFF_FFFF:X}, firmware {version}"
                 found[node] = FoundDevice(node, "moteus board", said, state_of(int(told[Register.MODE])).name)
-            return False
 
         send_now(port.bus, message(everybody, question, reply=True))
-        ends = time.monotonic() + drive.answer_timeout
-        while (left := ends - time.monotonic()) > 0.0:
-            port.wait_for(looked_at, left)
+        bus.wait(drive.answer_timeout, looked_at)
     return [found[node] for node in sorted(found)]
