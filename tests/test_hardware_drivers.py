@@ -13,7 +13,6 @@ from bowden.hardware.buses.unix_bus import EXTENDED, REMOTE
 from bowden.hardware.drives import ak_drive, canopen_setup, moteus_setup, odrive_setup
 from bowden.hardware.drives import canopen_frames as canopen
 from bowden.hardware.drives.ak_parameters import AkParameters
-from bowden.hardware.drives.family import family_of
 from bowden.hardware.drives.findings import INERT, LEFT
 from bowden.hardware.drives.moteus_parameters import MoteusParameters
 from bowden.hardware.drives.odrive_frames import BROADCAST, Cmd, identifier_of
@@ -27,9 +26,10 @@ from bowden.hardware.twin.injection import parse
 from bowden.hardware.twin.moteus_node import MoteusNode
 from bowden.hardware.twin.odrive_node import OdriveNode
 from bowden.hardware.twin.plant import OFF
-from bowden.rig.presets.bench import bench
+from bowden.models.cable.sheath_path import constant_bend
+from bowden.plants.presets.bench import bench
+from bowden.rig.families import family_of
 from bowden.rig.rig import Rig
-from bowden.sim.scenario import constant_bend
 from support.memory_bus import MemoryBus
 
 ENABLED, FAULT = DriveState.OPERATION_ENABLED, DriveState.FAULT
