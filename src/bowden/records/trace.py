@@ -65,7 +65,8 @@ def _meant(trace: "Trace", name: str) -> str:
     {
         **dict.fromkeys(("to_frame", "to_dataframe", "dataframe", "df"), "trace.to_pandas() or trace.to_polars()"),
         **dict.fromkeys(
-            ("save", "to_file", "to_csv", "to_parquet", "to_npz"), 'trace.write("run.npz"), .csv or .parquet'
+            ("save", "to_file", "to_csv", "to_parquet", "to_npz"),
+            "trace.write(path): .npz, .csv or .parquet",
         ),
         **dict.fromkeys(("load", "from_file", "from_csv", "from_parquet"), "bowden.read_trace(path)"),
         **dict.fromkeys(("show", "draw"), "trace.plot()"),
