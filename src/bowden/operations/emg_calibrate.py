@@ -36,6 +36,8 @@ class EmgCalibration(Result["MuscleCalibration"]):
     them."""
     _: KW_ONLY
     wearer: "MuscleCalibration"
+    little: tuple[str, ...] = ()
+    """What was left out that is too little for a warning."""
 
     @property
     def value(self) -> "MuscleCalibration":
@@ -100,14 +102,15 @@ def emg_calibrate(
     kind = detector_named(detector)
     if (recording is None) == (source is None):
         given = argument("source").rstrip("=")
-        both = f"both a recording and a {given} are given"
-        raise ParameterError(both if source else f"neither a recording nor a {given} is given", expected="one of them")
+        said = f"{'both a' if source else 'neither a'} recording {'and' if source else 'nor'} a {given}"
+        raise ParameterError(f"{said} {'are' if source else 'is'} given", expected="one of them")
     wearer_file.check_mains(mains, argument("mains").rstrip("="))
     if source is not None:
         if rest is not None or rate is not None:
             what = f"{argument('rest')} and {argument('rate')} are for recordings"
             raise ParameterError(what, do=f"leave them out with {argument('source')}")
         with reported(progress, "emg_calibrate") as report:
+            little: list[str] = []
             wearer, left_out, notes = _from_stream(source, channel, lasting, mains, kind, report, tell or print)
     else:
         log = recording_of(recording, channel, rate, "emg_calibrate")
@@ -116,8 +119,18 @@ def emg_calibrate(
         left_out = sum(parts.values())
         notes = [*log.warnings, *(() if calm is None else calm.warnings), *odd]
         notes += [note for note, seconds in parts.items() if seconds >= _MUCH]
+        little = [note for note, seconds in parts.items() if seconds < _MUCH]
     found = wearer_file.check(wearer, wearer.source)
-    return EmgCalibration(found.rest, found.mvc, found.sigma, found.channel, left_out, wearer=found, notes=tuple(notes))
+    return EmgCalibration(
+        found.rest,
+        found.mvc,
+        found.sigma,
+        found.channel,
+        left_out,
+        wearer=found,
+        little=tuple(little),
+        notes=tuple(notes),
+    )
 
 
 def _from_stream(

@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from bowden.views.text import Call
+from bowden.views.text import Call, note
 
 if TYPE_CHECKING:
     from bowden.operations.emg_calibrate import EmgCalibration
@@ -24,6 +24,8 @@ def write_emg_calibrate(found: "EmgCalibration", call: Call, *, out: Path = Path
 
 
 def show_emg_calibrate(found: "EmgCalibration", call: Call) -> None:
-    """Both levels."""
+    """Both levels, and what was left out for them."""
+    for text in found.little:
+        note(text)
     unit = f"envelopes, in the unit of {found.channel}"
     print(f"rest {found.rest:.4g}, MVC {found.mvc:.4g} ({unit}) → {call['out']}")

@@ -96,7 +96,7 @@ def parameters(function: Callable[..., Any]) -> dict[str, OperationParameter]:
     for name, one in inspect.signature(function).parameters.items():
         if one.kind is inspect.Parameter.VAR_KEYWORD:
             continue
-        switch, kind, given = Switch(), one.annotation, one.annotation
+        switch, kind, given, several = Switch(), one.annotation, one.annotation, False
         while typing.get_origin(given) in (Annotated, types.UnionType, typing.Union):
             if typing.get_origin(given) is Annotated:
                 given, *marks = typing.get_args(given)
@@ -105,9 +105,10 @@ def parameters(function: Callable[..., Any]) -> dict[str, OperationParameter]:
             else:
                 inside = [part for part in typing.get_args(given) if part is not types.NoneType]
                 given = kind = inside[0]
+                several = several or len(inside) > 1
                 if switch != Switch():
                     break
-        plain = kind if switch.kind in (None, Role.PYTHON) else None
+        plain = kind if switch.kind in (None, Role.PYTHON) and not several else None
         kind = switch.kind or kind
         needed = one.default is inspect.Parameter.empty and one.kind is not inspect.Parameter.KEYWORD_ONLY
         found[name] = OperationParameter(
