@@ -226,7 +226,7 @@ class AkDrive(Driver):
         self._lost = self._lost or now - self._replied_at > LOST
         if self._lost:
             readings.motor = math.nan
-        self._see(self._standing())
+        self._update_state(self._standing())
         return readings.reading(now, self._state, self._host.errors)
 
     def _take(self, reply: AkReply, now: float) -> None:

@@ -159,8 +159,8 @@ class CanopenDrive(Driver):
         if drive.emergency_stop_input >= 0 and (missing or not self._stop_released):
             readings.stopped()
         self._inputs_age += 1
-        self._see(self._statusword_state if self._operational else DriveState.NOT_READY_TO_SWITCH_ON)
-        self._see_inert(self._lag, now)
+        self._update_state(self._statusword_state if self._operational else DriveState.NOT_READY_TO_SWITCH_ON)
+        self._check_inert(self._lag, now)
         if self._unwatched and self._operational:
             readings.found(UNWATCHED)
         readings.sampled = self._written

@@ -49,7 +49,7 @@ def nobody_there(error: Exception) -> DriveError:
 
 
 class Conversation:
-    """Questions and answers with one drive, and an ear for other masters.
+    """Questions and answers with one drive; frames of other masters are noticed.
 
     Args:
         port: of its bus, while no cycle runs.

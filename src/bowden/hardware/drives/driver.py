@@ -105,7 +105,7 @@ class Driver(ABC):
         self._target = self._written = math.nan  # of the cycle before [rad], [s]
         self._readings.begin()
 
-    def _see(self, state: DriveState) -> None:
+    def _update_state(self, state: DriveState) -> None:
         """Where the drive is in this cycle."""
         self._before, self._state = self._state, state
 
@@ -120,7 +120,7 @@ class Driver(ABC):
         self._fell = power is not Power.OFF and (self._fell or left)
         return self._fell
 
-    def _see_inert(self, watch: LagWatch, now: float) -> None:
+    def _check_inert(self, watch: LagWatch, now: float) -> None:
         """Whether the motor does not follow a target that it is to follow."""
         readings, led = self._readings, self._state is DriveState.OPERATION_ENABLED and self._led >= SETTLED
         fresh = readings.motor_age == 0.0

@@ -97,10 +97,10 @@ class MoteusDrive(Driver):
         self._lost = self._lost or now - self._replied > LOST
         if self._lost:
             readings.motor, state = math.nan, DriveState.NOT_READY_TO_SWITCH_ON
-        self._see(state)
+        self._update_state(state)
         if self._asked and self._before is DriveState.OPERATION_ENABLED is not state and state is not DriveState.FAULT:
             readings.found(TIMED_OUT if self._timed_out else LEFT)
-        self._see_inert(self._lag, now)
+        self._check_inert(self._lag, now)
         return readings.reading(now, state, self._host.errors)
 
     def _take(self, reply: frames.MoteusReply, found: MoteusFindings, now: float) -> DriveState:

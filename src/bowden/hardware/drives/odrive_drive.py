@@ -120,7 +120,7 @@ class OdriveDrive(Driver):
             self._lost = True
         if self._lost:
             readings.motor = math.nan
-        self._see(self._standing())
+        self._update_state(self._standing())
         self._judge(now)
         return readings.reading(now, self._state, self._host.errors)
 
@@ -182,7 +182,7 @@ class OdriveDrive(Driver):
             readings.found(UNTOLD)
         if self._unwatched and not self._lost:
             readings.found(UNWATCHED)
-        self._see_inert(self._lag, now)
+        self._check_inert(self._lag, now)
 
     def write(self, target: float, power: Power, now: float, torque: float = 0.0) -> None:
         """See `hardware.ports.Drive.write`.

@@ -96,11 +96,11 @@ class AkNode(TwinNode):
 
     def receive(self, identifier: int, data: bytes, now: float) -> None:
         """See `TwinNode.receive`."""
-        if self._destroyed(now):
+        if self._is_destroyed(now):
             return
         if self._encoder is not None and identifier != self._drive.node_id:
             self._encoder.receive(identifier, data, now)
-        if identifier != self._drive.node_id or len(data) != 8 or not self._hears(now):
+        if identifier != self._drive.node_id or len(data) != 8 or not self._is_receiving(now):
             return
         self._move(now)  # up to here under the command before
         self.host = now
@@ -162,7 +162,7 @@ class AkNode(TwinNode):
         """Whether the motor may have torque, by mode and gains."""
         self._power(now, on=self._moded and self._gains, why=why)
 
-    def _motor_does(self, now: float, span: float) -> Doing:
+    def _command_motor(self, now: float, span: float) -> Doing:
         bench = self.bench
         self._order(now)
         doing = self._follow_or_inert(now, FOLLOW if self._powered else OFF)

@@ -107,7 +107,7 @@ class CanopenNode(TwinNode):
 
     def receive(self, cob_id: int, data: bytes, now: float) -> None:
         """See `TwinNode.receive`."""
-        if not self._hears(now):
+        if not self._is_receiving(now):
             return
         node = self._drive.node_id
         if cob_id == frames.SYNC and not data:
@@ -125,12 +125,12 @@ class CanopenNode(TwinNode):
         elif cob_id == frames.HEARTBEAT + (self.objects[0x1016, 1] >> 16 & 0x7F) and self.objects[0x1016, 1]:
             self.host, self._watching = now, True
 
-    def _starts(self, now: float) -> None:
+    def _boot(self, now: float) -> None:
         self._journal(now, "boot", "")
         self.nmt, self.state = frames.PRE_OPERATIONAL, DriveState.SWITCH_ON_DISABLED
         self._emit(frames.HEARTBEAT, bytes((frames.BOOT_UP,)), now)
 
-    def _sends(self, now: float) -> None:
+    def _send_cyclic(self, now: float) -> None:
         if self._booted and self.objects[0x1017, 0] and now >= self._next_heartbeat:
             self._next_heartbeat = max(self._next_heartbeat + 1e-3 * self.objects[0x1017, 0], now)
             self._emit(frames.HEARTBEAT, bytes((self.nmt,)), now)
@@ -229,7 +229,7 @@ class CanopenNode(TwinNode):
         elif self._booted:
             self._enter(DriveState.FAULT, now)
 
-    def _motor_does(self, now: float, span: float) -> Doing:
+    def _command_motor(self, now: float, span: float) -> Doing:
         if self.state is DriveState.OPERATION_ENABLED:
             low, high = self.objects[0x607D, 1], self.objects[0x607D, 2]
             if not low < high or low <= self._target <= high:

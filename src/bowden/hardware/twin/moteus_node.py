@@ -140,7 +140,7 @@ class MoteusNode(TwinNode):
     def receive(self, identifier: int, data: bytes, now: float) -> None:
         """A frame from the bus; whether its identifier is an extended one does not count."""
         prefix = self._drive.can_prefix
-        if not self._hears(now) or identifier & REMOTE:
+        if not self._is_receiving(now) or identifier & REMOTE:
             return
         source, receiver = identifier >> 8 & 0xFF, identifier & 0xFF
         if frames.prefix_of(identifier) != prefix or receiver not in (self._drive.node_id, frames.BROADCAST):
@@ -386,7 +386,7 @@ class MoteusNode(TwinNode):
         self._journal(now, "fault", f"{code}")
         self._enter(BoardMode.FAULT, now)
 
-    def _motor_does(self, now: float, span: float) -> Doing:
+    def _command_motor(self, now: float, span: float) -> Doing:
         bench = self.bench
         self._watch(now)
         doing = self._doing(now)

@@ -111,7 +111,7 @@ class TwinNode(ABC):
         """What happens with time: the watchdog over the host, an emergency stop, the way to torque."""
 
     @abstractmethod
-    def _motor_does(self, now: float, span: float) -> Doing:
+    def _command_motor(self, now: float, span: float) -> Doing:
         """What the motor does from now on, whose target is set; a `span` [s] has passed since the last time."""
 
     @abstractmethod
@@ -122,11 +122,11 @@ class TwinNode(ABC):
     def _standing(self) -> tuple[DriveState, int, dict[str, Any]]:
         """State, error code, 0 for none, and what else this family knows of itself."""
 
-    def _starts(self, now: float) -> None:
+    def _boot(self, now: float) -> None:
         """It has started, which some families say on the bus."""
         self._journal(now, "boot", "")
 
-    def _sends(self, now: float) -> None:
+    def _send_cyclic(self, now: float) -> None:
         """What goes out by itself: frames that wait, of some families a heartbeat."""
         self._outbox.tick(now)
 
@@ -148,17 +148,17 @@ class TwinNode(ABC):
         """Let time pass: faults, watchdog, plant, what is sent by itself, frames that wait."""
         if now >= self._ready and not self._booted:
             self._booted = True
-            self._starts(now)
+            self._boot(now)
         for injection in self.faults.due(now):
-            self._happen(injection, now)
+            self._apply_event(injection, now)
         self._watch(now)
         if now - self._moved >= STEP:
             self._move(now)
         if self._encoder is not None:
             self._encoder.tick(now)
-        self._sends(now)
+        self._send_cyclic(now)
 
-    def _happen(self, injection: Injection, now: float) -> None:
+    def _apply_event(self, injection: Injection, now: float) -> None:
         """A fault that happens once."""
         if injection.name == "reboot":
             self._journal(now, "reboot", "")
@@ -180,11 +180,11 @@ class TwinNode(ABC):
         self._ready, self._booted = now + REBOOT_TIME, False
         self._power_up()
 
-    def _hears(self, now: float) -> bool:
+    def _is_receiving(self, now: float) -> bool:
         """Whether it takes a frame in."""
         return now >= self._ready and not self.faults.active("deaf", now)
 
-    def _destroyed(self, now: float) -> bool:
+    def _is_destroyed(self, now: float) -> bool:
         """Whether a bit error destroys this frame of the host."""
         if self.faults.destroys(now):
             self._send(ERROR | BIT_ERROR, bytes(8))
@@ -210,7 +210,7 @@ class TwinNode(ABC):
         """Move the plant on, and see to the drive's own limits."""
         bench, span, self._moved = self.bench, min(LONGEST_STEP, now - self._moved), now
         self.faults.damage(bench, now)
-        bench.doing = self._motor_does(now, span)
+        bench.doing = self._command_motor(now, span)
         bench.advance(now)
         if hot := self.faults.active("over_temperature", now):
             bench.temperature = hot.amount

@@ -131,14 +131,14 @@ class OdriveNode(TwinNode):
 
     def receive(self, identifier: int, data: bytes, now: float) -> None:
         """A frame from the bus; `buses.unix_bus.REMOTE` marks a question, and so does a frame without data."""
-        if self._destroyed(now):
+        if self._is_destroyed(now):
             return
         plain = identifier & ~REMOTE
         number, cmd = plain >> 5, plain & 0x1F
         mine = plain <= frames.HIGHEST_ID and number in (self._drive.node_id, frames.BROADCAST)
         if self._encoder is not None and not mine and not identifier & REMOTE:
             self._encoder.receive(identifier, data, now)
-        if not mine or not self._hears(now):
+        if not mine or not self._is_receiving(now):
             return
         self.host = now
         asked = bool(identifier & REMOTE) or not data
@@ -225,7 +225,7 @@ class OdriveNode(TwinNode):
             self.disarmed |= flag
             self._enter(AxisState.IDLE, now, f"error 0x{flag:X}")
 
-    def _sends(self, now: float) -> None:
+    def _send_cyclic(self, now: float) -> None:
         beat, estimate = 1e-3 * self._set[settings.BEAT_EVERY], 1e-3 * self._set[ENCODER_EVERY]
         if self._booted and beat > 0.0 and now >= self._next_beat:
             self._next_beat = max(self._next_beat + beat, now)
@@ -248,7 +248,7 @@ class OdriveNode(TwinNode):
         if runs and now >= self._ready and now - self._fed >= limit:
             self._fail(WATCHDOG, now)
 
-    def _motor_does(self, now: float, span: float) -> Doing:
+    def _command_motor(self, now: float, span: float) -> Doing:
         bench = self.bench
         self._watch(now)
         armed = self.state is AxisState.CLOSED_LOOP_CONTROL
