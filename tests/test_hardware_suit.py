@@ -7,9 +7,10 @@ import pytest
 
 from bowden.core.errors import DriveError, ParameterError
 from bowden.core.units import RADIANS
+from bowden.cycle.one_cycle import NOTHING_OBSERVED
 from bowden.cycle.torque_offset import TorqueOffset
 from bowden.hardware.buses.link import Links
-from bowden.hardware.drives.canopen_drive import NOTHING, CanopenDrive
+from bowden.hardware.drives.canopen_drive import CanopenDrive
 from bowden.hardware.drives.homing import zeroed
 from bowden.hardware.drives.parameters import DriveParameters, joint_scale, motor_scale
 from bowden.hardware.drives.scale import Scale, SuitScale
@@ -61,7 +62,7 @@ def test_home_is_an_angle_of_the_joint() -> None:
 
 def test_a_position_is_given_its_angles_in_the_joints_coordinate() -> None:
     was = motor_scale(DRIVE).angle(20_000)
-    wanted = zeroed(DRIVE, NOTHING._replace(motor=was, joint=0.1), motor=0.3, joint=0.2)
+    wanted = zeroed(DRIVE, NOTHING_OBSERVED.reading._replace(motor=was, joint=0.1), motor=0.3, joint=0.2)
     assert motor_scale(wanted).angle(20_000) == pytest.approx(0.3, abs=1e-9)
     assert joint_scale(wanted).angle(1000) - joint_scale(DRIVE).angle(1000) == pytest.approx(0.1, abs=1e-12)
 
