@@ -114,7 +114,9 @@ def emg_calibrate(
             wearer, left_out, notes = _from_stream(source, channel, lasting, mains, kind, report, tell or print)
     else:
         log = recording_of(recording, channel, rate, "emg_calibrate")
-        calm = None if rest is None else recording_of(rest, None if channel is None else log.channel, rate, "rest")
+        files = isinstance(recording, str | Path) and isinstance(rest, str | Path)
+        same = log.channel if files or channel is not None else None
+        calm = None if rest is None else recording_of(rest, same, rate, "rest")
         wearer, parts, odd = calibrated(log, calm, mains, kind)
         left_out = sum(parts.values())
         notes = [*log.warnings, *(() if calm is None else calm.warnings), *odd]
