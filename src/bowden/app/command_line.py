@@ -113,9 +113,8 @@ def _called(
 
 def _shown(view: Any, found: Result[Any], call: Call, json: bool, rigs: list[Any]) -> int | None:
     """Print a result: as one document, or as its view has it, which may say how the command ends."""
-    told = getattr(found, "warnings", ()) if json else ()  # the document has these
     for text in found.notes:
-        if text not in told:
+        if not (json and text in found.needless):
             note(text)
     trust = _trust(found, rigs)
     if json and found.whole_document is not None:

@@ -91,7 +91,9 @@ def emg_stream(
     played = (f"lsl:{called}#{source}", tuple(log.channels), log.rate * speed, lasting)
     try:
         with _until_stopped() as stopped, _bar(progress, lasting) as show:
-            yield EmgStreamed(*played, called, source, log.unit, notes=tuple(log.warnings), sent=(sent,))
+            yield EmgStreamed(
+                *played, called, source, log.unit, notes=tuple(log.warnings), needless=tuple(log.warnings), sent=(sent,)
+            )
             sent.append(replay(outlet, log.values, log.rate * speed, loop, stopped, show, wait))
     finally:
         outlet.close()
@@ -147,7 +149,9 @@ def emg_serve(
     source = f"trigno:{host}:{server.ports.command}:{server.ports.emg}"
     try:
         with _until_stopped() as stopped, _bar(progress, lasting) as show:
-            yield EmgServed(source, tuple(log.channels), log.rate, lasting, notes=tuple(log.warnings))
+            yield EmgServed(
+                source, tuple(log.channels), log.rate, lasting, notes=tuple(log.warnings), needless=tuple(log.warnings)
+            )
             server.serve(stopped, show)
     finally:
         server.close()
