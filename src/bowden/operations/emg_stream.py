@@ -83,7 +83,8 @@ def emg_stream(
     called = recording.name.partition(".")[0] if name is None else name
     source = f"bowden-{called}" if source_id is None else source_id
     if not called or "'" in called + source:
-        what = f"{argument('name', called)} and {argument('source_id', source)}"
+        name_, id_ = (argument(one).rstrip("=") for one in ("name", "source_id"))
+        what = f"{name_} is {called!r} and {id_} {source!r}"
         raise ParameterError(what, expected="a name; no quotes in either")
     check_alone(called, source)
     outlet = LslOutlet(called, log.rate * speed, log.channels, log.unit, source)
