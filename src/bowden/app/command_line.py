@@ -54,7 +54,7 @@ def command(operation: Operation) -> Callable[..., None]:
                     where = next((given[name] for name, one in offered.items() if one.is_folder), None)
                     place = f"written to {where or call.files[-1]}" if call.files else "not written"
                     raise InterruptedPartway(f"{first.interrupted} {place}")
-                code = _shown(view, first, call, json, rigs)
+                code = _shown(view, first, call, json, rigs, writes=writer is not None)
                 if going_on:
                     sys.stdout.flush()
                     _ = [*found]
@@ -111,11 +111,10 @@ def _called(
     return operation.function(**values)
 
 
-def _shown(view: Any, found: Result[Any], call: Call, json: bool, rigs: list[Any]) -> int | None:
+def _shown(view: Any, found: Result[Any], call: Call, json: bool, rigs: list[Any], *, writes: bool) -> int | None:
     """Print a result: as one document, or as its view has it, which may say how the command ends."""
-    told = getattr(found, "warnings", ()) if json else ()  # the document has these
     for text in found.notes:
-        if text not in told:
+        if not (json and text in found.needless):
             note(text)
     trust = _trust(found, rigs)
     if json and found.whole_document is not None:
@@ -123,7 +122,7 @@ def _shown(view: Any, found: Result[Any], call: Call, json: bool, rigs: list[Any
         return None
     if json:
         document = json_of(found)
-        if call.files:
+        if writes:
             document.setdefault("files", json_of(call.files))
         if trust is not None:
             document.setdefault("trust", json_of(trust))

@@ -82,13 +82,7 @@ def check(progress: Progress, rig: Mapping[str, Any]) -> dict[str, Any]:
 
 _VERDICTS = ("holds", None, "little_margin", "limit_cycle", "does_not_hold")
 """From the best to the worst; None of a law that cannot be checked."""
-_UNCHECKED: Mapping[str, Any] = {
-    "holds": True,
-    "name": None,
-    "rows": [],
-    "gain_margin_db": None,
-    "phase_margin_deg": None,
-}
+_UNCHECKED: dict[str, Any] = {"holds": True, "name": None, "rows": [], "gain_margin_db": None, "phase_margin_deg": None}
 
 
 def _checked(progress: Progress, rig: Any, axis: str | None) -> dict[str, Any]:

@@ -111,15 +111,19 @@ def emg_calibrate(
             raise ParameterError(what, do=f"leave them out with {argument('source')}")
         with reported(progress, "emg_calibrate") as report:
             little: list[str] = []
-            wearer, left_out, notes = _from_stream(source, channel, lasting, mains, kind, report, tell or print)
+            wearer, left_out, needless = _from_stream(source, channel, lasting, mains, kind, report, tell or print)
+            notes = needless
     else:
         log = recording_of(recording, channel, rate, "emg_calibrate")
-        calm = None if rest is None else recording_of(rest, None if channel is None else log.channel, rate, "rest")
+        files = isinstance(recording, str | Path) and isinstance(rest, str | Path)
+        same = log.channel if files or channel is not None else None
+        calm = None if rest is None else recording_of(rest, same, rate, "rest")
         wearer, parts, odd = calibrated(log, calm, mains, kind)
         left_out = sum(parts.values())
-        notes = [*log.warnings, *(() if calm is None else calm.warnings), *odd]
+        notes = [*log.warnings, *(() if calm is None else calm.warnings)]
         notes += [note for note, seconds in parts.items() if seconds >= _MUCH]
         little = [note for note, seconds in parts.items() if seconds < _MUCH]
+        notes, needless = [*notes, *odd], notes
     found = wearer_file.check(wearer, wearer.source)
     return EmgCalibration(
         found.rest,
@@ -129,6 +133,7 @@ def emg_calibrate(
         left_out,
         wearer=found,
         little=tuple(little),
+        needless=tuple(needless),
         notes=tuple(notes),
     )
 

@@ -133,6 +133,7 @@ def emg_score(
         trouble_s=whole.trouble,
         warnings=tuple(log.warnings),
         notes=tuple(log.warnings),
+        needless=tuple(log.warnings),
         found=whole,
     )
 

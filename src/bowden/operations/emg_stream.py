@@ -83,15 +83,17 @@ def emg_stream(
     called = recording.name.partition(".")[0] if name is None else name
     source = f"bowden-{called}" if source_id is None else source_id
     if not called or "'" in called + source:
-        what = f"{argument('name', called)} and {argument('source_id', source)}"
+        name_, id_ = (argument(one).rstrip("=") for one in ("name", "source_id"))
+        what = f"{name_} is {called!r} and {id_} {source!r}"
         raise ParameterError(what, expected="a name; no quotes in either")
     check_alone(called, source)
     outlet = LslOutlet(called, log.rate * speed, log.channels, log.unit, source)
     lasting, sent = len(log.values) / (log.rate * speed), list[int]()
+    said = {"notes": tuple(log.warnings), "needless": tuple(log.warnings)}
     played = (f"lsl:{called}#{source}", tuple(log.channels), log.rate * speed, lasting)
     try:
         with _until_stopped() as stopped, _bar(progress, lasting) as show:
-            yield EmgStreamed(*played, called, source, log.unit, notes=tuple(log.warnings), sent=(sent,))
+            yield EmgStreamed(*played, called, source, log.unit, **said, sent=(sent,))
             sent.append(replay(outlet, log.values, log.rate * speed, loop, stopped, show, wait))
     finally:
         outlet.close()
@@ -144,10 +146,11 @@ def emg_serve(
     values = log.values * {"V": 1e3, "µV": 1e-3, "uV": 1e-3}.get(log.unit, 1.0)
     server = TrignoServer(values, log.rate, Ports(port, emg_port), host, loop, faults)
     lasting = len(values) / log.rate
+    said = {"notes": tuple(log.warnings), "needless": tuple(log.warnings)}
     source = f"trigno:{host}:{server.ports.command}:{server.ports.emg}"
     try:
         with _until_stopped() as stopped, _bar(progress, lasting) as show:
-            yield EmgServed(source, tuple(log.channels), log.rate, lasting, notes=tuple(log.warnings))
+            yield EmgServed(source, tuple(log.channels), log.rate, lasting, **said)
             server.serve(stopped, show)
     finally:
         server.close()

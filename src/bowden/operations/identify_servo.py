@@ -111,7 +111,7 @@ def _cycle_of(path: Path, given: float | None) -> float:
     own = 1e3 * rig.sample_time
     if given is not None and abs(given - own) > 1e-9 * own:
         what = f"{argument('sample_time_ms')} is {given:g}"
-        raise ParameterError(what, expected=f"{own:g}, as {path} has it", do="leave it out")
+        raise ParameterError(what, expected=f"{own:g}, as {path} has it", do="leave the option out")
     return own
 
 

@@ -266,7 +266,7 @@ def log_info(file: File, *, axis: str | None = None) -> LogInfo:
 
     found = read(file, needed(file))
     said = {"axes": {}} | facts(found if axis is None else found.axis(axis))
-    return made(LogInfo, said, file=file, notes=_doubts(found, file))
+    return made(LogInfo, said, file=file, **_doubts(found, file))
 
 
 def log_recover(
@@ -320,7 +320,7 @@ def log_export(file: File, *, out: Path | None = None, axis: str | None = None) 
     log = LogReader(file)
     columns = log.columns if axis is None else columns_of(log, axis)
     write_traces(traces(log, axis), target)
-    return LogExported((target,), log.count, tuple(columns), notes=_doubts(log, file))
+    return LogExported((target,), log.count, tuple(columns), **_doubts(log, file))
 
 
 def log_plot(file: File, *, axis: str | None = None) -> LogDrawn:
@@ -338,8 +338,7 @@ def log_plot(file: File, *, axis: str | None = None) -> LogDrawn:
     from bowden.live.mcap_read import read
 
     found = read(file)
-    notes = _doubts(found, file)
-    return LogDrawn(recording=found if axis is None else found.axis(axis), notes=notes)
+    return LogDrawn(recording=found if axis is None else found.axis(axis), **_doubts(found, file))
 
 
 def log_replay(file: File, *, law: str | None = None, trust_law: bool = False, axis: str | None = None) -> LogReplay:
@@ -370,7 +369,7 @@ def log_replay(file: File, *, law: str | None = None, trust_law: bool = False, a
     most = max(figures, key=lambda one: (one.verdicts_differing, one.command_largest))
     whole = {one.name: getattr(most, one.name) for one in fields(most)} | {"rig": hash_of(found.settings)}
     several = tuple(figures) if len(figures) > 1 else ()
-    return LogReplay(**whole, file=file, axes=several, differs=differs, notes=_doubts(found, file))
+    return LogReplay(**whole, file=file, axes=several, differs=differs, **_doubts(found, file))
 
 
 def _replayed(found: "Recording", law: str | None, axis: str) -> tuple[ReplayFigures, bool]:
@@ -404,8 +403,8 @@ def _other(target: Path, file: Path) -> Path:
     return target
 
 
-def _doubts(found: "Recording | LogReader", file: Path) -> tuple[str, ...]:
-    """Where a log is not what a run that ended well leaves."""
+def _doubts(found: "Recording | LogReader", file: Path) -> dict[str, Any]:
+    """Notes on where a log is not what a run that ended well leaves; `log_info` has the figures."""
     import shlex
     from glob import escape
 
@@ -420,7 +419,7 @@ def _doubts(found: "Recording | LogReader", file: Path) -> tuple[str, ...]:
         others = sorted(file.parent.glob(f"{escape(file.stem)}-again*.mcap"))
         join = f"; join it with its others: {recovering(file, *others)}" if others else ""
         notes.append(f"{found.missing} cycles of this run are not in {file}{join}")
-    return tuple(notes)
+    return {"notes": tuple(notes), "needless": tuple(notes)}
 
 
 GROUP = "What is in the log of a run, and what can be made of it."

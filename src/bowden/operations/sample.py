@@ -69,7 +69,9 @@ def sample(
     from bowden.core.files import whole_files
 
     if not 0 <= seed < 2**32:
-        raise ParameterError(f"{argument('seed', seed)}", expected="a whole number from 0 to 4294967295")
+        raise ParameterError(
+            f"{argument('seed').rstrip('=')} is {seed}", expected="a whole number from 0 to 4294967295"
+        )
     files = _files(kind, seed)
     there = [name for name in files if (folder / name).exists()]
     if there and not force:

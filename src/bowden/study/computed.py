@@ -98,7 +98,7 @@ def run_alone(study: Study, number: int) -> dict[str, Trace]:
     runs = study.file.runs
     if not (isinstance(number, int) and 0 <= number < runs):
         raise ParameterError(
-            f"{argument('run', number)}, and {study.path} has {runs} runs",
+            f"{argument('run').rstrip('=')} is {number}, and {study.path} has {runs} runs",
             expected=f"a number from 0 to {runs - 1}",
         )
     rig, laws, fault = study.run(number)

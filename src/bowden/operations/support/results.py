@@ -34,6 +34,8 @@ class Result(ResultPart, Generic[Value]):
     _: KW_ONLY
     notes: tuple[str, ...] = ()
     """What the user should know."""
+    needless: tuple[str, ...] = ()
+    """Those of the notes that the figures say too: they do not stand beside a JSON document."""
     interrupted: str = ""
     """What was done before an interruption, up to where it was written; empty where there was no interruption."""
     cable_trust: Any = None
