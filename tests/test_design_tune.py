@@ -188,13 +188,19 @@ def test_the_search_for_the_nearest_rig_knows_the_cable_that_the_law_knew(monkey
     tuned_with: list[Law] = []
     module = importlib.import_module("bowden.design.tune")
     real = module.judge
-    monkeypatch.setattr(module, "judge", lambda task: (tuned_with.append(task.law), real(task))[1])
+
+    def judged(task: Task) -> Any:
+        tuned_with.append(task.law)
+        return real(task)
+
+    monkeypatch.setattr(module, "judge", judged)
     monkeypatch.setattr(module, "keeps", lambda _: False)
     monkeypatch.setattr(module, "easier", lambda bench, factor: [*easier(bench, 2.0)] if factor < 1.3 else [])
-    slow = {"delay": 3, "servo": {"natural_frequency": 20.0}, "law": "cascaded_pid", "duration": 5.0}
+    slow: dict[str, Any] = {"delay": 3, "servo": {"natural_frequency": 20.0}, "law": "cascaded_pid", "duration": 5.0}
     geared = default_bench().cable._replace(slope=3.0)
     model = bowden.CableModel("bouc_wen", geared._asdict() | {"initial_h": 0.0})
-    for cable in (geared, model):
+    cables: tuple[Any, ...] = (geared, model)
+    for cable in cables:
         rig = bowden.Rig(cable=cable, **slow)
         slope = rig.fitted().numbers["slope"]
         assert slope == pytest.approx(3.0, rel=0.1)

@@ -104,8 +104,8 @@ def answering_fields(kind: Kind) -> Kind:
         if name.startswith("_") or hasattr(kind, name):
             return object.__getattribute__(self, name)
         keys = {one.quantity.named(one.name): f"{one.name}, in {one.quantity.unit}" for one in declared(kind)}
-        units = {key: said for key, said in keys.items() if key not in kind.__annotations__}
-        raise AttributeError(answer(kind.__name__, name, kind.__annotations__, units))
+        units = {key: said for key, said in keys.items() if key not in made.__annotations__}
+        raise AttributeError(answer(kind.__name__, name, made.__annotations__, units))
 
     made.__getattr__ = missing
     return kind
