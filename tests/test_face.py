@@ -24,8 +24,7 @@ from bowden.core.errors import BowdenError, ParameterError
 from bowden.face.in_turn import in_turn
 from bowden.face.progress import reported
 from bowden.live.log_rig import rig_of_log
-from bowden.live.row import AT
-from bowden.live.session import Session
+from bowden.live.outcome import RunState, outcome
 from bowden.safety.faults import Fault
 from bowden.safety.state import Mode
 from live_runs import SHARED_LIMITS, tries
@@ -441,14 +440,8 @@ FROZEN = (
     ],
 )
 def test_how_a_run_ended_is_said(ended: Any, error: str, mode: Any, came: list[Fault], said: str) -> None:
-    session = Session.__new__(Session)
-    session.ended, session.error = ended, error
-    times = {fault: float(i) for i, fault in enumerate(came)}
-    axis: Any = SimpleNamespace(name="", came=times, mode=lambda row: row[AT["mode"]])
-    session.axes = (axis,)
-    session._remembers = True
-    session._last = None if mode is None else np.full(len(AT), float(mode))
-    assert said in session.outcome
+    axis: Any = SimpleNamespace(name="", came={fault: float(i) for i, fault in enumerate(came)})
+    assert said in outcome(RunState(ended, error, mode, (axis,), 0.5, on_twin=False))
 
 
 # errors
