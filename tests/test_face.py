@@ -448,9 +448,8 @@ FROZEN = (
     ],
 )
 def test_how_a_run_ended_is_said(ended: Any, error: str, mode: Any, came: list[Fault], said: str) -> None:
-    times = {fault: float(i) for i, fault in enumerate(came)}
-    axis: Any = SimpleNamespace(name="", came=times)
-    assert said in outcome(RunState(ended, error, mode, (axis,), patience=5.0, on_twin=False))
+    axis: Any = SimpleNamespace(name="", came={fault: float(i) for i, fault in enumerate(came)})
+    assert said in outcome(RunState(ended, error, mode, (axis,), 0.5, on_twin=False))
 
 
 # errors
