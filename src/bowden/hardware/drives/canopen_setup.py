@@ -13,7 +13,7 @@ from bowden.core.signals import DriveState
 from bowden.hardware.buses.opening import UNIX
 from bowden.hardware.drives import canopen_frames as frames
 from bowden.hardware.drives.canopen_dialogue import Dialogue, dialogue
-from bowden.hardware.drives.checklist import Limit, check_limits, refuse_torque
+from bowden.hardware.drives.checklist import DriveLimit, check_limits, refuse_torque
 from bowden.hardware.drives.cia402 import WITH_TORQUE, Controlword, OperationMode, decode, supports
 from bowden.hardware.drives.emergencies import HEARTBEAT_LOST, emergency_text
 from bowden.hardware.drives.parameters import DriveParameters, joint_scale, motor_scale
@@ -305,10 +305,10 @@ def _check_limits(node: Dialogue, drive: DriveParameters, motor: Scale | SuitSca
     own = [(*limit, node.read_if_there(*limit[3])) for limit in asked]
     check_limits(
         (
-            Limit("lowest motor angle", drive.lowest_motor, ends[0], "rad", "607Dh", lower=True),
-            Limit("highest motor angle", drive.highest_motor, ends[1], "rad", "607Dh"),
+            DriveLimit("lowest motor angle", drive.lowest_motor, ends[0], "rad", "607Dh", lower=True),
+            DriveLimit("highest motor angle", drive.highest_motor, ends[1], "rad", "607Dh"),
             *(
-                Limit(what, rig, count * size, unit_, f"{at[0]:04X}h")
+                DriveLimit(what, rig, count * size, unit_, f"{at[0]:04X}h")
                 for what, rig, unit_, at, size, count in own
                 if count is not None
             ),

@@ -152,7 +152,7 @@ def check_settings(name: str, read: Callable[[str], float], settings: Iterable[S
             )
 
 
-class Limit(NamedTuple):
+class DriveLimit(NamedTuple):
     """A limit of the rig against the drive's own; beyond it where it is larger, of a lower end where it is smaller."""
 
     what: str
@@ -165,7 +165,7 @@ class Limit(NamedTuple):
     lower: bool = False
 
 
-def check_limits(limits: Iterable[Limit], do: str) -> None:
+def check_limits(limits: Iterable[DriveLimit], do: str) -> None:
     """See that a rig is within the drive's own limits.
 
     Args:

@@ -21,7 +21,7 @@ from bowden.hardware.drives.checklist import (
     LISTENING,
     TRIES,
     Conversation,
-    Limit,
+    DriveLimit,
     Setting,
     check_limits,
     check_settings,
@@ -399,11 +399,13 @@ def _check_limits(
     asked = limits.speed * spool if drive.speed_limit > 0.0 else 0.0
     check_limits(
         (
-            Limit("lowest position", limits.low, _or(low, -math.inf), "turns", "servopos.position_min", lower=True),
-            Limit("highest position", limits.high, _or(high, math.inf), "turns", "servopos.position_max"),
-            Limit("speed limit", asked, speed * spool, "rad/s", "servo.max_velocity"),
-            Limit("current limit", drive.current_limit, current, "A", "servo.max_current_A"),
-            Limit("following error", drive.following_error, window * spool, "rad", "servo.fault_position_error"),
+            DriveLimit(
+                "lowest position", limits.low, _or(low, -math.inf), "turns", "servopos.position_min", lower=True
+            ),
+            DriveLimit("highest position", limits.high, _or(high, math.inf), "turns", "servopos.position_max"),
+            DriveLimit("speed limit", asked, speed * spool, "rad/s", "servo.max_velocity"),
+            DriveLimit("current limit", drive.current_limit, current, "A", "servo.max_current_A"),
+            DriveLimit("following error", drive.following_error, window * spool, "rad", "servo.fault_position_error"),
         ),
         "with moteus_tool",
     )

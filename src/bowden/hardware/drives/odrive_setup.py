@@ -20,7 +20,7 @@ from bowden.hardware.drives.checklist import (
     LISTENING,
     TRIES,
     Conversation,
-    Limit,
+    DriveLimit,
     Said,
     Setting,
     check_limits,
@@ -346,8 +346,8 @@ def _set_limits(board: OdriveDialogue, limits: OdriveLimits) -> None:
     again = "with odrivetool; where another rig ran before, switch the board off and on: its limits hold until then"
     check_limits(
         (
-            Limit("speed limit", limits.speed / (1.0 + SAME), own[0], "turns/s", settings.VELOCITY_LIMIT),
-            Limit("current limit", limits.current / (1.0 + SAME), own[1], "A", settings.CURRENT_LIMIT),
+            DriveLimit("speed limit", limits.speed / (1.0 + SAME), own[0], "turns/s", settings.VELOCITY_LIMIT),
+            DriveLimit("current limit", limits.current / (1.0 + SAME), own[1], "A", settings.CURRENT_LIMIT),
         ),
         again,
     )
