@@ -152,7 +152,6 @@ def test_a_fault_is_told_once_kept_and_cleared_by_an_operator_alone(name: str) -
 @pytest.mark.parametrize(
     ("name", "fault", "code"),
     [
-        ("cia402", "inert", INERT),
         *(
             (name, fault, code)
             for name in ("moteus", "odrive")
