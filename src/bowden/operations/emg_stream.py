@@ -89,7 +89,7 @@ def emg_stream(
     check_alone(called, source)
     outlet = LslOutlet(called, log.rate * speed, log.channels, log.unit, source)
     lasting, sent = len(log.values) / (log.rate * speed), list[int]()
-    said = {"notes": tuple(log.warnings), "needless": tuple(log.warnings)}
+    said: dict[str, Any] = {"notes": tuple(log.warnings), "needless": tuple(log.warnings)}
     played = (f"lsl:{called}#{source}", tuple(log.channels), log.rate * speed, lasting)
     try:
         with _until_stopped() as stopped, _bar(progress, lasting) as show:
@@ -146,7 +146,7 @@ def emg_serve(
     values = log.values * {"V": 1e3, "µV": 1e-3, "uV": 1e-3}.get(log.unit, 1.0)
     server = TrignoServer(values, log.rate, Ports(port, emg_port), host, loop, faults)
     lasting = len(values) / log.rate
-    said = {"notes": tuple(log.warnings), "needless": tuple(log.warnings)}
+    said: dict[str, Any] = {"notes": tuple(log.warnings), "needless": tuple(log.warnings)}
     source = f"trigno:{host}:{server.ports.command}:{server.ports.emg}"
     try:
         with _until_stopped() as stopped, _bar(progress, lasting) as show:
