@@ -121,10 +121,6 @@ def test_the_import_test_sees_what_it_should(source: str, wrong: bool) -> None:
     assert bool(wrong_imports(source, Path("sim/x.py"), "sim")) is wrong
 
 
-EXEMPT = ("rig.", "export.", "identify.cable.model", "plants.identified", "plants.model_file")
-"""Modules whose circles are left for now, by the beginning of their names."""
-
-
 def module_of(path: Path) -> str:
     """A module's name within the package."""
     return ".".join(path.relative_to(PACKAGE).with_suffix("").parts)
@@ -151,7 +147,6 @@ def in_circles(imports: dict[str, set[str]]) -> set[str]:
 
 def test_no_module_imports_itself_in_a_circle() -> None:
     sources = {module_of(path): path.read_text() for path in modules() if path.name != "__init__.py"}
-    sources = {name: source for name, source in sources.items() if not name.startswith(EXEMPT)}
     assert not in_circles({name: imported_modules(source, set(sources)) for name, source in sources.items()})
 
 

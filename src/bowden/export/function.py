@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from types import FunctionType, ModuleType
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -22,6 +22,7 @@ from bowden.export.kinds import (
     Row,
     Several,
     Struct,
+    Style,
     annotated,
     comments,
     field_kinds,
@@ -36,9 +37,6 @@ from bowden.export.kinds import (
     snake_case,
 )
 from bowden.export.source import KernelSource
-
-if TYPE_CHECKING:
-    from bowden.export.unit import Unit
 
 CHOICE, OR, AND, BITS, EQUAL, LESS, SUM, PRODUCT, UNARY, ATOM = range(10)
 """How strongly an operator of C binds; those of bits stand in brackets beside one another."""
@@ -109,6 +107,21 @@ class Local:
     """How often."""
 
 
+class _Unit(Protocol):
+    """What a function asks of the C unit that it becomes a part of (`bowden.export.unit.Unit`)."""
+
+    style: Style
+
+    def type(self, kind: Kind) -> str: ...
+    def member(self, member: IntEnum) -> Expression: ...
+    def number(self, value: Any) -> Expression: ...
+    def literal(self, value: Any, kind: Kind) -> str: ...
+    def constant(self, file: str, name: str, value: Any, said: str = "") -> Expression: ...
+    def helper(self, name: str, **words: str) -> str: ...
+    def shifted(self, kind: Row) -> str: ...
+    def call(self, function: Any, kinds: tuple[Kind, ...]) -> tuple[str, Kind]: ...
+
+
 class Function:
     """A kernel for arguments of certain kinds.
 
@@ -120,7 +133,7 @@ class Function:
         parts: what stands for the placeholders that it reaches.
     """
 
-    def __init__(self, unit: "Unit", function: FunctionType, kinds: tuple[Kind, ...], name: str, parts: Parts) -> None:
+    def __init__(self, unit: _Unit, function: FunctionType, kinds: tuple[Kind, ...], name: str, parts: Parts) -> None:
         self.unit, self.function, self.name, self.parts = unit, function, name, parts
         self.source = KernelSource(function)
         self.refused, self.outside = self.source.refused, self.source.outside

@@ -7,6 +7,7 @@ import threading
 from collections.abc import Callable, Iterator
 from dataclasses import KW_ONLY, dataclass
 from pathlib import Path
+from typing import Any
 
 from bowden.operations.support.operation import GivenProgress, Operation, Progress
 from bowden.operations.support.results import Result
