@@ -66,6 +66,7 @@ def short(kind: str, duration: float = 3.0) -> Rig:
     return RIGS[kind]().replace(duration=duration)
 
 
+@pytest.mark.filterwarnings("ignore:suit.drive_integral_per_s is 0")
 @each(RIGS, "own", "suit")
 def test_a_plant_is_simulated(kind: str) -> None:
     rig = short(kind)

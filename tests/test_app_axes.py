@@ -238,7 +238,7 @@ def test_what_is_said_to_come_next_names_the_axis(capsys: pytest.CaptureFixture[
         ("rig.toml", {}, {}),
         ("rig.toml", {"log_whole": False}, {}),
     ):
-        call = Call({"rig": rig, "axis": None} | given, switches, (), 0.0)
+        call = Call({"rig": rig, "axis": None} | given, switches)
         say_next_of(SimpleNamespace(**{"axes": ()} | ended | more), call)  # type: ignore[arg-type]
     assert capsys.readouterr().out.splitlines() == [
         "Next: bowden export leg.toml --axis hip --to firmware/hip",

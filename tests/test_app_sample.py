@@ -72,11 +72,11 @@ def test_the_same_seed_gives_the_same_files_and_another_one_others(kind: str) ->
     ("words", "said"),
     [
         ("cable .", "log.csv is there already; choose another folder, or overwrite it with --force"),
-        ("cable mine", "mine is not a folder; choose another one with DIR"),
-        ("cable ''", "DIR is ''; expected the name of a folder; use DIR . for this one"),
+        ("cable mine", "mine is not a folder; choose another one with FOLDER"),
+        ("cable ''", "FOLDER is ''; expected the name of a folder; use FOLDER . for this one"),
         ("cable . --seed -1", "--seed is -1; expected a whole number from 0 to 4294967295"),
         ("cabel .", "'cabel' is not one of 'cable', 'emg', 'suit'"),
-        ("cable", "Missing argument 'DIR'"),
+        ("cable", "Missing argument 'FOLDER'"),
     ],
 )
 def test_what_cannot_be_written_is_one_line_and_nothing_is_touched(

@@ -112,6 +112,7 @@ def test_gains_of_the_bench_do_not_hold_on_a_suit() -> None:
     assert "in the trial it runs away" in found.reason
 
 
+@pytest.mark.filterwarnings("ignore:suit.drive_integral_per_s is 0")
 def test_a_run_asks_the_check_of_the_suit() -> None:
     rig = Rig(suit=SuitSettings(worn=True), law=LAWS["adaptive"].with_gains(feedback_gain=40.0), duration=2.0)
     with pytest.raises(ParameterError, match=r"adaptive fails the check on this rig: in the trial [^;]*; .*force=True"):

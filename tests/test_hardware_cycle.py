@@ -169,23 +169,12 @@ def test_homing_by_hand_holds_where_home_is_wherever_the_rig_is_found() -> None:
     assert (reading.motor, reading.joint) == pytest.approx((0.25, 0.5), abs=2e-3)
 
 
-class Tap(TwinBus):
-    """What the host sends is kept."""
-
-    sent: list[tuple[int, bytes]]
-
-    def send(self, msg: can.Message, timeout: float | None = None) -> None:
-        self.sent.append((msg.arbitration_id, bytes(msg.data)))
-        super().send(msg, timeout)
+_TAPPED: list[tuple[CanopenDrive, TwinBus]] = []
 
 
-_TAPPED: list[tuple[CanopenDrive, Tap]] = []
-
-
-def tapped() -> tuple[CanopenDrive, Tap]:
+def tapped() -> tuple[CanopenDrive, TwinBus]:
     if not _TAPPED:
-        Tap.sent = []
-        bus = Tap(DRIVE, make_bench)
+        bus = TwinBus(DRIVE, make_bench)
         drive = CanopenDrive(DRIVE, Links(bus))
         drive.bring_up()
         _TAPPED.append((drive, bus))
@@ -230,8 +219,8 @@ def attacked(foreign: list[tuple[int, bytes]], target: float, power: Power, rese
         drive.reset_fault()
     bus.sent.clear()
     drive.write(target, power, bus.time)
-    assert [cob_id for cob_id, _ in bus.sent][:2] == [0x201, 0x080]
-    control, _, _ = frames.unpack_rpdo1(bus.sent[0][1]) or (None, None, None)
+    assert [cob_id for _, cob_id, _ in bus.sent][:2] == [0x201, 0x080]
+    control, _, _ = frames.unpack_rpdo1(bus.sent[0][2]) or (None, None, None)
     assert control in set(Controlword)
     if power is not Power.ON or not math.isfinite(target):
         assert control != Controlword.ENABLE_OPERATION

@@ -352,7 +352,7 @@ def test_several_logs_become_a_model_that_a_rig_and_a_recalibration_take(
     files: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
     found = document(capsys, *files[:3], "--out", "together")
-    assert found["variables"] == {"load": "N·m"}
+    assert found["variables"] == {"load": "N·m", "bend": None}
     assert [one["load"] for one in found["logs"]] == pytest.approx(LOADS[:3])
     cable, judged = load_judged("together/model.toml")
     assert dict(cable.model().parameters) == found["models"]["scheduled"]["parameters"]

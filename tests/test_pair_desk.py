@@ -291,7 +291,7 @@ def test_simulate_says_of_a_pair_what_both_motors_do(capsys: pytest.CaptureFixtu
     assert "Next: bowden check pair.toml\n" in out
     folder = Path("out/simulate/pair")
     names = {f"{law}-{axis}.{kind}" for law in ("bowden", "cascaded_pid") for axis in ("flexor", "extensor")
-             for kind in ("parquet", "csv")}  # fmt: skip
+             for kind in ("npz", "csv")}  # fmt: skip
     assert {one.name for one in folder.iterdir()} == names | {"simulate.html"}
     page = (folder / "simulate.html").read_text(encoding="utf-8")
     assert "What each cable pulls" in page

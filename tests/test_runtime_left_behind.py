@@ -120,7 +120,7 @@ def test_a_loop_whose_operator_has_gone_brings_no_drive_up(tmp_path: Path, monke
     """It would claim the bus of the next run, which has found it free."""
     live, brought_up, closed = live_run(Rig()), list[str](), list[str]()
     drive = SimpleNamespace(bring_up=lambda: brought_up.append("up"), close=lambda: closed.append("closed"))
-    monkeypatch.setattr(Rig, "open_drive", lambda rig, links: drive)
+    monkeypatch.setattr("bowden.hardware.drives.of_rig.open_drive", lambda *given: drive)
     monkeypatch.setattr(signal, "signal", lambda number, handler: None)
     create(tmp_path / "ring", described(live.columns(), {}, 0, 0), 64)
     shared_memory.create(tmp_path / "block", control_block.WORDS)

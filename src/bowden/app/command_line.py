@@ -6,6 +6,7 @@ import re
 import sys
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -38,7 +39,7 @@ def command(operation: Operation) -> Callable[..., None]:
             for name, one in offered.items():
                 if one.is_folder and given[name] is not None:
                     output_folder(given[name], one.option)
-            call, rigs = Call(given, options, (), 0.0), list[Any]()
+            call, rigs = Call(given, options, seconds), list[Any]()
             try:
                 found = trusting(lambda: _called(operation, own, given, rigs, bar, json), unasked=_trusts(given))
                 going_on = inspect.isgenerator(found)
@@ -46,9 +47,8 @@ def command(operation: Operation) -> Callable[..., None]:
                 if first is None:
                     return
                 if writer is not None:
-                    bar("writing", 0.9)
                     kept = {name: given[name] for name in more if name in given}
-                    call = replace(call, files=tuple(writer(first, call, **kept)))
+                    call = replace(call, write=partial(writer, first, **kept))
                 bar.close()
                 if first.interrupted:
                     where = next((given[name] for name, one in offered.items() if one.is_folder), None)
@@ -130,7 +130,8 @@ def _shown(view: Any, found: Result[Any], call: Call, json: bool, rigs: list[Any
         return None
     if trust is not None:
         print(f"Trust in the cable's model: {trust}")
-    code: int | None = view(found, replace(call, seconds=seconds()))
+    code: int | None = view(found, call)
+    _ = call.files  # written now, where the view does not name them
     return code
 
 

@@ -247,7 +247,7 @@ def identify(
     counts_per_turn: float | Sequence[float] | None = None,
     rate: float | None = None,
     name: str = "log",
-    seed: int = 0,
+    seed: Annotated[int, Switch(least=0)] = 0,
     progress: GivenProgress = None,
 ) -> Identification:
     """Fit six families of cable models to the first half of a log, and judge them on the second half.
@@ -311,7 +311,7 @@ def identify_together(
     *,
     load: "str | Sequence[float] | None" = None,
     bend: "str | Sequence[float] | None" = None,
-    seed: int = 0,
+    seed: Annotated[int, Switch(least=0)] = 0,
     progress: GivenProgress = None,
     **columns: Any,
 ) -> JointIdentification:

@@ -72,6 +72,7 @@ class Basis(NamedTuple):
 def follow(given: Limits, basis: Basis) -> Limits:
     """The limits with those that are not written, NaN in `given`, as they follow.
 
+    >>> from bowden.rig.sections import UNWRITTEN, USUAL
     >>> follow(UNWRITTEN, Basis(1.0, 0.938, 0.0, 0.0, 100.0, 1e-3)) == USUAL
     True
     """

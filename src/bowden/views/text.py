@@ -2,8 +2,9 @@
 
 import shlex
 import sys
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -16,10 +17,20 @@ class Call:
     """Parameter → value, of the operation and of what writes its files."""
     options: dict[str, str]
     """Parameter → its switch."""
-    files: tuple[Path, ...]
-    """What was written, the page last."""
-    seconds: float
-    """Since the command began [s]."""
+    clock: Callable[[], float] = lambda: 0.0
+    """Time since the command began [s]."""
+    write: Callable[["Call"], Sequence[Path]] = lambda call: ()
+    """Writes the files of the result, and says which."""
+
+    @cached_property
+    def files(self) -> tuple[Path, ...]:
+        """What is written, the page last; it is when first asked for: figures are told even if a disk is full."""
+        return tuple(self.write(self))
+
+    @property
+    def seconds(self) -> float:
+        """Since the command began [s]."""
+        return self.clock()
 
     def __getitem__(self, name: str) -> Any:
         return self.given[name]

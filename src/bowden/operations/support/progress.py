@@ -22,6 +22,7 @@ def reported(progress: Any, function: str) -> Iterator[Progress]:
     Raises:
         ParameterError: something else.
     """
+    check_progress(progress, function)
     if progress is None or progress is False:
         yield lambda what, share: None
     elif progress is True:
@@ -31,9 +32,17 @@ def reported(progress: Any, function: str) -> Iterator[Progress]:
             line(f"{function}: done")
         finally:  # what follows, an error too, begins on a line of its own
             line("")
-    elif callable(progress):
-        yield progress
     else:
+        yield progress
+
+
+def check_progress(progress: Any, function: str) -> None:
+    """Refuse what cannot be told how far a call has come.
+
+    Raises:
+        ParameterError: it is neither.
+    """
+    if not (progress is None or isinstance(progress, bool) or callable(progress)):
         raise ParameterError(
             f"{function}: progress is {arguments.said(progress)}",
             expected=f"True, or {arguments.PROGRESS}",

@@ -88,6 +88,10 @@ def _checked(one: operation.OperationParameter, value: Any, function: str) -> An
             if isinstance(value, str | Path) and not error.what.startswith("there is no"):
                 raise
             raise ParameterError(f"{function}: {error.what}", expected=error.expected, do=error.do) from None
+    if one.kind is operation.Role.PROGRESS:
+        from bowden.operations.support.progress import check_progress
+
+        check_progress(value, function)
     what = f"{function}: {one.name}"
     if one.plain is bool:
         return arguments.flag(value, what)
