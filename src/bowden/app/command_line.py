@@ -113,6 +113,8 @@ def _called(
 
 def _shown(view: Any, found: Result[Any], call: Call, json: bool, rigs: list[Any], *, writes: bool) -> int | None:
     """Print a result: as one document, or as its view has it, which may say how the command ends."""
+    if json:
+        _ = call.files  # one document or one line of error
     for text in found.notes:
         if not (json and text in found.needless):
             note(text)
