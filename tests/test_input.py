@@ -93,7 +93,7 @@ CALLS: dict[str, tuple[Callable[..., Any], dict[str, tuple[Any, ...]]]] = {
             "channel": NO_TEXT,
             "rate": (*NO_NUMBER, 0.0),
             "detector": (*NO_TEXT, "best"),
-            "shortest_ms": (*NO_NUMBER, -1.0, 9.0),
+            "shortest_ms": (*NO_NUMBER, -1.0, 9000.0),
         },
     ),
     "export": (
