@@ -86,7 +86,7 @@ long: .venv/dev
 
 # No test may hang on the last bit of a sum. It would show first in those that solve least squares.
 PORTABLE := identify_search identify_sensitivity identify_uncertainty design_linearise models_bouc_wen metrics \
-	paper_static_plant sensing_whole_signal
+	paper_static_plant
 
 portable: .venv/dev
 	nice -n 19 $(BIN)/python tools/other_processor.py -n 2 -m 'not live and not long' $(PORTABLE:%=tests/test_%.py)
