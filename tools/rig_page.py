@@ -19,8 +19,8 @@ _GAINS = (
     "  a preset leaves as the law's own comes from the rig. Every command that runs a law goes by this.",
     "- `slope`, `width` and `doubt` come from the rig where its cable was identified (`cable.model`);",
     "  `cable.…` always. On a cable by hand a law's own slope is multiplied by `relative_slope`.",
-    "- The uncompensated law takes the motor angle at which the joint is at zero, and `relative_slope`, 1 on the",
-    "  paper's bench: neither zeros nor pulleys are backlash.",
+    "- The uncompensated law takes the motor angle at which the joint is at zero, and the ratio of the pulleys, 1 on",
+    "  the paper's bench: neither zeros nor pulleys are backlash.",
     "- A cable whose slope is negative is counted the other way round, so these slopes are positive.",
     "- The observer's preset `paper` is that of Table 1: it knows the default bench's cable less well than it is.",
 )

@@ -3,11 +3,14 @@
     command = motor_zero + reference/slope
 
 The paper's law has slope 1, on a bench of 0.938, and a motor encoder zeroed where the joint is at zero. Pulleys and
-zeros of another rig are no backlash: a law without them would have them as its error and little else.
+zeros of another rig are no backlash: a law without them would have them as its error and little else. What a cable
+loses of its slope stays its error.
 """
 
+import math
 from typing import Annotated, NamedTuple
 
+from bowden.control.knowledge import Knowledge
 from bowden.control.law import Law
 from bowden.core.kernel import kernel
 from bowden.core.quantity import Quantity
@@ -27,6 +30,13 @@ class UncompensatedState(NamedTuple):
     """What the law remembers."""
 
     command: Annotated[float, Quantity("the last command", "rad")]
+
+
+def pulleys(known: Knowledge) -> float:
+    """Whole number, or 1 over one, that is nearest to `relative_slope`: what one sees of pulleys and gears."""
+    slope = abs(known.relative_slope)
+    ratio = float(round(slope)) if slope >= 1.0 else 1.0 / round(1.0 / slope)
+    return math.copysign(ratio, known.relative_slope)
 
 
 @kernel
@@ -50,7 +60,7 @@ LAW = Law(
     start_kernel=start,
     step_kernel=step,
     source="Dinh et al. 2017, Section 3.1, Fig. 7B",
-    from_rig={"slope": "relative_slope", "motor_zero": "motor_zero"},
+    from_rig={"slope": pulleys, "motor_zero": "motor_zero"},
     tunable=frozenset(),
     feeds_back=frozenset(),
 )
