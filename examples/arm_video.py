@@ -1,4 +1,4 @@
-"""A run of the suit as a video: ``python examples/arm_video.py out/simulate/bowden.parquet arm.mp4``.
+"""A run of the suit as a video: ``python examples/arm_video.py out/simulate/bowden.npz arm.mp4``.
 
 The forearm turns as the run's joint, a grey one as its reference; the flexor is drawn the redder, and the extensor the
 bluer, the more it pulls. Needs ``pip install mujoco imageio-ffmpeg``. Without a screen set ``MUJOCO_GL=egl`` or
