@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import pytest
 
-from bowden.core.signals import DriveReading, DriveState
+from bowden.core.signals import DriveState
 from bowden.hardware.buses.link import Links
 from bowden.hardware.buses.unix_bus import EXTENDED, REMOTE
 from bowden.hardware.drives import ak_drive, canopen_setup, moteus_setup, odrive_setup
@@ -22,7 +22,6 @@ from bowden.hardware.ports import Power
 from bowden.hardware.twin.ak_node import AkNode
 from bowden.hardware.twin.bench import TwinBench
 from bowden.hardware.twin.canopen_node import CanopenNode
-from bowden.hardware.twin.injection import parse
 from bowden.hardware.twin.moteus_node import MoteusNode
 from bowden.hardware.twin.odrive_node import OdriveNode
 from bowden.hardware.twin.plant import OFF
@@ -30,7 +29,7 @@ from bowden.models.cable.sheath_path import constant_bend
 from bowden.plants.presets.bench import bench
 from bowden.rig.families import family_of
 from bowden.rig.rig import Rig
-from support.memory_bus import MemoryBus
+from support.memory_bus import DrivenBus
 
 ENABLED, FAULT = DriveState.OPERATION_ENABLED, DriveState.FAULT
 
@@ -76,7 +75,7 @@ ANSWERING = pytest.mark.parametrize("name", ["ak_mit", "moteus", "odrive"])
 """Families that answer each order, and have no heartbeat of their own that a bus would carry."""
 
 
-class Loop(MemoryBus):
+class Loop(DrivenBus):
     """The memory bus with a drive's twin on it, and a driver that is its host."""
 
     def __init__(self, name: str) -> None:
@@ -87,25 +86,12 @@ class Loop(MemoryBus):
         self.attach(self.node)
         self.drive = family_of(self.case.drive).open(self.case.drive, Links(self))
 
-    def run(self, cycles: int, power: Power, speed: float = 0.0) -> list[DriveReading]:
-        """So many cycles; the target goes on at a speed [rad/s] from where the motor is."""
-        found, start = [], math.nan
-        for k in range(cycles):
-            found.append(self.drive.read(self.time))
-            start = found[-1].motor if math.isnan(start) else start
-            self.drive.write(start + 1e-3 * k * speed if math.isfinite(start) else 0.0, power, self.time)
-            self.advance(1e-3)
-        return found
-
     def up(self) -> "Loop":
         """Brought up, and following."""
         self.drive.bring_up()
         self.run(20, Power.OFF)
         assert self.run(40, Power.ON)[-1].drive_state == ENABLED
         return self
-
-    def inject(self, text: str) -> None:
-        self.node.faults.inject(parse(text)._replace(start=self.time))
 
     @property
     def powered(self) -> bool:

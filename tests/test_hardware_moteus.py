@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bowden.core.errors import DriveError, ParameterError
-from bowden.core.signals import DriveReading, DriveState
+from bowden.core.signals import DriveState
 from bowden.hardware.buses.link import Links
 from bowden.hardware.buses.unix_bus import EXTENDED
 from bowden.hardware.drives import moteus_frames as frames
@@ -26,14 +26,14 @@ from bowden.hardware.twin.injection import parse
 from bowden.hardware.twin.moteus_node import MoteusNode, Overrides
 from bowden.hardware.twin.plant import OFF
 from bowden.rig.rig import Rig
-from support.memory_bus import MemoryBus
+from support.memory_bus import DrivenBus
 
 RIG = Rig(drive=MoteusParameters())
 DRIVE = RIG.drive_parameters._replace(answer_timeout=0.02)
 ENABLED = DriveState.OPERATION_ENABLED
 
 
-class Bench(MemoryBus):
+class Bench(DrivenBus):
     """The memory bus with a board on it, and a drive that is its host."""
 
     def __init__(self, overrides: Overrides | None = None, drive: MoteusParameters = DRIVE) -> None:
@@ -49,16 +49,6 @@ class Bench(MemoryBus):
         assert msg.bitrate_switch
         assert len(msg.data) in (*range(9), 12, 16, 20, 24, 32, 48, 64)
         super().send(msg, timeout)
-
-    def run(self, cycles: int, power: Power, speed: float = 0.0) -> list[DriveReading]:
-        """So many cycles; the target goes on at a speed [rad/s] from where the motor is."""
-        found, start = [], math.nan
-        for k in range(cycles):
-            found.append(self.drive.read(self.time))
-            start = found[-1].motor if math.isnan(start) else start
-            self.drive.write(start + 1e-3 * k * speed if math.isfinite(start) else 0.0, power, self.time)
-            self.advance(1e-3)
-        return found
 
     def up(self) -> "Bench":
         """Brought up, and in position mode."""

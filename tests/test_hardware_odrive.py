@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bowden.core.errors import DriveError, ParameterError
-from bowden.core.signals import EMERGENCY_STOP, DriveReading, DriveState
+from bowden.core.signals import EMERGENCY_STOP, DriveState
 from bowden.hardware.buses.link import Links
 from bowden.hardware.drives import odrive_endpoints, odrive_setup
 from bowden.hardware.drives import odrive_frames as frames
@@ -22,12 +22,11 @@ from bowden.hardware.drives.odrive_frames import AxisState, Cmd, Scales, Target,
 from bowden.hardware.drives.odrive_parameters import OdriveParameters, check_parameters, target_of
 from bowden.hardware.ports import Power, TorqueLeft
 from bowden.hardware.twin.bench import TwinBench
-from bowden.hardware.twin.injection import parse
 from bowden.hardware.twin.odrive_node import OdriveNode
 from bowden.hardware.twin.plant import OFF
 from bowden.rig.rig import Rig
 from live_runs import SHARED, assert_replays, finished_well
-from support.memory_bus import MemoryBus
+from support.memory_bus import DrivenBus
 
 RIG = Rig(drive=OdriveParameters())
 WITH_JOINT = RIG.drive_parameters._replace(answer_timeout=0.1)
@@ -36,7 +35,7 @@ ENABLED, IDLE = DriveState.OPERATION_ENABLED, DriveState.SWITCH_ON_DISABLED
 SCALES = Scales(1000.0, 1000.0)
 
 
-class Bench(MemoryBus):
+class Bench(DrivenBus):
     """The memory bus with a board on it, and a drive that is its host."""
 
     def __init__(self, overrides: Mapping[str, float | None] | None = None, drive: OdriveParameters = DRIVE) -> None:
@@ -46,25 +45,12 @@ class Bench(MemoryBus):
         self.attach(self.node)
         self.drive = OdriveDrive(drive, Links(self))
 
-    def run(self, cycles: int, power: Power, speed: float = 0.0) -> list[DriveReading]:
-        """So many cycles; the target goes on at a speed [rad/s] from where the motor is."""
-        found, start = [], math.nan
-        for k in range(cycles):
-            found.append(self.drive.read(self.time))
-            start = found[-1].motor if math.isnan(start) else start
-            self.drive.write(start + 1e-3 * k * speed if math.isfinite(start) else 0.0, power, self.time)
-            self.advance(1e-3)
-        return found
-
     def up(self) -> "Bench":
         """Brought up, and in closed loop."""
         self.drive.bring_up()
         assert self.run(20, Power.OFF)[-1].drive_state == IDLE
         assert self.run(30, Power.ON)[-1].drive_state == ENABLED
         return self
-
-    def inject(self, text: str) -> None:
-        self.node.faults.inject(parse(text)._replace(start=self.time))
 
     @property
     def powered(self) -> bool:

@@ -1,5 +1,6 @@
 """A CAN bus in this process and at a time of one's own, with any twins' nodes at its other end."""
 
+import math
 import threading
 import time
 from collections import deque
@@ -8,10 +9,13 @@ from typing import Any, Protocol
 
 import can
 
+from bowden.core.signals import DriveReading
 from bowden.hardware.buses.unix_bus import REMOTE
 from bowden.hardware.drives.parameters import DriveParameters
+from bowden.hardware.ports import Drive, Power
 from bowden.hardware.twin.canopen_node import CanopenNode
 from bowden.hardware.twin.faults import Faults
+from bowden.hardware.twin.injection import parse
 from bowden.hardware.twin.objects import Key
 from bowden.hardware.twin.plant import TwinPlant
 from bowden.hardware.twin.twin import message_of
@@ -97,6 +101,26 @@ class MemoryBus(can.BusABC):
             self.advance(max(1e-3, time.monotonic() - begin))  # whoever waits meanwhile does so by the clock
         with self._lock:
             return (self._frames.popleft() if self._frames else None), False
+
+
+class DrivenBus(MemoryBus):
+    """A bus with a drive's twin on it, `node`, and a driver that is its host."""
+
+    node: Any
+    drive: Drive
+
+    def run(self, cycles: int, power: Power, speed: float = 0.0) -> list[DriveReading]:
+        """So many cycles; the target goes on at a speed [rad/s] from where the motor is."""
+        found, start = [], math.nan
+        for k in range(cycles):
+            found.append(self.drive.read(self.time))
+            start = found[-1].motor if math.isnan(start) else start
+            self.drive.write(start + 1e-3 * k * speed if math.isfinite(start) else 0.0, power, self.time)
+            self.advance(1e-3)
+        return found
+
+    def inject(self, text: str) -> None:
+        self.node.faults.inject(parse(text)._replace(start=self.time))
 
 
 class TwinBus(MemoryBus):
