@@ -13,8 +13,7 @@ import pytest
 
 from bowden.app import main
 from bowden.app.console import trusting
-from bowden.control import LAWS
-from bowden.control import law_file as given_law
+from bowden.control import LAWS, law_file
 from bowden.control.reference import PeriodicMinimumJerk
 from bowden.core import own_code
 from bowden.core.errors import BowdenError, LogError
@@ -324,7 +323,7 @@ def test_a_program_that_a_log_brings_along_runs_only_once_its_user_says_so(
     another = tmp_path / "another user's"
     another.mkdir()
     monkeypatch.setattr(own_code, "cache_folder", lambda: another)
-    given_law._load.cache_clear()
+    law_file._load.cache_clear()
     Path("ran").unlink()
     for words in (["log", "replay", "theirs.mcap"], ["simulate", "theirs.mcap"], ["log", "replay", "named.mcap"],
                   ["log", "replay", "theirs.mcap", "--law", f"{named}:MINE"]):  # fmt: skip

@@ -12,7 +12,7 @@ import pytest
 
 from bowden import __version__
 from bowden.app import command_line, main
-from bowden.design import rig_of_bench as rig_page
+from bowden.design import rig_of_bench
 from bowden.operations.schema import json_schema
 from bowden.records.trace import Trace
 from bowden.rig.rig import Rig
@@ -157,13 +157,13 @@ def test_reproduce_keeps_to_its_schema(capsys: pytest.CaptureFixture[str]) -> No
 def test_init_writes_the_commented_default_and_never_over_a_file(capsys: pytest.CaptureFixture[str]) -> None:
     assert main.run(["init", "new.toml", "--json"]) == 0
     assert check(capsys.readouterr().out, "init")["files"] == ["new.toml"]
-    assert Path("new.toml").read_text(encoding="utf-8") == rig_page.toml_text("new.toml", "bowden")
+    assert Path("new.toml").read_text(encoding="utf-8") == rig_of_bench.toml_text("new.toml", "bowden")
     assert main.run(["init"]) == 2
     assert "--force" in capsys.readouterr().err
     assert Path("rig.toml").read_text() == SHORT
     assert main.run(["init", "--force"]) == 0
     assert capsys.readouterr().out.endswith("Next: bowden simulate rig.toml\n")
-    assert Path("rig.toml").read_text(encoding="utf-8") == rig_page.toml_text(law="bowden")
+    assert Path("rig.toml").read_text(encoding="utf-8") == rig_of_bench.toml_text(law="bowden")
     assert Rig.read("rig.toml") == Rig(law="bowden", origin="rig.toml")
 
 
@@ -215,7 +215,7 @@ def test_an_interruption_is_code_130_and_one_line(
     def interrupted(*_: Any) -> str:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(rig_page, "toml_text", interrupted)
+    monkeypatch.setattr(rig_of_bench, "toml_text", interrupted)
     assert main.run(["init", "new.toml"]) == 130
     assert capsys.readouterr().err == "bowden: interrupted\n"
     assert [path.name for path in Path().iterdir()] == ["rig.toml"]

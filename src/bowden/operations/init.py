@@ -114,7 +114,7 @@ def init_file(
     from bowden.core.caller import argument
     from bowden.core.errors import OutputError
     from bowden.core.files import shortened, whole_file
-    from bowden.design import rig_of_bench as page
+    from bowden.design import rig_of_bench
     from bowden.design.other_law import OURS
     from bowden.design.rig_of_suit import suit_text
 
@@ -139,7 +139,7 @@ def init_file(
         )
         text, said, trust = made.text, made.notes, cable.trust
     else:
-        text = suit_text(path.name) if suit else page.toml_text(path.name, OURS)
+        text = suit_text(path.name) if suit else rig_of_bench.toml_text(path.name, OURS)
     with whole_file(path) as part:
         part.write_text(text, encoding="utf-8")
     return Initialised((path,), said=said, cable_trust=trust)

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 
-from bowden.control import LAWS, Law
-from bowden.control import law_file as given_law
+from bowden.control import LAWS, Law, law_file
 from bowden.control.knowledge import Knowledge, configured, preset_of, with_cable
 from bowden.control.law_file import LawFile
 from bowden.control.recorded_motion import held
@@ -35,7 +34,7 @@ from bowden.models.drive.holding_brake import HoldingBrake
 from bowden.models.drive.motor import Motor
 from bowden.models.drive.servo import Servo
 from bowden.models.suit.geometry import ELBOW_RANGE, SuitGeometry, flexor_moment_arm
-from bowden.plants import plant_file as given_plant
+from bowden.plants import plant_file
 from bowden.plants.bench import Bench
 from bowden.plants.bends import Bend, ConstantBend, RandomBend, ScriptedBend
 from bowden.plants.cable_parameters import outside
@@ -288,10 +287,10 @@ class Rig(metaclass=Answering):
                 expected="one of them",
                 do="leave one out",
             )
-        default = {name: fields[name].default for name in given_plant.PARTS}
+        default = {name: fields[name].default for name in plant_file.PARTS}
         with asked_for_by(f"{self.origin}: the plant"):
-            own = {name: getattr(self, name) for name in given_plant.PARTS}
-            taken = given_plant.agreed(self.own_plant, own, default)
+            own = {name: getattr(self, name) for name in plant_file.PARTS}
+            taken = plant_file.agreed(self.own_plant, own, default)
         for name, value in taken.items():
             object.__setattr__(self, name, value)
 
@@ -301,7 +300,7 @@ class Rig(metaclass=Answering):
         width = checked_number(self.width, float, WIDTH, "width")
         return {
             "cable": cable,
-            "plant": given_plant.held(self.plant),
+            "plant": plant_file.held(self.plant),
             "width": width if isinstance(cable, BoucWen) else 1.0,
             "reference": _reference(self.reference),
             "bend": _bend(self.bend),
@@ -465,7 +464,7 @@ class Rig(metaclass=Answering):
             changes = {"gains": Gains(), "preset": None} | changes
         if self.plant is not None and "plant" in changes and changes["plant"] != self.plant:
             fields = type(self).__dataclass_fields__
-            back = {name: fields[name].default for name in given_plant.said_by(self.own_plant)}
+            back = {name: fields[name].default for name in plant_file.said_by(self.own_plant)}
             changes = back | changes
         own = {name: value for name, value in changes.items() if name not in _OF_THE_WHOLE}
         if self.axes and own and "axes" not in changes:
@@ -521,7 +520,7 @@ class Rig(metaclass=Answering):
         if self.axes:
             return self._with_axes(lambda rig: rig.with_law(law, preset, folder))
         place = None if folder is None else arguments.path_of(folder, "Rig.with_law: folder", "folder")
-        given = given_law.named(law, place) if isinstance(law, str) else law
+        given = law_file.named(law, place) if isinstance(law, str) else law
         if given is None or given == self.law or _one_file(given, self.law):
             return self if preset is None else self.replace(preset=preset)
         return self.replace(law=given, preset=preset)
@@ -755,7 +754,7 @@ class Rig(metaclass=Answering):
         """
         if self.plant is None or isinstance(self.plant, str):  # never text once the rig is made
             raise ParameterError(f"{self.origin}: the rig has no plant of its own", do="name one in cable.plant")
-        return given_plant.loaded(self.plant)
+        return plant_file.loaded(self.plant)
 
     @cached_property
     def cabled(self) -> Bench | CablePlant | UserPlant:
@@ -768,7 +767,7 @@ class Rig(metaclass=Answering):
             ParameterError: a part that cannot be.
         """
         if self.plant is not None:
-            return self.own_plant._replace(**{name: getattr(self.bench, name) for name in given_plant.PARTS})
+            return self.own_plant._replace(**{name: getattr(self.bench, name) for name in plant_file.PARTS})
         if not isinstance(self.cable, IdentifiedCable) or self.cable.simulated == "bouc_wen":
             return self.bench
         return plant_of_model(self.cable.best, self.cable.model().parameters, self.bench)
@@ -1120,7 +1119,7 @@ def _check_name(name: str) -> None:
 
 
 def _loaded(given: GivenLaw) -> Law:
-    return given if isinstance(given, Law) else given_law.loaded(given)
+    return given if isinstance(given, Law) else law_file.loaded(given)
 
 
 def _one_file(one: Any, other: Any) -> bool:
@@ -1184,7 +1183,7 @@ def _bend(given: Any) -> Bend:
 
 def _law(given: Any) -> GivenLaw:
     if isinstance(given, str):
-        return given_law.named(given)
+        return law_file.named(given)
     if not isinstance(given, Law | LawFile):
         raise ParameterError(
             f"Rig: law is {shown(given)}",
@@ -1193,7 +1192,7 @@ def _law(given: Any) -> GivenLaw:
         )
     if isinstance(given, Law) and LAWS.get(given.name) == given:
         return given.name
-    return given_law.held(given) if isinstance(given, Law) else given
+    return law_file.held(given) if isinstance(given, Law) else given
 
 
 def _gains(given: Any) -> Gains:

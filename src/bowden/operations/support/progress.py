@@ -17,12 +17,8 @@ def reported(progress: Any, function: str) -> Iterator[Progress]:
 
     Args:
         progress: a `GivenProgress`.
-        function: of the package, for messages.
-
-    Raises:
-        ParameterError: something else.
+        function: of the package, for the line.
     """
-    check_progress(progress, function)
     if progress is None or progress is False:
         yield lambda what, share: None
     elif progress is True:
