@@ -22,8 +22,8 @@ help:
 	@echo "make site    the documentation as a site in out/site, with search and the Python API; loads nothing from elsewhere"
 	@echo "make lock    which version of every package was tested, with hashes: requirements/ (needs uv)"
 	@echo "make release check what may be released: versions, lock, wheel, sources, a clean install"
-	@echo "make bench   speed against others; check and our law on random rigs (half an hour)"
-	@echo "make soak    the long tests, hours: kills, faults, releases, streams; resumable; PARTS=kills for one"
+	@echo "make bench   speed against others; check and the suit on random draws (quarter of an hour)"
+	@echo "make soak    the long tests, hours: kills, faults, releases, fuzzing; resumable; PARTS=kills for one"
 	@echo "make walk    all commands of README and of every page, in a fresh environment (half an hour)"
 	@echo "make clean   remove what make and the tools have made"
 	@echo
@@ -125,8 +125,6 @@ bench: .venv/dev
 	$(PIP) --editable '.[bench]'
 	$(BIN)/python benchmarks/run.py
 	$(BIN)/python benchmarks/exported.py
-	$(BIN)/python benchmarks/detector.py
-	$(BIN)/python benchmarks/fresh_process.py
 
 soak: .venv/dev
 	$(BIN)/python benchmarks/soak.py $(PARTS)

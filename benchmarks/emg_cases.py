@@ -8,16 +8,14 @@ import argparse
 import itertools
 import json
 import math
-import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, astuple, dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-import screen
 from bowden.core.errors import BowdenError
 from bowden.identify.emg.levels import EnvelopeLevels, check_contraction, envelope_levels
 from bowden.identify.emg.log import check_signal
@@ -27,7 +25,6 @@ from bowden.sensing.envelope import PLAIN_THRESHOLD
 from bowden.sensing.onset_settings import SAFE
 from bowden.sensing.stream import EnvelopeFilter, OnsetDetector
 from emg_draw import (
-    CHANGING,
     QUICK,
     RECORDINGS,
     REST_SECONDS,
@@ -42,7 +39,8 @@ from emg_draw import (
     recording,
     there,
 )
-from looks import counted
+from kept import counted, finite, numbers_in, progress
+from measure import table
 
 Array = NDArray[np.float64]
 Spans = list[tuple[float, float]]
@@ -238,19 +236,6 @@ def curve(told: Sequence[Told]) -> list[Row]:
     ]
 
 
-def by_family(told: Sequence[Told]) -> list[Row]:
-    """From 2.5 times rest on, by rise, length and every family."""
-    seen, rows = [one for one in told if one.ratio >= 2.5], []
-    lengths = ((0.0, 0.3), (0.3, 1.0), (1.0, 3.0), (3.0, 10.1))
-    rows += [row(f"length {a:g}–{b:g} s", [one for one in seen if a <= one.length < b]) for a, b in lengths]
-    for part, families in CHANGING.items():
-        drawn = [one for one in seen if part in one.families]
-        rows += [
-            row(f"{part}: {family}", [one for one in drawn if one.families[part] == family]) for family in families
-        ]
-    return rows
-
-
 @dataclass(frozen=True)
 class Resting:
     """What was told in rest of one kind."""
@@ -275,20 +260,19 @@ def at_rest(results: Sequence[tuple[dict[str, Any], Result]]) -> list[Resting]:
     return rows
 
 
+COLUMNS = ("contractions", "missed", "split", "latency, median", "90 %", "end, median")
+
+
 def text(rows: Iterable[Row], head: str) -> str:
     """A table of Markdown."""
-    lines = [
-        f"| {head} | contractions | missed | split | latency, median | 90 % | end, median |",
-        "|---|---|---|---|---|---|---|",
-    ]
-    for one in rows:
-        times = " | ".join(_ms(value) for value in (one.latency, one.latency_most, one.late_end))
-        lines.append(f"| {one.kind} | {one.count} | {one.missed} | {one.split} | {times} |")
-    return "\n".join(lines)
+    return table(
+        (head, *COLUMNS),
+        [(*astuple(one)[:4], *map(_ms, (one.latency, one.latency_most, one.late_end))) for one in rows],
+    )
 
 
-def _ms(value: float) -> str:
-    return "–" if math.isnan(value) else f"{1e3 * value:.0f} ms"
+def _ms(value: float | None) -> str:
+    return "–" if value is None or math.isnan(value) else f"{1e3 * value:.0f} ms"
 
 
 def play(finders: dict[str, Finder], cases: Iterable[Case]) -> Iterator[tuple[dict[str, Any], dict[str, Result]]]:
@@ -309,96 +293,11 @@ def recordings(find: Finder) -> list[dict[str, Any]]:
     return rows
 
 
-SOURCES = {
-    "biosignalsnotebooks": ("emg/biceps_bursts", "emg/biceps_fatigue", "emg/adductor_pollicis_twitches"),
-    "BMC": ("emg_more/bmc_three",),
-    "BioSPPy": ("emg_more/biosppy_weak", "emg_more/biosppy_four"),
-}
-"""Who published which recordings."""
-GRID = tuple(itertools.product((1.5, 1.6, 1.7, 1.8, 1.9, 2.0, 2.2, 2.5), (1.0, 10.0, 100.0)))
-"""`ratio` and `hours` that the detector is tried with, the strictest last."""
-
-
-@dataclass(frozen=True)
-class LeftOut:
-    """One source, judged by thresholds that were chosen on the others."""
-
-    source: str
-    ratio: float
-    hours: float
-    equals: int
-    """Pairs of thresholds that were as good on the others."""
-    chosen_wrong: int
-    """Missed and false on the others."""
-    missed: int
-    false: int
-    wrong: tuple[int, int]
-    """Missed and false of the source with any of the pairs: the fewest, and with the detector's own thresholds."""
-
-
-def leave_one_out() -> list[LeftOut]:
-    """The thresholds that are fewest missed and false on all sources but one, judged on that one.
-
-    Of equals the middle one is taken, in the order of `GRID`: it is furthest from where something goes wrong.
-    """
-    own = detector_named(DEFAULT.name).settings
-    wrong: dict[tuple[float, float], dict[str, tuple[int, int]]] = {}
-    for ratio, hours in (*GRID, (own.ratio, own.hours)):
-        rows = recordings(ours(DEFAULT.name, own._replace(ratio=ratio, hours=hours)))
-        wrong[ratio, hours] = {
-            source: (
-                sum(one["misses"] for one in rows if one["recording"] in names),
-                sum(one["false_activations"] for one in rows if one["recording"] in names),
-            )
-            for source, names in SOURCES.items()
-        }
-    made = []
-    for source in SOURCES:
-        others = {pair: sum(sum(wrong[pair][one]) for one in SOURCES if one != source) for pair in GRID}
-        best = [pair for pair in GRID if others[pair] == min(others.values())]
-        chosen = best[len(best) // 2]
-        least = min(sum(wrong[pair][source]) for pair in GRID), sum(wrong[own.ratio, own.hours][source])
-        made.append(LeftOut(source, *chosen, len(best), others[chosen], *wrong[chosen][source], least))
-    return made
-
-
-def _table_of_sources(rows: Sequence[LeftOut]) -> str:
-    lines = [
-        "| left out | ratio, hours chosen | equals | wrong on the others | missed | false |",
-        "|---|---|---|---|---|---|",
-    ]
-    for one in rows:
-        chosen = f"{one.ratio:g}, {one.hours:g} | {one.equals} of {len(GRID)} | {one.chosen_wrong}"
-        lines.append(f"| {one.source} | {chosen} | {one.missed} | {one.false} |")
-    return "\n".join(lines)
-
-
 def _table_of_recordings(rows: Sequence[dict[str, Any]]) -> str:
-    lines = ["| recording | contractions | missed | false | latency, median | worst |", "|---|---|---|---|---|---|"]
-    for one in rows:
-        times = (math.nan if one[key] is None else one[key] for key in ("latency_median_s", "latency_max_s"))
-        median, most = map(_ms, times)
-        counts = f"{one['contractions']} | {one['misses']} | {one['false_activations']}"
-        lines.append(f"| {one['recording']} | {counts} | {median} | {most} |")
-    return "\n".join(lines)
-
-
-def _numbers(given: str) -> range:
-    if not given:
-        return range(COUNT)
-    first, _, last = given.rpartition(":")
-    return range(int(first or 0), int(last))
-
-
-def _progress(items: Iterable[Any], total: int, what: str) -> Iterator[Any]:
-    begun, said = time.perf_counter(), 0.0
-    for done, item in enumerate(items, 1):
-        yield item
-        taken = time.perf_counter() - begun
-        if taken > said + 0.5 or done == total:
-            said = taken
-            screen.line(f"{done} of {total} {what}, {taken:.0f} s")
-    screen.end()
+    keys = ("recording", "contractions", "misses", "false_activations")
+    columns = ("recording", "contractions", "missed", "false", "latency, median", "worst")
+    times = ("latency_median_s", "latency_max_s")
+    return table(columns, [(*(one[key] for key in keys), *(_ms(one[key]) for key in times)) for one in rows])
 
 
 def main() -> None:
@@ -412,12 +311,9 @@ def main() -> None:
     parser.add_argument("--wearer", action="store_true", help="the same detector with a wearer's file, too")
     parser.add_argument("--rest", type=float, default=0.0, metavar="HOURS", help="of rest alone, drawn alike")
     parser.add_argument("--recordings", action="store_true", help="those in ../shared/data, too")
-    parser.add_argument("--sources", action="store_true", help="thresholds chosen on all sources of them but one, too")
-    parser.add_argument("--families", action="store_true", help="the table by families, too")
-    parser.add_argument("--worst", action="store_true", help="list what was missed, split or false, too")
     parser.add_argument("--json", action="store_true", help="one JSON document, nothing else")
     given = parser.parse_args()
-    numbers, name = _numbers(given.numbers), given.set_name
+    numbers, name = numbers_in(given.numbers, COUNT), given.set_name
     known = Known(given.detector, name)
     finders = {given.detector: ours(given.detector)} | (PEERS if given.peers else {})
     finders |= {f"{given.detector}, wearer known": known} if given.wearer else {}
@@ -426,46 +322,34 @@ def main() -> None:
     looks = look(name, numbers, f"{kind}{', '.join(finders)}; {given.rest:g} h of rest")
     cases = (draw(name, k, given.changing) for k in numbers)
     rests = (draw_rest(name, k, given.changing) for k in stretches)
-    done = list(_progress(play(finders, cases), len(numbers), "cases"))
-    rest = list(_progress(play(finders, rests), len(stretches), "stretches of rest"))
-    document: dict[str, Any] = {
-        "set": name,
-        "changing": given.changing,
-        "cases": [numbers.start, numbers.stop],
-        "looks": looks,
-        "detectors": {},
-    }
+    done = list(progress(play(finders, cases), len(numbers), "cases"))
+    rest = list(progress(play(finders, rests), len(stretches), "stretches of rest"))
+    made: dict[str, Any] = {}
     for which, find in finders.items():
-        results = [(what, found[which]) for what, found in done]
-        told = [one for _, result in results for one in result.told]
-        hours = sum(result.seconds for _, result in results) / 3600.0
-        resting = [(what, found[which]) for what, found in rest]
-        document["detectors"][which] = {
-            "curve": [asdict(one) for one in curve(told)],
-            "quiet": [asdict(one) for one in curve([one for one in told if is_quiet(one)])],
-            "ramps": [asdict(one) for one in curve([one for one in told if one.rise > QUICK])],
-            "quick": [asdict(one) for one in curve([one for one in told if one.rise <= QUICK])],
-            "false": sum(result.false for _, result in results),
-            "hours": hours,
-            "rest": [asdict(one) for one in at_rest(resting)],
+        results = [found[which] for _, found in done]
+        told = [one for result in results for one in result.told]
+        parts = {
+            "curve": told,
+            "quiet": [one for one in told if is_quiet(one)],
+            "ramps": [one for one in told if one.rise > QUICK],
+            "quick": [one for one in told if one.rise <= QUICK],
+        }
+        made[which] = {key: [asdict(one) for one in curve(ones)] for key, ones in parts.items()} | {
+            "false": sum(result.false for result in results),
+            "hours": sum(result.seconds for result in results) / 3600.0,
+            "rest": [asdict(one) for one in at_rest([(what, found[which]) for what, found in rest])],
             "recordings": recordings(find) if given.recordings else [],
         }
         if not given.json:
-            _print(which, told, document["detectors"][which], given.families)
-            if given.worst:
-                _list(results, resting)
-    document["refused"] = known.refused
-    document["sources"] = [asdict(one) for one in leave_one_out()] if given.sources else []
-    if given.sources and not given.json:
-        print("\n" + _table_of_sources([LeftOut(**one) for one in document["sources"]]))
-    if given.wearer and not given.json:
-        print(f"\nCalibrations refused: {len(known.refused)}")
-        print("\n".join(f"- {said}" for said in known.refused))
+            _print(which, made[which])
     if given.json:
-        print(json.dumps(_finite(document)))
+        head = {"set": name, "changing": given.changing, "cases": [numbers.start, numbers.stop], "looks": looks}
+        print(json.dumps(finite(head | {"detectors": made, "refused": known.refused})))
+    elif given.wearer:
+        print(f"\nCalibrations refused: {len(known.refused)}", *known.refused, sep="\n- ")
 
 
-def _print(which: str, told: Sequence[Told], made: dict[str, Any], families: bool) -> None:
+def _print(which: str, made: dict[str, Any]) -> None:
     print(f"\n## {which}\n")
     for title, key in (
         ("All", "curve"),
@@ -474,40 +358,12 @@ def _print(which: str, told: Sequence[Told], made: dict[str, Any], families: boo
         ("Nothing but rest and contractions", "quiet"),
     ):
         print(text([Row(**one) for one in made[key]], f"{title}: ratio") + "\n")
-    if families:
-        print(text(by_family(told), "from 2.5 × rest") + "\n")
     print(f"False beside the contractions: {made['false']} in {made['hours']:.2f} h.")
     if made["rest"]:
-        print("\n| rest | hours | false |\n|---|---|---|")
-        for one in made["rest"]:
-            print(f"| {one['kind']} | {one['hours']:.1f} | {one['false']} |")
+        rows = [(one["kind"], f"{one['hours']:.1f}", one["false"]) for one in made["rest"]]
+        print("\n" + table(("rest", "hours", "false"), rows))
     if made["recordings"]:
         print("\n" + _table_of_recordings(made["recordings"]))
-
-
-def _list(results: Sequence[tuple[dict[str, Any], Result]], resting: Sequence[tuple[dict[str, Any], Result]]) -> None:
-    """What was missed from 2.5 times rest on, split or false, case by case."""
-    for what, result in results:
-        said = [
-            f"missed {one.ratio:.1f} × for {one.length:.1f} s"
-            for one in result.told
-            if not one.found and one.ratio > 2.5
-        ]
-        said += [f"{one.ratio:.1f} × split in {one.split + 1}" for one in result.told if one.split]
-        said += [f"{result.false} false"] if result.false else []
-        if said:
-            print(f"- {'; '.join(said)}: {what}")
-    for what, result in resting:
-        if result.false:
-            print(f"- rest, {result.false} false: {what}")
-
-
-def _finite(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: _finite(part) for key, part in value.items()}
-    if isinstance(value, list):
-        return [_finite(part) for part in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 if __name__ == "__main__":

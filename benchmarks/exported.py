@@ -1,22 +1,20 @@
-"""A cycle of each law interpreted, compiled and exported, and exported laws on a Cortex-M4F: ``make bench``.
+"""A cycle of each law and a sample of the detector: interpreted, compiled, exported, on a Cortex-M4F; ``make bench``.
 
-That all three give the same is tests/test_export_law.py's. With names of laws only these are run, and nothing is
-written.
+That all three give the same is tests/test_export_law.py's and tests/test_export_parts.py's. With names only these are
+run, and nothing is written.
 """
 
 import argparse
 import ctypes
-import os
 import subprocess
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-import results
 from bowden.control import LAWS
 from bowden.control.conditioning import condition_start, condition_step
 from bowden.control.law import Law, law_start, law_step
@@ -25,25 +23,33 @@ from bowden.core.signals import Reference, Sample
 from bowden.export import cortex
 from bowden.export.kinds import Style
 from bowden.export.law import law_module
+from bowden.export.parts import emg_modules
 from bowden.export.readme import FLAGS
-from bowden.export.unit import files
+from bowden.export.unit import Module, files
 from bowden.models.cable.sheath_path import constant_bend
 from bowden.plants.presets import bench as paper
+from bowden.sensing.detectors import DEFAULT
+from bowden.sensing.onset import Onset, OnsetState, onset_start, onset_step, prepare_onset
+from bowden.sim.emg import contractions
 from bowden.sim.run import inputs_of, simulate
 from hand_c import compiler
-from measure import Timing, by_turns, machine
+from measure import by_turns, machine, table, write_rows
 
 Array = NDArray[np.float64]
 TIMED, INTERPRETED, ON_CHIP, ROUNDS = 20_000, 1_000, 2_000, 15
 DT = 1e-3
-TITLE = "A cycle of each law"
-MOST, OURS_MOST = 150e-9, 100e-9
-"""What a step of an exported law, and of ours, may take [s]."""
+RATES = (1000.0, 2000.0)
+"""Of the detector [Hz]."""
+COLUMNS = (
+    *("what", "interpreted", "compiled", "exported (smallest)", "in `float`", "interpreted/exported"),
+    *("compiled/exported", "lines of C", "Cortex-M4F in `float`: instructions, mean (most)", "code", "stack"),
+    "in `double`",
+)
 
-LOOP = """
+LAW_LOOP = """
 #include "@NAME@.h"
-void steps(const double *rows, long count, double *commands);
-void steps(const double *rows, long count, double *commands)
+void steps(const double *rows, long count, double *out);
+void steps(const double *rows, long count, double *out)
 {
     const @NAME@_Sample first = {(@NAME@_real)rows[1], (@NAME@_real)rows[2]};
     @NAME@_LawState state;
@@ -51,163 +57,209 @@ void steps(const double *rows, long count, double *commands)
     for (long k = 0; k < count; ++k, rows += 7) {
         const @NAME@_Sample sample = {(@NAME@_real)rows[1], (@NAME@_real)rows[2]};
         const @NAME@_Reference reference = {(@NAME@_real)rows[3], (@NAME@_real)rows[4], (@NAME@_real)rows[5]};
-        commands[k] = (double)@NAME@_step(&state, &sample, &reference);
+        out[k] = (double)@NAME@_step(&state, &sample, &reference);
     }
 }
 """
+DETECTOR_LOOP = """
+#include "onset.h"
+void steps(const double *values, long count, double *out);
+void steps(const double *values, long count, double *out)
+{
+    static onset_OnsetState state;
+    onset_Trouble trouble;
+    onset_start(&state, (onset_real)values[0]);
+    for (long k = 0; k < count; ++k)
+        out[k] = (double)onset_step(&state, (onset_real)values[k], &trouble);
+}
+"""
+AS_A_LAW = {
+    "detector.h": """
+#include "onset.h"
+typedef onset_real detector_real;
+typedef onset_OnsetState detector_LawState;
+typedef struct { detector_real value, unused; } detector_Sample;
+typedef struct { detector_real one, two, three; } detector_Reference;
+void detector_start(detector_LawState *state, const detector_Sample *sample);
+detector_real detector_step(
+    detector_LawState *state, const detector_Sample *sample, const detector_Reference *reference);
+""",
+    "detector.c": """
+#include "onset.c"
+#include "detector.h"
+void detector_start(detector_LawState *state, const detector_Sample *sample)
+{
+    onset_start(state, sample->value);
+}
+detector_real detector_step(
+    detector_LawState *state, const detector_Sample *sample, const detector_Reference *reference)
+{
+    onset_Trouble trouble;
+    (void)reference;
+    return onset_step(state, sample->value, &trouble);
+}
+""",
+}
+"""What `bowden.export.cortex` measures is a law: the first number of its sample is the signal here."""
+
+
+class Subject(NamedTuple):
+    """What is measured: three forms of one loop over the same inputs."""
+
+    name: str
+    module: Module
+    loop: str
+    inputs: Array
+    interpreted: Callable[[Array, Array], None]
+    compiled: Callable[[Array, Array], None]
+    chip: str
+    """Prefix of what runs on the chip."""
+    chip_files: Mapping[str, str]
+    """Beside the exported ones."""
+    chip_rows: list[list[float]]
 
 
 @kernel
-def compiled_steps(gains: Any, conditioning: Any, rows: Array, commands: Array) -> None:
+def law_cycles(gains: Any, conditioning: Any, rows: Array, out: Array) -> None:
     first = Sample(rows[0, 1], rows[0, 2])
     state, conditioned = law_start(gains, first), condition_start(conditioning, first)
     for k in range(len(rows)):
         reference = Reference(rows[k, 3], rows[k, 4], rows[k, 5])
         conditioned, shown = condition_step(conditioning, conditioned, reference, rows[k, 6])
-        state, commands[k] = law_step(gains, state, Sample(rows[k, 1], rows[k, 2]), shown, rows[k, 6])
+        state, out[k] = law_step(gains, state, Sample(rows[k, 1], rows[k, 2]), shown, rows[k, 6])
 
 
-def interpreted_steps(law: Law, rows: Array, commands: Array) -> None:
-    first = Sample(rows[0, 1], rows[0, 2])
-    state, conditioned = law.start(first), condition_start(law.conditioning, first)
-    for k, (_, joint, motor, position, velocity, acceleration, dt) in enumerate(rows.tolist()):
-        reference = Reference(position, velocity, acceleration)
-        conditioned, shown = condition_step(law.conditioning, conditioned, reference, dt)
-        state, commands[k] = law.step(state, Sample(joint, motor), shown, dt)
-
-
-def bench_rows(law: Law) -> Array:
-    """What the law is handed in the closed loop on the paper's bench."""
+def subject_of_law(law: Law) -> Subject:
+    """A law in the closed loop on the paper's bench."""
     bench, motion, duration = paper.bench(), paper.minimum_jerk(), TIMED * DT
     trace = simulate(bench, law, motion, duration=duration, seed=1)
     references = inputs_of(bench, motion, duration, constant_bend(bench.sheath.bend), 1).references
-    rows = np.column_stack([np.zeros(TIMED), trace["joint_measured"], trace["motor_measured"], *references])
+    columns = [np.zeros(TIMED), trace["joint_measured"], trace["motor_measured"], *references, np.full(TIMED, DT)]
+    rows = np.column_stack(columns)
     rows[0, 0] = 1.0
-    return np.column_stack([rows, np.full(TIMED, DT)])
+    compiled = specialise(law_cycles, law.name, law_start=law.start_kernel, law_step=law.step_kernel)
 
+    def interpreted(rows: Array, out: Array) -> None:
+        first = Sample(rows[0, 1], rows[0, 2])
+        state, conditioned = law.start(first), condition_start(law.conditioning, first)
+        for k, (_, joint, motor, position, velocity, acceleration, dt) in enumerate(rows.tolist()):
+            reference = Reference(position, velocity, acceleration)
+            conditioned, shown = condition_step(law.conditioning, conditioned, reference, dt)
+            state, out[k] = law.step(state, Sample(joint, motor), shown, dt)
 
-def built(law: Law, folder: Path, cc: str, *, single: bool) -> Any:
-    """The exported law's loops over rows: `steps` keeps the commands."""
     module = law_module(law, DT)
-    texts = files(module, Style(module.prefix, single), "for a benchmark")
-    for name, text in (texts | {"loop.c": LOOP.replace("@NAME@", module.prefix)}).items():
+    return Subject(
+        *(f"`{law.name}`", module, LAW_LOOP.replace("@NAME@", module.prefix), rows, interpreted),
+        lambda rows, out: compiled(law.gains, law.conditioning, rows, out),
+        *(module.prefix, {}, rows[:ON_CHIP, 1:6].tolist()),
+    )
+
+
+@kernel
+def detector_samples(onset: Onset, state: OnsetState, values: Array, out: Array) -> None:
+    for k in range(len(values)):
+        state, out[k], _ = onset_step(onset, state, values[k])
+
+
+def muscle(rate: float, count: int = TIMED) -> Array:
+    """Rest, hum, contractions, a signal that is lost, and one that stands still (n,)."""
+    random, time = np.random.default_rng(3), np.arange(count) / rate
+    spans = [(t, t + 1.5, 0.3) for t in np.arange(3.0, time[-1] - 3.0, 4.0)]
+    values = 0.2 + random.normal(0.0, 0.01, count) + contractions(rate, spans, count, seed=1)
+    values += 0.05 * np.sin(2.0 * np.pi * 50.0 * time) * (time % 7.0 > 5.0)
+    values[count // 2 : count // 2 + 100] = np.nan
+    values[round(rate) : round(1.7 * rate)] = values[count // 3 : count // 3 + 300] = 0.4
+    return values
+
+
+def subject_of_detector(rate: float) -> Subject:
+    """The detector at a rate [Hz]."""
+    values, onset = muscle(rate), prepare_onset(rate)
+    compiled = specialise(detector_samples, "onset")
+
+    def interpreted(values: Array, out: Array) -> None:
+        state = onset_start(onset, float(values[0]))
+        for k, value in enumerate(values.tolist()):
+            state, out[k], _ = DEFAULT.step(onset, state, value)
+
+    begin = round(2.5 * rate)  # the middle of it holds the start of a contraction
+    rows = [[float(value), *(0.0,) * 4] for value in values[begin : begin + ON_CHIP]]
+    return Subject(
+        *(f"EMG detector at {rate:g} Hz", emg_modules(rate)[1], DETECTOR_LOOP, values, interpreted),
+        lambda values, out: compiled(onset, onset_start(onset, float(values[0])), values, out),
+        *("detector", AS_A_LAW, rows),
+    )
+
+
+def built(one: Subject, folder: Path, cc: str, *, single: bool) -> Any:
+    """The exported loop over inputs."""
+    texts = files(one.module, Style(one.module.prefix, single), "for a benchmark") | {"loop.c": one.loop}
+    for name, text in texts.items():
         (folder / name).write_text(text, encoding="utf-8")
-    library = folder / f"{module.prefix}{'32' if single else ''}.so"
-    sources = ["loop.c", f"{module.prefix}.c"]
+    library = folder / f"{one.module.prefix}{'32' if single else ''}.so"
+    sources = ["loop.c", f"{one.module.prefix}.c"]
     command = [cc, *FLAGS.split(), "-fPIC", "-shared", *sources, "-o", str(library), "-lm"]
     subprocess.run(command, cwd=folder, check=True)
-    loaded = ctypes.CDLL(str(library))
-    loaded.steps.argtypes, loaded.steps.restype = [ctypes.c_void_p, ctypes.c_long, ctypes.c_void_p], None
-    return loaded
+    steps = ctypes.CDLL(str(library)).steps
+    steps.argtypes, steps.restype = [ctypes.c_void_p, ctypes.c_long, ctypes.c_void_p], None
+    return steps
 
 
-def measured(law: Law, cc: str) -> list[str]:
-    """A law's row of the table."""
-    rows = bench_rows(law)
-    some, out = rows[:INTERPRETED].copy(), np.empty(TIMED)
-    compiled = specialise(compiled_steps, law.name, law_start=law.start_kernel, law_step=law.step_kernel)
+def measured(one: Subject, cc: str) -> list[str]:
+    """A row of the table."""
+    count, some, out = len(one.inputs), one.inputs[:INTERPRETED].copy(), np.empty(len(one.inputs))
+    data = (one.inputs.ctypes.data, count, out.ctypes.data)
     with tempfile.TemporaryDirectory(prefix="bowden-exported-") as made:
-        double, single = (built(law, Path(made), cc, single=kind) for kind in (False, True))
-        data = (rows.ctypes.data, TIMED, out.ctypes.data)
+        double, single = (built(one, Path(made), cc, single=kind) for kind in (False, True))
         times = by_turns(
             ROUNDS,
-            interpreted=lambda: interpreted_steps(law, some, out),
-            compiled=lambda: compiled(law.gains, law.conditioning, rows, out),
-            exported=lambda: double.steps(*data),
-            in_float=lambda: single.steps(*data),
+            interpreted=lambda: one.interpreted(some, out),
+            compiled=lambda: one.compiled(one.inputs, out),
+            exported=lambda: double(*data),
+            in_float=lambda: single(*data),
         )
-    c = times["exported"]
-    ratios = [
-        Timing(tuple(s / n for s in times[key].seconds))
-        for key, n in (("interpreted", INTERPRETED / TIMED), ("compiled", 1))
-    ]
+    seconds = {key: np.array(timing.seconds) / count for key, timing in times.items()}
+    seconds["interpreted"] *= count / INTERPRETED
+    middle = {key: float(np.median(values)) for key, values in seconds.items()}
+    ratios = [float(np.median(seconds[key] / seconds["exported"])) for key in ("interpreted", "compiled")]
+    text = files(one.module, Style(one.module.prefix), "for a benchmark")[f"{one.module.prefix}.c"]
     return [
-        f"`{law.name}`",
-        f"{times['interpreted'].median / INTERPRETED * 1e6:.1f} µs",
-        f"{times['compiled'].median / TIMED * 1e9:.0f} ns",
-        f"{c.median / TIMED * 1e9:.0f} ns ({min(c.seconds) / TIMED * 1e9:.0f})",
-        f"{times['in_float'].median / TIMED * 1e9:.0f} ns",
-        f"{ratios[0].over(c).median:.0f} ×",
-        f"{ratios[1].over(c).median:.2f} ×",
-        lines_of(law),
-        *_on_chip(law, rows),
+        *(one.name, f"{middle['interpreted'] * 1e6:.1f} µs", f"{middle['compiled'] * 1e9:.0f} ns"),
+        f"{middle['exported'] * 1e9:.0f} ns ({seconds['exported'].min() * 1e9:.0f})",
+        *(f"{middle['in_float'] * 1e9:.0f} ns", f"{ratios[0]:.0f} ×", f"{ratios[1]:.2f} ×", f"{text.count(chr(10))}"),
+        *_on_chip(one),
     ]
 
 
-def _on_chip(law: Law, rows: Array) -> list[str]:
+def _on_chip(one: Subject) -> list[str]:
     if cortex.tools():
         return ["–"] * 4
-    module = law_module(law, DT)
-    costs = [
-        cortex.measure(module.prefix, files(module, Style(module.prefix, kind), "for a benchmark"), given)
+    single, double = (
+        cortex.measure(
+            one.chip, files(one.module, Style(one.module.prefix, kind), "") | dict(one.chip_files), one.chip_rows
+        )
         for kind in (True, False)
-        for given in [rows[:ON_CHIP, 1:6].tolist()]
-    ]
-    cost = costs[0]
-    return [
-        f"{cost.instructions_mean:.0f} ({cost.instructions_max:.0f})",
-        f"{cost.code_bytes} B",
-        f"{cost.stack_bytes} B",
-        f"{costs[1].instructions_mean:.0f}",
-    ]
-
-
-def lines_of(law: Law) -> str:
-    """Lines of the law's source file."""
-    module = law_module(law, DT)
-    text = files(module, Style(module.prefix), "for a benchmark")[f"{module.prefix}.c"]
-    return f"{text.count(chr(10))}"
-
-
-HEAD = (
-    *(
-        "law",
-        "interpreted",
-        "compiled",
-        "exported (smallest)",
-        "in `float`",
-        "interpreted/exported",
-        "compiled/exported",
-    ),
-    *(
-        "lines of C",
-        "Cortex-M4F in `float`: instructions, mean (most)",
-        "code",
-        "stack",
-        "in `double`",
-    ),
-)
-
-
-def section(laws: Sequence[Law], cc: str) -> str:
-    """The table and its notes."""
-    lines = [f"| {' | '.join(HEAD)} |", "|---" * len(HEAD) + "|"]
-    for law in laws:
-        print(f"{law.name} …", flush=True)
-        lines.append(f"| {' | '.join(measured(law, cc))} |")
-    notes = [
-        *machine(),
-        f"A cycle on the processor, the median of {ROUNDS} rounds by turns over a closed loop of {TIMED * DT:g} s on "
-        "the paper's bench. Exported: gcc with "
-        f"{' '.join(FLAGS.split()[-2:])}. Asked for: at most {MOST * 1e9:g} ns exported, of ours {OURS_MOST * 1e9:g}.",
-        f"Load of the machine meanwhile: {os.getloadavg()[0]:.0f} processes; the smallest time is the least disturbed.",
-        f"Cortex-M4F: QEMU's MPS2 board, instructions (not clock cycles) of {ON_CHIP} cycles of the same closed loop, "
-        f"to within {cortex.PER_TICK}; code without the C library's, stack with it.",
-    ]
-    return "\n".join(lines) + "\n\n" + "\n".join(f"- {note}" for note in notes)
+    )
+    mean = f"{single.instructions_mean:.0f} ({single.instructions_max:.0f})"
+    return [mean, f"{single.code_bytes} B", f"{single.stack_bytes} B", f"{double.instructions_mean:.0f}"]
 
 
 def main() -> None:
+    """The command."""
+    makers: dict[str, Callable[[], Subject]] = {name: lambda law=law: subject_of_law(law) for name, law in LAWS.items()}
+    makers |= {f"detector-{rate:g}": lambda rate=rate: subject_of_detector(rate) for rate in RATES}
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("laws", nargs="*", choices=[[], *LAWS], help="only these")
-    names = parser.parse_args().laws
+    parser.add_argument("names", nargs="*", choices=[[], *makers], help="only these")
+    names = parser.parse_args().names
     cc = compiler()
     if cc is None:
         raise SystemExit("no C compiler; set CC")
-    text = section([LAWS[name] for name in names or LAWS], cc)
-    print(f"\n{text}")
+    rows = [measured(makers[name](), cc) for name in names or makers]
+    print(table(COLUMNS, rows))
     if not names:
-        results.write(TITLE, text)
+        what = "One cycle of each law and one sample of the detector: interpreted, compiled, exported, on a Cortex-M4F"
+        how = f"{machine()} Median of {ROUNDS} rounds by turns. Cortex-M4F: instructions in QEMU, not clock cycles."
+        write_rows("export_laws", what, "python benchmarks/exported.py", COLUMNS, rows, how)
 
 
 if __name__ == "__main__":

@@ -2,7 +2,7 @@
 
 import itertools
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +12,7 @@ from bowden.control import LAWS
 from bowden.plants.presets.bench import default_bench
 from bowden.sim.injected import Injected
 from kept import Kept
-from measure import Figure
+from measure import Figure, Found
 from support import family_matrix
 from support.adversary import attack
 from support.fault_matrix import MEASURED, ROWS, begins, complaints, pair_complaints, run_row
@@ -46,25 +46,18 @@ def attacks(cycles: int, done: int) -> Iterator[list[Any]]:
         yield [seed, *attack(MEASURED, cycles, seed)]
 
 
-def of_families() -> list[tuple[str, family_matrix.DriveRow, family_matrix.Found]]:
-    """Each family of drives with each fault of its drive, and what came of it."""
+def of_devices(cases: Iterable[tuple[str, Any]], react: Callable[[Path, str, Any], Any]) -> list[tuple[Any, Any]]:
+    """Each family of drives, or kind of load cell, with each of its faults: the row, and what came of it."""
     found = []
-    for name, row in family_matrix.cases():
+    for name, row in cases:
         with tempfile.TemporaryDirectory() as folder:
-            found.append((name, row, family_matrix.react(Path(folder), name, row)))
+            found.append((row, react(Path(folder), name, row)))
+            if said := family_matrix.complaints(row, found[-1][1]):
+                print("wrong:", name, row.text, *said)
     return found
 
 
-def of_cells() -> list[tuple[str, family_matrix.LoadRow, family_matrix.Found]]:
-    """Each kind of load cell with each of its faults, and what came of it."""
-    found = []
-    for cell, row in family_matrix.load_cases():
-        with tempfile.TemporaryDirectory() as folder:
-            found.append((cell, row, family_matrix.react_load(Path(folder), cell, row)))
-    return found
-
-
-def figures(share: float) -> tuple[list[Figure], str]:
+def figures(share: float) -> Found:
     """What was wrong, and a table of the faults."""
     assert set(ROWS) == set(Injected) - {Injected.NOTHING}
     seeds, pair_seeds = max(1, round(share * SEEDS)), max(1, round(share * PAIR_SEEDS))
@@ -79,62 +72,38 @@ def figures(share: float) -> tuple[list[Figure], str]:
         print("wrong:", *row)
     wrong_ones, wrong_twos = (sum(bool(row[-1]) for row in rows) for rows in (ones, twos))
     blind = sum(not row[-2] for row in ones if max(ROWS[Injected[row[1]]].reactions) > 1)
-    cells = of_cells()
-    odd = [(cell, row.text, *family_matrix.complaints(row, found)) for cell, row, found in cells]
-    odd = [one for one in odd if len(one) > 2]
-    for one in odd:
-        print("wrong:", *one)
-    drives = of_families()
-    bad = [(name, row.text, *family_matrix.complaints(row, found)) for name, row, found in drives]
-    bad = [one for one in bad if len(one) > 2]
-    for one in bad:
-        print("wrong:", *one)
-    inert = max(found.after for _, row, found in drives if row.text == "inert")
-    return [
-        Figure(
-            f"a drive's fault, {len(drives)} runs of four families: too late, or torque left",
-            str(len(bad)),
-            "0",
-            not bad,
-        ),
-        Figure("of these, an inert motor, the latest [ms]", f"{inert:.0f}", "≤ 50", inert <= 50.0),
-        Figure(
-            f"a load cell's fault, {len(cells)} runs of {len(family_matrix.CELLS)} kinds: wrong reaction, or too late",
-            str(len(odd)),
-            "0",
-            not odd,
-        ),
-        Figure(
-            f"one fault, {len(ones)} runs: wrong reaction, too late, or undetected",
-            str(wrong_ones),
-            "0",
-            not wrong_ones,
-        ),
-        Figure("of these, with a fault that came to nothing that anyone could see", str(blind), "–"),
-        Figure(f"two faults, {len(twos)} runs: wrong end, or R3 too late", str(wrong_twos), "0", not wrong_twos),
-        Figure(
-            f"targets beyond limit or rate, {PIECES * cycles} inputs of every kind",
-            str(violations),
-            "0",
-            not violations,
-        ),
-        Figure("of these inputs, with power; with the law in charge", f"{powered}; {led}", "–"),
-    ], _table(ones)
+    drives = of_devices(family_matrix.cases(), family_matrix.react)
+    loads = of_devices(family_matrix.load_cases(), family_matrix.react_load)
+    bad, odd = (sum(bool(family_matrix.complaints(*one)) for one in found) for found in (drives, loads))
+    inert = max(found.after for row, found in drives if row.text == "inert")
+    return Found(
+        [
+            Figure(f"a drive's fault, {len(drives)} runs: too late, or torque left", str(bad), "0", not bad),
+            Figure("of these, an inert motor, the latest [ms]", f"{inert:.0f}", "≤ 50", inert <= 50.0),
+            Figure(f"a load cell's fault, {len(loads)} runs: wrong reaction, or too late", str(odd), "0", not odd),
+            Figure(f"one fault, {len(ones)} runs: wrong reaction, or too late", str(wrong_ones), "0", not wrong_ones),
+            Figure("of these, with a fault without a visible effect", str(blind), "–"),
+            Figure(f"two faults, {len(twos)} runs: wrong end, or R3 too late", str(wrong_twos), "0", not wrong_twos),
+            Figure(f"targets beyond limit or rate, {PIECES * cycles} inputs", str(violations), "0", not violations),
+            Figure("of these inputs, with power; with the law in charge", f"{powered}; {led}", "–"),
+        ],
+        "Times in ms, from the fault's beginning, and from its first visible effect.",
+        COLUMNS,
+        [_kind(kind.name, [row for row in ones if row[1] == kind.name]) for kind in ROWS],
+    )
 
 
-def _table(rows: list[list[Any]]) -> str:
-    """Times in ms; from its showing, because nobody can see a fault that does nothing yet, and from its beginning."""
-    lines = [
-        "| injected | runs | wrong | stopped | R2 or R3 after it begins [ms]: median | worst | after it shows | worst "
-        "| power off, worst |",
-        "|---|---|---|---|---|---|---|---|---|",
-    ]
-    for kind in ROWS:
-        mine = [row for row in rows if row[1] == kind.name]
-        stopped = np.array([row[4:7] for row in mine if row[7]])
-        times = "– | – | – | – | –"
-        if len(stopped):
-            (begun, shown, _), worst = np.median(stopped, axis=0), stopped.max(axis=0)
-            times = f"{begun:.0f} | {worst[0]:.0f} | {shown:.0f} | {worst[1]:.0f} | {worst[2]:.0f}"
-        lines.append(f"| {kind.name} | {len(mine)} | {sum(bool(row[-1]) for row in mine)} | {len(stopped)} | {times} |")
-    return "\n".join(lines)
+COLUMNS = (
+    *("injected", "runs", "wrong", "stopped", "R2 or R3 after it begins [ms]: median", "worst", "after it shows"),
+    *("worst", "power off, worst"),
+)
+
+
+def _kind(name: str, rows: list[list[Any]]) -> list[Any]:
+    """A row of the table."""
+    stopped = np.array([row[4:7] for row in rows if row[7]])
+    times: list[Any] = ["–"] * 5
+    if len(stopped):
+        (begun, shown, _), worst = np.median(stopped, axis=0), stopped.max(axis=0)
+        times = [round(float(one)) for one in (begun, worst[0], shown, worst[1], worst[2])]
+    return [name, len(rows), sum(bool(row[-1]) for row in rows), len(stopped), *times]

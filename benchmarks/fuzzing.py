@@ -22,7 +22,7 @@ from typing import Any
 sys.path.append(str(Path(__file__).parents[1] / "tests"))  # where the targets are
 
 from kept import Kept
-from measure import Figure
+from measure import Figure, Found
 from support import fuzz
 
 COUNT, PIECE = 1_000_000, 5000
@@ -65,37 +65,30 @@ def piece(name: str, first: int, count: int) -> list[Any]:
     return [name, first, count, taken, broken, longest, memory, time.perf_counter() - began]
 
 
-def figures(share: float) -> tuple[list[Figure], str]:
-    """What broke, and a table of the targets."""
+def figures(share: float) -> Found:
+    """What broke, and the targets."""
     kept = Kept(f"fuzzing_{share:g}")
     rows = kept.filled(tried(share, len(kept.rows())), len(pieces(share)))
     broken = [one for row in rows for one in row[4]]
     for one in broken[:20]:
         print("broken:", one)
-    longest, memory = max(row[5] for row in rows), max(row[6] for row in rows)
-    lines = [
-        "| target | inputs | taken, not refused | broken | longest [s] | memory [MB] | ms an input |",
-        "|---|" + "---|" * 6,
-    ]
+    columns = ("target", "inputs", "taken, not refused", "broken", "longest [s]", "memory [MB]", "ms an input")
+    targets = []
     for name in fuzz.TARGETS:
-        mine = [row for row in rows if row[0] == name]
-        count, taken, wrong = (
-            sum(row[2] for row in mine),
-            sum(row[3] for row in mine),
-            sum(len(row[4]) for row in mine),
-        )
-        most, held, took = max(row[5] for row in mine), max(row[6] for row in mine), sum(row[7] for row in mine)
-        lines.append(
-            f"| {name} | {count} | {taken} | {wrong} | {most:.2f} | {held // _MB} | {1e3 * took / count:.2f} |"
-        )
-    bound = fuzz.MOST_MEMORY
-    return [
-        Figure(
-            f"inputs that broke what reads them, of {sum(row[2] for row in rows)}", str(len(broken)), "0", not broken
-        ),
-        Figure("longest of an input [s]", f"{longest:.2f}", f"{fuzz.LONGEST}", longest <= fuzz.LONGEST),
-        Figure("memory [MB]", f"{memory // _MB}", f"{bound // _MB}", memory <= bound),
-    ], "\n".join(lines)
+        _, _, counts, taken, wrong, longest, memory, took = zip(*(row for row in rows if row[0] == name), strict=True)
+        inputs, cost = sum(counts), 1e3 * sum(took) / sum(counts)
+        broke = sum(map(len, wrong))
+        targets.append((name, inputs, sum(taken), broke, round(max(longest), 2), max(memory) // _MB, round(cost, 2)))
+    most, memory, bound = max(row[5] for row in rows), max(row[6] for row in rows), fuzz.MOST_MEMORY
+    return Found(
+        [
+            Figure(f"inputs that broke, of {sum(row[2] for row in rows)}", str(len(broken)), "0", not broken),
+            Figure("longest of an input [s]", f"{most:.2f}", f"{fuzz.LONGEST}", most <= fuzz.LONGEST),
+            Figure("memory [MB]", f"{memory // _MB}", f"{bound // _MB}", memory <= bound),
+        ],
+        columns=columns,
+        rows=targets,
+    )
 
 
 if __name__ == "__main__":

@@ -6,7 +6,7 @@ a cable that none of them has as its form: a tendon with friction all along its 
 
 Needs scikit-learn and torch: ``pip install --editable '.[bench]'``.
 
-    python benchmarks/identify_peers.py         # all methods, and the section of the page
+    python benchmarks/identify_peers.py         # all methods, and their table
     python benchmarks/identify_peers.py ours    # one anew, beside what out/bench keeps of the others
 """
 
@@ -22,15 +22,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 import bowden
-import results
 from bowden.core.units import DEGREES, RADIANS
 from bowden.identify.cable.identification import follow
 from bowden.identify.cable.path import build_path
 from bowden.identify.cable.turns import find_turns, motor_noise, reversals
 from bowden.plants.identified import CableModel
 from bowden.records.metrics import rmse
-
-TITLE = "Identification against others"
+from measure import table, write_rows
 
 Array = NDArray[np.float64]
 DATA = Path(__file__).parents[2] / "shared" / "data" / "cable"
@@ -41,18 +39,25 @@ STROKES = (0.5, 0.75, 1.2)
 """Of the simulated cable, over the one that was learned from."""
 
 KEPT = Path("out/bench/identify_peers.json")
+WHAT = (
+    "Errors [° RMS] of methods that learn from the first half of 12 recordings: on the second half (median, worst), on "
+    "another run of the same tool and pose (median, worst; as it is, and with gain and offset fitted anew), and on "
+    "strokes 0.5, 0.75 and 1.2 times as large of a simulated tendon"
+)
+HOW = (
+    "Boosting and Gaussian process: scikit-learn's defaults. LSTM: as compared by Wang et al. (arXiv 2404.07168), "
+    "20 samples in 2 s, 64 units, 100 passes, Adam at 0.001."
+)
 RATE = 100.0
 """Samples a second that the peers are given; the motions take 1 to 20 s a cycle."""
-BINS = 60
-"""Of the table, a direction."""
 MEMORY = 3
 """Reversals that are told to boosting and Gaussian process, beside the way since the last one."""
 POINTS = 600
 """That the Gaussian process learns from: its time grows with their cube."""
 TAPS, SPACING = 20, 10
-"""Of the networks' history: samples of the motor, and how far apart; two seconds in all."""
+"""Of the network's history: samples of the motor, and how far apart; two seconds in all."""
 UNITS, EPOCHS, BATCH, STEP = 64, 100, 64, 1e-3
-"""Of the networks: units of a layer, passes through the data, samples of a step, Adam's step (torch's default)."""
+"""Of the network: units of a layer, passes through the data, samples of a step, Adam's step (torch's default)."""
 
 
 class Part(NamedTuple):
@@ -142,25 +147,6 @@ def peer(features: Callable[[Array], Array], fit: Callable[[Array, Array], Fitte
     return learn
 
 
-def table(seen: Array, residual: Array) -> Fitted:
-    """Direction × bins of the motor: the mean of each, straight lines between the bins' middles."""
-    edges = np.linspace(seen[:, 0].min(), seen[:, 0].max(), BINS + 1)
-    middles, threshold = 0.5 * (edges[1:] + edges[:-1]), 0.5 * float(seen[:, 1].min() + seen[:, 1].max())
-    bins, way = np.clip(np.searchsorted(edges, seen[:, 0]) - 1, 0, BINS - 1), seen[:, 1] > threshold
-    rows = []
-    for side in (False, True):
-        own = way == side
-        count = np.bincount(bins[own], minlength=BINS)
-        mean = np.bincount(bins[own], residual[own], minlength=BINS) / np.maximum(count, 1)
-        rows.append((middles[count > 0], mean[count > 0]))
-
-    def look(asked: Array) -> Array:
-        down, up = (np.interp(asked[:, 0], *row) if len(row[0]) else np.zeros(len(asked)) for row in rows)
-        return np.where(asked[:, 1] > threshold, up, down)
-
-    return look
-
-
 def boosting(seen: Array, residual: Array) -> Fitted:
     """scikit-learn's gradient boosting of histograms, its defaults."""
     from sklearn.ensemble import HistGradientBoostingRegressor
@@ -178,70 +164,41 @@ def gaussian_process(seen: Array, residual: Array) -> Fitted:
     return GaussianProcessRegressor(kernel, random_state=0).fit(seen[few], residual[few]).predict
 
 
-def recurrent() -> Any:
-    """An LSTM over the history, and a linear layer on its last output."""
+def lstm(seen: Array, residual: Array) -> Fitted:
+    """An LSTM over the history and a linear layer on its last output, by Adam on the mean square."""
     import torch
 
-    class Recurrent(torch.nn.Module):  # type: ignore[misc, unused-ignore]
-        """(n, TAPS) → (n, 1)."""
+    torch.manual_seed(0)
+    torch.set_num_threads(1)
+    cell, last = torch.nn.LSTM(1, UNITS, batch_first=True), torch.nn.Linear(UNITS, 1)
 
-        def __init__(self) -> None:
-            super().__init__()
-            self.cell, self.last = torch.nn.LSTM(1, UNITS, batch_first=True), torch.nn.Linear(UNITS, 1)
+    def output(given: Any) -> Any:
+        return last(cell(given[:, :, None])[0][:, -1])
 
-        def forward(self, seen: Any) -> Any:
-            """The joint's residual at the end of each history."""
-            return self.last(self.cell(seen[:, :, None])[0][:, -1])
+    inputs, wanted = (torch.tensor(one, dtype=torch.float32) for one in (seen, residual[:, None]))
+    adam = torch.optim.Adam([*cell.parameters(), *last.parameters()], lr=STEP)
+    for _ in range(EPOCHS):
+        for some in torch.randperm(len(inputs)).split(BATCH):
+            adam.zero_grad()
+            torch.nn.functional.mse_loss(output(inputs[some]), wanted[some]).backward()
+            adam.step()
 
-    return Recurrent()
+    def predict(asked: Array) -> Array:
+        with torch.no_grad():
+            return np.asarray(output(torch.tensor(asked, dtype=torch.float32))[:, 0].numpy(), dtype=np.float64)
 
-
-def network(make: Callable[[], Any]) -> Callable[[Array, Array], Fitted]:
-    """A network on the history, by Adam on the mean square."""
-
-    def fit(seen: Array, residual: Array) -> Fitted:
-        import torch
-
-        torch.manual_seed(0)
-        torch.set_num_threads(1)
-        net = make()
-        inputs, wanted = (torch.tensor(one, dtype=torch.float32) for one in (seen, residual[:, None]))
-        adam = torch.optim.Adam(net.parameters(), lr=STEP)
-        for _ in range(EPOCHS):
-            for some in torch.randperm(len(inputs)).split(BATCH):
-                adam.zero_grad()
-                torch.nn.functional.mse_loss(net(inputs[some]), wanted[some]).backward()
-                adam.step()
-
-        def predict(asked: Array) -> Array:
-            with torch.no_grad():
-                return np.asarray(net(torch.tensor(asked, dtype=torch.float32))[:, 0].numpy(), dtype=np.float64)
-
-        return predict
-
-    return fit
-
-
-def feedforward() -> Any:
-    """Two hidden layers."""
-    from torch import nn as layers
-
-    return layers.Sequential(
-        layers.Linear(TAPS, UNITS), layers.ReLU(), layers.Linear(UNITS, UNITS), layers.ReLU(), layers.Linear(UNITS, 1)
-    )
+    return predict
 
 
 METHODS: dict[str, tuple[str, Callable[[Part, Part], Learned]]] = {
     "ours": ("`bowden.identify`", ours),
-    "table": (f"table, direction × {BINS} bins", peer(memory, table)),
     "boosting": ("gradient boosting on motor and reversals", peer(memory, boosting)),
     "gp": ("Gaussian process on the same", peer(memory, gaussian_process)),
-    "fnn": ("feed-forward network on a history", peer(history, network(feedforward))),
-    "lstm": ("LSTM on the same history", peer(history, network(recurrent))),
+    "lstm": ("LSTM on a history", peer(history, lstm)),
 }
 
 
-NEEDS = {"boosting": "sklearn", "gp": "sklearn", "fnn": "torch", "lstm": "torch"}
+NEEDS = {"boosting": "sklearn", "gp": "sklearn", "lstm": "torch"}
 """Method → what it is made with, beside what bowden itself needs."""
 
 
@@ -316,48 +273,24 @@ def errors(learned: Learned, log: Part) -> tuple[float, float]:
     return rmse(said - joint), rmse(gain * said + offset - joint)
 
 
-def text(found: dict[str, Figures]) -> str:
-    """The section of the page."""
-    base = found["ours"].halves if "ours" in found else None
-    strokes = " / ".join(f"{stroke:g}" for stroke in STROKES)
-    lines = [
-        f"{len(next(iter(found.values())).halves)} recordings of real cables, learned from on the first half; ° RMS on "
-        "what was not seen: the second half, the second half of another run of the same tool and pose (*as it is*, and "
-        f"*anew*: with gain and offset fitted to it), and strokes {strokes} times as large of a simulated tendon with "
-        "friction along its sheath, which is the form of no method here. Seconds of the processor a recording.",
-        "",
-        "| method | median | worst | below ours | other run, as it is | anew | other strokes | s |",
-        "|---|---|---|---|---|---|---|---|",
-    ]
-    for name, one in found.items():
-        better = "–"
-        if base is not None and name != "ours":
-            better = f"{sum(a < b for a, b in zip(one.halves, base, strict=True))} of {len(base)}"
-        cells = [METHODS[name][0], degrees([np.median(np.array(one.halves))]), degrees([max(one.halves)]), better]
-        for transfer in (one.runs, one.moved):
-            cells.append(f"{degrees([np.median(np.array(transfer))])} ({degrees([max(transfer)])})")
-        lines.append(f"| {' | '.join([*cells, degrees(one.strokes), f'{np.median(np.array(one.seconds)):.2g}'])} |")
-    return "\n".join(
-        [
-            *lines,
-            "",
-            "Of other runs: median (worst) of ten pairs. The peers learn what the first half's straight line leaves, "
-            f"at {RATE:g} Hz. Boosting and Gaussian process (scikit-learn's defaults; {POINTS} points) see the motor, "
-            f"its direction, the way since the last reversal and the last {MEMORY} reversals. The networks are of the "
-            "kinds compared by Wang et al. (arXiv 2404.07168, 2024) for tendon-driven robots, a feed-forward network "
-            f"with a history buffer and an LSTM; their sizes are ours: {TAPS} samples in {TAPS * SPACING / RATE:g} s, "
-            f"{UNITS} units a layer, {EPOCHS} passes, Adam at {STEP:g}.",
-        ]
-    )
+COLUMNS = ("method", "median", "worst", "below ours", "other run, as it is", "anew", "other strokes", "s")
 
 
-def degrees(values: Iterable[float]) -> str:
+def row(name: str, one: Figures, ours: Figures) -> list[str]:
+    """A row of the table [deg]: of other runs the median and the worst."""
+    better = "–" if name == "ours" else f"{sum(np.less(one.halves, ours.halves))} of {len(one.halves)}"
+    cells = [METHODS[name][0], degrees([np.median(one.halves)]), degrees([max(one.halves)]), better]
+    cells += [f"{degrees([np.median(found)])} ({degrees([max(found)])})" for found in (one.runs, one.moved)]
+    return [*cells, degrees(one.strokes), f"{np.median(one.seconds):.2g}"]
+
+
+def degrees(values: Iterable[Any]) -> str:
     """Angles with three places, in °."""
-    return " / ".join(f"{value * DEGREES:.3f}" for value in values)
+    return " / ".join(f"{float(value) * DEGREES:.3f}" for value in values)
 
 
 def main() -> None:
-    """All methods, or those that are named; the page once all have figures."""
+    """All methods, or those that are named; the result file once all have figures."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("methods", nargs="*", default=list(METHODS), metavar="METHOD", help=", ".join(METHODS))
     chosen = parser.parse_args().methods
@@ -373,9 +306,11 @@ def main() -> None:
         KEPT.parent.mkdir(parents=True, exist_ok=True)
         KEPT.write_text(json.dumps(there))
     found = {name: Figures(**there[name]) for name in METHODS if name in there}
-    print(text(found))
-    if len(found) == len(METHODS):
-        results.write(TITLE, text(found))
+    if "ours" in found:
+        rows = [row(name, one, found["ours"]) for name, one in found.items()]
+        print(table(COLUMNS, rows))
+        if len(found) == len(METHODS):
+            write_rows("identification_peers", WHAT, "python benchmarks/identify_peers.py", COLUMNS, rows, HOW)
 
 
 if __name__ == "__main__":

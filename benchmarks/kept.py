@@ -1,15 +1,55 @@
-"""Results of a long part, kept one a line while it runs: interrupted, it goes on where it was left."""
+"""Long parts: rows kept while they run, progress on a terminal, and looks at judging sets counted."""
 
 import json
+import sys
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Mapping
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-import screen
 from bowden.core.kernel_cache import source_hash
 
 FOLDER = Path(__file__).parents[1] / "out" / "bench"
+
+
+def line(text: str) -> None:
+    """Show progress in place of what stood there, where standard error is a terminal."""
+    if sys.stderr.isatty():
+        print(f"\r{text:<70}", end="", file=sys.stderr, flush=True)
+
+
+def end() -> None:
+    """End the line of progress."""
+    if sys.stderr.isatty():
+        print(file=sys.stderr)
+
+
+def progress(items: Iterable[Any], total: int, what: str) -> Iterator[Any]:
+    """The items, with progress about twice a second."""
+    begun, said = time.perf_counter(), 0.0
+    for done, item in enumerate(items, 1):
+        yield item
+        taken = time.perf_counter() - begun
+        if taken > said + 0.5 or done == total:
+            said = taken
+            line(f"{done} of {total} {what}, {taken:.0f} s")
+    end()
+
+
+def numbers_in(text: str, count: int) -> range:
+    """``COUNT`` or ``FIRST:END`` of a command line; `count` numbers of an empty text."""
+    first, _, last = text.rpartition(":")
+    return range(int(first or 0), int(last)) if text else range(count)
+
+
+def finite(value: Any) -> Any:
+    """The value for JSON: infinities and NaN are null."""
+    if isinstance(value, dict):
+        return {key: finite(part) for key, part in value.items()}
+    if isinstance(value, list):
+        return [finite(part) for part in value]
+    return None if isinstance(value, float) and value - value != 0.0 else value
 
 
 class Kept:
@@ -32,26 +72,43 @@ class Kept:
         return [json.loads(line) for line in text[: text.rfind("\n") + 1].splitlines()]
 
     def filled(self, missing: Iterable[list[Any]], wanted: int) -> list[list[Any]]:
-        """All rows, after those that are missing have been worked out and kept, with progress on standard error."""
+        """All rows, after the missing ones have been computed and kept, with progress."""
         rows = self.rows()
-        before, start, said = len(rows), time.perf_counter(), 0.0
         self._file.parent.mkdir(parents=True, exist_ok=True)
         whole = "".join(json.dumps(row) + "\n" for row in rows)  # without a line cut off
         self._file.write_text(whole, encoding="utf-8")
         try:
             with self._file.open("a", encoding="utf-8") as file:
-                for row in missing:
+                for row in progress(missing, wanted - len(rows), f"rows of {self._name}"):
                     file.write(json.dumps(row) + "\n")
                     file.flush()
                     rows.append(row)
-                    taken = time.perf_counter() - start
-                    if taken > said + 2.0:
-                        said, left = taken, taken / (len(rows) - before) * (wanted - len(rows))
-                        screen.line(f"{self._name}: {len(rows)} of {wanted}, {left:.0f} s left")
         except KeyboardInterrupt:
             raise SystemExit(
                 f"\n{self._name}: {len(rows)} of {wanted} are kept in {self._file}; run it again"
             ) from None
-        finally:
-            screen.end()
         return rows
+
+
+def counted(file: Path, set_name: str, told: Mapping[str, str | list[str]]) -> int:
+    """Record a look at a set before it is run; how many there have been, 0 of the development set.
+
+    Args:
+        file: TOML, a table for each look.
+        set_name: of the set.
+        told: what is run on what of it, by key.
+    """
+    if set_name == "development":
+        return 0
+    before = file.read_text(encoding="utf-8") if file.is_file() else ""
+    count = before.count(f'set = "{set_name}"') + 1
+    entry = [
+        "[[look]]",
+        f'set = "{set_name}"',
+        f"count = {count}",
+        *(f"{key} = {json.dumps(value)}" for key, value in told.items()),
+        f'source = "{source_hash()}"',
+        f'time = "{datetime.now(UTC):%Y-%m-%dT%H:%M:%SZ}"',
+    ]
+    file.write_text(before + ("\n" if before else "") + "\n".join(entry) + "\n", encoding="utf-8")
+    return count

@@ -23,7 +23,7 @@ from bowden.live.twin_process import running_twin
 from bowden.rig.rig import Rig
 from bowden.safety.state import Mode
 from kept import Kept
-from measure import Figure
+from measure import Figure, Found
 
 BURSTS, INTERLEAVINGS = 200, 10_000
 PATIENCE = 30.0
@@ -124,8 +124,8 @@ def _stormed(count: int) -> str:
     return ""
 
 
-def figures(share: float) -> tuple[list[Figure], str]:
-    """Figures of all bursts and interleavings, and how they were made."""
+def figures(share: float) -> Found:
+    """Stops lost among interleavings and bursts."""
     count, wanted = round(share * INTERLEAVINGS), max(10, round(share * BURSTS))
     wrong, kept = _stormed(count), Kept("key_bursts")
     missing = range(len(kept.rows()), wanted)
@@ -133,12 +133,10 @@ def figures(share: float) -> tuple[list[Figure], str]:
     lost = [keys for keys, taken in found if not taken]
     for keys in lost:
         print(f"lost: {keys!r}")
-    return [
-        Figure(f"stops lost in {count} interleavings of requests", wrong or "0", "0", not wrong),
-        Figure(f"stops lost of {len(found)} bursts of keys", str(len(lost)), "0", not lost),
-    ], (
-        "- Interleavings: the loop on a clock of its own; up to five requests between two cycles and between any two "
-        "words that the loop reads of them, of one axis and of two.\n"
-        "- Keys: through a terminal, while the law runs on the twin; space and `k` in one write, or two to six keys, "
-        "one of them a stop, within some milliseconds."
+    return Found(
+        [
+            Figure(f"stops lost in {count} interleavings of requests", wrong or "0", "0", not wrong),
+            Figure(f"stops lost of {len(found)} bursts of keys", str(len(lost)), "0", not lost),
+        ],
+        "Up to five requests between two cycles, and between any two words that the loop reads of them.",
     )

@@ -16,7 +16,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-import screen
 import unseen
 from bowden.control import LAWS, user_law
 from bowden.control.knowledge import configured
@@ -39,6 +38,7 @@ from bowden.plants.knowledge_of import knowledge_of
 from bowden.plants.pose_cable import poses
 from bowden.plants.presets.bench import default_bench, moved_sheath
 from bowden.sim.many import Case, simulate_many
+from kept import progress
 
 DATA = Path(__file__).parents[2] / "shared" / "data"
 STROKE = 70.0 * RADIANS
@@ -207,11 +207,10 @@ def main() -> None:
     wanted = asked(given.plants, [*simulated, *real])
     found = [simulated[name] for name in wanted if name in simulated]
     found += real_plants(bench, logs, [name for name in wanted if name not in simulated])
-    played: list[unseen.Run] = []
-    for run in runs(laws, found, [motions[name] for name in asked(given.scenarios, motions)]):
-        played.append(run)
-        screen.line(f"{len(played)} runs, {run.families}")
-    screen.end()
+    chosen = [motions[name] for name in asked(given.scenarios, motions)]
+    played: list[unseen.Run] = list(
+        progress(runs(laws, found, chosen), len(laws) * len(found) * len(chosen), "runs of the league")
+    )
     cells: dict[str, list[unseen.Run]] = {}
     for run in played:
         cells.setdefault(run.families, []).append(run)

@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path as File
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pygad
@@ -20,7 +20,6 @@ from bowden.control.reference import Multisine
 from bowden.core.kernel import compiled, kernel
 from bowden.core.units import DEGREES
 from bowden.identify.cable.bouc_wen import BoucWenCable
-from bowden.identify.cable.identification import identify
 from bowden.identify.cable.path import Path, build_path
 from bowden.identify.cable.turns import find_turns, motor_noise
 from bowden.identify.log.read import read_log
@@ -69,16 +68,12 @@ class HalfLog:
         return error_on(unseen, bouc_wen(parameters, path.motor))
 
 
-@dataclass(frozen=True)
-class Search:
+class Search(NamedTuple):
     """One run of a search."""
 
     reached: float | None
     """When it came as near as `CLOSE` to the error to reach [s]."""
-    error: float
-    """At the end of the budget, on the path [rad]."""
     test_rms: float
-    generations: int
 
 
 def simulated_log() -> HalfLog:
@@ -218,60 +213,42 @@ def searched(search: Callable[[Budget, int], None], log: HalfLog, target: float,
     cable = BoucWen(slope, gain, math.exp(log_rate), 0.5 + math.exp(log_shape), exponent)
     joint = cable.slope * path.motor + cable.hysteresis_gain * hysteresis(path.motor, 0.0, cable)
     offset = float(np.average(path.joint - joint, weights=path.weight))
-    return Search(
-        reached=next((seconds for seconds, error, _ in budget.best if error <= CLOSE * target), None),
-        error=error_on(path, joint + offset),
-        test_rms=log.test_rms({**cable._asdict(), "offset": offset, "initial_h": 0.0}),
-        generations=len(budget.best),
-    )
+    reached = next((seconds for seconds, error, _ in budget.best if error <= CLOSE * target), None)
+    return Search(reached, log.test_rms({**cable._asdict(), "offset": offset, "initial_h": 0.0}))
 
 
-def rows(rounds: int = 5) -> tuple[list[Row], list[str]]:
-    """The comparison's rows and notes."""
+def rows(rounds: int = 5) -> tuple[list[Row], str]:
+    """Time to our error, and the error on the half that was not fitted."""
     found: list[Row] = []
-    notes = [
-        "Searches: the paper's five parameters (ρ and σ on a logarithmic scale), 60 individuals, "
-        f"{BUDGET:g} s a run, seeds {', '.join(map(str, SEEDS))}; their compiled cost is the same equations' error "
-        f"over {JUDGED} nodes of the first half, offset solved exactly. Genetic: pygad, tournament, SBX crossover, "
-        "polynomial mutation. Differential evolution: SciPy, its default strategy, a generation in one call, no "
-        f"polishing. A search has reached our error when it is within {100 * (CLOSE - 1):.0f} % of it on those nodes. "
-        "Ours: path, global and gradient stage of Bouc–Wen, which also fits h at the start."
-    ]
     for log in logs():
-        parameters = ours(log)
-        path = log.path(JUDGED)
+        parameters, path = ours(log), log.path(JUDGED)
         target = error_on(path, bouc_wen(parameters, path.motor))
         timing = by_turns(rounds, ours=lambda log=log: ours(log))["ours"]
         mine = log.test_rms(parameters)
-        said = []
-        what = f"Bouc–Wen from a log ({log.name})"
         for name, search in SEARCHES.items():
             runs = [searched(search, log, target, seed) for seed in SEEDS]
-            reached = [run.reached for run in runs if run.reached is not None]
-            within = f"{len(reached)} of {len(runs)} within {BUDGET:g} s"
+            reached = tuple(run.reached for run in runs if run.reached is not None)
+            peer, ratio = f"{len(reached)} of {len(runs)} within {BUDGET:g} s", f"> {BUDGET / timing.median:.0f}"
             if len(reached) == len(runs):
-                peer, ratio = f"{Timing(tuple(reached))}", f"{np.median(reached) / timing.median:.0f}"
-            else:
-                peer, ratio = within, f"> {BUDGET / timing.median:.0f}"
+                peer, ratio = str(Timing(reached)), f"{np.median(reached) / timing.median:.0f}"
             theirs = float(np.median([run.test_rms for run in runs]))
             found += [
-                Row(f"{what}, {name}: time to our error", timing, peer, ratio, "× faster", "–"),
+                Row(
+                    f"Bouc–Wen from a log ({log.name}), {name}: time to our error",
+                    timing,
+                    peer,
+                    f"{ratio} × faster",
+                    "–",
+                ),
                 Row(
                     f"the same: error on the half not fitted, {name} after {BUDGET:g} s",
-                    f"{mine * DEGREES:.4f}°",
-                    f"{theirs * DEGREES:.4f}°",
-                    f"{theirs / mine:.2f}",
-                    "× ours",
+                    *(f"{error * DEGREES:.4f}°" for error in (mine, theirs)),
+                    f"{theirs / mine:.2f} × ours",
                     "–",
                 ),
             ]
-            said.append(
-                f"{name} {', '.join(f'{run.error * DEGREES:.4f}°' for run in runs)} after "
-                f"{', '.join(str(run.generations) for run in runs)} generations, {within} at our error"
-            )
-        whole = identify(log.time, log.motor, log.joint)
-        notes.append(
-            f"{log.name} ({len(log.time)} samples): on the fitted half ours {target * DEGREES:.4f}°, "
-            f"{'; '.join(said)}; all families with their comparison (`identify`) took {whole.seconds:.2f} s."
-        )
-    return found, notes
+    return found, (
+        f"Searches: five parameters (ρ and σ on a logarithmic scale), 60 individuals, {BUDGET:g} s a run, seeds "
+        f"{', '.join(map(str, SEEDS))}, compiled cost over {JUDGED} nodes; reached means within "
+        f"{100 * (CLOSE - 1):.0f} % of our error. Genetic: pygad. Differential evolution: SciPy, without polishing."
+    )

@@ -33,7 +33,7 @@ from bowden.rig.rig import Rig
 from bowden.safety.faults import of
 from bowden.safety.state import Mode, Request
 from kept import Kept
-from measure import Figure
+from measure import Figure, Found
 
 KILLS = 1000
 LATEST = 4.0
@@ -223,8 +223,8 @@ def _alive(pid: int) -> bool:
         return False
 
 
-def figures(share: float) -> tuple[list[Figure], str]:
-    """Figures of all kills, and how they were made."""
+def figures(share: float) -> Found:
+    """Torque off in time, what was left, and what was lost of the logs."""
     kept, wanted = Kept("process_kills"), max(10, round(share * KILLS))
     there = {row[0] for row in kept.rows()}
     rows = kept.filled(cases([number for number in range(wanted) if number not in there]), wanted)
@@ -232,18 +232,15 @@ def figures(share: float) -> tuple[list[Figure], str]:
     found = [_torque_figure(victim, limit, rows) for victim, limit in OFF.items() if np.isfinite(limit)]
     left = [row for row in rows if row["left"]]
     tripped = [row for row in rows if row["before"]]
-    lost = [row["lost"] for row in rows if np.isfinite(row["ended"])]
+    lost = max(row["lost"] for row in rows if np.isfinite(row["ended"]))
     for row in (*left, *tripped):
         print(row)
     found += [
         Figure(f"runs that left something, of {len(rows)}", str(len(left)), "0", not left),
         Figure("runs that did not begin, or were ended before the signal", str(len(tripped)), "0", not tripped),
-        Figure("lost of a log", f"{max(lost):.3f} s at most", f"≤ {MOST_LOST} s", max(lost) <= MOST_LOST),
+        Figure("lost of a log", f"{lost:.3f} s at most", f"≤ {MOST_LOST} s", lost <= MOST_LOST),
     ]
-    return found, (
-        f"- Loop, recorder, twin, operator and EMG reader in turn, SIGKILL or SIGSTOP, up to {LATEST:g} s after the "
-        "session has begun. Each run begins on the twin that the one before has left, as it was left."
-    )
+    return Found(found, f"SIGKILL or SIGSTOP of one of five processes, up to {LATEST:g} s after the session has begun.")
 
 
 def _torque_figure(victim: str, limit: float, rows: list[dict[str, Any]]) -> Figure:

@@ -7,7 +7,7 @@ preflight and supervisor are those of a live run, on a clock of their own.
 import math
 import sys
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from itertools import islice
 from typing import Any
 
@@ -36,8 +36,6 @@ from bowden.plants.worn_suit import elbow_dead_zone
 from bowden.rig.rig import Rig
 from bowden.safety.faults import of
 from bowden.safety.state import Mode, Observed, Request
-from kept import Kept
-from measure import Figure
 from releases import written_suit
 from support.simulated_drive import SimulatedDrive
 
@@ -189,20 +187,6 @@ def _run(cycle: Cycle, script: Any, drive: SimulatedDrive, push: Any) -> str:
         if asked_to_end and mode == Mode.STOPPED:
             return ""
     return "the run does not end"
-
-
-def runs(count: int, done: int) -> Iterator[list[Any]]:
-    for number in range(done, count):
-        yield [number, outcome(number)]
-
-
-def figures(share: float) -> tuple[list[Figure], str]:
-    """How many are refused or end in a fault, and why."""
-    count = round(share * COUNT)
-    kept = Kept(f"random_rigs_{count}")
-    wrong = [row for row in kept.filled(runs(count, len(kept.rows())), count) if row[1]]
-    lines = [f"- {number}: {why}" for number, why in wrong[:20]]
-    return [Figure(f"rigs refused or faulty, of {count}", str(len(wrong)), "0", not wrong)], "\n".join(lines)
 
 
 def main(first: int, stop: int) -> None:

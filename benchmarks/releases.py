@@ -31,7 +31,7 @@ from bowden.safety.release import longest_release
 from bowden.safety.state import Mode, Observed, PreflightResult, Request
 from bowden.safety.supervisor import begin, supervise
 from kept import Kept
-from measure import Figure
+from measure import Figure, Found
 from wearers import random_wearer
 
 COUNT = 1000
@@ -233,7 +233,7 @@ def kept(share: float = 1.0) -> list[Release]:
     return [Release(*row) for row in rows.filled(runs(count, len(rows.rows())), count)]
 
 
-def figures(share: float) -> tuple[list[Figure], str]:
+def figures(share: float) -> Found:
     """What the worst of them did."""
     found = kept(share)
     wrong = [one for one in found if throws(one)]
@@ -242,22 +242,21 @@ def figures(share: float) -> tuple[list[Figure], str]:
     groups = {
         "benches": [one for one in found if one.kind == "bench"],
         "suits": [one for one in found if one.kind == "suit" and one.cause != "saturated"],
-        "suits, saturated": [one for one in found if one.kind == "suit" and one.cause == "saturated"],
+        "suits, `SATURATED`": [one for one in found if one.kind == "suit" and one.cause == "saturated"],
     }
-    lines = [
-        "| rigs | releases | allowed [°/s] | peak speed: median, 95 %, largest [°/s] | ends [°] | lowest [°] | "
-        "time: median, longest [s] |",
-        "|---|---|---|---|---|---|---|",
-    ]
+    rows = []
     for name, ones in groups.items():
-        if not ones:
-            continue
-        speed = np.quantile([one.speed for one in ones], (0.5, 0.95, 1.0))
-        ends, seconds = [one.end for one in ones], [one.seconds for one in ones]
-        lines.append(
-            f"| {name} | {len(ones)} | {max(one.allowed for one in ones):.0f} | {speed[0]:.0f}, {speed[1]:.0f}, "
-            f"{speed[2]:.0f} | {min(ends):.1f} to {max(ends):.1f} | {min(one.lowest for one in ones):.1f} | "
-            f"{np.median(seconds):.2f}, {max(seconds):.2f} |"
-        )
-    named = f"releases that throw a joint, of {len(found)}"
-    return [Figure(named, str(len(wrong)), "0", not wrong)], "\n".join(lines)
+        if ones:
+            speed = np.quantile([one.speed for one in ones], (0.5, 0.95, 1.0))
+            ends, seconds = [one.end for one in ones], [one.seconds for one in ones]
+            cells = (
+                *(f"{max(one.allowed for one in ones):.0f}", ", ".join(f"{one:.0f}" for one in speed)),
+                *(f"{min(ends):.1f} to {max(ends):.1f}", f"{min(one.lowest for one in ones):.1f}"),
+            )
+            rows.append((name, len(ones), *cells, f"{np.median(seconds):.2f}, {max(seconds):.2f}"))
+    columns = (
+        *("rigs", "releases", "allowed [°/s]", "peak speed: median, 95 %, largest [°/s]", "joint at power-off [°]"),
+        *("lowest within 0.5 s after [°]", "time: median, longest [s]"),
+    )
+    what = f"releases that throw a joint, of {len(found)}"
+    return Found([Figure(what, str(len(wrong)), "0", not wrong)], columns=columns, rows=rows)

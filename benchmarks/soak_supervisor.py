@@ -17,7 +17,7 @@ from bowden.safety.faults import of
 from bowden.safety.limits import Limits
 from kept import Kept
 from league import plants, scenarios
-from measure import Figure
+from measure import Figure, Found
 from support.fault_matrix import MEASURED
 from support.supervised import supervised
 
@@ -49,7 +49,7 @@ def runs(hours: float, done: int) -> Iterator[list[Any]]:
             yield [law.name, plant.name, scenario.name, seed, scenario.duration, out.differs + out.bad, names]
 
 
-def figures(share: float) -> tuple[list[Figure], str]:
+def figures(share: float) -> Found:
     """Runs that were stopped or changed."""
     hours = share * HOURS
     kept = Kept(f"soak_supervisor_{hours:g}")
@@ -58,14 +58,5 @@ def figures(share: float) -> tuple[list[Figure], str]:
     for row in tripped[:20]:
         print("tripped:", *row)
     gone = sum(row[4] for row in rows) / 3600.0
-    return (
-        [
-            Figure(
-                f"runs with a trip or a changed target, of {len(rows)} in {gone:.1f} h",
-                str(len(tripped)),
-                "0",
-                not tripped,
-            )
-        ],
-        "- Every law in every scenario of league.py, on the bench with still and with moved sheath, always new noise.",
-    )
+    what = f"runs with a trip or a changed target, of {len(rows)} in {gone:.1f} h"
+    return Found([Figure(what, str(len(tripped)), "0", not tripped)], "On the bench, sheath still and moved.")

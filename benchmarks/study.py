@@ -1,4 +1,4 @@
-"""How far the check can be trusted: its verdicts against long simulations of random rigs.
+"""How far `bowden check` can be trusted: its verdicts against long simulations of random rigs.
 
 The truth is defined without the check, from runs that it does not see (other motions, longer, another seed):
 
@@ -25,9 +25,14 @@ from bowden.design.check import STROKE, check
 from bowden.design.check_result import VerdictName
 from bowden.models.drive.servo import Servo
 from bowden.plants.bench import Bench
+from bowden.plants.presets.bench import default_bench
 from bowden.plants.transmission import transmission
 from bowden.records.trace import Trace
 from bowden.sim.run import simulate
+from kept import Kept
+from measure import Figure, Found
+
+COUNT, SEED, SEED_OF_TRIES = 500, 20261122, 0
 
 _MOTION = 2.5
 """Time of one motion, up or down [s]."""
@@ -192,3 +197,24 @@ def _period(trace: Trace) -> float:
     power = np.abs(np.fft.rfft((rest - np.mean(rest)) * np.hanning(len(rest))))
     dt = float(trace.columns["time"][1] - trace.columns["time"][0])
     return len(rest) * dt / float(max(1, int(np.argmax(power))))
+
+
+def figures(count: int | None = None) -> Found:
+    """The shares, beside what is wanted of them; fewer rigs are of another seed."""
+    count, seed = (COUNT, SEED) if count is None else (count, SEED_OF_TRIES)
+    kept = Kept(f"study_{seed}")
+    missing = study(default_bench(), count, seed, skip=len(kept.rows()))
+    rows = kept.filled(([c.number, c.verdict, c.stable, c.calm, c.phase_margin_deg] for c in missing), count)
+    found = Study(tuple(Case(*row) for row in rows[:count]))
+    verdicts = [case.verdict for case in found.cases]
+    return Found(
+        [
+            Figure(
+                "agreement: unstable rigs get `does_not_hold`, the others do not", f"{found.agreement:.1%}", "≥ 98 %"
+            ),
+            Figure("unsafe: `holds`, and unstable", f"{found.unsafe} of {verdicts.count('holds')}", "0"),
+            Figure("`little_margin`", f"{found.little_margin:.1%}", "≤ 10 %"),
+            Figure("`holds`, of the rigs calm at rest with 6 dB and 45°", f"{found.recognised:.1%}", "≥ 95 %"),
+        ],
+        f"{count} rigs of seed {seed}, {sum(case.stable for case in found.cases)} stable in ten minutes of motion.",
+    )

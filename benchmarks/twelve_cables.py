@@ -9,7 +9,6 @@ a cable is kept: when it is begun again with the same source, that cable is left
 """
 
 import argparse
-import json
 import shlex
 import shutil
 import subprocess
@@ -18,18 +17,15 @@ import tempfile
 import tomllib
 from collections.abc import Iterator
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-import results
-from bowden.core.files import whole_file
-from bowden.core.kernel_cache import source_hash
+from kept import Kept
+from measure import write_rows
 
 ROOT = Path(__file__).parents[1]
 LOGS = ROOT.parent / "shared" / "data" / "cable"
-KEPT = ROOT / "out" / "twelve_cables.json"
-"""What came of each log, with the source that it was run with."""
 RUN_FOR = 20.0
 """Of the run on the twin [s]."""
 MOST_RMSE = 0.3
@@ -73,8 +69,6 @@ class Cable(NamedTuple):
     twin_deg: float
     replayed: str
     """What the exported law's replay says."""
-    commands: tuple[str, ...]
-    """That were run."""
 
 
 class BrokenOff(RuntimeError):
@@ -156,7 +150,6 @@ def followed(log: Path, folder: Path, run_for: float = RUN_FOR) -> Cable:
         tuned_deg=rmse_of(folder / "out" / "tuned" / f"{law}.npz"),
         twin_deg=twin_rmse(sorted((folder / "out" / "run").glob("*.mcap"), key=lambda one: one.stat().st_mtime)[-1]),
         replayed=_replayed(steps[-1]),
-        commands=tuple(shlex.join(step.words) for step in steps),
     )
 
 
@@ -190,57 +183,36 @@ COLUMNS = (
 )
 
 
-def write(cables: list[Cable]) -> None:
-    """Write the figures, of which `make docs` makes the table of the page."""
-    what = "Twelve recorded cables from the log to the exported law, by the command that each command names next"
-    rows = [
-        [
-            *(one.name, f"`{one.model}`", round(one.held_out_deg, 3), one.trust, f"`{one.law}`"),
-            *(round(value, 3) for value in (one.simulated_deg, one.tuned_deg, one.twin_deg)),
-            one.replayed.removesuffix(" cycles differ"),
-        ]
-        for one in cables
+def row(one: Cable) -> list[Any]:
+    """Of the table."""
+    return [
+        *(one.name, f"`{one.model}`", round(one.held_out_deg, 3), one.trust, f"`{one.law}`"),
+        *(round(value, 3) for value in (one.simulated_deg, one.tuned_deg, one.twin_deg)),
+        one.replayed.removesuffix(" cycles differ"),
     ]
-    results.write_rows("twelve_cables", what, "python benchmarks/twelve_cables.py", COLUMNS, rows)
-
-
-def kept() -> dict[str, Cable]:
-    """What came of each log with this source, as far as it was run."""
-    found = json.loads(KEPT.read_text(encoding="utf-8")) if KEPT.is_file() else {}
-    same = found.get("cables", []) if found.get("source") == source_hash() else []
-    return {one["name"]: Cable(**one | {"commands": tuple(one["commands"])}) for one in same}
-
-
-def keep(cables: list[Cable]) -> None:
-    """Remember what came of them."""
-    KEPT.parent.mkdir(exist_ok=True)
-    with whole_file(KEPT) as part:
-        made = {"source": source_hash(), "cables": [one._asdict() for one in cables]}
-        part.write_text(json.dumps(made, indent=1), encoding="utf-8")
 
 
 def main() -> None:
     """All logs of a folder; exit code 1 where one does not come through, or errs by more than is wanted."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("logs", nargs="?", type=Path, default=LOGS)
-    logs = sorted(parser.parse_args().logs.glob("*.csv.gz"))
-    there, found, failed = kept(), [], []
-    for log in logs:
+    kept, failed = Kept("twelve_cables"), []
+    there = {one[0] for one in kept.rows()}
+    for log in sorted(parser.parse_args().logs.glob("*.csv.gz")):
         if log.name.partition(".")[0] in there:
-            found.append(there[log.name.partition(".")[0]])
             continue
         with tempfile.TemporaryDirectory() as folder:
             try:
-                found.append(followed(log, Path(folder)))
-                print(found[-1], flush=True)
-                keep(found)
+                kept.filled([row(followed(log, Path(folder)))], 1)
             except BrokenOff as error:
                 failed.append(str(error))
                 print(error, file=sys.stderr, flush=True)
-    if failed or not found:
+    rows = sorted(kept.rows())
+    if failed or not rows:
         sys.exit("; ".join(failed) or "no logs")
-    write(found)
-    if max(one.simulated_deg for one in found) > MOST_RMSE:
+    what = "Twelve recorded cables from the log to the exported law, by the command that each command names next"
+    write_rows("twelve_cables", what, "python benchmarks/twelve_cables.py", COLUMNS, rows)
+    if max(one[5] for one in rows) > MOST_RMSE:
         sys.exit(f"more than {MOST_RMSE}° in simulation")
 
 

@@ -18,13 +18,13 @@ from typing import Any
 
 import numpy as np
 
-import screen
 from bowden.control import LAWS, user_law
 from bowden.control.knowledge import configured
 from bowden.control.law import Law
 from bowden.core.units import DEGREES
 from bowden.sim.many import Outcome, simulate_many
-from looks import counted
+from kept import counted, finite, numbers_in, progress
+from measure import table as markdown
 from unseen_cells import DURATION, SETS, Cell, case_of, draw
 
 LOOKS = Path(__file__).with_name("unseen_looks.toml")
@@ -166,20 +166,23 @@ def look(set_name: str, numbers: range, laws: Sequence[str], file: Path = LOOKS)
     return counted(file, set_name, {"cells": f"{numbers.start}:{numbers.stop}", "laws": list(laws)})
 
 
+COLUMNS = (
+    *("law", "within 10 %", "median", "95 %", "late: within 10 %", "median", "95 %", "> 20 % worse than ADRC"),
+    *("chatter over ADRC (median, 95 %)", "unstable", "RMSE"),
+)
+
+
 def table(found: Sequence[Standing]) -> str:
     """One line a law."""
-    lines = [
-        "| law | within 10 % | median | 95 % | late: within 10 % | median | 95 % | > 20 % worse than ADRC | chatter "
-        "over ADRC (median, 95 %) | unstable | RMSE |",
-        "|---|---|---|---|---|---|---|---|---|---|---|",
+    rows = [
+        [
+            *(f"`{one.law}`", f"{one.near:.0%}", f"{one.median:.2f}", f"{one.most:.2f}", f"{one.late_near:.0%}"),
+            *(f"{one.late_median:.2f}", f"{one.late_most:.2f}", f"{one.worse:.1%}"),
+            *(f"{one.chatter:.2f}, {one.most_chatter:.2f}", one.unstable, f"{one.rmse_deg:.2f}°"),
+        ]
+        for one in found
     ]
-    for one in found:
-        lines.append(
-            f"| `{one.law}` | {one.near:.0%} | {one.median:.2f} | {one.most:.2f} | {one.late_near:.0%} | "
-            f"{one.late_median:.2f} | {one.late_most:.2f} | {one.worse:.1%} | {one.chatter:.2f}, "
-            f"{one.most_chatter:.2f} | {one.unstable} | {one.rmse_deg:.2f}° |"
-        )
-    return "\n".join(lines)
+    return markdown(COLUMNS, rows)
 
 
 def document(set_name: str, numbers: range, runs: Sequence[Run], shown: str, looks: int, seconds: float) -> Any:
@@ -193,15 +196,7 @@ def document(set_name: str, numbers: range, runs: Sequence[Run], shown: str, loo
         "worst": {"law": shown, "cells": worst(runs, shown)},
         "runs": [vars(run) for run in runs],
     }
-    return _finite(made)
-
-
-def _finite(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: _finite(part) for key, part in value.items()}
-    if isinstance(value, list):
-        return [_finite(part) for part in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
+    return finite(made)
 
 
 def earlier(file: Path, set_name: str, numbers: range, without: Sequence[str]) -> list[Run]:
@@ -225,13 +220,6 @@ def _laws(names: str) -> list[Law]:
     return [user_law.load(name) if user_law.is_file(name) else LAWS[name] for name in chosen]
 
 
-def _numbers(text: str, set_name: str) -> range:
-    if not text:
-        return range(COUNTS[set_name])
-    first, _, last = text.rpartition(":")
-    return range(int(first or 0), int(last))
-
-
 def main() -> None:
     """The command."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
@@ -242,18 +230,12 @@ def main() -> None:
     parser.add_argument("--beside", type=Path, help="a JSON of before: its other laws in the same cells count too")
     parser.add_argument("--json", action="store_true", help="one JSON document, nothing else")
     given = parser.parse_args()
-    laws, numbers, begun = _laws(given.laws), _numbers(given.seeds, given.set_name), time.perf_counter()
+    laws, numbers, begun = _laws(given.laws), numbers_in(given.seeds, COUNTS[given.set_name]), time.perf_counter()
     looks = look(given.set_name, numbers, [law.name for law in laws])
     names = [law.name for law in laws]
     runs = earlier(given.beside, given.set_name, numbers, names) if given.beside else []
-    total, said = len(numbers) * len(laws), 0.0
-    for done, run in enumerate(play(laws, [draw(given.set_name, number) for number in numbers]), 1):
-        runs.append(run)
-        taken = time.perf_counter() - begun
-        if taken > said + 0.5 or done == total:
-            said = taken
-            screen.line(f"{done} of {total} runs, {taken:.0f} s")
-    screen.end()
+    played = play(laws, [draw(given.set_name, number) for number in numbers])
+    runs += progress(played, len(numbers) * len(laws), "runs")
     shown = given.shown if given.shown in {run.law for run in runs} else names[0]
     seconds = time.perf_counter() - begun
     if given.json:

@@ -9,7 +9,7 @@ between them, beside its own loop, drift and noise (`bowden.models.suit.flex_sen
 """
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -19,9 +19,13 @@ from bowden.core.units import DEGREES, RADIANS
 from bowden.models.cable.sheath_path import BendPath, random_bend
 from bowden.models.suit.arm import Wearer, arm_of
 from bowden.models.suit.flex_sensor import PAPER_FLEX
+from bowden.plants.presets.suit import suit
 from bowden.plants.suit_parts import Suit
 from bowden.records.trace import Trace
 from bowden.sim.run import simulate
+from bowden.sim.suit_runs import DRIVE_INTEGRAL, FRICTION_FEEDFORWARD, suit_adaptive_integral, suit_ours
+from kept import Kept
+from measure import Figure, Found, percentiles, two_processes
 
 PERIOD, FLEXIONS, LEARNING = 25.0, 4, 2
 """Of the reference, 0–90°, as in Fig. 17 [s]; how many are run; and how many of them a law has to learn in."""
@@ -118,3 +122,33 @@ def _errors(run: Trace) -> tuple[float, float, float] | None:
     error = run.error * DEGREES
     after = error[run.time >= PERIOD * LEARNING]
     return float(np.max(np.abs(error[first]))), float(np.max(np.abs(after))), float(np.sqrt(np.mean(after**2)))
+
+
+COUNT, BAND = 500, 5.0
+"""Wearers of a whole run, and the error that is wanted at most [deg]."""
+
+
+def figures(count: int | None = None) -> Found:
+    """Ours and the adaptive law, with gains for the suit, on a drive with an integral and friction compensation."""
+    found: list[Figure] = []
+    for law in (suit_ours(), suit_adaptive_integral()):
+        kept = Kept(f"suit_wearers_{law.name}")
+        there, wanted = {row[0] for row in kept.rows()}, range(count or COUNT)
+        missing = [(law.name, number) for number in wanted if number not in there]
+        rows = [Worn(*row) for row in kept.filled(two_processes(_run, missing, 5), len(wanted)) if row[0] in wanted]
+        stable = [row for row in rows if row.stable]
+        within = sum(row.largest_deg <= BAND for row in stable)
+        found += [
+            Figure(f"{law.name}: unstable", f"{len(rows) - len(stable)} of {len(rows)}", "0"),
+            Figure(f"{law.name}: within ±5° in the third and fourth flexion", f"{within} of {len(rows)}", "all"),
+            Figure(f"{law.name}: largest error there", percentiles(row.largest_deg for row in stable), "5°"),
+            Figure(f"{law.name}: largest error while learning", percentiles(r.learning_deg for r in stable), "–"),
+        ]
+    return Found(found, "Four flexions 0–90° of 25 s, the first two to learn in.")
+
+
+def _run(task: tuple[str, int]) -> list[Any]:
+    law = next(law for law in (suit_ours(), suit_adaptive_integral()) if law.name == task[0])
+    made = suit()
+    motor = made.motor._replace(integral=DRIVE_INTEGRAL, friction_feedforward=FRICTION_FEEDFORWARD)
+    return list(wear(task[1], made._replace(motor=motor), law))

@@ -4,7 +4,6 @@ import importlib
 import sys
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -23,24 +22,19 @@ def test_every_module_imports(name: str) -> None:
     importlib.import_module(name)
 
 
+@pytest.mark.parametrize("program", ["run", "soak"])
+def test_every_part_of_a_program_has_its_module(program: str) -> None:
+    parts = importlib.import_module(program).PARTS
+    modules = [cell for row in parts.values() for cell in row if cell and " " not in cell]
+    assert all(hasattr(importlib.import_module(module), "figures") for module in modules)
+
+
 def test_our_side_of_the_comparison_with_searches() -> None:
     peer = importlib.import_module("peer_search")
     log = peer.simulated_log()
     parameters = peer.ours(log)
     assert parameters["slope"] == pytest.approx(0.938, abs=0.005)
     assert log.test_rms(parameters) < 0.001
-
-
-def test_margins_are_those_of_the_laws_own_kernels() -> None:
-    bench = importlib.import_module("law_margins")
-    told = bench.Told(53.6, 1.0, 0.001, 1)
-
-    def found(change: str) -> Any:
-        one = bench.CHANGES[change][0]
-        return bench.margins(bench.plant_model(told, one), bench.law_model(told, one.told, one.learned), told.dt)
-
-    assert found("as told").gain_margin_db > found("slope × 1.3").gain_margin_db > 3.0
-    assert not found("load swings at 3 Hz").stable
 
 
 def test_a_long_part_goes_on_where_it_was_left(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -62,33 +56,19 @@ def test_a_long_part_goes_on_where_it_was_left(tmp_path: Path, capsys: pytest.Ca
     assert kept.filled(squares(len(there)), 9) == kept.rows() == [[k, k * k] for k in range(9)]
 
 
-def test_figures_of_a_part_stand_in_their_section(tmp_path: Path) -> None:
-    results, measure = importlib.import_module("results"), importlib.import_module("measure")
-    page = tmp_path / "RESULTS.md"
-    for found in ("1", "2"):
-        for title in reversed(results.ORDER):
-            results.write(title, measure.table([measure.Figure("what", found, "3")]), page)
-    text = page.read_text()
-    assert [line.removeprefix("## ") for line in text.splitlines() if line.startswith("## ")] == results.ORDER
-    assert text.count("| what | 2 | 3 |") == len(results.ORDER)
-    assert "| 1 |" not in text
-
-
 def test_rows_that_are_written_become_a_table(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     rows = [["`play`", 0.5, "1 of 2"], ["`line`", -1.25, "–"]]
-    importlib.import_module("results").write_rows("some", "What", "cmd", ["law", "[°]", "n"], rows, tmp_path)
+    measure = importlib.import_module("measure")
+    measure.write_rows("some", "What", "cmd", ["law", "[°]", "n"], rows, "How.", tmp_path)
     monkeypatch.setattr(results_page, "RESULTS", tmp_path)
+    assert results_page.results("some")["commit"]
     made = results_page.results_table("some")
     assert made.startswith(
         "| law | [°] | n |\n|---|---|---|\n| `play` | 0.5 | 1 of 2 |\n| `line` | -1.25 | – |\n\n*What. "
     )
-    assert made.endswith(", `cmd`.*")
+    assert made.endswith(", `cmd`. How.*")
 
 
-def test_every_section_of_the_page_is_known() -> None:
-    results, run, soak = (importlib.import_module(name) for name in ("results", "run", "soak"))
-    programs = ("detector", "exported", "fresh_process", "identify_time", "walk")
-    alone = (importlib.import_module(name).TITLE for name in programs)
-    peers = "Identification against others"  # of a program that needs torch
-    written = {peers, *run.SECTIONS, *alone, *(title for title, _ in soak.PARTS.values())}
-    assert sorted(written) == sorted(results.ORDER)
+def test_the_page_of_results_is_made_of_the_result_files() -> None:
+    text = results_page.BENCHMARKS.read_text(encoding="utf-8")
+    assert text == results_page.with_tables(text), "make docs"

@@ -20,7 +20,7 @@ from bowden.safety.state import Mode, Observed, PreflightResult, Request, Verdic
 from bowden.safety.supervisor import begin, supervise
 from bowden.sensing.intent import IntentSettings, intent_start, intent_step
 from bowden.sensing.stream import EnvelopeFilter, OnsetDetector
-from detector import muscle
+from exported import muscle
 from support.exported_c import COMPILER, Exported, bits
 
 pytestmark = pytest.mark.skipif(COMPILER is None, reason="no C compiler")

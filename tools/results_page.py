@@ -1,4 +1,4 @@
-"""The tables of docs/background, made from the results of experiments in benchmarks/results."""
+"""The tables of docs/background and of benchmarks/RESULTS.md, made from the files in benchmarks/results."""
 
 import re
 import tomllib
@@ -10,7 +10,8 @@ from bowden.core.files import write_text
 
 RESULTS = Path(__file__).parents[1] / "benchmarks" / "results"
 """NAME.toml: `what` (the caption), `date` of the run (of the commit that recorded it, where the run's is not known),
-`commit`, `command`, `columns`, `rows`."""
+`commit`, `command`, `how` (conditions), `columns`, `rows`."""
+BENCHMARKS = RESULTS.parent / "RESULTS.md"
 _NAMED = re.compile(r"<!-- (\w+): made by make docs -->")
 
 
@@ -24,7 +25,8 @@ def results_table(name: str) -> str:
     found = results(name)
     head, *rows = [f"| {' | '.join(map(str, row))} |" for row in (found["columns"], *found["rows"])]
     command = f", `{found['command']}`" if "command" in found else ""
-    caption = f"*{found['what']}. {found['date']}{command}.*"
+    how = f" {found['how']}" if "how" in found else ""
+    caption = f"*{found['what']}. {found['date']}{command}.{how}*"
     return "\n".join([head, "|---" * len(found["columns"]) + "|", *rows, "", caption])
 
 
@@ -39,5 +41,5 @@ def write_docs(docs: Path) -> None:
     Raises:
         OutputError: a page cannot be written.
     """
-    for page in sorted((docs / "background").glob("*.md")):
+    for page in (*sorted((docs / "background").glob("*.md")), BENCHMARKS):
         write_text(page, with_tables(page.read_text(encoding="utf-8")))

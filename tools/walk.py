@@ -30,7 +30,7 @@ from bowden.core.files import whole_file
 from page_steps import PageCommand, PageFile, commands, steps
 
 ROOT = Path(__file__).parents[1]
-TITLE = "Every command of the pages"
+WHAT = "Every command of the pages, each page in a fresh folder and the wheel in a fresh environment"
 KEPT = ROOT / "out" / "walk.json"
 """What became of each page when it was last walked: its `key`, the day, and its `rows`."""
 _SOURCE = ("src", "pyproject.toml", "Makefile", "requirements")
@@ -294,18 +294,24 @@ def _keep(page: Path, package: str, commit: str, walked: list[Row]) -> None:
 
 
 def write(package: str) -> None:
-    """Put the table of all pages' last walks into the page of results."""
-    import results
+    """Write the result file of all pages' last walks, of which `make docs` makes the table."""
+    from measure import write_rows
 
     found = kept()
-    said = [table({name: one["rows"] for name, one in found.items()})]
+    columns, _, *rows = (line.strip("| ").split(" | ") for line in made_of(found).split("\n\n")[0].splitlines())
+    said = made_of(found).partition("\n\n")[2].replace("\n", " ")
     commits = ", ".join(dict.fromkeys(one["commit"] for one in found.values()))
-    said += [f"Walked {_days(found)}, each page in a fresh folder, with the wheel of {commits} in a fresh environment."]
+    how = [said, f"Walked {_days(found)}, with the wheel of {commits}."]
     older = [_name(one) for one in pages() if _name(one) in found and found[_name(one)]["key"] != key(one, package)]
     missing = [_name(one) for one in pages() if commands(one) and _name(one) not in found]
-    said += [f"Changed since, itself or the package: {', '.join(older)}."] if older else []
-    said += [f"Not walked yet: {', '.join(missing)}."] if missing else []
-    results.write(TITLE, "\n\n".join(said))
+    how += [f"Changed since, itself or the package: {', '.join(older)}."] if older else []
+    how += [f"Not walked yet: {', '.join(missing)}."] if missing else []
+    write_rows("walk", WHAT, "make walk", columns, rows, " ".join(how))
+
+
+def made_of(found: Mapping[str, Mapping[str, Any]]) -> str:
+    """The table of what is kept."""
+    return table({name: one["rows"] for name, one in found.items()})
 
 
 def _days(found: Mapping[str, Mapping[str, Any]]) -> str:
@@ -322,7 +328,7 @@ def main() -> int:
     parser.add_argument(
         "--write",
         action="store_true",
-        help="keep what became of each page, put the table into benchmarks/RESULTS.md, leave out what has passed",
+        help="keep what became of each page, write benchmarks/results/walk.toml, leave out what has passed",
     )
     parser.add_argument("--json", action="store_true", help="one JSON document, nothing else")
     given = parser.parse_args()

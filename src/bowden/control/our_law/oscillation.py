@@ -68,7 +68,7 @@ through a load that is none [–]."""
 
 STEP_RATIO = 4.0
 """What a swing of the loop's own hardly grows by in a half-wave: an unknown load with a damping of 0.15 grows by at
-most 4.1 at 2 Hz on the rigs of ``benchmarks/law_margins.py``, 3.8 at 3 Hz, 2.9 at 8 Hz [–]."""
+most 4.1 at 2 Hz on the 81 rigs of ``results/law_margins_grid.toml``, 3.8 at 3 Hz, 2.9 at 8 Hz [–]."""
 
 RETURN = 1.5
 """Time constant at which κ comes back after a swing of its own [s]."""
