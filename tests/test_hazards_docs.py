@@ -10,7 +10,7 @@ from bowden.safety.faults import Fault
 
 TESTS = Path(__file__).parent
 PAGE = TESTS.parent / "docs" / "background" / "hazards.md"
-HEAD = "hazard | cause, sequence of events | detector | reaction | acts after | test | residual risk | only hardware"
+HEAD = "hazard | cause | detector | reaction, time | test | residual risk. Hardware"
 
 
 def hazards() -> dict[str, dict[str, str]]:
