@@ -168,7 +168,7 @@ def report(name: str, what: str, command: str, found: Found, write: bool) -> Non
     if found.columns:
         tables[f"{name}_kinds"] = list(found.columns), [list(row) for row in found.rows]
     for title, (columns, rows) in tables.items():
-        print(f"\n{table(columns, rows)}\n\n*{what}. {found.how}*", flush=True)
+        print(f"\n{table(columns, rows)}\n\n*{f'{what}. {found.how}'.strip()}*", flush=True)
         if write:
             write_rows(title, what, command, columns, rows, found.how)
 
