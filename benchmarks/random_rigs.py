@@ -9,6 +9,7 @@ import sys
 from collections import Counter
 from collections.abc import Mapping
 from itertools import islice
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -37,6 +38,9 @@ from bowden.rig.rig import Rig
 from bowden.safety.faults import of
 from bowden.safety.state import Mode, Observed, Request
 from releases import written_suit
+
+sys.path.append(str(Path(__file__).parents[1] / "tests"))  # where the simulated drive is
+
 from support.simulated_drive import SimulatedDrive
 
 COUNT = 1000
