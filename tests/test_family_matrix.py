@@ -14,11 +14,8 @@ from bowden.core.signals import DriveReading
 from bowden.hardware.buses.link import Links
 from bowden.hardware.drives import (
     ak_drive,
-    ak_probe,
     canopen_setup,
-    moteus_probe,
     moteus_setup,
-    odrive_probe,
     odrive_setup,
 )
 from bowden.hardware.drives.findings import LagWatch
@@ -46,7 +43,7 @@ LOAD_SAMPLE = [next(case for case in LOAD_CASES[k::5] if case[0] == cell) for k,
 
 @pytest.fixture(autouse=True)
 def quick(monkeypatch: pytest.MonkeyPatch) -> None:
-    for module in (ak_drive, ak_probe, canopen_setup, moteus_probe, moteus_setup, odrive_probe, odrive_setup):
+    for module in (ak_drive, canopen_setup, moteus_setup, odrive_setup):
         monkeypatch.setattr(module, "LISTENING", 0.02)
 
 

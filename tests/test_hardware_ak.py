@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from bowden.core.errors import DriveError, ParameterError, SafetyError
 from bowden.core.signals import DriveReading, DriveState
 from bowden.hardware.buses.link import Links
+from bowden.hardware.drives import ak_drive
 from bowden.hardware.drives.ak_drive import AkDrive
 from bowden.hardware.drives.ak_frames import (
     ENTER,
@@ -25,8 +26,7 @@ from bowden.hardware.drives.ak_frames import (
     unpack_command,
     unpack_reply,
 )
-from bowden.hardware.drives.ak_parameters import ROOM, AkParameters, check_parameters
-from bowden.hardware.drives.families.ak_mit import FAMILY
+from bowden.hardware.drives.families.ak_mit import FAMILY, ROOM, AkParameters, check_parameters
 from bowden.hardware.drives.findings import INERT, LOST_RANGE
 from bowden.hardware.ports import Power, TorqueLeft
 from bowden.hardware.twin.ak_node import AkNode
@@ -88,6 +88,11 @@ class Loop:
     @property
     def powered(self) -> bool:
         return bool(self.node.bench.doing != OFF)
+
+
+@pytest.fixture(autouse=True)
+def quick(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(ak_drive, "LISTENING", 0.02)
 
 
 COMMANDS = st.builds(
@@ -297,7 +302,7 @@ def test_another_master_is_seen_before_and_in_a_run() -> None:
 
 
 @pytest.mark.parametrize(
-    ("fault", "said"), [("silence", "no drive replies as node 1"), ("joint_silence", "no encoder of the joint answers")]
+    ("fault", "said"), [("silence", "no drive replies as node 1"), ("joint_silence", "no joint's encoder answers")]
 )
 def test_who_does_not_answer_is_named(fault: str, said: str) -> None:
     loop = Loop()

@@ -14,10 +14,11 @@ from bowden.core.signals import DriveState
 from bowden.hardware.buses.link import Links
 from bowden.hardware.drives import canopen_frames as frames
 from bowden.hardware.drives.canopen_drive import MOST_DUE, CanopenDrive
-from bowden.hardware.drives.canopen_setup import DriveFindings
+from bowden.hardware.drives.checklist import Found
 from bowden.hardware.drives.cia402 import Controlword
+from bowden.hardware.drives.families.cia402 import DriveParameters, joint_scale, motor_scale
 from bowden.hardware.drives.homing import zeroed
-from bowden.hardware.drives.parameters import DriveParameters, joint_scale, motor_scale
+from bowden.hardware.drives.scale import motor_limits
 from bowden.hardware.ports import Power
 from bowden.hardware.twin.bench import TwinBench
 from bowden.hardware.twin.injection import parse
@@ -312,8 +313,17 @@ def test_no_drive_is_wronged_for_late_frames_and_a_second_one_of_its_number_is_f
 ) -> None:
     """Jitter of a cycle, lost SYNCs, stalls of the drive; then each SYNC has two answers."""
     port, drive = Port(seed, losses, twice, stall), CanopenDrive(DRIVE)
-    drive._host, drive._up = port, True  # type: ignore[assignment]
-    drive._found = DriveFindings("", motor_scale(DRIVE), joint_scale(DRIVE), 0.2, DriveState.SWITCH_ON_DISABLED, "")
+    drive._port, drive._up = port, True  # type: ignore[assignment]
+    drive._found = Found(
+        "",
+        motor_scale(DRIVE),
+        joint_scale(DRIVE),
+        motor_limits(DRIVE, motor_scale(DRIVE)),
+        DriveState.SWITCH_ON_DISABLED,
+        0,
+        "",
+        0.2,
+    )
     port._waiting.extend([0.0] * 4)  # to the SYNCs of the bring-up
     foreign = []
     for cycle in range(2000):

@@ -15,9 +15,9 @@ from bowden.hardware.buses.link import Links
 from bowden.hardware.drives import canopen_frames as frames
 from bowden.hardware.drives.canopen_drive import CanopenDrive
 from bowden.hardware.drives.cia402 import WITH_TORQUE
+from bowden.hardware.drives.families.cia402 import DriveParameters
 from bowden.hardware.drives.findings import UNWATCHED
 from bowden.hardware.drives.homing import zeroed
-from bowden.hardware.drives.parameters import DriveParameters
 from bowden.hardware.ports import Drive, Power, TorqueLeft
 from bowden.hardware.twin.bench import TwinBench
 from bowden.hardware.twin.canopen_node import CanopenNode

@@ -12,12 +12,12 @@ from bowden.hardware.buses.link import Links
 from bowden.hardware.buses.unix_bus import EXTENDED, REMOTE
 from bowden.hardware.drives import ak_drive, canopen_setup, moteus_setup, odrive_setup
 from bowden.hardware.drives import canopen_frames as canopen
-from bowden.hardware.drives.ak_parameters import AkParameters
+from bowden.hardware.drives.families.ak_mit import AkParameters
+from bowden.hardware.drives.families.cia402 import DriveParameters
+from bowden.hardware.drives.families.moteus import MoteusParameters
+from bowden.hardware.drives.families.odrive import OdriveParameters
 from bowden.hardware.drives.findings import INERT, LEFT
-from bowden.hardware.drives.moteus_parameters import MoteusParameters
 from bowden.hardware.drives.odrive_frames import BROADCAST, Cmd, identifier_of
-from bowden.hardware.drives.odrive_parameters import OdriveParameters
-from bowden.hardware.drives.parameters import DriveParameters
 from bowden.hardware.ports import Power
 from bowden.hardware.twin.ak_node import AkNode
 from bowden.hardware.twin.bench import TwinBench

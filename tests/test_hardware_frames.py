@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from bowden.core.errors import ParameterError
 from bowden.hardware.drives import canopen_frames as frames
-from bowden.hardware.drives.parameters import DriveParameters, check_parameters, joint_scale, motor_scale
+from bowden.hardware.drives.families.cia402 import DriveParameters, check_parameters, joint_scale, motor_scale
 from bowden.hardware.drives.scale import Scale
 
 I16, I32, U16 = st.integers(-(2**15), 2**15 - 1), st.integers(-(2**31), 2**31 - 1), st.integers(0, 2**16 - 1)
@@ -123,7 +123,7 @@ def test_a_turn_of_the_spool_is_a_gear_of_the_motor() -> None:
 def test_parameters_that_make_no_sense_are_refused_by_name(wrong: dict[str, float]) -> None:
     with pytest.raises(ParameterError, match="drive: ") as refused:
         check_parameters(DriveParameters()._replace(**wrong))
-    keys = {"highest_motor": "motor_high_deg", "tension_scale": "tension_n_per_mv"}
+    keys = {"highest_motor": "motor_high_deg", "tension_scale": "tension_n_per_mv", "heartbeat_time": "heartbeat_ms"}
     assert any(keys.get(name, name) in str(refused.value) for name in ("highest_motor", *wrong))
 
 

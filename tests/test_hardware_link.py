@@ -4,8 +4,10 @@ import can
 import pytest
 
 from bowden.core.errors import DriveError
-from bowden.hardware.buses.link import BusPlace, Links
+from bowden.hardware.buses.link import Links
+from bowden.hardware.buses.place import BusPlace
 from bowden.hardware.buses.unix_bus import EXTENDED, REMOTE, UnixBus
+from bowden.hardware.drives.checklist import Conversation
 
 PLACE = BusPlace("bowden_unix", "unused", 1_000_000)
 
@@ -139,14 +141,15 @@ class Talkative(can.BusABC):
 
 
 def test_heartbeats_of_others_do_not_make_the_listening_longer_and_what_waits_at_its_end_counts() -> None:
+    def conversation(bus: Talkative) -> Conversation:
+        port = Links(bus).join(PLACE, "node 1", lambda _: True)
+        return Conversation(port, 1, lambda identifier, _: identifier == 0x001, clock=bus)
+
     bus = Talkative()
-    port = Links(bus).join(PLACE, "node 1", lambda _: True)
-    port.listen(1.0, lambda identifier, _: identifier == 0x001, bus)
+    conversation(bus).listen(1.0)
     assert bus.time == 1_000_000_000
-    bus = Talkative(last=0x001)
-    port = Links(bus).join(PLACE, "node 1", lambda _: True)
-    with pytest.raises(DriveError, match="another master is on the bus already"):
-        port.listen(1.0, lambda identifier, _: identifier == 0x001, bus)
+    with pytest.raises(DriveError, match="another master speaks"):
+        conversation(Talkative(last=0x001)).listen(1.0)
 
 
 def test_what_cannot_be_sent_is_counted_and_raises_nothing() -> None:

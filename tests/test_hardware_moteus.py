@@ -15,11 +15,10 @@ from bowden.hardware.buses.link import Links
 from bowden.hardware.buses.unix_bus import EXTENDED
 from bowden.hardware.drives import moteus_frames as frames
 from bowden.hardware.drives import moteus_setup
-from bowden.hardware.drives.families.moteus import FAMILY
+from bowden.hardware.drives.families.moteus import FAMILY, MoteusParameters, command_of, motor_scale
 from bowden.hardware.drives.moteus_drive import MoteusDrive
-from bowden.hardware.drives.moteus_faults import TIMED_OUT
-from bowden.hardware.drives.moteus_frames import BoardMode, NumberKind, Register
-from bowden.hardware.drives.moteus_parameters import MoteusParameters, command_of, limits_of, motor_scale
+from bowden.hardware.drives.moteus_frames import TIMED_OUT, BoardMode, NumberKind, Register
+from bowden.hardware.drives.scale import motor_limits
 from bowden.hardware.ports import Power, TorqueLeft
 from bowden.hardware.twin.bench import TwinBench
 from bowden.hardware.twin.injection import parse
@@ -194,12 +193,12 @@ def test_boards_with_a_prefix_are_heard_by_hosts_with_the_same_one_alone() -> No
     assert bus.drive.read(bus.time).foreign == 1.0
     with pytest.raises(DriveError, match="no moteus board answers as node 1"):
         MoteusDrive(DRIVE, Links(Bench(drive=drive))).bring_up()
-    with pytest.raises(ParameterError, match="can_prefix is 8192; expected 0 to 8191"):
+    with pytest.raises(ParameterError, match="can_prefix is 8192; expected at least 0 and at most 8191"):
         MoteusDrive(DRIVE._replace(can_prefix=0x2000))
 
 
 def test_a_command_never_leads_out_of_the_rigs_range_should_it_be_the_last() -> None:
-    limits = limits_of(DRIVE, motor_scale(DRIVE))
+    limits = motor_limits(DRIVE, motor_scale(DRIVE))
     for turns in (limits.low, 0.5 * (limits.low + limits.high), limits.high - 1e-4, limits.high):
         for step in (-0.02, -1e-4, 0.0, 1e-4, 0.02):
             command = command_of(DRIVE, limits, turns, turns - step, 0.0)
@@ -254,14 +253,10 @@ def attacked(identifier: int, data: bytes) -> None:
     bus.drive.write(0.0, Power.ON, bus.time)
     for _, sent_to, sent in bus.sent:
         assert sent_to == 0x2001 | frames.REPLY_WANTED
-        for base, subframes in frames.Reader(sent).subframes()[0]:
-            for one in subframes:
-                if (
-                    base == frames.WRITE
-                    and isinstance(one, frames.RegisterWritten)
-                    and one.register == Register.COMMAND_POSITION
-                ):
-                    assert math.isnan(one.value) or abs(one.value) < 1e-6
+        for base, one in frames.subframes(sent):
+            if base == frames.WRITE and isinstance(one, frames.RegisterWritten):
+                target = one.value if one.register == Register.COMMAND_POSITION else 0.0
+                assert math.isnan(target) or abs(target) < 1e-6
     assert reading.heartbeat_age >= 0.0
     bus.node.receive(identifier, data, bus.time)
     bus.drain()

@@ -15,11 +15,10 @@ from bowden.core.signals import EMERGENCY_STOP, DriveState
 from bowden.hardware.buses.link import Links
 from bowden.hardware.drives import odrive_endpoints, odrive_setup
 from bowden.hardware.drives import odrive_frames as frames
-from bowden.hardware.drives.families.odrive import FAMILY
+from bowden.hardware.drives.families.odrive import FAMILY, OdriveParameters, check_parameters, target_of
 from bowden.hardware.drives.odrive_drive import OdriveDrive
-from bowden.hardware.drives.odrive_faults import ERRORS, UNTOLD, code_of
-from bowden.hardware.drives.odrive_frames import AxisState, Cmd, Scales, Target, identifier_of
-from bowden.hardware.drives.odrive_parameters import OdriveParameters, check_parameters, target_of
+from bowden.hardware.drives.odrive_frames import ERRORS, UNTOLD, AxisState, Cmd, Scales, Target, code_of, identifier_of
+from bowden.hardware.drives.scale import motor_limits
 from bowden.hardware.ports import Power, TorqueLeft
 from bowden.hardware.twin.bench import TwinBench
 from bowden.hardware.twin.odrive_node import OdriveNode
@@ -187,7 +186,7 @@ def test_a_board_that_does_not_fit_is_refused_without_power(overrides: Mapping[s
     with pytest.raises(DriveError, match=said):
         bus.drive.bring_up()
     assert not any(event == "torque_on" for _, event, _ in bus.journal)
-    closed = frames.pack_state(AxisState.CLOSED_LOOP_CONTROL)
+    closed = frames.pack(Cmd.SET_AXIS_STATE, AxisState.CLOSED_LOOP_CONTROL)
     assert not any(data == closed for _, _, data in bus.sent)
 
 
@@ -258,7 +257,7 @@ def test_the_makers_list_is_found_from_the_rigs_file(tmp_path: Path, monkeypatch
 
 
 def test_a_target_never_asks_for_more_speed_or_torque_than_the_rig() -> None:
-    limits = odrive_setup.limits_of(DRIVE, odrive_setup.motor_scale(DRIVE))
+    limits = motor_limits(DRIVE, odrive_setup.motor_scale(DRIVE))
     drive = DRIVE._replace(torque_offset=0.1)
     for before in (-5.0, 0.0, 0.0999, 5.0, math.nan):
         target = target_of(drive, limits, 0.1, before, 1e6)
@@ -295,8 +294,8 @@ def attacked(identifier: int, data: bytes) -> None:
 
 FROM_BOARD = st.builds(identifier_of, st.just(1), st.sampled_from(sorted(frames.TOLD)))
 IDENTIFIERS = FROM_BOARD | st.integers(0, 0x7FF) | st.integers(0, 0xFFFF_FFFF)
-BEATS = st.builds(frames.pack_beat, st.builds(frames.Beat, st.integers(0, 2**32 - 1), st.integers(0, 255)))
-NUMBERS = st.builds(frames.pack_floats, st.floats(width=32), st.floats(width=32))
+BEATS = st.builds(frames.pack, st.just(Cmd.HEARTBEAT), st.integers(0, 2**32 - 1), st.integers(0, 255))
+NUMBERS = st.builds(frames.pack, st.just(Cmd.GET_IQ), st.floats(width=32), st.floats(width=32))
 DATA = st.binary(max_size=8) | BEATS | NUMBERS
 
 

@@ -19,7 +19,7 @@ from bowden.app.main import run
 from bowden.core.errors import DriveError, ParameterError
 from bowden.core.signals import DriveState
 from bowden.hardware.drives.canopen_drive import CanopenDrive
-from bowden.hardware.drives.parameters import DriveParameters
+from bowden.hardware.drives.families.cia402 import DriveParameters
 from bowden.hardware.ports import Power
 from bowden.hardware.twin.control import TwinControl, control_path
 from bowden.hardware.twin.injection import KINDS, parse
@@ -99,7 +99,7 @@ def test_two_twins_of_one_number_are_refused(rig: Path, twin: RunningTwin, capsy
 LOOP = """
 import sys, time
 from bowden.hardware.drives.canopen_drive import CanopenDrive
-from bowden.hardware.drives.parameters import DriveParameters
+from bowden.hardware.drives.families.cia402 import DriveParameters
 from bowden.hardware.ports import Power
 drive = CanopenDrive(DriveParameters(channel=sys.argv[1]))
 drive.bring_up()

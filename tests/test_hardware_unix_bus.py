@@ -13,6 +13,7 @@ import pytest
 from bowden.core.errors import DriveError
 from bowden.hardware.buses import opening
 from bowden.hardware.buses.opening import claim, open_bus
+from bowden.hardware.buses.place import BusPlace
 from bowden.hardware.buses.unix_bus import EXTENDED, REMOTE, UnixBus, bus_folder
 
 
@@ -132,10 +133,10 @@ def test_a_node_of_classic_can_hears_its_frames_between_those_of_can_fd_and_send
 
 def test_an_interface_of_classic_can_is_refused_where_can_fd_is_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(DriveError, match=r"virtual.*carries classic CAN alone.*fd=True"):
-        open_bus("virtual", "x", 1_000_000, fd=True)
+        open_bus(BusPlace("virtual", "x", 1_000_000, fd=True))
     monkeypatch.setattr(opening, "_longest_frame", lambda channel: 16)
     with pytest.raises(DriveError, match="can0 carries classic CAN alone") as refused:
-        open_bus("socketcan", "can0", 1_000_000, fd=True)
+        open_bus(BusPlace("socketcan", "can0", 1_000_000, fd=True))
     assert "bitrate 1000000 dbitrate 5000000 fd on" in str(refused.value)
 
 
@@ -202,21 +203,21 @@ def test_strange_datagrams_at_the_door_do_no_harm(tmp_path: Path) -> None:
 
 def test_no_bus_and_bad_places_are_said_in_a_line(tmp_path: Path) -> None:
     with pytest.raises(DriveError, match="there is no such bus"):
-        open_bus("bowden_unix", str(tmp_path / "none"), 1_000_000)
+        open_bus(BusPlace("bowden_unix", str(tmp_path / "none"), 1_000_000))
     with pytest.raises(DriveError, match="too long"):
-        open_bus("bowden_unix", str(tmp_path / ("x" * 120)), 1_000_000, create=True)
+        open_bus(BusPlace("bowden_unix", str(tmp_path / ("x" * 120)), 1_000_000), create=True)
     with pytest.raises(DriveError, match="no CAN interface 'nonsense'"):
-        open_bus("nonsense", "can0", 1_000_000)
+        open_bus(BusPlace("nonsense", "can0", 1_000_000))
     file = tmp_path / "file"
     file.write_text("")
     with pytest.raises(DriveError, match="cannot open the bus"):
-        open_bus("bowden_unix", str(file), 1_000_000, create=True)
+        open_bus(BusPlace("bowden_unix", str(file), 1_000_000), create=True)
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="SocketCAN is Linux'")
 def test_a_socketcan_interface_that_is_not_there_is_said_in_a_line() -> None:
     with pytest.raises(DriveError, match="cannot open the bus nocan7"):
-        open_bus("socketcan", "nocan7", 1_000_000)
+        open_bus(BusPlace("socketcan", "nocan7", 1_000_000))
 
 
 def test_a_part_is_played_by_one_process_and_free_when_it_dies(tmp_path: Path) -> None:

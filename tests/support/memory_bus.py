@@ -11,7 +11,7 @@ import can
 
 from bowden.core.signals import DriveReading
 from bowden.hardware.buses.unix_bus import REMOTE
-from bowden.hardware.drives.parameters import DriveParameters
+from bowden.hardware.drives.families.cia402 import DriveParameters
 from bowden.hardware.ports import Drive, Power
 from bowden.hardware.twin.canopen_node import CanopenNode
 from bowden.hardware.twin.faults import Faults

@@ -3,35 +3,15 @@
 import contextlib
 from collections import deque
 from collections.abc import Callable
-from typing import NamedTuple
 
 import can
 
-from bowden.core.clock import SECOND, MonotonicClock, TimeSource
 from bowden.core.errors import DriveError
 from bowden.hardware.buses.opening import BusClaim, claim, open_bus, putter, quieten, taker
+from bowden.hardware.buses.place import BusPlace
 
 Frame = tuple[int, bytes]
 """Identifier with the flags of `unix_bus`, and data."""
-
-
-class BusPlace(NamedTuple):
-    """Which bus."""
-
-    interface: str
-    """python-can's name of it."""
-    channel: str
-    bitrate: int
-    """[bit/s]"""
-    fd: bool = False
-    """Whether frames of CAN-FD go over it."""
-    data_bitrate: int = 5_000_000
-    """Of their data [bit/s]."""
-
-
-def open_place(place: BusPlace, create: bool = False) -> can.BusABC:
-    """The bus at a place; see `opening.open_bus`."""
-    return open_bus(place.interface, place.channel, place.bitrate, create, place.fd, place.data_bitrate)
 
 
 def _speeds(place: BusPlace) -> str:
@@ -112,7 +92,7 @@ class BusLink:
         self.place, self._given = place, given
         self._claim: BusClaim | None = None if given is not None else claim(place.interface, place.channel, "host")
         try:
-            self.bus = given if given is not None else open_place(place)
+            self.bus = given if given is not None else open_bus(place)
             self._take, self._put = taker(self.bus), putter(self.bus, fd=place.fd)
         except BaseException:
             if self._claim is not None:
@@ -290,35 +270,6 @@ class BusPort:
                 return message.arbitration_id, bytes(message.data)
         return None
 
-    def listen(self, span: float, is_foreign: Callable[[int, bytes], bool], clock: TimeSource | None = None) -> None:
-        """Listen for a `span` [s] before anything is said: another master shows in it.
-
-        What waits at its end is looked at too: a computer that stalls is no silence.
-
-        Args:
-            span: how long, however much is said by others.
-            is_foreign: whether a frame is one that only this host may send, or an answer to one.
-            clock: to go by, in place of this computer's.
-
-        Raises:
-            DriveError: there is another master.
-        """
-        clock = clock or MonotonicClock()
-        silent, ends = 0, clock.now() + round(span * SECOND)
-        for _ in range(_MOST_LISTENED):
-            over = clock.now() >= ends
-            frame = self.wait_for(lambda identifier, data: True, 0.0 if over else _LISTENED)
-            if frame is None:
-                silent += 1
-            elif is_foreign(*frame):
-                raise DriveError(
-                    f"another master is on the bus already (a frame {frame[0]:03X}h)",
-                    expected="one host",
-                    do="end the other run or program first, or correct the drive's number in [drive]",
-                )
-            if silent * _LISTENED >= span or (over and frame is None):
-                return
-
     def leave(self) -> None:
         """Let go of the bus; the last one closes it. Safe to call twice."""
         if self in self._link.ports:
@@ -329,10 +280,6 @@ class BusPort:
                 self._emptied()
 
 
-_LISTENED = 0.02
-"""Without a frame, counted as this much of a silence [s]."""
-_MOST_LISTENED = 20_000
-"""Frames after which a bus has been listened to for long enough: more than it carries in a second."""
 _MOST_KNOWN = 4096
 """Identifiers whose ports are remembered: all of classic CAN, and as many of a flood of others."""
 _MOST_WAITING = 64

@@ -31,7 +31,7 @@ from bowden.hardware.drives.ak_frames import (
     pack_reply,
     unpack_command,
 )
-from bowden.hardware.drives.ak_parameters import AkParameters, model_of, motor_scale, reply_id
+from bowden.hardware.drives.families.ak_mit import AkParameters, model_of, motor_scale, reply_id
 from bowden.hardware.drives.joint_encoder import joint_encoder_of
 from bowden.hardware.twin.injection import UNCOUNTED
 from bowden.hardware.twin.node import HOTTEST, Journal, TwinNode
