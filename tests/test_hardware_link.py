@@ -34,25 +34,6 @@ def frame(identifier: int) -> can.Message:
     return can.Message(arbitration_id=identifier, is_extended_id=False, data=b"\1")
 
 
-def test_each_drive_has_its_own_frames_in_their_order_and_those_for_all_go_to_all() -> None:
-    bus = Loopback()
-    links = Links(bus)
-    one = links.join(PLACE, "node 1", lambda identifier: identifier & 0xF in (1, 0xF))
-    two = links.join(PLACE, "node 2", lambda identifier: identifier & 0xF in (2, 0xF))
-    bus.waiting = [frame(identifier) for identifier in (0x12, 0x11, 0x1F, 0x21, 0x13, 0x22)]
-    taken = []
-    while (found := one.take()) is not None:
-        taken.append(found[0])
-    assert taken == [0x11, 0x1F, 0x21]
-    taken = []
-    while (found := two.take()) is not None:
-        taken.append(found[0])
-    assert taken == [0x12, 0x1F, 0x22]
-    two.leave()
-    bus.waiting = [frame(0x12)]
-    assert one.take() == (0x12, b"\1")  # whoever is alone is shown everything
-
-
 def test_all_frames_of_a_drive_are_taken_at_once_and_no_more_than_a_cycle_may_read() -> None:
     bus = Loopback()
     links = Links(bus)

@@ -20,7 +20,7 @@ from bowden.hardware.drives.limited_range import LimitedRange, nearest
 from bowden.hardware.drives.readings import Readings
 from bowden.hardware.ports import Power
 from bowden.hardware.twin.faults import Faults
-from bowden.hardware.twin.injection import parse
+from bowden.hardware.twin.injection import KINDS, parse
 from bowden.hardware.twin.joint_encoder_node import JointEncoderNode
 from support.memory_bus import MemoryBus
 
@@ -236,3 +236,29 @@ def test_frames_of_a_drive_that_are_canopens_are_refused_beside_an_encoder() -> 
     check_beside(ENCODER, {5: "node_id"})
     with pytest.raises(ParameterError, match=r"drive\.reply_id makes frames 000h"):
         check_beside(ENCODER, {0: "reply_id"})
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("", "there is no fault ''"),
+        ("encoder_spike", "is of an encoder"),
+        ("encoder_spike elbow 3", "is of an encoder"),
+        ("late_pdos much", "is not a number for it"),
+        ("late_pdos nan", "is not a number for it"),
+        ("silence 3", "is too much"),
+        ("drive_fault 0x4210 now", "is too much"),
+    ],
+)
+def test_faults_written_wrong_are_refused(text: str, said: str) -> None:
+    with pytest.raises(ParameterError, match=said):
+        parse(text)
+
+
+@pytest.mark.parametrize("name", KINDS)
+def test_faults_are_written_as_they_are_listed(name: str) -> None:
+    kind = KINDS[name]
+    side = "motor" if kind.side else ""
+    found = parse(f"{name} {side}")
+    assert (found.name, found.side) == (name, side)
+    assert math.isnan(found.amount) if kind.amount is None else found.amount == kind.amount

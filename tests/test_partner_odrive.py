@@ -15,7 +15,7 @@ from bowden.core.errors import DriveError
 from bowden.core.signals import DriveState
 from bowden.hardware.buses.link import Links
 from bowden.hardware.buses.unix_bus import UnixBus
-from bowden.hardware.drives import odrive_drive
+from bowden.hardware.drives import driver, odrive_drive
 from bowden.hardware.drives import odrive_frames as frames
 from bowden.hardware.drives.checklist import Found
 from bowden.hardware.drives.families.odrive import FAMILY, OdriveParameters, motor_scale
@@ -181,7 +181,7 @@ def test_our_master_moves_its_mock_as_far_as_it_goes(tmp_path: Path, monkeypatch
             return Found("mock", scale, None, motor_limits(given, scale), DriveState.SWITCH_ON_DISABLED, 0, "")
 
         monkeypatch.setattr(odrive_drive, "set_up", told)
-        monkeypatch.setattr(odrive_drive, "LOST", 10.0)
+        monkeypatch.setattr(driver, "LOST", 10.0)
         monkeypatch.setattr(odrive_drive, "AGAIN", 10.0)  # it takes half a second for each request
         ours = OdriveDrive(drive, Links())
         ours.bring_up()

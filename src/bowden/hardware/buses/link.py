@@ -148,14 +148,6 @@ class BusLink:
             ports = self._whose[identifier] = tuple(port for port in self.ports if port._wanted(identifier))
         return ports
 
-    def take(self) -> Frame | None:
-        """The next frame that is there; never waits, never raises."""
-        try:
-            return self._take()
-        except (can.CanError, OSError):
-            self.errors += 1
-            return None
-
     def take_all(self, most: int) -> list[Frame]:
         """What is there, `most` frames of it; never waits, never raises."""
         found, take = list[Frame](), self._take
@@ -213,20 +205,6 @@ class BusPort:
     def errors(self) -> int:
         """Frames that could not be sent or read on this bus."""
         return self._link.errors
-
-    def take(self) -> Frame | None:
-        """The next frame for this drive that is there; never waits, never raises."""
-        if len(self._link.ports) == 1:
-            return self._link.take()
-        for _ in range(_MOST_WAITING):
-            if self._frames:
-                break
-            frame = self._link.take()
-            if frame is None:
-                return None
-            for port in self._link.wanting(frame[0]):
-                port._frames.append(frame)
-        return self._frames.popleft() if self._frames else None
 
     def take_all(self) -> list[Frame]:
         """The frames for this drive that are there, not more than a cycle may read; never waits, never raises."""

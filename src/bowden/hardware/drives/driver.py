@@ -24,8 +24,6 @@ LOST = 0.1
 """Silence of a drive after which it may have started again, with other limits and another position [s]."""
 SETTLED = 10
 """Orders to follow the target, in a row, after which a drive is expected to do it, and every answer is to one."""
-MOST_FRAMES = 64
-"""Frames that are forgotten at most when a bus is emptied."""
 CLOSING_CYCLES = 20
 """How often the power is told to go off at the end, `CLOSING_WAIT` apart, while the drive has not said that it is."""
 CLOSING_WAIT = 2e-3
@@ -100,7 +98,7 @@ class Driver(ABC):
                 self._place, self._node, self._wants, synced=self._synced, restore=self._restore
             )
         else:
-            self._drain()
+            self._port.take_all()  # and forget it
         try:
             found = self._found = self._find(self._port)
             self.serial = found.serial
@@ -243,7 +241,7 @@ class Driver(ABC):
         What it says of the time before the second order does not count.
         """
         port.synced, left = False, TorqueLeft.UNKNOWN
-        self._drain()
+        port.take_all()  # and forget it
         for k in range(CLOSING_CYCLES):
             self._tell_off(k)
             frame = port.wait_for(
@@ -258,12 +256,6 @@ class Driver(ABC):
     def _let_go(self, left: TorqueLeft) -> None:
         """The last word to the drive, given what it has said; of most families there is none."""
         return
-
-    def _drain(self) -> None:
-        """Take what has come up to now, and forget it."""
-        for _ in range(MOST_FRAMES):
-            if self._port is None or self._port.take() is None:
-                return
 
     def _leave(self) -> None:
         """Let go of the bus; safe to call twice."""

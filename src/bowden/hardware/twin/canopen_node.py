@@ -9,10 +9,10 @@ from bowden.hardware.drives import canopen_frames as frames
 from bowden.hardware.drives.cia402 import WITH_TORQUE, encode, step
 from bowden.hardware.drives.emergencies import HEARTBEAT_LOST, SAFE_TORQUE_OFF
 from bowden.hardware.drives.families.cia402 import DriveParameters, joint_scale, load_range, motor_scale
-from bowden.hardware.twin.node import HOTTEST, Journal, TwinNode
+from bowden.hardware.drives.scale import Scale, SuitScale
+from bowden.hardware.twin.node import HOTTEST, TwinNode
 from bowden.hardware.twin.objects import Key, Made, Objects, SdoServer, dictionary, overridden
-from bowden.hardware.twin.outbox import Send
-from bowden.hardware.twin.plant import BRAKE, FOLLOW, Doing, TwinPlant, torque_on_joint
+from bowden.hardware.twin.plant import BRAKE, FOLLOW, Doing, torque_on_joint
 
 RPM = 30.0 / math.pi  # turns a minute in one rad/s
 LIMIT_ERROR, LAG_ERROR, OVER_TEMPERATURE = 0x8A82, 0x8611, 0x4210
@@ -34,15 +34,9 @@ Sampled = tuple[frames.Motion, frames.Sensors]
 
 
 class CanopenNode(TwinNode):
-    """The drive.
+    """The drive."""
 
-    Args:
-        drive: number, encoders and scales, as the rig has them.
-        bench: behind the drive.
-        send: puts a frame on the bus.
-        journal: takes what happened.
-        overrides: objects that are otherwise than usual; None takes one away.
-    """
+    _drive: DriveParameters
 
     lacks: ClassVar[Mapping[str, str]] = {
         "kick": "it takes its target with the order that enables it",
@@ -57,17 +51,9 @@ class CanopenNode(TwinNode):
         "load_silence": "a load cell at the drive's input sends nothing by itself: inject load_stuck",
     }
 
-    def __init__(
-        self,
-        drive: DriveParameters,
-        bench: TwinPlant,
-        send: Send,
-        journal: Journal,
-        overrides: dict[Key, int | None] | None = None,
-    ) -> None:
-        self._drive, self._overrides, self.syncs = drive, overrides or {}, 0
-        self._joint = joint_scale(drive)
-        super().__init__(motor_scale(drive), bench, send, journal)
+    def _prepare(self) -> Scale | SuitScale:
+        self.syncs, self._joint = 0, joint_scale(self._drive)
+        return motor_scale(self._drive)
 
     def _power_up(self) -> None:
         self.nmt, self.state, self.error = frames.BOOT_UP, DriveState.NOT_READY_TO_SWITCH_ON, 0

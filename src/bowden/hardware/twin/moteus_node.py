@@ -27,11 +27,11 @@ from bowden.hardware.drives.moteus_frames import (
     RegisterWritten,
 )
 from bowden.hardware.drives.moteus_setup import HOMED, state_of
+from bowden.hardware.drives.scale import Scale, SuitScale
 from bowden.hardware.twin.faults import NO_NUMBER
 from bowden.hardware.twin.injection import UNCOUNTED
-from bowden.hardware.twin.node import SUPPLY, Journal, TwinNode
-from bowden.hardware.twin.outbox import Send
-from bowden.hardware.twin.plant import BRAKE, FOLLOW, OFF, Doing, TwinPlant
+from bowden.hardware.twin.node import SUPPLY, TwinNode
+from bowden.hardware.twin.plant import BRAKE, FOLLOW, OFF, Doing
 
 ENABLING_TIME = 5e-3
 """From a command to the mode that it asks for: gate driver, offsets of the current's sensors; a stated choice [s]."""
@@ -64,9 +64,6 @@ COMMANDS: Mapping[int, float] = {
 ONLY_INT32 = frozenset(
     {Register.MODEL, Register.FIRMWARE, Register.REGISTER_MAP, Register.SERIAL_1, Register.SERIAL_2, Register.SERIAL_3}
 )
-
-Overrides = Mapping[int | str, float | None]
-"""Register, or name in the configuration → what it is otherwise; None takes it away."""
 
 
 class MoteusConsole:
@@ -172,15 +169,9 @@ class Sampled(NamedTuple):
 
 
 class MoteusNode(TwinNode):
-    """The board.
+    """The board."""
 
-    Args:
-        drive: number, encoders and scales, as the rig has them.
-        bench: behind the board.
-        send: puts a frame on the bus.
-        journal: takes what happened.
-        overrides: registers and settings that are otherwise than usual.
-    """
+    _drive: MoteusParameters
 
     lacks: ClassVar[Mapping[str, str]] = {
         "doubled_pdos": UNCOUNTED,
@@ -190,19 +181,11 @@ class MoteusNode(TwinNode):
         "joint_silence": "the joint's encoder hangs on the board: inject encoder_frozen joint, or encoder_nan joint",
     }
 
-    def __init__(
-        self,
-        drive: MoteusParameters,
-        bench: TwinPlant,
-        send: Send,
-        journal: Journal,
-        overrides: Overrides | None = None,
-    ) -> None:
-        self._drive, self._joint, self._overrides = drive, joint_scale(drive), overrides or {}
-        self.turn = drive.output_ratio
+    def _prepare(self) -> Scale | SuitScale:
+        self._joint, self.turn = joint_scale(self._drive), self._drive.output_ratio
         self.commands = 0
         """Frames that were for this board."""
-        super().__init__(motor_scale(drive), bench, send, journal)
+        return motor_scale(self._drive)
 
     def _power_up(self) -> None:
         self.mode, self.fault = BoardMode.STOPPED, 0

@@ -18,16 +18,14 @@ from bowden.hardware.buses.unix_bus import REMOTE
 from bowden.hardware.drives import odrive_endpoints as settings
 from bowden.hardware.drives import odrive_frames as frames
 from bowden.hardware.drives.families.odrive import OdriveParameters, motor_scale
-from bowden.hardware.drives.joint_encoder import joint_encoder_of
 from bowden.hardware.drives.odrive_endpoints import endpoints_of
 from bowden.hardware.drives.odrive_frames import ESTOP, WATCHDOG, AxisState, Beat, Cmd, Scales, unpack
 from bowden.hardware.drives.odrive_setup import state_of
+from bowden.hardware.drives.scale import Scale, SuitScale
 from bowden.hardware.twin.faults import NO_NUMBER
 from bowden.hardware.twin.injection import UNCOUNTED
-from bowden.hardware.twin.node import HOTTEST, SUPPLY, Journal, TwinNode
-from bowden.hardware.twin.objects import Key
-from bowden.hardware.twin.outbox import Send
-from bowden.hardware.twin.plant import FOLLOW, OFF, Doing, TwinPlant
+from bowden.hardware.twin.node import HOTTEST, SUPPLY, TwinNode
+from bowden.hardware.twin.plant import FOLLOW, OFF, Doing
 
 ARMING_TIME = 5e-3
 """From a request for closed loop to it; a stated choice [s]."""
@@ -60,15 +58,9 @@ class Told(NamedTuple):
 
 
 class OdriveNode(TwinNode):
-    """The board.
+    """The board."""
 
-    Args:
-        drive: number, encoders and scales, as the rig has them.
-        bench: behind the board.
-        send: puts a frame on the bus.
-        journal: takes what happened.
-        overrides: settings, and objects of the joint's encoder, that are otherwise than usual; None takes one away.
-    """
+    _drive: OdriveParameters
 
     lacks: ClassVar[Mapping[str, str]] = {
         "doubled_pdos": UNCOUNTED,
@@ -76,19 +68,10 @@ class OdriveNode(TwinNode):
         "kick": "it begins at its own position",
     }
 
-    def __init__(
-        self,
-        drive: OdriveParameters,
-        bench: TwinPlant,
-        send: Send,
-        journal: Journal,
-        overrides: Mapping[str | Key, Any] | None = None,
-    ) -> None:
-        self._drive, self._endpoints, given = drive, endpoints_of(drive.endpoints), overrides or {}
-        self._overrides = {name: value for name, value in given.items() if isinstance(name, str)}
-        joint = {key: value for key, value in given.items() if not isinstance(key, str)}
+    def _prepare(self) -> Scale | SuitScale:
+        self._endpoints = endpoints_of(self._drive.endpoints)
         self._set: dict[str, float] = {}
-        super().__init__(motor_scale(drive), bench, send, journal, joint_encoder_of(drive), joint)
+        return motor_scale(self._drive)
 
     def _power_up(self) -> None:
         if self._set:  # it was on before, and has lost its turns, or its position
@@ -119,7 +102,8 @@ class OdriveNode(TwinNode):
             WATCHDOG_IDLE: 1.0,
             FIRST_STATE: float(AxisState.IDLE),
         }
-        self._set |= {name: value for name, value in self._overrides.items() if value is not None}
+        named = {name: value for name, value in self._overrides.items() if isinstance(name, str)}
+        self._set |= {name: value for name, value in named.items() if value is not None}
         self.state = AxisState(int(self._set[FIRST_STATE]))
         self._input = frames.Target(0.0, 0.0, 0.0)
         self._setpoint, self._speed = 0.0, 0.0  # [turns], [turns/s]
