@@ -66,14 +66,16 @@ class Links:
                 do="give each a bus of its own, or correct the bit rates in [drive]",
             )
         try:
-            port = link.join(node, wanted, synced, lambda: self._links.pop(place[:2], None), sends)
-            port.restore = restore
-            return port
+            link.check(node, wanted, sends)
         except BaseException:
             if not link.ports:
                 link.close()
                 self._links.pop(place[:2], None)
             raise
+        port = BusPort(link, node, wanted, lambda: self._links.pop(place[:2], None))
+        port.synced, port.restore, port.sends = synced, restore, sends
+        link.take_in(port)
+        return port
 
 
 class BusLink:
@@ -105,15 +107,8 @@ class BusLink:
         self._whose: dict[int, tuple[BusPort, ...]] = {}
         """Identifier → whose frames those are."""
 
-    def join(
-        self,
-        node: str,
-        wanted: Callable[[int], bool],
-        synced: bool,
-        emptied: Callable[[], object],
-        sends: frozenset[int] = frozenset(),
-    ) -> "BusPort":
-        """See `Links.join`; `emptied` is called when the last port has left."""
+    def check(self, node: str, wanted: Callable[[int], bool], sends: frozenset[int]) -> None:
+        """Refuse a node that is there already, or whose frames another one sends; see `Links.join`."""
         if any(port.node == node for port in self.ports):
             raise DriveError(
                 f"two drives of this rig are {node} of the bus {self.place.channel}",
@@ -128,11 +123,11 @@ class BusLink:
                     expected="numbers and identifiers that differ",
                     do="correct one of them in the rig, and in the device; or give one a bus of its own",
                 )
-        port = BusPort(self, node, wanted, emptied)
-        port.synced, port.sends = synced, sends
+
+    def take_in(self, port: "BusPort") -> None:
+        """With this port from here on."""
         self.ports.append(port)
         self._whose.clear()
-        return port
 
     def leave(self, port: "BusPort") -> None:
         """Without this port from here on."""

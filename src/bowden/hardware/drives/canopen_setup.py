@@ -3,7 +3,9 @@
 Object numbers are those of CiA 301 (1xxxh) and CiA 402 (6xxxh); 3001h is maxon's (EPOS4 Firmware Specification).
 """
 
+import contextlib
 import math
+from collections.abc import Iterator
 
 import can
 
@@ -360,15 +362,13 @@ def _release_brake(node: Dialogue, drive: DriveParameters) -> None:
     """The brake's output is the host's from now on, and releases it; other bits of the outputs are not ours."""
     if drive.brake_output == "none":
         return
-    try:
+    with _wanted(
+        f"{node.name} lets nobody drive its brake's output",
+        "a drive with object 60FEh, digital outputs, and its mask 60FEh:2",
+        'set drive.brake_output = "none" and delete [brake]',
+    ):
         node.write(OUTPUTS, 1, brake_bits(drive, engaged=False), 4)
         node.write(OUTPUTS, 2, 1, 4)
-    except DriveError as error:
-        raise DriveError(
-            f"{node.name} lets nobody drive its brake's output: {error.what}",
-            expected="a drive with object 60FEh, digital outputs, and its mask 60FEh:2",
-            do='set drive.brake_output = "none" and delete [brake], or take another drive or firmware',
-        ) from error
 
 
 def heartbeat_consumer(drive: DriveParameters) -> int:
@@ -384,28 +384,28 @@ def _map_orders(node: Dialogue, drive: DriveParameters) -> None:
             node.write(0x60B2, 0, 0, 2)
         _map(node, 0x1400, cob_id, frames.RPDO1_MAPPING)
         return
-    try:
+    said = f"{node.name} takes no torque offset beside its target"
+    with _wanted(said, "a drive that maps object 60B2h", "set suit.friction_feedforward_nm to 0"):
         _map(node, 0x1400, cob_id, (*frames.RPDO1_MAPPING, frames.TORQUE_OFFSET))
-    except DriveError as error:
-        raise DriveError(
-            f"{node.name} takes no torque offset beside its target: {error.what}",
-            expected="a drive that maps object 60B2h",
-            do="set suit.friction_feedforward_nm to 0, or take another drive or firmware",
-        ) from error
 
 
 def _map_inputs(node: Dialogue, drive: DriveParameters) -> None:
     """TPDO 3, where one of the digital inputs is the emergency stop's."""
     if drive.emergency_stop_input < 0:
         return
-    try:
+    said = f"{node.name} does not send its digital inputs in every cycle"
+    with _wanted(said, "a drive that maps object 60FDh", "set drive.emergency_stop_input to -1"):
         _map(node, 0x1802, NO_REMOTE | frames.TPDO3 + drive.node_id, frames.TPDO3_MAPPING)
+
+
+@contextlib.contextmanager
+def _wanted(said: str, expected: str, do: str) -> Iterator[None]:
+    """What a rig wants of a drive that not every one can: a refused setting is said in its words."""
+    try:
+        yield
     except DriveError as error:
-        raise DriveError(
-            f"{node.name} does not send its digital inputs in every cycle: {error.what}",
-            expected="a drive that maps object 60FDh",
-            do="set drive.emergency_stop_input to -1, or take another drive or firmware",
-        ) from error
+        do = f"{do}, or take another drive or firmware"
+        raise DriveError(f"{said}: {error.what}", expected=expected, do=do) from error
 
 
 def _map(node: Dialogue, index: int, cob_id: int, objects: tuple[int, ...]) -> None:

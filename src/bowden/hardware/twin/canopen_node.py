@@ -296,11 +296,7 @@ class CanopenNode(TwinNode):
 
     def _sample(self, now: float) -> Sampled:
         """What is measured at a SYNC, through the encoders' noise, with the faults that are there at `now` [s]."""
-        joint, motor = self.bench.read_encoders()
-        counts = self.faults.encoders(
-            self._scale.counts(motor), self._joint.counts(joint), abs(self._scale.step), abs(self._joint.step), now
-        )
-        return self._packed(counts[0], counts[1], self._current(now), now)
+        return self._packed(*self._encoders(self._joint, now), self._current(now), now)
 
     def _true(self) -> Sampled:
         """The same without noise and faults."""

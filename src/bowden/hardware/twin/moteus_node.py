@@ -355,11 +355,7 @@ class MoteusNode(TwinNode):
 
     def _sample(self, now: float) -> None:
         """Through the encoders' noise, with the faults that are there at `now` [s]."""
-        bench, faults = self.bench, self.faults
-        joint, motor = bench.read_encoders()
-        turns = faults.encoders(
-            self._scale.counts(motor), self._joint.counts(joint), abs(self._scale.step), abs(self._joint.step), now
-        )
+        turns = self._encoders(self._joint, now)
         current = self._drive.motor_direction * self._current(now)
         shown, turned = (math.nan if value == NO_NUMBER else value for value in turns)
         shown = math.copysign(frames.MOST_TURNS, shown) if math.isinf(shown) else shown + self._shift

@@ -237,6 +237,12 @@ class TwinNode(ABC):
         """Of the drive, in its unit a second; infinite where the plant has none."""
         return self.bench.speed_limit * self._scale.steepest(-math.inf, math.inf) / abs(self._scale.step)
 
+    def _encoders(self, joint: Scale, now: float) -> tuple[float, float]:
+        """What the motor's encoder and the joint's at the drive count, through their noise and their faults."""
+        angles, faults = self.bench.read_encoders(), self.faults
+        motor = faults.encoder("motor", self._scale.counts(angles[1]), abs(self._scale.step), now)
+        return motor, faults.encoder("joint", joint.counts(angles[0]), abs(joint.step), now)
+
     def _current(self, now: float) -> float:
         """Of the motor, as it is reported [A]."""
         flows = self.faults.active("over_current", now)
