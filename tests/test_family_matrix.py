@@ -113,13 +113,15 @@ def read(parameters: Any, bus: MemoryBus) -> DriveReading:
     return reading
 
 
-@pytest.mark.parametrize("name", ["ak_mit", "moteus", "odrive"])
-@pytest.mark.parametrize("home", ["counts", "hint"])
+@pytest.mark.parametrize("name", ["cia402", "ak_mit", "moteus", "odrive"])
+@pytest.mark.parametrize("home", ["counts", "here", "hint"])
 def test_drives_of_each_family_are_found_and_zeroed_without_power(name: str, home: str) -> None:
     rig, bus, node = played(name)
     parameters = rig.drive_parameters._replace(answer_timeout=0.1)
     if home == "hint" and "motor_hint" in parameters._fields:
         parameters = parameters._replace(home="hint", motor_hint=0.1)
+    elif home == "here":
+        parameters = parameters._replace(home="here")
     family = family_of(parameters)
     assert family.probe is not None
     assert family.zeroed is not None
@@ -128,7 +130,7 @@ def test_drives_of_each_family_are_found_and_zeroed_without_power(name: str, hom
     wanted = family.zeroed(parameters, read(parameters, bus), 0.7, 0.3)
     again = read(wanted, bus)
     assert (again.motor, again.joint) == pytest.approx((0.7, 0.3), abs=5e-3)
-    assert family.zero_hint
+    assert family.zero_hint or name == "cia402"
     assert node.bench.doing == OFF
     assert not any(event == "torque_on" for _, event, _ in bus.journal)
 

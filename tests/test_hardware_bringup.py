@@ -87,17 +87,6 @@ def test_speeds_in_thousandths_of_a_turn_a_minute_are_understood() -> None:
     CanopenDrive(DRIVE._replace(speed_limit=30.0), Links(bus)).bring_up()
 
 
-def test_a_lost_heartbeat_leaves_the_drive_where_it_can_be_seen() -> None:
-    bus = TwinBus(DRIVE, make_bench)
-    drive = CanopenDrive(DRIVE, Links(bus))
-    drive.bring_up()
-    assert bus.node.objects[0x1029, 1] == 1
-    cycle(drive, bus, 10, Power.ON)
-    bus.advance(0.1)
-    cycle(drive, bus, 20, Power.ON)
-    assert drive.read(bus.time).drive_state == DriveState.FAULT
-
-
 def test_a_drive_that_goes_pre_operational_when_we_are_lost_is_not_ready() -> None:
     bus = TwinBus(DRIVE, make_bench, {(0x1029, 1): None})
     drive = CanopenDrive(DRIVE, Links(bus))

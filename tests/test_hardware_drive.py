@@ -15,7 +15,7 @@ from bowden.hardware.drives.canopen_drive import CanopenDrive
 from bowden.hardware.drives.families.cia402 import DriveParameters
 from bowden.hardware.drives.findings import UNWATCHED
 from bowden.hardware.drives.homing import zeroed
-from bowden.hardware.ports import Drive, Power, TorqueLeft
+from bowden.hardware.ports import Drive, Power
 from bowden.hardware.twin.bench import TwinBench
 from bowden.hardware.twin.canopen_node import CanopenNode
 from bowden.hardware.twin.injection import KINDS, parse
@@ -148,19 +148,6 @@ def test_a_late_answer_to_a_question_before_is_not_taken_for_the_next_one() -> N
     assert "bowden digital twin at node 1" in drive.bring_up()
 
 
-def test_a_target_acts_from_its_sync_on_and_on_nothing_that_is_past() -> None:
-    rig = Rig().up().on()
-    rig.run(500, Power.ON, 0.1)
-    sampled = []
-    for _ in range(3):  # time passes and nothing else: the twin's process, too, is woken by the frames of a cycle
-        rig.bus.time += CYCLE
-        rig.drive.read(rig.bus.time)
-        rig.drive.write(0.3, Power.ON, rig.bus.time)
-        sampled.append(rig.bus.node.bench.motor)
-    assert sampled[0] == pytest.approx(0.1, abs=3e-5), "at its SYNC it is where it was, but for a sub-step or two"
-    assert sampled[1] > 0.1002, "a cycle later"
-
-
 def test_directions_and_homes_turn_the_counts_and_not_the_angles() -> None:
     turned = DRIVE._replace(motor_direction=-1, joint_direction=-1, motor_home=0.7, joint_home=-0.3)
     reading = Rig(turned).up().run(5, Power.OFF)
@@ -169,10 +156,6 @@ def test_directions_and_homes_turn_the_counts_and_not_the_angles() -> None:
     reading = here.up().run(5, Power.OFF)
     assert abs(reading.motor - 1.0) < 1e-3
     assert abs(reading.joint - 2.0) < 2e-3
-    rig = Rig().up()
-    rig.run(5, Power.OFF)
-    again = Rig(zeroed(DRIVE, rig.readings[-1], 0.25, 0.5))
-    assert abs(again.drive._drive.motor_home - 0.15) < 1e-3
     with pytest.raises(DriveError, match="not reported a position yet"):
         zeroed(DRIVE, Rig().drive.read(100.0))
 
@@ -240,21 +223,6 @@ def test_one_lost_heartbeat_is_none() -> None:
     assert rig.bus.node.state is DriveState.OPERATION_ENABLED
 
 
-def test_an_emergency_is_read_in_its_cycle_and_a_fault_reset_on_request_alone() -> None:
-    rig = Rig().up().on()
-    rig.inject("drive_fault 0x4210", after=0.01)
-    rig.run(40, Power.ON)
-    codes = [reading.emergency for reading in rig.readings]
-    assert codes.count(float(0x4210)) == 1
-    at = codes.index(float(0x4210))
-    assert int(rig.readings[at + 1].drive_state) == DriveState.FAULT
-    rig.run(20, Power.OFF)
-    assert rig.bus.node.state is DriveState.FAULT
-    rig.drive.reset_fault()
-    rig.run(5, Power.OFF)
-    assert rig.bus.node.state is DriveState.SWITCH_ON_DISABLED
-
-
 def test_an_emergency_stop_takes_the_torque_and_is_told_for_as_long_as_it_is_pressed() -> None:
     rig = Rig(DRIVE._replace(emergency_stop_input=7)).up().on()
     assert not any(reading.emergency for reading in rig.readings)
@@ -282,27 +250,6 @@ def test_inputs_that_are_not_told_are_an_emergency_stop_of_a_node_that_lives_onl
         monkeypatch.setattr(frames, name, lambda data: None)
     assert rig.run(30, Power.ON).emergency == 0.0
     assert rig.readings[-1].motor_age >= 29.0
-
-
-def test_close_takes_the_torque_off_and_is_no_fault() -> None:
-    rig = Rig().up()
-    rig.bus.journal.clear()  # of the trial of the drive's watch over us
-    rig.on().run(50, Power.ON, target=0.3)
-    assert rig.drive.close() is TorqueLeft.OFF
-    rig.bus.advance(1.0)
-    assert rig.bus.node.state is DriveState.SWITCH_ON_DISABLED
-    assert rig.bus.node.nmt == frames.STOPPED
-    rig.drive.close()
-    assert "fault" not in [event for _, event, _ in rig.bus.journal]
-
-
-def test_bus_off_is_counted() -> None:
-    rig = Rig().up().on()
-    rig.inject("bus_off", lasting=0.2)
-    reading = rig.run(100, Power.ON)
-    assert reading.bus_errors >= 200
-    assert reading.motor_age >= 90
-    assert rig.bus.node.state is DriveState.FAULT, "it has missed our heartbeat"
 
 
 def changed(name: str) -> bool:

@@ -11,13 +11,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bowden.core.errors import DriveError, ParameterError
-from bowden.core.signals import DriveState
+from bowden.core.signals import EMERGENCY_STOP, DriveState
 from bowden.hardware.buses.unix_bus import EXTENDED, REMOTE
 from bowden.hardware.drives import ak_drive, canopen_setup, moteus_setup, odrive_setup
 from bowden.hardware.drives import canopen_frames as canopen
 from bowden.hardware.drives import moteus_frames as moteus
 from bowden.hardware.drives import odrive_frames as odrive
 from bowden.hardware.drives.ak_frames import ENTER, EXIT, MODELS, AkReply, pack_reply, unpack_command
+from bowden.hardware.drives.cia402 import Controlword
 from bowden.hardware.drives.families.ak_mit import AkParameters
 from bowden.hardware.drives.families.cia402 import DriveParameters
 from bowden.hardware.drives.families.moteus import MoteusParameters
@@ -424,13 +425,24 @@ def check_sent(name: str, identifier: int, data: bytes) -> None:
             assert abs(sent.position) <= 2.0 * odrive.MOST_TURNS
             assert abs(sent.velocity) <= 1e-3 + 15.0 * 5.0
             assert sent.torque == 0.0
-    elif identifier == canopen.RPDO1 + 1:
-        order = canopen.unpack_rpdo1(data)
-        assert order is not None
 
 
-def attack(name: str, frames: list[tuple[int, bytes]]) -> None:
+def check_order(sent: list[tuple[float, int, bytes]], state: float, target: float, power: Power) -> None:
+    """The controlword of a CiA 402 drive is whole, first, and no more than was wanted of a drive in that state."""
+    assert [cob_id for _, cob_id, _ in sent][:2] == [canopen.RPDO1 + 1, canopen.SYNC]
+    control, _, _ = canopen.unpack_rpdo1(sent[0][2]) or (None, None, None)
+    assert control in set(Controlword)
+    if control == Controlword.ENABLE_OPERATION:
+        assert power is Power.ON
+        assert math.isfinite(target)
+        assert state in (DriveState.SWITCHED_ON, ENABLED)
+    if control == Controlword.FAULT_RESET:
+        assert state == FAULT
+
+
+def attack(name: str, frames: list[tuple[int, bytes]], target: float, power: Power, reset: bool) -> None:
     """Frames in the middle of a run, to the driver and to the twin: nothing is raised by either."""
+    target = target if name == "cia402" else 0.0
     if name not in _SHARED:
         _SHARED[name] = loop_of(name).up()
     loop = _SHARED[name]
@@ -438,10 +450,16 @@ def attack(name: str, frames: list[tuple[int, bytes]]) -> None:
         loop.put(identifier, data)
         loop.sent.clear()
         reading = loop.drive.read(loop.time)
-        loop.drive.write(0.0, Power.ON, loop.time)
+        if reset:
+            loop.drive.reset_fault()
+        loop.drive.write(target, power, loop.time)
         for _, sent_to, sent in loop.sent:
             check_sent(name, sent_to, sent)
+        if name == "cia402":
+            check_order(loop.sent, reading.drive_state, target, power)
         assert reading.heartbeat_age >= 0.0
+        assert 0.0 <= reading.emergency <= EMERGENCY_STOP
+        assert reading.drive_state in set(DriveState)
         assert not math.isinf(reading.motor)
         loop.node.receive(identifier & 0x1FFF_FFFF if name == "ak_mit" else identifier, data, loop.time)
         loop.drain()
@@ -473,6 +491,8 @@ REPLIES = st.builds(
     SOME,
     SOME,
 )
+ANGLES = st.floats(-10.0, 10.0) | st.sampled_from([math.nan, math.inf, -math.inf, 1e300, -1e300, 1e5, 5e-324])
+WANTED = st.tuples(ANGLES, st.sampled_from([Power.ON, *Power]), st.booleans())
 HEADS = st.sampled_from([b"\x21\x00", b"\x2c\x04\x01", b"\x01\x00", b"\x40\x01", b"\x42\x01"])
 FRAMES = {
     "cia402": st.tuples(
@@ -499,7 +519,7 @@ FRAMES = {
 @given(st.data())
 @settings(max_examples=60, deadline=None)
 def test_no_frame_raises_or_leads_to_an_unsafe_target(name: str, data: st.DataObject) -> None:
-    attack(name, data.draw(st.lists(FRAMES[name], min_size=1, max_size=20)))
+    attack(name, data.draw(st.lists(FRAMES[name], min_size=1, max_size=20)), *data.draw(WANTED))
 
 
 @pytest.mark.long
@@ -507,7 +527,7 @@ def test_no_frame_raises_or_leads_to_an_unsafe_target(name: str, data: st.DataOb
 @given(st.data())
 @settings(max_examples=1_000, deadline=None)
 def test_no_frame_of_100_000_raises_or_leads_to_an_unsafe_target(name: str, data: st.DataObject) -> None:
-    attack(name, data.draw(st.lists(FRAMES[name], min_size=100, max_size=100)))
+    attack(name, data.draw(st.lists(FRAMES[name], min_size=100, max_size=100)), *data.draw(WANTED))
 
 
 def test_replies_to_orders_that_were_not_ours_are_another_masters() -> None:

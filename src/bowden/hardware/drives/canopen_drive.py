@@ -65,6 +65,7 @@ class CanopenDrive(Driver):
         self._begin(None)
         node, host = parameters.node_id, parameters.host_id
         self._pushed = parameters.torque_offset > 0.0
+        self._has_stop = parameters.emergency_stop_input >= 0
         self._tpdo1, self._tpdo2, self._tpdo3 = frames.TPDO1 + node, frames.TPDO2 + node, frames.TPDO3 + node
         self._beats, self._emergencies = frames.HEARTBEAT + node, frames.EMERGENCY + node
         self._rpdo, self._heartbeat = frames.RPDO1 + node, frames.HEARTBEAT + host
@@ -137,7 +138,7 @@ class CanopenDrive(Driver):
             self._operational = self._operational and state == frames.OPERATIONAL
         elif cob_id == self._emergencies and (code := frames.unpack_emergency(data)):
             readings.found(EMERGENCY_STOP if code == SAFE_TORQUE_OFF else code)
-        elif cob_id == self._tpdo3 and (inputs := frames.unpack_tpdo3(data)) is not None:
+        elif cob_id == self._tpdo3 and (inputs := frames.unpack_tpdo3(data)) is not None and self._has_stop:
             self._stop_released, self._inputs_age = bool(inputs >> drive.emergency_stop_input & 1), 0
         elif cob_id == self._answers and frames.unpack_sdo_written(data) == OUTPUTS:
             self._brake_confirmed = True
@@ -151,7 +152,7 @@ class CanopenDrive(Driver):
         readings, drive = self._readings, self._drive
         there = max(readings.motor_age, readings.joint_age) <= MOST_ANGLES_AGE
         missing = self._inputs_age > MOST_INPUTS_AGE and there
-        if drive.emergency_stop_input >= 0 and (missing or not self._stop_released):
+        if self._has_stop and (missing or not self._stop_released):
             readings.stopped()
         self._inputs_age += 1
         self._update_state(self._statusword_state if self._operational else DriveState.NOT_READY_TO_SWITCH_ON)
