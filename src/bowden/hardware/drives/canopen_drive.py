@@ -149,7 +149,7 @@ class CanopenDrive(Driver):
         return True
 
     def _judge(self, now: float) -> None:
-        readings, drive = self._readings, self._drive
+        readings = self._readings
         there = max(readings.motor_age, readings.joint_age) <= MOST_ANGLES_AGE
         missing = self._inputs_age > MOST_INPUTS_AGE and there
         if self._has_stop and (missing or not self._stop_released):
