@@ -95,7 +95,7 @@ def _rules_declared(drive: Any) -> Iterator[Rule]:
         value = getattr(drive, name)
         if get_origin(kind) is Literal:
             yield name, value in get_args(kind), " or ".join(map(repr, get_args(kind)))
-        elif kind in (int, float):
+        elif kind in (int, float) and not quantity.follows:  # what follows from the cycle is longer for a slow one
             words = (f"{_BOUNDS[rule]} {bound:g}" for rule, bound in quantity.rules.items())
             yield name, quantity.holds(value), " and ".join(words) or "a finite number"
 
