@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from bowden.core.errors import BowdenError, DriveError, ParameterError
 from bowden.hardware.buses.link import Links
 from bowden.hardware.drives.canopen_drive import CanopenDrive
-from bowden.hardware.drives.parameters import DriveParameters
+from bowden.hardware.drives.families.cia402 import DriveParameters
 from bowden.hardware.ports import Power
 from bowden.hardware.twin.bench import TwinBench
 from bowden.live.preflight import contradictions

@@ -14,11 +14,8 @@ from bowden.core.signals import DriveReading
 from bowden.hardware.buses.link import Links
 from bowden.hardware.drives import (
     ak_drive,
-    ak_probe,
     canopen_setup,
-    moteus_probe,
     moteus_setup,
-    odrive_probe,
     odrive_setup,
 )
 from bowden.hardware.drives.findings import LagWatch
@@ -46,7 +43,7 @@ LOAD_SAMPLE = [next(case for case in LOAD_CASES[k::5] if case[0] == cell) for k,
 
 @pytest.fixture(autouse=True)
 def quick(monkeypatch: pytest.MonkeyPatch) -> None:
-    for module in (ak_drive, ak_probe, canopen_setup, moteus_probe, moteus_setup, odrive_probe, odrive_setup):
+    for module in (ak_drive, canopen_setup, moteus_setup, odrive_setup):
         monkeypatch.setattr(module, "LISTENING", 0.02)
 
 
@@ -116,13 +113,15 @@ def read(parameters: Any, bus: MemoryBus) -> DriveReading:
     return reading
 
 
-@pytest.mark.parametrize("name", ["ak_mit", "moteus", "odrive"])
-@pytest.mark.parametrize("home", ["counts", "hint"])
+@pytest.mark.parametrize("name", ["cia402", "ak_mit", "moteus", "odrive"])
+@pytest.mark.parametrize("home", ["counts", "here", "hint"])
 def test_drives_of_each_family_are_found_and_zeroed_without_power(name: str, home: str) -> None:
     rig, bus, node = played(name)
     parameters = rig.drive_parameters._replace(answer_timeout=0.1)
     if home == "hint" and "motor_hint" in parameters._fields:
         parameters = parameters._replace(home="hint", motor_hint=0.1)
+    elif home == "here":
+        parameters = parameters._replace(home="here")
     family = family_of(parameters)
     assert family.probe is not None
     assert family.zeroed is not None
@@ -131,7 +130,7 @@ def test_drives_of_each_family_are_found_and_zeroed_without_power(name: str, hom
     wanted = family.zeroed(parameters, read(parameters, bus), 0.7, 0.3)
     again = read(wanted, bus)
     assert (again.motor, again.joint) == pytest.approx((0.7, 0.3), abs=5e-3)
-    assert family.zero_hint
+    assert family.zero_hint or name == "cia402"
     assert node.bench.doing == OFF
     assert not any(event == "torque_on" for _, event, _ in bus.journal)
 

@@ -11,9 +11,10 @@ import pytest
 from bowden.core.errors import DriveError
 from bowden.core.signals import DriveState
 from bowden.hardware.buses.opening import open_bus
+from bowden.hardware.buses.place import BusPlace
 from bowden.hardware.drives.canopen_drive import CanopenDrive
 from bowden.hardware.drives.families import cia402
-from bowden.hardware.drives.parameters import DriveParameters
+from bowden.hardware.drives.families.cia402 import DriveParameters
 from bowden.hardware.ports import Power
 from bowden.hardware.twin.bench import TwinBench
 from bowden.hardware.twin.control import TwinControl
@@ -69,7 +70,7 @@ def test_a_drive_on_another_bus_than_ours(twin: Twin) -> None:
 @pytest.mark.parametrize("interface", sorted(can.VALID_INTERFACES - {"virtual", "udp_multicast", "bowden_unix"}))
 def test_an_interface_that_is_not_there_is_said_in_a_line(interface: str) -> None:
     with pytest.raises(DriveError, match=f"cannot open the bus nothing7 .{interface}.: .+; ") as refused:
-        open_bus(interface, "nothing7", 1_000_000)
+        open_bus(BusPlace(interface, "nothing7", 1_000_000))
     assert "\n" not in str(refused.value)
 
 
@@ -85,4 +86,4 @@ def test_a_kernel_without_can_is_told_from_an_interface_that_is_down(monkeypatch
 
         monkeypatch.setattr(can, "Bus", fail)
         with pytest.raises(DriveError, match=said):
-            open_bus("socketcan", "can0", 1_000_000)
+            open_bus(BusPlace("socketcan", "can0", 1_000_000))

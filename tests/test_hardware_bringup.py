@@ -1,7 +1,5 @@
 """Bring-up: it looks before it touches, reads what the drive made of the settings, and knows its units and counts."""
 
-from typing import Any
-
 import can
 import pytest
 from hypothesis import example, given, settings
@@ -12,10 +10,9 @@ from bowden.core.signals import DriveState
 from bowden.hardware.buses.link import Links
 from bowden.hardware.drives import canopen_frames as frames
 from bowden.hardware.drives.canopen_drive import CanopenDrive
-from bowden.hardware.drives.parameters import DriveParameters
+from bowden.hardware.drives.families.cia402 import DriveParameters
 from bowden.hardware.ports import Power
 from bowden.hardware.twin.bench import TwinBench
-from bowden.hardware.twin.objects import Key
 from bowden.models.cable.sheath_path import constant_bend
 from bowden.plants.presets.bench import bench
 from support.memory_bus import TwinBus
@@ -85,50 +82,9 @@ def test_a_node_that_an_end_has_stopped_is_woken() -> None:
         assert bus.node.nmt == frames.STOPPED
 
 
-@pytest.mark.parametrize(
-    ("overrides", "drive", "said"),
-    [
-        ({(0x6061, 0): 1}, {}, "stays in mode 1 .6061h.; expected 8"),
-        ({(0x6061, 0): None}, {}, "has no object 6061h"),
-        (
-            {(0x60A9, 0): 0xFDB4_4700, (0x6080, 0): 100_000},
-            {"speed_limit": 30.0},
-            "is 30 rad/s, beyond .* 2.0944 rad/s",
-        ),
-        ({(0x60A9, 0): 0x00B4_0300}, {"speed_limit": 1.0}, "unit that is not known here .60A9h is 0x00B40300."),
-        (
-            {(0x6064, 0): 2**31 - 1000},
-            {"home": "here", "highest_motor": 0.2},
-            "highest motor angle is 0.2 rad, beyond",
-        ),
-        ({}, {"motor_counts_per_turn": 9e8, "lowest_motor": -3.5}, "lowest motor angle is -3.5 rad, beyond"),
-    ],
-)
-def test_what_a_drive_does_not_take_on_is_found(
-    overrides: dict[Key, int | None], drive: dict[str, Any], said: str
-) -> None:
-    bus = TwinBus(DRIVE, make_bench, overrides)
-    host = CanopenDrive(DRIVE._replace(**drive), Links(bus))
-    with pytest.raises(DriveError, match=said):
-        host.bring_up()
-    cycle(host, bus, 20, Power.ON)
-    assert "torque_on" not in [event for _, event, _ in bus.journal]
-
-
 def test_speeds_in_thousandths_of_a_turn_a_minute_are_understood() -> None:
     bus = TwinBus(DRIVE, make_bench, {(0x60A9, 0): 0xFDB4_4700, (0x6080, 0): 10_000_000, (0x607F, 0): 10_000_000})
     CanopenDrive(DRIVE._replace(speed_limit=30.0), Links(bus)).bring_up()
-
-
-def test_a_lost_heartbeat_leaves_the_drive_where_it_can_be_seen() -> None:
-    bus = TwinBus(DRIVE, make_bench)
-    drive = CanopenDrive(DRIVE, Links(bus))
-    drive.bring_up()
-    assert bus.node.objects[0x1029, 1] == 1
-    cycle(drive, bus, 10, Power.ON)
-    bus.advance(0.1)
-    cycle(drive, bus, 20, Power.ON)
-    assert drive.read(bus.time).drive_state == DriveState.FAULT
 
 
 def test_a_drive_that_goes_pre_operational_when_we_are_lost_is_not_ready() -> None:

@@ -7,17 +7,16 @@ from collections import deque
 import can
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bowden.core.signals import DriveState
 from bowden.hardware.buses.link import Links
 from bowden.hardware.drives import canopen_frames as frames
 from bowden.hardware.drives.canopen_drive import MOST_DUE, CanopenDrive
-from bowden.hardware.drives.canopen_setup import DriveFindings
-from bowden.hardware.drives.cia402 import Controlword
-from bowden.hardware.drives.homing import zeroed
-from bowden.hardware.drives.parameters import DriveParameters, joint_scale, motor_scale
+from bowden.hardware.drives.checklist import Found
+from bowden.hardware.drives.families.cia402 import DriveParameters, joint_scale, motor_scale
+from bowden.hardware.drives.scale import motor_limits
 from bowden.hardware.ports import Power
 from bowden.hardware.twin.bench import TwinBench
 from bowden.hardware.twin.injection import parse
@@ -150,85 +149,7 @@ def test_the_drive_has_stopped_watching_us_before_it_is_stopped() -> None:
     assert "fault" not in [event for _, event, _ in bus.journal]
 
 
-def test_homing_by_hand_holds_where_home_is_wherever_the_rig_is_found() -> None:
-    here = DRIVE._replace(home="here", motor_home=1.0, joint_home=2.0)
-    bus = TwinBus(here, make_bench)
-    drive = CanopenDrive(here, Links(bus))
-    drive.bring_up()
-    for k in range(300):
-        drive.read(bus.time)
-        drive.write(1.0 + min(k, 200) * 1e-3, Power.ON if k < 280 else Power.OFF, bus.time)
-        bus.advance(CYCLE)
-    reading = drive.read(bus.time)
-    assert reading.motor == pytest.approx(1.2, abs=0.01)
-    again = CanopenDrive(zeroed(here, reading, 0.25, 0.5), Links(bus))
-    again.bring_up()
-    again.write(0.0, Power.OFF, bus.time)
-    bus.advance(CYCLE)
-    reading = again.read(bus.time)
-    assert (reading.motor, reading.joint) == pytest.approx((0.25, 0.5), abs=2e-3)
-
-
-_TAPPED: list[tuple[CanopenDrive, TwinBus]] = []
-
-
-def tapped() -> tuple[CanopenDrive, TwinBus]:
-    if not _TAPPED:
-        bus = TwinBus(DRIVE, make_bench)
-        drive = CanopenDrive(DRIVE, Links(bus))
-        drive.bring_up()
-        _TAPPED.append((drive, bus))
-    return _TAPPED[0]
-
-
-COB_IDS = st.sampled_from([0x081, 0x181, 0x281, 0x701, 0x080, 0x082, 0x581]) | st.integers(0, 0x7FF)
-ANGLES = st.floats(-10.0, 10.0) | st.sampled_from([math.nan, math.inf, -math.inf, 1e300, -1e300, 1e5, 5e-324])
-
-
-FRAMES = st.tuples(COB_IDS, st.binary(max_size=8))
-
-
-@settings(max_examples=300, deadline=None, suppress_health_check=[HealthCheck.too_slow])
-@given(st.lists(FRAMES, max_size=20), ANGLES, st.sampled_from(Power), st.booleans())
-def test_whatever_comes_what_goes_out_is_whole_and_no_more_than_was_wanted(
-    foreign: list[tuple[int, bytes]], target: float, power: Power, reset: bool
-) -> None:
-    attacked(foreign, target, power, reset)
-
-
-@pytest.mark.long
-@settings(max_examples=5000, deadline=None, suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large])
-@given(st.lists(FRAMES, min_size=20, max_size=20), ANGLES, st.sampled_from(Power), st.booleans())
-def test_whatever_100_000_frames_say_what_goes_out_is_no_more_than_was_wanted(
-    foreign: list[tuple[int, bytes]], target: float, power: Power, reset: bool
-) -> None:
-    attacked(foreign, target, power, reset)
-
-
-def attacked(foreign: list[tuple[int, bytes]], target: float, power: Power, reset: bool) -> None:
-    """A cycle in which frames come that nobody should send."""
-    drive, bus = tapped()
-    for cob_id, data in foreign:
-        bus.put(cob_id, data)
-    reading = drive.read(bus.time)
-    assert all(isinstance(value, float) for value in reading)
-    assert math.isnan(reading.motor) or abs(reading.motor) <= 2**31 * 1e-4
-    assert 0.0 <= reading.emergency <= 0xFFFF
-    assert reading.drive_state in set(DriveState)
-    if reset:
-        drive.reset_fault()
-    bus.sent.clear()
-    drive.write(target, power, bus.time)
-    assert [cob_id for _, cob_id, _ in bus.sent][:2] == [0x201, 0x080]
-    control, _, _ = frames.unpack_rpdo1(bus.sent[0][2]) or (None, None, None)
-    assert control in set(Controlword)
-    if power is not Power.ON or not math.isfinite(target):
-        assert control != Controlword.ENABLE_OPERATION
-    if control == Controlword.FAULT_RESET:
-        assert reading.drive_state == DriveState.FAULT
-    if control == Controlword.ENABLE_OPERATION:
-        assert reading.drive_state in (DriveState.SWITCHED_ON, DriveState.OPERATION_ENABLED)
-    bus.advance(CYCLE)
+_TAPPED: list[TwinBus] = []
 
 
 @settings(max_examples=200, deadline=None)
@@ -254,7 +175,10 @@ def attacked(foreign: list[tuple[int, bytes]], target: float, power: Power, rese
 def test_any_fault_that_is_taken_leaves_the_twin_alive(text: str) -> None:
     from bowden.core.errors import ParameterError
 
-    _, bus = _TAPPED[0] if _TAPPED else tapped()
+    if not _TAPPED:
+        _TAPPED.append(TwinBus(DRIVE, make_bench))
+        CanopenDrive(DRIVE, Links(_TAPPED[0])).bring_up()
+    bus = _TAPPED[0]
     try:
         injection = parse(text)
     except ParameterError:
@@ -312,8 +236,17 @@ def test_no_drive_is_wronged_for_late_frames_and_a_second_one_of_its_number_is_f
 ) -> None:
     """Jitter of a cycle, lost SYNCs, stalls of the drive; then each SYNC has two answers."""
     port, drive = Port(seed, losses, twice, stall), CanopenDrive(DRIVE)
-    drive._host, drive._up = port, True  # type: ignore[assignment]
-    drive._found = DriveFindings("", motor_scale(DRIVE), joint_scale(DRIVE), 0.2, DriveState.SWITCH_ON_DISABLED, "")
+    drive._port, drive._up = port, True  # type: ignore[assignment]
+    drive._found = Found(
+        "",
+        motor_scale(DRIVE),
+        joint_scale(DRIVE),
+        motor_limits(DRIVE, motor_scale(DRIVE)),
+        DriveState.SWITCH_ON_DISABLED,
+        0,
+        "",
+        0.2,
+    )
     port._waiting.extend([0.0] * 4)  # to the SYNCs of the bring-up
     foreign = []
     for cycle in range(2000):

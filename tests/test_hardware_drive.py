@@ -6,19 +6,16 @@ import threading
 from typing import Any
 
 import pytest
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
 
 from bowden.core.errors import DriveError
 from bowden.core.signals import EMERGENCY_STOP, DriveReading, DriveState
 from bowden.hardware.buses.link import Links
 from bowden.hardware.drives import canopen_frames as frames
 from bowden.hardware.drives.canopen_drive import CanopenDrive
-from bowden.hardware.drives.cia402 import WITH_TORQUE
+from bowden.hardware.drives.families.cia402 import DriveParameters
 from bowden.hardware.drives.findings import UNWATCHED
 from bowden.hardware.drives.homing import zeroed
-from bowden.hardware.drives.parameters import DriveParameters
-from bowden.hardware.ports import Drive, Power, TorqueLeft
+from bowden.hardware.ports import Drive, Power
 from bowden.hardware.twin.bench import TwinBench
 from bowden.hardware.twin.canopen_node import CanopenNode
 from bowden.hardware.twin.injection import KINDS, parse
@@ -151,19 +148,6 @@ def test_a_late_answer_to_a_question_before_is_not_taken_for_the_next_one() -> N
     assert "bowden digital twin at node 1" in drive.bring_up()
 
 
-def test_a_target_acts_from_its_sync_on_and_on_nothing_that_is_past() -> None:
-    rig = Rig().up().on()
-    rig.run(500, Power.ON, 0.1)
-    sampled = []
-    for _ in range(3):  # time passes and nothing else: the twin's process, too, is woken by the frames of a cycle
-        rig.bus.time += CYCLE
-        rig.drive.read(rig.bus.time)
-        rig.drive.write(0.3, Power.ON, rig.bus.time)
-        sampled.append(rig.bus.node.bench.motor)
-    assert sampled[0] == pytest.approx(0.1, abs=3e-5), "at its SYNC it is where it was, but for a sub-step or two"
-    assert sampled[1] > 0.1002, "a cycle later"
-
-
 def test_directions_and_homes_turn_the_counts_and_not_the_angles() -> None:
     turned = DRIVE._replace(motor_direction=-1, joint_direction=-1, motor_home=0.7, joint_home=-0.3)
     reading = Rig(turned).up().run(5, Power.OFF)
@@ -172,21 +156,8 @@ def test_directions_and_homes_turn_the_counts_and_not_the_angles() -> None:
     reading = here.up().run(5, Power.OFF)
     assert abs(reading.motor - 1.0) < 1e-3
     assert abs(reading.joint - 2.0) < 2e-3
-    rig = Rig().up()
-    rig.run(5, Power.OFF)
-    again = Rig(zeroed(DRIVE, rig.readings[-1], 0.25, 0.5))
-    assert abs(again.drive._drive.motor_home - 0.15) < 1e-3
     with pytest.raises(DriveError, match="not reported a position yet"):
         zeroed(DRIVE, Rig().drive.read(100.0))
-
-
-@pytest.mark.parametrize("target", [math.nan, math.inf, -math.inf, 1e9])
-def test_no_target_that_is_no_number_ever_leaves(target: float) -> None:
-    rig = Rig().up().on()
-    moved = rig.bus.node.bench.motor
-    rig.run(2, Power.ON, target=target)
-    assert rig.bus.node.state not in WITH_TORQUE
-    assert abs(rig.bus.node.bench.motor - moved) < 0.01
 
 
 def test_a_quick_stop_brakes_and_then_is_off() -> None:
@@ -252,21 +223,6 @@ def test_one_lost_heartbeat_is_none() -> None:
     assert rig.bus.node.state is DriveState.OPERATION_ENABLED
 
 
-def test_an_emergency_is_read_in_its_cycle_and_a_fault_reset_on_request_alone() -> None:
-    rig = Rig().up().on()
-    rig.inject("drive_fault 0x4210", after=0.01)
-    rig.run(40, Power.ON)
-    codes = [reading.emergency for reading in rig.readings]
-    assert codes.count(float(0x4210)) == 1
-    at = codes.index(float(0x4210))
-    assert int(rig.readings[at + 1].drive_state) == DriveState.FAULT
-    rig.run(20, Power.OFF)
-    assert rig.bus.node.state is DriveState.FAULT
-    rig.drive.reset_fault()
-    rig.run(5, Power.OFF)
-    assert rig.bus.node.state is DriveState.SWITCH_ON_DISABLED
-
-
 def test_an_emergency_stop_takes_the_torque_and_is_told_for_as_long_as_it_is_pressed() -> None:
     rig = Rig(DRIVE._replace(emergency_stop_input=7)).up().on()
     assert not any(reading.emergency for reading in rig.readings)
@@ -294,105 +250,6 @@ def test_inputs_that_are_not_told_are_an_emergency_stop_of_a_node_that_lives_onl
         monkeypatch.setattr(frames, name, lambda data: None)
     assert rig.run(30, Power.ON).emergency == 0.0
     assert rig.readings[-1].motor_age >= 29.0
-
-
-def test_a_reboot_is_seen_and_needs_a_new_bring_up() -> None:
-    rig = Rig().up().on()
-    rig.inject("reboot")
-    rig.run(600, Power.ON)
-    assert rig.readings[-1].drive_state == DriveState.NOT_READY_TO_SWITCH_ON
-    assert rig.readings[-1].motor_age > 500
-    assert rig.bus.node.state is DriveState.SWITCH_ON_DISABLED
-    rig.up()
-    rig.run(10, Power.ON)
-    assert rig.bus.node.state is DriveState.OPERATION_ENABLED
-
-
-def test_close_takes_the_torque_off_and_is_no_fault() -> None:
-    rig = Rig().up()
-    rig.bus.journal.clear()  # of the trial of the drive's watch over us
-    rig.on().run(50, Power.ON, target=0.3)
-    assert rig.drive.close() is TorqueLeft.OFF
-    rig.bus.advance(1.0)
-    assert rig.bus.node.state is DriveState.SWITCH_ON_DISABLED
-    assert rig.bus.node.nmt == frames.STOPPED
-    rig.drive.close()
-    assert "fault" not in [event for _, event, _ in rig.bus.journal]
-
-
-@settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
-@given(st.lists(st.tuples(st.integers(0, 0x7FF), st.binary(max_size=8)), max_size=30))
-def test_no_frames_make_reading_fail_nor_give_power(foreign: list[tuple[int, bytes]]) -> None:
-    rig = _shared()
-    for cob_id, data in foreign:
-        rig.bus.put(cob_id, data)
-    reading = rig.drive.read(rig.bus.time)
-    assert not math.isinf(reading.motor)
-    rig.drive.write(0.0, Power.OFF, rig.bus.time)
-    rig.bus.advance(CYCLE)
-    assert rig.bus.node.state not in WITH_TORQUE
-
-
-_SHARED: list[Rig] = []
-
-
-def _shared() -> Rig:
-    if not _SHARED:
-        _SHARED.append(Rig().up())
-    return _SHARED[0]
-
-
-@settings(max_examples=60)
-@given(st.lists(st.tuples(st.sampled_from([0x000, 0x080, 0x201, 0x601, 0x77F]), st.binary(max_size=8)), max_size=30))
-def test_no_frames_make_the_twin_fail(foreign: list[tuple[int, bytes]]) -> None:
-    rig = _shared()
-    for cob_id, data in foreign:
-        rig.bus.node.receive(cob_id, data, rig.bus.time)
-    rig.bus.advance(CYCLE)
-
-
-@pytest.mark.parametrize(
-    ("overrides", "drive", "said"),
-    [
-        ({(0x1000, 0): 0x0003_0191}, {}, "device profile 401"),
-        ({(0x1000, 0): 0x0001_0192}, {}, "type 1 .*expected type 2, a servo drive"),
-        ({(0x6502, 0): 0x25}, {}, "does not know cyclic synchronous position"),
-        ({(0x6502, 0): None}, {}, "has no object 6502h"),
-        ({(0x6060, 0): None}, {}, "refuses 6060h"),
-        ({(0x1A01, 2): None}, {}, "refuses 1A01h:2"),
-        ({(0x1016, 1): None}, {}, "refuses 1016h:1"),
-        ({(0x6007, 0): None}, {}, "refuses 6007h"),
-        ({(0x6076, 0): 0}, {}, "rated torque"),
-        ({}, {"node_id": 2}, "no drive answers as node 2; there is node 1"),
-        ({(0x607D, 1): -1000, (0x607D, 2): 100_000}, {"lowest_motor": -1.0}, "lowest motor angle is -1 rad, beyond"),
-        ({(0x607D, 1): -1000, (0x607D, 2): 10_000}, {"highest_motor": 3.0}, "highest motor angle is 3 rad, beyond"),
-        ({(0x6080, 0): 100}, {"speed_limit": 30.0}, "speed limit is 30 rad/s, beyond .*6080h"),
-        ({(0x6065, 0): 1000}, {"following_error": 1.0}, "following error is 1 rad, beyond"),
-        ({(0x1802, 1): None}, {"emergency_stop_input": 3}, "does not send its digital inputs in every cycle"),
-        ({(0x3001, 2): 5000}, {"current_limit": 20.0}, "current limit is 20 A, beyond the drive's own 5 A"),
-    ],
-)
-def test_bad_drives_are_refused_in_a_line_and_never_enabled(
-    overrides: dict[tuple[int, int], int | None], drive: dict[str, Any], said: str
-) -> None:
-    bus = TwinBus(DRIVE, make_bench, overrides)
-    host = CanopenDrive(DRIVE._replace(**drive), Links(bus))
-    with pytest.raises(DriveError, match=said) as refused:
-        host.bring_up()
-    assert "\n" not in str(refused.value)
-    host.write(1.0, Power.ON, bus.time)
-    bus.advance(0.1)
-    assert bus.node.state is DriveState.SWITCH_ON_DISABLED
-    assert "torque_on" not in [event for _, event, _ in bus.journal]
-
-
-def test_bus_off_is_counted() -> None:
-    rig = Rig().up().on()
-    rig.inject("bus_off", lasting=0.2)
-    reading = rig.run(100, Power.ON)
-    assert reading.bus_errors >= 200
-    assert reading.motor_age >= 90
-    assert rig.bus.node.state is DriveState.FAULT, "it has missed our heartbeat"
 
 
 def changed(name: str) -> bool:

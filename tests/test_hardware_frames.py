@@ -8,8 +8,9 @@ from hypothesis import strategies as st
 
 from bowden.core.errors import ParameterError
 from bowden.hardware.drives import canopen_frames as frames
-from bowden.hardware.drives.parameters import DriveParameters, check_parameters, joint_scale, motor_scale
+from bowden.hardware.drives.families.cia402 import FAMILY, DriveParameters, check_parameters, joint_scale, motor_scale
 from bowden.hardware.drives.scale import Scale
+from bowden.rig.families import DriveNeeds
 
 I16, I32, U16 = st.integers(-(2**15), 2**15 - 1), st.integers(-(2**31), 2**31 - 1), st.integers(0, 2**16 - 1)
 
@@ -123,9 +124,15 @@ def test_a_turn_of_the_spool_is_a_gear_of_the_motor() -> None:
 def test_parameters_that_make_no_sense_are_refused_by_name(wrong: dict[str, float]) -> None:
     with pytest.raises(ParameterError, match="drive: ") as refused:
         check_parameters(DriveParameters()._replace(**wrong))
-    keys = {"highest_motor": "motor_high_deg", "tension_scale": "tension_n_per_mv"}
+    keys = {"highest_motor": "motor_high_deg", "tension_scale": "tension_n_per_mv", "heartbeat_time": "heartbeat_ms"}
     assert any(keys.get(name, name) in str(refused.value) for name in ("highest_motor", *wrong))
 
 
 def test_the_defaults_make_sense() -> None:
     check_parameters(DriveParameters())
+
+
+def test_the_watch_of_a_slow_loop_follows_its_cycle_and_may_be_longer_than_one_that_is_written() -> None:
+    needs = DriveNeeds(5.0, 16.7e-3, 0.05, -1.0, 1.0, 5.0, 1.0, 5.0, 0.0, None, heartbeat_age=0.2)
+    left_out = DriveParameters(heartbeat_timeout=math.nan, heartbeat_time=10e-3)
+    assert FAMILY.completed(left_out, needs).heartbeat_timeout == pytest.approx(0.15)

@@ -12,7 +12,7 @@ from bowden.core.clock import SECOND
 from bowden.core.errors import DriveError
 from bowden.hardware.buses.link import Links
 from bowden.hardware.drives.canopen_drive import CanopenDrive
-from bowden.hardware.drives.parameters import DriveParameters
+from bowden.hardware.drives.families.cia402 import DriveParameters
 from bowden.hardware.ports import Power, TorqueLeft
 from bowden.live.loop import Ended
 from bowden.live.preflight import Preflight

@@ -4,8 +4,10 @@ import can
 import pytest
 
 from bowden.core.errors import DriveError
-from bowden.hardware.buses.link import BusPlace, Links
+from bowden.hardware.buses.link import Links
+from bowden.hardware.buses.place import BusPlace
 from bowden.hardware.buses.unix_bus import EXTENDED, REMOTE, UnixBus
+from bowden.hardware.drives.checklist import Conversation
 
 PLACE = BusPlace("bowden_unix", "unused", 1_000_000)
 
@@ -30,25 +32,6 @@ class Loopback(can.BusABC):
 
 def frame(identifier: int) -> can.Message:
     return can.Message(arbitration_id=identifier, is_extended_id=False, data=b"\1")
-
-
-def test_each_drive_has_its_own_frames_in_their_order_and_those_for_all_go_to_all() -> None:
-    bus = Loopback()
-    links = Links(bus)
-    one = links.join(PLACE, "node 1", lambda identifier: identifier & 0xF in (1, 0xF))
-    two = links.join(PLACE, "node 2", lambda identifier: identifier & 0xF in (2, 0xF))
-    bus.waiting = [frame(identifier) for identifier in (0x12, 0x11, 0x1F, 0x21, 0x13, 0x22)]
-    taken = []
-    while (found := one.take()) is not None:
-        taken.append(found[0])
-    assert taken == [0x11, 0x1F, 0x21]
-    taken = []
-    while (found := two.take()) is not None:
-        taken.append(found[0])
-    assert taken == [0x12, 0x1F, 0x22]
-    two.leave()
-    bus.waiting = [frame(0x12)]
-    assert one.take() == (0x12, b"\1")  # whoever is alone is shown everything
 
 
 def test_all_frames_of_a_drive_are_taken_at_once_and_no_more_than_a_cycle_may_read() -> None:
@@ -139,14 +122,15 @@ class Talkative(can.BusABC):
 
 
 def test_heartbeats_of_others_do_not_make_the_listening_longer_and_what_waits_at_its_end_counts() -> None:
+    def conversation(bus: Talkative) -> Conversation:
+        port = Links(bus).join(PLACE, "node 1", lambda _: True)
+        return Conversation(port, 1, lambda identifier, _: identifier == 0x001, clock=bus)
+
     bus = Talkative()
-    port = Links(bus).join(PLACE, "node 1", lambda _: True)
-    port.listen(1.0, lambda identifier, _: identifier == 0x001, bus)
+    conversation(bus).listen(1.0)
     assert bus.time == 1_000_000_000
-    bus = Talkative(last=0x001)
-    port = Links(bus).join(PLACE, "node 1", lambda _: True)
-    with pytest.raises(DriveError, match="another master is on the bus already"):
-        port.listen(1.0, lambda identifier, _: identifier == 0x001, bus)
+    with pytest.raises(DriveError, match="another master speaks"):
+        conversation(Talkative(last=0x001)).listen(1.0)
 
 
 def test_what_cannot_be_sent_is_counted_and_raises_nothing() -> None:

@@ -11,22 +11,22 @@ from hypothesis import strategies as st
 from bowden.core.errors import DriveError, ParameterError
 from bowden.core.signals import DriveReading, Sample
 from bowden.cycle.one_cycle import NOTHING_OBSERVED, CycleSettings, CycleState, Filters, filtered_measurement
-from bowden.hardware.buses.link import BusPlace, Links
+from bowden.hardware.buses.link import Links
+from bowden.hardware.buses.place import BusPlace
 from bowden.hardware.drives import canopen_frames as frames
 from bowden.hardware.drives.ak_drive import AkDrive
-from bowden.hardware.drives.ak_parameters import AkParameters
+from bowden.hardware.drives.families.ak_mit import AkParameters
+from bowden.hardware.drives.families.cia402 import DriveParameters, load_of, load_range, tared
+from bowden.hardware.drives.families.moteus import MoteusParameters
 from bowden.hardware.drives.load_cell import VALUE_32, LoadCellReader
-from bowden.hardware.drives.moteus_parameters import MoteusParameters
-from bowden.hardware.drives.parameters import DriveParameters, load_of, load_range, tared
 from bowden.hardware.drives.with_load_cell import DriveWithLoadCell
 from bowden.hardware.ports import Power, TorqueLeft
 from bowden.hardware.twin.ak_node import AkNode
 from bowden.hardware.twin.bench import TwinBench
-from bowden.hardware.twin.faults import Faults
+from bowden.hardware.twin.canopen_node import CanopenNode
 from bowden.hardware.twin.injection import parse
 from bowden.hardware.twin.load_cell_node import LoadCellNode
 from bowden.hardware.twin.objects import Key
-from bowden.hardware.twin.sampler import Sampler
 from bowden.live.drive_look import tare
 from bowden.live.live_run import live_run
 from bowden.models.cable.sheath_path import constant_bend
@@ -272,14 +272,22 @@ def test_a_cell_at_the_drives_input_has_a_zero_a_range_and_faults() -> None:
     assert load_of(torque, -10_000.0) == pytest.approx(-20.0)
     rig = bench()
     for given_ in (drive, torque):
-        plant = TwinBench(rig, constant_bend(rig.sheath.bend), 1.0, 0, 0.5, 0.0)
-        faults = Faults()
-        sampler = Sampler(given_, plant, faults)
+        bus = MemoryBus()
+        plant = TwinBench(rig, constant_bend(rig.sheath.bend), 1.0, 0, 0.5, bus.time)
+        node = CanopenNode(given_, plant, bus.put, bus.note, {(0x1801, 1): 0x281})
+        bus.attach(node)
+        bus.send_frame(frames.NMT, bytes((frames.NMT_START, given_.node_id)))
         true = plant.tension * (1.0 if given_.tension_scale else plant.physics.spool_radius)
-        scale = abs(given_.tension_scale or given_.torque_scale)
-        assert load_of(given_, sampler.sample(0.0)[1].analog) == pytest.approx(true, abs=scale)
-        faults.inject(parse("load_sign")._replace(start=0.0))
-        assert load_of(given_, sampler.sample(0.0)[1].analog) == pytest.approx(-true, abs=scale)
+        for sign, fault in ((1.0, ""), (-1.0, "load_sign")):
+            if fault:
+                node.faults.inject(parse(fault)._replace(start=bus.time))
+            bus.drain()
+            bus.send_frame(frames.SYNC, b"")
+            said = next(frames.unpack_tpdo2(bytes(one.data)) for one in bus.drain() if one.arbitration_id == 0x281)
+            assert said is not None
+            scale = abs(given_.tension_scale or given_.torque_scale)
+            assert load_of(given_, said.analog) == pytest.approx(sign * true, abs=scale)
+        bus.close()
 
 
 def readings(*tensions: float) -> list[DriveReading]:

@@ -9,8 +9,7 @@ from typing import Any
 import pytest
 
 from bowden.hardware.buses.unix_bus import UnixBus
-from bowden.hardware.drives.ak_parameters import AkParameters
-from bowden.hardware.drives.families import ak_mit
+from bowden.hardware.drives.families.ak_mit import FAMILY, AkParameters
 from bowden.hardware.twin.bench import TwinBench
 from bowden.models.cable.sheath_path import constant_bend
 from bowden.plants.presets.bench import bench
@@ -23,7 +22,7 @@ def twin(tmp_path: Path) -> Iterator[tuple[TwinBench, str]]:
     """The bench behind an AK80-6, whose twin runs in a thread, and its bus."""
     rig, channel = bench(), str(tmp_path / "bus")
     plant = TwinBench(rig, constant_bend(rig.sheath.bend), 1.0, 0, 0.0, time.monotonic())
-    running: Any = ak_mit.twin(AK80_6._replace(channel=channel), plant, time.monotonic, ())
+    running: Any = FAMILY.twin(AK80_6._replace(channel=channel), plant, time.monotonic, ())
     thread = threading.Thread(target=running.run, daemon=True)
     thread.start()
     yield plant, channel

@@ -1,8 +1,6 @@
 """What families of drives share: encoders that wrap, readings made of replies, who may be switched on again."""
 
 import math
-from types import SimpleNamespace
-from typing import Any
 
 import pytest
 from hypothesis import given, settings
@@ -11,16 +9,13 @@ from hypothesis import strategies as st
 from bowden.core.errors import DriveError, ParameterError
 from bowden.core.signals import DriveState
 from bowden.hardware.drives import canopen_frames as frames
-from bowden.hardware.drives.ak_drive import Silence
 from bowden.hardware.drives.canopen_sensor import MOST_SILENCE
-from bowden.hardware.drives.driver import Driver
 from bowden.hardware.drives.findings import INERT, InertWatch
 from bowden.hardware.drives.joint_encoder import JointEncoder, JointEncoderParameters, check_beside
 from bowden.hardware.drives.limited_range import LimitedRange, nearest
 from bowden.hardware.drives.readings import Readings
-from bowden.hardware.ports import Power
 from bowden.hardware.twin.faults import Faults
-from bowden.hardware.twin.injection import parse
+from bowden.hardware.twin.injection import KINDS, parse
 from bowden.hardware.twin.joint_encoder_node import JointEncoderNode
 from support.memory_bus import MemoryBus
 
@@ -50,35 +45,6 @@ def test_a_hint_tells_the_turn(angle: float, period: float, hint: float) -> None
     found = nearest(angle, period, hint)
     assert abs(found - hint) <= 0.5 * period * (1.0 + 1e-9) + 1e-9
     assert (found - angle) / period == pytest.approx(round((found - angle) / period), abs=1e-6)
-
-
-@pytest.mark.parametrize(
-    ("before", "now", "asked", "already", "power", "fallen"),
-    [
-        (ENABLED, DISABLED, True, False, Power.ON, True),
-        (DISABLED, DISABLED, True, True, Power.ON, True),
-        (DISABLED, ENABLED, True, True, Power.ON, True),
-        (DISABLED, DISABLED, True, True, Power.READY, True),
-        (DISABLED, DISABLED, True, True, Power.OFF, False),
-        (ENABLED, ENABLED, True, False, Power.ON, False),
-        (ENABLED, DISABLED, False, False, Power.READY, False),  # it was asked to
-    ],
-)
-def test_a_drive_that_fell_is_not_switched_on_again_before_off_was_wanted(
-    before: DriveState, now: DriveState, asked: bool, already: bool, power: Power, fallen: bool
-) -> None:
-    drive: Any = SimpleNamespace(_before=before, _state=now, _asked=asked, _fell=already)
-    assert Driver._has_fallen(drive, power) is fallen
-    assert drive._fell is fallen
-
-
-def test_a_silence_of_ours_near_the_drives_own_time_counts_as_let_go() -> None:
-    silence = Silence(0.02)
-    assert not silence.broken(5.0)
-    assert not silence.broken(5.017)
-    assert silence.broken(5.036)
-    silence.begin()
-    assert not silence.broken(9.0)
 
 
 def test_an_inert_motor_is_seen_within_fifty_milliseconds_and_one_that_turns_or_holds_is_not() -> None:
@@ -236,3 +202,29 @@ def test_frames_of_a_drive_that_are_canopens_are_refused_beside_an_encoder() -> 
     check_beside(ENCODER, {5: "node_id"})
     with pytest.raises(ParameterError, match=r"drive\.reply_id makes frames 000h"):
         check_beside(ENCODER, {0: "reply_id"})
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("", "there is no fault ''"),
+        ("encoder_spike", "is of an encoder"),
+        ("encoder_spike elbow 3", "is of an encoder"),
+        ("late_pdos much", "is not a number for it"),
+        ("late_pdos nan", "is not a number for it"),
+        ("silence 3", "is too much"),
+        ("drive_fault 0x4210 now", "is too much"),
+    ],
+)
+def test_faults_written_wrong_are_refused(text: str, said: str) -> None:
+    with pytest.raises(ParameterError, match=said):
+        parse(text)
+
+
+@pytest.mark.parametrize("name", KINDS)
+def test_faults_are_written_as_they_are_listed(name: str) -> None:
+    kind = KINDS[name]
+    side = "motor" if kind.side else ""
+    found = parse(f"{name} {side}")
+    assert (found.name, found.side) == (name, side)
+    assert math.isnan(found.amount) if kind.amount is None else found.amount == kind.amount

@@ -11,12 +11,12 @@ from bowden.cycle.one_cycle import NOTHING_OBSERVED
 from bowden.cycle.torque_offset import TorqueOffset
 from bowden.hardware.buses.link import Links
 from bowden.hardware.drives.canopen_drive import CanopenDrive
+from bowden.hardware.drives.families.cia402 import DriveParameters, joint_scale, motor_scale
 from bowden.hardware.drives.homing import zeroed
-from bowden.hardware.drives.parameters import DriveParameters, joint_scale, motor_scale
 from bowden.hardware.drives.scale import Scale, SuitScale
 from bowden.hardware.ports import Power
+from bowden.hardware.twin.canopen_node import RATED_CURRENT
 from bowden.hardware.twin.plant import BRAKE, FOLLOW, OFF
-from bowden.hardware.twin.sampler import RATED_CURRENT
 from bowden.hardware.twin.suit import TwinSuit
 from bowden.models.cable.sheath_path import constant_bend, scripted_bend
 from bowden.models.drive.geared_motor import GearedMotor, SpoolState, drive_motor

@@ -3,7 +3,6 @@
 import contextlib
 import gc
 import json
-import math
 import os
 import signal
 import subprocess
@@ -19,10 +18,9 @@ from bowden.app.main import run
 from bowden.core.errors import DriveError, ParameterError
 from bowden.core.signals import DriveState
 from bowden.hardware.drives.canopen_drive import CanopenDrive
-from bowden.hardware.drives.parameters import DriveParameters
+from bowden.hardware.drives.families.cia402 import DriveParameters
 from bowden.hardware.ports import Power
 from bowden.hardware.twin.control import TwinControl, control_path
-from bowden.hardware.twin.injection import KINDS, parse
 from bowden.live.twin_process import RunningTwin, running_twin
 from bowden.operations.schema import json_schema
 from support.drive_cycles import cycles
@@ -99,7 +97,7 @@ def test_two_twins_of_one_number_are_refused(rig: Path, twin: RunningTwin, capsy
 LOOP = """
 import sys, time
 from bowden.hardware.drives.canopen_drive import CanopenDrive
-from bowden.hardware.drives.parameters import DriveParameters
+from bowden.hardware.drives.families.cia402 import DriveParameters
 from bowden.hardware.ports import Power
 drive = CanopenDrive(DriveParameters(channel=sys.argv[1]))
 drive.bring_up()
@@ -196,9 +194,18 @@ def test_no_bus_and_nobody_on_it_are_said_in_a_line(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("number", [pytest.param(signal.SIGINT, marks=pytest.mark.long), signal.SIGTERM])
-def test_it_ends_cleanly(rig: Path, tmp_path: Path, number: signal.Signals) -> None:
+def test_what_a_killed_twin_leaves_is_no_hindrance_and_one_that_is_ended_leaves_nothing(
+    rig: Path, tmp_path: Path, number: signal.Signals
+) -> None:
     channel = tmp_path / "b"
     with running_twin(rig, channel) as running:
+        os.kill(running.process.pid, signal.SIGKILL)
+        running.process.wait(10.0)
+        with pytest.raises(DriveError, match="no other device is on the bus"):
+            CanopenDrive(DriveParameters(channel=running.channel)).bring_up()
+    with running_twin(rig, channel) as running:
+        with host(running.channel) as drive:
+            assert cycles(drive, 100, Power.OFF)[-1].motor_age < 50
         running.process.send_signal(number)
         assert running.process.wait(10.0) == 0
         assert running.process.stderr is not None
@@ -207,44 +214,8 @@ def test_it_ends_cleanly(rig: Path, tmp_path: Path, number: signal.Signals) -> N
     assert not list(channel.glob("*.control"))
 
 
-def test_what_a_killed_twin_leaves_is_no_hindrance(rig: Path, tmp_path: Path) -> None:
-    with running_twin(rig, tmp_path / "b") as running:
-        os.kill(running.process.pid, signal.SIGKILL)
-        running.process.wait(10.0)
-        with pytest.raises(DriveError, match="no other device is on the bus"):
-            CanopenDrive(DriveParameters(channel=running.channel)).bring_up()
-    with running_twin(rig, tmp_path / "b") as running, host(running.channel) as drive:
-        assert cycles(drive, 100, Power.OFF)[-1].motor_age < 50
-
-
 def test_a_twin_that_does_not_start_says_why(tmp_path: Path) -> None:
     with pytest.raises(DriveError, match="cannot read"), running_twin(tmp_path / "none.toml", tmp_path / "b"):
         pass
     with pytest.raises(DriveError, match="no twin listens"):
         TwinControl(control_path("bowden_unix", str(tmp_path), 1))
-
-
-@pytest.mark.parametrize(
-    ("text", "said"),
-    [
-        ("", "there is no fault ''"),
-        ("encoder_spike", "is of an encoder"),
-        ("encoder_spike elbow 3", "is of an encoder"),
-        ("late_pdos much", "is not a number for it"),
-        ("late_pdos nan", "is not a number for it"),
-        ("silence 3", "is too much"),
-        ("drive_fault 0x4210 now", "is too much"),
-    ],
-)
-def test_faults_written_wrong_are_refused(text: str, said: str) -> None:
-    with pytest.raises(ParameterError, match=said):
-        parse(text)
-
-
-@pytest.mark.parametrize("name", KINDS)
-def test_faults_are_written_as_they_are_listed(name: str) -> None:
-    kind = KINDS[name]
-    side = "motor" if kind.side else ""
-    found = parse(f"{name} {side}")
-    assert (found.name, found.side) == (name, side)
-    assert math.isnan(found.amount) if kind.amount is None else found.amount == kind.amount

@@ -6,6 +6,7 @@ import subprocess
 import sys
 import tomllib
 from pathlib import Path
+from typing import Any
 
 import can
 import pytest
@@ -13,7 +14,8 @@ import pytest
 from bowden.core.errors import DriveError
 from bowden.hardware.buses import opening
 from bowden.hardware.buses.opening import claim, open_bus
-from bowden.hardware.buses.unix_bus import EXTENDED, REMOTE, UnixBus, bus_folder
+from bowden.hardware.buses.place import BusPlace
+from bowden.hardware.buses.unix_bus import ERROR, EXTENDED, REMOTE, UnixBus, bus_folder
 
 
 def frame(cob_id: int, data: bytes = b"") -> can.Message:
@@ -40,41 +42,46 @@ def test_every_frame_reaches_all_others_once_and_in_order(tmp_path: Path) -> Non
         bus.shutdown()
 
 
-@pytest.mark.parametrize(
-    "message",
-    [
-        frame(0x181, bytes(range(8))),
-        frame(0x80),
-        can.Message(arbitration_id=0x1ABCDEF0, is_extended_id=True, data=b"\1\2\3"),
-        can.Message(arbitration_id=0x7, is_remote_frame=True, is_extended_id=False, dlc=4),
-        can.Message(arbitration_id=0x40, is_error_frame=True, is_extended_id=False, data=b"\0" * 8),
-    ],
-)
-def test_a_frame_arrives_as_it_was_sent(tmp_path: Path, message: can.Message) -> None:
-    with UnixBus(tmp_path) as one, UnixBus(tmp_path) as two:
-        one.send(message)
-        assert two.recv(1.0).equals(message, timestamp_delta=None, check_channel=False, check_direction=False)
-
-
-@pytest.mark.parametrize("fd", [False, True])
-@pytest.mark.parametrize(("identifier", "data"), [(0x181, bytes(range(8))), (EXTENDED | 0x8001, b"\1\2"), (0x80, b"")])
-def test_a_frame_is_put_as_it_is_sent_in_a_message(tmp_path: Path, identifier: int, data: bytes, *, fd: bool) -> None:
-    message = can.Message(
+def message(identifier: int, data: bytes = b"", **more: Any) -> can.Message:
+    """A frame of an identifier with the flags of the bus."""
+    return can.Message(
         arbitration_id=identifier & 0x1FFF_FFFF,
         is_extended_id=bool(identifier & EXTENDED),
-        is_fd=fd,
-        bitrate_switch=fd,
+        is_remote_frame=bool(identifier & REMOTE),
+        is_error_frame=bool(identifier & ERROR),
         data=data,
+        **more,
     )
+
+
+CLASSIC = [(0x181, bytes(range(8))), (0x80, b""), (EXTENDED | 0x1ABC_DEF0, b"\1\2\3"), (ERROR | 0x40, bytes(8))]
+OF_FD = [(EXTENDED | 0x8001, bytes(range(length))) for length in (0, 8, 12, 48, 64)]
+
+
+@pytest.mark.parametrize("put", [False, True], ids=["in a message", "by its bytes"])
+@pytest.mark.parametrize(
+    ("identifier", "data", "more"),
+    [
+        *((*one, {}) for one in CLASSIC),
+        *((*one, {"is_fd": True, "bitrate_switch": switched}) for one in OF_FD for switched in (True, False)),
+    ],
+    ids=str,
+)
+def test_a_frame_arrives_as_it_was_sent(
+    tmp_path: Path, identifier: int, data: bytes, more: dict[str, bool], *, put: bool
+) -> None:
+    fd = bool(more)
+    sent = message(identifier, data, **(more | {"bitrate_switch": True} if put and fd else more))
     with UnixBus(tmp_path, fd=fd) as one, UnixBus(tmp_path, fd=fd) as two, UnixBus(tmp_path, fd=fd) as three:
-        one.put(identifier, data)
-        assert two.recv(1.0).equals(message, timestamp_delta=None, check_channel=False, check_direction=False)
+        one.put(identifier, data) if put else one.send(sent)
+        assert two.recv(1.0).equals(sent, timestamp_delta=None, check_channel=False, check_direction=False)
         assert three.take() == (identifier, data)
 
 
-def test_a_remote_frame_is_put_with_the_length_that_it_asks_for(tmp_path: Path) -> None:
+@pytest.mark.parametrize("put", [False, True])
+def test_a_remote_frame_has_the_length_that_it_asks_for(tmp_path: Path, *, put: bool) -> None:
     with UnixBus(tmp_path) as one, UnixBus(tmp_path) as two:
-        one.put(REMOTE | 0x29, bytes(8))
+        one.put(REMOTE | 0x29, bytes(8)) if put else one.send(message(REMOTE | 0x29, dlc=8))
         found = two.recv(1.0)
         assert found is not None
         assert (found.arbitration_id, found.is_remote_frame, found.dlc) == (0x29, True, 8)
@@ -89,18 +96,6 @@ def test_who_joins_a_bus_of_two_is_heard_in_the_next_look(tmp_path: Path) -> Non
             assert {one.take(), one.take()} == {(0x11, b"\2"), (0x12, b"\1")}
             assert one.take() is None
         assert one.take() is None
-
-
-@pytest.mark.parametrize("length", [0, 8, 12, 48, 64])
-@pytest.mark.parametrize("switched", [True, False])
-def test_a_frame_of_can_fd_arrives_as_it_was_sent(tmp_path: Path, length: int, *, switched: bool) -> None:
-    message = can.Message(
-        arbitration_id=0x8001, is_extended_id=True, is_fd=True, bitrate_switch=switched, data=bytes(range(length))
-    )
-    with UnixBus(tmp_path, fd=True) as one, UnixBus(tmp_path, fd=True) as two, UnixBus(tmp_path, fd=True) as three:
-        one.send(message)
-        assert two.recv(1.0).equals(message, timestamp_delta=None, check_channel=False, check_direction=False)
-        assert three.take() == (EXTENDED | 0x8001, bytes(range(length)))
 
 
 def test_data_of_can_fd_has_one_of_its_lengths(tmp_path: Path) -> None:
@@ -132,10 +127,10 @@ def test_a_node_of_classic_can_hears_its_frames_between_those_of_can_fd_and_send
 
 def test_an_interface_of_classic_can_is_refused_where_can_fd_is_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(DriveError, match=r"virtual.*carries classic CAN alone.*fd=True"):
-        open_bus("virtual", "x", 1_000_000, fd=True)
+        open_bus(BusPlace("virtual", "x", 1_000_000, fd=True))
     monkeypatch.setattr(opening, "_longest_frame", lambda channel: 16)
     with pytest.raises(DriveError, match="can0 carries classic CAN alone") as refused:
-        open_bus("socketcan", "can0", 1_000_000, fd=True)
+        open_bus(BusPlace("socketcan", "can0", 1_000_000, fd=True))
     assert "bitrate 1000000 dbitrate 5000000 fd on" in str(refused.value)
 
 
@@ -202,21 +197,21 @@ def test_strange_datagrams_at_the_door_do_no_harm(tmp_path: Path) -> None:
 
 def test_no_bus_and_bad_places_are_said_in_a_line(tmp_path: Path) -> None:
     with pytest.raises(DriveError, match="there is no such bus"):
-        open_bus("bowden_unix", str(tmp_path / "none"), 1_000_000)
+        open_bus(BusPlace("bowden_unix", str(tmp_path / "none"), 1_000_000))
     with pytest.raises(DriveError, match="too long"):
-        open_bus("bowden_unix", str(tmp_path / ("x" * 120)), 1_000_000, create=True)
+        open_bus(BusPlace("bowden_unix", str(tmp_path / ("x" * 120)), 1_000_000), create=True)
     with pytest.raises(DriveError, match="no CAN interface 'nonsense'"):
-        open_bus("nonsense", "can0", 1_000_000)
+        open_bus(BusPlace("nonsense", "can0", 1_000_000))
     file = tmp_path / "file"
     file.write_text("")
     with pytest.raises(DriveError, match="cannot open the bus"):
-        open_bus("bowden_unix", str(file), 1_000_000, create=True)
+        open_bus(BusPlace("bowden_unix", str(file), 1_000_000), create=True)
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="SocketCAN is Linux'")
 def test_a_socketcan_interface_that_is_not_there_is_said_in_a_line() -> None:
     with pytest.raises(DriveError, match="cannot open the bus nocan7"):
-        open_bus("socketcan", "nocan7", 1_000_000)
+        open_bus(BusPlace("socketcan", "nocan7", 1_000_000))
 
 
 def test_a_part_is_played_by_one_process_and_free_when_it_dies(tmp_path: Path) -> None:

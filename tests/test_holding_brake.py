@@ -15,7 +15,7 @@ from bowden.core.signals import DriveState
 from bowden.core.units import RADIANS
 from bowden.hardware.buses.link import Links
 from bowden.hardware.drives.canopen_drive import CanopenDrive
-from bowden.hardware.drives.parameters import DriveParameters
+from bowden.hardware.drives.families.cia402 import DriveParameters
 from bowden.hardware.ports import Power
 from bowden.hardware.twin.suit import TwinSuit
 from bowden.live.brake_hold import BrakeHold

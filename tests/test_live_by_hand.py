@@ -13,7 +13,7 @@ from bowden.core.signals import DriveReading
 from bowden.core.units import RADIANS
 from bowden.hardware.buses.link import Links
 from bowden.hardware.drives.canopen_drive import CanopenDrive
-from bowden.hardware.drives.parameters import DriveParameters
+from bowden.hardware.drives.families.cia402 import DriveParameters
 from bowden.hardware.ports import Power, serial_of
 from bowden.live.by_hand import SETTLED, confirm, confirmed, contradictions, require_confirmed, require_same, turned
 from bowden.rig.rig import Rig

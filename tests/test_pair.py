@@ -15,7 +15,7 @@ from bowden.core.kernel import kernel
 from bowden.core.signals import DriveState, Reference, Sample
 from bowden.core.units import RADIANS
 from bowden.cycle.one_cycle import Filters, TargetSource
-from bowden.hardware.drives.parameters import motor_scale
+from bowden.hardware.drives.families.cia402 import motor_scale
 from bowden.hardware.twin.bench import TwinBench
 from bowden.hardware.twin.of_rig import mirrored, twin_pair_of
 from bowden.hardware.twin.pair import SharedJoint

@@ -13,8 +13,7 @@ import pytest
 
 from bowden.hardware.buses.unix_bus import UnixBus
 from bowden.hardware.drives import moteus_frames as frames
-from bowden.hardware.drives.families.moteus import FAMILY
-from bowden.hardware.drives.moteus_parameters import MoteusParameters
+from bowden.hardware.drives.families.moteus import FAMILY, MoteusParameters
 from bowden.hardware.twin.bench import TwinBench
 from bowden.rig.rig import Rig
 from support.own_loop import in_a_thread

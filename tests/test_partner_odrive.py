@@ -15,15 +15,15 @@ from bowden.core.errors import DriveError
 from bowden.core.signals import DriveState
 from bowden.hardware.buses.link import Links
 from bowden.hardware.buses.unix_bus import UnixBus
-from bowden.hardware.drives import odrive_drive
+from bowden.hardware.drives import driver, odrive_drive
 from bowden.hardware.drives import odrive_frames as frames
-from bowden.hardware.drives.families.odrive import FAMILY
+from bowden.hardware.drives.checklist import Found
+from bowden.hardware.drives.families.odrive import FAMILY, OdriveParameters, motor_scale
 from bowden.hardware.drives.odrive_drive import OdriveDrive
 from bowden.hardware.drives.odrive_endpoints import endpoints_of
-from bowden.hardware.drives.odrive_faults import ERRORS
-from bowden.hardware.drives.odrive_frames import AxisState, Beat, BoardErrors, BoardVersion, Cmd, Scales, Target
-from bowden.hardware.drives.odrive_parameters import OdriveParameters, motor_scale
-from bowden.hardware.drives.odrive_setup import OdriveDialogue, OdriveFindings, limits_of
+from bowden.hardware.drives.odrive_frames import ERRORS, AxisState, Beat, Cmd, Scales, Target
+from bowden.hardware.drives.odrive_setup import OdriveDialogue
+from bowden.hardware.drives.scale import motor_limits
 from bowden.hardware.ports import Power
 from bowden.hardware.twin.bench import TwinBench
 from bowden.rig.rig import Rig
@@ -52,32 +52,17 @@ def test_every_command_has_the_number_and_the_length_of_the_official_file() -> N
 
 
 def test_every_frame_is_that_of_the_official_file() -> None:
-    built: list[tuple[str, bytes, dict[str, Any]]] = [
-        ("Set_Axis_State", frames.pack_state(8), {"Axis_Requested_State": 8}),
-        ("Set_Controller_Mode", frames.pack_modes(3, 1), {"Control_Mode": 3, "Input_Mode": 1}),
-        ("Set_Limits", frames.pack_floats(12.5, 20.0), {"Velocity_Limit": 12.5, "Current_Limit": 20.0}),
-        ("Get_Encoder_Estimates", frames.pack_floats(1.5, -2.0), {"Pos_Estimate": 1.5, "Vel_Estimate": -2.0}),
-        ("Get_Iq", frames.pack_floats(0.5, 0.25), {"Iq_Setpoint": 0.5, "Iq_Measured": 0.25}),
-        ("Get_Temperature", frames.pack_floats(40.0, 50.0), {"FET_Temperature": 40.0, "Motor_Temperature": 50.0}),
-        ("Get_Bus_Voltage_Current", frames.pack_floats(24.0, 1.0), {"Bus_Voltage": 24.0, "Bus_Current": 1.0}),
-        ("Get_Torques", frames.pack_floats(1.0, 2.0), {"Torque_Target": 1.0, "Torque_Estimate": 2.0}),
-        ("Get_Powers", frames.pack_floats(3.0, 4.0), {"Electrical_Power": 3.0, "Mechanical_Power": 4.0}),
-        ("Get_Error", frames.pack_errors(BoardErrors(512, 1 << 24)), {"Active_Errors": 512, "Disarm_Reason": 1 << 24}),
-        ("Heartbeat", frames.pack_beat(Beat(1 << 24, 1)), {"Axis_Error": 1 << 24, "Axis_State": 1}),
-    ]
-    for name, data, wanted in built:
-        found = decoded(name, data)
-        assert {key: found[key] for key in wanted} == wanted, name
-    version = BoardVersion(2, (4, 3, 58), (0, 6, 10), unreleased=False)
-    found = decoded("Get_Version", frames.pack_version(version))
-    assert [found[f"Hw_Version_{part}"] for part in ("Major", "Minor", "Variant")] == [4, 3, 58]
-    assert [found[f"Fw_Version_{part}"] for part in ("Major", "Minor", "Revision")] == [0, 6, 10]
-    assert found["Protocol_Version"] == frames.PROTOCOL
+    for cmd in sorted({*frames.FIELDS} - {Cmd.SET_INPUT_POS}):
+        fields = tuple(range(2, 2 + len(frames.FIELDS[cmd].unpack(bytes(frames.FIELDS[cmd].size)))))
+        name = next(one.name for one in DBC.messages if one.frame_id == 1 << 5 | cmd).removeprefix("Axis1_")
+        said = decoded(name, frames.pack(cmd, *fields))
+        signals = sorted(DBC.get_message_by_name(f"Axis1_{name}").signals, key=lambda one: one.start)
+        assert tuple(said[one.name] for one in signals)[: len(fields)] == fields, name
     target = decoded("Set_Input_Pos", frames.pack_target(Target(-3.25, 1.5, -0.75), SCALES))
     assert (target["Input_Pos"], target["Vel_FF"], target["Torque_FF"]) == pytest.approx((-3.25, 1.5, -0.75))
-    question = decoded("RxSdo", frames.pack_question(0x1234) + bytes(4))
+    question = decoded("RxSdo", frames.pack_sdo(0x1234) + bytes(4))
     assert (question["Opcode"], question["Endpoint_ID"]) == (frames.READ, 0x1234)
-    assert decoded("TxSdo", frames.pack_answer(7, bytes(4)))["Endpoint_ID"] == 7
+    assert decoded("TxSdo", frames.pack_sdo(7, bytes(4)))["Endpoint_ID"] == 7
 
 
 def test_what_the_official_file_encodes_is_read_here() -> None:
@@ -86,8 +71,8 @@ def test_what_the_official_file_encodes_is_read_here() -> None:
 
     beat = encoded("Heartbeat", Axis_Error=512, Axis_State=8, Procedure_Result=3, Trajectory_Done_Flag=1)
     assert frames.unpack_beat(beat) == Beat(512, 8)
-    assert frames.unpack_errors(encoded("Get_Error", Active_Errors=1, Disarm_Reason=2)) == BoardErrors(1, 2)
-    assert frames.unpack_floats(encoded("Get_Iq", Iq_Setpoint=1.0, Iq_Measured=-2.0)) == (1.0, -2.0)
+    assert frames.unpack(Cmd.GET_ERROR, encoded("Get_Error", Active_Errors=1, Disarm_Reason=2)) == (1, 2)
+    assert frames.unpack(Cmd.GET_IQ, encoded("Get_Iq", Iq_Setpoint=1.0, Iq_Measured=-2.0)) == (1.0, -2.0)
     said = encoded("Set_Input_Pos", Input_Pos=2.0, Vel_FF=-1.0, Torque_FF=0.5)
     assert frames.unpack_target(said, SCALES) == Target(2.0, -1.0, 0.5)
 
@@ -189,14 +174,14 @@ def test_our_master_moves_its_mock_as_far_as_it_goes(tmp_path: Path, monkeypatch
         with pytest.raises(DriveError, match=r"firmware 0\.0\.0 with version 0 of its protocol"):
             ours.bring_up()
 
-        def told(port: Any, given: Any, endpoints: Any) -> OdriveFindings:
+        def told(port: Any, given: Any, endpoints: Any) -> Found:
             board = OdriveDialogue(port, given, endpoints_of("twin"))
-            board.tell(Cmd.SET_CONTROLLER_MODE, frames.pack_modes(frames.POSITION_CONTROL, frames.PASSTHROUGH))
+            board.tell(Cmd.SET_CONTROLLER_MODE, frames.pack(Cmd.SET_CONTROLLER_MODE, 3, 1))
             scale = motor_scale(given)
-            return OdriveFindings("mock", scale, limits_of(given, scale), DriveState.SWITCH_ON_DISABLED, 0, "")
+            return Found("mock", scale, None, motor_limits(given, scale), DriveState.SWITCH_ON_DISABLED, 0, "")
 
         monkeypatch.setattr(odrive_drive, "set_up", told)
-        monkeypatch.setattr(odrive_drive, "LOST", 10.0)
+        monkeypatch.setattr(driver, "LOST", 10.0)
         monkeypatch.setattr(odrive_drive, "AGAIN", 10.0)  # it takes half a second for each request
         ours = OdriveDrive(drive, Links())
         ours.bring_up()

@@ -19,7 +19,7 @@ from canopen.profiles.p402 import BaseNode402
 from bowden.core.signals import DriveState
 from bowden.hardware.buses.unix_bus import UnixBus
 from bowden.hardware.drives.canopen_drive import CanopenDrive
-from bowden.hardware.drives.parameters import DriveParameters
+from bowden.hardware.drives.families.cia402 import DriveParameters
 from bowden.hardware.ports import Power, TorqueLeft
 from bowden.live.twin_process import RunningTwin, running_twin
 from support.drive_cycles import cycles

@@ -13,8 +13,8 @@ import pytest
 from bowden.control import LAWS
 from bowden.control.reference import PeriodicMinimumJerk
 from bowden.core.errors import SafetyError
-from bowden.hardware.drives.ak_parameters import AkParameters
-from bowden.hardware.drives.parameters import DriveParameters
+from bowden.hardware.drives.families.ak_mit import AkParameters
+from bowden.hardware.drives.families.cia402 import DriveParameters
 from bowden.live import latch_file, thermal_file
 from bowden.live.automatic import automatic
 from bowden.live.preflight import Preflight

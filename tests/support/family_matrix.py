@@ -16,11 +16,11 @@ from bowden.control.reference import PeriodicMinimumJerk
 from bowden.core.clock import SECOND
 from bowden.core.units import RADIANS
 from bowden.hardware.buses.link import Links
-from bowden.hardware.drives.ak_parameters import AkParameters
-from bowden.hardware.drives.moteus_parameters import MoteusParameters
-from bowden.hardware.drives.odrive_parameters import OdriveParameters
+from bowden.hardware.drives.families.ak_mit import AkParameters
+from bowden.hardware.drives.families.cia402 import DriveParameters
+from bowden.hardware.drives.families.moteus import MoteusParameters
+from bowden.hardware.drives.families.odrive import OdriveParameters
 from bowden.hardware.drives.of_rig import open_drive
-from bowden.hardware.drives.parameters import DriveParameters
 from bowden.hardware.twin.ak_node import AkNode
 from bowden.hardware.twin.bench import TwinBench
 from bowden.hardware.twin.canopen_node import CanopenNode

@@ -9,16 +9,24 @@ from typing import Any, Protocol
 
 import can
 
-from bowden.core.signals import DriveReading
+from bowden.core.signals import DriveReading, DriveState
+from bowden.hardware.buses.link import Links
 from bowden.hardware.buses.unix_bus import REMOTE
-from bowden.hardware.drives.parameters import DriveParameters
+from bowden.hardware.drives.families.cia402 import DriveParameters
 from bowden.hardware.ports import Drive, Power
+from bowden.hardware.twin.ak_node import AkNode
+from bowden.hardware.twin.bench import TwinBench
 from bowden.hardware.twin.canopen_node import CanopenNode
 from bowden.hardware.twin.faults import Faults
 from bowden.hardware.twin.injection import parse
+from bowden.hardware.twin.moteus_node import MoteusNode
 from bowden.hardware.twin.objects import Key
-from bowden.hardware.twin.plant import TwinPlant
+from bowden.hardware.twin.odrive_node import OdriveNode
+from bowden.hardware.twin.plant import OFF, TwinPlant
 from bowden.hardware.twin.twin import message_of
+from bowden.models.cable.sheath_path import constant_bend
+from bowden.plants.presets.bench import bench
+from bowden.rig.families import family_of
 
 
 class Node(Protocol):
@@ -109,18 +117,56 @@ class DrivenBus(MemoryBus):
     node: Any
     drive: Drive
 
-    def run(self, cycles: int, power: Power, speed: float = 0.0) -> list[DriveReading]:
-        """So many cycles; the target goes on at a speed [rad/s] from where the motor is."""
-        found, start = [], math.nan
+    def run(self, cycles: int, power: Power, speed: float = 0.0, target: float = math.nan) -> list[DriveReading]:
+        """So many cycles; the target goes on at a speed [rad/s] from one that is given, or from where the motor is."""
+        found, start = [], target
         for k in range(cycles):
             found.append(self.drive.read(self.time))
             start = found[-1].motor if math.isnan(start) else start
-            self.drive.write(start + 1e-3 * k * speed if math.isfinite(start) else 0.0, power, self.time)
+            self.drive.write(start + 1e-3 * k * speed if not math.isnan(start) else 0.0, power, self.time)
             self.advance(1e-3)
         return found
 
     def inject(self, text: str) -> None:
         self.node.faults.inject(parse(text)._replace(start=self.time))
+
+
+NODES: dict[str, Any] = {"cia402": CanopenNode, "ak_mit": AkNode, "moteus": MoteusNode, "odrive": OdriveNode}
+"""Family → its twin."""
+
+
+class DriverLoop(DrivenBus):
+    """A driver of any family against its twin, with the bench behind it.
+
+    Args:
+        drive: parameters of the family.
+        overrides: what of the twin is otherwise than usual.
+        start: where the motor is [rad].
+    """
+
+    def __init__(self, drive: Any, overrides: Any = None, start: float = 0.1) -> None:
+        super().__init__()
+        rig = bench()
+        plant = TwinBench(rig, constant_bend(rig.sheath.bend), 1.0, 0, start, self.time)
+        self.node = NODES[drive.family](drive, plant, self.put, self.note, overrides)
+        self.attach(self.node)
+        self.drive = family_of(drive).open(drive, Links(self))
+
+    def up(self) -> "DriverLoop":
+        """Brought up, and following."""
+        self.drive.bring_up()
+        self.run(20, Power.OFF)
+        self.sent.clear()
+        assert self.run(40, Power.ON)[-1].drive_state == DriveState.OPERATION_ENABLED
+        return self
+
+    @property
+    def powered(self) -> bool:
+        return bool(self.node.bench.doing != OFF)
+
+    @property
+    def events(self) -> list[str]:
+        return [event for _, event, _ in self.journal]
 
 
 class TwinBus(MemoryBus):

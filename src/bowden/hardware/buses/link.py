@@ -3,35 +3,15 @@
 import contextlib
 from collections import deque
 from collections.abc import Callable
-from typing import NamedTuple
 
 import can
 
-from bowden.core.clock import SECOND, MonotonicClock, TimeSource
 from bowden.core.errors import DriveError
 from bowden.hardware.buses.opening import BusClaim, claim, open_bus, putter, quieten, taker
+from bowden.hardware.buses.place import BusPlace
 
 Frame = tuple[int, bytes]
 """Identifier with the flags of `unix_bus`, and data."""
-
-
-class BusPlace(NamedTuple):
-    """Which bus."""
-
-    interface: str
-    """python-can's name of it."""
-    channel: str
-    bitrate: int
-    """[bit/s]"""
-    fd: bool = False
-    """Whether frames of CAN-FD go over it."""
-    data_bitrate: int = 5_000_000
-    """Of their data [bit/s]."""
-
-
-def open_place(place: BusPlace, create: bool = False) -> can.BusABC:
-    """The bus at a place; see `opening.open_bus`."""
-    return open_bus(place.interface, place.channel, place.bitrate, create, place.fd, place.data_bitrate)
 
 
 def _speeds(place: BusPlace) -> str:
@@ -86,14 +66,16 @@ class Links:
                 do="give each a bus of its own, or correct the bit rates in [drive]",
             )
         try:
-            port = link.join(node, wanted, synced, lambda: self._links.pop(place[:2], None), sends)
-            port.restore = restore
-            return port
+            link.check(node, wanted, sends)
         except BaseException:
             if not link.ports:
                 link.close()
                 self._links.pop(place[:2], None)
             raise
+        port = BusPort(link, node, wanted, lambda: self._links.pop(place[:2], None))
+        port.synced, port.restore, port.sends = synced, restore, sends
+        link.take_in(port)
+        return port
 
 
 class BusLink:
@@ -112,7 +94,7 @@ class BusLink:
         self.place, self._given = place, given
         self._claim: BusClaim | None = None if given is not None else claim(place.interface, place.channel, "host")
         try:
-            self.bus = given if given is not None else open_place(place)
+            self.bus = given if given is not None else open_bus(place)
             self._take, self._put = taker(self.bus), putter(self.bus, fd=place.fd)
         except BaseException:
             if self._claim is not None:
@@ -125,15 +107,8 @@ class BusLink:
         self._whose: dict[int, tuple[BusPort, ...]] = {}
         """Identifier → whose frames those are."""
 
-    def join(
-        self,
-        node: str,
-        wanted: Callable[[int], bool],
-        synced: bool,
-        emptied: Callable[[], object],
-        sends: frozenset[int] = frozenset(),
-    ) -> "BusPort":
-        """See `Links.join`; `emptied` is called when the last port has left."""
+    def check(self, node: str, wanted: Callable[[int], bool], sends: frozenset[int]) -> None:
+        """Refuse a node that is there already, or whose frames another one sends; see `Links.join`."""
         if any(port.node == node for port in self.ports):
             raise DriveError(
                 f"two drives of this rig are {node} of the bus {self.place.channel}",
@@ -148,11 +123,11 @@ class BusLink:
                     expected="numbers and identifiers that differ",
                     do="correct one of them in the rig, and in the device; or give one a bus of its own",
                 )
-        port = BusPort(self, node, wanted, emptied)
-        port.synced, port.sends = synced, sends
+
+    def take_in(self, port: "BusPort") -> None:
+        """With this port from here on."""
         self.ports.append(port)
         self._whose.clear()
-        return port
 
     def leave(self, port: "BusPort") -> None:
         """Without this port from here on."""
@@ -167,14 +142,6 @@ class BusLink:
                 self._whose.clear()
             ports = self._whose[identifier] = tuple(port for port in self.ports if port._wanted(identifier))
         return ports
-
-    def take(self) -> Frame | None:
-        """The next frame that is there; never waits, never raises."""
-        try:
-            return self._take()
-        except (can.CanError, OSError):
-            self.errors += 1
-            return None
 
     def take_all(self, most: int) -> list[Frame]:
         """What is there, `most` frames of it; never waits, never raises."""
@@ -234,20 +201,6 @@ class BusPort:
         """Frames that could not be sent or read on this bus."""
         return self._link.errors
 
-    def take(self) -> Frame | None:
-        """The next frame for this drive that is there; never waits, never raises."""
-        if len(self._link.ports) == 1:
-            return self._link.take()
-        for _ in range(_MOST_WAITING):
-            if self._frames:
-                break
-            frame = self._link.take()
-            if frame is None:
-                return None
-            for port in self._link.wanting(frame[0]):
-                port._frames.append(frame)
-        return self._frames.popleft() if self._frames else None
-
     def take_all(self) -> list[Frame]:
         """The frames for this drive that are there, not more than a cycle may read; never waits, never raises."""
         link = self._link
@@ -290,35 +243,6 @@ class BusPort:
                 return message.arbitration_id, bytes(message.data)
         return None
 
-    def listen(self, span: float, is_foreign: Callable[[int, bytes], bool], clock: TimeSource | None = None) -> None:
-        """Listen for a `span` [s] before anything is said: another master shows in it.
-
-        What waits at its end is looked at too: a computer that stalls is no silence.
-
-        Args:
-            span: how long, however much is said by others.
-            is_foreign: whether a frame is one that only this host may send, or an answer to one.
-            clock: to go by, in place of this computer's.
-
-        Raises:
-            DriveError: there is another master.
-        """
-        clock = clock or MonotonicClock()
-        silent, ends = 0, clock.now() + round(span * SECOND)
-        for _ in range(_MOST_LISTENED):
-            over = clock.now() >= ends
-            frame = self.wait_for(lambda identifier, data: True, 0.0 if over else _LISTENED)
-            if frame is None:
-                silent += 1
-            elif is_foreign(*frame):
-                raise DriveError(
-                    f"another master is on the bus already (a frame {frame[0]:03X}h)",
-                    expected="one host",
-                    do="end the other run or program first, or correct the drive's number in [drive]",
-                )
-            if silent * _LISTENED >= span or (over and frame is None):
-                return
-
     def leave(self) -> None:
         """Let go of the bus; the last one closes it. Safe to call twice."""
         if self in self._link.ports:
@@ -329,10 +253,6 @@ class BusPort:
                 self._emptied()
 
 
-_LISTENED = 0.02
-"""Without a frame, counted as this much of a silence [s]."""
-_MOST_LISTENED = 20_000
-"""Frames after which a bus has been listened to for long enough: more than it carries in a second."""
 _MOST_KNOWN = 4096
 """Identifiers whose ports are remembered: all of classic CAN, and as many of a flood of others."""
 _MOST_WAITING = 64

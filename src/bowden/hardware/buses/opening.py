@@ -12,6 +12,7 @@ from typing import NamedTuple
 import can
 
 from bowden.core.errors import DriveError
+from bowden.hardware.buses.place import BusPlace
 from bowden.hardware.buses.unix_bus import ERROR, EXTENDED, FRAME, REMOTE, UnixBus, bus_folder
 
 UNIX = "bowden_unix"
@@ -107,34 +108,29 @@ def quieten() -> None:
             logger.addHandler(logging.NullHandler())
 
 
-def open_bus(
-    interface: str, channel: str, bitrate: int, create: bool = False, fd: bool = False, data_bitrate: int = 5_000_000
-) -> can.BusABC:
+def open_bus(place: BusPlace, *, create: bool = False) -> can.BusABC:
     """The bus, ready to send and receive.
 
     Args:
-        interface: python-can's name of it.
-        channel: which of its kind.
-        bitrate: [bit/s], where the interface can set it.
+        place: of the bus; its bit rates count where the interface can set them.
         create: whether a `bowden_unix` bus is made where there is none.
-        fd: whether frames of CAN-FD go over it.
-        data_bitrate: of their data [bit/s], where the interface can set it.
 
     Raises:
         DriveError: an unknown interface, a bus that is not there or cannot be opened, or one of classic CAN where
             CAN-FD is asked for.
     """
     quieten()
+    interface, channel = place.interface, place.channel
     try:
         if interface == UNIX:
-            return UnixBus(channel, create=create, fd=fd)
-        if fd:
-            return _open_fd(interface, channel, bitrate, data_bitrate)
-        return can.Bus(channel, interface=interface, bitrate=bitrate)
+            return UnixBus(channel, create=create, fd=place.fd)
+        if place.fd:
+            return _open_fd(place)
+        return can.Bus(channel, interface=interface, bitrate=place.bitrate)
     except DriveError:
         raise
     except Exception as error:  # python-can's interfaces raise whatever their makers' libraries do
-        if interface not in can.VALID_INTERFACES and interface != UNIX:
+        if interface not in (UNIX, *can.VALID_INTERFACES):
             raise DriveError(
                 f"there is no CAN interface {interface!r}",
                 expected="socketcan, bowden_unix, or another one of python-can's, which nobody has tried",
@@ -148,18 +144,19 @@ def open_bus(
         raise DriveError(f"cannot open the bus {channel} ({interface}): {reason}", do=do) from error
 
 
-def _open_fd(interface: str, channel: str, bitrate: int, data_bitrate: int) -> can.BusABC:
+def _open_fd(place: BusPlace) -> can.BusABC:
     """A bus for CAN-FD.
 
     Raises:
         DriveError: its interface carries classic CAN alone.
     """
-    rates = f"bitrate {bitrate} dbitrate {data_bitrate}"
+    interface, channel, bitrate, _, data_bitrate = place
     if interface == "socketcan" and _longest_frame(channel) == FRAME.size:
         raise DriveError(
             f"the interface {channel} carries classic CAN alone, and the drive speaks CAN-FD",
             expected="an adapter for CAN-FD, set up for it",
-            do=f"ip link set {channel} down; ip link set {channel} up type can {rates} fd on",
+            do=f"ip link set {channel} down; ip link set {channel} up type can bitrate {bitrate} "
+            f"dbitrate {data_bitrate} fd on",
         )
     try:
         bus = can.Bus(channel, interface=interface, bitrate=bitrate, data_bitrate=data_bitrate, fd=True)

@@ -263,17 +263,7 @@ class UnixBus(can.BusABC):
             frame = self._next()
         if frame is None:
             return None, False
-        if len(frame) != _CLASSIC:
-            return _message_of_fd(frame), False
-        identifier, length, data = FRAME.unpack(frame)
-        return can.Message(
-            arbitration_id=identifier & 0x1FFF_FFFF,
-            is_extended_id=bool(identifier & EXTENDED),
-            is_remote_frame=bool(identifier & REMOTE),
-            is_error_frame=bool(identifier & ERROR),
-            dlc=min(length, 8),
-            data=None if identifier & REMOTE else data[: min(length, 8)],
-        ), False
+        return _message_of(frame), False
 
     def _next(self) -> bytes | None:
         """The next frame of any link; None when there is none now.
@@ -354,17 +344,21 @@ class UnixBus(can.BusABC):
         self._links, self._mute = [], []
 
 
-def _message_of_fd(frame: bytes) -> can.Message:
-    identifier, length, flags, data = FD_FRAME.unpack(frame)
+def _message_of(frame: bytes) -> can.Message:
+    fd = len(frame) != _CLASSIC
+    identifier, length, *rest, data = (FD_FRAME if fd else FRAME).unpack(frame)
+    flags = rest[0] if fd else 0
+    length, remote = min(length, len(data)), bool(identifier & REMOTE) and not fd
     return can.Message(
         arbitration_id=identifier & 0x1FFF_FFFF,
         is_extended_id=bool(identifier & EXTENDED),
+        is_remote_frame=remote,
         is_error_frame=bool(identifier & ERROR),
-        is_fd=True,
+        is_fd=fd,
         bitrate_switch=bool(flags & SWITCHED),
         error_state_indicator=bool(flags & SENDER_PASSIVE),
-        dlc=min(length, 64),
-        data=data[: min(length, 64)],
+        dlc=length,
+        data=None if remote else data[:length],
     )
 
 

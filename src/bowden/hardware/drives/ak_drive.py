@@ -13,9 +13,10 @@ command after its timeout. So here:
 """
 
 import math
+import time
 
 from bowden.core.errors import DriveError, ParameterError
-from bowden.core.signals import DriveReading, DriveState
+from bowden.core.signals import DriveState
 from bowden.hardware.buses.link import BusPort, Links
 from bowden.hardware.buses.unix_bus import REMOTE
 from bowden.hardware.drives.ak_frames import (
@@ -29,24 +30,25 @@ from bowden.hardware.drives.ak_frames import (
     pack_command,
     unpack_reply,
 )
-from bowden.hardware.drives.ak_parameters import (
+from bowden.hardware.drives.checklist import Conversation, Found, classic_frame, joined, refuse_torque, send_now
+from bowden.hardware.drives.driver import Driver
+from bowden.hardware.drives.families.ak_mit import (
     ROOM,
     AkParameters,
     check_parameters,
     check_range,
-    fastest,
     largest_torque,
     model_of,
     motor_scale,
     reply_id,
 )
-from bowden.hardware.drives.checklist import refuse_torque
-from bowden.hardware.drives.driver import LOST, Driver
-from bowden.hardware.drives.findings import INERT, LOST_RANGE, LOST_TURNS, InertWatch
+from bowden.hardware.drives.findings import INERT, LOST_RANGE, InertWatch
 from bowden.hardware.drives.joint_encoder import joint_encoder_of
 from bowden.hardware.drives.limited_range import LimitedRange, TurnCount, nearest
 from bowden.hardware.drives.on_can import place
+from bowden.hardware.drives.scale import bounded_torque, motor_limits
 from bowden.hardware.ports import Power
+from bowden.rig.families import FoundDevice
 
 MOST_UNANSWERED = 16
 """Commands that are waited for at most; what is older than these is lost."""
@@ -103,78 +105,72 @@ class AkDrive(Driver):
         check_parameters(parameters)
         self._drive = parameters
         self._model, self._reply_id = model_of(parameters), reply_id(parameters)
-        super().__init__(parameters, place(parameters), links, joint_encoder_of(parameters))
-        self._scale = motor_scale(parameters)
+        super().__init__(parameters, links, joint_encoder_of(parameters))
+        self._scale, self._first = motor_scale(parameters), math.nan
         self._range = LimitedRange(2.0 * HIGHEST_POSITION)
-        self._turns = TurnCount(2.0 * math.pi / self._model.gear, fastest(parameters, self._scale))
+        self._turn = 2.0 * math.pi / self._model.gear
         self._silence = Silence(parameters.watchdog)
         self._inert = InertWatch(math.inf)  # what gives no torque at all is inert, moving or not
-        self._begin(DriveState.NOT_READY_TO_SWITCH_ON)
+        self._reset_to(DriveState.NOT_READY_TO_SWITCH_ON)
+        self._begin(None)
 
-    def _find(self, port: BusPort) -> str:
+    def _find(self, port: BusPort) -> Found:
         drive = self._drive
-        port.listen(
-            LISTENING, lambda identifier, data: self._commands(identifier, data) or self._is_it(identifier, data)
-        )
-        first = self._ask(port)
+        bus = Conversation(port, drive.node_id, lambda *frame: self._is_foreign(*frame) or self._is_it(*frame))
+        bus.listen(LISTENING)
+        first = self._ask(bus)
         if abs(first.torque) > STRAIN * self._model.torque:
             do = "end the master that holds it, or switch the drive off"
-            raise refuse_torque(f"node {drive.node_id}", f"motor mode, with {first.torque:.3g} N·m", do)
-        replies = [first, *(self._ask(port) for _ in range(4))]
+            raise refuse_torque(bus.name, f"motor mode, with {first.torque:.3g} N·m", do)
+        replies = [first, *(self._ask(bus) for _ in range(4))]
         moved = max(abs(reply.position - first.position) for reply in replies)
         if any(reply.at_end for reply in replies) or moved > 0.5:
             said = ", ".join(f"{reply.position:.3f}" for reply in replies)
             raise DriveError(
-                f"the position of node {drive.node_id} is {said} rad",
+                f"the position of {bus.name} is {said} rad",
                 expected="a motor that stands still, within its range",
                 do="bring the motor near its zero by hand; check drive.model and the drive's encoder",
             )
-        last = replies[-1]
-        home = 0.0
+        last, home = replies[-1], 0.0
         if drive.home == "here":
             home = last.position
         elif drive.home == "hint":
-            turn = 2.0 * math.pi / self._model.gear
-            wanted = motor_scale(drive).counts(drive.motor_hint)
-            home = last.position - nearest(last.position, turn, wanted)
-        self._scale = motor_scale(drive, home)
+            home = last.position - nearest(last.position, self._turn, motor_scale(drive).counts(drive.motor_hint))
+        scale = self._scale = motor_scale(drive, home)
         try:
-            check_range(drive, self._scale, "as it counts them now")
+            check_range(drive, scale, "as it counts them now")
         except ParameterError as error:
             raise DriveError(error.what, expected=error.expected, do=error.do) from error
-        said = (
-            f"{drive.model} in MIT mode at node {drive.node_id}, with a CAN timeout of {1e3 * drive.watchdog:g} ms by "
-        )
-        said += "[drive], which no frame shows"
-        if last.error:
-            said += f"; in fault, {error_text(last.error)}"
-        self._begin(DriveState.FAULT if last.error else DriveState.SWITCH_ON_DISABLED)
-        self._range.follow(last.position)
-        return said
+        who = f"{drive.model} in MIT mode at {bus.name}, with a CAN timeout of {1e3 * drive.watchdog:g} ms by [drive], "
+        who += "which no frame shows" + (f"; in fault, {error_text(last.error)}" if last.error else "")
+        self._first = last.position
+        state = DriveState.FAULT if last.error else DriveState.SWITCH_ON_DISABLED
+        return Found(who, scale, None, motor_limits(drive, scale), state, last.error, "")
 
-    def _ask(self, port: BusPort) -> AkReply:
+    def _ask(self, bus: Conversation) -> AkReply:
         """Tell the drive to leave motor mode, in which it should not be, and take its reply.
 
         Raises:
             DriveError: none, or one without an error code.
         """
-        drive = self._drive
+        drive, exits = self._drive, classic_frame(self._drive.node_id, EXIT)
         for _ in range(2):
-            self._send(EXIT)
-            frame = port.wait_for(lambda identifier, data: identifier == self._reply_id, drive.answer_timeout)
-            if frame is None:
+            data = bus.ask(
+                exits, drive.answer_timeout, lambda identifier, data: data if identifier == self._reply_id else None, 1
+            )
+            if data is None:
                 continue
-            reply = unpack_reply(frame[1], self._model)
+            reply = unpack_reply(data, self._model)
             if reply is None:
                 raise DriveError(
-                    f"node {drive.node_id} replies with {len(frame[1])} bytes",
+                    f"{bus.name} replies with {len(data)} bytes",
                     expected="eight, with temperature and error code",
                     do="see to a later firmware: one that reports no error is not run",
                 )
             if reply.number == drive.node_id:
                 return reply
         raise DriveError(
-            f"no drive replies as node {drive.node_id}",
+            f"no drive replies as {bus.name}",
             expected=f"an AK drive in MIT mode, whose replies have the identifier {self._reply_id:03X}h",
             do="switch the drive on; check cable, bit rate and termination; set MIT mode and its number with its "
             "maker's tool, and reply_id in [drive] to its CAN Master ID",
@@ -187,56 +183,43 @@ class AkDrive(Driver):
         """Whether a frame is a reply of this drive."""
         return identifier == self._reply_id and len(data) == 8 and data[0] == self._drive.node_id
 
-    def _commands(self, identifier: int, data: bytes) -> bool:
-        """Whether a frame is one that only this host may send."""
+    def _is_foreign(self, identifier: int, data: bytes) -> bool:
         plain = identifier & ~REMOTE
         cut = 0 < len(data) < 8 and data[0] == self._drive.node_id  # of a reply, since no drive obeys so few bytes
         return plain == self._drive.node_id and not self._is_it(identifier, data) and not cut
 
-    def _begin(self, state: DriveState) -> None:
-        """Nothing has been read or sent yet, and the drive is in that state."""
-        self._reset_to(state)
+    def _begin(self, found: Found | None) -> None:
         self._entered = False
         self._unanswered = self._until_off = self._trial = 0
         self._position = math.nan  # of the drive, over the ends of its range
         self._speed = self._torque = self._expected = 0.0
-        self._stuck = (
-            math.nan,
-            math.nan,
-        )  # the torque that the drive reports, and what was expected when it reported it first
-        self._replied_at = math.nan
+        self._stuck = math.nan, math.nan  # the reported torque, and what was expected when it was reported first
+        self._turns = TurnCount(self._turn, math.inf if found is None else found.limits.speed)
         self._range.begin()
-        self._turns.begin()
+        if found is not None:
+            self._range.follow(self._first)
         self._silence.begin()
         self._inert.begin()
 
-    def read(self, now: float) -> DriveReading:
-        """See `hardware.ports.Drive.read`."""
-        readings = self._readings
-        readings.cycle(now)
-        for identifier, data in self._host.take_all() if self._up else ():
-            if self._is_it(identifier, data):
-                reply = unpack_reply(data, self._model)
-                if reply is not None:
-                    self._take(reply, now)
-            elif self._commands(identifier, data):
-                readings.meant()
-            else:
-                self._read_joint(identifier, data, now)
-        self._lost = self._lost or now - self._replied_at > LOST
-        if self._lost:
-            readings.motor = math.nan
-        self._update_state(self._standing())
-        return readings.reading(now, self._state, self._host.errors)
+    def _take(self, identifier: int, data: bytes, now: float) -> bool:
+        if not self._is_it(identifier, data):
+            return False
+        reply = unpack_reply(data, self._model)
+        if reply is not None:
+            self._take_reply(reply, now)
+        return True
 
-    def _take(self, reply: AkReply, now: float) -> None:
+    def _judge(self, now: float) -> None:
+        self._check_silence(now)
+        self._update_state(self._standing())
+
+    def _take_reply(self, reply: AkReply, now: float) -> None:
         """A reply of the drive."""
         drive, readings = self._drive, self._readings
         if self._unanswered == 0:
             readings.meant()  # it answers somebody else
         self._unanswered = max(0, self._unanswered - 1)
         self._until_off = max(0, self._until_off - 1)
-        self._replied_at = now
         readings.replied(now)
         if self._lost:
             return  # whatever it says: its position may be another
@@ -247,9 +230,8 @@ class AkDrive(Driver):
                 readings.found(LOST_RANGE)
             return
         self._position = self._range.follow(reply.position)
-        if self._turns.lost(self._position, now):
-            self._lost = True
-            readings.found(LOST_TURNS)
+        self._check_turns(self._turns, self._position, now)
+        if self._lost:
             return
         current = drive.motor_direction * reply.torque / (drive.gear * drive.torque_constant)
         temperature = float((reply.temperature + 128) % 256 - 128 if drive.temperature_zero == 0 else reply.temperature)
@@ -310,14 +292,14 @@ class AkDrive(Driver):
         elif not self._entered:
             self._entered, self._trial = True, TRIAL
             self._inert.begin()
-            self._send(ENTER)
+            self._order(ENTER)
             self._follow(self._position, LEAST_KP, 0.0, 0.0)
         elif self._trial > 0 or self._state is not DriveState.OPERATION_ENABLED:
             self._follow(self._position, LEAST_KP, 0.0, 0.0)
         else:
-            drive, most = self._drive, self._drive.torque_offset
-            pushed = max(-most, min(most, torque)) if math.isfinite(torque) else 0.0
-            self._follow(position, drive.stiffness, drive.damping, drive.motor_direction * pushed)
+            drive = self._drive
+            pushed = drive.motor_direction * bounded_torque(torque, drive)
+            self._follow(position, drive.stiffness, drive.damping, pushed)
         self._written = now
         self._sync_encoder()
 
@@ -325,26 +307,79 @@ class AkDrive(Driver):
         """A command; what the drive should make of it is kept."""
         held = max(ROOM - HIGHEST_POSITION, min(HIGHEST_POSITION - ROOM, position))
         self._expected = stiffness * (held - self._position) - damping * self._speed + torque
-        self._send(pack_command(AkCommand(held, 0.0, stiffness, damping, torque), self._model))
+        self._order(pack_command(AkCommand(held, 0.0, stiffness, damping, torque), self._model))
 
     def _leave_motor_mode(self) -> None:
         """Once without gains, so that none are left for the next time; and out of motor mode, in every cycle."""
         if self._entered:
-            self._send(pack_command(_LIMP, self._model))
+            self._order(pack_command(_LIMP, self._model))
             self._until_off = self._unanswered + 1
         self._entered, self._expected = False, 0.0
-        self._send(EXIT)
+        self._order(EXIT)
 
     def _tell_off(self, number: int) -> None:
         """The order to leave motor mode; before the first one, once, no gains."""
         if number == 0:
-            self._send(pack_command(_LIMP, self._model))
-        self._send(EXIT)
+            self._order(pack_command(_LIMP, self._model))
+        self._order(EXIT)
 
     def _torque_told(self, identifier: int, data: bytes) -> bool | None:
         reply = unpack_reply(data, self._model) if self._is_it(identifier, data) else None
         return None if reply is None else abs(reply.torque) > STRAIN * self._model.torque
 
-    def _send(self, data: bytes) -> None:
+    def _order(self, data: bytes) -> None:
         self._unanswered = min(MOST_UNANSWERED, self._unanswered + 1)
-        self._host.send(self._drive.node_id, data)
+        self._send(self._drive.node_id, data)
+
+
+HIGHEST = 0x7F
+"""Numbers that are tried; on a bus with CANopen they are nobody's."""
+BETWEEN = 2e-3
+"""From one to the next [s]."""
+
+
+def probe(drive: AkParameters, links: Links) -> list[FoundDevice]:
+    """Which drives there are: each number is told to leave motor mode, without torque, and who replies is there.
+
+    Such a drive says nothing of itself before it is told something, so that there is no question without an order; this
+    is the one with which nothing can move. It is not given where somebody uses these identifiers already: an AK drive
+    under another master, or devices of another protocol.
+
+    Args:
+        drive: with the bus; its model's ranges are taken for all, and its `reply_id` where it has one.
+        links: the buses of this process.
+
+    Raises:
+        DriveError: the bus cannot be used, or somebody uses these identifiers.
+    """
+    model, common, found = model_of(drive), reply_id(drive), dict[int, AkReply]()
+
+    def looked_at(identifier: int, data: bytes) -> bool:
+        reply = unpack_reply(data, model)
+        if reply is not None and 0 < reply.number <= HIGHEST and identifier in (reply.number, common) and data != EXIT:
+            found[reply.number] = reply
+        return False
+
+    with joined(place(drive), drive.node_id, links) as port:
+        ends = time.monotonic() + LISTENING
+        while (left := ends - time.monotonic()) > 0.0:
+            used = port.wait_for(lambda identifier, data: 0 < identifier <= HIGHEST, left)
+            if used is not None:
+                raise DriveError(
+                    f"somebody uses the identifiers of AK drives already (a frame {used[0]:03X}h)",
+                    expected="a bus on which nobody commands them",
+                    do="end the other program first, or give devices of another protocol a bus of their own",
+                )
+        for number in range(1, HIGHEST + 1):
+            send_now(port.bus, classic_frame(number, EXIT))
+            port.wait_for(looked_at, BETWEEN)
+        port.wait_for(looked_at, drive.answer_timeout)
+    return [
+        FoundDevice(
+            number,
+            "AK drive in MIT mode",
+            f"at {reply.position:.3f} rad of its range, " + (error_text(reply.error) if reply.error else "no error"),
+            "FAULT" if reply.error else "SWITCH_ON_DISABLED",
+        )
+        for number, reply in sorted(found.items())
+    ]

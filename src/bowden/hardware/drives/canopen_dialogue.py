@@ -213,6 +213,28 @@ class Dialogue:
             raise DriveError(f"{self.name} has no object {index:04X}h:{sub}", expected=f"{self._kind} that has it")
         return value
 
+    def device_type(self, what: str, expected: str, do: str, check: str) -> int:
+        """1000h, of a node that must be there: its profile in the low word (CiA 301).
+
+        Args:
+            what: it is, for messages.
+            expected: of it.
+            do: what to do where others answer.
+            check: what to check where nobody does.
+
+        Raises:
+            DriveError: nobody answers with that number; who does.
+        """
+        try:
+            return self.read(0x1000)
+        except DriveError as error:
+            there = ", ".join(map(str, self.others()))
+            raise DriveError(
+                f"no {what} answers as {self.name}" + (f"; there is node {there}" if there else ""),
+                expected=f"{expected} with that number",
+                do=do if there else f"switch it on; check {check}",
+            ) from error
+
     def text(self, index: int) -> str:
         """A text, cut after 40 letters; empty where there is none."""
         try:

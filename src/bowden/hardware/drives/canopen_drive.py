@@ -6,25 +6,26 @@ Our heartbeat goes out from within `write` alone: a loop that hangs is a host th
 
 import math
 
-from bowden.core.signals import EMERGENCY_STOP, DriveReading, DriveState
-from bowden.hardware.buses.link import BusPlace, BusPort, Links
+from bowden.core.signals import EMERGENCY_STOP, DriveState
+from bowden.hardware.buses.link import BusPort, Links
 from bowden.hardware.buses.unix_bus import REMOTE
 from bowden.hardware.drives import canopen_frames as frames
 from bowden.hardware.drives.canopen_setup import (
     DISABLE_VOLTAGE,
     FAULT_SIGNAL,
     OUTPUTS,
-    DriveFindings,
     brake_bits,
     heartbeat_consumer,
     restore,
     set_up,
 )
+from bowden.hardware.drives.checklist import Found
 from bowden.hardware.drives.cia402 import WITH_TORQUE, Controlword, controlword, decode
 from bowden.hardware.drives.driver import Driver
 from bowden.hardware.drives.emergencies import SAFE_TORQUE_OFF
+from bowden.hardware.drives.families.cia402 import DriveParameters, check_parameters, load_of
 from bowden.hardware.drives.findings import UNWATCHED, WATCH_EVERY, LagWatch
-from bowden.hardware.drives.parameters import DriveParameters, check_parameters, load_of
+from bowden.hardware.drives.scale import bounded_torque
 from bowden.hardware.ports import Power, TorqueLeft
 
 MOST_INPUTS_AGE = 10
@@ -59,12 +60,12 @@ class CanopenDrive(Driver):
     def __init__(self, parameters: DriveParameters, links: Links | None = None) -> None:
         check_parameters(parameters)
         self._drive = parameters
-        place = BusPlace(parameters.interface, parameters.channel, parameters.bitrate)
-        super().__init__(parameters, place, links, synced=True, restore=self._restore)
-        self._found: DriveFindings | None = None
-        self._begin(DriveState.NOT_READY_TO_SWITCH_ON)
+        super().__init__(parameters, links, synced=True)
+        self._reset_to(DriveState.NOT_READY_TO_SWITCH_ON)
+        self._begin(None)
         node, host = parameters.node_id, parameters.host_id
         self._pushed = parameters.torque_offset > 0.0
+        self._has_stop = parameters.emergency_stop_input >= 0
         self._tpdo1, self._tpdo2, self._tpdo3 = frames.TPDO1 + node, frames.TPDO2 + node, frames.TPDO3 + node
         self._beats, self._emergencies = frames.HEARTBEAT + node, frames.EMERGENCY + node
         self._rpdo, self._heartbeat = frames.RPDO1 + node, frames.HEARTBEAT + host
@@ -73,29 +74,23 @@ class CanopenDrive(Driver):
         self._watch_as_set = {0x1016: (heartbeat_consumer(parameters),), 0x6007: (FAULT_SIGNAL, DISABLE_VOLTAGE)}
         self._ours = frames.of_the_host(node, host)
 
-    def _find(self, port: BusPort) -> str:
-        self._found = None
-        found = self._found = set_up(port.bus, self._drive)
+    def _find(self, port: BusPort) -> Found:
+        found = set_up(port.bus, self._drive)
         port.disturbed()
-        self.serial = found.serial
-        self._begin(found.state)
-        self._operational = True
-        return found.identity
+        return found
 
     def _restore(self) -> None:
-        """Be as it was brought up, after another drive on this bus was."""
-        bus = self._host.bus
-        if bus is not None and self._found is not None and self._found.state is not DriveState.FAULT:
-            restore(bus, self._drive)
+        if self._port is not None and self._found is not None and self._found.state is not DriveState.FAULT:
+            restore(self._port.bus, self._drive)
 
     def _concerns(self, identifier: int) -> bool:
         return identifier & 0x7F == self._drive.node_id or identifier in self._ours
 
-    def _begin(self, state: DriveState) -> None:
-        """Nothing has been read or sent yet, and the drive is in that state."""
-        self._reset_to(state)
-        self._statusword_state = state
-        self._operational = False
+    def _is_foreign(self, identifier: int, data: bytes) -> bool:
+        return identifier & ~REMOTE in self._ours
+
+    def _begin(self, found: Found | None) -> None:
+        self._statusword_state, self._operational = self._state, found is not None
         self._sent = int(Controlword.DISABLE_VOLTAGE)
         self._counts = 0  # the motor's position, as it came last
         self._stop_released, self._inputs_age = True, 0
@@ -113,50 +108,51 @@ class CanopenDrive(Driver):
         count = 0.0 if found is None else self._current(1, found)
         return LagWatch(drive.current_limit, drive.lag_current, drive.lag_time, abs(count))
 
-    def _current(self, torque: int, found: DriveFindings) -> float:
+    def _current(self, torque: int, found: Found) -> float:
         """Of a torque in thousandths of the rated one [A]."""
         drive = self._drive
         return drive.motor_direction * torque * 1e-3 * found.rated_torque / drive.torque_constant
 
-    def read(self, now: float) -> DriveReading:
-        """See `hardware.ports.Drive.read`."""
+    def _take(self, cob_id: int, data: bytes, now: float) -> bool:
         readings, drive, found = self._readings, self._drive, self._found
-        readings.cycle(now)
-        for cob_id, data in () if found is None or not self._up else self._host.take_all():
-            if found is None:
-                break
-            if cob_id == self._tpdo1 and (motion := frames.unpack_tpdo1(data)) is not None:
-                self._counts = motion.position
-                self._statusword_state = decode(motion.statusword)
-                current = self._current(motion.torque, found)
-                readings.moved(found.motor.angle(motion.position), current, readings.temperature, self._written)
-                self._due -= 1.0
-                if self._due < 0.0:  # not the drive's: it sends one for each SYNC
-                    self._due = 0.0
-                    readings.meant()
-            elif cob_id == self._tpdo2 and (sensors := frames.unpack_tpdo2(data)) is not None:
-                readings.turned(found.joint.angle(sensors.joint))
-                readings.temperature = math.nan if sensors.temperature is None else 0.1 * sensors.temperature
-                if drive.tension_scale != 0.0:
-                    readings.tension = load_of(drive, sensors.analog)
-                elif drive.torque_scale != 0.0:
-                    readings.joint_torque = load_of(drive, sensors.analog)
-            elif cob_id == self._beats and (state := frames.unpack_heartbeat(data)) is not None:
-                readings.replied(now)
-                self._operational = self._operational and state == frames.OPERATIONAL
-            elif cob_id == self._emergencies and (code := frames.unpack_emergency(data)):
-                readings.found(EMERGENCY_STOP if code == SAFE_TORQUE_OFF else code)
-            elif cob_id == self._tpdo3 and (inputs := frames.unpack_tpdo3(data)) is not None:
-                self._stop_released, self._inputs_age = bool(inputs >> drive.emergency_stop_input & 1), 0
-            elif cob_id == self._answers and frames.unpack_sdo_written(data) == OUTPUTS:
-                self._brake_confirmed = True
-            elif cob_id == self._answers and (said := frames.unpack_sdo_value(data)) is not None:
-                self._see_watch(*said)
-            elif cob_id & ~REMOTE in self._ours:
+        if found is None or found.joint is None:
+            return False
+        if cob_id == self._tpdo1 and (motion := frames.unpack_tpdo1(data)) is not None:
+            self._counts = motion.position
+            self._statusword_state = decode(motion.statusword)
+            current = self._current(motion.torque, found)
+            readings.moved(found.motor.angle(motion.position), current, readings.temperature, self._written)
+            self._due -= 1.0
+            if self._due < 0.0:  # not the drive's: it sends one for each SYNC
+                self._due = 0.0
                 readings.meant()
+        elif cob_id == self._tpdo2 and (sensors := frames.unpack_tpdo2(data)) is not None:
+            readings.turned(found.joint.angle(sensors.joint))
+            readings.temperature = math.nan if sensors.temperature is None else 0.1 * sensors.temperature
+            if drive.tension_scale != 0.0:
+                readings.tension = load_of(drive, sensors.analog)
+            elif drive.torque_scale != 0.0:
+                readings.joint_torque = load_of(drive, sensors.analog)
+        elif cob_id == self._beats and (state := frames.unpack_heartbeat(data)) is not None:
+            readings.replied(now)
+            self._operational = self._operational and state == frames.OPERATIONAL
+        elif cob_id == self._emergencies and (code := frames.unpack_emergency(data)):
+            readings.found(EMERGENCY_STOP if code == SAFE_TORQUE_OFF else code)
+        elif cob_id == self._tpdo3 and (inputs := frames.unpack_tpdo3(data)) is not None and self._has_stop:
+            self._stop_released, self._inputs_age = bool(inputs >> drive.emergency_stop_input & 1), 0
+        elif cob_id == self._answers and frames.unpack_sdo_written(data) == OUTPUTS:
+            self._brake_confirmed = True
+        elif cob_id == self._answers and (said := frames.unpack_sdo_value(data)) is not None:
+            self._see_watch(*said)
+        else:
+            return False
+        return True
+
+    def _judge(self, now: float) -> None:
+        readings = self._readings
         there = max(readings.motor_age, readings.joint_age) <= MOST_ANGLES_AGE
         missing = self._inputs_age > MOST_INPUTS_AGE and there
-        if drive.emergency_stop_input >= 0 and (missing or not self._stop_released):
+        if self._has_stop and (missing or not self._stop_released):
             readings.stopped()
         self._inputs_age += 1
         self._update_state(self._statusword_state if self._operational else DriveState.NOT_READY_TO_SWITCH_ON)
@@ -164,7 +160,6 @@ class CanopenDrive(Driver):
         if self._unwatched and self._operational:
             readings.found(UNWATCHED)
         readings.sampled = self._written
-        return readings.reading(now, self._state, self._host.errors)
 
     def _see_watch(self, index: int, value: int) -> None:
         """What the drive says of an object of its watch over us; one that has started again says it at bring-up."""
@@ -199,7 +194,7 @@ class CanopenDrive(Driver):
         led = self._state is DriveState.OPERATION_ENABLED and self._sent == Controlword.ENABLE_OPERATION
         self._asked = self._sent == Controlword.ENABLE_OPERATION
         self._target, self._led = (target, self._led + 1) if led else (math.nan, 0)
-        self._order(self._sent, round(counts), torque if led and math.isfinite(torque) else 0.0)
+        self._order(self._sent, round(counts), torque if led else 0.0)
         self._written, self._due = now, min(self._due + (1.0 + REFILL if self._due < SPARE else 1.0), MOST_DUE)
         if power is Power.OFF:
             self.set_brake(False)
@@ -217,11 +212,12 @@ class CanopenDrive(Driver):
         """RPDO 1 and the SYNC at which it is taken; the torque is at the spool [N·m]."""
         drive, share = self._drive, None
         if self._pushed and self._found is not None:
-            bounded = max(-drive.torque_offset, min(drive.torque_offset, torque))
-            share = round(1e3 * drive.motor_direction * bounded / (drive.gear * self._found.rated_torque))
+            share = round(
+                1e3 * drive.motor_direction * bounded_torque(torque, drive) / (drive.gear * self._found.rated_torque)
+            )
             share = max(-frames.INT16, min(frames.INT16 - 1, share))
         self._send(self._rpdo, frames.pack_rpdo1(control, counts, share))
-        self._host.sync(frames.SYNC)
+        self._sync()
 
     @property
     def brake_confirmed(self) -> bool:
@@ -244,13 +240,11 @@ class CanopenDrive(Driver):
 
     def _let_go(self, left: TorqueLeft) -> None:
         """It stops watching our heartbeat only once it has said that it has no torque; and it is stopped."""
-        if left is TorqueLeft.OFF:
+        if left is TorqueLeft.OFF and self._port is not None:
             self._send(self._questions, frames.pack_sdo_write(0x1016, 1, 0, 4))
-            self._host.wait_for(self._answers, self._drive.answer_timeout)  # none of a node that NMT has stopped
+            answered = self._port.wait_for  # not by a node that NMT has stopped
+            answered(lambda cob_id, _: cob_id == self._answers, self._drive.answer_timeout)
         self._send(frames.NMT, bytes((frames.NMT_STOP, self._drive.node_id)))
-
-    def _send(self, cob_id: int, data: bytes) -> None:
-        self._host.send(cob_id, data)
 
 
 def brake_order(drive: DriveParameters, *, engaged: bool) -> bytes:

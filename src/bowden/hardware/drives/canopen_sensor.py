@@ -7,15 +7,18 @@ operational, and no emergency stands.
 Source: CiA 301, "PDO communication parameter", "PDO mapping parameter", "heartbeat", "emergency".
 """
 
+import contextlib
 import math
-from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Iterator, Sequence
+from typing import TYPE_CHECKING, NamedTuple
 
 from bowden.core.errors import DriveError
 from bowden.hardware.drives import canopen_frames as frames
 from bowden.hardware.drives import on_can
 
 if TYPE_CHECKING:
+    import can
+
     from bowden.hardware.drives.canopen_dialogue import Dialogue
 
 HOST = 127
@@ -37,76 +40,99 @@ def identifiers_of_node(node_id: int, key: str) -> dict[int, str]:
     return own | dict.fromkeys((frames.NMT, frames.SYNC), on_can.OF_ALL)
 
 
-def device_type(node: "Dialogue", what: str, expected: str, key: str) -> int:
-    """1000h, of a sensor that must be there: its profile in the low word.
+class SensorKind(NamedTuple):
+    """What a sensor is, for its bring-up and its messages."""
 
-    Args:
-        node: asked.
-        what: it is, for messages: ``encoder of the joint``.
-        expected: of it.
-        key: which says its number, with its section.
+    what: str
+    """``the joint's encoder``"""
+    value: str
+    """What it measures: ``its position``."""
+    profile: int
+    """Low word of 1000h."""
+    kinds: tuple[int, ...]
+    """High word of 1000h; none where that does not count."""
+    expected: str
+    node_key: str
+    """Key that says its number, with its section."""
+    sync_hint: str
+    """What to do about one that does not answer a SYNC."""
+    by_timer: int
+    """Transmission type where it does not wait for a SYNC."""
+
+
+@contextlib.contextmanager
+def sensor(bus: "can.BusABC", node_id: int, timeout: float, kind: SensorKind) -> "Iterator[tuple[Dialogue, int]]":
+    """A sensor that is there and of its kind, asked in pre-operational; and the high word of its 1000h.
 
     Raises:
-        DriveError: nobody answers with that number; who does.
+        DriveError: nobody answers with that number, and who does; or another kind of device.
     """
-    try:
-        return node.read(0x1000)
-    except DriveError as error:
-        there = node.others()
-        raise DriveError(
-            f"no {what} answers as {node.name}" + (f"; there is node {', '.join(map(str, there))}" if there else ""),
-            expected=f"{expected} with that number",
-            do=f"correct {key}" if there else "check its supply, cable and bit rate",
-        ) from error
+    from bowden.hardware.drives.canopen_dialogue import dialogue
+
+    with dialogue(bus, node_id, HOST, timeout, f"a CiA {kind.profile} device") as node:
+        if not node.answers():
+            node.command(frames.NMT_PRE_OPERATIONAL)
+        said = node.device_type(
+            kind.what.removeprefix("the "),
+            f"a CANopen device (CiA {kind.profile})",
+            f"correct {kind.node_key}",
+            "supply, cable and bit rate",
+        )
+        profile, high = said & 0xFFFF, said >> 16
+        if profile != kind.profile or (kind.kinds and high not in kind.kinds):
+            raise DriveError(
+                f"{node.name} has device profile {profile} and type {high} (1000h is 0x{said:08X})",
+                expected=kind.expected,
+                do=f"correct {kind.node_key}",
+            )
+        node.command(frames.NMT_PRE_OPERATIONAL)
+        yield node, high
 
 
-def send_in_tpdo1(node: "Dialogue", what: str, mapped: Sequence[int], kind: int, timer: Callable[[], None]) -> None:
-    """Have it send objects in TPDO 1, and start it; a device whose mapping is fixed must have them in it already.
+def start(
+    node: "Dialogue", kind: SensorKind, mapped: Sequence[int], *, synced: bool, timer: "Callable[[Dialogue], None]"
+) -> None:
+    """Have a sensor send objects in TPDO 1, and start it; one whose mapping is fixed must have them in it already.
+
+    It must answer a SYNC where it is to: one that does not would first show in a run.
 
     Args:
         node: in pre-operational.
-        what: it is, for messages: ``the joint's encoder``.
-        mapped: index, sub-index and length in bits of each.
-        kind: transmission type.
+        kind: of the sensor.
+        mapped: index, sub-index and length in bits of each object.
+        synced: whether it sends at SYNC.
         timer: sets the device's timer, or stops it.
 
     Raises:
-        DriveError: a setting that is refused, or a device that does not start.
+        DriveError: a setting that is refused, a device that does not start, or that sends nothing.
     """
-    cob_id = 0x4000_0000 | (node.read(0x1800, 1) & 0x7FF)
-    if cob_id & 0x7FF != frames.TPDO1 + node.number:
-        cob_id = 0x4000_0000 | frames.TPDO1 + node.number
+    cob_id = 0x4000_0000 | frames.TPDO1 + node.number
     for index in (0x1801, 0x1802, 0x1803):
         other = node.read_if_there(index, 1)
         if other is not None and not other & OFF:
             node.write(index, 1, other | OFF, 4, OFF | 0x7FF)
     node.write(0x1800, 1, cob_id | OFF, 4, OFF | 0x7FF)
-    node.write(0x1800, 2, kind, 1)
-    found = [node.read(0x1A00, 1 + i) for i in range(node.read(0x1A00, 0))]
-    if found != list(mapped):
+    node.write(0x1800, 2, SYNCED if synced else kind.by_timer, 1)
+    if [node.read(0x1A00, 1 + i) for i in range(node.read(0x1A00, 0))] != list(mapped):
         node.write(0x1A00, 0, 0, 1)
         for i, entry in enumerate(mapped):
             node.write(0x1A00, 1 + i, entry, 4)
         node.write(0x1A00, 0, len(mapped), 1)
-    timer()
+    timer(node)
     node.write(0x1017, 0, round(1e3 * HEARTBEAT), 2)
     node.write(0x1800, 1, cob_id, 4, OFF | 0x7FF)
     node.command(frames.NMT_START)
     if not node.reaches(frames.OPERATIONAL):
-        raise DriveError(f"{node.name}, {what}, does not become operational", expected="NMT state 5 in its heartbeat")
+        raise DriveError(
+            f"{node.name}, {kind.what}, does not become operational", expected="NMT state 5 in its heartbeat"
+        )
     node.keeps_all()
-
-
-def try_sync(node: "Dialogue", what: str, value: str, do: str) -> None:
-    """It must answer a SYNC: one that does not would first show in a run.
-
-    Raises:
-        DriveError: it sends nothing.
-    """
-    node.listener.transmitted = 0
-    node.send(frames.SYNC, b"")
-    if not node.waits(0.1, lambda: node.listener.transmitted > 0):
-        raise DriveError(f"{node.name}, {what}, sends nothing at a SYNC", expected=f"{value} in TPDO 1", do=do)
+    if synced:
+        node.listener.transmitted = 0
+        node.send(frames.SYNC, b"")
+        if not node.waits(0.1, lambda: node.listener.transmitted > 0):
+            said = f"{node.name}, {kind.what}, sends nothing at a SYNC"
+            raise DriveError(said, expected=f"{kind.value} in TPDO 1", do=kind.sync_hint)
 
 
 class SensorHealth:

@@ -3,21 +3,25 @@
 Object numbers are those of CiA 301 (1xxxh) and CiA 402 (6xxxh); 3001h is maxon's (EPOS4 Firmware Specification).
 """
 
+import contextlib
 import math
-from typing import NamedTuple
+from collections.abc import Iterator
 
 import can
 
 from bowden.core.errors import DriveError
 from bowden.core.signals import DriveState
+from bowden.hardware.buses.link import Links
 from bowden.hardware.buses.opening import UNIX
 from bowden.hardware.drives import canopen_frames as frames
 from bowden.hardware.drives.canopen_dialogue import Dialogue, dialogue
-from bowden.hardware.drives.checklist import DriveLimit, check_limits, refuse_torque
-from bowden.hardware.drives.cia402 import WITH_TORQUE, Controlword, OperationMode, decode, supports
+from bowden.hardware.drives.checklist import DriveLimit, Found, check_limits, joined, refuse_torque
+from bowden.hardware.drives.cia402 import CYCLIC_SYNCHRONOUS_POSITION, WITH_TORQUE, Controlword, decode
 from bowden.hardware.drives.emergencies import HEARTBEAT_LOST, emergency_text
-from bowden.hardware.drives.parameters import DriveParameters, joint_scale, motor_scale
-from bowden.hardware.drives.scale import Scale, SuitScale
+from bowden.hardware.drives.families.cia402 import DriveParameters, joint_scale, motor_scale
+from bowden.hardware.drives.on_can import place
+from bowden.hardware.drives.scale import Scale, SuitScale, motor_limits
+from bowden.rig.families import FoundDevice
 
 FAULT_SIGNAL = 1
 """6007h, abort connection option code: a lost heartbeat is a fault, and so it is latched."""
@@ -49,20 +53,7 @@ OUTPUTS = 0x60FE
 """Digital outputs: bit 0 of sub-index 1 is the brake's, sub-index 2 says which bits are the host's (CiA 402-2)."""
 
 
-class DriveFindings(NamedTuple):
-    """What bring-up learnt of the drive."""
-
-    identity: str
-    """Who it is, in one line."""
-    motor: Scale | SuitScale
-    joint: Scale
-    rated_torque: float
-    """6076h, of which 6077h is in thousandths [N·m]."""
-    state: DriveState
-    serial: str
-
-
-def set_up(bus: can.BusABC, drive: DriveParameters) -> DriveFindings:
+def set_up(bus: can.BusABC, drive: DriveParameters) -> Found:
     """Find, check and configure the drive and start its PDOs; afterwards nothing of the library runs any more.
 
     Args:
@@ -108,7 +99,7 @@ def set_up(bus: can.BusABC, drive: DriveParameters) -> DriveFindings:
             expected="a drive that stays on",
             do="check its supply, and start again",
         )
-    return DriveFindings(said, motor, joint, rated_torque, state, serial)
+    return Found(said, motor, joint, motor_limits(drive, motor), state, 0, serial, rated_torque)
 
 
 def check_alone(node: Dialogue, drive: DriveParameters) -> None:
@@ -205,15 +196,9 @@ def _reset(node: Dialogue, drive: DriveParameters) -> None:
 
 def _check_profile(node: Dialogue) -> None:
     """Device type 1000h: profile number in the low word, 2 for a servo drive in the high word (CiA 402-1)."""
-    try:
-        device_type = node.read(0x1000)
-    except DriveError as error:
-        there = node.others()
-        raise DriveError(
-            f"no drive answers as {node.name}" + (f"; there is node {', '.join(map(str, there))}" if there else ""),
-            expected="a CANopen drive with that number",
-            do="correct node_id in [drive]" if there else "switch the drive on; check cable, bit rate and termination",
-        ) from error
+    device_type = node.device_type(
+        "drive", "a CANopen drive", "correct node_id in [drive]", "cable, bit rate and termination"
+    )
     profile, kind = device_type & 0xFFFF, device_type >> 16 & 0xFF
     if profile != 402:
         raise DriveError(
@@ -240,7 +225,7 @@ def _check_torque_free(node: Dialogue) -> DriveState:
 
 def _check_mode(node: Dialogue) -> None:
     modes = node.read(0x6502)
-    if not supports(modes, OperationMode.CYCLIC_SYNCHRONOUS_POSITION):
+    if not modes >> CYCLIC_SYNCHRONOUS_POSITION - 1 & 1:
         raise DriveError(
             f"{node.name} does not know cyclic synchronous position (6502h is 0x{modes:X})",
             expected="bit 7 set",
@@ -334,11 +319,11 @@ def _speed_unit(node: Dialogue) -> float:
 
 def _configure(node: Dialogue, drive: DriveParameters) -> None:
     """Mode, reactions, PDOs and both heartbeats; the last, so that the drive watches us only once all is set."""
-    node.write(0x6060, 0, OperationMode.CYCLIC_SYNCHRONOUS_POSITION, 1)
-    if not node.becomes(0x6061, 0, OperationMode.CYCLIC_SYNCHRONOUS_POSITION):
+    node.write(0x6060, 0, CYCLIC_SYNCHRONOUS_POSITION, 1)
+    if not node.becomes(0x6061, 0, CYCLIC_SYNCHRONOUS_POSITION):
         raise DriveError(
             f"{node.name} stays in mode {node.read(0x6061, signed=True)} (6061h)",
-            expected=f"{OperationMode.CYCLIC_SYNCHRONOUS_POSITION:d}, cyclic synchronous position, as written to 6060h",
+            expected=f"{CYCLIC_SYNCHRONOUS_POSITION}, cyclic synchronous position, as written to 6060h",
             do="see with its maker's tool what keeps it there",
         )
     node.write(0x60C2, 1, round(1e3 * drive.sample_time), 1)
@@ -377,15 +362,13 @@ def _release_brake(node: Dialogue, drive: DriveParameters) -> None:
     """The brake's output is the host's from now on, and releases it; other bits of the outputs are not ours."""
     if drive.brake_output == "none":
         return
-    try:
+    with _wanted(
+        f"{node.name} lets nobody drive its brake's output",
+        "a drive with object 60FEh, digital outputs, and its mask 60FEh:2",
+        'set drive.brake_output = "none" and delete [brake]',
+    ):
         node.write(OUTPUTS, 1, brake_bits(drive, engaged=False), 4)
         node.write(OUTPUTS, 2, 1, 4)
-    except DriveError as error:
-        raise DriveError(
-            f"{node.name} lets nobody drive its brake's output: {error.what}",
-            expected="a drive with object 60FEh, digital outputs, and its mask 60FEh:2",
-            do='set drive.brake_output = "none" and delete [brake], or take another drive or firmware',
-        ) from error
 
 
 def heartbeat_consumer(drive: DriveParameters) -> int:
@@ -401,28 +384,28 @@ def _map_orders(node: Dialogue, drive: DriveParameters) -> None:
             node.write(0x60B2, 0, 0, 2)
         _map(node, 0x1400, cob_id, frames.RPDO1_MAPPING)
         return
-    try:
+    said = f"{node.name} takes no torque offset beside its target"
+    with _wanted(said, "a drive that maps object 60B2h", "set suit.friction_feedforward_nm to 0"):
         _map(node, 0x1400, cob_id, (*frames.RPDO1_MAPPING, frames.TORQUE_OFFSET))
-    except DriveError as error:
-        raise DriveError(
-            f"{node.name} takes no torque offset beside its target: {error.what}",
-            expected="a drive that maps object 60B2h",
-            do="set suit.friction_feedforward_nm to 0, or take another drive or firmware",
-        ) from error
 
 
 def _map_inputs(node: Dialogue, drive: DriveParameters) -> None:
     """TPDO 3, where one of the digital inputs is the emergency stop's."""
     if drive.emergency_stop_input < 0:
         return
-    try:
+    said = f"{node.name} does not send its digital inputs in every cycle"
+    with _wanted(said, "a drive that maps object 60FDh", "set drive.emergency_stop_input to -1"):
         _map(node, 0x1802, NO_REMOTE | frames.TPDO3 + drive.node_id, frames.TPDO3_MAPPING)
+
+
+@contextlib.contextmanager
+def _wanted(said: str, expected: str, do: str) -> Iterator[None]:
+    """What a rig wants of a drive that not every one can: a refused setting is said in its words."""
+    try:
+        yield
     except DriveError as error:
-        raise DriveError(
-            f"{node.name} does not send its digital inputs in every cycle: {error.what}",
-            expected="a drive that maps object 60FDh",
-            do="set drive.emergency_stop_input to -1, or take another drive or firmware",
-        ) from error
+        do = f"{do}, or take another drive or firmware"
+        raise DriveError(f"{said}: {error.what}", expected=expected, do=do) from error
 
 
 def _map(node: Dialogue, index: int, cob_id: int, objects: tuple[int, ...]) -> None:
@@ -454,3 +437,32 @@ def identity(node: Dialogue, state: DriveState | None) -> str:
     if state is DriveState.FAULT:
         who += f"; in fault, {emergency_text(node.read_if_there(0x603F) or 0)}"
     return who
+
+
+PROFILES = {401: "inputs and outputs", 402: "servo drive", 404: "measuring device", 406: "encoder"}
+"""Lower half of 1000h → what such a device is; the number is that of its CiA profile (CiA 301, 1000h)."""
+
+
+def probe(drive: DriveParameters, links: Links) -> list[FoundDevice]:
+    """Who answers on the bus, which is listened to and then asked; nothing is written, and no order given.
+
+    Args:
+        drive: with the bus, and the numbers of the rig's drive and of this computer.
+        links: the buses of this process.
+
+    Raises:
+        DriveError: the bus cannot be used, or another host is on it.
+    """
+    with joined(place(drive), drive.node_id, links) as port:
+        with dialogue(port.bus, drive.node_id, drive.host_id, drive.answer_timeout) as node:
+            node.waits(LISTENING, lambda: node.listener.foreign is not None)
+            check_alone(node, drive)
+            there = [drive.node_id] * node.answers() + node.others()
+        found = []
+        for number in sorted(there):
+            with dialogue(port.bus, number, drive.host_id, drive.answer_timeout) as node:
+                kind = (node.read_if_there(0x1000) or 0) & 0xFFFF
+                what = f"{PROFILES.get(kind, 'device')} (CiA {kind})" if kind else "CANopen device"
+                state = decode(node.read_if_there(0x6041) or 0) if kind == 402 else None
+                found.append(FoundDevice(number, what, identity(node, state), "" if state is None else state.name))
+        return found

@@ -10,22 +10,45 @@
 8. Alone still, and of a drive in fault which one.
 """
 
+import contextlib
 import math
-import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from typing import NamedTuple, TypeVar
 
 import can
 
+from bowden.core.clock import SECOND, MonotonicClock, TimeSource
 from bowden.core.errors import DriveError
-from bowden.hardware.buses.link import BusPort
+from bowden.core.signals import DriveState
+from bowden.hardware.buses.link import BusPort, Links
+from bowden.hardware.buses.place import BusPlace
+from bowden.hardware.drives.scale import MotorLimits, Scale, SuitScale
 
 LISTENING = 0.5
 """So long the bus is listened to first, where a drive's watchdog is shorter: another master speaks in it [s]."""
+MOST_LISTENED = 20_000
+"""Frames after which a bus has been listened to for long enough: more than it carries in a second."""
 TRIES = 3
 """Of a question, since a frame may get lost."""
 
 Said = TypeVar("Said")
+
+
+class Found(NamedTuple):
+    """What bring-up learnt of a drive."""
+
+    identity: str
+    """Who it is, in one line."""
+    motor: Scale | SuitScale
+    joint: Scale | None
+    """Of the joint's encoder at the drive; None where it is a device of its own."""
+    limits: MotorLimits
+    state: DriveState
+    error: int
+    """Its error, 0 for none."""
+    serial: str
+    rated_torque: float = 0.0
+    """Of which a CiA 402 drive tells thousandths, 6076h [N·m]."""
 
 
 def send_now(bus: can.BusABC, message: can.Message) -> None:
@@ -56,11 +79,18 @@ class Conversation:
         node: the drive's number.
         is_foreign: whether a frame is one that only this host may send, or an answer to somebody else.
         others: programs that may be another master.
+        clock: to wait by.
     """
 
     def __init__(
-        self, port: BusPort, node: int, is_foreign: Callable[[int, bytes], bool], others: str = "the other program"
+        self,
+        port: BusPort,
+        node: int,
+        is_foreign: Callable[[int, bytes], bool],
+        others: str = "the other program",
+        clock: TimeSource | None = None,
     ) -> None:
+        self._clock = MonotonicClock() if clock is None else clock
         self.port, self.name, self._is_foreign, self._others = port, f"node {node}", is_foreign, others
         self._foreign: int | None = None
 
@@ -87,21 +117,24 @@ class Conversation:
         self.check_alone()
 
     def wait(self, span: float, matches: Callable[[int, bytes], Said | None]) -> Said | None:
-        """What the first frame says that matches, of those that come within a `span` [s]; None of none."""
-        found: list[Said] = []
+        """What the first frame says that matches, of those that come within a `span` [s]; None of none.
 
-        def looked_at(identifier: int, data: bytes) -> bool:
-            if self._foreign is None and self._is_foreign(identifier, data):
-                self._foreign = identifier
-            said = matches(identifier, data)
+        What waits at its end is looked at too: a computer that stalls is no silence.
+        """
+        ends = self._clock.now() + round(span * SECOND)
+        for _ in range(MOST_LISTENED):
+            left = (ends - self._clock.now()) / SECOND
+            frame = self.port.wait_for(lambda identifier, data: True, max(0.0, left))
+            if frame is None:
+                if left <= 0.0:
+                    break
+                continue
+            if self._foreign is None and self._is_foreign(*frame):
+                self._foreign = frame[0]
+            said = matches(*frame)
             if said is not None:
-                found.append(said)
-            return bool(found)
-
-        ends = time.monotonic() + span
-        while not found and (left := ends - time.monotonic()) > 0.0:
-            self.port.wait_for(looked_at, left)
-        return found[0] if found else None
+                return said
+        return None
 
     def ask(
         self, question: can.Message, span: float, matches: Callable[[int, bytes], Said | None], tries: int = TRIES
@@ -113,6 +146,27 @@ class Conversation:
             if said is not None:
                 return said
         return None
+
+
+@contextlib.contextmanager
+def joined(bus: BusPlace, node: int, links: Links) -> Iterator[BusPort]:
+    """A bus while somebody looks at who is on it.
+
+    Raises:
+        DriveError: it cannot be joined.
+    """
+    port = links.join(bus, f"node {node}", lambda _: True)
+    try:
+        yield port
+    finally:
+        port.leave()
+
+
+def classic_frame(identifier: int, data: bytes = b"", *, asks: int = 0) -> can.Message:
+    """A frame of classic CAN; a remote frame where it `asks` for so many bytes."""
+    return can.Message(
+        arbitration_id=identifier, is_extended_id=False, is_remote_frame=asks > 0, dlc=asks or len(data), data=data
+    )
 
 
 def refuse_torque(name: str, state: str, do: str) -> DriveError:

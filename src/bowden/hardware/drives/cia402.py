@@ -9,17 +9,8 @@ from enum import IntEnum
 from bowden.core.signals import DriveState
 from bowden.hardware.ports import Power
 
-
-class OperationMode(IntEnum):
-    """Modes of operation, 6060h."""
-
-    PROFILE_POSITION = 1
-    PROFILE_VELOCITY = 3
-    HOMING = 6
-    CYCLIC_SYNCHRONOUS_POSITION = 8
-    CYCLIC_SYNCHRONOUS_VELOCITY = 9
-    CYCLIC_SYNCHRONOUS_TORQUE = 10
-
+CYCLIC_SYNCHRONOUS_POSITION = 8
+"""Mode of operation, 6060h."""
 
 STATUS: dict[DriveState, tuple[int, int]] = {
     DriveState.NOT_READY_TO_SWITCH_ON: (0x4F, 0x00),
@@ -134,12 +125,3 @@ def step(state: DriveState, control: int, edge: bool, fault_gone: bool = True) -
     if state is DriveState.READY_TO_SWITCH_ON:
         return DriveState.SWITCHED_ON
     return DriveState.OPERATION_ENABLED if low == 0x0F else DriveState.SWITCHED_ON
-
-
-def supports(drive_modes: int, mode: OperationMode) -> bool:
-    """Whether 6502h, supported drive modes, has the bit of a mode (bit mode − 1).
-
-    >>> [supports(modes, OperationMode.CYCLIC_SYNCHRONOUS_POSITION) for modes in (0x3A5, 0x25)]
-    [True, False]
-    """
-    return bool(drive_modes >> (mode - 1) & 1)

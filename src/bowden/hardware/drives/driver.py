@@ -1,21 +1,22 @@
-"""What the drivers of all families share: their end of the bus, bring-up, readings, the drive's state, and closing.
+"""What the drivers of all families share: their end of the bus, bring-up, a cycle, the drive's state, and closing.
 
 A driver packs and parses by hand, has no thread and never waits while a loop runs. What an angle, a state and an order
-are on the wire is its family's.
+are on the wire is its family's. The bus is joined at the first bring-up, and left when one fails.
 """
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable
 from typing import Any
 
 from bowden.core.signals import DriveReading, DriveState
-from bowden.hardware.buses.link import BusPlace, BusPort, Links
-from bowden.hardware.buses.unix_bus import REMOTE
+from bowden.hardware.buses.link import BusPort, Frame, Links
+from bowden.hardware.buses.unix_bus import ERROR, REMOTE
 from bowden.hardware.drives import canopen_frames as canopen
-from bowden.hardware.drives.findings import INERT, LagWatch
-from bowden.hardware.drives.host_end import HostEnd
+from bowden.hardware.drives.checklist import Found
+from bowden.hardware.drives.findings import INERT, LOST_TURNS, LagWatch
 from bowden.hardware.drives.joint_encoder import JointEncoder, JointEncoderParameters
+from bowden.hardware.drives.limited_range import TurnCount
+from bowden.hardware.drives.on_can import place
 from bowden.hardware.drives.readings import Readings
 from bowden.hardware.ports import Power, TorqueLeft
 
@@ -23,6 +24,10 @@ LOST = 0.1
 """Silence of a drive after which it may have started again, with other limits and another position [s]."""
 SETTLED = 10
 """Orders to follow the target, in a row, after which a drive is expected to do it, and every answer is to one."""
+CLOSING_CYCLES = 20
+"""How often the power is told to go off at the end, `CLOSING_WAIT` apart, while the drive has not said that it is."""
+CLOSING_WAIT = 2e-3
+"""[s]"""
 
 
 class Driver(ABC):
@@ -30,28 +35,22 @@ class Driver(ABC):
 
     Args:
         drive: parameters of the family, checked.
-        place: of its bus.
         links: the buses of this process; of its own where none are given.
         joint: the joint's encoder beside the drive, or None.
         synced: whether the drive itself waits for a SYNC in each cycle.
-        restore: see `BusPort.disturbed`.
     """
 
     def __init__(
-        self,
-        drive: Any,
-        place: BusPlace,
-        links: Links | None,
-        joint: JointEncoderParameters | None = None,
-        *,
-        synced: bool = False,
-        restore: Callable[[], None] | None = None,
+        self, drive: Any, links: Links | None, joint: JointEncoderParameters | None = None, *, synced: bool = False
     ) -> None:
         self._encoder = None if joint is None else JointEncoder(joint, drive.answer_timeout)
         self._syncs_encoder = self._encoder is not None and self._encoder.synced
-        synced = synced or self._syncs_encoder
-        self._host = HostEnd(place, drive.node_id, links, self._is_ours, synced=synced, restore=restore)
+        self._place, self._node, self._links = place(drive), f"node {drive.node_id}", links or Links()
+        self._synced = synced or self._syncs_encoder
+        self._port: BusPort | None = None
+        self._errors = 0
         self._readings, self._up = Readings(), False
+        self._found: Found | None = None
         self.serial = ""
         """See `hardware.ports.serial_of`."""
 
@@ -60,12 +59,24 @@ class Driver(ABC):
         """Whether a frame is of this drive, or one that only its host may send."""
 
     @abstractmethod
-    def _find(self, port: BusPort) -> str:
-        """Find, check and configure the drive, and begin; who it is, in one line."""
+    def _find(self, port: BusPort) -> Found:
+        """Find, check and configure the drive."""
 
     @abstractmethod
-    def read(self, now: float) -> DriveReading:
-        """See `hardware.ports.Drive.read`."""
+    def _begin(self, found: Found | None) -> None:
+        """Nothing has been read or sent yet, of a drive as bring-up found it; None of one that is still to be found."""
+
+    @abstractmethod
+    def _take(self, identifier: int, data: bytes, now: float) -> bool:
+        """Take in what the drive says; whether the frame was one of it."""
+
+    @abstractmethod
+    def _is_foreign(self, identifier: int, data: bytes) -> bool:
+        """Whether a frame is one that nobody but this host may send."""
+
+    @abstractmethod
+    def _judge(self, now: float) -> None:
+        """Where the drive is in this cycle, by `_update_state`, and what it does not say itself."""
 
     @abstractmethod
     def write(self, target: float, power: Power, now: float, torque: float = 0.0) -> None:
@@ -81,18 +92,35 @@ class Driver(ABC):
 
     def bring_up(self) -> str:
         """See `hardware.ports.Drive.bring_up`; may be called again after a failure or a restart of the drive."""
-        self._up = False
-        return self._host.bring_up(self._find_all)
-
-    def _find_all(self, port: BusPort) -> str:
-        said = self._find(port)
-        if self._encoder is not None:
-            said += f"; joint: {self._encoder.bring_up(port.bus)}"
+        self._up, self._found = False, None
+        if self._port is None:
+            self._port = self._links.join(
+                self._place, self._node, self._wants, synced=self._synced, restore=self._restore
+            )
+        else:
+            self._port.take_all()  # and forget it
+        try:
+            found = self._found = self._find(self._port)
+            self.serial = found.serial
+            self._reset_to(found.state)
+            self._begin(found)
+            said = found.identity
+            if self._encoder is not None:
+                said += f"; joint: {self._encoder.bring_up(self._port.bus)}"
+        except BaseException:
+            self._leave()
+            raise
         self._up = True
         return said
 
-    def _is_ours(self, identifier: int) -> bool:
-        return self._concerns(identifier) or (self._encoder is not None and self._encoder.wants(identifier))
+    def _wants(self, identifier: int) -> bool:
+        plain = identifier & ~REMOTE
+        ours = self._concerns(plain) or (self._encoder is not None and self._encoder.wants(plain))
+        return ours or bool(identifier & ERROR)
+
+    def _restore(self) -> None:
+        """Be as it was brought up, after another drive on this bus was; see `BusPort.disturbed`."""
+        return
 
     def _reset_to(self, state: DriveState) -> None:
         """Nothing has been read or sent yet, and the drive is in that state."""
@@ -104,6 +132,56 @@ class Driver(ABC):
         self._led = 0  # orders to follow the target, in a row
         self._target = self._written = math.nan  # of the cycle before [rad], [s]
         self._readings.begin()
+
+    def read(self, now: float) -> DriveReading:
+        """See `hardware.ports.Drive.read`."""
+        readings = self._readings
+        readings.cycle(now)
+        for identifier, data in self._take_all() if self._up else ():
+            if self._take(identifier, data, now):
+                continue
+            if self._is_foreign(identifier, data):
+                readings.meant()
+            elif self._encoder is not None:
+                self._read_joint(self._encoder, identifier, data, now)
+        self._judge(now)
+        return readings.reading(now, self._state, self.errors)
+
+    def _read_joint(self, encoder: JointEncoder, identifier: int, data: bytes, now: float) -> None:
+        """A frame that is not the drive's."""
+        angle = encoder.read(identifier, data, now)
+        if angle is not None:
+            self._readings.turned(angle)
+        elif encoder.foreign(identifier & ~REMOTE):
+            self._readings.meant()
+
+    def _take_all(self) -> list[Frame]:
+        """The frames that are there, with the flags of `buses.unix_bus`, and no more than a cycle may read; error
+        frames are counted and left out.
+        """
+        found = [] if self._port is None else self._port.take_all()
+        for frame in found:
+            if frame[0] & ERROR:
+                self._errors += sum(bool(one[0] & ERROR) for one in found)
+                return [one for one in found if not one[0] & ERROR]
+        return found
+
+    @property
+    def errors(self) -> float:
+        """Error frames, and frames that could not be sent or read."""
+        return float(self._errors + (self._port.errors if self._port else 0))
+
+    def _check_turns(self, count: TurnCount, position: float, now: float) -> None:
+        """One that has lost count of its motor's turns is another than was brought up."""
+        if count.lost(position, now):
+            self._lost = True
+            self._readings.found(LOST_TURNS)
+
+    def _check_silence(self, now: float) -> None:
+        """One that has been silent for `LOST` may have started again: its position may be another."""
+        self._lost = self._lost or now - self._readings.replied_at > LOST
+        if self._lost:
+            self._readings.motor = math.nan
 
     def _update_state(self, state: DriveState) -> None:
         """Where the drive is in this cycle."""
@@ -127,19 +205,19 @@ class Driver(ABC):
         if watch.inert(readings.motor, self._target, readings.current, now, led=led, fresh=fresh):
             readings.found(INERT)
 
-    def _read_joint(self, identifier: int, data: bytes, now: float) -> None:
-        """A frame that is not the drive's."""
-        if self._encoder is None:
-            return
-        angle = self._encoder.read(identifier, data, now)
-        if angle is not None:
-            self._readings.turned(angle)
-        elif self._encoder.foreign(identifier & ~REMOTE):
-            self._readings.meant()
+    def _send(self, identifier: int, data: bytes) -> None:
+        """Send a frame, see `buses.opening.putter`; what cannot be sent is counted."""
+        if self._port is not None:
+            self._port.send(identifier, data)
+
+    def _sync(self) -> None:
+        """Send CANopen's SYNC, see `BusPort.sync`."""
+        if self._port is not None:
+            self._port.sync(canopen.SYNC)
 
     def _sync_encoder(self) -> None:
         if self._syncs_encoder:
-            self._host.sync(canopen.SYNC)
+            self._sync()
 
     def reset_fault(self) -> None:
         """See `hardware.ports.Drive.reset_fault`; without effect where the drive has no fault."""
@@ -148,15 +226,40 @@ class Driver(ABC):
     def close(self) -> TorqueLeft:
         """See `hardware.ports.Drive.close`; what the drive says after the second order is its word."""
         left = TorqueLeft.OFF
-        if self._up:
-            left = self._host.power_off(self._tell_off, self._torque_told)
+        if self._up and self._port is not None:
+            left = self._power_off(self._port)
             self._let_go(left)
             if self._encoder is not None:
-                self._host.send(canopen.NMT, bytes((canopen.NMT_STOP, self._encoder.node_id)))
+                self._send(canopen.NMT, bytes((canopen.NMT_STOP, self._encoder.node_id)))
         self._up = False
-        self._host.leave()
+        self._leave()
+        return left
+
+    def _power_off(self, port: BusPort) -> TorqueLeft:
+        """Tell the drive to take its torque off until it says that it has none, and what it said.
+
+        What it says of the time before the second order does not count.
+        """
+        port.synced, left = False, TorqueLeft.UNKNOWN
+        port.take_all()  # and forget it
+        for k in range(CLOSING_CYCLES):
+            self._tell_off(k)
+            frame = port.wait_for(
+                lambda identifier, data: self._torque_told(identifier, data) is not None, CLOSING_WAIT
+            )
+            if frame is not None and k > 0:
+                left = TorqueLeft.ON if self._torque_told(*frame) else TorqueLeft.OFF
+            if left is TorqueLeft.OFF:
+                break
         return left
 
     def _let_go(self, left: TorqueLeft) -> None:
         """The last word to the drive, given what it has said; of most families there is none."""
         return
+
+    def _leave(self) -> None:
+        """Let go of the bus; safe to call twice."""
+        if self._port is not None:
+            self._errors += self._port.errors
+            self._port.leave()
+        self._port = None

@@ -20,6 +20,12 @@ FINDINGS: Mapping[int, str] = {
 """Code → what it means and what to do."""
 
 
+def finding_text(code: int, own: Mapping[int, str] | None = None) -> str:
+    """The text of a driver's finding, of any family or one of its `own`, with the code; empty of any other code."""
+    text = FINDINGS.get(code) or (own or {}).get(code, "")
+    return f"0x{code:04X}: {text}" if text else ""
+
+
 WATCH_EVERY = 0.1
 """Between two questions to a drive about its watch over its host [s]."""
 LONGEST_GAP = 15e-3

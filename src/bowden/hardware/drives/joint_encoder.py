@@ -15,16 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
 from bowden.core.errors import DriveError, ParameterError
 from bowden.core.quantity import Quantity
-from bowden.hardware.drives import canopen_frames as frames
-from bowden.hardware.drives.canopen_sensor import (
-    HOST,
-    SYNCED,
-    SensorHealth,
-    device_type,
-    identifiers_of_node,
-    send_in_tpdo1,
-    try_sync,
-)
+from bowden.hardware.drives.canopen_sensor import SensorHealth, SensorKind, identifiers_of_node, sensor, start
 from bowden.hardware.drives.limited_range import LimitedRange
 from bowden.hardware.drives.scale import Scale
 
@@ -33,17 +24,24 @@ if TYPE_CHECKING:
 
     from bowden.hardware.drives.canopen_dialogue import Dialogue
 
-PROFILE = 406
-"""Low word of 1000h."""
 KINDS = {1: "a single-turn absolute rotary encoder", 2: "a multi-turn absolute rotary encoder"}
 """High word of 1000h: those whose position says where the joint is."""
 SCALED = 0x04
 """6000h: 6001h and 6002h count, and not the device's own resolution."""
 POSITION = 0x6004_0020
 """Index, sub-index and length in bits of what TPDO 1 carries."""
-WHAT = "the joint's encoder"
 BY_TIMER = 254
 """Transmission type: when the device's timer says so."""
+KIND = SensorKind(
+    what="the joint's encoder",
+    value="its position",
+    profile=406,
+    kinds=tuple(KINDS),
+    expected="profile 406 and type 1 or 2, an absolute rotary encoder",
+    node_key="joint_node_id in [drive]",
+    sync_hint='set joint_sends = "timer" in [drive], if it has one',
+    by_timer=BY_TIMER,
+)
 
 JointSource = Annotated[
     Literal["cia406", "none"],
@@ -158,34 +156,32 @@ class JointEncoder:
         Raises:
             DriveError: no answer, no encoder, another resolution than the rig's, an alarm, or a refused setting.
         """
-        from bowden.hardware.drives.canopen_dialogue import dialogue
-
         given = self._given
-        with dialogue(bus, self.node_id, HOST, self._timeout, "a CiA 406 encoder") as node:
-            if not node.answers():
-                node.command(frames.NMT_PRE_OPERATIONAL)
-            turns = _check_kind(node)
-            node.command(frames.NMT_PRE_OPERATIONAL)
+        with sensor(bus, self.node_id, self._timeout, KIND) as (node, turns):
             span = _check_resolution(node, given.counts_per_turn)
             if node.read_if_there(0x6503):
                 raise DriveError(
-                    f"{node.name}, the joint's encoder, reports an alarm (6503h is 0x{node.read(0x6503):X})",
+                    f"{node.name}, {KIND.what}, reports an alarm (6503h is 0x{node.read(0x6503):X})",
                     expected="no alarm",
                     do="see what its maker's manual says of it",
                 )
             step = given.direction * 2.0 * math.pi / given.counts_per_turn
             at_home = node.read(0x6004) if given.here else 0
             self._scale = Scale(step, given.home - step * at_home)
-            kind = SYNCED if given.synced else BY_TIMER
-            send_in_tpdo1(node, WHAT, (POSITION,), kind, lambda: _set_timer(node, synced=given.synced))
-            if given.synced:
-                try_sync(node, WHAT, "its position", 'set joint_sends = "timer" in [drive], if it has one')
+            start(node, KIND, (POSITION,), synced=given.synced, timer=self._set_timer)
             who = f"{node.text(0x1008) or KINDS[turns]} at {node.name}, {given.counts_per_turn:g} counts a turn"
         self._turns = LimitedRange(span)
         if span > 0.0:
             self._turns.follow(at_home if given.here else 0.0)  # angles begin within half a range of home
         self._health.begin()
         return who
+
+    def _set_timer(self, node: "Dialogue") -> None:
+        """Its own timer, 6200h [ms]."""
+        if not self._given.synced:
+            node.write(0x6200, 0, 1, 2)
+        elif node.read_if_there(0x6200):
+            node.write(0x6200, 0, 0, 2)
 
     def read(self, identifier: int, data: bytes, now: float) -> float | None:
         """The joint's angle, if this frame brings one [rad]; takes in what it says of itself."""
@@ -194,19 +190,6 @@ class JointEncoder:
             if self._health.good(now):
                 return self._scale.angle(counts)
         return None
-
-
-def _check_kind(node: "Dialogue") -> int:
-    """1000h: profile in the low word, kind of encoder in the high one."""
-    said = device_type(node, "encoder of the joint", "a CANopen encoder (CiA 406)", "joint_node_id in [drive]")
-    profile, kind = said & 0xFFFF, said >> 16
-    if profile != PROFILE or kind not in KINDS:
-        raise DriveError(
-            f"{node.name} has device profile {profile} and type {kind} (1000h is 0x{said:08X})",
-            expected="profile 406 and type 1 or 2, an absolute rotary encoder",
-            do="correct joint_node_id in [drive]",
-        )
-    return kind
 
 
 def _check_resolution(node: "Dialogue", counts: float) -> float:
@@ -223,11 +206,3 @@ def _check_resolution(node: "Dialogue", counts: float) -> float:
             do="correct it in rig.toml, or the encoder's resolution with its maker's tool",
         )
     return float(span or 1 << 32)
-
-
-def _set_timer(node: "Dialogue", *, synced: bool) -> None:
-    """Its own timer, 6200h [ms]."""
-    if not synced:
-        node.write(0x6200, 0, 1, 2)
-    elif node.read_if_there(0x6200):
-        node.write(0x6200, 0, 0, 2)

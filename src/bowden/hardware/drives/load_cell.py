@@ -22,23 +22,13 @@ from typing import TYPE_CHECKING
 from bowden.core.errors import DriveError
 from bowden.hardware.buses.unix_bus import EXTENDED
 from bowden.hardware.drives import canopen_frames as frames
-from bowden.hardware.drives.canopen_sensor import (
-    HOST,
-    SYNCED,
-    SensorHealth,
-    device_type,
-    identifiers_of_node,
-    send_in_tpdo1,
-    try_sync,
-)
+from bowden.hardware.drives.canopen_sensor import SensorHealth, SensorKind, identifiers_of_node, sensor, start
 from bowden.rig.load_cell import LoadCellParameters
 
 if TYPE_CHECKING:
     from bowden.hardware.buses.link import BusPort
     from bowden.hardware.drives.canopen_dialogue import Dialogue
 
-PROFILE = 404
-"""Low word of 1000h."""
 BY_TIMER = 255
 """Transmission type: when the device's profile or its event timer says so."""
 VALUE_32, VALUE_16, STATUS, UNIT, DIGITS = 0x9130, 0x7130, 0x6150, 0x6131, 0x6132
@@ -48,6 +38,16 @@ NEWTON = 0x21
 NOT_VALID, OVERLOAD, UNDERLOAD = 0x01, 0x02, 0x04
 """Bits of 6150h."""
 WHAT = "the load cell"
+KIND = SensorKind(
+    what=WHAT,
+    value="its value",
+    profile=404,
+    kinds=(),
+    expected="profile 404, a measuring device",
+    node_key="node_id in [load_cell]",
+    sync_hint='set sends = "timer" in [load_cell], if it has one',
+    by_timer=BY_TIMER,
+)
 LOOKED = 0.5
 """So long a plain frame is waited for at bring-up [s]."""
 TRIAL = 8
@@ -145,25 +145,20 @@ class LoadCellReader:
         return f"frames {given.identifier:03X}h, {abs(given.scale):g} {given.unit} a count"
 
     def _find_node(self, port: "BusPort") -> str:
-        from bowden.hardware.drives.canopen_dialogue import dialogue
-
         given = self.given
-        with dialogue(port.bus, given.node_id, HOST, self._timeout, "a CiA 404 measuring device") as node:
-            if not node.answers():
-                node.command(frames.NMT_PRE_OPERATIONAL)
-            _check_profile(node)
-            node.command(frames.NMT_PRE_OPERATIONAL)
-            mapped = self._mapped(node)
-            said = self._unit(node)
-            kind = SYNCED if self.synced else BY_TIMER
-            send_in_tpdo1(node, WHAT, mapped, kind, lambda: _set_timer(node, synced=self.synced))
-            if self.synced:
-                try_sync(node, WHAT, "its value", 'set sends = "timer" in [load_cell], if it has one')
-            who = (
-                f"{node.text(0x1008) or 'a measuring device'} at {node.name}, {abs(given.scale):g} {given.unit} a count"
-            )
+        with sensor(port.bus, given.node_id, self._timeout, KIND) as (node, _):
+            mapped, said = self._mapped(node), self._unit(node)
+            start(node, KIND, mapped, synced=self.synced, timer=self._set_timer)
+            who = node.text(0x1008) or "a measuring device"
         self._health.begin()
-        return f"{who}{said}"
+        return f"{who} at {node.name}, {abs(given.scale):g} {given.unit} a count{said}"
+
+    def _set_timer(self, node: "Dialogue") -> None:
+        """Its event timer, 1800h:5 [ms], and no inhibit time, 1800h:3."""
+        if not self.synced:
+            if node.read_if_there(0x1800, 3):
+                node.write(0x1800, 3, 0, 2)
+            node.write(0x1800, 5, 1, 2)
 
     def _mapped(self, node: "Dialogue") -> tuple[int, ...]:
         """What it is to send: its process value, and its status where it has one."""
@@ -227,23 +222,3 @@ def usable(value: float, full_scale: float, measures: str) -> float:
     (nan, -200.0, 250.0)
     """
     return math.nan if measures == "tension" and value <= -full_scale else value
-
-
-def _check_profile(node: "Dialogue") -> None:
-    """1000h: the profile in its low word."""
-    said = device_type(node, "load cell", "a CANopen measuring device (CiA 404)", "node_id in [load_cell]")
-    if said & 0xFFFF != PROFILE:
-        raise DriveError(
-            f"{node.name} has device profile {said & 0xFFFF} (1000h is 0x{said:08X})",
-            expected="profile 404, a measuring device",
-            do="correct node_id in [load_cell]",
-        )
-
-
-def _set_timer(node: "Dialogue", *, synced: bool) -> None:
-    """Its event timer, 1800h:5 [ms], and no inhibit time, 1800h:3."""
-    if synced:
-        return
-    if node.read_if_there(0x1800, 3):
-        node.write(0x1800, 3, 0, 2)
-    node.write(0x1800, 5, 1, 2)

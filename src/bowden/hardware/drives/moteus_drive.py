@@ -8,25 +8,17 @@ fault is asked and not commanded.
 
 import math
 
-from bowden.core.signals import DriveReading, DriveState
-from bowden.hardware.buses.link import BusPlace, BusPort, Links
+from bowden.core.signals import DriveState
+from bowden.hardware.buses.link import BusPort, Links
 from bowden.hardware.buses.unix_bus import EXTENDED
 from bowden.hardware.drives import moteus_frames as frames
-from bowden.hardware.drives.driver import LOST, SETTLED, Driver
-from bowden.hardware.drives.findings import LEFT, LOST_TURNS, UNWATCHED, LagWatch
+from bowden.hardware.drives.checklist import Found
+from bowden.hardware.drives.driver import SETTLED, Driver
+from bowden.hardware.drives.families.moteus import MoteusParameters, check_parameters, command_of
+from bowden.hardware.drives.findings import LEFT, UNWATCHED, LagWatch
 from bowden.hardware.drives.limited_range import LimitedRange, TurnCount
-from bowden.hardware.drives.moteus_faults import TIMED_OUT
-from bowden.hardware.drives.moteus_frames import BoardMode
-from bowden.hardware.drives.moteus_parameters import MoteusParameters, check_parameters, command_of
-from bowden.hardware.drives.moteus_setup import (
-    SAME_TIME,
-    WITHOUT_TORQUE,
-    MoteusFindings,
-    is_answer,
-    is_foreign,
-    set_up,
-    state_of,
-)
+from bowden.hardware.drives.moteus_frames import TIMED_OUT, BoardMode
+from bowden.hardware.drives.moteus_setup import SAME_TIME, WITHOUT_TORQUE, is_answer, is_foreign, set_up, state_of
 from bowden.hardware.ports import Power
 
 _NO_FLAGS = ~EXTENDED & 0xFFFF_FFFF
@@ -46,71 +38,45 @@ class MoteusDrive(Driver):
     def __init__(self, parameters: MoteusParameters, links: Links | None = None) -> None:
         check_parameters(parameters)
         drive = self._drive = parameters
-        place = BusPlace(drive.interface, drive.channel, drive.bitrate, fd=True, data_bitrate=drive.data_bitrate)
         self._answer = frames.identifier_of(drive.node_id, drive.host_id, drive.can_prefix)
-        super().__init__(drive, place, links)
+        super().__init__(drive, links)
         self._cycle = frames.CommandFrames(parameters.joint_source)
-        self._found: MoteusFindings | None = None
         self._joint_turns = LimitedRange(1.0)
         self._lag = LagWatch(drive.current_limit, drive.lag_current, drive.lag_time)
         self._to_board = frames.identifier_of(drive.host_id, drive.node_id, drive.can_prefix, reply=True)
         self._to_board |= EXTENDED * (self._to_board > frames.STANDARD_ID)
-        self._begin(DriveState.NOT_READY_TO_SWITCH_ON, 0)
+        self._reset_to(DriveState.NOT_READY_TO_SWITCH_ON)
+        self._begin(None)
 
-    def _find(self, port: BusPort) -> str:
-        self._found = None
-        found = set_up(port, self._drive)
-        self._found, self.serial = found, found.serial
-        self._begin(found.state, found.fault)
-        return found.identity
+    def _find(self, port: BusPort) -> Found:
+        return set_up(port, self._drive)
 
     def _concerns(self, identifier: int) -> bool:
         return is_answer(self._drive, identifier) or is_foreign(self._drive, identifier)
 
-    def _begin(self, state: DriveState, fault: int) -> None:
-        """Nothing has been read or sent yet, and the board is in that state."""
-        self._reset_to(state)
-        self._replied = math.nan  # [s]
-        fastest = math.inf if self._found is None else self._found.limits.speed
-        self._count = TurnCount(self._drive.output_ratio, fastest)
+    def _is_foreign(self, identifier: int, data: bytes) -> bool:
+        return is_foreign(self._drive, identifier)
+
+    def _begin(self, found: Found | None) -> None:
+        self._mode_state = self._state
+        self._count = TurnCount(self._drive.output_ratio, math.inf if found is None else found.limits.speed)
         self._turns = math.nan  # the target of the cycle before
         self._timed_out = False
-        self._readings.failed(fault)  # one that was there before is no news
         self._joint_turns.begin()
-        if self._found is not None:
-            self._joint_turns.follow(self._found.joint.counts(self._drive.joint_home))
+        if found is not None and found.joint is not None:
+            self._readings.failed(found.error)  # one that was there before is no news
+            self._joint_turns.follow(found.joint.counts(self._drive.joint_home))
         self._lag.begin()
 
-    def read(self, now: float) -> DriveReading:
-        """See `hardware.ports.Drive.read`."""
-        readings, drive, found = self._readings, self._drive, self._found
-        readings.cycle(now)
-        state = self._state
-        for identifier, data in self._host.take_all() if self._up else ():
-            if identifier & _NO_FLAGS == self._answer:
-                reply = self._cycle.reply(data)
-                if reply is not None and found is not None:
-                    state = self._take(reply, found, now)
-            elif is_foreign(drive, identifier):
-                readings.meant()
-        self._replied = now if math.isnan(self._replied) else self._replied  # of the first cycle: from here on
-        self._lost = self._lost or now - self._replied > LOST
-        if self._lost:
-            readings.motor, state = math.nan, DriveState.NOT_READY_TO_SWITCH_ON
-        self._update_state(state)
-        if self._asked and self._before is DriveState.OPERATION_ENABLED is not state and state is not DriveState.FAULT:
-            readings.found(TIMED_OUT if self._timed_out else LEFT)
-        self._check_inert(self._lag, now)
-        return readings.reading(now, state, self._host.errors)
-
-    def _take(self, reply: frames.MoteusReply, found: MoteusFindings, now: float) -> DriveState:
-        """What a reply says; the state that it means."""
+    def _take(self, identifier: int, data: bytes, now: float) -> bool:
+        if identifier & _NO_FLAGS != self._answer:
+            return False
+        reply, found = self._cycle.reply(data), self._found
+        if reply is None or found is None or found.joint is None:
+            return True
         readings, drive = self._readings, self._drive
         readings.replied(now)
-        self._replied = now
-        if self._count.lost(reply.position, now):
-            self._lost = True
-            readings.found(LOST_TURNS)
+        self._check_turns(self._count, reply.position, now)
         readings.moved(
             found.motor.angle(reply.position) if math.isfinite(reply.position) else math.nan,
             drive.motor_direction * reply.q_current if math.isfinite(reply.q_current) else math.nan,
@@ -123,7 +89,16 @@ class MoteusDrive(Driver):
         readings.failed((reply.fault & 0xFF or LEFT) if reply.mode == BoardMode.FAULT else 0)
         if self._led >= SETTLED and not abs(reply.timeout - drive.watchdog) <= SAME_TIME:
             readings.found(UNWATCHED)
-        return state_of(reply.mode)
+        self._mode_state = state_of(reply.mode)
+        return True
+
+    def _judge(self, now: float) -> None:
+        self._check_silence(now)
+        state = DriveState.NOT_READY_TO_SWITCH_ON if self._lost else self._mode_state
+        self._update_state(state)
+        if self._asked and self._before is DriveState.OPERATION_ENABLED is not state and state is not DriveState.FAULT:
+            self._readings.found(TIMED_OUT if self._timed_out else LEFT)
+        self._check_inert(self._lag, now)
 
     def write(self, target: float, power: Power, now: float, torque: float = 0.0) -> None:
         """See `hardware.ports.Drive.write`.
@@ -164,7 +139,7 @@ class MoteusDrive(Driver):
         return None if reply is None else reply.mode not in WITHOUT_TORQUE
 
     def _put(self, data: bytes) -> None:
-        self._host.send(self._to_board, data)
+        self._send(self._to_board, data)
 
 
 def _within_a_turn(turns: float) -> float:

@@ -16,12 +16,15 @@ diagnostic channel and the order of a server's replies are those of mjbots/mjlib
 micro_server.cc.
 """
 
+import contextlib
 import functools
 import math
 import struct
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from enum import IntEnum
 from typing import NamedTuple
+
+from bowden.hardware.drives.findings import finding_text
 
 REGISTER_MAP = 5
 """Version of the register map, register 102h, that all here is of."""
@@ -254,7 +257,6 @@ class RegisterWritten(NamedTuple):
     """A register written, or replied with."""
 
     register: int
-    kind: NumberKind
     value: float
     """Physical; NaN for none."""
 
@@ -272,7 +274,6 @@ class RegistersAsked(NamedTuple):
 class Failed(NamedTuple):
     """A register that was not there, or not to be written."""
 
-    writing: bool
     register: int
     error: int
 
@@ -291,75 +292,55 @@ class ConsoleBytes(NamedTuple):
 Subframe = RegisterWritten | RegistersAsked | Failed | ConsoleBytes
 
 
-class Reader:
-    """Takes a frame's bytes apart.
+def subframes(data: bytes) -> Iterator[tuple[int, Subframe]]:
+    """What a frame says, each with its base, up to what cannot be read."""
+    with contextlib.suppress(IndexError, struct.error):
+        yield from _subframes(data)
 
-    Args:
-        data: of the frame.
-    """
 
-    def __init__(self, data: bytes) -> None:
-        self._data, self._at, self._cut = data, 0, False
+def _subframes(data: bytes) -> Iterator[tuple[int, Subframe]]:
+    at = 0
+    while at < len(data):
+        head, at = _read_varuint(data, at)
+        if head == NOP:
+            continue
+        if head < WRITE_ERROR:
+            base, kind, count = head & 0x30, NumberKind(head >> 2 & 3), head & 3
+            counted = count == 0
+            if counted:
+                count, at = _read_varuint(data, at)
+            register, at = _read_varuint(data, at)
+            if base == READ:
+                yield base, RegistersAsked(register, kind, count, counted)
+                continue
+            for i in range(register, register + count):
+                (number,) = _TYPES[kind].unpack_from(data, at)
+                at += _TYPES[kind].size
+                yield base, RegisterWritten(i, physical_value(i, kind, number))
+        elif head in (WRITE_ERROR, READ_ERROR, POLL):
+            first, at = _read_varuint(data, at)
+            second, at = _read_varuint(data, at)
+            yield head, ConsoleBytes(head, first, b"", second) if head == POLL else Failed(first, second)
+        elif head in (TO_DRIVE, FROM_DRIVE):
+            channel, at = _read_varuint(data, at)
+            length, at = _read_varuint(data, at)
+            if at + length > len(data):
+                return
+            yield head, ConsoleBytes(head, channel, bytes(data[at : at + length]))
+            at += length
+        else:
+            return
 
-    def subframes(self) -> tuple[list[tuple[int, list[Subframe]]], bool]:
-        """All subframes that can be read, each with its base, and whether the rest is none."""
-        found: list[tuple[int, list[Subframe]]] = []
-        try:
-            while self._at < len(self._data):
-                head = self._varuint()
-                if head == NOP:
-                    continue
-                if head < 0x30:
-                    base = head & 0x30
-                    found.append((base, self._registers(base, NumberKind(head >> 2 & 3), head & 3)))
-                    if self._cut:
-                        return found, True
-                elif head in (WRITE_ERROR, READ_ERROR):
-                    found.append((head, [Failed(head == WRITE_ERROR, self._varuint(), self._varuint())]))
-                elif head in (TO_DRIVE, FROM_DRIVE):
-                    channel, length = self._varuint(), self._varuint()
-                    found.append((head, [ConsoleBytes(head, channel, self._bytes(length))]))
-                elif head == POLL:
-                    found.append((head, [ConsoleBytes(head, self._varuint(), b"", self._varuint())]))
-                else:
-                    return found, True
-        except (IndexError, struct.error):
-            return found, True
-        return found, False
 
-    def _registers(self, base: int, kind: NumberKind, count: int) -> list[Subframe]:
-        counted = count == 0
-        if counted:
-            count = self._varuint()
-        register = self._varuint()
-        if base == READ:
-            return [RegistersAsked(register, kind, count, counted)]
-        size = _TYPES[kind].size
-        self._cut = self._at + count * size > len(self._data)
-        if self._cut:
-            count = (len(self._data) - self._at) // size
-        found: list[Subframe] = []
-        for i in range(count):
-            (number,) = _TYPES[kind].unpack_from(self._data, self._at)
-            self._at += size
-            found.append(RegisterWritten(register + i, kind, physical_value(register + i, kind, number)))
-        return found
-
-    def _varuint(self) -> int:
-        value = 0
-        for i in range(5):
-            byte = self._data[self._at]
-            self._at += 1
-            value |= (byte & 0x7F) << 7 * i
-            if not byte & 0x80:
-                return value & 0xFFFF_FFFF
-        raise IndexError
-
-    def _bytes(self, count: int) -> bytes:
-        if self._at + count > len(self._data):
-            raise IndexError
-        self._at += count
-        return bytes(self._data[self._at - count : self._at])
+def _read_varuint(data: bytes, at: int) -> tuple[int, int]:
+    """The number from a place on, and where the next one begins."""
+    value = 0
+    for i in range(5):
+        byte = data[at + i]
+        value |= (byte & 0x7F) << 7 * i
+        if not byte & 0x80:
+            return value & 0xFFFF_FFFF, at + i + 1
+    raise IndexError
 
 
 def replied(data: bytes) -> tuple[dict[int, float], list[Failed], bytes]:
@@ -367,14 +348,13 @@ def replied(data: bytes) -> tuple[dict[int, float], list[Failed], bytes]:
     found: dict[int, float] = {}
     failed: list[Failed] = []
     text = b""
-    for base, subframes in Reader(data).subframes()[0]:
-        for one in subframes:
-            if base == REPLY and isinstance(one, RegisterWritten):
-                found[one.register] = one.value
-            elif isinstance(one, Failed):
-                failed.append(one)
-            elif base == FROM_DRIVE and isinstance(one, ConsoleBytes) and one.channel == CHANNEL:
-                text += one.data
+    for base, one in subframes(data):
+        if base == REPLY and isinstance(one, RegisterWritten):
+            found[one.register] = one.value
+        elif isinstance(one, Failed):
+            failed.append(one)
+        elif base == FROM_DRIVE and isinstance(one, ConsoleBytes) and one.channel == CHANNEL:
+            text += one.data
     return found, failed, text
 
 
@@ -441,28 +421,16 @@ class CommandFrames:
     """
 
     def __init__(self, source: int) -> None:
-        self.questions = b"".join(
-            subframe(READ, kind, register, count)
-            for kind, register, count in (
-                (NumberKind.INT8, Register.MODE, 1),
-                (NumberKind.FLOAT, Register.POSITION, 4),
-                (NumberKind.INT8, Register.TEMPERATURE, 2),
-                (NumberKind.FLOAT, SOURCES[source], 1),
-                (NumberKind.INT8, Register.ENCODER_VALIDITY, 1),
-                (NumberKind.FLOAT, Register.COMMAND_TIMEOUT, 1),
-            )
+        asked = (
+            (NumberKind.INT8, Register.MODE, 1),
+            (NumberKind.FLOAT, Register.POSITION, 4),
+            (NumberKind.INT8, Register.TEMPERATURE, 2),
+            (NumberKind.FLOAT, SOURCES[source], 1),
+            (NumberKind.INT8, Register.ENCODER_VALIDITY, 1),
+            (NumberKind.FLOAT, Register.COMMAND_TIMEOUT, 1),
         )
-        self._heads = tuple(
-            subframe(REPLY, kind, register, count)
-            for kind, register, count in (
-                (NumberKind.INT8, Register.MODE, 1),
-                (NumberKind.FLOAT, Register.POSITION, 4),
-                (NumberKind.INT8, Register.TEMPERATURE, 2),
-                (NumberKind.FLOAT, SOURCES[source], 1),
-                (NumberKind.INT8, Register.ENCODER_VALIDITY, 1),
-                (NumberKind.FLOAT, Register.COMMAND_TIMEOUT, 1),
-            )
-        )
+        self.questions = b"".join(subframe(READ, *one) for one in asked)
+        self._heads = tuple(subframe(REPLY, *one) for one in asked)
         self.stop = padded(values(WRITE, NumberKind.INT8, Register.MODE, BoardMode.STOPPED) + self.questions)
         """Torque off, and the questions."""
         self.ask = padded(self.questions)
@@ -505,3 +473,54 @@ _TORQUE = subframe(WRITE, NumberKind.FLOAT, Register.COMMAND_MAX_TORQUE, 1)
 _TIMEOUT = subframe(WRITE, NumberKind.FLOAT, Register.COMMAND_TIMEOUT, 1)
 _COMMAND = struct.Struct("<3s2sfff2shh2sf2sf13s")
 _REPLY = struct.Struct("<2sb3sffff2sbb2sf2sb2sf")
+
+TIMED_OUT = 0xFE11
+"""Code of the driver's own finding."""
+FIRST_FAULT, FIRST_LIMIT = 32, 96
+"""From the latter on a code says what limits the output, and is no fault."""
+
+FAULTS: Mapping[int, str] = {
+    32: "calibration: the encoder sensed no magnet",
+    33: "motor driver: most often the supply gives less than the motor takes",
+    34: "over-voltage of the supply: it cannot take back what the motor brakes (servo.max_voltage)",
+    35: "encoder: its readings are not those of a magnet",
+    36: "the motor is not configured: calibrate it with moteus_tool",
+    37: "PWM cycle overrun: an internal error of the firmware",
+    38: "over-temperature of the board or the motor",
+    39: "outside its limits: position mode began beyond servopos.position_min or position_max",
+    40: "under-voltage of the supply: an emergency stop that cuts it shows so",
+    41: "the configuration was changed while it ran",
+    42: "no valid encoder for commutation",
+    43: "no valid encoder for the position",
+    44: "the gate driver could not be enabled",
+    45: "a stop position with limits of speed or acceleration",
+    46: "a time inside the firmware was not kept",
+    47: "feed-forward of the back-EMF without a limit of acceleration",
+    48: "its limits of the position are beyond what it can count",
+    96: "the speed limits the output (servo.max_velocity)",
+    97: "the power limits the output (servo.max_power_W)",
+    98: "the supply's voltage limits the output",
+    99: "the current limits the output (servo.max_current_A)",
+    100: "the board's temperature limits the output",
+    101: "the motor's temperature limits the output",
+    102: "the commanded torque limits the output",
+    103: "the limits of the position limit the output",
+}
+"""Code of register 00Fh → what it means (docs/protocol/registers.md, docs/troubleshooting, fw/error.h)."""
+
+_OURS: Mapping[int, str] = {
+    TIMED_OUT: "the board's watchdog ran out and it took its torque off (mode 11): commands came too late or were "
+    "lost; check the bus and the load of this computer",
+}
+
+
+def fault_text(code: int) -> str:
+    """The text of a code, with the code.
+
+    >>> fault_text(40)
+    '40: under-voltage of the supply: an emergency stop that cuts it shows so'
+    """
+    return (
+        finding_text(code, _OURS)
+        or f"{code}: {FAULTS.get(code, 'a fault that is not known here: see its maker’s register reference')}"
+    )

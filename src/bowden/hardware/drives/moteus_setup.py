@@ -8,13 +8,12 @@ Source of the names: mjbots/moteus, docs/reference/configuration.md and docs/pro
 
 import math
 from collections.abc import Mapping
-from typing import NamedTuple
 
 import can
 
 from bowden.core.errors import DriveError
 from bowden.core.signals import DriveState
-from bowden.hardware.buses.link import BusPort
+from bowden.hardware.buses.link import BusPort, Links
 from bowden.hardware.buses.opening import UNIX
 from bowden.hardware.drives import moteus_frames as frames
 from bowden.hardware.drives.checklist import (
@@ -22,17 +21,20 @@ from bowden.hardware.drives.checklist import (
     TRIES,
     Conversation,
     DriveLimit,
+    Found,
     Setting,
     check_limits,
     check_settings,
     is_about,
+    joined,
     refuse_torque,
     send_now,
 )
-from bowden.hardware.drives.moteus_faults import fault_text
-from bowden.hardware.drives.moteus_frames import BoardMode, NumberKind, Register
-from bowden.hardware.drives.moteus_parameters import MoteusLimits, MoteusParameters, joint_scale, limits_of, motor_scale
-from bowden.hardware.drives.scale import Scale, SuitScale
+from bowden.hardware.drives.families.moteus import MoteusParameters, joint_scale, motor_scale
+from bowden.hardware.drives.moteus_frames import MOST_TURNS, BoardMode, NumberKind, Register, fault_text
+from bowden.hardware.drives.on_can import place
+from bowden.hardware.drives.scale import MotorLimits, Scale, SuitScale, motor_limits
+from bowden.rig.families import FoundDevice
 
 WITHOUT_TORQUE = frozenset(
     {
@@ -53,20 +55,6 @@ _MOST_POLLS = 50
 """Questions for the bytes of one line."""
 _LONGEST = 256
 """Of a line [bytes]."""
-
-
-class MoteusFindings(NamedTuple):
-    """What bring-up learnt of the board."""
-
-    identity: str
-    """Who it is, in one line."""
-    motor: Scale | SuitScale
-    joint: Scale
-    limits: MoteusLimits
-    state: DriveState
-    fault: int
-    """Its code; 0 for none."""
-    serial: str
 
 
 def state_of(mode: int) -> DriveState:
@@ -227,7 +215,7 @@ class MoteusDialogue:
         return None if answer is None else frames.replied(answer)[2]
 
 
-def set_up(port: BusPort, drive: MoteusParameters) -> MoteusFindings:
+def set_up(port: BusPort, drive: MoteusParameters) -> Found:
     """Find and check the board; it has no torque before, meanwhile and after.
 
     Args:
@@ -247,7 +235,8 @@ def set_up(port: BusPort, drive: MoteusParameters) -> MoteusFindings:
     here = drive.home == "here"
     motor = motor_scale(drive, turns if here else 0.0)
     joint = joint_scale(drive, joint_turns if here else 0.0)
-    limits = limits_of(drive, motor)
+    limits = motor_limits(drive, motor)
+    limits = limits._replace(low=max(-MOST_TURNS, limits.low), high=min(MOST_TURNS, limits.high))
     _check_limits(board, drive, motor, limits)
     _check_watchdog(board, drive)
     board.bus.check_alone()
@@ -256,9 +245,7 @@ def set_up(port: BusPort, drive: MoteusParameters) -> MoteusFindings:
     identity = f"moteus board at {board.name}, {who}, supply {seen[Register.VOLTAGE]:.1f} V"
     if in_fault:
         identity += f"; in fault, {fault_text(fault)}"
-    return MoteusFindings(
-        identity, motor, joint, limits, state_of(int(seen[Register.MODE])), fault if in_fault else 0, serial
-    )
+    return Found(identity, motor, joint, limits, state_of(int(seen[Register.MODE])), fault if in_fault else 0, serial)
 
 
 def _check_version(board: MoteusDialogue) -> tuple[str, str]:
@@ -273,13 +260,15 @@ def _check_version(board: MoteusDialogue) -> tuple[str, str]:
             expected=f"{frames.REGISTER_MAP}",
             do="load a firmware of that version with moteus_tool: what its registers mean is not known here",
         )
-    firmware = int(first[Register.FIRMWARE])
     number = "".join(f"{int(serial[register]) & 0xFFFF_FFFF:08x}" for register in sorted(serial, reverse=True))
-    who = (
-        f"model 0x{int(first[Register.MODEL]) & 0xFFFF_FFFF:X}, firmware "
-        f"{firmware >> 16 & 0xFF}.{firmware >> 8 & 0xFF}.{firmware & 0xFF}, serial number {number}"
-    )
-    return who, number
+    return f"{_model(first)}, serial number {number}", number
+
+
+def _model(told: dict[int, float]) -> str:
+    """Model and firmware, by their registers."""
+    firmware = int(told.get(Register.FIRMWARE, 0.0))
+    version = f"{firmware >> 16 & 0xFF}.{firmware >> 8 & 0xFF}.{firmware & 0xFF}"
+    return f"model 0x{int(told[Register.MODEL]) & 0xFFFF_FFFF:X}, firmware {version}"
 
 
 def _check_without_torque(board: MoteusDialogue, drive: MoteusParameters) -> dict[int, float]:
@@ -381,7 +370,7 @@ def _check_encoders(board: MoteusDialogue, drive: MoteusParameters, seen: dict[i
 
 
 def _check_limits(
-    board: MoteusDialogue, drive: MoteusParameters, motor: Scale | SuitScale, limits: MoteusLimits
+    board: MoteusDialogue, drive: MoteusParameters, motor: Scale | SuitScale, limits: MotorLimits
 ) -> None:
     """The rig's limits against those in the board, which are read and never changed."""
     low, high = (board.configured(f"servopos.position_{end}") for end in ("min", "max"))
@@ -429,3 +418,33 @@ def _check_watchdog(board: MoteusDialogue, drive: MoteusParameters) -> None:
             expected="what was written",
             do="take another firmware: this one would keep its torque",
         )
+
+
+def probe(drive: MoteusParameters, links: Links) -> list[FoundDevice]:
+    """Which boards there are: all are asked at once who they are and what they do; nothing is written.
+
+    Args:
+        drive: with the bus, and this computer's number.
+        links: the buses of this process.
+
+    Raises:
+        DriveError: the bus cannot be used, or another master is on it.
+    """
+    everybody = drive._replace(node_id=frames.BROADCAST)
+    question = frames.subframe(frames.READ, NumberKind.INT8, Register.MODE, 1)
+    question += frames.subframe(frames.READ, NumberKind.INT32, Register.MODEL, 3)
+    found: dict[int, FoundDevice] = {}
+    with joined(place(drive), drive.node_id, links) as port:
+        bus = MoteusDialogue(port, drive).bus
+        bus.listen(LISTENING)
+
+        def looked_at(identifier: int, data: bytes) -> None:
+            node, receiver = identifier >> 8 & 0x7F, identifier & 0xFF
+            ours = receiver == drive.host_id and frames.prefix_of(identifier) == drive.can_prefix
+            told, failed, _ = frames.replied(data)
+            if ours and Register.MODE in told and not failed and Register.MODEL in told:
+                found[node] = FoundDevice(node, "moteus board", _model(told), state_of(int(told[Register.MODE])).name)
+
+        send_now(port.bus, message(everybody, question, reply=True))
+        bus.wait(drive.answer_timeout, looked_at)
+    return [found[node] for node in sorted(found)]

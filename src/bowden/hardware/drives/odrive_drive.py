@@ -14,20 +14,29 @@ the board's heartbeat alone, whose age is its sign of life.
 
 import math
 
-from bowden.core.signals import EMERGENCY_STOP, DriveReading, DriveState
+from bowden.core.signals import EMERGENCY_STOP, DriveState
 from bowden.hardware.buses.link import BusPort, Links
 from bowden.hardware.buses.unix_bus import REMOTE
 from bowden.hardware.drives import odrive_frames as frames
-from bowden.hardware.drives.driver import LOST, Driver
-from bowden.hardware.drives.findings import LEFT, LOST_TURNS, UNWATCHED, WATCH_EVERY, LagWatch
+from bowden.hardware.drives.checklist import Found
+from bowden.hardware.drives.driver import Driver
+from bowden.hardware.drives.families.odrive import OdriveParameters, check_parameters, scales_of, target_of
+from bowden.hardware.drives.findings import LEFT, UNWATCHED, WATCH_EVERY, LagWatch
 from bowden.hardware.drives.joint_encoder import joint_encoder_of
 from bowden.hardware.drives.limited_range import TurnCount
 from bowden.hardware.drives.odrive_endpoints import ENABLED, TIMEOUT, endpoints_of
-from bowden.hardware.drives.odrive_faults import ESTOP, UNTOLD, WATCHDOG, code_of
-from bowden.hardware.drives.odrive_frames import AxisState, Beat, Cmd, identifier_of
-from bowden.hardware.drives.odrive_parameters import OdriveParameters, check_parameters, scales_of, target_of
-from bowden.hardware.drives.odrive_setup import SAME, OdriveFindings, is_foreign, set_up, state_of
-from bowden.hardware.drives.on_can import place
+from bowden.hardware.drives.odrive_frames import (
+    ESTOP,
+    UNTOLD,
+    WATCHDOG,
+    AxisState,
+    Beat,
+    Cmd,
+    code_of,
+    identifier_of,
+    unpack,
+)
+from bowden.hardware.drives.odrive_setup import SAME, is_foreign, set_up, state_of
 from bowden.hardware.ports import Power
 
 TURN = (*(Cmd.GET_IQ,) * 7, Cmd.GET_TEMPERATURE)
@@ -39,7 +48,8 @@ REFUSED = 5
 DISOBEYED = 6
 """Heartbeats with closed loop after it was told to be idle, after which its emergency stop is used."""
 _EIGHT = bytes(8)
-_IDLE, _CLOSED_LOOP = frames.pack_state(AxisState.IDLE), frames.pack_state(AxisState.CLOSED_LOOP_CONTROL)
+_IDLE = frames.pack(Cmd.SET_AXIS_STATE, AxisState.IDLE)
+_CLOSED_LOOP = frames.pack(Cmd.SET_AXIS_STATE, AxisState.CLOSED_LOOP_CONTROL)
 
 
 class OdriveDrive(Driver):
@@ -57,8 +67,7 @@ class OdriveDrive(Driver):
         check_parameters(parameters)
         drive = self._drive = parameters
         self._endpoints, self._scales = endpoints_of(drive.endpoints), scales_of(drive)
-        super().__init__(drive, place(drive), links, joint_encoder_of(drive))
-        self._found: OdriveFindings | None = None
+        super().__init__(drive, links, joint_encoder_of(drive))
         self._lag = LagWatch(drive.current_limit, drive.lag_current, drive.lag_time)
         self._frames = drive.node_id << 5
         """Identifier of its frames, of command 0."""
@@ -73,21 +82,20 @@ class OdriveDrive(Driver):
         """Number → setting of the watchdog, and its value."""
         self._told = {identifier_of(drive.node_id, Cmd(cmd)): int(cmd) for cmd in frames.TOLD}
         """Identifier → command of what it tells."""
-        self._begin(DriveState.NOT_READY_TO_SWITCH_ON, 0)
+        self._reset_to(DriveState.NOT_READY_TO_SWITCH_ON)
+        self._begin(None)
 
-    def _find(self, port: BusPort) -> str:
-        self._found = None
-        found = set_up(port, self._drive, self._endpoints)
-        self._found, self.serial = found, found.serial
-        self._begin(found.state, found.errors)
-        return found.identity
+    def _find(self, port: BusPort) -> Found:
+        return set_up(port, self._drive, self._endpoints)
 
     def _concerns(self, identifier: int) -> bool:
         return identifier >> 5 in (self._drive.node_id, frames.BROADCAST)
 
-    def _begin(self, state: DriveState, errors: int) -> None:
-        """Nothing has been read or sent yet, and the board is in that state."""
-        self._reset_to(state)
+    def _is_foreign(self, identifier: int, data: bytes) -> bool:
+        return is_foreign(self._drive.node_id, identifier, data)
+
+    def _begin(self, found: Found | None) -> None:
+        errors = 0 if found is None else found.error
         self._beat = Beat(errors, AxisState.IDLE)
         self._armed_with = 0  # errors that it had when it came to closed loop, of the time before
         self._untouched = True  # nothing with power has been ordered
@@ -97,67 +105,44 @@ class OdriveDrive(Driver):
         self._asked_watch_at = -math.inf
         self._unwatched: set[int] = set()  # settings of the watchdog that are not as they were
         self._turns = self._before_turns = math.nan  # as read, as sent
-        self._temperature = self._beat_at = math.nan
-        self._count = TurnCount(1.0, math.inf if self._found is None else self._found.limits.speed)
+        self._temperature = math.nan
+        self._count = TurnCount(1.0, math.inf if found is None else found.limits.speed)
         self._readings.failed(code_of(errors))  # one that was there before is no news
         self._lag.begin()
 
-    def read(self, now: float) -> DriveReading:
-        """See `hardware.ports.Drive.read`."""
-        readings, found = self._readings, self._found
-        readings.cycle(now)
-        for identifier, data in self._host.take_all() if self._up else ():
-            cmd = self._told.get(identifier)
-            if cmd is not None and data and found is not None:
-                self._take(cmd, data, found, now)
-            elif is_foreign(self._drive.node_id, identifier, data):
-                readings.meant()
-            else:
-                self._read_joint(identifier, data, now)
-        if math.isnan(self._beat_at):
-            self._beat_at = now  # of the first cycle: from here on it can be late
-        if now - self._beat_at > LOST:
-            self._lost = True
-        if self._lost:
-            readings.motor = math.nan
-        self._update_state(self._standing())
-        self._judge(now)
-        return readings.reading(now, self._state, self._host.errors)
-
-    def _take(self, cmd: int, data: bytes, found: OdriveFindings, now: float) -> None:
-        """What the board says."""
-        readings = self._readings
+    def _take(self, identifier: int, data: bytes, now: float) -> bool:
+        cmd, found, readings = self._told.get(identifier), self._found, self._readings
+        if cmd is None or not data or found is None:
+            return False
         if cmd == Cmd.HEARTBEAT and (beat := frames.unpack_beat(data)) is not None:
             readings.replied(now)
-            self._beat_at = now
             self._disobeyed = self._disobeyed + 1 if beat.state != AxisState.IDLE and not self._asked else 0
             if beat.state == AxisState.CLOSED_LOOP_CONTROL != self._beat.state:
                 self._armed_with = beat.errors
             self._beat = beat
             self._lost = self._lost or beat.state == AxisState.UNDEFINED
-        elif cmd == Cmd.GET_ENCODER_ESTIMATES and (told := frames.unpack_floats(data)) is not None:
-            if self._count.lost(told[0], now):
-                self._lost = True
-                readings.found(LOST_TURNS)
+        elif cmd == Cmd.GET_ENCODER_ESTIMATES and (told := unpack(cmd, data)) is not None:
+            self._check_turns(self._count, told[0], now)
             if not self._lost and abs(told[0]) <= 2.0 * frames.MOST_TURNS:
                 self._turns = told[0]
                 readings.moved(found.motor.angle(told[0]), readings.current, self._temperature, self._written)
-        elif cmd == Cmd.GET_IQ and (told := frames.unpack_floats(data)) is not None:
+        elif cmd == Cmd.GET_IQ and (told := unpack(cmd, data)) is not None:
             readings.current = self._drive.motor_direction * told[1] if math.isfinite(told[1]) else math.nan
-        elif cmd == Cmd.GET_TEMPERATURE and (told := frames.unpack_floats(data)) is not None:
+        elif cmd == Cmd.GET_TEMPERATURE and (told := unpack(cmd, data)) is not None:
             self._temperature = told[0] if math.isfinite(told[0]) else math.nan
-        elif cmd == Cmd.TX_SDO and (answer := frames.unpack_answer(data)) is not None and answer[0] in self._watch:
-            endpoint, wanted = self._watch[answer[0]]
-            value = endpoint.unpack(answer[1])
+        elif cmd == Cmd.TX_SDO and (answer := frames.unpack_sdo(data)) is not None and answer[1] in self._watch:
+            endpoint, wanted = self._watch[answer[1]]
+            value = endpoint.unpack(answer[2])
             as_set = value is None or abs(value - wanted) <= SAME * wanted
             (self._unwatched.discard if as_set else self._unwatched.add)(endpoint.number)
+        return True
 
     @property
     def _expired(self) -> bool:
         """Whether the board's one error is that nobody spoke to it before the first order with power."""
         return self._untouched and self._beat.errors == WATCHDOG
 
-    def _errors(self) -> int:
+    def _counting_errors(self) -> int:
         """Those that count: of a board in closed loop those that came in it."""
         if self._expired:
             return 0
@@ -168,12 +153,13 @@ class OdriveDrive(Driver):
     def _standing(self) -> DriveState:
         if self._found is None or self._lost:
             return DriveState.NOT_READY_TO_SWITCH_ON
-        return state_of(self._beat, self._errors())
+        return state_of(self._beat, self._counting_errors())
 
     def _judge(self, now: float) -> None:
-        """What the board reports, and what it does not."""
+        self._check_silence(now)
+        self._update_state(self._standing())
         readings, led = self._readings, self._state is DriveState.OPERATION_ENABLED
-        errors = 0 if self._lost else self._errors()
+        errors = 0 if self._lost else self._counting_errors()
         pressed = errors & ESTOP and not self._stopped
         readings.failed(int(EMERGENCY_STOP) if pressed else code_of(errors))
         if self._asked and self._before is DriveState.OPERATION_ENABLED and not led and not readings.error:
@@ -214,17 +200,17 @@ class OdriveDrive(Driver):
         if self._expired or (self._reset and not on):
             self._order(Cmd.CLEAR_ERRORS, bytes(1))
             self._reset = self._stopped = False
-        self._host.send(self._asks_position, _EIGHT)
+        self._send(self._asks_position, _EIGHT)
         if now - self._asked_watch_at >= WATCH_EVERY:
             self._questions, self._asked_watch_at = self._questions + 1, now
-            self._order(Cmd.RX_SDO, frames.pack_question([*self._watch][self._questions % len(self._watch)]))
+            self._order(Cmd.RX_SDO, frames.pack_sdo([*self._watch][self._questions % len(self._watch)]))
         else:
-            self._host.send(self._asks[self._cycles % len(TURN)], _EIGHT)
+            self._send(self._asks[self._cycles % len(TURN)], _EIGHT)
         self._cycles += 1
         self._written = now
         self._sync_encoder()
 
-    def _lead(self, found: OdriveFindings, target: float, turns: float, torque: float, now: float) -> None:
+    def _lead(self, found: Found, target: float, turns: float, torque: float, now: float) -> None:
         """The order with power: to closed loop, and there to the target."""
         led = self._state is DriveState.OPERATION_ENABLED
         if not self._asked:
@@ -242,7 +228,7 @@ class OdriveDrive(Driver):
         self._order(Cmd.SET_INPUT_POS, frames.pack_target(sent, self._scales))
 
     def _order(self, cmd: Cmd, data: bytes) -> None:
-        self._host.send(self._frames | cmd, data)
+        self._send(self._frames | cmd, data)
 
     def reset_fault(self) -> None:
         """See `hardware.ports.Drive.reset_fault`; without effect where the board has no fault."""

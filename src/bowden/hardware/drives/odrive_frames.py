@@ -1,32 +1,19 @@
-"""CANSimple, the protocol of ODrive boards on classic CAN: identifiers, commands and their fields by hand. Pure.
+"""CANSimple, the protocol of ODrive boards on classic CAN: identifiers, commands, their fields, and errors. Pure.
 
 An identifier has the board's number in bits 5 to 10 and the command in bits 0 to 4. Numbers are little-endian,
 positions are turns. What a board tells is asked for with a remote frame of the same identifier.
 
-    0x00 Get_Version      protocol, hardware line, version, variant, firmware major, minor, revision, unreleased: u8
-    0x01 Heartbeat        errors u32, axis state u8, result of the last procedure u8, trajectory done u8
-    0x02 Estop            nothing
-    0x03 Get_Error        active errors u32, reason of the last disarming u32
-    0x04 RxSdo            operation u8 (0 read, 1 write), endpoint u16, 0, value
-    0x05 TxSdo            0, endpoint u16, 0, value
-    0x07 Set_Axis_State   u32
-    0x09 Get_Encoder_Estimates  position f32 [turns], velocity f32 [turns/s]
-    0x0B Set_Controller_Mode    control mode u32, input mode u32
-    0x0C Set_Input_Pos    position f32 [turns], velocity i16, torque i16, each by a scale of the board's configuration
-    0x0F Set_Limits       velocity f32 [turns/s], current f32 [A]
-    0x14 Get_Iq           wanted f32 [A], measured f32 [A]
-    0x15 Get_Temperature  of the transistors f32, of the motor f32 [°C]
-    0x17 Get_Bus_Voltage_Current  f32 [V], f32 [A]
-    0x18 Clear_Errors     identify u8
-
 Source: ODrive Robotics, "CAN Protocol" of the documentation for firmware 0.6, and the DBC file
-odrive-cansimple-0.6.10 that is made from it.
+odrive-cansimple-0.6.10 that is made from it; for the errors the API's `ODrive.Error`.
 """
 
 import math
 import struct
+from collections.abc import Mapping
 from enum import IntEnum
-from typing import NamedTuple
+from typing import Any, NamedTuple
+
+from bowden.hardware.drives.findings import finding_text
 
 PROTOCOL = 2
 """Protocol_Version that every board with Get_Version reports."""
@@ -114,16 +101,6 @@ def identifier_of(node: int, cmd: Cmd) -> int:
     return node << 5 | cmd
 
 
-class BoardVersion(NamedTuple):
-    """Who a board is."""
-
-    protocol: int
-    hardware: tuple[int, int, int]
-    """Product line, version, variant."""
-    firmware: tuple[int, int, int]
-    unreleased: bool
-
-
 class Beat(NamedTuple):
     """A heartbeat."""
 
@@ -131,14 +108,6 @@ class Beat(NamedTuple):
     """Those that are active, and those that disarmed it last; flags."""
     state: int
     """An `AxisState`, or a number that is none."""
-
-
-class BoardErrors(NamedTuple):
-    """Errors as flags."""
-
-    active: int
-    disarmed: int
-    """Why it disarmed last."""
 
 
 class Target(NamedTuple):
@@ -161,29 +130,50 @@ class Scales(NamedTuple):
     """In 1 N·m."""
 
 
-def pack_state(state: int) -> bytes:
-    """Set_Axis_State."""
-    return struct.pack("<II", state, 0)
+_NUMBERS, _WHOLE = struct.Struct("<ff"), struct.Struct("<II")
+FIELDS: Mapping[int, struct.Struct] = {
+    Cmd.GET_VERSION: struct.Struct("<8B"),  # protocol; hardware line, version, variant; firmware's three; unreleased
+    Cmd.HEARTBEAT: struct.Struct("<IB"),  # errors, axis state; and two bytes about procedure and trajectory
+    Cmd.GET_ERROR: _WHOLE,  # active errors, reason of the last disarming
+    Cmd.SET_AXIS_STATE: struct.Struct("<I"),
+    Cmd.GET_ENCODER_ESTIMATES: _NUMBERS,  # position [turns], velocity [turns/s]
+    Cmd.SET_CONTROLLER_MODE: _WHOLE,  # control mode, input mode
+    Cmd.SET_INPUT_POS: struct.Struct("<fhh"),  # position [turns], velocity and torque by scales of the board
+    Cmd.SET_INPUT_VEL: _NUMBERS,  # [turns/s], [N·m]
+    Cmd.SET_LIMITS: _NUMBERS,  # velocity [turns/s], current [A]
+    Cmd.GET_IQ: _NUMBERS,  # wanted, measured [A]
+    Cmd.GET_TEMPERATURE: _NUMBERS,  # of the transistors, of the motor [°C]
+    Cmd.GET_BUS_VOLTAGE_CURRENT: _NUMBERS,  # [V], [A]
+    Cmd.SET_ABSOLUTE_POSITION: struct.Struct("<f"),  # [turns]
+    Cmd.GET_TORQUES: _NUMBERS,  # wanted, estimated [N·m]
+    Cmd.GET_POWERS: _NUMBERS,  # electrical, mechanical [W]
+}
+"""Command → its fields. Estop has none, Clear_Errors a byte; RxSdo and TxSdo: `pack_sdo`."""
+_LEAST: Mapping[int, int] = {Cmd.HEARTBEAT: 7}
+"""Bytes without which a frame says nothing, where those of its fields are fewer."""
 
 
-def unpack_state(data: bytes) -> int | None:
-    """Set_Axis_State."""
-    return int.from_bytes(data[:4], "little") if len(data) >= 4 else None
+def pack(cmd: int, *fields: Any) -> bytes:
+    """A command's data."""
+    return FIELDS[cmd].pack(*fields).ljust(8, b"\0")
 
 
-def pack_modes(control: int, input_mode: int) -> bytes:
-    """Set_Controller_Mode."""
-    return struct.pack("<II", control, input_mode)
+def unpack(cmd: int, data: bytes) -> tuple[Any, ...] | None:
+    """The fields of a command; None of too few bytes."""
+    form = FIELDS[cmd]
+    return form.unpack_from(data) if len(data) >= _LEAST.get(cmd, form.size) else None
+
+
+def unpack_beat(data: bytes) -> Beat | None:
+    """Heartbeat."""
+    fields = unpack(Cmd.HEARTBEAT, data)
+    return None if fields is None else Beat(*fields)
 
 
 def pack_target(target: Target, scales: Scales) -> bytes:
     """Set_Input_Pos; a feed-forward beyond its field's range stands at its end, and one that is no number is none."""
-    return struct.pack(
-        "<fhh",
-        target.position,
-        _steps(target.velocity, scales.velocity),
-        _steps(target.torque, scales.torque),
-    )
+    velocity, torque = _steps(target.velocity, scales.velocity), _steps(target.torque, scales.torque)
+    return FIELDS[Cmd.SET_INPUT_POS].pack(target.position, velocity, torque)
 
 
 def _steps(value: float, scale: float) -> int:
@@ -192,82 +182,97 @@ def _steps(value: float, scale: float) -> int:
 
 def unpack_target(data: bytes, scales: Scales) -> Target | None:
     """Set_Input_Pos."""
-    if len(data) != 8:
-        return None
-    position, velocity, torque = struct.unpack("<fhh", data)
-    return Target(position, velocity / scales.velocity, torque / scales.torque)
-
-
-def pack_floats(first: float, second: float) -> bytes:
-    """The commands that have two numbers: limits, estimates, currents, temperatures, voltage."""
-    return struct.pack("<ff", first, second)
-
-
-def unpack_floats(data: bytes) -> tuple[float, float] | None:
-    """See `pack_floats`."""
-    if len(data) != 8:
-        return None
-    first, second = struct.unpack("<ff", data)
-    return first, second
-
-
-def pack_version(version: BoardVersion) -> bytes:
-    """Get_Version."""
-    return bytes((version.protocol, *version.hardware, *version.firmware, version.unreleased))
-
-
-def unpack_version(data: bytes) -> BoardVersion | None:
-    """Get_Version."""
-    if len(data) != 8:
-        return None
-    return BoardVersion(data[0], (data[1], data[2], data[3]), (data[4], data[5], data[6]), data[7] != 0)
-
-
-def pack_beat(beat: Beat) -> bytes:
-    """Heartbeat."""
-    return struct.pack("<IBBBB", beat.errors, beat.state, 0, 0, 0)
-
-
-def unpack_beat(data: bytes) -> Beat | None:
-    """Heartbeat; seven bytes of it say something."""
-    return Beat(*struct.unpack("<IB", data[:5])) if len(data) >= 7 else None
-
-
-def pack_errors(errors: BoardErrors) -> bytes:
-    """Get_Error."""
-    return struct.pack("<II", *errors)
-
-
-def unpack_errors(data: bytes) -> BoardErrors | None:
-    """Get_Error."""
-    return BoardErrors(*struct.unpack("<II", data)) if len(data) == 8 else None
+    fields = unpack(Cmd.SET_INPUT_POS, data)
+    return None if fields is None else Target(fields[0], fields[1] / scales.velocity, fields[2] / scales.torque)
 
 
 READ, WRITE = 0, 1
 """Operations of RxSdo."""
 
 
-def pack_question(endpoint: int) -> bytes:
-    """RxSdo that reads an endpoint."""
-    return struct.pack("<BHB", READ, endpoint, 0)
+def pack_sdo(endpoint: int, value: bytes = b"", operation: int = READ) -> bytes:
+    """RxSdo with its operation, or TxSdo, which has none: an endpoint, and its value where one is given."""
+    return struct.pack("<BHB", operation, endpoint, 0) + value
 
 
-def unpack_question(data: bytes) -> tuple[int, int, bytes] | None:
-    """RxSdo: operation, endpoint, value."""
-    if len(data) < 4:
-        return None
-    operation, endpoint, _ = struct.unpack("<BHB", data[:4])
-    return operation, endpoint, data[4:]
+def unpack_sdo(data: bytes) -> tuple[int, int, bytes] | None:
+    """RxSdo or TxSdo: operation, endpoint, value."""
+    return (data[0], data[1] | data[2] << 8, data[4:]) if len(data) >= 4 else None
 
 
-def pack_answer(endpoint: int, value: bytes) -> bytes:
-    """TxSdo."""
-    return struct.pack("<BHB", 0, endpoint, 0) + value
+WATCHDOG, ESTOP, INITIALIZING = 0x0100_0000, 0x0200_0000, 0x1
+"""Flags: the watchdog has expired, an emergency stop came, the board has not begun yet."""
+
+ERRORS: Mapping[int, tuple[str, str]] = {
+    0x0000_0001: ("INITIALIZING", "the board is starting, or an encoder has not answered yet"),
+    0x0000_0002: ("SYSTEM_LEVEL", "an error inside the firmware"),
+    0x0000_0004: ("TIMING_ERROR", "a time inside the firmware was not kept"),
+    0x0000_0008: ("MISSING_ESTIMATE", "no position or speed: check the encoder and its calibration"),
+    0x0000_0010: ("BAD_CONFIG", "its configuration makes no sense, or the motor is not calibrated"),
+    0x0000_0020: ("DRV_FAULT", "the gate driver: check the motor's phases, and the supply"),
+    0x0000_0040: ("MISSING_INPUT", "no target: it came with another mode, or is no number"),
+    0x0000_0100: ("DC_BUS_OVER_VOLTAGE", "the supply cannot take back what the motor brakes: check the brake resistor"),
+    0x0000_0200: ("DC_BUS_UNDER_VOLTAGE", "under-voltage of the supply: an emergency stop that cuts it shows so"),
+    0x0000_0400: ("DC_BUS_OVER_CURRENT", "more current from the supply than its limit"),
+    0x0000_0800: (
+        "DC_BUS_OVER_REGEN_CURRENT",
+        "more current back than its limit: check the brake resistor",
+    ),
+    0x0000_1000: ("CURRENT_LIMIT_VIOLATION", "the motor drew more than its hard limit (current_hard_max)"),
+    0x0000_2000: ("MOTOR_OVER_TEMP", "over-temperature of the motor"),
+    0x0000_4000: ("INVERTER_OVER_TEMP", "over-temperature of the board"),
+    0x0000_8000: (
+        "VELOCITY_LIMIT_VIOLATION",
+        "the motor was faster than its limit (vel_limit · vel_limit_tolerance)",
+    ),
+    0x0001_0000: ("POSITION_LIMIT_VIOLATION", "an end stop, or a limit of the position"),
+    0x0100_0000: (
+        "WATCHDOG_TIMER_EXPIRED",
+        "the board's watchdog ran out and it took its torque off: commands came too late or were lost; check the bus "
+        "and the load of this computer",
+    ),
+    0x0200_0000: ("ESTOP_REQUESTED", "an emergency stop: its Estop frame, or an end stop or input set up as one"),
+    0x0400_0000: ("SPINOUT_DETECTED", "the motor turns otherwise than its current says: calibrate its encoder anew"),
+    0x0800_0000: ("BRAKE_RESISTOR_DISARMED", "the brake resistor is off"),
+    0x1000_0000: ("THERMISTOR_DISCONNECTED", "a temperature sensor is off"),
+    0x4000_0000: ("CALIBRATION_ERROR", "a calibration has failed"),
+}
+"""Flag → its name, and what it means."""
+
+UNTOLD = 0xFE21
+"""Code of the driver's own: the board does not do what its settings, as bring-up left them, say."""
+_OURS: Mapping[int, str] = {
+    UNTOLD: "the board has not come to closed loop and reports no error: it refused to, see its procedure_result",
+}
 
 
-def unpack_answer(data: bytes) -> tuple[int, bytes] | None:
-    """TxSdo: endpoint, value."""
-    if len(data) < 4:
-        return None
-    _, endpoint, _ = struct.unpack("<BHB", data[:4])
-    return endpoint, data[4:]
+def code_of(flags: int) -> int:
+    """The code of the first of some errors, the number of its flag counted from 1; 0 of none.
+
+    Causes come first: the watchdog and the emergency stop stand behind errors of supply, motor and encoder.
+
+    >>> code_of(0x0100_0200), code_of(0x0100_0000), code_of(0)
+    (10, 25, 0)
+    """
+    return (flags & -flags).bit_length()
+
+
+def errors_text(flags: int) -> str:
+    """Names of errors; those that are not known by their number.
+
+    >>> errors_text(0x0100_0200)
+    'DC_BUS_UNDER_VOLTAGE, WATCHDOG_TIMER_EXPIRED'
+    """
+    each = (1 << bit for bit in range(32) if flags >> bit & 1)
+    return ", ".join(ERRORS[flag][0] if flag in ERRORS else f"0x{flag:X}" for flag in each) or "none"
+
+
+def fault_text(code: int) -> str:
+    """The text of a code.
+
+    >>> fault_text(10)
+    'DC_BUS_UNDER_VOLTAGE (0x200): under-voltage of the supply: an emergency stop that cuts it shows so'
+    """
+    flag = 1 << code - 1 if 0 < code <= 32 else 0
+    name, meaning = ERRORS.get(flag, (f"error {code}", "which is not known here: see its maker's documentation"))
+    return finding_text(code, _OURS) or f"{name} (0x{flag:X}): {meaning}"

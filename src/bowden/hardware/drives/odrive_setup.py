@@ -6,13 +6,13 @@ is saved. The watchdog is the owner's to set; it is read, and then tried by sayi
 
 import math
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any
 
 import can
 
 from bowden.core.errors import DriveError
 from bowden.core.signals import DriveState
-from bowden.hardware.buses.link import BusPort
+from bowden.hardware.buses.link import BusPort, Links
 from bowden.hardware.buses.unix_bus import REMOTE
 from bowden.hardware.drives import odrive_endpoints as settings
 from bowden.hardware.drives import odrive_frames as frames
@@ -21,21 +21,24 @@ from bowden.hardware.drives.checklist import (
     TRIES,
     Conversation,
     DriveLimit,
+    Found,
     Said,
     Setting,
     check_limits,
     check_settings,
+    classic_frame,
     is_about,
+    joined,
     refuse_torque,
     send_now,
 )
-from bowden.hardware.drives.host_end import classic_frame
+from bowden.hardware.drives.families.odrive import OdriveParameters, motor_scale
 from bowden.hardware.drives.limited_range import nearest
 from bowden.hardware.drives.odrive_endpoints import Endpoints
-from bowden.hardware.drives.odrive_faults import WATCHDOG, errors_text
-from bowden.hardware.drives.odrive_frames import AxisState, Beat, Cmd, identifier_of
-from bowden.hardware.drives.odrive_parameters import OdriveLimits, OdriveParameters, limits_of, motor_scale
-from bowden.hardware.drives.scale import Scale, SuitScale
+from bowden.hardware.drives.odrive_frames import WATCHDOG, AxisState, Beat, Cmd, errors_text, identifier_of, unpack
+from bowden.hardware.drives.on_can import place
+from bowden.hardware.drives.scale import MotorLimits, motor_limits
+from bowden.rig.families import FoundDevice
 
 OLDEST, NEWEST = (0, 6, 9), (0, 7, 0)
 """Firmwares from the first to before the second are spoken to: with Get_Version and Clear_Errors as they are here."""
@@ -47,19 +50,6 @@ CONSTANT = 0.05
 """Share by which the torque constants of board and rig may differ [–]."""
 _LATE = 0.05
 """That this computer may be late in seeing what the trial of the watchdog waits for [s]."""
-
-
-class OdriveFindings(NamedTuple):
-    """What bring-up learnt of the board."""
-
-    identity: str
-    """Who it is, in one line."""
-    motor: Scale | SuitScale
-    limits: OdriveLimits
-    state: DriveState
-    errors: int
-    """Flags, but for the watchdog's, which runs out before the first cycle."""
-    serial: str
 
 
 def is_foreign(node: int, identifier: int, data: bytes) -> bool:
@@ -126,14 +116,14 @@ class OdriveDialogue:
 
         return self.bus.wait(span, self._matching(looked_at)) is not None
 
-    def ask(self, cmd: Cmd, unpack: Callable[[bytes], Said | None]) -> Said:
-        """What the board tells when it is asked.
+    def ask(self, cmd: Cmd) -> tuple[Any, ...]:
+        """The fields of what the board tells when it is asked.
 
         Raises:
             DriveError: no answer.
         """
-        question = classic_frame(identifier_of(self._drive.node_id, cmd), 8, remote=True)
-        answered = self._matching(lambda told, data: unpack(data) if told == cmd else None)
+        question = classic_frame(identifier_of(self._drive.node_id, cmd), asks=8)
+        answered = self._matching(lambda told, data: unpack(cmd, data) if told == cmd else None)
         said = self.bus.ask(question, self._drive.answer_timeout, answered)
         if said is not None:
             return said
@@ -147,7 +137,7 @@ class OdriveDialogue:
         """Its serial number, bytes 1 to 6 of its frame Address; empty of a firmware that does not tell it."""
         address = identifier_of(self._drive.node_id, Cmd.ADDRESS)
         told = self.bus.ask(
-            classic_frame(address, 8, remote=True),
+            classic_frame(address, asks=8),
             self._drive.answer_timeout,
             lambda identifier, data: data if identifier == address and len(data) == 8 else None,
             tries=1,
@@ -159,7 +149,7 @@ class OdriveDialogue:
         send_now(self.bus.port.bus, self._frame(cmd, data))
 
     def _frame(self, cmd: Cmd, data: bytes) -> can.Message:
-        return can.Message(arbitration_id=identifier_of(self._drive.node_id, cmd), is_extended_id=False, data=data)
+        return classic_frame(identifier_of(self._drive.node_id, cmd), data)
 
     def setting(self, name: str) -> float:
         """A value of the board's configuration.
@@ -170,10 +160,10 @@ class OdriveDialogue:
         endpoint = self._endpoints.where[name]
 
         def answered(cmd: int, data: bytes) -> float | None:
-            answer = frames.unpack_answer(data) if cmd == Cmd.TX_SDO else None
-            return None if answer is None or answer[0] != endpoint.number else endpoint.unpack(answer[1])
+            answer = frames.unpack_sdo(data) if cmd == Cmd.TX_SDO else None
+            return None if answer is None or answer[1] != endpoint.number else endpoint.unpack(answer[2])
 
-        question = self._frame(Cmd.RX_SDO, frames.pack_question(endpoint.number))
+        question = self._frame(Cmd.RX_SDO, frames.pack_sdo(endpoint.number))
         value = self.bus.ask(question, self._drive.answer_timeout, self._matching(answered))
         if value is not None:
             return value
@@ -184,7 +174,7 @@ class OdriveDialogue:
         )
 
 
-def set_up(port: BusPort, drive: OdriveParameters, endpoints: Endpoints) -> OdriveFindings:
+def set_up(port: BusPort, drive: OdriveParameters, endpoints: Endpoints) -> Found:
     """Find, check and configure the board; it has no torque before, meanwhile and after.
 
     Args:
@@ -207,13 +197,13 @@ def set_up(port: BusPort, drive: OdriveParameters, endpoints: Endpoints) -> Odri
         )
     who = _check_version(board, endpoints)
     _check_idle(board)
-    errors = board.ask(Cmd.GET_ERROR, frames.unpack_errors)
-    failed = (errors.active | errors.disarmed) & ~WATCHDOG
-    voltage, _ = board.ask(Cmd.GET_BUS_VOLTAGE_CURRENT, frames.unpack_floats)
+    active, disarmed = board.ask(Cmd.GET_ERROR)
+    failed = (active | disarmed) & ~WATCHDOG
+    voltage, _ = board.ask(Cmd.GET_BUS_VOLTAGE_CURRENT)
     check_settings(board.name, board.setting, _settings(drive))
     _check_encoder(board)
     motor = motor_scale(drive, _turns_at_home(board, drive))
-    limits = limits_of(drive, motor)
+    limits = motor_limits(drive, motor)
     _check_range(board, limits)
     _set_modes(board)
     _set_limits(board, limits)
@@ -224,19 +214,20 @@ def set_up(port: BusPort, drive: OdriveParameters, endpoints: Endpoints) -> Odri
     state = DriveState.SWITCH_ON_DISABLED
     if failed:
         identity, state = f"{identity}; in fault, {errors_text(failed)}", DriveState.FAULT
-    return OdriveFindings(identity, motor, limits, state, failed, board.serial())
+    return Found(identity, motor, None, limits, state, failed, board.serial())
 
 
 def _check_version(board: OdriveDialogue, endpoints: Endpoints) -> str:
-    version = board.ask(Cmd.GET_VERSION, frames.unpack_version)
-    firmware, hardware = (".".join(map(str, one)) for one in (version.firmware, version.hardware))
-    if version.protocol != frames.PROTOCOL or not OLDEST <= version.firmware < NEWEST:
+    protocol, *numbers = board.ask(Cmd.GET_VERSION)
+    own = tuple(numbers[3:6]), tuple(numbers[:3])
+    firmware, hardware = (".".join(map(str, one)) for one in own)
+    if protocol != frames.PROTOCOL or not OLDEST <= own[0] < NEWEST:
         raise DriveError(
-            f"{board.name} has firmware {firmware} with version {version.protocol} of its protocol",
+            f"{board.name} has firmware {firmware} with version {protocol} of its protocol",
             expected=f"firmware 0.6.9 or later of 0.6, with version {frames.PROTOCOL}",
             do="load one of these with its maker's tool: what its frames mean is not known here",
         )
-    if (version.firmware, version.hardware) != (endpoints.firmware, endpoints.hardware):
+    if own != (endpoints.firmware, endpoints.hardware):
         listed = (".".join(map(str, one)) for one in (endpoints.firmware, endpoints.hardware))
         raise DriveError(
             f"{board.name} has firmware {firmware} on hardware {hardware}",
@@ -304,8 +295,8 @@ def _check_encoder(board: OdriveDialogue) -> None:
 
 def _turns_at_home(board: OdriveDialogue, drive: OdriveParameters) -> float:
     """What the board's position is at home [turns]."""
-    first, _ = board.ask(Cmd.GET_ENCODER_ESTIMATES, frames.unpack_floats)
-    last, _ = board.ask(Cmd.GET_ENCODER_ESTIMATES, frames.unpack_floats)
+    first, _ = board.ask(Cmd.GET_ENCODER_ESTIMATES)
+    last, _ = board.ask(Cmd.GET_ENCODER_ESTIMATES)
     if not (math.isfinite(first) and abs(last - first) <= STILL):
         raise DriveError(
             f"the position of {board.name} is {first:g} and then {last:g} turns",
@@ -319,7 +310,7 @@ def _turns_at_home(board: OdriveDialogue, drive: OdriveParameters) -> float:
     return 0.0
 
 
-def _check_range(board: OdriveDialogue, limits: OdriveLimits) -> None:
+def _check_range(board: OdriveDialogue, limits: MotorLimits) -> None:
     for end in (limits.low, limits.high):
         if math.isfinite(end) and abs(end) > frames.MOST_TURNS:
             raise DriveError(
@@ -330,17 +321,15 @@ def _check_range(board: OdriveDialogue, limits: OdriveLimits) -> None:
 
 
 def _set_modes(board: OdriveDialogue) -> None:
-    board.tell(Cmd.SET_CONTROLLER_MODE, frames.pack_modes(frames.POSITION_CONTROL, frames.PASSTHROUGH))
-    for name, value in (
-        (settings.CONTROL_MODE, frames.POSITION_CONTROL),
-        (settings.INPUT_MODE, frames.PASSTHROUGH),
-    ):
+    modes = frames.POSITION_CONTROL, frames.PASSTHROUGH
+    board.tell(Cmd.SET_CONTROLLER_MODE, frames.pack(Cmd.SET_CONTROLLER_MODE, *modes))
+    for name, value in zip((settings.CONTROL_MODE, settings.INPUT_MODE), modes, strict=True):
         found = board.setting(name)
         if found != value:
             raise DriveError(f"{board.name} has {name} {found:g} after {value} was written", expected=f"{value}")
 
 
-def _set_limits(board: OdriveDialogue, limits: OdriveLimits) -> None:
+def _set_limits(board: OdriveDialogue, limits: MotorLimits) -> None:
     """The rig's limits, which the board keeps from here on; its own must not be narrower."""
     own = [board.setting(name) for name in (settings.VELOCITY_LIMIT, settings.CURRENT_LIMIT)]
     again = "with odrivetool; where another rig ran before, switch the board off and on: its limits hold until then"
@@ -355,7 +344,7 @@ def _set_limits(board: OdriveDialogue, limits: OdriveLimits) -> None:
         (settings.VELOCITY_LIMIT, min(limits.speed, own[0])),
         (settings.CURRENT_LIMIT, min(limits.current, own[1])),
     )
-    board.tell(Cmd.SET_LIMITS, frames.pack_floats(kept[0][1], kept[1][1]))
+    board.tell(Cmd.SET_LIMITS, frames.pack(Cmd.SET_LIMITS, *(value for _, value in kept)))
     for name, value in kept:
         found = board.setting(name)
         if not abs(found - value) <= SAME * abs(value):
@@ -369,7 +358,7 @@ def _try_watchdog(board: OdriveDialogue, drive: OdriveParameters) -> bool:
         DriveError: it says so while we speak, too.
     """
     for _ in range(TRIES):
-        board.tell(Cmd.SET_AXIS_STATE, frames.pack_state(AxisState.IDLE))
+        board.tell(Cmd.SET_AXIS_STATE, frames.pack(Cmd.SET_AXIS_STATE, AxisState.IDLE))
         board.tell(Cmd.CLEAR_ERRORS, bytes(1))
         if board.beats(drive.heartbeat + _LATE, lambda beat: not beat.errors & WATCHDOG):
             return board.beats(
@@ -380,3 +369,43 @@ def _try_watchdog(board: OdriveDialogue, drive: OdriveParameters) -> bool:
         expected=f"{1e3 * drive.watchdog:g} ms of time",
         do="load another firmware with its maker's tool",
     )
+
+
+def probe(drive: OdriveParameters, links: Links) -> list[FoundDevice]:
+    """Which boards there are: their heartbeats, and what they answer to questions; no order is given.
+
+    Args:
+        drive: with the bus.
+        links: the buses of this process.
+
+    Raises:
+        DriveError: the bus cannot be used.
+    """
+    beats: dict[int, Beat] = {}
+    versions: dict[int, tuple[Any, ...]] = {}
+
+    def looked_at(identifier: int, data: bytes) -> None:
+        node, cmd = identifier >> 5, identifier & 0x1F
+        if identifier <= frames.HIGHEST_ID and len(data) == 8:
+            if cmd == Cmd.HEARTBEAT and (beat := frames.unpack_beat(data)) is not None:
+                beats[node] = beat
+            elif cmd == Cmd.GET_VERSION and node in beats and (version := unpack(cmd, data)) is not None:
+                versions[node] = version
+
+    with joined(place(drive), drive.node_id, links) as port:
+        bus = Conversation(port, drive.node_id, lambda identifier, data: False)  # other masters do not matter here
+        bus.wait(LISTENING, looked_at)
+        for node in sorted(beats):
+            send_now(port.bus, classic_frame(identifier_of(node, Cmd.GET_VERSION), asks=8))
+        bus.wait(drive.answer_timeout, looked_at)
+    found = []
+    for node, beat in sorted(beats.items()):
+        said = "ODrive board that tells no version (0.5?)"
+        if node in versions:
+            firmware, hardware = (".".join(map(str, one)) for one in (versions[node][4:7], versions[node][1:4]))
+            said = f"hardware {hardware}, firmware {firmware}"
+        errors = beat.errors & ~WATCHDOG  # which runs out where nobody speaks
+        if errors:
+            said += f", {errors_text(errors)}"
+        found.append(FoundDevice(node, "ODrive board (CANSimple)", said, state_of(beat, errors).name))
+    return found

@@ -3,7 +3,7 @@
 from typing import Any
 
 from bowden.core.errors import ParameterError
-from bowden.hardware.buses.link import BusPlace
+from bowden.hardware.buses.place import BusPlace
 from bowden.hardware.drives.load_cell import identifiers_of
 from bowden.hardware.drives.on_can import Device, place
 from bowden.hardware.drives.with_load_cell import DriveWithLoadCell
@@ -48,11 +48,9 @@ def cell_place(parameters: Any, cell: LoadCellParameters) -> tuple[BusPlace, boo
             do="write them in [load_cell]",
         )
     own = {name: getattr(cell, name) for name in ("interface", "channel", "bitrate") if getattr(cell, name) is not None}
-    found = place(parameters._replace(**own) if hasattr(parameters, "interface") else cell)
+    found = BusPlace(*place(parameters._replace(**own) if hasattr(parameters, "interface") else cell)[:3])
     shared = hasattr(parameters, "interface") and found[:2] == place(parameters)[:2]
-    if shared:
-        found = place(parameters)
-    return found, shared
+    return BusPlace(*place(parameters)[:3]) if shared else found, shared
 
 
 def device_of(drive: Any, cell: LoadCellParameters) -> Device:

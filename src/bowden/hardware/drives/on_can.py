@@ -1,23 +1,23 @@
-"""What families of drives on a CAN bus have in common, whatever they speak: where they are, and who is their host.
+"""What families of drives on a CAN bus have in common, whatever they speak: keys, rules, buses, and their declaration.
 
-Their parameters have the fields `interface`, `channel`, `bitrate` and `node_id`, with CAN-FD `data_bitrate` too, and a
-method `identifiers`, see `collision`.
+Their parameters have the fields `interface`, `channel`, `bitrate` and `node_id`, with CAN-FD `data_bitrate` too, those
+of `rig.families.DriveNeeds` that they want to know, and a method `identifiers`, see `collision`.
 """
 
 import importlib
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, get_args, get_origin
 
 from bowden.core.errors import ParameterError
 from bowden.core.quantity import Quantity, declared
-from bowden.hardware.buses.node_place import NodePlace
+from bowden.hardware.buses.place import BusPlace
+from bowden.hardware.drives.homing import zeroed
+from bowden.rig.families import LOST, DriveFamily, DriveNeeds, FoundDevice, TwinProcess
 
 if TYPE_CHECKING:
-    from bowden.hardware.buses.link import BusPlace, Links
-    from bowden.hardware.ports import Drive
-    from bowden.rig.families import DriveNeeds
+    from bowden.hardware.buses.link import Links
 
 BusInterface = Annotated[
     str, Quantity("python-can's name of the bus: bowden_unix for the twin, socketcan on a rig; others are untried")
@@ -26,11 +26,22 @@ BusChannel = Annotated[str, Quantity("its channel: can0; of bowden_unix a folder
 """A bare name is a folder in the user's temporary one."""
 BusBitrate = Annotated[int, Quantity("of the bus; SocketCAN takes its interface's own", "bit/s", gt=0)]
 AnswerTimeout = Annotated[float, Quantity("longest wait for an answer at bring-up", "s", shown="ms", gt=0.0, le=1e4)]
-
+MotorHome = Annotated[float, Quantity("angle of the spool at home", "rad", ge=-720.0, le=720.0)]
+MotorHint = Annotated[
+    float,
+    Quantity(
+        "where the spool is when a command begins, within half a turn of the rotor; for home = hint",
+        "rad",
+        ge=-720.0,
+        le=720.0,
+    ),
+]
 
 MOST_PUSH = 0.5
 """Largest torque offset, as a share of what the largest current gives: the drive's position loop must be able to beat
 it."""
+LONGEST_WATCHDOG = 39e-3
+"""So that the torque is off 40 ms after our last word; of a slow loop, `family.LOST` cycles [s]."""
 _ELSEWHERE = {
     "sample_time": Quantity("", "s", shown="ms", key="bench.sample_time_ms"),
     "gear": Quantity("", key="motor.gear"),
@@ -50,30 +61,53 @@ def most_push(drive: Any) -> float:
     return push
 
 
-def rules_of_limits(drive: Any) -> tuple[Rule, ...]:
-    """What must hold of the limits that a rig asks a drive for, where its largest push follows from its current."""
-    strongest = most_push(drive)
+def rules_of_rig(drive: Any, sample_times: tuple[float, float], most: Callable[[Any], float] = most_push) -> list[Rule]:
+    """What must hold of what a rig asks of its drive, with the cycle's shortest and longest time [s]."""
+    shortest, longest = sample_times
     at_least_0 = [name for name in ("speed_limit", "following_error", "current_limit") if hasattr(drive, name)]
-    return (
+    push = 0.0 <= drive.torque_offset <= most(drive) and math.isfinite(drive.torque_offset)
+    return [
+        ("channel", bool(drive.channel.strip(".")) and "\0" not in drive.channel, "the name of a bus"),
+        ("gear", 0.0 < drive.gear < 1e4, "a number above 0"),
+        ("torque_constant", 0.0 < drive.torque_constant < math.inf, "a number above 0"),
+        ("sample_time", shortest <= drive.sample_time <= longest, f"from {shortest:g} to {longest:g} s"),
         ("highest_motor", drive.lowest_motor < drive.highest_motor, "more than lowest_motor"),
         *((name, 0.0 <= getattr(drive, name) < math.inf, "0 or more") for name in at_least_0),
-        (
-            "torque_offset",
-            0.0 <= drive.torque_offset <= strongest and math.isfinite(drive.torque_offset),
-            f"0 to {strongest:.4g} N·m, half of what the largest current gives",
-        ),
+        ("torque_offset", push, f"0 to {most(drive):.4g} N·m, half of what the largest current gives"),
         ("answer_timeout", 0.01 <= drive.answer_timeout <= 10.0, "from 0.01 to 10 s"),
-    )
+    ]
+
+
+def rule_of_watchdog(drive: Any) -> Rule:
+    """Of a watchdog: three cycles at least, and `LONGEST_WATCHDOG` at most where that is longer."""
+    least = LOST * drive.sample_time
+    longest = max(LONGEST_WATCHDOG, least)
+    fine = least - 1e-9 <= drive.watchdog <= longest + 1e-9
+    return "watchdog", fine, f"three cycles, {least:g} s, to {longest:g} s"
+
+
+_BOUNDS = {"gt": "above", "ge": "at least", "lt": "below", "le": "at most"}
+
+
+def _rules_declared(drive: Any) -> Iterator[Rule]:
+    """The ranges and the choices that the fields declare."""
+    for name, kind, quantity in declared(type(drive)):
+        value = getattr(drive, name)
+        if get_origin(kind) is Literal:
+            yield name, value in get_args(kind), " or ".join(map(repr, get_args(kind)))
+        elif kind in (int, float) and not quantity.follows:  # what follows from the cycle is longer for a slow one
+            words = (f"{_BOUNDS[rule]} {bound:g}" for rule, bound in quantity.rules.items())
+            yield name, quantity.holds(value), " and ".join(words) or "a finite number"
 
 
 def require(drive: Any, rules: Iterable[Rule]) -> None:
-    """Refuse parameters of a drive that break a rule.
+    """Refuse parameters of a drive that are outside their declared ranges, or break a rule.
 
     Raises:
         ParameterError: the first that does, with what was expected.
     """
     quantities = {one.name: one.quantity for one in declared(type(drive))} | _ELSEWHERE
-    for name, fine, expected in rules:
+    for name, fine, expected in (*_rules_declared(drive), *rules):
         if not fine:
             value, quantity = getattr(drive, name), quantities.get(name, Quantity(""))
             shown = f"{value / quantity.factor:.6g}" if isinstance(value, float) else repr(value)
@@ -82,38 +116,137 @@ def require(drive: Any, rules: Iterable[Rule]) -> None:
             )
 
 
-def opening(driver: str) -> "Callable[[Any, Links], Drive]":
-    """What opens a drive by a class of this package, as ``ak_drive.AkDrive``, which is imported with python-can."""
-    module, _, name = driver.partition(".")
-
-    def open_drive(parameters: Any, links: "Links") -> "Drive":
-        drive: Drive = getattr(importlib.import_module(f"{__package__}.{module}"), name)(parameters, links)
-        return drive
-
-    return open_drive
+def asked_for(given: Any, needs: DriveNeeds) -> Any:
+    """The parameters with what the rig asks for, as far as they have it."""
+    return given._replace(**{name: value for name, value in needs._asdict().items() if name in given._fields})
 
 
-def pushing(most: Callable[[Any], float] = most_push) -> "Callable[[Any, DriveNeeds], float]":
-    """The largest torque offset of a rig's drive, of that of the parameters which it makes complete [N·m]."""
+def check_heartbeat(drive: Any, name: str, needs: DriveNeeds) -> None:
+    """Two heartbeats of the drive, with the time of the parameter `name` between them, come before it counts as lost.
 
-    def largest(parameters: Any, needs: "DriveNeeds") -> float:
-        asked = {"gear": needs.gear, "torque_constant": needs.torque_constant, "current_limit": needs.current_limit}
-        return most(parameters._replace(**asked))
+    Raises:
+        ParameterError: they do not.
+    """
+    between, age = getattr(drive, name), needs.heartbeat_age
+    if 2.0 * between > age:
+        key = next(one.quantity.named(name) for one in declared(type(drive)) if one.name == name)
+        raise ParameterError(
+            f"drive.{key} is {1e3 * between:g}, and limits.heartbeat_age_s is {age:g}",
+            expected="two heartbeats of the drive within that age, so that one lost frame does no harm",
+            do="correct one of them",
+        )
 
-    return largest
 
+def family(
+    parameters: Any,
+    title: str,
+    *,
+    driver: str,
+    node: str,
+    probe: str,
+    options: tuple[str, ...],
+    check: Callable[[Any], None],
+    completed: Callable[[Any, DriveNeeds], Any],
+    watchdog: Callable[[Any], float],
+    scales: tuple[str, ...],
+    explain: Callable[[int], str],
+    most: Callable[[Any], float] = most_push,
+    **rest: Any,
+) -> DriveFamily:
+    """A family of drives on CAN.
 
-def moved(parameters: Any, channel: str | None, interface: str | None) -> Any:
-    """The same drive on another bus."""
-    return parameters._replace(
-        channel=parameters.channel if channel is None else channel,
-        interface=parameters.interface if interface is None else interface,
+    What talks to a bus is named, in the room of hardware, and loaded when it is wanted.
+
+    Args:
+        parameters: the default.
+        title: what it is.
+        driver: class of the driver, as ``drives.ak_drive.AkDrive``.
+        node: class of the twin.
+        probe: function that finds who is on a bus.
+        options: what ``bowden twin --object`` takes, of `_FORMS`.
+        check: refuses parameters that make no sense.
+        completed: see `DriveFamily.completed`.
+        watchdog: see `DriveFamily.watchdog`.
+        scales: the fields that make angles of its counts.
+        explain: see `DriveFamily.explain`.
+        most: the largest torque offset of whole parameters [N·m].
+        rest: other fields of `DriveFamily`.
+    """
+
+    def twin(given: Any, plant: Any, clock: Callable[[], float], texts: Sequence[str]) -> TwinProcess:
+        check(given)
+        overrides, make = dict(_override(text, options) for text in texts), _named(node)
+        process: TwinProcess = _named("twin.twin.Twin")(
+            place(given), given.node_id, clock, lambda send, journal: make(given, plant, send, journal, overrides)
+        )
+        return process
+
+    def pushed(given: Any, needs: DriveNeeds) -> float:
+        asked = {name: getattr(needs, name) for name in ("gear", "torque_constant", "current_limit")}
+        return most(given._replace(**asked))
+
+    def probed(given: Any, links: "Links") -> Sequence[FoundDevice]:
+        found: Sequence[FoundDevice] = _named(probe)(given, links)
+        return found
+
+    if hasattr(parameters, "joint"):
+        rest |= {"measures_joint": lambda given: given.joint != "none"}
+    return DriveFamily(
+        name=parameters.family,
+        title=title,
+        parameters=parameters,
+        completed=completed,
+        open=lambda given, links: _named(driver)(given, links),
+        twin=twin,
+        moved=lambda given, channel, interface: given._replace(
+            channel=given.channel if channel is None else channel,
+            interface=given.interface if interface is None else interface,
+        ),
+        address=lambda given: {"interface": given.interface, "channel": given.channel, "node": str(given.node_id)},
+        control=control,
+        claim=lambda given: _named("buses.opening.claim")(given.interface, given.channel, "host").release,
+        watchdog=watchdog,
+        most_push=pushed,
+        measures_tension=rest.pop("measures_tension", lambda given: False),
+        scales=lambda given: tuple(getattr(given, name) for name in scales),
+        homed=lambda given: given.home != "here",
+        simulated=lambda given: bool(given.interface == "bowden_unix"),
+        explain=explain,
+        probe=probed,
+        zeroed=zeroed,
+        **rest,
     )
 
 
-def address(parameters: Any) -> Mapping[str, str]:
-    """Bus and number."""
-    return {"interface": parameters.interface, "channel": parameters.channel, "node": str(parameters.node_id)}
+def _named(what: str) -> Any:
+    """What a module of the hardware has by that name."""
+    module, _, name = what.rpartition(".")
+    return getattr(importlib.import_module(f"bowden.hardware.{module}"), name)
+
+
+_FORMS = {"object": "6502:0=0x25", "register": "0x102=4", "setting": "axis0.config.enable_watchdog=0"}
+"""What a twin may be told otherwise with ``--object`` → how that is written: an object of CANopen with its index and
+sub-index, a numbered register, a named setting."""
+
+
+def _override(text: str, forms: Sequence[str]) -> tuple[Any, float | None]:
+    """An object, register or setting of a twin, and its value; ``none`` takes it away.
+
+    Raises:
+        ParameterError: it is none of those that the family has.
+    """
+    name, equals, said = text.partition("=")
+    form = "object" if ":" in name else "register" if name.startswith("0x") else "setting"
+    try:
+        if name and equals and form in forms:
+            if form == "object":
+                index, sub = name.split(":")
+                return (int(index, 16), int(sub)), None if said == "none" else int(said, 0)
+            return int(name, 16) if form == "register" else name, None if said == "none" else float(said)
+    except ValueError:
+        pass
+    examples = (*(_FORMS[one] for one in forms), _FORMS[forms[0]].partition("=")[0] + "=none")
+    raise ParameterError(f"--object is {text!r}", expected=f"like {' or '.join(examples)}")
 
 
 OF_ALL = ""
@@ -161,52 +294,14 @@ def collision(one: Any, other: Any) -> str:
     return ""
 
 
-def place(parameters: Any) -> "BusPlace":
+def place(parameters: Any) -> BusPlace:
     """Which bus."""
-    from bowden.hardware.buses.link import BusPlace  # with python-can
-
-    return BusPlace(parameters.interface, parameters.channel, parameters.bitrate)
-
-
-def node_place(parameters: Any) -> NodePlace:
-    """Where the twin of this node is."""
-    return NodePlace(parameters.interface, parameters.channel, parameters.bitrate, parameters.node_id)
+    quick = getattr(parameters, "data_bitrate", 0)
+    classic = BusPlace(parameters.interface, parameters.channel, parameters.bitrate)
+    return classic._replace(fd=True, data_bitrate=quick) if quick else classic
 
 
 def control(parameters: Any) -> Path:
     """Socket of the twin of this node."""
-    from bowden.hardware.twin.control import control_path  # with python-can
-
-    return control_path(parameters.interface, parameters.channel, parameters.node_id)
-
-
-def claim_host(parameters: Any) -> Callable[[], None]:
-    """Be the bus' one master.
-
-    Raises:
-        DriveError: there is one.
-    """
-    from bowden.hardware.buses.opening import claim
-
-    return claim(parameters.interface, parameters.channel, "host").release
-
-
-def simulated(parameters: Any) -> bool:
-    """Whether its bus is one between processes, which no wire leads to."""
-    from bowden.hardware.buses.opening import UNIX  # with python-can
-
-    return bool(parameters.interface == UNIX)
-
-
-def object_option(text: str) -> tuple[tuple[int, int], int | None]:
-    """What ``bowden twin --object`` says of a CANopen twin, ``INDEX:SUB=VALUE`` with a hexadecimal index.
-
-    Raises:
-        ParameterError: it is none.
-    """
-    try:
-        key, value = text.split("=")
-        index, sub = key.split(":")
-        return (int(index, 16), int(sub)), None if value == "none" else int(value, 0)
-    except ValueError as error:
-        raise ParameterError(f"--object is {text!r}", expected="like 6502:0=0x25, or 6502:0=none") from error
+    path: Path = _named("twin.control.control_path")(parameters.interface, parameters.channel, parameters.node_id)
+    return path

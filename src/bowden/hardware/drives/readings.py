@@ -21,19 +21,19 @@ class Readings:
         self.motor_age = self.joint_age = math.inf
         self._error = 0
         self._emergency = self._foreign = 0.0
-        self._replied = self.sampled = math.nan
+        self.replied_at = self.sampled = math.nan
 
     def cycle(self, now: float) -> None:
         """A cycle begins at `now` [s]: everything is one older."""
         self.motor_age += 1.0
         self.joint_age += 1.0
         self._emergency = self._foreign = 0.0
-        if math.isnan(self._replied):
-            self._replied = now  # of the first cycle: from here on it can be late
+        if math.isnan(self.replied_at):
+            self.replied_at = now  # of the first cycle: from here on it can be late
 
     def replied(self, now: float) -> None:
         """A reply has come, whatever it says: the sign of life."""
-        self._replied = now
+        self.replied_at = now
 
     def moved(self, motor: float, current: float, temperature: float, sampled: float) -> None:
         """The motor's angle [rad], current [A] and temperature [°C] came, taken at `sampled` [s]; NaN for none."""
@@ -71,7 +71,7 @@ class Readings:
         """The reading of this cycle at `now` [s]."""
         return DriveReading(
             self.motor, self.joint, self.current, self.tension, self.temperature, self.motor_age, self.joint_age,
-            now - self._replied if math.isfinite(self._replied) else math.inf,
+            now - self.replied_at if math.isfinite(self.replied_at) else math.inf,
             float(state), self._emergency, float(bus_errors), self._foreign,
             0.0 if math.isnan(self.sampled) else now - self.sampled, self.joint_torque,
         )  # fmt: skip

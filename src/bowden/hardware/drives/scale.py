@@ -1,6 +1,9 @@
-"""From an encoder's counts to an angle and back, of any family's drive: on the bench, and on a suit."""
+"""From an encoder's counts to an angle and back, of any drive, on the bench and on a suit; and the rig's limits
+as the drive counts.
+"""
 
-from typing import NamedTuple
+import math
+from typing import Any, NamedTuple
 
 from bowden.core.kernel import compiled
 from bowden.models.suit.suit_angle import HIGH, LOW, SpoolMap, flexor_arm, motor_of, spool_of
@@ -68,3 +71,45 @@ def spool_scale(step: float, home: float, counts_at_home: float, spool: SpoolMap
     scale = SuitScale(Scale(step, float(spool_of(home, spool)) - step * counts_at_home), spool)
     scale.angle(scale.counts(0.0))  # compiles, before a loop asks
     return scale
+
+
+class MotorLimits(NamedTuple):
+    """The rig's limits as the drive counts; infinite for none."""
+
+    low: float
+    """Position, in the drive's unit."""
+    high: float
+    speed: float
+    """Largest, in its unit a second."""
+    current: float
+    """Largest [A]."""
+
+
+def motor_limits(drive: Any, motor: Scale | SuitScale) -> MotorLimits:
+    """The rig's limits of a drive, whose parameters are given, by the scale of its motor."""
+    low, high = sorted(
+        motor.counts(angle) if math.isfinite(angle) else math.copysign(math.inf, angle * motor.step)
+        for angle in (drive.lowest_motor, drive.highest_motor)
+    )
+    steepest = motor.steepest(drive.lowest_motor, drive.highest_motor)
+    speed = drive.speed_limit * steepest / abs(motor.step) if drive.speed_limit > 0.0 else math.inf
+    return MotorLimits(low, high, speed, drive.current_limit if drive.current_limit > 0.0 else math.inf)
+
+
+def feed_velocity(position: float, before: float, sample_time: float, largest: float) -> float:
+    """The velocity that leads from the target before to this one; 0 where there is none, as at the first one.
+
+    Args:
+        position: the target, in the drive's unit.
+        before: the target of the cycle before; NaN for none.
+        sample_time: of a cycle [s].
+        largest: of the rig, in the drive's unit a second.
+    """
+    velocity = (position - before) / sample_time
+    return max(-largest, min(largest, velocity)) if math.isfinite(velocity) else 0.0
+
+
+def bounded_torque(torque: float, drive: Any) -> float:
+    """A torque offset within the bound of the rig that the drive's parameters have; 0 of what is no number [N·m]."""
+    most: float = drive.torque_offset
+    return max(-most, min(most, torque)) if math.isfinite(torque) else 0.0

@@ -3,7 +3,8 @@
 from typing import cast
 
 from bowden.core.signals import DriveReading
-from bowden.hardware.buses.link import BusPlace, BusPort, Links
+from bowden.hardware.buses.link import BusPort, Links
+from bowden.hardware.buses.place import BusPlace
 from bowden.hardware.buses.unix_bus import ERROR, REMOTE
 from bowden.hardware.drives import canopen_frames as frames
 from bowden.hardware.drives.load_cell import LoadCellReader

@@ -31,13 +31,11 @@ from bowden.hardware.drives.ak_frames import (
     pack_reply,
     unpack_command,
 )
-from bowden.hardware.drives.ak_parameters import AkParameters, model_of, motor_scale, reply_id
-from bowden.hardware.drives.joint_encoder import joint_encoder_of
+from bowden.hardware.drives.families.ak_mit import AkParameters, model_of, motor_scale, reply_id
+from bowden.hardware.drives.scale import Scale, SuitScale
 from bowden.hardware.twin.injection import UNCOUNTED
-from bowden.hardware.twin.node import HOTTEST, Journal, TwinNode
-from bowden.hardware.twin.objects import Key
-from bowden.hardware.twin.outbox import Send
-from bowden.hardware.twin.plant import FOLLOW, OFF, Doing, TwinPlant
+from bowden.hardware.twin.node import HOTTEST, TwinNode
+from bowden.hardware.twin.plant import FOLLOW, OFF, Doing
 
 OVER_CURRENT, OVER_TEMPERATURE = 2, 1
 """Error codes of the faults that the twin finds itself, or is given by a number that is none of the drive's."""
@@ -49,15 +47,9 @@ IDLE = AkCommand(0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 class AkNode(TwinNode):
-    """The drive.
+    """The drive."""
 
-    Args:
-        drive: model, numbers and directions, as the rig has them.
-        bench: behind the drive.
-        send: puts a frame on the bus.
-        journal: takes what happened.
-        overrides: objects of the joint's encoder that are otherwise than usual; None takes one away.
-    """
+    _drive: AkParameters
 
     lacks: ClassVar[Mapping[str, str]] = {
         "doubled_pdos": UNCOUNTED,
@@ -66,18 +58,11 @@ class AkNode(TwinNode):
         "encoder_nan motor": "its position has no number that means none",
     }
 
-    def __init__(
-        self,
-        drive: AkParameters,
-        bench: TwinPlant,
-        send: Send,
-        journal: Journal,
-        overrides: dict[Key, int | None] | None = None,
-    ) -> None:
-        self._drive, self._model = drive, model_of(drive)
+    def _prepare(self) -> Scale | SuitScale:
+        self._model = model_of(self._drive)
         self.turn = 2.0 * math.pi / self._model.gear
         self._moded, self._kicks_until = False, -math.inf  # towards the target that it remembers
-        super().__init__(motor_scale(drive), bench, send, journal, joint_encoder_of(drive), overrides)
+        return motor_scale(self._drive)
 
     def _power_up(self) -> None:
         self._error, self._leaving, self._command = 0, math.nan, IDLE

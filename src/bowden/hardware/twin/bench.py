@@ -144,6 +144,7 @@ class TwinBench(TwinPlant):
     ) -> None:
         self.bench = plant = as_cable_plant(bench)
         super().__init__(bend, duration, plant.sample_time, seed, initial_motor, now, physics)
+        self.speed_limit, self.current_limit = plant.servo.speed_limit, plant.motor.current_limit
         dynamics = plant.dynamics()
         self._plant: Moving = dynamics.plant
         self._substep = self._plant.servo.substep.dt
@@ -187,16 +188,6 @@ class TwinBench(TwinPlant):
     def _rest(self) -> float:
         """The joint angle at which its spring has no torque [rad]."""
         return -self.bench.motor.pretension / self.bench.motor.spring if self.bench.motor.spring > 0.0 else 0.0
-
-    @property
-    def speed_limit(self) -> float:
-        """Of the drive, at the spool [rad/s]."""
-        return self.bench.servo.speed_limit
-
-    @property
-    def current_limit(self) -> float:
-        """Of the drive [A]."""
-        return self.bench.motor.current_limit
 
     def _sheath_at(self, time: float) -> SheathState:
         return sheath_state(self.bench.sheath, self._bend_at(time))

@@ -8,12 +8,11 @@ from bowden.core.signals import DriveState
 from bowden.hardware.drives import canopen_frames as frames
 from bowden.hardware.drives.cia402 import WITH_TORQUE, encode, step
 from bowden.hardware.drives.emergencies import HEARTBEAT_LOST, SAFE_TORQUE_OFF
-from bowden.hardware.drives.parameters import DriveParameters, motor_scale
-from bowden.hardware.twin.node import HOTTEST, Journal, TwinNode
+from bowden.hardware.drives.families.cia402 import DriveParameters, joint_scale, load_range, motor_scale
+from bowden.hardware.drives.scale import Scale, SuitScale
+from bowden.hardware.twin.node import HOTTEST, TwinNode
 from bowden.hardware.twin.objects import Key, Made, Objects, SdoServer, dictionary, overridden
-from bowden.hardware.twin.outbox import Send
-from bowden.hardware.twin.plant import BRAKE, FOLLOW, Doing, TwinPlant
-from bowden.hardware.twin.sampler import RATED_CURRENT, Sampler
+from bowden.hardware.twin.plant import BRAKE, FOLLOW, Doing, torque_on_joint
 
 RPM = 30.0 / math.pi  # turns a minute in one rad/s
 LIMIT_ERROR, LAG_ERROR, OVER_TEMPERATURE = 0x8A82, 0x8611, 0x4210
@@ -27,16 +26,17 @@ WINDOW = 2.0
 """Following error that the drive allows as it comes; one that was chosen for a rig allows what that asks for [rad]."""
 
 
-class CanopenNode(TwinNode):
-    """The drive.
+RATED_CURRENT = 4.0
+"""Of the twin's motor; a stated choice [A]."""
 
-    Args:
-        drive: number, encoders and scales, as the rig has them.
-        bench: behind the drive.
-        send: puts a frame on the bus.
-        journal: takes what happened.
-        overrides: objects that are otherwise than usual; None takes one away.
-    """
+Sampled = tuple[frames.Motion, frames.Sensors]
+"""Both transmit PDOs; the statusword is put in later."""
+
+
+class CanopenNode(TwinNode):
+    """The drive."""
+
+    _drive: DriveParameters
 
     lacks: ClassVar[Mapping[str, str]] = {
         "kick": "it takes its target with the order that enables it",
@@ -51,17 +51,9 @@ class CanopenNode(TwinNode):
         "load_silence": "a load cell at the drive's input sends nothing by itself: inject load_stuck",
     }
 
-    def __init__(
-        self,
-        drive: DriveParameters,
-        bench: TwinPlant,
-        send: Send,
-        journal: Journal,
-        overrides: dict[Key, int | None] | None = None,
-    ) -> None:
-        self._drive, self._overrides, self.syncs = drive, overrides or {}, 0
-        super().__init__(motor_scale(drive), bench, send, journal)
-        self._sampler = Sampler(drive, bench, self.faults)
+    def _prepare(self) -> Scale | SuitScale:
+        self.syncs, self._joint = 0, joint_scale(self._drive)
+        return motor_scale(self._drive)
 
     def _power_up(self) -> None:
         self.nmt, self.state, self.error = frames.BOOT_UP, DriveState.NOT_READY_TO_SWITCH_ON, 0
@@ -94,12 +86,12 @@ class CanopenNode(TwinNode):
             (0x6041, 0): lambda: self._statusword(),
             (0x603F, 0): lambda: self.error,
             (0x6061, 0): lambda: self.objects[0x6060, 0],
-            (0x6064, 0): lambda: self._sampler.true()[0].position,
+            (0x6064, 0): lambda: self._true()[0].position,
             (0x60FD, 0): lambda: self._inputs,
-            (0x6077, 0): lambda: self._sampler.true()[0].torque,
-            (0x60E4, 2): lambda: self._sampler.true()[1].joint,
-            (0x3160, 1): lambda: self._sampler.true()[1].analog,
-            (0x3201, 1): lambda: self._sampler.true()[1].temperature or 0,
+            (0x6077, 0): lambda: self._true()[0].torque,
+            (0x60E4, 2): lambda: self._true()[1].joint,
+            (0x3160, 1): lambda: self._true()[1].analog,
+            (0x3201, 1): lambda: self._true()[1].temperature or 0,
         }
 
     def _standing(self) -> tuple[DriveState, int, dict[str, Any]]:
@@ -181,7 +173,7 @@ class CanopenNode(TwinNode):
             self._pending = None
             self._written((0x60B2, 0), torque)
             self._command(control, now)
-        self._history.append(self._sampler.sample(now))
+        self._history.append(self._sample(now))
         motion, sensors = self._delayed(now)
         if self.objects[0x1A01, 0] < len(frames.TPDO2_MAPPING):
             sensors = sensors._replace(temperature=None)
@@ -265,11 +257,7 @@ class CanopenNode(TwinNode):
         if order in (frames.NMT_RESET_NODE, frames.NMT_RESET_COMMUNICATION):
             self._restart(now, "NMT reset")
             return
-        state = {
-            frames.NMT_START: frames.OPERATIONAL,
-            frames.NMT_STOP: frames.STOPPED,
-            frames.NMT_PRE_OPERATIONAL: frames.PRE_OPERATIONAL,
-        }.get(order)
+        state = frames.STATE_AFTER.get(order)
         if state is None:
             return
         self.nmt = state
@@ -287,7 +275,9 @@ class CanopenNode(TwinNode):
         elif key[0] == 0x60FE:
             self._see_outputs(self._moved)
         elif key == (0x60B2, 0) and self.bench.torque_offset is not None:
-            self.bench.torque_offset = self._sampler.spool_torque(value)
+            drive = self._drive
+            rated = RATED_CURRENT * drive.torque_constant * drive.gear * drive.motor_direction
+            self.bench.torque_offset = 1e-3 * value * rated  # at the spool, of thousandths [N·m]
 
     def _see_outputs(self, now: float) -> None:
         """Bit 0 of 60FEh, where its mask has it: a brake that a 1 releases holds until then."""
@@ -303,3 +293,36 @@ class CanopenNode(TwinNode):
 
     def _statusword(self) -> int:
         return encode(self.state) | (0x1000 if self.state is DriveState.OPERATION_ENABLED else 0)
+
+    def _sample(self, now: float) -> Sampled:
+        """What is measured at a SYNC, through the encoders' noise, with the faults that are there at `now` [s]."""
+        return self._packed(*self._encoders(self._joint, now), self._current(now), now)
+
+    def _true(self) -> Sampled:
+        """The same without noise and faults."""
+        bench = self.bench
+        return self._packed(self._scale.counts(bench.motor), self._joint.counts(bench.joint), bench.current, -math.inf)
+
+    def _packed(self, motor: float, joint: float, current: float, now: float) -> Sampled:
+        drive, bench = self._drive, self.bench
+        scale, millivolts = drive.tension_scale or drive.torque_scale, 0.0
+        if scale:
+            load = bench.tension if drive.tension_scale else torque_on_joint(bench)
+            load = self.faults.load(load, load_range(drive), now)
+            millivolts = max(-drive.analog_range, min(drive.analog_range, load / scale + drive.tension_zero))
+        return (
+            frames.Motion(0, _int(motor, 31), _int(1e3 * drive.motor_direction * current / RATED_CURRENT, 15)),
+            frames.Sensors(_int(joint, 31), _int(millivolts, 15), _int(10.0 * bench.temperature, 15)),
+        )
+
+
+def _int(value: float, bits: int) -> int:
+    """The nearest whole number that this many bits and a sign hold; the least of them for what is no number."""
+    if math.isnan(value):
+        return -(1 << bits)
+    return int(max(-(1 << bits), min((1 << bits) - 1, _half_up(value))))
+
+
+def _half_up(value: float) -> float:
+    """Half up, as an encoder counts; infinite stays infinite."""
+    return math.floor(value + 0.5) if math.isfinite(value) else value

@@ -103,20 +103,15 @@ class Faults:
         bench.torn = bool(self.active("broken_cable", now))
         bench.slack = math.radians(slack.amount) if slack else 0.0
 
-    def encoders(self, motor: float, joint: float, motor_step: float, joint_step: float, now: float) -> list[float]:
-        """The counts of the motor's and the joint's encoder as their faults make them.
+    def encoder(self, side: str, counts: float, step: float, now: float) -> float:
+        """The counts of one encoder as its faults make them.
 
         Args:
-            motor: true counts.
-            joint: true counts.
-            motor_step: angle of one count [rad].
-            joint_step: angle of one count [rad].
+            side: ``motor`` or ``joint``.
+            counts: true ones.
+            step: angle of one count [rad].
             now: [s]
         """
-        return [self.encoder("motor", motor, motor_step, now), self.encoder("joint", joint, joint_step, now)]
-
-    def encoder(self, side: str, counts: float, step: float, now: float) -> float:
-        """The counts of one encoder as its faults make them; see `encoders`."""
         if not self._lasting:
             return counts
         self._cycles[side] += 1

@@ -8,13 +8,16 @@ watchdog); mjbots/mjlib, mjlib/multiplex/micro_server.cc (order of replies, what
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any, ClassVar, NamedTuple
 
 from bowden.core.signals import DriveState
 from bowden.hardware.buses.unix_bus import EXTENDED, REMOTE
 from bowden.hardware.drives import moteus_frames as frames
+from bowden.hardware.drives.families.moteus import MoteusParameters, joint_scale, motor_scale
 from bowden.hardware.drives.moteus_frames import (
+    FIRST_FAULT,
+    FIRST_LIMIT,
     BoardMode,
     ConsoleBytes,
     Failed,
@@ -23,20 +26,19 @@ from bowden.hardware.drives.moteus_frames import (
     RegistersAsked,
     RegisterWritten,
 )
-from bowden.hardware.drives.moteus_parameters import MoteusParameters, joint_scale, motor_scale
 from bowden.hardware.drives.moteus_setup import HOMED, state_of
+from bowden.hardware.drives.scale import Scale, SuitScale
 from bowden.hardware.twin.faults import NO_NUMBER
 from bowden.hardware.twin.injection import UNCOUNTED
-from bowden.hardware.twin.moteus_console import MoteusConsole, usual
-from bowden.hardware.twin.node import SUPPLY, Journal, TwinNode
-from bowden.hardware.twin.outbox import Send
-from bowden.hardware.twin.plant import BRAKE, FOLLOW, OFF, Doing, TwinPlant
+from bowden.hardware.twin.node import SUPPLY, TwinNode
+from bowden.hardware.twin.plant import BRAKE, FOLLOW, OFF, Doing
 
 ENABLING_TIME = 5e-3
 """From a command to the mode that it asks for: gate driver, offsets of the current's sensors; a stated choice [s]."""
 DRIVER_FAULT, OVER_TEMPERATURE, OUTSIDE_LIMITS, POSITION_ERROR = 33, 38, 39, 49
 """Codes of the faults that the twin finds itself, or is given."""
-FIRST_FAULT, FIRST_LIMIT = 32, 96
+LONGEST_LINE = 128
+"""Of what is kept of a line that does not end [bytes]."""
 LARGEST_REPLY, RESERVE = 64, 23
 """Of a reply, and the room that it must have for the next subframe to be looked at [bytes]."""
 MODEL, FIRMWARE, SERIAL = 0x0B, 0x010101, (0x626F7764, 0x656E, 0x7477696E)
@@ -63,8 +65,96 @@ ONLY_INT32 = frozenset(
     {Register.MODEL, Register.FIRMWARE, Register.REGISTER_MAP, Register.SERIAL_1, Register.SERIAL_2, Register.SERIAL_3}
 )
 
-Overrides = Mapping[int | str, float | None]
-"""Register, or name in the configuration → what it is otherwise; None takes it away."""
+
+class MoteusConsole:
+    """Takes bytes in and gives bytes out.
+
+    Args:
+        configuration: name → value.
+        stop: what `d stop` does.
+    """
+
+    def __init__(self, configuration: dict[str, float], stop: Callable[[], object]) -> None:
+        self.configuration, self._stop = configuration, stop
+        self._heard, self._said = b"", b""
+
+    def take(self, data: bytes) -> None:
+        """Bytes from the host; each line is answered."""
+        lines = (self._heard + data).replace(b"\r", b"\n").split(b"\n")
+        self._heard = lines.pop()[-LONGEST_LINE:]
+        for line in lines:
+            if line.strip():
+                self._said += self._answer(line.decode("latin-1").split()).encode() + b"\r\n"
+
+    def give(self, most: int) -> bytes:
+        """Bytes for the host, this many at most."""
+        given, self._said = self._said[:most], self._said[most:]
+        return given
+
+    def _answer(self, words: list[str]) -> str:
+        match words:
+            case ["conf", "get", name]:
+                value = self.configuration.get(name)
+                return "ERR error reading" if value is None else _text(value)
+            case ["conf", "set", name, value]:
+                try:
+                    number = float(value)
+                except ValueError:
+                    number = math.nan
+                    if value != "nan":
+                        return "ERR error setting"
+                if name not in self.configuration:
+                    return "ERR error setting"
+                self.configuration[name] = number
+                return "OK"
+            case ["d", "stop"]:
+                self._stop()
+                return "OK"
+            case ["tel", "stop" | "text"] | ["conf", "write"]:
+                return "OK"
+        return "ERR unknown command"
+
+
+def _text(value: float) -> str:
+    return f"{int(value)}" if math.isfinite(value) and value == int(value) else f"{value:f}"
+
+
+def usual(*, source: int, ratio: float, speed: float, current: float) -> dict[str, float]:
+    """The configuration of a board that is set up for a rig: as it comes, but for the watchdog's reaction, the limits
+    and the joint's encoder (mjbots/moteus, docs/reference/configuration.md).
+
+    Args:
+        source: slot of the joint's encoder.
+        ratio: of its output to the rotor.
+        speed: largest [turns/s].
+        current: largest [A].
+    """
+    found = {
+        "id.id": 1.0,
+        "servo.timeout_mode": 0.0,
+        "servo.default_timeout_s": 0.1,
+        "servo.timeout_max_torque_Nm": 5.0,
+        "servo.fixed_voltage_mode": 0.0,
+        "servo.voltage_mode_control": 0.0,
+        "servo.default_velocity_limit": math.nan,
+        "servo.default_accel_limit": math.nan,
+        "servo.pid_position.kp": 4.0,
+        "servo.pid_position.ki": 1.0,
+        "servo.pid_position.kd": 0.05,
+        "servo.max_velocity": speed,
+        "servo.max_current_A": current,
+        "servo.fault_position_error": math.nan,
+        "servo.fault_velocity_error": math.nan,
+        "servo.fault_temperature": 75.0,
+        "servopos.position_min": math.nan,
+        "servopos.position_max": math.nan,
+        "motor_position.rotor_to_output_ratio": ratio,
+    }
+    for slot in (1, 2):
+        there = slot == source
+        found[f"motor_position.sources.{slot}.aux_number"] = 2.0 if there else 1.0
+        found[f"motor_position.sources.{slot}.type"] = 1.0 if there else 0.0
+    return found
 
 
 class Sampled(NamedTuple):
@@ -79,15 +169,9 @@ class Sampled(NamedTuple):
 
 
 class MoteusNode(TwinNode):
-    """The board.
+    """The board."""
 
-    Args:
-        drive: number, encoders and scales, as the rig has them.
-        bench: behind the board.
-        send: puts a frame on the bus.
-        journal: takes what happened.
-        overrides: registers and settings that are otherwise than usual.
-    """
+    _drive: MoteusParameters
 
     lacks: ClassVar[Mapping[str, str]] = {
         "doubled_pdos": UNCOUNTED,
@@ -97,19 +181,11 @@ class MoteusNode(TwinNode):
         "joint_silence": "the joint's encoder hangs on the board: inject encoder_frozen joint, or encoder_nan joint",
     }
 
-    def __init__(
-        self,
-        drive: MoteusParameters,
-        bench: TwinPlant,
-        send: Send,
-        journal: Journal,
-        overrides: Overrides | None = None,
-    ) -> None:
-        self._drive, self._joint, self._overrides = drive, joint_scale(drive), overrides or {}
-        self.turn = drive.output_ratio
+    def _prepare(self) -> Scale | SuitScale:
+        self._joint, self.turn = joint_scale(self._drive), self._drive.output_ratio
         self.commands = 0
         """Frames that were for this board."""
-        super().__init__(motor_scale(drive), bench, send, journal)
+        return motor_scale(self._drive)
 
     def _power_up(self) -> None:
         self.mode, self.fault = BoardMode.STOPPED, 0
@@ -118,19 +194,15 @@ class MoteusNode(TwinNode):
         self._commanded = self._deadline = self._enabled = math.inf
         self._held = math.nan
         speed = self._speed_limit()
-        self._named: dict[str, float] = usual(
+        self._named = usual(
             source=self._drive.joint_source,
             ratio=self._drive.output_ratio,
-            low=math.nan,
-            high=math.nan,
             speed=1.001 * speed if math.isfinite(speed) else 500.0,
             current=self.bench.current_limit,
         )
-        for name, value in self._overrides.items():
-            if isinstance(name, str) and value is None:
-                self._named.pop(name, None)
-            elif isinstance(name, str) and value is not None:
-                self._named[name] = value
+        others = {name: value for name, value in self._overrides.items() if isinstance(name, str)}
+        self._named |= {name: value for name, value in others.items() if value is not None}
+        self._named = {name: value for name, value in self._named.items() if others.get(name, 0.0) is not None}
         self.console = MoteusConsole(self._named, lambda: self._write(Register.MODE, BoardMode.STOPPED))
 
     def _standing(self) -> tuple[DriveState, int, dict[str, Any]]:
@@ -167,22 +239,21 @@ class MoteusNode(TwinNode):
     def _obey(self, data: bytes, now: float, *, answers: bool) -> bytes:
         """Take a frame's subframes in their order; the reply to them, as long as there is room for the next one."""
         reply = bytearray()
-        for _, subframes in frames.Reader(data).subframes()[0]:
-            for one in subframes:
-                if answers and LARGEST_REPLY - len(reply) < RESERVE:
-                    return bytes(reply)
-                if isinstance(one, RegisterWritten):
-                    error = self._write(one.register, one.value)
-                    if error and answers:
-                        reply += bytes((frames.WRITE_ERROR,)) + frames.varuint(one.register) + bytes((error,))
-                elif isinstance(one, RegistersAsked) and answers:
-                    found = self._answer(one, LARGEST_REPLY - len(reply), now)
-                    if isinstance(found, Failed):
-                        reply += bytes((frames.READ_ERROR,)) + frames.varuint(found.register) + bytes((found.error,))
-                        return bytes(reply)  # the rest of a frame with such an error is not looked at
-                    reply += found
-                elif isinstance(one, ConsoleBytes) and not self._talk(one, reply, answers=answers):
-                    return bytes(reply)
+        for _, one in frames.subframes(data):
+            if answers and LARGEST_REPLY - len(reply) < RESERVE:
+                break
+            if isinstance(one, RegisterWritten):
+                error = self._write(one.register, one.value)
+                if error and answers:
+                    reply += bytes((frames.WRITE_ERROR,)) + frames.varuint(one.register) + bytes((error,))
+            elif isinstance(one, RegistersAsked) and answers:
+                found = self._answer(one, LARGEST_REPLY - len(reply), now)
+                if isinstance(found, Failed):
+                    reply += bytes((frames.READ_ERROR,)) + frames.varuint(found.register) + bytes((found.error,))
+                    break  # the rest of a frame with such an error is not looked at
+                reply += found
+            elif isinstance(one, ConsoleBytes) and not self._talk(one, reply, answers=answers):
+                break
         return bytes(reply)
 
     def _talk(self, one: ConsoleBytes, reply: bytearray, *, answers: bool) -> bool:
@@ -205,12 +276,12 @@ class MoteusNode(TwinNode):
             head = bytes((frames.REPLY | asked.kind << 2,)) + frames.varuint(asked.amount)
             head += frames.varuint(asked.register)
         if len(head) + asked.amount * size > room:
-            return Failed(writing=False, register=asked.register, error=frames.NOT_WRITEABLE)
+            return Failed(asked.register, frames.NOT_WRITEABLE)
         found = b""
         for register in range(asked.register, asked.register + asked.amount):
             value = self._read(register, asked.kind, now)
             if value is None:
-                return Failed(writing=False, register=register, error=frames.UNKNOWN_REGISTER)
+                return Failed(register, frames.UNKNOWN_REGISTER)
             found += frames.values(0, asked.kind, register, value)[1 + len(frames.varuint(register)) :]
         return head + found
 
@@ -284,11 +355,7 @@ class MoteusNode(TwinNode):
 
     def _sample(self, now: float) -> None:
         """Through the encoders' noise, with the faults that are there at `now` [s]."""
-        bench, faults = self.bench, self.faults
-        joint, motor = bench.read_encoders()
-        turns = faults.encoders(
-            self._scale.counts(motor), self._joint.counts(joint), abs(self._scale.step), abs(self._joint.step), now
-        )
+        turns = self._encoders(self._joint, now)
         current = self._drive.motor_direction * self._current(now)
         shown, turned = (math.nan if value == NO_NUMBER else value for value in turns)
         shown = math.copysign(frames.MOST_TURNS, shown) if math.isinf(shown) else shown + self._shift
@@ -330,10 +397,7 @@ class MoteusNode(TwinNode):
             self._enter(self._wanted, now)
 
     def _bounds(self) -> tuple[float, float]:
-        low, high = (
-            self._named.get("servopos.position_min", math.nan),
-            self._named.get("servopos.position_max", math.nan),
-        )
+        low, high = (self._named.get(f"servopos.position_{end}", math.nan) for end in ("min", "max"))
         return -math.inf if math.isnan(low) else low, math.inf if math.isnan(high) else high
 
     def _control(self, now: float) -> float:

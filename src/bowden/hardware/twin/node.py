@@ -11,12 +11,11 @@ from typing import Any, ClassVar, Protocol
 
 from bowden.core.signals import DriveState
 from bowden.hardware.buses.unix_bus import ERROR
-from bowden.hardware.drives.joint_encoder import JointEncoderParameters
+from bowden.hardware.drives.joint_encoder import joint_encoder_of
 from bowden.hardware.drives.scale import Scale, SuitScale
 from bowden.hardware.twin.faults import Faults
 from bowden.hardware.twin.injection import Injection
 from bowden.hardware.twin.joint_encoder_node import JointEncoderNode
-from bowden.hardware.twin.objects import Key
 from bowden.hardware.twin.outbox import BIT_ERROR, Outbox, Send
 from bowden.hardware.twin.plant import OFF, Doing, TwinPlant
 
@@ -51,12 +50,11 @@ class TwinNode(ABC):
     """One drive of any family; what its family makes of a frame and of its state say the abstract methods.
 
     Args:
-        scale: of the motor's position.
+        drive: parameters of the family, as the rig has them.
         bench: behind the drive.
         send: puts a frame on the bus.
         journal: takes what happened.
-        joint: the joint's encoder beside the drive, or None.
-        objects: those of this encoder that are otherwise than usual; None takes one away.
+        overrides: what of the drive, or of the joint's encoder beside it, is otherwise than usual; None takes it away.
     """
 
     lacks: ClassVar[Mapping[str, str]] = {}
@@ -66,18 +64,20 @@ class TwinNode(ABC):
 
     def __init__(
         self,
-        scale: Scale | SuitScale,
+        drive: Any,
         bench: TwinPlant,
         send: Send,
         journal: Journal,
-        joint: JointEncoderParameters | None = None,
-        objects: dict[Key, int | None] | None = None,
+        overrides: Mapping[Any, Any] | None = None,
     ) -> None:
-        self._scale, self.bench, self.faults = scale, bench, Faults()
+        self._drive, self._overrides, self.bench, self.faults = drive, dict(overrides or {}), bench, Faults()
         self._send, self._journal, self._outbox = send, journal, Outbox(send, self.faults)
         self._encoder: JointEncoderNode | None = None
+        joint = joint_encoder_of(drive) if hasattr(drive, "joint") else None
         if joint is not None:
+            objects = {key: value for key, value in self._overrides.items() if isinstance(key, tuple)}
             self._encoder = JointEncoderNode(joint, lambda: bench.read_encoders()[0], self.faults, send, objects)
+        self._scale = self._prepare()
         self._history: deque[Any] = deque(maxlen=1000)  # of samples
         self._shift = 0.0  # between the drive's position and the plant's, in the drive's unit
         self.patience = 0.0
@@ -93,6 +93,10 @@ class TwinNode(ABC):
     @abstractmethod
     def receive(self, identifier: int, data: bytes, now: float) -> None:
         """A frame from the bus; an extended identifier, and a remote frame, have the flags of `buses.unix_bus`."""
+
+    @abstractmethod
+    def _prepare(self) -> Scale | SuitScale:
+        """What does not change while it is on; the scale of the motor's position."""
 
     @abstractmethod
     def _power_up(self) -> None:
@@ -232,6 +236,12 @@ class TwinNode(ABC):
     def _speed_limit(self) -> float:
         """Of the drive, in its unit a second; infinite where the plant has none."""
         return self.bench.speed_limit * self._scale.steepest(-math.inf, math.inf) / abs(self._scale.step)
+
+    def _encoders(self, joint: Scale, now: float) -> tuple[float, float]:
+        """What the motor's encoder and the joint's at the drive count, through their noise and their faults."""
+        angles, faults = self.bench.read_encoders(), self.faults
+        motor = faults.encoder("motor", self._scale.counts(angles[1]), abs(self._scale.step), now)
+        return motor, faults.encoder("joint", joint.counts(angles[0]), abs(joint.step), now)
 
     def _current(self, now: float) -> float:
         """Of the motor, as it is reported [A]."""

@@ -17,18 +17,15 @@ from bowden.core.signals import DriveState
 from bowden.hardware.buses.unix_bus import REMOTE
 from bowden.hardware.drives import odrive_endpoints as settings
 from bowden.hardware.drives import odrive_frames as frames
-from bowden.hardware.drives.joint_encoder import joint_encoder_of
+from bowden.hardware.drives.families.odrive import OdriveParameters, motor_scale
 from bowden.hardware.drives.odrive_endpoints import endpoints_of
-from bowden.hardware.drives.odrive_faults import ESTOP, WATCHDOG
-from bowden.hardware.drives.odrive_frames import AxisState, Beat, BoardErrors, BoardVersion, Cmd, Scales
-from bowden.hardware.drives.odrive_parameters import OdriveParameters, motor_scale
+from bowden.hardware.drives.odrive_frames import ESTOP, WATCHDOG, AxisState, Beat, Cmd, Scales, unpack
 from bowden.hardware.drives.odrive_setup import state_of
+from bowden.hardware.drives.scale import Scale, SuitScale
 from bowden.hardware.twin.faults import NO_NUMBER
 from bowden.hardware.twin.injection import UNCOUNTED
-from bowden.hardware.twin.node import HOTTEST, SUPPLY, Journal, TwinNode
-from bowden.hardware.twin.objects import Key
-from bowden.hardware.twin.outbox import Send
-from bowden.hardware.twin.plant import FOLLOW, OFF, Doing, TwinPlant
+from bowden.hardware.twin.node import HOTTEST, SUPPLY, TwinNode
+from bowden.hardware.twin.plant import FOLLOW, OFF, Doing
 
 ARMING_TIME = 5e-3
 """From a request for closed loop to it; a stated choice [s]."""
@@ -41,6 +38,11 @@ FILTER = "axis0.controller.config.input_filter_bandwidth"
 VELOCITY_CONTROL, POS_FILTER = 2, 3
 WATCHDOG_IDLE, FIRST_STATE = "watchdog_idle", "axis_state"
 """Options that are no settings: whether the watchdog runs while the board is idle; the state after power-up."""
+SET_BY: Mapping[int, tuple[str, str]] = {
+    Cmd.SET_CONTROLLER_MODE: (settings.CONTROL_MODE, settings.INPUT_MODE),
+    Cmd.SET_LIMITS: (settings.VELOCITY_LIMIT, settings.CURRENT_LIMIT),
+}
+"""Command → the settings that its fields are."""
 FED_BY = frozenset((Cmd.SET_AXIS_STATE, Cmd.SET_INPUT_POS, Cmd.SET_INPUT_VEL, Cmd.SET_INPUT_TORQUE))
 
 
@@ -56,16 +58,9 @@ class Told(NamedTuple):
 
 
 class OdriveNode(TwinNode):
-    """The board.
+    """The board."""
 
-    Args:
-        drive: number, encoders and scales, as the rig has them.
-        bench: behind the board.
-        send: puts a frame on the bus.
-        journal: takes what happened.
-        overrides: settings that are otherwise than usual; None takes one away.
-        joint: objects of the joint's encoder that are otherwise than usual; None takes one away.
-    """
+    _drive: OdriveParameters
 
     lacks: ClassVar[Mapping[str, str]] = {
         "doubled_pdos": UNCOUNTED,
@@ -73,18 +68,10 @@ class OdriveNode(TwinNode):
         "kick": "it begins at its own position",
     }
 
-    def __init__(
-        self,
-        drive: OdriveParameters,
-        bench: TwinPlant,
-        send: Send,
-        journal: Journal,
-        overrides: Mapping[str, float | None] | None = None,
-        joint: dict[Key, int | None] | None = None,
-    ) -> None:
-        self._drive, self._overrides, self._endpoints = drive, overrides or {}, endpoints_of(drive.endpoints)
+    def _prepare(self) -> Scale | SuitScale:
+        self._endpoints = endpoints_of(self._drive.endpoints)
         self._set: dict[str, float] = {}
-        super().__init__(motor_scale(drive), bench, send, journal, joint_encoder_of(drive), joint)
+        return motor_scale(self._drive)
 
     def _power_up(self) -> None:
         if self._set:  # it was on before, and has lost its turns, or its position
@@ -115,7 +102,8 @@ class OdriveNode(TwinNode):
             WATCHDOG_IDLE: 1.0,
             FIRST_STATE: float(AxisState.IDLE),
         }
-        self._set |= {name: value for name, value in self._overrides.items() if value is not None}
+        named = {name: value for name, value in self._overrides.items() if isinstance(name, str)}
+        self._set |= {name: value for name, value in named.items() if value is not None}
         self.state = AxisState(int(self._set[FIRST_STATE]))
         self._input = frames.Target(0.0, 0.0, 0.0)
         self._setpoint, self._speed = 0.0, 0.0  # [turns], [turns/s]
@@ -157,27 +145,23 @@ class OdriveNode(TwinNode):
         """An order."""
         if cmd == Cmd.ESTOP:
             self._fail(ESTOP, now)
-        elif cmd == Cmd.SET_AXIS_STATE and (state := frames.unpack_state(data)) is not None:
-            self._request(state, now)
+        elif cmd == Cmd.SET_AXIS_STATE and (state := unpack(cmd, data)) is not None:
+            self._request(state[0], now)
         elif cmd == Cmd.CLEAR_ERRORS:
             self.active = self.disarmed = 0
         elif cmd == Cmd.REBOOT and self.state is AxisState.IDLE and data[:1] in (b"", b"\0"):
             self._journal(now, "reboot", "")
             self._restart(now, "reboot")
-        elif cmd == Cmd.SET_CONTROLLER_MODE and len(data) == 8:
-            self._change(settings.CONTROL_MODE, float(int.from_bytes(data[:4], "little")))
-            self._change(settings.INPUT_MODE, float(int.from_bytes(data[4:], "little")))
-        elif cmd == Cmd.SET_LIMITS and (limits := frames.unpack_floats(data)) is not None:
-            self._change(settings.VELOCITY_LIMIT, limits[0])
-            self._change(settings.CURRENT_LIMIT, limits[1])
-        elif cmd == Cmd.SET_ABSOLUTE_POSITION and len(data) >= 4:
-            place = frames.unpack_floats(data[:4] + bytes(4))
-            if place is not None and math.isfinite(place[0]):
+        elif cmd in SET_BY and (values := unpack(cmd, data)) is not None:
+            for name, value in zip(SET_BY[cmd], values, strict=True):
+                self._change(name, float(value))
+        elif cmd == Cmd.SET_ABSOLUTE_POSITION and (place := unpack(cmd, data)) is not None:
+            if math.isfinite(place[0]):
                 self._shift += place[0] - self._position()
         elif cmd in (Cmd.SET_INPUT_POS, Cmd.SET_INPUT_VEL):
             scales = Scales(self._set[settings.VELOCITY_SCALE] or 1.0, self._set[settings.TORQUE_SCALE] or 1.0)
             target = frames.unpack_target(data, scales)
-            if cmd == Cmd.SET_INPUT_VEL and (given := frames.unpack_floats(data)) is not None:
+            if cmd == Cmd.SET_INPUT_VEL and (given := unpack(cmd, data)) is not None:
                 target = frames.Target(self._input.position, *given)
             if target is not None and all(math.isfinite(value) for value in target):
                 self._input = target
@@ -229,7 +213,7 @@ class OdriveNode(TwinNode):
         beat, estimate = 1e-3 * self._set[settings.BEAT_EVERY], 1e-3 * self._set[ENCODER_EVERY]
         if self._booted and beat > 0.0 and now >= self._next_beat:
             self._next_beat = max(self._next_beat + beat, now)
-            self._emit(Cmd.HEARTBEAT, frames.pack_beat(Beat(self._errors, self.state)), now)
+            self._emit(Cmd.HEARTBEAT, frames.pack(Cmd.HEARTBEAT, self._errors, self.state), now)
         if self._booted and estimate > 0.0 and now >= self._next_estimate:
             self._next_estimate = max(self._next_estimate + estimate, now)
             self._tell(Cmd.GET_ENCODER_ESTIMATES, now)
@@ -295,34 +279,34 @@ class OdriveNode(TwinNode):
         if cmd in (Cmd.GET_ENCODER_ESTIMATES, Cmd.GET_IQ):
             self._sample(now)
         told = self._delayed(now)
+        current = self.bench.current
+        torque = self._drive.motor_direction * current * self._drive.torque_constant
+        power = 0.1 * SUPPLY * abs(current)
         if cmd == Cmd.GET_ENCODER_ESTIMATES and told is not None:
-            self._emit_cyclic(cmd, frames.pack_floats(told.position, told.velocity), now)
+            self._emit_cyclic(cmd, frames.pack(cmd, told.position, told.velocity), now)
         elif cmd == Cmd.GET_IQ and told is not None:
-            self._emit_cyclic(cmd, frames.pack_floats(told.current, told.current), now)
+            self._emit_cyclic(cmd, frames.pack(cmd, told.current, told.current), now)
         elif cmd == Cmd.GET_TEMPERATURE:
-            self._emit_cyclic(cmd, frames.pack_floats(self.bench.temperature, math.nan), now)
+            self._emit_cyclic(cmd, frames.pack(cmd, self.bench.temperature, math.nan), now)
         elif cmd == Cmd.GET_VERSION:
             released = dict(zip(("firmware_minor", "firmware_revision"), self._endpoints.firmware[1:], strict=True))
-            minor, revision = (int(self._set.get(name, given)) for name, given in released.items())
-            firmware, protocol = (0, minor, revision), int(self._set.get("protocol", frames.PROTOCOL))
-            version = BoardVersion(protocol, self._endpoints.hardware, firmware, unreleased=False)
-            self._emit(cmd, frames.pack_version(version), now)
+            firmware = (0, *(int(self._set.get(name, given)) for name, given in released.items()))
+            protocol = int(self._set.get("protocol", frames.PROTOCOL))
+            self._emit(cmd, frames.pack(cmd, protocol, *self._endpoints.hardware, *firmware, 0), now)
         elif cmd == Cmd.GET_ERROR:
-            self._emit(cmd, frames.pack_errors(BoardErrors(self.active, self.disarmed)), now)
+            self._emit(cmd, frames.pack(cmd, self.active, self.disarmed), now)
         elif cmd == Cmd.GET_BUS_VOLTAGE_CURRENT:
-            self._emit(cmd, frames.pack_floats(SUPPLY, 0.1 * abs(self.bench.current)), now)
+            self._emit(cmd, frames.pack(cmd, SUPPLY, 0.1 * abs(current)), now)
         elif cmd == Cmd.GET_TORQUES:
-            torque = self._drive.motor_direction * self.bench.current * self._drive.torque_constant
-            self._emit(cmd, frames.pack_floats(torque, torque), now)
+            self._emit(cmd, frames.pack(cmd, torque, torque), now)
         elif cmd == Cmd.GET_POWERS:
-            power = 0.1 * SUPPLY * abs(self.bench.current)
-            self._emit(cmd, frames.pack_floats(power, 0.9 * power), now)
+            self._emit(cmd, frames.pack(cmd, power, 0.9 * power), now)
         elif cmd == Cmd.ADDRESS:
             self._emit(cmd, bytes((self._drive.node_id, *b"bowden", 0)), now)
 
     def _answer(self, data: bytes, now: float) -> None:
         """RxSdo: what is read is told; what is written is set and confirmed, as firmware 0.6.11 does."""
-        asked = frames.unpack_question(data)
+        asked = frames.unpack_sdo(data)
         if asked is None:
             return
         operation, number, value = asked
@@ -331,7 +315,7 @@ class OdriveNode(TwinNode):
                 given = endpoint.unpack(value) if operation == frames.WRITE else None
                 if given is not None:
                     self._change(name, given)
-                self._emit(Cmd.TX_SDO, frames.pack_answer(number, endpoint.pack(self._set[name])), now)
+                self._emit(Cmd.TX_SDO, frames.pack_sdo(number, endpoint.pack(self._set[name])), now)
 
     def _emit(self, cmd: int, data: bytes, now: float) -> None:
         self._outbox.emit(self._drive.node_id << 5 | cmd, data, now)

@@ -23,12 +23,10 @@ def attach_load_cell(running: TwinProcess, rig: Rig) -> None:
     cell = rig.load_cell
     if not cell.there:
         return
-    from bowden.hardware.buses.node_place import NodePlace
     from bowden.hardware.twin.load_cell_node import LoadCellNode
 
     place, shared = cell_place(rig.drive_parameters, cell)
-    own = NodePlace(place.interface, place.channel, place.bitrate, cell.node_id)
-    running.attach(lambda plant, faults, send: LoadCellNode(cell, plant, faults, send), None if shared else own)
+    running.attach(lambda plant, faults, send: LoadCellNode(cell, plant, faults, send), None if shared else place)
 
 
 class PlayedDrive(NamedTuple):

@@ -82,6 +82,10 @@ class TwinPlant(ABC):
 
     has_cable = True
     """Whether a cable can be torn or slack in it."""
+    speed_limit: float
+    """Of the drive, at the spool [rad/s]."""
+    current_limit: float
+    """Of the drive [A]."""
 
     def __init__(
         self,
@@ -146,16 +150,6 @@ class TwinPlant(ABC):
     def interaction(self) -> float | None:
         """Torque of a suit on the elbow, flexing positive; None of a bench [N·m]."""
         return None
-
-    @property
-    @abstractmethod
-    def speed_limit(self) -> float:
-        """Of the drive, at the spool [rad/s]."""
-
-    @property
-    @abstractmethod
-    def current_limit(self) -> float:
-        """Of the drive [A]."""
 
     @abstractmethod
     def advance(self, now: float) -> None:

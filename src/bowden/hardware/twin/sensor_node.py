@@ -82,15 +82,9 @@ class SensorNode:
 
     def _obey(self, order: int) -> None:
         """NMT node control."""
+        self.nmt = frames.STATE_AFTER.get(order, self.nmt)
         if order in (frames.NMT_RESET_NODE, frames.NMT_RESET_COMMUNICATION):
-            self._booted = False
-        self.nmt = {
-            frames.NMT_START: frames.OPERATIONAL,
-            frames.NMT_STOP: frames.STOPPED,
-            frames.NMT_PRE_OPERATIONAL: frames.PRE_OPERATIONAL,
-            frames.NMT_RESET_NODE: frames.PRE_OPERATIONAL,
-            frames.NMT_RESET_COMMUNICATION: frames.PRE_OPERATIONAL,
-        }.get(order, self.nmt)
+            self.nmt, self._booted = frames.PRE_OPERATIONAL, False
 
 
 def identity(node_id: int, device_type: int, name: bytes) -> dict[Key, Entry]:

@@ -74,6 +74,8 @@ class TwinSuit(TwinPlant):
         self.suit = suit
         self._substep = suit.sample_time / suit.substeps
         motor = suit.motor._replace(friction_feedforward=0.0)  # of a drive on a bus the loop makes it
+        self.current_limit = motor.current_limit
+        self.speed_limit = motor.supply / (motor.torque_constant * motor.gear)  # what the supply allows without load
         self._intact = prepare_suit(suit._replace(motor=motor))._replace(substeps=1)
         self._prepared = self._intact
         self._advance = compiled(advance_suit)
@@ -180,17 +182,6 @@ class TwinSuit(TwinPlant):
     def interaction(self) -> float:
         """See `TwinPlant.interaction`."""
         return self._state.interaction
-
-    @property
-    def speed_limit(self) -> float:
-        """See `TwinPlant.speed_limit`: what the supply's voltage allows without load."""
-        motor = self.suit.motor
-        return motor.supply / (motor.torque_constant * motor.gear)
-
-    @property
-    def current_limit(self) -> float:
-        """See `TwinPlant.current_limit`."""
-        return self.suit.motor.current_limit
 
     def read_encoders(self) -> tuple[float, float]:
         """See `TwinPlant.read_encoders`: the flex sensor at the elbow, the encoder at the spool."""

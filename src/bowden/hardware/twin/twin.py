@@ -9,14 +9,14 @@ import math
 import os
 import resource
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import can
 
 from bowden.core.errors import BowdenError, DriveError, ParameterError
-from bowden.hardware.buses.node_place import NodePlace
 from bowden.hardware.buses.opening import claim, open_bus
+from bowden.hardware.buses.place import BusPlace
 from bowden.hardware.buses.unix_bus import ERROR, EXTENDED, REMOTE
 from bowden.hardware.twin.control import ControlServer, control_path
 from bowden.hardware.twin.faults import Faults
@@ -42,7 +42,8 @@ class Twin:
     """A drive and a bench in this process, on a bus with others.
 
     Args:
-        bus: where it is.
+        place: of its bus.
+        node_id: its number there.
         clock: the time [s].
         make_node: makes the drive, of what sends its frames and of what takes its journal.
 
@@ -51,14 +52,14 @@ class Twin:
     """
 
     def __init__(
-        self, bus: NodePlace, clock: Callable[[], float], make_node: Callable[[Send, Journal], TwinNode]
+        self, place: BusPlace, node_id: int, clock: Callable[[], float], make_node: Callable[[Send, Journal], TwinNode]
     ) -> None:
-        self._place, self._clock = bus, clock
-        self.path = control_path(bus.interface, bus.channel, bus.node_id)
-        self._claim = claim(bus.interface, bus.channel, f"node {bus.node_id}")
+        self._place, self._clock = place, clock
+        self.path = control_path(place.interface, place.channel, node_id)
+        self._claim = claim(place.interface, place.channel, f"node {node_id}")
         self._bus: can.BusABC | None = None
         try:
-            self._bus = open_bus(*bus[:3], create=True, fd=bus.fd, data_bitrate=bus.data_bitrate)
+            self._bus = open_bus(place, create=True)
             self._control = ControlServer(self.path)
         except BaseException:
             self._claim.release()
@@ -73,7 +74,7 @@ class Twin:
         self._began, self._began_cpu = clock(), _cpu_time()
         self._stopping = False
 
-    def attach(self, make: Callable[[TwinPlant, Faults, Send], BesideNode], place: NodePlace | None = None) -> None:
+    def attach(self, make: Callable[[TwinPlant, Faults, Send], BesideNode], place: BusPlace | None = None) -> None:
         """Put a device beside the drive, with the same plant and faults.
 
         Args:
@@ -84,7 +85,7 @@ class Twin:
             DriveError: that bus cannot be used.
         """
         if place is not None:
-            self._own_bus = open_bus(*place[:3], create=True, fd=place.fd, data_bitrate=place.data_bitrate)
+            self._own_bus = open_bus(place, create=True)
         send = self._send if place is None else self._send_apart
         self._beside = make(self._node.bench, self._node.faults, send)
 
@@ -117,18 +118,15 @@ class Twin:
         if self._bus is None:
             _pause()
         else:
-            message = self._receive(TICK)
-            for _ in range(64):
-                if message is None:
-                    break
+            beside = self._beside if self._own_bus is None else None
+            for message in _waiting(self._bus, TICK):
                 if not message.is_error_frame and not self._node.faults.swallows(self._clock()):
-                    identifier = message.arbitration_id | EXTENDED * message.is_extended_id
-                    identifier |= REMOTE * message.is_remote_frame
-                    self._node.receive(identifier, bytes(message.data), self._clock())
-                    if self._beside is not None and self._own_bus is None:
-                        self._beside.receive(identifier, bytes(message.data), self._clock())
-                message = self._receive(0.0)
-        self._receive_apart()
+                    for node in (self._node, beside) if beside is not None else (self._node,):
+                        node.receive(_flagged(message), bytes(message.data), self._clock())
+        if self._own_bus is not None and self._beside is not None:
+            for message in _waiting(self._own_bus, 0.0):
+                if not (message.is_error_frame or message.is_remote_frame):
+                    self._beside.receive(_flagged(message), bytes(message.data), self._clock())
         now = self._clock()
         self._longest_wait, self._ticked = max(self._longest_wait, now - self._ticked), now
         self._node.tick(now)
@@ -150,29 +148,8 @@ class Twin:
             self._note(now, "bus_off", "")
         elif not off and self._bus is None:
             with contextlib.suppress(DriveError):
-                self._bus = open_bus(*self._place[:3], fd=self._place.fd, data_bitrate=self._place.data_bitrate)
+                self._bus = open_bus(self._place)
                 self._note(now, "bus_on", "")
-
-    def _receive(self, timeout: float) -> can.Message | None:
-        try:
-            return self._bus.recv(timeout) if self._bus else None
-        except (can.CanError, OSError):
-            return None
-
-    def _receive_apart(self) -> None:
-        """What has come over the bus of the device beside."""
-        if self._own_bus is None or self._beside is None:
-            return
-        for _ in range(64):
-            try:
-                message = self._own_bus.recv(0.0)
-            except (can.CanError, OSError):
-                return
-            if message is None:
-                return
-            if not (message.is_error_frame or message.is_remote_frame):
-                identifier = message.arbitration_id | EXTENDED * message.is_extended_id
-                self._beside.receive(identifier, bytes(message.data), self._clock())
 
     def _send_apart(self, cob_id: int, data: bytes) -> None:
         """A frame of the device beside, on its own bus."""
@@ -257,6 +234,24 @@ class Twin:
             "faults": node.faults.names(now),
             "processor_share": (_cpu_time() - self._began_cpu) / ran if ran > 0.0 else 0.0,
         }
+
+
+def _waiting(bus: can.BusABC, timeout: float) -> Iterator[can.Message]:
+    """The frames that are there, a tick's worth; the first of them is waited for, at most `timeout` [s]."""
+    for _ in range(64):
+        try:
+            message = bus.recv(timeout)
+        except (can.CanError, OSError):
+            return
+        if message is None:
+            return
+        yield message
+        timeout = 0.0
+
+
+def _flagged(message: can.Message) -> int:
+    """Its identifier, with the flags of `buses.unix_bus`."""
+    return message.arbitration_id | EXTENDED * message.is_extended_id | REMOTE * message.is_remote_frame
 
 
 def message_of(identifier: int, data: bytes, *, fd: bool = False) -> can.Message:

@@ -98,6 +98,7 @@ class TwinUser(TwinPlant):
         physics: Physics = Physics(),  # noqa: B008  # a tuple
     ) -> None:
         super().__init__(bend, duration, plant.sample_time, seed, initial_motor, now, physics)
+        self.speed_limit, self.current_limit = plant.servo.speed_limit, plant.motor.current_limit
         self.plant = plant
         self._dynamics = dynamics = plant.dynamics()
         kernels = dynamics.kernels()
@@ -173,16 +174,6 @@ class TwinUser(TwinPlant):
         """See `TwinPlant.tension`: what the motor's torque pulls, over the spool's radius."""
         motor = self.plant.motor
         return max(0.0, self.current * motor.gear * motor.torque_constant) / self.physics.spool_radius
-
-    @property
-    def speed_limit(self) -> float:
-        """See `TwinPlant.speed_limit`."""
-        return self.plant.servo.speed_limit
-
-    @property
-    def current_limit(self) -> float:
-        """See `TwinPlant.current_limit`."""
-        return self.plant.motor.current_limit
 
     def read_encoders(self) -> tuple[float, float]:
         """See `TwinPlant.read_encoders`: what the plant's own ``observe`` makes of where it is now."""

@@ -1,85 +1,227 @@
-"""CubeMars AK series in MIT mode: `bowden.hardware.drives.ak_drive`, played by `bowden.hardware.twin.ak_node`."""
+"""CubeMars AK series in MIT mode: what has to be known of such a drive, the joint's encoder, and the bus to both."""
 
 import math
-from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING
+from typing import Annotated, Literal, NamedTuple
 
+from bowden.core.errors import ParameterError
+from bowden.core.quantity import Quantity
+from bowden.core.units import RADIANS
+from bowden.hardware.drives import joint_encoder as joints
 from bowden.hardware.drives import on_can
-from bowden.hardware.drives.ak_parameters import AkParameters, check_parameters, completed, most_push
+from bowden.hardware.drives.ak_frames import HIGHEST_KD, HIGHEST_KP, HIGHEST_POSITION, MODELS, AkModel, error_text
 from bowden.hardware.drives.findings import FINDINGS
-from bowden.hardware.drives.homing import zeroed
-from bowden.rig.families import DriveFamily, FoundDevice, TwinProcess
+from bowden.hardware.drives.joint_encoder import check_beside, identifiers_of, joint_encoder_of
+from bowden.hardware.drives.scale import Scale, SuitScale, spool_scale
+from bowden.models.suit.suit_angle import SpoolMap
+from bowden.rig.families import LOST, DriveNeeds
 
-if TYPE_CHECKING:
-    from bowden.hardware.buses.link import Links
-    from bowden.hardware.twin.plant import TwinPlant
+ROOM = 0.2
+"""Of the drive's position, to both ends of its range: a target never comes nearer [rad]."""
+FINEST = 0.02
+"""Of a field's range: a limit nearer to its end could not be distinguished from the end [–]."""
 
 
-def twin(
-    parameters: AkParameters, plant: "TwinPlant", clock: Callable[[], float], options: Sequence[str]
-) -> TwinProcess:
-    """The digital twin; an option is an object of the joint's encoder that is otherwise, as ``6501:0=8192``.
+class AkParameters(NamedTuple):
+    """A drive of the AK series on a CAN bus, in SI and radians at the spool, which sits on its output shaft.
+
+    angle = home + direction · (position − position at home)
+
+    The drive makes its torque itself: stiffness · (target − position) − damping · speed. Of that the servo of [servo]
+    is made: ω² = stiffness/inertia and 2·ζ/ω = damping/stiffness.
+    """
+
+    family: Annotated[Literal["ak_mit"], Quantity("family of the drive")] = "ak_mit"
+    interface: on_can.BusInterface = "bowden_unix"
+    channel: on_can.BusChannel = "bowden"
+    bitrate: on_can.BusBitrate = 1_000_000
+    model: Annotated[
+        Literal["AK10-9", "AK60-6", "AK70-10", "AK80-6", "AK80-9", "AK80-64"],
+        Quantity("which drive; its ranges depend on it, and no frame has them"),
+    ] = "AK80-9"
+    node_id: Annotated[int, Quantity("the drive's number, its CAN ID", ge=1, le=127)] = 1
+    reply_id: Annotated[
+        int,
+        Quantity("identifier of the drive's replies, its CAN Master ID; -1 where they have its own", ge=-1, le=2047),
+    ] = -1
+    motor_direction: Annotated[
+        Literal[1, -1], Quantity("1 where the drive's position rises as the spool pulls, otherwise -1")
+    ] = 1
+    stiffness: Annotated[float, Quantity("kp of the drive, at its output shaft", "N·m/rad", gt=0.0, le=HIGHEST_KP)] = (
+        50.0
+    )
+    damping: Annotated[float, Quantity("kd of the drive, at its output shaft", "N·m·s/rad", ge=0.0, le=HIGHEST_KD)] = (
+        1.9
+    )
+    home: Annotated[
+        Literal["counts", "here", "hint"],
+        Quantity(
+            "home is where the drive's position is zero; where motor and joint are found when a command begins (here); "
+            "or where its rotor is at zero, in the turn in which the motor is near motor_hint_deg when a command begins"
+        ),
+    ] = "counts"
+    motor_home: on_can.MotorHome = 0.0
+    motor_hint: on_can.MotorHint = 0.0
+    watchdog: Annotated[
+        float,
+        Quantity(
+            "CAN timeout as it is set in the drive with its maker's tool; 0 for none, with which no run begins",
+            "s",
+            shown="ms",
+            ge=0.0,
+            le=1000.0,
+        ),
+    ] = 20e-3
+    no_limb: Annotated[
+        bool,
+        Quantity("true where no limb can be in the rig; such a drive is powered on no other, as its timeout is unseen"),
+    ] = False
+    temperature_zero: Annotated[
+        Literal[0, 40], Quantity("what the drive's temperature byte says at 0 °C: 40 by later editions of its manual")
+    ] = 0
+    joint: joints.JointSource = "cia406"
+    joint_node_id: joints.JointNode = 32
+    joint_counts_per_turn: joints.JointCounts = 16384.0
+    joint_direction: joints.JointDirection = 1
+    joint_home: joints.JointHome = 0.0
+    joint_sends: joints.JointSending = "sync"
+    answer_timeout: on_can.AnswerTimeout = 0.1
+    gear: float = 9.0
+    torque_constant: float = 0.091
+    sample_time: float = 1e-3
+    lowest_motor: float = -math.inf
+    highest_motor: float = math.inf
+    speed_limit: float = 0.0
+    current_limit: float = 0.0
+    torque_offset: float = 0.0
+    spool: SpoolMap | None = None
+    """These are what the rig asks for: see `rig.families.DriveNeeds`; 0 where it asks for no limit."""
+
+    def identifiers(self) -> dict[int, str]:
+        """See `on_can.collision`; replies have the drive's number in them, so that several drives may share theirs."""
+        replies = {reply_id(self): "reply_id"}
+        return {**identifiers_of(joint_encoder_of(self)), **replies, self.node_id: "node_id"}
+
+
+def reply_id(drive: AkParameters) -> int:
+    """Identifier of its replies."""
+    return drive.node_id if drive.reply_id < 0 else drive.reply_id
+
+
+def model_of(drive: AkParameters) -> AkModel:
+    """Its ranges."""
+    return MODELS[drive.model]
+
+
+def largest_torque(drive: AkParameters) -> float:
+    """What the largest current gives, at the output shaft; infinite where no current is asked for [N·m]."""
+    return drive.gear * drive.torque_constant * (drive.current_limit or math.inf)
+
+
+def most_push(drive: AkParameters) -> float:
+    """Largest torque offset that is allowed, at the spool [N·m]."""
+    return on_can.MOST_PUSH * min(largest_torque(drive), model_of(drive).torque)
+
+
+def motor_scale(drive: AkParameters, position_at_home: float = 0.0) -> Scale | SuitScale:
+    """The drive's position to the spool's angle, or, on a suit, to the motor's in the joint's coordinate."""
+    return spool_scale(float(drive.motor_direction), drive.motor_home, position_at_home, drive.spool)
+
+
+def check_range(drive: AkParameters, scale: Scale | SuitScale, expected: str) -> None:
+    """Refuse a rig whose motor goes to where the drive's position cannot be known, or nearly.
 
     Raises:
-        ParameterError: an option that is none.
-        DriveError: the bus cannot be used, or has a twin already.
+        ParameterError: with both.
     """
-    from bowden.hardware.twin.ak_node import AkNode
-    from bowden.hardware.twin.twin import Twin
+    for end in (drive.lowest_motor, drive.highest_motor):
+        position = scale.counts(end) if math.isfinite(end) else 0.0
+        if not abs(position) <= HIGHEST_POSITION - ROOM:
+            raise ParameterError(
+                f"the motor goes to {end / RADIANS:g}°, where the position of an {drive.model} is {position:.4g} rad",
+                expected=f"within ±{HIGHEST_POSITION - ROOM:g} rad, {expected}",
+                do="make the range in [limits] smaller, or set the drive's zero anew with its maker's tool",
+            )
 
-    check_parameters(parameters)
-    overrides = dict(on_can.object_option(text) for text in options)
-    place = on_can.node_place(parameters)
-    return Twin(place, clock, lambda send, journal: AkNode(parameters, plant, send, journal, overrides))
+
+def completed(given: AkParameters, needs: DriveNeeds) -> AkParameters:
+    """The parameters with what the rig asks for.
+
+    Raises:
+        ParameterError: values that make no sense together, or beyond the model's ranges.
+    """
+    drive: AkParameters = on_can.asked_for(given, needs)
+    check_parameters(drive)
+    check_range(drive, motor_scale(drive), "as it counts them from home")
+    return drive
 
 
-def scales(parameters: AkParameters) -> tuple[object, ...]:
-    """Model and directions."""
-    return (
-        *(parameters.model, parameters.motor_direction, parameters.joint),
-        *(parameters.joint_counts_per_turn, parameters.joint_direction),
+def check_parameters(drive: AkParameters) -> None:
+    """Refuse parameters that make no sense, before a bus is opened.
+
+    Raises:
+        ParameterError: a value out of its range, with its name and what was expected.
+    """
+    model = MODELS.get(drive.model)
+    if model is None:
+        raise ParameterError(f"drive.model is {drive.model!r}", expected=", ".join(MODELS))
+    spool = motor_scale(drive).steepest(drive.lowest_motor, drive.highest_motor)
+    least = LOST * drive.sample_time
+    torque, most = drive.gear * drive.torque_constant * drive.current_limit, (1.0 - FINEST) * model.torque
+    rules = (
+        ("joint_counts_per_turn", float(drive.joint_counts_per_turn).is_integer(), "a whole number from 1 on"),
+        (
+            "watchdog",
+            drive.watchdog == 0.0 or drive.watchdog >= least,
+            f"at least {1e3 * least:g} ms, three cycles, so that one lost frame does no harm; or 0",
+        ),
+        *on_can.rules_of_rig(drive, (1e-3, 0.05), most_push),
     )
+    on_can.require(drive, rules)
+    if abs(drive.gear / model.gear - 1.0) > 1e-3:
+        raise ParameterError(
+            f"the rig's gear is {drive.gear:g}, and an {drive.model} has {model.gear:g}",
+            expected="the drive's own, with the spool on its output shaft",
+            do="correct gear in [motor], on a suit in [suit], or drive.model",
+        )
+    if drive.speed_limit * spool > (1.0 - FINEST) * model.velocity:
+        raise ParameterError(
+            f"the rig's speed limit is {drive.speed_limit * spool:.4g} rad/s at the spool",
+            expected=f"at most {(1.0 - FINEST) * model.velocity:.4g}, as far as an {drive.model} can report it",
+            do="reduce motor_speed_deg_per_s in [limits]",
+        )
+    if torque > most:
+        raise ParameterError(
+            f"the rig's largest current, {drive.current_limit:g} A, is {torque:.4g} N·m at the output shaft",
+            expected=f"at most {most:.4g} N·m, as far as an {drive.model} can report it",
+            do="reduce current_limit_a in [motor], or correct torque_constant_nm_per_a there",
+        )
+    if drive.home == "hint" and drive.spool is None:
+        period = 2.0 * math.pi / drive.gear
+        if drive.highest_motor < drive.motor_hint - period or drive.lowest_motor > drive.motor_hint + period:
+            raise ParameterError(
+                f"drive.motor_hint_deg is {drive.motor_hint / RADIANS:g}",
+                expected="an angle within the motor's range in [limits]",
+            )
+    check_beside(joint_encoder_of(drive), {drive.node_id: "node_id", reply_id(drive): "reply_id"})
 
 
-def explain(code: int) -> str:
-    """What the code of an emergency means."""
-    from bowden.hardware.drives.ak_frames import error_text
-
-    return FINDINGS.get(code) or error_text(code)
-
-
-def probe(parameters: AkParameters, links: "Links") -> Sequence[FoundDevice]:
-    """All drives of this family on the bus."""
-    from bowden.hardware.drives import ak_probe  # with python-can
-
-    return ak_probe.probe(parameters, links)
-
-
-FAMILY = DriveFamily(
-    name="ak_mit",
-    title="A drive of the CubeMars AK series in MIT mode, and the joint's encoder beside it; `bowden twin` plays both.",
-    parameters=AkParameters(),
+FAMILY = on_can.family(
+    AkParameters(),
+    "A drive of the CubeMars AK series in MIT mode, and the joint's encoder beside it; `bowden twin` plays both.",
+    driver="drives.ak_drive.AkDrive",
+    node="twin.ak_node.AkNode",
+    probe="drives.ak_drive.probe",
+    options=("object",),
+    check=check_parameters,
     completed=completed,
-    open=on_can.opening("ak_drive.AkDrive"),
-    twin=twin,
-    moved=on_can.moved,
-    address=on_can.address,
-    control=on_can.control,
-    claim=on_can.claim_host,
-    watchdog=lambda parameters: parameters.watchdog or math.inf,
-    most_push=on_can.pushing(most_push),
-    measures_tension=lambda _: False,
-    scales=scales,
-    homed=lambda parameters: parameters.home != "here",
-    simulated=on_can.simulated,
-    explain=explain,
-    measures_joint=lambda parameters: parameters.joint != "none",
+    watchdog=lambda drive: drive.watchdog or math.inf,
+    scales=("model", "motor_direction", "joint", "joint_counts_per_turn", "joint_direction"),
+    explain=lambda code: FINDINGS.get(code) or error_text(code),
+    most=most_push,
     unseen_watch=lambda parameters: (
         f"the CAN timeout of an {parameters.model} is set with its maker's tool, and no frame shows whether it is"
     ),
     no_limb=lambda parameters: parameters.no_limb,
-    probe=probe,
-    zeroed=zeroed,
     zero_hint="An AK drive takes the present place for its own zero by its set-origin frame, or with its maker's tool; "
     "bowden does not send it. Zero the rig anew after that. Which turn of its rotor it is in after a restart is told "
     'by home = "hint".',

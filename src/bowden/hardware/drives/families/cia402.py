@@ -1,28 +1,155 @@
-"""CiA 402 over CANopen: the drive of `bowden.hardware.drives.canopen_drive`, played by `bowden.hardware.twin`."""
+"""CiA 402 over CANopen: what has to be known of such a drive, its encoders and the bus to it."""
 
 import math
-from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING
+from typing import Annotated, Literal, NamedTuple
 
-from bowden.core.errors import ParameterError
+from bowden.core.quantity import Quantity
+from bowden.hardware.drives import canopen_frames as frames
 from bowden.hardware.drives import on_can
 from bowden.hardware.drives.emergencies import emergency_text
-from bowden.hardware.drives.homing import zeroed
-from bowden.hardware.drives.parameters import (
-    LONGEST_TIMEOUT,
-    DriveParameters,
-    check_parameters,
-    load_range,
-    tared,
-)
-from bowden.rig.families import LOST, DriveFamily, DriveNeeds, FoundDevice, TwinProcess
+from bowden.hardware.drives.scale import Scale, SuitScale, spool_scale
+from bowden.models.suit.suit_angle import SpoolMap
+from bowden.rig.families import LOST, DriveNeeds
 
+LONGEST_TIMEOUT = 40e-3
+"""So that torque is zero `family.longest_silence` after our last heartbeat, with the drive's own delay; of a slow loop,
+`family.LOST` cycles [s]."""
 LOOK = 1e-3
 """How often a drive looks at its heartbeat consumer [s]."""
 
-if TYPE_CHECKING:
-    from bowden.hardware.buses.link import Links
-    from bowden.hardware.twin.plant import TwinPlant
+
+class DriveParameters(NamedTuple):
+    """A CiA 402 drive on a CAN bus, in SI and radians at the spool and the joint.
+
+    angle = home + direction · 2π · (counts − counts at home) / counts per turn of the spool or the joint
+
+    On a suit that is the spool's angle, and the motor's is what `models.suit.suit_angle.motor_of` makes of it: all that
+    stands above the drive knows the joint's coordinate alone.
+    """
+
+    family: Annotated[Literal["cia402"], Quantity("family of the drive")] = "cia402"
+    interface: on_can.BusInterface = "bowden_unix"
+    channel: on_can.BusChannel = "bowden"
+    bitrate: on_can.BusBitrate = 1_000_000
+    node_id: Annotated[int, Quantity("the drive's number on the bus", ge=1, le=126)] = 1
+    host_id: Annotated[int, Quantity("number of this computer on the bus; its heartbeat has it", ge=1, le=127)] = 127
+    motor_counts_per_turn: Annotated[
+        float, Quantity("of the motor's encoder, at the motor's shaft", gt=0.0, lt=1e9)
+    ] = 16384.0
+    motor_direction: Annotated[
+        Literal[1, -1], Quantity("1 where the motor's counts rise as the spool pulls, otherwise -1")
+    ] = 1
+    joint_counts_per_turn: Annotated[float, Quantity("of the joint's encoder", gt=0.0, lt=1e9)] = 16384.0
+    joint_direction: Annotated[
+        Literal[1, -1], Quantity("1 where the joint's counts rise with its angle, otherwise -1")
+    ] = 1
+    home: Annotated[
+        Literal["counts", "here"],
+        Quantity("home is where the counts are zero, or where motor and joint are found when a command begins"),
+    ] = "counts"
+    motor_home: on_can.MotorHome = 0.0
+    joint_home: Annotated[float, Quantity("angle of the joint at home", "rad", ge=-720.0, le=720.0)] = 0.0
+    tension_scale: Annotated[
+        float,
+        Quantity("cable tension per millivolt at the drive's analog input; 0 for none", "N/mV", key="tension_n_per_mv"),
+    ] = 0.0
+    tension_zero: Annotated[float, Quantity("voltage of that input without load", "mV")] = 0.0
+    torque_scale: Annotated[
+        float,
+        Quantity(
+            "torque on the joint per millivolt at that input, in place of a tension; 0 for none",
+            "N·m/mV",
+            key="torque_nm_per_mv",
+        ),
+    ] = 0.0
+    analog_range: Annotated[
+        float, Quantity("voltage at which that input, or the cell's amplifier, saturates", "mV", gt=0.0, le=32767.0)
+    ] = 10_000.0
+    emergency_stop_input: Annotated[
+        int,
+        Quantity(
+            "bit of the drive's digital inputs (60FDh) that is 1 unless the emergency stop is pressed, as an opening "
+            "contact has it; -1 for none",
+            ge=-1,
+            le=31,
+        ),
+    ] = -1
+    brake_output: Annotated[
+        Literal["none", "set", "release"],
+        Quantity(
+            "what a 1 in bit 0 of the drive's digital outputs (60FEh) does to its holding brake: set, as CiA 402 has "
+            "it, engages it; release puts voltage on it, which releases it; none: there is none"
+        ),
+    ] = "none"
+    heartbeat_time: Annotated[
+        float, Quantity("between two heartbeats of this computer", "s", shown="ms", key="heartbeat_ms", gt=0.0, le=13.0)
+    ] = 5e-3
+    heartbeat_timeout: Annotated[
+        float,
+        Quantity(
+            "the drive switches its torque off when it has not received our heartbeat for this long",
+            "s",
+            shown="ms",
+            gt=0.0,
+            le=60.0,
+            follows=True,
+        ),
+    ] = 40e-3
+    drive_heartbeat_time: Annotated[
+        float,
+        Quantity("between the drive's heartbeats", "s", shown="ms", key="drive_heartbeat_ms", ge=1.0, le=1000.0),
+    ] = 10e-3
+    answer_timeout: on_can.AnswerTimeout = 0.3
+    gear: float = 5.0
+    torque_constant: float = 16.7e-3
+    sample_time: float = 1e-3
+    lowest_motor: float = -math.inf
+    highest_motor: float = math.inf
+    speed_limit: float = 0.0
+    following_error: float = 0.0
+    current_limit: float = 0.0
+    lag_current: float = math.inf
+    lag_time: float = 0.0
+    torque_offset: float = 0.0
+    spool: SpoolMap | None = None
+    """These are what the rig asks for: see `rig.families.DriveNeeds`; 0 where it asks for no limit."""
+
+    def identifiers(self) -> dict[int, str]:
+        """See `on_can.collision`; all drives on a bus may have one host."""
+        node, host = self.node_id, frames.HEARTBEAT + self.host_id
+        to_it = frames.of_the_host(node, self.host_id) - {frames.NMT, frames.SYNC, host}
+        functions = (frames.EMERGENCY, frames.TPDO1, frames.TPDO2, frames.TPDO3, frames.SDO_ANSWER, frames.HEARTBEAT)
+        own = dict.fromkeys((*to_it, *(function + node for function in functions)), "node_id")
+        return {**own, host: "host_id", **dict.fromkeys((frames.NMT, frames.SYNC), on_can.OF_ALL)}
+
+
+def check_parameters(drive: DriveParameters) -> None:
+    """Refuse parameters that make no sense, before a bus is opened.
+
+    Raises:
+        ParameterError: a value out of its range, with its name and what was expected.
+    """
+    cycle = round(1e3 * drive.sample_time, 9)
+    least, longest = LOST * drive.sample_time, max(LONGEST_TIMEOUT, LOST * drive.sample_time)
+    rules = (
+        ("host_id", drive.host_id != drive.node_id, "1 to 127, not the drive's node_id"),
+        ("tension_zero", abs(drive.tension_zero) < drive.analog_range, "a voltage within analog_range_mv"),
+        ("torque_scale", not (drive.torque_scale and drive.tension_scale), "0 where tension_n_per_mv is not"),
+        ("sample_time", cycle % 1.0 == 0.0, "whole milliseconds, 1 or more, as the drive's interpolation time"),
+        ("heartbeat_timeout", 0.0 < drive.heartbeat_timeout <= longest, f"above 0, at most {1e3 * longest:g} ms"),
+        (
+            "heartbeat_timeout",
+            least <= drive.heartbeat_timeout,
+            f"three cycles at least, {1e3 * least:g} ms, so that one lost frame does no harm; left out, it follows",
+        ),
+        (
+            "heartbeat_time",
+            LOST * drive.heartbeat_time <= drive.heartbeat_timeout,
+            "at most a third of heartbeat_timeout, so that one lost frame does no harm",
+        ),
+        *on_can.rules_of_rig(drive, (1e-3, 0.255)),
+    )
+    on_can.require(drive, rules)
 
 
 def completed(given: DriveParameters, needs: DriveNeeds) -> DriveParameters:
@@ -31,97 +158,66 @@ def completed(given: DriveParameters, needs: DriveNeeds) -> DriveParameters:
     Raises:
         ParameterError: values that make no sense together.
     """
-    asked = {name: value for name, value in needs._asdict().items() if name in DriveParameters._fields}
-    parameters = given._replace(**asked)
-    if math.isnan(parameters.heartbeat_timeout):
-        parameters = parameters._replace(heartbeat_timeout=max(LONGEST_TIMEOUT, LOST * parameters.sample_time))
-    check_parameters(parameters)
-    if 2.0 * parameters.drive_heartbeat_time > needs.heartbeat_age:
-        raise ParameterError(
-            f"drive.drive_heartbeat_ms is {1e3 * given.drive_heartbeat_time:g}, and limits.heartbeat_age_s is "
-            f"{needs.heartbeat_age:g}",
-            expected="two heartbeats of the drive within that age, so that one lost frame does no harm",
-            do="correct one of them",
-        )
-    return parameters
+    drive: DriveParameters = on_can.asked_for(given, needs)
+    if math.isnan(drive.heartbeat_timeout):
+        drive = drive._replace(heartbeat_timeout=max(LONGEST_TIMEOUT, LOST * drive.sample_time))
+    check_parameters(drive)
+    on_can.check_heartbeat(drive, "drive_heartbeat_time", needs)
+    return drive
 
 
-def twin(
-    parameters: DriveParameters, plant: "TwinPlant", clock: Callable[[], float], options: Sequence[str]
-) -> TwinProcess:
-    """The digital twin; an option is an object of its dictionary that is otherwise, as ``6502:0=0x25``.
+def load_of(drive: DriveParameters, millivolts: float) -> float:
+    """What the load cell at the drive's input says [N or N·m]; NaN where it cannot be, see `load_cell.usable`."""
+    scale, tension = (drive.tension_scale, True) if drive.tension_scale else (drive.torque_scale, False)
+    value = scale * (millivolts - drive.tension_zero)
+    return math.nan if tension and value < 0.0 and abs(millivolts) >= drive.analog_range else value
 
-    Raises:
-        ParameterError: an option that is none.
-        DriveError: the bus cannot be used, or has a twin already.
+
+def load_range(drive: DriveParameters) -> float:
+    """Largest load that the drive's input can tell, either way where it is a torque [N or N·m]."""
+    scale, zero, span = drive.tension_scale or drive.torque_scale, drive.tension_zero, drive.analog_range
+    ends = scale * (span - zero), scale * (-span - zero)
+    return max(ends) if drive.tension_scale else min(max(ends), -min(ends))
+
+
+def tared(drive: DriveParameters, read: float, load: float) -> DriveParameters:
+    """The parameters with which what was read is this load [N or N·m]."""
+    scale = drive.tension_scale or drive.torque_scale
+    return drive._replace(tension_zero=drive.tension_zero + (read - load) / scale)
+
+
+def motor_scale(drive: DriveParameters, counts_at_home: int = 0) -> Scale | SuitScale:
+    """The motor's counts to the spool's angle, or, on a suit, to the motor's in the joint's coordinate.
+
+    >>> round(motor_scale(DriveParameters()).counts(2.0 * math.pi))
+    81920
     """
-    from bowden.hardware.twin.canopen_node import CanopenNode
-    from bowden.hardware.twin.twin import Twin
-
-    check_parameters(parameters)
-    overrides = dict(on_can.object_option(text) for text in options)
-    place = on_can.node_place(parameters)
-    return Twin(place, clock, lambda send, journal: CanopenNode(parameters, plant, send, journal, overrides))
+    step = drive.motor_direction * 2.0 * math.pi / (drive.motor_counts_per_turn * drive.gear)
+    return spool_scale(step, drive.motor_home, counts_at_home, drive.spool)
 
 
-def measures_tension(parameters: DriveParameters) -> bool:
-    """Whether a sensor hangs on the drive's analog input."""
-    return parameters.tension_scale != 0.0
+def joint_scale(drive: DriveParameters, counts_at_home: int = 0) -> Scale:
+    """The joint encoder's counts to the joint's angle."""
+    step = drive.joint_direction * 2.0 * math.pi / drive.joint_counts_per_turn
+    return Scale(step, drive.joint_home - step * counts_at_home)
 
 
-def measures_torque(parameters: DriveParameters) -> bool:
-    """Whether what hangs there measures the joint's torque."""
-    return parameters.torque_scale != 0.0
-
-
-def scales(parameters: DriveParameters) -> tuple[float, ...]:
-    """Counts a turn and directions of both encoders."""
-    return (
-        *(parameters.motor_counts_per_turn, parameters.motor_direction),
-        *(parameters.joint_counts_per_turn, parameters.joint_direction),
-    )
-
-
-def homed(parameters: DriveParameters) -> bool:
-    """Whether home is where the counts are zero."""
-    return parameters.home == "counts"
-
-
-def probe(parameters: DriveParameters, links: "Links") -> list[FoundDevice]:
-    """All CANopen devices that answer SDO."""
-    from bowden.hardware.drives import canopen_probe  # with python-can and canopen
-
-    return canopen_probe.probe(parameters, links)
-
-
-def watchdog(parameters: DriveParameters) -> float:
-    """The heartbeat consumer's time, and the millisecond in which the drive looks at it [s]."""
-    return parameters.heartbeat_timeout + LOOK
-
-
-FAMILY = DriveFamily(
-    name="cia402",
-    title="The CiA 402 drive on its CANopen bus; `bowden twin` plays it.",
-    parameters=DriveParameters(),
+FAMILY = on_can.family(
+    DriveParameters(),
+    "The CiA 402 drive on its CANopen bus; `bowden twin` plays it.",
+    driver="drives.canopen_drive.CanopenDrive",
+    node="twin.canopen_node.CanopenNode",
+    probe="drives.canopen_setup.probe",
+    options=("object",),
+    check=check_parameters,
     completed=completed,
-    open=on_can.opening("canopen_drive.CanopenDrive"),
-    twin=twin,
-    moved=on_can.moved,
-    address=on_can.address,
-    control=on_can.control,
-    claim=on_can.claim_host,
-    watchdog=watchdog,
-    most_push=on_can.pushing(),
-    measures_tension=measures_tension,
-    measures_torque=measures_torque,
+    watchdog=lambda drive: drive.heartbeat_timeout + LOOK,
+    scales=("motor_counts_per_turn", "motor_direction", "joint_counts_per_turn", "joint_direction"),
+    explain=emergency_text,
+    measures_tension=lambda drive: drive.tension_scale != 0.0,
+    measures_torque=lambda drive: drive.torque_scale != 0.0,
     load_range=load_range,
     tared=tared,
-    scales=scales,
-    homed=homed,
-    simulated=on_can.simulated,
-    explain=emergency_text,
-    probe=probe,
-    zeroed=zeroed,
-    brakes=lambda parameters: bool(parameters.brake_output != "none"),
+    brakes=lambda drive: bool(drive.brake_output != "none"),
     brake_hint='drive.brake_output "set" or "release", as its manual has bit 0 of object 60FEh',
 )

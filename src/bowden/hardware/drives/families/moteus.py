@@ -1,86 +1,184 @@
-"""mjbots moteus boards over CAN-FD: `hardware.drives.moteus_drive`, played by `hardware.twin.moteus_node`."""
+"""mjbots moteus boards over CAN-FD: what has to be known of one, its joint encoder and the bus to it."""
 
-from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING
+import math
+from typing import Annotated, Literal, NamedTuple
 
-from bowden.core.errors import ParameterError
+from bowden.core.quantity import Quantity
 from bowden.hardware.drives import on_can
-from bowden.hardware.drives.homing import zeroed
-from bowden.hardware.drives.moteus_faults import fault_text
-from bowden.hardware.drives.moteus_parameters import LOOK, MoteusParameters, check_parameters, completed
-from bowden.rig.families import DriveFamily, FoundDevice, TwinProcess
+from bowden.hardware.drives.moteus_frames import HIGHEST_PREFIX, MoteusCommand, fault_text
+from bowden.hardware.drives.scale import MotorLimits, Scale, SuitScale, bounded_torque, feed_velocity, spool_scale
+from bowden.models.suit.suit_angle import SpoolMap
+from bowden.rig.families import LOST, DriveNeeds
 
-if TYPE_CHECKING:
-    from bowden.hardware.buses.link import Links
-    from bowden.hardware.twin.plant import TwinPlant
+LOOK = 1e-3
+"""Time in which a board has taken its torque off once its watchdog has run out; it looks 15 000 times a second or
+more (mjbots/moteus, fw/bldc_servo_control.h: the control interrupt counts the time down) [s]."""
 
 
-def twin(
-    parameters: MoteusParameters, plant: "TwinPlant", clock: Callable[[], float], options: Sequence[str]
-) -> TwinProcess:
-    """The digital twin; an option is a register or a setting that is otherwise, as ``0x102=4``.
+class MoteusParameters(NamedTuple):
+    """A moteus board on a CAN-FD bus, in SI and radians at the spool and the joint.
+
+    angle of the spool = home + direction · 2π · (turns − turns at home) / (output ratio · gear)
+
+    where turns are those of the board's output, which is the motor's shaft unless
+    `motor_position.rotor_to_output_ratio` says otherwise.
+    """
+
+    family: Annotated[Literal["moteus"], Quantity("family of the drive")] = "moteus"
+    interface: on_can.BusInterface = "bowden_unix"
+    channel: on_can.BusChannel = "bowden"
+    bitrate: on_can.BusBitrate = 1_000_000
+    data_bitrate: Annotated[
+        int, Quantity("of the data of a CAN-FD frame; SocketCAN takes its interface's own", "bit/s", gt=0)
+    ] = 5_000_000
+    node_id: Annotated[int, Quantity("the board's number on the bus (id.id)", ge=1, le=126)] = 1
+    host_id: Annotated[
+        int, Quantity("number of this computer on the bus; moteus_tool and tview have 0", ge=0, le=126)
+    ] = 32
+    can_prefix: Annotated[
+        int, Quantity("the prefix of all identifiers, as on the board (can.prefix)", ge=0, le=HIGHEST_PREFIX)
+    ] = 0
+    output_ratio: Annotated[
+        float,
+        Quantity(
+            "turns of the board's output per turn of the rotor (motor_position.rotor_to_output_ratio)", gt=0.0, lt=1e4
+        ),
+    ] = 1.0
+    motor_direction: Annotated[
+        Literal[1, -1], Quantity("1 where the board's position rises as the spool pulls, otherwise -1")
+    ] = 1
+    joint_source: Annotated[
+        Literal[1, 2], Quantity("slot of the joint's encoder on the board's auxiliary port 2 (motor_position.sources)")
+    ] = 1
+    joint_direction: Annotated[
+        Literal[1, -1], Quantity("1 where that encoder's position rises with the joint's angle, otherwise -1")
+    ] = 1
+    home: Annotated[
+        Literal["counts", "here"],
+        Quantity("home is where both positions are zero, or where motor and joint are found when a command begins"),
+    ] = "counts"
+    motor_home: on_can.MotorHome = 0.0
+    joint_home: Annotated[float, Quantity("angle of the joint at home", "rad", ge=-720.0, le=720.0)] = 0.0
+    kp_scale: Annotated[
+        float, Quantity("share of the board's own gain kp (servo.pid_position.kp)", ge=0.01, le=1.0)
+    ] = 1.0
+    kd_scale: Annotated[float, Quantity("share of the board's own gain kd (servo.pid_position.kd)", ge=0.0, le=1.0)] = (
+        1.0
+    )
+    watchdog: Annotated[
+        float,
+        Quantity(
+            "the board switches its torque off when no command has come for this long", "s", shown="ms", gt=0.0, le=60.0
+        ),
+    ] = 35e-3
+    answer_timeout: on_can.AnswerTimeout = 0.3
+    gear: float = 5.0
+    torque_constant: float = 16.7e-3
+    sample_time: float = 1e-3
+    lowest_motor: float = -math.inf
+    highest_motor: float = math.inf
+    speed_limit: float = 0.0
+    following_error: float = 0.0
+    current_limit: float = 0.0
+    lag_current: float = math.inf
+    lag_time: float = 0.0
+    torque_offset: float = 0.0
+    spool: SpoolMap | None = None
+    """These are what the rig asks for: see `rig.families.DriveNeeds`; 0 where it asks for no limit."""
+
+    def identifiers(self) -> dict[int, str]:
+        """See `on_can.collision`: of an identifier the sender's part, since each receiver knows senders by it."""
+        common = self.can_prefix << 16
+        return {common | self.host_id << 8: "host_id", common | self.node_id << 8: "node_id"}
+
+
+def check_parameters(drive: MoteusParameters) -> None:
+    """Refuse parameters that make no sense, before a bus is opened.
 
     Raises:
-        ParameterError: an option that is none.
-        DriveError: the bus cannot be used, or has a twin already.
+        ParameterError: a value out of its range, with its name and what was expected.
     """
-    from bowden.hardware.twin.moteus_node import MoteusNode
-    from bowden.hardware.twin.twin import Twin
-
-    check_parameters(parameters)
-    overrides = dict(_override(text) for text in options)
-    place = on_can.node_place(parameters)._replace(fd=True, data_bitrate=parameters.data_bitrate)
-    return Twin(place, clock, lambda send, journal: MoteusNode(parameters, plant, send, journal, overrides))
-
-
-def _override(text: str) -> tuple[int | str, float | None]:
-    """``0x102=4``, ``servo.timeout_mode=12``; ``none`` takes it away."""
-    name, equals, said = text.partition("=")
-    try:
-        value = None if said == "none" else float(said)
-        key: int | str = int(name, 16) if name.startswith("0x") else name
-    except ValueError:
-        equals = ""
-    if not equals or not name:
-        raise ParameterError(f"--object is {text!r}", expected="like 0x102=4, or servo.timeout_mode=12")
-    return key, value
+    rules = (
+        ("bitrate", drive.bitrate <= 1_000_000, "1 to 1000000, 1000000 for a moteus board"),
+        ("data_bitrate", drive.bitrate <= drive.data_bitrate <= 8_000_000, "bitrate or more, 5000000 for a board"),
+        ("host_id", drive.host_id != drive.node_id, "0 to 126, not the drive's node_id"),
+        on_can.rule_of_watchdog(drive),
+        *on_can.rules_of_rig(drive, (5e-4, 0.02)),
+    )
+    on_can.require(drive, rules)
 
 
-def scales(parameters: MoteusParameters) -> tuple[float, ...]:
-    """What makes angles of both positions."""
-    return (
-        *(parameters.output_ratio, parameters.motor_direction),
-        *(float(parameters.joint_source), parameters.joint_direction),
+def completed(given: MoteusParameters, needs: DriveNeeds) -> MoteusParameters:
+    """The parameters with what the rig asks for.
+
+    Raises:
+        ParameterError: values that make no sense together.
+    """
+    drive: MoteusParameters = on_can.asked_for(given, needs)
+    if drive.watchdog == MoteusParameters().watchdog:  # it is sent with each command, and follows
+        drive = drive._replace(watchdog=max(drive.watchdog, LOST * drive.sample_time))
+    check_parameters(drive)
+    return drive
+
+
+def motor_scale(drive: MoteusParameters, turns_at_home: float = 0.0) -> Scale | SuitScale:
+    """The output's turns to the spool's angle, or, on a suit, to the motor's in the joint's coordinate.
+
+    >>> round(motor_scale(MoteusParameters()).counts(2.0 * math.pi), 9)
+    5.0
+    """
+    step = drive.motor_direction * 2.0 * math.pi / (drive.output_ratio * drive.gear)
+    return spool_scale(step, drive.motor_home, turns_at_home, drive.spool)
+
+
+def joint_scale(drive: MoteusParameters, turns_at_home: float = 0.0) -> Scale:
+    """The joint encoder's turns to the joint's angle."""
+    step = drive.joint_direction * 2.0 * math.pi
+    return Scale(step, drive.joint_home - step * turns_at_home)
+
+
+def command_of(
+    drive: MoteusParameters, limits: MotorLimits, turns: float, before: float, torque: float
+) -> MoteusCommand:
+    """A command in position mode to a place within what a board counts.
+
+    The velocity is that from the target before, so that the board goes on between two commands. It would go on for the
+    watchdog's time if no further command came: what leads out of the rig's range within that is taken away.
+
+    Args:
+        drive: of the rig.
+        limits: of the rig, as the board counts.
+        turns: the target [turns]; NaN for where the motor is.
+        before: the target of the cycle before; NaN for none [turns].
+        torque: offset at the spool [N·m].
+    """
+    velocity = feed_velocity(turns, before, drive.sample_time, limits.speed)
+    room = (limits.high if velocity > 0.0 else limits.low) - turns
+    if math.isfinite(turns) and abs(velocity) * drive.watchdog > max(0.0, math.copysign(1.0, velocity) * room):
+        velocity = max(0.0, math.copysign(1.0, velocity) * room) / drive.watchdog * math.copysign(1.0, velocity)
+    return MoteusCommand(
+        turns,
+        velocity,
+        drive.motor_direction * bounded_torque(torque, drive) / (drive.gear * drive.output_ratio),
+        drive.kp_scale,
+        drive.kd_scale,
+        limits.current * drive.torque_constant / drive.output_ratio if limits.current < math.inf else math.nan,
+        drive.watchdog,
     )
 
 
-def probe(parameters: MoteusParameters, links: "Links") -> Sequence[FoundDevice]:
-    """All drives of this family on the bus."""
-    from bowden.hardware.drives import moteus_probe  # with python-can
-
-    return moteus_probe.probe(parameters, links)
-
-
-FAMILY = DriveFamily(
-    name="moteus",
-    title="A mjbots moteus board on CAN-FD, with the joint's encoder at its auxiliary port; `bowden twin` plays it.",
-    parameters=MoteusParameters(),
+FAMILY = on_can.family(
+    MoteusParameters(),
+    "A mjbots moteus board on CAN-FD, with the joint's encoder at its auxiliary port; `bowden twin` plays it.",
+    driver="drives.moteus_drive.MoteusDrive",
+    node="twin.moteus_node.MoteusNode",
+    probe="drives.moteus_setup.probe",
+    options=("register", "setting"),
+    check=check_parameters,
     completed=completed,
-    open=on_can.opening("moteus_drive.MoteusDrive"),
-    twin=twin,
-    moved=on_can.moved,
-    address=on_can.address,
-    control=on_can.control,
-    claim=on_can.claim_host,
-    watchdog=lambda parameters: parameters.watchdog + LOOK,
-    most_push=on_can.pushing(),
-    measures_tension=lambda _: False,
-    scales=scales,
-    homed=lambda parameters: parameters.home == "counts",
-    simulated=on_can.simulated,
+    watchdog=lambda drive: drive.watchdog + LOOK,
+    scales=("output_ratio", "motor_direction", "joint_source", "joint_direction"),
     explain=fault_text,
-    probe=probe,
-    zeroed=zeroed,
     zero_hint="A moteus board knows its place after a loss of its supply only by an encoder at its output (off-board "
     "source); otherwise tell it where it is with tview, d exact TURNS, after each start, or set "
     'home = "here".',

@@ -1,94 +1,219 @@
-"""ODrive boards on classic CAN (CANSimple): `hardware.drives.odrive_drive`, played by `hardware.twin.odrive_node`."""
+"""ODrive boards on classic CAN (CANSimple): what has to be known of one, the joint's encoder, and the bus to both."""
 
-from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING
+import math
+from pathlib import Path
+from typing import Annotated, Literal, NamedTuple
 
 from bowden.core.errors import ParameterError
+from bowden.core.quantity import Quantity
+from bowden.hardware.drives import joint_encoder as joints
 from bowden.hardware.drives import on_can
-from bowden.hardware.drives.homing import zeroed
-from bowden.hardware.drives.odrive_faults import fault_text
-from bowden.hardware.drives.odrive_parameters import (
-    LOOK,
-    OdriveParameters,
-    check_parameters,
-    completed,
-    found_from,
+from bowden.hardware.drives.joint_encoder import check_beside, identifiers_of, joint_encoder_of
+from bowden.hardware.drives.odrive_endpoints import TWIN
+from bowden.hardware.drives.odrive_frames import INT16, MOST_TURNS, Cmd, Scales, Target, fault_text, identifier_of
+from bowden.hardware.drives.scale import (
+    MotorLimits,
+    Scale,
+    SuitScale,
+    bounded_torque,
+    feed_velocity,
+    motor_limits,
+    spool_scale,
 )
-from bowden.rig.families import DriveFamily, FoundDevice, TwinProcess
+from bowden.models.suit.suit_angle import SpoolMap
+from bowden.rig.families import DriveNeeds
 
-if TYPE_CHECKING:
-    from bowden.hardware.buses.link import Links
-    from bowden.hardware.twin.plant import TwinPlant
+LOOK = 1e-3
+"""Time in which a board has taken its torque off once its watchdog has run out: its control loop, which looks, runs
+8000 times a second (ODrive 0.5's public firmware, `Axis::watchdog_check`) [s]."""
+ASKED_BY_CANOPEN = range(48, 52)
+"""Numbers whose frames are 600h to 67Fh, by which CANopen looks for its devices: one of them is an emergency stop."""
+HIGHEST_NODE = 62
+"""Number 63 is the broadcast."""
 
 
-def twin(
-    parameters: OdriveParameters, plant: "TwinPlant", clock: Callable[[], float], options: Sequence[str]
-) -> TwinProcess:
-    """The digital twin; an option is a setting of the board that is otherwise, as ``axis0.config.enable_watchdog=0``,
-    or an object of the joint's encoder, as ``6501:0=8192``.
+class OdriveParameters(NamedTuple):
+    """An ODrive board on a CAN bus, in SI and radians at the spool.
+
+    angle of the spool = home + direction · 2π · (turns − turns at home) / gear
+
+    where turns are those of the motor's shaft, on which the board's load encoder sits too.
+    """
+
+    family: Annotated[Literal["odrive"], Quantity("family of the drive")] = "odrive"
+    interface: on_can.BusInterface = "bowden_unix"
+    channel: on_can.BusChannel = "bowden"
+    bitrate: on_can.BusBitrate = 1_000_000
+    node_id: Annotated[int, Quantity("the board's number (axis0.config.can.node_id)", ge=0, le=HIGHEST_NODE)] = 1
+    endpoints: Annotated[
+        str,
+        Quantity(
+            "the maker's flat_endpoints.json for the board's firmware and hardware, found from this file; twin for the "
+            "twin's own"
+        ),
+    ] = TWIN
+    motor_direction: Annotated[
+        Literal[1, -1], Quantity("1 where the board's position rises as the spool pulls, otherwise -1")
+    ] = 1
+    home: Annotated[
+        Literal["counts", "here", "hint"],
+        Quantity(
+            "home is where the board's position is zero; where motor and joint are found when a command begins (here); "
+            "or where its rotor is at zero, in the turn in which the motor is near motor_hint_deg when a command begins"
+        ),
+    ] = "counts"
+    motor_home: on_can.MotorHome = 0.0
+    motor_hint: on_can.MotorHint = 0.0
+    watchdog: Annotated[
+        float,
+        Quantity("the board's watchdog as it is set (axis0.config.watchdog_timeout)", "s", shown="ms", gt=0.0, le=60.0),
+    ] = 35e-3
+    heartbeat: Annotated[
+        float,
+        Quantity(
+            "between two heartbeats of the board as it is set (axis0.config.can.heartbeat_msg_rate_ms)",
+            "s",
+            shown="ms",
+            ge=1.0,
+            le=10.0,
+        ),
+    ] = 5e-3
+    velocity_scale: Annotated[
+        int,
+        Quantity("steps of its velocity's feed-forward in 1 turn/s (axis0.config.can.input_vel_scale)", ge=1, le=INT16),
+    ] = 1000
+    torque_scale: Annotated[
+        int,
+        Quantity("steps of its torque's feed-forward in 1 N·m (axis0.config.can.input_torque_scale)", ge=1, le=INT16),
+    ] = 1000
+    joint: joints.JointSource = "cia406"
+    joint_node_id: joints.JointNode = 32
+    joint_counts_per_turn: joints.JointCounts = 16384.0
+    joint_direction: joints.JointDirection = 1
+    joint_home: joints.JointHome = 0.0
+    joint_sends: joints.JointSending = "sync"
+    answer_timeout: on_can.AnswerTimeout = 0.1
+    gear: float = 5.0
+    torque_constant: float = 16.7e-3
+    sample_time: float = 1e-3
+    lowest_motor: float = -math.inf
+    highest_motor: float = math.inf
+    speed_limit: float = 0.0
+    current_limit: float = 0.0
+    lag_current: float = math.inf
+    lag_time: float = 0.0
+    torque_offset: float = 0.0
+    spool: SpoolMap | None = None
+    """These are what the rig asks for: see `rig.families.DriveNeeds`; 0 where it asks for no limit."""
+
+    def identifiers(self) -> dict[int, str]:
+        """See `on_can.collision`."""
+        return {**identifiers_of(joint_encoder_of(self)), **own_identifiers(self)}
+
+
+def own_identifiers(drive: OdriveParameters) -> dict[int, str]:
+    """Identifier of each frame of the board and to it → key of [drive] that it follows from."""
+    return dict.fromkeys((identifier_of(drive.node_id, cmd) for cmd in Cmd), "node_id")
+
+
+def scales_of(drive: OdriveParameters) -> Scales:
+    """Of the feed-forward fields."""
+    return Scales(float(drive.velocity_scale), float(drive.torque_scale))
+
+
+def motor_scale(drive: OdriveParameters, turns_at_home: float = 0.0) -> Scale | SuitScale:
+    """The motor's turns to the spool's angle, or, on a suit, to the motor's in the joint's coordinate.
+
+    >>> round(motor_scale(OdriveParameters()).counts(2.0 * math.pi), 9)
+    5.0
+    """
+    step = drive.motor_direction * 2.0 * math.pi / drive.gear
+    return spool_scale(step, drive.motor_home, turns_at_home, drive.spool)
+
+
+def target_of(drive: OdriveParameters, limits: MotorLimits, turns: float, before: float, torque: float) -> Target:
+    """A target with its feed-forward.
+
+    The velocity is that from the target before, so that the board need not lag to move. Should no further target come,
+    the board stays at this one, off by its velocity over its gain, until its watchdog runs out.
+
+    Args:
+        drive: of the rig.
+        limits: of the rig, as the board counts.
+        turns: the target [turns].
+        before: the target of the cycle before; NaN for none [turns].
+        torque: offset at the spool [N·m].
+    """
+    velocity = feed_velocity(turns, before, drive.sample_time, limits.speed)
+    return Target(turns, velocity, drive.motor_direction * bounded_torque(torque, drive) / drive.gear)
+
+
+def check_parameters(drive: OdriveParameters) -> None:
+    """Refuse parameters that make no sense, before a bus is opened.
 
     Raises:
-        ParameterError: an option that is none, or no list of the board's endpoints.
-        DriveError: the bus cannot be used, or has a twin already.
+        ParameterError: a value out of its range, with its name and what was expected.
     """
-    from bowden.hardware.twin.odrive_node import OdriveNode
-    from bowden.hardware.twin.twin import Twin
-
-    check_parameters(parameters)
-    of_board = dict(_override(text) for text in options if ":" not in text)
-    of_joint = dict(on_can.object_option(text) for text in options if ":" in text)
-    place = on_can.node_place(parameters)
-    return Twin(place, clock, lambda send, journal: OdriveNode(parameters, plant, send, journal, of_board, of_joint))
-
-
-def _override(text: str) -> tuple[str, float | None]:
-    """``axis0.config.watchdog_timeout=0.1``; ``none`` takes it away."""
-    name, equals, said = text.partition("=")
-    try:
-        value = None if said == "none" else float(said)
-    except ValueError:
-        equals = ""
-    if not equals or not name:
-        raise ParameterError(f"--object is {text!r}", expected="like axis0.config.enable_watchdog=0, or 6501:0=8192")
-    return name, value
-
-
-def scales(parameters: OdriveParameters) -> tuple[object, ...]:
-    """What makes angles of both positions."""
-    return (
-        *(parameters.motor_direction, parameters.joint),
-        *(parameters.joint_counts_per_turn, parameters.joint_direction),
+    limits = motor_limits(drive, motor_scale(drive))
+    reach = max((abs(end) for end in (limits.low, limits.high) if math.isfinite(end)), default=0.0)
+    fastest = limits.speed if math.isfinite(limits.speed) else 0.0
+    rules = (
+        ("endpoints", bool(drive.endpoints) and "\0" not in drive.endpoints, "the path of a file, or twin"),
+        on_can.rule_of_watchdog(drive),
+        *on_can.rules_of_rig(drive, (5e-4, 0.02)),
+        ("lowest_motor", reach <= MOST_TURNS, f"at most {MOST_TURNS:g} turns of the motor from its home"),
     )
+    on_can.require(drive, rules)
+    for name, most, unit in (
+        ("velocity_scale", fastest, "turns/s"),
+        ("torque_scale", drive.torque_offset / drive.gear, "N·m"),
+    ):
+        scale = getattr(drive, name)
+        if most * scale > INT16:
+            raise ParameterError(
+                f"the rig asks for {most:.4g} {unit} at the motor, and drive.{name} is {scale}",
+                expected=f"at most {INT16 / scale:.4g} {unit}, which is all that a target's field can tell",
+                do="reduce the scale in the board and in [drive], or the limit in [limits]",
+            )
+    encoder = joint_encoder_of(drive)
+    if encoder is not None and drive.node_id in ASKED_BY_CANOPEN:
+        raise ParameterError(
+            f"drive.node_id is {drive.node_id}, whose frames are those that ask CANopen devices who they are",
+            expected="a number below 48 or above 51, since the joint's encoder is a CANopen device",
+            do="change axis0.config.can.node_id in the board, and drive.node_id",
+        )
+    check_beside(encoder, own_identifiers(drive))
 
 
-def probe(parameters: OdriveParameters, links: "Links") -> Sequence[FoundDevice]:
-    """All drives of this family on the bus."""
-    from bowden.hardware.drives import odrive_probe  # with python-can
-
-    return odrive_probe.probe(parameters, links)
+def found_from(given: OdriveParameters, folder: Path) -> OdriveParameters:
+    """The parameters with the board's list of endpoints found from a folder."""
+    return given if given.endpoints == TWIN else given._replace(endpoints=str(folder / given.endpoints))
 
 
-FAMILY = DriveFamily(
-    name="odrive",
-    title="An ODrive board on classic CAN, and the joint's encoder beside it; `bowden twin` plays both.",
-    parameters=OdriveParameters(),
+def completed(given: OdriveParameters, needs: DriveNeeds) -> OdriveParameters:
+    """The parameters with what the rig asks for.
+
+    Raises:
+        ParameterError: values that make no sense together.
+    """
+    drive: OdriveParameters = on_can.asked_for(given, needs)
+    check_parameters(drive)
+    on_can.check_heartbeat(drive, "heartbeat", needs)
+    return drive
+
+
+FAMILY = on_can.family(
+    OdriveParameters(),
+    "An ODrive board on classic CAN, and the joint's encoder beside it; `bowden twin` plays both.",
+    driver="drives.odrive_drive.OdriveDrive",
+    node="twin.odrive_node.OdriveNode",
+    probe="drives.odrive_setup.probe",
+    options=("setting", "object"),
+    check=check_parameters,
     completed=completed,
-    open=on_can.opening("odrive_drive.OdriveDrive"),
-    twin=twin,
-    moved=on_can.moved,
-    address=on_can.address,
-    control=on_can.control,
-    claim=on_can.claim_host,
-    watchdog=lambda parameters: parameters.watchdog + LOOK,
-    most_push=on_can.pushing(),
-    measures_tension=lambda _: False,
-    scales=scales,
-    homed=lambda parameters: parameters.home != "here",
-    simulated=on_can.simulated,
+    watchdog=lambda drive: drive.watchdog + LOOK,
+    scales=("motor_direction", "joint", "joint_counts_per_turn", "joint_direction"),
     explain=fault_text,
-    measures_joint=lambda parameters: parameters.joint != "none",
-    probe=probe,
-    zeroed=zeroed,
     found_from=found_from,
     zero_hint="An ODrive board knows its place within a turn of its rotor after a loss of its supply, if its "
     'encoder is absolute; which turn is told by home = "hint". Until then it is told where it is by '
