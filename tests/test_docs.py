@@ -16,7 +16,6 @@ import pytest
 import bowden
 import results_page
 from bowden.app.main import run
-from bowden.safety.faults import Fault
 from live_runs import SHARED_LIMITS, tries
 from page_steps import PageFile, commands, steps
 from walk import pages, rows, table, walk_page
@@ -117,14 +116,6 @@ def test_every_page_has_its_place_in_the_site_and_in_the_index() -> None:
     assert len(IN_ORDER) == len(pages)
     listed = set(re.findall(r"\]\(([\w/-]+\.md)\)", (ROOT / "docs" / "README.md").read_text(encoding="utf-8")))
     assert listed == pages - {"README.md"}
-
-
-HELP = (ROOT / "docs" / "troubleshooting.md").read_text(encoding="utf-8")
-
-
-@pytest.mark.parametrize("fault", [fault for fault in Fault if fault.then], ids=lambda fault: fault.name)
-def test_a_fault_that_can_end_a_run_is_found_by_its_symptom(fault: Fault) -> None:
-    assert f"`{fault.name}`" in HELP
 
 
 def slug(heading: str) -> str:
