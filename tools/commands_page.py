@@ -10,7 +10,6 @@ from bowden.operations.support.operation import Operation, OperationParameter, R
 
 def markdown() -> str:
     """The reference page ``docs/commands.md``."""
-    operations, _ = declared()
     lines = [
         "# Commands",
         "",
@@ -22,7 +21,8 @@ def markdown() -> str:
         "command | what it does | options",
         "---|---|---",
     ]
-    lines += [f"`{one.words}`{_places(one)} | {one.summary} | {_options(one)}" for one in sorted(operations, key=_group)]
+    operations = sorted(declared().operations, key=_group)
+    lines += [f"`{one.words}`{_places(one)} | {one.summary} | {_options(one)}" for one in operations]
     lines += ["", "## Faults of the twin", ""]
     lines += ["For `bowden twin RIG --inject FAULT`; in brackets what may follow the name. Drives of a family have the"]
     lines += ["faults that their protocol allows ([how](run.md#try-a-fault-on-the-twin)).", ""]

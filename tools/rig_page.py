@@ -18,8 +18,9 @@ _GAINS = (
     "What `[control.gains]` may hold, with the law's own value. `*`: the rig gives the law its own value.",
     "",
     "A value comes from `[control.gains]`, else from the preset, else from the rig, else from the law. The rig gives",
-    "`slope`, `width` and `doubt` only for an identified cable (`cable.model`); for a cable by hand it scales a law's own",
-    "slope by `relative_slope`. Slopes are positive: a cable with a negative slope is counted the other way round.",
+    "`slope`, `width` and `doubt` only for an identified cable (`cable.model`). For a cable by hand it scales a law's",
+    "own slope by `relative_slope`. Slopes are positive: a cable with a negative slope is counted the other way round.",
+    "What a gain means stands in the law's file in [control/laws](../src/bowden/control/laws).",
 )
 _AXES = (
     f"Several motors in one loop ([how](several_axes.md)): {MEANINGS[AXIS]}.",
@@ -34,10 +35,10 @@ def markdown() -> str:
     lines = [
         "# rig.toml",
         "",
-        "Every key of a rig, with its default and, in brackets, its range. `bowden init` writes such a file. A key that is",
-        "left out has its default. The ending of a key is its unit: `_deg`, `_nm` for N·m, `_nms_per_rad` for N·m·s/rad.",
-        "Gains are in SI units and radians, and so is everything in Python (`bowden.Rig`). Files are found from the folder",
-        "of rig.toml. `make docs` makes this page; `bowden schema rig` prints the same as a JSON schema.",
+        "Every key of a rig, with its default and, in brackets, its range. `bowden init` writes such a file. A key",
+        "that is left out has its default. The ending of a key is its unit: `_deg`, `_nm` for N·m, `_nms_per_rad` for",
+        "N·m·s/rad. Gains are in SI units and radians, as is everything in Python (`bowden.Rig`). Files are found from",
+        "the folder of rig.toml. `make docs` makes this page; `bowden schema rig` prints it as a JSON schema.",
         "",
     ]
     for title, variants in sections():
@@ -48,13 +49,23 @@ def markdown() -> str:
             lines += [sentence(section), "", *_rows(key for key in keys_of(section) if _said(key) not in shared), ""]
         if shared:
             kinds = f"Common to several kinds of [{title}]"
-            lines += [f"### {kinds}", "", *_rows({_said(key): key for key in _keys(variants)}[one] for one in shared), ""]
+            lines += [
+                f"### {kinds}",
+                "",
+                *_rows({_said(key): key for key in _keys(variants)}[one] for one in shared),
+                "",
+            ]
     lines += ["## [[axis]]", "", *_AXES, ""]
     lines += ["## [pair]", "", sentence(PAIR.section), "", *_rows(keys_of(PAIR.section)), ""]
     lines += ["## Gains of the laws", "", *_GAINS, "", "law | gains", "---|---"]
     lines += [f"`{law.name}` | {', '.join(_gains(law))}{_presets(law)}" for law in LAWS.values()]
-    lines += ["", "gain | meaning", "---|---", *_meanings_of_gains(), ""]
-    lines += ["### What a rig knows", "", "For `FROM_RIG` of [a law of your own](own_law.md#your-own-law-in-a-file).", ""]
+    lines += [""]
+    lines += [
+        "### What a rig knows",
+        "",
+        "For `FROM_RIG` of [a law of your own](own_law.md#your-own-law-in-a-file).",
+        "",
+    ]
     lines += ["name | meaning", "---|---"]
     lines += [f"`{name}` | {meaning}" for name, meaning in meanings(Knowledge).items()]
     return "\n".join([*lines, ""])
@@ -112,16 +123,6 @@ def _gains(law: Law) -> Iterator[str]:
 
 def _presets(law: Law) -> str:
     return f"; presets {', '.join(law.presets)}" if law.presets else ""
-
-
-def _meanings_of_gains() -> Iterator[str]:
-    """Each gain that no rig sets, once, with the law whose words these are where several have it."""
-    found: dict[str, str] = {}
-    for law in LAWS.values():
-        for name, _, meaning in gains_of(law):
-            if name not in law.from_rig:
-                found.setdefault(name, meaning.rstrip("."))
-    return (f"`{name}` | {meaning}" for name, meaning in sorted(found.items()))
 
 
 def rounded(default: str) -> str:

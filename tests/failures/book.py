@@ -1,8 +1,8 @@
 """Failures that others have met in public: what happened, and what bowden does then on the twin, with its times.
 
-The tests beside it run each row and hold it to its figures. ``PYTHONPATH=src:tests python -m failures.book`` prints them
-as a table. *Stops after* counts from the failure's beginning, or from arming where it is there before; times are the
-twin's own, at 1 kHz with the default limits. A row says what its source says; later versions of a product may differ.
+The tests beside it run each row and hold it to its figures; ``PYTHONPATH=src:tests python -m failures.book`` prints the
+rows as a table. *Stops after* counts from the failure's beginning, or from arming where it is there before. Times are
+the twin's own, at 1 kHz with the default limits. A row says what its source says; later versions may differ.
 """
 
 import math
