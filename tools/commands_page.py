@@ -7,6 +7,9 @@ from bowden.core.files import write_text
 from bowden.hardware.twin.injection import KINDS
 from bowden.operations.support.operation import Operation, OperationParameter, Role, declared, parameters
 
+_COMMON = ("--out", "--channel", "--axis")
+"""Options that mean the same for every command that has them."""
+
 
 def markdown() -> str:
     """The reference page ``docs/commands.md``."""
@@ -15,8 +18,9 @@ def markdown() -> str:
         "",
         "Every command with its options. `bowden NAME --help` explains each option and shows examples. Every command",
         "takes `--json`: it then prints one JSON document and nothing else. `bowden schema NAME` prints the schema of",
-        "that document. Exit code 0: done as asked. 1: done, with a bad result (a loop that does not hold, a run that",
-        "ended by a fault). 2: not done; one line says why. 130: interrupted. `make docs` makes this page.",
+        "that document. Not listed: `--out` (where results go), `--channel` (another bus), `--axis` (one of several).",
+        "Exit code 0: done as asked. 1: done, with a bad result (a loop that does not hold, a run that ended by a",
+        "fault). 2: not done; one line says why. 130: interrupted. `make docs` makes this page.",
         "",
         "command | what it does | options",
         "---|---|---",
@@ -53,7 +57,7 @@ def _places(operation: Operation) -> str:
 
 
 def _options(operation: Operation) -> str:
-    return ", ".join(f"`{one.option}`" for one in _given(operation) if one.alone)
+    return ", ".join(f"`{one.option}`" for one in _given(operation) if one.alone and one.option not in _COMMON)
 
 
 def write_docs(docs: Path) -> None:

@@ -1,6 +1,7 @@
 """The reference page of rig.toml, made from what the values in Python declare."""
 
 import json
+import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
@@ -41,8 +42,13 @@ def markdown() -> str:
         "the folder of rig.toml. `make docs` makes this page; `bowden schema rig` prints it as a JSON schema.",
         "",
     ]
+    made: dict[type[Section], str] = {}
     for title, variants in sections():
         lines += [f"## [{title}]", ""]
+        if twin := made.get(variants[0]):
+            lines += [f"As [{twin}].", ""]
+            continue
+        made[variants[0]] = title
         shared = _shared(variants)
         for section in variants:
             lines += [f"### {_which(section)}", ""] if len(variants) > 1 else []
@@ -67,7 +73,7 @@ def markdown() -> str:
         "",
     ]
     lines += ["name | meaning", "---|---"]
-    lines += [f"`{name}` | {meaning}" for name, meaning in meanings(Knowledge).items()]
+    lines += [f"`{name}` | {re.split('[:;]', meaning)[0].rstrip('.')}" for name, meaning in meanings(Knowledge).items()]
     return "\n".join([*lines, ""])
 
 
@@ -89,8 +95,8 @@ def _said(key: Key) -> Key:
 
 def _rows(keys: Iterable[Key]) -> Iterator[str]:
     """A table, one row a key."""
-    rows = [f"`{key.name}` | {_value(key)} | {_meaning(key)}" for key in keys if key.name not in ("kind", "family")]
-    return iter(["key | default | meaning", "---|---|---", *rows] if rows else [])
+    rows = [f"`{key.name}` {_value(key)} | {_meaning(key)}" for key in keys if key.name not in ("kind", "family")]
+    return iter(["key, default (range) | meaning", "---|---", *rows] if rows else [])
 
 
 def _value(key: Key) -> str:
