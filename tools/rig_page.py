@@ -1,7 +1,6 @@
 """The reference page of rig.toml, made from what the values in Python declare."""
 
 import json
-import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
@@ -73,7 +72,7 @@ def markdown() -> str:
         "",
     ]
     lines += ["name | meaning", "---|---"]
-    lines += [f"`{name}` | {re.split('[:;]', meaning)[0].rstrip('.')}" for name, meaning in meanings(Knowledge).items()]
+    lines += [f"`{name}` | {meaning.split(';')[0].rstrip('.')}" for name, meaning in meanings(Knowledge).items()]
     return "\n".join([*lines, ""])
 
 
