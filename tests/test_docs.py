@@ -14,6 +14,7 @@ from typing import Any
 import pytest
 
 import bowden
+import commands_page
 import results_page
 from bowden.app.main import run
 from live_runs import SHARED_LIMITS, tries
@@ -115,6 +116,11 @@ def test_every_page_has_its_place_in_the_site_and_in_the_index() -> None:
     assert len(IN_ORDER) == len(pages)
     listed = set(re.findall(r"\]\(([\w/-]+\.md)\)", (ROOT / "docs" / "README.md").read_text(encoding="utf-8")))
     assert listed == pages - {"README.md"}
+
+
+def test_the_page_of_commands_is_current() -> None:
+    page = (ROOT / "docs" / "commands.md").read_text(encoding="utf-8")
+    assert page == commands_page.markdown(), "make docs"
 
 
 def slug(heading: str) -> str:

@@ -26,14 +26,14 @@ def markdown() -> str:
         "---|---|---",
     ]
     operations = sorted(declared().operations, key=_group)
-    lines += [f"`{one.words}`{_places(one)} | {one.summary} | {_options(one)}" for one in operations]
+    lines += [f"`{one.words}`{_places(one)} | {_short(one.summary)} | {_options(one)}" for one in operations]
     lines += ["", "## Faults of the twin", ""]
     lines += ["For `bowden twin RIG --inject FAULT`; in brackets what may follow the name. Drives of a family have the"]
     lines += ["faults that their protocol allows ([how](run.md#try-a-fault-on-the-twin)).", ""]
     lines += ["fault | what it is", "---|---"]
     for name, kind in KINDS.items():
         amount = "" if kind.amount is None else f" [{kind.amount:g} {kind.unit}]"
-        lines.append(f"`{name}`{' [joint, motor]' if kind.side else ''}{amount} | {kind.meaning}")
+        lines.append(f"`{name}`{' [joint, motor]' if kind.side else ''}{amount} | {_short(kind.meaning)}")
     return "\n".join([*lines, ""])
 
 
@@ -41,6 +41,11 @@ def _group(operation: Operation) -> str:
     """Commands with one word in their order, then each group."""
     first, _, rest = operation.words.partition(" ")
     return first if rest else ""
+
+
+def _short(text: str) -> str:
+    """A sentence up to its colon: what follows are details."""
+    return text.partition(": ")[0].rstrip(".")
 
 
 def _given(operation: Operation) -> Iterator[OperationParameter]:

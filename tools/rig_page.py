@@ -36,9 +36,10 @@ def markdown() -> str:
         "# rig.toml",
         "",
         "Every key of a rig, with its default and, in brackets, its range. `bowden init` writes such a file. A key",
-        "that is left out has its default. The ending of a key is its unit: `_deg`, `_nm` for N·m, `_nms_per_rad` for",
-        "N·m·s/rad. Gains are in SI units and radians, as is everything in Python (`bowden.Rig`). Files are found from",
-        "the folder of rig.toml. `make docs` makes this page; `bowden schema rig` prints it as a JSON schema.",
+        "that is left out has its default; where that is none, it follows from the rest of the rig. The ending of a",
+        "key is its unit: `_deg`, `_nm` for N·m, `_nms_per_rad` for N·m·s/rad. Gains are in SI units and radians, as",
+        "is all in Python (`bowden.Rig`). Files are found from the folder of rig.toml. `make docs` makes this page;",
+        "`bowden schema rig` prints it as a JSON schema.",
         "",
     ]
     made: dict[type[Section], str] = {}
@@ -123,7 +124,7 @@ def _meaning(key: Key) -> str:
 def _gains(law: Law) -> Iterator[str]:
     """The gains of a law with their own values."""
     for name, value, _ in gains_of(law):
-        yield f"`{name}` {value:g}{'*' if name in law.from_rig else ''}"
+        yield f"`{name}={value:g}`{'*' if name in law.from_rig else ''}"
 
 
 def _presets(law: Law) -> str:
