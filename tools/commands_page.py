@@ -7,7 +7,7 @@ from bowden.core.files import write_text
 from bowden.hardware.twin.injection import KINDS
 from bowden.operations.support.operation import Operation, OperationParameter, Role, declared, parameters
 
-_COMMON = ("--out", "--channel", "--axis")
+_COMMON = ("--out", "--axis")
 """Options that mean the same for every command that has them."""
 
 
@@ -16,11 +16,11 @@ def markdown() -> str:
     lines = [
         "# Commands",
         "",
-        "Every command with its options. `bowden NAME --help` explains each option and shows examples. Every command",
-        "takes `--json`: it then prints one JSON document and nothing else. `bowden schema NAME` prints the schema of",
-        "that document. Not listed: `--out` (where results go), `--channel` (another bus), `--axis` (one of several).",
-        "Exit code 0: done as asked. 1: done, with a bad result (a loop that does not hold, a run that ended by a",
-        "fault). 2: not done; one line says why. 130: interrupted. `make docs` makes this page.",
+        "Every command with its options. `bowden NAME --help` explains each option and shows examples. Not listed:",
+        "`--out` (where results go), `--axis` (one of several), and `--json`, which every command takes: it then",
+        "prints one JSON document and nothing else; `bowden schema NAME` prints its schema. Exit code 0: done as",
+        "asked. 1: done, with a bad result (a loop that does not hold, a run that ended by a fault). 2: not done;",
+        "one line says why. 130: interrupted. `make docs` makes this page.",
         "",
         "command | what it does | options",
         "---|---|---",

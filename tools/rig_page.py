@@ -8,7 +8,7 @@ from pathlib import Path
 from bowden.control import LAWS, Law
 from bowden.control.knowledge import Knowledge
 from bowden.core.files import write_text
-from bowden.core.quantity import _SUFFIX, meanings
+from bowden.core.quantity import Quantity, meanings
 from bowden.design.rig_of_bench import Key, gains_of, keys_of, sections, sentence
 from bowden.rig.axes import AXIS, INDEPENDENT, MEANINGS
 from bowden.rig.declaration import Section
@@ -54,25 +54,14 @@ def markdown() -> str:
             lines += [f"### {_which(section)}", ""] if len(variants) > 1 else []
             lines += [sentence(section), "", *_rows(key for key in keys_of(section) if _said(key) not in shared), ""]
         if shared:
-            kinds = f"Common to several kinds of [{title}]"
-            lines += [
-                f"### {kinds}",
-                "",
-                *_rows({_said(key): key for key in _keys(variants)}[one] for one in shared),
-                "",
-            ]
+            keys = {_said(key): key for key in _keys(variants)}
+            lines += [f"### Common to several kinds of [{title}]", "", *_rows(keys[one] for one in shared), ""]
     lines += ["## [[axis]]", "", *_AXES, ""]
     lines += ["## [pair]", "", sentence(PAIR.section), "", *_rows(keys_of(PAIR.section)), ""]
     lines += ["## Gains of the laws", "", *_GAINS, "", "law | gains", "---|---"]
     lines += [f"`{law.name}` | {', '.join(_gains(law))}{_presets(law)}" for law in LAWS.values()]
-    lines += [""]
-    lines += [
-        "### What a rig knows",
-        "",
-        "For `FROM_RIG` of [a law of your own](own_law.md#your-own-law-in-a-file).",
-        "",
-    ]
-    lines += ["name | meaning", "---|---"]
+    lines += ["", "### What a rig knows", "", "For `FROM_RIG` of [your own law](own_law.md#your-own-law-in-a-file)."]
+    lines += ["", "name | meaning", "---|---"]
     lines += [f"`{name}` | {meaning.split(';')[0].rstrip('.')}" for name, meaning in meanings(Knowledge).items()]
     return "\n".join([*lines, ""])
 
@@ -117,7 +106,8 @@ def _range(limits: str) -> str:
 
 def _meaning(key: Key) -> str:
     """The meaning, with the symbol and the unit that the key's ending does not say."""
-    unit = "" if key.unit == "–" or key.name.endswith(_SUFFIX.get(key.unit, "?")) else f" [{key.unit}]"
+    ending = Quantity("", shown=key.unit).named("")
+    unit = "" if key.unit == "–" or (ending and key.name.endswith(ending)) else f" [{key.unit}]"
     return f"{key.meaning}{f' ({key.symbol})' if key.symbol else ''}{unit}"
 
 
