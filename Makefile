@@ -16,7 +16,7 @@ help:
 	@echo "make portable    some of the tests as another processor computes, half a minute"
 	@echo "make lint    ruff alone"
 	@echo "make types   mypy alone"
-	@echo "make docs    write what is made from the code: docs/rig.md, tables of safety.md, campaign.md and background"
+	@echo "make docs    write what is made from the code: docs/rig.md, docs/commands.md, tables of faults and results"
 	@echo "make console write the console's page from web/ into the package (needs Node and npm)"
 	@echo "make notebooks   execute docs/notebooks again and keep their outputs"
 	@echo "make site    the documentation as a site in out/site, with search and the Python API; loads nothing from elsewhere"

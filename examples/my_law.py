@@ -5,7 +5,7 @@ Run it beside the built-in ones:
     bowden simulate rig.toml --law examples/my_law.py --law adaptive
 
 A law is two pure functions of numbers and NamedTuples, marked with @kernel, and the gains they take. It runs as it
-stands here, compiled in simulation, and later as C: ordinary Python with `if`, `min`, `max`, `abs` (docs/kernels.md),
+stands here, compiled in simulation, and later as C: ordinary Python with `if`, `min`, `max`, `abs` (docs/own_law.md),
 and `tanh`, `sin`, `exp` from `bowden.core.kernel`. Angles are in radians.
 """
 

@@ -220,8 +220,8 @@ def test_the_friction_that_is_left_decides_whether_a_live_motor_can_move(
 @pytest.mark.parametrize(
     ("keys", "said"),
     [
-        ("friction_feedforward_nm = 0.3", "set it, to 2.79 on the paper's suit (docs/admittance.md)"),
-        ("friction_nm = 4.0\nfriction_feedforward_nm = 0.3", "set it (docs/admittance.md)"),
+        ("friction_feedforward_nm = 0.3", "set it, to 2.79 on the paper's suit (docs/day_one_suit.md)"),
+        ("friction_nm = 4.0\nfriction_feedforward_nm = 0.3", "set it (docs/day_one_suit.md)"),
         (
             "friction_nm = 6.0\nfriction_feedforward_nm = 2.79",
             "the suit cannot run live with this drive; use a stronger drive, or reduce the friction",

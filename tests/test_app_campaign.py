@@ -21,7 +21,6 @@ import pyarrow.dataset as ds
 import pyarrow.parquet as pq
 import pytest
 
-import study_page
 from bowden.app import main
 from bowden.core.errors import ParameterError
 from bowden.operations.schema import json_schema
@@ -418,12 +417,6 @@ def test_the_cycle_may_differ_from_run_to_run(folder: Path) -> None:
     assert campaign() == 0
     rows = ds.dataset("out/runs").to_table().to_pylist()
     assert all(row["cycles"] * row["bench.sample_time_ms"] == 500.0 for row in rows)
-
-
-def test_the_page_is_current() -> None:
-    page = (ROOT / "docs" / "campaign.md").read_text(encoding="utf-8")
-    assert page == study_page.with_tables(page), "make docs"
-    assert study_page.keys_table() in page
 
 
 def test_the_study_on_the_page_can_be_run(capsys: pytest.CaptureFixture[str]) -> None:

@@ -1,4 +1,4 @@
-"""`bowden run` by the wearer's push, the whole of it, on the rig of docs/admittance.md: its own twin, and any bus."""
+"""`bowden run` by the wearer's push, the whole of it, on the rig of docs/day_one_suit.md: its own twin, and any bus."""
 
 import json
 import time

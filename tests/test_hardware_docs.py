@@ -1,11 +1,10 @@
-"""The tables in docs/background/drives.md and docs/twin.md say what the code does."""
+"""The table in docs/background/drives.md says what the code does."""
 
 from pathlib import Path
 
 from bowden.core.signals import DriveState
 from bowden.hardware.drives.cia402 import CONTROL, STATUS
 from bowden.hardware.ports import Power
-from bowden.hardware.twin.injection import KINDS
 
 DOCS = Path(__file__).parents[1] / "docs"
 
@@ -23,11 +22,3 @@ def test_the_state_table() -> None:
         cells = [state.name.lower().replace("_", " "), str(int(state)), f"{value:02X}h of {mask:02X}h"]
         rows.append("| " + " | ".join(cells + [f"{word:04X}h" if word else "–" for word in words]) + " |")
     assert table("background/drives.md", "state table") == rows
-
-
-def test_the_table_of_faults() -> None:
-    rows = []
-    for name, kind in KINDS.items():
-        amount = "" if kind.amount is None else f"{kind.amount:g} {kind.unit}"
-        rows.append(f"| `{name}` | {'joint, motor' if kind.side else ''} | {amount} | {kind.meaning} |")
-    assert table("twin.md", "faults") == rows

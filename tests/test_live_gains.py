@@ -44,7 +44,7 @@ LIVE = {
     "repetitive": ("bandwidth", "rate_limit", "learning"),
     "uncompensated": (),
 }
-"""As docs/laws.md has them, with why."""
+"""As docs/simulate.md has them, with why."""
 
 
 class Pair(NamedTuple):

@@ -35,18 +35,18 @@ def test_what_stands_beside_is_there_and_is_described(name: str) -> None:
 @pytest.mark.parametrize(
     ("text", "origin", "uri", "made"),
     [
-        ("[a](laws.md#b)", "docs/live.md", "live.md", "[a](laws.md#b)"),
-        ("[a](#b)", "docs/live.md", "live.md", "[a](#b)"),
-        ("![a](images/a.svg)", "docs/suit.md", "suit.md", "![a](images/a.svg)"),
-        ("[x.py](../src/x.py) [b](../tests/y.py)", "docs/suit.md", "suit.md", "`x.py` b"),
-        ("[`x`](../src/x.py)", "docs/suit.md", "suit.md", "`x`"),
-        ("[a](docs/kernels.md#b)", "CONTRIBUTING.md", "contributing.md", "[a](kernels.md#b)"),
+        ("[a](simulate.md#b)", "docs/run.md", "run.md", "[a](simulate.md#b)"),
+        ("[a](#b)", "docs/run.md", "run.md", "[a](#b)"),
+        ("![a](images/a.svg)", "docs/identify.md", "identify.md", "![a](images/a.svg)"),
+        ("[x.py](../src/x.py) [b](../tests/y.py)", "docs/identify.md", "identify.md", "`x.py` b"),
+        ("[`x`](../src/x.py)", "docs/identify.md", "identify.md", "`x`"),
+        ("[a](docs/own_law.md#b)", "CONTRIBUTING.md", "contributing.md", "[a](own_law.md#b)"),
         ("[a](../../benchmarks/RESULTS.md)", "docs/background/emg.md", "background/emg.md", "[a](results.md)"),
         ("[a](decisions)", "docs/README.md", "README.md", "[a](decisions/index.md)"),
         ("[a](../emg.md)", "docs/notebooks/a.ipynb", "notebooks/a.md", "[a](../emg.md)"),
         ("[a](notebooks/a.ipynb)", "docs/README.md", "README.md", "[a](notebooks/a.md)"),
         ("[a](https://mcap.dev/spec)", "docs/logs.md", "logs.md", "[a](https://mcap.dev/spec)"),
-        ("```\n[a](../src/x.py)\n```", "docs/suit.md", "suit.md", "```\n[a](../src/x.py)\n```"),
+        ("```\n[a](../src/x.py)\n```", "docs/identify.md", "identify.md", "```\n[a](../src/x.py)\n```"),
     ],
 )
 def test_links_are_made_for_the_site(text: str, origin: str, uri: str, made: str) -> None:

@@ -110,7 +110,7 @@ def test_looks_at_other_sets_than_the_development_set_are_counted(tmp_path: Path
     assert [(look["set"], look["count"]) for look in looks] == [("validation", 1), ("validation", 2), ("judging", 1)]
 
 
-@pytest.mark.parametrize("page", ["README.md", "docs/laws.md", "docs/background/evidence.md"])
+@pytest.mark.parametrize("page", ["README.md", "docs/simulate.md", "docs/background/evidence.md"])
 def test_pages_name_the_share_that_was_judged_last(page: str) -> None:
     ours, within, *_ = results("unseen_judging")["rows"][0]
     assert ours == "`bowden`"

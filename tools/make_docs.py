@@ -2,13 +2,13 @@
 
 from pathlib import Path
 
+import commands_page
 import results_page
 import rig_page
 import safety_page
-import study_page
 
 DOCS = Path(__file__).parents[1] / "docs"
 
 if __name__ == "__main__":
-    for page in (rig_page, safety_page, study_page, results_page):
+    for page in (rig_page, commands_page, safety_page, results_page):
         page.write_docs(DOCS)

@@ -1,4 +1,4 @@
-"""Check that what is here may be released: `make release`; docs/releasing.md has the rest.
+"""Check that what is here may be released: `make release`; CONTRIBUTING.md has the rest.
 
 python tools/release.py              # versions, locks, wheel and sdist and what is in them
 python tools/release.py --install    # and a clean environment into which the wheel is installed (needs an index)

@@ -1,31 +1,27 @@
 """The reference page of rig.toml, made from what the values in Python declare."""
 
 import json
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 from bowden.control import LAWS, Law
 from bowden.control.knowledge import Knowledge
 from bowden.core.files import write_text
-from bowden.core.quantity import meanings
-from bowden.design.rig_of_bench import gains_of, keys_of, sections, sentence
+from bowden.core.quantity import Quantity, meanings
+from bowden.design.rig_of_bench import Key, gains_of, keys_of, sections, sentence
 from bowden.rig.axes import AXIS, INDEPENDENT, MEANINGS
 from bowden.rig.declaration import Section
 from bowden.rig.sections import PAIR
 
 _GAINS = (
-    "What `[control.gains]` may hold, with the law's own values.",
+    "What `[control.gains]` may hold, with the law's own value. `*`: the rig gives the law its own value.",
     "",
-    "- What the rig gives a law comes first (the column *from the rig*), then the preset, then `[control.gains]`. What",
-    "  a preset leaves as the law's own comes from the rig. Every command that runs a law goes by this.",
-    "- `slope`, `width` and `doubt` come from the rig where its cable was identified (`cable.model`);",
-    "  `cable.…` always. On a cable by hand a law's own slope is multiplied by `relative_slope`.",
-    "- The uncompensated law takes the motor angle at which the joint is at zero, and the ratio of the pulleys, 1 on",
-    "  the paper's bench: neither zeros nor pulleys are backlash.",
-    "- A cable whose slope is negative is counted the other way round, so these slopes are positive.",
-    "- The observer's preset `paper` is that of Table 1: it knows the default bench's cable less well than it is.",
+    "A value comes from `[control.gains]`, else from the preset, else from the rig, else from the law. The rig gives",
+    "`slope`, `width` and `doubt` only for an identified cable (`cable.model`). For a cable by hand it scales a law's",
+    "own slope by `relative_slope`. Slopes are positive: a cable with a negative slope is counted the other way round.",
+    "What a gain means stands in the law's file in [control/laws](../src/bowden/control/laws).",
 )
-
-
 _AXES = (
     f"Several motors in one loop ([how](several_axes.md)): {MEANINGS[AXIS]}.",
     "Each `[[axis]]` has the key `name`, and may repeat any section above as `[axis.SECTION]`.",
@@ -39,35 +35,90 @@ def markdown() -> str:
     lines = [
         "# rig.toml",
         "",
-        "Written by `bowden init`, read by every command that takes a rig. A key that is left out has its default,",
-        "shown here with at most six digits. Files are found from the folder of rig.toml. Angles are in degrees here,",
-        "gains in SI units and radians; in Python (`bowden.Rig`) everything is in SI and radians. `make docs` makes",
-        "this page from the code; `bowden schema rig` prints a JSON schema of the same.",
+        "Every key of a rig, with its default and, in brackets, its range. `bowden init` writes such a file. A key",
+        "that is left out has its default; where that is none, it follows from the rest of the rig. The ending of a",
+        "key is its unit: `_deg`, `_nm` for N·m, `_nms_per_rad` for N·m·s/rad. Gains are in SI units and radians, as",
+        "is all in Python (`bowden.Rig`). Files are found from the folder of rig.toml. `make docs` makes this page;",
+        "`bowden schema rig` prints it as a JSON schema.",
         "",
     ]
+    made: dict[type[Section], str] = {}
     for title, variants in sections():
         lines += [f"## [{title}]", ""]
+        if twin := made.get(variants[0]):
+            lines += [f"As [{twin}].", ""]
+            continue
+        made[variants[0]] = title
+        shared = _shared(variants)
         for section in variants:
             lines += [f"### {_which(section)}", ""] if len(variants) > 1 else []
-            lines += [sentence(section), "", "| key | default | unit | range | symbol | meaning |", "|---" * 6 + "|"]
-            lines += [
-                f"| `{key.name}` | {rounded(key.default)} | {key.unit} | {key.limits} | {key.symbol} | {key.meaning} |"
-                for key in keys_of(section)
-            ]
-            lines.append("")
+            lines += [sentence(section), "", *_rows(key for key in keys_of(section) if _said(key) not in shared), ""]
+        if shared:
+            keys = {_said(key): key for key in _keys(variants)}
+            lines += [f"### Common to several kinds of [{title}]", "", *_rows(keys[one] for one in shared), ""]
     lines += ["## [[axis]]", "", *_AXES, ""]
-    lines += ["## [pair]", "", sentence(PAIR.section), "", *_pair_rows(), ""]
-    lines += ["## Gains of the laws", "", *_GAINS, "", "| what a rig knows | meaning |", "|---|---|"]
-    lines += [f"| `{name}` | {meaning} |" for name, meaning in meanings(Knowledge).items()]
-    lines.append("")
-    for law in LAWS.values():
-        lines += [f"### {law.name}", "", f"Presets: {', '.join(law.presets) or 'none'}. Source: {law.source}.", ""]
-        lines += ["| gain | default | from the rig | meaning |", "|---|---|---|---|"]
-        lines += [
-            f"| `{name}` | {value:g} | {_from_rig(law, name)} | {meaning} |" for name, value, meaning in gains_of(law)
-        ]
-        lines.append("")
-    return "\n".join(lines)
+    lines += ["## [pair]", "", sentence(PAIR.section), "", *_rows(keys_of(PAIR.section)), ""]
+    lines += ["## Gains of the laws", "", *_GAINS, "", "law | gains", "---|---"]
+    lines += [f"`{law.name}` | {', '.join(_gains(law))}{_presets(law)}" for law in LAWS.values()]
+    lines += ["", "### What a rig knows", "", "For `FROM_RIG` of [your own law](own_law.md#your-own-law-in-a-file)."]
+    lines += ["", "name | meaning", "---|---"]
+    lines += [f"`{name}` | {meaning.split(';')[0].rstrip('.')}" for name, meaning in meanings(Knowledge).items()]
+    return "\n".join([*lines, ""])
+
+
+def _keys(variants: Iterable[type[Section]]) -> Iterator[Key]:
+    """The keys of all variants of a section, but the one that tells them apart."""
+    return (key for section in variants for key in keys_of(section) if key.name not in ("kind", "family"))
+
+
+def _shared(variants: Sequence[type[Section]]) -> list[Key]:
+    """Keys that several variants of a section have in the same words, without default and range where these differ."""
+    counted = Counter(_said(key) for key in _keys(variants))
+    return [key for key, count in counted.items() if count > 1]
+
+
+def _said(key: Key) -> Key:
+    """A key with what the page says of it."""
+    return key._replace(example="", symbol="")
+
+
+def _rows(keys: Iterable[Key]) -> Iterator[str]:
+    """A table, one row a key."""
+    rows = [f"`{key.name}` {_value(key)} | {_meaning(key)}" for key in keys if key.name not in ("kind", "family")]
+    return iter(["key, default (range) | meaning", "---|---", *rows] if rows else [])
+
+
+def _value(key: Key) -> str:
+    """Default, and range in brackets."""
+    default = rounded(key.default)
+    return f"{default} ({_range(key.limits)})" if key.limits else default
+
+
+def _range(limits: str) -> str:
+    """A range as ``0…10``, or ``>0…10`` where the end is no part of it.
+
+    >>> _range("> 0, ≤ 10"), _range("≥ -1"), _range("≥ 0, < 1")
+    ('>0…10', '≥-1', '0…<1')
+    """
+    ends = [end.replace(" ", "") for end in limits.split(", ")]
+    return "…".join(end.lstrip("≥≤") for end in ends) if len(ends) == 2 else ends[0]
+
+
+def _meaning(key: Key) -> str:
+    """The meaning, with the symbol and the unit that the key's ending does not say."""
+    ending = Quantity("", shown=key.unit).named("")
+    unit = "" if key.unit == "–" or (ending and key.name.endswith(ending)) else f" [{key.unit}]"
+    return f"{key.meaning}{f' ({key.symbol})' if key.symbol else ''}{unit}"
+
+
+def _gains(law: Law) -> Iterator[str]:
+    """The gains of a law with their own values."""
+    for name, value, _ in gains_of(law):
+        yield f"`{name}={value:g}`{'*' if name in law.from_rig else ''}"
+
+
+def _presets(law: Law) -> str:
+    return f"; presets {', '.join(law.presets)}" if law.presets else ""
 
 
 def rounded(default: str) -> str:
@@ -77,15 +128,6 @@ def rounded(default: str) -> str:
     except ValueError:
         return default
     return short if len(short) < len(default) - 2 else default
-
-
-def _pair_rows() -> list[str]:
-    """The keys of [pair], which stands beside [[axis]]."""
-    head = ["| key | default | unit | range | symbol | meaning |", "|---" * 6 + "|"]
-    return head + [
-        f"| `{key.name}` | {rounded(key.default)} | {key.unit} | {key.limits} | {key.symbol} | {key.meaning} |"
-        for key in keys_of(PAIR.section)
-    ]
 
 
 def write_docs(docs: Path) -> None:
@@ -101,11 +143,3 @@ def _which(section: type[Section]) -> str:
     """The key that tells a section from others of its title, with its value."""
     key = "kind" if "kind" in section.model_fields else "family"
     return f"{key} = {json.dumps(section.model_fields[key].default)}"
-
-
-def _from_rig(law: Law, gain: str) -> str:
-    """What of the rig a gain takes, as `bowden.control.knowledge.Knowledge` has it; of a function its first line."""
-    what = law.from_rig.get(gain)
-    if callable(what):
-        return " ".join((what.__doc__ or what.__name__).split(".")[0].split())
-    return "" if what is None else f"`{what}`"

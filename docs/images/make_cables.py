@@ -1,4 +1,4 @@
-"""Draw the validation figures of docs/cable_physics.md: ``python docs/images/make_cables.py``.
+"""Draw the validation figures of docs/own_law.md: ``python docs/images/make_cables.py``.
 
 Left: one slow stroke and a smaller one inside it, joint over motor, of the sliding tendon with 40 elements. Middle: the
 tension at the motor after a reversal, over the motor's travel, against the closed form. Right: the errors of slopes and

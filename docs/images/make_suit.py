@@ -1,4 +1,4 @@
-"""Draw the pictures of docs/suit.md from runs of the paper's suit: ``python docs/images/make_suit.py``.
+"""Draw the pictures of docs/day_one_suit.md from runs of the paper's suit: ``python docs/images/make_suit.py``.
 
 The same source gives the same bytes; run it again when the suit, a law or the calibration changes.
 """

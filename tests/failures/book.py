@@ -1,21 +1,19 @@
-"""The rows of docs/failures.md: what happened in public, and what bowden does then on the twin, with its times.
+"""Failures that others have met in public: what happened, and what bowden does then on the twin, with its times.
 
-The tests beside it run each row and hold it to its figures. With other figures: correct them here, then
-``PYTHONPATH=src:tests python -m failures.book`` writes the table on the page.
+The tests beside it run each row and hold it to its figures; ``PYTHONPATH=src:tests python -m failures.book`` prints the
+rows as a table. *Stops after* counts from the failure's beginning, or from arming where it is there before. Times are
+the twin's own, at 1 kHz with the default limits. A row says what its source says; later versions may differ.
 """
 
 import math
 import random
 from collections.abc import Callable, Mapping
-from pathlib import Path
 from typing import NamedTuple
 
 from bowden.rig.rig import Rig
 from support.family_matrix import CELLS
 from support.memory_bus import MemoryBus
 
-PAGE = Path(__file__).parents[2] / "docs" / "failures.md"
-BEGIN, END = "<!-- failures: made from tests/failures/book.py -->\n", "<!-- end -->"
 HEAD = (
     "what happened, and where",
     "on the twin",
@@ -307,7 +305,7 @@ BOOK: Mapping[str, Failure] = {
 
 
 def table() -> str:
-    """The page's table."""
+    """All rows, in Markdown."""
     lines = [f"| {' | '.join(HEAD)} |", "|" + "---|" * len(HEAD)]
     for name, row in BOOK.items():
         played = "a stream in memory" if row.play is None else _played(row.play)
@@ -329,11 +327,5 @@ def _played(play: Play) -> str:
     return f"{play.family}: {what}{lasting}" + (", before the start" if play.onset is None else "")
 
 
-def page(text: str) -> str:
-    """The page with the table of now."""
-    head, rest = text.split(BEGIN)
-    return head + BEGIN + table() + END + rest.split(END, 1)[1]
-
-
 if __name__ == "__main__":
-    PAGE.write_text(page(PAGE.read_text()))
+    print(table(), end="")

@@ -5,7 +5,7 @@ A law is two kernels and a NamedTuple of gains:
     start(gains, sample) -> state
     step(gains, state, sample, reference, dt) -> (state, command)
 
-Both are kernels (``docs/kernels.md``), and the state is a NamedTuple of floats, bools, enums and further NamedTuples,
+Both are kernels (``docs/own_law.md``), and the state is a NamedTuple of floats, bools, enums and further NamedTuples,
 so that one source runs interpreted, compiled in simulation and in the live loop, and exported as
 C99, and every state variable can be recorded.
 """

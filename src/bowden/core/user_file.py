@@ -234,7 +234,7 @@ def chosen(module: ModuleType, kind: type, attribute: str, path: Path, parts: Se
     missing = [part for part in parts if part not in names]
     if len(own) > 1 or (not own and missing):
         found = f"several of type {what}: {', '.join(own)}" if own else f"no {what} and no {', '.join(missing)}"
-        do = f"say which: {path.name}:NAME" if own else "write them (docs/kernels.md)"
+        do = f"say which: {path.name}:NAME" if own else "write them (docs/own_law.md)"
         raise ParameterError(f"{path} has {found}", expected=f"one {what}, or {', '.join(parts)}", do=do)
     return names[own[0]] if own else None
 
@@ -355,7 +355,7 @@ def explained(path: Path, what: str, *, named: bool = False) -> Iterator[None]:
             said = re.sub(internal, "", said)
         raise ParameterError(
             f"{begin}: {what} cannot be compiled{f', at {line!r}' if line else ''}: {said.strip('. ')}",
-            do="use only numbers, NamedTuples and kernels in it (docs/kernels.md)",
+            do="use only numbers, NamedTuples and kernels in it (docs/own_law.md)",
         ) from error
 
 

@@ -12,7 +12,7 @@ from bowden.plants.worn_suit import USUAL_DEAD_ZONE, elbow_dead_zone
 from bowden.rig.consistent import CROSSING, PLAYS
 
 _TEXT = """\
-# {name}: a suit on an arm, moved by EMG. What is not here is as bowden init writes it; docs/live.md says why.
+# {name}: a suit on an arm, moved by EMG. What is not here is as bowden init writes it; docs/run.md says why.
 #
 #   bowden run {name} --twin --auto --emg file:RECORDING.csv      # a recording, against the twin
 #   bowden run {name} --twin --emg lsl:NAME                       # a stream

@@ -597,7 +597,7 @@ class Function:
             return _CALLS.get(called, f"mark {name} with @kernel")
         if name in {"sqrt", "exp", "sin", "cos", "log", "tanh", "floor"}:
             return f"import {name} from bowden.core.kernel"
-        return _CALLS.get(called, "write it with what docs/kernels.md names")
+        return _CALLS.get(called, "write it with what docs/own_law.md names")
 
     def _bound(self, node: ast.Call, called: Any) -> dict[str, Expression]:
         """Parameter → what it is given."""

@@ -85,7 +85,7 @@ class KernelSource:
         """The error that C is not made of such a thing; an operator has no line, and is `where` its expression is."""
         word = "" if where else ast.unparse(node).partition("\n")[0]
         what = word if 0 < len(word) < 40 else type(node).__name__
-        return self.refused(where or node, what, INSTEAD.get(type(node), "keep to the subset of docs/kernels.md"))
+        return self.refused(where or node, what, INSTEAD.get(type(node), "keep to the subset of docs/own_law.md"))
 
 
 @cache

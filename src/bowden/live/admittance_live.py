@@ -51,7 +51,7 @@ def live_pushing(pushing: Pushing, limits: Limits, strongest: float, *, by_emg: 
         raise ParameterError(
             f'admittance.torque is "{pushing.section.torque}"',
             expected=f"a load cell that measures the joint's torque in a live run ([load_cell]){other}",
-            do='set torque = "estimate" in [admittance], or fit one (docs/load_cell.md)',
+            do='set torque = "estimate" in [admittance], or fit one (docs/drives.md)',
         )
     notes = _of_friction(pushing, strongest)
     given, without = pushing.admittance, behind(pushing.suit)
@@ -105,7 +105,7 @@ def _of_friction(pushing: Pushing, strongest: float) -> list[str]:
         )
     usual = math.isclose(friction_of(pushing.suit), friction_of(papers_suit())) and strongest >= PAPERS
     do = f"set it, to {PAPERS:g} on the paper's suit" if usual else "set it"
-    raise ParameterError(said, expected=f"at least {least:g}: {why}", do=f"{do} (docs/admittance.md)")
+    raise ParameterError(said, expected=f"at least {least:g}: {why}", do=f"{do} (docs/day_one_suit.md)")
 
 
 def _inside(given: Admittance, limits: Limits) -> Admittance:

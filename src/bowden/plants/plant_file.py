@@ -108,7 +108,7 @@ def held(given: Any) -> UserPlant | PlantFile | None:
         raise ParameterError(
             f"Rig: plant is {article(type(given).__name__)}",
             expected='"my_plant.py:NAME" or a UserPlant of bowden.plants.user_plant',
-            do="write it into a file and name that (docs/kernels.md)",
+            do="write it into a file and name that (docs/own_law.md)",
         )
     given.dynamics()
     return _in_file(given) or given

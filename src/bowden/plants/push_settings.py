@@ -38,7 +38,7 @@ class AdmittanceSettings(NamedTuple):
     )
     dead_band: Annotated[
         float,
-        Quantity("torque that moves nothing; at rest more (docs/admittance.md)", "N·m", symbol="w", ge=0.0, le=20.0),
+        Quantity("torque that moves nothing; at rest more (docs/day_one_suit.md)", "N·m", symbol="w", ge=0.0, le=20.0),
     ] = _OWN.dead_band
     carried: Annotated[float, Quantity("share of forearm and hand that the suit holds up", ge=0.0, le=2.0)] = 0.0
     low: Annotated[float, Quantity("smallest reference", "rad", ge=-180.0, le=180.0)] = _OWN.low

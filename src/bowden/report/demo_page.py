@@ -150,7 +150,7 @@ def demo_page(
     page.text('<div class="wide"><pre>{commands}</pre></div>', commands="\n".join(own_commands(log or ["my.csv"], law)))
     page.text(
         "The servo, the encoders and the drive of rig.toml are those of a bench in a paper: write your own into it "
-        "(docs/rig.md), check again, and read docs/first_motion.md before a motor moves. <code>make paper</code> "
+        "(docs/rig.md), check again, and read docs/drives.md before a motor moves. <code>make paper</code> "
         "computes that paper's figures."
     )
     return page

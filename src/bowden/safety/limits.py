@@ -115,8 +115,7 @@ class Limits(NamedTuple):
     housing_limit: Annotated[
         float,
         Quantity(
-            "largest temperature of the housing: by IEC 60601-1 48 where it is touched for a minute, 43 where it lies "
-            "against skin for ten; more only for one that cannot be touched",
+            "largest temperature of the housing; 43 where it lies against skin (IEC 60601-1)",
             "°C",
             ge=0.0,
             le=85.0,
@@ -160,8 +159,7 @@ class Limits(NamedTuple):
     operator_age: Annotated[
         float,
         Quantity(
-            "age of the operator's last sign of life; then the cable is let out, and the power is off within the time "
-            "that `bowden run` prints",
+            "age of the operator's last sign of life; then R2",
             "s",
             ge=0.0,
             le=5.0,
@@ -170,8 +168,7 @@ class Limits(NamedTuple):
     console_lease: Annotated[
         float,
         Quantity(
-            "age of the last sign of life of the page that controls a run of `bowden console`; beyond it the run is "
-            "stopped, in a controlled release",
+            "age of the last sign of life of the console's page; then R2",
             "s",
             gt=0.0,
             le=2.0,
@@ -197,8 +194,7 @@ class Limits(NamedTuple):
     release_time: Annotated[
         float,
         Quantity(
-            "R2 of a cable that hangs, power off afterwards; one that is taut has, besides, 1.3 times what the way to "
-            "where it is just taut takes at `lowering`",
+            "of R2 with a slack cable; a taut one has also 1.3 times its way at `lowering`",
             "s",
             ge=0.0,
             le=0.2,
@@ -207,9 +203,7 @@ class Limits(NamedTuple):
     lowering: Annotated[
         float,
         Quantity(
-            "speed that R2 asks of the joint at most, by the cable's steepest slope; where friction lets go it may be "
-            "1.4 times that for a moment. On a worn suit 40°/s at most: 250 mm/s of the hand, 0.35 m from the elbow, "
-            "is what ISO 10218-1 allows where people are within reach",
+            "largest speed of the joint in R2, by the cable's steepest slope; at most 40°/s on a worn suit",
             "rad/s",
             ge=15.0,
             le=90.0,
@@ -247,8 +241,7 @@ class Limits(NamedTuple):
     off_reference: Annotated[
         float,
         Quantity(
-            "distance of the joint from its reference beyond which it does not follow; left as it is, a run has `play` "
-            "and 1.5 times what its own simulation shows for `off_reference_time`",
+            "error beyond which the joint does not follow; left as it is, from the rig's own simulation",
             "rad",
             ge=0.0,
             le=180.0,

@@ -36,7 +36,7 @@ FRICTION_SHARE = 0.8
 
 
 class Admittance(NamedTuple):
-    """The virtual elbow; the defaults hold on the suit as it is worn by 45 to 120 kg (docs/admittance.md)."""
+    """The virtual elbow; the defaults hold on the suit as it is worn by 45 to 120 kg (docs/day_one_suit.md)."""
 
     inertia: float = 0.012
     """M [kg·m²]."""

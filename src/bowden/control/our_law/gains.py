@@ -26,8 +26,8 @@ class BowdenGains(NamedTuple):
 
 
 SUIT = BowdenGains(noise=0.0009, lag=0.09, bandwidth=4.0)
-"""For the suit (docs/suit.md): a flex sensor that counts by 0.05°, and a forearm that hangs in the springs of cables
-and fabric and follows some 90 ms late, with an observer a little slower for it."""
+"""For the suit (docs/day_one_suit.md): a flex sensor that counts by 0.05°, and a forearm that hangs in the springs of
+cables and fabric and follows some 90 ms late, with an observer a little slower for it."""
 
 LIMITS: dict[str, tuple[float, float]] = {
     "servo_frequency": (1.0, 1e4),
