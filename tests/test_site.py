@@ -119,5 +119,5 @@ def test_the_site_is_built_without_a_warning_and_loads_nothing(tmp_path: Path) -
     assert not loads(site)
     index = json.loads((site / "search" / "search_index.json").read_text(encoding="utf-8"))
     places = {entry["location"] for entry in index["docs"]}
-    assert {"tutorial.html", "api/simulate.html", "background/theory.html", "decisions/index.html"} <= places
+    assert {"day_one_bench.html", "api/simulate.html", "background/theory.html", "decisions/index.html"} <= places
     assert "simulate(" in re.sub(r"<[^>]+>", "", (site / "api" / "simulate.html").read_text(encoding="utf-8"))
