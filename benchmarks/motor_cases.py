@@ -31,7 +31,11 @@ BENT = HEAD + '[scenario.bend]\nkind = "scripted"\n'
 SHARED: Mapping[str, tuple[str, float, tuple[str, str]]] = {
     "plain": (HEAD, 4.0, (UP, DOWN)),
     "slack": (HEAD, -4.0, (UP, DOWN)),
-    "unlike": (HEAD, 2.0, (UP + "[cable]\nslope = 0.92\noffset_deg = 3.0\n", DOWN + "[servo]\nnatural_frequency_hz = 9.0\n")),
+    "unlike": (
+        HEAD,
+        2.0,
+        (UP + "[cable]\nslope = 0.92\noffset_deg = 3.0\n", DOWN + "[servo]\nnatural_frequency_hz = 9.0\n"),
+    ),
     "first down": (HEAD, 3.0, (DOWN, UP)),
     "bent": (BENT, 4.0, (UP, DOWN)),
     "adaptive": (HEAD.replace("bowden", "adaptive"), 4.0, (UP, DOWN)),
@@ -67,7 +71,9 @@ BAD: Mapping[str, tuple[str, str]] = {
 def text_of(head: str, motors: Sequence[str], contraction: float | None = None) -> str:
     """A rig.toml in the words of this checkout."""
     key = "axis" if OLD else "motor"
-    first, rest = ("", head) if not head.startswith("independent") else (head.split("\n", 1)[0] + "\n", head.split("\n", 1)[1])
+    first, rest = (
+        ("", head) if not head.startswith("independent") else (head.split("\n", 1)[0] + "\n", head.split("\n", 1)[1])
+    )
     joint = "" if contraction is None or OLD else 'joint = "q"\n'
     parts = [first, rest]
     if contraction is not None:
@@ -111,16 +117,27 @@ def each_of(path: Path) -> dict[str, Any]:
     live = live_run(Rig.read(path))
     ones = live.axes if OLD else live.motors
     traces = bowden.simulate(path, duration=4.0)
-    figures = ("rmse_deg", "peak_deg", "stable", "check", "motors", "mechanical_energy_j", "delay_s")
+    figures = ("rmse_deg", "peak_deg", "stable", "check", "mechanical_energy_j", "delay_s")
     return {
         "check": loops(checked),
         "each": [loops(one) for one in checked.get("axes" if OLD else "joints", ())],
         "simulate": [{name: run.get(name) for name in figures} for run in ran.get("runs", ())],
+        "motors": [
+            [{name: x for name, x in motor.items() if name not in ("axis", "motor")} for motor in run["motors"]]
+            for run in ran.get("runs", ())
+        ],
         "traces": [kept(trace) for trace in traces.values()],
-        "limits": [one.limits._asdict() for one in ones],
+        "limits": [{_old(name): x for name, x in one.limits._asdict().items()} for one in ones],
         "taut": [one.limits.taut for one in ones],
         "starts": [[one.start, one.table[::EVERY, 0].tolist()] for one in ones],
     }
+
+
+def _old(name: str) -> str:
+    """A column or a limit as an older checkout calls it."""
+    return {"shared": "paired", "neighbour": "opposite"}.get(
+        name, name.replace("supervisor.neighbour", "supervisor.pair")
+    )
 
 
 def lived(path: Path, folder: Path) -> dict[str, Any]:
@@ -131,11 +148,12 @@ def lived(path: Path, folder: Path) -> dict[str, Any]:
         from support.joint_runs import shared_run
     folder.mkdir()
     ended, rows = shared_run(folder, Rig.read(path).replace(duration=4.0)).run()
-    drop = ("run_time",)
     columns = {
-        name: {key.replace("pair", "shared"): np.nan_to_num(values[::25], posinf=9e9).tolist() for key, values in part.items() if key not in drop}
+        f"{name} {_old(key)}": np.nan_to_num(part[key][::25], posinf=9e9).tolist()
         for name, part in rows.parts.items()
-    }  # fmt: skip
+        for key in part.columns
+        if key != "run_time"
+    }
     return {"mode": ended.mode, "faults": ended.faults, "columns": columns}
 
 

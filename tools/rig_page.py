@@ -8,9 +8,9 @@ from bowden.control.knowledge import Knowledge
 from bowden.core.files import write_text
 from bowden.core.quantity import meanings
 from bowden.design.rig_of_bench import gains_of, keys_of, sections, sentence
-from bowden.rig.axes import AXIS, INDEPENDENT, MEANINGS
 from bowden.rig.declaration import Section
-from bowden.rig.sections import PAIR
+from bowden.rig.motors import INDEPENDENT, MEANINGS, MOTOR
+from bowden.rig.sections import JOINT
 
 _GAINS = (
     "What `[control.gains]` may hold, with the law's own values.",
@@ -26,9 +26,10 @@ _GAINS = (
 )
 
 
-_AXES = (
-    f"Several motors in one loop ([how](several_axes.md)): {MEANINGS[AXIS]}.",
-    "Each `[[axis]]` has the key `name`, and may repeat any section above as `[axis.SECTION]`.",
+_SEVERAL = (
+    f"Several motors in one loop ([how](several_motors.md)): {MEANINGS[MOTOR]}.",
+    "Each `[[motor]]` has the key `name`, `joint` where others move its joint too, those of `[motor]`, and may repeat",
+    "any other section above as `[motor.SECTION]`.",
     "",
     f"At the head of the file, `{INDEPENDENT} = true`: {MEANINGS[INDEPENDENT]}.",
 )
@@ -55,8 +56,8 @@ def markdown() -> str:
                 for key in keys_of(section)
             ]
             lines.append("")
-    lines += ["## [[axis]]", "", *_AXES, ""]
-    lines += ["## [pair]", "", sentence(PAIR.section), "", *_pair_rows(), ""]
+    lines += ["## [[motor]]", "", *_SEVERAL, ""]
+    lines += ["## [[joint]]", "", sentence(JOINT.section), "", *_joint_rows(), ""]
     lines += ["## Gains of the laws", "", *_GAINS, "", "| what a rig knows | meaning |", "|---|---|"]
     lines += [f"| `{name}` | {meaning} |" for name, meaning in meanings(Knowledge).items()]
     lines.append("")
@@ -79,12 +80,12 @@ def rounded(default: str) -> str:
     return short if len(short) < len(default) - 2 else default
 
 
-def _pair_rows() -> list[str]:
-    """The keys of [pair], which stands beside [[axis]]."""
+def _joint_rows() -> list[str]:
+    """The keys of [[joint]], which stands beside [[motor]]."""
     head = ["| key | default | unit | range | symbol | meaning |", "|---" * 6 + "|"]
     return head + [
         f"| `{key.name}` | {rounded(key.default)} | {key.unit} | {key.limits} | {key.symbol} | {key.meaning} |"
-        for key in keys_of(PAIR.section)
+        for key in keys_of(JOINT.section)
     ]
 
 

@@ -279,7 +279,7 @@ def supervised(
         observed.preflight,
         observed.emg_age,
         observed.others,
-        observed.opposite,
+        observed.neighbour,
         reference,
     )
     return supervise(limits, state, seen, requested_target, dt)
