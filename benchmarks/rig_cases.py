@@ -95,7 +95,7 @@ BAD = {
     "cell's node": "[load_cell]\nsource = 'cia404'\nfull_scale = 5000.0\nnode_id = 1\n",
     "feedforward": "[suit]\nworn = true\nfriction_feedforward_nm = 90.0\n",
     "one axis": "[[motor]]\nname = 'a'\n",
-    "no axis": "axis = []\n",
+    "no motor": "motor = []\n",
     "axis name": "[[motor]]\nname = 'A b'\n[[motor]]\nname = 'b'\n[motor.drive]\nnode_id = 2\n",
     "axis twice": "[[motor]]\nname = 'a'\n[[motor]]\nname = 'a'\n[motor.drive]\nnode_id = 2\n",
     "one drive": "[[motor]]\nname = 'a'\n[[motor]]\nname = 'b'\n",

@@ -21,7 +21,7 @@ from bowden.core.kernel import compiled, kernel
 from bowden.core.signals import Reference, Sample
 from bowden.core.units import RADIANS
 from bowden.design.joint_check import check_joint
-from bowden.design.joint_loops import MotorLoop, Taut, cases, joint_margins, joint_poles, reaches
+from bowden.design.joint_loops import MotorLoop, cases, joint_margins, joint_poles, reaches
 from bowden.design.joint_tune import JointTarget, best_gains, judged_gains
 from bowden.design.linearise import linearise
 from bowden.design.tune import NoGainsError
@@ -139,15 +139,17 @@ def side(slope: float = 0.938, law: str = "bowden") -> MotorLoop:
     return MotorLoop(BENCH.servo, BENCH.delay, slope, model)
 
 
+@pytest.mark.parametrize("load", [LOAD, JointLoad(0.02, 0.1, 1.0)])
 @pytest.mark.parametrize("law", ["bowden", "adaptive", "cascaded_pid"])
-def test_two_like_sides_have_the_margins_of_one_with_the_share_of_both(law: str) -> None:
+def test_like_motors_have_the_margins_of_one_with_the_share_of_all(law: str, load: JointLoad) -> None:
     one = side(law=law)
     plant = servo_model(one.servo, 1e-3, one.delay, 1.0)
-    for taut, share in zip(cases(2), (20.0 / 20.2, 10.0 / 10.2, 10.0 / 10.2), strict=True):
-        found = joint_margins((one, one), LOAD, taut, 1e-3).joint
-        alone = margins(plant, one.law.seen_through(share * one.slope), 1e-3)
-        for name in ("gain_margin_db", "phase_margin_deg", "delay_margin_s"):
-            assert getattr(found, name) == pytest.approx(getattr(alone, name), rel=1e-4), (taut, name)
+    for taut in (*cases(2), *cases(3)):
+        found = joint_margins((one,) * len(taut), load, taut, 1e-3).joint
+        alone = margins(plant, one.law.seen_through(sum(shares(load, taut)) * one.slope), 1e-3)
+        if load is LOAD:
+            for name in ("gain_margin_db", "phase_margin_deg", "delay_margin_s"):
+                assert getattr(found, name) == pytest.approx(getattr(alone, name), rel=1e-4), (taut, name)
         assert found.largest_pole == pytest.approx(alone.largest_pole, rel=1e-5)
 
 
@@ -159,15 +161,6 @@ def test_the_poles_are_those_of_both_alike_and_of_both_against_each_other() -> N
         expected = closed_loop_poles(plant, one.law.seen_through(slope))
         assert np.max(np.abs(poles[mask])) == pytest.approx(np.max(np.abs(expected)), rel=1e-6)
     assert len(frequencies(1e-3)) == 4000
-
-
-@pytest.mark.parametrize("taut", cases(2))
-def test_a_load_much_stiffer_than_the_cables_has_its_margins_too(taut: Taut) -> None:
-    one, stiff = side(), JointLoad(0.02, 0.1, 1.0)
-    found = joint_margins((one, one), stiff, taut, 1e-3).joint
-    share = sum(shares(stiff, taut))
-    alone = margins(servo_model(one.servo, 1e-3, one.delay, 1.0), one.law.seen_through(share * one.slope), 1e-3)
-    assert found.largest_pole == pytest.approx(alone.largest_pole, rel=1e-5)
 
 
 def test_motors_that_should_go_different_ways_and_do_not_are_seen_to_part() -> None:
@@ -362,24 +355,17 @@ def test_a_third_motor_on_the_joint_is_checked_simulated_and_written_like_two(
 
 
 @pytest.mark.usefixtures("elbow_rig")
-def test_a_shared_joint_by_emg_ends_with_its_recording_unless_a_duration_is_asked_for() -> None:
+def test_a_shared_joint_by_emg_ends_with_its_recording_and_names_no_check_that_would_refuse_it(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     time = np.arange(3000) * 1e-3
     signal = 0.01 * np.where(time > 2.0, 20.0, 1.0) * np.random.default_rng(1).standard_normal(len(time))
     np.savetxt("emg.csv", np.column_stack([time, signal]), "%.5f", ",", header="time_s,biceps_mV", comments="")
     path = Path("elbow.toml")
     path.write_text('[emg]\nsource = "file:emg.csv"\nhigh_deg = 60.0\n' + path.read_text())
-    for duration, ends in ((None, 3.0), (4.0, 4.0)):
+    for duration, ends in ((None, 3.0), (4.0, 4.0)):  # unless a duration is asked for
         traces: Any = bowden.simulate("elbow.toml", duration=duration)
         assert traces["flexor"].time[-1] == pytest.approx(ends, abs=0.01)
-
-
-@pytest.mark.usefixtures("elbow_rig")
-def test_simulate_of_a_joint_by_emg_names_no_check_that_would_refuse_it(capsys: pytest.CaptureFixture[str]) -> None:
-    time = np.arange(3000) * 1e-3
-    signal = 0.01 * np.where(time > 2.0, 20.0, 1.0) * np.random.default_rng(1).standard_normal(len(time))
-    np.savetxt("emg.csv", np.column_stack([time, signal]), "%.5f", ",", header="time_s,biceps_mV", comments="")
-    path = Path("elbow.toml")
-    path.write_text('[emg]\nsource = "file:emg.csv"\nhigh_deg = 60.0\n' + path.read_text())
     out = said(capsys, "simulate", "elbow.toml").out
     refused = said(capsys, "check", "elbow.toml", code=2).err
     assert "Next: bowden" not in out
@@ -490,13 +476,7 @@ def test_python_tunes_a_joint(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.usefixtures("elbow_rig")
-def test_python_checks_and_simulates_a_joint() -> None:
-    found = bowden.check("elbow.toml")
-    assert found.holds
-    assert found.shared is not None
-    traces: Any = bowden.simulate("elbow.toml", duration=4.0)
-    assert list(traces) == ["flexor", "extensor"]
-    assert (traces["flexor"]["joint"] == traces["extensor"]["joint"]).all()
+def test_python_simulates_several_laws_on_a_joint() -> None:
     both: Any = bowden.simulate("elbow.toml", ["bowden", "adaptive"], duration=4.0)
     assert list(both) == ["bowden-flexor", "bowden-extensor", "adaptive-flexor", "adaptive-extensor"]
     with pytest.raises(ParameterError, match="fails the check on"):

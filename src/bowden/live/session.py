@@ -500,7 +500,7 @@ class Session:
         for motor in self.motors:
             if motor.name == first:
                 return motor, rest
-        do = f"name the axis first, such as {self.motors[0].name}.{name}"
+        do = f"name the motor first, such as {self.motors[0].name}.{name}"
         raise ParameterError(f"no motor has a gain {said(name)}", expected=near(first, self.live.names), do=do)
 
     def _require_gain(self, name: str, value: float) -> tuple[SessionMotor, str]:

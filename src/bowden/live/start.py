@@ -54,6 +54,7 @@ def live_session(
     from bowden.live.preflight import require
     from bowden.live.session import Session, own_twin, prepared_loop
     from bowden.rig.families import family_of
+    from bowden.sim.joint_of_rig import laws_of
 
     live = live_run(rig, measure=measure)
     for motor in () if twin else live.motors:  # another run's bus is refused at once; the drive claims it for good
@@ -68,16 +69,22 @@ def live_session(
         for note in (*live.notes, *pushing):
             tell(note)
         allowed = []
+        found = dict[str, CheckVerdict]()
+        for joint in rig.each_joint:
+            verdict = CheckVerdict("holds", "") if measure else checked  # no gains take part in a measurement
+            with asked_for_by(joint.said) if joint.said else contextlib.nullcontext():
+                verdict = verdict or verdicts(joint, [laws_of(joint)], name, force=force)[0]
+            found |= dict.fromkeys(joint.names, verdict)
+            if verdict.note:
+                tell(f"{joint.said}: {verdict.note}" if joint.said else verdict.note)
         for motor in live.motors:
             of_motor = f"motor {quoted(motor.name)}"
             with asked_for_by(of_motor) if motor.name else contextlib.nullcontext():
-                found = CheckVerdict("holds", "") if measure else checked  # no gains take part in a measurement
-                found = found or verdicts(motor.rig.each_joint[0], [[motor.law]], name, force=force)[0]
-                for note in filter(None, (unseen_watch(motor.rig), found.note)):
+                if note := unseen_watch(motor.rig):
                     tell(f"{of_motor}: {note}" if motor.name else note)
-                verdict = "little_margin" if force else found.name or "little_margin"
                 require(
-                    *(motor.limits, motor.rig.sample_time, verdict),
+                    *(motor.limits, motor.rig.sample_time),
+                    "little_margin" if force else found[motor.name].name or "little_margin",
                     opposed=motor.opposed,
                     given=motor.rig.limits,
                     mismatches=() if motor.limits.shared else mismatches(motor.rig, motor.limits),

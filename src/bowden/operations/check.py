@@ -203,7 +203,6 @@ def check(
     (True, 'holds', 19)
     """
     from bowden.core.errors import asked_for_by
-    from bowden.core.toml_text import quoted
     from bowden.design.objections import refuse_sources
     from bowden.design.verdict import checked
     from bowden.operations.support import given
@@ -216,7 +215,7 @@ def check(
     with reported(progress, "check") as report:
         for name, joint in joints.items():
             report(f"checking {name} {joint.first.law_name}".replace("  ", " "), len(checks) / len(joints))
-            with asked_for_by(f"joint {quoted(name)}") if name else contextlib.nullcontext():
+            with asked_for_by(joint.said) if joint.said else contextlib.nullcontext():
                 checks[name] = checked(joint)
     worst = max(checks, key=lambda name: _badness(checks[name]))
     figures = {name: _figures(one, joints[name]) for name, one in checks.items()}

@@ -46,6 +46,11 @@ class RigJoint(NamedTuple):
         return self.settings.name if self.shared else str(self.motors[0].name)
 
     @property
+    def said(self) -> str:
+        """The joint in messages, or its one motor; empty of a rig with one motor."""
+        return f"{'joint' if self.shared else 'motor'} {quoted(self.name)}" if self.name else ""
+
+    @property
     def shared(self) -> bool:
         """Whether several motors move it."""
         return len(self.motors) > 1
