@@ -36,12 +36,12 @@ BASES = {
     "counted": "[cable]\nmodel = 'model.toml'\ndirection = -1\nmotor_zero_deg = 3.0\n[cable.parameters]\nrate = 5.0\n",
     "changed": "[cable]\nmodel = 'model.toml'\n[cable.parameters]\nslope = 0.9\n",
     "recorded": "[reference]\nkind = 'recorded'\nfile = 'motion.csv'\n",
-    "axes": "[bench]\ndelay_cycles = 2\n[[axis]]\nname = 'hip'\n[[axis]]\nname = 'knee'\n[axis.drive]\nnode_id = 2\n"
-    "[axis.servo]\ndamping = 0.9\n",
-    "pair": "[pair]\nagonist = 'up'\nantagonist = 'down'\nco_contraction_deg = 2.0\n[[axis]]\nname = 'up'\n"
-    "[[axis]]\nname = 'down'\n[axis.drive]\nnode_id = 2\n[axis.limits]\nslack_sign = 1.0\n",
-    "independent": "independent = true\n[[axis]]\nname = 'a'\n[[axis]]\nname = 'b'\n[axis.drive]\nfamily = 'odrive'\n"
-    "channel = 'b'\n",
+    "motors": "[bench]\ndelay_cycles = 2\n[[motor]]\nname = 'hip'\n[[motor]]\nname = 'knee'\n"
+    "[motor.drive]\nnode_id = 2\n[motor.servo]\ndamping = 0.9\n",
+    "pair": "[[joint]]\nname = 'q'\nco_contraction_deg = 2.0\n[[motor]]\nname = 'up'\njoint = 'q'\n"
+    "[[motor]]\nname = 'down'\njoint = 'q'\n[motor.drive]\nnode_id = 2\n[motor.limits]\nslack_sign = 1.0\n",
+    "independent": "independent = true\n[[motor]]\nname = 'a'\n[[motor]]\nname = 'b'\n"
+    "[motor.drive]\nfamily = 'odrive'\nchannel = 'b'\n",
 }
 BAD = {
     "unknown section": "[benhc]\n",
@@ -94,24 +94,24 @@ BAD = {
     "cell": "[load_cell]\nsource = 'cia404'\n",
     "cell's node": "[load_cell]\nsource = 'cia404'\nfull_scale = 5000.0\nnode_id = 1\n",
     "feedforward": "[suit]\nworn = true\nfriction_feedforward_nm = 90.0\n",
-    "one axis": "[[axis]]\nname = 'a'\n",
-    "no axis": "axis = []\n",
-    "axis name": "[[axis]]\nname = 'A b'\n[[axis]]\nname = 'b'\n[axis.drive]\nnode_id = 2\n",
-    "axis twice": "[[axis]]\nname = 'a'\n[[axis]]\nname = 'a'\n[axis.drive]\nnode_id = 2\n",
-    "one drive": "[[axis]]\nname = 'a'\n[[axis]]\nname = 'b'\n",
-    "axis key": "[[axis]]\nname = 'a'\n[[axis]]\nname = 'b'\n[axis.drvie]\nnode_id = 2\n",
-    "axis value": "[[axis]]\nname = 'a'\n[[axis]]\nname = 'b'\n[axis.drive]\nnode_id = 200\n",
-    "axis clock": "[[axis]]\nname = 'a'\n[[axis]]\nname = 'b'\n[axis.drive]\nnode_id = 2\n[axis.bench]\n"
+    "one axis": "[[motor]]\nname = 'a'\n",
+    "no motor": "motor = []\n",
+    "axis name": "[[motor]]\nname = 'A b'\n[[motor]]\nname = 'b'\n[motor.drive]\nnode_id = 2\n",
+    "axis twice": "[[motor]]\nname = 'a'\n[[motor]]\nname = 'a'\n[motor.drive]\nnode_id = 2\n",
+    "one drive": "[[motor]]\nname = 'a'\n[[motor]]\nname = 'b'\n",
+    "axis key": "[[motor]]\nname = 'a'\n[[motor]]\nname = 'b'\n[motor.drvie]\nnode_id = 2\n",
+    "axis value": "[[motor]]\nname = 'a'\n[[motor]]\nname = 'b'\n[motor.drive]\nnode_id = 200\n",
+    "axis clock": "[[motor]]\nname = 'a'\n[[motor]]\nname = 'b'\n[motor.drive]\nnode_id = 2\n[motor.bench]\n"
     "sample_time_ms = 2.0\n",
-    "nameless": "[[axis]]\n[[axis]]\n",
+    "nameless": "[[motor]]\n[[motor]]\n",
     "independent": "independent = true\n",
-    "independent 1": "independent = 1\n[[axis]]\nname = 'a'\n[[axis]]\nname = 'b'\n[axis.drive]\nnode_id = 2\n",
-    "pair alone": "[pair]\nagonist = 'a'\n",
-    "pair name": "[pair]\nagonist = 'a'\nantagonist = 'c'\n[[axis]]\nname = 'a'\n[[axis]]\nname = 'b'\n[axis.drive]\n"
-    "node_id = 2\n",
-    "pair slack": "[pair]\nagonist = 'a'\nantagonist = 'b'\n[[axis]]\nname = 'a'\n[[axis]]\nname = 'b'\n[axis.drive]\n"
-    "node_id = 2\n",
-    "pair key": "[pair]\nagnist = 'a'\n[[axis]]\nname = 'a'\n[[axis]]\nname = 'b'\n[axis.drive]\nnode_id = 2\n",
+    "independent 1": "independent = 1\n[[motor]]\nname = 'a'\n[[motor]]\nname = 'b'\n[motor.drive]\nnode_id = 2\n",
+    "joint alone": "[[joint]]\nname = 'q'\n",
+    "joint name": "[[joint]]\nname = 'q'\n[[motor]]\nname = 'a'\njoint = 'q'\n[[motor]]\nname = 'b'\njoint = 'p'\n"
+    "[motor.drive]\nnode_id = 2\n",
+    "joint slack": "[[joint]]\nname = 'q'\n[[motor]]\nname = 'a'\njoint = 'q'\n[[motor]]\nname = 'b'\njoint = 'q'\n"
+    "[motor.drive]\nnode_id = 2\n",
+    "joint key": "[[joint]]\nnmae = 'a'\n[[motor]]\nname = 'a'\n[[motor]]\nname = 'b'\n[motor.drive]\nnode_id = 2\n",
 }
 MODEL = """best = "bouc_wen"
 [trust]
@@ -190,7 +190,7 @@ def looked_at(text: str) -> Any:
         }
     except BowdenError as error:
         found = {"objections": refused(error)}
-    return found | {name: follows(one) for name, one in rig.parts}
+    return found | {one[0]: follows(one[1]) for one in rig.parts}
 
 
 def leaves(tree: Mapping[str, Any], path: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], Any]]:

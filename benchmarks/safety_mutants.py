@@ -65,7 +65,7 @@ LOCALS: dict[str, Any] = {
     **{"last": state.Decision, "decided": state.Decision, "before": state.Timers, "timers": state.Timers},
     **{"servo": state.ModelledServo, "readings": evidence.ValidatedReadings, "effort": evidence.Effort},
     **{"requested": evidence.RequestedTarget, "thermal": thermal.Thermal, "state": state.SupervisorState},
-    **{"release": release.Release, "observed": state.Observed, "pair": state.PairState},
+    **{"release": release.Release, "observed": state.Observed, "neighbour": state.NeighbourState},
 }
 Change = tuple[str, Callable[[Any], None]]
 Mutant = tuple[FunctionType, str, Callable[[], CodeType]]

@@ -16,7 +16,7 @@ from bowden.hardware.twin.bench import TwinBench
 from bowden.live import control_block, ring
 from bowden.live.brake_hold import BrakeHold
 from bowden.live.control_block import ControlBlock
-from bowden.live.loop import AxisParts, Ended, Loop
+from bowden.live.loop import Ended, Loop, MotorParts
 from bowden.live.mcap_read import Recording
 from bowden.live.mcap_reader import Damage
 from bowden.live.ring import RingReader, RingWriter
@@ -91,7 +91,7 @@ class LoopRig:
         cycle = Cycle(law, limits, Filters(), PERIOD / SECOND, source)
         cycle.begin(NOTHING_READ, cold(limits.thermal), latched)
         writer, words = RingWriter(folder / "ring"), ControlBlock(folder / "block")
-        self.loop = Loop((AxisParts(drive, cycle, script, course, push, brake),), writer, words, self, 0)
+        self.loop = Loop((MotorParts(drive, cycle, script, course, push, brake),), writer, words, self, 0)
 
     def now(self) -> int:
         return self.time

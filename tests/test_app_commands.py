@@ -131,7 +131,7 @@ def test_a_schema_has_what_the_types_say() -> None:
     gain = info["$defs"]["LogGain"]["properties"]["before"]
     assert gain == {"description": "Value in force before, in the law's own unit.", "type": "number"}
     check = json_schema("check")
-    assert {"law", "verdict", "axes", "seconds"} <= {*check["required"]}
+    assert {"law", "verdict", "joints", "seconds"} <= {*check["required"]}
     assert not {"checks", "whole", "notes", "interrupted"} & {*check["properties"]}
 
 

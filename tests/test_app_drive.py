@@ -206,19 +206,19 @@ def test_a_family_whose_zero_is_its_makers_is_refused_before_a_bus_is_opened(
     assert "the family cia402 is not found by this command" in capsys.readouterr().err
 
 
-def test_of_several_axes_the_next_command_and_the_lines_are_those_of_the_one(
+def test_of_several_motors_the_next_command_and_the_lines_are_those_of_the_one(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = tmp_path / "leg.toml"
-    path.write_text('[[axis]]\nname = "hip"\n[[axis]]\nname = "knee"\n[axis.drive]\nnode_id = 2\n')
+    path.write_text('[[motor]]\nname = "hip"\n[[motor]]\nname = "knee"\n[motor.drive]\nnode_id = 2\n')
     look = DriveLook()
     look.take(READING)
     shown_to(monkeypatch, look)
     for command in ("monitor", "zero"):
-        assert main.run(["drive", command, str(path), "--axis", "knee", "--channel", "can1"]) == 0
+        assert main.run(["drive", command, str(path), "--motor", "knee", "--channel", "can1"]) == 0
         said = capsys.readouterr().out
-        assert f"Next: bowden confirm {path} --axis knee --channel can1" in said
-    assert "below [axis.drive] of the axis knee" in said
+        assert f"Next: bowden confirm {path} --motor knee --channel can1" in said
+    assert "below [motor.drive] of the motor knee" in said
 
 
 @pytest.mark.live

@@ -63,7 +63,7 @@ def test_an_unstable_run_that_is_forced_is_a_result_with_nulls(capsys: pytest.Ca
     assert run.pop("law") == "adaptive"
     assert run.pop("check") == "does_not_hold"
     assert run.pop("stable") is False
-    assert (run.pop("axis"), run.pop("motors")) == ("", [])
+    assert (run.pop("joint"), run.pop("motors")) == ("", [])
     assert set(run.values()) == {None}
     assert printed.err.startswith("bowden: note: adaptive fails the check on rig.toml, and runs because of --force: ")
 

@@ -36,7 +36,7 @@ from bowden.live.ring_status import RecorderState
 from bowden.live.row import columns
 from bowden.live.screen import picture
 from bowden.live.session import PATIENCE, patient
-from bowden.live.stops import AxisFaults, told_apart
+from bowden.live.stops import MotorFaults, told_apart
 from bowden.live.summary import print_summary
 from bowden.models.drive.thermal import Thermal, cold
 from bowden.rig.rig import Rig
@@ -53,10 +53,10 @@ def row(**values: float) -> dict[str, float]:
     return {**dict.fromkeys(columns(LAWS["adaptive"]), 0.0), **values}
 
 
-def faults_of(row: dict[str, float], came: dict[Fault, float]) -> list[AxisFaults]:
-    """The faults of a row as a session with one axis has them."""
+def faults_of(row: dict[str, float], came: dict[Fault, float]) -> list[MotorFaults]:
+    """The faults of a row as a session with one motor has them."""
     there = {fault: came.get(fault, row["time"]) for fault in of(row["faults"])}
-    return [AxisFaults("", *told_apart(there), there)] if there else []
+    return [MotorFaults("", *told_apart(there), there)] if there else []
 
 
 @dataclass
@@ -99,7 +99,7 @@ class FakeSession:
     def judged(self, row: dict[str, float]) -> list[dict[str, float]]:
         return [row]
 
-    def faults(self, row: dict[str, float]) -> list[AxisFaults]:
+    def faults(self, row: dict[str, float]) -> list[MotorFaults]:
         return faults_of(row, {})
 
     def remember(self, row: dict[str, float] | None) -> None:
@@ -305,7 +305,7 @@ def shown(
     ready = {"drive": "EPOS4, node 1"}
     session: Any = SimpleNamespace(
         live=SimpleNamespace(rig=SimpleNamespace(drive=DRIVE), several=()),
-        axes=[SimpleNamespace(name="", of=dict)],
+        motors=[SimpleNamespace(name="", of=dict)],
         faults=lambda row: faults_of(row, came or {}),
         drive_said=lambda row: emergency_text(emergency) if emergency else ready["drive"],
         recorder=int(RecorderState.OK),
@@ -377,17 +377,17 @@ def test_the_summary_says_what_ended_the_run_and_what_its_log_lacks(capsys: pyte
     }
     both = [
         {"name": name, "law": "bowden", "rmse_deg": None, "seconds_led": 0.0, "faults": faulty}
-        for name, faulty in (("hip", ["drive in fault"]), ("knee", ["another axis is off", "drive in fault"]))
+        for name, faulty in (("hip", ["drive in fault"]), ("knee", ["another motor is off", "drive in fault"]))
     ]
     stop = {
-        **{"time_s": 1.0, "axis": "hip", "causes": ["drive in fault"], "remedies": ["read the error code"]},
-        **{"consequences": ["knee: another axis is off"], "too_busy": None},
+        **{"time_s": 1.0, "motor": "hip", "causes": ["drive in fault"], "remedies": ["read the error code"]},
+        **{"consequences": ["knee: another motor is off"], "too_busy": None},
     }
-    of_two = {"axes": both, "stops": [stop], "faults": ["drive in fault", "another axis is off"]}
+    of_two = {"motors": both, "stops": [stop], "faults": ["drive in fault", "another motor is off"]}
     print_summary(found | of_two | {"remedies": ["read the error code", "correct it"]})
     said = capsys.readouterr()
     assert "ended by a fault: knee: drive in fault; read the error code" in said.out
-    assert said.out.count("another axis is off") == 1
+    assert said.out.count("another motor is off") == 1
     print_summary(found)
     said = capsys.readouterr()
     for line in ("ended by a fault: drive in fault; read", "emergency: 0x4210", "ended by an error: the loop failed"):

@@ -208,7 +208,7 @@ def test_exit_code_json_and_python_agree_on_each_verdict(
     monkeypatch.chdir(tmp_path)
     Path("rig.toml").write_text("")
     found = replace(check(default_bench(), LAWS["uncompensated"]), verdict=verdict)
-    monkeypatch.setattr("bowden.design.advised_check.checked", lambda rig: found)
+    monkeypatch.setattr("bowden.design.verdict.checked", lambda joint: found)
     code = run(["check", "rig.toml", "--json"])
     document = json.loads(capsys.readouterr().out)
     assert (code == 0) is document["holds"] is found.holds is (verdict != "does_not_hold")

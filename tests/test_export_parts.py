@@ -80,13 +80,13 @@ def drives(count: int) -> Iterator[tuple[float, Observed, float]]:
         if n > 150 and random.random() < 0.002:
             recorder, preflight = bool(random.random() < 0.5), PreflightResult.FAILED
         others = {300: Reaction.R2, 350: Reaction.R3}.get(n if k // 400 % 3 == 2 else -1, Reaction.NONE)
-        opposite = {200: angle + 9.0, 210: np.nan}.get(n, angle if n < 250 or k // 400 % 3 else angle - 1.0)
+        neighbour = {200: angle + 9.0, 210: np.nan}.get(n, angle if n < 250 or k // 400 % 3 else angle - 1.0)
         reference = {60: np.nan, 330: np.inf}.get(n, 0.9 * angle + (0.6 if n % 120 < 40 and k // 400 % 4 == 1 else 0.0))
         lateness, elapsed, operator_age, emg_age, requested = values[14:]
         observed = Observed(
             DriveReading(*values[:14]), lateness, elapsed, request, operator_age, recorder, preflight, emg_age
         )
-        yield float(n == 0), observed._replace(others=others, opposite=opposite, reference=reference), requested
+        yield float(n == 0), observed._replace(others=others, neighbour=neighbour, reference=reference), requested
 
 
 @kernel
@@ -107,7 +107,7 @@ def test_exported_gate_gives_the_bits_of_python(tmp_path: Path) -> None:
     limits, cycles = (
         Limits(
             **dict.fromkeys(
-                ("measures_temperature", "measures_tension", "measures_torque", "uses_emg", "paired"), True
+                ("measures_temperature", "measures_tension", "measures_torque", "uses_emg", "shared"), True
             ),
             off_reference_time=0.03,
         ),

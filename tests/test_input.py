@@ -265,7 +265,7 @@ CALLS: dict[str, tuple[Callable[..., Any], dict[str, tuple[Any, ...]]]] = {
         {"tree": (3, "x"), "origin": NO_PATH, "keep": (3, "x")},
     ),
     "Rig.replace": (RIG.replace, {"delay": NO_WHOLE, "dely": (3,), "stands_for": ("x",)}),
-    "Rig.axis": (made(RIG.axis), {"name": (3,)}),
+    "Rig.only": (made(RIG.only), {"name": (3,)}),
     "Rig.with_law": (made(RIG.with_law), {"law": (3, "adaptiv", trace), "preset": (3,), "folder": NO_PATH}),
     "Rig.with_gain": (made(RIG.with_gain, "feedback_gain", 30.0), {"name": (3,), "value": NO_NUMBER}),
     "Rig.with_emg": (made(RIG.with_emg, "lsl:x"), {"source": NO_TEXT, "wearer": (3, "wearer.toml")}),
@@ -326,7 +326,7 @@ FOREIGN: dict[str, Any] = {
     "no format": {"servo": {}},
     "a rig of the future": DOCUMENT | {"format": 99},
     **{f"{name} is {value!r}": DOCUMENT | {name: value}
-       for name in ("tree", "files", "exact", "axes") for value in (3.5, "x", [1], {"a": 1})},
+       for name in ("tree", "files", "exact", "motors") for value in (3.5, "x", [1], {"a": 1})},
     **{f"{name} is {value!r}": DOCUMENT | {"tree": DOCUMENT["tree"] | {name: value}}
        for name in DOCUMENT["tree"] for value in (3.5, "x", [1], {"a": 1})},
     "a recording that is none": DOCUMENT | {"files": {"reference": {"said": {}, "time": "", "position": ""}}},

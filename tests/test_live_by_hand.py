@@ -176,13 +176,13 @@ def found_serial(number: int) -> str:
 
 
 @pytest.mark.parametrize("apart", [{"node_id": 2}, {"channel": "can1"}], ids=["numbers", "buses"])
-def test_swapped_drives_of_two_axes_and_a_replaced_one_get_no_power(apart: dict[str, Any]) -> None:
+def test_swapped_drives_of_two_motors_and_a_replaced_one_get_no_power(apart: dict[str, Any]) -> None:
     hip, knee = Rig(drive=REAL), Rig(drive=REAL._replace(**apart))
     first, second = found_serial(7), found_serial(8)
     for rig, serial in ((hip, first), (knee, second)):
         confirm(rig, math.radians(45.0), math.radians(45.0), math.radians(50.0), serial)
     require_same([("hip", hip, first), ("knee", knee, second)])
-    with pytest.raises(SafetyError, match=r"axis 'hip' .*confirmed as axis 'knee': .* are swapped.*; swap them back"):
+    with pytest.raises(SafetyError, match=r"motor 'hip' .*confirmed as motor 'knee': .* are swapped.*; swap them back"):
         require_same([("hip", hip, second), ("knee", knee, first)])
     for other in (found_serial(9), ""):
         with pytest.raises(SafetyError, match=r"if it was replaced: bowden confirm Rig"):

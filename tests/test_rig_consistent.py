@@ -117,14 +117,14 @@ def test_random_rigs_run_on_the_twin_and_end_normally(numbers: Iterable[int]) ->
 @pytest.mark.live
 @pytest.mark.parametrize("dt", [10e-3, pytest.param(20e-3, marks=pytest.mark.long)])
 def test_three_random_rigs_run_live_in_one_loop(dt: float, tmp_path: Path) -> None:
-    axes: list[tuple[str, Rig]] = []
+    motors: list[tuple[str, Rig]] = []
     shared = {name: value for name, value in SHARED_LIMITS.items() if name != "reading_age"}
     for number in random_rigs.numbers({dt: 9}):
-        if random_rigs.drawn(number)[0] in ("bench", "by hand") and len(axes) < 3:
-            rig = random_rigs.rig_of(number).replace(duration=1.0, drive={"node_id": len(axes) + 1})
-            axes.append((f"cable_{number}", rig.replace(limits=rig.limits._replace(**shared))))
+        if random_rigs.drawn(number)[0] in ("bench", "by hand") and len(motors) < 3:
+            rig = random_rigs.rig_of(number).replace(duration=1.0, drive={"node_id": len(motors) + 1})
+            motors.append((f"cable_{number}", rig.replace(limits=rig.limits._replace(**shared))))
     for _ in tries():
-        with warnings.catch_warnings(record=True), run(Rig(axes=tuple(axes)), twin=True, out=tmp_path) as session:
+        with warnings.catch_warnings(record=True), run(Rig(motors=tuple(motors)), twin=True, out=tmp_path) as session:
             done = session.complete()
         if done:
             break

@@ -21,8 +21,8 @@ from bowden.live.preflight import Preflight
 from bowden.live.row import AT
 from bowden.live.script import Script
 from bowden.live.session import Session
-from bowden.live.session_axis import SessionAxis
-from bowden.live.stops import AxisFaults
+from bowden.live.session_motor import SessionMotor
+from bowden.live.stops import MotorFaults
 from bowden.safety.faults import Fault, of
 from bowden.safety.limits import Limits
 from bowden.safety.state import Mode, Request
@@ -59,13 +59,13 @@ def row(mode: Mode, faults: float = 0.0) -> np.ndarray:
 def session_on(drive: DriveParameters) -> Any:
     """What of a session keeps its latch."""
     live = SimpleNamespace(rig=SimpleNamespace(drive_parameters=drive))
-    axis = SimpleNamespace(latched=None, _remembers=True, live=live, _at=AT)
-    return SimpleNamespace(axis=axis, _remembers=True, live=live, _latching=ThreadPoolExecutor(1))
+    motor = SimpleNamespace(latched=None, _remembers=True, live=live, _at=AT)
+    return SimpleNamespace(motor=motor, _remembers=True, live=live, _latching=ThreadPoolExecutor(1))
 
 
 def see(session: Any, values: np.ndarray) -> None:
-    """The session's axis sees a row."""
-    SessionAxis._remember_latch(session.axis, values, session._latching)
+    """The session's motor sees a row."""
+    SessionMotor._remember_latch(session.motor, values, session._latching)
 
 
 def test_a_disk_that_takes_nothing_holds_up_no_sign_of_life(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -154,7 +154,7 @@ def test_without_keys_a_run_that_begins_latched_is_refused_with_what_latched_it(
     asked: list[Request] = []
     about = {"ready": {"drive": "x"}, "began_latched": True, "on_twin": False}
     came = dict.fromkeys(of(FAULTS), 0.0)
-    found = [AxisFaults("", tuple(came), (), came)]
+    found = [MotorFaults("", tuple(came), (), came)]
     session = SimpleNamespace(**about, last=lambda: latched, ask=asked.append, faults=lambda row: found)
     with pytest.raises(SafetyError, match="has not been acknowledged: motor does not follow its model"):
         list(automatic(session))

@@ -124,7 +124,7 @@ def test_a_loop_whose_operator_has_gone_brings_no_drive_up(tmp_path: Path, monke
     monkeypatch.setattr(signal, "signal", lambda number, handler: None)
     create(tmp_path / "ring", described(live.columns(), {}, 0, 0), 64)
     shared_memory.create(tmp_path / "block", control_block.WORDS)
-    thermal = [cold(axis.limits.thermal) for axis in live.axes]
+    thermal = [cold(motor.limits.thermal) for motor in live.motors]
     given = {"emg": None, "start_ns": 0, "thermal": thermal, "latched": [None], "remembers": False}
     given |= {"ring": str(tmp_path / "ring"), "block": str(tmp_path / "block"), "operator": os.getpid()}
     with pytest.raises(SafetyError, match="operator's process has ended"):

@@ -162,10 +162,10 @@ Edge = tuple[Fault, str, float, float, Changes]
 AT_JOINT: Changes = {"limits.measures_torque": 1.0, "limits.torque_high": 16.0, "reading.joint_torque": 3.0}
 OFF: Changes = {"observed.reference": 1.0, "state.timers.off_reference": 31 * DT + TINY}
 """A joint that has been off its reference for as long as it may."""
-PAIRED: Changes = {
-    **{"limits.paired": 1.0, "limits.parting": 0.125, "limits.parting_lag": 1 / 64},
+SHARED: Changes = {
+    **{"limits.shared": 1.0, "limits.parting": 0.125, "limits.parting_lag": 1 / 64},
     **{"limits.parting_offset": 0.0625, "limits.parting_slope": 0.25},
-    **{"state.pair.met": 1.0, "state.pair.apart_time": 48 * DT, "observed.opposite": 0.0},
+    **{"state.neighbour.met": 1.0, "state.neighbour.apart_time": 48 * DT, "observed.neighbour": 0.0},
 }
 """A motor of a pair at 0.5 and a joint at 0.375, with the other motor where it has been too far away for 48 cycles: it
 is to be at 0.5 − 0.0625 − 0.25·0.375, and may be 2·0.125 away from there."""
@@ -365,11 +365,11 @@ EDGES: list[Edge] = [
         Mode.RELEASING,
         {**PULLED, "state.decided.joint_at_release": 0.0},
     ),
-    (Fault.AXIS_RELEASED, "observed.others", 1.0, 2.0, {}),
-    (Fault.AXIS_RELEASED, "observed.others", 3.0, 2.0, RELEASING),
-    (Fault.AXIS_RELEASED, "observed.others", 0.0, 2.0, STOPPED),
-    (Fault.AXIS_OFF, "observed.others", 2.0, 3.0, {}),
-    (Fault.AXIS_OFF, "observed.others", 0.0, 3.0, STOPPED),
+    (Fault.OTHER_RELEASED, "observed.others", 1.0, 2.0, {}),
+    (Fault.OTHER_RELEASED, "observed.others", 3.0, 2.0, RELEASING),
+    (Fault.OTHER_RELEASED, "observed.others", 0.0, 2.0, STOPPED),
+    (Fault.OTHER_OFF, "observed.others", 2.0, 3.0, {}),
+    (Fault.OTHER_OFF, "observed.others", 0.0, 3.0, STOPPED),
     (Fault.TORQUE_LOST, "reading.joint_torque", 1e6, 1e6 + 1.0, AT_JOINT),
     (Fault.TORQUE_LOST, "reading.joint_torque", 3.0, NAN, {**AT_JOINT, **STOPPED}),
     (Fault.TORQUE_LOST, "limits.measures_torque", 0.0, 1.0, {}),
@@ -403,28 +403,28 @@ EDGES: list[Edge] = [
         *(Fault.LOAD_STUCK, "state.decided.mode", Mode.RELEASING, Mode.RUNNING),
         {**MUTE, "state.stuck_load.travel": 0.1},
     ),
-    (Fault.MOTORS_APART, "observed.opposite", ASKED - 0.25, ASKED - 0.25 - TINY, PAIRED),
-    (Fault.MOTORS_APART, "observed.opposite", ASKED + 0.25, ASKED + 0.25 + TINY, PAIRED),
-    (Fault.MOTORS_APART, "observed.opposite", NAN, 0.0, PAIRED),
-    (Fault.MOTORS_APART, "observed.opposite", 6.5 + TINY, 6.5, PAIRED),
-    (Fault.MOTORS_APART, "observed.opposite", -6.5 - TINY, -6.5, PAIRED),
-    (Fault.MOTORS_APART, "state.pair.apart_time", 47 * DT, 47 * DT + TINY, PAIRED),
-    (Fault.MOTORS_APART, "state.pair.met", 0.0, 1.0, PAIRED),
-    (Fault.MOTORS_APART, "limits.paired", 0.0, 1.0, PAIRED),
-    (Fault.MOTORS_APART, "limits.slack_time", 49 * DT, 48 * DT, PAIRED),
-    (Fault.MOTORS_APART, "state.decided.started", 0.0, 1.0, PAIRED),
-    (Fault.MOTORS_APART, "state.decided.mode", Mode.RELEASING, Mode.RUNNING, PAIRED),
-    (Fault.MOTORS_APART, "state.decided.mode", Mode.RELEASING, Mode.BRIDGING, PAIRED),
-    (Fault.MOTORS_APART, "state.servo.enabled", 0.0, 1.0, {**PAIRED, "reading.drive_state": 3.0}),
+    (Fault.MOTORS_APART, "observed.neighbour", ASKED - 0.25, ASKED - 0.25 - TINY, SHARED),
+    (Fault.MOTORS_APART, "observed.neighbour", ASKED + 0.25, ASKED + 0.25 + TINY, SHARED),
+    (Fault.MOTORS_APART, "observed.neighbour", NAN, 0.0, SHARED),
+    (Fault.MOTORS_APART, "observed.neighbour", 6.5 + TINY, 6.5, SHARED),
+    (Fault.MOTORS_APART, "observed.neighbour", -6.5 - TINY, -6.5, SHARED),
+    (Fault.MOTORS_APART, "state.neighbour.apart_time", 47 * DT, 47 * DT + TINY, SHARED),
+    (Fault.MOTORS_APART, "state.neighbour.met", 0.0, 1.0, SHARED),
+    (Fault.MOTORS_APART, "limits.shared", 0.0, 1.0, SHARED),
+    (Fault.MOTORS_APART, "limits.slack_time", 49 * DT, 48 * DT, SHARED),
+    (Fault.MOTORS_APART, "state.decided.started", 0.0, 1.0, SHARED),
+    (Fault.MOTORS_APART, "state.decided.mode", Mode.RELEASING, Mode.RUNNING, SHARED),
+    (Fault.MOTORS_APART, "state.decided.mode", Mode.RELEASING, Mode.BRIDGING, SHARED),
+    (Fault.MOTORS_APART, "state.servo.enabled", 0.0, 1.0, {**SHARED, "reading.drive_state": 3.0}),
     (
-        *(Fault.MOTORS_APART, "observed.opposite"),
+        *(Fault.MOTORS_APART, "observed.neighbour"),
         *(ASKED - 0.25 - 2 / 64 * FILTERED + sign * TINY for sign in (1.0, -1.0)),
-        {**PAIRED, "state.motor.speed": SLOWED},
+        {**SHARED, "state.motor.speed": SLOWED},
     ),
     (
-        *(Fault.MOTORS_APART, "observed.opposite"),
+        *(Fault.MOTORS_APART, "observed.neighbour"),
         *(ASKED - 0.25 - 2 / 64 * FILTERED + sign * TINY for sign in (1.0, -1.0)),
-        {**PAIRED, "state.motor.speed": -SLOWED},
+        {**SHARED, "state.motor.speed": -SLOWED},
     ),
     (Fault.JOINT_OFF_REFERENCE, "observed.reference", 0.875, 0.875 + TINY, OFF),
     (Fault.JOINT_OFF_REFERENCE, "observed.reference", -0.125, -0.125 - TINY, OFF),
@@ -450,31 +450,31 @@ def test_a_detector_speaks_beyond_its_limit_and_not_at_it(edge: Edge) -> None:
 
 
 def test_motors_of_a_pair_must_have_met_before_they_can_part() -> None:
-    apart, near = {**PAIRED, "state.pair.met": 0.0}, {"observed.opposite": ASKED}
+    apart, near = {**SHARED, "state.neighbour.met": 0.0}, {"observed.neighbour": ASKED}
     for _ in range(2):
         state, _ = cycle(apart)
-        assert (state.pair.met, state.pair.apart_time) == (0.0, 0.0)
+        assert (state.neighbour.met, state.neighbour.apart_time) == (0.0, 0.0)
     state, _ = cycle(apart, near)
-    assert (state.pair.met, state.pair.apart_time) == (1.0, 0.0)
-    state, _ = cycle(PAIRED, {"state.pair.apart_time": DT})
-    assert (state.pair.met, state.pair.apart_time) == (1.0, 2 * DT)
-    state, _ = cycle(PAIRED, {"state.pair.apart_time": DT, "observed.elapsed": 3 * DT})
-    assert state.pair.apart_time == 4 * DT
-    state, _ = cycle(PAIRED, near)
-    assert (state.pair.met, state.pair.apart_time) == (1.0, 0.0)
-    for over in (RELEASING, {"state.decided.started": 0.0}, STOPPED, {"limits.paired": 0.0}):
-        state, _ = cycle(PAIRED, near, over)
-        assert (state.pair.met, state.pair.apart_time) == (0.0, 0.0)
+    assert (state.neighbour.met, state.neighbour.apart_time) == (1.0, 0.0)
+    state, _ = cycle(SHARED, {"state.neighbour.apart_time": DT})
+    assert (state.neighbour.met, state.neighbour.apart_time) == (1.0, 2 * DT)
+    state, _ = cycle(SHARED, {"state.neighbour.apart_time": DT, "observed.elapsed": 3 * DT})
+    assert state.neighbour.apart_time == 4 * DT
+    state, _ = cycle(SHARED, near)
+    assert (state.neighbour.met, state.neighbour.apart_time) == (1.0, 0.0)
+    for over in (RELEASING, {"state.decided.started": 0.0}, STOPPED, {"limits.shared": 0.0}):
+        state, _ = cycle(SHARED, near, over)
+        assert (state.neighbour.met, state.neighbour.apart_time) == (0.0, 0.0)
 
 
 def test_while_the_other_motor_is_not_known_nothing_is_forgotten_and_nothing_said() -> None:
     for lost in (NAN, 6.5 + TINY, -6.5 - TINY):
         for met in (0.0, 1.0):
-            state, verdict = cycle(PAIRED, {"observed.opposite": lost, "state.pair.met": met})
-            assert (state.pair.met, state.pair.apart_time) == (met, 0.0)
+            state, verdict = cycle(SHARED, {"observed.neighbour": lost, "state.neighbour.met": met})
+            assert (state.neighbour.met, state.neighbour.apart_time) == (met, 0.0)
             assert verdict.faults == 0.0
-        state, _ = cycle(PAIRED, {"observed.opposite": lost, "state.pair.met": 0.0, "limits.parting": 9.0})
-        assert state.pair.met == 0.0, "an angle that cannot be is not near"
+        state, _ = cycle(SHARED, {"observed.neighbour": lost, "state.neighbour.met": 0.0, "limits.parting": 9.0})
+        assert state.neighbour.met == 0.0, "an angle that cannot be is not near"
 
 
 def test_without_power_a_load_cell_may_keep_its_value_wherever_the_motor_is_turned() -> None:

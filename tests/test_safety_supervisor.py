@@ -481,12 +481,12 @@ ALONE: dict[Fault, list[Cycle]] = {
     Fault.EMERGENCY_STOP: lasting(9, emergency=EMERGENCY_STOP),
     Fault.CURRENT_STUCK: moved(current=lambda k, current: 2.0),
     Fault.RELEASE_PULLS: [],
-    Fault.AXIS_RELEASED: lasting(9, others=2.0),
-    Fault.AXIS_OFF: lasting(9, others=3.0),
+    Fault.OTHER_RELEASED: lasting(9, others=2.0),
+    Fault.OTHER_OFF: lasting(9, others=3.0),
     Fault.TORQUE_LOST: lasting(9, joint_torque=NAN),
     Fault.OVER_TORQUE: lasting(9, joint_torque=-15.1),
     Fault.LOAD_STUCK: moved(tension=lambda k, tension: 20.0),
-    Fault.MOTORS_APART: lasting(1, opposite=0.5) + lasting(60, opposite=0.0),
+    Fault.MOTORS_APART: lasting(1, neighbour=0.5) + lasting(60, neighbour=0.0),
     Fault.JOINT_OFF_REFERENCE: lasting(60, reference=1.1),
 }
 """Each fault as the only one, or the first: what shows it."""
@@ -513,7 +513,7 @@ def situation(fault: Fault) -> tuple[Limits, SupervisorState, list[Cycle]]:
         rows = [(seen(motor=0.5 + 5 * DT * k, joint=0.45 + 4.5 * DT * k), 0.5) for k in range(40)]
         cycles = [*lasting(1, request=Request.STOP), *rows]
     elif fault == Fault.MOTORS_APART:
-        limits = limits._replace(paired=True)
+        limits = limits._replace(shared=True)
     elif fault == Fault.JOINT_OFF_REFERENCE:
         limits = limits._replace(off_reference_time=0.05)
     elif fault == Fault.TARGET_TOO_FAR:

@@ -20,7 +20,7 @@ from bowden.sim import many
 from bowden.sim.faulty import SensorFault
 from bowden.sim.injected import Injected
 from bowden.sim.many import Case, Outcome, simulate_many
-from bowden.sim.pairwise import pairwise_sum
+from bowden.sim.numpy_sum import pairwise_sum
 from bowden.sim.run import simulate
 from drawn_plants import random_plant, run_random_plants
 from support.sensors import PAPER_ENCODER

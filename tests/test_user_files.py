@@ -22,8 +22,8 @@ from bowden.plants import user_plant
 from bowden.plants.presets.bench import default_bench
 from bowden.rig.rig import Rig
 from bowden.rig.settings import EmgSettings
+from bowden.sim.joint import CabledJoint, JointMotor, simulate_joint
 from bowden.sim.many import Case, simulate_many
-from bowden.sim.pair import PairPlant, PairSide, simulate_pair
 from bowden.sim.run import simulate
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
@@ -131,9 +131,9 @@ def test_a_law_that_gives_no_number_is_named_of_two_motors_on_one_joint_too(what
     _, source, _, said = LATE[what]
     (tmp_path / "own.py").write_text(source)
     law, bench = user_law.load("own.py", tmp_path), default_bench()
-    sides = [PairSide(name, bench, constant_bend(np.pi), 0, sign) for name, sign in (("up", 1.0), ("down", -1.0))]
+    motors = [JointMotor(name, bench, constant_bend(np.pi), 0, sign) for name, sign in (("up", 1.0), ("down", -1.0))]
     with pytest.raises(ParameterError, match=said):
-        simulate_pair(PairPlant(sides[0], sides[1], 10.0, 0.0), (law, law), MOTION, duration=0.5)
+        simulate_joint(CabledJoint(tuple(motors), 10.0, 0.0), (law, law), MOTION, duration=0.5)
 
 
 def test_a_helper_that_raises_is_named_by_its_own_line(tmp_path: Path) -> None:

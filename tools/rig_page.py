@@ -10,9 +10,9 @@ from bowden.control.knowledge import Knowledge
 from bowden.core.files import write_text
 from bowden.core.quantity import Quantity, meanings
 from bowden.design.rig_of_bench import Key, gains_of, keys_of, sections, sentence
-from bowden.rig.axes import AXIS, INDEPENDENT, MEANINGS
 from bowden.rig.declaration import Section
-from bowden.rig.sections import PAIR
+from bowden.rig.motors import INDEPENDENT, MEANINGS, MOTOR
+from bowden.rig.sections import JOINT
 
 _GAINS = (
     "What `[control.gains]` may hold, with the law's own value. `*`: the rig gives the law its own value.",
@@ -22,9 +22,10 @@ _GAINS = (
     "own slope by `relative_slope`. Slopes are positive: a cable with a negative slope is counted the other way round.",
     "What a gain means stands in the law's file in [control/laws](../src/bowden/control/laws).",
 )
-_AXES = (
-    f"Several motors in one loop ([how](several_axes.md)): {MEANINGS[AXIS]}.",
-    "Each `[[axis]]` has the key `name`, and may repeat any section above as `[axis.SECTION]`.",
+_SEVERAL = (
+    f"Several motors in one loop ([how](several_motors.md)): {MEANINGS[MOTOR]}.",
+    "Each `[[motor]]` has the key `name`, `joint` where others move its joint too, those of `[motor]`, and may repeat",
+    "any other section above as `[motor.SECTION]`.",
     "",
     f"At the head of the file, `{INDEPENDENT} = true`: {MEANINGS[INDEPENDENT]}.",
 )
@@ -56,8 +57,8 @@ def markdown() -> str:
         if shared:
             keys = {_said(key): key for key in _keys(variants)}
             lines += [f"### Common to several kinds of [{title}]", "", *_rows(keys[one] for one in shared), ""]
-    lines += ["## [[axis]]", "", *_AXES, ""]
-    lines += ["## [pair]", "", sentence(PAIR.section), "", *_rows(keys_of(PAIR.section)), ""]
+    lines += ["## [[motor]]", "", *_SEVERAL, ""]
+    lines += ["## [[joint]]", "", sentence(JOINT.section), "", *_rows(keys_of(JOINT.section)), ""]
     lines += ["## Gains of the laws", "", *_GAINS, "", "law | gains", "---|---"]
     lines += [f"`{law.name}` | {', '.join(_gains(law))}{_presets(law)}" for law in LAWS.values()]
     lines += ["", "### What a rig knows", "", "For `FROM_RIG` of [your own law](own_law.md#your-own-law-in-a-file)."]

@@ -236,7 +236,7 @@ def _file(read: Callable[[Path], object], name: str) -> Callable[[bytes], object
 
 def _rigs() -> list[bytes]:
     """The default, what the pages show of axes, pairs, load cells and families of drives, and files of old."""
-    pages = ("several_axes", "pair", "load_cell", "drive_ak", "drive_moteus", "drive_odrive", "admittance", "suit")
+    pages = ("several_motors", "load_cell", "drive_ak", "drive_moteus", "drive_odrive", "admittance", "suit")
     shown = "".join((ROOT / "docs" / f"{name}.md").read_text(encoding="utf-8") for name in pages)
     return [
         Rig().to_toml().encode(),

@@ -68,7 +68,7 @@ def disturbed(kind: int, since: int, observed: Observed, dt: float) -> Observed:
         observed.preflight,
         emg_age + step,
         observed.others,
-        observed.opposite,
+        observed.neighbour,
         observed.reference,
     )
 

@@ -139,7 +139,7 @@ def _shown(view: Any, found: Result[Any], call: Call, json: bool, rigs: list[Any
 
 def _trust(found: Result[Any], rigs: list[Any]) -> Any:
     """Trust in the model of a cable, where it is not yes: that of the result, or of a rig that was given."""
-    cables = [getattr(axis.rig.cable, "trust", None) for rig in rigs for axis in rig.parts]
+    cables = [getattr(motor.rig.cable, "trust", None) for rig in rigs for motor in rig.parts]
     doubts = [one for one in (found.cable_trust, *cables) if one is not None and one.level != "yes"]
     if not doubts:
         return None

@@ -52,7 +52,7 @@ def _end_with_the_console() -> None:
 
 
 def check(progress: Progress, rig: Mapping[str, Any]) -> dict[str, Any]:
-    """What the page says of a rig's law; of one with several axes of each, and the worst of them of all."""
+    """What the page says of a rig's law; of one with several motors of each, and the worst of them of all."""
     from bowden.design.linearise import NoNumberError
     from bowden.rig.rig import Rig
 
@@ -60,11 +60,11 @@ def check(progress: Progress, rig: Mapping[str, Any]) -> dict[str, Any]:
     try:
         return _checked(progress, whole, None)
     except NoNumberError as error:
-        if not whole.axes:
+        if not whole.motors:
             text = f"{whole.law_name} cannot be checked ({error.what}) and runs unchecked"
             return {**_UNCHECKED, "text": text, "of": whole.hash}
     each = {}
-    for one in whole.parts:  # what cannot be judged of one axis says nothing of another
+    for one in whole.parts:  # what cannot be judged of one motor says nothing of another
         try:
             each[one.name] = _checked(progress, whole, one.name)
         except NoNumberError as error:
@@ -74,7 +74,7 @@ def check(progress: Progress, rig: Mapping[str, Any]) -> dict[str, Any]:
         key: min((one[key] for one in each.values() if one[key] is not None), default=None)
         for key in ("gain_margin_db", "phase_margin_deg")
     }
-    rows = [[f"{axis}: {label}", text] for axis, one in each.items() for label, text in one["rows"]]
+    rows = [[f"{motor}: {label}", text] for motor, one in each.items() for label, text in one["rows"]]
     holds = all(one["holds"] for one in each.values())
     said = {"holds": holds, "rows": rows, "text": f"{name}: {each[name]['text']}", "of": whole.hash}
     return each[name] | said | margins
@@ -85,19 +85,19 @@ _VERDICTS = ("holds", None, "little_margin", "limit_cycle", "does_not_hold")
 _UNCHECKED: dict[str, Any] = {"holds": True, "name": None, "rows": [], "gain_margin_db": None, "phase_margin_deg": None}
 
 
-def _checked(progress: Progress, rig: Any, axis: str | None) -> dict[str, Any]:
+def _checked(progress: Progress, rig: Any, motor: str | None) -> dict[str, Any]:
     """The operation `check`, with its lines as a terminal has them."""
     from bowden.design.check_result import check_rows
     from bowden.operations.check import check as operation
 
-    found = operation(rig, axis=axis, progress=progress)
+    found = operation(rig, motor=motor, progress=progress)
     rows = [
         [f"{name}: {label}" if name else label, text]
         for name, one in found.checks.items()
         for label, text in check_rows(one)
         if text
     ]
-    worst = next((one.axis for one in found.axes if one.reason == found.reason), "")
+    worst = next((one.joint for one in found.joints if one.reason == found.reason), "")
     return {
         "holds": found.holds,
         "name": found.verdict,
@@ -114,7 +114,7 @@ def page(progress: Progress, path: str, to: str) -> str:
     from bowden.live.mcap_read import read
     from bowden.views.log import draw_log
 
-    found = next(iter(read(Path(path)).parts.values()))  # of several axes the first
+    found = next(iter(read(Path(path)).parts.values()))  # of several motors the first
     draw_log(found, Path(to), f"Run {Path(path).name}")
     return to
 

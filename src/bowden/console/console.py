@@ -417,7 +417,7 @@ class Console:
         self.require_control(tab)
         if self.phase != "idle":
             raise SafetyError("something goes on already", expected="nothing", do="wait until it has ended")
-        name, rig = self.path.require(step), self.settings.rig.axis()
+        name, rig = self.path.require(step), self.settings.rig.only()
         self.error = None
         if name == "measure":
             _ = live_run(rig, measure=True)
@@ -458,10 +458,10 @@ class Console:
             raise SafetyError("no twin runs", do="start a session first")
         if not isinstance(fault, str) or len(fault) > _LONGEST_NAME:
             raise ParameterError(f"fault is {shortly(fault)}", expected="the name of a fault", do="choose one")
-        axis, _, kind = fault.rpartition(": ")
-        found = [one for one in session.axes if one.name == axis]
+        motor, _, kind = fault.rpartition(": ")
+        found = [one for one in session.motors if one.name == motor]
         if not found:
-            raise ParameterError(f"there is no axis {shortly(axis)}", expected="one of the rig's", do="choose one")
+            raise ParameterError(f"there is no motor {shortly(motor)}", expected="one of the rig's", do="choose one")
         drive = found[0].live.rig.drive_parameters
         await asyncio.to_thread(_injected, family_of(drive).control(drive), kind)
 

@@ -54,7 +54,7 @@ class RunSettings:
             ParameterError: settings that it cannot have.
         """
         rig = self.base
-        if rig.axes:
+        if rig.motors:
             return rig if math.isnan(self.duration) else rig.replace(duration=self.duration)
         if self.law and self.law != rig.law_name:
             rig = rig.with_law(self.law, self.preset)
@@ -99,11 +99,11 @@ class RunSettings:
                     f"there is no setting {shortly(name)}", expected=near(name, known), do="reload the page"
                 )
         made = self
-        if self.base.axes and (fixed := sorted({*given} & {*_OF_ONE})):
+        if self.base.motors and (fixed := sorted({*given} & {*_OF_ONE})):
             raise ParameterError(
-                f"{', '.join(fixed)} of a rig with several axes is as its file says",
+                f"{', '.join(fixed)} of a rig with several motors is as its file says",
                 expected="a duration and texts",
-                do="change the rig.toml, or start the console with --axis",
+                do="change the rig.toml, or start the console with --motor",
             )
         if "law" in given and given["law"] != (made.law or made.base.law_name):
             law = _one_of(given["law"], self.laws, "law")
@@ -143,8 +143,8 @@ class RunSettings:
         Args:
             locked: whether a session goes on that has these settings.
         """
-        if self.base.axes:
-            return self._of_axes() | {**self.about, "locked": locked}
+        if self.base.motors:
+            return self._of_motors() | {**self.about, "locked": locked}
         law = self.fitted
         return {
             "law": self.law or self.base.law_name,
@@ -159,16 +159,16 @@ class RunSettings:
             "locked": locked,
         }
 
-    def _of_axes(self) -> dict[str, Any]:
-        """What of several axes can be set, and what can only be shown."""
-        laws = ", ".join(f"{axis.name}: {axis.rig.law_name}" for axis in self.base.axes)
+    def _of_motors(self) -> dict[str, Any]:
+        """What of several motors can be set, and what can only be shown."""
+        laws = ", ".join(f"{motor.name}: {motor.rig.law_name}" for motor in self.base.motors)
         kinds = ", ".join(
-            f"{axis.name}: {own_reference(axis.rig).get('kind', type(axis.rig.reference).__name__)}"
-            for axis in self.base.axes
+            f"{motor.name}: {own_reference(motor.rig).get('kind', type(motor.rig.reference).__name__)}"
+            for motor in self.base.motors
         )
         return {
             **{"law": laws, "laws": [{"name": laws, "title": laws}], "preset": OWN, "edited": [], "gains": {}},
-            "presets": [{"name": OWN, "title": "of the rig, for each axis"}],
+            "presets": [{"name": OWN, "title": "of the rig, for each motor"}],
             "reference": {"kind": kinds, "kinds": [kinds], "fields": {}},
             "duration": self.rig.duration,
         }

@@ -62,20 +62,20 @@ def error_of(error: BowdenError | None) -> dict[str, str] | None:
 
 def rig_of(rig: Rig, name: str, *, twin: bool) -> dict[str, Any]:
     """Which rig it is, and whether it is a twin or moves something."""
-    drives = [axis.rig.drive for axis in rig.parts]
+    drives = [motor.rig.drive for motor in rig.parts]
     simulated = twin or all(family_of(drive).simulated(drive) for drive in drives)
     buses = ", ".join(dict.fromkeys(str(getattr(drive, "channel", "")) for drive in drives))
     where = "of this console's own" if twin else buses
     return {
         **{"name": name, "hash": rig.hash, "drive": "twin" if simulated else "hardware", "bus": where},
-        "faults": list(injected_faults([axis.name for axis in rig.parts])) if twin else [],
+        "faults": list(injected_faults([motor.name for motor in rig.parts])) if twin else [],
     }
 
 
-def injected_faults(axes: Sequence[str] = ("",)) -> Iterator[dict[str, str]]:
-    """What the twins can be given: the name that injects it, of several axes with the axis', and what it is."""
-    for axis in axes:
-        whose = f"{axis}: " if axis else ""
+def injected_faults(motors: Sequence[str] = ("",)) -> Iterator[dict[str, str]]:
+    """What the twins can be given: the name that injects it, of several motors with the motor', and what it is."""
+    for motor in motors:
+        whose = f"{motor}: " if motor else ""
         for name, kind in KINDS.items():
             for side in SIDES if kind.side else ("",):
                 title = f"{whose}{kind.meaning}{f' ({side})' if side else ''}"
@@ -95,7 +95,7 @@ def run_of(seen: RunSeen, watch: Watch | None) -> dict[str, Any] | None:
     mode = Mode(int(row["mode"]))
     shown = faults.of(row["faults"])
     listed = [
-        fault_of(fault, one.came[fault] - watch.begin, one.axis)
+        fault_of(fault, one.came[fault] - watch.begin, one.motor)
         for one in session.faults(row)
         for fault in (*one.causes, *one.consequences)
     ]
@@ -105,9 +105,9 @@ def run_of(seen: RunSeen, watch: Watch | None) -> dict[str, Any] | None:
         "power": live and mode not in (Mode.STOPPED, Mode.LATCHED),
         "began_latched": session.began_latched,
         "preflight": [
-            {**step, "name": f"{axis.name}: {step['name']}"} if axis.name else step
-            for axis in session.axes
-            for step in preflight_of(_alone(axis.of(row)), moves=watch.preflight_moves)
+            {**step, "name": f"{motor.name}: {step['name']}"} if motor.name else step
+            for motor in session.motors
+            for step in preflight_of(_alone(motor.of(row)), moves=watch.preflight_moves)
         ],
         "preflight_reason": REASONS[Reason(int(row["preflight_reason"]))],
         **times_of(session, watch, mode),
@@ -133,16 +133,16 @@ def run_of(seen: RunSeen, watch: Watch | None) -> dict[str, Any] | None:
 
 
 def _alone(row: dict[str, float]) -> dict[str, float]:
-    """A row of one axis with the outcome of its own preflight, where it is one of several."""
+    """A row of one motor with the outcome of its own preflight, where it is one of several."""
     return {**row, "preflight": row.get("preflight_alone", row["preflight"])}
 
 
 def _estimates(session: "Session", row: Mapping[str, float]) -> list[tuple[str, float]]:
-    """What the laws know, of several axes with the axis' name."""
+    """What the laws know, of several motors with the motor's name."""
     return [
-        (f"{axis.name}: {name[4:]}" if axis.name else name[4:], value)
-        for axis in session.axes
-        for name, value in axis.of(row).items()
+        (f"{motor.name}: {name[4:]}" if motor.name else name[4:], value)
+        for motor in session.motors
+        for name, value in motor.of(row).items()
         if name.startswith("law.")
     ]
 
@@ -174,9 +174,9 @@ VOLATILE = ("elapsed", "remaining", "lateness", "estimates")
 """Of a run: what changes from moment to moment, and is no news by itself."""
 
 
-def fault_of(fault: Fault, at: float, axis: str = "") -> dict[str, Any]:
-    """A fault: since when, what it means and what to do; of several axes whose it is."""
-    meaning = f"{axis}: {fault.meaning}" if axis else fault.meaning
+def fault_of(fault: Fault, at: float, motor: str = "") -> dict[str, Any]:
+    """A fault: since when, what it means and what to do; of several motors whose it is."""
+    meaning = f"{motor}: {fault.meaning}" if motor else fault.meaning
     return {"name": fault.name.lower(), "at": round(at, 3), "meaning": meaning, "remedy": fault.remedy}
 
 

@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 from bowden.core.signals import DriveState
 from bowden.core.units import DEGREES, RADIANS
 from bowden.cycle.one_cycle import TargetSource
-from bowden.live.axis_columns import view
 from bowden.live.events import Changes
 from bowden.live.mcap_layout import Event
-from bowden.live.mcap_read import axes_of, settings_of
+from bowden.live.mcap_read import motors_of, settings_of
+from bowden.live.motor_columns import view
 from bowden.live.ring import Description, RingReader
 from bowden.live.row import AT
 from bowden.live.together import modes_of_all
@@ -70,28 +70,28 @@ class Curve(NamedTuple):
 
 
 def curves_of(names: Sequence[str], units: Sequence[str], settings: Mapping[str, Any]) -> list[Curve]:
-    """The curves of a run; of one with several axes those of each, in groups of its own, but for the loop's.
+    """The curves of a run; of one with several motors those of each, in groups of its own, but for the loop's.
 
     Args:
         names: of its columns.
         units: of each.
         settings: of the run.
     """
-    axes = axes_of(settings)
-    if not axes:
+    motors = motors_of(settings)
+    if not motors:
         return columns_of(names, units, settings)
     offered: list[Curve] = []
-    for number, axis in enumerate(axes):
-        seen = view(names, axes, axis)
+    for number, motor in enumerate(motors):
+        seen = view(names, motors, motor)
         whole = dict(zip(seen.columns, (names[i] for i in seen.places), strict=True))
-        of_axis = columns_of(seen.columns, [units[i] for i in seen.places], settings_of(settings, axis))
-        for one in of_axis:
+        of_motor = columns_of(seen.columns, [units[i] for i in seen.places], settings_of(settings, motor))
+        for one in of_motor:
             if one.group == _LOOPS:
                 offered += [one] * (number == 0)
                 continue
-            name, source = f"{axis}.{one.name}" if number else one.name, tuple(whole[column] for column in one.source)
+            name, source = f"{motor}.{one.name}" if number else one.name, tuple(whole[column] for column in one.source)
             offered.append(
-                one._replace(name=name, title=f"{axis}, {one.title}", group=f"{axis}: {one.group}", source=source)
+                one._replace(name=name, title=f"{motor}, {one.title}", group=f"{motor}: {one.group}", source=source)
             )
     return offered
 
@@ -100,7 +100,7 @@ _LOOPS = "loop"
 
 
 def columns_of(names: Sequence[str], units: Sequence[str], settings: Mapping[str, Any]) -> list[Curve]:
-    """The curves that rows of these columns, of one axis, have.
+    """The curves that rows of these columns, of one motor, have.
 
     Args:
         names: of the row's columns.
@@ -284,8 +284,8 @@ class Watch:
         self._coarse = _Store(math.ceil((SECONDS[1] + 2.0) / _COARSE), width, 2)
         self._rest = np.empty(0), np.empty((0, width), np.float32)
         self._changes = Changes(about)
-        axes, self._independent = axes_of(about.settings), bool(about.settings.get("independent"))
-        self._modes = [AT["mode"], *(about.columns.index(f"{name}.mode") for name in axes[1:])]
+        motors, self._independent = motors_of(about.settings), bool(about.settings.get("independent"))
+        self._modes = [AT["mode"], *(about.columns.index(f"{name}.mode") for name in motors[1:])]
         self.events: list[Event] = []
         """The newest."""
         self.version = 0

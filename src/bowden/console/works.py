@@ -86,10 +86,10 @@ def details(progress: Progress, path: str) -> dict[str, Any]:
     }
 
 
-def _faults(axis: str, stop: "Stop") -> Iterator[dict[str, Any]]:
-    """What stopped a run, of several axes with the one that it came from."""
+def _faults(motor: str, stop: "Stop") -> Iterator[dict[str, Any]]:
+    """What stopped a run, of several motors with the one that it came from."""
     for fault in (*stop.causes, *stop.consequences):
-        meaning = f"{axis}: {fault.meaning}" if axis else fault.meaning
+        meaning = f"{motor}: {fault.meaning}" if motor else fault.meaning
         yield {"name": fault.name.lower(), "at": round(stop.time, 3), "meaning": meaning, "remedy": fault.remedy}
 
 

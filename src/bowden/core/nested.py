@@ -14,7 +14,7 @@ author made them. A row of numbers beside one example of the tuple can stand for
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from enum import IntEnum
 from functools import cache
-from typing import Any
+from typing import Any, get_args, get_origin, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
@@ -195,6 +195,24 @@ def unflatten(template: Any, row: Array) -> Any:
     return map_leaves(
         template, lambda _, old: type(old)(next(numbers)) if isinstance(old, bool | IntEnum) else next(numbers)
     )
+
+
+def zeros_of(kind: Any) -> Any:
+    """A value of a type with nothing but zeros in it; of an enum the member that is 0.
+
+    >>> from typing import NamedTuple
+    >>> class State(NamedTuple):
+    ...     angle: float
+    ...     steps: tuple[int, int]
+    >>> zeros_of(State)
+    State(angle=0.0, steps=(0, 0))
+    """
+    if get_origin(kind) is tuple:
+        return tuple(map(zeros_of, get_args(kind)))
+    if hasattr(kind, "_fields"):
+        hints = get_type_hints(kind)
+        return kind(*(zeros_of(hints[name]) for name in kind._fields))
+    return kind(0)
 
 
 def _number(kind: Any) -> Any:

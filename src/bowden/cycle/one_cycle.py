@@ -28,13 +28,13 @@ from bowden.control.conditioning import Conditioned, Conditioning, condition_sta
 from bowden.control.law import Law, law_start, law_step
 from bowden.control.source import TABLE, Measurement, Source, source_start, source_step
 from bowden.core.kernel import kernel, placeholder, specialise
-from bowden.core.nested import flat, map_leaves, name_of, names, numbers_of, unflatten, unflatten_like
+from bowden.core.nested import flat, map_leaves, name_of, names, numbers_of, unflatten, unflatten_like, zeros_of
 from bowden.core.signals import DriveReading, Power, Reference, Sample
 from bowden.models.drive.thermal import ThermalState
 from bowden.safety.evidence import validate_readings
 from bowden.safety.faults import Fault, Reaction
 from bowden.safety.limits import Limits
-from bowden.safety.state import Mode, Observed, PreflightResult, Request, SupervisorState, Verdict
+from bowden.safety.state import Mode, Observed, SupervisorState, Verdict
 from bowden.safety.supervisor import begin, supervise
 from bowden.sensing.filters import low_pass
 
@@ -279,7 +279,7 @@ def supervised(
         observed.preflight,
         observed.emg_age,
         observed.others,
-        observed.opposite,
+        observed.neighbour,
         reference,
     )
     return supervise(limits, state, seen, requested_target, dt)
@@ -317,15 +317,13 @@ _LIMITS = Limits()
 """Of which compiled code needs the type alone."""
 
 
-NOTHING_OBSERVED = Observed(
-    DriveReading(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
-    *(0.0, 0.0, Request.NONE, 0.0, False, PreflightResult.PENDING, 0.0, Reaction.NONE, 0.0, 0.0),
-)
-NOTHING_PLANNED = Plan(TargetSource.HOLD, 0.0, Reference(0.0, 0.0, 0.0))
-_OBSERVED = 24
+NOTHING_OBSERVED, NOTHING_PLANNED = zeros_of(Observed), zeros_of(Plan)
+_OBSERVED = len(flat(NOTHING_OBSERVED))
 """Numbers of `Observed`."""
-_GIVEN = struct.Struct("29d")
+_GIVEN = struct.Struct(f"{_OBSERVED + len(flat(NOTHING_PLANNED))}d")
 """Those and the numbers of a `Plan`."""
+_TAKEN = len(flat(zeros_of(tuple[Reference, float, Verdict])))
+"""Numbers that a cycle hands on: reference, requested target and verdict."""
 
 
 @kernel
@@ -417,7 +415,7 @@ class Cycle:
         gains = map_leaves(law.gains, lambda path, value: float(value) if name_of(path) in law.live else value)
         self._settings = CycleSettings(gains, law.conditioning, source.settings, filters, 0.0)
         self._limits = np.array(flat(limits), dtype=np.float64)
-        self._given, self._output = np.zeros(_GIVEN.size // 8), np.zeros(9)
+        self._given, self._output = np.zeros(_GIVEN.size // 8), np.zeros(_TAKEN)
         self._given_bytes = self._given.data.cast("B")
         self._run: Callable[..., None] = specialise(
             cycle_in_place, f"{law.name}_{source.name}", **law_and_source(law, source), **SUPERVISED

@@ -55,8 +55,8 @@ class Point:
 
 
 class TautLoop(NamedTuple):
-    """The smallest margins of two motors on one joint, of a case of taut cables; None where one is unstable or none has
-    a limit."""
+    """The smallest margins of several motors on one joint, of a case of taut cables; None where one is unstable or none
+    has a limit."""
 
     at: str
     """Which cables are taut."""
@@ -65,11 +65,11 @@ class TautLoop(NamedTuple):
     delay_margin_s: float | None
 
 
-class PairFindings(NamedTuple):
-    """What is found of two motors on one joint besides."""
+class SharedFindings(NamedTuple):
+    """What is found of several motors on one joint besides."""
 
     loops: tuple[TautLoop, ...]
-    """Both cables taut, then each alone."""
+    """All cables taut, then each alone."""
     drift: float | None
     """How far the motors went apart in the trials beyond the co-contraction, or less far, each; None where one ran away
     [rad]."""
@@ -121,8 +121,8 @@ class Check:
     """What to change where it does not hold, if that was asked for (`bowden.design.advice`)."""
     instead: str = ""
     """Law that holds where this one does not, likewise (`bowden.design.other_law`); empty where none was found."""
-    pair: PairFindings | None = None
-    """Of two motors on one joint: what else was found; `trials` are then of agonist and antagonist by turns."""
+    shared: SharedFindings | None = None
+    """Of several motors on one joint: what else was found; `trials` are then of each motor by turns."""
 
     @property
     def holds(self) -> bool:
@@ -220,25 +220,25 @@ def check_rows(found: Check) -> list[tuple[str, str]]:
         ("chatter", _chatter(ripple)),
         ("error", "" if found.peak is None else f"at most {found.peak * DEGREES:.3g}° in simulation"),
         ("proven bound", _proven(found.ultimate_error)),
-        *_pair_rows(found),
+        *_shared_rows(found),
         ("limits", found.leaves_out),
         ("advice", found.advice),
     ]
 
 
-def _pair_rows(found: Check) -> list[tuple[str, str]]:
-    """Of two motors on one joint: the margins by what is taut, and how far the motors part."""
-    if found.pair is None:
+def _shared_rows(found: Check) -> list[tuple[str, str]]:
+    """Of several motors on one joint: the margins by what is taut, and how far the motors part."""
+    if found.shared is None:
         return []
     rows = []
-    for loop in found.pair.loops:
+    for loop in found.shared.loops:
         margins = (
             number(loop.gain_margin_db, "dB"),
             number(loop.phase_margin_deg, "°"),
             milliseconds(loop.delay_margin_s),
         )
         rows.append((loop.at, listed(margins) or "none"))
-    drift = found.pair.drift
+    drift = found.shared.drift
     apart = "" if drift is None else f"±{round(drift * DEGREES, 6):.2g}° beyond the co-contraction"
     return [*rows, ("motors apart", apart)]
 
@@ -276,10 +276,10 @@ def draw_check(axes: "Axes", found: Check) -> None:
     colours = dict(zip(sorted({point.bend for point in found.points}), CYCLE, strict=False))
     for bend, colour in colours.items():
         margins = [point.margins for point in found.points if point.bend == bend]
-        pairs = [(one.gain_margin_db or 0.0, one.phase_margin_deg or 0.0) for one in margins if _limited(one)]
+        both = [(one.gain_margin_db or 0.0, one.phase_margin_deg or 0.0) for one in margins if _limited(one)]
         unstable = sum(not one.stable for one in margins)
         label = f"bend of {bend * DEGREES:.0f}°" + (f", {unstable} unstable" if unstable else "")
-        axes.plot([gain for gain, _ in pairs], [phase for _, phase in pairs], "o", color=colour, label=label)
+        axes.plot([gain for gain, _ in both], [phase for _, phase in both], "o", color=colour, label=label)
     if not any(_limited(point.margins) for point in found.points):
         axes.text(0.5, 0.5, "no limit to gain or phase", transform=axes.transAxes, ha="center")
     axes.set(xlabel="gain margin [dB]", ylabel="phase margin [°]")

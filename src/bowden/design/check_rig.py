@@ -1,28 +1,67 @@
-"""The check of a rig's law, over the bends and the stroke of its run."""
+"""The check of what a rig says: of one law over the bends and the stroke of its run, or of all motors of a joint."""
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from bowden.control import Law, user_law
+from bowden.rig.joints import RigJoint
 from bowden.rig.rig import Rig
 from bowden.sim import ranges
+from bowden.sim.joint_of_rig import cabled_joint_of, joint_ranges
 
 if TYPE_CHECKING:
     from bowden.design.check_result import Check
 
 
-def check_rig(rig: Rig, law: Law) -> "Check | str":
-    """What was found, or why nothing could be: a law of the user's own that gives no number at rest."""
+def judged(joint: RigJoint, laws: Sequence[Law]) -> "Check":
+    """What is found of a joint.
+
+    Args:
+        joint: of a rig.
+        laws: of each of its motors.
+
+    Raises:
+        NoNumberError: a law of one's own gives no number at rest.
+    """
     from bowden.design.check import check
+    from bowden.design.joint_check import check_joint
+
+    rig = joint.first
+    with user_law.explained(laws[0]):
+        if joint.shared:
+            bends, stroke = joint_ranges(joint)
+            return check_joint(cabled_joint_of(joint), laws, bends=bends, stroke=stroke, seed=rig.seed)
+        return check(ranges.judged(rig), laws[0], bends=ranges.bends(rig), stroke=ranges.stroke(rig), seed=rig.seed)
+
+
+def check_laws(joint: RigJoint, laws: Sequence[Law]) -> "Check | str":
+    """The same, or why nothing could be found."""
     from bowden.design.linearise import NoNumberError
 
+    try:
+        return judged(joint, laws)
+    except NoNumberError as error:
+        return error.what
+
+
+def check_rig(rig: Rig, law: Law) -> "Check | str":
+    """The same of a rig with one motor."""
+    return check_laws(rig.each_joint[0], [law])
+
+
+def advice_for(joint: RigJoint, law: Law, found: "Check") -> str:
+    """What to change about a joint, or about its laws; empty where nothing is to be mended.
+
+    Args:
+        joint: of a rig.
+        law: of its first motor.
+        found: by the check.
+    """
+    if joint.shared:
+        alone = ", ".join(f"--motor {name}" for name in joint.names)
+        return "" if found.holds else f"check each alone ({alone}), and lower the gains of all alike"
+    from bowden.design.advice import advise
+
+    rig = joint.first
     with user_law.explained(law):
-        try:
-            return check(ranges.judged(rig), law, bends=ranges.bends(rig), stroke=ranges.stroke(rig), seed=rig.seed)
-        except NoNumberError as error:
-            return error.what
-
-
-def pair_laws(rig: Rig) -> tuple[Law, Law]:
-    """The laws of both motors on one joint with the gains that the rig gives them, the agonist's first."""
-    one, other = (rig.axis(name).fitted() for name in rig.pair.names)
-    return one, other
+        return advise(ranges.judged(rig), law, found, bends=ranges.bends(rig), stroke=ranges.stroke(rig))

@@ -35,35 +35,35 @@ def with_gains(
     return with_keys(text, "control.gains", values, str(path), [_MARK + line for line in evidence])
 
 
-_AXIS = re.compile(r"^\s*\[\[\s*axis\s*\]\]\s*(#.*)?$")
-_OF_AXIS = re.compile(r"^(\s*\[\s*)axis\s*\.\s*")
+_MOTOR = re.compile(r"^\s*\[\[\s*motor\s*\]\]\s*(#.*)?$")
+_OF_MOTOR = re.compile(r"^(\s*\[\s*)motor\s*\.\s*")
 
 
-def with_axis_gains(
-    text: str, axis: str, gains: Mapping[str, float], evidence: Sequence[str], path: Path, preset: str | None = None
+def with_motor_gains(
+    text: str, motor: str, gains: Mapping[str, float], evidence: Sequence[str], path: Path, preset: str | None = None
 ) -> str:
-    """`with_gains` for one axis of a rig with several: into [axis.control.gains] below its [[axis]].
+    """`with_gains` for one motor of a rig with several: into [motor.control.gains] below its [[motor]].
 
     Args:
         text: of the file.
-        axis: its name.
+        motor: its name.
         gains: see `with_gains`.
         evidence: likewise.
         path: likewise.
         preset: likewise.
 
     Raises:
-        OutputError: see `with_gains`; or the axes are written in another form.
+        OutputError: see `with_gains`; or the motors are written in another form.
     """
     lines = text.splitlines()
-    heads = [i for i, line in enumerate(lines) if _AXIS.match(line)]
-    names = [one.get("name") for one in tomllib.loads(text).get("axis", ())]
-    if len(heads) != len(names) or axis not in names:
-        raise OutputError(f"{path}: its axes are not [[axis]] sections", do="write each below a line [[axis]]")
-    begin = heads[names.index(axis)] + 1
-    others = (i for i in range(begin, len(lines)) if _HEADER.match(lines[i]) and not _OF_AXIS.match(lines[i]))
+    heads = [i for i, line in enumerate(lines) if _MOTOR.match(line)]
+    names = [one.get("name") for one in tomllib.loads(text).get("motor", ())]
+    if len(heads) != len(names) or motor not in names:
+        raise OutputError(f"{path}: its motors are not [[motor]] sections", do="write each below a line [[motor]]")
+    begin = heads[names.index(motor)] + 1
+    others = (i for i in range(begin, len(lines)) if _HEADER.match(lines[i]) and not _OF_MOTOR.match(lines[i]))
     end = next(others, len(lines))
-    alone = "\n".join(_OF_AXIS.sub(r"\1", line) for line in lines[begin:end])
+    alone = "\n".join(_OF_MOTOR.sub(r"\1", line) for line in lines[begin:end])
     made = with_gains(alone, gains, evidence, path, preset).splitlines()
-    own = [re.sub(r"^(\s*\[\s*)", r"\1axis.", line) if _HEADER.match(line) else line for line in made]
+    own = [re.sub(r"^(\s*\[\s*)", r"\1motor.", line) if _HEADER.match(line) else line for line in made]
     return "\n".join([*lines[:begin], *own, *([""] * (end < len(lines) and own[-1:] != [""])), *lines[end:]]) + "\n"

@@ -143,12 +143,15 @@ def linear_plant(
         )
         return OnArm(plant, tuple(angle for _, angle, _ in corners), tuple(taut for *_, taut in corners), places)
     places = tuple(
-        OperatingPoint(bend, slope, "") for bend in ends for slope in _slopes(plant, bend, stroke, reversals)
+        OperatingPoint(bend, slope, "")
+        for bend in ends
+        for slope in slopes_of(plant, bend, stroke, reversals=reversals)
     )
     return BehindServo(plant.servo, plant.sample_time, plant.delay, places)
 
 
-def _slopes(plant: Plant, bend: float, stroke: tuple[float, float], reversals: bool) -> list[float]:
+def slopes_of(plant: Plant, bend: float, stroke: tuple[float, float], *, reversals: bool = True) -> list[float]:
+    """The slope with the play taken up and, if `reversals` count, the one after a reversal where it is steeper."""
     found = transmission(plant, bend, stroke)
     return [found.slope, found.steepest] if reversals and found.steepest > found.slope else [found.slope]
 

@@ -14,6 +14,7 @@ from bowden.plants.user_plant import UserPlant
 from bowden.plants.worn_suit import elbow_dead_zone
 from bowden.rig.consistent import contradictions
 from bowden.rig.families import family_of
+from bowden.rig.joints import RigJoint
 from bowden.rig.rig import Rig
 from bowden.safety.limits import Limits
 
@@ -23,10 +24,10 @@ _INSTANTS = 601
 def objections(rig: Rig) -> tuple[str, ...]:
     """What is wrong with a rig that `bowden run` refuses, in sentences; empty if it takes it."""
     found = []
-    for name, own in rig.parts:
-        paired = rig.pair.there and name in rig.pair.names
-        said = _of_motor(own, paired=paired, opposed=paired and name == rig.pair.antagonist)
-        found += [f"axis {quoted(name)}: {one}" if name else one for one in said]
+    for joint in rig.each_joint:
+        for name, own, _ in joint.motors:
+            said = _of_motor(own, joint)
+            found += [f"motor {quoted(name)}: {one}" if name else one for one in said]
     return tuple(found)
 
 
@@ -35,19 +36,19 @@ def refusals(rig: Rig) -> tuple[str, ...]:
     return tuple(f"bowden run will refuse this rig: {one}" for one in objections(rig))
 
 
-def _of_motor(rig: Rig, *, paired: bool, opposed: bool) -> Iterator[str]:
+def _of_motor(rig: Rig, joint: RigJoint) -> Iterator[str]:
     if rig.turned:
         yield str(turned(rig))
         return
     limits = rig.supervisor_limits
     try:
         _ = rig.drive_parameters
-        if not opposed:
+        if rig is joint.first:
             require_joint(rig)
     except ParameterError as error:
         yield str(error)
-    yield from contradictions(limits, rig.sample_time, opposed=opposed, given=rig.limits)
-    if not paired:
+    yield from contradictions(limits, rig.sample_time, opposed=joint.against(rig), given=rig.limits)
+    if not joint.shared:
         yield from mismatches(rig, limits)
 
 
@@ -82,7 +83,7 @@ def mismatches(rig: Rig, limits: Limits) -> Iterator[str]:
     """What of a rig its own limits would end a run for.
 
     Args:
-        rig: of one motor, not of a pair.
+        rig: of a motor whose joint no other moves.
         limits: the supervisor's.
     """
     yield from reference_beyond(rig, limits)
@@ -151,7 +152,7 @@ def _weak(rig: Rig, limits: Limits, path: NDArray[np.float64]) -> Iterator[str]:
 
 
 def refuse_sources(rig: Rig) -> None:
-    """Refuse axes whose joints are moved by what moves a joint that is alone: EMG and the wearer's push.
+    """Refuse motors whose joints are moved by what moves a joint that is alone: EMG and the wearer's push.
 
     A run refuses them, and so does a check of what would run.
 
@@ -159,13 +160,13 @@ def refuse_sources(rig: Rig) -> None:
         rig: whole.
 
     Raises:
-        ParameterError: an axis has one of them.
+        ParameterError: a motor has one of them.
     """
-    for name, own in rig.axes:
+    for name, own, _ in rig.motors:
         for there, key in ((own.emg.source is not None, "emg.source"), (own.admittance.enabled, "admittance.enabled")):
             if there:
                 raise ParameterError(
-                    f"axis {quoted(name)}: {key} is set in a rig with several axes",
+                    f"motor {quoted(name)}: {key} is set in a rig with several motors",
                     expected="[reference] for each: EMG and the wearer's push move a joint that is alone",
-                    do="delete it, or take that axis alone, with --axis",
+                    do="delete it, or take that motor alone, with --motor",
                 )

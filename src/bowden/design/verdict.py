@@ -1,21 +1,35 @@
-"""What `bowden check` says of the laws of a run, asked before anything is simulated."""
+"""What `bowden check` says of the laws of a joint, with its advice; and of those of a run, before it begins."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from bowden.control import Law, user_law
+from bowden.control import Law
 from bowden.core.caller import argument
 from bowden.core.errors import ParameterError
-from bowden.design.advised_check import checked_pair
-from bowden.design.check_rig import check_rig, pair_laws
-from bowden.design.linearise import NoNumberError
+from bowden.design.check_rig import advice_for, check_laws, judged
 from bowden.design.other_law import other_law
-from bowden.rig.rig import Rig
-from bowden.sim import ranges
+from bowden.drawing.shown import listed
+from bowden.rig.joints import RigJoint
+from bowden.sim.joint_of_rig import laws_of
 
 if TYPE_CHECKING:
     from bowden.design.check_result import Check, VerdictName
+
+
+def checked(joint: RigJoint) -> "Check":
+    """The check of a joint's own laws, with its advice, and with the law that holds better where its own does not.
+
+    Raises:
+        NoNumberError: a law of one's own gives no number at rest.
+    """
+    laws = laws_of(joint)
+    found = judged(joint, laws)
+    advice = advice_for(joint, laws[0], found)
+    better = None if found.holds or joint.shared else other_law(joint.first, [laws[0].name])
+    if better is None:
+        return replace(found, advice=advice)
+    return replace(found, advice=listed((advice, str(better)), "; "), instead=better.law)
 
 
 @dataclass(frozen=True)
@@ -28,70 +42,33 @@ class CheckVerdict:
     """For standard error; empty where the law holds."""
 
 
-def verdicts(rig: Rig, laws: Sequence[Law], name: str, *, force: bool) -> list[CheckVerdict]:
+def verdicts(joint: RigJoint, laws: Sequence[Sequence[Law]], name: str, *, force: bool) -> list[CheckVerdict]:
     """Check every law over the bends and the stroke of the run.
 
     A law of the user's own that the check cannot judge, since it gives no number at rest, is let through with a note.
 
     Args:
-        rig: of the run.
-        laws: to check.
+        joint: of the run's rig.
+        laws: to check, each as all of the joint's motors have it.
         name: the file's name, for messages.
         force: let laws that do not hold through, with a note.
 
     Raises:
         ParameterError: laws that do not hold; the message has the reasons and what to change.
     """
-    checks = [check_rig(rig, law) for law in laws]
-    pairs = zip(laws, checks, strict=True)
-    failing = [(law, found) for law, found in pairs if not isinstance(found, str) and found.verdict == "does_not_hold"]
+    checks = [check_laws(joint, own) for own in laws]
+    both = [(own[0], found) for own, found in zip(laws, checks, strict=True)]
+    failing = [(law, found) for law, found in both if not isinstance(found, str) and not found.holds]
     if failing and not force:
-        said = [f"{law.name} fails the check on {name}: {_why(rig, law, found)}" for law, found in failing]
+        said = "; ".join(
+            f"{law.name} fails the check on {name}: {found.reason}; {advice_for(joint, law, found)}"
+            for law, found in failing
+        )
         others = f" (of {len(laws)} laws, none was run)" if laws[1:] else ""
-        better = other_law(rig, [law.name for law, _ in failing])
+        better = None if joint.shared else other_law(joint.first, [law.name for law, _ in failing])
         instead = "" if better is None else f"; {better} ({argument('law', better.law)})"
-        raise ParameterError("; ".join(said) + f"{instead}; {_ANYWAY.format(argument('force', True))}{others}")
-    return [verdict_of(law, found, name) for law, found in zip(laws, checks, strict=True)]
-
-
-_ANYWAY = "or run it anyway with {}"
-
-
-def pair_verdicts(rigs: Sequence[Rig], name: str, *, force: bool) -> list[CheckVerdict]:
-    """The same of two motors on one joint.
-
-    Args:
-        rigs: one rig, under each of the laws.
-        name: the file's name, for messages.
-        force: let laws that do not hold through, with a note.
-
-    Raises:
-        ParameterError: laws that do not hold; the message has the reasons and what to change.
-    """
-    laws = [pair_laws(rig)[0] for rig in rigs]
-    checks: list[Check | str] = []
-    for rig in rigs:
-        try:
-            checks.append(checked_pair(rig))
-        except NoNumberError as error:
-            checks.append(error.what)
-    failing = [
-        f"{law.name} fails the check on {name}: {found.reason}; {found.advice}"
-        for law, found in zip(laws, checks, strict=True)
-        if not isinstance(found, str) and not found.holds
-    ]
-    if failing and not force:
-        raise ParameterError("; ".join([*failing, _ANYWAY.format(argument("force", True))]))
-    return [verdict_of(law, found, name) for law, found in zip(laws, checks, strict=True)]
-
-
-def _why(rig: Rig, law: Law, found: "Check") -> str:
-    """The reason, and what to change."""
-    from bowden.design.advice import advise
-
-    with user_law.explained(law):
-        advice = advise(ranges.judged(rig), law, found, bends=ranges.bends(rig), stroke=ranges.stroke(rig))
-    return f"{found.reason}; {advice}"
+        raise ParameterError(f"{said}{instead}; or run it anyway with {argument('force', True)}{others}")
+    return [verdict_of(law, found, name) for law, found in both]
 
 
 def verdict_of(law: Law, found: "Check | str", rig: str) -> CheckVerdict:

@@ -6,7 +6,7 @@ from typing import Any, Protocol
 
 from bowden.core.errors import SafetyError
 from bowden.live.control_block import ControlBlock
-from bowden.live.stops import AxisFaults, remedy_of
+from bowden.live.stops import MotorFaults, remedy_of
 from bowden.safety import faults
 from bowden.safety.faults import Fault
 from bowden.safety.state import Mode, Request
@@ -32,14 +32,14 @@ class Watched(Protocol):
     def last(self) -> dict[str, float] | None:
         """The newest row by its columns."""
 
-    def faults(self, row: Mapping[str, float]) -> list[AxisFaults]:
-        """The faults of a row, of each axis that has some."""
+    def faults(self, row: Mapping[str, float]) -> list[MotorFaults]:
+        """The faults of a row, of each motor that has some."""
 
 
 def _listed(row: Mapping[str, float], session: Watched) -> str:
-    """The faults of a row with what to do, of several axes with whose they are."""
+    """The faults of a row with what to do, of several motors with whose they are."""
     return "; ".join(
-        f"{f'{one.axis}: ' if one.axis else ''}{fault.meaning}: {remedy_of(fault, twin=session.on_twin)}"
+        f"{f'{one.motor}: ' if one.motor else ''}{fault.meaning}: {remedy_of(fault, twin=session.on_twin)}"
         for one in session.faults(row)
         for fault in sorted(one.came, key=lambda fault: -fault.then)
     )

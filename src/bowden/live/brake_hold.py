@@ -24,7 +24,7 @@ _ALIVE = 1e-9
 
 
 class BrakeHold:
-    """The brake of one axis.
+    """The brake of one motor.
 
     Args:
         drive: that has it.

@@ -162,12 +162,12 @@ def confirmed(rig: Rig) -> bool:
     return not contradictions(moved, joint, motor, rig.supervisor_limits)
 
 
-def require_confirmed(rig: Rig, axis: str = "") -> None:
+def require_confirmed(rig: Rig, motor: str = "") -> None:
     """Refuse to power a motor whose angles nobody has confirmed.
 
     Args:
         rig: of the motor.
-        axis: its name among several.
+        motor: its name among several.
 
     Raises:
         SafetyError: nobody has, for this drive and these scales.
@@ -176,30 +176,30 @@ def require_confirmed(rig: Rig, axis: str = "") -> None:
         raise SafetyError(
             "no angle has been confirmed by hand on this drive with these scales and directions",
             expected="the joint turned once by hand, without power, and compared with both encoders",
-            do=shlex.join(["bowden", "confirm", rig.origin, *(["--axis", axis] if axis else [])]),
+            do=shlex.join(["bowden", "confirm", rig.origin, *(["--motor", motor] if motor else [])]),
         )
 
 
-def require_same(axes: Sequence[tuple[str, Rig, str]]) -> None:
+def require_same(motors: Sequence[tuple[str, Rig, str]]) -> None:
     """Refuse to power drives that are not those that were confirmed: numbers or buses of two may be swapped.
 
     Args:
-        axes: name, rig and serial number of each drive that was brought up; a family without one has the empty text.
+        motors: name, rig and serial number of each drive that was brought up; a family without one has the empty text.
 
     Raises:
         SafetyError: another serial number than when it was confirmed.
     """
-    confirmed_as = {name: _serial(rig) for name, rig, _ in axes}
-    for name, rig, serial in axes:
+    confirmed_as = {name: _serial(rig) for name, rig, _ in motors}
+    for name, rig, serial in motors:
         expected = confirmed_as[name]
         if not expected or serial == expected:
             continue
         other = next((one for one, kept in confirmed_as.items() if one != name and kept == serial), "")
-        drive = f"the drive of axis {name!r}" if name else "the drive"
-        again = shlex.join(["bowden", "confirm", rig.origin, *(["--axis", name] if name else [])])
+        drive = f"the drive of motor {name!r}" if name else "the drive"
+        again = shlex.join(["bowden", "confirm", rig.origin, *(["--motor", name] if name else [])])
         raise SafetyError(
             f"{drive} has the serial number {serial or 'none'}"
-            + (f", which was confirmed as axis {other!r}: numbers or buses of the two are swapped" if other else ""),
+            + (f", which was confirmed as motor {other!r}: numbers or buses of the two are swapped" if other else ""),
             expected=f"{expected}, as it was confirmed by hand",
             do="swap them back, at the drives or in rig.toml" if other else f"if it was replaced: {again}",
         )
@@ -232,7 +232,7 @@ def require_watch(rig: Rig, beside: Iterable[Rig] = ()) -> None:
 
     Args:
         rig: with the drive.
-        beside: rigs of the other axes, in which there may be one.
+        beside: rigs of the other motors, in which there may be one.
 
     Raises:
         SafetyError: there is one, or nobody has said that there is none.

@@ -41,11 +41,11 @@ class Changes:
         columns = list(description.columns)
         self._time = columns.index("time")
         self._watched: list[tuple[str, str, int]] = []
-        """Of each axis: what its events begin with, the column's name without the axis', and its place."""
+        """Of each motor: what its events begin with, the column's name without the motor', and its place."""
         self._gains: list[tuple[str, int, int]] = []
-        axes = [str(one["name"]) for one in description.settings.get("axes") or ()]
-        for number, axis in enumerate(axes or [""]):
-            prefix, label = f"{axis}." if number else "", f"{axis}: " if axis else ""
+        motors = [str(one["name"]) for one in description.settings.get("motors") or ()]
+        for number, motor in enumerate(motors or [""]):
+            prefix, label = f"{motor}." if number else "", f"{motor}: " if motor else ""
             for name in (*WATCHED, FAULTS, EMERGENCY):
                 if prefix + name in columns:
                     self._watched.append((label, name, columns.index(prefix + name)))

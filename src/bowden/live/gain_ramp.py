@@ -85,11 +85,11 @@ class GainRamp:
 
 
 def step_all(ramps: Sequence[GainRamp], block: ControlBlock, cycles: int) -> None:
-    """`GainRamp.step` of several axes: the place of a gain is that among the live gains of all, one axis after the
+    """`GainRamp.step` of several motors: the place of a gain is that among the live gains of all, one motor after the
     other, and one change goes on at a time.
 
     Args:
-        ramps: of the axes, in their order.
+        ramps: of the motors, in their order.
         block: the operator's words.
         cycles: see `GainRamp.step`.
     """

@@ -21,7 +21,7 @@ from bowden.design.objections import reference_beyond, refuse_sources, require_j
 from bowden.hardware.emg.course import EmgCourse
 from bowden.hardware.emg.intent_block import IntentReader
 from bowden.hardware.ports import BrakedDrive, Drive
-from bowden.live import axis_columns, excitation, row
+from bowden.live import excitation, motor_columns, row
 from bowden.live.admittance_live import live_pushing
 from bowden.live.brake_hold import BrakeHold
 from bowden.live.preflight import Preflight
@@ -32,13 +32,14 @@ from bowden.plants.pushing import Pushing
 from bowden.rig.drive import most_push
 from bowden.rig.emg_setup import EmgRun
 from bowden.rig.families import DriveNeeds
-from bowden.rig.pair import PairSettings
+from bowden.rig.joints import RigJoint
 from bowden.rig.rig import Rig
 from bowden.rig.settings import LiveSettings
 from bowden.safety.limits import Limits
 from bowden.safety.release import longest_release, release_speed
 from bowden.sensing.intent import FOLLOWED_ACCELERATION, FOLLOWED_SPEED, TURNED_ACCELERATION, TURNED_SPEED
-from bowden.sim.pair_of_rig import parting_in_run
+from bowden.sim.joint_of_rig import cabled_joint_of, joint_ranges
+from bowden.sim.parting import parting_of
 
 WRONG_WAY = 1.5 * RADIANS
 """Motion of the joint that the preflight believes: after a reversal the paper's own cable first goes the wrong way by
@@ -74,72 +75,83 @@ class Live:
     logged: Rig
     """The rig as the log keeps it: on the bus that it names, where a twin's own is gone after the run."""
     name: str = ""
-    """Of the axis, where there are several."""
+    """Of the motor, where there are several."""
     several: "tuple[Live, ...]" = ()
-    """Each axis, where there are several; what stands here is then that of the first."""
+    """Each motor, where there are several; what stands here is then that of the first."""
     whole: Rig | None = None
-    """The rig with all its axes, where there are several."""
-    opposed: bool = False
-    """Whether it is the antagonist of a pair: it pulls the joint down, and has its angle from the agonist's drive."""
+    """The rig with all its motors, where there are several."""
+    joint: RigJoint | None = None
+    """Of its motor, where there are several."""
 
     @property
-    def axes(self) -> "tuple[Live, ...]":
-        """Each axis; itself where there is one."""
+    def motors(self) -> "tuple[Live, ...]":
+        """Each motor; itself where there is one."""
         return self.several or (self,)
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of the axes; empty where there is one."""
-        return tuple(axis.name for axis in self.several)
+        """Of the motors; empty where there is one."""
+        return tuple(motor.name for motor in self.several)
 
     @property
     def independent(self) -> bool:
-        """Whether an axis that is stopped by a fault leaves the others running."""
+        """Whether a motor that is stopped by a fault leaves the others running."""
         return self.whole is not None and self.whole.independent
 
     @property
     def patience(self) -> float:
-        """Age of the operator's sign of life at which the run is ended; of several axes the smallest [s]."""
-        return min(axis.limits.operator_age for axis in self.axes)
+        """Age of the operator's sign of life at which the run is ended; of several motors the smallest [s]."""
+        return min(motor.limits.operator_age for motor in self.motors)
 
     @property
-    def joints(self) -> tuple[int, ...]:
-        """For each axis the place of the one whose drive has its joint's encoder."""
-        agonist = "" if self.whole is None else self.whole.pair.agonist
-        return tuple(self.names.index(agonist) if axis.opposed else i for i, axis in enumerate(self.axes))
+    def opposed(self) -> bool:
+        """Whether its cable pulls against that of the motor whose drive has the joint's encoder."""
+        return self.joint is not None and self.joint.against(self.rig)
 
     @property
-    def paired(self) -> tuple[int, ...]:
-        """Places of the axes whose motors pull at one joint, the agonist's first; empty where there are none."""
-        if self.whole is None or not self.whole.pair.there:
-            return ()
-        return tuple(self.names.index(name) for name in self.whole.pair.names)
+    def encoders(self) -> tuple[int, ...]:
+        """For each motor the place of the one whose drive has its joint's encoder."""
+        return tuple(
+            i if motor.joint is None else self.names.index(motor.joint.names[0]) for i, motor in enumerate(self.motors)
+        )
+
+    @property
+    def neighbours(self) -> tuple[int, ...]:
+        """For each motor the place of another one on its joint, by turns, whose angle its supervisor is shown; its own
+        place where it moves a joint alone."""
+        return tuple(
+            i if motor.joint is None else self.names.index(_neighbour(motor.joint, motor.name))
+            for i, motor in enumerate(self.motors)
+        )
 
     @property
     def length(self) -> float:
         """Of the run, without what comes before the law or the motion leads [s]."""
-        return max(len(axis.table) for axis in self.axes) * self.rig.sample_time
+        return max(len(motor.table) for motor in self.motors) * self.rig.sample_time
 
     def following(self, off_reference: Sequence[float]) -> "Live":
-        """The same run whose joints may be this far off their references, one number an axis [rad]."""
-        axes = [
-            replace(axis, limits=axis.limits._replace(off_reference=most))
-            for axis, most in zip(self.axes, off_reference, strict=True)
+        """The same run whose joints may be this far off their references, one number a motor [rad]."""
+        motors = [
+            replace(motor, limits=motor.limits._replace(off_reference=most))
+            for motor, most in zip(self.motors, off_reference, strict=True)
         ]
-        return replace(self, limits=axes[0].limits, several=tuple(axes) if self.several else ())
+        return replace(self, limits=motors[0].limits, several=tuple(motors) if self.several else ())
 
     def columns(self) -> dict[str, str]:
         """Column → unit of the run's rows."""
         if not self.several:
             return self._columns(together=False)
-        paired = [self.names[place] for place in self.paired]
-        return axis_columns.of_all(
-            {axis.name: axis._columns(together=True, paired=axis.name in paired) for axis in self.several}
-        )
+        return motor_columns.of_all({motor.name: motor._columns(together=True) for motor in self.several})
 
-    def _columns(self, *, together: bool, paired: bool = False) -> dict[str, str]:
+    def _columns(self, *, together: bool) -> dict[str, str]:
         emg, pushed = self.emg is not None, self.push() is not None
-        kinds = {"emg": emg, "pushed": pushed, "braked": self.braked, "together": together, "paired": paired}
+        kinds = {
+            "emg": emg,
+            "pushed": pushed,
+            "braked": self.braked,
+            "together": together,
+            "shared": self.limits.shared,
+        }
         return row.columns(self.law, **kinds, source=self.source())
 
     @property
@@ -189,7 +201,7 @@ class Live:
 
     def losses(self) -> str:
         """How soon the power is off when somebody of the run is gone, for whoever starts it."""
-        limits = max((axis.limits for axis in self.axes), key=longest_release)
+        limits = max((motor.limits for motor in self.motors), key=longest_release)
         late = longest_release(limits) + self.rig.sample_time
         what = f"the {'joint' if self.rig.worn is None else 'arm'} is let down at {limits.lowering / RADIANS:.0f}°/s"
         off = f"{self.patience + late:.2f} s (operator_age_s of [limits])"
@@ -215,7 +227,7 @@ class Live:
             tension=limits.measures_tension,
             torque=limits.measures_torque,
         ).on_cable(basis, self.rig.motor_encoder)
-        if self.opposed:  # both motors of a pair move the joint the agonist's way, or neither would
+        if self.opposed:  # all motors of a joint move it the first one's way, or none would
             checks = checks._replace(pull_sign=-checks.pull_sign, load_sign=-1.0)
         suit = self.rig.worn
         checks = checks if suit is None else on_suit(checks, suit)
@@ -230,22 +242,22 @@ class Live:
             return None
         if self.measure:
             return Home(limits.taut, release_speed(limits, False))
-        return Home(0.0 if limits.paired else self.rig.home, limits.lowering)
+        return Home(0.0 if limits.shared else self.rig.home, limits.lowering)
 
     def log_settings(self) -> dict[str, Any]:
         """What the log keeps of the run: law, limits, and all of the rig, so that a log is enough.
 
-        Of several axes ``axes`` has those of each with its name, but for the rig, which is the whole one; what stands
-        beside is that of the first.
+        Of several motors ``motors`` has those of each with its name, but for the rig, which is the whole one; what
+        stands beside is that of the first.
         """
         law = run_settings(self.law, self.limits, self.rig.filters, self.rig.sample_time)
         own = {**law, **self.settings()}
         if not self.several:
             return own
-        axes = [{**axis.log_settings(), "name": axis.name} for axis in self.several]
-        for axis in axes:
-            del axis["rig"], axis["names"]
-        return {**own, "axes": axes, "independent": self.independent}
+        motors = [{**motor.log_settings(), "name": motor.name} for motor in self.several]
+        for motor in motors:
+            del motor["rig"], motor["names"]
+        return {**own, "motors": motors, "independent": self.independent}
 
     def settings(self) -> Mapping[str, Any]:
         """What is kept of the rig, beside the law and the limits."""
@@ -271,15 +283,15 @@ def live_run(rig: Rig, *, measure: bool = False, logged: Rig | None = None, join
 
     Args:
         rig: with the law and all else that is to run.
-        measure: move the motor through the excitation, in place of a law; not with several axes.
+        measure: move the motor through the excitation, in place of a law; not with several motors.
         logged: the same rig on the bus that it names, where it runs on a twin's own; for the log.
-        joint_elsewhere: whether another axis' drive measures its joint.
+        joint_elsewhere: whether another motor's drive measures its joint.
 
     Raises:
         ParameterError: a rig that cannot run live.
     """
-    if rig.axes:
-        _ = rig.axis() if measure else rig.pack()
+    if rig.motors:
+        _ = rig.only() if measure else rig.pack()
         return _together(rig, logged or rig)
     if rig.turned:
         raise turned(rig)
@@ -310,38 +322,44 @@ def live_run(rig: Rig, *, measure: bool = False, logged: Rig | None = None, join
 
 
 def _together(rig: Rig, logged: Rig) -> Live:
-    """The live run of a rig with axes."""
+    """The live run of a rig with several motors."""
     refuse_sources(rig)
+    joints = {name: joint for joint in rig.each_joint for name in joint.names}
     found = []
-    for (name, own), (_, kept) in zip(rig.axes, logged.axes, strict=True):
-        with asked_for_by(f"axis {quoted(name)}"):
-            found.append(_one_of(rig, name, own, kept))
-    notes = tuple(f"axis {quoted(axis.name)}: {note}" for axis in found for note in axis.notes)
-    paired = (_said_of_pair(rig.pair),) if rig.pair.there else ()
-    return replace(found[0], several=tuple(found), whole=rig, logged=logged, notes=(*rig.remarks, *paired, *notes))
+    for one, kept in zip(rig.motors, logged.motors, strict=True):
+        with asked_for_by(f"motor {quoted(one.name)}"):
+            found.append(_one_of(one.name, one.rig, joints[one.name], kept.rig))
+    notes = tuple(f"motor {quoted(motor.name)}: {note}" for motor in found for note in motor.notes)
+    said = tuple(_said_of(joint) for joint in rig.each_joint if joint.shared)
+    return replace(found[0], several=tuple(found), whole=rig, logged=logged, notes=(*rig.remarks, *said, *notes))
 
 
-def _one_of(rig: Rig, name: str, own: Rig, kept: Rig) -> Live:
-    """The live run of one axis of a rig."""
-    pair = rig.pair
-    if not pair.there or name not in pair.names:
-        return replace(live_run(own, logged=kept), name=name)
-    opposed = name == pair.antagonist
-    made = live_run(pulling(own, pair.co_contraction), logged=kept, joint_elsewhere=opposed)
-    parting = parting_in_run(rig)
+def _one_of(name: str, own: Rig, joint: RigJoint, kept: Rig) -> Live:
+    """The live run of one motor of several."""
+    if not joint.shared:
+        return replace(live_run(own, logged=kept), name=name, joint=joint)
+    contraction = joint.settings.co_contraction
+    made = live_run(pulling(own, contraction), logged=kept, joint_elsewhere=own is not joint.first)
+    i, j = (joint.names.index(one) for one in (name, _neighbour(joint, name)))
+    parting = parting_of(cabled_joint_of(joint), *joint_ranges(joint), i, j)
     allowed = made.limits._replace(
-        paired=True,
+        shared=True,
         parting=parting.most + parting.bent,
-        parting_offset=-parting.offset if opposed else parting.offset,
-        parting_slope=-parting.slope if opposed else parting.slope,
+        parting_offset=parting.offset,
+        parting_slope=parting.slope,
         parting_lag=parting.lag,
-        taut=own.limits.slack_sign * pair.co_contraction,
+        taut=own.limits.slack_sign * contraction,
     )
-    if opposed:
+    if joint.against(own):
         # where its cable is taut is where the joint is: nothing can be said of zero; and after a release it hangs, with
         # the joint anywhere below its motor
         allowed = allowed._replace(homed=False, slope_low=0.0)
-    return replace(made, name=name, opposed=opposed, limits=allowed)
+    return replace(made, name=name, joint=joint, limits=allowed)
+
+
+def _neighbour(joint: RigJoint, name: str) -> str:
+    """The motor after this one on its joint, by turns: so each is watched by one that watches another."""
+    return joint.names[(joint.names.index(name) + 1) % len(joint.names)]
 
 
 def _check_range(emg: EmgRun, limits: Limits) -> None:
@@ -379,7 +397,7 @@ def _check_duration(emg: EmgRun, limits: Limits) -> None:
 
 
 def pulling(rig: Rig, co_contraction: float) -> Rig:
-    """The rig of one axis whose motor pulls so much further than the joint asks for [rad].
+    """The rig of one motor whose motor pulls so much further than the joint asks for [rad].
 
     Everything above the drive knows the joint's coordinate alone: the motor's home is moved.
     """
@@ -387,9 +405,8 @@ def pulling(rig: Rig, co_contraction: float) -> Rig:
     return rig.replace(drive=rig.drive._replace(motor_home=home))
 
 
-def _said_of_pair(pair: PairSettings) -> str:
-    """The pair in a sentence, for whoever starts a run."""
-    return (
-        f"axes {quoted(pair.agonist)} and {quoted(pair.antagonist)} are on one joint, with a co-contraction of "
-        f"{pair.co_contraction / RADIANS:g}°"
-    )
+def _said_of(joint: RigJoint) -> str:
+    """A joint in a sentence, for whoever starts a run."""
+    names = " and ".join(map(quoted, joint.names))
+    contraction = joint.settings.co_contraction / RADIANS
+    return f"motors {names} are on one joint, {quoted(joint.name)}, with a co-contraction of {contraction:g}°"

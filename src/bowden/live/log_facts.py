@@ -17,7 +17,7 @@ from bowden.live import stops
 from bowden.live.events import EMERGENCY
 from bowden.live.gain_ramp import ASKED, IN_FORCE
 from bowden.live.log_rig import hash_of
-from bowden.live.mcap_read import Recording, axes_of
+from bowden.live.mcap_read import Recording, motors_of
 from bowden.live.mcap_reader import LogReader
 from bowden.records.metrics import rmse
 from bowden.rig.families import family_named
@@ -27,15 +27,15 @@ NEEDED = (*dict.fromkeys(("time", "lateness", "run_time", "overruns", EMERGENCY,
 
 
 def needed(path: Path) -> tuple[str, ...]:
-    """`NEEDED`, and the columns of the gains that this log has, of each axis.
+    """`NEEDED`, and the columns of the gains that this log has, of each motor.
 
     Raises:
         LogError: it is none that can be read.
     """
     log = LogReader(path, ())
-    named, axes = json.loads(log.about["columns"]), axes_of(log.settings)
+    named, motors = json.loads(log.about["columns"]), motors_of(log.settings)
     gains = tuple(
-        f"{prefix}{part}" for prefix in ("", *(f"{axis}." for axis in axes[1:])) for part in (IN_FORCE, ASKED)
+        f"{prefix}{part}" for prefix in ("", *(f"{motor}." for motor in motors[1:])) for part in (IN_FORCE, ASKED)
     )
     return (*NEEDED, *(name for name in named if name.startswith(gains)))
 
@@ -60,7 +60,7 @@ def facts(found: Recording) -> dict[str, Any]:
         "sample_time_s": float(np.median(steps)) if len(steps) else None,
         "start_utc": datetime.fromtimestamp(int(found.about["start_utc_ns"]) // 10**9, UTC).isoformat(),
         "law": ", ".join(dict.fromkeys(str(part.settings.get("law")) for part in parts.values()))
-        if found.axes
+        if found.motors
         else settings.get("law"),
         "rig": hash_of(settings),
         "seed": settings.get("seed"),
@@ -71,7 +71,7 @@ def facts(found: Recording) -> dict[str, Any]:
         "stops": stops.document(found, settings.get("limits", {}), twin=settings.get("twin", False)),
         "emergencies": _of_each(parts, _emergencies, "text", ": "),
         "gains": _of_each(parts, _gains, "name", "."),
-        **({"axes": {name: _of_axis(part) for name, part in parts.items()}} if found.axes else {}),
+        **({"motors": {name: _of_motor(part) for name, part in parts.items()}} if found.motors else {}),
         "events": [{"time_s": _number(event.time), "text": event.text} for event in found.events],
         "software": {key: found.about[key] for key in _ABOUT if key in found.about},
         "recorder": found.closing or {},
@@ -83,7 +83,7 @@ def facts(found: Recording) -> dict[str, Any]:
 def _of_each(
     parts: Mapping[str, Recording], of: Callable[[Recording], Iterable[dict[str, Any]]], key: str, after: str
 ) -> list[dict[str, Any]]:
-    """What there is in the record of each axis, in the order of time; of several with the axis' name before it."""
+    """What there is in the record of each motor, in the order of time; of several with the motor's name before it."""
     found = [
         {**one, key: f"{name}{after}{one[key]}" if name else one[key]}
         for name, part in parts.items()
@@ -92,8 +92,8 @@ def _of_each(
     return sorted(found, key=lambda one: one["time_s"] or 0.0) if len(parts) > 1 else found
 
 
-def _of_axis(part: Recording) -> dict[str, Any]:
-    """What is said of one axis of several."""
+def _of_motor(part: Recording) -> dict[str, Any]:
+    """What is said of one motor of several."""
     return {"law": part.settings.get("law"), "rig": hash_of(part.settings)}
 
 
@@ -210,8 +210,8 @@ def lines(document: dict[str, Any]) -> Iterator[tuple[str, str]]:
     for name in ("law", "rig", "seed"):
         if document[name] is not None:
             yield name, str(document[name])
-    for name, axis in document.get("axes", {}).items():
-        yield "axis", f"{name}: {axis['law']}, rig {axis['rig']}"
+    for name, motor in document.get("motors", {}).items():
+        yield "motor", f"{name}: {motor['law']}, rig {motor['rig']}"
     about = document["settings"].get("about")
     for name, text in about.items() if isinstance(about, dict) else ():
         yield printable(str(name)), printable(str(text))

@@ -60,7 +60,7 @@ def _recorded_law(found: Recording) -> str | LawFile | None:
     """The law that ran: a user's with its source, where the log has that."""
     ran, rig = found.settings.get("law"), found.settings.get("rig")
     where = found.settings.get("law_file")
-    for law in own_files({**rig, "axes": ()}) if isinstance(rig, Mapping) else ():
+    for law in own_files({**rig, "motors": ()}) if isinstance(rig, Mapping) else ():
         if isinstance(law, LawFile) and law.load().name == ran:  # a measurement runs another one than the rig's
             return law
     return where or (ran if isinstance(ran, str) else None)

@@ -77,7 +77,7 @@ def trust(files: Sequence[OwnFile]) -> None:
 
 
 def _code_in(settings: Mapping[str, Any]) -> Iterator[OwnFile]:
-    """The laws and plants of a log's rig, and of its axes, that are users' files."""
+    """The laws and plants of a log's rig, and of its motors, that are users' files."""
     document = settings.get("rig")
     for one in own_files(document) if isinstance(document, Mapping) else ():
         yield OwnFile(one.name, one.source, one.modules)

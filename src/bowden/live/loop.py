@@ -1,6 +1,7 @@
 """The loop: once a period read, filter, law, supervisor, drive, ring; and nothing else.
 
-Of several axes all are read, then all are judged, then all are written, so that the buses carry their frames together.
+Of several motors all are read, then all are judged, then all are written, so that the buses carry their frames
+together.
 """
 
 import contextlib
@@ -53,12 +54,12 @@ class Ended:
     unattended: float = 0.0
     """Age of the operator's last sign of life, where nobody asked for the end and this alone brought it before the
     reference had come to its own; 0 elsewhere [s]."""
-    axes: tuple["EndedAxis", ...] = ()
-    """Of each axis."""
+    motors: tuple["EndedMotor", ...] = ()
+    """Of each motor."""
 
 
-class EndedAxis(NamedTuple):
-    """How one axis ended."""
+class EndedMotor(NamedTuple):
+    """How one motor ended."""
 
     mode: int
     faults: int
@@ -67,8 +68,8 @@ class EndedAxis(NamedTuple):
     """Number of the `live.preflight.Reason` for which its preflight failed; 0 where it has not."""
 
 
-class AxisParts(NamedTuple):
-    """What one axis is made of."""
+class MotorParts(NamedTuple):
+    """What one motor is made of."""
 
     drive: Drive
     """Brought up."""
@@ -83,11 +84,11 @@ class AxisParts(NamedTuple):
     """Of a drive with a holding brake."""
 
 
-class _Axis:
-    """One axis while the loop goes on."""
+class _Motor:
+    """One motor while the loop goes on."""
 
-    def __init__(self, parts: AxisParts, *, among: bool, paired: bool) -> None:
-        self._among, self._paired = among, paired
+    def __init__(self, parts: MotorParts, *, among: bool, shared: bool) -> None:
+        self._among, self._shared = among, shared
         self.drive, self.cycle, self.script, self._course, self._push, self._brake = parts
         begun = self.cycle.state.supervisor
         self.mode, self.target = begun.decided.mode, begun.target
@@ -98,7 +99,7 @@ class _Axis:
         """See `Ended.stalled`."""
         self.reading: DriveReading
         self.request, self.others, self.outcome = Request.NONE, Reaction.NONE, PreflightResult.PENDING
-        self.opposite = 0.0
+        self.neighbour = 0.0
         """What its supervisor is shown."""
         self._last_word = LastWord(self.cycle.limits, self.cycle.period, self.target)
         self._plan, self._requested_target, self._torque = Plan(HOLD, 0.0, NOWHERE), self.target, 0.0
@@ -120,7 +121,7 @@ class _Axis:
         cycle, before = self.cycle, self.mode
         observed = Observed(
             *(self.reading, lateness, elapsed, self.request, age, recorder, self.outcome, self._emg_age),
-            *(self.others, self.opposite),
+            *(self.others, self.neighbour),
         )
         self._requested_target, verdict = cycle.step(observed, self._plan)
         if verdict.mode not in _LED and before in _LED and verdict.faults & _STALLS:
@@ -138,7 +139,7 @@ class _Axis:
         return verdict._replace(target=self.target, power=Power.OFF, mode=Mode.LATCHED)
 
     def switch_off(self) -> None:
-        """In place of its verdict: another axis' is broken."""
+        """In place of its verdict: another motor's is broken."""
         self.verdict = self._off(self.verdict)
         self.mode = self.verdict.mode
 
@@ -162,12 +163,12 @@ class _Axis:
         return not self.verdict.faults >> Fault.NOT_DISABLED & 1 and self.pulls
 
     def put(self, ring: memoryview, at: int, times: tuple[float, float, float, float, float, float] | None) -> int:
-        """Write what is kept of a cycle into its row; where the next axis' part begins.
+        """Write what is kept of a cycle into its row; where the next motor's part begins.
 
         Args:
             ring: its bytes.
-            at: where in them this axis' part begins.
-            times: of the first axis, which has what is common too: the columns ``time``, ``lateness``, ``elapsed``,
+            at: where in them this motor's part begins.
+            times: of the first motor, which has what is common too: the columns ``time``, ``lateness``, ``elapsed``,
                 ``overruns``, ``operator_age`` and ``recorder``.
         """
         cycle, script, reading = self.cycle, self.script, self.reading
@@ -199,41 +200,45 @@ class _Axis:
 
     @property
     def together(self) -> tuple[float, ...]:
-        """What an axis among others has besides, `axis_columns.TOGETHER`, and one of a pair, `axis_columns.OPPOSED`."""
+        """What a motor among others has besides, `motor_columns.TOGETHER`, and one that shares its joint,
+        `motor_columns.SHARED`."""
         among = (self.others, self.script.outcome) if self._among else ()
-        return (*among, self.opposite) if self._paired else among
+        return (*among, self.neighbour) if self._shared else among
 
 
 class Loop:
     """All parts of a run, put together.
 
     Args:
-        axes: one, or several.
+        motors: one, or several.
         ring: for a row a cycle.
         block: the operator's words.
         clock: to go by.
         start: the clock where the column ``time`` is zero [ns].
-        independent: whether an axis that is stopped by a fault leaves the others running.
-        joints: for each axis the place of the one whose drive has its joint's encoder; its own where none are given.
-        pair: places of the axes whose motors pull at one joint; empty where there are none.
+        independent: whether a motor that is stopped by a fault leaves the others running.
+        encoders: for each motor the place of the one whose drive has its joint's encoder; its own where none are given.
+        neighbours: for each motor the place of another one on its joint; its own where none are given.
     """
 
     def __init__(
         self,
-        axes: Sequence[AxisParts],
+        motors: Sequence[MotorParts],
         ring: RingWriter,
         block: ControlBlock,
         clock: TimeSource,
         start: int,
         *,
         independent: bool = False,
-        joints: Sequence[int] = (),
-        pair: Sequence[int] = (),
+        encoders: Sequence[int] = (),
+        neighbours: Sequence[int] = (),
     ) -> None:
-        self._axes = tuple(_Axis(parts, among=len(axes) > 1, paired=place in pair) for place, parts in enumerate(axes))
-        self._paired = [self._axes[place] for place in pair]
-        self._borrowing = [(self._axes[i], self._axes[by]) for i, by in enumerate(joints) if by != i]
-        self._together = Together(len(axes), independent=independent) if axes[1:] else None
+        places = neighbours or range(len(motors))
+        self._motors = tuple(
+            _Motor(parts, among=len(motors) > 1, shared=places[place] != place) for place, parts in enumerate(motors)
+        )
+        self._beside = [(self._motors[i], self._motors[by]) for i, by in enumerate(places) if by != i]
+        self._borrowing = [(self._motors[i], self._motors[by]) for i, by in enumerate(encoders) if by != i]
+        self._together = Together(len(motors), independent=independent) if motors[1:] else None
         self._ring, self._block, self._clock, self._start = ring, block, clock, start
         self._quit, self._independent, self._running = False, independent, False
 
@@ -258,11 +263,11 @@ class Loop:
         finally:
             left = self._close()
         ended = [
-            EndedAxis(
-                *(int(axis.mode), axis.verdict.faults),
-                *(int(TorqueLeft.ON if axis.pulls and not torque else torque), int(axis.script.reason)),
+            EndedMotor(
+                *(int(motor.mode), motor.verdict.faults),
+                *(int(TorqueLeft.ON if motor.pulls and not torque else torque), int(motor.script.reason)),
             )
-            for axis, torque in zip(self._axes, left, strict=True)
+            for motor, torque in zip(self._motors, left, strict=True)
         ]
         return Ended(
             cycles,
@@ -270,7 +275,7 @@ class Loop:
             max(one.mode for one in ended),
             functools.reduce(operator.or_, (one.faults for one in ended)),
             max(one.torque for one in ended),
-            max(axis.stalled for axis in self._axes),
+            max(motor.stalled for motor in self._motors),
             unattended,
             tuple(ended),
         )
@@ -278,23 +283,23 @@ class Loop:
     def _off(self) -> None:
         """No drive waits for the end of another one's `close`; all are told, since SYNC follows the frames of all."""
         now = self._clock.now() * 1e-9
-        for axis in self._axes:
+        for motor in self._motors:
             with contextlib.suppress(Exception):  # what ended the loop may be one of them
-                axis.drive.write(axis.target, Power.OFF, now)
+                motor.drive.write(motor.target, Power.OFF, now)
 
     def _close(self) -> list[TorqueLeft]:
         """Let go of each drive, and of the ring, whatever becomes of another one."""
         left: list[TorqueLeft] = []
         with contextlib.ExitStack() as stack:
             stack.callback(self._ring.close)
-            for axis in reversed(self._axes):
-                stack.callback(lambda close: left.append(close()), axis.drive.close)
+            for motor in reversed(self._motors):
+                stack.callback(lambda close: left.append(close()), motor.drive.close)
         return left
 
     def _run(self) -> tuple[int, int, float]:
-        clock, axes, first, together = self._clock, self._axes, self._axes[0], self._together
-        ring, block, ramps = self._ring, self._block, [axis.gains for axis in self._axes]
-        period, patience = round(first.cycle.period * SECOND), min(axis.cycle.limits.operator_age for axis in axes)
+        clock, motors, first, together = self._clock, self._motors, self._motors[0], self._together
+        ring, block, ramps = self._ring, self._block, [motor.gains for motor in self._motors]
+        period, patience = round(first.cycle.period * SECOND), min(motor.cycle.limits.operator_age for motor in motors)
         deadline = clock.now() + period
         before, skipped, overruns, cycles, resting = deadline - period, 0, 0, 0, 0
         age = 0.0
@@ -302,12 +307,12 @@ class Loop:
             clock.sleep_until(deadline)
             woke = clock.now()
             now = woke * 1e-9
-            for axis in axes:
-                axis.read(now)
-            for axis, of in self._borrowing:
-                axis.reading = axis.reading._replace(joint=of.reading.joint, joint_age=of.reading.joint_age)
-            for axis, other in zip(self._paired, self._paired[::-1], strict=True):
-                axis.opposite = other.reading.motor
+            for motor in motors:
+                motor.read(now)
+            for motor, of in self._borrowing:
+                motor.reading = motor.reading._replace(joint=of.reading.joint, joint_age=of.reading.joint_age)
+            for motor, other in self._beside:
+                motor.neighbour = other.reading.motor
 
             # what is asked for
             age = block.age(woke)
@@ -316,8 +321,8 @@ class Loop:
             if ending or (request == Request.NONE and self._over()):
                 request = Request.STOP
             if request == Request.ACKNOWLEDGE:
-                for axis in axes:
-                    axis.drive.reset_fault()
+                for motor in motors:
+                    motor.drive.reset_fault()
             if together is None:
                 first.request = request
                 first.plan(woke, 1 + skipped)
@@ -330,19 +335,19 @@ class Loop:
             recorder = ring.recorder.state(woke) == RecorderState.OK
             lateness, elapsed = (woke - deadline) * 1e-9, (woke - before) * 1e-9
             broken = None
-            for axis in axes:
-                broken = axis.judge(lateness, elapsed, age, recorder) or broken
+            for motor in motors:
+                broken = motor.judge(lateness, elapsed, age, recorder) or broken
             if broken is not None:
-                for axis in axes:
-                    axis.switch_off()
-            for axis in axes:
-                axis.write(clock.now() * 1e-9)  # this process may have stood still since it woke
+                for motor in motors:
+                    motor.switch_off()
+            for motor in motors:
+                motor.write(clock.now() * 1e-9)  # this process may have stood still since it woke
 
             # what is kept
             row = ring.next_place()
             at = first.put(ring.bytes, row, ((woke - self._start) * 1e-9, lateness, elapsed, skipped, age, recorder))
-            for axis in axes[1:]:
-                at = axis.put(ring.bytes, at, None)
+            for motor in motors[1:]:
+                at = motor.put(ring.bytes, at, None)
             finished = clock.now()
             _RUN_TIME.pack_into(ring.bytes, row + _RUN_TIME_AT, (finished - woke) * 1e-9)
             ring.publish()
@@ -350,36 +355,36 @@ class Loop:
                 raise broken
 
             before, cycles = woke, cycles + 1
-            rests = ending and all(axis.mode in _RESTING and not axis.turning for axis in axes)
+            rests = ending and all(motor.mode in _RESTING and not motor.turning for motor in motors)
             resting = resting + 1 if rests else 0
             deadline, skipped = next_deadline(deadline, finished, period)
             overruns += skipped
-        asked = self._quit or block.quitting or all(axis.script.done for axis in axes)
+        asked = self._quit or block.quitting or all(motor.script.done for motor in motors)
         return cycles, overruns, 0.0 if asked else age
 
     def _over(self) -> bool:
         """Whether the run has come to its end."""
-        axes = self._axes
+        motors = self._motors
         if self._together is None:
-            return axes[0].script.done and axes[0].mode == Mode.RUNNING
-        return self._together.over([axis.script.done for axis in axes], [axis.mode for axis in axes])
+            return motors[0].script.done and motors[0].mode == Mode.RUNNING
+        return self._together.over([motor.script.done for motor in motors], [motor.mode for motor in motors])
 
     def _plan_together(self, together: Together, request: Request, woke: int, cycles: int) -> None:
-        """What is asked of several axes, and what the supervisor of each is shown of the others."""
-        axes = self._axes
-        modes = [axis.mode for axis in axes]
-        asked = together.asked(request, modes, [axis.verdict.faults for axis in axes])
-        shown = together.shown([axis.cycle.latched for axis in axes])
+        """What is asked of several motors, and what the supervisor of each is shown of the others."""
+        motors = self._motors
+        modes = [motor.mode for motor in motors]
+        asked = together.asked(request, modes, [motor.verdict.faults for motor in motors])
+        shown = together.shown([motor.cycle.latched for motor in motors])
         if Mode.RUNNING in modes and not self._running:
-            longest = max(axis.script.approach(axis.target) for axis in axes)
-            for axis in axes:
-                axis.script.least = 0.0 if self._independent else longest
+            longest = max(motor.script.approach(motor.target) for motor in motors)
+            for motor in motors:
+                motor.script.least = 0.0 if self._independent else longest
         self._running = Mode.RUNNING in modes
-        for axis in axes:
-            axis.plan(woke, cycles)
-        outcomes = together.outcomes([axis.outcome for axis in axes])
-        for axis, one, others, outcome in zip(axes, asked, shown, outcomes, strict=True):
-            axis.request, axis.others, axis.outcome = one, others, outcome
+        for motor in motors:
+            motor.plan(woke, cycles)
+        outcomes = together.outcomes([motor.outcome for motor in motors])
+        for motor, one, others, outcome in zip(motors, asked, shown, outcomes, strict=True):
+            motor.request, motor.others, motor.outcome = one, others, outcome
 
 
 _LED = (Mode.PREFLIGHT, Mode.RUNNING, Mode.BRIDGING)
@@ -388,7 +393,7 @@ _STALLS = bits_of((Fault.LATE, Fault.CLOCK))
 _RUN_TIME, _RUN_TIME_AT = struct.Struct("d"), 8 * AT["run_time"]
 _COMMON = ("time", "lateness", "elapsed", "overruns", "operator_age", "recorder", "run_time")
 _WHOLE, _OWN = struct.Struct(f"{len(AT)}d"), struct.Struct(f"{len(AT) - len(_COMMON)}d")
-"""The first columns of the first axis, and of the others, without those of the loop."""
+"""The first columns of the first motor, and of the others, without those of the loop."""
 
 
 @functools.cache

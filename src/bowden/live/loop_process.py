@@ -52,8 +52,8 @@ def _run(given: dict[str, Any]) -> int:
 
     live = live_run(Rig.unpack(given["rig"]), measure=given["measure"]).following(given["off_reference"])
     with contextlib.ExitStack() as stack:
-        for axis in live.axes:
-            stack.enter_context(user_law.explained(axis.law))
+        for motor in live.motors:
+            stack.enter_context(user_law.explained(motor.law))
         return _cycle(live, given)
 
 
@@ -68,7 +68,7 @@ def _cycle(live: "Live", given: dict[str, Any]) -> int:
     from bowden.live import latch_file
     from bowden.live.by_hand import require_same
     from bowden.live.control_block import ControlBlock
-    from bowden.live.loop import AxisParts, Loop
+    from bowden.live.loop import Loop, MotorParts
     from bowden.live.preflight import REASONS, Reason
     from bowden.live.ring import RingWriter
     from bowden.live.row import NOTHING_READ
@@ -77,28 +77,34 @@ def _cycle(live: "Live", given: dict[str, Any]) -> int:
 
     emg = Path(given["emg"]) if given["emg"] else None
     links, parts = Links(), []
-    for axis, thermal, latched in zip(live.axes, given["thermal"], given["latched"], strict=True):
-        course = axis.course(emg, given["start_ns"])
-        cycle = axis.cycle()
+    for motor, thermal, latched in zip(live.motors, given["thermal"], given["latched"], strict=True):
+        course = motor.course(emg, given["start_ns"])
+        cycle = motor.cycle()
         cycle.begin(NOTHING_READ, ThermalState(*thermal), latched)
-        drive = open_drive(axis.rig.drive_parameters, axis.rig.load_cell, links)
-        parts.append(AxisParts(drive, cycle, axis.script(course), course, axis.push(), axis.brake(drive)))
+        drive = open_drive(motor.rig.drive_parameters, motor.rig.load_cell, links)
+        parts.append(MotorParts(drive, cycle, motor.script(course), course, motor.push(), motor.brake(drive)))
     ring, block = RingWriter(Path(given["ring"])), ControlBlock(Path(given["block"]))
-    start, alone = given["start_ns"], live.independent
-    loop = Loop(parts, ring, block, MonotonicClock(), start, independent=alone, joints=live.joints, pair=live.paired)
+    loop = Loop(
+        *(parts, ring, block, MonotonicClock(), given["start_ns"]),
+        independent=live.independent,
+        encoders=live.encoders,
+        neighbours=live.neighbours,
+    )
     for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
         signal.signal(number, lambda *_: loop.quit())
     try:
         drives = []
-        for axis, one in zip(live.axes, parts, strict=True):
+        for motor, one in zip(live.motors, parts, strict=True):
             if os.getppid() != given["operator"]:
                 raise SafetyError("the operator's process has ended before the drive was brought up", do="run it again")
-            with asked_for_by(f"axis {quoted(axis.name)}") if axis.name else contextlib.nullcontext():
+            with asked_for_by(f"motor {quoted(motor.name)}") if motor.name else contextlib.nullcontext():
                 drives.append(one.drive.bring_up())
-        require_same([(axis.name, axis.rig, serial_of(one.drive)) for axis, one in zip(live.axes, parts, strict=True)])
+        each = list(zip(live.motors, parts, strict=True))
+        require_same([(motor.name, motor.rig, serial_of(one.drive)) for motor, one in each])
         asked = live.rig.live
         grants = become_realtime(Settings(asked.priority, asked.cpu, asked.lock_memory))
-        named = [f"{axis.name}: {drive}" if axis.name else drive for axis, drive in zip(live.axes, drives, strict=True)]
+        names = live.names or ("",)
+        named = [f"{name}: {drive}" if name else drive for name, drive in zip(names, drives, strict=True)]
         _say("ready", {"drive": "; ".join(named), "drives": drives, "grants": [asdict(grant) for grant in grants]})
     except BaseException:
         with contextlib.ExitStack() as stack:  # each, whatever becomes of another one
@@ -106,23 +112,22 @@ def _cycle(live: "Live", given: dict[str, Any]) -> int:
             for one in reversed(parts):
                 stack.callback(one.drive.close)
         raise
-    drives_of = [axis.rig.drive_parameters for axis in live.axes]
+    drives_of = [motor.rig.drive_parameters for motor in live.motors]
     try:
         ended = loop.run()
     except SafetyError:
         for parameters in drives_of if given["remembers"] else ():  # by no fault that the supervisor knows
             latch_file.write(parameters, 0)
         raise
-    said = [one._asdict() | {"reason": REASONS[Reason(one.reason)]} for one in ended.axes]
+    said = [one._asdict() | {"reason": REASONS[Reason(one.reason)]} for one in ended.motors]
     if given["remembers"]:  # the operator's process may be gone
-        for parameters, end in zip(drives_of, ended.axes, strict=True):
+        for parameters, end in zip(drives_of, ended.motors, strict=True):
             if end.mode == Mode.LATCHED:
                 latch_file.write(parameters, end.faults)
-    names = live.names or ("",)
     reasons = [
         f"{name}: {one['reason']}".removeprefix(": ") for name, one in zip(names, said, strict=True) if one["reason"]
     ]
-    more = {"axes": said if live.several else [], "reason": "; ".join(reasons)}
+    more = {"motors": said if live.several else [], "reason": "; ".join(reasons)}
     _say("ended", asdict(ended) | more)
     return 0
 

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.core.errors import LogError, near
-from bowden.live.axis_columns import view
 from bowden.live.mcap_layout import Event
 from bowden.live.mcap_reader import Damage, LogReader, missing_of
+from bowden.live.motor_columns import view
 from bowden.records.trace import Trace
 
 _TRACE = 50_000  # rows
@@ -40,23 +40,23 @@ class Recording:
         return self.rows[:, self.columns.index(name)]
 
     @property
-    def axes(self) -> tuple[str, ...]:
-        """Names of the axes of a run with several; empty of one with one motor."""
-        return axes_of(self.settings)
+    def motors(self) -> tuple[str, ...]:
+        """Names of the motors of a run with several; empty of one with one motor."""
+        return motors_of(self.settings)
 
-    def axis(self, name: str) -> "Recording":
-        """The record of one axis, as a run with this axis alone has it: columns without its name, its settings.
+    def only(self, name: str) -> "Recording":
+        """The record of one motor, as a run with this motor alone has it: columns without its name, its settings.
 
         Args:
-            name: of the axis.
+            name: of the motor.
 
         Raises:
-            LogError: there is no such axis.
+            LogError: there is no such motor.
         """
-        names = self.axes
+        names = self.motors
         if name not in names:
             expected = near(name, names) if names else "none: the run had one motor"
-            raise LogError(f"the log has no axis {name!r}", expected=expected, do="correct --axis")
+            raise LogError(f"the log has no motor {name!r}", expected=expected, do="correct --motor")
         seen = view(self.columns, names, name)
         label, others = f"{name}: ", tuple(f"{other}: " for other in names if other != name)
         return replace(
@@ -75,8 +75,8 @@ class Recording:
 
     @property
     def parts(self) -> "dict[str, Recording]":
-        """The record of each axis by its name; the whole without a name of a run with one motor."""
-        return {name: self.axis(name) for name in self.axes} or {"": self}
+        """The record of each motor by its name; the whole without a name of a run with one motor."""
+        return {name: self.only(name) for name in self.motors} or {"": self}
 
     @property
     def missing(self) -> int:
@@ -98,43 +98,43 @@ class Recording:
 
 
 def _about_of(about: Mapping[str, str], names: Sequence[str], name: str) -> dict[str, str]:
-    """What a log says of itself, with the columns of one axis alone."""
+    """What a log says of itself, with the columns of one motor alone."""
     columns, units = (json.loads(about.get(key, "[]")) for key in ("columns", "units"))
     seen = view(columns, names, name)
     own = {"columns": [*seen.columns], "units": [units[place] for place in seen.places]}
     return {**about, **{key: json.dumps(value, ensure_ascii=False) for key, value in own.items() if key in about}}
 
 
-def columns_of(log: LogReader, axis: str) -> tuple[str, ...]:
-    """The columns of one axis of a log, without its name.
+def columns_of(log: LogReader, motor: str) -> tuple[str, ...]:
+    """The columns of one motor of a log, without its name.
 
     Raises:
-        LogError: there is no such axis.
+        LogError: there is no such motor.
     """
     return Recording(
         *(log.about, None, log.columns, log.units, np.empty(0, np.int64), np.empty((0, len(log.columns))), []),
         *(log.damage, log.settings),
-    ).axis(axis).columns  # fmt: skip
+    ).only(motor).columns  # fmt: skip
 
 
-def axes_of(settings: Mapping[str, Any]) -> tuple[str, ...]:
-    """Names of the axes in the settings of a log; empty of a run with one motor."""
-    return tuple(str(one["name"]) for one in settings.get("axes") or ())
+def motors_of(settings: Mapping[str, Any]) -> tuple[str, ...]:
+    """Names of the motors in the settings of a log; empty of a run with one motor."""
+    return tuple(str(one["name"]) for one in settings.get("motors") or ())
 
 
 def settings_of(settings: Mapping[str, Any], name: str) -> dict[str, Any]:
-    """The settings of a log as a run with one of its axes alone has them."""
-    own = next(one for one in settings["axes"] if one["name"] == name)
+    """The settings of a log as a run with one of its motors alone has them."""
+    own = next(one for one in settings["motors"] if one["name"] == name)
     rig = settings.get("rig")
-    found = {key: value for key, value in settings.items() if key not in ("axes", "independent", *_OF_ONE)} | own
+    found = {key: value for key, value in settings.items() if key not in ("motors", "independent", *_OF_ONE)} | own
     if isinstance(rig, Mapping):
-        found["rig"] = next((one["rig"] for one in rig.get("axes", ()) if one["name"] == name), None)
+        found["rig"] = next((one["rig"] for one in rig.get("motors", ()) if one["name"] == name), None)
     del found["name"]
     return found
 
 
 _OF_ONE = ("law_file", "push", "emg", "admittance")
-"""Settings that not every axis has."""
+"""Settings that not every motor has."""
 
 
 def read(path: Path, only: Sequence[str] | None = None) -> Recording:
@@ -142,7 +142,7 @@ def read(path: Path, only: Sequence[str] | None = None) -> Recording:
 
     Args:
         path: of the log.
-        only: the columns to keep of those that it has, of each axis, so that the log of hours fits into memory; all by
+        only: the columns to keep of those that it has, of each motor, so that the log of hours fits into memory; all by
             default.
 
     Raises:
@@ -161,32 +161,32 @@ def read(path: Path, only: Sequence[str] | None = None) -> Recording:
     return Recording(log.about, log.closing, log.columns, log.units, numbers, rows, events, log.damage, log.settings)
 
 
-def traces(log: LogReader, axis: str | None = None) -> Iterator[Trace]:
+def traces(log: LogReader, motor: str | None = None) -> Iterator[Trace]:
     """All rows of a log as traces of some ten thousand rows, each as `Recording.trace` has them all.
 
     Args:
         log: to be read.
-        axis: the one whose columns are wanted; all as they stand where it is not given.
+        motor: the one whose columns are wanted; all as they stand where it is not given.
 
     Raises:
-        LogError: there is no row, or no such axis.
+        LogError: there is no row, or no such motor.
     """
     waiting: list[NDArray[np.float64]] = []
     for piece in log:
         waiting.append(piece.rows)
         if sum(map(len, waiting)) >= _TRACE:
-            yield _piece(log, np.concatenate(waiting), axis)
+            yield _piece(log, np.concatenate(waiting), motor)
             waiting = []
     if waiting or not log.count:
-        yield _piece(log, np.concatenate([np.empty((0, len(log.columns))), *waiting]), axis)
+        yield _piece(log, np.concatenate([np.empty((0, len(log.columns))), *waiting]), motor)
 
 
-def _piece(log: LogReader, rows: NDArray[np.float64], axis: str | None) -> Trace:
-    if axis is None:
+def _piece(log: LogReader, rows: NDArray[np.float64], motor: str | None) -> Trace:
+    if motor is None:
         return _trace(log, rows)
     numbers = np.arange(len(rows))
     whole = Recording(log.about, None, log.columns, log.units, numbers, rows, [], log.damage, log.settings)
-    return whole.axis(axis).trace()
+    return whole.only(motor).trace()
 
 
 def _trace(log: Recording | LogReader, rows: NDArray[np.float64]) -> Trace:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from bowden.core.bounded import open_file, reason
 from bowden.core.errors import LogError
-from bowden.live import axis_columns
+from bowden.live import motor_columns
 from bowden.live.mcap_layout import Event, Packing, topics
 from bowden.live.mcap_log import ABOUT, CLOSING, MAGIC, checksum
 from bowden.live.ring import Description
@@ -82,8 +82,8 @@ class LogReader:
         except (KeyError, TypeError, ValueError, RecursionError) as error:
             raise LogError(f"{path} does not say what its rows are: {error}", do=_DO) from error
         self._packing = Packing(topics(columns, units))
-        names = [str(one["name"]) for one in self.settings.get("axes") or ()]
-        wanted = None if only is None else {*axis_columns.named(tuple(only), names)} if names else {*only}
+        names = [str(one["name"]) for one in self.settings.get("motors") or ()]
+        wanted = None if only is None else {*motor_columns.named(tuple(only), names)} if names else {*only}
         kept = [i for i, name in enumerate(columns) if wanted is None or name in wanted]
         self._kept = slice(None) if only is None else kept
         self.columns, self.units = tuple(columns[i] for i in kept), tuple(units[i] for i in kept)

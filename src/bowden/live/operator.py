@@ -66,7 +66,7 @@ def refuse_over_ssh(rig: "Rig", *, attended: bool) -> None:
     Raises:
         SafetyError: nobody says so.
     """
-    played = all(family_of(axis.rig.drive).simulated(axis.rig.drive) for axis in rig.parts)
+    played = all(family_of(motor.rig.drive).simulated(motor.rig.drive) for motor in rig.parts)
     if attended or "SSH_CONNECTION" not in os.environ or played:
         return
     raise SafetyError(

@@ -4,8 +4,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 from bowden.hardware.ports import TorqueLeft, torque_left
-from bowden.live.session_axis import SessionAxis
-from bowden.live.stops import STALLED, AxisFaults, remedy_of, told_apart, unattended
+from bowden.live.session_motor import SessionMotor
+from bowden.live.stops import STALLED, MotorFaults, remedy_of, told_apart, unattended
 from bowden.safety import faults
 from bowden.safety.state import Mode
 
@@ -18,7 +18,7 @@ class RunState(NamedTuple):
     error: str
     """Why the loop ended without a word about how it ended."""
     mode: Mode | None
-    axes: Sequence[SessionAxis]
+    motors: Sequence[SessionMotor]
     patience: float
     """How long the operator may be silent [s]."""
     on_twin: bool
@@ -65,17 +65,17 @@ def why(run: RunState) -> list[str]:
 
 
 def _faults(run: RunState) -> list[str]:
-    """What came first with its remedy, and what followed from it; of several axes in the one that had it first."""
-    each = [(axis.name, axis.came) for axis in run.axes if axis.came]
+    """What came first with its remedy, and what followed from it; of several motors in the one that had it first."""
+    each = [(motor.name, motor.came) for motor in run.motors if motor.came]
     if not each:
         each = [("", dict.fromkeys(faults.of((run.ended or {}).get("faults", 0)), 0.0))]
-    first, *others = sorted((AxisFaults(name, *told_apart(came), came) for name, came in each), key=_order)
-    where = f"{first.axis}: " if first.axis else ""
+    first, *others = sorted((MotorFaults(name, *told_apart(came), came) for name, came in each), key=_order)
+    where = f"{first.motor}: " if first.motor else ""
     found = [f"{where}{fault.meaning}; {remedy_of(fault, twin=run.on_twin)}" for fault in first.causes]
     later = [fault.meaning for fault in first.consequences]
-    later += [f"{one.axis}: {fault.meaning}" for one in others for fault in (*one.causes, *one.consequences)]
+    later += [f"{one.motor}: {fault.meaning}" for one in others for fault in (*one.causes, *one.consequences)]
     return found + ([f"as a consequence: {', '.join(later)}"] if later else [])
 
 
-def _order(one: AxisFaults) -> tuple[float, bool]:
+def _order(one: MotorFaults) -> tuple[float, bool]:
     return one.order() if one.came else (0.0, False)

@@ -79,7 +79,7 @@ def replay(
     the supervisor would have said to it, at the angles that there were.
 
     Args:
-        found: the record, of one axis.
+        found: the record, of one motor.
         law: with its gains.
         limits: of the supervisor.
         filters: in front of the law.
@@ -121,7 +121,7 @@ def replay(
             )
             continue
         emg_age = row[at["emg.age"]] if "emg.age" in at else 0.0
-        among = (row[at[name]] if name in at else 0.0 for name in ("others", "opposite"))
+        among = (row[at[name]] if name in at else 0.0 for name in ("others", "neighbour"))
         around = (*(row[i] for i in surroundings), emg_age, *among, math.nan)
         observed = unflatten(NOTHING_OBSERVED, np.array([*(row[i] for i in reading), *around]))
         plan = unflatten(

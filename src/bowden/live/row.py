@@ -11,8 +11,8 @@ from bowden.core.signals import DriveReading
 from bowden.cycle.torque_offset import COLUMNS as PUSH
 from bowden.hardware.emg.course import COLUMNS
 from bowden.live import gain_ramp
-from bowden.live.axis_columns import OPPOSED, TOGETHER
 from bowden.live.brake_hold import COLUMNS as BRAKE
+from bowden.live.motor_columns import SHARED, TOGETHER
 from bowden.live.ring import Description
 from bowden.models.drive.thermal import Thermal, ThermalState, cold
 from bowden.safety.limits import Limits
@@ -88,10 +88,10 @@ def columns(
     braked: bool = False,
     source: Source = TABLE,
     together: bool = False,
-    paired: bool = False,
+    shared: bool = False,
 ) -> dict[str, str]:
     """Column → unit of a run under this law, by EMG, with a torque offset, with a holding brake, by another source than
-    the table, of an axis among others, and of one of a pair."""
+    the table, of a motor among others, and of one that shares its joint."""
     return {
         **CYCLE,
         **law.columns(),
@@ -103,7 +103,7 @@ def columns(
         **({} if source is TABLE else source.columns()),
         **gain_ramp.columns(law),
         **(TOGETHER if together else {}),
-        **(OPPOSED if paired else {}),
+        **(SHARED if shared else {}),
     }
 
 

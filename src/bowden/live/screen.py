@@ -43,7 +43,7 @@ def picture(session: Session, row: dict[str, float], auto: bool, answer: str = "
     said = "" if auto else _next(mode, row["preflight"], shown)
     table.add_row("state", f"[bold]{mode.name.lower()}[/bold]  {said}")
     for one in session.faults(row):  # all that must be seen stands above: a low terminal cuts the end off
-        where = f"{one.axis}: " if one.axis else ""
+        where = f"{one.motor}: " if one.motor else ""
         for fault in one.causes:
             remedy = remedy_of(fault, twin=session.on_twin)
             table.add_row("[red]fault[/red]", f"{where}[red]{fault.meaning}[/red]: {remedy}")
@@ -51,19 +51,19 @@ def picture(session: Session, row: dict[str, float], auto: bool, answer: str = "
             table.add_row("[red]follows[/red]", where + ", ".join(fault.meaning for fault in one.consequences))
     if not {Fault.EMERGENCY, Fault.DRIVE_FAULT}.isdisjoint(shown):
         table.add_row("[red]drive[/red]", escape(session.drive_said(row)))
-    each = [(axis, axis.of(row)) for axis in session.axes]
-    for axis, own in each:
+    each = [(motor, motor.of(row)) for motor in session.motors]
+    for motor, own in each:
         if own["preflight_reason"]:
-            where = f"{axis.name}: " if axis.name else ""
+            where = f"{motor.name}: " if motor.name else ""
             table.add_row("[red]preflight[/red]", where + REASONS[Reason(int(own["preflight_reason"]))])
     table.add_row("keys", "Ctrl-C to end" if auto else f"{_KEYS}{f'  [yellow]{answer}[/yellow]' if answer else ''}")
-    for axis, own in each:
+    for motor, own in each:
         angles = f"joint {_deg(own['joint'])}, motor {_deg(own['motor'])}, target {_deg(own['command'])}"
         error = f"{_deg(own['joint'] - own['reference'])} of {_deg(own['reference'])}"
-        if axis.name:
+        if motor.name:
             state = Mode(int(own["mode"])).name.lower()
             heat = f"{own['current']:.2f} A, winding {own['supervisor.heat.winding']:.0f} °C{_load(own)}"
-            table.add_row(axis.name, f"{state}: {angles}; error {error}; {heat}")
+            table.add_row(motor.name, f"{state}: {angles}; error {error}; {heat}")
         else:
             table.add_row("angles", angles)
             table.add_row("error", error)

@@ -73,7 +73,7 @@ class Script:
         self.play = math.nan
         """Dead zone that the preflight has measured; NaN before it has [rad]."""
         self.least = 0.0
-        """The approach takes at least this long: where several axes begin together, as long as the longest [s]."""
+        """The approach takes at least this long: where several motors begin together, as long as the longest [s]."""
         self.done = False
         """Whether the run has come to its end since it began, and the joint home."""
 

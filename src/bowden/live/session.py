@@ -40,13 +40,13 @@ from bowden.live.recorder import check_room
 from bowden.live.ring import CAPACITY, FOLDER, RingReader, Row, create
 from bowden.live.ring_status import RecorderState
 from bowden.live.row import AT, described
-from bowden.live.session_axis import SessionAxis
-from bowden.live.stops import AxisFaults, told_apart
+from bowden.live.session_motor import SessionMotor
+from bowden.live.stops import MotorFaults, told_apart
 from bowden.live.together import OF_ALL, mode_of_all, of_all
 from bowden.records.trace import Trace
 from bowden.rig.declaration import at, items_of
 from bowden.rig.families import family_of
-from bowden.rig.rig import Axis, Rig
+from bowden.rig.rig import Rig, RigMotor
 from bowden.safety import faults
 from bowden.safety.faults import Fault
 from bowden.safety.limits import Limits
@@ -106,8 +106,8 @@ class Session:
         """What the loop said at its end."""
         self.error = ""
         """Why the loop ended without a word about how it ended; empty where it said that."""
-        self.axes: tuple[SessionAxis, ...] = ()
-        """Each axis of the run, once it has begun; one where the rig has one motor."""
+        self.motors: tuple[SessionMotor, ...] = ()
+        """Each motor of the run, once it has begun; one where the rig has one motor."""
         self._last: Row | None = None
         self.began_latched = False
         """Whether a run before it was latched by what has not been acknowledged."""
@@ -144,22 +144,22 @@ class Session:
         wall = round(unix_seconds() * SECOND)
         about = described(live.columns(), {**live.log_settings(), **more, "twin": self.on_twin}, wall, now)
         check_room(self.log, about, live.length)
-        create(self._ring, about, CAPACITY // len(live.axes))  # a row of several is as much longer
+        create(self._ring, about, CAPACITY // len(live.motors))  # a row of several is as much longer
         shared_memory.create(self._block, control_block.WORDS)
         self.block, self.rows = ControlBlock(self._block), RingReader(self._ring)
-        self.axes = tuple(
-            SessionAxis(axis, about.columns, live.names, now, remembers=self._remembers) for axis in live.axes
+        self.motors = tuple(
+            SessionMotor(motor, about.columns, live.names, now, remembers=self._remembers) for motor in live.motors
         )
         self.beat()
         self._revision = rig_revision(Path(live.rig.origin).parent)
         self._record_to(self.log)
-        self.began_latched = any(axis.latched is not None for axis in self.axes)
+        self.began_latched = any(motor.latched is not None for motor in self.motors)
         given = {
             "rig": (live.whole or live.rig).document(),
             "measure": live.measure,
-            "off_reference": [axis.limits.off_reference for axis in live.axes],
-            "thermal": [axis.thermal for axis in self.axes],
-            "latched": [axis.latched for axis in self.axes],
+            "off_reference": [motor.limits.off_reference for motor in live.motors],
+            "thermal": [motor.thermal for motor in self.motors],
+            "latched": [motor.latched for motor in self.motors],
             "remembers": self._remembers,
             "ring": str(self._ring),
             "block": str(self._block),
@@ -269,22 +269,22 @@ class Session:
     def channel(self) -> str:
         """The bus of the run, for ``bowden twin RIG.toml --inject FAULT --channel``; of a twin its own.
 
-        Of several axes that of the first; see `SessionAxis.live`.
+        Of several motors that of the first; see `SessionMotor.live`.
         """
         drive = self.live.rig.drive
         return family_of(drive).address(drive).get("channel", "")
 
-    def inject(self, fault: str, after: float = 0.0, lasting: float | None = None, axis: str | None = None) -> None:
+    def inject(self, fault: str, after: float = 0.0, lasting: float | None = None, motor: str | None = None) -> None:
         """Give the run's twin a fault; ``bowden twin RIG.toml --inject list`` shows all.
 
         Args:
             fault: its name, with side and amount where it has them: ``"encoder_frozen joint"``.
             after: from now [s].
             lasting: for how long; to the end of the run where it is not given [s].
-            axis: whose twin it is, where there are several; the first where it is not given.
+            motor: whose twin it is, where there are several; the first where it is not given.
 
         Raises:
-            ParameterError: there is no such fault, or no such axis.
+            ParameterError: there is no such fault, or no such motor.
             DriveError: the drive is no twin of this run, or does not answer.
         """
         from bowden.hardware.twin.control import TwinControl
@@ -292,7 +292,7 @@ class Session:
         if not self.on_twin:
             raise DriveError("faults are injected into a twin, and this run has a drive", do="run it with twin=True")
         self.beat()
-        rig = self.live.rig if axis is None or self.live.whole is None else self.live.whole.axis(axis)
+        rig = self.live.rig if motor is None or self.live.whole is None else self.live.whole.only(motor)
         with TwinControl(family_of(rig.drive).control(rig.drive)) as twin:
             twin.inject(fault, after, lasting)
 
@@ -302,7 +302,7 @@ class Session:
         row = self._last
         if row is None:
             return None
-        modes = [axis.mode(row) for axis in self.axes]
+        modes = [motor.mode(row) for motor in self.motors]
         return Mode(int(modes[0])) if len(modes) == 1 else mode_of_all(modes, independent=self.live.independent)
 
     @property
@@ -317,7 +317,7 @@ class Session:
 
     @property
     def _state(self) -> RunState:
-        return RunState(self.ended, self.error, self.mode, self.axes, self.live.patience, self.on_twin)
+        return RunState(self.ended, self.error, self.mode, self.motors, self.live.patience, self.on_twin)
 
     @property
     def recorder(self) -> int:
@@ -351,7 +351,7 @@ class Session:
     def last(self) -> dict[str, float] | None:
         """The newest row by its columns; None before the first.
 
-        With several axes, `together.OF_ALL` among them are those of all: ``mode``, ``faults`` and the like.
+        With several motors, `together.OF_ALL` among them are those of all: ``mode``, ``faults`` and the like.
         """
         self.beat()
         if self._recorder.poll() and self.running and len(self.logs) < _MOST_LOGS:
@@ -359,8 +359,8 @@ class Session:
         rows = self.rows.read().rows
         if len(rows):
             self._last = rows[-1]
-            for axis in self.axes:
-                axis.see(rows, self._latching)
+            for motor in self.motors:
+                motor.see(rows, self._latching)
         row = self._last
         if len(rows):
             self._came = self.clock.now()
@@ -369,51 +369,51 @@ class Session:
     def row_of(self, row: Row) -> dict[str, float]:
         """A row of the ring by its columns, as `last` gives it.
 
-        What the first axis has in place of what is said there of all has its name: ``hip.mode``.
+        What the first motor has in place of what is said there of all has its name: ``hip.mode``.
         """
         found = dict(zip(self.rows.description.columns, row.tolist(), strict=True))
         own = {f"{name}.{column}": found[column] for name in self.live.names[:1] for column in OF_ALL}
-        of_each = [axis.of(found) for axis in self.axes]
+        of_each = [motor.of(found) for motor in self.motors]
         return found | own | of_all(of_each, independent=self.live.independent)
 
     def judged(self, row: Mapping[str, float] | None) -> list[Mapping[str, float]]:
-        """What a request is judged by, of a row of `last`: that of all, or of axes that go alone that of each."""
+        """What a request is judged by, of a row of `last`: that of all, or of motors that go alone that of each."""
         if row is None:
             return []
-        return [axis.of(row) for axis in self.axes] if self.live.independent else [row]
+        return [motor.of(row) for motor in self.motors] if self.live.independent else [row]
 
     @property
     def came(self) -> dict[Fault, float]:
-        """When the faults that are there came [s], in that order, as far as `last` has looked; of all axes."""
+        """When the faults that are there came [s], in that order, as far as `last` has looked; of all motors."""
         found: dict[Fault, float] = {}
-        for axis in self.axes:
-            for fault, time in axis.came.items():
+        for motor in self.motors:
+            for fault, time in motor.came.items():
                 found[fault] = min(time, found.get(fault, time))
         return dict(sorted(found.items(), key=lambda one: one[1]))
 
-    def faults(self, row: Mapping[str, float]) -> list[AxisFaults]:
-        """The faults of a row of `last`, first those of the axis that was the first to have one; empty without any."""
+    def faults(self, row: Mapping[str, float]) -> list[MotorFaults]:
+        """The faults of a row of `last`, first those of the motor that was the first to have one; empty without any."""
         found = []
-        for axis in self.axes:
-            own = axis.of(row)
-            came = {fault: axis.came.get(fault, own["time"]) for fault in faults.of(own["faults"])}
+        for motor in self.motors:
+            own = motor.of(row)
+            came = {fault: motor.came.get(fault, own["time"]) for fault in faults.of(own["faults"])}
             if came:
-                found.append(AxisFaults(axis.name, *told_apart(came), came))
-        return sorted(found, key=AxisFaults.order)
+                found.append(MotorFaults(motor.name, *told_apart(came), came))
+        return sorted(found, key=MotorFaults.order)
 
     @property
     def emergency(self) -> int:
         """Error code of the last emergency of a drive; 0 where there was none."""
-        return next((axis.emergency for axis in self.axes if axis.emergency), 0)
+        return next((motor.emergency for motor in self.motors if motor.emergency), 0)
 
     def drive_said(self, row: Mapping[str, float]) -> str:
         """What the drive says itself that is the one in fault, or its name; of several the first."""
         inside = {Fault.EMERGENCY, Fault.DRIVE_FAULT}
-        for axis, drive in zip(self.axes, self.ready["drives"], strict=True):
-            if not inside.isdisjoint(faults.of(axis.of(row)["faults"])):
-                explain = family_of(axis.live.rig.drive).explain
-                said = str(explain(axis.emergency) if axis.emergency else drive)
-                return f"{axis.name}: {said}" if axis.name else said
+        for motor, drive in zip(self.motors, self.ready["drives"], strict=True):
+            if not inside.isdisjoint(faults.of(motor.of(row)["faults"])):
+                explain = family_of(motor.live.rig.drive).explain
+                said = str(explain(motor.emergency) if motor.emergency else drive)
+                return f"{motor.name}: {said}" if motor.name else said
         return str(self.ready["drive"])
 
     @property
@@ -435,12 +435,12 @@ class Session:
     def gains(self) -> dict[str, float]:
         """Gain → its value in force, as far as `last` has looked; those of `Law.live` may be changed, `set_gain`.
 
-        With several axes the names begin with the axis': ``knee.feedback_gain``.
+        With several motors the names begin with the motor': ``knee.feedback_gain``.
         """
         row, found = self._last, dict[str, float]()
-        for axis in self.axes:
-            own = axis.gains(None if row is None else axis.values(row))
-            found |= {f"{axis.name}.{name}" if axis.name else name: value for name, value in own.items()}
+        for motor in self.motors:
+            own = motor.gains(None if row is None else motor.values(row))
+            found |= {f"{motor.name}.{name}" if motor.name else name: value for name, value in own.items()}
         return found
 
     def set_gain(self, name: str, value: float) -> None:
@@ -450,7 +450,7 @@ class Session:
         on as it is. Each moment of it is a sign of life, as of `wait`.
 
         Args:
-            name: of a gain that the law declares live, `Law.live`; with several axes ``AXIS.GAIN``.
+            name: of a gain that the law declares live, `Law.live`; with several motors ``MOTOR.GAIN``.
             value: in the law's own unit, as in rig.toml.
 
         Raises:
@@ -483,29 +483,29 @@ class Session:
             ParameterError: the law has no such gain, it is not live, or the value is outside its limits.
             SafetyError: no session is live, or another change goes on.
         """
-        axis, _ = self._require_gain(name, value)
-        rig = axis.live.logged
+        motor, _ = self._require_gain(name, value)
+        rig = motor.live.logged
         for one, number in {**self._changed, name: float(value)}.items():
             owner, gain = self._gain(one)
-            rig = rig.with_gain(gain, number) if owner is axis else rig
+            rig = rig.with_gain(gain, number) if owner is motor else rig
         return rig
 
-    def _gain(self, name: str) -> tuple[SessionAxis, str]:
-        """The axis whose gain it is, and its name there."""
+    def _gain(self, name: str) -> tuple[SessionMotor, str]:
+        """The motor whose gain it is, and its name there."""
         if not isinstance(name, str):
             raise ParameterError(f"the gain's name is {said(name)}", expected="text", do="name a gain")
         if not self.live.several:
-            return self.axes[0], name
+            return self.motors[0], name
         first, _, rest = name.partition(".")
-        for axis in self.axes:
-            if axis.name == first:
-                return axis, rest
-        do = f"name the axis first, such as {self.axes[0].name}.{name}"
-        raise ParameterError(f"no axis has a gain {said(name)}", expected=near(first, self.live.names), do=do)
+        for motor in self.motors:
+            if motor.name == first:
+                return motor, rest
+        do = f"name the motor first, such as {self.motors[0].name}.{name}"
+        raise ParameterError(f"no motor has a gain {said(name)}", expected=near(first, self.live.names), do=do)
 
-    def _require_gain(self, name: str, value: float) -> tuple[SessionAxis, str]:
-        axis, name = self._gain(name)
-        law = axis.live.law
+    def _require_gain(self, name: str, value: float) -> tuple[SessionMotor, str]:
+        motor, name = self._gain(name)
+        law = motor.live.law
         if name not in law.live:
             if name not in law.numbers:
                 law.with_gains(**{name: 0.0})  # which refuses it, and says what is like it
@@ -529,7 +529,7 @@ class Session:
         self._require_live()
         if self.changing:
             raise SafetyError("another change of gains goes on", do=f"wait until it is in force, {RAMP:g} s")
-        return axis, name
+        return motor, name
 
     def ask_gain(self, name: str, value: float) -> None:
         """Ask the loop for another value of a live gain, whose check holds; nothing is waited for.
@@ -538,11 +538,11 @@ class Session:
             ParameterError: as `with_gain`.
             SafetyError: as `with_gain`.
         """
-        axis, gain = self._require_gain(name, value)
+        motor, gain = self._require_gain(name, value)
         self.beat()
         self._changed[name] = float(value)
-        before = sum(len(one.live.law.live) for one in self.axes[: self.axes.index(axis)])
-        self.block.ask_gain(before + axis.live.law.live.index(gain), float(value))
+        before = sum(len(one.live.law.live) for one in self.motors[: self.motors.index(motor)])
+        self.block.ask_gain(before + motor.live.law.live.index(gain), float(value))
 
     @property
     def changing(self) -> bool:
@@ -558,7 +558,7 @@ class Session:
         """Keep how warm the motor is in a row, for the next run; `surely` waits for the disk. Any thread may ask."""
         if row is not None and self._remembers:
             with self._keeping:
-                why = [axis.remember(axis.of(row), surely=surely) for axis in self.axes]
+                why = [motor.remember(motor.of(row), surely=surely) for motor in self.motors]
                 self._not_kept = next(filter(None, why), "")
 
     def complete(self) -> bool:
@@ -636,7 +636,7 @@ class Session:
         standing = "" if self.mode is None else self.mode.name.lower()
         rows = [
             ("rig", (self.live.whole or self.live.rig).hash),
-            ("axes", ", ".join(self.live.names)),
+            ("motors", ", ".join(self.live.names)),
             ("drive", "" if ready is None else str(ready["drive"])),
             ("mode", standing or "not begun"),
             ("outcome", self.outcome if self.ended is not None or self.error else ""),
@@ -737,7 +737,7 @@ def own_twin(rig: Rig, *, measure: bool = False, alone: str = "") -> Iterator[Ri
         rig: to be played.
         measure: whether the motor moves through the excitation, in place of a law; the twin waits for a loop then that
             this computer does not let run.
-        alone: name of the axis that the rig is, of a file with several; for how the twin is reached.
+        alone: name of the motor that the rig is, of a file with several; for how the twin is reached.
     """
     from bowden.hardware.buses.opening import UNIX
     from bowden.live.twin_process import RunningTwin, running_twin
@@ -745,42 +745,40 @@ def own_twin(rig: Rig, *, measure: bool = False, alone: str = "") -> Iterator[Ri
     with left_behind.bus_of_this() as folder, contextlib.ExitStack() as stack:
         file = rig.origin if Path(rig.origin).suffix else "RIG.toml"
         buses: dict[tuple[str, str], Path] = {}
-        axes: list[Axis] = []
-        paired: RunningTwin | None = None
+        motors: dict[str, RigMotor] = {}
         twins: list[RunningTwin] = []
-        for name, own in rig.parts:
-            place = family_of(own.drive).address(own.drive)
-            bus = (place.get("interface", ""), place.get("channel", name))
-            channel = buses.setdefault(bus, folder / f"{len(buses)}" if rig.axes else folder)
-            options = [*(["--axis", name or alone] if name or alone else []), "--channel", str(channel)]
-            options += [] if place.get("interface") == UNIX else ["--interface", UNIX]
-            asked = shlex.join(["bowden", "twin", file, *options])
-            print(f"bowden: note: the twin's bus is {channel}: {asked}", file=sys.stderr)
-            if not (rig.pair.there and name in rig.pair.names):
-                twin = stack.enter_context(running_twin(own, channel, ["--interface", UNIX]))
-            elif paired is None:
-                twin = paired = stack.enter_context(running_twin(rig, channel, ["--interface", UNIX]))
-            else:
-                twin = paired
-            if twin not in twins:
-                twins.append(twin)
-            beside = patient(own, measure=measure)
-            wider, usual = beside.supervisor_limits, own.supervisor_limits
+        for joint in rig.each_joint:
+            places = [family_of(one.rig.drive).address(one.rig.drive) for one in joint.motors]
+            channels = []
+            for one, place in zip(joint.motors, places, strict=True):
+                bus = (place.get("interface", ""), place.get("channel", one.name))
+                channels.append(buses.setdefault(bus, folder / f"{len(buses)}" if rig.motors else folder))
+                named = one.name or alone
+                options = [*(["--motor", named] if named else []), "--channel", str(channels[-1])]
+                options += [] if place.get("interface") == UNIX else ["--interface", UNIX]
+                asked = shlex.join(["bowden", "twin", file, *options])
+                print(f"bowden: note: the twin's bus is {channels[-1]}: {asked}", file=sys.stderr)
+            whole = rig.replace(motors=joint.motors, joints=(joint.settings,)) if joint.shared else joint.first
+            twin = stack.enter_context(running_twin(whole, channels[0], ["--interface", UNIX]))
+            twins.append(twin)
             if measure:
                 twin.control.wait(PATIENCE)
-            allowed = ", ".join(
-                f"{item.key} = {at(wider, item.path):.3g} (in place of {at(usual, item.path):g})"
-                for item in items_of(Limits)
-                if at(wider, item.path) != at(usual, item.path)
-            )
-            if allowed and not axes:
-                print(
-                    f"bowden: note: the twin shares this computer, so it may be late: {allowed} in [limits]",
-                    file=sys.stderr,
+            for one in joint.motors:
+                beside = patient(one.rig, measure=measure)
+                wider, usual = beside.supervisor_limits, one.rig.supervisor_limits
+                allowed = ", ".join(
+                    f"{item.key} = {at(wider, item.path):.3g} (in place of {at(usual, item.path):g})"
+                    for item in items_of(Limits)
+                    if at(wider, item.path) != at(usual, item.path)
                 )
-            axes.append(Axis(name, beside.on_bus(twin.channel, UNIX)))
+                if allowed and not motors:
+                    print(
+                        f"bowden: note: the twin shares this computer, so it may be late: {allowed} in [limits]",
+                        file=sys.stderr,
+                    )
+                motors[one.name] = one._replace(rig=beside.on_bus(twin.channel, UNIX))
         try:
-            yield rig.replace(axes=tuple(axes)) if rig.axes else axes[0].rig
+            yield rig.replace(motors=tuple(motors[one.name] for one in rig.motors)) if rig.motors else motors[""].rig
         finally:
             _tell_of_ended((twin.channel, twin.process) for twin in twins)
 

@@ -42,7 +42,7 @@ def live_session(
         measure: move the motor through the excitation, in place of a law; nothing is checked then.
         checked: what the check says of this rig and its law, where it has been asked already.
         about: who and what for, for the log; see `Session`.
-        alone: name of the axis that the rig is, of a file with several.
+        alone: name of the motor that the rig is, of a file with several.
     """
     from bowden.design.forecast import off_reference
     from bowden.design.objections import mismatches
@@ -54,13 +54,14 @@ def live_session(
     from bowden.live.preflight import require
     from bowden.live.session import Session, own_twin, prepared_loop
     from bowden.rig.families import family_of
+    from bowden.sim.joint_of_rig import laws_of
 
     live = live_run(rig, measure=measure)
-    for axis in () if twin else live.axes:  # another run's bus is refused at once; the drive claims it for good
-        left_behind.await_host(partial(family_of(axis.rig.drive).claim, axis.rig.drive), tell)
-        with asked_for_by(f"axis {quoted(axis.name)}") if axis.name else contextlib.nullcontext():
-            require_watch(axis.rig, [other.rig for other in live.axes])
-        require_confirmed(axis.rig, axis.name or alone)
+    for motor in () if twin else live.motors:  # another run's bus is refused at once; the drive claims it for good
+        left_behind.await_host(partial(family_of(motor.rig.drive).claim, motor.rig.drive), tell)
+        with asked_for_by(f"motor {quoted(motor.name)}") if motor.name else contextlib.nullcontext():
+            require_watch(motor.rig, [other.rig for other in live.motors])
+        require_confirmed(motor.rig, motor.name or alone)
     with contextlib.ExitStack() as stack:
         loop = stack.enter_context(prepared_loop())
         emg_process = None if live.emg is None else stack.enter_context(contextlib.closing(EmgProcess(rig)))
@@ -68,21 +69,27 @@ def live_session(
         for note in (*live.notes, *pushing):
             tell(note)
         allowed = []
-        for axis in live.axes:
-            of_axis = f"axis {quoted(axis.name)}"
-            with asked_for_by(of_axis) if axis.name else contextlib.nullcontext():
-                found = CheckVerdict("holds", "") if measure else checked  # no gains take part in a measurement
-                found = found or verdicts(axis.rig, [axis.law], name, force=force)[0]
-                for note in filter(None, (unseen_watch(axis.rig), found.note)):
-                    tell(f"{of_axis}: {note}" if axis.name else note)
-                verdict = "little_margin" if force else found.name or "little_margin"
+        found = dict[str, CheckVerdict]()
+        for joint in rig.each_joint:
+            verdict = CheckVerdict("holds", "") if measure else checked  # no gains take part in a measurement
+            with asked_for_by(joint.said) if joint.said else contextlib.nullcontext():
+                verdict = verdict or verdicts(joint, [laws_of(joint)], name, force=force)[0]
+            found |= dict.fromkeys(joint.names, verdict)
+            if verdict.note:
+                tell(f"{joint.said}: {verdict.note}" if joint.said else verdict.note)
+        for motor in live.motors:
+            of_motor = f"motor {quoted(motor.name)}"
+            with asked_for_by(of_motor) if motor.name else contextlib.nullcontext():
+                if note := unseen_watch(motor.rig):
+                    tell(f"{of_motor}: {note}" if motor.name else note)
                 require(
-                    *(axis.limits, axis.rig.sample_time, verdict),
-                    opposed=axis.opposed,
-                    given=axis.rig.limits,
-                    mismatches=() if axis.limits.paired else mismatches(axis.rig, axis.limits),
+                    *(motor.limits, motor.rig.sample_time),
+                    "little_margin" if force else found[motor.name].name or "little_margin",
+                    opposed=motor.opposed,
+                    given=motor.rig.limits,
+                    mismatches=() if motor.limits.shared else mismatches(motor.rig, motor.limits),
                 )
-                allowed.append(axis.limits.off_reference if measure else off_reference(axis.rig, axis.law))
+                allowed.append(motor.limits.off_reference if measure else off_reference(motor.rig, motor.law))
         if emg_process is not None:
             emg_process.await_ready()  # a stream that cannot be used is refused before anything else is started
         if twin:
@@ -90,7 +97,7 @@ def live_session(
                 stack.enter_context(own_twin(rig, measure=measure, alone=alone)), measure=measure, logged=rig
             )
         live = live.following(allowed)
-        log = new_log(out, "measure" if measure else "-".join(dict.fromkeys(axis.law.name for axis in live.axes)))
+        log = new_log(out, "measure" if measure else "-".join(dict.fromkeys(motor.law.name for motor in live.motors)))
         yield stack.enter_context(Session(live, log, emg_process, remembers=not twin, about=about, loop=loop))
 
 

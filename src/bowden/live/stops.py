@@ -157,10 +157,10 @@ def told_apart(came: Mapping[Fault, float]) -> tuple[tuple[Fault, ...], tuple[Fa
     return tuple(first), tuple(fault for fault in came if fault not in first)
 
 
-class AxisFaults(NamedTuple):
-    """The faults of one axis."""
+class MotorFaults(NamedTuple):
+    """The faults of one motor."""
 
-    axis: str
+    motor: str
     """Its name; empty of a rig with one motor."""
     causes: tuple[Fault, ...]
     consequences: tuple[Fault, ...]
@@ -180,7 +180,7 @@ def document(log: Recording, limits: Mapping[str, Any], *, twin: bool) -> list[d
         limits: see `too_busy`.
         twin: likewise.
     """
-    if not log.axes:
+    if not log.motors:
         return [_said(stop, limits, twin=twin) for stop in stops(log)]
     found = [
         _StopOf(name, stop, part.settings.get("limits", limits))
@@ -190,22 +190,24 @@ def document(log: Recording, limits: Mapping[str, Any], *, twin: bool) -> list[d
     found.sort(key=lambda one: (one.stop.time, {*one.stop.causes} <= {*faults.OF_OTHERS}))
     groups: list[list[_StopOf]] = []
     for one in found:
-        alike = groups and not log.settings.get("independent") and one.axis not in [other.axis for other in groups[-1]]
+        alike = (
+            groups and not log.settings.get("independent") and one.motor not in [other.motor for other in groups[-1]]
+        )
         if alike and one.stop.time - groups[-1][0].stop.time <= _SPREADS:
             groups[-1].append(one)
         else:
             groups.append([one])
-    return [_said_of(group, len(log.axes), twin=twin) for group in groups]
+    return [_said_of(group, len(log.motors), twin=twin) for group in groups]
 
 
 class _StopOf(NamedTuple):
-    axis: str
+    motor: str
     stop: Stop
     limits: Mapping[str, Any]
 
 
 _SPREADS = 0.05
-"""Within this time a stop of one axis is that of the others, which see it a cycle later, or late cycles later [s]."""
+"""Within this time a stop of one motor is that of the others, which see it a cycle later, or late cycles later [s]."""
 
 
 def _said(stop: Stop, limits: Mapping[str, Any], *, twin: bool) -> dict[str, Any]:
@@ -219,12 +221,16 @@ def _said(stop: Stop, limits: Mapping[str, Any], *, twin: bool) -> dict[str, Any
 
 
 def _said_of(group: Sequence[_StopOf], count: int, *, twin: bool) -> dict[str, Any]:
-    """A stop of several axes: what came first, in which axis, and what followed in it and in the others."""
+    """A stop of several motors: what came first, in which motor, and what followed in it and in the others."""
     first, *others = group
     said = _said(first.stop, first.limits, twin=twin)
     of_all = len(group) == count and all(one.stop[:2] == first.stop[:2] for one in others)
-    more = [f"{one.axis}: {fault.meaning}" for one in others for fault in (*one.stop.causes, *one.stop.consequences)]
-    return {**said, "axis": None if of_all else first.axis, "consequences": said["consequences"] + more * (not of_all)}
+    more = [f"{one.motor}: {fault.meaning}" for one in others for fault in (*one.stop.causes, *one.stop.consequences)]
+    return {
+        **said,
+        "motor": None if of_all else first.motor,
+        "consequences": said["consequences"] + more * (not of_all),
+    }
 
 
 def lines(stop: dict[str, Any], *, twin: bool = False) -> Iterator[str]:
@@ -236,7 +242,7 @@ def lines(stop: dict[str, Any], *, twin: bool = False) -> Iterator[str]:
         stop: one of `document`.
         twin: whether the drive was the command's own twin.
     """
-    axis = f"{stop['axis']}: " if stop.get("axis") else ""
+    motor = f"{stop['motor']}: " if stop.get("motor") else ""
     if stop["too_busy"]:
         yield stop["too_busy"]
         remedies = {fault.meaning: remedy_of(fault, twin=twin) for fault in Fault}
@@ -244,7 +250,7 @@ def lines(stop: dict[str, Any], *, twin: bool = False) -> Iterator[str]:
             yield f"at the same time: {meaning}; {remedies[meaning.rpartition(': ')[2]]}"
         return
     for meaning, remedy in zip(stop["causes"], stop["remedies"], strict=True):
-        yield f"{axis}{meaning}; {remedy}"
+        yield f"{motor}{meaning}; {remedy}"
     if stop["consequences"]:
         yield f"as a consequence: {', '.join(stop['consequences'])}"
 

@@ -19,7 +19,7 @@ from bowden.live.mcap_log import about as describing
 from bowden.live.mcap_read import Recording, read
 from bowden.live.mcap_reader import Damage
 from bowden.live.session import Session
-from bowden.live.session_axis import SessionAxis
+from bowden.live.session_motor import SessionMotor
 from bowden.records.metrics import rmse
 from bowden.rig.families import family_of
 from bowden.safety import faults
@@ -37,10 +37,10 @@ def document(session: Session) -> dict[str, Any]:
     ended = session.ended or {}
     mode = Mode(ended["mode"]).name.lower() if ended else None
     gone = ended.get("unattended", 0.0)
-    each = [_followed(axis, log.axis(axis.name) if axis.name else log) for axis in session.axes]
+    each = [_followed(motor, log.only(motor.name) if motor.name else log) for motor in session.motors]
     rmse, peak = ([one[key] for one in each if one[key] is not None] for key in ("rmse_deg", "peak_deg"))
     return {
-        "law": ", ".join(dict.fromkeys(axis.live.law.name for axis in session.axes)),
+        "law": ", ".join(dict.fromkeys(motor.live.law.name for motor in session.motors)),
         "rig": session.live.logged.hash,
         "drive": session.ready["drive"],
         "twin": session.on_twin,
@@ -53,8 +53,8 @@ def document(session: Session) -> dict[str, Any]:
         "stops": stops.document(log, session.live.limits._asdict(), twin=session.on_twin),
         "preflight": ended.get("reason") or None,
         "emergencies": [
-            f"{axis.name}: {text}".removeprefix(": ")
-            for axis, one in zip(session.axes, each, strict=True)
+            f"{motor.name}: {text}".removeprefix(": ")
+            for motor, one in zip(session.motors, each, strict=True)
             for text in one["emergencies"]
         ],
         "torque": TorqueLeft(ended["torque"] if ended else TorqueLeft.UNKNOWN).name.lower(),
@@ -64,7 +64,7 @@ def document(session: Session) -> dict[str, Any]:
         "seconds_led": min(one["seconds_led"] for one in each),
         "rmse_deg": max(rmse, default=None),
         "peak_deg": max(peak, default=None),
-        **({"axes": _axes(session, each)} if session.live.several else {}),
+        **({"motors": _motors(session, each)} if session.live.several else {}),
         "lateness": asdict(figures(log["lateness"])) if len(log.rows) else None,
         "run_time_median_us": _median_us(log["run_time"]),
         "overruns": ended.get("overruns"),
@@ -78,28 +78,28 @@ def document(session: Session) -> dict[str, Any]:
     }
 
 
-def _followed(axis: SessionAxis, log: Recording) -> dict[str, Any]:
-    """How well one axis followed, and what its drive said by itself."""
+def _followed(motor: SessionMotor, log: Recording) -> dict[str, Any]:
+    """How well one motor followed, and what its drive said by itself."""
     led = log["source"] >= TargetSource.LAW_BEGINS
     error = (log["joint"] - log["reference"])[led]
     error = error[np.isfinite(error)]
-    codes, explain = log["emergency"], family_of(axis.live.rig.drive).explain
+    codes, explain = log["emergency"], family_of(motor.live.rig.drive).explain
     return {
-        "seconds_led": round(len(error) * axis.live.rig.sample_time, 6),
+        "seconds_led": round(len(error) * motor.live.rig.sample_time, 6),
         "rmse_deg": rmse(error) / RADIANS if len(error) else None,
         "peak_deg": float(np.abs(error).max() / RADIANS) if len(error) else None,
         "emergencies": [explain(int(code)) for code in dict.fromkeys(codes[codes > 0.0].tolist())],
     }
 
 
-def _axes(session: Session, each: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """What is said of each axis of several."""
-    ended = (session.ended or {}).get("axes") or [None] * len(each)
+def _motors(session: Session, each: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """What is said of each motor of several."""
+    ended = (session.ended or {}).get("motors") or [None] * len(each)
     return [
         {
-            "name": axis.name,
-            "law": axis.live.law.name,
-            "rig": axis.live.logged.hash,
+            "name": motor.name,
+            "law": motor.live.law.name,
+            "rig": motor.live.logged.hash,
             "drive": drive,
             "mode": None if end is None else Mode(end["mode"]).name.lower(),
             "faults": [fault.meaning for fault in faults.of(end["faults"])] if end else [],
@@ -107,7 +107,7 @@ def _axes(session: Session, each: list[dict[str, Any]]) -> list[dict[str, Any]]:
             "torque": TorqueLeft(end["torque"] if end else TorqueLeft.UNKNOWN).name.lower(),
             **one,
         }
-        for axis, drive, end, one in zip(session.axes, session.ready["drives"], ended, each, strict=True)
+        for motor, drive, end, one in zip(session.motors, session.ready["drives"], ended, each, strict=True)
     ]
 
 
@@ -137,31 +137,31 @@ def _joined(logs: list[Recording]) -> Recording:
 
 def _print_stops(found: dict[str, Any]) -> None:
     """What stopped the run, in the order of time, then what its log does not show."""
-    named = {one["name"]: one["faults"] for one in found.get("axes", ())} or {"": found["faults"]}
+    named = {one["name"]: one["faults"] for one in found.get("motors", ())} or {"": found["faults"]}
     said: set[tuple[str, str]] = set()
-    """Axis, or nothing of a rig with one motor, and fault."""
+    """RigMotor, or nothing of a rig with one motor, and fault."""
     for number, stop in enumerate(found["stops"], 1):
         last = number == len(found["stops"]) and not found["ended_well"]
         how = "ended" if last else "stopped"
         for line in stops.lines(stop, twin=found["twin"]):
             print(f"{how} by a fault at {stop['time_s']:.3f} s: {line}")
-        whose = [stop["axis"]] if stop.get("axis") else [*named]
+        whose = [stop["motor"]] if stop.get("motor") else [*named]
         told = {*stop["causes"], *stop["consequences"]}
-        said |= {(axis, meaning) for axis in whose for meaning in told}
+        said |= {(motor, meaning) for motor in whose for meaning in told}
         said |= {
-            (axis, meaning) for axis, faulty in named.items() for meaning in faulty if f"{axis}: {meaning}" in told
+            (motor, meaning) for motor, faulty in named.items() for meaning in faulty if f"{motor}: {meaning}" in told
         }
     if found["stalled_ms"] and not any(stop["too_busy"] for stop in found["stops"]):
         print(stops.STALLED.format(found["stalled_ms"]))
     if found["unattended"]:
         print(f"ended before its time: {found['unattended']}")
-        said |= {(axis, Fault.OPERATOR_LOST.meaning) for axis in named}
+        said |= {(motor, Fault.OPERATOR_LOST.meaning) for motor in named}
     remedies = dict(zip(found["faults"], found["remedies"], strict=True))
-    for axis, faulty in named.items():
+    for motor, faulty in named.items():
         for meaning in faulty:
-            if (axis, meaning) not in said:
+            if (motor, meaning) not in said:
                 how = "at the end" if found["ended_well"] else "ended by a fault"
-                print(f"{how}: {f'{axis}: ' if axis else ''}{meaning}; {remedies[meaning]}")
+                print(f"{how}: {f'{motor}: ' if motor else ''}{meaning}; {remedies[meaning]}")
 
 
 _NEEDED = ("source", "joint", "reference", "lateness", "run_time", "emergency")
@@ -174,10 +174,10 @@ def _median_us(values: NDArray[np.float64]) -> float | None:
 
 def print_summary(found: dict[str, Any]) -> None:
     """The same for a person."""
-    for one in found.get("axes", ()):
+    for one in found.get("motors", ()):
         said = "no law led" if one["rmse_deg"] is None else f"{one['rmse_deg']:.3f}° RMS, {one['peak_deg']:.2f}° peak"
         print(f"{one['name']}, {one['law']}: {said} over {one['seconds_led']:g} s")
-    if found["rmse_deg"] is not None and not found.get("axes"):
+    if found["rmse_deg"] is not None and not found.get("motors"):
         print(f"{found['law']}: {found['rmse_deg']:.3f}° RMS, {found['peak_deg']:.2f}° peak", end="")
         print(f" over {found['seconds_led']:g} s{' on the twin' if found['twin'] else ''}")
     late = found["lateness"]

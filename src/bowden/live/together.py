@@ -1,8 +1,8 @@
-"""What several axes are asked for and shown, so that they begin and end together. Pure.
+"""What several motors are asked for and shown, so that they begin and end together. Pure.
 
-An axis that a fault stops is shown to the supervisors of the others, which release or switch off too (`safety.faults`,
-`AXIS_RELEASED`, `AXIS_OFF`). What no fault is, and would have one axis move without another, is met here: arming and
-running are passed on only where every axis can follow, and an axis that has not followed within `PATIENCE` cycles, or
+A motor that a fault stops is shown to the supervisors of the others, which release or switch off too (`safety.faults`,
+`OTHER_RELEASED`, `OTHER_OFF`). What no fault is, and would have one motor move without another, is met here: arming and
+running are passed on only where every motor can follow, and a motor that has not followed within `PATIENCE` cycles, or
 has gone without a fault, ends the run of all by the request that an operator stops it with.
 """
 
@@ -17,14 +17,14 @@ from bowden.safety.faults import Reaction, shown_to_others
 from bowden.safety.state import Mode, PreflightResult, Request
 
 PATIENCE = 20
-"""Cycles that the axes may need to begin to run, one after the other: a bridged reading keeps one back for 5."""
+"""Cycles that the motors may need to begin to run, one after the other: a bridged reading keeps one back for 5."""
 _UNDER_WAY = frozenset({Mode.RUNNING, Mode.BRIDGING})
 _ON = _UNDER_WAY | {Mode.PREFLIGHT}
 _OFF = frozenset({Mode.STOPPED, Mode.LATCHED})
 
 
 class Together:
-    """The axes of one run.
+    """The motors of one run.
 
     Args:
         count: of them.
@@ -40,7 +40,7 @@ class Together:
 
         Args:
             request: of the operator, for all.
-            modes: of each axis after the cycle before.
+            modes: of each motor after the cycle before.
             faults: that each had then, a sum of 2**fault.
         """
         if self._independent:
@@ -67,7 +67,7 @@ class Together:
         """What each supervisor is shown of the others: the worst reaction to their own faults.
 
         Args:
-            latched: faults that each axis had latched after the cycle before, a sum of 2**fault.
+            latched: faults that each motor had latched after the cycle before, a sum of 2**fault.
         """
         if self._independent or not any(latched):
             return [Reaction.NONE] * self._count
@@ -78,16 +78,16 @@ class Together:
         """The outcome of the preflight that each supervisor is shown: failed as soon as one has, passed once all have.
 
         Args:
-            alone: outcome of each axis' own.
+            alone: outcome of each motor's own.
         """
         return list(alone) if self._independent else [min(alone)] * self._count
 
     def over(self, done: Sequence[bool], modes: Sequence[Mode]) -> bool:
-        """Whether the run has come to its end: every axis that runs has, and one does.
+        """Whether the run has come to its end: every motor that runs has, and one does.
 
         Args:
-            done: whether each axis' script has.
-            modes: of each axis after the cycle before.
+            done: whether each motor's script has.
+            modes: of each motor after the cycle before.
         """
         led = [ended for ended, mode in zip(done, modes, strict=True) if mode in _UNDER_WAY]
         return Mode.RUNNING in modes and all(led) and (self._independent or len(led) == self._count)
@@ -98,7 +98,7 @@ _ALONE = (Mode.STOPPED, Mode.LATCHED, Mode.RELEASING, Mode.PREFLIGHT, Mode.RUNNI
 
 
 def mode_of_all(modes: Sequence[float], *, independent: bool) -> Mode:
-    """Where a run of several axes stands: the mode of the axis that is the furthest from having no power.
+    """Where a run of several motors stands: the mode of the motor that is the furthest from having no power.
 
     >>> mode_of_all((5.0, 4.0), independent=False)
     <Mode.RELEASING: 4>
@@ -110,7 +110,7 @@ def mode_of_all(modes: Sequence[float], *, independent: bool) -> Mode:
 
 
 def modes_of_all(modes: NDArray[np.float64], *, independent: bool) -> NDArray[np.float64]:
-    """`mode_of_all` of many rows (n, axes)."""
+    """`mode_of_all` of many rows (n, motors)."""
     if modes.shape[1] == 1:
         return modes[:, 0]
     order = np.array(_ALONE if independent else _ORDER, dtype=np.float64)
@@ -119,14 +119,14 @@ def modes_of_all(modes: NDArray[np.float64], *, independent: bool) -> NDArray[np
 
 
 OF_ALL = ("mode", "faults", "reaction", "power", "preflight", "preflight_reason")
-"""Columns that a row of several axes has for all of them."""
+"""Columns that a row of several motors has for all of them."""
 
 
 def of_all(rows: Sequence[Mapping[str, float]], *, independent: bool) -> dict[str, float]:
-    """What stands for all axes in a row: the furthest mode, every fault, the worst reaction, the preflight of all.
+    """What stands for all motors in a row: the furthest mode, every fault, the worst reaction, the preflight of all.
 
     Args:
-        rows: of each axis, by its columns without its name.
+        rows: of each motor, by its columns without its name.
         independent: whether each goes alone.
     """
     if len(rows) == 1:

@@ -26,7 +26,7 @@ class TwinScenario:
     Args:
         drive: parameters of the drive whose twin it may be.
         start: the monotonic clock where the column ``time`` is zero [s].
-        at: column of this drive's axis → its place in a row.
+        at: column of this drive's motor → its place in a row.
     """
 
     def __init__(self, drive: Any, start: float, at: Mapping[str, int] = AT) -> None:

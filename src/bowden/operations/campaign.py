@@ -202,7 +202,7 @@ def campaign(
 
     folder = Path("out/campaign") / study.stem if out is None else out
     given = None if rig is None else rig_of(rig)
-    if given is not None and given.axes:
+    if given is not None and given.motors:
         from bowden.rig.config import one_motor
 
         raise one_motor(Path(given.origin))

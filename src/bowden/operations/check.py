@@ -10,6 +10,7 @@ from bowden.operations.support.results import Result, ResultPart, degrees
 
 if TYPE_CHECKING:
     from bowden.design.check_result import Check
+    from bowden.rig.joints import RigJoint
     from bowden.rig.rig import Rig
 
 Verdict = Literal["holds", "little_margin", "limit_cycle", "does_not_hold"]
@@ -63,7 +64,7 @@ class Chatter(ResultPart):
 
 @dataclass(frozen=True)
 class TautMargins(ResultPart):
-    """Margins of two motors on one joint, of a case of taut cables."""
+    """Margins of several motors on one joint, of a case of taut cables."""
 
     at: str
     """Which cables are taut."""
@@ -76,19 +77,19 @@ class TautMargins(ResultPart):
 
 
 @dataclass(frozen=True)
-class PairLoops(ResultPart):
-    """What is found of two motors on one joint besides."""
+class SharedLoops(ResultPart):
+    """What is found of several motors on one joint besides."""
 
-    axes: tuple[str, ...]
-    """Names of both axes, the agonist first."""
+    motors: tuple[str, ...]
+    """Their names; the drive of the first has the joint's encoder."""
     co_contraction_deg: float
     """How much further each motor pulls than the joint asks for [deg]."""
     loops: tuple[TautMargins, ...]
-    """Smallest margins with both cables taut, and with each alone."""
+    """Smallest margins with all cables taut, and with each alone."""
     motors_apart_deg: float | None
-    """How far the motors went apart beyond the co-contraction in simulation; null where a trial ran away [deg]."""
+    """How far motors went apart beyond the co-contraction in simulation; null where a trial ran away [deg]."""
     largest_pole_apart: float
-    """Largest magnitude of a pole with which the motors part while the joint stands: what it comes to is
+    """Largest magnitude of a pole with which motors part while the joint stands: what it comes to is
     motors_apart_deg."""
 
 
@@ -130,34 +131,34 @@ class LoopCheck(ResultPart):
     its margins are null."""
     advice: str
     """Which number to change, and to what; empty where nothing is to be mended."""
-    pair: PairLoops | None
-    """Of two motors on one joint, which are judged as one; null of one motor."""
+    shared: SharedLoops | None
+    """Of several motors on one joint, which are judged as one; null of one motor."""
     rig: str
     """Hash of the rig: equal rigs have the same, whether they come from a file, Python or a log."""
 
 
 @dataclass(frozen=True)
-class AxisCheck(LoopCheck):
-    """Whether a law holds on one axis of several."""
+class JointCheck(LoopCheck):
+    """Whether the laws of one joint of several hold."""
 
-    axis: str
-    """Its name; of two motors on one joint what they are."""
+    joint: str
+    """Its name or, where one motor moves it, that motor's."""
 
 
 @dataclass(frozen=True)
 class CheckResult(LoopCheck, Result["Check | dict[str, Check]"]):
-    """Whether a law holds; of a rig with several axes the figures of the worst, and of each."""
+    """Whether a law holds; of a rig with several joints the figures of the worst, and of each."""
 
-    axes: tuple[AxisCheck, ...]
-    """Of a rig with several joints, each of them; two motors on one joint as one. Empty of a rig with one joint."""
+    joints: tuple[JointCheck, ...]
+    """Of a rig with several joints, each of them. Empty of a rig with one joint."""
     _: KW_ONLY
     checks: "dict[str, Check]"
-    """Name of the axis → its check."""
+    """Name of the joint → its check."""
     whole: "Rig"
 
     @property
     def value(self) -> "Check | dict[str, Check]":
-        """The check; of several axes the name of each → its check."""
+        """The check; of several joints the name of each → its check."""
         return self.checks if len(self.checks) > 1 else next(iter(self.checks.values()))
 
     @property
@@ -171,27 +172,27 @@ def check(
     law: GivenLaw | None = None,
     *,
     preset: str | None = None,
-    axis: str | None = None,
+    motor: str | None = None,
     progress: GivenProgress = None,
 ) -> CheckResult:
     """Say whether a rig's gains hold, before anything moves: margins, limit cycle, chatter, bounds, what to change.
 
-    Margins are looked at over all bends of the sheath; trial runs confirm them. Of a rig with several axes, each is
-    checked; two motors on one joint (docs/pair.md) are checked as one. The command's exit code is 0 where the loop
-    stays bounded, with little margin or a limit cycle too (the verdict says which), 1 where it does not hold, 2 where
-    that cannot be said.
+    Margins are looked at over all bends of the sheath; trial runs confirm them. Of a rig with several joints, each is
+    checked; all motors on one joint (docs/several_motors.md) are checked as one. The command's exit code is 0 where the
+    loop stays bounded, with little margin or a limit cycle too (the verdict says which), 1 where it does not hold, 2
+    where that cannot be said.
 
     Args:
         rig: the bench, law and scenario; ``bowden init`` writes one.
         law: a law's name, or FILE.py:NAME of your own, in place of the rig's.
         preset: a named set of gains of that law.
-        axis: one axis alone, of a rig with several.
+        motor: one motor alone, of a rig with several.
         progress: True for a line that says how far it is, or a function of what is being done and the share done.
 
     Returns:
         The check: ``holds``, whether the loop stays bounded; ``verdict`` (``holds``, ``little_margin``, ``limit_cycle``
-        or ``does_not_hold``), its ``reason``, the margins, and ``advice`` on what to change. Of two motors on one joint
-        ``pair`` too; of several axes a dictionary of checks.
+        or ``does_not_hold``), its ``reason``, the margins, and ``advice`` on what to change. Of several motors on one
+        joint ``shared`` too; of several joints a dictionary of checks.
 
     Raises:
         ParameterError: a rig, law or setting that cannot be used.
@@ -202,30 +203,25 @@ def check(
     (True, 'holds', 19)
     """
     from bowden.core.errors import asked_for_by
-    from bowden.core.toml_text import quoted
-    from bowden.design.advised_check import checked, checked_pair
     from bowden.design.objections import refuse_sources
+    from bowden.design.verdict import checked
     from bowden.operations.support import given
     from bowden.operations.support.progress import reported
 
-    whole = given.under(given.with_axis(given.rig_of(rig), axis), law, preset)
+    whole = given.under(given.of_motor(given.rig_of(rig), motor), law, preset)
     refuse_sources(whole)
-    singles, joint, count = given.singles(whole), given.joint_name(whole), len(whole.parts)
+    joints = {one.name: one for one in whole.each_joint}
     checks: dict[str, Check] = {}
     with reported(progress, "check") as report:
-        for number, one in enumerate(singles):
-            report(f"checking {one.name} {one.rig.law_name}".replace("  ", " "), number / count)
-            with asked_for_by(f"axis {quoted(one.name)}") if one.name else contextlib.nullcontext():
-                checks[one.name] = checked(one.rig)
-        if joint:
-            report(f"checking {joint}", len(singles) / count)
-            checks[joint] = checked_pair(whole)
-    rigs = {one.name: one.rig for one in singles} | ({joint: whole} if joint else {})
+        for name, joint in joints.items():
+            report(f"checking {name} {joint.first.law_name}".replace("  ", " "), len(checks) / len(joints))
+            with asked_for_by(joint.said) if joint.said else contextlib.nullcontext():
+                checks[name] = checked(joint)
     worst = max(checks, key=lambda name: _badness(checks[name]))
-    several = {name: _figures(one, rigs[name]) for name, one in checks.items()} if len(checks) > 1 else {}
-    figures = _figures(checks[worst], rigs[worst]) | {"rig": whole.hash}
-    axes = tuple(AxisCheck(**one, axis=name) for name, one in several.items())
-    return CheckResult(**figures, axes=axes, checks=checks, whole=whole, notes=given.notes_of(whole))
+    figures = {name: _figures(one, joints[name]) for name, one in checks.items()}
+    several = tuple(JointCheck(**one, joint=name) for name, one in figures.items() if len(checks) > 1)
+    told = figures[worst] | {"rig": whole.hash}
+    return CheckResult(**told, joints=several, checks=checks, whole=whole, notes=given.notes_of(whole))
 
 
 _VERDICTS = ("holds", "little_margin", "limit_cycle", "does_not_hold")
@@ -238,22 +234,16 @@ def _badness(found: "Check") -> tuple[int, float]:
     return _VERDICTS.index(found.verdict), -(margin if margin is not None else math.inf if found.holds else -math.inf)
 
 
-def _figures(found: "Check", rig: "Rig") -> dict[str, Any]:
+def _figures(found: "Check", joint: "RigJoint") -> dict[str, Any]:
     """The figures of one check, angles in degrees."""
     period = next((t.period for t in found.trials if t.swing is not None and t.swing == found.swing), None)
-    cycle, apart = found.cycle, found.pair
+    cycle, apart = found.cycle, found.shared
     ripple = [t.ripple for t in found.trials if t.ripple is not None]
-    pair = (
-        None
-        if apart is None
-        else PairLoops(
-            rig.pair.names,
-            degrees(rig.pair.co_contraction),
-            tuple(TautMargins(*loop) for loop in apart.loops),
-            degrees(apart.drift),
-            apart.apart,
-        )
-    )
+    shared = None
+    if apart is not None:
+        loops = tuple(TautMargins(*loop) for loop in apart.loops)
+        contraction = degrees(joint.settings.co_contraction)
+        shared = SharedLoops(joint.names, contraction, loops, degrees(apart.drift), apart.apart)
     return {
         **{name: getattr(found, name) for name in ("law", "verdict", "holds", "reason", "leaves_out", "refuted")},
         **{name: getattr(found, name) for name in ("gain_margin_db", "phase_margin_deg", "delay_margin_s", "advice")},
@@ -280,8 +270,8 @@ def _figures(found: "Check", rig: "Rig") -> dict[str, Any]:
         "ultimate_bound_deg": degrees(found.ultimate_error),
         "ultimate_bound_s": found.ultimate_s,
         "simulated_peak_deg": degrees(found.peak),
-        "pair": pair,
-        "rig": rig.hash,
+        "shared": shared,
+        "rig": joint.first.hash,
     }
 
 

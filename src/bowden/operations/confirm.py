@@ -32,7 +32,7 @@ class Confirmation(Result["Confirmation"]):
     """Where it is kept that this drive's angles are confirmed."""
 
 
-def confirm(rig: GivenRig, *, axis: str | None = None, channel: str | None = None) -> Confirmation:
+def confirm(rig: GivenRig, *, motor: str | None = None, channel: str | None = None) -> Confirmation:
     """Confirm the encoders' scales of a rig by one angle turned by hand.
 
     Turn the joint and say by how much: scales and directions of both encoders are compared with it. Once for a drive
@@ -40,7 +40,7 @@ def confirm(rig: GivenRig, *, axis: str | None = None, channel: str | None = Non
 
     Args:
         rig: with its [drive] and [limits].
-        axis: the axis, of a rig with several: one after the other.
+        motor: the motor, of a rig with several: one after the other.
         channel: the bus, in place of the rig's.
 
     Raises:
@@ -57,16 +57,16 @@ def confirm(rig: GivenRig, *, axis: str | None = None, channel: str | None = Non
 
     if not sys.stdin.isatty():
         raise ParameterError("there is no terminal to take an angle from", do="run it at a terminal, beside the rig")
-    whole = given.rig_of(rig).axis(axis).on_bus(channel)
+    whole = given.rig_of(rig).only(motor).on_bus(channel)
     drive = open_drive(whole.drive_parameters, whole.load_cell, Links())
     with contextlib.ExitStack() as stack:
         identity = drive.bring_up()
         stack.callback(lambda: say_torque(drive.close(), say))
         say(identity)
         moved, before, after = by_hand.turned(drive, _line, say, MonotonicClock(), whole.sample_time)
-    joint, motor = after.joint - before.joint, after.motor - before.motor
-    kept = by_hand.confirm(whole, moved, joint, motor, serial_of(drive))
-    return Confirmation(identity, degrees(moved), degrees(joint), degrees(motor), Path(kept))
+    joint, spool = after.joint - before.joint, after.motor - before.motor
+    kept = by_hand.confirm(whole, moved, joint, spool, serial_of(drive))
+    return Confirmation(identity, degrees(moved), degrees(joint), degrees(spool), Path(kept))
 
 
 def say(sentence: str) -> None:

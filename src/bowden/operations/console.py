@@ -26,7 +26,7 @@ def console(
     *,
     twin: bool = False,
     channel: str | None = None,
-    axis: str | None = None,
+    motor: str | None = None,
     port: Annotated[int, Switch(least=0, most=65535)] = 0,
     host: str = "127.0.0.1",
     tls_cert: Path | None = None,
@@ -45,7 +45,7 @@ def console(
         rig: with its [drive] and [limits]; ``bowden init`` writes one.
         twin: run on a twin, on a bus of its own.
         channel: the bus, in place of the rig's.
-        axis: one axis alone, of a rig with several.
+        motor: one motor alone, of a rig with several.
         port: to listen at; 0 for a free one.
         host: address to listen at; another than this computer's own asks for TLS.
         tls_cert: certificate of TLS, as PEM.
@@ -64,8 +64,8 @@ def console(
     from bowden.console.open import opened
     from bowden.operations.support import given
 
-    whole = given.with_axis(given.rig_of(rig), axis).on_bus(channel)
-    notes = tuple(f"axis {one.name}: {text}" if one.name else text for one in whole.parts for text in one.rig.notes)
+    whole = given.of_motor(given.rig_of(rig), motor).on_bus(channel)
+    notes = tuple(f"motor {one.name}: {text}" if one.name else text for one in whole.parts for text in one.rig.notes)
     links = opened(
         whole,
         given.name_of(whole),

@@ -105,9 +105,8 @@ def demo(
     """
     from bowden.core.errors import LogError, ParameterError
     from bowden.core.files import write_text
-    from bowden.design.advised_check import checked
     from bowden.design.new_rig import around
-    from bowden.design.verdict import verdict_of
+    from bowden.design.verdict import checked, verdict_of
     from bowden.identify.cable.identification import identify_log
     from bowden.identify.log.read import read_log
     from bowden.operations.simulate import simulate
@@ -154,7 +153,7 @@ def demo(
         rig = Rig.read(rig_file).replace(duration=LENGTH)
         say(f"Rig: {rig_file}", *new.notes)
         report(f"checking {rig.law_name}", 0.1)
-        found = checked(rig)
+        found = checked(rig.each_joint[0])
         say(page.check_line(found))
         if not found.holds:
             raise ParameterError(f"{found.law} does not hold on {rig_file}: {found.reason}", do=found.advice)

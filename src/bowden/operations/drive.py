@@ -123,12 +123,12 @@ class DriveTare(Result["DriveTare"]):
     """Key of that section → value that makes the reading this load; none where it is so already."""
 
 
-def drive_probe(rig: GivenRig, *, axis: str | None = None, channel: str | None = None) -> DriveProbe:
+def drive_probe(rig: GivenRig, *, motor: str | None = None, channel: str | None = None) -> DriveProbe:
     """Say who answers on the bus of a rig: it is listened to, then asked. Nothing is set, nothing gets power.
 
     Args:
         rig: with its [drive].
-        axis: the axis, of a rig with several.
+        motor: the motor, of a rig with several.
         channel: the bus, in place of the rig's.
 
     Raises:
@@ -138,7 +138,7 @@ def drive_probe(rig: GivenRig, *, axis: str | None = None, channel: str | None =
     from bowden.hardware.buses.link import Links
     from bowden.rig.families import family_of
 
-    parameters = _given(rig, axis, channel).drive_parameters
+    parameters = _given(rig, motor, channel).drive_parameters
     family = family_of(parameters)
     if family.probe is None:
         do = "bowden drive monitor asks the one that the rig names"
@@ -156,7 +156,7 @@ def drive_probe(rig: GivenRig, *, axis: str | None = None, channel: str | None =
 def drive_monitor(
     rig: GivenRig,
     *,
-    axis: str | None = None,
+    motor: str | None = None,
     channel: str | None = None,
     duration: float | None = None,
     quiet: Quiet = False,
@@ -167,7 +167,7 @@ def drive_monitor(
 
     Args:
         rig: with its [drive].
-        axis: the axis, of a rig with several.
+        motor: the motor, of a rig with several.
         channel: the bus, in place of the rig's.
         duration: how long [s]; until Ctrl-C where none is given.
 
@@ -188,7 +188,7 @@ def drive_monitor(
         raise ParameterError(f"{what} is {duration:g}", expected="seconds above 0", do="correct it")
     if duration is None and quiet:
         raise ParameterError("--json needs an end", do="add --duration 10")
-    whole = _given(rig, axis, channel)
+    whole = _given(rig, motor, channel)
     look: DriveLook | None = None
     with _brought_up(whole) as (drive, identity), contextlib.suppress(KeyboardInterrupt):
         say(identity)
@@ -218,7 +218,7 @@ def drive_zero(
     *,
     motor_deg: float = 0.0,
     joint_deg: float = 0.0,
-    axis: str | None = None,
+    motor: str | None = None,
     channel: str | None = None,
 ) -> DriveZero:
     """Say which lines of rig.toml make the present position zero, or other angles; the motor gets no power.
@@ -229,7 +229,7 @@ def drive_zero(
         rig: with its [drive].
         motor_deg: angle of the motor, at its spool, where it is now [°].
         joint_deg: angle of the joint where it is now [°].
-        axis: the axis, of a rig with several.
+        motor: the motor, of a rig with several.
         channel: the bus, in place of the rig's.
 
     Raises:
@@ -241,7 +241,7 @@ def drive_zero(
     from bowden.rig.families import family_of
 
     _check_finite(motor_deg=motor_deg, joint_deg=joint_deg)
-    whole = _given(rig, axis, channel)
+    whole = _given(rig, motor, channel)
     require_zero(whole.drive)
     with _brought_up(whole) as (drive, identity):
         say(identity)
@@ -253,7 +253,7 @@ def drive_zero(
     return DriveZero(**_readings(look, identity), keys={name: round(value, 4) for name, value in keys.items()})
 
 
-def drive_tare(rig: GivenRig, *, load: float = 0.0, axis: str | None = None, channel: str | None = None) -> DriveTare:
+def drive_tare(rig: GivenRig, *, load: float = 0.0, motor: str | None = None, channel: str | None = None) -> DriveTare:
     """Say which line of rig.toml makes what the load cell reads now zero, or a known load; the motor gets no power.
 
     Let the cable hang slack, or hang a known weight on it, and call this. Nothing is written.
@@ -261,7 +261,7 @@ def drive_tare(rig: GivenRig, *, load: float = 0.0, axis: str | None = None, cha
     Args:
         rig: with its [drive].
         load: what hangs on the load cell now [N or N·m].
-        axis: the axis, of a rig with several.
+        motor: the motor, of a rig with several.
         channel: the bus, in place of the rig's.
 
     Raises:
@@ -271,7 +271,7 @@ def drive_tare(rig: GivenRig, *, load: float = 0.0, axis: str | None = None, cha
     from bowden.live.drive_look import require_load_cell, tare
 
     _check_finite(load=load)
-    whole = _given(rig, axis, channel)
+    whole = _given(rig, motor, channel)
     require_load_cell(whole)
     with _brought_up(whole) as (drive, identity):
         say(identity)
@@ -294,10 +294,10 @@ def drive_tare(rig: GivenRig, *, load: float = 0.0, axis: str | None = None, cha
     )
 
 
-def _given(rig: Any, axis: str | None, channel: str | None) -> "Rig":
+def _given(rig: Any, motor: str | None, channel: str | None) -> "Rig":
     from bowden.operations.support.given import rig_of
 
-    return rig_of(rig).axis(axis).on_bus(channel)
+    return rig_of(rig).only(motor).on_bus(channel)
 
 
 def _check_finite(**values: float) -> None:

@@ -71,7 +71,7 @@ def export(
     law: GivenLaw | None = None,
     *,
     preset: str | None = None,
-    axis: str | None = None,
+    motor: str | None = None,
     target: str = "host",
     float32: bool = False,
     emg: bool = False,
@@ -91,7 +91,7 @@ def export(
         folder: for the code; empty, not there, or with an earlier export of the same law.
         law: a law's name, or FILE.py:NAME of your own, in place of the rig's.
         preset: a named set of gains of that law.
-        axis: the axis, of a rig with several.
+        motor: the motor, of a rig with several.
         target: host, cortex-m4f, cortex-m33, cortex-m7, esp32: float where hardware has no double.
         float32: float on any target; the gate stays double.
         emg: export the EMG's envelope and detector too.
@@ -123,7 +123,7 @@ def export(
     from bowden.operations.support import given
     from bowden.operations.support.progress import reported
 
-    whole = given.under(given.rig_of(rig).axis(axis), law, preset)
+    whole = given.under(given.rig_of(rig).only(motor), law, preset)
     own, name = whole.fitted(), given.name_of(whole)
     output_folder(folder, argument("folder"))
     if target not in TARGETS:
@@ -137,7 +137,7 @@ def export(
     _only_ours(folder, set(texts) | {"recording.csv", "replay"})
     with reported(progress, "export") as report:
         report(f"checking {own.name}", 0.3)
-        verdict = verdicts(whole, [own], name, force=force)[0]
+        verdict = verdicts(whole.each_joint[0], [[own]], name, force=force)[0]
         report(f"recording a run of {own.name}", 0.6)
         recording = _recording(whole, own)
         with whole_files(folder) as stage:

@@ -106,7 +106,7 @@ def _cycle_of(path: Path, given: float | None) -> float:
     from bowden.rig.rig import Rig
 
     rig = Rig.read(path)
-    if rig.axes:
+    if rig.motors:
         raise one_motor(path)
     own = 1e3 * rig.sample_time
     if given is not None and abs(given - own) > 1e-9 * own:

@@ -50,9 +50,9 @@ class LogStop(ResultPart):
     """The faults that came after them or follow from them, in their order."""
     too_busy: str | None
     """That this computer was too busy, or its twin silent, with the figure and what to set; null where neither was."""
-    axis: str | None = None
-    """Of a run with several axes: the axis that the stop came from, whose causes these are; null where it came to all
-    at once."""
+    motor: str | None = None
+    """Of a run with several motors: the motor that the stop came from, whose causes these are; null where it came to
+    all at once."""
 
 
 @dataclass(frozen=True)
@@ -90,8 +90,8 @@ class LogEvent(ResultPart):
 
 
 @dataclass(frozen=True)
-class LogAxis(ResultPart):
-    """One axis of several."""
+class LogMotor(ResultPart):
+    """One motor of several."""
 
     law: str | None
     rig: str | None
@@ -153,8 +153,8 @@ class LogInfo(Result["LogInfo"]):
     """Name of each column and its unit."""
     settings: dict[str, Any]
     """All that made the run; a number that is not finite is null."""
-    axes: dict[str, LogAxis]
-    """Of a run with several axes: name of each, its law and the hash of its rig."""
+    motors: dict[str, LogMotor]
+    """Of a run with several motors: name of each, its law and the hash of its rig."""
 
 
 @dataclass(frozen=True)
@@ -227,7 +227,7 @@ class ReplayFigures(ResultPart):
     rig: str | None
     """Hash of the rig: equal rigs have the same, whether they come from a file, Python or a log. null in a log without
     one."""
-    axis: str
+    motor: str
     """Name of the one that these figures are of; empty of a run with one motor."""
 
 
@@ -235,13 +235,13 @@ class ReplayFigures(ResultPart):
 class LogReplay(ReplayFigures, Result["LogReplay"]):
     """How a run, fed through a law and the supervisor again, compares with its record.
 
-    Of a run with several axes the figures are those of the one that differs most.
+    Of a run with several motors the figures are those of the one that differs most.
     """
 
     file: Path
     """The log."""
-    axes: tuple[ReplayFigures, ...]
-    """Of a run with several axes those of each; else empty."""
+    motors: tuple[ReplayFigures, ...]
+    """Of a run with several motors those of each; else empty."""
     differs: bool
     """Whether the law that ran gives other numbers than were recorded."""
 
@@ -251,12 +251,12 @@ class LogReplay(ReplayFigures, Result["LogReplay"]):
         return 1 if self.differs else 0
 
 
-def log_info(file: File, *, axis: str | None = None) -> LogInfo:
+def log_info(file: File, *, motor: str | None = None) -> LogInfo:
     """Say what a log holds: duration, cycles, what is missing, lateness, events, settings.
 
     Args:
         file: a log, as ``bowden run`` writes it: NAME.mcap.
-        axis: one axis alone, of a run with several.
+        motor: one motor alone, of a run with several.
 
     Raises:
         LogError: it cannot be read.
@@ -265,7 +265,7 @@ def log_info(file: File, *, axis: str | None = None) -> LogInfo:
     from bowden.live.mcap_read import read
 
     found = read(file, needed(file))
-    said = {"axes": {}} | facts(found if axis is None else found.axis(axis))
+    said = {"motors": {}} | facts(found if motor is None else found.only(motor))
     return made(LogInfo, said, file=file, **_doubts(found, file))
 
 
@@ -298,15 +298,15 @@ def log_recover(
     )
 
 
-def log_export(file: File, *, out: Path | None = None, axis: str | None = None) -> LogExported:
+def log_export(file: File, *, out: Path | None = None, motor: str | None = None) -> LogExported:
     """Write a log as CSV, NPZ or Parquet, with units and settings: bowden identify takes it, and so does pandas.
 
-    Of a run with several axes the first axis' columns have plain names, those of another begin with its name.
+    Of a run with several motors the first motor's columns have plain names, those of another begin with its name.
 
     Args:
         file: a log, as ``bowden run`` writes it: NAME.mcap.
         out: the new file, .csv, .npz or .parquet; NAME.csv by default.
-        axis: one axis alone, of a run with several.
+        motor: one motor alone, of a run with several.
 
     Raises:
         LogError: it cannot be read.
@@ -318,19 +318,19 @@ def log_export(file: File, *, out: Path | None = None, axis: str | None = None) 
 
     target = _other(out or file.with_suffix(".csv"), file)
     log = LogReader(file)
-    columns = log.columns if axis is None else columns_of(log, axis)
-    write_traces(traces(log, axis), target)
+    columns = log.columns if motor is None else columns_of(log, motor)
+    write_traces(traces(log, motor), target)
     return LogExported((target,), log.count, tuple(columns), **_doubts(log, file))
 
 
-def log_plot(file: File, *, axis: str | None = None) -> LogDrawn:
+def log_plot(file: File, *, motor: str | None = None) -> LogDrawn:
     """Draw a log as a page: motion, error, command, modes and faults, lateness, settings.
 
-    Of a run with several axes one page for each, NAME-AXIS.html.
+    Of a run with several motors one page for each, NAME-MOTOR.html.
 
     Args:
         file: a log, as ``bowden run`` writes it: NAME.mcap.
-        axis: one axis alone, of a run with several.
+        motor: one motor alone, of a run with several.
 
     Raises:
         LogError: it cannot be read.
@@ -338,20 +338,20 @@ def log_plot(file: File, *, axis: str | None = None) -> LogDrawn:
     from bowden.live.mcap_read import read
 
     found = read(file)
-    return LogDrawn(recording=found if axis is None else found.axis(axis), **_doubts(found, file))
+    return LogDrawn(recording=found if motor is None else found.only(motor), **_doubts(found, file))
 
 
-def log_replay(file: File, *, law: str | None = None, trust_law: bool = False, axis: str | None = None) -> LogReplay:
+def log_replay(file: File, *, law: str | None = None, trust_law: bool = False, motor: str | None = None) -> LogReplay:
     """Feed a recorded run through a law and the supervisor again, and compare with what was commanded then.
 
-    Of a run with several axes each is, one after the other. The command's exit code is 1 where the law that ran gives
+    Of a run with several motors each is, one after the other. The command's exit code is 1 where the law that ran gives
     other numbers than were recorded.
 
     Args:
         file: a log, as ``bowden run`` writes it: NAME.mcap.
         law: a law's name, or FILE.py:NAME of your own; by default the one that ran.
         trust_law: run the law and the plant in the log although you never ran them on this computer.
-        axis: one axis alone, of a run with several.
+        motor: one motor alone, of a run with several.
 
     Raises:
         LogError: it cannot be read, or has a program that was never run here.
@@ -360,7 +360,7 @@ def log_replay(file: File, *, law: str | None = None, trust_law: bool = False, a
     from bowden.live.mcap_read import read
 
     found = read(file)
-    parts = found.parts if axis is None else {axis: found.axis(axis)}
+    parts = found.parts if motor is None else {motor: found.only(motor)}
     figures, differs = [], False
     for name, part in parts.items():
         one, other = _replayed(part, law, name)
@@ -369,11 +369,11 @@ def log_replay(file: File, *, law: str | None = None, trust_law: bool = False, a
     most = max(figures, key=lambda one: (one.verdicts_differing, one.command_largest))
     whole = {one.name: getattr(most, one.name) for one in fields(most)} | {"rig": hash_of(found.settings)}
     several = tuple(figures) if len(figures) > 1 else ()
-    return LogReplay(**whole, file=file, axes=several, differs=differs, **_doubts(found, file))
+    return LogReplay(**whole, file=file, motors=several, differs=differs, **_doubts(found, file))
 
 
-def _replayed(found: "Recording", law: str | None, axis: str) -> tuple[ReplayFigures, bool]:
-    """How the replay of one axis compares, and whether it differs though the law is the one that ran."""
+def _replayed(found: "Recording", law: str | None, motor: str) -> tuple[ReplayFigures, bool]:
+    """How the replay of one motor compares, and whether it differs though the law is the one that ran."""
     from bowden.control import user_law
     from bowden.live.log_replay import law_of, source_for
     from bowden.live.log_rig import hash_of
@@ -385,7 +385,7 @@ def _replayed(found: "Recording", law: str | None, axis: str) -> tuple[ReplayFig
     period, source = float(found.settings["sample_time"]), source_for(found, chosen)
     with user_law.explained(chosen):
         result = run(found, chosen, limits, filters, period, same=same, source=source)
-    whose: dict[str, Any] = {"law": chosen.name, "same_law": same, "rig": hash_of(found.settings), "axis": axis}
+    whose: dict[str, Any] = {"law": chosen.name, "same_law": same, "rig": hash_of(found.settings), "motor": motor}
     return ReplayFigures(**whose, **result._asdict()), same and result.differs
 
 

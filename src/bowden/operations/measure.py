@@ -35,7 +35,7 @@ def measure(
     out: Folder = Path("out/measure"),
     auto: bool = False,
     twin: bool = False,
-    axis: str | None = None,
+    motor: str | None = None,
     channel: str | None = None,
     attended: bool = False,
     tell: Tell = None,
@@ -51,7 +51,7 @@ def measure(
         out: folder for the logs.
         auto: arm, move once and end, without keys.
         twin: start bowden twin as well, on a bus of its own.
-        axis: the axis, of a rig with several: one after the other.
+        motor: the motor, of a rig with several: one after the other.
         channel: the bus, in place of the rig's.
         attended: over ssh: somebody at the rig has the emergency stop in hand.
 
@@ -74,7 +74,7 @@ def measure(
 
     note = tell or (lambda text: None)
     refuse_without_keys(auto, quiet)
-    whole = given.rig_of(rig).axis(axis).on_bus(channel)
+    whole = given.rig_of(rig).only(motor).on_bus(channel)
     if not twin:
         refuse_over_ssh(whole, attended=attended)
     live = live_run(whole, measure=True)
@@ -82,14 +82,14 @@ def measure(
     if not twin:
         await_host(partial(family_of(whole.drive).claim, whole.drive), note)
         require_watch(whole)
-        require_confirmed(whole, axis or "")
+        require_confirmed(whole, motor or "")
     for text in filter(None, (*live.notes, unseen_watch(whole))):
         note(text)
     with contextlib.ExitStack() as stack:
         ending = stack.enter_context(ending_signals())
         loop = stack.enter_context(prepared_loop())
         if twin:
-            own = stack.enter_context(own_twin(whole, measure=True, alone=axis or ""))
+            own = stack.enter_context(own_twin(whole, measure=True, alone=motor or ""))
             live = live_run(own, measure=True, logged=whole)
         session = stack.enter_context(Session(live, new_log(out, "measure"), remembers=not twin, loop=loop))
         if not quiet:

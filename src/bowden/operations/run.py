@@ -89,13 +89,13 @@ class FeltInRun(ResultPart):
 
 
 @dataclass(frozen=True)
-class RunAxis(ResultPart):
-    """One axis of several."""
+class RunMotor(ResultPart):
+    """One motor of several."""
 
     name: str
     law: str
     rig: str
-    """Hash of the axis' own rig."""
+    """Hash of the motor's own rig."""
     drive: str
     mode: str | None
     faults: tuple[str, ...]
@@ -142,7 +142,7 @@ class RunResult(LiveEnd, Result["RunResult"]):
     """A live run that has ended."""
 
     law: str
-    """Name of the law; of several axes with different ones all of them."""
+    """Name of the law; of several motors with different ones all of them."""
     drive: str
     """Who the drive says it is."""
     stalled_ms: float | None
@@ -156,9 +156,9 @@ class RunResult(LiveEnd, Result["RunResult"]):
     seconds_led: float | None
     """Time under the law [s]."""
     rmse_deg: float | None
-    """Joint against reference under the law, root mean square [°]. Of several axes the largest."""
+    """Joint against reference under the law, root mean square [°]. Of several motors the largest."""
     peak_deg: float | None
-    """Largest error under the law [°]. Of several axes the largest."""
+    """Largest error under the law [°]. Of several motors the largest."""
     lateness: LoopLateness | None
     run_time_median_us: float | None
     """Of the whole cycle, median [µs]."""
@@ -176,8 +176,8 @@ class RunResult(LiveEnd, Result["RunResult"]):
     """Whether the log was closed properly and every row that was written can be read."""
     log_lost: str | None
     """What became of a log that is not there at the end: removed, replaced or moved; null where it is."""
-    axes: tuple[RunAxis, ...]
-    """Of a rig with several axes each; else empty."""
+    motors: tuple[RunMotor, ...]
+    """Of a rig with several motors each; else empty."""
 
     @property
     def exit_code(self) -> int:
@@ -210,7 +210,7 @@ def run(
     *,
     preset: str | None = None,
     duration: float | None = None,
-    axis: str | None = None,
+    motor: str | None = None,
     twin: bool = False,
     channel: str | None = None,
     emg: str | None = None,
@@ -231,7 +231,7 @@ def run(
         law: a key of `LAWS`, ``FILE.py:NAME`` or a `Law` that is in a file; the rig's by default.
         preset: a named set of gains of that law.
         duration: of the run, in place of the rig's [s].
-        axis: one axis alone, of a rig with several.
+        motor: one motor alone, of a rig with several.
         twin: run on a simulated drive with the same protocol, on a bus of its own, and not on the rig's drive.
         channel: the bus, in place of the rig's.
         emg: ``lsl:NAME``, ``trigno:HOST`` or ``file:PATH``: EMG moves the joint, from that source.
@@ -254,7 +254,7 @@ def run(
     ...
     bowden.core.errors.ParameterError: cannot read rig.tom: no such file or directory; write one with: bowden init
     """
-    return _Run(_session(rig, law, preset, duration, axis, twin, channel, emg, out, force))
+    return _Run(_session(rig, law, preset, duration, motor, twin, channel, emg, out, force))
 
 
 @contextlib.contextmanager
@@ -263,7 +263,7 @@ def _session(
     law: GivenLaw | None,
     preset: str | None,
     duration: float | None,
-    axis: str | None,
+    motor: str | None,
     twin: bool,
     channel: str | None,
     emg: str | None,
@@ -275,19 +275,19 @@ def _session(
     from bowden.operations.support import given
     from bowden.operations.support.python import tell
 
-    whole = _given(rig, law, preset, duration, axis, channel, emg)
-    name, alone = given.name_of(whole), axis or ""
+    whole = _given(rig, law, preset, duration, motor, channel, emg)
+    name, alone = given.name_of(whole), motor or ""
     told = partial(live_session, whole, name, tell=lambda note: tell([note]), alone=alone)
     with told(twin=twin, out=out, force=force) as session:
         yield session
     tell([session.outcome] if not session.ended_well else [session.log_lost] if session.log_lost else [])
 
 
-def _given(rig: Any, law: Any, preset: Any, duration: Any, axis: Any, channel: Any, emg: Any) -> Any:
+def _given(rig: Any, law: Any, preset: Any, duration: Any, motor: Any, channel: Any, emg: Any) -> Any:
     """The rig with all that was said of it."""
     from bowden.operations.support import given
 
-    whole = given.with_axis(given.rig_of(rig), axis)
+    whole = given.of_motor(given.rig_of(rig), motor)
     whole = given.under(whole if duration is None else whole.replace(duration=duration), law, preset).on_bus(channel)
     return whole if emg is None else whole.with_emg(emg)
 
@@ -298,7 +298,7 @@ def run_to_end(
     law: str | None = None,
     preset: str | None = None,
     duration: float | None = None,
-    axis: str | None = None,
+    motor: str | None = None,
     out: Folder = Path("out/run"),
     auto: bool = False,
     twin: bool = False,
@@ -321,7 +321,7 @@ def run_to_end(
         law: a law's name, or FILE.py:NAME of your own, in place of the rig's.
         preset: a named set of gains of that law.
         duration: length of the run in seconds.
-        axis: one axis alone, of a rig with several.
+        motor: one motor alone, of a rig with several.
         out: folder for the log.
         auto: arm and run without keys, once, and end.
         twin: start bowden twin as well, on a bus of its own.
@@ -349,13 +349,13 @@ def run_to_end(
         require(foxglove)
     if console:
         from bowden.console.open import beside as console_beside  # now: it takes longer than an operator may be silent
-    whole = _given(rig, law, preset, duration, axis, channel, emg)
+    whole = _given(rig, law, preset, duration, motor, channel, emg)
     name = given.name_of(whole)
     if not twin:
         refuse_over_ssh(whole, attended=attended)
     with (
         ending_signals() as ending,
-        live_session(whole, name, twin=twin, out=out, force=force, tell=note, alone=axis or "") as session,
+        live_session(whole, name, twin=twin, out=out, force=force, tell=note, alone=motor or "") as session,
     ):
         if not quiet:
             note(session.live.losses())
@@ -363,7 +363,7 @@ def run_to_end(
             if console:
                 page.enter_context(console_beside(session, name, twin=twin, notes=[session.live.losses()]))
             operate(session, ending, auto=auto, quiet=quiet)
-    return made(RunResult, {"axes": []} | document(session))
+    return made(RunResult, {"motors": []} | document(session))
 
 
 @contextlib.contextmanager

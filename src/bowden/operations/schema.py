@@ -54,29 +54,32 @@ def json_schema(name: str) -> dict[str, Any]:
 
 def _rig() -> dict[str, Any]:
     """Of rig.toml, with the drives of every family."""
-    from bowden.rig.axes import AXIS, FEWEST, INDEPENDENT, MEANINGS, MOST
     from bowden.rig.families import names as families
-    from bowden.rig.sections import PAIR, RigFile, drive_part
+    from bowden.rig.motors import FEWEST, INDEPENDENT, JOINT, MEANINGS, MOST, MOTOR
+    from bowden.rig.sections import JOINT as JOINTS
+    from bowden.rig.sections import RigFile, drive_part
 
     schema = RigFile.model_json_schema()
-    schema["properties"] |= {
-        AXIS: {
-            "description": MEANINGS[AXIS],
-            "type": "array",
-            "minItems": FEWEST,
-            "maxItems": MOST,
-            "items": {
-                "type": "object",
-                "additionalProperties": False,
-                "required": ["name"],
-                "properties": {
-                    "name": {"type": "string"},
-                    **{name: {"type": "object"} for name in RigFile.model_fields},
-                },
-            },
+    one = schema["properties"][MOTOR]
+    keys = RigFile.model_fields[MOTOR].annotation.model_json_schema()["properties"]  # type: ignore[union-attr]
+    sections = {name: {"type": "object"} for name in RigFile.model_fields if name != MOTOR}
+    several = {
+        "description": MEANINGS[MOTOR],
+        "type": "array",
+        "minItems": FEWEST,
+        "maxItems": MOST,
+        "items": {
+            "type": "object",
+            "additionalProperties": False,
+            "required": ["name"],
+            "properties": {"name": {"type": "string"}, JOINT: {"type": "string"}, **keys, **sections},
         },
+    }
+    joint = JOINTS.section.model_json_schema()
+    schema["properties"] |= {
+        MOTOR: {"anyOf": [one, several]},
+        JOINT: {"anyOf": [joint, {"type": "array", "items": joint}]},
         INDEPENDENT: {"description": MEANINGS[INDEPENDENT], "type": "boolean", "default": False},
-        "pair": PAIR.section.model_json_schema(),
     }
     drives = [drive_part(family).section for family in families()]
     schema["properties"]["drive"] = {"anyOf": [{"$ref": f"#/$defs/{section.__name__}"} for section in drives]}

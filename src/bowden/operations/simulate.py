@@ -11,6 +11,7 @@ from bowden.operations.support.results import Result, ResultPart
 if TYPE_CHECKING:
     from bowden.records.trace import Trace
     from bowden.records.traces import Traces
+    from bowden.rig.joints import RigJoint
     from bowden.rig.rig import Rig
 
 
@@ -41,16 +42,16 @@ class Figures(ResultPart):
     hysteresis_width_deg: float | None
     """Height of the loop of joint over reference at mid-stroke; null without a loop [deg]."""
     mechanical_energy_j: float | None
-    """Integral of the mechanical power, Eq. 18; null of two motors on one joint [J]."""
+    """Integral of the mechanical power, Eq. 18; null of several motors on one joint [J]."""
     electrical_energy_j: float | None
-    """Integral of the electrical power, Eq. 18; null of two motors on one joint [J]."""
+    """Integral of the electrical power, Eq. 18; null of several motors on one joint [J]."""
 
 
 @dataclass(frozen=True)
 class MotorRun(ResultPart):
-    """One of two motors on one joint."""
+    """One of several motors on one joint."""
 
-    axis: str
+    motor: str
     """Its name."""
     largest_pull_nm: float | None
     """Largest torque of its cable on the joint [N m]."""
@@ -68,8 +69,8 @@ class MotorRun(ResultPart):
 class SimulatedRun(Figures):
     """One law that ran."""
 
-    axis: str
-    """The axis that ran; two motors on one joint are named together. Empty of a rig with one motor."""
+    joint: str
+    """The joint that was moved or, where one motor moves it, that motor. Empty of a rig with one motor."""
     law: str
     """Its name; laws of one name are numbered: adaptive-2."""
     check: Verdict | None
@@ -79,22 +80,27 @@ class SimulatedRun(Figures):
     interaction: FeltTorque | None
     """What the wearer felt of a suit that follows their push ([admittance]); null for any other run."""
     motors: tuple[MotorRun, ...]
-    """Of two motors on one joint each, the agonist first; else empty."""
+    """Of several motors on one joint each; else empty."""
 
 
 class SimulatedJoint(NamedTuple):
     """What ran on one joint."""
 
-    axis: str
-    """As in `SimulatedRun`."""
-    folder: str
-    """For its files, in that of the whole; empty for that itself."""
-    rig: "Rig"
+    joint: "RigJoint"
+    """With its motors, under the rig's own law."""
     traces: "Traces"
-    """By law; of two motors on one joint by ``law-axis``."""
+    """By law; of several motors on one joint by ``law-motor``."""
     runs: tuple[SimulatedRun, ...]
     by_law: "dict[str, Traces]"
-    """Of two motors on one joint, law → the trace of each motor."""
+    """Law → the trace of each motor, by its name."""
+    notes: list[str]
+    done: str
+    """What was done before an interruption; empty where there was none."""
+
+    @property
+    def name(self) -> str:
+        """Of the joint, and of the folder for its files in that of the whole; empty of a rig with one motor."""
+        return self.joint.name
 
 
 @dataclass(frozen=True)
@@ -104,7 +110,7 @@ class Simulation(Result[Any]):
     rig: str
     """Hash of the rig: equal rigs have the same, whether they come from a file, Python or a log."""
     runs: tuple[SimulatedRun, ...]
-    """One entry for each law, in the order they were asked for; of a rig with several axes for each of them too."""
+    """One entry for each law, in the order they were asked for; of a rig with several joints for each of them too."""
     _: KW_ONLY
     joints: tuple[SimulatedJoint, ...]
     whole: "Rig"
@@ -113,17 +119,16 @@ class Simulation(Result[Any]):
 
     @property
     def value(self) -> "Trace | Traces":
-        """The trace; of a list of laws all of them; of several axes by axis, or ``law-axis`` of a list."""
+        """The trace; of a list of laws all of them; of several motors by motor, or ``law-motor`` of a list."""
         from bowden.records.traces import Traces
 
         first, *others = self.joints
-        if not others and not first.by_law:
+        if not others and not first.joint.shared:
             return next(iter(first.traces.values())) if self.alone else first.traces
         found = Traces()
         for one in self.joints:
-            by_law = one.by_law or {law: Traces({one.axis: trace}) for law, trace in one.traces.items()}
-            for law, traces in by_law.items():
-                found |= {axis if self.alone else f"{law}-{axis}": trace for axis, trace in traces.items()}
+            for law, traces in one.by_law.items():
+                found |= {motor if self.alone else f"{law}-{motor}": trace for motor, trace in traces.items()}
         return found
 
 
@@ -134,7 +139,7 @@ def simulate(
     preset: str | None = None,
     duration: float | None = None,
     seed: int | None = None,
-    axis: str | None = None,
+    motor: str | None = None,
     emg: str | None = None,
     force: bool = False,
     progress: GivenProgress = None,
@@ -142,8 +147,8 @@ def simulate(
     """Simulate one law or several on a rig.
 
     Every law is checked first, as by `check`. A law that does not hold is refused. Interrupted between two laws, the
-    command writes those that are done. Of a rig with several axes each is simulated by itself, into a folder of its
-    name; two motors on one joint (docs/pair.md) together, into the folder pair.
+    command writes those that are done. Of a rig with several joints each is simulated by itself, into a folder of its
+    name; all motors on one joint (docs/several_motors.md) together.
 
     Args:
         rig: the bench, reference and scenario; ``bowden init`` writes one.
@@ -151,15 +156,15 @@ def simulate(
         preset: a named set of gains, for every law of this run.
         duration: length of the run, in place of the rig's [s].
         seed: of the encoders' noise and of a random bend, in place of the rig's.
-        axis: one axis alone, of a rig with several.
+        motor: one motor alone, of a rig with several.
         emg: EMG moves the joint: file:PATH of a recording, in place of the rig's.
         force: run laws that fail the check on the rig, too.
         progress: True for a line that says how far it is, or a function of what is being done and the share done.
 
     Returns:
-        The trace. For a list of laws: a dictionary, name of the law → trace, which shows and draws all of them. Of two
-        motors on one joint it is a dictionary for one law too, name of the axis → trace, and for a list of laws
-        ``law-axis`` → trace.
+        The trace. For a list of laws: a dictionary, name of the law → trace, which shows and draws all of them. Of
+        several motors it is a dictionary for one law too, name of the motor → trace, and for a list of laws
+        ``law-motor`` → trace.
 
     Raises:
         ParameterError: a rig, law or setting that cannot be used, or a law that does not hold.
@@ -175,105 +180,83 @@ def simulate(
     from bowden.operations.support.progress import reported
 
     changes = {name: value for name, value in (("duration", duration), ("seed", seed)) if value is not None}
-    whole = given.with_axis(given.rig_of(rig), axis)
+    whole = given.of_motor(given.rig_of(rig), motor)
     whole = whole.replace(**changes) if changes else whole
     whole = whole if emg is None else whole.with_emg(emg)
     laws = given.several(law)
-    entire, chosen = duration is not None, [law] if laws is None else laws
-    joints, notes, interrupted = [], [], ""
+    chosen, entire, joints = [law] if laws is None else laws, duration is not None, list[SimulatedJoint]()
     with reported(progress, "simulate") as report:
-        for one in given.singles(whole):
-            rigs = [given.under(one.rig, name, preset) for name in chosen]
-            found, said, ended = _of_motor(one.name, one.rig.offline(whole=entire), rigs, force, report)
-            joints.append(found)
-            notes += said
-            interrupted = interrupted or ended
-        if given.joint_name(whole):
-            rigs = [given.under(whole, name, preset) for name in chosen]
-            found, said, ended = _of_pair(rigs, force, entire, report)
-            joints.append(found)
-            notes += said
-            interrupted = interrupted or ended
-    runs = tuple(run for joint in joints for run in joint.runs)
+        for joint in whole.each_joint:
+            joints.append(_of_joint(joint, [_under(joint, name, preset) for name in chosen], force, entire, report))
     return Simulation(
         whole.hash,
-        runs,
+        tuple(run for one in joints for run in one.runs),
         joints=tuple(joints),
         whole=whole,
         alone=laws is None,
-        notes=tuple(notes),
-        interrupted=interrupted,
+        notes=tuple(note for one in joints for note in one.notes),
+        interrupted=next((one.done for one in joints if one.done), ""),
     )
 
 
-def _of_motor(
-    name: str, setup: "Rig", rigs: "Sequence[Rig]", force: bool, progress: Progress
-) -> tuple[SimulatedJoint, list[str], str]:
-    """One axis, or a rig with one motor, under each of the laws; what the user should know, and what was done."""
+def _under(joint: "RigJoint", law: GivenLaw | None, preset: str | None) -> "RigJoint":
+    """The joint with all of its motors under a law; their own where none is given."""
+    from bowden.operations.support import given
+
+    return joint._replace(motors=tuple(one._replace(rig=given.under(one.rig, law, preset)) for one in joint.motors))
+
+
+def _of_joint(
+    joint: "RigJoint", under: "Sequence[RigJoint]", force: bool, entire: bool, progress: Progress
+) -> SimulatedJoint:
+    """A joint with all of its motors, under each of the laws."""
     from bowden.design.objections import refusals
     from bowden.design.verdict import verdicts
     from bowden.operations.support import given
     from bowden.records.traces import Traces
-    from bowden.sim.one_run import run_of
+    from bowden.sim.joint_of_rig import laws_of, run_of_joint
 
-    laws = [rig.fitted() for rig in rigs]
-    progress(f"checking {', '.join(law.name for law in laws)} (compiled at first)", 0.0)
-    checked = verdicts(setup, laws, given.name_of(setup), force=force)
-    pushing = setup.pushing.notes(laws, force=force) if setup.pushing else []
-    found, ended = given.in_turn(laws, lambda i: run_of(setup, laws[i]), progress)
-    runs = tuple(
-        SimulatedRun(
-            axis=name,
-            law=law,
-            check=verdict.name,
-            stable=trace.stable,
-            interaction=_felt(setup, trace),
-            motors=(),
-            **asdict(trace.metrics()),
-        )
-        for (law, trace), verdict in zip(found.items(), checked, strict=False)
-    )
-    notes = [*setup.notes, *refusals(setup), *pushing, *(one.note for one in checked if one.note), *_of_suit(setup)]
-    done = f"{', '.join(found)} (of {len(laws)} laws) done and" if ended else ""
-    return SimulatedJoint(name, name, setup, Traces(found), runs, {}), notes, done
-
-
-def _of_pair(
-    rigs: "Sequence[Rig]", force: bool, entire: bool, progress: Progress
-) -> tuple[SimulatedJoint, list[str], str]:
-    """Two motors on one joint, under each of the laws."""
-    from bowden.design.check_rig import pair_laws
-    from bowden.design.verdict import pair_verdicts
-    from bowden.operations.support import given
-    from bowden.records.traces import Traces
-    from bowden.sim.pair_of_rig import agonist_of, run_of_pair
-
-    laws = [pair_laws(rig) for rig in rigs]
-    progress(f"checking {', '.join(one.name for one, _ in laws)} (compiled at first)", 0.0)
-    checked = pair_verdicts(rigs, given.name_of(rigs[0]), force=force)
-    firsts, name = [one for one, _ in laws], given.joint_name(rigs[0])
-    found, ended = given.in_turn(firsts, lambda i: run_of_pair(rigs[i], laws[i], whole=entire), progress)
+    setup, laws = joint.first.offline(whole=entire), [laws_of(one) for one in under]
+    firsts = [law for law, *_ in laws]
+    offline = joint if joint.shared else joint._replace(motors=(joint.motors[0]._replace(rig=setup),))
+    progress(f"checking {', '.join(law.name for law in firsts)} (compiled at first)", 0.0)
+    checked = verdicts(offline, laws, given.name_of(setup), force=force)
+    pushing = setup.pushing.notes(firsts, force=force) if setup.pushing else []
+    by_law, ended = given.in_turn(firsts, lambda i: run_of_joint(joint, laws[i], setup.hash, whole=entire), progress)
     runs = []
-    for (law, both), verdict in zip(found.items(), checked, strict=False):
-        first = next(iter(both.values()))
-        motors = tuple(_motor(axis, trace) for axis, trace in both.items())
-        figures = asdict(first.metrics()) | {"mechanical_energy_j": None, "electrical_energy_j": None}
-        told = {"check": verdict.name, "stable": first.stable, "interaction": None, "motors": motors}
-        runs.append(SimulatedRun(axis=name, law=law, **told, **figures))
-    traces = Traces({f"{law}-{axis}": trace for law, both in found.items() for axis, trace in both.items()})
-    notes = [*agonist_of(rigs[0]).notes, *(one.note for one in checked if one.note)]
-    done = f"{', '.join(found)} (of {len(laws)} laws) done and" if ended else ""
-    return SimulatedJoint(name, "pair", rigs[0], traces, tuple(runs), found), notes, done
+    for (law, each), verdict in zip(by_law.items(), checked, strict=False):
+        first = next(iter(each.values()))
+        figures = asdict(first.metrics())
+        if joint.shared:
+            figures |= {"mechanical_energy_j": None, "electrical_energy_j": None}
+        runs.append(
+            SimulatedRun(
+                joint=joint.name,
+                law=law,
+                check=verdict.name,
+                stable=first.stable,
+                interaction=_felt(setup, first),
+                motors=tuple(_motor(name, trace) for name, trace in each.items() if joint.shared),
+                **figures,
+            )
+        )
+    traces = Traces(
+        {f"{law}-{name}" if joint.shared else law: one for law, each in by_law.items() for name, one in each.items()}
+    )
+    said = [] if joint.shared else refusals(setup)
+    notes = [*setup.notes, *said, *pushing, *(one.note for one in checked if one.note), *_of_suit(setup)]
+    done = f"{', '.join(by_law)} (of {len(laws)} laws) done and" if ended else ""
+    return SimulatedJoint(joint, traces, tuple(runs), by_law, notes, done)
 
 
-def _motor(axis: str, trace: "Trace") -> MotorRun:
+def _motor(name: str, trace: "Trace") -> MotorRun:
     """Figures of one motor and its cable; None of a run that ran away."""
     import numpy as np
 
     metrics, pull, current = trace.metrics(), trace["pull"], trace["current"]
     ended = trace.ended
     return MotorRun(
-        axis,
+        name,
         float(np.max(pull)) if ended else None,
         float(np.mean(pull <= 0.0)) if ended else None,
         float(np.sqrt(np.mean(current**2))) if ended else None,

@@ -78,10 +78,10 @@ class TuneResult(Result["Tuning"]):
     """With --study: what the gains make of plants that they were not tuned against; null without."""
     _: KW_ONLY
     tuning: "Tuning"
-    axes: tuple[str | None, ...] = (None,)
-    """In the gains of which axes these are; None of a rig with one motor."""
+    motors: tuple[str | None, ...] = (None,)
+    """In the gains of which motors these are; None of a rig with one motor."""
     alone: bool = False
-    """Whether one of two motors on one joint was tuned by itself."""
+    """Whether one of several motors on one joint was tuned by itself."""
 
     @property
     def value(self) -> "Tuning":
@@ -101,23 +101,23 @@ def tune(
     *,
     preset: Annotated[str | None, Switch(Role.PYTHON)] = None,
     study: Path | None = None,
-    axis: str | None = None,
+    motor: str | None = None,
     seed: Annotated[int, Switch(least=0)] = 0,
     generations: Annotated[int | None, Switch(Role.PYTHON, least=1)] = None,
     progress: GivenProgress = None,
 ) -> TuneResult:
     """Find gains of the rig's law that keep margins of 6 dB and 45°, and follow best.
 
-    The margins are kept over all bends of the sheath. Best means the smallest error in the worst of nine runs. Of two
-    motors on one joint (docs/pair.md) both get the same gains, which are judged on the joint. The command writes the
-    gains into the rig; interrupted, the best ones so far, if they are better than those before.
+    The margins are kept over all bends of the sheath. Best means the smallest error in the worst of nine runs. All
+    motors on one joint (docs/several_motors.md) get the same gains, which are judged on the joint. The command writes
+    the gains into the rig; interrupted, the best ones so far, if they are better than those before.
 
     Args:
         rig: whose [control.gains] the command rewrites; of a run's log, nothing. From Python no file is changed.
         law: a key of `LAWS`, ``FILE.py:NAME`` or a `Law`; the rig's by default.
         preset: a named set of gains of that law, to begin with.
         study: tune against some of the plants of this study, and judge by others (docs/campaign.md).
-        axis: the axis, of a rig with several.
+        motor: the motor, of a rig with several.
         seed: of the search; the same seed gives the same result.
         generations: of the search; the time grows with them. 32 by default, 8 on a suit; both take minutes.
         progress: True for a line that says how far it is, or a function of what is being done and the share done.
@@ -138,26 +138,28 @@ def tune(
     from bowden.design.tune import BrokenOff
     from bowden.operations.support import given
     from bowden.operations.support.progress import reported
-    from bowden.study.tune_law import tuned, tuned_pair
+    from bowden.study.tune_law import tuned, tuned_together
 
     whole = given.rig_of(rig)
-    both = bool(whole.axes) and whole.pair.there and axis is None
-    chosen = given.under(whole if both else whole.axis(axis), law, preset)
+    shared = next((joint for joint in whole.each_joint if joint.shared), None)
+    together = shared is not None and motor is None
+    chosen = given.under(whole if together else whole.only(motor), law, preset)
     path = None if study is None else Path(study)
-    alone = axis is not None and whole.pair.there and axis in whole.pair.names
+    alone = shared is not None and motor in shared.names
     notes = list(given.notes_of(chosen))
     if alone:
-        notes.append(f"axis {axis} was tuned as if its motor were alone on the joint; check both together")
+        notes.append(f"motor {motor} was tuned as if it were alone on the joint; check all together")
     broken = False
     with reported(progress, "tune") as report:
         try:
-            found = (tuned_pair if both else tuned)(chosen, path, seed=seed, generations=generations, progress=report)
+            search = tuned_together if together else tuned
+            found = search(chosen, path, seed=seed, generations=generations, progress=report)
         except BrokenOff as broken_off:
             found, broken = broken_off.tuning, True
     return TuneResult(
         **_figures(found, chosen),
         tuning=found,
-        axes=tuple(whole.pair.names) if both else (axis,),
+        motors=shared.names if together and shared is not None else (motor,),
         alone=alone,
         notes=tuple(notes),
         interrupted=f"the best gains after {found.generations} generations are" if broken else "",
@@ -169,7 +171,7 @@ def _figures(found: "Tuning", rig: "Rig") -> dict[str, Any]:
     return {
         "rig": rig.hash,
         "law": found.law.name,
-        "preset": None if found.rig.axes else found.rig.preset,
+        "preset": None if found.rig.motors else found.rig.preset,
         "gains": dict(found.gains),
         "before": {name: found.stood[name] for name in found.gains},
         "verdict": found.found.verdict,

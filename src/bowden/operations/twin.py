@@ -123,7 +123,7 @@ def twin(
     status: bool = False,
     channel: str | None = None,
     interface: str | None = None,
-    axis: str | None = None,
+    motor: str | None = None,
     duration: float | None = None,
     object_: Annotated[list[str] | None, Switch(name="--object")] = None,
     until_orphaned: Annotated[bool, Switch(hidden=True)] = False,
@@ -139,7 +139,7 @@ def twin(
         status: show the state of the running twin.
         channel: the bus, in place of the rig's.
         interface: python-can's name of that bus, in place of the rig's.
-        axis: the axis, of a rig with several: a twin is one drive.
+        motor: the motor, of a rig with several: a twin is one drive.
         duration: length of the scenario's sheath motion in seconds.
         object_: an object of a CANopen drive: 6502:0=0x25, or 6502:0=none. May be repeated.
         until_orphaned: end some time after the process that started it.
@@ -153,7 +153,7 @@ def twin(
     """
     from bowden.core.caller import argument
     from bowden.core.errors import ParameterError
-    from bowden.operations.support.given import rig_of, with_axis
+    from bowden.operations.support.given import of_motor, rig_of
     from bowden.rig.rig import Rig
 
     if inject == "list":
@@ -163,11 +163,12 @@ def twin(
         yield TwinFaults(tuple(listed))
         return
     packed = rig == Path("-")
-    whole = with_axis(Rig.unpack(sys.stdin.buffer.read()) if packed else rig_of(rig), axis)
+    whole = of_motor(Rig.unpack(sys.stdin.buffer.read()) if packed else rig_of(rig), motor)
     whole = (whole if duration is None else whole.replace(duration=duration)).on_bus(channel, interface)
     talks = bool(inject or clear or status)
-    if not whole.pair.there or talks:
-        whole = whole.axis()
+    if len(whole.each_joint) > 1 or talks:
+        whole = whole.only()
+    if not whole.motors:
         _ = whole.drive_parameters  # which refuses what makes no sense together
     if not 0.0 <= after < math.inf or not (lasting is None or 0.0 < lasting < math.inf):
         what = f"{argument('after').rstrip('=')} is {after:g}, {argument('lasting').rstrip('=')} {lasting}"
@@ -207,7 +208,7 @@ def _talk(rig: "Rig", inject: str | None, after: float, lasting: float | None, c
 
 def _run(rig: "Rig", objects: list[str], until_orphaned: bool) -> Iterator[TwinStarted]:
     from bowden.core.clock import SECOND, MonotonicClock
-    from bowden.hardware.twin.of_rig import PlayedDrive, attach_load_cell, twin_pair_of, twin_plant_of
+    from bowden.hardware.twin.of_rig import attach_load_cell, played
     from bowden.hardware.twin.twin import raise_priority
     from bowden.live.left_behind import sweep
     from bowden.rig.families import family_of
@@ -217,14 +218,12 @@ def _run(rig: "Rig", objects: list[str], until_orphaned: bool) -> Iterator[TwinS
     def clock() -> float:
         return monotonic.now() / SECOND
 
-    if rig.pair.there:
-        axes, played = [rig.axis(name) for name in rig.pair.names], [*twin_pair_of(rig, clock())]
-    else:
-        axes, played = [rig], [PlayedDrive(rig.drive_parameters, twin_plant_of(rig, clock()))]
-    twins = [family_of(one.drive).twin(one.drive, one.plant, clock, objects) for one in played]
-    for twin, one in zip(twins, axes, strict=True):
-        attach_load_cell(twin, one)
-    running, drive = twins[0], played[0].drive
+    (joint,) = rig.each_joint
+    drives = played(joint, clock())
+    twins = [family_of(one.drive).twin(one.drive, one.plant, clock, objects) for one in drives]
+    for twin, motor in zip(twins, joint.motors, strict=True):
+        attach_load_cell(twin, motor.rig)
+    running, drive = twins[0], drives[0].drive
 
     def stop() -> None:
         for one in twins:

@@ -68,11 +68,11 @@ def simulation_page(traces: Mapping[str, Trace], title: str) -> Page:
             "Command to the motor; command − reference, which is the compensation itself"
             + ("; the motor's current." if "current" in next(iter(traces.values())).columns else "."),
         )
-    if _is_pair(traces):
+    if _is_shared(traces):
         page.heading("What each cable pulls")
         page.figure(
             figures.pulls(traces, colours),
-            "Torque of each cable on the joint that both share; 0 where it is slack.",
+            "Torque of each cable on the joint that they share; 0 where it is slack.",
         )
     if suit_figures.is_suit(traces):
         page.heading("Forces of the suit")
@@ -115,15 +115,16 @@ def simulation_page(traces: Mapping[str, Trace], title: str) -> Page:
 
 def _lead(traces: Mapping[str, Trace]) -> str:
     first = next(iter(traces.values()))
-    count = len(traces) // 2 if _is_pair(traces) else len(traces)
-    laws = ("One law" if count == 1 else f"{count} laws") + (" on two motors" if _is_pair(traces) else "")
+    motors = len(first.settings["joint"]["motors"]) if _is_shared(traces) else 1
+    count = len(traces) // motors
+    laws = ("One law" if count == 1 else f"{count} laws") + (f" on {motors} motors" if motors > 1 else "")
     kind = first.settings.get("reference", {}).get("kind", "")
     motion = f", reference: {kind.replace('_', ' ')}" if kind else ""
     return f"{laws}, {first.time[-1] - first.time[0]:.4g} s at {figures.rate(first):.4g} Hz{motion}."
 
 
-def _is_pair(traces: Mapping[str, Trace]) -> bool:
-    """Whether each law has a trace for each of two motors on one joint."""
+def _is_shared(traces: Mapping[str, Trace]) -> bool:
+    """Whether each law has a trace for each of several motors on one joint."""
     return all("pull" in trace.columns for trace in traces.values())
 
 
@@ -138,13 +139,13 @@ def _metrics_table(page: Page, traces: Mapping[str, Trace], measured: Mapping[st
         "electrical energy [J]": lambda m: _show(m.electrical_energy_j),
     }
     rows = [[name, *(show(figures_of) for show in columns.values())] for name, figures_of in measured.items()]
-    header = ["law and motor" if _is_pair(traces) else "law", *columns]
+    header = ["law and motor" if _is_shared(traces) else "law", *columns]
     if all(_chirp(trace) is not None for trace in traces.values()):
         header.append("bandwidth [rad/s]")
         for row, trace in zip(rows, traces.values(), strict=True):
             row.append(_show(_chirp_bandwidth(trace), 1))
     known = {name: m.rmse_deg for name, m in measured.items() if m.rmse_deg is not None}
-    best = min(known, key=lambda name: known[name]) if len(known) > 1 and not _is_pair(traces) else ""
+    best = min(known, key=lambda name: known[name]) if len(known) > 1 and not _is_shared(traces) else ""
     page.table(
         header,
         rows,

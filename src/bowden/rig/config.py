@@ -12,7 +12,7 @@ from pydantic_core import ErrorDetails
 from bowden.core import bounded
 from bowden.core.errors import ParameterError, near
 from bowden.plants.counting import Counting
-from bowden.rig import axes
+from bowden.rig import motors
 from bowden.rig.declaration import Section, items_of, value_of
 from bowden.rig.families import names as families
 from bowden.rig.sections import (
@@ -25,9 +25,9 @@ from bowden.rig.sections import (
 
 
 def one_motor(path: Path) -> ParameterError:
-    """That a file has several axes, for whoever takes those of one motor alone."""
+    """That a file has several motors, for whoever takes those of one motor alone."""
     return ParameterError(
-        f"{path} has several axes", expected="the rig of one motor", do="write one without [[axis]] for this"
+        f"{path} has several motors", expected="the rig of one motor", do="write one without [[motor]] for this"
     )
 
 
@@ -37,7 +37,7 @@ def checked_file(tree: Mapping[str, Any], path: Path) -> Any:
     Raises:
         ParameterError: an unknown key, a value of the wrong kind or out of its range, or some that do not fit.
     """
-    if axes.AXIS in tree:
+    if motors.has_several(tree):
         raise one_motor(path)
     control = tree.get("control")
     if isinstance(control, Mapping) and isinstance(control.get("gains"), Mapping):
@@ -154,7 +154,9 @@ def read_toml(path: Path, do: str = "write one with: bowden init") -> dict[str, 
     except UnicodeDecodeError:
         raise ParameterError(f"{path} is not text", expected="a TOML file in UTF-8", do="save it as that") from None
     except ValueError as error:  # also a null byte in the path
-        raise ParameterError(f"{path} is not TOML: {error}", do="correct it there") from None
+        twice = "Cannot overwrite" in str(error) or "Cannot declare" in str(error)
+        do = "of several motors the keys of [motor] stand below the first [[motor]]" if twice else _CORRECT
+        raise ParameterError(f"{path} is not TOML: {error}", do=do) from None
 
 
 _CORRECT = "correct it there"

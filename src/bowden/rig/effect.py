@@ -37,7 +37,7 @@ class Idle(NamedTuple):
 
 
 def idle(rig: Any) -> Iterator[Idle]:
-    """Keys of a rig without axes whose place another one took."""
+    """Keys of a rig without motors whose place another one took."""
     if rig.worn is None:
         return
     kind = rig.suit.cable

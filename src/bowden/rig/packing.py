@@ -27,7 +27,7 @@ from bowden.plants.identified import IdentifiedCable
 from bowden.plants.plant_file import PlantFile, as_file
 from bowden.plants.user_plant import UserPlant
 from bowden.rig.declaration import replaced
-from bowden.rig.pair import PairSettings
+from bowden.rig.joints import JointSettings
 from bowden.rig.sections import PARTS, REFERENCES
 from bowden.rig.settings import EmgSettings
 from bowden.rig.tree import tree_of, unnamed, values_of
@@ -40,12 +40,12 @@ MOST_BYTES = 32 << 20
 _DIGITS = 12
 """Numbers that are alike in this many digits make the same hash: degrees to radians and back is not exact."""
 
-OF_AXES = ("axes", "independent", "pair")
-"""Fields of a rig that one without axes says nothing of."""
+OF_MOTORS = ("motors", "independent", "joints")
+"""Fields of a rig that one without motors says nothing of."""
 
 
 def document(values: Mapping[str, Any]) -> dict[str, Any]:
-    """The fields of a rig as JSON values; of one with axes, what these have in common.
+    """The fields of a rig as JSON values; of one with motors, what these have in common.
 
     ``tree`` is what a file says; ``files`` is what was in the files that it names; ``exact`` are numbers that no file
     can say to the last bit, in SI.
@@ -85,7 +85,7 @@ def packed(found: Mapping[str, Any]) -> bytes:
 
 
 def unpacked(pack: bytes | Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
-    """The fields of a rig from a document, or its bytes, and those of its axes as they stand there. No file is read.
+    """The fields of a rig from a document, or its bytes, and those of its motors as they stand there. No file is read.
 
     Args:
         pack: what `packed` or `document` gave.
@@ -115,22 +115,22 @@ def unpacked(pack: bytes | Mapping[str, Any]) -> tuple[dict[str, Any], dict[str,
             law = values["law"]
             loaded = law.load() if isinstance(law, LawFile) else LAWS[law]
             values["law"] = loaded.with_gains(**found["own_gains"])
-        beside = {name: found[name] for name in OF_AXES if name in found}
-        if "axes" in beside:
-            beside["axes"] = [(one["name"], one["rig"]) for one in beside["axes"]]
-            beside["pair"] = PairSettings(**beside["pair"])
+        beside = {name: found[name] for name in OF_MOTORS if name in found}
+        if "motors" in beside:
+            beside["motors"] = [(one["name"], one["rig"], one["joint"]) for one in beside["motors"]]
+            beside["joints"] = tuple(JointSettings(**one) for one in beside["joints"])
     return values, beside
 
 
 def own_files(found: Mapping[str, Any]) -> list[LawFile | PlantFile]:
-    """The users' programs in a document, and in those of its axes; nothing of them is run.
+    """The users' programs in a document, and in those of its motors; nothing of them is run.
 
     Raises:
         ParameterError: the document is none.
     """
     with _understood(found):
-        axes = [one["rig"] for one in found.get("axes", ())]
-        files = [dict(one.get("files", {})) for one in (found, *axes)]
+        motors = [one["rig"] for one in found.get("motors", ())]
+        files = [dict(one.get("files", {})) for one in (found, *motors)]
         return [_HELD[name](one[name]) for one in files for name in ("law", "plant") if name in one]
 
 
@@ -280,9 +280,12 @@ def digest(values: Mapping[str, Any]) -> str:
 
     It is that of what a file says, of what was in the files that it names, and not of where these and the drive are.
     """
-    if values["axes"]:
-        said: Any = {"axes": [[one.name, one.rig.hash] for one in values["axes"]], "independent": values["independent"]}
-        said |= {"pair": list(values["pair"])} if values["pair"].there else {}
+    if values["motors"]:
+        said: Any = {
+            "motors": [[one.name, one.rig.hash, one.joint] for one in values["motors"]],
+            "independent": values["independent"],
+            "joints": [list(one) for one in values["joints"]],
+        }
     else:
         own = {name: found for name in _USUAL if (found := _of_process(values[name])) is not None}
         tree = tree_of({**values, **{name: _USUAL[name] for name in own}}, of_process=True)

@@ -51,17 +51,17 @@ from bowden.plants.suit_parts import Suit
 from bowden.plants.suit_settings import SuitSettings, WearerSettings
 from bowden.plants.user_plant import UserPlant
 from bowden.plants.worn_suit import USUAL_DEAD_ZONE, elbow_dead_zone, suit_of
-from bowden.rig import axes as several
 from bowden.rig import display, emg_setup, packing
 from bowden.rig import drive as live_parts
+from bowden.rig import motors as several
 from bowden.rig.checked import Gains, checked, checked_number, shown
 from bowden.rig.consistent import Basis
 from bowden.rig.declaration import tree_of as section_tree
 from bowden.rig.effect import refuse_idle
 from bowden.rig.emg_setup import EmgRun
 from bowden.rig.families import DriveNeeds, family_of, resolved
+from bowden.rig.joints import JointSettings, RigJoint, check_joints, joints_of
 from bowden.rig.load_cell import LoadCellParameters, moved_cell
-from bowden.rig.pair import NO_PAIR, PairSettings, check_pair
 from bowden.rig.sections import (
     DEFAULT_CABLE,
     DEFAULT_FAMILY,
@@ -100,12 +100,14 @@ GivenPlant = str | UserPlant | PlantFile | None
 GivenLaw = str | Law | LawFile
 
 
-class Axis(NamedTuple):
-    """One axis of a rig."""
+class RigMotor(NamedTuple):
+    """One motor of a rig."""
 
     name: str
     rig: "Rig"
     """All of it: what is common, with what is its own."""
+    joint: str = ""
+    """Name of the joint that its cable pulls, where others pull it too."""
 
 
 _LINE = "line"
@@ -195,13 +197,13 @@ class Rig(metaclass=Answering):
     differ, ``limits={"play": 0.5}``, the others follow; ``Limits(play=0.5)`` writes those of the paper's bench."""
     live: LiveSettings = PARTS["live"].default
     emg: EmgSettings = PARTS["emg"].default
-    axes: tuple[Axis, ...] = ()
-    """Two to four motors in one loop, pairs of a name and a whole rig; empty of a rig with one motor. What the rig
-    itself says is then what is common."""
+    motors: tuple[RigMotor, ...] = ()
+    """Two to four motors in one loop, each a name and a whole rig, with the name of its joint where it shares that;
+    empty of a rig with one motor. What the rig itself says is then what is common."""
     independent: bool = False
-    """Whether an axis that is stopped by a fault leaves the others running."""
-    pair: PairSettings = NO_PAIR
-    """Two of the axes that pull one joint either way."""
+    """Whether a motor that is stopped by a fault leaves the others running."""
+    joints: tuple[JointSettings, ...] = ()
+    """Those that several motors move."""
     origin: str = field(default="Rig", compare=False)
     """The file that it was read from, for messages."""
     remarks: tuple[str, ...] = field(default=(), compare=False)
@@ -225,7 +227,7 @@ class Rig(metaclass=Answering):
             raise ParameterError(
                 f"Rig: remarks is {shown(self.remarks)}", expected="a tuple of texts", do="leave it out"
             )
-        self._check_axes()
+        self._check_motors()
         self._check_clock()
         for kind in (Clock, Scenario):
             for one in declared(kind):
@@ -242,23 +244,31 @@ class Rig(metaclass=Answering):
             self._take_from_plant()
         self._check_whole()
 
-    def _check_axes(self) -> None:
-        """Refuse axes that cannot be in one loop."""
-        pairs = isinstance(self.axes, tuple | list) and all(
-            isinstance(one, tuple) and len(one) == 2 and isinstance(one[0], str) and isinstance(one[1], Rig)
-            for one in self.axes
+    def _check_motors(self) -> None:
+        """Refuse motors that cannot be in one loop."""
+        fine = isinstance(self.motors, tuple | list) and all(
+            isinstance(one, tuple)
+            and len(one) in (2, 3)
+            and isinstance(one[1], Rig)
+            and all(isinstance(text, str) for text in (one[0], *one[2:]))
+            for one in self.motors
         )
-        if not pairs or not isinstance(self.independent, bool):
+        if not fine or not isinstance(self.independent, bool) or not isinstance(self.joints, tuple | list):
             raise ParameterError(
-                f"Rig: axes is {shown(self.axes)}, independent {shown(self.independent)}",
-                expected="pairs of a name and a rig, and True or False",
-                do='make them: axes=(("hip", rig), ("knee", rig.replace(…)))',
+                f"Rig: motors is {shown(self.motors)}, independent {shown(self.independent)}, joints "
+                f"{shown(self.joints)}",
+                expected="a name and a rig for each motor, with the name of its joint where others move that too; True "
+                "or False; and joints",
+                do='make them: motors=(("hip", rig), ("knee", rig.replace(…)))',
             )
-        object.__setattr__(self, "axes", tuple(Axis(*one) for one in self.axes))
-        object.__setattr__(self, "pair", checked(self.pair, PairSettings, "pair", NO_PAIR))
-        if self.axes:
-            several.check(self.axes, self.origin)
-        check_pair(self.pair, self.axes, self.independent, self.origin)
+        object.__setattr__(self, "motors", tuple(RigMotor(*one) for one in self.motors))
+        default = JointSettings()
+        joints = tuple(checked(one, JointSettings, "joint", default) for one in self.joints)
+        object.__setattr__(self, "joints", joints)
+        if self.motors:
+            several.check(self.motors, self.origin)
+        if self.motors or self.joints:
+            check_joints(self.each_joint, self.independent, self.origin)
 
     def _check_clock(self) -> None:
         """What the length of a run depends on, with the messages that the command line knows."""
@@ -322,9 +332,9 @@ class Rig(metaclass=Answering):
             _ = self.worn
         with asked_for_by(f"{self.origin}: [admittance]"):
             _ = self.pushing
-        if not self.axes:
+        if not self.motors:
             refuse_idle(self)
-        if not self.axes and self.brake.there:
+        if not self.motors and self.brake.there:
             with asked_for_by(f"{self.origin}: [brake]"):
                 live_parts.check_brake(self.brake, self.drive, self.supervisor_limits, self.worn)
 
@@ -364,11 +374,11 @@ class Rig(metaclass=Answering):
 
     @classmethod
     def _of_values(cls, values: dict[str, Any]) -> "Rig":
-        axes = []
-        for name, own in values.get("axes", ()):
-            with asked_for_by(f"axis {quoted(name)}"):
-                axes.append(Axis(name, cls(**own)))
-        return cls(**{**values, "axes": tuple(axes)})
+        motors = []
+        for name, own, joint in values.get("motors", ()):
+            with asked_for_by(f"motor {quoted(name)}"):
+                motors.append(RigMotor(name, cls(**own), joint))
+        return cls(**{**values, "motors": tuple(motors)})
 
     @classmethod
     def of_tree(cls, tree: Mapping[str, Any], origin: Path, keep: "Rig | None" = None) -> "Rig":
@@ -398,14 +408,14 @@ class Rig(metaclass=Answering):
         Raises:
             ParameterError: a reference, law or value that a file has no words for.
         """
-        if self.axes:
-            return several.shared({name: rig.tree() for name, rig in self.axes}) | self._independence
+        if self.motors:
+            return self._shared([several.MotorTree(name, rig.tree(), joint) for name, rig, joint in self.motors])
         return tree_of(self.fields)
 
-    @property
-    def _independence(self) -> dict[str, Any]:
-        pair = {several.PAIR: section_tree(self.pair)} if self.pair.there else {}
-        return pair | ({several.INDEPENDENT: True} if self.independent else {})
+    def _shared(self, trees: Sequence[several.MotorTree]) -> dict[str, Any]:
+        """The sections of a rig with several motors."""
+        joints = {several.JOINT: [section_tree(one) for one in self.joints]} if self.joints else {}
+        return ({several.INDEPENDENT: True} if self.independent else {}) | several.shared(trees) | joints
 
     def to_toml(self) -> str:
         """The rig as the text of a rig.toml, which `read` reads back to the same hash.
@@ -440,17 +450,18 @@ class Rig(metaclass=Answering):
 
     def _tree_and_files(self) -> tuple[dict[str, Any], dict[str, bytes]]:
         """The sections with the names of the files that lie beside, and what is in these."""
-        if not self.axes:
+        if not self.motors:
             return files_of(self.fields)
-        trees, files = {}, Files()
-        for name, rig in self.axes:
-            trees[name], own = files_of(rig.fields)
+        trees, files = list[several.MotorTree](), Files()
+        for name, rig, joint in self.motors:
+            tree, own = files_of(rig.fields)
+            trees.append(several.MotorTree(name, tree, joint))
             for file, content in own.items():
                 files.add(file, content)
-        return several.shared(trees) | self._independence, files.contents
+        return self._shared(trees), files.contents
 
     def replace(self, **changes: Any) -> "Rig":
-        """The same rig with other values of some fields; of one with axes, in each of them.
+        """The same rig with other values of some fields; of one with motors, in each of them.
 
         With another plant of one's own goes what the old one said of servo, encoders and so on; with another law go
         gains and preset of the old one. A reference stays where another cable comes: `bowden.init` makes both fit.
@@ -460,51 +471,56 @@ class Rig(metaclass=Answering):
         """
         for name in changes:
             _check_name(name)
-        if not self.axes and "law" in changes and changes["law"] not in (self.law, self.law_name):
+        if not self.motors and "law" in changes and changes["law"] not in (self.law, self.law_name):
             changes = {"gains": Gains(), "preset": None} | changes
         if self.plant is not None and "plant" in changes and changes["plant"] != self.plant:
             fields = type(self).__dataclass_fields__
             back = {name: fields[name].default for name in plant_file.said_by(self.own_plant)}
             changes = back | changes
         own = {name: value for name, value in changes.items() if name not in _OF_THE_WHOLE}
-        if self.axes and own and "axes" not in changes:
-            return self._with_axes(lambda rig: rig.replace(**own), **changes)
+        if self.motors and own and "motors" not in changes:
+            return self._with_motors(lambda rig: rig.replace(**own), **changes)
         return dataclasses.replace(self, **changes)
 
-    def _with_axes(self, made: Callable[["Rig"], "Rig"], **changes: Any) -> "Rig":
-        """The same rig with each axis as it is `made` of what it was, and with further changes of what is common."""
-        axes = tuple(Axis(name, made(rig)) for name, rig in self.axes)
-        return dataclasses.replace(self, **{**changes, "axes": axes})
+    def _with_motors(self, made: Callable[["Rig"], "Rig"], **changes: Any) -> "Rig":
+        """The same rig with each motor as it is `made` of what it was, and with further changes of what is common."""
+        motors = tuple(one._replace(rig=made(one.rig)) for one in self.motors)
+        return dataclasses.replace(self, **{**changes, "motors": motors})
 
     @property
-    def parts(self) -> "tuple[Axis, ...]":
-        """The axes; of a rig with one motor itself, without a name."""
-        return self.axes or (Axis("", self),)
+    def parts(self) -> "tuple[RigMotor, ...]":
+        """The motors; of a rig with one motor itself, without a name."""
+        return self.motors or (RigMotor("", self),)
 
-    def axis(self, name: str | None = None) -> "Rig":
-        """The rig of one axis; of a rig with one motor itself, where no name is given.
+    @cached_property
+    def each_joint(self) -> tuple[RigJoint, ...]:
+        """Its joints, each with its motors; of a rig with one motor one."""
+        return joints_of(self.parts, self.joints, self.origin)
+
+    def only(self, name: str | None = None) -> "Rig":
+        """The rig of one motor; of a rig with one motor itself, where no name is given.
 
         Args:
-            name: of the axis.
+            name: of the motor.
 
         Raises:
-            ParameterError: there is no such axis, or none is named and there are several.
+            ParameterError: there is no such motor, or none is named and there are several.
         """
-        names = [one.name for one in self.axes]
+        names = [one.name for one in self.motors]
         if name is None and not names:
             return self
         if name is not None:
-            arguments.text(name, "Rig.axis: name", "the name of an axis")
+            arguments.text(name, "Rig.only: name", "the name of a motor")
         if name is None:
             raise ParameterError(
-                f"{self.origin} has the axes {', '.join(names)}",
+                f"{self.origin} has the motors {', '.join(names)}",
                 expected="one of them for this",
-                do=f"name one with --axis {names[0]}",
+                do=f"name one with --motor {names[0]}",
             )
         if name not in names:
-            expected = near(str(name), names) if names else "none: the rig has one motor, without [[axis]]"
-            raise ParameterError(f"{self.origin} has no axis {shown(name)}", expected=expected, do="correct --axis")
-        return dict(self.axes)[name]
+            expected = near(str(name), names) if names else "none: the rig has one motor, without [[motor]]"
+            raise ParameterError(f"{self.origin} has no motor {shown(name)}", expected=expected, do="correct --motor")
+        return next(one.rig for one in self.motors if one.name == name)
 
     def with_law(self, law: GivenLaw | None = None, preset: str | None = None, folder: Path | None = None) -> "Rig":
         """The same rig with another law, without the gains of the old one; unchanged if no law is given.
@@ -517,8 +533,8 @@ class Rig(metaclass=Answering):
         Raises:
             ParameterError: an unknown law, or a user's file that cannot be used.
         """
-        if self.axes:
-            return self._with_axes(lambda rig: rig.with_law(law, preset, folder))
+        if self.motors:
+            return self._with_motors(lambda rig: rig.with_law(law, preset, folder))
         place = None if folder is None else arguments.path_of(folder, "Rig.with_law: folder", "folder")
         given = law_file.named(law, place) if isinstance(law, str) else law
         if given is None or given == self.law or _one_file(given, self.law):
@@ -540,7 +556,7 @@ class Rig(metaclass=Answering):
         >>> Rig().with_gain("feedback_gain", 30.0).fitted().gains.feedback_gain
         30.0
         """
-        _ = self.axis()
+        _ = self.only()
         preset = preset_of(self.loaded_law, self.knowledge, preset=self.preset, gains=self.gains)
         return self.replace(preset=preset, gains={**self.gains, name: value})
 
@@ -555,7 +571,7 @@ class Rig(metaclass=Answering):
             ParameterError: settings that do not fit it.
             StreamError: what names no source.
         """
-        _ = self.axis()
+        _ = self.only()
         arguments.text(source, "Rig.with_emg: source", '"lsl:NAME", "trigno:HOST" or "file:PATH"')
         emg = self.emg
         if wearer is not None:
@@ -577,7 +593,7 @@ class Rig(metaclass=Answering):
         Raises:
             StreamError: a recording that cannot be used.
         """
-        _ = self.axis()
+        _ = self.only()
         run, whole = self.emg_run, arguments.flag(whole, "Rig.offline: whole")
         if run is None or self.stands_for:
             return self
@@ -627,10 +643,11 @@ class Rig(metaclass=Answering):
             ParameterError: a reference, cable or law that exists only in this process.
         """
         found = packing.document(self._values) | {"origin": self.origin, "hash": self.hash}
-        if not self.axes:
+        if not self.motors:
             return found
-        axes = [{"name": name, "rig": rig.document()} for name, rig in self.axes]
-        return found | {"axes": axes, "independent": self.independent, "pair": self.pair._asdict()}
+        motors = [{"name": name, "rig": rig.document(), "joint": joint} for name, rig, joint in self.motors]
+        joints = [one._asdict() for one in self.joints]
+        return found | {"motors": motors, "independent": self.independent, "joints": joints}
 
     def pack(self) -> bytes:
         """The rig as bytes, for another process; see `unpack`.
@@ -648,9 +665,9 @@ class Rig(metaclass=Answering):
             ParameterError: it is none, or of another version.
         """
         values, beside = packing.unpacked(pack)
-        if "axes" in beside:
-            values["axes"] = tuple(Axis(name, cls.unpack(document)) for name, document in beside["axes"])
-            values |= {"independent": beside["independent"], "pair": beside["pair"]}
+        if "motors" in beside:
+            motors = (RigMotor(name, cls.unpack(document), joint) for name, document, joint in beside["motors"])
+            values |= {"motors": tuple(motors), "independent": beside["independent"], "joints": beside["joints"]}
         return cls(**values)
 
     def __repr__(self) -> str:
@@ -1083,8 +1100,8 @@ class Rig(metaclass=Answering):
         for name, value in (("channel", channel), ("interface", interface)):
             if value is not None:
                 arguments.text(value, f"Rig.on_bus: {name}", "the name of a bus" if name == "channel" else "its kind")
-        if self.axes:
-            return self._with_axes(lambda rig: rig.on_bus(channel, interface))
+        if self.motors:
+            return self._with_motors(lambda rig: rig.on_bus(channel, interface))
         moved = family_of(self.drive).moved(self.drive, channel, interface)
         cell = moved_cell(self.load_cell, channel, interface)
         same = moved == self.drive and cell == self.load_cell
@@ -1100,8 +1117,8 @@ class Rig(metaclass=Answering):
         return live_parts.filters(self.live, self.sample_time)
 
 
-_OF_THE_WHOLE = ("axes", "independent", "pair", "origin", "remarks")
-"""Fields of a rig with axes that are not those of each axis."""
+_OF_THE_WHOLE = ("motors", "independent", "joints", "origin", "remarks")
+"""Fields of a rig with motors that are not those of each motor."""
 _LOOKED_AT, _INSTANTS = 60.0, 601
 """Of a reference: for how long it is looked at [s], and how often."""
 _BEYOND = 0.1

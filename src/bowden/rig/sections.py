@@ -26,8 +26,8 @@ from bowden.plants.push_settings import AdmittanceSettings
 from bowden.plants.suit_settings import SuitSettings, WearerSettings
 from bowden.rig import families as drive_families
 from bowden.rig.declaration import Section, at, items_of, key_of, rounded, section_of
+from bowden.rig.joints import JointSettings
 from bowden.rig.load_cell import LoadCellParameters
-from bowden.rig.pair import PairSettings
 from bowden.rig.settings import EmgSettings, LiveSettings
 from bowden.safety.limits import Limits
 
@@ -145,8 +145,8 @@ PARTS: Mapping[str, Part] = {
 TITLES: Mapping[str, tuple[str, ...]] = {"joint_encoder": ("encoder", "joint"), "motor_encoder": ("encoder", "motor")}
 """Field of a rig → its section, where that has another name."""
 
-PAIR = _part("PairSection", PairSettings.__doc__ or "", PairSettings())
-"""[pair], which stands beside [[axis]]."""
+JOINT = _part("JointSection", JointSettings.__doc__ or "", JointSettings())
+"""[[joint]], which stands beside [[motor]]."""
 
 REFERENCES: Mapping[str, Part] = {
     tag: Part(kind, default, section_of(f"{kind.__name__}Section", text, kind, default, tag=tag))

@@ -19,17 +19,17 @@ from bowden.models.cable.bouc_wen import BoucWen
 from bowden.plants.counting import Counting
 from bowden.plants.identified import IdentifiedCable, cable_text, load_cable
 from bowden.plants.plant_file import PlantFile, as_file, plant_file
-from bowden.rig import axes, emg_setup
+from bowden.rig import emg_setup, motors
 from bowden.rig.checked import Gains
 from bowden.rig.config import checked_file, explained, read_toml
 from bowden.rig.declaration import Section, in_file, items_of, value_of
 from bowden.rig.declaration import tree_of as section_tree
 from bowden.rig.effect import refuse_switched_off
-from bowden.rig.pair import PairSettings
+from bowden.rig.joints import JointSettings
 from bowden.rig.sections import (
     BENDS,
+    JOINT,
     MODEL_FILE,
-    PAIR,
     PARTS,
     REFERENCES,
     TITLES,
@@ -64,14 +64,14 @@ def values_of(
         tree: sections as they stand in a rig.toml.
         path: for messages, and to find the files that it names.
         keep: fields of a rig whose contents of files serve where these name the same files.
-        whole: whether it is a whole rig, and not what several axes have in common.
+        whole: whether it is a whole rig, and not what several motors have in common.
 
     Raises:
         ParameterError: see `read_values`.
         LogError: likewise.
     """
-    if {axes.AXIS, axes.INDEPENDENT, axes.PAIR} & {*tree}:
-        return _values_of_axes(tree, path, keep or {})
+    if motors.has_several(tree):
+        return _values_of_motors(tree, path, keep or {})
     file = checked_file(tree, path)
     if whole:
         refuse_switched_off(file, path)
@@ -97,32 +97,38 @@ def values_of(
     return values | {"origin": str(path)}
 
 
-def _values_of_axes(tree: Mapping[str, Any], path: Path, keep: Mapping[str, Any]) -> dict[str, Any]:
-    """The common values, and among them those of each axis with its name."""
-    common, each, independent = axes.split(tree, str(path))
-    known = {one.name: one.rig.fields for one in keep.get("axes", ())}
+def _values_of_motors(tree: Mapping[str, Any], path: Path, keep: Mapping[str, Any]) -> dict[str, Any]:
+    """The common values, and among them those of each motor with its name and its joint's."""
+    common, each, independent = motors.split(tree, str(path))
+    known = {one.name: one.rig.fields for one in keep.get("motors", ())}
     found = []
-    for name, whole in each:
-        with asked_for_by(f"axis {quoted(name)}"):
-            found.append((name, values_of(whole, path, known.get(name))))
-    pair = _pair(tree, path)
-    return values_of(common, path, keep, whole=False) | {"axes": tuple(found), "independent": independent, "pair": pair}
+    for name, whole, joint in each:
+        with asked_for_by(f"motor {quoted(name)}"):
+            found.append((name, values_of(whole, path, known.get(name)), joint))
+    joints = _joints(tree, path)
+    return values_of(common, path, keep, whole=False) | {
+        "motors": tuple(found),
+        "independent": independent,
+        "joints": joints,
+    }
 
 
-class _PairFile(Section):
-    """The one section of a rig.toml that speaks of two axes."""
+class _JointFile(Section):
+    """The one section of a rig.toml that speaks of several motors."""
 
-    pair: PAIR.section = PAIR.section()  # type: ignore[name-defined]
+    joint: JOINT.section  # type: ignore[name-defined]
 
 
-def _pair(tree: Mapping[str, Any], path: Path) -> PairSettings:
-    """What [pair] says."""
-    try:
-        given = _PairFile.model_validate({axes.PAIR: tree[axes.PAIR]} if axes.PAIR in tree else {}).pair
-    except ValidationError as error:
-        raise explained(error, path, _PairFile) from None
-    found: PairSettings = value_of(PairSettings, given.model_dump(), PAIR.default)
-    return found
+def _joints(tree: Mapping[str, Any], path: Path) -> tuple[JointSettings, ...]:
+    """What [[joint]], or [joint] of one, says."""
+    given, found = tree.get(motors.JOINT, []), []
+    for one in given if isinstance(given, list) else [given]:
+        try:
+            section = _JointFile.model_validate({motors.JOINT: one}).joint
+        except ValidationError as error:
+            raise explained(error, path, _JointFile) from None
+        found.append(value_of(JointSettings, section.model_dump(), JOINT.default))
+    return tuple(found)
 
 
 def _part(file: Any, name: str) -> Any:

@@ -75,8 +75,8 @@ def run_detectors(limits: Limits, seen: Evidence) -> int:
         | bit(Fault.EMERGENCY_STOP, emergency_stop(seen))
         | bit(Fault.CURRENT_STUCK, current_stuck(limits, seen))
         | bit(Fault.RELEASE_PULLS, release_pulls(limits, seen))
-        | bit(Fault.AXIS_RELEASED, axis_released(seen))
-        | bit(Fault.AXIS_OFF, axis_off(seen))
+        | bit(Fault.OTHER_RELEASED, other_released(seen))
+        | bit(Fault.OTHER_OFF, other_off(seen))
         | bit(Fault.TORQUE_LOST, torque_lost(seen))
         | bit(Fault.OVER_TORQUE, over_torque(limits, seen))
         | bit(Fault.LOAD_STUCK, load_stuck(limits, seen))
@@ -186,7 +186,7 @@ def motor_over_speed(limits: Limits, seen: Evidence) -> bool:
 @kernel
 def motors_apart(limits: Limits, seen: Evidence) -> bool:
     """Two motors on one joint have been further apart than the joint asks, for too long."""
-    return beyond(seen.state.pair.apart_time, limits.slack_time)
+    return beyond(seen.state.neighbour.apart_time, limits.slack_time)
 
 
 # current, heat, load
@@ -423,16 +423,16 @@ def release_pulls(limits: Limits, seen: Evidence) -> bool:
     return beyond(way, REST) and beyond(limits.slack_sign * (joint - decided.joint_at_release), FURTHER)
 
 
-# other axes of the rig
+# other motors of the rig
 
 
 @kernel
-def axis_released(seen: Evidence) -> bool:
-    """A fault of another axis asks for R2."""
+def other_released(seen: Evidence) -> bool:
+    """A fault of another motor asks for R2."""
     return seen.observed.others == Reaction.R2
 
 
 @kernel
-def axis_off(seen: Evidence) -> bool:
-    """A fault of another axis asks for R3."""
+def other_off(seen: Evidence) -> bool:
+    """A fault of another motor asks for R3."""
     return seen.observed.others == Reaction.R3

@@ -14,8 +14,8 @@ from bowden.safety.limits import Limits
 from bowden.safety.state import (
     Mode,
     ModelledServo,
+    NeighbourState,
     Observed,
-    PairState,
     StuckCurrentState,
     StuckSensorState,
     SupervisorState,
@@ -247,22 +247,22 @@ def judge_request(limits: Limits, state: SupervisorState, requested: float, enab
 
 
 @kernel
-def watch_pair(
-    limits: Limits, state: SupervisorState, opposite: float, motor: SensorState, joint: float, time: float, leads: bool
-) -> PairState:
-    """How a motor of a pair goes with the other one: half of what both are further apart than the joint asks.
+def watch_neighbour(
+    limits: Limits, state: SupervisorState, neighbour: float, motor: SensorState, joint: float, time: float, leads: bool
+) -> NeighbourState:
+    """How a motor goes with another one on its joint: half of what both are further apart than the joint asks.
 
     While the other angle is not known nothing is said, which is for its own supervisor to do.
     """
-    if not (limits.paired and leads and state.decided.started):
-        return PairState(False, 0.0)
-    if outside(opposite, -limits.sensor_span, limits.sensor_span):
-        return PairState(state.pair.met, 0.0)
+    if not (limits.shared and leads and state.decided.started):
+        return NeighbourState(False, 0.0)
+    if outside(neighbour, -limits.sensor_span, limits.sensor_span):
+        return NeighbourState(state.neighbour.met, 0.0)
     asked_apart = limits.parting_offset + limits.parting_slope * joint
-    apart = 0.5 * abs(motor.value - opposite - asked_apart)
+    apart = 0.5 * abs(motor.value - neighbour - asked_apart)
     further = beyond(apart, limits.parting + limits.parting_lag * abs(motor.speed))
-    met = state.pair.met or not further
-    return PairState(met, persistence_time(met and further, state.pair.apart_time, time))
+    met = state.neighbour.met or not further
+    return NeighbourState(met, persistence_time(met and further, state.neighbour.apart_time, time))
 
 
 @kernel
@@ -317,7 +317,7 @@ def gather(limits: Limits, state: SupervisorState, observed: Observed, requested
         persistence_time(torque_though_off, before.undisabled, time),
         off_reference_time(limits, state, observed.reference, joint.value, time, requested.leads),
     )
-    pair = watch_pair(limits, state, observed.opposite, motor, joint.value, time, requested.leads)
+    neighbour = watch_neighbour(limits, state, observed.neighbour, motor, joint.value, time, requested.leads)
     now = SupervisorState(
         state.target,
         state.decided,
@@ -330,7 +330,7 @@ def gather(limits: Limits, state: SupervisorState, observed: Observed, requested
         heat,
         readings.sample_age,
         load_life,
-        pair,
+        neighbour,
     )
     return Evidence(observed, now, readings, effort, requested, state.servo.enabled, dt)
 

@@ -153,10 +153,10 @@ class Fault(IntEnum):
     RELEASE_PULLS = (R3, R3, 0.004, "release pulls",
                      "joint 20° to the slack side of where the cable is just taut, and 6° further since R2 began",
                      "change the sign of slack_sign in [limits], or the motor's direction")
-    AXIS_RELEASED = (R2, R2, 0.004, "another axis is being released", "a fault of another axis of the rig asks for R2",
-                     "look at the fault of the other axis; an acknowledgement is for all axes")
-    AXIS_OFF = (R3, R3, 0.004, "another axis is off", "a fault of another axis of the rig asks for R3",
-                "look at the fault of the other axis; an acknowledgement is for all axes")
+    OTHER_RELEASED = (R2, R2, 0.004, "another motor is being released", "a fault of another motor asks for R2",
+                     "look at the fault of the other motor; an acknowledgement is for all motors")
+    OTHER_OFF = (R3, R3, 0.004, "another motor is off", "a fault of another motor asks for R3",
+                "look at the fault of the other motor; an acknowledgement is for all motors")
     TORQUE_LOST = (R1, R2, 0.008, "no torque of the joint", "missing or impossible, where measured",
                    "look at the load cell's plug and supply")
     OVER_TORQUE = (R3, R3, 0.004, "too much torque on the joint", "|joint torque| > torque_high, where measured",
@@ -164,7 +164,7 @@ class Fault(IntEnum):
     LOAD_STUCK = (R2, R2, 0.008, "load cell does not change",
                   "at most one count to and fro over frozen_travel of the motor, less the cable's dead zone",
                   "look at the load cell, its amplifier and how it sends")
-    MOTORS_APART = (R2, R2, 0.060, "motors of a pair go apart",
+    MOTORS_APART = (R2, R2, 0.060, "motors on one joint go apart",
                     "½·|motor − the other's − parting_offset − parting_slope × joint| > parting + parting_lag × "
                     "speed for 50 ms, once both have been nearer",
                     "look for a law that drifts, other slopes of the cables than the rig says, a slipping spool; run "
@@ -213,8 +213,8 @@ def worst_reaction(faults: int, asked: Reactions) -> Reaction:
     return Reaction.NONE
 
 
-OF_OTHERS = (Fault.AXIS_RELEASED, Fault.AXIS_OFF)
-"""What an axis is stopped by that has no fault of its own."""
+OF_OTHERS = (Fault.OTHER_RELEASED, Fault.OTHER_OFF)
+"""What a motor is stopped by that has no fault of its own."""
 
 
 def of(bits: float) -> list[Fault]:
@@ -223,13 +223,14 @@ def of(bits: float) -> list[Fault]:
 
 
 def shown_to_others(latched: int) -> Reaction:
-    """What the supervisors of other axes are shown of one: the worst reaction of the faults of its own that latched it.
+    """What the supervisors of other motors are shown of one: the worst reaction of the faults of its own that
+    latched it.
 
-    What merely follows from another axis is left out: two axes would hold each other.
+    What merely follows from another motor is left out: two motors would hold each other.
 
     >>> shown_to_others(bits_of([Fault.SLACK])), shown_to_others(bits_of([Fault.SLACK, Fault.DRIVE_FAULT]))
     (<Reaction.R2: 2>, <Reaction.R3: 3>)
-    >>> shown_to_others(bits_of([Fault.AXIS_OFF]))
+    >>> shown_to_others(bits_of([Fault.OTHER_OFF]))
     <Reaction.NONE: 0>
     """
     return worst_reaction(latched & ~bits_of(OF_OTHERS), EVENTUALLY)

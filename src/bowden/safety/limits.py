@@ -135,7 +135,7 @@ class Limits(NamedTuple):
         float, Quantity("largest torque of the suit on the joint, either way, where measured", "N·m", ge=0.0, le=200.0)
     ] = 15.0
     slack_time: Annotated[
-        float, Quantity("how long it may be slack, or the motors of a pair apart", "s", ge=0.0, le=1.0)
+        float, Quantity("how long it may be slack, or motors on one joint apart", "s", ge=0.0, le=1.0)
     ] = 0.05
     reading_age: Annotated[
         float, Quantity("age of an angle that is still good", "cycles", ge=0.0, le=50.0, follows=True)
@@ -225,9 +225,9 @@ class Limits(NamedTuple):
         float,
         Quantity("largest current of a motor without power, and of one that holds a slack cable", "A", ge=0.0, le=10.0),
     ] = 0.3
-    paired: Annotated[bool, Quantity("whether another motor pulls at the same joint", key=None)] = False
+    shared: Annotated[bool, Quantity("whether other motors pull at the same joint", key=None)] = False
     parting: Annotated[
-        float, Quantity("largest distance of each motor of a pair from where the joint asks it to be", "rad", key=None)
+        float, Quantity("largest distance of motors on one joint from where it asks each it to be", "rad", key=None)
     ] = 0.2
     parting_offset: Annotated[
         float, Quantity("motor less the other motor, with the joint at zero, by both cables", "rad", key=None)

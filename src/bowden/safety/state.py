@@ -63,9 +63,9 @@ class Observed(NamedTuple):
     emg_age: float
     """Since the newest EMG sample was taken; 0 in a run without EMG [s]."""
     others: Reaction = Reaction.NONE
-    """Worst reaction to the faults of other axes, R2 or R3."""
-    opposite: float = 0.0
-    """Angle of the other motor of a pair; 0 where there is none [rad]."""
+    """Worst reaction to the faults of other motors, R2 or R3."""
+    neighbour: float = 0.0
+    """Angle of another motor on its joint; 0 where there is none [rad]."""
     reference: float = math.nan
     """Where a law is to have the joint; NaN while none leads [rad]."""
 
@@ -149,7 +149,7 @@ class Timers(NamedTuple):
     off_reference: Annotated[float, Quantity("time of a joint off its reference, less the time near it", "s")]
 
 
-class PairState(NamedTuple):
+class NeighbourState(NamedTuple):
     """How a motor goes with the other one on its joint.
 
     After a release, or before the co-contraction is there, both may hang anywhere: they must have been as near as they
@@ -174,4 +174,4 @@ class SupervisorState(NamedTuple):
     heat: ThermalState
     sample_age: Annotated[float, Quantity("how old the drive's newest sample was", "s")]
     stuck_load: StuckSensorState
-    pair: PairState
+    neighbour: NeighbourState

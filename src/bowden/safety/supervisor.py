@@ -19,8 +19,8 @@ from bowden.safety.state import (
     Decision,
     Mode,
     ModelledServo,
+    NeighbourState,
     Observed,
-    PairState,
     PreflightResult,
     Request,
     StuckCurrentState,
@@ -51,7 +51,7 @@ def begin(limits: Limits, reading: DriveReading, thermal: ThermalState) -> Super
         thermal,
         0.0,
         StuckSensorState(motor, 0.0, 0.0, 0.0),
-        PairState(False, 0.0),
+        NeighbourState(False, 0.0),
     )
 
 
@@ -208,5 +208,5 @@ def with_decision(now: SupervisorState, target: float, decided: Decision) -> Sup
         now.heat,
         now.sample_age,
         now.stuck_load,
-        now.pair,
+        now.neighbour,
     )

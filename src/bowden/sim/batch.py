@@ -28,7 +28,7 @@ from bowden.plants.plant import (
 )
 from bowden.records.metrics import LATE, SMALLEST_STROKE
 from bowden.sim.faulty import SensorFault, as_it_is
-from bowden.sim.pairwise import pairwise_sum
+from bowden.sim.numpy_sum import pairwise_sum
 from bowden.sim.run import RUNAWAY
 
 Array = NDArray[np.float64]

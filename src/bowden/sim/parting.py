@@ -1,26 +1,24 @@
-"""How far two motors on one joint part, and how far they may: one rule, for the check and for the supervisor.
+"""How far motors on one joint part, and how far they may: one rule, for the check and for the supervisor.
 
-Each motor is to be where its own cable asks it to be, with the joint at q: m₁ = o₁ + q/σ₁ + c and m₂ = o₂ + q/σ₂ − c in
-the joint's coordinate, the co-contraction c being no part of what is counted above the drive, o where the cable rests
-with the joint at zero. What both are off by, each in the direction in which it pulls, half of it for each:
+Each motor is to be where its own cable asks it to be, with the joint at q: mᵢ = oᵢ + q/σᵢ + sᵢ·c in the joint's
+coordinate, the co-contraction c being no part of what is counted above the drive, o where the cable rests with the
+joint at zero. What two of them are off by against each other, half of it for each:
 
-    p = ½·[(m₁ − o₁ − q/σ₁) − (m₂ − o₂ − q/σ₂)] = ½·[m₁ − m₂ − (o₁ − o₂) − (1/σ₁ − 1/σ₂)·q]
+    pᵢⱼ = ½·[(mᵢ − oᵢ − q/σᵢ) − (mⱼ − oⱼ − q/σⱼ)] = ½·[mᵢ − mⱼ − (oᵢ − oⱼ) − (1/σᵢ − 1/σⱼ)·q]
 
-The cables' ends are then 2σ·(c + p) apart, which is what stretches them: at p = −c both hang slack, at p = c they pull
-against each other twice as hard as they are to. So p is borne up to c, and as far as angles cannot show it. Those are
-off by half of each cable's dead zone, and by the degree that a joint at rest may move.
+The ends of cables that pull either way are then 2σ·(c + p) apart, which is what stretches them: at p = −c both hang
+slack, at p = c they pull against each other twice as hard as they are to. So p is borne up to c, and as far as angles
+cannot show it. Those are off by half of each cable's dead zone, and by the degree that a joint at rest may move.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 from bowden.core.units import RADIANS
 from bowden.plants.bench import Bench
 from bowden.plants.cable_plant import CablePlant
 from bowden.plants.transmission import transmission
-from bowden.sim.pair import PairPlant, PairSide
-
-Range = tuple[float, float]
-"""Smallest and largest bend of one sheath, or ends of a stroke [rad]."""
+from bowden.sim.joint import CabledJoint, JointMotor, Range
 
 
 class TautLine(NamedTuple):
@@ -39,7 +37,7 @@ class TautLine(NamedTuple):
 
 
 class Parting(NamedTuple):
-    """How far each motor of a pair may be from where the joint asks it to be, at the motor."""
+    """How far two motors of a joint may be from where the joint asks them to be, each, at the motor."""
 
     most: float
     """Where the slopes of both cables are known [rad]."""
@@ -47,18 +45,18 @@ class Parting(NamedTuple):
     """What comes on top where nobody knows how far the sheaths are bent just now: half of what their slopes between
     the ends of both bends make of it at the far end of the stroke [rad]."""
     offset: float
-    """o₁ − o₂, likewise in the middle [rad]."""
+    """oᵢ − oⱼ, likewise in the middle [rad]."""
     slope: float
-    """1/σ₁ − 1/σ₂ of agonist and antagonist, each in the middle between the ends of its bends [rad/rad]."""
+    """1/σᵢ − 1/σⱼ, each in the middle between the ends of its bends [rad/rad]."""
     lag: float
     """What comes on top of both for each speed of the motors, since one servo follows later than the other [s]."""
 
 
-def asked_by(side: PairSide, bend: float, stroke: Range) -> TautLine:
-    """Where a side's cable asks its motor to be: on a line through its rest in the middle of the stroke.
+def asked_by(motor: JointMotor, bend: float, stroke: Range) -> TautLine:
+    """Where a cable asks its motor to be: on a line through its rest in the middle of the stroke.
 
     Args:
-        side: of a pair.
+        motor: of a joint.
         bend: of its sheath [rad].
         stroke: ends of the joint's motion [rad].
 
@@ -66,29 +64,32 @@ def asked_by(side: PairSide, bend: float, stroke: Range) -> TautLine:
         ParameterError: a cable that does not follow its motor.
     """
     middle = 0.5 * (stroke[0] + stroke[1])
-    rest = side.sign * side.bench.resting_motor(side.sign * middle, bend)
-    found = transmission(side.bench, bend, side.own_stroke(stroke))
+    rest = motor.sign * motor.bench.resting_motor(motor.sign * middle, bend)
+    found = transmission(motor.bench, bend, motor.own_stroke(stroke))
     return TautLine(rest - middle / found.slope, 1.0 / found.slope, 0.5 * found.dead_zone / found.slope)
 
 
-def parting_of(pair: PairPlant, bends: tuple[Range, Range], stroke: Range) -> Parting:
-    """How far the motors of a pair may part.
+def parting_of(joint: CabledJoint, bends: Sequence[Range], stroke: Range, i: int = 0, j: int = 1) -> Parting:
+    """How far two motors of a joint may part.
 
     Args:
-        pair: both sides.
-        bends: smallest and largest of each sheath, the agonist's first [rad].
+        joint: with its motors.
+        bends: smallest and largest of each motor's sheath [rad].
         stroke: ends of the joint's motion [rad].
+        i: place of the one.
+        j: place of the other.
 
     Raises:
         ParameterError: a cable that does not follow its motor.
     """
-    found = [[asked_by(side, bend, stroke) for bend in own] for side, own in zip(pair.sides, bends, strict=True)]
+    two = joint.motors[i], joint.motors[j]
+    found = [[asked_by(one, bend, stroke) for bend in own] for one, own in zip(two, (bends[i], bends[j]), strict=True)]
     dead = sum(max(one.dead for one in ends) for ends in found)
     spread = sum(max(abs(low.at(end) - high.at(end)) for end in stroke) for low, high in found)
-    offsets, ways = ([0.5 * (low[i] + high[i]) for low, high in found] for i in (0, 1))
-    lags = [_lag(side.bench) for side in pair.sides]
+    offsets, ways = ([0.5 * (low[k] + high[k]) for low, high in found] for k in (0, 1))
+    lags = [_lag(one.bench) for one in two]
     return Parting(
-        most=abs(pair.co_contraction) + 0.5 * dead + RADIANS,
+        most=abs(joint.co_contraction) + 0.5 * dead + RADIANS,
         bent=0.25 * spread,
         offset=offsets[0] - offsets[1],
         slope=ways[0] - ways[1],

@@ -214,7 +214,7 @@ def refuse_no_number_in(
     """Refuse a run in which a user's own plant or law gave what is no number, by what was the first.
 
     Args:
-        found: columns of the run, or of one side of a pair.
+        found: columns of the run, or of one motor of several.
         time: of its cycles (n,) [s].
         lasted: how many cycles were run.
         law: that led.

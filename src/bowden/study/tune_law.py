@@ -1,4 +1,4 @@
-"""Gains with margins for a rig: over a sheath that is moved, for one motor or two on one joint, against a study."""
+"""Gains with margins for a rig: over a sheath that is moved, for one motor or several on one joint, against a study."""
 
 import contextlib
 from collections.abc import Callable, Iterator, Sequence
@@ -16,9 +16,8 @@ from bowden.core.errors import ParameterError
 from bowden.core.toml_text import quoted
 from bowden.core.units import DEGREES
 from bowden.design.check import check
-from bowden.design.check_rig import pair_laws
+from bowden.design.joint_tune import JointTarget, best_gains, judged_gains
 from bowden.design.other_law import OtherLaw, mended_law, other_law
-from bowden.design.pair_tune import PairTarget, best_gains, judged_gains, runs_described
 from bowden.design.processes import Mapper, two_workers
 from bowden.design.tune import BrokenOff, NoGainsError
 from bowden.design.tune import tune as search
@@ -26,9 +25,10 @@ from bowden.design.tune_result import Tuning
 from bowden.design.tune_runs import NineRuns, TuningTarget, course_of
 from bowden.drawing.shown import listed
 from bowden.plants.plant_file import PlantFile
-from bowden.rig.rig import Axis, Rig
+from bowden.rig.joints import RigJoint
+from bowden.rig.rig import Rig
 from bowden.sim import ranges
-from bowden.sim.pair_of_rig import pair_plant_of, pair_ranges
+from bowden.sim.joint_of_rig import cabled_joint_of, joint_ranges, laws_of
 from bowden.study import tune_study
 from bowden.study.load import load
 from bowden.study.study import Study
@@ -154,15 +154,15 @@ def _narrower(
     )
 
 
-def tuned_pair(
+def tuned_together(
     rig: Rig, study: Path | None = None, *, seed: int, progress: Progress, generations: int | None = None
 ) -> Tuning:
-    """Gains for both motors of a pair, which the laws of both axes of the tuning's rig then have.
+    """Gains for all motors of a rig's joint, which the laws of each of them in the tuning's rig then have.
 
-    They are sought for each motor and its cable alone, once where these are the same, and judged on their joint.
+    They are sought for each motor and its cable alone, once for those that are the same, and judged on their joint.
 
     Args:
-        rig: with a pair.
+        rig: with one joint that several motors share; other joints of it are left alone.
         study: none.
         seed: of the search.
         progress: called with what is being done and the share of the work that is behind.
@@ -171,29 +171,34 @@ def tuned_pair(
     Raises:
         ParameterError: as `tuned`; or a study, whose plants are of one motor.
     """
-    one, other = rig.pair.names
+    joint, *more = (one for one in rig.each_joint if one.shared)
+    if more:
+        raise ParameterError(
+            f"{rig.origin} has several joints that motors share",
+            expected="one",
+            do=f"tune a motor of each, such as {argument('motor', joint.names[0])}, and check all together",
+        )
     if study is not None:
         raise ParameterError(
-            f"{rig.origin} has two motors on one joint, and the plants of a study have one",
+            f"{rig.origin} has several motors on one joint, and the plants of a study have one",
             expected="a rig with one motor, or no study",
-            do=f"name one with {argument('axis', one)}, and check both together",
+            do=f"name one with {argument('motor', joint.names[0])}, and check all together",
         )
-    axes = [rig.axis(name) for name in (one, other)]
-    laws = pair_laws(rig)
-    target = PairTarget(pair_plant_of(rig), *pair_ranges(rig), axes[0].seed)
+    laws = laws_of(joint)
+    target = JointTarget(cabled_joint_of(joint), *joint_ranges(joint), joint.first.seed)
     with user_law.explained(laws[0]):
         before = judged_gains(target, laws)
-        sought = [0] if _alike(axes, laws) else [0, 1]
-        searches = []
-        for place in sought:
-            name = f"{axes[place].law_name} for {rig.pair.names[place]} alone"
+        searches, sought = [], _unlike(joint, laws)
+        for done, (name, own) in enumerate(sought.items()):
 
-            def part(what: str, share: float, *, done: int = place, name: str = name) -> None:
-                progress(f"{name}: {what}", 0.9 * (done + share) / len(sought))
+            def part(
+                what: str, share: float, *, done: int = done, said: str = f"{own.law_name} for {name} alone"
+            ) -> None:
+                progress(f"{said}: {what}", 0.9 * (done + share) / len(sought))
 
             try:
-                searches.append(tuned(axes[place], seed=seed, generations=generations, progress=part))
-            except BrokenOff:  # what is good for one motor alone is no gains for both
+                searches.append(tuned(own, seed=seed, generations=generations, progress=part))
+            except BrokenOff:  # what is good for one motor alone is no gains for all
                 raise KeyboardInterrupt from None
         names = laws[0].choices
         candidates = [{name: found.law.numbers[name] for name in names} for found in searches]
@@ -202,10 +207,10 @@ def tuned_pair(
     values = best.laws[0].numbers
     changed = best is not before
     gains = {name: values[name] for name in names if changed and any(values[name] != own[name] for own in stood)}
-    given_to = [
-        Axis(name, own.replace(gains={**own.gains, **gains}) if name in rig.pair.names else own)
-        for name, own in rig.axes
-    ]
+    motors = (
+        one._replace(rig=one.rig.replace(gains={**one.rig.gains, **gains})) if one.name in joint.names else one
+        for one in rig.motors
+    )
     return Tuning(
         law=best.laws[0],
         gains=gains,
@@ -215,19 +220,22 @@ def tuned_pair(
         worst_rmse=best.worst,
         worst_before=before.worst if np.isfinite(before.worst) else None,
         bends=(min(low for low, _ in target.bends), max(high for _, high in target.bends)),
-        runs=runs_described(target),
+        runs=target.described,
         generations=max(found.generations for found in searches),
-        given=replace(rig, axes=tuple(given_to)),
+        given=replace(rig, motors=tuple(motors)),
     )
 
 
-def _alike(axes: Sequence[Rig], laws: tuple[Law, Law]) -> bool:
-    """Whether both motors, their cables and laws are the same, so that gains for one are gains for the other."""
-    one, other = (
-        (ranges.judged(axis), bends_of(axis), ranges.stroke(axis), law.gains)
-        for axis, law in zip(axes, laws, strict=True)
-    )
-    return one == other
+def _unlike(joint: RigJoint, laws: Sequence[Law]) -> dict[str, Rig]:
+    """Motors, with cable and law, that are not the same as one before them, whose gains are theirs."""
+    found: dict[str, Rig] = {}
+    seen: list[Any] = []
+    for one, law in zip(joint.motors, laws, strict=True):
+        what = (ranges.judged(one.rig), bends_of(one.rig), ranges.stroke(one.rig), law.gains)
+        if what not in seen:
+            found[one.name] = one.rig
+        seen.append(what)
+    return found
 
 
 def _instead(rig: Rig, law: Law, error: NoGainsError) -> NoGainsError:

@@ -14,22 +14,23 @@ def show_check(found: "CheckResult", call: Call) -> None:
     from bowden.design.check_result import check_rows
     from bowden.design.objections import refusals
 
-    names = {one.name for one in found.whole.axes}
+    joints = {one.name: one for one in found.whole.each_joint}
     for name, one in found.checks.items():
         if name:
-            print(f"axis {name}" if name in names else name)
+            print(f"joint {name}")
         rows(check_rows(one), least=13)
     print(f"({call.seconds:.1f} s)")
     if refusals(found.whole):
         print("Next: correct what bowden run refuses, see the note, then check it again")
         return
     failing = [name for name, one in found.checks.items() if not one.holds]
-    options = [*call.repeated("law", "preset", "axis")]
-    if failing and failing[0] not in names and failing[0]:
-        say_next("check", call["rig"], *options, "--axis", found.whole.pair.agonist)
+    options = [*call.repeated("law", "preset", "motor")]
+    if failing and joints[failing[0]].shared:
+        say_next("check", call["rig"], *options, "--motor", joints[failing[0]].names[0])
     elif failing and failing[0]:
-        _say_next_of(found, found.whole.axis(failing[0]), failing[0], [*options, "--axis", failing[0]], call)
-    elif found.whole.axes:
+        (name,) = joints[failing[0]].names
+        _say_next_of(found, found.whole.only(name), failing[0], [*options, "--motor", name], call)
+    elif found.whole.motors:
         say_next("run", call["rig"], *options, "--twin", "--auto")
     else:
         _say_next_of(found, found.whole, "", options, call)
@@ -43,8 +44,8 @@ def _say_next_of(found: "CheckResult", rig: "Rig", name: str, options: list[str]
     elif one.holds:
         say_next("run", call["rig"], *options, "--twin", "--auto")
     elif one.instead:
-        axis = options[options.index("--axis") :][:2] if "--axis" in options else []
-        say_next("simulate", call["rig"], "--law", one.instead, *axis)
+        motor = options[options.index("--motor") :][:2] if "--motor" in options else []
+        say_next("simulate", call["rig"], "--law", one.instead, *motor)
     elif one.advice:
         print("Next: change the rig as the advice says, then check it again")
     else:

@@ -20,7 +20,7 @@ def show_drive_probe(found: "DriveProbe", call: Call) -> None:
         state = f"; {one.state.lower().replace('_', ' ')}" if one.state else ""
         ours = "  ← [drive] of this rig" if str(one.node) == bus.get("node") else ""
         print(f"  {one.node:3d}  {one.what}: {one.identity}{state}{ours}")
-    say_next("drive", "monitor", call["rig"], *call.repeated("axis", "channel"))
+    say_next("drive", "monitor", call["rig"], *call.repeated("motor", "channel"))
 
 
 def show_drive_monitor(found: "DriveMonitor", call: Call) -> None:
@@ -44,7 +44,7 @@ def show_drive_monitor(found: "DriveMonitor", call: Call) -> None:
     lines += [("silent", f"the {name}'s angle, for {age:.1f} s at the longest") for name, age in silent.items()]
     rows([*lines, *(("emergency", text) for text in found.said)], least=12)
     if not look.silent_now(found.period):
-        say_next("confirm", call["rig"], *call.repeated("axis", "channel"))
+        say_next("confirm", call["rig"], *call.repeated("motor", "channel"))
 
 
 def show_drive_zero(found: "DriveZero", call: Call) -> None:
@@ -52,11 +52,11 @@ def show_drive_zero(found: "DriveZero", call: Call) -> None:
     if not found.keys:
         print("The present position has these angles already.")
         return
-    axis = call["axis"]
-    where = "[drive] of the rig" if axis is None else f"[axis.drive] of the axis {axis}"
+    motor = call["motor"]
+    where = "[drive] of the rig" if motor is None else f"[motor.drive] of the motor {motor}"
     print(f"Write these lines below {where}, in place of those that are there:")
     _keys(found.keys)
-    say_next("confirm", call["rig"], *call.repeated("axis", "channel"))
+    say_next("confirm", call["rig"], *call.repeated("motor", "channel"))
 
 
 def show_drive_tare(found: "DriveTare", call: Call) -> None:

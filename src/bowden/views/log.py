@@ -45,26 +45,26 @@ def show_log_export(found: "LogExported", call: Call) -> None:
 
 
 def write_log_plot(found: "LogDrawn", call: Call, *, out: Path | None = None) -> list[Path]:
-    """Write a page for each axis.
+    """Write a page for each motor.
 
     Args:
         found: the log.
         call: of the command.
         out: the page; NAME.html by default.
     """
-    file, axis = call["file"], call["axis"]
+    file, motor = call["file"], call["motor"]
     target = out or file.with_suffix(".html")
     if target.absolute() == file.absolute():
         raise OutputError(f"{target} is the log itself", do="choose another name with --out")
-    parts = found.recording.parts if axis is None else {"": found.recording}
+    parts = found.recording.parts if motor is None else {"": found.recording}
     files = [target.with_stem(f"{target.stem}-{name}") if name else target for name in parts]
     for page, (name, part) in zip(files, parts.items(), strict=True):
-        draw_log(part, page, f"Run {file.name}{f', {name or axis}' if name or axis else ''}")
+        draw_log(part, page, f"Run {file.name}{f', {name or motor}' if name or motor else ''}")
     return files
 
 
 def draw_log(found: "Recording", target: Path, title: str) -> None:
-    """Write the page of one axis."""
+    """Write the page of one motor."""
     from bowden.live.log_facts import facts
     from bowden.report.log_page import write_log
 
@@ -82,10 +82,10 @@ def show_log_plot(found: "LogDrawn", call: Call) -> None:
 
 
 def show_log_replay(found: "LogReplay", call: Call) -> None:
-    """How each axis compares."""
-    for one in found.axes or (found,):
-        if one.axis:
-            print(f"axis {one.axis}")
+    """How each motor compares."""
+    for one in found.motors or (found,):
+        if one.motor:
+            print(f"motor {one.motor}")
         whose = "with the record's gains" if one.same_law else "with its default gains, in place of the record's law"
         print(f"{one.law}, {whose}: {one.cycles} cycles, the law had the motor in {one.law_cycles}")
         if one.requested_target_largest is not None:

@@ -20,12 +20,12 @@ def show_run_to_end(found: "RunResult", call: Call) -> None:
 
 
 def say_next_of(found: "RunResult", call: Call) -> None:
-    """What ended a run that did not end as asked; a log that is in parts; the export of what has run, of each axis."""
+    """What ended a run that did not end as asked; a log that is in parts; the export of what has run, of each motor."""
     if not (found.ended_well and found.log_whole):
         say_next("log", "info" if found.log_whole else "recover", found.log)
         return
-    options, axis = [*call.repeated("law", "preset")], call["axis"]
-    for name, law in [(one.name, one.law) for one in found.axes] or [(axis, found.law)]:
-        folder = Path("firmware", law if axis == name else name)
-        of_axis = [] if name is None else ["--axis", name]
-        say_next("export", call["rig"], *options, *of_axis, "--to", free_name(folder))
+    options, motor = [*call.repeated("law", "preset")], call["motor"]
+    for name, law in [(one.name, one.law) for one in found.motors] or [(motor, found.law)]:
+        folder = Path("firmware", law if motor == name else name)
+        of_motor = [] if name is None else ["--motor", name]
+        say_next("export", call["rig"], *options, *of_motor, "--to", free_name(folder))

@@ -22,15 +22,16 @@ def write_simulate(
         out: folder for the traces and the page.
         csv: write the traces as CSV too.
     """
-    return [path for joint in found.joints for path in _write(joint, out / joint.folder, csv)]
+    return [path for joint in found.joints for path in _write(joint, out / joint.name, csv)]
 
 
 def _write(joint: "SimulatedJoint", folder: Path, csv: bool) -> list[Path]:
     from bowden.core.files import whole_files
     from bowden.report.simulate_page import write_simulation
 
-    cable = getattr(joint.rig.cable, "file", "") if not joint.by_law and joint.rig.worn is not None else ""
-    whose = f", with the cable of {cable}" if cable else ": two motors on one joint" if joint.by_law else ""
+    rig = joint.joint.first
+    cable = getattr(rig.cable, "file", "") if rig.worn is not None else ""
+    whose = f", with the cable of {cable}" if cable else f": joint {joint.name}" if joint.name else ""
     names = []
     with whole_files(folder) as stage:
         for name, trace in joint.traces.items():
@@ -38,32 +39,29 @@ def _write(joint: "SimulatedJoint", folder: Path, csv: bool) -> list[Path]:
                 names.append(f"{name}.{kind}")
                 trace.write(stage / names[-1])
         names.append("simulate.html")
-        write_simulation(stage / names[-1], joint.traces, f"Simulation of {Path(joint.rig.origin).name}{whose}")
+        write_simulation(stage / names[-1], joint.traces, f"Simulation of {Path(rig.origin).name}{whose}")
     return [folder / name for name in names]
 
 
 def show_simulate(found: "Simulation", call: Call) -> None:
     """A row for each law, and what comes next."""
+    from bowden.core.units import DEGREES
+
     for joint in found.joints:
-        if joint.by_law:
-            print(f"pair {' and '.join(next(iter(joint.by_law.values())))}, co-contraction {_contraction(joint):g}°")
-            table(("law", *_JOINT[:3], *_MOTOR), _pair_rows(joint), left=("motor",))
+        if joint.joint.shared:
+            contraction = joint.joint.settings.co_contraction * DEGREES
+            print(f"joint {joint.name}: {' and '.join(joint.joint.names)}, co-contraction {contraction:g}°")
+            table(("law", *_JOINT[:3], *_MOTOR), _motor_rows(joint), left=("motor",))
         else:
-            if joint.axis:
-                print(f"axis {joint.axis}")
+            if joint.name:
+                print(f"joint {joint.name}")
             table(("law", *_JOINT), _rows(joint))
         for run in joint.runs:
             if run.interaction is not None:
                 print(f"{run.law}: the wearer feels {run.interaction.rms_nm:.2f} N·m RMS of the suit")
-        pages = [file for file in call.files if file.parent == call["out"] / joint.folder]
+        pages = [file for file in call.files if file.parent == call["out"] / joint.name]
         print(f"\nPage: {pages[-1]}  ({call.seconds:.1f} s)")
         _say_next(joint, found, call)
-
-
-def _contraction(joint: "SimulatedJoint") -> float:
-    from bowden.core.units import DEGREES
-
-    return joint.rig.pair.co_contraction * DEGREES
 
 
 _JOINT = ("RMSE\n°", "after 10 s\n°", "peak\n°", "delay\nms", "width\n°", "Pm energy\nJ", "Pe energy\nJ")
@@ -80,21 +78,21 @@ def _rows(joint: "SimulatedJoint") -> Iterator[list[Any]]:
         yield [run.law, *errors, run.mechanical_energy_j, run.electrical_energy_j]
 
 
-def _pair_rows(joint: "SimulatedJoint") -> Iterator[list[Any]]:
-    """A row for each law and motor; the joint's figures stand in the first of both."""
+def _motor_rows(joint: "SimulatedJoint") -> Iterator[list[Any]]:
+    """A row for each law and motor; the joint's figures stand in the first of them."""
     for run in joint.runs:
         errors: list[Any] = [run.rmse_deg, run.rmse_after_10s_deg, run.peak_deg]
         errors = ["unstable", None, None] if run.rmse_deg is None else errors
         for i, motor in enumerate(run.motors):
             slack = None if motor.slack_share is None else 100.0 * motor.slack_share
-            own = [motor.axis, motor.largest_pull_nm, slack, motor.rms_current_a, motor.electrical_energy_j]
+            own = [motor.motor, motor.largest_pull_nm, slack, motor.rms_current_a, motor.electrical_energy_j]
             yield [*(["", "", "", ""] if i else [run.law, *errors]), *own]
 
 
 def _say_next(joint: "SimulatedJoint", found: "Simulation", call: Call) -> None:
     """The check of the rig, under the law that followed best; of a run that nothing compensated, its identification."""
     laws, preset = call["law"] or [], [*call.repeated("preset")]
-    if joint.by_law:
+    if joint.joint.shared:
         from bowden.core.errors import ParameterError
         from bowden.design.objections import refuse_sources
 
@@ -106,11 +104,11 @@ def _say_next(joint: "SimulatedJoint", found: "Simulation", call: Call) -> None:
         say_next("check", call["rig"], *(["--law", laws[0]] if len(laws) == 1 else []), *preset)
         return
     if [run.law for run in joint.runs] == ["uncompensated"]:
-        say_next("identify", call["out"] / joint.folder / f"uncompensated.{'csv' if call['csv'] else 'npz'}")
+        say_next("identify", call["out"] / joint.name / f"uncompensated.{'csv' if call['csv'] else 'npz'}")
         return
     given = dict(zip((run.law for run in joint.runs), laws, strict=False))
     errors = {run.law: run.rmse_deg for run in joint.runs if run.rmse_deg is not None and run.law in given}
     best = min(errors, key=lambda name: errors[name]) if errors else next(iter(given), None)
-    options = [] if best is None or given[best] == joint.rig.law_name else ["--law", given[best]]
-    axis = ["--axis", joint.axis] if joint.axis else [*call.repeated("axis")]
-    say_next("check", call["rig"], *options, *preset, *axis)
+    options = [] if best is None or given[best] == joint.joint.first.law_name else ["--law", given[best]]
+    motor = ["--motor", *joint.joint.names] if joint.name else [*call.repeated("motor")]
+    say_next("check", call["rig"], *options, *preset, *motor)

@@ -26,8 +26,8 @@ def write_tune(found: "TuneResult", call: Call, *, dry_run: bool = False) -> lis
         return []
     text = path.read_text(encoding="utf-8")
     said = (found.gains, _evidence(found), path, found.preset)
-    for axis in found.axes:
-        text = gains_text.with_gains(text, *said) if axis is None else gains_text.with_axis_gains(text, axis, *said)
+    for motor in found.motors:
+        text = gains_text.with_gains(text, *said) if motor is None else gains_text.with_motor_gains(text, motor, *said)
     write_text(path, text)
     return [path]
 
@@ -35,7 +35,7 @@ def write_tune(found: "TuneResult", call: Call, *, dry_run: bool = False) -> lis
 def show_tune(found: "TuneResult", call: Call) -> None:
     """Margins, the largest error and the gains, and what comes next."""
     rig = call["rig"]
-    recorded, axis = rig.suffix == ".mcap", [*call.repeated("axis")]
+    recorded, motor = rig.suffix == ".mcap", [*call.repeated("motor")]
     for line in _evidence(found):
         print(line)
     for name, value in found.gains.items():
@@ -43,7 +43,7 @@ def show_tune(found: "TuneResult", call: Call) -> None:
     nothing = "Nothing written: a log stays as it is" if recorded else "Nothing written"
     print(f"{f'Wrote {rig}' if call.files else nothing}  ({call.seconds:.1f} s)")
     if call["dry_run"] and found.gains and not recorded:
-        say_next("tune", rig, *axis, why="writes these gains")
+        say_next("tune", rig, *motor, why="writes these gains")
     elif found.alone:
         say_next("check", rig, why="judges both motors together")
     else:
@@ -56,13 +56,13 @@ def failed_tune(error: Any, call: Call) -> None:
 
     if not isinstance(error, NoGainsError):
         return
-    rig, axis = call["rig"], [*call.repeated("axis")]
+    rig, motor = call["rig"], [*call.repeated("motor")]
     if error.instead:
-        error.add_note(next_line("simulate", rig, *axis, "--law", error.instead))
+        error.add_note(next_line("simulate", rig, *motor, "--law", error.instead))
     elif error.gains:
-        error.add_note(next_line("simulate", rig, *axis, why="once these gains are in it"))
+        error.add_note(next_line("simulate", rig, *motor, why="once these gains are in it"))
     else:
-        error.add_note(next_line("check", rig, *axis, why="says what the loop lacks"))
+        error.add_note(next_line("check", rig, *motor, why="says what the loop lacks"))
 
 
 def _evidence(found: "TuneResult") -> list[str]:

@@ -107,8 +107,8 @@ def move(
     return BenchMotion(position, velocity, (velocity - before) / dt, end, memory, seen, joint)
 
 
-class Opposed(Protocol):
-    """A joint that another bench's cable pulls too: `hardware.twin.pair`."""
+class Shared(Protocol):
+    """A joint that other benches' cables pull too: `hardware.twin.joint`."""
 
     def joint(self, bench: "TwinBench") -> float:
         """Where it is, in this bench's coordinate [rad]."""
@@ -153,7 +153,9 @@ class TwinBench(TwinPlant):
         rest = specialise(at_rest, dynamics.name, **reached(at_rest, dynamics.parts))
         self._motion = BenchMotion(*rest(self._plant, float(initial_motor), self._sheath_at(now)))
         self._sag = math.nan  # the joint's angle while the cable is torn
-        self.opposed: Opposed | None = None
+        self.shared: Shared | None = None
+        self.sign = 1.0
+        """Direction in which its motor pulls the joint that it shares [–]."""
         self.advance(now + 2.0 * self._substep)  # compiles
 
     def advance(self, now: float) -> None:
@@ -205,8 +207,8 @@ class TwinBench(TwinPlant):
     @property
     def joint(self) -> float:
         """Joint angle [rad]."""
-        if self.opposed is not None:
-            return self.opposed.joint(self)
+        if self.shared is not None:
+            return self.shared.joint(self)
         if not math.isnan(self._sag):
             return self._sag
         return self._motion.joint
@@ -227,8 +229,8 @@ class TwinBench(TwinPlant):
     def _load(self) -> float:
         """Torque of the cable on the spool: its own where it knows forces, and else the spring's through it [N·m]."""
         motor = self.bench.motor
-        if self.opposed is not None:
-            return self._slope() * self.opposed.pull(self)
+        if self.shared is not None:
+            return self._slope() * self.shared.pull(self)
         if not self.taut:
             return 0.0
         if self.bench.cable.physical:

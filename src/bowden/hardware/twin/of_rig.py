@@ -4,13 +4,14 @@ from typing import Any, NamedTuple
 
 from bowden.hardware.drives.of_rig import cell_place
 from bowden.hardware.twin.bench import TwinBench
+from bowden.hardware.twin.joint import SharedJoint
 from bowden.hardware.twin.late import late
-from bowden.hardware.twin.pair import SharedJoint
 from bowden.hardware.twin.plant import TwinPlant
 from bowden.hardware.twin.suit import TwinSuit
 from bowden.hardware.twin.user import TwinUser
 from bowden.plants.user_plant import UserPlant
 from bowden.rig.families import TwinProcess
+from bowden.rig.joints import RigJoint
 from bowden.rig.rig import Rig
 
 
@@ -37,32 +38,32 @@ class PlayedDrive(NamedTuple):
     plant: TwinPlant
 
 
-def twin_pair_of(rig: Rig, now: float) -> tuple[PlayedDrive, PlayedDrive]:
-    """Both drives of the rig's pair, with one joint: the agonist's first.
+def played(joint: RigJoint, now: float) -> tuple[PlayedDrive, ...]:
+    """The drives of a joint's motors, with what is behind them; of several one joint that all their cables pull.
 
-    The antagonist's cable is played in the coordinate in which its motor pulls upwards.
+    A cable that pulls downwards is played in the coordinate in which its motor pulls upwards.
 
     Args:
-        rig: with a pair.
+        joint: of a rig.
         now: what the time is [s].
 
     Raises:
         ParameterError: a plant that cannot be.
     """
-    one, other = (rig.axis(name) for name in rig.pair.names)
-    flip = other if one.limits.slack_sign < 0.0 else one  # the one whose motor pulls downwards
-    made: list[tuple[Any, TwinBench]] = []
-    for axis in (one, other):
-        start, drive = axis.start_motor, axis.drive_parameters
-        start, drive = (-start, mirrored(drive)) if axis is flip else (start, drive)
-        cabled = axis.cabled
-        assert not isinstance(cabled, UserPlant)  # which a pair refuses
-        bench = TwinBench(cabled, axis.bend_path, axis.duration, axis.seed + len(made), start, now)
-        made.append((drive, bench))
-    up, down = (made[1][1], made[0][1]) if flip is one else (made[0][1], made[1][1])
-    SharedJoint(up, down, rig.pair.stiffness)
-    flexor, extensor = (PlayedDrive(drive, late(bench, _delay(one))) for drive, bench in made)
-    return flexor, extensor
+    if not joint.shared:
+        return (PlayedDrive(joint.first.drive_parameters, twin_plant_of(joint.first, now)),)
+    drives, benches, signs = [], [], []
+    for place, one in enumerate(joint.motors):
+        rig, sign = one.rig, -one.rig.limits.slack_sign
+        cabled = rig.cabled
+        assert not isinstance(cabled, UserPlant)  # which such a joint refuses
+        bench = TwinBench(cabled, rig.bend_path, rig.duration, rig.seed + place, sign * rig.start_motor, now)
+        benches.append(bench)
+        signs.append(sign)
+        drives.append(rig.drive_parameters if sign > 0.0 else mirrored(rig.drive_parameters))
+    SharedJoint(benches, signs, joint.settings.stiffness)
+    each = zip(drives, benches, joint.motors, strict=True)
+    return tuple(PlayedDrive(drive, late(bench, _delay(one.rig))) for drive, bench, one in each)
 
 
 def _delay(rig: Rig) -> float:

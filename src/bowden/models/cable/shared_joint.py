@@ -1,25 +1,34 @@
-"""A joint that two cables pull, one up and one down: where it stands, and what each of them pulls.
+"""A joint that several cables pull, each one way: where it stands, and what each of them pulls.
 
-Each cable would have the joint at an end of its own, x₁ and x₂, if nothing but the load's spring held against it. Both
-are springs of one stiffness k at the joint, which pull and do not push, and the joint is without mass:
+Cable i would have the joint at an end of its own, xᵢ, if nothing but the load's spring held against it, and pulls it
+upwards, sᵢ = 1, or downwards, sᵢ = −1. All are springs of one stiffness k at the joint, which pull and do not push, and
+the joint is without mass:
 
-    k·[x₁ − q]₊ − k·[q − x₂]₊ + push = p + s·q          pretension p and spring s of the load
+    Σ sᵢ·k·[sᵢ·(xᵢ − q)]₊ + push = p + s·q          pretension p and spring s of the load
 
-Where both are taut q lies between x₁ and x₂, weighed by their stiffnesses; where one is slack it follows the other
-alone. Source: the balance of the torques on the joint, and nothing else. Its slope by q is −2k − s where both are taut
-and −k − s where one is: with linear springs co-contraction does not change how stiff the joint is between both cables,
-but how far it may be pushed, or its cables may disagree, before one of them is slack and half of the stiffness gone.
+Where cables that pull either way are taut q lies between their ends, weighed by their stiffnesses; where those of one
+way are slack it follows the others alone. Source: the balance of the torques on the joint, and nothing else. Its slope
+by q is −n·k − s where n cables are taut: with linear springs co-contraction does not change how stiff the joint is
+between two cables, but how far it may be pushed, or its cables may disagree, before one of them is slack and half of
+the stiffness gone.
 
 Left out: the joint's inertia, and that a cable's own friction grows with its tension.
 """
 
+import math
+from collections.abc import Sequence
 from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
 
 from bowden.core.kernel import kernel
 
+Array = NDArray[np.float64]
+
 
 class JointLoad(NamedTuple):
-    """What two cables pull at."""
+    """What the cables pull at."""
 
     stiffness: float
     """k, of each cable at the joint [N·m/rad]."""
@@ -27,47 +36,6 @@ class JointLoad(NamedTuple):
     """p [N·m]"""
     spring: float
     """s [N·m/rad]"""
-
-
-class Ends(NamedTuple):
-    """Where each cable would have the joint, in the joint's coordinate."""
-
-    up: float
-    """x₁, of the cable that pulls upwards [rad]."""
-    down: float
-    """x₂, of the one that pulls downwards [rad]."""
-    up_whole: bool
-    """Whether the first is not torn."""
-    down_whole: bool
-    """Whether the second is not."""
-
-
-@kernel
-def shared_joint(ends: Ends, push: float, load: JointLoad) -> float:
-    """The joint's angle q [rad].
-
-    Args:
-        ends: of both cables.
-        push: torque of whoever pushes the joint upwards [N·m].
-        load: what is pulled at.
-    """
-    k, held = load.stiffness, load.pretension - push
-    if ends.up_whole and ends.down_whole:
-        both = (k * (ends.up + ends.down) - held) / (2.0 * k + load.spring)
-        if ends.down <= both <= ends.up:
-            return both
-    if ends.up_whole:
-        alone = (k * ends.up - held) / (k + load.spring)
-        if alone <= ends.up and not (ends.down_whole and alone > ends.down):
-            return alone
-    if ends.down_whole:
-        alone = (k * ends.down - held) / (k + load.spring)
-        if alone >= ends.down:
-            return alone
-    rest = -held / load.spring if load.spring > 0.0 else 0.0
-    high = ends.down if ends.down_whole else rest
-    low = ends.up if ends.up_whole else rest
-    return min(max(rest, min(low, high)), max(low, high))
 
 
 @kernel
@@ -82,15 +50,42 @@ def cable_pull(end: float, joint: float, stiffness: float) -> float:
     return stiffness * max(0.0, end - joint)
 
 
-class Shares(NamedTuple):
-    """By how much the joint moves for each cable's end [rad/rad]."""
+@kernel
+def shared_joint(ends: Array, signs: Array, push: float, load: JointLoad) -> float:
+    """The joint's angle q [rad].
 
-    up: float
-    down: float
+    The balance falls with q, and is straight between two ends: first the two between which it is zero, then where.
+
+    Args:
+        ends: of the cables, in the joint's coordinate (n,); of a torn one infinitely far on its slack side [rad].
+        signs: 1 of a cable that pulls upwards, −1 of one that pulls downwards (n,).
+        push: torque of whoever pushes the joint upwards [N·m].
+        load: what is pulled at.
+    """
+    k, held = load.stiffness, load.pretension - push
+    low, high = -math.inf, math.inf
+    for i in range(len(ends)):
+        end = ends[i]
+        if math.isinf(end):
+            continue
+        left = -held - load.spring * end
+        for j in range(len(ends)):
+            left += signs[j] * cable_pull(signs[j] * ends[j], signs[j] * end, k)
+        if left > 0.0 or (left == 0.0 and signs[i] > 0.0):
+            low = max(low, end)
+        else:
+            high = min(high, end)
+    stiff, pulled = load.spring, 0.0
+    for i in range(len(ends)):
+        if ends[i] >= high if signs[i] > 0.0 else ends[i] <= low:
+            stiff += k
+            pulled += k * ends[i]
+    balanced = (pulled - held) / stiff if stiff > 0.0 else 0.0
+    return min(max(balanced, low), high)
 
 
-def shares(load: JointLoad, up_taut: bool, down_taut: bool) -> Shares:
-    """By how much the joint moves for each cable's end while these are taut: dq/dx₁ and dq/dx₂ of the balance."""
-    k = load.stiffness
-    whole = k * (up_taut + down_taut) + load.spring
-    return Shares(k * up_taut / whole, k * down_taut / whole)
+def shares(load: JointLoad, taut: Sequence[bool]) -> Array:
+    """By how much the joint moves for each cable's end while these are taut: dq/dxᵢ of the balance (n,) [rad/rad]."""
+    pulling = load.stiffness * np.array(taut, dtype=np.float64)
+    shared: Array = pulling / (pulling.sum() + load.spring)
+    return shared

@@ -10,7 +10,7 @@ from bowden.core import arguments
 from bowden.core.caller import argument
 from bowden.core.errors import ParameterError
 from bowden.operations.support.operation import Progress
-from bowden.rig.rig import Axis, Rig
+from bowden.rig.rig import Rig
 
 Run = TypeVar("Run")
 
@@ -48,9 +48,9 @@ def _alike(path: Path) -> str:
     return str(path.parent / found[0]) if found else ""
 
 
-def with_axis(rig: Rig, axis: str | None) -> Rig:
-    """The rig with all its axes, or of the one that is named."""
-    return rig if axis is None else rig.axis(axis)
+def of_motor(rig: Rig, motor: str | None) -> Rig:
+    """The rig with all its motors, or of the one that is named."""
+    return rig if motor is None else rig.only(motor)
 
 
 def under(rig: Rig, law: Any, preset: str | None) -> Rig:
@@ -83,21 +83,11 @@ def several(laws: Any) -> Sequence[Any] | None:
     return found
 
 
-def singles(rig: Rig) -> list[Axis]:
-    """The axes that are no part of a pair; of a rig with one motor itself."""
-    return [one for one in rig.parts if not (rig.axes and one.name in rig.pair.names)]
-
-
-def joint_name(rig: Rig) -> str:
-    """The joint that two motors move, in words; empty where none is."""
-    return "{} and {} on one joint".format(*rig.pair.names) if rig.axes and rig.pair.there else ""
-
-
 def notes_of(rig: Rig) -> tuple[str, ...]:
-    """What is odd about a rig, each with the axis that it is of, and why a run would refuse it."""
+    """What is odd about a rig, each with the motor that it is of, and why a run would refuse it."""
     from bowden.design.objections import refusals
 
-    each = (f"axis {one.name}: {note}" if one.name else note for one in rig.parts for note in one.rig.notes)
+    each = (f"motor {one.name}: {note}" if one.name else note for one in rig.parts for note in one.rig.notes)
     return (*each, *refusals(rig))
 
 

@@ -1,4 +1,4 @@
-"""One axis of a live run from the operator's side: its rows, its faults, and what is remembered of its drive."""
+"""One motor of a live run from the operator's side: its rows, its faults, and what is remembered of its drive."""
 
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 
 from bowden.core.clock import SECOND
 from bowden.live import latch_file, thermal_file
-from bowden.live.axis_columns import view
 from bowden.live.gain_ramp import in_force
 from bowden.live.live_run import Live
+from bowden.live.motor_columns import view
 from bowden.live.row import AT
 from bowden.live.stops import onsets
 from bowden.live.together import OF_ALL
@@ -22,13 +22,13 @@ from bowden.safety.state import Mode
 Array = NDArray[np.float64]
 
 
-class SessionAxis:
-    """One axis; of a rig with one motor that is the whole run.
+class SessionMotor:
+    """One motor; of a rig with one motor that is the whole run.
 
     Args:
-        live: the run of this axis.
+        live: the run of this motor.
         columns: of the whole run.
-        names: of all axes; empty where there is one.
+        names: of all motors; empty where there is one.
         start: the monotonic clock where the column ``time`` is zero [ns].
         remembers: whether the motor's warmth and its latch are taken from the run before and kept for the next one.
     """
@@ -40,7 +40,7 @@ class SessionAxis:
         seen = view(columns, names, live.name) if names else None
         self._places = None if seen is None else np.array(seen.places)
         self.columns = tuple(columns) if seen is None else seen.columns
-        """As a run with this axis alone has them."""
+        """As a run with this motor alone has them."""
         at = (
             {name: i for i, name in enumerate(columns)}
             if seen is None
@@ -87,7 +87,7 @@ class SessionAxis:
         return float(row[self._at["mode"]])
 
     def values(self, row: Array) -> dict[str, float]:
-        """This axis' part of a row of the run, by its columns without its name."""
+        """This motor's part of a row of the run, by its columns without its name."""
         return dict(zip(self.columns, (row if self._places is None else row[self._places]).tolist(), strict=True))
 
     def of(self, row: Mapping[str, float]) -> dict[str, float]:
@@ -99,10 +99,10 @@ class SessionAxis:
         return own | {name: row[column] for name in OF_ALL if (column := f"{self.name}.{name}") in row}
 
     def gains(self, row: Mapping[str, float] | None) -> dict[str, float]:
-        """Gain → its value in force, by this axis' newest row."""
+        """Gain → its value in force, by this motor's newest row."""
         numbers = {name: float(value) for name, value in self.live.law.numbers.items()}
         return numbers if row is None else {**numbers, **in_force(row)}
 
     def remember(self, row: Mapping[str, float], *, surely: bool) -> str:
-        """Keep how warm the motor is, by a row of this axis; why it cannot be kept, or nothing."""
+        """Keep how warm the motor is, by a row of this motor; why it cannot be kept, or nothing."""
         return thermal_file.write(self.live.rig.drive_parameters, row, surely=surely)

@@ -1,4 +1,4 @@
-"""Two motors on one joint: the rig, the joint's statics, and a run in one loop in which neither goes on alone."""
+"""Several motors on one joint: the rig, the joint's statics, and a run in one loop in which neither goes on alone."""
 
 import math
 from pathlib import Path
@@ -8,7 +8,6 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
-from axes_rig import AxesRig
 from bowden.control import LAWS, Law
 from bowden.core.errors import ParameterError
 from bowden.core.kernel import kernel
@@ -17,8 +16,8 @@ from bowden.core.units import RADIANS
 from bowden.cycle.one_cycle import Filters, TargetSource
 from bowden.hardware.drives.families.cia402 import motor_scale
 from bowden.hardware.twin.bench import TwinBench
-from bowden.hardware.twin.of_rig import mirrored, twin_pair_of
-from bowden.hardware.twin.pair import SharedJoint
+from bowden.hardware.twin.joint import SharedJoint
+from bowden.hardware.twin.of_rig import mirrored, played
 from bowden.live.live_run import live_run, pulling
 from bowden.live.preflight import Preflight, contradictions
 from bowden.live.replay import replay
@@ -28,65 +27,77 @@ from bowden.rig.rig import Rig
 from bowden.safety.faults import Fault, of
 from bowden.safety.limits import Limits
 from bowden.safety.state import Mode
-from support.pair_runs import mirrors, pair_run
+from motors_rig import MotorsRig
+from support.joint_runs import mirrors, shared_run
 
-PAIR = """
-[pair]
-agonist = "flexor"
-antagonist = "extensor"
+ELBOW = """
+[[joint]]
+name = "elbow"
 co_contraction_deg = 4.0
-[[axis]]
+[[motor]]
 name = "flexor"
-[axis.drive]
+joint = "elbow"
+[motor.drive]
 node_id = 1
-[[axis]]
+[[motor]]
 name = "extensor"
-[axis.drive]
+joint = "elbow"
+[motor.drive]
 node_id = 2
-[axis.limits]
+[motor.limits]
 slack_sign = 1.0
+"""
+BICEPS = """[[motor]]
+name = "biceps"
+joint = "elbow"
+[motor.drive]
+node_id = 3
 """
 C = 4.0 * RADIANS
 LAW = LAWS["bowden"]
 
 
-def rig_of(tmp_path: Path, text: str = PAIR) -> Rig:
-    path = tmp_path / "pair.toml"
+def rig_of(tmp_path: Path, text: str = ELBOW) -> Rig:
+    path = tmp_path / "elbow.toml"
     path.write_text(text)
     return Rig.read(path)
 
 
-def test_a_pair_is_read_packed_written_and_part_of_the_hash(tmp_path: Path) -> None:
+def test_a_shared_joint_is_read_packed_written_and_part_of_the_hash(tmp_path: Path) -> None:
     rig = rig_of(tmp_path)
-    assert rig.pair.names == ("flexor", "extensor")
-    assert rig.pair.co_contraction == pytest.approx(C)
-    assert Rig.unpack(rig.pack()).pair == rig.pair
+    (joint,) = rig.each_joint
+    assert joint.names == ("flexor", "extensor")
+    assert joint.settings.co_contraction == pytest.approx(C)
+    assert Rig.unpack(rig.pack()).joints == rig.joints
     assert Rig.unpack(rig.pack()).hash == rig.hash
     again = tmp_path / "again.toml"
     again.write_text(rig.to_toml())
-    assert Rig.read(again).hash == rig.hash
-    assert rig.hash != rig_of(tmp_path, PAIR.replace("4.0", "5.0")).hash
-    assert rig.replace(duration=3.0).pair == rig.pair
-    assert "pair" not in Rig().document()
+    assert Rig.read(again).hash == rig.hash == rig_of(tmp_path, ELBOW.replace("[[joint]]", "[joint]")).hash
+    for old, new in (("4.0", "5.0"), ("elbow", "knee")):
+        assert rig.hash != rig_of(tmp_path, ELBOW.replace(old, new)).hash
+    assert rig.replace(duration=3.0).joints == rig.joints
+    assert "joints" not in Rig().document()
+    assert [one.shared for one in Rig().each_joint] == [False]
 
 
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [
-        ('antagonist = "extensor"', 'antagonist = "extender"', 'names the axis "extender"'),
-        ('antagonist = "extensor"', 'antagonist = "flexor"', 'agonist and antagonist are "flexor"'),
+        ('joint = "elbow"', 'joint = "elbwo"', 'names the joint "elbwo"; expected elbow'),
         ("slack_sign = 1.0", "slack_sign = -1.0", "where one pulls, the other lets out"),
-        ("co_contraction_deg = 4.0", "co_contraction_deg = 60.0", "pair.co_contraction_deg is 60"),
+        ("co_contraction_deg = 4.0", "co_contraction_deg = 60.0", "joint.co_contraction_deg is 60"),
         ("co_contraction_deg = 4.0", "co_contraction_deg = 20.0", "0.8 of limits.play_deg at most"),
         ("co_contraction_deg", "contraction_deg", "unknown key 'contraction_deg'"),
-        ("slack_sign = 1.0", "slack_sign = 1.0\n[axis.reference]\nhigh_deg = 20.0", "references of their own"),
-        ("[pair]", "independent = true\n[pair]", "none goes on alone"),
-        ("node_id = 2", "node_id = 2\n[axis.suit]\nworn = true", "a suit is worn"),
+        ("slack_sign = 1.0", "slack_sign = 1.0\n[motor.reference]\nhigh_deg = 20.0", "references of their own"),
+        ("[[joint]]", "independent = true\n[[joint]]", "none goes on alone"),
+        ("node_id = 2", "node_id = 2\n[motor.suit]\nworn = true", "a suit is worn"),
+        ('name = "elbow"', "", "[[joint]] without a name of its own"),
+        ("[[joint]]", '[[joint]]\nname = "knee"\n[[joint]]', 'no motor moves the joint "knee"'),
     ],
 )
-def test_a_pair_that_cannot_be_is_refused_in_one_line(old: str, new: str, said: str, tmp_path: Path) -> None:
+def test_a_joint_that_cannot_be_is_refused_in_one_line(old: str, new: str, said: str, tmp_path: Path) -> None:
     with pytest.raises(ParameterError) as refused:
-        rig_of(tmp_path, PAIR.replace(old, new, 1))
+        rig_of(tmp_path, ELBOW.replace(old, new, 1))
     assert said in str(refused.value)
     assert "\n" not in str(refused.value)
 
@@ -94,21 +105,21 @@ def test_a_pair_that_cannot_be_is_refused_in_one_line(old: str, new: str, said: 
 def test_each_motor_pulls_further_by_the_co_contraction_in_its_own_direction(tmp_path: Path) -> None:
     rig = rig_of(tmp_path)
     for name, way in (("flexor", 1.0), ("extensor", -1.0)):
-        own = rig.axis(name)
+        own = rig.only(name)
         plain, shifted = motor_scale(own.drive_parameters), motor_scale(pulling(own, C).drive_parameters)
         assert plain.angle(shifted.counts(0.5)) == pytest.approx(0.5 + way * C)
         turned = motor_scale(mirrored(own.drive_parameters))
         assert turned.angle(plain.counts(0.7)) == pytest.approx(-0.7)
 
 
-def test_a_live_run_of_a_pair_has_one_encoder_and_two_directions(tmp_path: Path) -> None:
+def test_a_live_run_has_one_encoder_and_two_directions(tmp_path: Path) -> None:
     live = live_run(rig_of(tmp_path))
-    assert live.joints == (0, 0)
-    flexor, extensor = live.axes
+    assert (live.encoders, live.neighbours) == ((0, 0), (1, 0))
+    flexor, extensor = live.motors
     assert (flexor.opposed, extensor.opposed) == (False, True)
     assert (flexor.limits.homed, extensor.limits.homed) == (1.0, 0.0)
     assert (flexor.limits.slope_low, extensor.limits.slope_low) == (0.7, 0.0)
-    checks = [axis.script()._checks for axis in live.axes]
+    checks = [motor.script()._checks for motor in live.motors]
     assert [one.pull_sign for one in checks] == [1.0, 1.0]
     assert [one.load_sign for one in checks] == [1.0, -1.0]
     assert contradictions(extensor.limits, 1e-3)
@@ -116,37 +127,39 @@ def test_a_live_run_of_a_pair_has_one_encoder_and_two_directions(tmp_path: Path)
     assert any("on one joint" in note for note in live.notes)
 
 
-def cable(alone: float, torn: bool = False, pretension: float = 0.1) -> Any:
-    motor = SimpleNamespace(pretension=pretension, spring=0.2)
-    return SimpleNamespace(alone=alone, torn=torn, bench=SimpleNamespace(motor=motor), opposed=None)
+def cable(alone: float, torn: bool = False) -> Any:
+    return SimpleNamespace(
+        alone=alone, torn=torn, bench=SimpleNamespace(motor=SimpleNamespace(pretension=0.1, spring=0.2))
+    )
 
 
-@pytest.mark.parametrize(("up", "down"), [(0.5, 0.4), (0.5, 0.5), (0.4, 0.5), (1.0, -0.2), (0.1, 0.1), (-0.9, -0.8)])
-@pytest.mark.parametrize("torn", [(False, False), (True, False), (False, True), (True, True)])
-def test_the_joint_is_where_all_torques_on_it_are_in_balance(up: float, down: float, torn: tuple[bool, bool]) -> None:
-    agonist, antagonist = cable(up, torn[0]), cable(-down, torn[1])
-    joint = SharedJoint(agonist, antagonist, 10.0)
-    angle = joint.joint(agonist)
-    assert joint.joint(antagonist) == -angle
-    left = joint.pull(agonist) - joint.pull(antagonist) - 0.1 - 0.2 * angle
-    assert left == pytest.approx(0.0, abs=1e-9)
-    if not any(torn) and up > down + 0.1:
-        assert down < angle < up
-        assert min(joint.pull(agonist), joint.pull(antagonist)) > 0.0
+@pytest.mark.parametrize("signs", [(1.0, -1.0), (-1.0, 1.0), (1.0, -1.0, 1.0), (1.0, 1.0, -1.0, -1.0)])
+def test_the_joint_is_where_all_torques_on_it_are_in_balance(signs: tuple[float, ...]) -> None:
+    random = np.random.default_rng(3)
+    for _ in range(100):
+        ends = [sign * float(alone) for sign, alone in zip(signs, random.uniform(-1.0, 1.0, len(signs)), strict=True)]
+        benches = [cable(end, bool(random.random() < 0.2)) for end in ends]
+        joint = SharedJoint(benches, signs, 10.0)
+        angles = {sign * joint.joint(one) for sign, one in zip(signs, benches, strict=True)}
+        assert len(angles) == 1, "each sees it in its own coordinate"
+        pulls = [joint.pull(one) for one in benches]
+        assert min(pulls) >= 0.0, "a cable only pulls"
+        left = sum(sign * pull for sign, pull in zip(signs, pulls, strict=True)) - 0.1 - 0.2 * angles.pop()
+        assert left == pytest.approx(0.0, abs=1e-9)
 
 
-def run_of(tmp_path: Path, contraction: float = C, **more: Any) -> AxesRig:
+def run_of(tmp_path: Path, contraction: float = C, **more: Any) -> MotorsRig:
     benches = []
     for k in range(2):
         plain = default_bench()
         benches.append(TwinBench(plain, constant_bend(plain.sheath.bend), 1.0, k, 0.0, 1.0))
-    SharedJoint(benches[0], benches[1], 10.0)
+    SharedJoint(benches, (1.0, -1.0), 10.0)
     drives = mirrors(benches, contraction)
     plain_limits = Limits()
     each = (plain_limits, plain_limits._replace(slack_sign=1.0, homed=0.0, slope_low=0.0))
     checks = (Preflight(), Preflight(light=math.inf))
-    return AxesRig(
-        tmp_path, LAW, ("flexor", "extensor"), benches=drives, joints=(0, 0), each=each, preflights=checks, **more
+    return MotorsRig(
+        tmp_path, LAW, ("flexor", "extensor"), benches=drives, encoders=(0, 0), each=each, preflights=checks, **more
     )
 
 
@@ -177,7 +190,7 @@ def test_a_motor_that_loses_its_torque_takes_the_others_off(lost: str, left: str
     at = int(np.flatnonzero(first["mode"] == Mode.LATCHED)[0])
     assert Fault.DRIVE_DROPPED in of(first["faults"][at])
     assert other["power"][at + 1] == 0.0, "one cycle later"
-    assert Fault.AXIS_OFF in of(other["faults"][at + 1])
+    assert Fault.OTHER_OFF in of(other["faults"][at + 1])
 
 
 def test_a_torn_agonist_ends_the_run_and_a_torn_antagonist_is_unseen_while_the_load_holds_the_joint(
@@ -187,16 +200,16 @@ def test_a_torn_agonist_ends_the_run_and_a_torn_antagonist_is_unseen_while_the_l
         folder = tmp_path / str(place)
         folder.mkdir()
 
-        def tear(rig: AxesRig, place: int = place) -> None:
+        def tear(rig: MotorsRig, place: int = place) -> None:
             rig.drives[place]._drive._drive._bench.torn = rig.sleeps > 3500
 
         ended, _ = run_of(folder, seconds=4.0, between=tear).run()
         assert (ended.faults != 0) is seen
 
 
-def test_the_twin_of_a_pair_is_one_joint_between_two_drives(tmp_path: Path) -> None:
-    rig = rig_of(tmp_path, PAIR.replace("4.0", "0.0"))
-    flexor, extensor = twin_pair_of(rig, 0.0)
+def test_the_twin_is_one_joint_between_its_drives(tmp_path: Path) -> None:
+    (joint,) = rig_of(tmp_path, ELBOW.replace("4.0", "0.0")).each_joint
+    flexor, extensor = played(joint, 0.0)
     assert motor_scale(flexor.drive).angle(1000.0) == pytest.approx(-motor_scale(extensor.drive).angle(1000.0))
     assert flexor.plant.joint == pytest.approx(-extensor.plant.joint)
     for plant, way in ((flexor.plant, 1.0), (extensor.plant, -1.0)):
@@ -207,6 +220,21 @@ def test_the_twin_of_a_pair_is_one_joint_between_two_drives(tmp_path: Path) -> N
     assert flexor.plant.tension > 3.0
     assert extensor.plant.tension > 3.0
     assert 0.2 < flexor.plant.joint < 0.6
+
+
+def test_three_motors_take_one_joint_along_its_reference(tmp_path: Path) -> None:
+    rig = rig_of(tmp_path, ELBOW + BICEPS).replace(duration=4.0)
+    live = live_run(rig)
+    assert (live.encoders, live.neighbours) == ((0, 0, 0), (1, 2, 0))
+    assert [motor.opposed for motor in live.motors] == [False, True, False]
+    ended, rows = shared_run(tmp_path, rig).run()
+    assert (Mode(ended.mode), ended.faults) == (Mode.STOPPED, 0)
+    for name, motor in zip(("flexor", "extensor", "biceps"), live.motors, strict=True):
+        part = rows.parts[name]
+        led = part["source"] >= TargetSource.LAW_BEGINS
+        assert np.sqrt(np.mean((part["joint"] - part["reference"])[led] ** 2)) < np.radians(2.0), name
+        assert part["tension"][led].min() > 0.0, "no cable is slack"
+        assert not replay(part, motor.law, motor.limits, Filters(), 1e-3, same=True).differs, name
 
 
 class Drift(NamedTuple):
@@ -244,25 +272,25 @@ def drifting(rate: float) -> Law:
 def test_motors_that_part_are_released_before_their_cables_bear_much_more(rate: float, tmp_path: Path) -> None:
     rig = rig_of(tmp_path).replace(duration=4.0)
     found = live_run(rig)
-    bound = found.axes[0].limits.parting
-    assert bound == found.axes[1].limits.parting == pytest.approx(7.67 * RADIANS, abs=0.01 * RADIANS)
+    bound = found.motors[0].limits.parting
+    assert bound == found.motors[1].limits.parting == pytest.approx(7.67 * RADIANS, abs=0.01 * RADIANS)
     each = drifting(rate * RADIANS), drifting(-rate * RADIANS)
-    ended, rows = pair_run(tmp_path, rig, laws=each).run()
+    ended, rows = shared_run(tmp_path, rig, laws=each).run()
     assert Mode(ended.mode) == Mode.LATCHED
-    for name, (law, live) in zip(("flexor", "extensor"), zip(each, found.axes, strict=True), strict=True):
+    for name, (law, live) in zip(("flexor", "extensor"), zip(each, found.motors, strict=True), strict=True):
         part = rows.parts[name]
         at = int(np.flatnonzero(part["mode"] == Mode.RELEASING)[0])
         assert of(part["faults"][at]) == [Fault.MOTORS_APART]
-        apart = 0.5 * np.abs(part["motor"] - part["opposite"])
-        over = int(np.flatnonzero((apart > bound) & (part["supervisor.pair.met"] > 0.0))[0])
+        apart = 0.5 * np.abs(part["motor"] - part["neighbour"])
+        over = int(np.flatnonzero((apart > bound) & (part["supervisor.neighbour.met"] > 0.0))[0])
         assert at - over == pytest.approx(51, abs=2), "slack_time later"
         assert apart[at] < bound + 1.5 * RADIANS
         assert not replay(part, law, live.limits, Filters(), 1e-3, same=True).differs, name
 
 
 def test_each_supervisor_knows_where_both_cables_rest(tmp_path: Path) -> None:
-    text = PAIR.replace('name = "flexor"\n', 'name = "flexor"\n[axis.cable]\noffset_deg = 6.0\n')
-    one, other = (axis.limits for axis in live_run(rig_of(tmp_path, text)).axes)
+    text = ELBOW.replace("node_id = 1\n", "node_id = 1\n[motor.cable]\noffset_deg = 6.0\n")
+    one, other = (motor.limits for motor in live_run(rig_of(tmp_path, text)).motors)
     assert one.parting_offset == -other.parting_offset == pytest.approx(-6.0 * RADIANS / 0.9378, abs=1e-3)
     assert one.parting == other.parting == pytest.approx(7.67 * RADIANS, abs=0.01 * RADIANS)
 
@@ -270,17 +298,17 @@ def test_each_supervisor_knows_where_both_cables_rest(tmp_path: Path) -> None:
 def test_motors_that_hang_apart_before_a_run_come_together_unblamed(tmp_path: Path) -> None:
     rig = rig_of(tmp_path).replace(duration=2.0)
 
-    def left(run: AxesRig) -> None:
+    def left(run: MotorsRig) -> None:
         """As a release leaves it: the antagonist's motor far out, with its cable slack."""
         if run.sleeps == 0:
             bench = run.drives[1]._drive._drive._bench
             bench._motion = bench._motion._replace(position=-1.4)
 
-    run = pair_run(tmp_path, rig, between=left)
+    run = shared_run(tmp_path, rig, between=left)
     run.asks = (100,)  # once what moved it has been forgotten
     ended, rows = run.run()
     part = rows.parts["flexor"]
-    apart = np.degrees(0.5 * np.abs(part["motor"] - part["opposite"]))
+    apart = np.degrees(0.5 * np.abs(part["motor"] - part["neighbour"]))
     assert apart[:300].max() > 30.0
     assert (Mode(ended.mode), ended.faults) == (Mode.STOPPED, 0)
-    assert part["supervisor.pair.met"].max() == 1.0
+    assert part["supervisor.neighbour.met"].max() == 1.0

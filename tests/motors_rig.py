@@ -1,4 +1,4 @@
-"""A run of several axes on a clock of the tests': benches that are read and written in the loop's own process."""
+"""A run of several motors on a clock of the tests': benches that are read and written in the loop's own process."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -13,9 +13,9 @@ from bowden.core.signals import DriveReading
 from bowden.cycle.one_cycle import Cycle, Filters
 from bowden.hardware import shared_memory
 from bowden.hardware.ports import Power, TorqueLeft
-from bowden.live import axis_columns, control_block, ring, row
+from bowden.live import control_block, motor_columns, ring, row
 from bowden.live.control_block import ControlBlock
-from bowden.live.loop import AxisParts, Ended, Loop
+from bowden.live.loop import Ended, Loop, MotorParts
 from bowden.live.mcap_read import Recording
 from bowden.live.mcap_reader import Damage
 from bowden.live.preflight import Preflight
@@ -66,8 +66,8 @@ class OneDrive:
         return self._drive.close()
 
 
-class AxesRig:
-    """A loop of several axes, with all that is around it; it is the loop's clock too, see `loop_rig.LoopRig`.
+class MotorsRig:
+    """A loop of several motors, with all that is around it; it is the loop's clock too, see `loop_rig.LoopRig`.
 
     Armed in the sleep 10, run once the preflights of all have passed, and ended where the run rests in the sleep
     `quits` or later.
@@ -84,15 +84,15 @@ class AxesRig:
         limits: Limits | None = None,
         independent: bool = False,
         quits: float = 200,
-        between: Callable[["AxesRig"], None] = lambda rig: None,
+        between: Callable[["MotorsRig"], None] = lambda rig: None,
         latched: tuple[float | None, ...] = (),
         preflights: tuple[Preflight, ...] = (),
         benches: tuple[Any, ...] = (),
-        joints: tuple[int, ...] = (),
+        encoders: tuple[int, ...] = (),
+        neighbours: tuple[int, ...] = (),
         each: tuple[Limits, ...] = (),
         laws: tuple[Law, ...] = (),
         scripts: tuple[Script, ...] = (),
-        pair: tuple[int, ...] = (),
     ) -> None:
         self.time, self.sleeps, self.names, self.independent = SECOND, 0, names, independent
         self.asks = (10,)
@@ -100,19 +100,20 @@ class AxesRig:
         whole = limits or Limits()
         table = PeriodicMinimumJerk(0.0, 1.0, 4.0).sample(np.arange(round(1000 * seconds)) * 1e-3)
         laws = laws or (law,) * len(names)
-        columns = axis_columns.of_all(
+        own_place = neighbours or range(len(names))
+        columns = motor_columns.of_all(
             {
-                name: row.columns(own, together=True, paired=place in pair)
+                name: row.columns(own, together=True, shared=own_place[place] != place)
                 for place, (name, own) in enumerate(zip(names, laws, strict=True))
             }
         )
         own = each or (whole,) * len(names)
         kept = {**run_settings(law, own[0], Filters(), PERIOD / SECOND), "seed": 1}
-        axes = [
+        motors = [
             {**kept, **run_settings(by, one, Filters(), PERIOD / SECOND), "name": name}
             for name, one, by in zip(names, own, laws, strict=True)
         ]
-        self.settings = {**kept, "axes": axes, "independent": independent}
+        self.settings = {**kept, "motors": motors, "independent": independent}
         about = row.described(columns, self.settings, 0, 0)
         self._columns, self._units = about.columns, about.units
         ring.create(folder / "ring", about, ROWS)
@@ -130,9 +131,11 @@ class AxesRig:
         for drive, script, latch, allowed, by in zip(self.drives, self.scripts, latches, own, laws, strict=True):
             cycle = Cycle(by, allowed, Filters(), PERIOD / SECOND)
             cycle.begin(NOTHING_READ, cold(allowed.thermal), latch)
-            parts.append(AxisParts(drive, cycle, script))
+            parts.append(MotorParts(drive, cycle, script))
         writer, words = RingWriter(folder / "ring"), ControlBlock(folder / "block")
-        self.loop = Loop(parts, writer, words, self, 0, independent=independent, joints=joints, pair=pair)
+        self.loop = Loop(
+            parts, writer, words, self, 0, independent=independent, encoders=encoders, neighbours=neighbours
+        )
 
     def now(self) -> int:
         return self.time
@@ -158,7 +161,7 @@ class AxesRig:
     def rows_of(self, values: Any) -> list[dict[str, float]]:
         found = []
         for name in self.names:
-            seen = axis_columns.view(self._columns, self.names, name)
+            seen = motor_columns.view(self._columns, self.names, name)
             found.append(dict(zip(seen.columns, values[list(seen.places)].tolist(), strict=True)))
         return found
 

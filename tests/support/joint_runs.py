@@ -1,17 +1,17 @@
-"""Runs of two motors on one joint in the loop's own process, as a rig has them, on twins of this rig or of another."""
+"""Runs of several motors on one joint in the loop's own process, as a rig has them, on twins of this rig or another."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from axes_rig import AxesRig
 from bowden.control.law import Law
 from bowden.core.signals import DriveReading
 from bowden.hardware.ports import Power, TorqueLeft
 from bowden.hardware.twin.bench import TwinBench
-from bowden.hardware.twin.of_rig import twin_pair_of
+from bowden.hardware.twin.of_rig import played
 from bowden.live.live_run import live_run
 from bowden.rig.rig import Rig
+from motors_rig import MotorsRig
 from support.simulated_drive import SimulatedDrive
 
 
@@ -40,43 +40,43 @@ class Mirror:
         return self._drive.close()
 
 
-def mirrors(benches: Sequence[TwinBench], contraction: float) -> tuple[Mirror, Mirror]:
-    """Both drives of a pair, the one that pulls upwards first, with the co-contraction in their homes [rad]."""
-    up, down = (Mirror(SimulatedDrive(one), contraction, sign) for one, sign in zip(benches, (1.0, -1.0), strict=True))
-    return up, down
+def mirrors(benches: Sequence[TwinBench], contraction: float) -> tuple[Mirror, ...]:
+    """The drives of a joint's motors, with the co-contraction in their homes [rad]."""
+    return tuple(Mirror(SimulatedDrive(one), contraction, one.sign) for one in benches)
 
 
-def pair_run(
+def shared_run(
     folder: Path,
     rig: Rig,
     *,
     twins: Rig | None = None,
     laws: tuple[Law, ...] = (),
-    between: Callable[[AxesRig], None] = lambda run: None,
+    between: Callable[[MotorsRig], None] = lambda run: None,
     **more: Any,
-) -> AxesRig:
-    """A run of a rig whose agonist pulls upwards.
+) -> MotorsRig:
+    """A run of a rig with one joint, whose first motor pulls upwards.
 
     Args:
         folder: for what the run keeps.
-        rig: with a pair, and no other axes.
+        rig: with one joint that all of its motors share.
         twins: the rig that is played; the same where it is not given.
-        laws: in place of the rig's, the agonist's first.
+        laws: in place of the rig's, of each motor.
         between: called with the run between its cycles.
-        more: for `AxesRig`.
+        more: for `MotorsRig`.
     """
     live = live_run(rig)
-    played = twin_pair_of(twins or rig, 1.0)
-    return AxesRig(
+    (joint,) = (twins or rig).each_joint
+    benches: Any = [one.plant for one in played(joint, 1.0)]
+    return MotorsRig(
         folder,
         live.law,
         live.names,
-        benches=mirrors([one.plant for one in played], rig.pair.co_contraction),  # type: ignore[misc]
-        joints=live.joints,
-        pair=live.paired,
-        each=tuple(axis.limits for axis in live.axes),
-        laws=laws or tuple(axis.law for axis in live.axes),
-        scripts=tuple(axis.script() for axis in live.axes),
+        benches=mirrors(benches, rig.joints[0].co_contraction),
+        encoders=live.encoders,
+        neighbours=live.neighbours,
+        each=tuple(motor.limits for motor in live.motors),
+        laws=laws or tuple(motor.law for motor in live.motors),
+        scripts=tuple(motor.script() for motor in live.motors),
         between=between,
         **more,
     )

@@ -1,4 +1,4 @@
-"""Several axes in one loop on a clock of the tests': they begin and end together, whatever stops one of them."""
+"""Several motors in one loop on a clock of the tests': they begin and end together, whatever stops one of them."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from axes_rig import AxesRig, Misread
 from bowden.control import LAWS
 from bowden.core.signals import DriveReading
 from bowden.cycle.one_cycle import Filters, TargetSource
@@ -21,31 +20,32 @@ from bowden.live.preflight import Preflight
 from bowden.live.replay import replay
 from bowden.live.ring import Description
 from bowden.live.session import Session
-from bowden.live.session_axis import SessionAxis
+from bowden.live.session_motor import SessionMotor
 from bowden.live.stops import document, stops
 from bowden.live.together import PATIENCE, Together, mode_of_all, modes_of_all
-from bowden.rig.rig import Axis, Rig
+from bowden.rig.rig import Rig, RigMotor
 from bowden.safety.faults import Fault, of
 from bowden.safety.limits import Limits
 from bowden.safety.release import longest_release
 from bowden.safety.state import Mode, Request
+from motors_rig import Misread, MotorsRig
 
 LAW = LAWS["bowden"]
 STOP, NONE, ARM, RUN = (float(one) for one in (Request.STOP, Request.NONE, Request.ARM, Request.RUN))
 
 
 @pytest.fixture(scope="module")
-def whole(tmp_path_factory: pytest.TempPathFactory) -> tuple[AxesRig, Recording]:
-    rig = AxesRig(tmp_path_factory.mktemp("run"), LAW, ("hip", "knee", "ankle"), starts=(0.0, 0.15, 0.05))
+def whole(tmp_path_factory: pytest.TempPathFactory) -> tuple[MotorsRig, Recording]:
+    rig = MotorsRig(tmp_path_factory.mktemp("run"), LAW, ("hip", "knee", "ankle"), starts=(0.0, 0.15, 0.05))
     ended, rows = rig.run()
     assert Mode(ended.mode) == Mode.STOPPED
     assert ended.faults == 0
-    assert [one[:3] for one in ended.axes] == [(0, 0, 0)] * 3
+    assert [one[:3] for one in ended.motors] == [(0, 0, 0)] * 3
     return rig, rows
 
 
-def test_all_axes_are_armed_run_and_end_in_the_same_cycle_and_their_laws_begin_together(
-    whole: tuple[AxesRig, Recording],
+def test_all_motors_are_armed_run_and_end_in_the_same_cycle_and_their_laws_begin_together(
+    whole: tuple[MotorsRig, Recording],
 ) -> None:
     _, rows = whole
     parts = list(rows.parts.values())
@@ -57,7 +57,7 @@ def test_all_axes_are_armed_run_and_end_in_the_same_cycle_and_their_laws_begin_t
     assert len({int(np.flatnonzero(part["mode"] == Mode.RELEASING)[0]) for part in parts}) == 1
 
 
-def test_each_axis_follows_as_it_does_alone_and_replays_to_the_bit(whole: tuple[AxesRig, Recording]) -> None:
+def test_each_motor_follows_as_it_does_alone_and_replays_to_the_bit(whole: tuple[MotorsRig, Recording]) -> None:
     _, rows = whole
     for name, part in rows.parts.items():
         led = part["source"] >= TargetSource.LAW_BEGINS
@@ -67,15 +67,15 @@ def test_each_axis_follows_as_it_does_alone_and_replays_to_the_bit(whole: tuple[
         assert not again.differs, name
 
 
-def test_every_cycle_reads_all_then_writes_all_and_is_one_row(whole: tuple[AxesRig, Recording]) -> None:
+def test_every_cycle_reads_all_then_writes_all_and_is_one_row(whole: tuple[MotorsRig, Recording]) -> None:
     rig, rows = whole
     assert {drive.reads for drive in rig.drives} == {len(drive.told) for drive in rig.drives} == {len(rows.rows)}
     assert [drive.closed for drive in rig.drives] == [1, 1, 1]
     assert len({*rows.columns}) == len(rows.columns) == len(rows.units)
-    assert rows.columns[: len(rows.axis("hip").columns)] == rows.axis("hip").columns
+    assert rows.columns[: len(rows.only("hip").columns)] == rows.only("hip").columns
 
 
-def test_events_say_whose_they_are(whole: tuple[AxesRig, Recording]) -> None:
+def test_events_say_whose_they_are(whole: tuple[MotorsRig, Recording]) -> None:
     rig, rows = whole
     found, _ = Changes(Description(rows.columns, rows.units, rig.settings)).find(rows.numbers, rows.rows)
     texts = [event.text for event in found]
@@ -130,13 +130,13 @@ KINDS = (lost_joint, drive_fault, silent, second_master, emergency, over_current
 
 
 @pytest.mark.parametrize("seed", [*range(12), *(pytest.param(k, marks=pytest.mark.long) for k in range(12, 100))])
-def test_a_fault_of_any_axis_stops_all_within_the_limits(seed: int, tmp_path: Path) -> None:
+def test_a_fault_of_any_motor_stops_all_within_the_limits(seed: int, tmp_path: Path) -> None:
     random = np.random.default_rng(seed)
     count = int(random.integers(2, 5))
     names = ("hip", "knee", "ankle", "toe")[:count]
     sick, kind = int(random.integers(count)), KINDS[int(random.integers(len(KINDS)))]
     onset = int(random.integers(300, 4000))
-    rig = AxesRig(tmp_path, LAW, names, seconds=1.5)
+    rig = MotorsRig(tmp_path, LAW, names, seconds=1.5)
     rig.drives[sick].misread = kind(onset)
     ended, rows = rig.run()
     parts = list(rows.parts.values())
@@ -158,20 +158,20 @@ def test_a_fault_of_any_axis_stops_all_within_the_limits(seed: int, tmp_path: Pa
         assert all(power == Power.OFF for power, _ in rig.drives[i].told[at + longest :])
         if i != sick and any(powered):
             found = {*of(float(part["faults"][at + 1]))}
-            assert found & {Fault.AXIS_RELEASED, Fault.AXIS_OFF}
-            assert (Fault.AXIS_OFF in found) == bool(r3)
+            assert found & {Fault.OTHER_RELEASED, Fault.OTHER_OFF}
+            assert (Fault.OTHER_OFF in found) == bool(r3)
     if any(powered):
         said = document(rows, {}, twin=False)
-        assert said[0]["axis"] == names[sick]
-        assert not {Fault.AXIS_RELEASED.meaning, Fault.AXIS_OFF.meaning} & {*said[0]["causes"]}
+        assert said[0]["motor"] == names[sick]
+        assert not {Fault.OTHER_RELEASED.meaning, Fault.OTHER_OFF.meaning} & {*said[0]["causes"]}
 
 
-def test_axes_that_are_independent_leave_the_others_running(tmp_path: Path) -> None:
-    rig = AxesRig(tmp_path, LAW, independent=True, seconds=2.0)
+def test_motors_that_are_independent_leave_the_others_running(tmp_path: Path) -> None:
+    rig = MotorsRig(tmp_path, LAW, independent=True, seconds=2.0)
     rig.drives[0].misread = drive_fault(2500)
     ended, rows = rig.run()
     hip, knee = rows.parts.values()
-    assert [Mode(one.mode) for one in ended.axes] == [Mode.LATCHED, Mode.STOPPED]
+    assert [Mode(one.mode) for one in ended.motors] == [Mode.LATCHED, Mode.STOPPED]
     assert hip["mode"][2600] == Mode.LATCHED
     assert knee["mode"][2600] == Mode.RUNNING
     assert not stops(knee)
@@ -180,7 +180,7 @@ def test_axes_that_are_independent_leave_the_others_running(tmp_path: Path) -> N
 
 def test_a_preflight_that_fails_fails_for_all(tmp_path: Path) -> None:
     wrong = Preflight(slope_sign=-1.0)
-    ended, rows = AxesRig(tmp_path, LAW, preflights=(Preflight(), wrong)).run()
+    ended, rows = MotorsRig(tmp_path, LAW, preflights=(Preflight(), wrong)).run()
     hip, knee = rows.parts.values()
     assert Mode(ended.mode) == Mode.LATCHED
     assert hip["preflight_reason"].max() == 0.0
@@ -191,26 +191,26 @@ def test_a_preflight_that_fails_fails_for_all(tmp_path: Path) -> None:
         assert not (part["mode"] == Mode.RUNNING).any()
 
 
-def test_no_axis_is_armed_while_another_is_latched_and_an_acknowledgement_is_for_all(tmp_path: Path) -> None:
-    def between(rig: AxesRig) -> None:
+def test_no_motor_is_armed_while_another_is_latched_and_an_acknowledgement_is_for_all(tmp_path: Path) -> None:
+    def between(rig: MotorsRig) -> None:
         if rig.sleeps == 100:
             rig.block.ask(Request.ACKNOWLEDGE)
 
-    rig = AxesRig(tmp_path, LAW, latched=(None, 2.0**Fault.SLACK), between=between, seconds=0.5, quits=400)
+    rig = MotorsRig(tmp_path, LAW, latched=(None, 2.0**Fault.SLACK), between=between, seconds=0.5, quits=400)
     rig.asks = (10, 150)
     ended, rows = rig.run()
     hip, knee = rows.parts.values()
     assert Mode(ended.mode) == Mode.STOPPED
     assert hip["mode"][:100].max() == Mode.STOPPED
-    assert Fault.AXIS_RELEASED in of(float(hip["faults"][50]))
+    assert Fault.OTHER_RELEASED in of(float(hip["faults"][50]))
     assert knee["mode"][50] == Mode.LATCHED
     assert (hip["mode"] == Mode.RUNNING).sum() == (knee["mode"] == Mode.RUNNING).sum() > 400
 
 
-def test_a_bridged_reading_as_the_run_begins_keeps_no_axis_behind(tmp_path: Path) -> None:
+def test_a_bridged_reading_as_the_run_begins_keeps_no_motor_behind(tmp_path: Path) -> None:
     gap: list[int] = []
 
-    def between(rig: AxesRig) -> None:
+    def between(rig: MotorsRig) -> None:
         newest = rig.reader.last()
         if newest is not None and not gap and rig.rows_of(newest)[0]["preflight"] == 1.0:
             gap.append(rig.drives[1].reads)
@@ -218,7 +218,7 @@ def test_a_bridged_reading_as_the_run_begins_keeps_no_axis_behind(tmp_path: Path
     def misread(cycle: int, reading: DriveReading) -> DriveReading:
         return reading._replace(joint=np.nan) if gap and gap[0] <= cycle < gap[0] + 3 else reading
 
-    rig = AxesRig(tmp_path, LAW, between=between, seconds=0.5)
+    rig = MotorsRig(tmp_path, LAW, between=between, seconds=0.5)
     rig.drives[1].misread = misread
     ended, rows = rig.run()
     begins = [int(np.flatnonzero(part["mode"] == Mode.RUNNING)[0]) for part in rows.parts.values()]
@@ -226,13 +226,13 @@ def test_a_bridged_reading_as_the_run_begins_keeps_no_axis_behind(tmp_path: Path
     assert abs(begins[0] - begins[1]) <= 5
 
 
-def test_a_broken_verdict_of_one_axis_switches_all_off_in_the_same_cycle(
+def test_a_broken_verdict_of_one_motor_switches_all_off_in_the_same_cycle(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     from bowden.core.errors import SafetyError
 
-    rig = AxesRig(tmp_path, LAW)
-    knee = rig.loop._axes[1]
+    rig = MotorsRig(tmp_path, LAW)
+    knee = rig.loop._motors[1]
     judge = knee._last_word.judge
 
     def broken(verdict: object) -> None:
@@ -252,7 +252,7 @@ def test_a_broken_verdict_of_one_axis_switches_all_off_in_the_same_cycle(
 def test_whatever_one_drive_does_all_are_told_off_and_let_go_of(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    rig = AxesRig(tmp_path, LAW)
+    rig = MotorsRig(tmp_path, LAW)
     hip, knee = rig.drives
 
     def broken(*_: object) -> None:
@@ -293,12 +293,12 @@ def test_what_is_asked_for_is_asked_of_all_or_of_none() -> None:
     assert alone.shown([1 << Fault.SLACK, 0]) == [0, 0]
     assert alone.outcomes([1.0, -1.0]) == [1.0, -1.0]
     assert alone.over([True, False], [running, latched])
-    assert not alone.over([True, False], [running, bridging]), "a reading that is missing ends no axis' run"
+    assert not alone.over([True, False], [running, bridging]), "a reading that is missing ends no motor's run"
 
 
-def test_the_others_are_shown_the_worst_of_an_axis_own_faults() -> None:
+def test_the_others_are_shown_the_worst_of_an_motor_own_faults() -> None:
     three = Together(3, independent=False)
-    slack, fault, follows = 1 << Fault.SLACK, 1 << Fault.DRIVE_FAULT, 1 << Fault.AXIS_OFF
+    slack, fault, follows = 1 << Fault.SLACK, 1 << Fault.DRIVE_FAULT, 1 << Fault.OTHER_OFF
     assert three.shown([0, 0, 0]) == [0.0, 0.0, 0.0]
     assert three.shown([slack, 0, 0]) == [0.0, 2.0, 2.0]
     assert three.shown([slack, fault, 0]) == [3.0, 2.0, 3.0]
@@ -308,7 +308,7 @@ def test_the_others_are_shown_the_worst_of_an_axis_own_faults() -> None:
 
 
 @pytest.mark.parametrize("independent", [False, True])
-def test_the_mode_of_all_is_that_of_the_axis_furthest_from_rest(independent: bool) -> None:
+def test_the_mode_of_all_is_that_of_the_motor_furthest_from_rest(independent: bool) -> None:
     rows = np.array([[float(a), float(b)] for a in Mode for b in Mode])
     each = [float(mode_of_all(row.tolist(), independent=independent)) for row in rows]
     assert modes_of_all(rows, independent=independent).tolist() == each
@@ -317,12 +317,12 @@ def test_the_mode_of_all_is_that_of_the_axis_furthest_from_rest(independent: boo
 
 
 def looked_at(tmp_path: Path, modes: Sequence[Mode], faults: Sequence[float], *, independent: bool) -> Any:
-    """A session of two axes that nobody has begun, and the row in which they are so."""
+    """A session of two motors that nobody has begun, and the row in which they are so."""
     hip = Rig(law="bowden")
     knee = hip.replace(drive=hip.drive._replace(node_id=2))
-    live = live_run(Rig(axes=(Axis("hip", hip), Axis("knee", knee)), independent=independent))
+    live = live_run(Rig(motors=(RigMotor("hip", hip), RigMotor("knee", knee)), independent=independent))
     session, columns = Session(live, tmp_path / "x.mcap", remembers=False), (*live.columns(),)
-    session.axes = tuple(SessionAxis(one, columns, live.names, 0, remembers=False) for one in live.axes)
+    session.motors = tuple(SessionMotor(one, columns, live.names, 0, remembers=False) for one in live.motors)
     session.rows = SimpleNamespace(description=SimpleNamespace(columns=columns))  # type: ignore[assignment]
     session.ready = {"drive": "both", "drives": ["hip's", "knee's"]}
     values = dict.fromkeys(columns, 0.0)
@@ -332,17 +332,17 @@ def looked_at(tmp_path: Path, modes: Sequence[Mode], faults: Sequence[float], *,
     return session, session.row_of(np.array([*values.values()]))
 
 
-def test_what_one_axis_has_is_told_of_it_alone(tmp_path: Path) -> None:
+def test_what_one_motor_has_is_told_of_it_alone(tmp_path: Path) -> None:
     session, row = looked_at(tmp_path, (Mode.RUNNING, Mode.LATCHED), (0.0, 2.0**Fault.DRIVE_FAULT), independent=True)
     assert Mode(int(row["mode"])) == Mode.RUNNING
     assert of(row["faults"]) == [Fault.DRIVE_FAULT], "of all"
-    hip, knee = (axis.of(row) for axis in session.axes)
+    hip, knee = (motor.of(row) for motor in session.motors)
     assert (hip["faults"], hip["preflight_reason"], knee["preflight_reason"]) == (0.0, 0.0, 1.0)
-    assert [one.axis for one in session.faults(row)] == ["knee"]
+    assert [one.motor for one in session.faults(row)] == ["knee"]
     assert session.drive_said(row) == "knee: knee's"
 
 
-def test_a_key_that_moves_one_axis_that_goes_alone_is_not_said_to_do_nothing(tmp_path: Path) -> None:
+def test_a_key_that_moves_one_motor_that_goes_alone_is_not_said_to_do_nothing(tmp_path: Path) -> None:
     modes, none = (Mode.RUNNING, Mode.STOPPED), (0.0, 0.0)
     session, row = looked_at(tmp_path, modes, none, independent=True)
     assert why_not(Request.ARM, session.judged(row)) == ""

@@ -1,4 +1,4 @@
-"""Draw the figure of docs/pair.md: ``python docs/images/make_pair.py``, some seconds.
+"""Draw the figure of docs/several_motors.md: ``python docs/images/make_shared_joint.py``, some seconds.
 
 Two motors on one joint, each under the law `bowden`, while somebody pushes the joint to and fro. The same source gives
 the same bytes.
@@ -18,7 +18,7 @@ from bowden.drawing import style
 from bowden.drawing.style import COLOURS, thin
 from bowden.models.cable.sheath_path import constant_bend
 from bowden.plants.presets.bench import default_bench
-from bowden.sim.pair import PairPlant, PairSide, simulate_pair
+from bowden.sim.joint import CabledJoint, JointMotor, simulate_joint
 
 _STEP, _SECONDS = 1e-3, 16.0
 _PUSH, _HERTZ = 0.5, 0.4
@@ -43,10 +43,11 @@ def followed(contraction: float) -> Course:
     """A run with a co-contraction [rad]."""
     bench, law = default_bench(), LAWS["bowden"]
     bend = constant_bend(bench.sheath.bend)
-    one, other = (PairSide(name, bench, bend, k, sign) for k, (name, sign) in enumerate((("up", 1.0), ("down", -1.0))))
+    each = enumerate((("up", 1.0), ("down", -1.0)))
+    motors = tuple(JointMotor(name, bench, bend, k, sign) for k, (name, sign) in each)
     push = _PUSH * np.sin(2.0 * np.pi * _HERTZ * np.arange(0.0, _SECONDS, _STEP))
-    traces = simulate_pair(
-        PairPlant(one, other, _STIFFNESS, contraction),
+    traces = simulate_joint(
+        CabledJoint(motors, _STIFFNESS, contraction),
         (law, law),
         PeriodicMinimumJerk(0.0, 60.0 * RADIANS, 8.0),
         duration=_SECONDS,
@@ -96,7 +97,7 @@ def main() -> None:
         )
     figure = drawn(courses)
     with style.drawing():
-        figure.savefig(Path(__file__).with_name("pair.svg"), metadata={"Date": None, "Creator": None})
+        figure.savefig(Path(__file__).with_name("shared_joint.svg"), metadata={"Date": None, "Creator": None})
 
 
 if __name__ == "__main__":
