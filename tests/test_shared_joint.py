@@ -91,7 +91,10 @@ def test_a_shared_joint_is_read_packed_written_and_part_of_the_hash(tmp_path: Pa
         ("slack_sign = 1.0", "slack_sign = 1.0\n[motor.reference]\nhigh_deg = 20.0", "references of their own"),
         ("[[joint]]", "independent = true\n[[joint]]", "none goes on alone"),
         ("node_id = 2", "node_id = 2\n[motor.suit]\nworn = true", "a suit is worn"),
-        ('name = "elbow"', "", "[[joint]] without a name of its own"),
+        ('name = "elbow"', "", 'a joint has the name ""; expected small letters'),
+        ("elbow", "flexor", 'a joint and a motor have the name "flexor"'),
+        ('name = "elbow"', 'name = "my elbow"', 'a joint has the name "my elbow"'),
+        ("[[joint]]", '[[joint]]\nname = "elbow"\n[[joint]]', "two joints have one name"),
         ("[[joint]]", '[[joint]]\nname = "knee"\n[[joint]]', 'no motor moves the joint "knee"'),
     ],
 )

@@ -400,6 +400,22 @@ def test_check_refuses_of_a_joint_what_a_run_refuses_in_the_same_words(capsys: p
     assert error.count("\n") == 1
 
 
+@pytest.mark.usefixtures("elbow_rig")
+def test_a_run_judges_the_joint_and_not_each_motor(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked = []
+
+    def judged(joint: Any, laws: Any) -> Any:
+        asked.append((joint.names, len(laws)))
+        return SimpleNamespace(holds=False, reason="its motors part", verdict="does_not_hold")
+
+    monkeypatch.setattr("bowden.design.verdict.check_laws", judged)
+    error = said(capsys, "run", "elbow.toml", "--twin", "--auto", code=2).err
+    assert asked == [(("flexor", "extensor"), 2)]
+    assert 'joint "elbow": bowden fails the check on elbow.toml: its motors part; check each alone (--motor' in error
+
+
 TARGET = JointTarget(joint_of(), BENDS, STROKE, 1)
 
 

@@ -73,7 +73,7 @@ def rig_of(rig: Rig, name: str, *, twin: bool) -> dict[str, Any]:
 
 
 def injected_faults(motors: Sequence[str] = ("",)) -> Iterator[dict[str, str]]:
-    """What the twins can be given: the name that injects it, of several motors with the motor', and what it is."""
+    """What the twins can be given: the name that injects it, of several motors with the motor's, and what it is."""
     for motor in motors:
         whose = f"{motor}: " if motor else ""
         for name, kind in KINDS.items():

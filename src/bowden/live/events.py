@@ -41,7 +41,7 @@ class Changes:
         columns = list(description.columns)
         self._time = columns.index("time")
         self._watched: list[tuple[str, str, int]] = []
-        """Of each motor: what its events begin with, the column's name without the motor', and its place."""
+        """Of each motor: what its events begin with, the column's name without the motor's, and its place."""
         self._gains: list[tuple[str, int, int]] = []
         motors = [str(one["name"]) for one in description.settings.get("motors") or ()]
         for number, motor in enumerate(motors or [""]):

@@ -397,7 +397,7 @@ def _check_duration(emg: EmgRun, limits: Limits) -> None:
 
 
 def pulling(rig: Rig, co_contraction: float) -> Rig:
-    """The rig of one motor whose motor pulls so much further than the joint asks for [rad].
+    """The rig of a motor that pulls so much further than the joint asks for [rad].
 
     Everything above the drive knows the joint's coordinate alone: the motor's home is moved.
     """

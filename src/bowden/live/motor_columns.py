@@ -37,7 +37,7 @@ class MotorView(NamedTuple):
 
     places: tuple[int, ...]
     columns: tuple[str, ...]
-    """Their names without the motor'."""
+    """Their names without the motor's."""
 
 
 def view(columns: Sequence[str], names: Sequence[str], name: str) -> MotorView:

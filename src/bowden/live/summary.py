@@ -139,7 +139,7 @@ def _print_stops(found: dict[str, Any]) -> None:
     """What stopped the run, in the order of time, then what its log does not show."""
     named = {one["name"]: one["faults"] for one in found.get("motors", ())} or {"": found["faults"]}
     said: set[tuple[str, str]] = set()
-    """RigMotor, or nothing of a rig with one motor, and fault."""
+    """Motor, or nothing of a rig with one motor, and fault."""
     for number, stop in enumerate(found["stops"], 1):
         last = number == len(found["stops"]) and not found["ended_well"]
         how = "ended" if last else "stopped"

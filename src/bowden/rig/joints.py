@@ -81,8 +81,8 @@ def joints_of(motors: Sequence[Any], joints: Sequence[JointSettings], where: str
         ParameterError: a motor names a joint that there is not, or nobody names one that there is.
     """
     known = {one.name: one for one in joints}
-    if len(known) < len(joints) or "" in known:
-        raise ParameterError(f"{where}: [[joint]] without a name of its own", expected='name = "elbow"')
+    if len(known) < len(joints):
+        raise ParameterError(f"{where}: two joints have one name", expected="a name of its own for each")
     moved: dict[tuple[str, str], list[Any]] = {}
     for one in motors:
         if one.joint and one.joint not in known:

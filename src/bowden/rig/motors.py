@@ -9,6 +9,7 @@ from bowden.core.errors import ParameterError, near
 from bowden.core.toml_text import quoted
 from bowden.rig.drive import collision, devices
 from bowden.rig.families import family_of
+from bowden.rig.joints import JointSettings
 from bowden.rig.sections import DEFAULT_FAMILY, Control, RigFile
 
 MOTOR, INDEPENDENT, JOINT = "motor", "independent", "joint"
@@ -139,11 +140,12 @@ def shared(trees: Sequence[MotorTree]) -> dict[str, Any]:
     return {key: first[key] for key in first if key in same} | {MOTOR: motors}
 
 
-def check(motors: Sequence[Any], where: str) -> None:
+def check(motors: Sequence[Any], joints: Sequence[JointSettings], where: str) -> None:
     """Refuse motors that cannot be in one loop.
 
     Args:
         motors: a `RigMotor` each.
+        joints: those that several of them move.
         where: for messages.
 
     Raises:
@@ -154,15 +156,19 @@ def check(motors: Sequence[Any], where: str) -> None:
         raise ParameterError(
             f"{where}: [[motor]] is there {_times(len(motors))}", expected=f"{FEWEST} to {MOST}", do=do
         )
-    for name, rig, _ in motors:
+    names = [one.name for one in motors]
+    for kind, name in (*(("motor", name) for name in names), *(("joint", one.name) for one in joints)):
         if not _NAME.fullmatch(name) or name in RESERVED:
             raise ParameterError(
-                f"{where}: a motor has the name {quoted(name)}",
+                f"{where}: a {kind} has the name {quoted(name)}",
                 expected=(
                     f"small letters, digits and _ between them, 24 at most, and none of {', '.join(sorted(RESERVED))}"
                 ),
                 do="rename it",
             )
+        if kind == "joint" and name in names:
+            raise ParameterError(f"{where}: a joint and a motor have the name {quoted(name)}", do="rename one")
+    for name, rig, _ in motors:
         if rig.motors:
             raise ParameterError(f"{where}: motor {quoted(name)} has motors of its own", expected="none", do=_CORRECT)
     for problem in (*_twice(motors), *_apart(motors)):

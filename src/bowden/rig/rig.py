@@ -266,7 +266,7 @@ class Rig(metaclass=Answering):
         joints = tuple(checked(one, JointSettings, "joint", default) for one in self.joints)
         object.__setattr__(self, "joints", joints)
         if self.motors:
-            several.check(self.motors, self.origin)
+            several.check(self.motors, self.joints, self.origin)
         if self.motors or self.joints:
             check_joints(self.each_joint, self.independent, self.origin)
 
