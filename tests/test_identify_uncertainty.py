@@ -188,3 +188,20 @@ def test_what_is_not_shown_is_known_without_its_deviation() -> None:
         estimate = PlayOperator().fit(path)
         errors = standard_errors(path, estimate, PlayOperator())
         assert all_shown(path, estimate) == shown == (np.inf not in errors.values())
+
+
+def test_a_loop_is_as_high_as_its_play_whatever_strokes_there_are() -> None:
+    """Short strokes turn in the middle, where they are still on their way from one side to the other."""
+    motor = (
+        RADIANS
+        * 50.0
+        * np.interp(TIME, np.linspace(0.0, 12.0, 13), [0, 1, 0, 0.6, 0.35, 0.7, 0.3, 0.65, 0, 1, 0.4, 1, 0])
+    )
+    joint, gap, at = np.empty_like(motor), 6.0 * RADIANS, 0.0
+    for k, angle in enumerate(motor):
+        at = min(max(at, angle - gap / 2.0), angle + gap / 2.0)
+        joint[k] = 0.6 * at
+    path = build_path(TIME, motor, joint, find_turns(motor, motor_noise(motor)), 1500)
+    loop = loop_of(path, path.joint)
+    assert loop is not None
+    assert (loop.slope, loop.height) == pytest.approx((0.6, 0.6 * gap), rel=2e-3)

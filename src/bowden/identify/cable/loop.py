@@ -1,7 +1,8 @@
 """The loop that a model draws along its log, and how well the log shows it.
 
 Single parameters of a flexible model trade with one another: wider plays and a steeper mean draw the same loop. What a
-log does show is the loop. In the middle half of the stroke, clear of the reversals, it is a line with a step,
+log does show is the loop. In the middle half of the stroke, clear of the reversals by a fifth of it, it is a line with
+a step,
 
     joint ≈ slope·motor + offset ∓ height/2    (− on the way on which the motor rises, for a slope above zero)
 
@@ -32,6 +33,9 @@ Array = NDArray[np.float64]
 _PLACES = 20
 _MIDDLE = (0.25, 0.75)
 """Of the stroke."""
+_CLEAR = 0.2
+"""Of the stroke, behind a reversal. Long strokes are farther from theirs when they come to the middle half; short ones,
+which turn within it, are still on their way from one side of the loop to the other."""
 _FEWEST_CYCLES, _FEWEST_STROKES = 3, 3
 """Cycles from which on they are compared, and strokes below which nothing says how they differ."""
 
@@ -103,6 +107,9 @@ def loop_of(path: Path, fitted: Array) -> HysteresisLoop | None:
     share = (path.motor - low) / max(high - low, 1e-300)
     rises = np.where(np.diff(path.turning)[path.stroke] > 0.0, 1.0, -1.0)
     middle = counted & (share > _MIDDLE[0]) & (share < _MIDDLE[1])
+    clear = middle & (np.abs(path.motor - path.turning[path.stroke]) > _CLEAR * (high - low))
+    if _different(rises[clear] > 0.0) == 2:
+        middle = clear
     if _different(rises[middle] > 0.0) < 2:
         return None
     residual = np.where(counted, path.joint - fitted, 0.0)
