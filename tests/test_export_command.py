@@ -169,7 +169,7 @@ def test_make_check_replays_the_recorded_run(capsys: pytest.CaptureFixture[str],
     code = folder / "deep" / "code"
     done = subprocess.run(["make", "-s", "check"], cwd=code, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
-    assert done.stderr == "3000 cycles, 0 commands differ, by 0 rad at most\n"
+    assert done.stderr == "passed: 3000 cycles, 0 commands differ, by 0 rad at most\n"
     table = subprocess.run(["./replay", "recording.csv", "--print"], cwd=code, capture_output=True, text=True)
     assert table.stdout.splitlines()[0] == "time,command,law.command," + ",".join(
         f"conditioned.{name}" for name in Conditioned._fields

@@ -109,7 +109,12 @@ static int table(FILE *in, int print)
         fprintf(stderr, "replay: no law ran in this recording\n");
         return 2;
     }
-    fprintf(stderr, "%ld cycles, %ld commands differ, by %.3g rad at most\n", cycles, differ, furthest);
+    if (!EXACT) {
+        fprintf(stderr, "%ld cycles in float: within %.3g rad of the recorded commands\n", cycles, furthest);
+    } else {
+        const char *result = differ > 0 ? "failed" : "passed";
+        fprintf(stderr, "%s: %ld cycles, %ld commands differ, by %.3g rad at most\n", result, cycles, differ, furthest);
+    }
     return EXACT && !print && differ > 0;
 }
 
