@@ -154,7 +154,7 @@ def followed(log: Path, folder: Path, run_for: float = RUN_FOR) -> Cable:
 
 
 def _replayed(step: Step) -> str:
-    """What a replay of the exported law says, of which the last line is ``passed: N cycles, K commands differ, by …``."""
+    """The last line of a replay of the exported law: ``passed: N cycles, K commands differ, by …``."""
     cycles, differing = (step.out + step.error).strip().splitlines()[-1].partition(": ")[2].split(", ")[:2]
     return f"{differing.split()[0]} of {cycles} differ"
 

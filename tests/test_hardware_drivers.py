@@ -193,12 +193,12 @@ def test_what_a_drive_does_not_say_is_seen_within_50_ms_of_a_motion(name: str, f
     assert name != "ak_mit" or not loop.powered
 
 
-@ANSWERING
+@EVERY
 def test_a_drive_that_has_restarted_is_not_believed_before_it_is_brought_up_again(name: str) -> None:
     loop = loop_of(name).up()
     loop.inject("reboot")
     reading = loop.run(600, Power.OFF)[-1]
-    assert math.isnan(reading.motor)
+    assert math.isnan(reading.motor) or (name == "cia402" and reading.motor_age > 500)
     assert reading.drive_state == DriveState.NOT_READY_TO_SWITCH_ON
     loop.run(50, Power.ON)
     assert not loop.powered
