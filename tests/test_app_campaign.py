@@ -1,8 +1,8 @@
 """``bowden campaign``: its rows are single runs, it goes on where it was, and what cannot be is refused in one line."""
 
-import collections
 import contextlib
 import errno
+import functools
 import io
 import itertools
 import json
@@ -10,6 +10,7 @@ import multiprocessing
 import os
 import shutil
 import signal
+import threading
 import time
 import tomllib
 from pathlib import Path
@@ -286,7 +287,7 @@ def test_other_software_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def children() -> list[int]:
-    return [process.pid or 0 for process in multiprocessing.active_children() if process.daemon]
+    return [process.pid or 0 for process in multiprocessing.active_children()]
 
 
 def test_a_process_that_is_killed_is_replaced_and_one_that_stands_still_holds_up_no_end() -> None:
@@ -308,23 +309,24 @@ def test_a_process_that_is_killed_is_replaced_and_one_that_stands_still_holds_up
 
 
 def test_processes_that_die_again_and_again_are_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
-    class Dead(campaign_workers._Worker):
-        def __init__(self, pack: bytes) -> None:
-            self.given = collections.deque()
-            self.pipe, theirs = multiprocessing.Pipe()
-            theirs.close()
-
-        def end(self) -> None:
-            self.pipe.close()
-
-    monkeypatch.setattr(campaign_workers, "_Worker", Dead)
-    with pytest.raises(ParameterError, match=r"died [34] times in a row; find what"):
+    monkeypatch.setattr(campaign_workers, "_prepare", functools.partial(os._exit, 1))
+    with pytest.raises(ParameterError, match=r"died 3 times in a row; find what"):
         list(campaign_workers.in_processes(load(Path("study.toml")), [(0, range(1)), (1, range(1, 2))], 2))
 
 
-def test_a_section_is_read_by_its_former_name() -> None:
-    Path("former.toml").write_text(STUDY.replace("[known]", "[told]"))
-    assert load(Path("former.toml")).hash == load(Path("study.toml")).hash
+class UnpackableError(Exception):
+    def __init__(self, what: str, *, line: int) -> None:
+        super().__init__(f"{what} at line {line}")
+        self.lock = threading.Lock()  # which no way of packing takes
+
+
+def test_an_error_that_cannot_be_packed_comes_as_its_text(monkeypatch: pytest.MonkeyPatch) -> None:
+    def fails(*_: object) -> bytes:
+        raise UnpackableError("no number", line=3)
+
+    monkeypatch.setattr(campaign_workers, "compute", fails)
+    with pytest.raises(ParameterError, match="UnpackableError: no number at line 3"):
+        campaign_workers._computed(b"", 0, 1)
 
 
 @pytest.mark.parametrize(

@@ -29,8 +29,8 @@ from bowden.hardware.drives.parameters import DriveParameters
 from bowden.hardware.ports import TorqueLeft, torque_left
 from bowden.live import operator, stops, thermal_file
 from bowden.live.automatic import automatic
+from bowden.live.figures import Damage
 from bowden.live.mcap_read import Recording
-from bowden.live.mcap_reader import Damage
 from bowden.live.preflight import Reason
 from bowden.live.ring_status import RecorderState
 from bowden.live.row import columns

@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,7 @@ from bowden.report.page import Page
 from bowden.safety.faults import Fault
 from bowden.study.distributions import distribution
 from bowden.study.figures import LawFigures, Summary
-from bowden.study.sensitivity import Sensitivity
+from bowden.study.results import ParameterShare
 
 
 def run(stroke: float = 1.0, *, after: int = 10_000, names: Mapping[str, list[str]] | None = None) -> Trace:
@@ -168,12 +169,17 @@ def test_the_line_of_a_law_alone_is_not_broken() -> None:
 def test_a_campaign_ranks_what_matters_most_and_faults_too() -> None:
     from bowden.report.campaign_page import campaign_page
 
-    found = (Sensitivity("servo", -0.2, 0.04), Sensitivity("fault.kind", float("nan"), 0.6), Sensitivity("x", 0.0, 0.0))
+    found = (
+        ParameterShare("servo", -0.2, 0.04, 0.0, above_chance=True),
+        ParameterShare("fault.kind", None, 0.6, 0.0, above_chance=True),
+        ParameterShare("x", 0.0, 0.0, 0.0, above_chance=False),
+    )
     steps = {
         "servo": (np.array([1.0, 2.0]), np.array([0.2, 0.1])),
         "fault.kind": (np.array([0.0, 1.0]), np.array([0.1, 0.9])),
     }
-    law = LawFigures("adaptive", 9, 0, 0, {}, {}, (), found, steps, {"fault.kind": ("nothing", "spike")})
+    words = {"fault.kind": ("nothing", "spike")}
+    law = LawFigures("adaptive", 9, 0, 0, (0.0, 0.3), None, None, {}, (), found, steps=steps, words=words)
     drawn = [
         ("servo", "Hz", distribution("uniform", (1.0, 2.0))),
         ("fault.kind", "", distribution("choice", ("nothing", "spike"))),
@@ -183,8 +189,8 @@ def test_a_campaign_ranks_what_matters_most_and_faults_too() -> None:
     assert "<b>adaptive</b>: fault.kind (60 %), servo (4 %)." in html
     rows = re.findall(r"<tr><td class=\"number\">(\d)</td><td>(\S+?)</td>", html)
     assert rows == [("1", "fault.kind"), ("2", "servo")]
-    weak = (Sensitivity("servo", -0.2, 0.04, 0.2), found[1], Sensitivity("gain", float("nan"), 0.0, taken=False))
-    law = LawFigures("adaptive", 9, 0, 0, {}, {}, (), weak, steps, {"fault.kind": ("nothing", "spike")}, oscillating=3)
+    lacking = ParameterShare("gain", None, None, None, above_chance=False)
+    law = replace(law, sensitivity=(replace(found[0], chance_share=0.2, above_chance=False), found[1], lacking))
     drawn.append(("gain", "", distribution("uniform", (1.0, 2.0))))
     html = campaign_page(Summary("h", "d", 9, (law,)), "t", drawn, "", 1.0).html()
     assert "<b>adaptive</b>: fault.kind (60 %)." in html

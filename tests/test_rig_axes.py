@@ -12,10 +12,10 @@ from bowden.control.reference import Chirp
 from bowden.core.errors import ParameterError
 from bowden.design.gains_text import with_axis_gains
 from bowden.live.axis_columns import COMMON, of_all, view
+from bowden.live.figures import Damage
 from bowden.live.live_run import live_run
 from bowden.live.log_facts import facts
 from bowden.live.mcap_read import Recording
-from bowden.live.mcap_reader import Damage
 from bowden.live.row import CYCLE
 from bowden.rig.axes import merged
 from bowden.rig.rig import Axis, Rig

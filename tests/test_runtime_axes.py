@@ -64,7 +64,7 @@ def test_each_axis_follows_as_it_does_alone_and_replays_to_the_bit(whole: tuple[
         assert np.sqrt(np.mean((part["joint"] - part["reference"])[led] ** 2)) < np.radians(1.0), name
         again = replay(part, LAW, Limits(), Filters(), 1e-3, same=True)
         assert again.law_cycles > 2000
-        assert not again.differs, name
+        assert not again.deviates, name
 
 
 def test_every_cycle_reads_all_then_writes_all_and_is_one_row(whole: tuple[AxesRig, Recording]) -> None:

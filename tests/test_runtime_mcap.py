@@ -21,11 +21,11 @@ from mcap_ros2.decoder import DecoderFactory
 
 from bowden.core.errors import BowdenError, LogError
 from bowden.live.events import Changes
+from bowden.live.figures import Damage
 from bowden.live.log_facts import lines
 from bowden.live.mcap_layout import Event, topics
 from bowden.live.mcap_log import MAGIC, LogFile, about, checksum
 from bowden.live.mcap_read import read
-from bowden.live.mcap_reader import Damage
 from bowden.live.mcap_recover import recover
 from bowden.live.ring import Description
 from bowden.safety.faults import Fault

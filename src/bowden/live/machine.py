@@ -10,7 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-from bowden.live.lateness import Lateness, figures
+from bowden.live.figures import Lateness
+from bowden.live.lateness import figures
 
 
 @dataclass(frozen=True)

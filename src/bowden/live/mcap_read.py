@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from bowden.core.errors import LogError, near
 from bowden.live.axis_columns import view
+from bowden.live.figures import Damage
 from bowden.live.mcap_layout import Event
-from bowden.live.mcap_reader import Damage, LogReader, missing_of
+from bowden.live.mcap_reader import LogReader, missing_of
 from bowden.records.trace import Trace
 
 _TRACE = 50_000  # rows

@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Sequence
+from dataclasses import astuple
 from pathlib import Path
 from typing import NamedTuple
 
@@ -9,8 +10,9 @@ import numpy as np
 
 from bowden.core.errors import LogError, OutputError
 from bowden.core.files import whole_file
+from bowden.live.figures import Damage
 from bowden.live.mcap_log import LogFile
-from bowden.live.mcap_reader import Damage, LogReader, missing_of
+from bowden.live.mcap_reader import LogReader, missing_of
 
 TAIL = 0.2
 """Most that a recorder on a healthy disk can have had in its hands when it was killed, not yet in the file [s]."""
@@ -84,5 +86,5 @@ def _copy(handle: int, logs: Sequence[LogReader]) -> Recovery:
     file.finish({**closing, "recovered_from": " ".join(log.path.name for log in logs)})
     missing = missing_of(last, count, closing)
     cycle, tail = float(np.median(steps)) if len(steps) else 0.0, 0.0 if end.closing is not None else TAIL
-    damage = Damage(*(sum(parts) for parts in zip(*(log.damage for log in logs), strict=True)))
+    damage = Damage(*(sum(parts) for parts in zip(*(astuple(log.damage) for log in logs), strict=True)))
     return Recovery(count, missing, missing * cycle, tail, damage)

@@ -80,7 +80,7 @@ def live_session(
                     *(axis.limits, axis.rig.sample_time, verdict),
                     opposed=axis.opposed,
                     given=axis.rig.limits,
-                    mismatches=() if axis.limits.paired else mismatches(axis.rig, axis.limits),
+                    mismatches=() if measure or axis.limits.paired else mismatches(axis.rig, axis.limits),
                 )
                 allowed.append(axis.limits.off_reference if measure else off_reference(axis.rig, axis.law))
         if emg_process is not None:

@@ -1,15 +1,15 @@
 """`doctor`: whether this machine is fast enough for live runs, and what to change."""
 
 import shutil
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any
 
-from bowden.operations.run import LoopLateness, Privilege
+from bowden.hardware.realtime import Grant
+from bowden.live.figures import Lateness
 from bowden.operations.support.operation import Operation, Switch
 from bowden.operations.support.results import Result, ResultPart
 
 if TYPE_CHECKING:
-    from bowden.live.lateness import Lateness
     from bowden.live.machine import Machine
 
 _PERIOD = 1e-3
@@ -75,12 +75,12 @@ class Diagnosis(Result["Diagnosis"]):
     clock_source: str
     processors: tuple[int, ...]
     isolated_processors: tuple[int, ...]
-    privileges: tuple[Privilege, ...]
-    granted: tuple[Privilege, ...]
+    privileges: tuple[Grant, ...]
+    granted: tuple[Grant, ...]
     period_ms: float
-    lateness: LoopLateness
+    lateness: Lateness
     histogram: tuple[LatenessBucket, ...]
-    cyclictest: LoopLateness | None
+    cyclictest: Lateness | None
     """Null where it is not installed."""
     can: CanFound
     emg: EmgFound
@@ -131,12 +131,12 @@ def doctor(
         clock_source=here.clock_source,
         processors=tuple(here.processors),
         isolated_processors=tuple(here.isolated),
-        privileges=tuple(Privilege(**asdict(grant)) for grant in may),
-        granted=tuple(Privilege(**asdict(grant)) for grant in grants),
+        privileges=tuple(may),
+        granted=tuple(grants),
         period_ms=1e3 * _PERIOD,
-        lateness=LoopLateness(**asdict(measured)),
+        lateness=measured,
         histogram=tuple(LatenessBucket(edge, count) for edge, count in counts),
-        cyclictest=LoopLateness(**asdict(other)) if other else None,
+        cyclictest=other,
         can=CanFound(here.can_known, here.can),
         emg=emg,
         advice=tuple(advice),

@@ -20,7 +20,7 @@ from bowden.core.guesses import Answering, answering
 from bowden.core.units import DEGREES
 from bowden.drawing import shown
 from bowden.records import metrics
-from bowden.records.metrics import Metrics
+from bowden.records.run_figures import Metrics
 from bowden.records.table import FIRST_LINE, KEY, read_table
 
 if TYPE_CHECKING:

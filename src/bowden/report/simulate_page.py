@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from bowden.drawing.style import colours_for
-from bowden.records.metrics import Metrics
+from bowden.records.run_figures import Metrics
 from bowden.records.trace import Trace
 from bowden.report import simulate_figures as figures
 from bowden.report import suit_figures
