@@ -262,6 +262,7 @@ def test_a_gain_changes_in_mid_run_on_the_twin(tmp_path: Path) -> None:
     assert_replays(str(session.log))
 
 
+@pytest.mark.long
 @pytest.mark.live
 @pytest.mark.filterwarnings("ignore:the run was")  # by a computer that stalls; then it is tried again
 def test_a_gain_that_does_not_hold_is_refused_with_the_figure(tmp_path: Path) -> None:

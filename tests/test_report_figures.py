@@ -12,7 +12,6 @@ from bowden.control import LAWS
 from bowden.drawing.style import COLOURS, CYCLE, colours_for, dashes_for, legend, new_figure, stay_near
 from bowden.records.trace import Trace
 from bowden.report import log_figures, page, simulate_figures
-from bowden.report.identify_page import _density
 from bowden.report.log_page import log_page
 from bowden.report.page import Page
 from bowden.safety.faults import Fault
@@ -84,17 +83,6 @@ def test_loops_have_one_scale_and_one_range() -> None:
     assert [len(one.texts) for one in panels] == [0, 1], "the cut one says so"
 
 
-def test_the_residual_is_a_density_with_its_means() -> None:
-    motor = np.abs(np.arange(8000) % 2000 - 1000.0) / 20.0  # 0 to 50°, up and down
-    rising = np.gradient(motor) > 0.0
-    _, (axes,) = new_figure()
-    _density(axes, motor, np.where(rising, 0.2, -0.1), (-0.5, 0.5))
-    up, down = (np.asarray(line.get_ydata()) for line in axes.get_lines())
-    assert np.nanmedian(up) == pytest.approx(0.2)
-    assert np.nanmedian(down) == pytest.approx(-0.1)
-    assert len(axes.get_images()) == 1
-
-
 FACTS: dict[str, Any] = {
     "whole": True,
     "twin": False,
@@ -155,15 +143,6 @@ def test_the_speed_of_a_first_reading_is_no_fault() -> None:
     ((name, there),) = log_figures._faults(trace)
     assert name == "motor over speed"
     assert there.sum() == 10
-
-
-def test_the_line_of_a_law_alone_is_not_broken() -> None:
-    law = "active_disturbance_rejection"
-    for others in ((), ("bowden", "adaptive")):
-        traces = dict.fromkeys((law, *others), run())
-        figure = simulate_figures.error(traces, dict.fromkeys(traces, "#000000"))
-        (line,) = [line for line in figure.axes[0].lines if line.get_label() == law]
-        assert (line.get_linestyle() == "-") == (not others)
 
 
 def test_a_campaign_ranks_what_matters_most_and_faults_too() -> None:

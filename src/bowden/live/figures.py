@@ -59,3 +59,41 @@ class Replay(Documented):
         """Whether a requested target, a verdict, a target or a torque offset is another one than was recorded."""
         requested = self.first_difference is not None
         return requested or bool(self.verdicts_differing or self.command_largest or self.torque_largest)
+
+
+@dataclass(frozen=True)
+class Recovery(Documented):
+    """What was saved of a log, and what is known to be lost."""
+
+    rows: int
+    """Cycles in the new log."""
+    missing: int
+    """Cycles before the last of them that are lost."""
+    missing_seconds: float
+    """Those cycles' share of the run [s]."""
+    tail_seconds: float
+    """Time that may be missing from the end of the run, on a healthy disk; 0 where the log was closed properly [s]."""
+    damage: Damage
+    """What could not be read."""
+
+
+@dataclass(frozen=True)
+class Machine(Documented):
+    """What a machine can do for the live loop."""
+
+    release: str
+    """The kernel's."""
+    preemption: str
+    """``PREEMPT_RT``, ``PREEMPT_DYNAMIC``, … or ``none``, as the kernel's version says."""
+    real_time: bool
+    """Whether the kernel is a PREEMPT_RT one."""
+    clock_source: str
+    """The clock of the kernel; ``tsc`` is the quick one on a PC."""
+    processors: tuple[int, ...]
+    """That this process may run on."""
+    isolated: tuple[int, ...]
+    """Processors that the kernel keeps free of other work."""
+    can: dict[str, str]
+    """CAN interface -> its state."""
+    can_known: bool
+    """Whether the kernel has CAN sockets at all."""

@@ -106,18 +106,6 @@ def _about_of(about: Mapping[str, str], names: Sequence[str], name: str) -> dict
     return {**about, **{key: json.dumps(value, ensure_ascii=False) for key, value in own.items() if key in about}}
 
 
-def columns_of(log: LogReader, axis: str) -> tuple[str, ...]:
-    """The columns of one axis of a log, without its name.
-
-    Raises:
-        LogError: there is no such axis.
-    """
-    return Recording(
-        *(log.about, None, log.columns, log.units, np.empty(0, np.int64), np.empty((0, len(log.columns))), []),
-        *(log.damage, log.settings),
-    ).axis(axis).columns  # fmt: skip
-
-
 def axes_of(settings: Mapping[str, Any]) -> tuple[str, ...]:
     """Names of the axes in the settings of a log; empty of a run with one motor."""
     return tuple(str(one["name"]) for one in settings.get("axes") or ())

@@ -170,14 +170,14 @@ def _alone(study: "Study", number: int, folder: Path) -> CampaignRun:
     from dataclasses import asdict
 
     from bowden.core.files import whole_files
-    from bowden.report.simulate_page import write_simulation
+    from bowden.report.simulate_page import simulation_page
     from bowden.study.computed import run_alone
 
     traces = run_alone(study, number)
     with whole_files(folder) as stage:
         for name, trace in traces.items():
             trace.write(stage / f"{name}.npz")
-        write_simulation(stage / "simulate.html", traces, f"Run {number} of {study.path.name}")
+        simulation_page(traces, f"Run {number} of {study.path.name}").write(stage / "simulate.html")
     rig, drawn = study.run(number)[0], study.drawn(number)
     values: dict[str, Any] = {"seed": drawn.seed} | drawn.values
     figures = tuple(

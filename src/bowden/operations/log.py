@@ -4,7 +4,7 @@ from dataclasses import KW_ONLY, asdict, dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from bowden.live.figures import Damage, Replay
+from bowden.live.figures import Damage, Recovery, Replay
 from bowden.operations.support.operation import Operation, Switch
 from bowden.operations.support.results import Result, ResultPart, made
 
@@ -147,21 +147,11 @@ class LogInfo(Result["LogInfo"]):
 
 
 @dataclass(frozen=True)
-class LogRecovered(Result["LogRecovered"]):
+class LogRecovered(Recovery, Result["LogRecovered"]):
     """A whole log of what was left of one."""
 
     files: tuple[Path, ...]
     """The new log."""
-    rows: int
-    """Cycles in it."""
-    missing: int
-    """Cycles before the last of them that are lost."""
-    missing_seconds: float
-    """Those cycles' share of the run [s]."""
-    tail_seconds: float
-    """Time that may be missing from the end of the run, on a healthy disk; 0 where the log was closed properly [s]."""
-    damage: Damage
-    """What could not be read."""
 
 
 @dataclass(frozen=True)
@@ -260,8 +250,7 @@ def log_recover(
 
     target = out or file.with_name(f"{file.stem}.recovered.mcap")
     saved = save(file, target, more or ())
-    lost = round(saved.missing_seconds, 6)
-    return LogRecovered((target,), saved.rows, saved.missing, lost, saved.tail_seconds, saved.damage)
+    return LogRecovered(**vars(saved), files=(target,))
 
 
 def log_export(file: File, *, out: Path | None = None, axis: str | None = None) -> LogExported:
@@ -278,15 +267,18 @@ def log_export(file: File, *, out: Path | None = None, axis: str | None = None) 
         LogError: it cannot be read.
         OutputError: the new file cannot be written.
     """
-    from bowden.live.mcap_read import columns_of, traces
+    from itertools import chain
+
+    from bowden.live.mcap_read import traces
     from bowden.live.mcap_reader import LogReader
     from bowden.records.trace import write_traces
 
     target = _other(out or file.with_suffix(".csv"), file)
     log = LogReader(file)
-    columns = log.columns if axis is None else columns_of(log, axis)
-    write_traces(traces(log, axis), target)
-    return LogExported((target,), log.count, tuple(columns), **_doubts(log, file))
+    pieces = traces(log, axis)
+    first = next(pieces)
+    write_traces(chain([first], pieces), target)
+    return LogExported((target,), log.count, tuple(first.columns), **_doubts(log, file))
 
 
 def log_plot(file: File, *, axis: str | None = None) -> LogDrawn:

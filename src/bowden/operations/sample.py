@@ -65,11 +65,13 @@ def sample(
         OutputError: files that are there already.
     """
     from bowden.core.caller import argument
-    from bowden.core.errors import OutputError
+    from bowden.core.errors import OutputError, ParameterError
     from bowden.core.files import whole_files
-    from bowden.operations.support.given import check_number
 
-    check_number("seed", seed, 0, 2**32 - 1)
+    if not 0 <= seed < 2**32:
+        raise ParameterError(
+            f"{argument('seed').rstrip('=')} is {seed}", expected="a whole number from 0 to 4294967295"
+        )
     files = _files(kind, seed)
     there = [name for name in files if (folder / name).exists()]
     if there and not force:

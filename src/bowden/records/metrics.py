@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from bowden.core.errors import LogError
 from bowden.core.units import DEGREES
-from bowden.records.run_figures import Metrics
+from bowden.records.run_figures import NO_FIGURES, Metrics
 
 Array = NDArray[np.float64]
 
@@ -53,7 +53,7 @@ def summarise(columns: Mapping[str, Array], resistance: float | None, gear_torqu
     increasing(time)
     error = joint - reference
     if not np.isfinite(error).all():
-        return Metrics(None, None, None, None, None, None, None)
+        return NO_FIGURES
     late = time >= time[0] + LATE
     mechanical = electrical = None
     if resistance is not None and gear_torque_constant is not None and {"current", "motor_velocity"} <= set(columns):

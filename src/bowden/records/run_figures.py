@@ -25,3 +25,20 @@ class Metrics(Documented):
     """Integral of the mechanical power, Eq. 18; null of two motors on one joint [J]."""
     electrical_energy_j: float | None
     """Integral of the electrical power, Eq. 18; null of two motors on one joint [J]."""
+
+    def shown(self) -> dict[str, tuple[float | None, str]]:
+        """Name of each figure → its value and unit, as people read it."""
+        delay = None if self.delay_s is None else 1e3 * self.delay_s
+        return {
+            "RMSE": (self.rmse_deg, "°"),
+            "after 10 s": (self.rmse_after_10s_deg, "°"),
+            "peak": (self.peak_deg, "°"),
+            "delay": (delay, "ms"),
+            "hysteresis width": (self.hysteresis_width_deg, "°"),
+            "mechanical energy": (self.mechanical_energy_j, "J"),
+            "electrical energy": (self.electrical_energy_j, "J"),
+        }
+
+
+NO_FIGURES = Metrics(None, None, None, None, None, None, None)
+"""Of a run that ran away."""
