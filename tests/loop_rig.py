@@ -16,9 +16,9 @@ from bowden.hardware.twin.bench import TwinBench
 from bowden.live import control_block, ring
 from bowden.live.brake_hold import BrakeHold
 from bowden.live.control_block import ControlBlock
+from bowden.live.figures import Damage
 from bowden.live.loop import Ended, Loop, MotorParts
 from bowden.live.mcap_read import Recording
-from bowden.live.mcap_reader import Damage
 from bowden.live.ring import RingReader, RingWriter
 from bowden.live.ring_status import RecorderState, Report
 from bowden.live.row import AT, NOTHING_READ, description

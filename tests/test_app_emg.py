@@ -86,7 +86,7 @@ def test_without_labels_there_are_detections_alone(capsys: pytest.CaptureFixture
     assert found["misses"] is None
     assert run(["emg", "score", "a.csv", "--shortest-ms", "100"]) == 0
     said = capsys.readouterr().out
-    assert "our detector" in said
+    assert "plain threshold" in said
     assert "costs 100 ms of latency" in said
 
 
@@ -234,20 +234,10 @@ def bad(name: str) -> Path:
         values[:] = 0.25
     elif name == "clipped":
         values = np.clip(10.0 * values, -0.5, 0.5)
-    elif name == "saturated":
-        values = np.sign(values)
     elif name == "huge":
         values = 1e300 * values
-    elif name == "volts":
-        return write("bad.csv", 2e3 * values, head="time_s,emg_V")
     elif name == "short":
         values = values[:900]
-    elif name == "text":
-        path = write("bad.csv", values)
-        lines = path.read_text().splitlines()
-        lines[10] = "0.009,spam"
-        path.write_text("\n".join(lines))
-        return path
     elif name == "gap":
         path = write("bad.csv", values)
         lines = path.read_text().splitlines()
@@ -255,11 +245,6 @@ def bad(name: str) -> Path:
         return path
     elif name == "no time":
         return write("bad.csv", values, head="x,emg_mV")
-    elif name == "twice":
-        return write("bad.csv", [values, values], head="time_s,emg_mV,emg_mV")
-    elif name == "no channel":
-        Path("bad.csv").write_text("time_s\n0\n0.001\n")
-        return Path("bad.csv")
     return write("bad.csv", values, rate=100.0 if name == "slow" else 1000.0)
 
 
@@ -269,15 +254,10 @@ def bad(name: str) -> Path:
         ("nan", "row 1235: emg_mV is nan"),
         ("flat", "0.25 in every sample"),
         ("clipped", "are at an end of its range"),
-        ("saturated", "100.0 % of emg_mV are at an end of its range"),
         ("huge", "expected at most 100000 mV, which are 100 V; look at the unit in the column's name"),
-        ("volts", "expected at most 100 V, which are 100 V"),
         ("short", "expected at least 2 s"),
-        ("text", "row 10: emg_mV is 'spam'"),
         ("gap", "time has a gap"),
         ("no time", "no column of times among 'x', 'emg_mV'"),
-        ("twice", "two columns are named 'emg_mV'"),
-        ("no channel", "no channel beside 'time_s'"),
         ("slow", "100 samples a second; expected 400 to 5000 Hz"),
     ],
 )
@@ -337,10 +317,8 @@ def test_a_maximum_below_rest_is_refused(capsys: pytest.CaptureFixture[str]) -> 
             "[emg]\nrest = 'x'\nmvc = 1\nchannel = 'a'\nsource = 'b'",
             'rest is "x", which is not a number; expected [emg]',
         ),
-        ("[emg]\nrest = 0.1\nmvc = true\nchannel = 'a'\nsource = 'b'", "mvc is true, which is not a number"),
         ("[emg]\nrest = 0.1\nmvc = 1\nchannel = 'a'\nsource = 'b'\nfoo = 1", "unknown key 'foo'"),
         ("[emg]\nrest = nan\nmvc = 1\nchannel = 'a'\nsource = 'b'", "expected numbers above 0"),
-        ("= 3", "expected [emg]"),
     ],
 )
 def test_a_wearer_that_cannot_be_is_one_line(text: str, said: str, capsys: pytest.CaptureFixture[str]) -> None:
@@ -383,11 +361,7 @@ def test_bytes_that_are_no_table_are_one_line_that_can_be_printed(capsys: pytest
         ),
         ([(2.0, 3.0), (5.0, 4.0)], "start,end", "row 2: a contraction from 5 to 4 s; expected onset < offset"),
         ([(2.0, 3.0), ("nan", 4.0)], "onset_s,offset_s", "row 2: onset_s is nan; expected a time; remove that row"),
-        ([(2.0, 3.0), (4.0, "inf")], "onset_s,offset_s", "row 2: offset_s is inf"),
-        ([(2.0, 3.0), (4.0, "x")], "onset_s,offset_s", "row 2: offset_s is 'x'; expected a number"),
         ([(2.0, 3.0)], "a,b", "expected onset_s and offset_s, or start_s and end_s, named in the first row"),
-        ([(2.0, 3.0)], "onset_s,off_s", "columns 'onset_s', 'off_s'; expected onset_s and offset_s"),
-        ([(2.0, 3.0)], "onset_deg,offset_deg", "columns 'onset_deg', 'offset_deg'; expected onset_s and offset_s"),
         ([(2.0, 3.0), (5.0, 6.0)], "2.0,3.0", "the first row has numbers: 2.0,3.0; expected a row of names"),
         ([(2.0, 3.0)], "on\x1b[31mset_s,offset_s", "a column is named 'on\\x1b[31mset_s'"),
         ([(2.0, 30.0)], "onset_s,offset_s", "the recording lasts from 0 to 8 s"),

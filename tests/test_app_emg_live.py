@@ -109,6 +109,7 @@ def test_two_muscles_over_lsl_move_the_suit(tmp_path: Path) -> None:
     assert found["rmse_deg"] < 10.0
 
 
+@pytest.mark.long
 def test_trigno_moves_the_suit_as_far_as_the_muscle_contracts(tmp_path: Path) -> None:
     """With a drive that is told to push against friction."""
     server = TrignoServer(made_up(4.0), RATE, loop=True)

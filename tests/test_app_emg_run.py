@@ -101,12 +101,9 @@ def refused(folder: Path, keys: str, source: str | None = "lsl:EMG") -> str:
         ("low_deg = -40.0", "within the joint's limits, -28.6"),
         ("flexor = 'biceps'\nextensor = 'biceps'", "both 'biceps'"),
         ("flexor = 'deltoid'", "lsl:EMG has no channel 'deltoid'; expected one of 'biceps', 'triceps'"),
-        ("extensor = 'deltoid'", "no channel 'deltoid'"),
         ("mode = 'proportional'", "there is no emg.wearer"),
-        ("mode = 'sometimes'", "'trigger' or 'proportional'"),
         ("wearer = 'nobody.toml'", "nobody.toml: No such file"),
         ("wearer = 'weak.toml'", "expected at least 1.5 times as much"),
-        ("wearer = 'below.toml'", "expected at least 1.5 times as much"),
         ("wearer = 'other.toml'", "was measured on 'deltoid' in mV, and lsl:EMG has 'biceps' in mV"),
         ("wearer = 'volts.toml'", "was measured on 'biceps' in V, and lsl:EMG has 'biceps' in mV"),
     ],
@@ -134,20 +131,6 @@ def test_what_is_no_source_is_one_line_for_every_command(
         assert run([command, str(path)]) == 2
         assert f"{source!r} is not a source of EMG; expected lsl:NAME" in capsys.readouterr().err
     assert f"{source!r} is not a source of EMG" in refused(tmp_path, "", source)
-
-
-@pytest.mark.parametrize(
-    ("wearer", "said"),
-    [
-        ("mass_kg = 500.0", "mass is 500 kg"),
-        ("height_m = 0.4", "height is 0.4 m"),
-        ("mass_kg = 30.0\nheight_m = 2.2", "index"),
-    ],
-)
-def test_an_impossible_wearer_is_one_line(tmp_path: Path, wearer: str, said: str) -> None:
-    path = rig(tmp_path, "source = 'lsl:EMG'", f"[suit]\nworn = true\n[wearer]\n{wearer}")
-    with pytest.raises(BowdenError, match=said):
-        live_of(path)
 
 
 def test_the_suits_rig_that_init_writes_can_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

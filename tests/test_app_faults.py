@@ -261,17 +261,9 @@ RETURN = "return State(integral), command"
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [
-        (RETURN, "return command", "step returns"),
-        (RETURN, "return (integral, command)", "the state from step is a float; expected a State, as from start"),
-        (RETURN, "return State(integral), 'fast'", "the command is 'fast' (str); expected a float"),
-        (RETURN, "return State(integral), command * float('nan')", "the command is nan; expected a finite number"),
         (RETURN, "raise ValueError('not\\ntoday')", "ValueError: not today; correct it there"),
-        ("dt: float", "dt: float, more: float", "TypeError: step() missing 1 required positional argument: 'more'"),
-        (", sample: Sample) ->", ") ->", "TypeError: start() takes 1 positional argument but 2 were given"),
         ("from typing", "raise SystemExit(0)\nfrom typing", "line 12: SystemExit: 0; correct it there"),
-        ("class Gains(NamedTuple)", "class Gains", "gains is a Gains: "),
         (LAW, "\0", "null bytes"),
-        (LAW, "LAW = 3", "no Law and no Gains, start, step"),
     ],
 )
 def test_an_own_law_that_is_wrong_is_one_line(
@@ -307,11 +299,7 @@ def test_an_own_law_that_runs_away_later_is_an_unstable_run(capsys: pytest.Captu
             ["--duration", "1e300"],
             "expected a duration that makes 2 to 10000000 of them; change the duration",
         ),
-        (["--duration", "inf"], "a run of inf s has inf cycles"),
-        (["--seed", "one"], "Invalid value for '--seed': "),
-        (["--seed", "1.5"], "Invalid value for '--seed': "),
         (["--seed", "-1"], "the seed is -1; expected a whole number from 0 to 2⁶³ − 1; give another seed"),
-        (["--seed", str(2**64)], "expected a whole number"),
         (["--law", ""], "there is no law ''"),
         (["--law", "a\0.py"], "embedded null byte"),
         (["--law", "x" * 300 + ".py"], "file name too long; expected a Python file; check the path"),

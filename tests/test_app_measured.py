@@ -7,8 +7,8 @@ import pytest
 
 from bowden.core.errors import SafetyError
 from bowden.cycle.one_cycle import TargetSource
+from bowden.live.figures import Damage
 from bowden.live.mcap_read import Recording
-from bowden.live.mcap_reader import Damage
 from bowden.live.measured import NEEDED, motions, stalls
 from bowden.safety.state import Mode
 

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rich.console import Console, ConsoleDimensions
+from rich.console import Console
 
 from bowden.app.main import run
 from bowden.control import LAWS
@@ -29,8 +29,8 @@ from bowden.hardware.drives.families.cia402 import DriveParameters
 from bowden.hardware.ports import TorqueLeft, torque_left
 from bowden.live import operator, stops, thermal_file
 from bowden.live.automatic import automatic
+from bowden.live.figures import Damage
 from bowden.live.mcap_read import Recording
-from bowden.live.mcap_reader import Damage
 from bowden.live.preflight import Reason
 from bowden.live.ring_status import RecorderState
 from bowden.live.row import columns
@@ -348,15 +348,6 @@ def test_a_push_is_shown_only_while_it_makes_the_reference() -> None:
     assert "push" not in shown(row(source=float(TargetSource.LAW)))
 
 
-def test_faults_stand_where_a_low_terminal_still_shows_them() -> None:
-    lines = shown(row(mode=float(Mode.LATCHED), faults=2.0**Fault.LATE)).splitlines()
-    assert [line.split()[0] for line in lines[:3]] == ["state", "fault", "keys"]
-
-
-def test_the_name_of_a_log_is_text_and_no_markup() -> None:
-    assert "a[/b][red].mcap" in shown(row(reference=math.nan), log="a[/b][red].mcap")
-
-
 def test_the_summary_says_what_ended_the_run_and_what_its_log_lacks(capsys: pytest.CaptureFixture[str]) -> None:
     found = {
         **dict.fromkeys(("rmse_deg", "lateness", "preflight", "emg", "interaction", "stalled_ms", "unattended")),
@@ -593,25 +584,6 @@ def test_a_computer_that_is_late_after_a_fault_hides_no_fault() -> None:
 def test_a_key_that_does_nothing_is_answered(request_: Request, values: dict[str, float], said: str) -> None:
     told = operator.ignored(request_, [row(**values)])
     assert (said in told) if said else not told
-
-
-def test_a_terminal_of_another_size_is_cleared(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What stands on it is wrapped otherwise than it was written."""
-    sizes, file = [(80, 25)], io.StringIO()
-    console = Console(file=file, force_terminal=True, width=80, height=25)
-    monkeypatch.setattr("rich._console", console)
-    monkeypatch.setattr(Console, "size", property(lambda _: ConsoleDimensions(*sizes[-1])))
-    monkeypatch.setattr("bowden.live.screen.picture", lambda *_: "picture")
-    cleared: list[int] = []
-
-    def rows() -> Iterator[tuple[dict[str, float], str]]:
-        for width in (80, 80, 40, 40):
-            sizes.append((width, 25))
-            yield row(), ""
-            cleared.append(file.getvalue().count("\x1b[2J"))
-
-    operator._draw(None, False, rows())  # type: ignore[arg-type]
-    assert cleared == [0, 0, 1, 1]
 
 
 @pytest.mark.parametrize("command", ["run", "measure"])

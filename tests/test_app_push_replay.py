@@ -17,11 +17,11 @@ from bowden.core.units import RADIANS
 from bowden.cycle.one_cycle import LAW, LAW_BEGINS, NOTHING_OBSERVED, Cycle, Filters, Plan, TargetSource, clamp_offset
 from bowden.design.felt import felt
 from bowden.live.events import Changes
+from bowden.live.figures import Damage
 from bowden.live.live_run import Live, live_run
 from bowden.live.log_replay import source_for
 from bowden.live.mcap_log import LogFile, about
 from bowden.live.mcap_read import Recording
-from bowden.live.mcap_reader import Damage
 from bowden.live.push_summary import figures
 from bowden.live.row import columns, description
 from bowden.live.run_settings import run_settings

@@ -55,10 +55,17 @@ def rig(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-@pytest.fixture
-def twin(rig: Path, tmp_path: Path) -> Iterator[RunningTwin]:
-    with running_twin(rig, tmp_path / "b") as running:
+@pytest.fixture(scope="module")
+def shared_twin(rig: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[RunningTwin]:
+    with running_twin(rig, tmp_path_factory.mktemp("b") / "b") as running:
         yield running
+
+
+@pytest.fixture
+def twin(shared_twin: RunningTwin) -> RunningTwin:
+    if shared_twin.control.status()["state"] not in ("SWITCH_ON_DISABLED", "READY_TO_SWITCH_ON"):
+        restart(shared_twin)
+    return shared_twin
 
 
 def in_the_law(rig: Path, twin: RunningTwin, out: Path) -> "subprocess.Popen[str]":
@@ -75,53 +82,39 @@ def in_the_law(rig: Path, twin: RunningTwin, out: Path) -> "subprocess.Popen[str
     pytest.fail(f"no run reached the law: {said}")
 
 
-def test_a_file_that_is_edited_after_the_check_changes_nothing(
+def test_what_was_checked_is_what_runs(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Loop, log and twin have the feedback gain that was checked: 3, and not the 0.5 that the file has by then."""
+    """Loop, log and twin have the feedback gain of the check, not what the file has by then, and the forecast's limit.
+
+    The forecast is one that no run keeps to: its limit ends the run.
+    """
     path, check = tmp_path / "rig.toml", verdict.verdicts
+    text = RIG + "off_reference_time_s = 0.4\n[control.gains]\nfeedback_gain = "
 
     def edited(*given: Any, **more: Any) -> Any:
         found = check(*given, **more)
-        path.write_text(RIG + "[control.gains]\nfeedback_gain = 0.5\n")
+        path.write_text(text + "0.5\n")
         return found
 
     monkeypatch.setattr(verdict, "verdicts", edited)
-    for number in tries():
-        path.write_text(RIG + "[control.gains]\nfeedback_gain = 3.0\n")
-        checked = Rig.read(path).hash
-        out = tmp_path / f"out{number}"
-        code = main.run(["run", str(path), "--twin", "--auto", "--json", "--duration", "1.5", "--out", str(out)])
-        found = json.loads(capsys.readouterr().out)
-        if code == 0:
-            break
-    log = read(Path(found["log"]))
-    assert found["rig"] == log.settings["rig"]["hash"] == Rig.unpack(log.settings["rig"]).hash
-    assert log.settings["twin"], "else a twin's late answers would be told as the drive's"
-    assert (
-        log.settings["gains"]["feedback_gain"]
-        == log.settings["rig"]["tree"]["control"]["gains"]["feedback_gain"]
-        == 3.0
-    )
-    assert found["rig"] != checked, "the duration and the bus are the command's"
-    path.unlink()
-    assert_replays(found["log"])
-
-
-def test_the_limit_that_the_simulation_gives_is_the_one_that_the_loop_has(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """A forecast that no run keeps to ends the run."""
-    path = tmp_path / "rig.toml"
-    path.write_text(RIG + "off_reference_time_s = 0.4\n")
     monkeypatch.setattr(forecast, "off_reference", lambda rig, law: 1e-4)
     for number in tries():
+        path.write_text(text + "3.0\n")
+        checked = Rig.read(path).hash
         out = tmp_path / f"out{number}"
         main.run(["run", str(path), "--twin", "--auto", "--json", "--duration", "3", "--out", str(out)])
         found = json.loads(capsys.readouterr().out)
         if Fault.JOINT_OFF_REFERENCE.meaning in found["faults"]:
             break
     assert found["faults"] == [Fault.JOINT_OFF_REFERENCE.meaning]
+    log = read(Path(found["log"]))
+    assert found["rig"] == log.settings["rig"]["hash"] == Rig.unpack(log.settings["rig"]).hash
+    assert found["rig"] != checked, "the duration and the bus are the command's"
+    assert log.settings["twin"], "else a twin's late answers would be told as the drive's"
+    rig = log.settings["rig"]["tree"]
+    assert log.settings["gains"]["feedback_gain"] == rig["control"]["gains"]["feedback_gain"] == 3.0
+    path.unlink()
     assert_replays(found["log"])
 
 
@@ -184,12 +177,12 @@ def test_a_signal_ends_in_a_controlled_release(
     process = in_the_law(rig, twin, tmp_path)
     since = twin.control.status()["time"]
     process.send_signal(end)
-    assert_released(finished(process), twin)
+    assert_released(finished(process)["log"], twin)
     assert twin.control.journal(since)
 
 
-def assert_released(found: dict[str, Any], twin: RunningTwin) -> None:
-    modes = read(Path(found["log"]))["mode"]
+def assert_released(log: str, twin: RunningTwin) -> None:
+    modes = read(Path(log))["mode"]
     order = modes[np.flatnonzero(np.diff(modes, prepend=-1.0))].astype(int).tolist()
     assert order[-2:] in ([4, 0], [4, 5]), "released, and then without power"
     assert not twin.control.status()["torque"]
@@ -260,18 +253,30 @@ def test_a_loop_that_does_not_get_the_computer_for_a_while_rides_on_or_says_so(
     assert not twin.control.status()["torque"]
 
 
-def test_a_recorder_that_is_killed_is_started_again_and_no_cycle_is_lost(
+def test_a_recorder_that_is_killed_is_started_again_and_another_run_on_the_bus_is_refused(
     rig: Path, twin: RunningTwin, tmp_path: Path
 ) -> None:
-    process = in_the_law(rig, twin, tmp_path)
-    os.kill(child_of(process, "bowden.live.recorder"), signal.SIGKILL)
-    time.sleep(1.0)
-    process.send_signal(signal.SIGTERM)
-    found = finished(process)
+    """No cycle is lost meanwhile, and the run ends in a controlled release."""
+    for number in tries():
+        process = in_the_law(rig, twin, tmp_path)
+        os.kill(child_of(process, "bowden.live.recorder"), signal.SIGKILL)
+        second = started(rig, tmp_path / f"second-{number}", "--channel", twin.channel)
+        _, errors = second.communicate(timeout=60.0)
+        still = process.poll() is None
+        process.send_signal(signal.SIGTERM)
+        found = finished(process)
+        if still:
+            break
+        restart(twin)  # the first was stopped by right before the second came
+    assert still
+    assert second.returncode == 2
+    assert "end the other run first" in errors
+    assert len(errors.strip().splitlines()) == 1
     first = Path(found["log"])  # its number is that of the try
     assert found["more_logs"] == [str(first.with_name(f"{first.stem}-again1.mcap"))]
     assert found["cycles_logged"] == found["cycles"]
     assert (found["ended_well"], found["torque"], process.returncode) == (True, "off", 0)
+    assert_released(found["more_logs"][0], twin)
 
 
 @pytest.mark.long
@@ -318,23 +323,3 @@ def with_own_twin(rig: Path, out: Path) -> "subprocess.Popen[str]":
             time.sleep(0.1)
         said = process.communicate()
     pytest.fail(f"no run reached the law: {said}")
-
-
-def test_two_runs_on_one_rig_are_refused_and_the_first_ends_in_a_controlled_release(
-    rig: Path, twin: RunningTwin, tmp_path: Path
-) -> None:
-    for number in tries():
-        process = in_the_law(rig, twin, tmp_path)
-        second = started(rig, tmp_path / f"second-{number}", "--channel", twin.channel)
-        _, errors = second.communicate(timeout=60.0)
-        still = process.poll() is None
-        process.send_signal(signal.SIGTERM)
-        found = finished(process)
-        if still:
-            break
-        restart(twin)  # the first was stopped by right before the second came
-    assert still
-    assert_released(found, twin)
-    assert second.returncode == 2
-    assert "end the other run first" in errors
-    assert len(errors.strip().splitlines()) == 1

@@ -5,7 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bowden.console.guided import STEPS, GuidedPath, identified_servo
+from bowden.app.guided_work import identified_servo
+from bowden.console.guided import STEPS, GuidedPath
 from bowden.console.jobs import Jobs
 from bowden.core.errors import ParameterError
 from bowden.core.kernel import compiled

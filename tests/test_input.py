@@ -214,7 +214,6 @@ CALLS: dict[str, tuple[Callable[..., Any], dict[str, tuple[Any, ...]]]] = {
     "Trace.plot": (made(trace().plot), {"axes": (3, "here")}),
     "Trace.write": (made(trace().write, "run.csv"), {"path": (None, "run.txt", *NO_PATH)}),
     "Trace.read": (made(bowden.Trace.read, "run.csv"), {"path": (None, *NO_PATH)}),
-    "Trace.convergence_times": (made(trace().convergence_times), {"band": NO_NUMBER, "period": NO_NUMBER}),
     "Trace.bandwidth": (
         made(trace().bandwidth, 0.1, 5.0),
         {"lowest": (*NO_NUMBER, 9.0), "highest": NO_NUMBER, "half_width": (*NO_NUMBER, 0.0)},

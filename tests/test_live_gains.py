@@ -144,10 +144,10 @@ def test_the_loop_goes_over_in_a_straight_line_and_a_replay_is_the_same(tmp_path
     assert np.all(value[first + steps :] == 20.0)
     assert found["gain.proportional_gain"][-1] == 0.6
     same = replay(found, law, Limits(), Filters(), 1e-3, same=True)
-    assert not same.differs
+    assert not same.deviates
     assert same.law_cycles > 3000
     unchanged = Recording(**{**vars(found), "columns": tuple(name.replace("gain.", "x.") for name in found.columns)})
-    assert replay(unchanged, law, Limits(), Filters(), 1e-3, same=True).differs, "the gains change what is commanded"
+    assert replay(unchanged, law, Limits(), Filters(), 1e-3, same=True).deviates, "the gains change what is commanded"
 
     about = Description(found.columns, found.units, {}, 0, 0)
     texts = [event.text for event in Changes(about).find(found.numbers, found.rows)[0] if "gain" in event.text]
@@ -185,7 +185,7 @@ def test_the_loop_changes_a_nested_gain_and_one_that_is_written_whole(tmp_path: 
     law = found["source"] == TargetSource.LAW
     late = law & (found["gain.pair.share"] == 0.5)
     assert np.all(found["requested_target"][late] == 0.5 * found["conditioned.position"][late])
-    assert not replay(found, OWN, Limits(), Filters(), 1e-3, same=True).differs
+    assert not replay(found, OWN, Limits(), Filters(), 1e-3, same=True).deviates
 
 
 def test_a_law_without_live_gains_has_no_columns_of_them(tmp_path: Path) -> None:
@@ -262,6 +262,7 @@ def test_a_gain_changes_in_mid_run_on_the_twin(tmp_path: Path) -> None:
     assert_replays(str(session.log))
 
 
+@pytest.mark.long
 @pytest.mark.live
 @pytest.mark.filterwarnings("ignore:the run was")  # by a computer that stalls; then it is tried again
 def test_a_gain_that_does_not_hold_is_refused_with_the_figure(tmp_path: Path) -> None:

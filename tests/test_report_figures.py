@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,13 +12,12 @@ from bowden.control import LAWS
 from bowden.drawing.style import COLOURS, CYCLE, colours_for, dashes_for, legend, new_figure, stay_near
 from bowden.records.trace import Trace
 from bowden.report import log_figures, page, simulate_figures
-from bowden.report.identify_page import _density
 from bowden.report.log_page import log_page
 from bowden.report.page import Page
 from bowden.safety.faults import Fault
 from bowden.study.distributions import distribution
 from bowden.study.figures import LawFigures, Summary
-from bowden.study.sensitivity import Sensitivity
+from bowden.study.results import ParameterShare
 
 
 def run(stroke: float = 1.0, *, after: int = 10_000, names: Mapping[str, list[str]] | None = None) -> Trace:
@@ -83,17 +83,6 @@ def test_loops_have_one_scale_and_one_range() -> None:
     assert [len(one.texts) for one in panels] == [0, 1], "the cut one says so"
 
 
-def test_the_residual_is_a_density_with_its_means() -> None:
-    motor = np.abs(np.arange(8000) % 2000 - 1000.0) / 20.0  # 0 to 50°, up and down
-    rising = np.gradient(motor) > 0.0
-    _, (axes,) = new_figure()
-    _density(axes, motor, np.where(rising, 0.2, -0.1), (-0.5, 0.5))
-    up, down = (np.asarray(line.get_ydata()) for line in axes.get_lines())
-    assert np.nanmedian(up) == pytest.approx(0.2)
-    assert np.nanmedian(down) == pytest.approx(-0.1)
-    assert len(axes.get_images()) == 1
-
-
 FACTS: dict[str, Any] = {
     "whole": True,
     "twin": False,
@@ -156,24 +145,20 @@ def test_the_speed_of_a_first_reading_is_no_fault() -> None:
     assert there.sum() == 10
 
 
-def test_the_line_of_a_law_alone_is_not_broken() -> None:
-    law = "active_disturbance_rejection"
-    for others in ((), ("bowden", "adaptive")):
-        traces = dict.fromkeys((law, *others), run())
-        figure = simulate_figures.error(traces, dict.fromkeys(traces, "#000000"))
-        (line,) = [line for line in figure.axes[0].lines if line.get_label() == law]
-        assert (line.get_linestyle() == "-") == (not others)
-
-
 def test_a_campaign_ranks_what_matters_most_and_faults_too() -> None:
     from bowden.report.campaign_page import campaign_page
 
-    found = (Sensitivity("servo", -0.2, 0.04), Sensitivity("fault.kind", float("nan"), 0.6), Sensitivity("x", 0.0, 0.0))
+    found = (
+        ParameterShare("servo", -0.2, 0.04, 0.0, above_chance=True),
+        ParameterShare("fault.kind", None, 0.6, 0.0, above_chance=True),
+        ParameterShare("x", 0.0, 0.0, 0.0, above_chance=False),
+    )
     steps = {
         "servo": (np.array([1.0, 2.0]), np.array([0.2, 0.1])),
         "fault.kind": (np.array([0.0, 1.0]), np.array([0.1, 0.9])),
     }
-    law = LawFigures("adaptive", 9, 0, 0, {}, {}, (), found, steps, {"fault.kind": ("nothing", "spike")})
+    words = {"fault.kind": ("nothing", "spike")}
+    law = LawFigures("adaptive", 9, 0, 0, (0.0, 0.3), None, None, {}, (), found, steps=steps, words=words)
     drawn = [
         ("servo", "Hz", distribution("uniform", (1.0, 2.0))),
         ("fault.kind", "", distribution("choice", ("nothing", "spike"))),
@@ -183,8 +168,8 @@ def test_a_campaign_ranks_what_matters_most_and_faults_too() -> None:
     assert "<b>adaptive</b>: fault.kind (60 %), servo (4 %)." in html
     rows = re.findall(r"<tr><td class=\"number\">(\d)</td><td>(\S+?)</td>", html)
     assert rows == [("1", "fault.kind"), ("2", "servo")]
-    weak = (Sensitivity("servo", -0.2, 0.04, 0.2), found[1], Sensitivity("gain", float("nan"), 0.0, taken=False))
-    law = LawFigures("adaptive", 9, 0, 0, {}, {}, (), weak, steps, {"fault.kind": ("nothing", "spike")}, oscillating=3)
+    lacking = ParameterShare("gain", None, None, None, above_chance=False)
+    law = replace(law, sensitivity=(replace(found[0], chance_share=0.2, above_chance=False), found[1], lacking))
     drawn.append(("gain", "", distribution("uniform", (1.0, 2.0))))
     html = campaign_page(Summary("h", "d", 9, (law,)), "t", drawn, "", 1.0).html()
     assert "<b>adaptive</b>: fault.kind (60 %)." in html

@@ -9,7 +9,7 @@ from scipy import signal
 
 from bowden.core.errors import LogError, OutputError
 from bowden.records.trace import Trace
-from bowden.report.simulate_page import write_simulation
+from bowden.report.simulate_page import simulation_page
 
 pytestmark = pytest.mark.usefixtures("undrawn")
 
@@ -48,7 +48,7 @@ def run(gain: float = 1.0, *, lasts: float = np.inf, noise: float = 0.0, moved: 
 
 
 def written(traces: dict[str, Trace], folder: Path) -> str:
-    write_simulation(folder / "run.html", traces, "A <run>")
+    simulation_page(traces, "A <run>").write(folder / "run.html")
     return (folder / "run.html").read_text(encoding="utf-8")
 
 
@@ -105,11 +105,9 @@ def test_a_trace_of_three_columns_is_enough(tmp_path: Path) -> None:
 
 def test_what_cannot_be_shown_is_refused_and_nothing_written(tmp_path: Path) -> None:
     with pytest.raises(LogError, match="without reference, joint"):
-        write_simulation(tmp_path / "x.html", {"a": Trace({"time": np.arange(9.0)}, {"time": "s"})}, "t")
-    with pytest.raises(ValueError, match="no traces"):
-        write_simulation(tmp_path / "x.html", {}, "t")
+        simulation_page({"a": Trace({"time": np.arange(9.0)}, {"time": "s"})}, "t")
     with pytest.raises(OutputError):
-        write_simulation(tmp_path / "missing" / "x.html", {"a": run()}, "t")
+        simulation_page({"a": run()}, "t").write(tmp_path / "missing" / "x.html")
     assert not list(tmp_path.iterdir())
 
 

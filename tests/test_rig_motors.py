@@ -11,10 +11,10 @@ import pytest
 from bowden.control.reference import Chirp
 from bowden.core.errors import ParameterError
 from bowden.design.gains_text import with_motor_gains
+from bowden.live.figures import Damage
 from bowden.live.live_run import live_run
 from bowden.live.log_facts import facts
 from bowden.live.mcap_read import Recording
-from bowden.live.mcap_reader import Damage
 from bowden.live.motor_columns import COMMON, of_all, view
 from bowden.live.row import CYCLE
 from bowden.rig.motors import merged

@@ -143,7 +143,7 @@ def test_a_torque_offset_that_is_no_number_is_a_difference(followed: Any) -> Non
         found = replace(log, numbers=log.numbers[:3000], rows=rows, settings=told)
         again = replay(found, LAW, SUIT_LIMITS, Filters(), 1e-3, same=True, source=source)
         assert again.torque_largest == 0.0
-        assert (again.verdicts_differing, again.differs) == (spoilt, spoilt)
+        assert (again.verdicts_differing, again.deviates) == (spoilt, spoilt)
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,6 @@ import contextlib
 import errno
 import os
 import random
-import tracemalloc
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -21,11 +20,11 @@ from mcap_ros2.decoder import DecoderFactory
 
 from bowden.core.errors import BowdenError, LogError
 from bowden.live.events import Changes
+from bowden.live.figures import Damage
 from bowden.live.log_facts import lines
 from bowden.live.mcap_layout import Event, topics
 from bowden.live.mcap_log import MAGIC, LogFile, about, checksum
 from bowden.live.mcap_read import read
-from bowden.live.mcap_reader import Damage
 from bowden.live.mcap_recover import recover
 from bowden.live.ring import Description
 from bowden.safety.faults import Fault
@@ -309,25 +308,6 @@ def test_a_description_that_is_none_is_refused(tmp_path: Path) -> None:
         (tmp_path / "a.mcap").write_bytes(MAGIC + builder.end())
         with pytest.raises(BowdenError, match="does not say what its rows are"):
             read(tmp_path / "a.mcap")
-
-
-def test_what_is_remembered_of_a_chunk_is_small(tmp_path: Path) -> None:
-    """Twenty come in a second, for as long as a run lasts."""
-    handle, rows = os.open(tmp_path / "a.mcap", os.O_CREAT | os.O_RDWR), made_up(5)
-    file = LogFile(handle, about(ABOUT, {}), lambda _, data: len(data))
-
-    def remembers(first: int) -> int:
-        for number in range(first, first + 5000, 5):
-            file.write(np.arange(number, number + 5), rows)
-        return tracemalloc.get_traced_memory()[0]
-
-    tracemalloc.start()
-    try:
-        before = remembers(0)
-        assert remembers(5000) - before < 1000 * 300
-    finally:
-        tracemalloc.stop()
-        os.close(handle)
 
 
 def test_a_log_without_a_row_is_whole(tmp_path: Path) -> None:

@@ -64,7 +64,7 @@ def test_each_motor_follows_as_it_does_alone_and_replays_to_the_bit(whole: tuple
         assert np.sqrt(np.mean((part["joint"] - part["reference"])[led] ** 2)) < np.radians(1.0), name
         again = replay(part, LAW, Limits(), Filters(), 1e-3, same=True)
         assert again.law_cycles > 2000
-        assert not again.differs, name
+        assert not again.deviates, name
 
 
 def test_every_cycle_reads_all_then_writes_all_and_is_one_row(whole: tuple[MotorsRig, Recording]) -> None:
@@ -129,7 +129,7 @@ def late(onset: int) -> Misread:
 KINDS = (lost_joint, drive_fault, silent, second_master, emergency, over_current, frozen_joint, late)
 
 
-@pytest.mark.parametrize("seed", [*range(12), *(pytest.param(k, marks=pytest.mark.long) for k in range(12, 100))])
+@pytest.mark.parametrize("seed", [*range(6), *(pytest.param(k, marks=pytest.mark.long) for k in range(6, 100))])
 def test_a_fault_of_any_motor_stops_all_within_the_limits(seed: int, tmp_path: Path) -> None:
     random = np.random.default_rng(seed)
     count = int(random.integers(2, 5))

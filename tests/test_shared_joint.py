@@ -174,7 +174,7 @@ def test_both_motors_take_one_joint_along_its_reference_and_the_run_replays_to_t
         led = part["source"] >= TargetSource.LAW_BEGINS
         assert np.sqrt(np.mean((part["joint"] - part["reference"])[led] ** 2)) < np.radians(2.0), name
         limits = Limits() if name == "flexor" else Limits(slack_sign=1.0, homed=0.0, slope_low=0.0)
-        assert not replay(part, LAW, limits, Filters(), 1e-3, same=True).differs, name
+        assert not replay(part, LAW, limits, Filters(), 1e-3, same=True).deviates, name
     flexor, extensor = (rows.parts[name] for name in ("flexor", "extensor"))
     assert (flexor["joint"] == extensor["joint"]).all(), "there is one encoder"
     led = flexor["source"] >= TargetSource.LAW_BEGINS
@@ -288,7 +288,7 @@ def test_motors_that_part_are_released_before_their_cables_bear_much_more(rate: 
         over = int(np.flatnonzero((apart > bound) & (part["supervisor.neighbour.met"] > 0.0))[0])
         assert at - over == pytest.approx(51, abs=2), "slack_time later"
         assert apart[at] < bound + 1.5 * RADIANS
-        assert not replay(part, law, live.limits, Filters(), 1e-3, same=True).differs, name
+        assert not replay(part, law, live.limits, Filters(), 1e-3, same=True).deviates, name
 
 
 def test_each_supervisor_knows_where_both_cables_rest(tmp_path: Path) -> None:

@@ -292,6 +292,7 @@ def test_a_run_with_the_keyboard_alone(page: Any, console: RunningConsole) -> No
     banner(page, "Ended", seconds=40.0)
 
 
+@pytest.mark.long
 def test_two_runs_are_compared(page: Any, console: RunningConsole, request: pytest.FixtureRequest) -> None:
     """Of those that the tests before have left, if they were run."""
     for _ in range(2 - len(list(console.out.glob("*.mcap")))):
@@ -359,7 +360,7 @@ def test_a_tab_that_goes_away_lets_the_cable_out(page: Any, console: RunningCons
     assert -0.1 <= after <= LEASE + MORE + (done - gone)
 
 
-@pytest.mark.parametrize("keeps_pages", [False, True])
+@pytest.mark.parametrize("keeps_pages", [pytest.param(False, marks=pytest.mark.long), True])
 def test_a_page_that_is_sent_away_is_disconnected(playwright: Any, console: RunningConsole, keeps_pages: bool) -> None:
     """Also where the browser keeps pages for the way back; whoever comes back does not control."""
     watcher = console.page().open()

@@ -8,7 +8,8 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from bowden.console import guided, works
+from bowden.app import guided_work
+from bowden.console import works
 from bowden.core.caller import on_a_page, speaking
 from bowden.core.errors import BowdenError
 
@@ -134,9 +135,9 @@ WORKS: dict[str, Callable[..., Any]] = {
     "page": page,
     "export": export,
     "curves": works.curves,
-    "identify": guided.identified,
-    "identify-servo": guided.identified_servo,
-    "tune": guided.tuned_rig,
+    "identify": guided_work.identified,
+    "identify-servo": guided_work.identified_servo,
+    "tune": guided_work.tuned_rig,
 }
 """Name → the work."""
 

@@ -3,14 +3,12 @@
 Each step's files lie in one folder, and the rig goes on with them.
 """
 
-from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from bowden.console.jobs import Jobs
 from bowden.core.errors import BowdenError, LogError, ParameterError
-from bowden.core.files import whole_files
 from bowden.live.live_run import Live
 from bowden.live.measured import write_motions
 from bowden.rig.rig import Rig
@@ -146,77 +144,3 @@ class GuidedPath:
 
     def _named(self, file: Path) -> str:
         return f"{self.folder.name}/{file.name}"
-
-
-def identified(progress: Callable[[str, float], None], rig: Mapping[str, Any], folder: str) -> dict[str, Any]:
-    """Identify the cable that was measured, and put it into the rig, as identify and init do."""
-    from bowden.core.units import DEGREES
-    from bowden.identify.cable.identification import identify_log
-    from bowden.identify.log.read import read_log
-    from bowden.plants.identified import load_cable
-    from bowden.report.identify_page import blank, identify_page, pictures
-
-    place, given = Path(folder), Rig.unpack(rig)
-    checked = read_log(place / "cable.csv")
-    fit = identify_log(checked, progress=lambda what, share: progress(what, 0.8 * share))
-    progress("drawing the page", 0.85)
-    text = identify_page(fit, pictures(fit, blank(), [1, 2, 3])).html()
-    with whole_files(place) as stage:
-        (stage / "identify.html").write_text(text, encoding="utf-8")
-        fit.write(stage / "model.toml")
-    made = given.replace(cable=load_cable(place / "model.toml"))
-    files = ["model.toml", "identify.html", *_written(made, place, "identified")]
-    left, without, _ = (value * DEGREES for value in fit.forecast)
-    trust = f"trust: {fit.trust}"
-    said = f"{fit.best.name}: {left:.2g}° RMS left with this model as feed-forward, {without:.2g}° without; {trust}"
-    return {"rig": made.document(), "said": said, "files": files}
-
-
-def identified_servo(progress: Callable[[str, float], None], rig: Mapping[str, Any], folder: str) -> dict[str, Any]:
-    """Identify the servo that was measured, and put it into the rig: the keys that identify-servo writes."""
-    from bowden.identify.servo.fit import identify_servo
-    from bowden.identify.servo.keys import document_of, keys_of
-    from bowden.identify.servo.log import read_servo_log
-
-    place, given = Path(folder), Rig.unpack(rig)
-    log = place / "servo.csv"
-    columns, _ = read_servo_log(log, {"time": "time_s", "command": "command_rad", "motor": "motor_rad"})
-    progress("fitting the servo", 0.1)
-    found = identify_servo(*columns)
-    keys = document_of(found, 1e3 * given.sample_time)
-    with whole_files(place) as stage:
-        (stage / "servo.toml").write_text(keys_of(keys, log.name), encoding="utf-8")
-    servo = given.servo._replace(natural_frequency=found.natural_frequency.value, damping=found.damping.value)
-    if found.speed_limit is not None:
-        servo = servo._replace(speed_limit=found.speed_limit.value)
-    made = given.replace(servo=servo, delay=keys["delay_cycles"])
-    frequency, damping, delay = (keys[name] for name in ("natural_frequency_hz", "damping", "delay_s"))
-    said = (
-        f"natural frequency {frequency['value']:.4g} ± {frequency['uncertainty']:.1g} Hz, damping "
-        f"{damping['value']:.3g} ± {damping['uncertainty']:.1g}, delay {1e3 * delay['value']:.3g} ± "
-        f"{1e3 * delay['uncertainty']:.1g} ms; {keys['residual_deg']:.2g}° RMS of the motor's motion are left"
-    )
-    return {"rig": made.document(), "said": said, "files": ["servo.toml", *_written(made, place, "servo")]}
-
-
-def tuned_rig(progress: Callable[[str, float], None], rig: Mapping[str, Any], folder: str) -> dict[str, Any]:
-    """Tune the rig's law, and put the gains into the rig."""
-    from bowden.core.units import DEGREES
-    from bowden.study.tune_law import tuned
-
-    given = Rig.unpack(rig)
-    found = tuned(given, seed=0, progress=progress)
-    made = found.rig
-    said = f"{found.law.name}: largest RMSE over {found.runs} {found.worst_rmse * DEGREES:.3g}°, {found.found.verdict}"
-    return {"rig": made.document(), "said": said, "files": _written(made, Path(folder), "tuned")}
-
-
-def _written(rig: Rig, folder: Path, name: str) -> list[str]:
-    """Write the rig, and the files that it names, into a folder of a name that is free."""
-    number, target = 1, folder / name
-    while target.exists():
-        number += 1
-        target = folder / f"{name}-{number}"
-    target.mkdir(parents=True)
-    rig.write(target / "rig.toml")
-    return [f"{target.name}/rig.toml"]

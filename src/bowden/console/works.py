@@ -10,7 +10,6 @@ from bowden.core.errors import BowdenError
 
 if TYPE_CHECKING:
     from bowden.live.mcap_read import Recording
-    from bowden.live.stops import Stop
 
 Progress = Callable[[str, float], None]
 
@@ -57,6 +56,7 @@ def _summary(found: "Recording", said: Mapping[str, Any]) -> dict[str, Any]:
 
 def details(progress: Progress, path: str) -> dict[str, Any]:
     """All that the page of one earlier run shows, but its curves."""
+    from bowden.console.state import fault_of
     from bowden.console.stream import curves_of
     from bowden.live.log_facts import FOLLOWED, NEEDED, facts
     from bowden.live.mcap_read import read
@@ -71,7 +71,10 @@ def details(progress: Progress, path: str) -> dict[str, Any]:
         key=lambda one: (one[1].time, {*one[1].causes} <= {*OF_OTHERS}),
         default=None,
     )
-    faults = [] if first is None else list(_faults(*first))
+    faults = []
+    if first is not None:
+        axis, stop = first
+        faults = [fault_of(fault, stop.time, axis) for fault in (*stop.causes, *stop.consequences)]
     whole = _summary(found, said)
     names, units = list(said["columns"]), list(said["columns"].values())
     return {
@@ -84,13 +87,6 @@ def details(progress: Progress, path: str) -> dict[str, Any]:
         "from": 0.0,
         "to": said["duration_s"],
     }
-
-
-def _faults(motor: str, stop: "Stop") -> Iterator[dict[str, Any]]:
-    """What stopped a run, of several motors with the one that it came from."""
-    for fault in (*stop.causes, *stop.consequences):
-        meaning = f"{motor}: {fault.meaning}" if motor else fault.meaning
-        yield {"name": fault.name.lower(), "at": round(stop.time, 3), "meaning": meaning, "remedy": fault.remedy}
 
 
 def _metrics(whole: Mapping[str, Any], said: Mapping[str, Any]) -> Iterator[tuple[str, str]]:

@@ -48,7 +48,7 @@ class Tuning:
     """The rig whose law was tuned, with these gains; None where a bench alone was handed over."""
     study: Mapping[str, Any] | None = None
     """Of a tuning against the plants of a study: its ``name``, how many it was ``tuned_on``, and what the gains
-    ``before`` and ``after`` make of other plants of it (`bowden.study.tune_study.PlantSpread`); None where they were
+    ``before`` and ``after`` make of other plants of it (`bowden.study.results.PlantsSpread`); None where they were
     not judged by any."""
 
     @property

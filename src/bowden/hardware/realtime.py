@@ -8,6 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+from bowden.core.documented import Documented
 from bowden.core.errors import ParameterError
 
 _MCL_CURRENT, _MCL_FUTURE = 1, 2
@@ -30,7 +31,7 @@ class Settings:
 
 
 @dataclass(frozen=True)
-class Grant:
+class Grant(Documented):
     """One thing asked for."""
 
     name: str

@@ -3,7 +3,7 @@
 import json
 import subprocess
 import sys
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,20 +11,10 @@ from numpy.typing import NDArray
 from bowden.core.clock import SECOND, MonotonicClock, next_deadline
 from bowden.core.errors import BowdenError
 from bowden.hardware.realtime import Grant, Settings, become_realtime
+from bowden.live.figures import Lateness
 
 EDGES_US = (5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0, 1000.0, 2000.0, 5000.0)
 """Upper edges of the histogram [µs]; what lies above the last is counted apart."""
-
-
-@dataclass(frozen=True)
-class Lateness:
-    """Percentiles of the time between a deadline and the moment of waking [µs]."""
-
-    p50_us: float
-    p99_us: float
-    p999_us: float
-    max_us: float
-    cycles: int
 
 
 def figures(late: NDArray[np.float64]) -> Lateness:

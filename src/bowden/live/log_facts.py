@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import asdict
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -54,7 +55,7 @@ def facts(found: Recording) -> dict[str, Any]:
         "whole": found.whole,
         "cycles": len(found.rows),
         "missing": found.missing,
-        "damage": found.damage._asdict(),
+        "damage": asdict(found.damage),
         "duration_s": float(known[-1] - known[0]) if len(known) > 1 else 0.0,
         "begin_s": float(known[0]) if len(known) else None,
         "sample_time_s": float(np.median(steps)) if len(steps) else None,

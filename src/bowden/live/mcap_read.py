@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.core.errors import LogError, near
+from bowden.live.figures import Damage
 from bowden.live.mcap_layout import Event
-from bowden.live.mcap_reader import Damage, LogReader, missing_of
+from bowden.live.mcap_reader import LogReader, missing_of
 from bowden.live.motor_columns import view
 from bowden.records.trace import Trace
 
@@ -103,18 +104,6 @@ def _about_of(about: Mapping[str, str], names: Sequence[str], name: str) -> dict
     seen = view(columns, names, name)
     own = {"columns": [*seen.columns], "units": [units[place] for place in seen.places]}
     return {**about, **{key: json.dumps(value, ensure_ascii=False) for key, value in own.items() if key in about}}
-
-
-def columns_of(log: LogReader, motor: str) -> tuple[str, ...]:
-    """The columns of one motor of a log, without its name.
-
-    Raises:
-        LogError: there is no such motor.
-    """
-    return Recording(
-        *(log.about, None, log.columns, log.units, np.empty(0, np.int64), np.empty((0, len(log.columns))), []),
-        *(log.damage, log.settings),
-    ).only(motor).columns  # fmt: skip
 
 
 def motors_of(settings: Mapping[str, Any]) -> tuple[str, ...]:

@@ -18,23 +18,13 @@ from numpy.typing import NDArray
 from bowden.core.bounded import open_file, reason
 from bowden.core.errors import LogError
 from bowden.live import motor_columns
+from bowden.live.figures import Damage
 from bowden.live.mcap_layout import Event, Packing, topics
 from bowden.live.mcap_log import ABOUT, CLOSING, MAGIC, checksum
 from bowden.live.ring import Description
 
 _HEAD = 9  # of a record: opcode and length
 _DO = "give a log of bowden run"
-
-
-class Damage(NamedTuple):
-    """What could not be read of a file."""
-
-    chunks: int
-    """Chunks that are there but changed: their checksum is wrong."""
-    skipped: int
-    """Bytes that are no records, between others [bytes]."""
-    torn: int
-    """Bytes at the end that are no whole record: the chunk that a kill cut off [bytes]."""
 
 
 class Piece(NamedTuple):

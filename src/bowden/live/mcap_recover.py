@@ -2,33 +2,20 @@
 
 import os
 from collections.abc import Sequence
+from dataclasses import astuple
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
 from bowden.core.errors import LogError, OutputError
 from bowden.core.files import whole_file
+from bowden.live.figures import Damage, Recovery
 from bowden.live.mcap_log import LogFile
-from bowden.live.mcap_reader import Damage, LogReader, missing_of
+from bowden.live.mcap_reader import LogReader, missing_of
 
 TAIL = 0.2
 """Most that a recorder on a healthy disk can have had in its hands when it was killed, not yet in the file [s]."""
 _ENOUGH = 10  # cycles from which the length of one is known
-
-
-class Recovery(NamedTuple):
-    """What was saved, and what is known to be lost."""
-
-    rows: int
-    """In the new file."""
-    missing: int
-    """Rows before the last one that are not in it."""
-    missing_seconds: float
-    """Those rows' share of the run [s]."""
-    tail_seconds: float
-    """At most this much is missing after the last row as well; 0 where the file was closed properly [s]."""
-    damage: Damage
 
 
 def recover(path: Path, out: Path, more: Sequence[Path] = ()) -> Recovery:
@@ -84,5 +71,5 @@ def _copy(handle: int, logs: Sequence[LogReader]) -> Recovery:
     file.finish({**closing, "recovered_from": " ".join(log.path.name for log in logs)})
     missing = missing_of(last, count, closing)
     cycle, tail = float(np.median(steps)) if len(steps) else 0.0, 0.0 if end.closing is not None else TAIL
-    damage = Damage(*(sum(parts) for parts in zip(*(log.damage for log in logs), strict=True)))
-    return Recovery(count, missing, missing * cycle, tail, damage)
+    damage = Damage(*(sum(parts) for parts in zip(*(astuple(log.damage) for log in logs), strict=True)))
+    return Recovery(count, missing, round(missing * cycle, 6), tail, damage)

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from bowden.core.nested import from_columns, unflatten
 from bowden.core.signals import DriveReading, Sample
 from bowden.cycle.one_cycle import LAW_BEGINS, NOTHING_OBSERVED, NOTHING_PLANNED, Cycle, CycleState, Filters, verdict_of
 from bowden.cycle.torque_offset import COLUMNS, TorqueOffset
+from bowden.live.figures import Replay
 from bowden.live.gain_ramp import IN_FORCE
 from bowden.live.mcap_read import Recording
 from bowden.live.row import STOPPED, SUPERVISOR
@@ -28,38 +29,6 @@ _NEEDED = (
     *("reference", "reference_velocity", "reference_acceleration", *DriveReading._fields, *_SURROUNDINGS, *_VERDICT),
     *("joint_seen", "motor_seen", "requested_target", "source", *SUPERVISOR),
 )
-
-
-class Replay(NamedTuple):
-    """How a replay compares with its record."""
-
-    cycles: int
-    """That were compared: all but the first after each beginning, whose state is taken from the record."""
-    beginnings: int
-    """1, and one more for each gap."""
-    law_cycles: int
-    """Those of them in which the law had the motor."""
-    requested_target_largest: float | None
-    """Largest difference of the requested target from the recorded one, of numbers; None where there are none [rad]."""
-    requested_target_rms: float | None
-    """Its root mean square [rad]."""
-    first_difference: float | None
-    """The record's time at the first requested target that is another number [s]."""
-    verdicts_differing: int
-    """Cycles with another power, mode, reaction or set of faults, or with a target or torque offset in one of both
-    alone."""
-    command_largest: float
-    """Largest difference of the supervisor's target [rad]."""
-    first_other_verdict: float | None
-    """The record's time at the first of them [s]."""
-    torque_largest: float | None
-    """Largest difference of the torque offset at the recorded targets; None in a run without one [N·m]."""
-
-    @property
-    def differs(self) -> bool:
-        """Whether a requested target, a verdict, a target or a torque offset is another one than was recorded."""
-        requested = self.first_difference is not None
-        return requested or bool(self.verdicts_differing or self.command_largest or self.torque_largest)
 
 
 def replay(

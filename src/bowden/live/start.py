@@ -87,7 +87,7 @@ def live_session(
                     "little_margin" if force else found[motor.name].name or "little_margin",
                     opposed=motor.opposed,
                     given=motor.rig.limits,
-                    mismatches=() if motor.limits.shared else mismatches(motor.rig, motor.limits),
+                    mismatches=() if measure or motor.limits.shared else mismatches(motor.rig, motor.limits),
                 )
                 allowed.append(motor.limits.off_reference if measure else off_reference(motor.rig, motor.law))
         if emg_process is not None:

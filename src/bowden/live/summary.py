@@ -14,10 +14,10 @@ from bowden.core.units import RADIANS
 from bowden.cycle.one_cycle import TargetSource
 from bowden.hardware.ports import TorqueLeft, torque_left
 from bowden.live import emg_summary, push_summary, stops
+from bowden.live.figures import Damage
 from bowden.live.lateness import figures
 from bowden.live.mcap_log import about as describing
 from bowden.live.mcap_read import Recording, read
-from bowden.live.mcap_reader import Damage
 from bowden.live.session import Session
 from bowden.live.session_motor import SessionMotor
 from bowden.records.metrics import rmse

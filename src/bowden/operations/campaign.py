@@ -5,84 +5,15 @@ from dataclasses import KW_ONLY, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from bowden.operations.simulate import Figures
 from bowden.operations.support.operation import GivenProgress, GivenRig, Operation, Switch
-from bowden.operations.support.results import Result, ResultPart, made
+from bowden.operations.support.results import Result
+from bowden.records.run_figures import Metrics
+from bowden.study.results import LawCampaign
 
 if TYPE_CHECKING:
     from bowden.records.trace import Trace
     from bowden.study.computed import Campaign
     from bowden.study.study import Study
-
-
-@dataclass(frozen=True)
-class FigureSpread(ResultPart):
-    """How a figure is spread over the runs that have it."""
-
-    count: int
-    """Runs that have it."""
-    least: float
-    q05: float
-    """Quantile at 5 %."""
-    median: float
-    q90: float
-    q99: float
-    most: float
-
-
-@dataclass(frozen=True)
-class WorstRun(ResultPart):
-    """A run that was among the worst."""
-
-    number: int
-    """By which it is run again."""
-    value: float | None
-    """RMSE from rest [deg]; null where it ran away."""
-    drawn: dict[str, float | str]
-    """Parameter -> its value in the unit of its name."""
-
-
-@dataclass(frozen=True)
-class ParameterShare(ResultPart):
-    """What a drawn parameter does to the error."""
-
-    parameter: str
-    rank_correlation: float | None
-    """Spearman's; null where it does not exist [1]."""
-    variance_share: float | None
-    """Of the variance, between the means of bins of the parameter; null where the law has no such gain [1]."""
-    chance_share: float | None
-    """Share below which 95 % of the parameters stay that change nothing, with as many runs; null likewise [1]."""
-    above_chance: bool
-    """Whether the share is more than that."""
-
-
-@dataclass(frozen=True)
-class LawCampaign(ResultPart):
-    """What one law did over all plants."""
-
-    law: str
-    """Its name."""
-    runs: int
-    ran_away: int
-    """Runs that did not reach their end: a command beyond 1000 rad, or no number."""
-    unstable: int
-    """Those, and runs in which the joint was further from the reference than its whole stroke (5 deg at least)."""
-    unstable_interval: tuple[float, ...]
-    """Wilson's 95 % interval of the share of unstable runs [1]."""
-    oscillating: int | None
-    """Runs whose command travelled more than five times as far as the reference, or that ran away; null where runs
-    differ in the reference, in a suit and under admittance."""
-    worse_than_uncompensated: int | None
-    """Runs with a larger RMSE than the law uncompensated on the same plant; null of that law, and where it did not
-    run."""
-    figures: dict[str, FigureSpread]
-    """Figure of merit (a column of the rows, with its unit in the name) -> how it is spread over the runs that have
-    it."""
-    worst: tuple[WorstRun, ...]
-    """The runs with the largest RMSE from rest, the worst first; those that ran away before all others."""
-    sensitivity: tuple[ParameterShare, ...]
-    """What the RMSE from rest depends on, the parameter that matters most first; of ranks."""
 
 
 @dataclass(frozen=True)
@@ -118,7 +49,7 @@ class CampaignResult(Result[Any]):
 
 
 @dataclass(frozen=True)
-class CampaignRunOfLaw(Figures):
+class CampaignRunOfLaw(Metrics):
     """What one law did in one run."""
 
     law: str
@@ -221,9 +152,10 @@ def campaign(
     page = campaign_page(found.summary, f"Campaign {study.stem}", columns, shlex.join(again), loaded.duration)
     with whole_files(folder) as stage:
         page.write(stage / "campaign.html")
-    return made(
-        CampaignResult,
-        {"rig": loaded.rig.hash} | found.summary.document(),
+    summary = found.summary
+    return CampaignResult(
+        rig=loaded.rig.hash,
+        **{name: getattr(summary, name) for name in ("study", "rows_sha256", "runs", "laws")},
         chunks_computed=found.computed,
         chunks_kept=found.kept,
         chunks_set_aside=len(found.notes),
@@ -238,14 +170,14 @@ def _alone(study: "Study", number: int, folder: Path) -> CampaignRun:
     from dataclasses import asdict
 
     from bowden.core.files import whole_files
-    from bowden.report.simulate_page import write_simulation
+    from bowden.report.simulate_page import simulation_page
     from bowden.study.computed import run_alone
 
     traces = run_alone(study, number)
     with whole_files(folder) as stage:
         for name, trace in traces.items():
             trace.write(stage / f"{name}.npz")
-        write_simulation(stage / "simulate.html", traces, f"Run {number} of {study.path.name}")
+        simulation_page(traces, f"Run {number} of {study.path.name}").write(stage / "simulate.html")
     rig, drawn = study.run(number)[0], study.drawn(number)
     values: dict[str, Any] = {"seed": drawn.seed} | drawn.values
     figures = tuple(

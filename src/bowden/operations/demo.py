@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from bowden.operations.check import Verdict
 from bowden.operations.identify import IdentifyTrust
+from bowden.operations.simulate import SimulatedRun, simulate
 from bowden.operations.support.operation import Folder, GivenProgress, Operation, Quiet, Switch, Tell
 from bowden.operations.support.results import Result, ResultPart
 
@@ -20,15 +21,6 @@ LENGTH = 20.0
 """Of the simulation and of the live run [s]."""
 _TRIES, _PAUSE = 3, 3.0
 """At the live run, where this computer stalls, and the time between them [s]."""
-
-
-@dataclass(frozen=True)
-class DemoRun(ResultPart):
-    """A simulated run."""
-
-    law: str
-    rmse_deg: float | None
-    """Null where the run was unstable [°]."""
 
 
 @dataclass(frozen=True)
@@ -53,7 +45,7 @@ class Demo(Result["Demo"]):
     """Whether to trust the model, and why."""
     verdict: Verdict
     """Of the check of the law."""
-    runs: tuple[DemoRun, ...]
+    runs: tuple[SimulatedRun, ...]
     """Simulated: without compensation first, then with the law."""
     live: DemoLive
     """The run on the twin, as bowden run has it."""
@@ -109,7 +101,6 @@ def demo(
     from bowden.design.verdict import checked, verdict_of
     from bowden.identify.cable.identification import identify_log
     from bowden.identify.log.read import read_log
-    from bowden.operations.simulate import simulate
     from bowden.operations.support.progress import reported
     from bowden.plants.identified import load_cable
     from bowden.report import demo_page as page
@@ -173,7 +164,7 @@ def demo(
         fit.best.name,
         IdentifyTrust(*fit.trust),
         found.verdict,
-        tuple(DemoRun(one.law, one.rmse_deg) for one in simulated.runs),
+        simulated.runs,
         DemoLive(**{name: ended[name] for name in kept}, faults=tuple(ended["faults"])),
         (model, rig_file, html),
         words=() if log is None else tuple(words),

@@ -1,29 +1,16 @@
 """`doctor`: whether this machine is fast enough for live runs, and what to change."""
 
-import shutil
-from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Annotated, Any
+from dataclasses import dataclass
+from typing import Annotated, Any
 
-from bowden.operations.run import LoopLateness, Privilege
+from bowden.hardware.realtime import Grant
+from bowden.live.figures import Lateness, Machine
 from bowden.operations.support.operation import Operation, Switch
 from bowden.operations.support.results import Result, ResultPart
-
-if TYPE_CHECKING:
-    from bowden.live.lateness import Lateness
-    from bowden.live.machine import Machine
 
 _PERIOD = 1e-3
 _EMG_WAIT = 1.0
 """How long streams of EMG are looked for [s]."""
-
-
-@dataclass(frozen=True)
-class KernelFound(ResultPart):
-    """The operating system."""
-
-    release: str
-    preemption: str
-    real_time: bool
 
 
 @dataclass(frozen=True)
@@ -33,14 +20,6 @@ class LatenessBucket(ResultPart):
     up_to_us: float | None
     """Upper edge; null for what lies above the last."""
     cycles: int
-
-
-@dataclass(frozen=True)
-class CanFound(ResultPart):
-    """CAN on this machine."""
-
-    kernel: bool
-    interfaces: dict[str, str]
 
 
 @dataclass(frozen=True)
@@ -71,18 +50,13 @@ class EmgFound(ResultPart):
 class Diagnosis(Result["Diagnosis"]):
     """What this machine can do."""
 
-    kernel: KernelFound
-    clock_source: str
-    processors: tuple[int, ...]
-    isolated_processors: tuple[int, ...]
-    privileges: tuple[Privilege, ...]
-    granted: tuple[Privilege, ...]
+    machine: Machine
+    """Kernel, clock, processors and CAN, read from /proc and /sys."""
+    privileges: tuple[Grant, ...]
+    granted: tuple[Grant, ...]
     period_ms: float
-    lateness: LoopLateness
+    lateness: Lateness
     histogram: tuple[LatenessBucket, ...]
-    cyclictest: LoopLateness | None
-    """Null where it is not installed."""
-    can: CanFound
     emg: EmgFound
     advice: tuple[str, ...]
 
@@ -116,7 +90,7 @@ def doctor(
     check_number("priority", priority, 0, 99)
     check_processor(cpu, argument("cpu").rstrip("="))
     late, grants = bare_loop_apart(time, _PERIOD, Settings(priority=priority, cpu=cpu))
-    measured, other = figures(late), machine.cyclictest(time, _PERIOD, priority, cpu)
+    measured = figures(late)
     here, may, emg = machine.look(), privileges(), _emg()
     advice = _advice(here, measured, [*may, *grants])
     sources: dict[str, list[str]] = {}
@@ -127,17 +101,12 @@ def doctor(
             advice.append(f"{len(ids)} LSL streams are named {name!r}: {which(name, ids)}")
     counts = zip((*EDGES_US, None), histogram(late), strict=True)
     return Diagnosis(
-        kernel=KernelFound(here.release, here.preemption, here.real_time),
-        clock_source=here.clock_source,
-        processors=tuple(here.processors),
-        isolated_processors=tuple(here.isolated),
-        privileges=tuple(Privilege(**asdict(grant)) for grant in may),
-        granted=tuple(Privilege(**asdict(grant)) for grant in grants),
+        machine=here,
+        privileges=tuple(may),
+        granted=tuple(grants),
         period_ms=1e3 * _PERIOD,
-        lateness=LoopLateness(**asdict(measured)),
+        lateness=measured,
         histogram=tuple(LatenessBucket(edge, count) for edge, count in counts),
-        cyclictest=LoopLateness(**asdict(other)) if other else None,
-        can=CanFound(here.can_known, here.can),
         emg=emg,
         advice=tuple(advice),
     )
@@ -168,7 +137,7 @@ def _emg() -> EmgFound:
     return EmgFound(True, tuple(streams), "")
 
 
-def _advice(here: "Machine", measured: "Lateness", grants: list[Any]) -> list[str]:
+def _advice(here: Machine, measured: Lateness, grants: list[Any]) -> list[str]:
     """What to change, the most important first."""
     advice = list(dict.fromkeys(grant.remedy for grant in grants if not grant.granted))
     period = 1e6 * _PERIOD
@@ -184,8 +153,6 @@ def _advice(here: "Machine", measured: "Lateness", grants: list[Any]) -> list[st
         advice.append("keep a processor for the loop: isolcpus=N on the kernel's command line, [live] cpu = N")
     if not here.can:
         advice.append("no CAN interface: plug one in and set it up, or use bowden twin")
-    if shutil.which("cyclictest") is None:
-        advice.append("to compare with cyclictest, install rt-tests")
     return advice
 
 

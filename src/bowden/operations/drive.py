@@ -178,14 +178,13 @@ def drive_monitor(
         DriveError: an angle has not come.
         ParameterError: no end is given where one is needed.
     """
-    from bowden.core.caller import argument
     from bowden.core.errors import DriveError, ParameterError
     from bowden.live.drive_look import AGES
+    from bowden.operations.support.given import check_number
     from bowden.rig.families import family_of
 
-    if duration is not None and not 0.0 < duration <= 1e6:
-        what = argument("duration").rstrip("=")
-        raise ParameterError(f"{what} is {duration:g}", expected="seconds above 0", do="correct it")
+    if duration is not None:
+        check_number("duration", duration, 0.01, 1e6)
     if duration is None and quiet:
         raise ParameterError("--json needs an end", do="add --duration 10")
     whole = _given(rig, motor, channel)
@@ -238,9 +237,11 @@ def drive_zero(
     """
     from bowden.core.units import RADIANS
     from bowden.live.drive_look import require_zero, zero_keys
+    from bowden.operations.support.given import check_number
     from bowden.rig.families import family_of
 
-    _check_finite(motor_deg=motor_deg, joint_deg=joint_deg)
+    for name, angle in (("motor_deg", motor_deg), ("joint_deg", joint_deg)):
+        check_number(name, angle, -1e6, 1e6)
     whole = _given(rig, motor, channel)
     require_zero(whole.drive)
     with _brought_up(whole) as (drive, identity):
@@ -269,8 +270,9 @@ def drive_tare(rig: GivenRig, *, load: float = 0.0, motor: str | None = None, ch
         ParameterError: a load that cannot be, or a rig without a load cell.
     """
     from bowden.live.drive_look import require_load_cell, tare
+    from bowden.operations.support.given import check_number
 
-    _check_finite(load=load)
+    check_number("load", load, -1e6, 1e6)
     whole = _given(rig, motor, channel)
     require_load_cell(whole)
     with _brought_up(whole) as (drive, identity):
@@ -298,21 +300,6 @@ def _given(rig: Any, motor: str | None, channel: str | None) -> "Rig":
     from bowden.operations.support.given import rig_of
 
     return rig_of(rig).only(motor).on_bus(channel)
-
-
-def _check_finite(**values: float) -> None:
-    """Refuse numbers that are not finite.
-
-    Raises:
-        ParameterError: one is not.
-    """
-    from bowden.core.caller import argument
-    from bowden.core.errors import ParameterError
-
-    for name, value in values.items():
-        if not math.isfinite(value):
-            expected = "degrees" if name.endswith("_deg") else "N or N·m"
-            raise ParameterError(f"{argument(name).rstrip('=')} is {value:g}", expected=expected, do="correct it")
 
 
 @contextlib.contextmanager

@@ -80,7 +80,7 @@ def emg_stream(
     from bowden.operations.support.given import check_number
 
     check_number("speed", speed, 0.01, 100.0)
-    log = read_channels(recording, channel or (), checked_rate(rate))
+    log = read_channels(recording, channel or (), None if rate is None else check_number("rate", rate, 1e-3, 1e6))
     called = recording.name.partition(".")[0] if name is None else name
     source = f"bowden-{called}" if source_id is None else source_id
     if not called or "'" in called + source:
@@ -134,16 +134,15 @@ def emg_serve(
         LogError: a recording that cannot be used.
         ParameterError: a port or a fault that cannot be.
     """
-    from bowden.core.errors import ParameterError
     from bowden.hardware.emg.trigno_faults import read_faults
     from bowden.hardware.emg.trigno_server import Ports, TrignoServer
     from bowden.identify.emg.log import read_channels
+    from bowden.operations.support.given import check_number
 
-    for number in (port, emg_port):
-        if not 0 <= number < 65536:
-            raise ParameterError(f"a port is {number}", expected="a number from 0 to 65535")
+    for name, number in (("port", port), ("emg_port", emg_port)):
+        check_number(name, number, 0, 65535)
     faults = read_faults(fault or [])
-    log = read_channels(recording, channel or (), checked_rate(rate))
+    log = read_channels(recording, channel or (), None if rate is None else check_number("rate", rate, 1e-3, 1e6))
     values = log.values * {"V": 1e3, "µV": 1e-3, "uV": 1e-3}.get(log.unit, 1.0)
     server = TrignoServer(values, log.rate, Ports(port, emg_port), host, loop, faults)
     lasting = len(values) / log.rate
@@ -155,21 +154,6 @@ def emg_serve(
             server.serve(stopped, show)
     finally:
         server.close()
-
-
-def checked_rate(rate: float | None) -> float | None:
-    """The rate of a recording.
-
-    Raises:
-        ParameterError: it is no rate.
-    """
-    from bowden.core.caller import argument
-    from bowden.core.errors import ParameterError
-
-    if rate is not None and not 0.0 < rate < 1e6:
-        what = argument("rate").rstrip("=")
-        raise ParameterError(f"{what} is {rate:g}", expected="samples a second, such as 1000")
-    return rate
 
 
 @contextlib.contextmanager

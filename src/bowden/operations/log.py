@@ -1,9 +1,10 @@
 """`log`: what is in the log of a run, and what can be made of it."""
 
-from dataclasses import KW_ONLY, dataclass, fields
+from dataclasses import KW_ONLY, asdict, dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
+from bowden.live.figures import Damage, Recovery, Replay
 from bowden.operations.support.operation import Operation, Switch
 from bowden.operations.support.results import Result, ResultPart, made
 
@@ -12,18 +13,6 @@ if TYPE_CHECKING:
     from bowden.live.mcap_reader import LogReader
 
 File = Annotated[Path, Switch(metavar="FILE")]
-
-
-@dataclass(frozen=True)
-class LogDamage(ResultPart):
-    """What of a log could not be read."""
-
-    chunks: int
-    """Chunks whose checksum is wrong; their rows are left out."""
-    skipped: int
-    """Bytes between records that are none."""
-    torn: int
-    """Bytes at the end that are no whole row or record."""
 
 
 @dataclass(frozen=True)
@@ -112,7 +101,7 @@ class LogInfo(Result["LogInfo"]):
     """Cycles in the log."""
     missing: int
     """Cycles before the last of them that are not in it."""
-    damage: LogDamage
+    damage: Damage
     """What could not be read."""
     duration_s: float
     """From the first cycle to the last [s]."""
@@ -158,21 +147,11 @@ class LogInfo(Result["LogInfo"]):
 
 
 @dataclass(frozen=True)
-class LogRecovered(Result["LogRecovered"]):
+class LogRecovered(Recovery, Result["LogRecovered"]):
     """A whole log of what was left of one."""
 
     files: tuple[Path, ...]
     """The new log."""
-    rows: int
-    """Cycles in it."""
-    missing: int
-    """Cycles before the last of them that are lost."""
-    missing_seconds: float
-    """Those cycles' share of the run [s]."""
-    tail_seconds: float
-    """Time that may be missing from the end of the run, on a healthy disk; 0 where the log was closed properly [s]."""
-    damage: LogDamage
-    """What could not be read."""
 
 
 @dataclass(frozen=True)
@@ -196,34 +175,13 @@ class LogDrawn(Result["LogDrawn"]):
 
 
 @dataclass(frozen=True)
-class ReplayFigures(ResultPart):
-    """How a replay compares with its record."""
+class ReplayFigures(Replay):
+    """How a replay of one axis compares with its record."""
 
     law: str
     """The law that was fed with it."""
     same_law: bool
     """Whether it is the law of the record, with the gains it had."""
-    cycles: int
-    """Cycles that were compared."""
-    beginnings: int
-    """How often the state was taken from the record: at its begin and after each gap."""
-    law_cycles: int
-    """Cycles of those in which the law had the motor."""
-    requested_target_largest: float | None
-    """Largest difference of the requested target from the recorded one; null where the law never led [rad]."""
-    requested_target_rms: float | None
-    """Its root mean square [rad]."""
-    first_difference: float | None
-    """The record's time at the first requested target that differs [s]."""
-    verdicts_differing: int
-    """Cycles with another power, mode, reaction or set of faults, or with a target or torque offset in one of both
-    alone."""
-    command_largest: float
-    """Largest difference of the supervisor's target [rad]."""
-    first_other_verdict: float | None
-    """The record's time at the first verdict that differs [s]."""
-    torque_largest: float | None
-    """Largest difference of the drive's torque offset [N·m]; null in a run without one."""
     rig: str | None
     """Hash of the rig: equal rigs have the same, whether they come from a file, Python or a log. null in a log without
     one."""
@@ -292,10 +250,7 @@ def log_recover(
 
     target = out or file.with_name(f"{file.stem}.recovered.mcap")
     saved = save(file, target, more or ())
-    lost = round(saved.missing_seconds, 6)
-    return LogRecovered(
-        (target,), saved.rows, saved.missing, lost, saved.tail_seconds, LogDamage(**saved.damage._asdict())
-    )
+    return LogRecovered(**vars(saved), files=(target,))
 
 
 def log_export(file: File, *, out: Path | None = None, motor: str | None = None) -> LogExported:
@@ -312,15 +267,18 @@ def log_export(file: File, *, out: Path | None = None, motor: str | None = None)
         LogError: it cannot be read.
         OutputError: the new file cannot be written.
     """
-    from bowden.live.mcap_read import columns_of, traces
+    from itertools import chain
+
+    from bowden.live.mcap_read import traces
     from bowden.live.mcap_reader import LogReader
     from bowden.records.trace import write_traces
 
     target = _other(out or file.with_suffix(".csv"), file)
     log = LogReader(file)
-    columns = log.columns if motor is None else columns_of(log, motor)
-    write_traces(traces(log, motor), target)
-    return LogExported((target,), log.count, tuple(columns), **_doubts(log, file))
+    pieces = traces(log, motor)
+    first = next(pieces)
+    write_traces(chain([first], pieces), target)
+    return LogExported((target,), log.count, tuple(first.columns), **_doubts(log, file))
 
 
 def log_plot(file: File, *, motor: str | None = None) -> LogDrawn:
@@ -386,7 +344,7 @@ def _replayed(found: "Recording", law: str | None, motor: str) -> tuple[ReplayFi
     with user_law.explained(chosen):
         result = run(found, chosen, limits, filters, period, same=same, source=source)
     whose: dict[str, Any] = {"law": chosen.name, "same_law": same, "rig": hash_of(found.settings), "motor": motor}
-    return ReplayFigures(**whose, **result._asdict()), same and result.differs
+    return ReplayFigures(**whose, **asdict(result)), same and result.deviates
 
 
 def _other(target: Path, file: Path) -> Path:

@@ -1,6 +1,5 @@
 """`measure`: move the motor under supervision, and leave logs that identify and identify-servo take."""
 
-import contextlib
 from dataclasses import KW_ONLY, dataclass, fields
 from functools import partial
 from pathlib import Path
@@ -59,41 +58,22 @@ def measure(
         SafetyError: limits that contradict one another, or a drive without an angle that was confirmed by hand.
         DriveError: a bus or drive that cannot be used.
     """
-    from bowden.live.by_hand import require_confirmed, require_watch, unseen_watch
-    from bowden.live.left_behind import await_host
-    from bowden.live.live_run import live_run
     from bowden.live.mcap_read import read
     from bowden.live.measured import NEEDED, stalls, write_motions
     from bowden.live.operator import ending_signals, operate, refuse_over_ssh, refuse_without_keys
-    from bowden.live.preflight import require
-    from bowden.live.session import Session, own_twin, prepared_loop
-    from bowden.live.start import new_log
+    from bowden.live.start import live_session
     from bowden.live.summary import document
     from bowden.operations.support import given
-    from bowden.rig.families import family_of
 
     note = tell or (lambda text: None)
     refuse_without_keys(auto, quiet)
     whole = given.rig_of(rig).only(motor).on_bus(channel)
     if not twin:
         refuse_over_ssh(whole, attended=attended)
-    live = live_run(whole, measure=True)
-    require(live.limits, live.rig.sample_time, "holds")  # no gains take part
-    if not twin:
-        await_host(partial(family_of(whole.drive).claim, whole.drive), note)
-        require_watch(whole)
-        require_confirmed(whole, motor or "")
-    for text in filter(None, (*live.notes, unseen_watch(whole))):
-        note(text)
-    with contextlib.ExitStack() as stack:
-        ending = stack.enter_context(ending_signals())
-        loop = stack.enter_context(prepared_loop())
-        if twin:
-            own = stack.enter_context(own_twin(whole, measure=True, alone=motor or ""))
-            live = live_run(own, measure=True, logged=whole)
-        session = stack.enter_context(Session(live, new_log(out, "measure"), remembers=not twin, loop=loop))
+    begun = partial(live_session, whole, given.name_of(whole), measure=True, force=False, alone=motor or "")
+    with ending_signals() as ending, begun(twin=twin, out=out, tell=note) as session:
         if not quiet:
-            note(live.losses())
+            note(session.live.losses())
         operate(session, ending, auto=auto, quiet=quiet)
     session.require_log()
     found = document(session)

@@ -7,35 +7,14 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
+from bowden.hardware.realtime import Grant
+from bowden.live.figures import Lateness
 from bowden.operations.log import LogStop
 from bowden.operations.support.operation import Folder, GivenLaw, GivenRig, Operation, Quiet, Switch, Tell
 from bowden.operations.support.results import Result, ResultPart, made
 
 if TYPE_CHECKING:
     from bowden.live.session import Session
-
-
-@dataclass(frozen=True)
-class Privilege(ResultPart):
-    """What the process may do."""
-
-    name: str
-    granted: bool
-    said: str
-    """What holds now, or why it was refused."""
-    remedy: str
-    """What to change; empty where it was granted."""
-
-
-@dataclass(frozen=True)
-class LoopLateness(ResultPart):
-    """How late the loop's cycles began."""
-
-    p50_us: float
-    p99_us: float
-    p999_us: float
-    max_us: float
-    cycles: int
 
 
 @dataclass(frozen=True)
@@ -159,7 +138,7 @@ class RunResult(LiveEnd, Result["RunResult"]):
     """Joint against reference under the law, root mean square [°]. Of several motors the largest."""
     peak_deg: float | None
     """Largest error under the law [°]. Of several motors the largest."""
-    lateness: LoopLateness | None
+    lateness: Lateness | None
     run_time_median_us: float | None
     """Of the whole cycle, median [µs]."""
     overruns: int | None
@@ -169,7 +148,7 @@ class RunResult(LiveEnd, Result["RunResult"]):
     interaction: FeltInRun | None
     """What the wearer felt of a suit that follows their push ([admittance]), as the loop estimated it, after the first
     4 s or half of a shorter run; null in any other run."""
-    grants: tuple[Privilege, ...]
+    grants: tuple[Grant, ...]
     more_logs: tuple[str, ...]
     """Where the recorder had to be started again: what it wrote then, which begins with the last half minute before."""
     log_whole: bool

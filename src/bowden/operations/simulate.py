@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 from bowden.operations.check import Verdict
 from bowden.operations.support.operation import GivenLaw, GivenProgress, GivenRig, Operation, Progress, Switch
 from bowden.operations.support.results import Result, ResultPart
+from bowden.records.run_figures import Metrics
 
 if TYPE_CHECKING:
     from bowden.records.trace import Trace
@@ -28,26 +29,6 @@ class FeltTorque(ResultPart):
 
 
 @dataclass(frozen=True)
-class Figures(ResultPart):
-    """Figures of merit of a run."""
-
-    rmse_deg: float | None
-    """Root of the mean square of joint - reference, from rest [deg]."""
-    rmse_after_10s_deg: float | None
-    """The same without the first ten seconds; null for a run no longer than that [deg]."""
-    peak_deg: float | None
-    """Largest size of the error [deg]."""
-    delay_s: float | None
-    """The shift of the reference that agrees best with the joint; null where nothing moves [s]."""
-    hysteresis_width_deg: float | None
-    """Height of the loop of joint over reference at mid-stroke; null without a loop [deg]."""
-    mechanical_energy_j: float | None
-    """Integral of the mechanical power, Eq. 18; null of several motors on one joint [J]."""
-    electrical_energy_j: float | None
-    """Integral of the electrical power, Eq. 18; null of several motors on one joint [J]."""
-
-
-@dataclass(frozen=True)
 class MotorRun(ResultPart):
     """One of several motors on one joint."""
 
@@ -66,7 +47,7 @@ class MotorRun(ResultPart):
 
 
 @dataclass(frozen=True)
-class SimulatedRun(Figures):
+class SimulatedRun(Metrics):
     """One law that ran."""
 
     joint: str

@@ -6,42 +6,13 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from bowden.operations.check import Verdict
 from bowden.operations.support.operation import GivenLaw, GivenProgress, GivenRig, Operation, Role, Switch
-from bowden.operations.support.results import Result, ResultPart, degrees, json_of, made
+from bowden.operations.support.results import Result, degrees, json_of, made
+from bowden.study.results import JudgedByStudy
 
 if TYPE_CHECKING:
     from bowden.design.tune import BrokenOff
     from bowden.design.tune_result import Tuning
     from bowden.rig.rig import Rig
-
-
-@dataclass(frozen=True)
-class PlantsSpread(ResultPart):
-    """What gains make of plants."""
-
-    runs: int
-    unstable: int
-    """As in bowden campaign."""
-    unstable_interval: tuple[float, ...]
-    """Wilson's 95 % interval of their share [1]."""
-    rmse_median_deg: float | None
-    """From rest; null where that run did not end [deg]."""
-    rmse_90_deg: float | None
-    """Of nine runs in ten [deg]."""
-    rmse_worst_deg: float | None
-
-
-@dataclass(frozen=True)
-class JudgedByStudy(ResultPart):
-    """Gains judged by a study."""
-
-    name: str
-    """Of the study."""
-    tuned_on: int
-    """Plants that the gains were tuned against, its first runs."""
-    before: PlantsSpread
-    """Over the runs of the study that follow those; a run that did not end counts as the largest RMSE."""
-    after: PlantsSpread
-    """Over the runs of the study that follow those; a run that did not end counts as the largest RMSE."""
 
 
 @dataclass(frozen=True)

@@ -2,14 +2,13 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bowden.core.errors import LogError
-from bowden.core.guesses import answering
 from bowden.core.units import DEGREES
+from bowden.records.run_figures import NO_FIGURES, Metrics
 
 Array = NDArray[np.float64]
 
@@ -33,27 +32,6 @@ def is_stable(reference: Array, joint: Array) -> bool:
     return bool(np.max(error) <= max(float(np.ptp(reference)), SMALLEST_STROKE))
 
 
-@answering({}, "they are those of one run")
-@dataclass(frozen=True)
-class Metrics:
-    """The figures of one run; None where a figure does not exist (an unstable run, a motion too short)."""
-
-    rmse_deg: float | None
-    """√(Σe²/N) from rest [deg]."""
-    rmse_after_10s_deg: float | None
-    """The same without the first ten seconds [deg]."""
-    peak_deg: float | None
-    """Largest |e| [deg]."""
-    delay_s: float | None
-    """See `delay` [s]."""
-    hysteresis_width_deg: float | None
-    """See `hysteresis_width`, of the joint over the reference [deg]."""
-    mechanical_energy_j: float | None
-    """∫Pm dt, Eq. 18 [J]."""
-    electrical_energy_j: float | None
-    """∫Pe dt, Eq. 18 [J]."""
-
-
 def summarise(columns: Mapping[str, Array], resistance: float | None, gear_torque_constant: float | None) -> Metrics:
     """All figures of a run.
 
@@ -75,7 +53,7 @@ def summarise(columns: Mapping[str, Array], resistance: float | None, gear_torqu
     increasing(time)
     error = joint - reference
     if not np.isfinite(error).all():
-        return Metrics(None, None, None, None, None, None, None)
+        return NO_FIGURES
     late = time >= time[0] + LATE
     mechanical = electrical = None
     if resistance is not None and gear_torque_constant is not None and {"current", "motor_velocity"} <= set(columns):

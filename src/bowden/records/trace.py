@@ -20,7 +20,7 @@ from bowden.core.guesses import Answering, answering
 from bowden.core.units import DEGREES
 from bowden.drawing import shown
 from bowden.records import metrics
-from bowden.records.metrics import Metrics
+from bowden.records.run_figures import Metrics
 from bowden.records.table import FIRST_LINE, KEY, read_table
 
 if TYPE_CHECKING:
@@ -287,18 +287,8 @@ class Trace(metaclass=Answering):
             found = self.metrics()
         except BowdenError as error:
             return [("error", str(error))]
-        number = shown.number
-        errors = (
-            ("RMSE", number(found.rmse_deg, "°")),
-            ("after 10 s", number(found.rmse_after_10s_deg, "°")),
-            ("peak", number(found.peak_deg, "°")),
-            ("delay", number(None if found.delay_s is None else 1e3 * found.delay_s, "ms")),
-            ("hysteresis width", number(found.hysteresis_width_deg, "°")),
-        )
-        energies = (
-            ("mechanical", number(found.mechanical_energy_j, "J")),
-            ("electrical", number(found.electrical_energy_j, "J")),
-        )
+        texts = [(name, shown.number(*one)) for name, one in found.shown().items()]
+        errors, energies = texts[:5], [(name.removesuffix(" energy"), text) for name, text in texts[5:]]
         return [
             ("error", shown.listed(f"{name} {text}" for name, text in errors if text)),
             ("energy", shown.listed(f"{name} {text}" for name, text in energies if text)),
@@ -352,17 +342,6 @@ class Trace(metaclass=Answering):
                 expected="motor_velocity and current, and motor_resistance and torque_constant in its settings",
             )
         return metrics.power(self.columns["motor_velocity"], self.columns["current"], resistance, constant)
-
-    def convergence_times(self, band: float = 0.05, period: float = 0.0) -> dict[str, float | None]:
-        """When each of the law's variables (columns ``law.*``) settles: see `records.metrics.convergence_time` [s].
-
-        Raises:
-            LogError: time is not even.
-        """
-        for name, given in (("band", band), ("period", period)):
-            arguments.number(given, f"convergence_times: {name}")
-        laws = {name.removeprefix("law."): values for name, values in self.columns.items() if name.startswith("law.")}
-        return {name: metrics.convergence_time(self.time, values, band, period) for name, values in laws.items()}
 
     def bandwidth(self, lowest: float, highest: float, half_width: float = 0.15) -> float | None:
         """−3 dB bandwidth of the joint over the reference, for a reference that excites every frequency between two.

@@ -99,12 +99,9 @@ class Traces(dict[str, Trace]):
             if not set(trace.columns) >= _DRAWN:
                 rows.append((name, [""] * len(_COLUMNS)))
                 continue
-            found = trace.metrics() if trace.stable else None
-            if found is None:
+            if not trace.stable:
                 rows.append((name, ["unstable", *[""] * (len(_COLUMNS) - 1)]))
                 continue
-            delay = None if found.delay_s is None else 1e3 * found.delay_s
-            angles = (found.rmse_deg, found.rmse_after_10s_deg, found.peak_deg)
-            texts = [shown.number(one, "°") for one in angles]
-            rows.append((name, [*texts, shown.number(delay, "ms"), shown.number(found.hysteresis_width_deg, "°")]))
+            figures = trace.metrics().shown()
+            rows.append((name, [shown.number(*figures[column]) for column in _COLUMNS]))
         return rows

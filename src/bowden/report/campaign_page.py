@@ -8,8 +8,8 @@ import numpy as np
 from bowden.drawing import style
 from bowden.report.page import Page
 from bowden.study.distributions import Distribution
-from bowden.study.figures import MOVING, UNSTABLE, LawFigures, Spread, Summary
-from bowden.study.sensitivity import Sensitivity
+from bowden.study.figures import MOVING, UNSTABLE, LawFigures, Summary
+from bowden.study.results import FigureSpread, ParameterShare
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -97,7 +97,7 @@ def campaign_page(summary: Summary, title: str, drawn: Sequence[Drawn], again: s
     page.table(
         ["parameter", "unit", "spread"],
         [[name, unit or "–", f"{spread.kind} {', '.join(map(_short, spread.given))}"] for name, unit, spread in drawn],
-        caption=f"Study {summary.study_hash}; SHA-256 of the sorted rows {summary.digest}.",
+        caption=f"Study {summary.study}; SHA-256 of the sorted rows {summary.rows_sha256}.",
     )
     return page
 
@@ -112,9 +112,11 @@ def _short(value: object) -> str:
 
 def _row(one: LawFigures) -> list[str]:
     rmse, peak = one.figures.get("rmse_deg"), one.figures.get("peak_deg")
-    low, high = one.interval
+    low, high = one.unstable_interval
     values = [*_values(rmse), f"{peak.q99:.3g}" if peak else "–"]
-    shares = ["–" if n is None else f"{100.0 * n / one.runs:.3g}" for n in (one.oscillating, one.worse)]
+    shares = [
+        "–" if n is None else f"{100.0 * n / one.runs:.3g}" for n in (one.oscillating, one.worse_than_uncompensated)
+    ]
     interval = f"{100.0 * low:.2g} … {100.0 * high:.2g}"
     return [
         one.law,
@@ -127,7 +129,7 @@ def _row(one: LawFigures) -> list[str]:
     ]
 
 
-def _values(found: Spread | None) -> list[str]:
+def _values(found: FigureSpread | None) -> list[str]:
     return [f"{v:.3g}" for v in (found.median, found.q90, found.q99, found.most)] if found else ["–"] * 4
 
 
@@ -158,7 +160,7 @@ def _spread_figure(laws: Sequence[LawFigures], shown: Sequence[str]) -> "Figure"
 
 def _dependence(page: Page, summary: Summary, drawn: Sequence[Drawn]) -> None:
     varied = [name for name, _, spread in drawn if spread.kind != "fixed"]
-    of_law = {one.law: {found.name: found for found in one.sensitivities} for one in summary.laws}
+    of_law = {one.law: {found.parameter: found for found in one.sensitivity} for one in summary.laws}
     names = sorted(varied, key=lambda name: -max(found[name].share for found in of_law.values()))
     if not names:
         return
@@ -178,11 +180,11 @@ def _dependence(page: Page, summary: Summary, drawn: Sequence[Drawn]) -> None:
     for place, name in enumerate(names, 1):
         row = [str(place), name, units[name] or "–"]
         for found in of_law.values():
-            rho = found[name].correlation
+            rho = found[name].rank_correlation
             share = f"{100.0 * found[name].share:.1f}"
             if not found[name].above_chance:
-                share = f"({share})" if found[name].taken else "–"
-            row += [share, "–" if np.isnan(rho) else f"{rho:+.2f}".replace("-", "−")]
+                share = f"({share})" if found[name].variance_share is not None else "–"
+            row += [share, "–" if rho is None else f"{rho:+.2f}".replace("-", "−")]
         rows.append(row)
     header = ["rank", "parameter", "unit"]
     for law in of_law:
@@ -206,9 +208,9 @@ def _dependence(page: Page, summary: Summary, drawn: Sequence[Drawn]) -> None:
         )
 
 
-def _chance(of_law: Mapping[str, Mapping[str, Sensitivity]], runs: int) -> str:
+def _chance(of_law: Mapping[str, Mapping[str, ParameterShare]], runs: int) -> str:
     """What chance gives, in words."""
-    levels = [one.chance for found in of_law.values() for one in found.values() if one.taken and one.chance]
+    levels = [one.chance_share for found in of_law.values() for one in found.values() if one.chance_share]
     if not levels:
         return ""
     most = f"{100.0 * max(levels):.2g} %"
@@ -218,7 +220,7 @@ def _chance(of_law: Mapping[str, Mapping[str, Sensitivity]], runs: int) -> str:
     )
 
 
-def _ranking_figure(of_law: Mapping[str, Mapping[str, Sensitivity]], names: Sequence[str]) -> "Figure":
+def _ranking_figure(of_law: Mapping[str, Mapping[str, ParameterShare]], names: Sequence[str]) -> "Figure":
     """The share of each parameter, a bar for each law."""
     laws = list(of_law)
     height = max(0.12 * len(laws), 0.22)

@@ -8,7 +8,7 @@ import numpy as np
 
 from bowden.core.units import DEGREES
 from bowden.design.check_result import Check
-from bowden.drawing.style import COLOURS, new_figure
+from bowden.drawing.style import COLOURS
 from bowden.identify.cable.fit import Fit
 from bowden.identify.log.read import Log
 from bowden.live import stops
@@ -126,10 +126,9 @@ def demo_page(
         level=fit.trust.level.capitalize(),
         why="; ".join(fit.trust.reasons),
     )
-    for warning in fit.warnings:
-        page.notice(warning[0].upper() + warning[1:] + ".")
+    page.warnings(fit.warnings)
     page.figure(
-        loop_figure(fit, *new_figure(1, 2, height=3.4)),
+        loop_figure(fit),
         f"Left: joint over motor, recorded (broad) and by the model ({TITLES[fit.best.name]}, thin). Right: the same "
         "less a straight line; its height is the motion that the cable loses.",
     )

@@ -1,8 +1,10 @@
 """The page of ``bowden emg score``: the signal, what was found in it, and by which threshold."""
 
+from typing import Any
+
 from bowden.identify.emg.figures import signal_figure, with_unit
 from bowden.identify.emg.log import EmgLog
-from bowden.identify.emg.score import Findings, Score, Spans
+from bowden.identify.emg.score import Findings, Spans
 from bowden.report.page import Page
 from bowden.sensing.envelope import PLAIN_THRESHOLD
 
@@ -21,21 +23,11 @@ def emg_page(name: str, log: EmgLog, labels: Spans | None, found: Findings) -> P
         f"Channel {log.channel}, {len(log.values) / log.rate:.4g} s at {log.rate:.4g} Hz. Both detectors use only what "
         "came before, as in a live run.",
     )
-    for warning in log.warnings:
-        page.notice(warning[0].upper() + warning[1:] + ".")
+    page.warnings(log.warnings)
     page.heading("What was found")
     page.table(
-        [
-            "detector",
-            "detections",
-            "misses",
-            "rejected as too short",
-            "false activations",
-            "false activations [1/min]",
-            "latency, median [ms]",
-            "latency, worst [ms]",
-        ],
-        [_row("ours", found.score), _row("plain threshold", found.plain_score)],
+        list(TITLES),
+        [score_row("ours", found.score), score_row("plain threshold", found.plain_score)],
         "Counts, where no unit is given. A detection belongs to a label if its contraction begins within the label "
         "or up "
         "to 0.3 s before it; each further detection is false. A labelled contraction that is shorter than "
@@ -60,16 +52,22 @@ def emg_page(name: str, log: EmgLog, labels: Spans | None, found: Findings) -> P
     return page
 
 
-def _row(name: str, score: Score) -> list[str]:
+TITLES = (
+    *("detector", "detections", "misses", "rejected as too short", "false activations", "false activations [1/min]"),
+    *("latency, median [ms]", "latency, worst [ms]"),
+)
+
+
+def score_row(name: str, score: Any) -> list[str]:
+    """How well a detector did, in the columns of `TITLES`: its `Score`, or the same of a result."""
+
     def milliseconds(value: float | None) -> str:
         return "–" if value is None else f"{1e3 * value:.0f}"
 
+    counts = (score.detections, score.misses, score.rejected, score.false_activations)
     return [
         name,
-        str(score.detections),
-        "–" if score.misses is None else str(score.misses),
-        "–" if score.rejected is None else str(score.rejected),
-        "–" if score.false_activations is None else str(score.false_activations),
+        *("–" if count is None else str(count) for count in counts),
         "–" if score.false_per_minute is None else f"{score.false_per_minute:.2f}",
         milliseconds(score.latency_median_s),
         milliseconds(score.latency_max_s),

@@ -1,8 +1,7 @@
 """The page of an identification: which model to use and why, the loop, the traces, the residual, the parameters."""
 
 import math
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +11,7 @@ from bowden.drawing.style import COLOURS, legend, new_figure, note_cut, thin, wi
 from bowden.identify.cable.fit import PARTS, Fit, ModelFit, draw_loop
 from bowden.identify.cable.loop import loop_lines
 from bowden.plants.cable_parameters import meaning
-from bowden.report.page import Page, inline
+from bowden.report.page import Page
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -40,32 +39,8 @@ TITLES = {
 """Name of a model → what it is called in a sentence."""
 
 
-class Blank(NamedTuple):
-    """The figures of a page before anything is drawn in them: each with its axes."""
-
-    loop: "tuple[Figure, list[Axes]]"
-    time: "tuple[Figure, list[Axes]]"
-    residual: "tuple[Figure, list[Axes]]"
-
-
-def blank() -> Blank:
-    """Figures to draw in, for one page; to make them takes a third of the drawing's time."""
-    return Blank(
-        new_figure(1, 2, height=3.4, ticks=_TICKS),
-        new_figure(2, 1, height=3.8, share_x=True, ticks=_TICKS),
-        new_figure(2, 1, height=4.2, ticks=_TICKS),
-    )
-
-
-def pictures(fit: Fit, empty: Blank, numbers: Sequence[int] = (1, 2, 3)) -> list[str]:
-    """The figures of a page that have these numbers, as SVG; `empty` is not to be drawn in again."""
-    draw = (loop_figure, time_figure, residual_figure)
-    return [inline(draw[number - 1](fit, *empty[number - 1]), number) for number in numbers]
-
-
-def identify_page(fit: Fit, drawn: Sequence[str] = ()) -> Page:
-    """The page of an identification; `drawn` are its `pictures`, where they were made before."""
-    loop, time, residual = drawn or pictures(fit, blank())
+def identify_page(fit: Fit) -> Page:
+    """The page of an identification."""
     log, best, title = fit.log, fit.chosen, TITLES[fit.best.name]
     duration = log.time[-1] - log.time[0]
     page = Page(
@@ -82,23 +57,22 @@ def identify_page(fit: Fit, drawn: Sequence[str] = ()) -> Page:
     )
     page.text("The log has {cycles}.", cycles=str(fit.cycles))
     _models_table(page, fit)
-    for warning in fit.warnings:
-        page.notice(warning[0].upper() + warning[1:] + ".")
+    page.warnings(fit.warnings)
     page.heading("The loop")
     page.figure(
-        loop,
+        loop_figure(fit),
         f"Left: joint over motor, recorded (broad) and by the recommended model ({title}, thin). Right: the same less "
         "the straight line that fits the first half best. What is left is the motion that the cable loses. Bars: two "
         "standard deviations to either side of the loop that the whole log shows.",
     )
     page.heading("Over time")
     page.figure(
-        time,
+        time_figure(fit),
         "Motor and joint over time. The model was not fitted to the shaded half; there it computes the joint from the "
         "motor alone.",
     )
     page.figure(
-        residual,
+        residual_figure(fit),
         f"What the model leaves: {best.test_rms * DEGREES:.3f}° RMS in the second half. Above: over time. Below: the "
         "second half over the motor's angle, darker where the error occurs more often at that angle. The lines are its "
         "means on the way up and on the way down: they are what the model misses of the cable; the rest is noise.",
@@ -211,15 +185,17 @@ def _spread(uncertainty: float) -> str:
     return "∞" if math.isinf(uncertainty) else f"{uncertainty:.2g}"
 
 
-def loop_figure(fit: Fit, figure: "Figure", panels: "list[Axes]") -> "Figure":
+def loop_figure(fit: Fit) -> "Figure":
     """Joint over motor, whole and without its straight line."""
+    figure, panels = new_figure(1, 2, height=3.4, ticks=_TICKS)
     draw_loop(panels, fit)
     return _placed(figure, wspace=0.28, bottom=0.16, top=0.88)
 
 
-def time_figure(fit: Fit, figure: "Figure", panels: "list[Axes]") -> "Figure":
+def time_figure(fit: Fit) -> "Figure":
     """Motor and joint over time, with the model."""
-    log, (upper, lower) = fit.log, panels
+    figure, (upper, lower) = new_figure(2, 1, height=3.8, share_x=True, ticks=_TICKS)
+    log = fit.log
     time = log.time - log.time[0]
     upper.plot(*_few(time, log.motor * DEGREES), color=COLOURS["motor"])
     upper.set_ylabel("motor [°]")
@@ -232,9 +208,10 @@ def time_figure(fit: Fit, figure: "Figure", panels: "list[Axes]") -> "Figure":
     return _placed(figure, hspace=0.28, bottom=0.13, top=0.97)
 
 
-def residual_figure(fit: Fit, figure: "Figure", panels: "list[Axes]") -> "Figure":
+def residual_figure(fit: Fit) -> "Figure":
     """Joint minus model, over time and, of the second half, over the motor's angle."""
-    log, (upper, lower) = fit.log, panels
+    figure, (upper, lower) = new_figure(2, 1, height=4.2, ticks=_TICKS)
+    log = fit.log
     time, residual = log.time - log.time[0], (log.joint - fit.predicted) * DEGREES
     upper.plot(*_few(time, residual), color=COLOURS["error"], lw=0.8)
     upper.set(xlabel="time [s]", ylabel="joint − model [°]")

@@ -29,8 +29,7 @@ def joint_page(fit: JointFit) -> Page:
     """Errors of each log, and the loop at the least, the middle and the largest load."""
     by = " and ".join(fit.variables) or "nothing: it is one loop for all"
     page = Page(f"The cable of {len(fit.logs)} logs", f"One model fitted to all of them, scheduled by {by}.")
-    for warning in (*fit.warnings, *cycle_lines(fit.logs)):
-        page.notice(warning[0].upper() + warning[1:] + ".")
+    page.warnings((*fit.warnings, *cycle_lines(fit.logs)))
     page.heading("How well it predicts")
     page.text(
         "Fitted: error of the model, which was fitted to this log too. Second half: of a model that was fitted to the "
@@ -71,8 +70,7 @@ def loops_figure(fit: JointFit) -> "Figure":
 def recalibration_page(found: Recalibration, source: str) -> Page:
     """What came out, and what the old and the new model leave."""
     page = Page(f"{source} on {found.log.name}", f"{verdict(found)[0].upper()}{verdict(found)[1:]}.")
-    for warning in found.warnings:
-        page.notice(warning[0].upper() + warning[1:] + ".")
+    page.warnings(found.warnings)
     gain, offset = f"{found.gain:.4f} ± {found.gain_error:.2g}", _degrees(found.offset)
     page.table(
         ["what", "value", "unit"],

@@ -11,7 +11,6 @@ from bowden.core.units import DEGREES
 from bowden.drawing.style import COLOURS, CYCLE, legend, logarithmic, new_figure, thin
 from bowden.live.events import UNREAD, UNSETTLED
 from bowden.records.trace import Trace
-from bowden.report.simulate_figures import law_states as _law_states
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -119,11 +118,6 @@ def lateness(trace: Trace) -> "Figure | None":
         axes.set(xlabel=f"{name.replace('_', ' ')} [µs]", ylabel="cycles")
         logarithmic(axes, "x")
     return figure
-
-
-def law_states(trace: Trace, colour: str) -> "Figure | None":
-    """The law's state over time; None without one."""
-    return _law_states(trace, colour)
 
 
 def _line(

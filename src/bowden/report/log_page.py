@@ -1,7 +1,6 @@
 """The page of ``bowden log plot``: one recorded run, from how it ended to how punctual its loop was."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,34 +12,24 @@ from bowden.live import stops
 from bowden.records.metrics import rmse
 from bowden.records.trace import Trace
 from bowden.report import log_figures as figures
-from bowden.report.page import Page
+from bowden.report.page import Page, flat
+from bowden.report.simulate_figures import law_states
 from bowden.safety.state import Mode
 
 _MOST_EVENTS = 200
 _LEFT_OUT = ("names",)  # of the settings: the page shows names in their place
 
 
-def write_log(
-    path: Path | str, trace: Trace, events: Sequence[tuple[float, str]], facts: Mapping[str, Any], title: str
-) -> None:
-    """Write the page; every figure is there only where the log has its columns.
+def log_page(trace: Trace, events: Sequence[tuple[float, str]], facts: Mapping[str, Any], title: str) -> Page:
+    """The page of a log; every figure is there only where the log has its columns.
 
     Args:
-        path: of the HTML file.
         trace: all rows.
         events: time [s] and text of each.
         facts: ``whole``, ``cycles``, ``missing``, ``duration_s``, ``law``, ``start_utc``, ``lateness_s``,
             ``run_time_s``, ``overruns`` and ``stops``, as ``bowden log info --json`` has them.
         title: plain text.
-
-    Raises:
-        OutputError: the file cannot be written.
     """
-    log_page(trace, events, facts, title).write(path)
-
-
-def log_page(trace: Trace, events: Sequence[tuple[float, str]], facts: Mapping[str, Any], title: str) -> Page:
-    """The page that `write_log` writes."""
     law = f" under the law {facts['law']}" if facts["law"] else ""
     begun = str(facts["start_utc"]).replace("T", " ").replace("+00:00", " UTC").replace("-", "\N{NON-BREAKING HYPHEN}")
     page = Page(title, f"{facts['duration_s']:.4g} s, {facts['cycles']} cycles{law}, begun {begun}.")
@@ -90,7 +79,7 @@ def log_page(trace: Trace, events: Sequence[tuple[float, str]], facts: Mapping[s
             "1 µs is counted there.",
         )
         page.table(["", "p50 [µs]", "p99 [µs]", "p99.9 [µs]", "largest [µs]"], list(_punctuality(facts)))
-    inside = figures.law_states(trace, COLOURS.get(str(facts["law"]), COLOURS["joint"]))
+    inside = law_states(trace, COLOURS.get(str(facts["law"]), COLOURS["joint"]))
     if inside is not None:
         page.heading("Inside the law")
         page.figure(
@@ -101,7 +90,7 @@ def log_page(trace: Trace, events: Sequence[tuple[float, str]], facts: Mapping[s
     page.heading("What made this run")
     page.text("Angles are in radians, everything else in SI units.")
     settings = {key: value for key, value in trace.settings.items() if key not in _LEFT_OUT}
-    page.table(["setting", "value"], [[key, value] for key, value in _flat(settings)])
+    page.table(["setting", "value"], [[key, value] for key, value in flat(settings)])
     return page
 
 
@@ -151,14 +140,3 @@ def _punctuality(facts: Mapping[str, Any]) -> Iterator[list[str]]:
     for name, key in (("lateness", "lateness_s"), ("run time", "run_time_s")):
         if facts[key] is not None:
             yield [name, *(f"{1e6 * facts[key][share]:.1f}" for share in ("p50", "p99", "p99_9", "max"))]
-
-
-def _flat(value: Any, prefix: str = "") -> Iterator[tuple[str, str]]:
-    if isinstance(value, Mapping):
-        for key, inner in value.items():
-            yield from _flat(inner, f"{prefix}.{key}" if prefix else str(key))
-    elif isinstance(value, float):
-        yield prefix, f"{value:.6g}"
-    else:
-        text = "none" if value is None else str(value)
-        yield prefix, text if len(text) <= 200 else text[:199] + "…"

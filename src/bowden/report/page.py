@@ -5,9 +5,9 @@ table is broken between two pages.
 """
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from bowden import __version__
 from bowden.core.files import write_text
@@ -21,6 +21,7 @@ _NUMBER = re.compile(
 )
 _EMPTY = ("", "–", "—", "-")
 _LONG, _LONGEST = 40, 200  # characters of a table's cell that deserve a wide column, and a wider one
+_MOST_VALUES = 8  # of a list in settings; a longer one (way points of a recording) is cut
 _BLOCK = re.compile(r"\s*<(p|ul|ol|dl|div|pre|blockquote|h3|details)\b")
 _SHORT, _DENSE = 14, 9
 """Most rows of a table that is not broken between two printed pages; columns from which on cells stand closer."""
@@ -123,16 +124,15 @@ class Page:
         """A warning or remark that must not be overlooked, plain text."""
         self._parts.append(_Text(text, "notice"))
 
-    def figure(self, figure: "Figure | str", caption: str = "") -> None:
-        """A figure as inline SVG, numbered; the caption is plain text.
+    def warnings(self, warnings: Iterable[str]) -> None:
+        """Notices that begin with a small letter and have no full stop."""
+        for warning in warnings:
+            self.notice(f"{warning[0].upper()}{warning[1:]}.")
 
-        Args:
-            figure: matplotlib's, or what `inline` made of the figure of this number.
-            caption: plain text.
-        """
+    def figure(self, figure: "Figure", caption: str = "") -> None:
+        """A figure of matplotlib's as inline SVG, numbered; the caption is plain text."""
         number = 1 + sum(part.kind == "figure" for part in self._parts)
-        svg = figure if isinstance(figure, str) else inline(figure, number)
-        self._parts.append(_Figure(svg, caption, number))
+        self._parts.append(_Figure(_inline(figure, number), caption, number))
 
     def table(
         self, header: Sequence[str], rows: Sequence[Sequence[str]], caption: str = "", classes: Sequence[str] = ()
@@ -195,7 +195,7 @@ class Page:
         write_text(path, text)
 
 
-def inline(figure: "Figure", number: int) -> str:
+def _inline(figure: "Figure", number: int) -> str:
     """The SVG of a page's figure; its ids begin with the figure's number.
 
     A colour that has another one on a dark screen becomes a variable of the page, with the colour as its default.
@@ -217,3 +217,18 @@ def _column_class(cells: Sequence[str]) -> str:
         return "number"
     longest = max(map(len, filled), default=0)
     return "longest" if longest > _LONGEST else "long" if longest > _LONG else ""
+
+
+def flat(value: Any, prefix: str = "") -> Iterator[tuple[str, str]]:
+    """Nested settings as dotted names and short texts."""
+    if isinstance(value, Mapping):
+        for key, inner in value.items():
+            yield from flat(inner, f"{prefix}.{key}" if prefix else str(key))
+    elif isinstance(value, float):
+        yield prefix, f"{value:.6g}"
+    elif isinstance(value, list | tuple):
+        head = ", ".join(f"{item:.4g}" if isinstance(item, float) else str(item) for item in value[:_MOST_VALUES])
+        yield prefix, f"{head}, … ({len(value)} values)" if len(value) > _MOST_VALUES else head
+    else:
+        text = "none" if value is None else str(value)
+        yield prefix, text if len(text) <= _LONGEST else f"{text[: _LONGEST - 1]}…"

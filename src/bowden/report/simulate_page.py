@@ -1,41 +1,28 @@
 """The page of `bowden simulate`: one law, or several side by side, on the same bench."""
 
-from collections.abc import Callable, Iterator, Mapping
-from pathlib import Path
-from typing import Any
+from collections.abc import Mapping
 
 from bowden.drawing.style import colours_for
-from bowden.records.metrics import Metrics
+from bowden.records.run_figures import NO_FIGURES, Metrics
 from bowden.records.trace import Trace
 from bowden.report import simulate_figures as figures
 from bowden.report import suit_figures
-from bowden.report.page import Page
+from bowden.report.page import Page, flat
 
 _CUT = " Where a curve leaves its panel, the panel says how far it goes on."
-_MOST_VALUES = 8  # of a list in the settings; a longer one (way points of a recording) is cut
-
-
-def write_simulation(path: Path | str, traces: Mapping[str, Trace], title: str) -> None:
-    """Write the page: metrics, motion and error over time, loops, commands, the laws' states, and all settings.
-
-    Args:
-        path: of the HTML file.
-        traces: the name to show → the run; all runs have the columns ``time``, ``reference`` and ``joint``, others are
-            shown where they are there.
-        title: plain text.
-
-    Raises:
-        OutputError: the file cannot be written.
-        LogError: a trace without the columns that every run has.
-        ValueError: no traces.
-    """
-    if not traces:
-        raise ValueError("no traces to show")
-    simulation_page(traces, title).write(path)
 
 
 def simulation_page(traces: Mapping[str, Trace], title: str) -> Page:
-    """The page that `write_simulation` writes."""
+    """The page: metrics, motion and error over time, loops, commands, the laws' states, and all settings.
+
+    Args:
+        traces: the name to show → the run, one at least; all runs have the columns ``time``, ``reference`` and
+            ``joint``, others are shown where they are there.
+        title: plain text.
+
+    Raises:
+        LogError: a trace without the columns that every run has.
+    """
     colours = colours_for(list(traces))
     measured = {name: trace.metrics() for name, trace in traces.items()}  # first: it refuses what is no run
     page = Page(title, _lead(traces))
@@ -129,16 +116,13 @@ def _is_shared(traces: Mapping[str, Trace]) -> bool:
 
 
 def _metrics_table(page: Page, traces: Mapping[str, Trace], measured: Mapping[str, Metrics]) -> None:
-    columns: dict[str, Callable[[Metrics], str]] = {
-        "RMSE [°]": lambda m: _show(m.rmse_deg),
-        "RMSE after 10\N{NO-BREAK SPACE}s [°]": lambda m: _show(m.rmse_after_10s_deg),
-        "peak error [°]": lambda m: _show(m.peak_deg),
-        "delay [ms]": lambda m: _show(None if m.delay_s is None else 1e3 * m.delay_s, 1),
-        "loop width [°]": lambda m: _show(m.hysteresis_width_deg),
-        "mechanical energy [J]": lambda m: _show(m.mechanical_energy_j),
-        "electrical energy [J]": lambda m: _show(m.electrical_energy_j),
-    }
-    rows = [[name, *(show(figures_of) for show in columns.values())] for name, figures_of in measured.items()]
+    units = {name: unit for name, (_, unit) in NO_FIGURES.shown().items()}
+    rows = [
+        [name, *(_show(value, 1 if unit == "ms" else 3) for value, unit in one.shown().values())]
+        for name, one in measured.items()
+    ]
+    hard = "10\N{NO-BREAK SPACE}s"
+    columns = [f"{name} [{unit}]".replace("10 s", hard) for name, unit in units.items()]
     header = ["law and motor" if _is_shared(traces) else "law", *columns]
     if all(_chirp(trace) is not None for trace in traces.values()):
         header.append("bandwidth [rad/s]")
@@ -179,32 +163,18 @@ def _show(value: float | None, digits: int = 3) -> str:
 
 def _settings_table(page: Page, traces: Mapping[str, Trace]) -> None:
     """What all runs share once, and what differs run by run."""
-    flat = {name: dict(_flatten(trace.settings)) | {"seed": str(trace.seed)} for name, trace in traces.items()}
-    keys = dict.fromkeys(key for settings in flat.values() for key in settings)  # in order, each once
+    each = {name: dict(flat(trace.settings)) | {"seed": str(trace.seed)} for name, trace in traces.items()}
+    keys = dict.fromkeys(key for settings in each.values() for key in settings)  # in order, each once
     shared = {}
     for key in keys:
-        values = {settings.get(key) for settings in flat.values()}
+        values = {settings.get(key) for settings in each.values()}
         if len(values) == 1:
             shared[key] = values.pop() or ""
     own = {
         name: ", ".join(f"{key.removeprefix('gains.')} {value}" for key, value in settings.items() if key not in shared)
-        for name, settings in flat.items()
+        for name, settings in each.items()
     }
     if any(own.values()):
         page.table(["run", "gains and other settings of its own"], [list(pair) for pair in own.items()])
     caption = f"Of {'all' if len(traces) > 2 else 'both'} runs" if len(traces) > 1 else ""
     page.table(["setting", "value"], [[key, value] for key, value in shared.items()], caption=caption)
-
-
-def _flatten(value: Any, prefix: str = "") -> Iterator[tuple[str, str]]:
-    """Nested settings as dotted names and short texts."""
-    if isinstance(value, Mapping):
-        for key, inner in value.items():
-            yield from _flatten(inner, f"{prefix}.{key}" if prefix else str(key))
-    elif isinstance(value, float):
-        yield prefix, f"{value:.6g}"
-    elif isinstance(value, list | tuple):
-        head = ", ".join(f"{item:.4g}" if isinstance(item, float) else str(item) for item in value[:_MOST_VALUES])
-        yield prefix, f"{head}, … ({len(value)} values)" if len(value) > _MOST_VALUES else head
-    else:
-        yield prefix, "none" if value is None else str(value)

@@ -2,14 +2,15 @@
 
 import math
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from dataclasses import KW_ONLY, dataclass, field, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bowden.records.metrics import finite
-from bowden.study.sensitivity import Sensitivity, ranked, sensitivity
+from bowden.study.results import FigureSpread, LawCampaign, ParameterShare, WorstRun
+from bowden.study.sensitivity import ranked, sensitivity
 from bowden.study.store import Store
 
 if TYPE_CHECKING:
@@ -42,58 +43,17 @@ MOVING = (
 
 
 @dataclass(frozen=True)
-class Spread:
-    """How a figure is spread over the runs that have it."""
+class LawFigures(LawCampaign):
+    """What one law did, with what is drawn of it."""
 
-    count: int
-    least: float
-    q05: float
-    median: float
-    q90: float
-    q99: float
-    most: float
-
-
-@dataclass(frozen=True)
-class Worst:
-    """A run that was among the worst."""
-
-    number: int
-    value: float | None
-    """Of `RANKING`; None where the run ran away."""
-    drawn: dict[str, Any]
-
-
-@dataclass(frozen=True)
-class LawFigures:
-    """What one law did."""
-
-    law: str
-    runs: int
-    ran_away: int
-    unstable: int
-    """Those that ran away among them."""
-    figures: dict[str, Spread]
-    """Of those that are shown, where any run has them."""
-    quantiles: dict[str, Array]
-    """The same at even shares from 0 to 1, for plots."""
-    worst: tuple[Worst, ...]
-    sensitivities: tuple[Sensitivity, ...]
-    """Of `RANKING`, the parameter that matters most first."""
-    steps: dict[str, tuple[Array, Array]]
+    _: KW_ONLY
+    quantiles: dict[str, Array] = field(default_factory=dict)
+    """Figure → its values at even shares from 0 to 1."""
+    steps: dict[str, tuple[Array, Array]] = field(default_factory=dict)
     """Parameter → its median, and the median of `RANKING`, in tenths of the runs by the parameter; of one that is a
     word, its place in `words`."""
     words: dict[str, tuple[str, ...]] = field(default_factory=dict)
     """Parameter that is a word, such as a fault's kind → the words that were drawn, sorted."""
-    oscillating: int | None = None
-    """Runs whose command oscillates; see `OSCILLATES`. None where the reference's travel is not one for all runs."""
-    worse: int | None = None
-    """Runs with a larger RMSE than the law ``uncompensated`` on the same plant; None where that did not run."""
-
-    @property
-    def interval(self) -> tuple[float, float]:
-        """Wilson's 95 % interval of the share that is unstable [–]."""
-        return wilson(self.unstable, self.runs)
 
 
 def wilson(count: int, of: int) -> tuple[float, float]:
@@ -108,47 +68,14 @@ def wilson(count: int, of: int) -> tuple[float, float]:
 class Summary:
     """What a campaign shows."""
 
-    study_hash: str
-    digest: str
-    """SHA-256 of the sorted rows."""
+    study: str
+    """A hash of all that the rows depend on."""
+    rows_sha256: str
+    """Of the sorted rows."""
     runs: int
     laws: tuple[LawFigures, ...]
     shown: tuple[str, ...] = SHOWN
     """Figures whose spread is shown."""
-
-    def document(self) -> dict[str, Any]:
-        """As JSON values."""
-        return {
-            "study": self.study_hash,
-            "rows_sha256": self.digest,
-            "runs": self.runs,
-            "laws": [_document(one) for one in self.laws],
-        }
-
-
-def _document(one: LawFigures) -> dict[str, Any]:
-    low, high = one.interval
-    return {
-        "law": one.law,
-        "runs": one.runs,
-        "ran_away": one.ran_away,
-        "unstable": one.unstable,
-        "unstable_interval": [low, high],
-        "oscillating": one.oscillating,
-        "worse_than_uncompensated": one.worse,
-        "figures": {name: asdict(spread) for name, spread in one.figures.items()},
-        "worst": [asdict(case) for case in one.worst],
-        "sensitivity": [
-            {
-                "parameter": s.name,
-                "rank_correlation": finite(s.correlation),
-                "variance_share": s.share if s.taken else None,
-                "chance_share": s.chance if s.taken else None,
-                "above_chance": s.above_chance,
-            }
-            for s in one.sensitivities
-        ],
-    }
 
 
 def summarise(
@@ -191,7 +118,7 @@ def summarise(
         if base is not None and law != BASELINE:
             pairs = zip(table["number"].to_pylist(), _ranking(table).tolist(), strict=True)
             worse = sum(error > base.get(number, math.inf) for number, error in pairs)
-        found.append(replace(one, oscillating=oscillating, worse=worse))
+        found.append(replace(one, oscillating=oscillating, worse_than_uncompensated=worse))
     return Summary(store.study_hash, digest, found[0].runs, tuple(found), shown)
 
 
@@ -213,16 +140,16 @@ def _of_law(
         there = column[np.isfinite(column)]
         if len(there):
             q = np.quantile(there, (0.0, 0.05, 0.5, 0.9, 0.99, 1.0)).tolist()
-            spreads[name] = Spread(len(there), *q)
+            spreads[name] = FigureSpread(len(there), *q)
             quantiles[name] = np.quantile(there, np.linspace(0.0, 1.0, _POINTS))
     worst = []
     for i in np.lexsort((number, -ranking))[:_WORST].tolist():
         row = {name: table[name][i].as_py() for name in drawn}
-        worst.append(Worst(int(number[i]), finite(float(ranking[i])), row))
+        worst.append(WorstRun(int(number[i]), finite(float(ranking[i])), row))
     dependences, steps, known = [], {}, {}
     for name in drawn:
         if name in lacking:
-            dependences.append(Sensitivity(name, math.nan, 0.0, taken=False))
+            dependences.append(ParameterShare(name, None, None, None, above_chance=False))
             continue
         column = table[name]
         words = tuple(sorted(set(column.to_pylist()))) if str(column.type) == "string" else ()
@@ -236,11 +163,14 @@ def _of_law(
         law=law,
         runs=len(table),
         ran_away=int(np.sum(~ended)),
-        unstable=int(np.sum(~stable)),
+        unstable=(unstable := int(np.sum(~stable))),
+        unstable_interval=wilson(unstable, len(table)),
+        oscillating=None,
+        worse_than_uncompensated=None,
         figures=spreads,
         quantiles=quantiles,
         worst=tuple(worst),
-        sensitivities=tuple(ranked(dependences)),
+        sensitivity=tuple(ranked(dependences)),
         steps=steps,
         words=known,
     )

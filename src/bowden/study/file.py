@@ -12,8 +12,6 @@ from bowden.study.distributions import KINDS, WANTED, Distribution, Value, distr
 from bowden.study.schema import DistributionSection, FaultSection, KnownSection, StudyFile
 
 _CORRECT = "correct it there"
-_FORMER = {"told": "known"}
-"""Section of an earlier version → what it is called now."""
 
 
 def read_study(path: Path) -> tuple[StudyFile, dict[str, Distribution]]:
@@ -23,9 +21,6 @@ def read_study(path: Path) -> tuple[StudyFile, dict[str, Distribution]]:
         ParameterError: no such file, not TOML, an unknown key, a value or a distribution that cannot be.
     """
     raw = read_toml(path, do="docs/campaign.md shows one")
-    for former, name in _FORMER.items():
-        if former in raw and name not in raw:
-            raw[name] = raw.pop(former)
     for name, is_section in _IS_SECTION.items():
         if isinstance(raw.get(name), dict):
             raw[name] = dotted(raw[name], f"{path}: {name}", is_section)

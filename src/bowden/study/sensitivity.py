@@ -12,38 +12,19 @@ highest rank.
   ranks without any dependence is nearly Beta((g − 1)/2, (n − g)/2) of g bins and n runs.
 """
 
-from typing import NamedTuple
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import betaincinv
+from scipy.stats import rankdata
+
+from bowden.study.results import ParameterShare
 
 Array = NDArray[np.float64]
 
 _BINS, _IN_BIN = 20, 10
 
 
-class Sensitivity(NamedTuple):
-    """How a figure depends on one parameter."""
-
-    name: str
-    """The parameter's."""
-    correlation: float
-    """Spearman's ρ; NaN where one of them does not vary, or the parameter is a word [–]."""
-    share: float
-    """Of the variance of the figure's rank [–]."""
-    chance: float = 0.0
-    """Share that chance alone exceeds in one of twenty cases, with as many runs [–]."""
-    taken: bool = True
-    """Whether the law has such a parameter at all."""
-
-    @property
-    def above_chance(self) -> bool:
-        """Whether the share is more than chance gives."""
-        return self.taken and self.share > self.chance
-
-
-def sensitivity(name: str, parameter: Array, figure: Array, *, ordered: bool = True) -> Sensitivity:
+def sensitivity(name: str, parameter: Array, figure: Array, *, ordered: bool = True) -> ParameterShare:
     """How a figure depends on a parameter.
 
     Args:
@@ -52,18 +33,12 @@ def sensitivity(name: str, parameter: Array, figure: Array, *, ordered: bool = T
         figure: likewise; infinite where the run ran away (n,).
         ordered: whether the parameter's values have an order; words have none.
     """
-    ranks, values = _ranks(figure), _ranks(parameter)
+    ranks, values = rankdata(figure) - 1.0, rankdata(parameter) - 1.0
     if np.ptp(ranks) == 0.0 or np.ptp(values) == 0.0:
-        return Sensitivity(name, float("nan"), 0.0)
-    correlation = float(np.corrcoef(ranks, values)[0, 1]) if ordered else float("nan")
-    return Sensitivity(name, correlation, *_share(values, ranks))
-
-
-def _ranks(values: Array) -> Array:
-    """Ranks from 0, equal ones sharing their mean."""
-    _, which, counts = np.unique(values, return_inverse=True, return_counts=True)
-    ends = np.cumsum(counts)
-    return np.asarray((ends - 0.5 * (counts + 1))[which], dtype=np.float64)
+        return ParameterShare(name, None, 0.0, 0.0, above_chance=False)
+    correlation = float(np.corrcoef(ranks, values)[0, 1]) if ordered else None
+    share, chance = _share(values, ranks)
+    return ParameterShare(name, correlation, share, chance, above_chance=share > chance)
 
 
 def _share(values: Array, ranks: Array) -> tuple[float, float]:
@@ -86,6 +61,6 @@ def _share(values: Array, ranks: Array) -> tuple[float, float]:
     return max(0.0, (between - chance) / (1.0 - chance)), (by_chance - chance) / (1.0 - chance)
 
 
-def ranked(found: list[Sensitivity]) -> list[Sensitivity]:
+def ranked(found: list[ParameterShare]) -> list[ParameterShare]:
     """From the parameter that matters most to the one that matters least."""
     return sorted(found, key=lambda one: -one.share)

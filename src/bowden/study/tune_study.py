@@ -1,7 +1,7 @@
 """Gains that are tuned against the plants of a study, and judged by others of them."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import lru_cache
 from typing import Any, NamedTuple
 
@@ -13,6 +13,7 @@ from bowden.core.units import DEGREES
 from bowden.sim.many import Case, Outcome, simulate_many
 from bowden.study.figures import wilson
 from bowden.study.pack import packed, unpacked
+from bowden.study.results import PlantsSpread
 from bowden.study.study import Study
 
 TUNED, JUDGED = 24, 400
@@ -47,19 +48,6 @@ class StudyRuns:
     def laws(self, law: Law) -> Sequence[Law]:
         """The law in each run: with its gains, but for what the run says of the servo, and of its cable."""
         return [_in_run(unpacked(self.pack), case, law) for case in _cases(self.pack, 0, self.count)]
-
-
-class PlantSpread(NamedTuple):
-    """What gains make of plants that they were not tuned against."""
-
-    runs: int
-    unstable: int
-    unstable_interval: list[float]
-    """Wilson's 95 % interval of their share."""
-    rmse_median_deg: float | None
-    rmse_90_deg: float | None
-    """Of nine runs in ten, from rest, a run that did not end counting as the largest."""
-    rmse_worst_deg: float | None
 
 
 def check_study(study: Study) -> None:
@@ -116,12 +104,12 @@ def judged(part: PlantGroup) -> list[tuple[Outcome, Outcome]]:
 
 
 def spread(outcomes: Sequence[Outcome]) -> dict[str, Any]:
-    """The figures of `PlantSpread`."""
+    """The figures of `PlantsSpread`."""
     errors = np.array([one.rmse if one.ended else np.inf for one in outcomes]) * DEGREES
     unstable = sum(not one.stable for one in outcomes)
     shown = [float(value) for value in np.quantile(errors, (0.5, 0.9, 1.0), method="higher")]
     median, most, worst = (value if np.isfinite(value) else None for value in shown)
-    return PlantSpread(len(outcomes), unstable, list(wilson(unstable, len(outcomes))), median, most, worst)._asdict()
+    return asdict(PlantsSpread(len(outcomes), unstable, wilson(unstable, len(outcomes)), median, most, worst))
 
 
 @lru_cache(2)

@@ -4,10 +4,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from bowden.operations.support.operation import Folder
-from bowden.views.text import Call
+from bowden.views.text import Call, table
 
 if TYPE_CHECKING:
-    from bowden.operations.emg_score import DetectorScore, EmgScore
+    from bowden.operations.emg_score import EmgScore
 
 
 def write_emg_score(found: "EmgScore", call: Call, *, out: Folder = Path("out/emg")) -> list[Path]:
@@ -30,12 +30,12 @@ def write_emg_score(found: "EmgScore", call: Call, *, out: Folder = Path("out/em
 def show_emg_score(found: "EmgScore", call: Call) -> None:
     """Our detector beside the plain threshold."""
     from bowden.identify.emg.log import channel_unit
+    from bowden.report.emg_page import TITLES, score_row
     from bowden.sensing.envelope import PLAIN_THRESHOLD
 
     unit = channel_unit(found.channel) or "(no unit in the channel's name)"
-    print(f"{'':18}{'detections':>11}{'misses':>8}{'false':>7}{'a minute':>10}{'latency, median':>17}{'worst':>9}")
-    for name, one in (("our detector", found), ("plain threshold", found.plain_threshold)):
-        print(f"{name:18}{one.detections:11}{_text(one.misses, 8)}{_text(one.false_activations, 7)}{_rest(one)}")
+    titles = [title.replace(" ", "\n", 1) for title in TITLES]
+    table(titles, [score_row("ours", found), score_row("plain threshold", found.plain_threshold)])
     share, level = f"{100.0 * PLAIN_THRESHOLD:g} %", PLAIN_THRESHOLD * found.mvc
     print(f"plain threshold: {level:.3g} {unit} = {share} of MVC {found.mvc:.3g} {unit}, from {found.mvc_from}")
     if found.found.units_differ:
@@ -48,15 +48,3 @@ def show_emg_score(found: "EmgScore", call: Call) -> None:
     if found.trouble_s >= 0.05:
         print(f"nothing can be detected in {found.trouble_s:.1f} s of movement, mains or a dead electrode")
     call.page()
-
-
-def _text(value: float | None, width: int) -> str:
-    return f"{'–' if value is None else value:>{width}}"
-
-
-def _rest(one: "DetectorScore") -> str:
-    def milliseconds(value: float | None, width: int) -> str:
-        return f"{'–' if value is None else f'{1e3 * value:.0f} ms':>{width}}"
-
-    minute = "–" if one.false_per_minute is None else f"{one.false_per_minute:.2f}"
-    return f"{minute:>10}{milliseconds(one.latency_median_s, 17)}{milliseconds(one.latency_max_s, 9)}"

@@ -39,9 +39,9 @@ def write_identify_logs(found: Found, call: Call, *, out: Folder = Path("out/ide
             joint_page(found.fit).write(page)
             found.fit.write(model)
         else:
-            from bowden.report.identify_page import blank, identify_page, pictures
+            from bowden.report.identify_page import identify_page
 
-            identify_page(found.fit, pictures(found.fit, blank(), [1, 2, 3])).write(page)
+            identify_page(found.fit).write(page)
             found.fit.write(model)
     return [out / "model.toml", out / "identify.html"]
 

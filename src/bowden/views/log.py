@@ -66,13 +66,13 @@ def write_log_plot(found: "LogDrawn", call: Call, *, out: Path | None = None) ->
 def draw_log(found: "Recording", target: Path, title: str) -> None:
     """Write the page of one motor."""
     from bowden.live.log_facts import facts
-    from bowden.report.log_page import write_log
+    from bowden.report.log_page import log_page
 
     said, trace = facts(found), found.trace()
     begin = said["begin_s"] or 0.0  # the column time begins with the command, which compiles first
     trace = replace(trace, columns={**trace.columns, "time": trace.columns["time"] - begin})
     events = [(event.time - begin, event.text) for event in found.events]
-    write_log(target, trace, events, said, title)
+    log_page(trace, events, said, title).write(target)
 
 
 def show_log_plot(found: "LogDrawn", call: Call) -> None:

@@ -27,7 +27,7 @@ def write_simulate(
 
 def _write(joint: "SimulatedJoint", folder: Path, csv: bool) -> list[Path]:
     from bowden.core.files import whole_files
-    from bowden.report.simulate_page import write_simulation
+    from bowden.report.simulate_page import simulation_page
 
     rig = joint.joint.first
     cable = getattr(rig.cable, "file", "") if rig.worn is not None else ""
@@ -39,7 +39,8 @@ def _write(joint: "SimulatedJoint", folder: Path, csv: bool) -> list[Path]:
                 names.append(f"{name}.{kind}")
                 trace.write(stage / names[-1])
         names.append("simulate.html")
-        write_simulation(stage / names[-1], joint.traces, f"Simulation of {Path(rig.origin).name}{whose}")
+        title = f"Simulation of {Path(rig.origin).name}{whose}"
+        simulation_page(joint.traces, title).write(stage / names[-1])
     return [folder / name for name in names]
 
 
@@ -70,12 +71,8 @@ _MOTOR = ("motor", "pull\nN·m", "slack\n%", "current\nA", "Pe energy\nJ")
 
 def _rows(joint: "SimulatedJoint") -> Iterator[list[Any]]:
     for run in joint.runs:
-        if run.rmse_deg is None:
-            yield [run.law, "unstable", *[None] * (len(_JOINT) - 1)]
-            continue
-        delay = None if run.delay_s is None else 1e3 * run.delay_s
-        errors = [run.rmse_deg, run.rmse_after_10s_deg, run.peak_deg, delay, run.hysteresis_width_deg]
-        yield [run.law, *errors, run.mechanical_energy_j, run.electrical_energy_j]
+        figures = [value for value, _ in run.shown().values()]
+        yield [run.law, *(figures if run.rmse_deg is not None else ["unstable", *figures[1:]])]
 
 
 def _motor_rows(joint: "SimulatedJoint") -> Iterator[list[Any]]:

@@ -104,14 +104,15 @@ def table(titles: Sequence[str], lines: Iterable[Sequence[Any]], *, left: Sequen
     """
     from rich import box
     from rich.console import Console
+    from rich.markup import escape
     from rich.table import Table
 
     drawn = Table(box=box.SIMPLE_HEAD, pad_edge=False)
     for i, title in enumerate(titles):
         text = i == 0 or title in left
-        drawn.add_column(title, justify="left" if text else "right", no_wrap=i > 0, overflow="fold")
+        drawn.add_column(escape(title), justify="left" if text else "right", no_wrap=i > 0, overflow="fold")
     for line in lines:
-        drawn.add_row(*map(cell, line))
+        drawn.add_row(*(escape(cell(value)) for value in line))
     Console(width=None if sys.stdout.isatty() else width).print(drawn)
 
 

@@ -4,7 +4,7 @@ import dataclasses
 import enum
 import itertools
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import KW_ONLY, dataclass
 from pathlib import Path
 from types import NoneType, UnionType
@@ -148,7 +148,21 @@ def schema_of(operation: "Operation") -> dict[str, Any]:
     for other in models[1:]:
         whole = whole | other
     found = _plain(TypeAdapter(whole).json_schema(mode="serialization"))
+    for part in {part for kind in operation.results for one in fields(kind) for part in _parts(one.type)}:
+        properties = found.get("$defs", {}).get(part.__name__, {}).get("properties", {})
+        for name, text in _descriptions(part).items():  # pydantic leaves out those of fields that are inherited
+            if name in properties:
+                properties[name].setdefault("description", " ".join(text.split()))
     return found | {"title": f"bowden {operation.words} --json"}
+
+
+def _parts(hint: Any) -> Iterator[type]:
+    """The dataclasses in a type, and in the types of their fields."""
+    if isinstance(hint, type) and dataclasses.is_dataclass(hint):
+        yield hint
+        yield from (part for one in fields(hint) for part in _parts(one.type))
+    for inside in get_args(hint):
+        yield from _parts(inside)
 
 
 def _descriptions(kind: type) -> dict[str, str]:
