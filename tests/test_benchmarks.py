@@ -62,18 +62,6 @@ def test_a_long_part_goes_on_where_it_was_left(tmp_path: Path, capsys: pytest.Ca
     assert kept.filled(squares(len(there)), 9) == kept.rows() == [[k, k * k] for k in range(9)]
 
 
-def test_figures_of_a_part_stand_in_their_section(tmp_path: Path) -> None:
-    results, measure = importlib.import_module("results"), importlib.import_module("measure")
-    page = tmp_path / "RESULTS.md"
-    for found in ("1", "2"):
-        for title in reversed(results.ORDER):
-            results.write(title, measure.table([measure.Figure("what", found, "3")]), page)
-    text = page.read_text()
-    assert [line.removeprefix("## ") for line in text.splitlines() if line.startswith("## ")] == results.ORDER
-    assert text.count("| what | 2 | 3 |") == len(results.ORDER)
-    assert "| 1 |" not in text
-
-
 def test_rows_that_are_written_become_a_table(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     rows = [["`play`", 0.5, "1 of 2"], ["`line`", -1.25, "–"]]
     importlib.import_module("results").write_rows("some", "What", "cmd", ["law", "[°]", "n"], rows, tmp_path)
@@ -83,12 +71,3 @@ def test_rows_that_are_written_become_a_table(tmp_path: Path, monkeypatch: pytes
         "| law | [°] | n |\n|---|---|---|\n| `play` | 0.5 | 1 of 2 |\n| `line` | -1.25 | – |\n\n*What. "
     )
     assert made.endswith(", `cmd`.*")
-
-
-def test_every_section_of_the_page_is_known() -> None:
-    results, run, soak = (importlib.import_module(name) for name in ("results", "run", "soak"))
-    programs = ("detector", "exported", "fresh_process", "identify_time", "walk")
-    alone = (importlib.import_module(name).TITLE for name in programs)
-    peers = "Identification against others"  # of a program that needs torch
-    written = {peers, *run.SECTIONS, *alone, *(title for title, _ in soak.PARTS.values())}
-    assert sorted(written) == sorted(results.ORDER)
