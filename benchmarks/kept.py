@@ -71,12 +71,15 @@ class Kept:
         text = self._file.read_text(encoding="utf-8")
         return [json.loads(line) for line in text[: text.rfind("\n") + 1].splitlines()]
 
+    def replace(self, rows: list[list[Any]]) -> None:
+        """Keep these rows and no others."""
+        self._file.parent.mkdir(parents=True, exist_ok=True)
+        self._file.write_text("".join(json.dumps(row) + "\n" for row in rows), encoding="utf-8")
+
     def filled(self, missing: Iterable[list[Any]], wanted: int) -> list[list[Any]]:
         """All rows, after the missing ones have been computed and kept, with progress."""
         rows = self.rows()
-        self._file.parent.mkdir(parents=True, exist_ok=True)
-        whole = "".join(json.dumps(row) + "\n" for row in rows)  # without a line cut off
-        self._file.write_text(whole, encoding="utf-8")
+        self.replace(rows)  # without a line cut off
         try:
             with self._file.open("a", encoding="utf-8") as file:
                 for row in progress(missing, wanted - len(rows), f"rows of {self._name}"):

@@ -2,7 +2,6 @@
 
 import contextlib
 import dataclasses
-import itertools
 import math
 from collections.abc import Iterator
 from pathlib import Path
@@ -18,7 +17,6 @@ from bowden.control.knowledge import Knowledge, configured, informed
 from bowden.control.law_parts import half_width, lag
 from bowden.core.errors import BowdenError, ParameterError, UnknownNameError
 from bowden.core.signals import Reference, Sample
-from bowden.core.units import RADIANS
 from bowden.export import law as export_law
 from bowden.live.live_run import live_run
 from bowden.live.log_replay import law_of
@@ -33,7 +31,6 @@ from bowden.plants.transmission import transmission
 from bowden.rig.rig import Rig
 from bowden.sim.run import simulate
 from bowden.study.load import load
-from drawn_plants import random_plant, run_random_plant
 
 BENCH = default_bench()
 COMMANDS = get_command(main.application())
@@ -53,9 +50,9 @@ CABLES = ("slope = 0.6\n", "slope = 0.94\n", "slope = 1.2\noffset_deg = 3.0\n", 
 
 
 def rigs() -> Iterator[tuple[float, float, int, float, str]]:
-    """Sixteen rigs in which every servo meets every cable, and every two of the rest."""
-    for (i, servo), (j, cable) in itertools.product(enumerate(SERVOS), enumerate(CABLES)):
-        yield servo, DAMPINGS[(i + j) % 2], DELAYS[(i + j // 2) % 2], CLOCKS[(i // 2 + j) % 2], cable
+    """Four rigs, with every two of dampings, delays and clocks."""
+    for i, (servo, cable) in enumerate(zip(SERVOS, CABLES, strict=True)):
+        yield servo, DAMPINGS[i % 2], DELAYS[i // 2], CLOCKS[(i + i // 2) % 2], cable
 
 
 class Caught(Exception):
@@ -262,14 +259,6 @@ def test_a_law_cannot_be_told_what_no_rig_knows(what: str) -> None:
 
 
 @pytest.mark.parametrize("name", LAWS)
-def test_a_law_is_told_what_there_is(name: str) -> None:
-    law = LAWS[name]
-    informed(law, knowledge_of(BENCH, identified=True))
-    assert law.default_gains == law.gains
-    assert not law.overridden_gains
-
-
-@pytest.mark.parametrize("name", LAWS)
 def test_a_law_feeds_back_the_angles_that_it_declares(name: str) -> None:
     """The command is another where one of the two angles moves otherwise, and only where it is declared so."""
     law = LAWS[name]
@@ -312,35 +301,3 @@ def test_a_law_that_is_not_there_is_a_key_error_with_the_likely_name() -> None:
             LAWS["adaptiv"]
     assert LAWS.get("adaptiv") is None
     assert "adaptiv" not in LAWS
-
-
-def test_the_random_plants_tell_the_servo_wrongly_and_the_delay() -> None:
-    drawn, seen = random_plant(4, 40.0), []
-    law = LAWS["bowden"]
-    probe = dataclasses.replace(law, from_rig={**law.from_rig, "lag": seen_by(seen)})
-    run_random_plant(probe, 4, 0.01)
-    known = seen[0]
-    assert (known.servo_frequency, known.delay) == (drawn.servo_frequency, drawn.delay)
-    assert drawn.servo_frequency != drawn.plant.servo.natural_frequency
-    assert math.isnan(known.servo_damping)
-
-
-def seen_by(kept: list[Knowledge]) -> Any:
-    """A function of what is known that keeps it, and tells nothing."""
-
-    def kept_and_untold(known: Knowledge) -> float:
-        kept.append(known)
-        return math.nan
-
-    return kept_and_untold
-
-
-@pytest.mark.parametrize(("hertz", "most_deg"), [(3.0, 0.107), (4.0, 0.092), (15.0, 0.07)])
-def test_our_law_follows_on_other_servos_as_it_is(hertz: float, most_deg: float, tmp_path: Path) -> None:
-    """Untold, it has 0.24°, 0.17° and 0.41° there."""
-    path = tmp_path / "rig.toml"
-    path.write_text(f"[servo]\nnatural_frequency_hz = {hertz}\n[control]\nlaw = 'bowden'\n")
-    rig = Rig.read(path)
-    trace = simulate(rig.moved, rig.fitted(), rig.trajectory, duration=60.0, bend=rig.bend_path, seed=rig.seed)
-    rmse = float(np.sqrt(np.mean(trace.error**2))) / RADIANS
-    assert rmse < most_deg

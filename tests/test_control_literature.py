@@ -5,7 +5,6 @@ import sys
 from functools import cache
 from typing import Any
 
-import control
 import numpy as np
 import pytest
 
@@ -23,7 +22,6 @@ from bowden.models.cable.backlash import Play, joint_angle, push
 from bowden.models.cable.bouc_wen import saturation
 from bowden.models.drive.servo import Servo
 from bowden.plants.presets import bench as paper
-from results_page import results
 from support import bench_runs
 
 DT = 1e-3
@@ -169,70 +167,6 @@ def test_margins_are_kept_over_the_sheath_s_slopes(name: str) -> None:
     assert delay_margin > 5e-3
 
 
-def enough(law: Law) -> float | None:
-    """The phase margin, worst at the ends of the slopes, of a law with 12 dB and 60° there; None for any other."""
-    worst = math.inf
-    for factor in (SLOPES[0], SLOPES[-1]):
-        model = linear(law, factor * BENCH.cable.slope)
-        found = margins(servo_model(BENCH.servo, DT, BENCH.delay, 1.0), model, DT)
-        if (found.gain_margin_db or 0.0) < 12.0 or (found.phase_margin_deg or 0.0) < 60.0:
-            return None
-        worst = min(worst, found.phase_margin_deg or 0.0)
-    return worst
-
-
-@pytest.mark.parametrize(
-    ("name", "share", "rate", "others"),
-    [
-        ("offset_inverse", "error_share", "error_rate", [{}]),
-        (
-            "cascaded_pid",
-            "proportional_gain",
-            "integral_gain",
-            [{"derivative_gain": kd} for kd in (0.0025, 0.005, 0.01)],
-        ),
-    ],
-)
-def test_the_feedback_is_the_tuning_rule_s_choice(name: str, share: str, rate: str, others: list[Any]) -> None:
-    """Largest integral gain with the margins, in steps of 10; with it the largest phase margin, in steps of 0.1."""
-    law = LAWS[name]
-    found: dict[float, dict[float, dict[str, float]]] = {}
-    for integral in (30.0, 40.0, 50.0):
-        for other in others:
-            for proportional in np.arange(21).tolist():
-                changes = {share: proportional / 10.0, rate: integral, **other}
-                phase_margin = enough(law.with_gains(**changes))
-                if phase_margin is not None:
-                    found.setdefault(integral, {})[phase_margin] = changes
-    best = {integral: pairs[max(pairs)] for integral, pairs in found.items()}
-    assert set(best) == {30.0, 40.0}
-    chosen = best[40.0]
-    if name == "offset_inverse":
-        limit = 1.01 * peak(law.with_gains(error_share=0.0, error_rate=0.0))
-        assert peak(law) <= limit < peak(law.with_gains(**best[40.0]))
-        chosen = best[30.0]
-    assert chosen == {key: getattr(law.gains, key) for key in chosen}
-
-
-def peak(law: Law) -> float:
-    """Largest error at constant bend [deg]."""
-    found = bench_runs.run(law).metrics().peak_deg
-    assert found is not None
-    return found
-
-
-def test_the_inverses_share_their_feedback() -> None:
-    offset, others = LAWS["offset_inverse"].gains, [LAWS[name].gains for name in INVERSES[1:]]
-    assert all((g.proportional_gain, g.integral_gain) == (offset.error_share, offset.error_rate) for g in others)
-
-
-def test_the_observer_s_bandwidth_is_the_tuning_rule_s_choice() -> None:
-    law = LAWS["active_disturbance_rejection"]
-    more = law.with_gains(observer_bandwidth=law.gains.observer_bandwidth + 10.0)
-    assert enough(more) is not None
-    assert figures(law.name, False)[2] <= 2.0 < measured(more, False)[2]
-
-
 def rig(omega: float, delay: int, sample_time: float, noise: float = 2e-4) -> Knowledge:
     """What is known of a rig, by its servo's ω [rad/s], cycles of delay, Ts [s] and the joint's noise [rad]."""
     return Knowledge(omega, 1.0, (delay + 0.5) * sample_time, sample_time, joint_noise=noise, joint_step=0.0)
@@ -275,20 +209,6 @@ def test_what_is_on_its_way_is_no_disturbance() -> None:
         seen.append(1.0 - state.command_before)
     assert sum(seen) == pytest.approx(7.0, abs=0.01)  # cycles until the ninth, of which the loop itself has one
     assert seen == sorted(seen, reverse=True)
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_margins_equal_python_controls(name: str) -> None:
-    model = linear(LAWS[name], BENCH.cable.slope)
-    plant = servo_model(BENCH.servo, DT, BENCH.delay, 1.0)
-    loop = control.ss(model.a, model.b, model.c, [[model.d]], DT) * control.ss(plant.a, plant.b, plant.c, [[0.0]], DT)
-    omega = np.geomspace(1.0, np.pi / DT * 0.999, 5000)
-    gain, phase, _, _, _, _ = control.stability_margins(control.frd(loop, omega), returnall=True)
-    ours = margins(plant, model, DT)
-    assert ours.gain_margin_db == pytest.approx(20.0 * np.log10(min(g for g in gain if g > 1.0)), rel=0.01)
-    assert ours.phase_margin_deg == pytest.approx(min(phase, key=abs), rel=0.01)
-    closed = loop.A - loop.B @ np.linalg.solve(np.eye(1) + loop.D, loop.C)
-    assert np.max(np.abs(np.linalg.eigvals(closed))) < 1.0
 
 
 @pytest.mark.parametrize(("omega", "damping", "bandwidth"), [(53.58, 1.0, 190.0), (20.0, 0.5, 60.0), (0.0, 1.0, 100.0)])
@@ -407,12 +327,3 @@ def test_disturbance_rejection_carries_a_constant_offset_without_error() -> None
     assert joint == pytest.approx(0.0, abs=1e-6)
     assert state.disturbance == pytest.approx(-0.1 * law.gains.natural_frequency**2, rel=1e-3)
     assert command == pytest.approx(0.1 / 0.938, rel=1e-3)
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_the_page_quotes_what_is_measured(name: str) -> None:
-    row = {law: figures for law, *figures in results("literature_laws")["rows"]}[f"`{name}`"]
-    shown = [float(figure) for figure in row]
-    gain_margin, phase_margin, delay_margin = worst_margins(LAWS[name])
-    expected = [gain_margin, phase_margin, 1e3 * delay_margin, *figures(name, False), *figures(name, True)]
-    assert shown == pytest.approx(expected, rel=0.01, abs=0.006)

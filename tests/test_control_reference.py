@@ -56,23 +56,6 @@ def test_velocity_and_acceleration_are_the_derivatives(kind: str) -> None:
     np.testing.assert_allclose(acceleration, differenced(1), atol=tolerance * np.abs(acceleration).max())
 
 
-@pytest.mark.parametrize("kind", EVERY_KIND)
-def test_one_time_at_a_time_or_all_at_once(kind: str) -> None:
-    time = np.linspace(0.0, 8.0, 50)
-    together = EVERY_KIND[kind].sample(time)
-    assert together.shape == (50, 3)
-    assert np.isfinite(together).all()
-    np.testing.assert_allclose(together, [EVERY_KIND[kind].sample(np.array([t]))[0] for t in time], atol=1e-12)
-
-
-@pytest.mark.parametrize("kind", EVERY_KIND)
-def test_describes_itself_in_json(kind: str) -> None:
-    import json
-
-    described = json.loads(json.dumps(EVERY_KIND[kind].describe()))
-    assert described["kind"]
-
-
 @given(st.floats(-3.0, 3.0), st.floats(-3.0, 3.0), st.floats(0.1, 20.0))
 def test_minimum_jerk_rests_at_both_ends_and_passes_the_middle_half_way(start: float, end: float, T: float) -> None:
     assert minimum_jerk(start, end, T, 0.0) == (start, 0.0, 0.0)
@@ -149,14 +132,6 @@ def test_chirp_goes_on_at_its_last_frequency() -> None:
     edge = chirp.sample(np.array([6.0 - 1e-9, 6.0 + 1e-9]))
     np.testing.assert_allclose(edge[0, :2], edge[1, :2], atol=1e-6)
     assert np.abs(velocity).max() == pytest.approx(8.0 * np.pi, rel=1e-3)
-
-
-def test_erratum_1_the_printed_chirp_is_a_tone() -> None:
-    """sin(2π·f(t)) with f linear has the constant frequency df/dt = 0.133 Hz."""
-    time = np.linspace(0.0, 150.0, 150_001)
-    printed = np.sin(2.0 * np.pi * (0.1 + 19.9 * time / 150.0))
-    rising = time[1:][(printed[:-1] < 0.0) & (printed[1:] >= 0.0)]
-    np.testing.assert_allclose(1.0 / np.diff(rising), 0.1327, rtol=1e-3)
 
 
 def test_multisine_starts_at_rest_and_holds_the_named_lines() -> None:

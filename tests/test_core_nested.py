@@ -1,8 +1,6 @@
 """Nested states and their flat columns: names, order, units, and the way there and back, interpreted and compiled."""
 
-import ast
 from enum import IntEnum
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,7 +13,6 @@ from bowden.core.signals import Sample
 from bowden.live.row import STOPPED, SUPERVISOR
 
 STATES = [STOPPED, *(law.start(Sample(0.1, 0.2)) for law in LAWS.values())]
-SOURCE = Path(__file__).parents[1] / "src" / "bowden"
 
 
 @kernel
@@ -77,23 +74,3 @@ def test_units_are_those_of_the_types() -> None:
     assert units["law.deadzone.width"] == "rad"
     assert units["law.oscillation.load_time"] == "s"
     assert LAWS["adaptive"].columns()["law.joint_rate"] == "rad/s"
-
-
-def sliced_states(source: str) -> list[int]:
-    """Lines that take a part of a state by numbers."""
-    found = []
-    for node in ast.walk(ast.parse(source)):
-        if isinstance(node, ast.Subscript) and isinstance(node.slice, ast.Slice):
-            ends = (node.slice.lower, node.slice.upper)
-            counted = all(end is None or isinstance(end, ast.Constant) for end in ends)
-            told = ast.unparse(node.value)
-            if counted and any(told.endswith(word) for word in ("state", "watched", "supervisor", "thermal", "heat")):
-                found.append(node.lineno)
-    return found
-
-
-def test_no_state_is_sliced_by_number() -> None:
-    assert sliced_states("a = SensorState(*state[12:15])") == [1]
-    assert sliced_states("a = b + thermal[:]") == [1]
-    for path in SOURCE.rglob("*.py"):
-        assert not sliced_states(path.read_text()), path

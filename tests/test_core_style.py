@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bowden.drawing.style import COLOURS, CYCLE, colours_for, finish, new_figure, thin
+from bowden.drawing.style import COLOURS, CYCLE, colours_for, thin
 
 
 @settings(max_examples=100)
@@ -25,16 +25,6 @@ def test_thinning_keeps_ends_extremes_order_and_gaps(n: int, most: int, seed: in
         assert np.nanmin(kept_y) == np.nanmin(y)
 
 
-def test_a_gap_still_breaks_the_line() -> None:
-    x = np.arange(10_000.0)
-    y = np.sin(x / 500.0)
-    y[5000:5003] = np.nan
-    _, kept = thin(x, y, 200)
-    assert np.isnan(kept).sum() >= 1
-    everything = np.full(10_000, np.nan)
-    assert np.isnan(thin(x, everything, 200)[1]).all()
-
-
 def test_a_thinned_line_is_never_far_from_the_whole_one() -> None:
     time = np.arange(60_000) * 1e-3
     joint = 35.0 * (1.0 - np.cos(2.0 * np.pi * time / 10.0))
@@ -50,17 +40,3 @@ def test_each_run_has_its_own_colour() -> None:
     assert chosen["adaptive"] == COLOURS["adaptive"]
     many = colours_for([f"law {i}" for i in range(30)])
     assert set(many.values()) <= set(CYCLE)
-
-
-def test_axes_come_row_by_row_and_titles_go_to_the_left() -> None:
-    figure, axes = new_figure(2, 3)
-    assert len(axes) == 6
-    assert axes[1].get_subplotspec().rowspan.start == 0
-    axes[0].set_title("A")
-    axes[1].plot([0, 1], label="x")
-    axes[1].legend()
-    finish(figure)
-    finish(figure)
-    assert axes[0].get_title("left") == "A"
-    assert axes[0].get_title() == ""
-    assert not any(axes[0].spines[side].get_visible() for side in ("top", "right"))

@@ -14,7 +14,7 @@ from bowden.sim.run import simulate
 from bowden.sim.suit_runs import DRIVE_INTEGRAL, FRICTION_FEEDFORWARD, suit_adaptive, suit_adaptive_integral, suit_ours
 from suit_gains import ESTIMATES, FEEDBACK_GAINS, SMOOTHINGS
 from suit_linear import corners, suit_model, worst_margins
-from wearers import random_wearer, wear
+from wearers import wear
 
 
 def test_the_linear_suit_at_rest_is_its_statics() -> None:
@@ -73,27 +73,6 @@ def test_an_integral_in_the_drive_leaves_half_the_feedback() -> None:
 
 def test_the_benchs_gains_do_not_hold_on_the_suit() -> None:
     assert worst_margins(corners(suit()), LAWS["adaptive"].gains, 1e-3, ESTIMATES) is None
-
-
-def test_a_suit_without_a_law_is_stable() -> None:
-    for corner in corners(suit()):
-        assert np.max(np.abs(np.linalg.eigvals(corner.plant.a))) < 1.0
-
-
-def test_a_wearer_is_their_numbers_alone_and_within_the_ranges() -> None:
-    made = suit()
-    drawn = [random_wearer(number, made) for number in range(60)]
-    again = random_wearer(7, made)
-    time = np.linspace(0.0, 50.0, 11)
-    assert again.suit == drawn[7].suit
-    assert np.array_equal(again.bend(time), drawn[7].bend(time))
-    masses = np.array([wearer.mass for wearer in drawn])
-    assert masses.min() >= 45.0
-    assert masses.max() <= 120.0
-    assert {wearer.kind for wearer in drawn} == {"none", "weak", "tremor", "resisting", "constant"}
-    for wearer in drawn:
-        angle = wearer.suit.joint_sensor
-        assert abs(np.degrees(angle.offset)) + 90.0 * abs(angle.gain) <= 0.4 + 1e-9
 
 
 @pytest.mark.parametrize("number", [3, 8, 13])

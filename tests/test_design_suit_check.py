@@ -22,10 +22,10 @@ from bowden.operations.schema import json_schema
 from bowden.plants.presets.bench import default_bench
 from bowden.plants.presets.suit import suit
 from bowden.plants.push_settings import AdmittanceSettings
-from bowden.plants.suit_linear import linear_suit, without_friction
+from bowden.plants.suit_linear import linear_suit
 from bowden.plants.suit_parts import Suit
 from bowden.plants.suit_settings import SuitSettings, WearerSettings
-from bowden.plants.transmission import transmission, unrest
+from bowden.plants.transmission import unrest
 from bowden.rig.rig import Rig
 from bowden.sim import ranges
 from bowden.sim.suit_runs import DRIVE_INTEGRAL, suit_adaptive
@@ -68,15 +68,6 @@ def test_the_motor_of_the_linear_suit_is_where_its_springs_leave_it() -> None:
     near = linear_suit(suit(), 0.6)
     gain = np.linalg.solve(np.eye(len(near.a)) - near.a, near.b)
     assert (near.joint @ gain).item() == pytest.approx(near.slope * (near.motor @ gain).item(), rel=1e-6)
-
-
-def test_a_suit_is_moved_without_its_drives_friction_to_see_its_play() -> None:
-    """Whose play is wider is lost more, and a stroke that friction would not let begin shows the same."""
-    wide = suit()._replace(flexor=suit().flexor._replace(half_width=0.004))
-    found, small = transmission(suit(), BEND, STROKE), transmission(suit(), BEND, (1.0, 1.05))
-    assert transmission(wide, BEND, STROKE).dead_zone > 1.2 * found.dead_zone
-    assert small == found
-    assert transmission(without_friction(suit()), BEND, STROKE).dead_zone < 0.5 * found.dead_zone
 
 
 def test_what_a_joint_does_with_no_law_is_the_suits_alone() -> None:

@@ -2,12 +2,9 @@
 
 import importlib
 import json
-import pickle
 import re
 import tomllib
-from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import Any
 
 import jsonschema
 import numpy as np
@@ -22,7 +19,6 @@ from bowden.core.errors import OutputError, ParameterError
 from bowden.design.check import check
 from bowden.design.check_result import MOST_PER_COUNT
 from bowden.design.gains_text import with_gains
-from bowden.design.processes import two_workers
 from bowden.design.tune import NoGainsError, tune
 from bowden.design.tune_judge import WANTED_DB, WANTED_DEG, Task, chatter, keeps, shortfall
 from bowden.design.tune_rig import easier
@@ -32,7 +28,6 @@ from bowden.operations.schema import json_schema
 from bowden.plants.bench import Bench
 from bowden.plants.presets.bench import default_bench
 from bowden.rig.rig import Rig
-from bowden.sim import ranges
 from bowden.sim.run import simulate
 from bowden.study import tune_study
 from bowden.study.load import load
@@ -41,7 +36,6 @@ from bowden.study.rows import table_of
 BENCH = default_bench()
 ADAPTIVE = LAWS["adaptive"]
 BENDS, STROKE = (np.pi, 2.0 * np.pi), (0.0, np.radians(70.0))
-ROOT = Path(__file__).parents[1]
 RIGS = {
     "slow": BENCH._replace(servo=BENCH.servo._replace(natural_frequency=2.0 * np.pi * 3.0)),
     "late": BENCH._replace(delay=10),
@@ -102,25 +96,6 @@ def test_tuned_gains_beat_the_defaults_in_the_worst_case_and_keep_their_margins(
     assert found.gains == {n: v for n, v in found.law.gains._asdict().items() if v != getattr(ADAPTIVE.gains, n)}
 
 
-@pytest.mark.usefixtures("small_search")
-@pytest.mark.long
-def test_the_result_does_not_depend_on_who_does_the_work() -> None:
-    def backwards(function: Callable[[Task], Any], tasks: Iterable[Task]) -> list[Any]:
-        return [function(pickle.loads(pickle.dumps(task))) for task in reversed(list(tasks))][::-1]
-
-    one, other = (tune(RIGS["soft"], ADAPTIVE, generations=1, workers=workers) for workers in (map, backwards))
-    assert one.law.gains == other.law.gains
-    assert one.gains
-
-
-@pytest.mark.long
-def test_another_law_gains_as_well() -> None:
-    law = LAWS["cascaded_pid"]
-    found = tune(RIGS["slow"], law, generations=2)
-    assert found.worst_before is not None
-    assert found.worst_rmse < 0.5 * found.worst_before
-
-
 COARSE = BENCH._replace(joint_encoder=BENCH.joint_encoder._replace(resolution=np.radians(0.3)))
 
 
@@ -136,21 +111,6 @@ def test_gains_whose_command_jumps_with_the_encoders_counts_are_refused() -> Non
     found = check(COARSE, law, bends=BENDS)
     assert not keeps(found)
     assert "of command for one count of the encoder: more than 0.5°, so the motor buzzes" in repr(found)
-
-
-@pytest.mark.usefixtures("small_search")
-def test_an_encoder_that_no_gains_are_calm_with_is_the_reason_that_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("bowden.design.tune.keeps", lambda _: False)
-    monkeypatch.setattr("bowden.design.tune.chatter", lambda _: 0.1)
-    with pytest.raises(ParameterError, match=r"one count of the joint's encoder, 0.3°, changes the command by more"):
-        tune(COARSE, ADAPTIVE, generations=1)
-
-
-@pytest.mark.usefixtures("small_search")
-def test_what_is_tuned_is_calm() -> None:
-    bench = BENCH._replace(joint_encoder=BENCH.joint_encoder._replace(resolution=np.radians(0.15)))
-    found = tune(bench, ADAPTIVE, generations=1)
-    assert 0.0 < found.found.command_per_count <= MOST_PER_COUNT
 
 
 @pytest.mark.usefixtures("small_search")
@@ -180,35 +140,6 @@ def test_what_the_check_says_holds_is_never_given_up(preset: str | None, monkeyp
     assert bool(found.gains) == (preset is not None)
     assert (found.worst_before is None) == (preset is not None)
     assert found.short == "no gains keep all; take another servo; these hold"
-
-
-@pytest.mark.usefixtures("small_search")
-def test_the_search_for_the_nearest_rig_knows_the_cable_that_the_law_knew(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A geared cable by hand, whose slope the pulleys tell, and one of a log: on the nearest rig, too."""
-    tuned_with: list[Law] = []
-    module = importlib.import_module("bowden.design.tune")
-    real = module.judge
-
-    def judged(task: Task) -> Any:
-        tuned_with.append(task.law)
-        return real(task)
-
-    monkeypatch.setattr(module, "judge", judged)
-    monkeypatch.setattr(module, "keeps", lambda _: False)
-    monkeypatch.setattr(module, "easier", lambda bench, factor: [*easier(bench, 2.0)] if factor < 1.3 else [])
-    slow: dict[str, Any] = {"delay": 3, "servo": {"natural_frequency": 20.0}, "law": "cascaded_pid", "duration": 5.0}
-    geared = default_bench().cable._replace(slope=3.0)
-    model = bowden.CableModel("bouc_wen", geared._asdict() | {"initial_h": 0.0})
-    cables: tuple[Any, ...] = (geared, model)
-    for cable in cables:
-        rig = bowden.Rig(cable=cable, **slow)
-        slope = rig.fitted().numbers["slope"]
-        assert slope == pytest.approx(3.0, rel=0.1)
-        tuned_with.clear()
-        with pytest.raises(NoGainsError):
-            tune(ranges.judged(rig), rig.fitted(), generations=1, known=rig.knowledge)
-        assert {law.numbers["slope"] for law in tuned_with} == {slope}
-        assert len({law.numbers["lead"] for law in tuned_with}) > 1
 
 
 def test_a_law_without_feedback_has_nothing_to_tune() -> None:
@@ -310,21 +241,6 @@ def test_gains_tuned_against_a_study_are_judged_by_plants_that_the_search_did_no
     for numbers, worst in ((range(10), document["worst_rmse_deg"]), (range(10, 20), found["after"]["rmse_worst_deg"])):
         assert max(table_of(loaded, numbers)["rmse_deg"].to_pylist()) == pytest.approx(worst, rel=1e-12)
     assert "10 other plants, 0 unstable" in Path("rig.toml").read_text(encoding="utf-8")
-
-
-@pytest.mark.long
-def test_a_law_of_ones_own_is_tuned_against_a_study(
-    study: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """Its gains go to other processes, which know the study's copy of its file as well."""
-    monkeypatch.setattr("bowden.study.tune_law.two_workers", two_workers)
-    Path("my_law.py").write_bytes((ROOT / "examples" / "my_law.py").read_bytes())
-    Path("rig.toml").write_text('[control]\nlaw = "my_law.py"\n')
-    assert run(["tune", "rig.toml", "--study", "study.toml", "--json"]) == 0, capsys.readouterr().err
-    assert json.loads(capsys.readouterr().out)["study"]["after"]["runs"] == 10
-
-
-PUSHED = '[set]\n"suit.worn" = true\n"suit.cable" = "bouc_wen"\n"admittance.enabled" = true\n'
 
 
 @pytest.mark.parametrize(

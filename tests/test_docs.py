@@ -19,7 +19,7 @@ import results_page
 from bowden.app.main import run
 from live_runs import SHARED_LIMITS, tries
 from page_steps import PageFile, commands, steps
-from walk import pages, rows, table, walk_page
+from walk import pages, walk_page
 
 pytestmark = pytest.mark.usefixtures("undrawn")
 
@@ -102,14 +102,6 @@ def test_tables_are_those_of_the_results(page: Path) -> None:
     assert text == results_page.with_tables(text), "make docs"
 
 
-@pytest.mark.parametrize("name", sorted(file.stem for file in results_page.RESULTS.glob("*.toml")))
-def test_results_are_rows_with_a_date(name: str) -> None:
-    found = results_page.results(name)
-    assert found["what"]
-    assert found["date"]
-    assert {len(row) for row in found["rows"]} == {len(found["columns"])}
-
-
 def test_every_page_has_its_place_in_the_site_and_in_the_index() -> None:
     pages = {str(page.relative_to(ROOT / "docs")) for page in CURRENT if page.is_relative_to(ROOT / "docs")}
     assert set(IN_ORDER) == pages
@@ -131,13 +123,6 @@ def slug(heading: str) -> str:
 def headings(path: Path) -> set[str]:
     text = re.sub(r"^```.*?^```$", "", path.read_text(encoding="utf-8"), flags=re.DOTALL | re.MULTILINE)
     return {slug(heading) for heading in re.findall(r"^#+ (.+)$", text, re.MULTILINE)}
-
-
-@pytest.mark.parametrize("page", PAGES, ids=page_id)
-def test_what_goes_on_within_a_list_stays_in_it(page: Path) -> None:
-    """The site takes four spaces for it; with fewer a list ends there, and its next numbers run into the text."""
-    text = re.sub(r"^```.*?^```$", "", page.read_text(encoding="utf-8"), flags=re.DOTALL | re.MULTILINE)
-    assert re.findall(r"\n\n {1,3}\S.*", text) == []
 
 
 @pytest.mark.parametrize("page", PAGES, ids=page_id)
@@ -203,11 +188,6 @@ def test_names_in_docstrings_and_comments_are_there() -> None:
     assert not lost
 
 
-@pytest.mark.parametrize(("text", "lost"), [("see `control.law.Law.from_rig`", 0), ("`bowden.control.lore.Law`", 1)])
-def test_that_test_sees_what_it_should(text: str, lost: int) -> None:
-    assert len(lost_names(text)) == lost
-
-
 @pytest.mark.parametrize("page", [page for page in PAGES if commands(page)], ids=page_id)
 def test_commands_and_options_exist(page: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for line in (one.text for one in commands(page)):
@@ -253,123 +233,6 @@ def test_a_page_prints_what_it_shows(
         said = (printed.out + printed.err).splitlines()
         for line in (line for line in (one.shown or "").splitlines() if line.strip("─ …")):
             assert any(same(other, line) for other in said), f"{one.text} prints no {line!r} but\n{printed.out}"
-
-
-def page_of(tmp_path: Path, text: str) -> Path:
-    page = tmp_path / "page.md"
-    page.write_text(textwrap.dedent(text), encoding="utf-8")
-    return page
-
-
-WRITTEN = """
-    Write `a.toml`:
-
-    ```toml
-    x = 1
-    ```
-
-    `a.toml`:
-
-    ```toml
-    x = 2
-    ```
-
-        bowden check a.toml   # a comment
-        not a command
-        bowden check a.toml   # ends with exit code 1
-
-    Add to `a.toml`:
-
-    ```toml
-    y = 3
-    ```
-
-    <!-- walk: exit 3 -->
-
-    ```console
-    $ exit 3
-    said
-    $ exit 3
-    ```
-
-    ```python
-    # law.py
-    y = 1
-    ```
-
-    <!-- walk: not here: needs a friend -->
-
-    ```bash
-    greet \\
-      friend
-    ```
-
-        $ bowden run rig.toml
-        $ bowden twin rig.toml
-    """
-
-
-def test_what_a_page_asks_for_is_read_in_its_order(tmp_path: Path) -> None:
-    found = steps(page_of(tmp_path, WRITTEN))
-    files = [(one.name, one.text, one.added) for one in found if isinstance(one, PageFile)]
-    assert files == [
-        ("a.toml", "x = 2\n", False),
-        ("a.toml", "\ny = 3\n", True),
-        ("law.py", "# law.py\ny = 1\n", False),
-    ]
-    asked = [one for one in found if not isinstance(one, PageFile)]
-    assert [one.text for one in asked] == [
-        *("bowden check a.toml", "bowden check a.toml", "exit 3", "exit 3", "greet friend"),
-        *("bowden run rig.toml", "bowden twin rig.toml"),
-    ]
-    assert [one.exits for one in asked] == [0, 1, 3, 3, 0, 0, 0]
-    assert [one.shown for one in asked][1:5] == [None, "said\n", "", None]
-    assert [one.elsewhere for one in asked] == ["", "", "", "", "needs a friend", "needs a drive", ""]
-    assert [one.beside for one in asked] == [False] * 6 + [True]
-    lines = page_of(tmp_path, WRITTEN).read_text(encoding="utf-8").split("\n")
-    assert all(one.text.split()[0] in lines[one.line - 1] for one in asked)
-
-
-def test_a_mark_that_is_not_known_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(ValueError, match="walk: exit two --> says nothing that is known"):
-        steps(page_of(tmp_path, "<!-- walk: exit two -->\n\n    bowden check rig.toml\n"))
-
-
-def test_a_walk_sees_what_does_not_end_as_its_page_says(tmp_path: Path) -> None:
-    page = page_of(
-        tmp_path,
-        """
-        <!-- walk: beside -->
-
-        ```bash
-        sleep 60
-        ```
-
-        ```bash
-        test -f later.toml && grep -q 1 later.toml
-        exit 4
-        make help
-        ```
-
-        `later.toml`:
-
-        ```toml
-        x = 1
-        ```
-
-            bowden run rig.toml
-        """,
-    )
-    folder = tmp_path / "walk"
-    folder.mkdir()
-    found = list(walk_page(page, folder, os.environ))
-    assert [one.passed for one in found] == [True, True, False, False, False]
-    assert [one.exit_code for one in found] == [0, 0, 4, None, None]
-    assert [one.why_not for one in found] == ["", "", "", "is tried in a fresh environment alone", "needs a drive"]
-    written = table({page.name: rows(found)})
-    assert re.search(r"^\| page\.md \| 5 \| 2 \| 2 \| \d+ \|$", written, re.MULTILINE)
-    assert "what needs a drive (1)" in written
-    assert re.search(r"^- page\.md:\d+: `exit 4` ended with 4, not 0$", written, re.MULTILINE)
 
 
 @pytest.mark.live

@@ -9,7 +9,6 @@ import pytest
 
 import emg_cases as cases
 import emg_draw as drawn
-from bowden.sim.emg_sources import in_band
 
 NUMBERS = (0, 9, 17)
 """Development cases of 1 kHz."""
@@ -23,38 +22,6 @@ def test_a_case_is_drawn_from_its_set_and_number_alone() -> None:
     assert first.contractions == again.contractions
     assert first.contractions != other.contractions
     assert len(set(drawn.SETS.values())) == len(drawn.SETS) == 3
-
-
-def test_a_contraction_has_the_ratio_that_its_case_says() -> None:
-    """Of its band, over its plateau, in what is nothing but rest and contractions."""
-    for number in range(25):
-        case = drawn.draw("development", number)
-        if any(case.families[part] != family for part, family in cases.QUIET.items()):
-            continue
-        band = in_band(case.values - np.mean(case.values), case.rate)
-        for one in case.contractions:
-            if one.rise < 0.05 and one.length > 1.0:
-                part = band[round((one.onset + 0.1) * case.rate) : round((one.end - 0.5) * case.rate)]
-                assert float(np.std(part)) / case.rest == pytest.approx(one.ratio, rel=0.35), number
-
-
-def test_rest_that_changes_is_drawn_apart_and_as_its_families_say() -> None:
-    levels = []
-    for number in range(60):
-        case = drawn.draw("development", number, changing=True)
-        assert set(case.families) == set(drawn.CHANGING)
-        if any(case.families[part] != family for part, family in cases.QUIET.items()):
-            continue
-        band, pauses = in_band(case.values - np.mean(case.values), case.rate), []
-        edges = [0.2, *(edge for one in case.contractions for edge in (one.onset, one.end))]
-        for begin, end in zip(edges[::2], edges[1::2], strict=False):
-            if begin > 0.0 and end - begin > 0.5:
-                pauses.append(2.0 * math.log(float(np.std(band[round(begin * case.rate) : round(end * case.rate)]))))
-        levels += list(np.diff(pauses))
-    assert 0.3 < float(np.sqrt(np.mean(np.square(levels)))) < 1.3, "as far as real pauses differ"
-    rest, again = (drawn.draw_rest("development", 0, changing=True) for _ in range(2))
-    assert np.array_equal(rest.values, again.values)
-    assert not np.array_equal(rest.values[:5000], drawn.draw_rest("development", 0).values[:5000])
 
 
 def test_a_detection_belongs_to_one_contraction_or_to_none() -> None:

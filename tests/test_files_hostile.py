@@ -22,7 +22,7 @@ from bowden.live.mcap_read import read as read_mcap
 from bowden.live.read_trace import read_trace
 from bowden.plants.cables import identified
 from bowden.plants.identified import load_cable
-from bowden.records.table import MOST_CELLS, read_table
+from bowden.records.table import read_table
 from bowden.rig.tree import read_values
 from bowden.sensing import wearer_file
 from bowden.study.load import load
@@ -117,8 +117,11 @@ def test_a_small_file_that_unpacks_without_end_is_refused(
         tracemalloc.stop()
 
 
-def test_more_fields_than_fit_are_refused_before_they_are_taken_apart(tmp_path: Path) -> None:
-    file = packed(tmp_path / "emg.csv.gz", b"time_s,emg_mV\n", b"1,2\n", 4 * MOST_CELLS)
+def test_more_fields_than_fit_are_refused_before_they_are_taken_apart(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("bowden.records.table.MOST_CELLS", 5_000_000)
+    file = packed(tmp_path / "emg.csv.gz", b"time_s,emg_mV\n", b"1,2\n", 32 << 20)
     with pytest.raises(BowdenError, match="fields"):
         read_table(file)
     with pytest.raises(BowdenError, match="rows"):
@@ -176,7 +179,7 @@ MODELS = {
     "lumped_dahl": "friction 0.1 elements 5 density 0.01 inertia 0.002 damping 0.02 presliding 0.0001 step 0.001",
 }
 """Model → its parameters as they are usual."""
-EXTREMES = (*(s * 10.0**e for s in (1.0, -1.0) for e in (-320, -9, -4, -3, 0, 1, 2, 4, 6, 9, 300)), 0.0)
+EXTREMES = (*(s * 10.0**e for s in (1.0, -1.0) for e in (-320, -9, -3, 1, 4, 300)), 0.0)
 
 
 def model_file(path: Path, name: str, parameters: dict[str, Any]) -> Path:

@@ -189,15 +189,3 @@ def test_a_brake_that_nothing_drives_or_that_could_trap_a_limb_is_refused(text: 
     (tmp_path / "rig.toml").write_text(text, encoding="utf-8")
     with pytest.raises(ParameterError, match=said):
         Rig.read(tmp_path / "rig.toml")
-
-
-def test_a_rig_with_a_brake_is_simulated_and_kept_with_it_and_says_nothing_of_none(tmp_path: Path) -> None:
-    (tmp_path / "rig.toml").write_text(
-        '[suit]\nworn = true\n[drive]\nbrake_output = "set"\n[brake]\nholding_torque_nm = 0.15\n', encoding="utf-8"
-    )
-    rig = Rig.read(tmp_path / "rig.toml")
-    without = rig.replace(brake=HoldingBrake())
-    assert [one.simulated_plant.dynamics().name for one in (rig, without)] == ["braked_suit", "suit"]
-    assert Rig.unpack(rig.pack()).brake == rig.brake
-    assert "brake" not in without.document()
-    assert rig.worn == without.worn, "which is what a check judges: a brake hides a loop that swings at rest"

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from bowden.core.errors import ParameterError
 from bowden.core.kernel import compiled
 from bowden.models.suit.arm import Arm, Wearer, arm_of, check_wearer, gravity_torque, passive_torque, wearer_torque
-from support.wearers import WEARERS, resting_angle
+from support.wearers import resting_angle
 
 
 def test_the_defaults_are_a_body_of_75_kg_and_1_75_m() -> None:
@@ -61,17 +61,6 @@ def test_a_relaxed_arm_rests_where_its_torques_cancel(mass: float, height: float
     assert 0.40 <= arm.stiffness <= 1.8  # the range that Wiegner and Watts measured
 
 
-def test_each_wearer_does_what_they_are_called() -> None:
-    arm, angle, velocity = arm_of(), 1.0, 0.3
-    given = {name: wearer_torque(wearer, arm, angle, velocity, 0.05) for name, wearer in WEARERS.items()}
-    assert given["none"] == 0.0
-    assert given["weak"] == pytest.approx(-0.3 * gravity_torque(arm, angle))
-    assert given["tremor"] == pytest.approx(0.5)  # a quarter of a period of 5 Hz
-    assert given["resisting"] < 0.0  # above its centre and moving up
-    assert given["constant"] == -1.0
-    assert wearer_torque(Wearer(share=1.0), arm, angle, 0.0, 0.0) + gravity_torque(arm, angle) == 0.0
-
-
 def test_interpreted_and_compiled_agree_to_the_bit() -> None:
     wearer = Wearer(0.3, 0.5, 5.0, 1.0, 0.5, 0.2, 0.1)
     for angle in (-0.3, 0.0, 1.2):
@@ -102,8 +91,3 @@ def test_impossible_torques_are_refused(field: str) -> None:
     for value in (math.nan, math.inf, -1e6):
         with pytest.raises(ParameterError, match=field):
             check_wearer(Wearer()._replace(**{field: value}))
-
-
-def test_an_elevation_that_is_no_angle_is_refused() -> None:
-    with pytest.raises(ParameterError, match="elevation"):
-        arm_of(elevation=math.nan)

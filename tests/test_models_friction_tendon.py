@@ -92,17 +92,6 @@ def dead_zone_found(tendon: Tendon) -> float:
     return 0.6 - (joint - JOINT(prepared, memory)) / slope_found(tendon, pulling=False)
 
 
-def tension_found(tendon: Tendon, share: float) -> float:
-    """Relative error of the tension at the motor when `share` of the dead zone has been given back."""
-    prepared = prepare_tendon(tendon)
-    memory = walk(prepared, [1.5])
-    before = MOTOR_TENSION(prepared, memory)
-    travel = share * capstan.dead_zone(tendon, JOINT(prepared, memory))
-    ADVANCE(prepared, memory, 1.5 - travel, 1.0)
-    expected = capstan.tension_after_reversal(tendon, before, travel * tendon.motor_radius)
-    return abs(MOTOR_TENSION(prepared, memory) / expected - 1.0)
-
-
 CUTS = (8, 16, 32, 64)
 
 
@@ -122,16 +111,6 @@ def test_branches_and_dead_zone_converge_with_the_square_of_the_grid(tendon: Ten
         )
     assert errors[-1] < 2e-4
     assert [a / b for a, b in pairwise(errors)] == pytest.approx([4.0] * 3, rel=0.1)
-
-
-def test_the_front_converges_on_its_way_through_the_sheath() -> None:
-    """Mean over the dead zone of the error of the tension at the motor: first order, since the front is at a node."""
-    errors = [
-        float(np.mean([tension_found(EVEN._replace(elements=n), share) for share in np.linspace(0.05, 0.95, 91)]))
-        for n in CUTS
-    ]
-    assert errors[-1] < 0.01
-    assert all(b < 0.6 * a for a, b in pairwise(errors))
 
 
 def finer(path: list[float], pieces: int, start: float = 0.0) -> list[float]:
@@ -160,20 +139,6 @@ def test_tension_stays_above_zero_and_inside_the_capstan_ratio(path: list[tuple[
     for motor, width in path:
         ADVANCE(PREPARED, memory, motor, width)
         assert held(PREPARED, memory, width)
-
-
-@pytest.mark.parametrize(
-    "tendon", [UNEVEN, Tendon(friction=0.4, bend=6.0, elements=60), Tendon(elements=1), Tendon(profile=(0, 1, 0))]
-)
-def test_a_sheath_that_jumps_lets_go_of_no_more_than_it_must(tendon: Tendon) -> None:
-    """Fourfold bends and straightenings between moves, the tendon slack now and then."""
-    prepared, random, motor = prepare_tendon(tendon), np.random.default_rng(1), 0.0
-    memory = START(prepared, motor, 1.0)
-    for k in range(600):
-        motor = float(random.uniform(-0.6, 2.0)) if k % 3 else motor
-        width = float(random.uniform(0.5, 2.0))
-        ADVANCE(prepared, memory, motor, width)
-        assert held(prepared, memory, width)
 
 
 def test_bending_the_sheath_holds_the_tendon_and_straightening_it_lets_go() -> None:
@@ -214,25 +179,6 @@ def test_every_move_costs_energy(path: list[float]) -> None:
         assert step >= -kink - 1e-12
         lost, now, pull, last = lost + step, after, force, motor
     assert lost >= -1e-4
-
-
-def test_a_cycle_loses_the_area_of_its_loop() -> None:
-    """Per turn, both sides of the loop: ∮T_in du = ∮T_out·(e^M − e^(−M)) du apart from its corners."""
-    tendon = prepare_tendon(EVEN._replace(elements=200))
-    memory = walk(tendon, [1.6, 0.4])
-    turn = [*np.linspace(0.4, 1.6, 3000), *np.linspace(1.6, 0.4, 3000)]
-    u, pull, out, joint = [], [], [], []
-    for motor in turn:
-        ADVANCE(tendon, memory, float(motor), 1.0)
-        u.append(motor * tendon.motor_radius)
-        pull.append(TENSION(tendon, memory, 0))
-        out.append(TENSION(tendon, memory, 200))
-        joint.append(memory.moved[-1])
-    lost = float(np.trapezoid(pull, u))
-    assert lost > 0.0
-    assert float(np.trapezoid(out, joint)) == pytest.approx(0.0, abs=1e-9)
-    friction = 2.0 * math.sinh(0.15 * math.pi) * float(np.trapezoid(out[:3000], joint[:3000]))
-    assert lost == pytest.approx(friction, rel=0.25)
 
 
 def test_a_slack_tendon_moves_nothing_until_it_is_taken_up() -> None:

@@ -1,6 +1,6 @@
 """Many loops in one compiled call are the single runs, to the last bit."""
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pytest
@@ -9,8 +9,7 @@ from bowden.control import LAWS
 from bowden.control.law import Law
 from bowden.control.reference import PeriodicMinimumJerk
 from bowden.core.errors import ParameterError
-from bowden.core.kernel import compiled, kernel
-from bowden.core.nested import numbers_of, unflatten_like
+from bowden.core.kernel import compiled
 from bowden.core.units import DEGREES, RADIANS
 from bowden.models.cable.bouc_wen import BoucWen
 from bowden.models.cable.sheath_path import constant_bend, random_bend
@@ -86,38 +85,6 @@ def test_sums_are_numpys(count: int) -> None:
     values = np.random.default_rng(count).standard_normal(count)
     assert compiled(pairwise_sum)(values, 0, count) == pairwise_sum(values, 0, count) == np.sum(values)
     assert compiled(pairwise_sum)(values, min(3, count), count) == np.sum(values[3:])
-
-
-class Inner(NamedTuple):
-    x: float
-    n: int
-
-
-class Outer(NamedTuple):
-    inner: Inner
-    pair: tuple[float, Inner]
-    held: np.ndarray
-    last: float
-
-
-@kernel
-def total(like: Any, rows: Any) -> float:
-    found = 0.0
-    for i in range(rows.shape[0]):
-        made = unflatten_like(like, rows[i])
-        found += made.inner.x * made.inner.n + made.pair[1].x * made.pair[0] + made.held[1] * made.last
-    return found
-
-
-def test_a_row_of_numbers_becomes_the_tuple_that_it_was() -> None:
-    like = Outer(Inner(1.5, 2), (2.5, Inner(3.5, 4)), np.array([5.0, 6.0]), 7.5)
-    assert numbers_of(like) == [1.5, 2.0, 2.5, 3.5, 4.0, 7.5]
-    again = unflatten_like(Outer(Inner(0.0, 0), (0.0, Inner(0.0, 0)), like.held, 0.0), np.array(numbers_of(like)))
-    assert again[:2] == like[:2]
-    assert again.last == like.last
-    assert type(again.inner.n) is int
-    rows = np.random.default_rng(0).uniform(1.0, 9.0, (5, 6))
-    assert compiled(total)(like, rows) == total(like, rows)
 
 
 def test_a_batch_is_its_single_runs_to_the_last_bit() -> None:

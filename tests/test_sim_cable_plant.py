@@ -2,7 +2,6 @@
 
 import json
 import math
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -13,7 +12,7 @@ from bowden.control.reference import PeriodicMinimumJerk
 from bowden.core.errors import ParameterError
 from bowden.core.kernel import compiled
 from bowden.core.units import DEGREES, RADIANS
-from bowden.models.cable import backlash, capstan, prandtl_ishlinskii
+from bowden.models.cable import capstan
 from bowden.models.cable.backlash import Play
 from bowden.models.cable.bouc_wen import BoucWen
 from bowden.models.cable.bouc_wen_static import StaticTerms, joint_angle
@@ -72,17 +71,6 @@ def test_a_bouc_wen_cable_is_the_bench(name: str) -> None:
         np.testing.assert_allclose(ours[column], theirs[column], rtol=0, atol=1e-9, err_msg=column)
 
 
-def test_a_moved_sheath_is_the_benchs() -> None:
-    bend, sheath = scripted_bend([1.0, 5.0], [2.0, 4.0]), Sheath(bend=2.0, loss=0.2)
-    ours, theirs = (
-        simulate(plant, LAWS["adaptive"], STROKE, duration=8.0, bend=bend)
-        for plant in (CablePlant(cables.bouc_wen(), sheath=sheath), Bench(sheath=sheath))
-    )
-    np.testing.assert_allclose(ours["joint"], theirs["joint"], atol=2e-6)
-    assert ours["width"].tolist() == theirs["width"].tolist()
-    assert ours["slope"].tolist() == theirs["slope"].tolist()
-
-
 @shown_by_less
 def test_every_cable_runs_under_a_law_and_tells_what_made_it(cable: cables.Cable) -> None:
     plant = noisy(CablePlant(cable, sheath=Sheath(bend=2.0)))
@@ -120,24 +108,6 @@ def test_a_cable_without_mass_knows_no_time(cable: cables.Cable) -> None:
 def recorded_run(plant: CablePlant) -> Trace:
     """Cycles too long for one exact step, and one sub-step in each: the motor's samples are its whole path."""
     return simulate(plant._replace(substeps=1, sample_time=5e-3), LAWS["uncompensated"], STROKE, duration=12.0)
-
-
-def test_pure_play_is_the_operator() -> None:
-    trace = recorded_run(CablePlant(cables.play(Play(0.9, 0.06, 0.05))))
-    z, joints = 0.0, []
-    for motor in trace["motor"].tolist():
-        z = float(backlash.push(z, motor, 0.06))
-        joints.append(0.9 * z + 0.05)
-    np.testing.assert_allclose(trace["joint"], joints, atol=1e-12)
-
-
-def test_a_stack_is_the_models() -> None:
-    widths, weights = np.array([0.02, 0.05, 0.1]), np.array([0.3, 0.3, 0.2, 0.15])
-    trace = recorded_run(CablePlant(CABLES["stack"]))
-    slots = prandtl_ishlinskii.plays(trace["motor"], widths)
-    np.testing.assert_allclose(
-        trace["joint"], prandtl_ishlinskii.joint_angle(trace["motor"], slots, weights, 0.0), atol=1e-12
-    )
 
 
 def test_a_wider_sheath_widens_the_play() -> None:
@@ -259,15 +229,6 @@ def test_the_sliding_cable_loses_its_dead_zone_in_the_loop() -> None:
     assert torque[up] - plant.motor.inertia * trace["motor_acceleration"][up] == pytest.approx(pull, rel=1e-9)
 
 
-def test_a_slack_cable_transmits_nothing_until_it_is_taken_up() -> None:
-    plant = CablePlant(CABLES["slack"])
-    trace = simulate(plant, LAWS["uncompensated"], STROKE, duration=10.0)
-    loose = trace["motor"] < 0.05  # 0.5 mm on a spool of 10 mm
-    assert loose[: len(trace) // 2].sum() > 100
-    assert np.abs(trace["joint"][loose]).max() < 1e-12
-    assert trace["joint"].max() > 0.8
-
-
 @shown_by_less
 def test_a_run_that_ran_away_says_so(cable: cables.Cable) -> None:
     trace = simulate(CablePlant(cable), LAWS["adaptive"].preset("paper"), STROKE, duration=30.0)
@@ -339,13 +300,6 @@ def test_absurd_cables_are_refused() -> None:
     plant = CablePlant(friction_cables.sliding(), sheath=Sheath(loss=0.1))
     with pytest.raises(ParameterError, match="computes what its sheath loses"):
         simulate(plant, LAWS["uncompensated"], STROKE, duration=1.0)
-
-
-def test_a_cable_of_ones_own_joins_with_three_kernels() -> None:
-    """Any kernels do: here the play's, under another name and with other numbers."""
-    mine = replace(cables.play(Play(half_width=0.0)), name="mine")
-    trace = simulate(CablePlant(mine), LAWS["uncompensated"], STROKE, duration=2.0)
-    np.testing.assert_allclose(trace["joint"], Play().slope * trace["motor"], atol=1e-15)
 
 
 @pytest.mark.parametrize("name", list(MODELS))

@@ -143,23 +143,6 @@ def test_the_same_seed_gives_the_same_run() -> None:
     assert (first["joint"] != other["joint"]).any()
 
 
-def test_encoders_show_counts_of_the_true_angles() -> None:
-    trace = simulate(NOISY, LAWS["observer"], STROKE, duration=3.0)
-    for name in ("joint", "motor"):
-        error = trace[f"{name}_measured"] - trace[name]
-        expected = math.sqrt(PAPER_ENCODER.noise**2 + PAPER_ENCODER.resolution**2 / 12.0)
-        assert error.std() == pytest.approx(expected, rel=0.05)
-    ideal = simulate(Bench(), LAWS["observer"], STROKE, duration=1.0)
-    assert ideal["joint_measured"].tolist() == ideal["joint"].tolist()
-
-
-@pytest.mark.parametrize("name", ["uncompensated", "observer", "adaptive"])
-def test_four_times_as_many_sub_steps_change_little(name: str) -> None:
-    coarse, fine = (simulate(Bench(substeps=n), LAWS[name], STROKE, duration=20.0) for n in (10, 40))
-    rmse = float(np.sqrt(np.mean(coarse.error**2)))
-    assert np.abs(coarse["joint"] - fine["joint"]).max() < 0.01 * rmse
-
-
 def tight(bench: Bench, trace: Trace, bend: Any) -> np.ndarray:
     """Oracle: joint angles of the plant under the trace's commands, its differential equations integrated tightly."""
     cable, servo, dt = bench.cable, bench.servo, bench.sample_time

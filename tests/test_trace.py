@@ -9,7 +9,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import signal
 
-import bowden
 from bowden.core.errors import BowdenError, LogError, OutputError, ParameterError
 from bowden.records.trace import LED, Trace
 from bowden.records.traces import Traces
@@ -53,14 +52,6 @@ def test_units_settings_seed_and_order_come_back(kind: str, tmp_path: Path) -> N
     assert back.settings == trace.settings
     assert back.seed == 3
     assert through(Trace({"a": np.zeros(1)}, {"a": "1"}), kind, tmp_path).seed is None
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_a_long_trace_comes_back_whole(kind: str, tmp_path: Path) -> None:
-    n = 100_000  # several blocks of either format
-    trace = example(n, noise=np.random.default_rng(1).standard_normal(n))
-    back = through(trace, kind, tmp_path)
-    assert all(back[name].tobytes() == values.tobytes() for name, values in trace.columns.items())
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -197,11 +188,6 @@ def test_bandwidth_of_a_run() -> None:
     assert trace.bandwidth(0.3, 2.0) is None
 
 
-def test_errors_are_one_family() -> None:
-    assert issubclass(LogError, BowdenError)
-    assert issubclass(OutputError, BowdenError)
-
-
 def test_the_figures_of_a_live_log_are_those_of_the_cycles_that_the_law_led() -> None:
     from bowden.cycle.one_cycle import TargetSource
 
@@ -213,15 +199,6 @@ def test_the_figures_of_a_live_log_are_those_of_the_cycles_that_the_law_led() ->
     units = {"time": "s", "reference": "rad", "joint": "rad", "source": "–"}
     trace = Trace(columns, units, {"log": {}})
     assert trace.metrics().rmse_deg == pytest.approx(np.degrees(0.1))
-
-
-def test_a_trace_that_is_not_there_is_named_with_what_there_is() -> None:
-    with pytest.raises(KeyError, match="adaptive"):
-        Traces({"adaptive": example(100)})["adaptiv"]
-
-
-def test_help_of_a_folder_that_can_be_called_shows_the_arguments() -> None:
-    assert "counts_per_turn" in (bowden.identify.__doc__ or "")
 
 
 def test_traces_without_a_reference_are_shown_by_dashes() -> None:

@@ -278,27 +278,6 @@ def test_the_same_words_in_another_folder_are_another_file(tmp_path: Path) -> No
     assert found == [0.05, 0.2]
 
 
-def test_files_that_import_each_other_are_told_by_their_own_words(tmp_path: Path) -> None:
-    for play in ("0.05", "0.2"):
-        (tmp_path / play).mkdir()
-        (tmp_path / play / "own.py").write_text(
-            f"PLAY = {play}\nimport helper\n\n\ndef start():\n    return helper.play()\n"
-        )
-        (tmp_path / play / "helper.py").write_text("import own\n\n\ndef play():\n    return own.PLAY\n")
-        file = user_file.found(tmp_path / play / "own.py", "law")
-        assert user_file.run(file, "law").start() == float(play)
-    assert not {"own", "helper"} & set(sys.modules)
-
-
-def test_of_two_helpers_of_one_name_the_one_is_named_that_is_wrong(tmp_path: Path) -> None:
-    for folder, text in (("lab", "ONE = 1\n"), ("other", "\n\nTWO = 1 / 0\n")):
-        (tmp_path / folder).mkdir()
-        (tmp_path / folder / "util.py").write_text(text)
-    (tmp_path / "own.py").write_text("import lab.util\nimport other.util\n")
-    with pytest.raises(ParameterError, match=r"other/util\.py, line 3: ZeroDivisionError"):
-        user_file.run(user_file.found(tmp_path / "own.py", "law"), "law")
-
-
 def test_a_recording_that_has_changed_is_refused_in_a_simulation_too(tmp_path: Path) -> None:
     path = tmp_path / "emg.csv"
     time = np.arange(0.0, 4.0, 1e-3)
@@ -344,9 +323,3 @@ def test_a_section_of_parameters_goes_below_what_init_writes(tmp_path: Path) -> 
     before, _, cable = toml_text().partition("[cable]")
     path.write_text(f"{before}[cable]\nplant = 'plant.py'\n\n[{cable.partition(chr(10) + '[')[2]}\n{below}")
     assert Rig.read(path).plant.parameters["slope"] == 0.6
-
-
-def test_what_a_law_takes_of_the_rig_is_a_table(tmp_path: Path) -> None:
-    (tmp_path / "own.py").write_text(f"{LAW}\nFROM_RIG = 3\n")
-    with pytest.raises(ParameterError, match=r"own\.py: from_rig of law 'own' is 3"):
-        Rig(law=str(tmp_path / "own.py")).fitted()

@@ -1,0 +1,495 @@
+"""Mutation testing: does a test fail when one operator, comparison, condition or number of the package is changed?
+
+    python benchmarks/mutants.py [COUNT] [--seed N] [--rooms safety control ...] [--all] [--left] [--seconds S]
+
+Mutants are drawn over the rooms by size: each change of each function, and of each number that a module names, is as
+likely as any other. For each, the tests that reach what is changed are run, the quickest first, until one fails: in a
+process of its own, forked from one that has imported all of them, in which the changed code takes the place of the
+function's. Defaults of fields are data, and are left alone. Which tests reach which functions is recorded once
+(`out/bench/mutants-reached.json`), and again for test files that have changed. Results are kept until the package
+changes: an interrupted run goes on where it was left, and `--left` judges only what survived. Mutants that change
+nothing stand in `results/mutants_equivalent.toml`, each with its reason. Exit code 1 if another one survives.
+"""
+
+import argparse
+import ast
+import contextlib
+import copy
+import functools
+import gc
+import json
+import os
+import random
+import resource
+import signal
+import sys
+import threading
+import time
+import tomllib
+from collections import Counter
+from collections.abc import Callable, Iterator
+from hashlib import sha256
+from itertools import pairwise
+from pathlib import Path
+from types import CodeType, FunctionType, ModuleType
+from typing import Any, NamedTuple
+
+import pytest
+
+from kept import FOLDER, Kept
+
+ROOT = Path(__file__).parents[1]
+PACKAGE = ROOT / "src" / "bowden"
+REACHED = FOLDER / "mutants-reached.json"
+EQUIVALENT = ROOT / "benchmarks" / "results" / "mutants_equivalent.toml"
+BUDGET, PATIENCE = 30.0, 150
+"""Of the tests that are run for one mutant, the time that they take without it; and the processor's time that a mutant
+may take [s]: how long it takes on a computer that also does other work says nothing."""
+COMPILING = 8.0
+"""What a test counts more that reaches a kernel in compiled code alone, which is compiled anew [s]."""
+ALIVE = ("survives", "no test")
+
+COMPARED = {ast.Gt: ast.GtE, ast.GtE: ast.Gt, ast.Lt: ast.LtE, ast.LtE: ast.Lt, ast.Eq: ast.NotEq, ast.NotEq: ast.Eq}
+COMPARED |= {ast.Is: ast.IsNot, ast.IsNot: ast.Is, ast.In: ast.NotIn, ast.NotIn: ast.In}  # type: ignore[dict-item]
+TURNED = {ast.Gt: ast.Lt, ast.Lt: ast.Gt, ast.GtE: ast.LtE, ast.LtE: ast.GtE}
+OPERATED = {ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.Div, ast.Div: ast.Mult}
+OPERATED |= {ast.BitOr: ast.BitAnd, ast.BitAnd: ast.BitOr, ast.Pow: ast.Mult, ast.Mod: ast.Mult}  # type: ignore[dict-item]
+NAMED = {"max": "min", "min": "max"}
+Change = tuple[str, Callable[[Any], None]]
+
+
+class Mutant(NamedTuple):
+    """One change of one function."""
+
+    path: str
+    """Of the file, within the package."""
+    function: str
+    """Its qualified name; empty for what a module does when it is imported."""
+    index: int
+    """Of the node, in the order in which `ast.walk` comes to it."""
+    number: int
+    """Of the change at this node."""
+    what: str
+    """The change in words, with its line: what it is known by."""
+
+
+def become(node: Any, other: ast.expr) -> None:
+    node.__class__, node.__dict__ = other.__class__, other.__dict__
+
+
+def without(node: ast.BoolOp, i: int) -> None:
+    del node.values[i]
+    if len(node.values) == 1:
+        become(node, node.values[0])
+
+
+def swapped(node: ast.Call, i: int) -> None:
+    node.args[i : i + 2] = reversed(node.args[i : i + 2])
+
+
+def changes(node: ast.AST, enums: dict[str, list[str]]) -> Iterator[Change]:
+    """What can be changed at a node: a word for it, and a function that does it to a copy of the node."""
+    if isinstance(node, ast.Compare):
+        kind = type(node.ops[0])
+        for others in (COMPARED, TURNED):
+            if kind in others:
+                yield f"{kind.__name__}→{others[kind].__name__}", lambda n, o=others: n.ops.__setitem__(0, o[kind]())  # type: ignore[misc]
+    elif isinstance(node, ast.BinOp | ast.AugAssign) and type(node.op) in OPERATED:
+        to = OPERATED[type(node.op)]
+        yield f"{type(node.op).__name__}→{to.__name__}", lambda n: setattr(n, "op", to())
+        if isinstance(node, ast.BinOp):
+            yield f"{type(node.op).__name__}→left", lambda n: become(n, n.left)
+            yield f"{type(node.op).__name__}→right", lambda n: become(n, n.right)
+    elif isinstance(node, ast.Constant) and isinstance(node.value, bool):
+        yield f"{node.value}→{not node.value}", lambda n: setattr(n, "value", not n.value)
+    elif isinstance(node, ast.Constant) and isinstance(node.value, float | int):
+        other = 1.5 * node.value if isinstance(node.value, float) and node.value else node.value + 1
+        yield f"{node.value}→{other}", lambda n: setattr(n, "value", other)
+    elif isinstance(node, ast.If | ast.IfExp):
+        yield "if→if not", lambda n: setattr(n, "test", ast.UnaryOp(ast.Not(), n.test))
+        yield "if→always", lambda n: setattr(n, "test", ast.Constant(True))
+        yield "if→never", lambda n: setattr(n, "test", ast.Constant(False))
+    elif isinstance(node, ast.BoolOp):
+        other_op = ast.Or if isinstance(node.op, ast.And) else ast.And
+        yield f"{type(node.op).__name__}→{other_op.__name__}", lambda n: setattr(n, "op", other_op())
+        for i in range(len(node.values)):
+            yield f"without {ast.unparse(node.values[i])}", lambda n, i=i: without(n, i)  # type: ignore[misc]
+    elif isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.Not):
+        yield "without not", lambda n: become(n, n.operand)
+    elif isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub):
+        yield "−→+", lambda n: setattr(n, "op", ast.UAdd())
+    elif isinstance(node, ast.Attribute) and node.attr in enums.get(getattr(node.value, "id", ""), ()):
+        names = enums[node.value.id]  # type: ignore[attr-defined]
+        another = names[(names.index(node.attr) + 1) % len(names)]
+        yield f"{node.attr}→{another}", lambda n: setattr(n, "attr", another)
+    elif isinstance(node, ast.Call):
+        yield from called(node)
+
+
+def called(node: ast.Call) -> Iterator[Change]:
+    """What can be changed at a call: a clamp, a size, the order of its arguments."""
+    name = getattr(node.func, "id", "")
+    if name in NAMED:
+        yield f"{name}→{NAMED[name]}", lambda n: setattr(n.func, "id", NAMED[n.func.id])
+        yield f"{name}→first", lambda n: become(n, n.args[0])
+    elif name == "abs":
+        yield "abs→what", lambda n: become(n, n.args[0])
+    else:
+        plain = [isinstance(part, ast.Name | ast.Attribute | ast.BinOp | ast.Call) for part in node.args]
+        for i, (one, two) in enumerate(pairwise(node.args)):
+            if plain[i] and plain[i + 1] and ast.dump(one) != ast.dump(two):
+                words = f"{ast.unparse(one)[:40]} ↔ {ast.unparse(two)[:40]}"
+                yield words, lambda n, i=i: swapped(n, i)  # type: ignore[misc]
+
+
+def silent(node: ast.AST) -> Iterator[ast.AST]:
+    """What is left alone: types, defaults, what is raised and printed, decorators."""
+    if isinstance(node, ast.FunctionDef | ast.Lambda):
+        yield node.args
+        yield from getattr(node, "decorator_list", ())
+    if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test):
+        yield node
+    if isinstance(node, ast.Raise | ast.JoinedStr | ast.Assert):
+        yield node
+    if isinstance(node, ast.Assign) and getattr(node.targets[0], "id", "") == "__all__":
+        yield node
+    yield from (part for name in ("annotation", "returns") if (part := getattr(node, name, None)))
+    if isinstance(node, ast.Call) and getattr(node.func, "id", getattr(node.func, "attr", "")) in ("print", "hint"):
+        yield node
+
+
+def is_number(node: ast.stmt) -> bool:
+    """Whether a module's statement names a number."""
+    return isinstance(node, ast.Assign | ast.AnnAssign) and isinstance(
+        node.value, ast.Constant | ast.BinOp | ast.UnaryOp
+    )
+
+
+def enums_of(trees: list[ast.Module]) -> dict[str, list[str]]:
+    """Enumeration → its members."""
+    return {
+        node.name: [part.targets[0].id for part in node.body if isinstance(part, ast.Assign)]  # type: ignore[attr-defined]
+        for tree in trees
+        for node in ast.walk(tree)
+        if isinstance(node, ast.ClassDef) and any("Enum" in ast.unparse(base) for base in node.bases)
+    }
+
+
+def owners(tree: ast.Module) -> dict[ast.AST, str | None]:
+    """Node → the qualified name of the function that it is in; empty at a module's level, None in a class's body."""
+    found: dict[ast.AST, str | None] = {}
+
+    def go(node: ast.AST, place: str, function: str | None) -> None:
+        for child in ast.iter_child_nodes(node):
+            inner, of = place, function
+            if isinstance(child, ast.FunctionDef | ast.AsyncFunctionDef):
+                of = f"{place}{child.name}"
+                inner = f"{of}.<locals>."
+            elif isinstance(child, ast.ClassDef):
+                inner, of = f"{place}{child.name}.", function or None
+            found[child] = of
+            go(child, inner, of)
+
+    go(tree, "", "")
+    return found
+
+
+@functools.cache
+def parsed() -> dict[str, ast.Module]:
+    """Every file of the package."""
+    return {
+        str(path.relative_to(PACKAGE)): ast.parse(path.read_text(encoding="utf-8")) for path in PACKAGE.rglob("*.py")
+    }
+
+
+@functools.cache
+def every_enum() -> dict[str, list[str]]:
+    return enums_of(list(parsed().values()))
+
+
+def mutants(rooms: list[str]) -> Iterator[Mutant]:
+    """Every change of every file of the rooms."""
+    for path, tree in sorted(parsed().items()):
+        if rooms and path.split("/")[0] not in rooms:
+            continue
+        of, lines = owners(tree), (PACKAGE / path).read_text(encoding="utf-8").splitlines()
+        hidden = {id(inner) for node in ast.walk(tree) for part in silent(node) for inner in ast.walk(part)}
+        numbers = {id(inner) for statement in tree.body if is_number(statement) for inner in ast.walk(statement)}
+        for index, node in enumerate(ast.walk(tree)):
+            if id(node) in hidden or not hasattr(node, "lineno") or not (of[node] or id(node) in numbers):
+                continue
+            for number, (what, _) in enumerate(changes(node, every_enum())):
+                place = f"{what} at {node.col_offset} of `{lines[node.lineno - 1].strip()}`"
+                yield Mutant(path, of[node] or "", index, number, f"{path}: {of[node] or 'module'}: {place}")
+
+
+def codes(code: CodeType) -> Iterator[CodeType]:
+    yield code
+    for part in code.co_consts:
+        if isinstance(part, CodeType):
+            yield from codes(part)
+
+
+def put_in_place(mutant: Mutant) -> None:
+    """Let this process run the changed code, in every function that has the old one; or know the changed number."""
+    tree = copy.deepcopy(parsed()[mutant.path])
+    node = list(ast.walk(tree))[mutant.index]
+    list(changes(node, every_enum()))[mutant.number][1](node)
+    file = str(PACKAGE / mutant.path)
+    code = compile(ast.fix_missing_locations(tree), file, "exec")
+    if mutant.function:
+        outer = mutant.function.partition(".<locals>")[0]
+        new = next(one for one in codes(code) if one.co_qualname == outer)
+        old = [one for one in gc.get_objects() if isinstance(one, FunctionType) and one.__code__.co_qualname == outer]
+        for function in old:
+            if function.__code__.co_filename == file:
+                function.__code__ = new
+        return
+    name = "bowden." + mutant.path.removesuffix(".py").removesuffix("/__init__").replace("/", ".")
+    before, after = vars(sys.modules[name]), {"__name__": name, "__file__": file}
+    exec(code, after)
+    for key, value in after.items():
+        if isinstance(value, int | float) and key in before and before[key] != value:
+            for module in list(sys.modules.values()):
+                if isinstance(module, ModuleType) and vars(module).get(key) is before[key]:
+                    setattr(module, key, value)
+
+
+class Recorder:
+    """What each test reaches of the package, and how long it takes.
+
+    A kernel is reached where it runs as Python ("plain"), or within compiled code that is called ("compiled").
+    """
+
+    def __init__(self) -> None:
+        from bowden.core import kernel
+
+        self.found: dict[str, dict[str, Any]] = {}
+        self._plain: set[str] = set()
+        self._compiled: set[str] = set()
+        self._fixtures: dict[int, tuple[set[str], set[str]]] = {}
+        compile_, called = kernel._compile, self._compiled_call
+
+        @functools.cache
+        def recorded(function: Any, name: str, parts: Any, *, within: bool) -> Any:
+            inner = compile_(function, name, parts, within=within)
+            return inner if within else called(inner, frozenset(kernels_in(function, parts)))
+
+        kernel._compile = recorded  # type: ignore[assignment]
+
+    def _compiled_call(self, inner: Any, names: frozenset[str]) -> Any:
+        recorder = self
+
+        class Called:
+            """Compiled code that says when it is called."""
+
+            def __call__(self, *given: Any, **named: Any) -> Any:
+                recorder._compiled |= names
+                return inner(*given, **named)
+
+            def __getattr__(self, name: str) -> Any:
+                return getattr(inner, name)
+
+        return Called()
+
+    def _trace(self, frame: Any, event: str, argument: Any) -> None:
+        if frame.f_code.co_filename.startswith(str(PACKAGE)):
+            self._plain.add(f"{frame.f_code.co_filename[len(str(PACKAGE)) + 1 :]}:{frame.f_code.co_qualname}")
+
+    @pytest.hookimpl(wrapper=True)
+    def pytest_fixture_setup(self, fixturedef: Any) -> Iterator[None]:
+        before, self._plain, self._compiled = (self._plain, self._compiled), set(), set()
+        try:
+            return (yield)
+        finally:
+            self._fixtures[id(fixturedef)] = (self._plain, self._compiled)
+            self._plain, self._compiled = before[0] | self._plain, before[1] | self._compiled
+
+    @pytest.hookimpl(wrapper=True)
+    def pytest_runtest_protocol(self, item: Any) -> Iterator[None]:
+        self._plain, self._compiled = set(), set()
+        threading.settrace(self._trace)
+        sys.settrace(self._trace)
+        try:
+            return (yield)
+        finally:
+            sys.settrace(None)
+            threading.settrace(None)  # type: ignore[arg-type]
+            known = item._fixtureinfo.name2fixturedefs if hasattr(item, "_fixtureinfo") else {}
+            for one in (one for several in known.values() for one in several):
+                plain, compiled = self._fixtures.get(id(one), (set(), set()))
+                self._plain |= plain
+                self._compiled |= compiled
+            row = {"plain": sorted(self._plain), "compiled": sorted(self._compiled - self._plain)}
+            self.found.setdefault(item.nodeid, {}).update(row)
+
+    def pytest_runtest_logreport(self, report: Any) -> None:
+        if report.when == "call":
+            self.found[report.nodeid] = {"time": report.duration, "passed": report.passed}
+
+
+def kernels_in(function: Any, parts: Any) -> Iterator[str]:
+    """A kernel and all that it calls, as `Recorder` names them."""
+    from bowden.core.kernel_content import global_names, is_kernel, meant
+
+    todo, seen = [function], {function}
+    while todo:
+        one = todo.pop()
+        path = one.__code__.co_filename
+        if path.startswith(str(PACKAGE)):
+            yield f"{path[len(str(PACKAGE)) + 1 :]}:{one.__code__.co_qualname}"
+        for name in global_names(one.__code__):
+            value = meant(one, name, dict(parts))
+            if is_kernel(value) and value not in seen:
+                seen.add(value)
+                todo.append(value)
+
+
+def in_child(work: Callable[[], Any], seconds: int) -> Any:
+    """What `work` gives in a process of its own; None where it uses more of the processor's time, or dies."""
+    reader, writer = os.pipe()
+    child = os.fork()
+    if not child:
+        os.setsid()
+        resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds))
+        os.close(reader)
+        silence = os.open(os.devnull, os.O_RDWR)
+        for stream in (0, 1, 2):
+            os.dup2(silence, stream)
+        with contextlib.suppress(BaseException), os.fdopen(writer, "w") as answer:
+            json.dump(work(), answer)
+        os._exit(0)
+    os.close(writer)
+    with os.fdopen(reader, "rb") as told:
+        data = told.read()  # until the child ends
+    with contextlib.suppress(ProcessLookupError):
+        os.killpg(child, signal.SIGKILL)  # and what it has started
+    os.waitpid(child, 0)
+    return json.loads(data) if data else None
+
+
+def run(items: list[Any], until: Callable[[], bool] = lambda: False) -> None:
+    """Run tests one after another, until something is so."""
+    for item, following in pairwise([*items, None]):
+        assert item is not None
+        item.config.hook.pytest_runtest_protocol(item=item, nextitem=following)
+        if until():
+            return
+
+
+class Mutating:
+    """A plugin of pytest that judges mutants by the tests that were collected, in place of running these once."""
+
+    def __init__(self, given: argparse.Namespace) -> None:
+        self.given, self.code = given, 1
+        self._end = time.monotonic() + given.seconds
+        self._failed = ""
+
+    def pytest_runtestloop(self, session: pytest.Session) -> bool:
+        items = {item.nodeid: item for item in session.items}
+        tests = reached(items)
+        every = list(mutants(self.given.rooms))
+        count = len(every) if self.given.all else min(self.given.count, len(every))
+        drawn = every if self.given.all else random.Random(self.given.seed).sample(every, count)
+        kept = Kept(f"mutants-{'-'.join(self.given.rooms)}-{'all' if self.given.all else self.given.seed}")
+        done = {what: by for what, by in kept.rows() if not (self.given.left and by in ALIVE)}
+        kept.replace([[one.what, done[one.what]] for one in drawn if one.what in done])
+        missing = (one for one in drawn if one.what not in done)
+        rows = kept.filled(([one.what, self.judge(one, tests, items)] for one in missing if self._in_time()), count)
+        self.code = summary(rows, count)
+        return True
+
+    def _in_time(self) -> bool:
+        return time.monotonic() < self._end
+
+    def pytest_runtest_logreport(self, report: Any) -> None:
+        if report.failed and not self._failed:
+            self._failed = report.nodeid
+
+    def judge(self, mutant: Mutant, tests: dict[str, Any], items: dict[str, Any]) -> str:
+        """The test that notices a mutant; one of `ALIVE` if none does."""
+        names = [name for name in tests_for(mutant, tests) if name in items]
+
+        def work() -> str:
+            from bowden.core import kernel_cache
+
+            kernel_cache._write = lambda path, content: None  # of a mutant nothing is kept
+            put_in_place(mutant)
+            run([items[name] for name in names], until=lambda: bool(self._failed))
+            return self._failed or "survives"
+
+        by = (in_child(work, PATIENCE) or "does not end, or dies") if names else "no test"
+        print(f"{by} ← {mutant.what}", flush=True)
+        return by
+
+
+def reached(items: dict[str, Any]) -> dict[str, dict[str, Any]]:
+    """Test → what it reaches; of test files that have changed, found anew."""
+    known: dict[str, Any] = json.loads(REACHED.read_text(encoding="utf-8")) if REACHED.is_file() else {}
+    for file in sorted({name.partition("::")[0] for name in items}):
+        mark = sha256((ROOT / file).read_bytes()).hexdigest()[:16]
+        if known.get(file, {}).get("hash") == mark:
+            continue
+        own, start = [item for name, item in items.items() if name.partition("::")[0] == file], time.monotonic()
+
+        def work(own: list[Any] = own) -> Any:
+            recorder = Recorder()
+            own[0].config.pluginmanager.register(recorder)
+            run(own)
+            return recorder.found
+
+        known[file] = {"hash": mark, "tests": in_child(work, 1200) or {}}
+        print(f"{file}: {len(known[file]['tests'])} tests in {time.monotonic() - start:.0f} s", flush=True)
+        REACHED.write_text(json.dumps(known), encoding="utf-8")
+    return {name: row for file in known for name, row in known[file]["tests"].items() if row.get("passed")}
+
+
+def tests_for(mutant: Mutant, tests: dict[str, dict[str, Any]]) -> list[str]:
+    """The tests that reach what is changed, or where that is a module's anything of it; quickest first."""
+    key, chosen = f"{mutant.path}:{mutant.function}", []
+    for name, row in tests.items():
+        for kind, more in (("plain", 0.0), ("compiled", COMPILING)):
+            if key in row[kind] if mutant.function else any(one.startswith(key) for one in row[kind]):
+                chosen.append((row["time"] + more, name))
+                break
+    total, names = 0.0, []
+    for cost, name in sorted(chosen):
+        total += cost
+        if not names or total < BUDGET:
+            names.append(name)
+    return names
+
+
+def summary(rows: list[list[str]], wanted: int) -> int:
+    known = dict(tomllib.loads(EQUIVALENT.read_text(encoding="utf-8"))["rows"])
+    left = [what for what, by in rows if by in ALIVE and what not in known]
+    judged = Counter(what.split("/")[0] for what, _ in rows if what not in known)
+    for what in left:
+        print("survives:", what)
+    for room, number in sorted(judged.items()):
+        print(f"{room}: {number - sum(what.startswith(f'{room}/') for what in left)} of {number} killed")
+    whole = sum(judged.values())
+    print(f"{len(rows)} of {wanted}: {whole - len(left)} of {whole} killed, {len(rows) - whole} change nothing")
+    return 1 if left or len(rows) < wanted else 0
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("count", nargs="?", type=int, default=20)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--rooms", nargs="*", default=[], help="all, if none is named")
+    parser.add_argument("--tests", nargs="*", default=["tests"], help="all, if none is named")
+    parser.add_argument("--all", action="store_true", help="every mutant of the rooms")
+    parser.add_argument("--left", action="store_true", help="judge again what survived")
+    parser.add_argument("--seconds", type=float, default=float("inf"), help="how long, at most")
+    given = parser.parse_args()
+    FOLDER.mkdir(parents=True, exist_ok=True)
+    os.chdir(ROOT)
+    plugin = Mutating(given)
+    options = ["-q", "-s", "-p", "no:xdist", "-p", "no:cacheprovider", "-m", "not live and not long and not browser"]
+    pytest.main([*options, *given.tests], plugins=[plugin])
+    return plugin.code
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
