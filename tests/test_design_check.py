@@ -187,20 +187,6 @@ def test_what_cannot_be_checked_is_refused(law: Law, options: dict[str, Any], sa
         check(BENCH, law, **options)
 
 
-@pytest.mark.parametrize("verdict", ["holds", "little_margin", "limit_cycle", "does_not_hold"])
-def test_exit_code_json_and_python_agree_on_each_verdict(
-    verdict: VerdictName, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    Path("rig.toml").write_text("")
-    found = replace(check(default_bench(), LAWS["uncompensated"]), verdict=verdict)
-    monkeypatch.setattr("bowden.design.verdict.checked", lambda joint: found)
-    code = run(["check", "rig.toml", "--json"])
-    document = json.loads(capsys.readouterr().out)
-    assert (code == 0) is document["holds"] is found.holds is (verdict != "does_not_hold")
-    assert document["verdict"] == verdict
-
-
 @pytest.mark.parametrize("preset", [[], ["--preset", "paper"]])
 def test_the_command_prints_one_document(
     preset: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
