@@ -64,6 +64,7 @@ def test_each_command_names_the_next_one(
     assert capsys.readouterr().out.splitlines()[-1].startswith("Next: make -C firmware/bowden check")
 
 
+@pytest.mark.long
 @pytest.mark.live
 def test_a_recorded_cable_ends_with_a_running_law(twelve: Any, shared_data: Path, tmp_path: Path) -> None:
     for number in tries():

@@ -186,6 +186,7 @@ def test_a_page_without_a_sign_of_life_has_the_run_released_in_time(page: Page, 
     page.close()
 
 
+@pytest.mark.long  # a stop beside viewers is in every run of the page; this many come from nobody
 def test_a_stop_passes_beside_130_requests_without_an_end_and_viewers_that_never_read(
     page: Page, console: RunningConsole
 ) -> None:
