@@ -47,7 +47,7 @@ def _of_motor(rig: Rig, *, paired: bool, opposed: bool) -> Iterator[str]:
     except ParameterError as error:
         yield str(error)
     yield from contradictions(limits, rig.sample_time, opposed=opposed, given=rig.limits)
-    if not paired:
+    if not paired and limits.joint_low < limits.joint_high:
         yield from mismatches(rig, limits)
 
 
