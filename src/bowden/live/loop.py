@@ -53,6 +53,8 @@ class Ended:
     unattended: float = 0.0
     """Age of the operator's last sign of life, where nobody asked for the end and this alone brought it before the
     reference had come to its own; 0 elsewhere [s]."""
+    ran: bool = True
+    """Whether an axis ever was in `Mode.RUNNING`."""
     axes: tuple["EndedAxis", ...] = ()
     """Of each axis."""
 
@@ -92,6 +94,8 @@ class _Axis:
         begun = self.cycle.state.supervisor
         self.mode, self.target = begun.decided.mode, begun.target
         """Of the last verdict."""
+        self.ran = False
+        """Whether it ever was in `Mode.RUNNING`."""
         self.verdict = Verdict(self.target, Power.OFF, self.mode, Reaction.NONE, 0)
         self.gains = GainRamp(self.cycle.law, self.cycle.gains, self.cycle.period)
         self.stalled = 0.0
@@ -115,11 +119,12 @@ class _Axis:
         self._plan = self.script.plan(self.mode, self.target, self.reading, cycles)
         self.outcome = self.script.outcome
 
-    def judge(self, lateness: float, elapsed: float, age: float, recorder: bool) -> SafetyError | None:
+    def judge(self, lateness: float, elapsed: float, age: float, recorder: int) -> SafetyError | None:
         """What is done: law and supervisor; an error where the verdict is broken, which the torque's end replaces."""
         cycle, before = self.cycle, self.mode
         observed = Observed(
-            *(self.reading, lateness, elapsed, self.request, age, recorder, self.outcome, self._emg_age),
+            *(self.reading, lateness, elapsed, self.request, age, recorder == RecorderState.OK),
+            *(self.outcome, self._emg_age),
             *(self.others, self.opposite),
         )
         self._requested_target, verdict = cycle.step(observed, self._plan)
@@ -132,6 +137,7 @@ class _Axis:
             broken = error
             verdict = self._off(verdict)
         self.verdict, self.mode, self.target = verdict, verdict.mode, verdict.target
+        self.ran = self.ran or verdict.mode == Mode.RUNNING
         return broken
 
     def _off(self, verdict: Verdict) -> Verdict:
@@ -272,6 +278,7 @@ class Loop:
             max(one.torque for one in ended),
             max(axis.stalled for axis in self._axes),
             unattended,
+            any(axis.ran for axis in self._axes),
             tuple(ended),
         )
 
@@ -327,7 +334,7 @@ class Loop:
                 step_all(ramps, block, 1 + skipped)
 
             # what is done
-            recorder = ring.recorder.state(woke) == RecorderState.OK
+            recorder = ring.recorder.state(woke)
             lateness, elapsed = (woke - deadline) * 1e-9, (woke - before) * 1e-9
             broken = None
             for axis in axes:

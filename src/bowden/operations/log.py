@@ -104,6 +104,14 @@ class LogInfo(Result["LogInfo"]):
 
     file: Path
     """The log."""
+    outcome: str
+    """How the run ended: as asked, or what ended it first."""
+    rmse_deg: float | None
+    """Joint against reference under the law, root mean square; of several axes the largest; null without one [deg]."""
+    peak_deg: float | None
+    """Largest error under the law, likewise [deg]."""
+    seconds_led: float
+    """Time under the law; of several axes the shortest [s]."""
     closed: bool
     """Whether the recorder ended it properly."""
     whole: bool
