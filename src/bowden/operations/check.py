@@ -2,7 +2,7 @@
 
 import contextlib
 import math
-from dataclasses import KW_ONLY, dataclass
+from dataclasses import KW_ONLY, dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal
 
 from bowden.operations.support.operation import GivenLaw, GivenProgress, GivenRig, Operation
@@ -216,10 +216,10 @@ def check(
         for number, one in enumerate(singles):
             report(f"checking {one.name} {one.rig.law_name}".replace("  ", " "), number / count)
             with asked_for_by(f"axis {quoted(one.name)}") if one.name else contextlib.nullcontext():
-                checks[one.name] = checked(one.rig)
+                checks[one.name] = replace(checked(one.rig), cable_trust=one.rig.cable_trust)
         if joint:
             report(f"checking {joint}", len(singles) / count)
-            checks[joint] = checked_pair(whole)
+            checks[joint] = replace(checked_pair(whole), cable_trust=whole.cable_trust)
     rigs = {one.name: one.rig for one in singles} | ({joint: whole} if joint else {})
     worst = max(checks, key=lambda name: _badness(checks[name]))
     several = {name: _figures(one, rigs[name]) for name, one in checks.items()} if len(checks) > 1 else {}
