@@ -4,6 +4,7 @@ import importlib
 import json
 import math
 import sys
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -137,7 +138,9 @@ def test_trust_goes_from_the_log_into_each_command_on_the_rig(
     assert cable.trust.level == "no"
     for command in (["init", "--model", "out/identify/model.toml"], ["check", "rig.toml"]):
         run(command)
-        assert capsys.readouterr().out.startswith("Trust in the cable's model: no: the model predicts hardly better")
+        said = capsys.readouterr().out.splitlines()
+        assert said[0].startswith("Trust in the cable's model: no: the model predicts hardly better")
+        assert said[0].endswith(" (all reasons: [trust] of out/identify/model.toml)") is ("check" in command)
     run(["check", "rig.toml", "--json"])
     assert json.loads(capsys.readouterr().out)["trust"] == {"level": "no", "reasons": list(cable.trust.reasons)}
     rig = Rig.read("rig.toml")
@@ -146,3 +149,17 @@ def test_trust_goes_from_the_log_into_each_command_on_the_rig(
     rig.write("again/rig.toml")
     assert isinstance(trust := Rig.read("again/rig.toml").cable.trust, Trust)
     assert trust == cable.trust
+
+    doubted = partial(pytest.warns, UserWarning, match="Trust in the cable's model: no: the model predicts hardly")
+    with doubted():
+        assert bowden.init("out/identify/model.toml").cable_trust == cable.trust
+    with doubted() as told:
+        assert bowden.check(rig, "uncompensated").cable_trust == cable.trust
+    assert sum("Trust in" in str(one.message) for one in told) == 1
+    with doubted():
+        trace = bowden.simulate(rig, "uncompensated", duration=2.0)
+    assert trace.settings["cable_trust"] == cable.trust._asdict()
+    with doubted():
+        _ = bowden.run(rig, twin=True)
+    with doubted():
+        assert bowden.export(rig, "firmware", "uncompensated", force=True).cable_trust == cable.trust
