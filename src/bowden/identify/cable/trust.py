@@ -46,7 +46,7 @@ def trust(fit: Fit) -> Trust:
         doubt("no", "the model predicts hardly better than a straight line")
     elif rate is None and unseen > max(QUARTER * line.test_rms, _COUNTS * counts, SLIGHT):
         doubt("with care", "the model leaves a quarter or more of what a straight line does")
-    elif loop is not None and loop.height < max(_COUNTS * unseen, SLIGHT):
+    elif rate is None and loop is not None and loop.height < max(_COUNTS * unseen, SLIGHT):
         why = f"no loop shows beside what the model leaves ({_degrees(loop.height)} high)"
         doubt("with care", f"{why}: is the joint computed from the motor, or its target?")
     apart = peak_speed(log.time, log.joint) * float(np.median(np.diff(log.time)))
@@ -54,7 +54,8 @@ def trust(fit: Fit) -> Trust:
         why = f"the joint moves {_degrees(apart)} from row to row: if it is one row late, that alone makes such a loop"
         doubt("with care", f"{why} ({_degrees(loop.height)} high); record more rows a second, or move slower")
     if fit.reversals and (fit.chosen_on_whole or fit.cycles.whole < FOR_YES):
-        doubt("with care", f"{fit.cycles.counted}, too few to judge a model on cycles that it has not seen")
+        few = "too few to judge a model on cycles that it has not seen"
+        doubt("with care", f"{fit.cycles.counted} (up and down through the middle half of the motor's range), {few}")
     if rate is not None:
         doubt("with care", f"the joint's sensor drifts by {rate * DEGREES * 60.0:.2g}°/min")
     elif not fit.chosen_on_whole and unseen > WORSE * seen and unseen > SLIGHT and fit.best.name != "line":
