@@ -264,6 +264,7 @@ int main(void)
 
 
 @pytest.mark.skipif(COMPILER is None, reason="no C compiler")
+@pytest.mark.filterwarnings("ignore:bowden run will refuse this rig")  # its zeros are anywhere
 def test_in_c_the_counts_of_a_log_lie_on_the_cable_of_the_rig() -> None:
     """Of a cable whose joint falls as its motor rises, and whose zeros are anywhere; commands become counts again."""
     shape = {"hysteresis_gain": 0.05, "rate": 9.0, "shape": 8.0, "exponent": 2.0, "initial_h": 0.1}
