@@ -1,8 +1,8 @@
 """What a rig tells a law: one rule, by which every command that runs a law goes."""
 
 import contextlib
-import importlib
 import dataclasses
+import importlib
 import math
 from collections.abc import Iterator
 from pathlib import Path
