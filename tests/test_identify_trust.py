@@ -71,6 +71,14 @@ def test_rows_that_repeat_the_joint_are_left_out(dither: float) -> None:
     assert np.rad2deg(fit.models["play"].parameters["half_width"]) == pytest.approx(4.0, abs=0.1)
 
 
+def test_an_encoder_that_dithers_by_less_than_a_count_repeats_no_rows() -> None:
+    time = np.arange(0.0, 20.0, 0.002)
+    motor = 45.0 * np.sin(1.3 * time)
+    joint = play(motor) + 0.04 * np.random.default_rng(7).standard_normal(len(time))
+    fit = bowden.identify(time, motor, np.round(joint / 0.088) * 0.088, unit="deg")
+    assert not [why for why in fit.trust.reasons if "repeats" in why]
+
+
 def test_rows_that_repeat_both_angles_are_no_fault() -> None:
     """Unless the rows that are left are so far apart that a late one alone makes such a loop."""
     for rows, level in ((2, "yes"), (5, "with care")):
