@@ -72,9 +72,9 @@ def test_rows_that_repeat_the_joint_are_left_out(dither: float) -> None:
 
 
 def test_an_encoder_that_dithers_by_less_than_a_count_repeats_no_rows() -> None:
-    time = np.arange(0.0, 20.0, 0.002)
-    motor = 45.0 * np.sin(1.3 * time)
-    joint = play(motor) + 0.04 * np.random.default_rng(7).standard_normal(len(time))
+    time = np.arange(0.0, 40.0, 0.002)
+    motor = 45.0 * (2.0 * np.abs(2.0 * ((0.1 * time) % 1.0) - 1.0) - 1.0)
+    joint = play(motor, 4.5) / 0.9 * 1.4 + 0.04 * np.random.default_rng(7).standard_normal(len(time))
     fit = bowden.identify(time, motor, np.round(joint / 0.088) * 0.088, unit="deg")
     assert not [why for why in fit.trust.reasons if "repeats" in why]
 
