@@ -181,4 +181,5 @@ def main() -> None:
     print(json.dumps(found, default=str))
 
 
-main()
+if __name__ == "__main__":
+    main()
