@@ -96,11 +96,11 @@ class LogInfo(Result["LogInfo"]):
     outcome: str
     """How the run ended: as asked, or what ended it first."""
     rmse_deg: float | None
-    """Joint against reference under the law, root mean square; of several axes the largest; null without one [deg]."""
+    """Joint against reference under the law, root mean square; of several motors the largest; null without one [deg]."""
     peak_deg: float | None
     """Largest error under the law, likewise [deg]."""
     seconds_led: float
-    """Time under the law; of several axes the shortest [s]."""
+    """Time under the law; of several motors the shortest [s]."""
     closed: bool
     """Whether the recorder ended it properly."""
     whole: bool
