@@ -96,7 +96,7 @@ class LogInfo(Result["LogInfo"]):
     outcome: str
     """How the run ended: as asked, or what ended it first."""
     rmse_deg: float | None
-    """Joint against reference under the law, root mean square; of several motors the largest; null without one [deg]."""
+    """Joint against reference under the law, root mean square; of several motors the largest; null if none [deg]."""
     peak_deg: float | None
     """Largest error under the law, likewise [deg]."""
     seconds_led: float
