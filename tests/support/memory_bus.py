@@ -29,6 +29,12 @@ from bowden.plants.presets.bench import bench
 from bowden.rig.families import family_of
 
 
+def asking(drive: Any, **changed: Any) -> Any:
+    """A drive's parameters with other values, of its own or of what the rig asks for."""
+    own = {name: changed.pop(name) for name in drive._fields if name in changed}
+    return drive._replace(**own, needs=drive.needs._replace(**changed))
+
+
 class Node(Protocol):
     """Who is on the bus."""
 

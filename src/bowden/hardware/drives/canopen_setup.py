@@ -88,7 +88,7 @@ def set_up(bus: can.BusABC, drive: DriveParameters) -> Found:
                 expected="the motor's, in µN·m",
                 do="set the motor's data in the drive with its maker's tool",
             )
-        _check_rated(node, drive, rated_torque / drive.torque_constant)
+        _check_rated(node, drive, rated_torque / drive.needs.torque_constant)
         said, serial = identity(node, state), serial_of(node)
         _start(node)
         _try_watch(node, drive, state)
@@ -184,7 +184,8 @@ def restore(bus: can.BusABC, drive: DriveParameters) -> None:
 def _reset(node: Dialogue, drive: DriveParameters) -> None:
     """Reset the fault of a lost host."""
     for word in (Controlword.DISABLE_VOLTAGE, Controlword.FAULT_RESET, Controlword.DISABLE_VOLTAGE):
-        node.send(frames.RPDO1 + drive.node_id, frames.pack_rpdo1(word, 0, 0 if drive.torque_offset > 0.0 else None))
+        push = 0 if drive.needs.torque_offset > 0.0 else None
+        node.send(frames.RPDO1 + drive.node_id, frames.pack_rpdo1(word, 0, push))
         node.send(frames.SYNC, b"")
     if not node.waits(drive.answer_timeout, lambda: decode(node.read(0x6041)) is not DriveState.FAULT):
         raise DriveError(
@@ -257,10 +258,10 @@ def _check_scale(node: Dialogue, drive: DriveParameters) -> None:
 def _check_rated(node: Dialogue, drive: DriveParameters, rated: float) -> None:
     """Whether thousandths of the `rated` current [A] can express the rig's: 16 bits must hold its largest finely."""
     most, least = 1e-3 * frames.INT16 * rated, 1e-3 * rated
-    if drive.current_limit > 0.0 and not 100.0 * least <= drive.current_limit <= most:
+    if drive.needs.current_limit > 0.0 and not 100.0 * least <= drive.needs.current_limit <= most:
         raise DriveError(
             f"{node.name} reports currents from {least:.3g} to {most:.3g} A by its rated torque (6076h) and the "
-            f"motor's torque constant, and the rig's largest is {drive.current_limit:g} A",
+            f"motor's torque constant, and the rig's largest is {drive.needs.current_limit:g} A",
             expected="a rated torque of the motor's size, in µN·m",
             do="set the motor's data in the drive with its maker's tool, or correct the torque constant in [motor]",
         )
@@ -278,20 +279,21 @@ def _check_limits(node: Dialogue, drive: DriveParameters, motor: Scale | SuitSca
             )
         low, high = -frames.INT32, frames.INT32 - 1  # its counter's own
     ends = sorted((motor.angle(low), motor.angle(high)))
-    spool = motor.steepest(drive.lowest_motor, drive.highest_motor)  # the drive's own limits are the spool's
-    unit = _speed_unit(node) / drive.gear / spool
+    needs = drive.needs
+    spool = motor.steepest(needs.lowest_motor, needs.highest_motor)  # the drive's own limits are the spool's
+    unit = _speed_unit(node) / needs.gear / spool
     window, current = abs(motor.step) / spool, 1e-3
     asked = (
-        ("speed limit", drive.speed_limit, "rad/s", (0x6080, 0), unit),
-        ("speed limit", drive.speed_limit, "rad/s", (0x607F, 0), unit),
-        ("following error", drive.following_error, "rad", (0x6065, 0), window),
-        ("current limit", drive.current_limit, "A", (0x3001, 2), current),
+        ("speed limit", needs.speed_limit, "rad/s", (0x6080, 0), unit),
+        ("speed limit", needs.speed_limit, "rad/s", (0x607F, 0), unit),
+        ("following error", needs.following_error, "rad", (0x6065, 0), window),
+        ("current limit", needs.current_limit, "A", (0x3001, 2), current),
     )
     own = [(*limit, node.read_if_there(*limit[3])) for limit in asked]
     check_limits(
         (
-            DriveLimit("lowest motor angle", drive.lowest_motor, ends[0], "rad", "607Dh", lower=True),
-            DriveLimit("highest motor angle", drive.highest_motor, ends[1], "rad", "607Dh"),
+            DriveLimit("lowest motor angle", needs.lowest_motor, ends[0], "rad", "607Dh", lower=True),
+            DriveLimit("highest motor angle", needs.highest_motor, ends[1], "rad", "607Dh"),
             *(
                 DriveLimit(what, rig, count * size, unit_, f"{at[0]:04X}h")
                 for what, rig, unit_, at, size, count in own
@@ -326,7 +328,7 @@ def _configure(node: Dialogue, drive: DriveParameters) -> None:
             expected=f"{CYCLIC_SYNCHRONOUS_POSITION}, cyclic synchronous position, as written to 6060h",
             do="see with its maker's tool what keeps it there",
         )
-    node.write(0x60C2, 1, round(1e3 * drive.sample_time), 1)
+    node.write(0x60C2, 1, round(1e3 * drive.needs.sample_time), 1)
     node.write(0x60C2, 2, -3, 1)
     try:
         node.write(0x6007, 0, FAULT_SIGNAL, 2)
@@ -379,7 +381,7 @@ def heartbeat_consumer(drive: DriveParameters) -> int:
 def _map_orders(node: Dialogue, drive: DriveParameters) -> None:
     """RPDO 1, with the torque offset where the rig has one; elsewhere what somebody has left in 60B2h is taken out."""
     cob_id = frames.RPDO1 + drive.node_id
-    if drive.torque_offset == 0.0:
+    if drive.needs.torque_offset == 0.0:
         if node.read_if_there(0x60B2):
             node.write(0x60B2, 0, 0, 2)
         _map(node, 0x1400, cob_id, frames.RPDO1_MAPPING)

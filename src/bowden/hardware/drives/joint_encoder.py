@@ -77,7 +77,7 @@ class JointEncoderParameters(NamedTuple):
 
 def joint_encoder_of(drive: Any) -> JointEncoderParameters | None:
     """What a family's parameters with the keys above say of it; None where there is none."""
-    if drive.joint != "cia406":
+    if getattr(drive, "joint", "none") != "cia406":
         return None
     return JointEncoderParameters(
         drive.joint_node_id,
