@@ -192,7 +192,8 @@ def over_the_bus(drive: DriveParameters) -> tuple[TwinBus, CanopenDrive]:
 
 
 def test_over_the_bus_the_drive_speaks_of_the_joints_coordinate() -> None:
-    limited = DRIVE._replace(
+    limited = asking(
+        DRIVE,
         **{"lowest_motor": -0.2, "highest_motor": 2.0, "speed_limit": 15.0, "following_error": 0.9},
         **{"current_limit": 20.0, "tension_scale": 0.05, "answer_timeout": 1.0},
     )
@@ -244,7 +245,7 @@ def test_a_torque_offset_arrives_at_the_spool_within_its_bound_and_only_under_to
             bus.advance(1e-3)
         return plant.torque_offset
 
-    step = pushed.gear * RATED_CURRENT * pushed.torque_constant * 1e-3
+    step = pushed.needs.gear * RATED_CURRENT * pushed.needs.torque_constant * 1e-3
     assert told(1.0, Power.READY) == 0.0
     assert told(1.0, Power.ON) == pytest.approx(1.0, abs=0.5 * step)
     assert told(-9.0, Power.ON) == pytest.approx(-2.0, abs=0.5 * step)

@@ -21,7 +21,6 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import can
-import canopen
 import numpy as np
 
 from bowden.control.law_file import law_file
@@ -341,13 +340,29 @@ def _of_mcap(path: Path) -> None:
     found.trace()
 
 
+class _Hostile:
+    """A bus on which a node answers every question with the next eight bytes that it was given."""
+
+    def __init__(self, data: bytes) -> None:
+        self.bus: Any = self
+        self._answers = [data[at : at + 8] for at in range(0, min(len(data), 2000), 8)]
+        self._asked = False
+
+    def send(self, message: can.Message) -> None:
+        self._asked = True
+
+    def wait_for(self, matches: Any, timeout: float) -> tuple[int, bytes] | None:
+        asked, self._asked = self._asked, False
+        return (0x582, self._answers.pop(0)) if asked and self._answers else None
+
+
 def _wild(data: bytes) -> None:
     """Frames of any identifier, and what our side makes of each of them."""
-    heard = canopen_dialogue.BusListener(2, 127)
+    heard = canopen_dialogue.Dialogue(_Hostile(b""), 2, 127, 0.0)
     for at in range(0, min(len(data), 800), 10):
         cob_id = data[at] * 8 + (data[at + 1] & 7 if at + 1 < len(data) else 0)
         body = data[at + 2 : at + 10]
-        heard.on_message_received(can.Message(arbitration_id=cob_id, data=body, is_extended_id=False))
+        heard.take(cob_id, body)
         for unpack in (canopen_frames.unpack_tpdo1, canopen_frames.unpack_tpdo2, canopen_frames.unpack_rpdo1,
                        canopen_frames.unpack_emergency, canopen_frames.unpack_heartbeat):  # fmt: skip
             unpack(body)
@@ -355,21 +370,8 @@ def _wild(data: bytes) -> None:
         emergencies.emergency_text(code)
 
 
-class _Hostile(canopen.Network):  # type: ignore[misc]
-    """A bus on which a node answers every question with the next eight bytes that it was given."""
-
-    def __init__(self, data: bytes) -> None:
-        super().__init__()
-        self._answers = [data[at : at + 8] for at in range(0, min(len(data), 2000), 8)]
-
-    def send_message(self, can_id: int, data: Any, remote: bool = False) -> None:
-        if can_id == 0x602 and self._answers:
-            self.notify(0x582, bytearray(self._answers.pop(0)), 0.0)
-
-
 def _sdo(data: bytes) -> None:
-    network = _Hostile(data)
-    asked = canopen_dialogue.Dialogue(network, 2, 0.0, canopen_dialogue.BusListener(2, 127), "a drive")
+    asked = canopen_dialogue.Dialogue(_Hostile(data), 2, 127, 0.0, "a drive")
     for ask in (lambda: asked.read(0x1000), lambda: asked.text(0x1008), lambda: asked.write(0x6060, 0, 8, 1)):
         with contextlib.suppress(DriveError):
             ask()

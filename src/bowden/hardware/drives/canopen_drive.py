@@ -66,13 +66,13 @@ class CanopenDrive(Driver):
         self._ours = frames.of_the_host(node, host)
 
     def _find(self, port: BusPort) -> Found:
-        found = set_up(port.bus, self._drive)
+        found = set_up(port, self._drive)
         port.disturbed()
         return found
 
     def _restore(self) -> None:
         if self._port is not None and self._found is not None and self._found.state is not DriveState.FAULT:
-            restore(self._port.bus, self._drive)
+            restore(self._port, self._drive)
 
     def _concerns(self, identifier: int) -> bool:
         return identifier & 0x7F == self._drive.node_id or identifier in self._ours

@@ -7,14 +7,12 @@ import contextlib
 import math
 from collections.abc import Iterator
 
-import can
-
 from bowden.core.errors import DriveError
 from bowden.core.signals import DriveState
-from bowden.hardware.buses.link import Links
+from bowden.hardware.buses.link import BusPort, Links
 from bowden.hardware.buses.opening import UNIX
 from bowden.hardware.drives import canopen_frames as frames
-from bowden.hardware.drives.canopen_dialogue import Dialogue, dialogue
+from bowden.hardware.drives.canopen_dialogue import Dialogue
 from bowden.hardware.drives.checklist import DriveLimit, Found, check_limits, joined, refuse_torque
 from bowden.hardware.drives.cia402 import CYCLIC_SYNCHRONOUS_POSITION, WITH_TORQUE, Controlword, decode
 from bowden.hardware.drives.emergencies import HEARTBEAT_LOST, emergency_text
@@ -53,47 +51,47 @@ OUTPUTS = 0x60FE
 """Digital outputs: bit 0 of sub-index 1 is the brake's, sub-index 2 says which bits are the host's (CiA 402-2)."""
 
 
-def set_up(bus: can.BusABC, drive: DriveParameters) -> Found:
-    """Find, check and configure the drive and start its PDOs; afterwards nothing of the library runs any more.
+def set_up(port: BusPort, drive: DriveParameters) -> Found:
+    """Find, check and configure the drive and start its PDOs.
 
     Args:
-        bus: open, and read by nobody else.
+        port: of its bus, read by nobody else.
         drive: what the rig says of it.
 
     Raises:
         DriveError: no answer, not a CiA 402 servo drive, it does not know the mode, it refuses a setting, it is under
             torque, or the rig's limits are beyond its own.
     """
-    with dialogue(bus, drive.node_id, drive.host_id, drive.answer_timeout) as node:
-        node.waits(LISTENING, lambda: node.listener.foreign is not None)
-        check_alone(node, drive)
-        node.listener.booted = False  # one that has just been switched on
-        if not node.answers():  # an end of ours has stopped it: only then may it be written to before it is known
-            node.command(frames.NMT_PRE_OPERATIONAL)
-        _check_profile(node)
-        state = _check_torque_free(node)
+    node = Dialogue(port, drive.node_id, drive.host_id, drive.answer_timeout)
+    node.waits(LISTENING, lambda: node.bus.foreign is not None)
+    check_alone(node, drive)
+    node.booted = False  # one that has just been switched on
+    if not node.answers():  # an end of ours has stopped it: only then may it be written to before it is known
         node.command(frames.NMT_PRE_OPERATIONAL)
-        _check_mode(node)
-        _check_scale(node, drive)
-        motor, joint = motor_scale(drive), joint_scale(drive)
-        if drive.home == "here":
-            motor = motor_scale(drive, node.read(0x6064, signed=True))
-            joint = joint_scale(drive, node.read(0x60E4, 2, signed=True))
-        _check_limits(node, drive, motor)
-        _configure(node, drive)
-        rated_torque = 1e-6 * node.read(0x6076)
-        if rated_torque == 0.0:
-            raise DriveError(
-                f"{node.name} has a rated torque (6076h) of 0",
-                expected="the motor's, in µN·m",
-                do="set the motor's data in the drive with its maker's tool",
-            )
-        _check_rated(node, drive, rated_torque / drive.needs.torque_constant)
-        said, serial = identity(node, state), serial_of(node)
-        _start(node)
-        _try_watch(node, drive, state)
-        check_alone(node, drive)
-    if node.listener.booted:
+    _check_profile(node)
+    state = _check_torque_free(node)
+    node.command(frames.NMT_PRE_OPERATIONAL)
+    _check_mode(node)
+    _check_scale(node, drive)
+    motor, joint = motor_scale(drive), joint_scale(drive)
+    if drive.home == "here":
+        motor = motor_scale(drive, node.read(0x6064, signed=True))
+        joint = joint_scale(drive, node.read(0x60E4, 2, signed=True))
+    _check_limits(node, drive, motor)
+    _configure(node, drive)
+    rated_torque = 1e-6 * node.read(0x6076)
+    if rated_torque == 0.0:
+        raise DriveError(
+            f"{node.name} has a rated torque (6076h) of 0",
+            expected="the motor's, in µN·m",
+            do="set the motor's data in the drive with its maker's tool",
+        )
+    _check_rated(node, drive, rated_torque / drive.needs.torque_constant)
+    said, serial = identity(node, state), serial_of(node)
+    _start(node)
+    _try_watch(node, drive, state)
+    check_alone(node, drive)
+    if node.booted:
         raise DriveError(
             f"{node.name} has restarted during its bring-up",
             expected="a drive that stays on",
@@ -108,7 +106,7 @@ def check_alone(node: Dialogue, drive: DriveParameters) -> None:
     Raises:
         DriveError: one has.
     """
-    cob_id = node.listener.foreign
+    cob_id = node.bus.foreign
     if cob_id is not None:
         who = (
             f"a node {drive.host_id}, which is the number of this computer,"
@@ -138,11 +136,9 @@ def _try_watch(node: Dialogue, drive: DriveParameters, state: DriveState) -> Non
     """
     if state is DriveState.FAULT and node.read_if_there(0x603F) == HEARTBEAT_LOST:
         return
-    node.listener.emergencies.clear()
+    node.emergencies.clear()
     node.send(frames.HEARTBEAT + drive.host_id, bytes((frames.OPERATIONAL,)))
-    if not node.waits(
-        drive.heartbeat_timeout + drive.answer_timeout, lambda: HEARTBEAT_LOST in node.listener.emergencies
-    ):
+    if not node.waits(drive.heartbeat_timeout + drive.answer_timeout, lambda: HEARTBEAT_LOST in node.emergencies):
         raise DriveError(
             f"{node.name} does not notice that its host is silent",
             expected=f"an emergency 0x{HEARTBEAT_LOST:X} {1e3 * drive.heartbeat_timeout:g} ms after our last heartbeat",
@@ -162,23 +158,23 @@ def _try_watch(node: Dialogue, drive: DriveParameters, state: DriveState) -> Non
         _reset(node, drive)
 
 
-def restore(bus: can.BusABC, drive: DriveParameters) -> None:
+def restore(port: BusPort, drive: DriveParameters) -> None:
     """Bring back a drive that has missed its host's heartbeat while another drive on its bus was tried: both get it.
 
     Args:
-        bus: open, and read by nobody else.
+        port: of its bus, read by nobody else.
         drive: that was set up, without a fault.
 
     Raises:
         DriveError: it does not answer, or stays in fault.
     """
-    with dialogue(bus, drive.node_id, drive.host_id, drive.answer_timeout) as node:
-        if node.read_if_there(0x603F) != HEARTBEAT_LOST:
-            return
-        if not node.reaches(frames.OPERATIONAL, 1):
-            _start(node)
-        if decode(node.read(0x6041)) is DriveState.FAULT:
-            _reset(node, drive)
+    node = Dialogue(port, drive.node_id, drive.host_id, drive.answer_timeout)
+    if node.read_if_there(0x603F) != HEARTBEAT_LOST:
+        return
+    if not node.reaches(frames.OPERATIONAL, 1):
+        _start(node)
+    if decode(node.read(0x6041)) is DriveState.FAULT:
+        _reset(node, drive)
 
 
 def _reset(node: Dialogue, drive: DriveParameters) -> None:
@@ -456,15 +452,14 @@ def probe(drive: DriveParameters, links: Links) -> list[FoundDevice]:
         DriveError: the bus cannot be used, or another host is on it.
     """
     with joined(place(drive), drive.node_id, links) as port:
-        with dialogue(port.bus, drive.node_id, drive.host_id, drive.answer_timeout) as node:
-            node.waits(LISTENING, lambda: node.listener.foreign is not None)
-            check_alone(node, drive)
-            there = [drive.node_id] * node.answers() + node.others()
+        node = Dialogue(port, drive.node_id, drive.host_id, drive.answer_timeout)
+        node.waits(LISTENING, lambda: node.bus.foreign is not None)
+        check_alone(node, drive)
         found = []
-        for number in sorted(there):
-            with dialogue(port.bus, number, drive.host_id, drive.answer_timeout) as node:
-                kind = (node.read_if_there(0x1000) or 0) & 0xFFFF
-                what = f"{PROFILES.get(kind, 'device')} (CiA {kind})" if kind else "CANopen device"
-                state = decode(node.read_if_there(0x6041) or 0) if kind == 402 else None
-                found.append(FoundDevice(number, what, identity(node, state), "" if state is None else state.name))
+        for number in sorted([drive.node_id] * node.answers() + node.others()):
+            node = Dialogue(port, number, drive.host_id, drive.answer_timeout)
+            kind = (node.read_if_there(0x1000) or 0) & 0xFFFF
+            what = f"{PROFILES.get(kind, 'device')} (CiA {kind})" if kind else "CANopen device"
+            state = decode(node.read_if_there(0x6041) or 0) if kind == 402 else None
+            found.append(FoundDevice(number, what, identity(node, state), "" if state is None else state.name))
         return found

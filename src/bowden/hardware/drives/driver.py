@@ -138,7 +138,7 @@ class Driver(ABC):
             self._start(found)
             said = found.identity
             if self._encoder is not None:
-                said += f"; joint: {self._encoder.bring_up(self._port.bus)}"
+                said += f"; joint: {self._encoder.bring_up(self._port)}"
         except BaseException:
             self._leave()
             raise
