@@ -17,9 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 import unseen
-from bowden.control import LAWS, user_law
+from bowden.control import LAWS
 from bowden.control.knowledge import configured
 from bowden.control.law import Law
+from bowden.control.law_file import loaded, named
 from bowden.control.recorded_motion import RecordedFile, read_motion
 from bowden.control.reference import PeriodicMinimumJerk, PointToPoint, Trajectory
 from bowden.core.units import RADIANS
@@ -201,7 +202,7 @@ def main() -> None:
     parser.add_argument("--cells", action="store_true", help="the RMSE of every law in every cell, too")
     given = parser.parse_args()
     logs = {file.name.removesuffix(".csv.gz"): file for file in sorted(given.data.glob("cable/*.csv.gz"))}
-    laws = [user_law.load(name) if user_law.is_file(name) else LAWS[name] for name in asked(given.laws, LAWS)]
+    laws = [loaded(named(name)) for name in asked(given.laws, LAWS)]
     motions, bench = {one.name: one for one in scenarios(given.data)}, default_bench()
     simulated, real = {one.name: one for one in plants(bench)}, [*logs, *["wrist_poses"] * (set(POSES) <= set(logs))]
     wanted = asked(given.plants, [*simulated, *real])

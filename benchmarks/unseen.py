@@ -18,9 +18,10 @@ from typing import Any
 
 import numpy as np
 
-from bowden.control import LAWS, user_law
+from bowden.control import LAWS
 from bowden.control.knowledge import configured
 from bowden.control.law import Law
+from bowden.control.law_file import loaded, named
 from bowden.core.units import DEGREES
 from bowden.sim.many import Outcome, simulate_many
 from kept import counted, finite, numbers_in, progress
@@ -217,7 +218,7 @@ def earlier(file: Path, set_name: str, numbers: range, without: Sequence[str]) -
 
 def _laws(names: str) -> list[Law]:
     chosen = names.split(",") if names else list(LAWS)
-    return [user_law.load(name) if user_law.is_file(name) else LAWS[name] for name in chosen]
+    return [loaded(named(name)) for name in chosen]
 
 
 def main() -> None:

@@ -13,7 +13,7 @@ import pytest
 from scipy.io import savemat
 
 from bowden.app.main import run
-from bowden.control.law_file import law_file
+from bowden.control.law_file import LawFile
 from bowden.core import bounded
 from bowden.core.errors import BowdenError, ParameterError
 from bowden.identify.emg.log import read_emg
@@ -32,7 +32,7 @@ READERS: dict[str, Callable[[Path], Any]] = {
     "study": load,
     "wearer": wearer_file.read,
     "model": load_cable,
-    "law": lambda path: law_file(str(path)),
+    "law": lambda path: LawFile.found(str(path)),
     "log of a cable": read_log,
     "EMG": read_emg,
     "log of a run": read_mcap,

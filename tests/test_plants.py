@@ -24,9 +24,10 @@ from bowden.plants import cables
 from bowden.plants.bench import Bench
 from bowden.plants.cable_plant import CablePlant
 from bowden.plants.plant import Plant
+from bowden.plants.plant_file import load
 from bowden.plants.suit_parts import Suit
 from bowden.plants.transmission import measured_response, transmission
-from bowden.plants.user_plant import UserPlant, load
+from bowden.plants.user_plant import UserPlant
 from bowden.records.metrics import is_stable
 from bowden.rig.rig import Rig
 from bowden.sim.many import Case, simulate_many

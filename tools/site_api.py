@@ -60,7 +60,7 @@ PAGES = {
         "Laws",
         "The laws that there are, and what a law of your own is made of.",
         ("LAWS", "Law", "Sample", "Reference", "kernel"),
-        ("bowden.control.user_law.load",),
+        ("bowden.control.law_file.load",),
     ),
     "emg": Page(
         "EMG",

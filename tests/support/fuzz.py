@@ -23,7 +23,7 @@ from typing import Any, NamedTuple
 import can
 import numpy as np
 
-from bowden.control.law_file import law_file
+from bowden.control.law_file import LawFile
 from bowden.core.errors import BowdenError, DriveError
 from bowden.hardware.drives import canopen_dialogue, canopen_frames, emergencies
 from bowden.hardware.emg import lsl_info, trigno_protocol
@@ -431,7 +431,7 @@ TARGETS: dict[str, Target] = {
     "study": Target(lambda: [_STUDY], _file(load, "study.toml"), 0.01),
     "wearer": Target(lambda: [_WEARER], _file(wearer_file.read, "wearer.toml"), 0.1),
     "model": Target(lambda: [_MODEL], _file(load_cable, "model.toml"), 0.1),
-    "law": Target(lambda: [_LAW], _file(lambda path: law_file(str(path)), "law.py"), 0.02),
+    "law": Target(lambda: [_LAW], _file(lambda path: LawFile.found(str(path)), "law.py"), 0.02),
     "csv": Target(_tables, _file(read_log, "log.csv"), 0.03),
     "emg": Target(_emg, _file(read_emg, "emg.csv"), 0.03),
     "labels": Target(lambda: [b"onset_s,offset_s\n1,2\n3,4\n"], _file(read_labels, "labels.csv"), 0.05),
