@@ -39,7 +39,9 @@ def show_check(found: "CheckResult", call: Call) -> None:
 def _say_next_of(found: "CheckResult", rig: "Rig", name: str, options: list[str], call: Call) -> None:
     """Gains for the rig's own law, where it has a choice; else a run of what was checked, or of a law that holds."""
     one = found.checks[name]
-    if rig.loaded_law.choices and not (call["law"] or call["preset"]):
+    if one.of_rig:
+        print(_CHANGE_RIG)
+    elif rig.loaded_law.choices and not (call["law"] or call["preset"]):
         say_next("tune", call["rig"], *options)
     elif one.holds:
         say_next("run", call["rig"], *options, "--twin", "--auto")
@@ -47,6 +49,9 @@ def _say_next_of(found: "CheckResult", rig: "Rig", name: str, options: list[str]
         motor = options[options.index("--motor") :][:2] if "--motor" in options else []
         say_next("simulate", call["rig"], "--law", one.instead, *motor)
     elif one.advice:
-        print("Next: change the rig as the advice says, then check it again")
+        print(_CHANGE_RIG)
     else:
         print("Next: change the law or the rig, then check it again")
+
+
+_CHANGE_RIG = "Next: change the rig as the advice says, then check it again"
