@@ -12,16 +12,19 @@ if TYPE_CHECKING:
 def show_check(found: "CheckResult", call: Call) -> None:
     """A line for each thing, and what comes next."""
     from bowden.design.check_result import check_rows
-    from bowden.design.objections import refusals
 
     joints = {one.name: one for one in found.whole.each_joint}
     for name, one in found.checks.items():
         if name:
             print(f"joint {name}")
-        rows(check_rows(one), least=13)
+        verdict, *others = check_rows(one)
+        if found.refusals:
+            others.insert(0, ("its law", verdict[1]))
+            verdict = "verdict", "refused: bowden run does not take this rig, see the note"
+        rows([verdict, *others], least=13)
     print(f"({call.seconds:.1f} s)")
-    if refusals(found.whole):
-        print("Next: correct what bowden run refuses, see the note, then check it again")
+    if found.refusals:
+        print("Next: correct what bowden run refuses, then check it again")
         return
     failing = [name for name, one in found.checks.items() if not one.holds]
     options = [*call.repeated("law", "preset", "motor")]
