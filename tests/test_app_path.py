@@ -212,7 +212,7 @@ def test_every_law_is_looked_at_however_long_the_others_took(monkeypatch: pytest
 
 
 def test_check_does_not_name_itself(capsys: pytest.CaptureFixture[str]) -> None:
-    lost = SimpleNamespace(holds=False, instead="", advice="shorten the delay to 2 cycles (now 80)")
+    lost = SimpleNamespace(holds=False, of_rig=False, instead="", advice="shorten the delay to 2 cycles (now 80)")
     call = Call({"rig": "rig.toml", "law": "adaptive", "preset": None}, {})
     _say_next_of(SimpleNamespace(checks={"": lost}), Rig(), "", ["--law", "adaptive"], call)  # type: ignore[arg-type]
     assert capsys.readouterr().out == "Next: change the rig as the advice says, then check it again\n"

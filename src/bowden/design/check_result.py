@@ -120,6 +120,8 @@ class Check:
     stands for this law, and margins there are none."""
     advice: str = ""
     """What to change where it does not hold, if that was asked for (`bowden.design.advice`)."""
+    of_rig: bool = False
+    """Whether that changes the rig, where no gains would do."""
     instead: str = ""
     """Law that holds where this one does not, likewise (`bowden.design.other_law`); empty where none was found."""
     shared: SharedFindings | None = None

@@ -1,6 +1,6 @@
 """`simulate`: laws on a rig, checked before they run."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import KW_ONLY, asdict, dataclass
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
@@ -10,6 +10,7 @@ from bowden.operations.support.results import Result, ResultPart
 from bowden.records.run_figures import Metrics
 
 if TYPE_CHECKING:
+    from bowden.control import Law
     from bowden.records.trace import Trace
     from bowden.records.traces import Traces
     from bowden.rig.joints import RigJoint
@@ -224,10 +225,19 @@ def _of_joint(
     traces = Traces(
         {f"{law}-{name}" if joint.shared else law: one for law, each in by_law.items() for name, one in each.items()}
     )
-    said = [] if joint.shared else refusals(setup)
+    said = [] if joint.shared else [*refusals(setup)] or _ending(setup, firsts, by_law)
     notes = [*setup.notes, *said, *pushing, *(one.note for one in checked if one.note), *_of_suit(setup)]
     done = f"{', '.join(by_law)} (of {len(laws)} laws) done and" if ended else ""
     return SimulatedJoint(joint, traces, tuple(runs), by_law, notes, done)
+
+
+def _ending(rig: "Rig", laws: "Sequence[Law]", found: "Mapping[str, Traces]") -> list[str]:
+    """That the supervisor would end a live run of what was simulated."""
+    from bowden.design.forecast import foreseen
+    from bowden.design.objections import as_notes
+
+    ends = (foreseen(rig, law, next(iter(each.values()))) for law, each in zip(laws, found.values(), strict=False))
+    return list(as_notes(one for one in ends if one))
 
 
 def _motor(name: str, trace: "Trace") -> MotorRun:

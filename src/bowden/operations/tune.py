@@ -106,6 +106,7 @@ def tune(
     >>> tuning.rig.gains == tuning.gains, tuning.found.verdict
     (True, 'holds')
     """
+    from bowden.design.objections import refusals
     from bowden.design.tune import BrokenOff
     from bowden.operations.support import given
     from bowden.operations.support.progress import reported
@@ -117,7 +118,7 @@ def tune(
     chosen = given.under(whole if together else whole.only(motor), law, preset)
     path = None if study is None else Path(study)
     alone = shared is not None and motor in shared.names
-    notes = list(given.notes_of(chosen))
+    notes = [*given.notes_of(chosen), *refusals(chosen)]
     if alone:
         notes.append(f"motor {motor} was tuned as if it were alone on the joint; check all together")
     broken = False
