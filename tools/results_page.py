@@ -23,11 +23,11 @@ def results(name: str) -> dict[str, Any]:
 def results_table(name: str) -> str:
     """The rows as a Markdown table above its caption, the date and the command."""
     found = results(name)
-    head, *rows = [f"| {' | '.join(map(str, row))} |" for row in (found["columns"], *found["rows"])]
+    head, *rows = [" | ".join(str(cell) or "–" for cell in row) for row in (found["columns"], *found["rows"])]
     command = f", `{found['command']}`" if "command" in found else ""
     how = f" {found['how']}" if "how" in found else ""
     caption = f"*{found['what']}. {found['date']}{command}.{how}*"
-    return "\n".join([head, "|---" * len(found["columns"]) + "|", *rows, "", caption])
+    return "\n".join([head, "|".join(["---"] * len(found["columns"])), *rows, "", caption])
 
 
 def with_tables(page: str) -> str:
