@@ -175,7 +175,7 @@ def check(
     motor: str | None = None,
     progress: GivenProgress = None,
 ) -> CheckResult:
-    """Say whether a rig's gains hold, before anything moves: margins, limit cycle, chatter, bounds, what to change.
+    """Check whether a rig's gains hold, before anything moves: margins, limit cycle, chatter, bounds, what to change.
 
     Margins are looked at over all bends of the sheath; trial runs confirm them. Of a rig with several joints, each is
     checked; all motors on one joint (docs/several_motors.md) are checked as one. The command's exit code is 0 where the

@@ -124,10 +124,10 @@ class DriveTare(Result["DriveTare"]):
 
 
 def drive_probe(rig: GivenRig, *, motor: str | None = None, channel: str | None = None) -> DriveProbe:
-    """Say who answers on the bus of a rig: it is listened to, then asked. Nothing is set, nothing gets power.
+    """List the devices on a rig's bus: it listens, then asks. Nothing is set, nothing gets power.
 
     Args:
-        rig: with its [drive].
+        rig: the rig, with its [drive].
         motor: the motor, of a rig with several.
         channel: the bus, in place of the rig's.
 
@@ -161,12 +161,12 @@ def drive_monitor(
     duration: float | None = None,
     quiet: Quiet = False,
 ) -> Iterator[DriveMonitor]:
-    """Show live what a drive says of itself, without power, until Ctrl-C: angles, current, temperature, state, faults.
+    """Show a drive's readings live, without power, until Ctrl-C: angles, current, temperature, state, faults.
 
     The drive is brought up, as before a run, and gets no power: turn motor and joint by hand, and look.
 
     Args:
-        rig: with its [drive].
+        rig: the rig, with its [drive].
         motor: the motor, of a rig with several.
         channel: the bus, in place of the rig's.
         duration: how long [s]; until Ctrl-C where none is given.
@@ -220,12 +220,12 @@ def drive_zero(
     motor: str | None = None,
     channel: str | None = None,
 ) -> DriveZero:
-    """Say which lines of rig.toml make the present position zero, or other angles; the motor gets no power.
+    """Print the lines of rig.toml that make the present position zero, or other angles; the motor gets no power.
 
     Put the joint where its angle is known, with the cable just taut, and call this. Nothing is written.
 
     Args:
-        rig: with its [drive].
+        rig: the rig, with its [drive].
         motor_deg: angle of the motor, at its spool, where it is now [°].
         joint_deg: angle of the joint where it is now [°].
         motor: the motor, of a rig with several.
@@ -255,12 +255,12 @@ def drive_zero(
 
 
 def drive_tare(rig: GivenRig, *, load: float = 0.0, motor: str | None = None, channel: str | None = None) -> DriveTare:
-    """Say which line of rig.toml makes what the load cell reads now zero, or a known load; the motor gets no power.
+    """Print the line of rig.toml that zeroes the load cell, or makes it read a known load; the motor gets no power.
 
     Let the cable hang slack, or hang a known weight on it, and call this. Nothing is written.
 
     Args:
-        rig: with its [drive].
+        rig: the rig, with its [drive].
         load: what hangs on the load cell now [N or N·m].
         motor: the motor, of a rig with several.
         channel: the bus, in place of the rig's.

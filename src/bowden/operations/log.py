@@ -218,7 +218,7 @@ class LogReplay(ReplayFigures, Result["LogReplay"]):
 
 
 def log_info(file: File, *, motor: str | None = None) -> LogInfo:
-    """Say what a log holds: duration, cycles, what is missing, lateness, events, settings.
+    """Summarise a log: end of the run, duration, missing cycles, lateness, events, settings.
 
     Args:
         file: a log, as ``bowden run`` writes it: NAME.mcap.
@@ -308,7 +308,7 @@ def log_plot(file: File, *, motor: str | None = None) -> LogDrawn:
 
 
 def log_replay(file: File, *, law: str | None = None, trust_law: bool = False, motor: str | None = None) -> LogReplay:
-    """Feed a recorded run through a law and the supervisor again, and compare with what was commanded then.
+    """Run law and supervisor again on a run's recorded readings, and compare the commands.
 
     Of a run with several motors each is, one after the other. The command's exit code is 1 where the law that ran gives
     other numbers than were recorded.
@@ -388,7 +388,7 @@ def _doubts(found: "Recording | LogReader", file: Path) -> dict[str, Any]:
     return {"notes": tuple(notes), "needless": tuple(notes)}
 
 
-GROUP = "What is in the log of a run, and what can be made of it."
+GROUP = "Read, plot, export, repair and replay the log of a run."
 
 OPERATIONS = (
     Operation("log info", log_info, ("bowden log info run.mcap", "bowden log info run.mcap --json"), place=10),

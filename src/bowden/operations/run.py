@@ -296,7 +296,7 @@ def run_to_end(
     ended as asked, 1 when a fault or an error ended it or cycles of it are in no log, 2 when it could not begin.
 
     Args:
-        rig: with its [drive] and [limits]; ``bowden init`` writes one.
+        rig: the rig, with its [drive] and [limits]; ``bowden init`` writes one.
         law: a law's name, or FILE.py:NAME of your own, in place of the rig's.
         preset: a named set of gains of that law.
         duration: length of the run in seconds.

@@ -136,7 +136,7 @@ def simulate(
         law: a law's name, or FILE.py:NAME of your own; several of them, side by side. The rig's law by default.
         preset: a named set of gains, for every law of this run.
         duration: length of the run, in place of the rig's [s].
-        seed: of the encoders' noise and of a random bend, in place of the rig's.
+        seed: seed of the encoders' noise and of a random bend, in place of the rig's.
         motor: one motor alone, of a rig with several.
         emg: EMG moves the joint: file:PATH of a recording, in place of the rig's.
         force: run laws that fail the check on the rig, too.

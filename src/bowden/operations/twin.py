@@ -131,7 +131,7 @@ def twin(
     """Run a digital twin of a rig's drive until Ctrl-C, or give a running one faults.
 
     Args:
-        rig: ``bowden init`` writes one. A log runs as its own.
+        rig: the rig, or the log of a run; ``bowden init`` writes one.
         inject: a fault for the running twin, e.g. 'encoder_frozen joint'; 'list' shows all.
         after: inject after this many seconds.
         lasting: end the fault after this many seconds.

@@ -10,10 +10,7 @@ from bowden.core.units import RADIANS
 
 
 class JointSettings(NamedTuple):
-    """A joint that several motors move; each names it by its own key `joint`, and all follow its one reference.
-
-    At a joint angle q, whose cable would just be taut with the motor at m, each motor stands at m with
-    `co_contraction` more in the direction in which it pulls.
+    """A joint that several motors move: each names it by its key `joint`, and all follow its one reference.
     """
 
     name: Annotated[
@@ -22,7 +19,7 @@ class JointSettings(NamedTuple):
     co_contraction: Annotated[
         float,
         Quantity(
-            "how much further each motor pulls than the joint asks for; below 0 each cable hangs slack by it",
+            "how much further each motor pulls than where its cable would just be taut; below 0 it hangs slack",
             "rad",
             ge=-20.0,
             le=45.0,

@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 class HoldingBrake(NamedTuple):
     """A holding brake of the drive, engaged while the motor rests; a suit may have one.
 
-    The defaults are those of a small brake that holds without current. While it holds, the motor has none either.
+    The defaults are those of a small brake that holds without current.
     """
 
     holding_torque: Annotated[
