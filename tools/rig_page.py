@@ -36,8 +36,8 @@ def markdown() -> str:
         "",
         "Every key of a rig, with its default and, in brackets, its range. `bowden init` writes such a file. A default",
         "of none follows from the rest of the rig. The ending of a key is its unit: `_deg`, `_nm` for N·m,",
-        "`_nms_per_rad` for N·m·s/rad. Gains are in SI units and radians, as is all in Python (`bowden.Rig`). Files are",
-        "found from the folder of rig.toml. `bowden schema rig` prints all of this as a JSON schema.",
+        "`_nms_per_rad` for N·m·s/rad. Gains are in SI units and radians, as is all in Python (`bowden.Rig`). Files",
+        "are found from the folder of rig.toml. `bowden schema rig` prints all of this as a JSON schema.",
         "",
     ]
     made: dict[type[Section], str] = {}

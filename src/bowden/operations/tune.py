@@ -84,7 +84,7 @@ def tune(
     the gains into the rig; interrupted, the best ones so far, if they are better than those before.
 
     Args:
-        rig: the rig, whose [control.gains] the command rewrites; a run's log is left as it is. From Python no file is changed.
+        rig: the rig, whose [control.gains] the command rewrites; no log of a run is changed, and from Python no file.
         law: a key of `LAWS`, ``FILE.py:NAME`` or a `Law`; the rig's by default.
         preset: a named set of gains of that law, to begin with.
         study: tune against some of the plants of this study, and judge by others (docs/campaign.md).

@@ -10,8 +10,7 @@ from bowden.core.units import RADIANS
 
 
 class JointSettings(NamedTuple):
-    """A joint that several motors move: each names it by its key `joint`, and all follow its one reference.
-    """
+    """A joint that several motors move: each names it by its key `joint`, and all follow its one reference."""
 
     name: Annotated[
         str, Quantity("of the joint, which its motors name; the first of them has its encoder", example="elbow")
