@@ -30,7 +30,7 @@ from bowden.models.cable.bouc_wen import BoucWen, saturation
 IDENTIFIED = 0.1
 """`Knowledge.doubt` about an identified cable [–]."""
 WIDEST = 0.5
-"""Largest dead zone that a preflight is believed [rad]."""
+"""Largest dead zone that is accepted of a preflight [rad]."""
 
 
 class Knowledge(NamedTuple):

@@ -36,7 +36,7 @@ class CycleAtRest(ResultPart):
     """The limit cycle that backlash can cause."""
 
     predicted: bool
-    """Whether the describing function shows a lasting one."""
+    """True if the describing function shows a stable one."""
     amplitude_deg: float | None
     """Predicted, half of the span at the joint [deg]."""
     period_s: float | None

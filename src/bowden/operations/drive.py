@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 _LISTENED = 1.1
 """So long a load cell is read [s]."""
 _FAR = 0.1
-"""Of the largest load allowed: a zero that moves by more is told [–]."""
+"""Share of the largest load allowed beyond which a moved zero is reported [–]."""
 _SETTLE = 0.1
 """So long the drive is read before its last reading is taken [s]."""
 _SHOW = 0.1

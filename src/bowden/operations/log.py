@@ -137,7 +137,7 @@ class LogInfo(Result["LogInfo"]):
     stops: tuple[LogStop, ...]
     """What stopped the run, in the order of time; also what was acknowledged and gone on from."""
     emergencies: tuple[LogEmergency, ...]
-    """What the drive's emergencies meant, with their codes, in their order."""
+    """The drive's emergencies in words, with their codes, in their order."""
     gains: tuple[LogGain, ...]
     """Gains that were changed while the law ran, in the order of time."""
     events: tuple[LogEvent, ...]

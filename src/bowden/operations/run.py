@@ -109,7 +109,7 @@ class LiveEnd(ResultPart):
     preflight: str | None
     """Why the preflight failed; null where it did not."""
     emergencies: tuple[str, ...]
-    """What the drive's emergencies meant, with their codes."""
+    """The drive's emergencies in words, with their codes."""
     error: str | None
     """Why the loop ended without a word of its own; null where it did not."""
     log: str

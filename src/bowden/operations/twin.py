@@ -103,7 +103,7 @@ class TwinFault(ResultPart):
     unit: str
     """Of the amount."""
     moment: bool
-    """Whether it happens once, rather than lasting."""
+    """True if it happens once, false if it persists."""
 
 
 @dataclass(frozen=True)

@@ -132,7 +132,7 @@ def _problems(joint: RigJoint, independent: bool) -> Iterator[tuple[str, str]]:
     if any(abs(contraction) * one.slope_high > _ROOM * one.play for one in limits):
         yield (
             f"co_contraction_deg is {contraction / RADIANS:g}",
-            f"{_ROOM:g} of limits.play_deg at most, or the joint would seem astray before the cables are tightened",
+            f"{_ROOM:g} of limits.play_deg at most, or joint and motor seem to disagree before the cables are tight",
         )
     for rig in rigs:
         if rig.suit.worn:

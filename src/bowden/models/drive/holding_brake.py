@@ -59,11 +59,11 @@ class BrakePhase(IntEnum):
 
     FREE = 0
     ENGAGING = 1
-    """It is told to hold and does not yet; the motor has its current."""
+    """It is ordered to hold and does not yet; the motor has its current."""
     HELD = 2
     """It holds; the motor has no current."""
     RELEASING = 3
-    """It is told to release and still holds; the motor has its current again."""
+    """It is ordered to release and still holds; the motor has its current again."""
 
 
 FREE, ENGAGING, HELD, RELEASING = BrakePhase
