@@ -42,7 +42,7 @@ class CycleAtRest(ResultPart):
     period_s: float | None
     """Predicted [s]."""
     confirmed: bool | None
-    """Whether the joint swings at rest in simulation by at least a quarter of the prediction; null where nothing was
+    """True if the joint swings at rest in simulation by at least a quarter of the prediction; null where nothing was
     predicted or the run ran away."""
     simulated_amplitude_deg: float | None
     """Half of the joint's span while the reference rests; null where the run ran away [deg]."""
@@ -103,7 +103,7 @@ class LoopCheck(ResultPart):
     """little_margin: below 6 dB or 30 degrees, or chatter that stays bounded, or a trial that does not stand a further
     delay of 7.5 degrees."""
     holds: bool
-    """Whether the loop stays bounded: any verdict but does_not_hold. Exit code 0 where it is true, else 1."""
+    """True if the loop stays bounded: any verdict but does_not_hold. Exit code 0 where it is true, else 1."""
     reason: str
     """What decided."""
     gain_margin_db: float | None
@@ -132,7 +132,7 @@ class LoopCheck(ResultPart):
     advice: str
     """Which number to change, and to what; empty where nothing is to be mended."""
     shared: SharedLoops | None
-    """Of several motors on one joint, which are judged as one; null of one motor."""
+    """Findings on several motors of one joint, which are judged as one; null for one motor."""
     rig: str
     """Hash of the rig: equal rigs have the same, whether they come from a file, Python or a log."""
 
@@ -150,7 +150,7 @@ class CheckResult(LoopCheck, Result["Check | dict[str, Check]"]):
     """Whether a law holds; of a rig with several joints the figures of the worst, and of each."""
 
     joints: tuple[JointCheck, ...]
-    """Of a rig with several joints, each of them. Empty of a rig with one joint."""
+    """Figures of each joint of a rig with several; empty for a rig with one."""
     _: KW_ONLY
     checks: "dict[str, Check]"
     """Name of the joint → its check."""

@@ -18,7 +18,7 @@ class ConsoleOpened(Result["ConsoleOpened"]):
     rig: str
     """Hash of the rig."""
     twin: bool
-    """Whether it runs on a twin of its own."""
+    """True if it runs on a twin of its own."""
 
 
 def console(

@@ -44,7 +44,7 @@ class Demo(Result["Demo"]):
     trust: IdentifyTrust
     """Whether to trust the model, and why."""
     verdict: Verdict
-    """Of the check of the law."""
+    """Verdict of the check of the law."""
     runs: tuple[SimulatedRun, ...]
     """Simulated: without compensation first, then with the law."""
     live: DemoLive

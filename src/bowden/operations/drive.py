@@ -36,7 +36,7 @@ class DeviceFound(ResultPart):
     identity: str
     """Who it is."""
     state: str
-    """Of a drive; empty of others."""
+    """State of a drive; empty for other devices."""
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,7 @@ class DriveReadings(ResultPart):
     joint_torque_nm: ReadingRange
     """Torque of the suit on the joint, by a load cell; null where it is not measured."""
     temperature_c: ReadingRange
-    """Of the power stage; null where it is not measured."""
+    """Temperature of the power stage; null where it is not measured."""
     states: tuple[str, ...]
     """The drive's states, in their order."""
 
@@ -87,7 +87,7 @@ class DriveMonitor(DriveReadings, Result["DriveMonitor"]):
     """What a drive has said."""
 
     silent_s: dict[str, float | None]
-    """Of motor and joint: longest time for which the angle did not come; null where it never came."""
+    """Longest time without an angle, of motor and joint; null where none ever came."""
     said: tuple[str, ...]
     """Emergencies that the drive sent, in words."""
     _: KW_ONLY
@@ -116,9 +116,9 @@ class DriveTare(Result["DriveTare"]):
     span: float
     """Largest less smallest reading, in `unit`."""
     unit: str
-    """Of the load: N of a tension, N·m of a torque."""
+    """Unit of the load: N of a tension, N·m of a torque."""
     section: str
-    """Of rig.toml: load_cell or drive."""
+    """Section of rig.toml: load_cell or drive."""
     keys: dict[str, float]
     """Key of that section → value that makes the reading this load; none where it is so already."""
 

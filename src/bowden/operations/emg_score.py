@@ -45,7 +45,7 @@ class EmgScore(DetectorScore, Result["Contractions"]):
     contractions_s: tuple[tuple[float, ...], ...]
     """Onset and end of each, in the recording's time."""
     duration_s: float
-    """Of the recording."""
+    """Duration of the recording."""
     rate_hz: float
     """Samples a second."""
     channel: str

@@ -24,7 +24,7 @@ class EmgServed(Result["EmgServed"]):
     rate_hz: float
     """That the stream declares: the recording's, times the speed."""
     duration_s: float
-    """Of playing it once."""
+    """Duration of playing it once."""
     _: KW_ONLY
     sent: tuple[list[int], ...] = ()
     """How many samples were sent, once it has ended."""
@@ -35,11 +35,11 @@ class EmgStreamed(EmgServed):
     """A recording that is played as a stream of LSL."""
 
     name: str
-    """Of the stream."""
+    """Name of the stream."""
     source_id: str
     """Identifier by which readers find it again."""
     unit: str
-    """Of the values; empty where the recording's names have none."""
+    """Unit of the values; empty where the recording's names have none."""
 
 
 def emg_stream(

@@ -37,7 +37,7 @@ class SampleRecordings(Result["SampleRecordings"]):
     files: dict[str, str]
     """Path of each file that was written → what it is; the last one has the numbers behind the others."""
     seed: int
-    """Of the noise."""
+    """Seed of the noise."""
     next: str
     """The command to go on with."""
 

@@ -39,7 +39,7 @@ class MotorRun(ResultPart):
     slack_share: float | None
     """Share of the run in which its cable was slack."""
     rms_current_a: float | None
-    """Of its motor [A]."""
+    """RMS current of its motor [A]."""
     mechanical_energy_j: float | None
     """Integral of the mechanical power, Eq. 18 [J]."""
     electrical_energy_j: float | None
@@ -57,11 +57,11 @@ class SimulatedRun(Metrics):
     check: Verdict | None
     """What bowden check says of it on this rig; null where it cannot judge a law of your own."""
     stable: bool
-    """Whether the run reached its end; if not, every figure is null."""
+    """True if the run reached its end; if not, every figure is null."""
     interaction: FeltTorque | None
     """What the wearer felt of a suit that follows their push ([admittance]); null for any other run."""
     motors: tuple[MotorRun, ...]
-    """Of several motors on one joint each; else empty."""
+    """The same for each of several motors on one joint; else empty."""
 
 
 class SimulatedJoint(NamedTuple):
@@ -96,7 +96,7 @@ class Simulation(Result[Any]):
     joints: tuple[SimulatedJoint, ...]
     whole: "Rig"
     alone: bool = True
-    """Whether one law was asked for, not in a list."""
+    """True if one law was asked for, not in a list."""
 
     @property
     def value(self) -> "Trace | Traces":

@@ -30,7 +30,7 @@ class TuneResult(Result["Tuning"]):
     before: dict[str, float]
     """The same gains before."""
     verdict: Literal["holds"]
-    """Of bowden check."""
+    """Verdict of bowden check."""
     verdict_before: Verdict
     """The same of the gains before."""
     gain_margin_db: float | None
@@ -52,7 +52,7 @@ class TuneResult(Result["Tuning"]):
     motors: tuple[str | None, ...] = (None,)
     """In the gains of which motors these are; None of a rig with one motor."""
     alone: bool = False
-    """Whether one of several motors on one joint was tuned by itself."""
+    """True if one of several motors on one joint was tuned by itself."""
 
     @property
     def value(self) -> "Tuning":
