@@ -88,7 +88,6 @@ PAGES = {
             "bowden.plants.friction_cables.sliding",
             "bowden.plants.friction_cables.lumped",
             "bowden.plants.scheduled_cable.scheduled",
-            "bowden.plants.pose_cable.poses",
             "bowden.models.cable.capstan.Tendon",
             "bowden.models.cable.lumped_cable.LumpedTendon",
             "bowden.plants.user_plant.UserPlant",

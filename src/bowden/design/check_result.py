@@ -29,7 +29,7 @@ ENOUGH_DB, ENOUGH_DEG = 6.0, 30.0
 
 MOST_PER_COUNT = 0.5 * RADIANS
 """Change of the command in one cycle, for one count of the joint's encoder, beyond which a law is said to chatter and
-tuned gains are refused (docs/decisions/0034-new-user-path.md) [rad]."""
+tuned gains are refused (docs/decisions/0016-new-user-path.md) [rad]."""
 
 
 VerdictName = Literal["holds", "little_margin", "limit_cycle", "does_not_hold"]

@@ -36,7 +36,7 @@ model_hash = "{digest}"  # of that model: another one in its file is refused
 {counting}
 [bench]  # the loop's own clock, whatever the rate of the log
 sample_time_ms = {cycle:.1f}  # [ms] one control cycle
-delay_cycles = {delay}      # cycles from a sample to the moment its command reaches the servo; correct both together
+delay_cycles = {delay}      # cycles from a sample to the moment its command reaches the servo; change it with the cycle
 
 {servo}
 natural_frequency_hz = {frequency:.4g}  # [Hz] it decides how much gain a law may have

@@ -64,7 +64,7 @@ class Live:
     table: NDArray[np.float64]
     """See `live.script.Script`."""
     servo_from: int
-    """Row of an excitation from which on it is meant for the servo; 0 for a law."""
+    """First row of an excitation that is for the servo; 0 for a law."""
     start: float
     """Motor angle at which the run begins [rad]."""
     pushing: Pushing | None

@@ -36,13 +36,13 @@ class CycleAtRest(ResultPart):
     """The limit cycle that backlash can cause."""
 
     predicted: bool
-    """Whether the describing function shows a lasting one."""
+    """True if the describing function shows a stable one."""
     amplitude_deg: float | None
     """Predicted, half of the span at the joint [deg]."""
     period_s: float | None
     """Predicted [s]."""
     confirmed: bool | None
-    """Whether the joint swings at rest in simulation by at least a quarter of the prediction; null where nothing was
+    """True if the joint swings at rest in simulation by at least a quarter of the prediction; null where nothing was
     predicted or the run ran away."""
     simulated_amplitude_deg: float | None
     """Half of the joint's span while the reference rests; null where the run ran away [deg]."""
@@ -103,7 +103,7 @@ class LoopCheck(ResultPart):
     """little_margin: below 6 dB or 30 degrees, or chatter that stays bounded, or a trial that does not stand a further
     delay of 7.5 degrees."""
     holds: bool
-    """Whether the loop stays bounded: any verdict but does_not_hold."""
+    """True if the loop stays bounded: any verdict but does_not_hold."""
     reason: str
     """What decided."""
     gain_margin_db: float | None
@@ -132,7 +132,7 @@ class LoopCheck(ResultPart):
     advice: str
     """Which number to change, and to what; empty where nothing is to be mended."""
     shared: SharedLoops | None
-    """Of several motors on one joint, which are judged as one; null of one motor."""
+    """Findings on several motors of one joint, which are judged as one; null for one motor."""
     rig: str
     """Hash of the rig: equal rigs have the same, whether they come from a file, Python or a log."""
 
@@ -150,7 +150,7 @@ class CheckResult(LoopCheck, Result["Check | dict[str, Check]"]):
     """Whether a law holds; of a rig with several joints the figures of the worst, and of each."""
 
     joints: tuple[JointCheck, ...]
-    """Of a rig with several joints, each of them. Empty of a rig with one joint."""
+    """Figures of each joint of a rig with several; empty for a rig with one."""
     refusals: tuple[str, ...]
     """Why bowden run refuses the rig, whether the law holds or not; empty where it takes it."""
     _: KW_ONLY
@@ -177,7 +177,7 @@ def check(
     motor: str | None = None,
     progress: GivenProgress = None,
 ) -> CheckResult:
-    """Say whether a rig's gains hold, before anything moves: margins, limit cycle, chatter, bounds, what to change.
+    """Check whether a rig's gains hold, before anything moves: margins, limit cycle, chatter, bounds, what to change.
 
     Margins are looked at over all bends of the sheath; trial runs confirm them. Of a rig with several joints, each is
     checked; all motors on one joint (docs/several_motors.md) are checked as one. The command's exit code is 0 where the

@@ -44,7 +44,7 @@ class Demo(Result["Demo"]):
     trust: IdentifyTrust
     """Whether to trust the model, and why."""
     verdict: Verdict
-    """Of the check of the law."""
+    """Verdict of the check of the law."""
     runs: tuple[SimulatedRun, ...]
     """Simulated: without compensation first, then with the law."""
     live: DemoLive
@@ -86,7 +86,7 @@ def demo(
         time: name of the time column; guessed by default.
         motor: name of the motor-side angle's column.
         joint: name of the joint-side angle's column.
-        unit: deg, rad or counts, of both angles or of motor and joint; by default as the columns' names end.
+        unit: unit of both angles, or of motor and joint: deg, rad or counts; by default as the columns' names end.
         counts_per_turn: counts in a turn of both encoders, or of motor and joint, whatever the log's unit.
         rate: rows a second, of a log without times.
         out: folder for model, rig, log and page.

@@ -487,14 +487,14 @@ def identify_logs(
         time: name of the time column; guessed by default.
         motor: name of the motor-side angle's column.
         joint: name of the joint-side angle's column.
-        unit: deg, rad or counts, of both angles or of motor and joint; by default as the columns' names end.
+        unit: unit of both angles, or of motor and joint: deg, rad or counts; by default as the columns' names end.
         counts_per_turn: counts in a turn of both encoders, or of motor and joint, whatever the log's unit: a rig gets
             them.
         rate: rows a second, of a log without times.
         load: load of several logs: 0.1,0.2 (one for each, in their order), or the column whose mean it is; by default a
             column of a common name (joint_torque_nm, tension_n, …).
         bend: bend of several logs [deg], likewise (a column bend_deg, bend_angle…).
-        model: model.toml of this cable: fit its gain and offset to the log, and say whether it changed.
+        model: the model.toml of this cable: fit its gain and offset to the log, and tell whether it changed.
 
     Raises:
         LogError: files that cannot be read, or logs that do not go together.

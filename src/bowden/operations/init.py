@@ -101,7 +101,7 @@ def init_file(
 
     Args:
         path: the file to write.
-        model: model.toml of ``bowden identify``: a bench with that cable, within its motion.
+        model: the model.toml of ``bowden identify``: a bench with that cable, within its motion.
         suit: write a suit on an arm, moved by EMG, in place of the bench.
         force: overwrite a file that is there.
 

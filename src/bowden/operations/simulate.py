@@ -40,7 +40,7 @@ class MotorRun(ResultPart):
     slack_share: float | None
     """Share of the run in which its cable was slack."""
     rms_current_a: float | None
-    """Of its motor [A]."""
+    """RMS current of its motor [A]."""
     mechanical_energy_j: float | None
     """Integral of the mechanical power, Eq. 18 [J]."""
     electrical_energy_j: float | None
@@ -58,11 +58,11 @@ class SimulatedRun(Metrics):
     check: Verdict | None
     """What bowden check says of it on this rig; null where it cannot judge a law of your own."""
     stable: bool
-    """Whether the run reached its end; if not, every figure is null."""
+    """True if the run reached its end; if not, every figure is null."""
     interaction: FeltTorque | None
     """What the wearer felt of a suit that follows their push ([admittance]); null for any other run."""
     motors: tuple[MotorRun, ...]
-    """Of several motors on one joint each; else empty."""
+    """The same for each of several motors on one joint; else empty."""
 
 
 class SimulatedJoint(NamedTuple):
@@ -97,7 +97,7 @@ class Simulation(Result[Any]):
     joints: tuple[SimulatedJoint, ...]
     whole: "Rig"
     alone: bool = True
-    """Whether one law was asked for, not in a list."""
+    """True if one law was asked for, not in a list."""
 
     @property
     def value(self) -> "Trace | Traces":
@@ -137,7 +137,7 @@ def simulate(
         law: a law's name, or FILE.py:NAME of your own; several of them, side by side. The rig's law by default.
         preset: a named set of gains, for every law of this run.
         duration: length of the run, in place of the rig's [s].
-        seed: of the encoders' noise and of a random bend, in place of the rig's.
+        seed: seed of the encoders' noise and of a random bend, in place of the rig's.
         motor: one motor alone, of a rig with several.
         emg: EMG moves the joint: file:PATH of a recording, in place of the rig's.
         force: run laws that fail the check on the rig, too.

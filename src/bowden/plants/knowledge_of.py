@@ -20,7 +20,7 @@ def knowledge_of(plant: Plant, *, identified: bool = False) -> Knowledge:
     - Of a suit: also the cables' Bouc–Wen form; its motor is counted in the joint's coordinate, from the straight arm.
 
     Args:
-        plant: as it is believed to be.
+        plant: the model of it.
         identified: whether a bench's cable is from a log, and not written by hand.
     """
     joint, motor = plant.joint_encoder, getattr(plant, "motor_encoder", None)

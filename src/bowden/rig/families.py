@@ -147,7 +147,7 @@ class DriveFamily:
     """``zeroed(parameters, reading, motor, joint)``: the parameters with which what was read is at these angles of
     motor and joint [rad]; None of a family whose zero is set with its maker's tool alone."""
     zero_hint: str = ""
-    """How the drive itself can be told where it is, and what it loses with its supply; empty where that is nothing."""
+    """How the drive's own position is set, and what it loses with its supply; empty where neither applies."""
     measures_torque: Callable[[Any], bool] = lambda _: False
     """Whether it reports the joint's torque."""
     load_range: Callable[[Any], float] = lambda _: math.inf

@@ -213,7 +213,7 @@ class Rig(metaclass=Answering):
     """Hash of the rig of which this one is only another form, `offline`."""
 
     def __new__(cls, *given: Any, **named: Any) -> "Rig":
-        """Refuse what is no field before Python does, and say what was meant."""
+        """Refuse an unknown field, and name the likely one."""
         if given:
             raise ParameterError(
                 f"Rig: {shown(given[0])} has no name", expected="every part by its name", do="Rig(cable=…, servo=…)"
@@ -921,7 +921,7 @@ class Rig(metaclass=Answering):
             cycle = 1e3 * self.sample_time
             notes.append(
                 f"bench.delay_cycles is {self.delay}: a command reaches the servo {self.delay * cycle:g} ms after its "
-                f"sample; it counts cycles, of {cycle:g} ms here: correct it where you change these"
+                f"sample; it counts cycles, of {cycle:g} ms here: change it when you change the cycle or the delay"
             )
         if self.emg.source is None and self.emg != PARTS["emg"].default:
             notes.append(
@@ -971,7 +971,7 @@ class Rig(metaclass=Answering):
         return found
 
     def _like_radians(self) -> list[str]:
-        """What is said of a reference that is so small that it was probably meant in radians."""
+        """Note on a reference that is so small that it is probably in radians."""
         if self.emg.source is not None:
             what, ends = "emg.low_deg and high_deg", (self.emg.low, self.emg.high)
         else:
@@ -985,7 +985,7 @@ class Rig(metaclass=Answering):
         return [f"{what} goes no further than {furthest:.3g}°, less than a cable's dead zone; {meant}"]
 
     def _one_like_radians(self, what: str, ends: tuple[float, float]) -> list[str]:
-        """What is said of one end in degrees and one that was probably meant in radians, of a cable whose log tells."""
+        """Note on a range with one end in degrees and one probably in radians, of a cable with a known stroke."""
         covered = self.cable.covered if isinstance(self.cable, IdentifiedCable) else None
         for end, other in (ends, ends[::-1]):
             number = end / RADIANS

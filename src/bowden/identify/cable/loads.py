@@ -57,7 +57,7 @@ Array = NDArray[np.float64]
 _NODES, _SEARCHED = 1500, 150
 """Nodes of a log's path: where it is fitted, and where the plain Bouc–Wen cable is searched for."""
 _KNOTS = 20
-"""Ordinates of f and of g. With 14 or 30 the figures of docs/decisions/0032 change by 0.006° at most."""
+"""Ordinates of f and of g. With 14 or 30 the figures of docs/decisions/0014 change by 0.006° at most."""
 _GRID = np.geomspace(2e-3, 0.3, 14)
 """Half-widths offered, over the motor's range [–]; those of the stack that a log of one amplitude can show."""
 _EDGE = 0.005
