@@ -236,3 +236,6 @@ def test_the_counts_of_a_turn_go_into_the_rig(
         assert rig.motor_encoder.resolution * DEGREES == pytest.approx(wanted[0])
         assert suit or rig.joint_encoder.resolution * DEGREES == pytest.approx(wanted[1])
         assert bowden.init(fit, suit=suit).rig.replace(origin="") == rig.replace(origin="")
+        assert "motor" in tomllib.loads(Path("rig.toml").read_text()), "the gear that the drive's counts go through"
+        before = rig.replace(drive={"motor_counts_per_turn": counts[0] or 4096.0}).notes
+        assert any("--counts-per-turn" in note for note in before) == (counts[0] is not None)

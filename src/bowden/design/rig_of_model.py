@@ -175,11 +175,10 @@ def model_text(name: str, model: str, cable: IdentifiedCable, chosen: Chosen) ->
 
 def _motor_lines(gear: float, slope: float) -> str:
     """The motor behind a gear that makes it as strong at the joint as on the bench, where the slope takes from that."""
-    if slope <= 1.0:
-        return ""
+    why = "as strong at the joint as on the bench" if slope > 1.0 else "of the paper's bench"
     return f"""
-[motor]  # of the paper's bench: put your own here
-gear = {gear * slope:.4g}  # motor turns per spool turn: as strong at the joint as on the bench
+[motor]  # put your own here; the drive counts the motor before this gear, and all angles are behind it
+gear = {gear * max(slope, 1.0):.4g}  # motor turns per spool turn: {why}
 """
 
 

@@ -900,6 +900,7 @@ class Rig(metaclass=Answering):
             notes += outside(own, {"load": own["load"]} if "load" in own else {})
         if self.worn is not None and self.identified:
             notes.append(self.whose_cable)
+        notes += self._gear_notes()
         if self._scheduled_by_bend:
             notes += self._bend_notes()
         if self.turned:
@@ -953,6 +954,18 @@ class Rig(metaclass=Answering):
             "if its motor turned a spool of another size than suit.spool_radius_mm, delete [cable] and set "
             f"suit.play_mm to {lost:.3g} times the radius of that spool in mm"
         )
+
+    def _gear_notes(self) -> list[str]:
+        """That the log of the cable's model was probably counted before the gear, behind which the drive's angle is."""
+        counts, gear = getattr(self.drive, "motor_counts_per_turn", 0.0), self.drive_needs.gear
+        counted = self.cable.encoders.motor if isinstance(self.cable, IdentifiedCable) else None
+        if not (counted and counts) or gear == 1.0 or abs(counted * counts / math.tau - 1.0) > _SAME_COUNT:
+            return []
+        return [
+            f"the log of the cable's model has {counts:g} counts a turn, as the drive's encoder has before "
+            f"the gear of {gear:g} in [motor]: if that is the log's encoder, identify the log with --counts-per-turn "
+            f"{counts * gear:g}"
+        ]
 
     def _bend_notes(self) -> list[str]:
         """What is said of the bends of a run whose cable is scheduled by them."""
@@ -1164,6 +1177,8 @@ _LOOKED_AT, _INSTANTS = 60.0, 601
 """Of a reference: for how long it is looked at [s], and how often."""
 _BEYOND = 0.1
 """How far a reference may leave the motion that a log covered, over that motion [–]."""
+_SAME_COUNT = 0.01
+"""Two encoders' counts that differ by less are the same [–]."""
 _WIDER = 2.0
 """Bend of the sheath over that at which the cable was identified, up to which limits know its dead zone [–]."""
 _WRITTEN = 1e-3
