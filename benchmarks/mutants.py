@@ -27,6 +27,7 @@ import sys
 import threading
 import time
 import tomllib
+import traceback
 from collections import Counter
 from collections.abc import Callable, Iterator
 from hashlib import sha256
@@ -353,7 +354,11 @@ def kernels_in(function: Any, parts: Any) -> Iterator[str]:
 
 
 def in_child(work: Callable[[], Any], seconds: int) -> Any:
-    """What `work` gives in a process of its own; None where it uses more of the processor's time, or dies."""
+    """What `work` gives in a process of its own; None where it uses more of the processor's time, or dies.
+
+    Raises:
+        RuntimeError: what it raised.
+    """
     reader, writer = os.pipe()
     child = os.fork()
     if not child:
@@ -364,7 +369,10 @@ def in_child(work: Callable[[], Any], seconds: int) -> Any:
         for stream in (0, 1, 2):
             os.dup2(silence, stream)
         with contextlib.suppress(BaseException), os.fdopen(writer, "w") as answer:
-            json.dump(work(), answer)
+            try:
+                json.dump(["gives", work()], answer)
+            except Exception:
+                json.dump(["raises", traceback.format_exc()], answer)
         os._exit(0)
     os.close(writer)
     with os.fdopen(reader, "rb") as told:
@@ -372,7 +380,10 @@ def in_child(work: Callable[[], Any], seconds: int) -> Any:
     with contextlib.suppress(ProcessLookupError):
         os.killpg(child, signal.SIGKILL)  # and what it has started
     os.waitpid(child, 0)
-    return json.loads(data) if data else None
+    kind, value = json.loads(data) if data else ("gives", None)
+    if kind == "raises":
+        raise RuntimeError(value)
+    return value
 
 
 def run(items: list[Any], until: Callable[[], bool] = lambda: False) -> None:
