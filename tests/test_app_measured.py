@@ -27,7 +27,7 @@ def run(
     bridged: tuple[int, ...] = (),
     home: int = 0,
 ) -> dict[str, np.ndarray]:
-    """The rows of a run: stopped, preflight with a bridged cycle in it, the way to the motion, the motion, the way home, released."""
+    """The rows of a run: stopped, preflight with a bridged cycle, the way there, the motion, the way home, released."""
     skips = skipped or {}
     rows: list[dict[str, float]] = []
     tick = 0
