@@ -15,12 +15,12 @@ import pygad
 from numpy.typing import NDArray
 from scipy.optimize import differential_evolution
 
+import bowden
 from bowden.control import LAWS
 from bowden.control.reference import Multisine
 from bowden.core.kernel import compiled, kernel
 from bowden.core.units import DEGREES
 from bowden.identify.cable.bouc_wen import BoucWenCable
-from bowden.identify.cable.identification import identify
 from bowden.identify.cable.path import Path, build_path
 from bowden.identify.cable.turns import find_turns, motor_noise
 from bowden.identify.log.read import read_log
@@ -269,7 +269,7 @@ def rows(rounds: int = 5) -> tuple[list[Row], list[str]]:
                 f"{name} {', '.join(f'{run.error * DEGREES:.4f}°' for run in runs)} after "
                 f"{', '.join(str(run.generations) for run in runs)} generations, {within} at our error"
             )
-        whole = identify(log.time, log.motor, log.joint)
+        whole = bowden.identify(log.time, log.motor, log.joint)
         notes.append(
             f"{log.name} ({len(log.time)} samples): on the fitted half ours {target * DEGREES:.4f}°, "
             f"{'; '.join(said)}; all families with their comparison (`identify`) took {whole.seconds:.2f} s."

@@ -16,9 +16,9 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.io import savemat
 
+import bowden
 from bowden.core.errors import BowdenError, LogError, ParameterError
 from bowden.identify.cable import checks
-from bowden.identify.cable.identification import identify
 from bowden.identify.log import text as log_text
 from bowden.identify.log.angles import angle_units
 from bowden.identify.log.clock import even_clock
@@ -574,13 +574,13 @@ def test_no_trust_in_a_log_whose_columns_look_swapped() -> None:
     last = 0.0
     for i, angle in enumerate(motor):
         last = joint[i] = min(max(last, angle - 0.05), angle + 0.05)
-    assert identify(t, motor, joint).trust.level == "yes"
-    swapped = identify(t, joint, motor)
+    assert bowden.identify(t, motor, joint).trust.level == "yes"
+    swapped = bowden.identify(t, joint, motor)
     assert swapped.trust.level == "no"
     assert "look swapped" in swapped.trust.reasons[0]
-    few = identify(t, np.rad2deg(0.15 * motor), np.rad2deg(0.15 * joint))  # ±8.6°, without a unit
+    few = bowden.identify(t, np.rad2deg(0.15 * motor), np.rad2deg(0.15 * joint))  # ±8.6°, without a unit
     assert few.trust.level == "with care"
     assert "is it in degrees" in few.trust.reasons[0]
-    small = identify(t, motor, joint, unit="deg")
+    small = bowden.identify(t, motor, joint, unit="deg")
     assert small.trust.level == "with care"
     assert "is it in radians" in small.trust.reasons[0]

@@ -151,24 +151,25 @@ class GuidedPath:
 def identified(progress: Callable[[str, float], None], rig: Mapping[str, Any], folder: str) -> dict[str, Any]:
     """Identify the cable that was measured, and put it into the rig, as identify and init do."""
     from bowden.core.units import DEGREES
-    from bowden.identify.cable.identification import identify_log
+    from bowden.identify.cable.identification import identify
     from bowden.identify.log.read import read_log
     from bowden.plants.identified import load_cable
-    from bowden.report.identify_page import blank, identify_page, pictures
+    from bowden.report.identify_page import identify_page
 
     place, given = Path(folder), Rig.unpack(rig)
     checked = read_log(place / "cable.csv")
-    fit = identify_log(checked, progress=lambda what, share: progress(what, 0.8 * share))
+    fit = identify([checked], progress=lambda what, share: progress(what, 0.8 * share))
     progress("drawing the page", 0.85)
-    text = identify_page(fit, pictures(fit, blank(), [1, 2, 3])).html()
+    text = identify_page(fit).html()
     with whole_files(place) as stage:
         (stage / "identify.html").write_text(text, encoding="utf-8")
         fit.write(stage / "model.toml")
     made = given.replace(cable=load_cable(place / "model.toml"))
     files = ["model.toml", "identify.html", *_written(made, place, "identified")]
-    left, without, _ = (value * DEGREES for value in fit.forecast)
-    trust = f"trust: {fit.trust}"
-    said = f"{fit.best.name}: {left:.2g}° RMS left with this model as feed-forward, {without:.2g}° without; {trust}"
+    ahead = fit.forecast
+    both = [] if ahead is None else [f"{value * DEGREES:.2g}° RMS" for value in ahead[:2]]
+    forecast = f"{' left with this model as feed-forward, '.join(both)} without; " if both else ""
+    said = f"{fit.best.name}: {forecast}trust: {fit.trust}"
     return {"rig": made.document(), "said": said, "files": files}
 
 
