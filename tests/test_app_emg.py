@@ -388,7 +388,7 @@ def test_bytes_that_are_no_table_are_one_line_that_can_be_printed(capsys: pytest
         ([(2.0, 3.0)], "a,b", "expected onset_s and offset_s, or start_s and end_s, named in the first row"),
         ([(2.0, 3.0)], "onset_s,off_s", "columns 'onset_s', 'off_s'; expected onset_s and offset_s"),
         ([(2.0, 3.0)], "onset_deg,offset_deg", "columns 'onset_deg', 'offset_deg'; expected onset_s and offset_s"),
-        ([(2.0, 3.0), (5.0, 6.0)], "2.0,3.0", "the first row has numbers: 2.0,3.0; expected a row of names"),
+        ([(2.0, 3.0), (5.0, 6.0)], "2.0,3.0", "no names stand above its 2 columns of numbers; expected a row of names"),
         ([(2.0, 3.0)], "on\x1b[31mset_s,offset_s", "a column is named 'on\\x1b[31mset_s'"),
         ([(2.0, 30.0)], "onset_s,offset_s", "the recording lasts from 0 to 8 s"),
     ],

@@ -1,7 +1,6 @@
 """Logs and models of cables in whatever form Python has them: files, arrays, traces, what was identified before."""
 
 import dataclasses
-import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -15,7 +14,7 @@ from bowden.core.errors import ParameterError
 from bowden.identify.cable.fit import Fit
 from bowden.identify.cable.recalibrate import Known
 from bowden.identify.log.angles import SIDES, angle_units, angles_of
-from bowden.identify.log.read import Log, checked_rate, prepare
+from bowden.identify.log.read import Log, checked_rate, prepare, read_run
 from bowden.identify.log.read import read_log as read_file
 from bowden.identify.log.variables import Scheduled, of_numbers, scheduled_by
 from bowden.plants.identified import CableModel, IdentifiedCable, load_judged
@@ -32,6 +31,7 @@ def logs_of(
     time: Any = None,
     unit: str | None = None,
     counts_per_turn: float | Sequence[float] | str | None = None,
+    spool_radius_mm: float | None = None,
     rate: float | None = None,
     name: str = "log",
 ) -> list[Log]:
@@ -42,9 +42,20 @@ def logs_of(
         ParameterError: arguments of the wrong kind.
     """
     columns = {"time": time, "motor": motor, "joint": joint, "unit": unit}
-    columns |= {"counts_per_turn": counts_per_turn, "rate": rate}
+    columns |= {"counts_per_turn": counts_per_turn, "spool_radius_mm": spool_radius_mm, "rate": rate}
     if isinstance(given, _KINDS):
         return [_log_of(given, "identify", columns, name)]
+    if isinstance(given, list | tuple) and len(given) == 2 and all(isinstance(one, str | Path) for one in given):
+        named = {what: None if columns[what] is None else str(columns[what]) for what in ("time", *SIDES)}
+        checked_rate(rate, time)
+        run = read_run(
+            [arguments.path_of(one, "identify: log") for one in given],
+            named,
+            angle_units(unit, counts_per_turn, spool_radius_mm),
+            rate,
+        )
+        if run is not None:
+            return [run]
     if isinstance(given, list | tuple) and any(isinstance(one, _KINDS) for one in given):
         return [_log_of(one, f"identify: log {i}", columns, f"log {i}") for i, one in enumerate(given, 1)]
     if given is not None and time is not None:
@@ -65,7 +76,7 @@ def logs_of(
     arguments.one_length(arrays, "identify")
     checked_rate(rate, arrays.get("time"))
     seconds = arrays.get("time", np.arange(len(arrays["motor"])) / (rate or 1.0))
-    return [_of_arrays(seconds, arrays["motor"], arrays["joint"], name, unit, counts_per_turn)]
+    return [_of_arrays(seconds, arrays["motor"], arrays["joint"], name, unit, counts_per_turn, spool_radius_mm)]
 
 
 def _log_of(given: Any, what: str, columns: Mapping[str, Any], name: str) -> Log:
@@ -98,8 +109,9 @@ def _of_arrays(
     name: str,
     unit: str | None,
     counts_per_turn: float | Sequence[float] | str | None,
+    spool_radius_mm: float | None = None,
 ) -> Log:
-    units = angle_units(unit, counts_per_turn)
+    units = angle_units(unit, counts_per_turn, spool_radius_mm)
     angles, _ = angles_of({side: (side, None) for side in SIDES}, {"motor": motor, "joint": joint}, units)
     angles = {side: dataclasses.replace(one, guessed=False) for side, one in angles.items()}  # arrays are in radians
     return prepare(time, angles, name, lambda sample: f"{name}, sample {sample + 1}", units.apart)
@@ -113,18 +125,20 @@ def read_log(
     joint: Any = None,
     unit: str | None = None,
     counts_per_turn: float | Sequence[float] | str | None = None,
+    spool_radius_mm: float | None = None,
     rate: float | None = None,
 ) -> Log:
     """Read the log of a cable and check it: even time, finite angles that move, in radians.
 
     Args:
-        path: ``.csv``, ``.csv.gz``, ``.mat``, ``.npz`` or ``.parquet``; text above the column names is skipped.
-        time: name of the time column; guessed where it is not given.
-        motor: name of the motor's column.
-        joint: name of the joint's column.
-        unit: of the angles, ``deg``, ``rad`` or ``counts``, or one each (``"counts,deg"``); as the columns' names say
-            where it is not given.
+        path: ``.csv``, ``.csv.gz``, ``.mat``, ``.npz``, ``.npy`` or ``.parquet``; text above the names is skipped.
+        time: name or number (from 1) of the time column; guessed where it is not given.
+        motor: of the motor's column.
+        joint: of the joint's column.
+        unit: of the angles, ``deg``, ``rad``, ``turns``, ``counts`` or (of the motor) ``mm``, or one each
+            (``"counts,deg"``); as the columns' names say where it is not given.
         counts_per_turn: of the encoders, where they count: one number, or one for the motor and one for the joint.
+        spool_radius_mm: of the motor, where its column is a length of cable.
         rate: rows a second, of a log without times [Hz].
 
     Returns:
@@ -142,14 +156,17 @@ def read_log(
     np.float64(0.052)
     """
     file = arguments.path_of(path, "read_log: path")
-    for what, column in (("time", time), ("motor", motor), ("joint", joint)):
+    named = {"time": time, "motor": motor, "joint": joint}
+    named = {what: str(one) if type(one) is int else one for what, one in named.items()}
+    for what, column in named.items():
         if column is not None and not isinstance(column, str):
             raise ParameterError(
                 f"{what} of the log {path} is {arguments.said(column)}",
-                expected="the name of a column in the file",
+                expected="the name or number of a column in the file",
                 do="or give only arrays: identify(time, motor, joint)",
             )
-    return read_file(file, time=time, motor=motor, joint=joint, unit=unit, counts_per_turn=counts_per_turn, rate=rate)
+    given = {"unit": unit, "counts_per_turn": counts_per_turn, "spool_radius_mm": spool_radius_mm, "rate": rate}
+    return read_file(file, **named, **given)  # type: ignore[arg-type]
 
 
 def known_cable(model: Any, logs: int) -> Known | None:

@@ -206,6 +206,7 @@ def identify(
     time: "str | ArrayLike | None" = None,
     unit: str | None = None,
     counts_per_turn: float | Sequence[float] | str | None = None,
+    spool_radius_mm: Annotated[float | None, Switch(metavar="MM")] = None,
     rate: float | None = None,
     load: "str | float | Sequence[float] | None" = None,
     bend: "str | float | Sequence[float] | None" = None,
@@ -229,6 +230,7 @@ def identify(
         unit: of the angles, ``rad``, ``deg`` or ``counts``, or one each (``"counts,deg"``); radians where it is not
             given, or as a file's columns say.
         counts_per_turn: of the encoders, where they count: one number, or one for the motor and one for the joint.
+        spool_radius_mm: of the motor, where its column is a length of cable.
         rate: samples a second, of a log without times [Hz].
         load: of several logs one value each, in any unit, or the name of a column, of which the mean is used; by
             default a column with a common name. ``"none"`` for no load. Of one log, where `model` depends on it.
@@ -268,7 +270,7 @@ def identify(
     from bowden.operations.support.progress import reported
 
     given = {"time": time, "unit": unit, "counts_per_turn": counts_per_turn, "rate": rate, "name": name}
-    logs = logs_of(log, motor, joint, **given)  # type: ignore[arg-type]
+    logs = logs_of(log, motor, joint, spool_radius_mm=spool_radius_mm, **given)  # type: ignore[arg-type]
     known = known_cable(model, len(logs))
     by = variables_of({"load": load, "bend": bend}, log, logs, known)
     with reported(progress, "identify") as report:
@@ -323,6 +325,7 @@ def identify_logs(
     joint: str | None = None,
     unit: Annotated[str | None, Switch(metavar="UNIT[,UNIT]")] = None,
     counts_per_turn: Annotated[str | None, Switch(metavar="N[,N]")] = None,
+    spool_radius_mm: Annotated[float | None, Switch(metavar="MM")] = None,
     rate: Annotated[float | None, Switch(metavar="HZ")] = None,
     load: Annotated[str | None, Switch(metavar="VALUES|COLUMN|none")] = None,
     bend: Annotated[str | None, Switch(metavar="VALUES|COLUMN|none")] = None,
@@ -339,13 +342,15 @@ def identify_logs(
     both. With `model` nothing is identified but gain and offset of a known cable, from seconds of motion.
 
     Args:
-        logs: CSV, gzipped CSV, MATLAB, NPZ or Parquet: time, motor, joint; one file or more.
-        time: name of the time column; guessed by default.
-        motor: name of the motor-side angle's column.
-        joint: name of the joint-side angle's column.
-        unit: deg, rad or counts, of both angles or of motor and joint; by default as the columns' names end.
+        logs: CSV, gzipped CSV, MATLAB, NumPy or Parquet: time, motor, joint; one file or more, or one with the motor
+            and one with the joint, whose clocks are aligned by the motion.
+        time: name or number of the time column; guessed by default.
+        motor: of the motor-side angle's column.
+        joint: of the joint-side angle's column.
+        unit: deg, rad, turns, counts or mm, of both angles or of motor and joint; by default as the columns' names end.
         counts_per_turn: counts in a turn of both encoders, or of motor and joint, whatever the log's unit: a rig gets
             them.
+        spool_radius_mm: radius of the motor's spool, where its column is a length of cable in mm.
         rate: rows a second, of a log without times.
         load: load of several logs: 0.1,0.2 (one for each, in their order), or the column whose mean it is; by default a
             column of a common name (joint_torque_nm, tension_n, …).
@@ -363,6 +368,7 @@ def identify_logs(
         time=time,
         unit=unit,
         counts_per_turn=counts_per_turn,
+        spool_radius_mm=spool_radius_mm,
         rate=rate,
         load=load,
         bend=bend,

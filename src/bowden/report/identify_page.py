@@ -292,9 +292,7 @@ def _residual_figure(fit: Fit) -> "Figure":
     one = fit.logs[0]
     _shade(upper, one.log.time - one.log.time[0], fit)
     late = slice(one.split, None)
-    _density(
-        lower, one.log.motor[late] * DEGREES, (one.log.joint - one.predicted)[late] * DEGREES, upper.get_ylim()
-    )
+    _density(lower, one.log.motor[late] * DEGREES, (one.log.joint - one.predicted)[late] * DEGREES, upper.get_ylim())
     lower.set(xlabel="motor [°]", ylabel="joint − model [°]")
     legend(lower)
     return _placed(figure, hspace=0.55, bottom=0.12, top=0.97)

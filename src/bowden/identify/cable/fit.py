@@ -177,6 +177,7 @@ class Recalibration:
         ]
 
 
+_UNJUDGED = Trust("no", ("nothing was judged",))
 _MOST_NOTES = 4
 """Of a fit, on its screen."""
 
@@ -217,7 +218,7 @@ class Fit:
     were judged, then on unseen logs, their offsets known; of a known model as its file says [rad]."""
     warnings: tuple[str, ...]
     """What the logs cannot show, what was mended in them, and what to record instead."""
-    trust: Trust = Trust("no", ("nothing was judged",))
+    trust: Trust = _UNJUDGED
     """Whether to trust it, and why."""
     units: Mapping[str, str] = field(default_factory=dict)
     """What schedules the model, ``load``, ``bend`` or both, and its unit; empty where nothing says it."""

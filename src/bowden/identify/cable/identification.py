@@ -49,6 +49,4 @@ def identify(
     else:
         found = fit_logs(logs, by, seed, tell)
     judged = trust(found, None if known is None else known.cable.trust)
-    return replace(
-        found, trust=judged, best=replace(found.best, trust=judged), seconds=clock.perf_counter() - begin
-    )
+    return replace(found, trust=judged, best=replace(found.best, trust=judged), seconds=clock.perf_counter() - begin)

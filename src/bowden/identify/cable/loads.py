@@ -152,8 +152,11 @@ def fit_logs(logs: Sequence[Log], by: Sequence[Scheduled], seed: int, tell: Prog
         best=best,
         logs=tuple(judged),
         judged_rms=next((one for one in left_out if np.isfinite(one)), errors[1]),
-        warnings=(*(f"{log.name}: {said}" for log in logs for said in log.warnings), *warnings)
-        + tuple(one.said for one in by if one.said),
+        warnings=(
+            *(f"{log.name}: {said}" for log in logs for said in log.warnings),
+            *warnings,
+            *(one.said for one in by if one.said),
+        ),
         units={one.name: one.unit for one in differing},
     )
 

@@ -81,7 +81,9 @@ def _doubts(fit: Fit, one: FittedLog) -> list[Trust]:
         doubt("with care", "the cable changed during the log")
     if lags(one.lag):
         doubt("with care", f"the joint is {1e3 * one.lag[0]:.2g} ms late, which makes its loop look wider")
-    return found if alone else [Trust(each.level, tuple(f"{one.name}: {why}" for why in each.reasons)) for each in found]
+    return (
+        found if alone else [Trust(each.level, tuple(f"{one.name}: {why}" for why in each.reasons)) for each in found]
+    )
 
 
 def _rounding(fit: Fit, one: FittedLog) -> float:
