@@ -23,7 +23,7 @@ from bowden.control.law import Law
 from bowden.control.recorded_motion import RecordedFile, read_motion
 from bowden.control.reference import PeriodicMinimumJerk, PointToPoint, Trajectory
 from bowden.core.units import RADIANS
-from bowden.identify.cable.identification import identify_log
+from bowden.identify.cable.identification import identify
 from bowden.identify.log.read import read_log
 from bowden.models.cable.capstan import Tendon
 from bowden.models.cable.lumped_cable import LumpedTendon
@@ -159,7 +159,7 @@ def zeroed(path: Path, model: str | None = None) -> tuple[Cable, float]:
     log = read_log(path)
     turned = np.sign(np.polyfit(log.motor, log.joint, 1)[0]) * log.motor  # the joint follows in the same direction
     low, stroke = turned.min() + MARGIN * np.ptp(turned), (1.0 - 2.0 * MARGIN) * np.ptp(turned)
-    fit = identify_log(replace(log, motor=turned - low))
+    fit = identify([replace(log, motor=turned - low)])
     name = model or fit.best.name
     parameters = dict(fit.models[name].parameters)
     parameters["offset"] -= resting_joint(identified(name, parameters), 0.0)

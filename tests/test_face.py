@@ -349,8 +349,9 @@ def test_a_model_is_written_and_read(tmp_path: Path) -> None:
     with pytest.raises(ParameterError, match=r"Fit.write: path is 3; expected the path of a file"):
         fit.write(3)  # type: ignore[arg-type]
     trace = example(motor=MOTOR, joint=JOINT)
-    found = bowden.recalibrate(trace, model)
-    assert found.gain == pytest.approx(1.0)
+    found = bowden.identify(trace, model=model)
+    assert found.recalibration is not None
+    assert found.recalibration.gain == pytest.approx(1.0)
     assert "nan" not in repr(found)
 
 
@@ -529,8 +530,8 @@ def test_emg_goes_from_a_recording_to_a_motion(tmp_path: Path, monkeypatch: pyte
 def test_several_logs_and_a_recalibration_show_themselves() -> None:
     units = {"time": "s", "motor": "rad", "joint": "rad"}
     logs = [bowden.Trace({"time": T, "motor": MOTOR, "joint": 0.9 * MOTOR - 0.5 * load}, units) for load in (0.0, 0.2)]
-    together = bowden.identify_together(logs, load=[0.0, 0.2])
-    found = bowden.recalibrate(logs[0], together, load=0.0)
+    together = bowden.identify(logs, load=[0.0, 0.2])
+    found = bowden.identify(logs[0], model=together, load=0.0)
     for one in (together, found):
         assert "<svg" in one._repr_html_()
         assert len(one.plot()) == 1

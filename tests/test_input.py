@@ -122,19 +122,17 @@ CALLS: dict[str, tuple[Callable[..., Any], dict[str, tuple[Any, ...]]]] = {
             "progress": NO_CALL,
         },
     ),
-    "identify_together": (
-        made(bowden.identify_together, [LOG, LOG]),
+    "identify several": (
+        made(bowden.identify, [LOG, LOG]),
         {
-            "logs": (3, "log.csv", [3, 4], [LOG]),
+            "log": (3, "log.csv", [LOG, 4]),
             "load": (3, [0.1], ["a", "b"], "tension"),
             "bend": (3, [0.1], ["a", "b"], "bent"),
-            "seed": NO_WHOLE,
-            "progress": NO_CALL,
         },
     ),
-    "recalibrate": (
-        made(bowden.recalibrate, LOG, MODEL),
-        {"log": (3, None, [1.0]), "model": (3, None), "load": ("a", [1.0]), "bend": ("a", [1.0])},
+    "identify a known": (
+        made(bowden.identify, LOG, model=MODEL),
+        {"log": (3, None, [1.0], [LOG, LOG]), "model": (3,), "load": ("a", [1.0]), "bend": ("a", [1.0])},
     ),
     "init": (
         made(bowden.init, MODEL),

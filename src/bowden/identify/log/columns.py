@@ -1,5 +1,6 @@
 """Which column of a log is the time, the motor, the joint or whatever is looked for, and in which unit."""
 
+import math
 import re
 import shlex
 from collections.abc import Collection, Mapping, Sequence
@@ -7,8 +8,22 @@ from dataclasses import dataclass
 
 from bowden.core.errors import LogError
 from bowden.core.units import RADIANS
+from bowden.records.units import UNITS
 
-TIMES = ("time", "t", "timestamp", "times", "elapsed", "seconds", "sec", "clock")
+TIMES = (
+    "time",
+    "t",
+    "timestamp",
+    "times",
+    "elapsed",
+    "seconds",
+    "sec",
+    "clock",
+    "datetime",
+    "date_time",
+    "x_value",
+    "stamp",
+)
 """Common names of a column of times, the likeliest first."""
 
 CABLE: Mapping[str, Sequence[str]] = {
@@ -48,18 +63,7 @@ _PLACES = {
 """Words in a column's name that say on which side it was measured; the last one, only where no other does."""
 _NO_ANGLE = ("torque", "force", "current", "volt", "temp", "vel", "speed", "emg", "target", "command", "cmd", "ref")
 
-_UNITS = {
-    **dict.fromkeys(("deg", "degs", "degree", "degrees", "°"), "deg"),
-    **dict.fromkeys(("rad", "rads", "radian", "radians"), "rad"),
-    **dict.fromkeys(("s", "sec", "secs", "second", "seconds"), "s"),
-    **dict.fromkeys(("ms", "msec", "millis", "milliseconds"), "ms"),
-    **dict.fromkeys(("us", "µs", "μs", "usec", "micros", "microseconds"), "us"),
-    **dict.fromkeys(("mm", "millimeter", "millimeters", "millimetre", "millimetres"), "mm"),
-    **dict.fromkeys(("cm", "centimeter", "centimeters", "centimetre", "centimetres"), "cm"),
-    **dict.fromkeys(("count", "counts", "cnt", "cnts", "tick", "ticks", "inc", "increments", "pulses"), "counts"),
-}
-
-FACTORS = {"deg": RADIANS, "rad": 1.0, "s": 1.0, "ms": 1e-3, "us": 1e-6}
+FACTORS = {"deg": RADIANS, "rad": 1.0, "turns": math.tau, "s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 """Unit → what one of it is in SI; what a count is, its encoder says."""
 
 
@@ -72,16 +76,7 @@ class LogColumn:
     name: str
     """As written in the log."""
     unit: str | None
-    """``deg``, ``rad``, ``counts``, ``mm``, ``cm``, ``s``, ``ms`` or ``us``; None where the log does not say."""
-
-
-def unit_of(text: str) -> str | None:
-    """The unit that a cell of its own names, or None.
-
-    >>> unit_of("[deg]"), unit_of("rad"), unit_of("motor")
-    ('deg', 'rad', None)
-    """
-    return _UNITS.get(text.strip().strip("[]()").strip().lower())
+    """As `bowden.records.units.UNITS` has it; None where the log does not say."""
 
 
 def split_name(name: str) -> tuple[str, str | None]:
@@ -95,8 +90,8 @@ def split_name(name: str) -> tuple[str, str | None]:
     base, unit = text, None
     if parts:
         named = (parts[2] or parts[4] or "").lower()
-        if named in _UNITS:
-            base, unit = parts[1] if parts[2] else parts[3], _UNITS[named]
+        if named in UNITS:
+            base, unit = parts[1] if parts[2] else parts[3], UNITS[named]
     return re.sub(r"[^0-9a-zµ°]+", "_", base.lower()).strip("_"), unit
 
 
@@ -158,6 +153,16 @@ def find_columns(
     return found
 
 
+def sides_in(given: Mapping[str, str | None], names: Sequence[str]) -> set[str]:
+    """Which of motor and joint are among a file's columns."""
+    found = set()
+    for side in _PLACES:
+        wanted = given.get(side)
+        if (_guess(CABLE[side], names) if wanted is None else _named(wanted, names)) is not None:
+            found.add(side)
+    return found
+
+
 def _suggested(names: Sequence[str]) -> str:
     """The options for both sides, where words in the names of one column each say which it is; else nothing."""
     of_motor = _with_word("motor", names)
@@ -181,7 +186,9 @@ def _named(wanted: str, names: Sequence[str]) -> int | None:
     if wanted in plain:
         return plain.index(wanted)
     lower = [name.lower() for name in plain]
-    return lower.index(wanted.lower()) if lower.count(wanted.lower()) == 1 else None
+    if lower.count(wanted.lower()) == 1:
+        return lower.index(wanted.lower())
+    return int(wanted) - 1 if wanted.isdecimal() and 1 <= int(wanted) <= len(names) else None
 
 
 def _guess(known: Sequence[str], names: Sequence[str]) -> int | None:
