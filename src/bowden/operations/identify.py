@@ -280,7 +280,6 @@ def identify(
         for family, one in fit.models.items()
     }
     loop, ahead, found = fit.chosen.loop, fit.forecast, fit.recalibration
-    unscheduled = {"load": None, "bend": None}
     return Identification(
         fit.best.name,
         tuple(fit.warnings),
@@ -290,14 +289,17 @@ def identify(
         None if loop is None else made(LoopOfModel, json_of(loop), curve_error=loop.curve_error),
         None if ahead is None else ForecastOfModel(*map(degrees, ahead)),
         IdentifyTrust(*fit.trust),
-        ScheduleVariables(**unscheduled | fit.units),  # type: ignore[arg-type]
+        ScheduleVariables(fit.units.get("load"), "rad" if "bend" in fit.units else None),
         tuple(_log_of(fit, one) for one in fit.logs),
         None
         if found is None
         else GainAndOffset(
             found.gain,
             found.gain_error,
-            *map(degrees, (found.offset, found.before_rms, found.after_rms, found.judged_rms)),
+            degrees(found.offset),
+            degrees(found.before_rms),
+            degrees(found.after_rms),
+            degrees(found.judged_rms),
             found.changed,
         ),
         fit=fit,

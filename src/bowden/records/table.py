@@ -16,7 +16,7 @@ import re
 import zipfile
 import zlib
 from array import array
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO, Any, NamedTuple
@@ -44,7 +44,8 @@ _PACKED = 4
 """A compressed file may have so many fields more for each of its bytes."""
 _COMMENT = re.compile(r"#(?!N/A|DIV/|VALUE!|REF!|NAME\?|NULL!|NUM!).*", re.IGNORECASE)
 """In a line of text; an error of a spreadsheet is none."""
-_CONTROL = re.compile(r"[\x00-\x08\x0e-\x1f]")
+_CONTROL = re.compile(r"[\x00-\x08\x0e-\x1a\x1c-\x1f]")
+"""What no text has; an escape of a terminal is one field's, and is refused with its row."""
 _HEAD = 1 << 18
 """Characters within which the numbers must begin."""
 _BLOCK = 1 << 22
@@ -275,7 +276,9 @@ def _as_numbers(column: Any, name: str, path: Path) -> Array:
     if column.dtype.kind not in "fiub":
         for row, value in enumerate(column.tolist()):
             if value is not None and (isinstance(value, str) or not isinstance(value, int | float)):
-                raise LogError(f"{path}, row {row + 1}: {name} is {_printable(repr(value), 60)}", expected="a number")
+                raise LogError(
+                    f"{path}, row {row + 1}: {_printable(name)} is {_printable(repr(value), 60)}", expected="a number"
+                )
     return np.array(column, dtype=np.float64)
 
 
@@ -335,6 +338,10 @@ def _head(path: Path) -> tuple[str, str]:
 
 def _layout(path: Path, head: str, encoding: str) -> _Layout:
     """Where the numbers begin, and what stands above them: the first line that most of those after it are like."""
+    if head.startswith(FIRST_LINE.decode()):  # a trace: its names may be whatever its user called them
+        rows = csv.reader(io.StringIO(head.partition("\n")[2], newline=""))
+        names = tuple(next(rows, ()))
+        return _Layout(names, {}, 1 + rows.line_num, ",", encoding)
     lines = head.splitlines()
     if len(head) >= _HEAD:
         lines = lines[:-1]  # the last one may be cut
@@ -344,7 +351,7 @@ def _layout(path: Path, head: str, encoding: str) -> _Layout:
             found: list[tuple[int, int, str]] = []
             for separator in (";", "\t", ",", ""):  # a comma may be a decimal one where the others stand
                 count, numbers = _row_of_numbers(line, separator, least)
-                if not count or (least == 1 and count > 1):
+                if not count or (least == 1 and (count > 1 or any(mark in line for mark in ";\t,"))):
                     continue
                 if below and not any(
                     _value(one, separator, clock=True) is not None for one in _fields(below[0], separator)
@@ -407,10 +414,14 @@ def _names(path: Path, above: Sequence[str], count: int, separator: str) -> tupl
 
 
 def _fields(line: str, separator: str) -> list[str]:
+    if '"' in line and separator:  # quotes that are left are the fields' own
+        return [one.strip() for one in next(_csv([line.strip("\r\n")], separator), [])]
     parts = line.strip("\r\n").split(separator) if separator else line.split()
-    if '"' in line and separator:
-        parts = next(csv.reader([line.strip("\r\n")], delimiter=separator), [])
     return [part.strip().strip('"').strip() for part in parts]
+
+
+def _csv(lines: Iterable[str], separator: str) -> Any:
+    return csv.reader(lines, delimiter=separator, skipinitialspace=True)
 
 
 def _blocks(path: Path, layout: _Layout) -> Iterator[tuple[int, list[str]]]:
@@ -445,7 +456,7 @@ def _numbers(
             value = _value(cell, separator, clock=place == clock)
             if value is None and cell.strip().lower() not in _MISSING:
                 raise LogError(
-                    f"{path}, line {line}: {layout.names[place]} is {_printable(repr(cell), 60)}",
+                    f"{path}, line {line}: {_printable(layout.names[place])} is {_printable(repr(cell), 60)}",
                     expected="a number",
                     do="correct or remove that row",
                 )

@@ -21,7 +21,7 @@ the same load at another bend stay in the fit. The model itself is fitted to all
 
 import itertools
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -372,7 +372,7 @@ def _judged(
         predicted = np.interp(log.time, path.time[path.weight > 0.0], drawn[path.weight > 0.0])
         middle = begin + half
         line = np.polyfit(log.motor[:middle], log.joint[:middle], 1)
-        errors = dict(zip(("same_rms", "same_offset_rms"), _left_out(one, same, at), strict=True))
+        errors: dict[str, Any] = dict(zip(("same_rms", "same_offset_rms"), _left_out(one, same, at), strict=True))
         errors |= dict(zip(("unseen_rms", "unseen_offset_rms"), _left_out(one, unseen[own], at), strict=True))
         found.append(
             FittedLog(

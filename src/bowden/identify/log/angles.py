@@ -32,6 +32,9 @@ radius or less makes more, cables make 1.15 at most."""
 _OUTLIER, _BEYOND_USUAL, _RARE = 0.02, 10.0, 1e-3
 """How far a reading stands beside the median of the five round it, over the motion and over what others are beside
 theirs, to be none of the motion; and of how many at most: of more it is what is usual."""
+GAP = 4.5
+"""A step of time longer than this many medians is a gap however uneven the clock is: USB and ROS deliver rows one to
+four together."""
 _COUNTERS = (2.0**16, 2.0**32)
 """Counts at which counters overflow."""
 _EXPECTED = "deg, rad, turns, counts or mm, or one for the motor and one for the joint: counts,deg"
@@ -91,6 +94,10 @@ def angle_units(unit: Any = None, counts_per_turn: Any = None, spool_radius_mm: 
     >>> angle_units("counts", "8192,4000").counts_per_turn
     (8192.0, 4000.0)
     """
+    if isinstance(unit, list | tuple) and len(unit) == 2 and all(isinstance(one, str) for one in unit):
+        raise ParameterError(
+            f"the unit of the angles is {said(unit)}", expected="text", do=f'give unit="{",".join(unit)}"'
+        )
     if unit is not None and not isinstance(unit, str):
         raise ParameterError(f"the unit of the angles is {said(unit)}", expected=_EXPECTED, do="give one of them")
     parts = [part.strip().lower() for part in unit.split(",")] if unit else [None]
@@ -229,7 +236,7 @@ def unwrapped(angle: Angle) -> tuple[Angle, list[str]]:
     return replace(angle, values=values), warnings
 
 
-def without_outliers(angle: Angle, where: Callable[[int], str]) -> tuple[Angle, list[str]]:
+def without_outliers(angle: Angle, time: Array, where: Callable[[int], str]) -> tuple[Angle, list[str]]:
     """The angle without single readings, one or two in a row, that stand far beside their neighbours.
 
     A disturbed reading goes out and comes back, as no joint does: it is beside the median of the five round it by more
@@ -238,8 +245,8 @@ def without_outliers(angle: Angle, where: Callable[[int], str]) -> tuple[Angle, 
 
     Args:
         angle: unwrapped.
+        time: (n,); readings beside a gap in it are left alone: what goes on there elsewhere was not disturbed.
         where: sample → place, for messages.
-
     """
     from scipy.ndimage import median_filter
 
@@ -247,7 +254,12 @@ def without_outliers(angle: Angle, where: Callable[[int], str]) -> tuple[Angle, 
     middle = median_filter(values, 5, mode="nearest")
     beside = np.abs(values - middle)
     usual = float(np.sort(beside)[-1 - max(2, int(_RARE * len(beside)))])
-    bad = np.flatnonzero(beside > max(_OUTLIER * float(np.ptp(middle)), _BEYOND_USUAL * usual))
+    far = beside > max(_OUTLIER * float(np.ptp(middle)), _BEYOND_USUAL * usual)
+    steps = np.diff(time)
+    gaps = np.flatnonzero(steps > GAP * np.median(steps))
+    for side in range(-1, 3):
+        far[np.clip(gaps + side, 0, len(far) - 1)] = False
+    bad = np.flatnonzero(far)
     if not len(bad):
         return angle, []
     unit = "°" if angle.unit == "deg" else f" {angle.unit}"

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from bowden.core.errors import LogError, counted
 from bowden.core.units import DEGREES
 from bowden.identify.cable.turns import peak_speed
+from bowden.identify.log.angles import GAP
 from bowden.plants.trust import Trust
 
 Array = NDArray[np.float64]
@@ -15,8 +16,9 @@ Array = NDArray[np.float64]
 _EVEN = 0.1
 """Scatter of a clock's steps (root mean square of their departure from the median, over it) that needs no word, and
 that a column of times has."""
-_GAP = 4.5
-"""A step longer than this many medians is a gap: USB and ROS deliver rows one to four together."""
+_GAP_OF_AN_EVEN_CLOCK, _FEW = 1.5, 0.01
+"""A step longer than this many medians is a gap where so few are; where more are, the rows are delivered together, and
+a gap is one of `GAP`."""
 _BRIDGED = 0.1
 """Share of the motor's or joint's range that either may move in a gap, at its peak speed, for it to be bridged: in so
 little of a stroke no turn is missed, and a straight line is near to what was there. A longer one cuts the log."""
@@ -87,11 +89,12 @@ def even_clock(
         time, signals = time[kept], [one[kept] for one in signals]
     steps = np.diff(time)
     middle = float(np.median(steps))
-    gaps = np.flatnonzero(steps > _GAP * middle)
+    few = np.mean(steps > _GAP_OF_AN_EVEN_CLOCK * middle) <= _FEW
+    gaps = np.flatnonzero(steps > (_GAP_OF_AN_EVEN_CLOCK if few else GAP) * middle)
     if len(gaps):
         moving = [one for one in signals if np.ptp(one) > 0.0 and len(time) > _READINGS]
         fastest = max((peak_speed(time, one) / float(np.ptp(one)) for one in moving), default=np.inf)
-        most = max(_BRIDGED / fastest, _GAP * middle)
+        most = max(_BRIDGED / fastest, GAP * middle)
         long, widest = gaps[steps[gaps] > most], int(gaps[np.argmax(steps[gaps])])
         if (len(long) and not cut) or steps[gaps].sum() - steps[long].sum() > _MOST_BRIDGED * np.ptp(time):
             raise LogError(
@@ -108,7 +111,9 @@ def even_clock(
                 f"time has {counted(len(long), 'gap')} of up to {steps[widest]:.2g} s, in which the motor may have "
                 f"turned: the longest stretch was taken, {np.ptp(time[part]):.4g} of {np.ptp(time):.4g} s"
             )
-            even, signals, more = even_clock(time[part], [one[part] for one in signals], where)
+            even, signals, more = even_clock(
+                time[part], [one[part] for one in signals], lambda i: where(int(kept[part.start + i])), cut=True
+            )
             return even, signals, [*warnings, *more]
         said = f"{counted(len(gaps), 'gap')} of up to {steps[widest]:.2g} s, {np.sum(steps[gaps]):.2g} s in all"
         warnings.append(f"time has {said}: bridged by straight lines")

@@ -7,6 +7,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 from bowden.core.errors import LogError
+from bowden.core.files import printable
 from bowden.core.units import RADIANS
 from bowden.records.units import UNITS
 
@@ -61,6 +62,7 @@ _PLACES = {
     ),
 }
 """Words in a column's name that say on which side it was measured; the last one, only where no other does."""
+_ANGLES = ("deg", "rad", "turns", "counts")
 _NO_ANGLE = ("torque", "force", "current", "volt", "temp", "vel", "speed", "emg", "target", "command", "cmd", "ref")
 
 FACTORS = {"deg": RADIANS, "rad": 1.0, "turns": math.tau, "s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
@@ -124,7 +126,7 @@ def find_columns(
         if index is None:
             missing.append(f"a column {wanted!r} for the {role}" if wanted is not None else f"a {role} column")
         else:
-            found[role] = LogColumn(index, names[index].strip(), split_name(names[index])[1])
+            found[role] = LogColumn(index, printable(names[index].strip()), split_name(names[index])[1])
     listed = ", ".join(repr(name.strip()) for name in names[:12]) + (", …" if len(names) > 12 else "")
     if missing:
         *first, last = known
@@ -139,7 +141,7 @@ def find_columns(
             do=f"name the columns: {options}, or {keywords} in Python{rate}"
             + (_suggested(names) if {*_PLACES} <= {*known} - {role for role in given if given[role]} else ""),
         )
-    written = [name.strip() for name in names]
+    written = [printable(name.strip()) for name in names]
     for column in found.values():
         if written.count(column.name) > 1:
             raise LogError(
@@ -167,6 +169,8 @@ def _suggested(names: Sequence[str]) -> str:
     """The options for both sides, where words in the names of one column each say which it is; else nothing."""
     of_motor = _with_word("motor", names)
     of_joint = [k for k in _with_word("joint", names) if k not in of_motor]
+    if not of_motor and len(of_joint) == 1:  # the one other column of angles
+        of_motor = [k for k in _angles(names) if k not in of_joint and split_name(names[k])[1] in _ANGLES]
     if len(of_motor) != 1 or len(of_joint) != 1:
         return ""
     motor, joint = (shlex.quote(names[one[0]].strip()) for one in (of_motor, of_joint))
@@ -175,10 +179,14 @@ def _suggested(names: Sequence[str]) -> str:
 
 def _with_word(side: str, names: Sequence[str]) -> list[int]:
     *words, last = _PLACES[side]
-    plain = [name.lower() for name in names]
-    angles = [k for k, name in enumerate(plain) if not any(word in name for word in _NO_ANGLE)]
+    plain, angles = [name.lower() for name in names], _angles(names)
     at = [k for k in angles if any(word in plain[k] for word in words)]
     return at or [k for k in angles if last in plain[k]]
+
+
+def _angles(names: Sequence[str]) -> list[int]:
+    """The columns whose names have no word of what is no angle."""
+    return [k for k, name in enumerate(names) if not any(word in name.lower() for word in _NO_ANGLE)]
 
 
 def _named(wanted: str, names: Sequence[str]) -> int | None:

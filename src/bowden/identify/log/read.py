@@ -387,7 +387,7 @@ def prepare(
         checks.check_finite(what, values, place)
     (motor, notes), (joint, more) = (unwrapped(angles[side]) for side in SIDES)
     check_plausible(motor, joint, place)
-    (motor, filled), (joint, further) = (without_outliers(one, place) for one in (motor, joint))
+    (motor, filled), (joint, further) = (without_outliers(one, time, place) for one in (motor, joint))
     notes, more = notes + filled, more + further
     if not apart:
         checks.check_same_unit(motor.radians, joint.radians, name)
