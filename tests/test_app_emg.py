@@ -251,7 +251,7 @@ def bad(name: str) -> Path:
 @pytest.mark.parametrize(
     ("name", "said"),
     [
-        ("nan", "row 1235: emg_mV is nan"),
+        ("nan", "line 1236: emg_mV is nan"),
         ("flat", "0.25 in every sample"),
         ("clipped", "are at an end of its range"),
         ("huge", "expected at most 100000 mV, which are 100 V; look at the unit in the column's name"),
