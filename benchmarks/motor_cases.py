@@ -1,6 +1,6 @@
 """What a checkout makes of several motors, on one joint and on several: the part `motors` of two_checkouts.py.
 
-Run by text in both checkouts, and in the words of each: an older one has ``[[axis]]`` and ``[pair]``.
+Run by text in both checkouts.
 """
 
 import contextlib
@@ -19,8 +19,6 @@ from bowden import Rig
 from bowden.app.main import run as run_command
 from bowden.live.live_run import live_run
 
-OLD = "axes" in Rig.__dataclass_fields__
-"""Whether this checkout is one with axes and a pair."""
 EVERY = 250
 """Cycles between two that are kept of a trace."""
 UP = "[drive]\nnode_id = 1\n"
@@ -57,11 +55,11 @@ BAD: Mapping[str, tuple[str, str]] = {
     "too much": ("co_contraction_deg = 4.0", "co_contraction_deg = 20.0"),
     "beyond": ("co_contraction_deg = 4.0", "co_contraction_deg = 60.0"),
     "key": ("co_contraction_deg", "contraction_deg"),
-    "reference": ("slack_sign = 1.0", "slack_sign = 1.0\n[MOTOR.reference]\nhigh_deg = 20.0"),
+    "reference": ("slack_sign = 1.0", "slack_sign = 1.0\n[motor.reference]\nhigh_deg = 20.0"),
     "independent": ("duration_s = 6.0", "duration_s = 6.0\n[live]\npriority = 0\n"),
-    "suit": ("node_id = 2", "node_id = 2\n[MOTOR.suit]\nworn = true"),
+    "suit": ("node_id = 2", "node_id = 2\n[motor.suit]\nworn = true"),
     "plant": ("node_id = 2", "node_id = 1"),
-    "turned": ("node_id = 2", "node_id = 2\n[MOTOR.cable]\nslope = -0.9"),
+    "turned": ("node_id = 2", "node_id = 2\n[motor.cable]\nslope = -0.9"),
     "name": ('name = "m2"', 'name = "M 2"'),
     "twice": ('name = "m2"', 'name = "m1"'),
     "emg": ("duration_s = 6.0", 'duration_s = 6.0\n[emg]\nsource = "lsl:EMG"\n'),
@@ -69,18 +67,16 @@ BAD: Mapping[str, tuple[str, str]] = {
 
 
 def text_of(head: str, motors: Sequence[str], contraction: float | None = None) -> str:
-    """A rig.toml in the words of this checkout."""
-    key = "axis" if OLD else "motor"
+    """A rig.toml."""
     first, rest = (
         ("", head) if not head.startswith("independent") else (head.split("\n", 1)[0] + "\n", head.split("\n", 1)[1])
     )
-    joint = "" if contraction is None or OLD else 'joint = "q"\n'
+    joint = "" if contraction is None else 'joint = "q"\n'
     parts = [first, rest]
     if contraction is not None:
-        said = f"co_contraction_deg = {contraction}\n"
-        parts.append(f'[pair]\nagonist = "m1"\nantagonist = "m2"\n{said}' if OLD else f'[[joint]]\nname = "q"\n{said}')
+        parts.append(f'[[joint]]\nname = "q"\nco_contraction_deg = {contraction}\n')
     for i, own in enumerate(motors):
-        parts.append(f'[[{key}]]\nname = "m{i + 1}"\n{joint}' + own.replace("[", f"[{key}."))
+        parts.append(f'[[motor]]\nname = "m{i + 1}"\n{joint}' + own.replace("[", "[motor."))
     return "".join(parts)
 
 
@@ -103,7 +99,7 @@ def kept(trace: Any) -> dict[str, list[float]]:
 
 def loops(found: Mapping[str, Any]) -> dict[str, Any]:
     """A check without its names."""
-    shared = found.get("pair") or found.get("shared") or {}
+    shared = found.get("shared") or {}
     names = ("verdict", "holds", "gain_margin_db", "phase_margin_deg", "delay_margin_s", "limit_cycle", "chatter")
     own = {name: found.get(name) for name in (*names, "simulated_peak_deg", "code")}
     own["largest_pole"] = (found.get("worst") or {}).get("largest_pole")
@@ -114,42 +110,32 @@ def loops(found: Mapping[str, Any]) -> dict[str, Any]:
 def each_of(path: Path) -> dict[str, Any]:
     """What the commands and Python say of one rig."""
     checked, ran = (command(word, str(path), "--json") for word in ("check", "simulate"))
-    live = live_run(Rig.read(path))
-    ones = live.axes if OLD else live.motors
+    motors = live_run(Rig.read(path)).motors
     traces = bowden.simulate(path, duration=4.0)
     figures = ("rmse_deg", "peak_deg", "stable", "check", "mechanical_energy_j", "delay_s")
     return {
         "check": loops(checked),
-        "each": [loops(one) for one in checked.get("axes" if OLD else "joints", ())],
+        "each": [loops(one) for one in checked.get("joints", ())],
         "simulate": [{name: run.get(name) for name in figures} for run in ran.get("runs", ())],
         "motors": [
-            [{name: x for name, x in motor.items() if name not in ("axis", "motor")} for motor in run["motors"]]
+            [{name: x for name, x in motor.items() if name != "motor"} for motor in run["motors"]]
             for run in ran.get("runs", ())
         ],
         "traces": [kept(trace) for trace in traces.values()],
-        "limits": [{_old(name): x for name, x in one.limits._asdict().items()} for one in ones],
-        "taut": [one.limits.taut for one in ones],
-        "starts": [[one.start, one.table[::EVERY, 0].tolist()] for one in ones],
+        "limits": [one.limits._asdict() for one in motors],
+        "taut": [one.limits.taut for one in motors],
+        "starts": [[one.start, one.table[::EVERY, 0].tolist()] for one in motors],
     }
-
-
-def _old(name: str) -> str:
-    """A column or a limit as an older checkout calls it."""
-    return {"shared": "paired", "neighbour": "opposite"}.get(
-        name, name.replace("supervisor.neighbour", "supervisor.pair")
-    )
 
 
 def lived(path: Path, folder: Path) -> dict[str, Any]:
     """A run of it on its twins, in the loop's own process."""
-    with contextlib.suppress(ImportError):
-        from support.pair_runs import pair_run as shared_run
-    if not OLD:
-        from support.joint_runs import shared_run
+    from support.joint_runs import shared_run
+
     folder.mkdir()
     ended, rows = shared_run(folder, Rig.read(path).replace(duration=4.0)).run()
     columns = {
-        f"{name} {_old(key)}": np.nan_to_num(part[key][::25], posinf=9e9).tolist()
+        f"{name} {key}": np.nan_to_num(part[key][::25], posinf=9e9).tolist()
         for name, part in rows.parts.items()
         for key in part.columns
         if key != "run_time"
@@ -173,7 +159,7 @@ def main() -> None:
             found[f"apart {name}"] = each_of(path)
         plain = text_of(HEAD, (UP, DOWN), 4.0)
         for name, (old, new) in BAD.items():
-            path.write_text(plain.replace(old, new.replace("MOTOR", "axis" if OLD else "motor")))
+            path.write_text(plain.replace(old, new))
             found[f"bad {name}"] = [command(word, str(path), "--json")["code"] for word in ("check", "simulate")]
         path.write_text(text_of(SHARED["adaptive"][0], (UP, DOWN), 4.0))
         tuned = bowden.tune(path, generations=1)
@@ -181,4 +167,5 @@ def main() -> None:
     print(json.dumps(found, default=str))
 
 
-main()
+if __name__ == "__main__":
+    main()

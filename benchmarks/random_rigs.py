@@ -158,7 +158,8 @@ def run(rig: Rig) -> str:
     if found := objections(rig):
         return f"objected: {'; '.join(found)}"
     live = live_run(rig)
-    verdict = verdicts(rig, [live.law], "rig.toml", force=True)[0]
+    (joint,) = rig.each_joint
+    verdict = verdicts(joint, [(live.law,)], "rig.toml", force=True)[0]
     require(live.limits, rig.sample_time, verdict.name or "holds", opposed=live.opposed)
     live = live.following([off_reference(rig, live.law)])
     cycle, script = live.cycle(), live.script()

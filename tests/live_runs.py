@@ -85,7 +85,7 @@ def _bare_loop() -> tuple[float, bool]:
 
 def pushed_rig() -> str:
     """The rig of docs/day_one_suit.md that follows its wearer's push."""
-    text = (ROOT / "docs" / "admittance.md").read_text(encoding="utf-8")
+    text = (ROOT / "docs" / "day_one_suit.md").read_text(encoding="utf-8")
     (block,) = re.findall(r"^`pushed.toml`:\n\n```toml\n(.*?)^```$", text, re.DOTALL | re.MULTILINE)
     return str(block)
 

@@ -179,12 +179,16 @@ def test_a_new_operation_is_its_file_and_its_view(
         (["simulat"], "No such command 'simulat'. Did you mean 'simulate'? See bowden --help"),
         (["log", "inf"], "No such command 'inf'. Did you mean 'info'? See bowden log --help"),
         (["emg"], "Missing command; see bowden emg --help"),
-        ([], "Missing command; see bowden --help"),
     ],
 )
 def test_a_command_that_there_is_not(words: list[str], said: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main.run(words) == 2
     assert capsys.readouterr().err == f"bowden: {said}\n"
+
+
+def test_the_bare_command_shows_its_help(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main.run([]) == 0
+    assert "Usage: bowden" in capsys.readouterr().out
 
 
 def test_the_twins_list_of_faults_is_a_document_too(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -103,6 +103,10 @@ def test_the_examples_are_right(example: Path) -> None:
         ("[reference]\ntimes_s = [1]", "reference.kind is missing; expected periodic_minimum_jerk, point_to_point"),
         ("[reference]\nkind = 'chrip'", "reference.kind is 'chrip'; expected chirp (did you mean this?)"),
         (
+            "[reference]\nlow_deg = 7\nhigh_deg = 1.03",
+            "low_deg is 7 and high_deg 1.03; radians? 1.03 rad would be 59°; expected low_deg below high_deg",
+        ),
+        (
             "[reference]\nkind = 'point_to_point'\ntimes_s = [1.0]",
             "reference.times_s is [1.0] and reference.positions_deg [0.0, 70.0, 70.0, 0.0]; expected two lists of one",
         ),

@@ -182,7 +182,6 @@ def test_init_writes_the_commented_default_and_never_over_a_file(capsys: pytest.
         (["simulate"], "see bowden simulate --help"),
         (["init", "."], "is a folder; name the file: rig.toml"),
         (["simulat"], "simulat"),
-        ([], "see bowden --help"),
     ],
 )
 @pytest.mark.parametrize("as_json", [False, True])

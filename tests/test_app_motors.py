@@ -35,7 +35,7 @@ duration_s = 2.0
 law = "bowden"
 [limits]
 {SHARED}"""
-AXES = """[[motor]]
+LEG = """[[motor]]
 name = "hip"
 [motor.drive]
 node_id = 1
@@ -51,7 +51,7 @@ high_deg = 20.0
 @pytest.fixture
 def leg(tmp_path: Path) -> Path:
     path = tmp_path / "leg.toml"
-    path.write_text(SECTIONS + AXES)
+    path.write_text(SECTIONS + LEG)
     return path
 
 
@@ -225,7 +225,7 @@ def test_a_command_without_an_option_for_an_motor_does_not_name_it(
 
 
 def test_a_rig_of_motors_that_cannot_be_gets_no_power(tmp_path: Path) -> None:
-    (tmp_path / "bad.toml").write_text(SECTIONS + AXES.replace("node_id = 2", "node_id = 1"))
+    (tmp_path / "bad.toml").write_text(SECTIONS + LEG.replace("node_id = 2", "node_id = 1"))
     words = [*COMMAND, "run", str(tmp_path / "bad.toml"), "--twin", "--auto", "--out", str(tmp_path / "out")]
     done = subprocess.run(words, capture_output=True, text=True, check=False)
     assert done.returncode == 2

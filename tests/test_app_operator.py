@@ -391,7 +391,7 @@ def test_the_summary_says_what_ended_the_run_and_what_its_log_lacks(capsys: pyte
     said = capsys.readouterr()
     assert "40 cycles in the log" in said.out
     assert "None" not in said.out
-    print_summary(found | {"ended_well": True, "cycles": 40, "log_whole": True})
+    print_summary(found | {"ended_well": True, "seconds_led": 0.04, "cycles": 40, "log_whole": True})
     said = capsys.readouterr()
     assert "ended by a fault" not in said.out
     assert said.err == ""

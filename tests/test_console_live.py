@@ -130,7 +130,7 @@ def test_a_whole_run(console: RunningConsole) -> None:
     assert 0.0 < listed["rmse_deg"] < 30.0
     assert page.get_json("/api/runs?search=nobody") == []
     details = page.get_json(f"/api/runs/{listed['id']}")
-    assert details["how"] == "as asked", details
+    assert details["how"] == "ended as asked", details
     status, headers, text = page.get(f"/api/runs/{listed['id']}/page.html")
     assert status == 200
     assert headers["content-security-policy"].startswith("sandbox;")

@@ -58,7 +58,7 @@ def test_each_motor_has_curves_in_groups_of_its_own_and_the_loops_stand_once(leg
     assert by_name["knee.joint_deg"].high == pytest.approx(by_name["joint_deg"].high)
 
 
-def test_faults_are_injected_into_the_twin_of_an_motor(leg: Rig) -> None:
+def test_faults_are_injected_into_the_twin_of_a_motor(leg: Rig) -> None:
     faults = [one["name"] for one in rig_of(leg, "leg.toml", twin=True)["faults"]]
     assert {"hip: drive_fault", "knee: encoder_frozen joint"} <= {*faults}
     assert len({*faults}) == len(faults)

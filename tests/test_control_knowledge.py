@@ -2,6 +2,7 @@
 
 import contextlib
 import dataclasses
+import importlib
 import math
 from collections.abc import Iterator
 from pathlib import Path
@@ -62,6 +63,8 @@ class Caught(Exception):
 @pytest.fixture
 def handed(monkeypatch: pytest.MonkeyPatch) -> dict[str, list[Law]]:
     """Command → the laws that it handed to what works with them."""
+    for module in ("study.tune_law", "design.advice", "design.joint_check"):  # so that none keeps what is put in place
+        importlib.import_module(f"bowden.{module}")
     found: dict[str, list[Law]] = {}
 
     def catching(command: str, of: Any) -> Any:
@@ -71,7 +74,9 @@ def handed(monkeypatch: pytest.MonkeyPatch) -> dict[str, list[Law]]:
 
         return caught
 
-    monkeypatch.setattr("bowden.design.verdict.verdicts", catching("simulate", lambda setup, laws, *_: list(laws)))
+    monkeypatch.setattr(
+        "bowden.design.verdict.verdicts", catching("simulate", lambda joint, laws, *_: [own for (own,) in laws])
+    )
     monkeypatch.setattr("bowden.design.check.check", catching("check", lambda bench, law: [law]))
     monkeypatch.setattr("bowden.study.tune_law.search", catching("tune", lambda bench, law: [law]))
     monkeypatch.setattr(export_law, "law_module", catching("export", lambda law, *_: [law]))

@@ -106,6 +106,8 @@ def test_empty_fields_are_no_numbers_and_text_elsewhere_is_left_alone(tmp_path: 
         ("a,b\n1,2\n3,x\n", "line 3: b is 'x'; expected a number"),
         ("a,b\n1,2\n3,4,5\n", "line 3: 3 fields where there are 2 columns; expected as many in each row"),
         ("a,b\n1,2\n3\n", "line 3: 1 fields where there are 2 columns"),
+        ("1,2\n3,4,5\n3\n", "line 2: 3 fields where there are 2 columns"),
+        ("1,2\n3,4,5\n6,7,8\n", "line 2: 3 fields where there are 2 columns"),
         ("a,b\n1,2\n3,\x1b[31m\n", "line 3: b is '"),
         ("a,b\n1,2\n3,1_000\n", "line 3: b is '1_000'; expected a number"),
         ("a,b\n1,2\n3,１２\n", "line 3: b is '１２'"),

@@ -264,6 +264,7 @@ int main(void)
 
 
 @pytest.mark.skipif(COMPILER is None, reason="no C compiler")
+@pytest.mark.filterwarnings("ignore:bowden run will refuse this rig")  # its zeros are anywhere
 def test_in_c_the_counts_of_a_log_lie_on_the_cable_of_the_rig() -> None:
     """Of a cable whose joint falls as its motor rises, and whose zeros are anywhere; commands become counts again."""
     shape = {"hysteresis_gain": 0.05, "rate": 9.0, "shape": 8.0, "exponent": 2.0, "initial_h": 0.1}
@@ -285,3 +286,13 @@ def test_in_c_the_counts_of_a_log_lie_on_the_cable_of_the_rig() -> None:
     assert np.allclose(back, counts[:, 0], rtol=0.0, atol=1e-6)
     assert "motor [rad]     = -(0.000383495·counts - 0.7)" in Path("code/README.md").read_text()
     assert "the other way round than its encoder; zero is at 40.11°" in Path("code/uncompensated.h").read_text()
+
+
+def test_a_rig_that_a_run_refuses_is_named_and_its_limits_are_not_exported(capsys: pytest.CaptureFixture[str]) -> None:
+    Path("rig.toml").write_text(f"{RIG}\n[limits]\njoint_low_deg = 90.0\njoint_high_deg = 80.0\n")
+    words = ["export", "rig.toml", "--to", "code", "--law", "uncompensated"]
+    said = "bowden run will refuse this rig: joint_low_deg = 90.0 is not below joint_high_deg = 80.0"
+    assert main.run([*words, "--safety"]) == 2
+    assert f"the limits of the supervisor are not exported: {said}" in capsys.readouterr().err
+    assert main.run(words) == 0
+    assert f"note: {said}" in capsys.readouterr().err

@@ -22,7 +22,10 @@ from bowden.app.main import run
 from bowden.control import LAWS
 from bowden.core.errors import BowdenError, ParameterError
 from bowden.live.log_rig import rig_of_log
-from bowden.live.outcome import RunState, outcome
+from bowden.live.mcap_read import Recording
+from bowden.live.mcap_reader import Damage
+from bowden.live.outcome import RunState, outcome, outcome_of
+from bowden.live.ring_status import RecorderState
 from bowden.operations.support.given import in_turn
 from bowden.operations.support.progress import reported
 from bowden.safety.faults import Fault
@@ -422,6 +425,14 @@ FROZEN = (
         (None, "", Mode.RUNNING, [Fault.JOINT_FROZEN], "the run goes on, under its law"),
         (None, "", Mode.LATCHED, [Fault.JOINT_FROZEN, Fault.JOINT_MOTOR_MISMATCH], f"stopped by a fault: {FROZEN}"),
         ({"mode": 0, "torque": 0}, "", Mode.STOPPED, [], "ended as asked"),
+        ({"mode": 0, "torque": 0, "ran": False}, "", Mode.STOPPED, [], "ended as asked, before it ran"),
+        (
+            {"mode": 0, "torque": 0, "ran": False, "faults": 1 << Fault.RECORDER_LOST},
+            "",
+            Mode.STOPPED,
+            [Fault.RECORDER_LOST],
+            "the run was ended: nothing is recorded; its log was removed, replaced or moved",
+        ),
         (
             {"mode": 5, "torque": 0},
             "",
@@ -435,12 +446,37 @@ FROZEN = (
 )
 def test_how_a_run_ended_is_said(ended: Any, error: str, mode: Any, came: list[Fault], said: str) -> None:
     axis: Any = SimpleNamespace(name="", came={fault: float(i) for i, fault in enumerate(came)})
-    assert said in outcome(RunState(ended, error, mode, (axis,), 0.5, on_twin=False))
+    assert said in outcome(RunState(ended, error, mode, (axis,), 0.5, on_twin=False, recorder=RecorderState.FILE_GONE))
+
+
+@pytest.mark.parametrize(
+    ("modes", "fault", "stops", "said"),
+    [
+        ((0, 1, 2, 4, 0), None, 0, "ended as asked"),
+        ((0, 2, 4, 5, 0, 2, 4, 0), None, 1, "ended as asked, after 1 stop by a fault"),
+        ((0, 1, 4, 0), None, 0, "ended as asked, before it ran"),
+        ((0, 1, 4, 0), Fault.RECORDER_LOST, 0, "ended before it ran: nothing is recorded; the disk takes nothing"),
+        ((0, 2, 4, 5), Fault.JOINT_FROZEN, 1, "ended by a fault at 3.000 s: joint angle does not change"),
+        ((5, 5), Fault.JOINT_FROZEN, 0, "ended by a fault: joint angle does not change; look at the joint encoder"),
+        ((0, 2), None, 0, "not known: the log ends in the mode running"),
+        ((), None, 0, "not known"),
+    ],
+)
+def test_a_log_says_how_its_run_ended(modes: tuple[int, ...], fault: Fault | None, stops: int, said: str) -> None:
+    bits = 0.0 if fault is None else float(1 << fault)
+    rows = np.array([(mode, bits, float(RecorderState.FULL)) for mode in modes]).reshape(len(modes), 3)
+    columns = ("mode", "faults", "recorder")
+    log = Recording({}, None, columns, ("1",) * 3, np.arange(len(modes)), rows, [], Damage(0, 0, 0))
+    stop = {"time_s": 3.0, "causes": [fault.meaning if fault else ""]}
+    assert outcome_of(log, [stop] * stops, twin=False).startswith(said)
 
 
 # errors
 
 WRONG: dict[str, tuple[Callable[[], Any], str]] = {
+    "simulate of a log": (lambda: bowden.simulate("log.csv"), r"log\.csv is a log, not a rig; .*: bowden identify log"),
+    "identify of nothing": (lambda: bowden.identify(), r"identify: time is missing; expected a file's path, or three"),
+    "identify of two": (lambda: bowden.identify(T, MOTOR), r"identify: joint is missing"),
     "other lengths": (lambda: bowden.identify(T, MOTOR[1:], JOINT), r"time has 2000 samples, motor has 1999"),
     "NaN": (lambda: bowden.identify(T, np.where(T == 5.0, np.nan, MOTOR), JOINT), r"sample 501: motor is nan"),
     "degrees": (

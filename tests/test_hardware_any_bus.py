@@ -35,7 +35,7 @@ def twin(monkeypatch: pytest.MonkeyPatch) -> Iterator[Twin]:
 def running_twin() -> Iterator[Twin]:
     rig = bench()
     behind = TwinBench(rig, constant_bend(rig.sheath.bend), 1.0, 0, 0.1, time.monotonic())
-    running = cia402.twin(DRIVE, behind, time.monotonic, ())
+    running = cia402.FAMILY.twin(DRIVE, behind, time.monotonic, ())
     assert isinstance(running, Twin)
     thread = threading.Thread(target=running.run)
     thread.start()

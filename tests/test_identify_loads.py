@@ -15,7 +15,8 @@ import bowden
 from bowden.app.main import run
 from bowden.core.errors import BowdenError
 from bowden.core.units import DEGREES
-from bowden.identify.cable.fit import Fit, Recalibration
+from bowden.identify.cable.fit import Fit
+from bowden.identify.cable.fitted import Recalibration
 from bowden.identify.cable.identification import identify
 from bowden.identify.cable.loads import _levels
 from bowden.identify.cable.recalibrate import Known, recalibrated

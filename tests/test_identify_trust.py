@@ -4,6 +4,8 @@ import importlib
 import json
 import math
 import sys
+import warnings
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -67,6 +69,14 @@ def test_rows_that_repeat_the_joint_are_left_out(dither: float) -> None:
     assert fit.trust.level == "with care"
     assert "the joint repeats 10 rows: 5 Hz; the others were left out" in fit.trust.reasons
     assert np.rad2deg(fit.models["play"].parameters["half_width"]) == pytest.approx(4.0, abs=0.1)
+
+
+def test_an_encoder_that_dithers_by_less_than_a_count_repeats_no_rows() -> None:
+    time = np.arange(0.0, 40.0, 0.002)
+    motor = 45.0 * (2.0 * np.abs(2.0 * ((0.1 * time) % 1.0) - 1.0) - 1.0)
+    joint = play(motor, 4.5) / 0.9 * 1.4 + 0.04 * np.random.default_rng(7).standard_normal(len(time))
+    fit = bowden.identify(time, motor, np.round(joint / 0.088) * 0.088, unit="deg")
+    assert not [why for why in fit.trust.reasons if "repeats" in why]
 
 
 def test_rows_that_repeat_both_angles_are_no_fault() -> None:
@@ -138,7 +148,9 @@ def test_trust_goes_from_the_log_into_each_command_on_the_rig(
     assert cable.trust.level == "no"
     for command in (["init", "--model", "out/identify/model.toml"], ["check", "rig.toml"]):
         run(command)
-        assert capsys.readouterr().out.startswith("Trust in the cable's model: no: the model predicts hardly better")
+        said = capsys.readouterr().out.splitlines()
+        assert said[0].startswith("Trust in the cable's model: no: the model predicts hardly better")
+        assert said[0].endswith(" (all reasons: [trust] of out/identify/model.toml)") is ("check" in command)
     run(["check", "rig.toml", "--json"])
     assert json.loads(capsys.readouterr().out)["trust"] == {"level": "no", "reasons": list(cable.trust.reasons)}
     rig = Rig.read("rig.toml")
@@ -147,3 +159,19 @@ def test_trust_goes_from_the_log_into_each_command_on_the_rig(
     rig.write("again/rig.toml")
     assert isinstance(trust := Rig.read("again/rig.toml").cable.trust, Trust)
     assert trust == cable.trust
+
+    def doubted(call: Callable[[], Any]) -> Any:
+        with warnings.catch_warnings(record=True) as told:
+            warnings.simplefilter("always")
+            found = call()
+        (said,) = (str(one.message) for one in told if "Trust in the cable's model" in str(one.message))
+        assert said.startswith("Trust in the cable's model: no: the model predicts hardly better")
+        return found
+
+    assert doubted(lambda: bowden.init("out/identify/model.toml")).cable_trust == cable.trust
+    assert doubted(lambda: bowden.check(rig, "uncompensated")).cable_trust == cable.trust
+    trace = doubted(lambda: bowden.simulate(rig, "uncompensated", duration=2.0))
+    assert trace.settings["cable_trust"] == cable.trust._asdict()
+    doubted(lambda: bowden.run(rig, twin=True))
+    found = doubted(lambda: bowden.export(rig, "firmware", "uncompensated", force=True))
+    assert found.cable_trust == cable.trust

@@ -94,6 +94,7 @@ FACTS: dict[str, Any] = {
     "lateness_s": None,
     "run_time_s": None,
     "overruns": None,
+    "outcome": "ended as asked",
     "stops": [],
 }
 
@@ -106,14 +107,14 @@ def test_a_log_opens_with_its_error_and_its_end() -> None:
     whole = Trace({**trace.columns, "mode": modes, "source": sources}, {**trace.units, "mode": "1", "source": "1"})
     html = log_page(whole, [], FACTS, "Run").html()
     led = np.degrees(np.sqrt(np.mean(trace.error[trace.time >= 5.0] ** 2)))
-    assert "The run ended as it was asked to, at 9.999 s, power off." in html
+    assert "How the run ended: ended as asked. The log ends at 9.999 s." in html
     assert f'<td>RMSE while the law led</td><td class="number">{led:.3f}</td>' in html
     assert html.index("RMSE while the law led") < html.index("<svg")
     stop = {"time_s": 3.0, "causes": ["a"], "remedies": ["b"], "consequences": ["c"], "too_busy": None}
     latched = Trace({**whole.columns, "mode": np.full(len(trace), 5.0)}, whole.units)
-    html = log_page(latched, [], FACTS | {"stops": [stop]}, "Run").html()
+    html = log_page(latched, [], FACTS | {"stops": [stop], "outcome": "ended by a fault at 3.000 s: a"}, "Run").html()
     assert "Stopped by a fault at 3.000 s: a; b." in html
-    assert "The run was stopped by a fault, at 3.000 s" in html
+    assert "How the run ended: ended by a fault at 3.000 s: a." in html
 
 
 def test_a_log_without_reference_has_no_empty_panel_and_what_was_not_read_yet_is_no_fault() -> None:

@@ -154,6 +154,11 @@ def test_a_rig_is_written_with_all_that_it_was_made_of(folder: Path) -> None:
     rig.write("new/rig.toml")
     with pytest.raises(OutputError, match=r"rig\.toml is there already"):
         rig.replace(delay=3).write("new/rig.toml")
+    rig.replace(delay=3).write("new/rig.toml", force=True)
+    fit = Path("new/model.toml")
+    fit.write_text(f"# a fit's own, which says more\n{fit.read_text()}")
+    rig.replace(delay=3).write("new/rig.toml")
+    assert "says more" in fit.read_text()
     with pytest.raises(ParameterError, match=r"servo\.acceleration_limit is 9, which has no key"):
         Rig(servo=Servo(20.0, 1.0, 10.0, 9.0)).to_toml()
 
@@ -289,7 +294,8 @@ def test_another_law_takes_none_of_this_ones_gains() -> None:
         ({"preset": "papr"}, "law 'adaptive' has no preset 'papr'; expected paper (did you mean this?)"),
         ({"servo": Servo(natural_frequency=float("nan"))}, "servo.natural_frequency is nan; expected a number above 0"),
         ({"servo": Servo(natural_frequency=-1.0)}, "servo.natural_frequency is -1"),
-        ({"servo": 53.0}, "servo is 53.0; expected a Servo; make one: Servo(natural_frequency=…)"),
+        ({"servo": 53.0}, "servo is 53.0; expected a Servo; make one: Rig(servo={'natural_frequency': …})"),
+        ({"suit": True}, "suit is True; expected a SuitSettings; make one: Rig(suit={'worn': …})"),
         ({"cable": "model.toml"}, "cable is 'model.toml'; expected a BoucWen(slope=…), or what bowden.identify gives"),
         ({"cable": BoucWen(slope=0.0)}, "cable.slope is 0"),
         ({"gains": {"feedback_gain": "1"}}, "gains['feedback_gain'] is '1'; expected a number"),

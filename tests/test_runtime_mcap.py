@@ -364,7 +364,7 @@ def test_the_facts_of_a_log_end_with_what_ended_the_run() -> None:
         "closed": True,
         "whole": True,
     }
-    nothing = dict.fromkeys(("law", "rig", "seed", "twin", "lateness_s", "run_time_s", "overruns"))
+    nothing = dict.fromkeys(("law", "rig", "seed", "twin", "lateness_s", "run_time_s", "overruns", "rmse_deg"))
     stop = {
         "time_s": 0.9,
         "causes": ["loop too late"],
@@ -379,6 +379,7 @@ def test_the_facts_of_a_log_end_with_what_ended_the_run() -> None:
         "settings": {},
         "software": {},
         "gains": [],
+        "outcome": "ended by a fault at 0.900 s: loop too late",
         "stops": [stop],
         "emergencies": [],
         "events": events,

@@ -237,7 +237,7 @@ def test_three_motors_take_one_joint_along_its_reference(tmp_path: Path) -> None
         led = part["source"] >= TargetSource.LAW_BEGINS
         assert np.sqrt(np.mean((part["joint"] - part["reference"])[led] ** 2)) < np.radians(2.0), name
         assert part["tension"][led].min() > 0.0, "no cable is slack"
-        assert not replay(part, motor.law, motor.limits, Filters(), 1e-3, same=True).differs, name
+        assert not replay(part, motor.law, motor.limits, Filters(), 1e-3, same=True).deviates, name
 
 
 class Drift(NamedTuple):

@@ -235,9 +235,8 @@ def _file(read: Callable[[Path], object], name: str) -> Callable[[bytes], object
 
 
 def _rigs() -> list[bytes]:
-    """The default, what the pages show of axes, pairs, load cells and families of drives, and files of old."""
-    pages = ("several_motors", "load_cell", "drive_ak", "drive_moteus", "drive_odrive", "admittance", "suit")
-    shown = "".join((ROOT / "docs" / f"{name}.md").read_text(encoding="utf-8") for name in pages)
+    """The default, and what the pages show."""
+    shown = "".join(page.read_text(encoding="utf-8") for page in sorted((ROOT / "docs").glob("*.md")))
     return [
         Rig().to_toml().encode(),
         *(block.encode() for block in re.findall(r"```toml\n(.*?)```", shown, re.DOTALL)),

@@ -18,6 +18,7 @@ from bowden.core.errors import BowdenError
 from bowden.core.files import output_folder
 from bowden.operations.support.operation import Operation, OperationParameter, Role, parameters
 from bowden.operations.support.results import Result, json_of
+from bowden.operations.support.trust import doubt, trusted
 from bowden.views.text import Call, note
 
 _JSON = Annotated[bool, typer.Option("--json", help="Print one JSON document and nothing else.")]
@@ -118,7 +119,9 @@ def _shown(view: Any, found: Result[Any], call: Call, json: bool, rigs: list[Any
     for text in found.notes:
         if not (json and text in found.needless):
             note(text)
-    trust = _trust(found, rigs)
+    found = trusted(found, rigs)
+    said = doubt(found, rigs)
+    trust = found.cable_trust if said else None
     if json and found.whole_document is not None:
         print_json(found.whole_document)
         return None
@@ -130,22 +133,11 @@ def _shown(view: Any, found: Result[Any], call: Call, json: bool, rigs: list[Any
             document.setdefault("trust", json_of(trust))
         print_json(document | {"seconds": seconds()})
         return None
-    if trust is not None:
-        print(f"Trust in the cable's model: {trust}")
+    if said:
+        print(said)
     code: int | None = view(found, call)
     _ = call.files  # written now, where the view does not name them
     return code
-
-
-def _trust(found: Result[Any], rigs: list[Any]) -> Any:
-    """Trust in the model of a cable, where it is not yes: that of the result, or of a rig that was given."""
-    cables = [getattr(motor.rig.cable, "trust", None) for rig in rigs for motor in rig.parts]
-    doubts = [one for one in (found.cable_trust, *cables) if one is not None and one.level != "yes"]
-    if not doubts:
-        return None
-    from bowden.plants.trust import least
-
-    return least(doubts)
 
 
 def _parameter(one: OperationParameter, names: list[str]) -> inspect.Parameter:

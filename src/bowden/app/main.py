@@ -65,7 +65,8 @@ def run(arguments: list[str]) -> int:
     """Run one command line and return its exit code: 0, 2 for anything the user can mend, 130 when interrupted."""
     try:
         with delivered():
-            code = application(arguments[0] if arguments else "")(arguments, prog_name="bowden", standalone_mode=False)
+            words = arguments or ["--help"]
+            code = application(words[0])(words, prog_name="bowden", standalone_mode=False)
     except BowdenError as error:
         code = _fail(str(error), 2)
         for note in getattr(error, "__notes__", ()):  # a Next:, of a command that has one though it failed

@@ -14,6 +14,7 @@ from bowden.hardware.twin.injection import KINDS, SIDES
 from bowden.live.gain_ramp import in_force
 from bowden.live.preflight import REASONS, Reason
 from bowden.live.ring_status import RecorderState
+from bowden.live.stops import remedy_of
 from bowden.rig.families import family_of
 from bowden.rig.rig import Rig
 from bowden.safety import faults
@@ -95,7 +96,7 @@ def run_of(seen: RunSeen, watch: Watch | None) -> dict[str, Any] | None:
     mode = Mode(int(row["mode"]))
     shown = faults.of(row["faults"])
     listed = [
-        fault_of(fault, one.came[fault] - watch.begin, one.motor)
+        fault_of(fault, one.came[fault] - watch.begin, row["recorder"], one.motor)
         for one in session.faults(row)
         for fault in (*one.causes, *one.consequences)
     ]
@@ -115,7 +116,7 @@ def run_of(seen: RunSeen, watch: Watch | None) -> dict[str, Any] | None:
         "consequences": listed[1:],
         "drive_said": "" if {Fault.EMERGENCY, Fault.DRIVE_FAULT}.isdisjoint(shown) else session.drive_said(row),
         "events": [{"at": round(one.time - watch.begin, 3), "text": one.text} for one in watch.events[-_MOST_EVENTS:]],
-        "next": next_of(mode, row["preflight"], shown) if live else "",
+        "next": next_of(mode, row, shown) if live else "",
         "lost": seen.lost,
         "notes": list(seen.notes),
         "log": session.log.stem,
@@ -174,10 +175,11 @@ VOLATILE = ("elapsed", "remaining", "lateness", "estimates")
 """Of a run: what changes from moment to moment, and is no news by itself."""
 
 
-def fault_of(fault: Fault, at: float, motor: str = "") -> dict[str, Any]:
+def fault_of(fault: Fault, at: float, recorder: float = RecorderState.OK, motor: str = "") -> dict[str, Any]:
     """A fault: since when, what it means and what to do; of several motors whose it is."""
     meaning = f"{motor}: {fault.meaning}" if motor else fault.meaning
-    return {"name": fault.name.lower(), "at": round(at, 3), "meaning": meaning, "remedy": fault.remedy}
+    remedy = remedy_of(fault, twin=False, recorder=recorder)
+    return {"name": fault.name.lower(), "at": round(at, 3), "meaning": meaning, "remedy": remedy}
 
 
 def times_of(session: "Session", watch: Watch, mode: Mode) -> dict[str, float | None]:
@@ -218,12 +220,13 @@ def preflight_of(row: Mapping[str, float], *, moves: bool) -> list[dict[str, str
     ]
 
 
-def next_of(mode: Mode, preflight: float, shown: list[Fault]) -> str:
+def next_of(mode: Mode, row: Mapping[str, float], shown: list[Fault]) -> str:
     """What may be done now."""
+    preflight = row["preflight"]
     if mode == Mode.STOPPED and Fault.DRIVE_FAULT in shown:
         return "correct the cause, then acknowledge: that resets the drive"
     if mode == Mode.STOPPED and shown:
-        return f"cannot be armed: {shown[0].meaning}; {shown[0].remedy}"
+        return f"cannot be armed: {shown[0].meaning}; {remedy_of(shown[0], twin=False, recorder=row['recorder'])}"
     if mode == Mode.PREFLIGHT and preflight:
         return "the preflight has passed: run" if preflight > 0.0 else "the preflight has failed"
     return _NEXT[mode]
@@ -235,5 +238,5 @@ def ended_of(session: "Session") -> dict[str, Any] | None:
     if ended is None and not session.error:
         return None
     mode = None if ended is None else Mode(int(ended["mode"])).name.lower()
-    well = mode == "stopped" and not session.error and not (ended or {}).get("torque")
-    return {"well": well, "mode": mode, "reason": (ended or {}).get("reason", ""), "error": session.error}
+    reason = "" if session.ended_well else "; ".join(session.why)
+    return {"well": session.ended_well, "mode": mode, "reason": reason, "error": session.error}

@@ -4,12 +4,9 @@ import base64
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from bowden.core.errors import BowdenError
-
-if TYPE_CHECKING:
-    from bowden.live.mcap_read import Recording
 
 Progress = Callable[[str, float], None]
 
@@ -18,37 +15,32 @@ _MOST_EVENTS = 500
 
 def summaries(progress: Progress, paths: Sequence[str]) -> dict[str, Any]:
     """Path → what the list of earlier runs says of each; a log that cannot be read is there with its error."""
-    from bowden.live.log_facts import FOLLOWED, NEEDED, facts
+    from bowden.live.log_facts import NEEDED, facts
     from bowden.live.mcap_read import read
 
     done: dict[str, Any] = {}
     for number, path in enumerate(paths):
         progress("reading logs", number / len(paths))
         try:
-            found = read(Path(path), tuple(dict.fromkeys((*NEEDED, *FOLLOWED))))
-            done[path] = _summary(found, facts(found))
+            found = read(Path(path), NEEDED)
+            done[path] = _summary(facts(found))
         except BowdenError as error:
             done[path] = {"time": "", "law": "", "rig": "", "how": error.what}
     return done
 
 
-def _summary(found: "Recording", said: Mapping[str, Any]) -> dict[str, Any]:
-    from bowden.core.units import DEGREES
-    from bowden.live.log_facts import followed
-
+def _summary(said: Mapping[str, Any]) -> dict[str, Any]:
     about, rig = said["settings"].get("about") or {}, said["settings"].get("rig") or {}
-    stops, mode = said["stops"], float(found["mode"][-1]) if "mode" in found.columns and len(found.rows) else -1.0
-    how = "stopped by a fault" if stops else "as asked" if mode == 0.0 else "not known"
-    tracked = followed(found)
+    stops, how = said["stops"], said["outcome"]
     return {
         "time": said["start_utc"],
         "law": str(said["law"] or ""),
         "rig": Path(str(rig.get("origin", ""))).name,
         **{name: str(about.get(name, "")) for name in ("subject", "session", "notes")},
-        "rmse_deg": None if tracked.rmse is None else tracked.rmse * DEGREES,
-        "peak_deg": None if tracked.peak is None else tracked.peak * DEGREES,
+        "rmse_deg": said["rmse_deg"],
+        "peak_deg": said["peak_deg"],
         "seconds": said["duration_s"],
-        "led_seconds": tracked.seconds,
+        "led_seconds": said["seconds_led"],
         "how": how if said["whole"] else f"{how}; the log is not whole",
         "first_fault": stops[0]["causes"][0] if stops and stops[0]["causes"] else None,
     }
@@ -58,12 +50,12 @@ def details(progress: Progress, path: str) -> dict[str, Any]:
     """All that the page of one earlier run shows, but its curves."""
     from bowden.console.state import fault_of
     from bowden.console.stream import curves_of
-    from bowden.live.log_facts import FOLLOWED, NEEDED, facts
+    from bowden.live.log_facts import NEEDED, facts
     from bowden.live.mcap_read import read
     from bowden.live.stops import stops
     from bowden.safety.faults import OF_OTHERS
 
-    found = read(Path(path), tuple(dict.fromkeys((*NEEDED, *FOLLOWED, "temperature"))))
+    found = read(Path(path), (*NEEDED, "temperature"))
     said = facts(found)
     begin = said["begin_s"] or 0.0
     first = min(
@@ -73,9 +65,9 @@ def details(progress: Progress, path: str) -> dict[str, Any]:
     )
     faults = []
     if first is not None:
-        axis, stop = first
-        faults = [fault_of(fault, stop.time, axis) for fault in (*stop.causes, *stop.consequences)]
-    whole = _summary(found, said)
+        motor, stop = first
+        faults = [fault_of(fault, stop.time, motor=motor) for fault in (*stop.causes, *stop.consequences)]
+    whole = _summary(said)
     names, units = list(said["columns"]), list(said["columns"].values())
     return {
         **whole,

@@ -13,6 +13,7 @@ from bowden.design.trial import Trial
 from bowden.drawing import shown
 from bowden.drawing.shown import listed, number
 from bowden.drawing.style import COLOURS, CYCLE, legend, new_figure
+from bowden.plants.trust import Trust
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -123,6 +124,9 @@ class Check:
     """Law that holds where this one does not, likewise (`bowden.design.other_law`); empty where none was found."""
     shared: SharedFindings | None = None
     """Of several motors on one joint: what else was found; `trials` are then of each motor by turns."""
+
+    cable_trust: Trust | None = None
+    """Trust in the model of the rig's cable; None where nothing says it."""
 
     @property
     def holds(self) -> bool:

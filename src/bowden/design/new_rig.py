@@ -12,6 +12,7 @@ from bowden.design.rig_of_model import Chosen, counting_of, model_text, with_str
 from bowden.design.rig_of_suit import suit_text
 from bowden.drawing import shown
 from bowden.plants.identified import IdentifiedCable
+from bowden.plants.trust import Trust
 from bowden.rig.rig import Rig
 
 
@@ -32,6 +33,11 @@ class NewRig:
     """Whether the model says what motion its log covered; else the reference is not known to lie within it."""
     text: str = field(compare=False)
     """The commented rig.toml that ``bowden init --model`` writes."""
+
+    @property
+    def cable_trust(self) -> Trust | None:
+        """Trust in the cable's model; None where nothing says it."""
+        return self.rig.cable_trust
 
     @property
     def notes(self) -> tuple[str, ...]:

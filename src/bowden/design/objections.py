@@ -48,7 +48,7 @@ def _of_motor(rig: Rig, joint: RigJoint) -> Iterator[str]:
     except ParameterError as error:
         yield str(error)
     yield from contradictions(limits, rig.sample_time, opposed=joint.against(rig), given=rig.limits)
-    if not joint.shared:
+    if not joint.shared and limits.joint_low < limits.joint_high:
         yield from mismatches(rig, limits)
 
 

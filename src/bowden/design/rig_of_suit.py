@@ -12,14 +12,14 @@ from bowden.plants.worn_suit import USUAL_DEAD_ZONE, elbow_dead_zone
 from bowden.rig.consistent import CROSSING, PLAYS
 
 _TEXT = """\
-# {name}: a suit on an arm, moved by EMG. What is not here is as bowden init writes it; docs/run.md says why.
+# {name}: a suit on an arm, moved by EMG. Keys that are not here have their defaults: docs/rig.md.
 #
 #   bowden run {name} --twin --auto --emg file:RECORDING.csv      # a recording, against the twin
 #   bowden run {name} --twin --emg lsl:NAME                       # a stream
 
 {cable}[suit]
 worn = true
-# friction_feedforward_nm = 2.79  # [N·m] 0.7 of what identify.suit_friction reads; the drive has to map object 60B2h
+# friction_feedforward_nm = 2.79  # [N·m] 0.7 of the friction at the spool; the drive has to map object 60B2h
 drive_integral_per_s = 40.0  # [1/s] without an integral a drive does not follow its target against this friction
 
 [wearer]

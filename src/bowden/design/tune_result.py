@@ -12,6 +12,7 @@ from bowden.design.check_result import Check, milliseconds, no_margins
 from bowden.drawing import shown
 from bowden.drawing.shown import listed, number
 from bowden.drawing.style import COLOURS, CYCLE, new_figure
+from bowden.plants.trust import Trust
 from bowden.rig import rig as rigs
 
 if TYPE_CHECKING:
@@ -61,6 +62,11 @@ class Tuning:
         if self.given is None:
             raise ParameterError("this tuning is of a bench alone", expected="one of a rig: bowden.tune(rig)")
         return self.given
+
+    @property
+    def cable_trust(self) -> Trust | None:
+        """Trust in the model of the rig's cable; None where nothing says it."""
+        return None if self.given is None else self.given.cable_trust
 
     @property
     def gain_margin_db(self) -> float | None:

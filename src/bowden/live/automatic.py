@@ -6,6 +6,7 @@ from typing import Any, Protocol
 
 from bowden.core.errors import SafetyError
 from bowden.live.control_block import ControlBlock
+from bowden.live.ring_status import RecorderState
 from bowden.live.stops import MotorFaults, remedy_of
 from bowden.safety import faults
 from bowden.safety.faults import Fault
@@ -38,8 +39,10 @@ class Watched(Protocol):
 
 def _listed(row: Mapping[str, float], session: Watched) -> str:
     """The faults of a row with what to do, of several motors with whose they are."""
+    recorder = row.get("recorder", RecorderState.OK)
     return "; ".join(
-        f"{f'{one.motor}: ' if one.motor else ''}{fault.meaning}: {remedy_of(fault, twin=session.on_twin)}"
+        f"{f'{one.motor}: ' if one.motor else ''}{fault.meaning}: "
+        f"{remedy_of(fault, twin=session.on_twin, recorder=recorder)}"
         for one in session.faults(row)
         for fault in sorted(one.came, key=lambda fault: -fault.then)
     )

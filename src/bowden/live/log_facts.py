@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from bowden.core.errors import ParameterError, counted
 from bowden.core.files import printable
+from bowden.core.units import DEGREES
 from bowden.cycle.one_cycle import TargetSource
 from bowden.hardware.drives.emergencies import emergency_text
 from bowden.live import stops
@@ -20,10 +21,15 @@ from bowden.live.gain_ramp import ASKED, IN_FORCE
 from bowden.live.log_rig import hash_of
 from bowden.live.mcap_read import Recording, motors_of
 from bowden.live.mcap_reader import LogReader
+from bowden.live.outcome import outcome_of
 from bowden.records.metrics import rmse
 from bowden.rig.families import family_named
 
-NEEDED = (*dict.fromkeys(("time", "lateness", "run_time", "overruns", EMERGENCY, *stops.NEEDED)),)
+FOLLOWED = ("source", "joint", "reference")
+"""Columns that `followed` looks at."""
+NEEDED = (
+    *dict.fromkeys(("time", "lateness", "run_time", "overruns", "recorder", EMERGENCY, *stops.NEEDED, *FOLLOWED)),
+)
 """Columns of the log that are looked at."""
 
 
@@ -50,7 +56,14 @@ def facts(found: Recording) -> dict[str, Any]:
     known = time[np.isfinite(time)]
     steps = np.diff(known)
     settings, parts = found.settings, found.parts
+    twin = bool(settings.get("twin", False))
+    stopped = stops.document(found, settings.get("limits", {}), twin=twin)
+    led = [followed(part) for part in parts.values()]
     return {
+        "outcome": outcome_of(found, stopped, twin=twin),
+        "rmse_deg": _largest(one.rmse for one in led),
+        "peak_deg": _largest(one.peak for one in led),
+        "seconds_led": min(one.seconds for one in led),
         "closed": found.closing is not None,
         "whole": found.whole,
         "cycles": len(found.rows),
@@ -69,7 +82,7 @@ def facts(found: Recording) -> dict[str, Any]:
         "lateness_s": _percentiles(found, "lateness"),
         "run_time_s": _percentiles(found, "run_time"),
         "overruns": _overruns(found),
-        "stops": stops.document(found, settings.get("limits", {}), twin=settings.get("twin", False)),
+        "stops": stopped,
         "emergencies": _of_each(parts, _emergencies, "text", ": "),
         "gains": _of_each(parts, _gains, "name", "."),
         **({"motors": {name: _of_motor(part) for name, part in parts.items()}} if found.motors else {}),
@@ -112,10 +125,6 @@ class Tracking(NamedTuple):
     """For how long [s]."""
 
 
-FOLLOWED = ("source", "joint", "reference")
-"""Columns that `followed` looks at."""
-
-
 def followed(found: Recording) -> Tracking:
     """How well the joint followed, by a log with the columns of `FOLLOWED`, and ``time``."""
     if not {*FOLLOWED, "time"} <= {*found.columns} or len(found.rows) < 2:
@@ -127,6 +136,11 @@ def followed(found: Recording) -> Tracking:
         return Tracking(None, None, 0.0)
     step = float(np.nanmedian(np.diff(found["time"])))
     return Tracking(rmse(error), float(np.abs(error).max()), round(len(error) * step, 3))
+
+
+def _largest(angles: Iterable[float | None]) -> float | None:
+    """The largest of the angles that there are [deg]."""
+    return max((one * DEGREES for one in angles if one is not None), default=None)
 
 
 def _percentiles(found: Recording, column: str) -> dict[str, float] | None:
@@ -200,6 +214,10 @@ def _number(value: float) -> float | None:
 
 def lines(document: dict[str, Any]) -> Iterator[tuple[str, str]]:
     """The facts as pairs of texts."""
+    yield "outcome", document["outcome"]
+    if document["rmse_deg"] is not None:
+        figures = f"{document['rmse_deg']:.3f}° RMS, {document['peak_deg']:.2f}° peak"
+        yield "error", f"{figures} over {document['seconds_led']:g} s under the law"
     yield "begun", document["start_utc"]
     if document["begin_s"]:
         yield "first cycle", f"{document['begin_s']:.3f} s later, by the column time; counted from here on below"

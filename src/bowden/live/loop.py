@@ -54,6 +54,8 @@ class Ended:
     unattended: float = 0.0
     """Age of the operator's last sign of life, where nobody asked for the end and this alone brought it before the
     reference had come to its own; 0 elsewhere [s]."""
+    ran: bool = True
+    """Whether a motor ever was in `Mode.RUNNING`."""
     motors: tuple["EndedMotor", ...] = ()
     """Of each motor."""
 
@@ -93,6 +95,8 @@ class _Motor:
         begun = self.cycle.state.supervisor
         self.mode, self.target = begun.decided.mode, begun.target
         """Of the last verdict."""
+        self.ran = False
+        """Whether it ever was in `Mode.RUNNING`."""
         self.verdict = Verdict(self.target, Power.OFF, self.mode, Reaction.NONE, 0)
         self.gains = GainRamp(self.cycle.law, self.cycle.gains, self.cycle.period)
         self.stalled = 0.0
@@ -116,11 +120,12 @@ class _Motor:
         self._plan = self.script.plan(self.mode, self.target, self.reading, cycles)
         self.outcome = self.script.outcome
 
-    def judge(self, lateness: float, elapsed: float, age: float, recorder: bool) -> SafetyError | None:
+    def judge(self, lateness: float, elapsed: float, age: float, recorder: int) -> SafetyError | None:
         """What is done: law and supervisor; an error where the verdict is broken, which the torque's end replaces."""
         cycle, before = self.cycle, self.mode
         observed = Observed(
-            *(self.reading, lateness, elapsed, self.request, age, recorder, self.outcome, self._emg_age),
+            *(self.reading, lateness, elapsed, self.request, age, recorder == RecorderState.OK),
+            *(self.outcome, self._emg_age),
             *(self.others, self.neighbour),
         )
         self._requested_target, verdict = cycle.step(observed, self._plan)
@@ -133,6 +138,7 @@ class _Motor:
             broken = error
             verdict = self._off(verdict)
         self.verdict, self.mode, self.target = verdict, verdict.mode, verdict.target
+        self.ran = self.ran or verdict.mode == Mode.RUNNING
         return broken
 
     def _off(self, verdict: Verdict) -> Verdict:
@@ -277,6 +283,7 @@ class Loop:
             max(one.torque for one in ended),
             max(motor.stalled for motor in self._motors),
             unattended,
+            any(motor.ran for motor in self._motors),
             tuple(ended),
         )
 
@@ -332,7 +339,7 @@ class Loop:
                 step_all(ramps, block, 1 + skipped)
 
             # what is done
-            recorder = ring.recorder.state(woke) == RecorderState.OK
+            recorder = ring.recorder.state(woke)
             lateness, elapsed = (woke - deadline) * 1e-9, (woke - before) * 1e-9
             broken = None
             for motor in motors:

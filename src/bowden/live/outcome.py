@@ -1,12 +1,19 @@
-"""How a run ended, in words: what a session says of itself, and what its end is a warning with."""
+"""How a run ended, in words: what a session says of itself, what its end is a warning with, and what its log says."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
+import numpy as np
+
+from bowden.core.errors import counted
 from bowden.hardware.ports import TorqueLeft, torque_left
+from bowden.live.mcap_read import Recording
+from bowden.live.ring_status import RecorderState
 from bowden.live.session_motor import SessionMotor
-from bowden.live.stops import STALLED, MotorFaults, remedy_of, told_apart, unattended
+from bowden.live.stops import OF_THE_COMPUTER, STALLED, MotorFaults, remedy_of, told_apart, unattended
+from bowden.live.together import mode_of_all
 from bowden.safety import faults
+from bowden.safety.faults import Fault
 from bowden.safety.state import Mode
 
 
@@ -22,13 +29,64 @@ class RunState(NamedTuple):
     patience: float
     """How long the operator may be silent [s]."""
     on_twin: bool
+    recorder: int = RecorderState.OK
+    """The `RecorderState` of the newest cycle."""
 
     @property
     def ended_well(self) -> bool:
-        """Whether the run has ended as asked, without torque."""
+        """Whether the run has ended as asked, without torque, and not because a fault kept it from beginning."""
         ended = self.ended or {}
         well = ended.get("mode") == Mode.STOPPED and not ended.get("torque") and not ended.get("unattended")
-        return not self.error and well
+        return not self.error and well and (self.ran or not held_back(ended.get("faults", 0)))
+
+    @property
+    def ran(self) -> bool:
+        """Whether an ended run ever ran."""
+        return bool((self.ended or {}).get("ran", True))
+
+
+AS_ASKED = "ended as asked"
+BEFORE_IT_RAN = "ended as asked, before it ran"
+
+
+def held_back(bits: float) -> tuple[Fault, ...]:
+    """The faults of a run's last cycle that kept it from beginning, where it never ran; a late cycle alone did not.
+
+    Args:
+        bits: the sum of 2**fault.
+    """
+    return tuple(fault for fault in faults.of(bits) if fault not in OF_THE_COMPUTER)
+
+
+def outcome_of(log: Recording, found: Sequence[Mapping[str, Any]], *, twin: bool) -> str:
+    """How a recorded run ended, what ended it first.
+
+    Args:
+        log: of the run, with the columns ``mode``, ``faults`` and ``recorder``.
+        found: its stops, as `stops.document` has them.
+        twin: whether the drive was the command's own twin.
+    """
+    parts = log.parts.values()
+    if not len(log.rows) or any("mode" not in one.columns or one["mode"][-1] not in {*Mode} for one in parts):
+        return "not known: the log does not say"
+    modes = [part["mode"] for part in parts]
+    mode = mode_of_all([float(one[-1]) for one in modes], independent=False)
+    latched = any(one[-1] == Mode.LATCHED for one in modes)
+    bits = [float(np.nan_to_num(part["faults"][-1])) if "faults" in part.columns else 0.0 for part in parts]
+    recorder = log["recorder"][-1] if "recorder" in log.columns else RecorderState.OK
+    at_end = dict.fromkeys(fault for one in bits for fault in held_back(one))
+    said = "; ".join(f"{fault.meaning}; {remedy_of(fault, twin=twin, recorder=recorder)}" for fault in at_end)
+    if latched and found:
+        last = found[-1]
+        motor = f"{last['motor']}: " if last.get("motor") else ""
+        return f"ended by a fault at {last['time_s']:.3f} s: {motor}{', '.join(last['causes'])}"
+    if latched:
+        return f"ended by a fault: {said or 'which is not in the log'}"
+    if mode != Mode.STOPPED:
+        return f"not known: the log ends in the mode {mode.name.lower()}"
+    if not any((one == Mode.RUNNING).any() for one in modes):
+        return f"ended before it ran: {said}" if said else BEFORE_IT_RAN
+    return f"{AS_ASKED}, after {counted(len(found), 'stop')} by a fault" if found else AS_ASKED
 
 
 _STANDS = {
@@ -49,7 +107,9 @@ def outcome(run: RunState) -> str:
             return "not begun"
         by = _faults(run) if run.mode >= Mode.RELEASING else []
         return f"stopped by a fault: {'; '.join(by)}" if by else _STANDS[run.mode]
-    return "ended as asked" if run.ended_well else f"the run was ended: {'; '.join(why(run))}"
+    if not run.ended_well:
+        return f"the run was ended: {'; '.join(why(run))}"
+    return AS_ASKED if run.ran else BEFORE_IT_RAN
 
 
 def why(run: RunState) -> list[str]:
@@ -71,7 +131,9 @@ def _faults(run: RunState) -> list[str]:
         each = [("", dict.fromkeys(faults.of((run.ended or {}).get("faults", 0)), 0.0))]
     first, *others = sorted((MotorFaults(name, *told_apart(came), came) for name, came in each), key=_order)
     where = f"{first.motor}: " if first.motor else ""
-    found = [f"{where}{fault.meaning}; {remedy_of(fault, twin=run.on_twin)}" for fault in first.causes]
+    found = [
+        f"{where}{fault.meaning}; {remedy_of(fault, twin=run.on_twin, recorder=run.recorder)}" for fault in first.causes
+    ]
     later = [fault.meaning for fault in first.consequences]
     later += [f"{one.motor}: {fault.meaning}" for one in others for fault in (*one.causes, *one.consequences)]
     return found + ([f"as a consequence: {', '.join(later)}"] if later else [])

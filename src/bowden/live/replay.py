@@ -18,6 +18,7 @@ from bowden.cycle.torque_offset import COLUMNS, TorqueOffset
 from bowden.live.figures import Replay
 from bowden.live.gain_ramp import IN_FORCE
 from bowden.live.mcap_read import Recording
+from bowden.live.ring_status import RecorderState
 from bowden.live.row import STOPPED, SUPERVISOR
 from bowden.live.run_settings import push_of
 from bowden.records.metrics import rmse
@@ -71,6 +72,7 @@ def replay(
             ("reference", "reference_velocity", "reference_acceleration"),
         )
     )
+    recorded = at["recorder"]
     changed = _gain_columns(found, law) if same else []
     gaps = np.diff(found.numbers, prepend=found.numbers[0] - 2) > 1
     requested = np.full(len(found.rows), np.nan)
@@ -91,6 +93,7 @@ def replay(
             continue
         emg_age = row[at["emg.age"]] if "emg.age" in at else 0.0
         among = (row[at[name]] if name in at else 0.0 for name in ("others", "neighbour"))
+        row[recorded] = float(row[recorded] == RecorderState.OK)
         around = (*(row[i] for i in surroundings), emg_age, *among, math.nan)
         observed = unflatten(NOTHING_OBSERVED, np.array([*(row[i] for i in reading), *around]))
         plan = unflatten(

@@ -34,7 +34,7 @@ from bowden.live.gain_check import GainCheck
 from bowden.live.gain_ramp import RAMP
 from bowden.live.live_run import Live
 from bowden.live.mcap_read import read
-from bowden.live.outcome import RunState, outcome
+from bowden.live.outcome import RunState, outcome, why
 from bowden.live.provenance import rig_revision
 from bowden.live.recorder import check_room
 from bowden.live.ring import CAPACITY, FOLDER, RingReader, Row, create
@@ -316,8 +316,19 @@ class Session:
         return outcome(self._state)
 
     @property
+    def why(self) -> list[str]:
+        """What ended a run that did not end as asked, the most dangerous first, but for `error`."""
+        return why(self._state._replace(error=""))
+
+    @property
+    def recorded(self) -> int:
+        """The `RecorderState` of the newest cycle, as far as `last` has looked."""
+        return RecorderState.OK if self._last is None else int(self._last[AT["recorder"]])
+
+    @property
     def _state(self) -> RunState:
-        return RunState(self.ended, self.error, self.mode, self.motors, self.live.patience, self.on_twin)
+        known = (self.ended, self.error, self.mode, self.motors, self.live.patience, self.on_twin)
+        return RunState(*known, self.recorded)
 
     @property
     def recorder(self) -> int:

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.live.mcap_read import Recording
+from bowden.live.ring_status import RecorderState
 from bowden.safety import faults
 from bowden.safety.faults import Fault
 from bowden.safety.state import Mode
@@ -68,8 +69,27 @@ _LOOKED_ON = 0.5
 """How long after the end of power a fault may follow from what ended it [s]."""
 
 
-def remedy_of(fault: Fault, *, twin: bool) -> str:
-    """What to do about a fault; of a command's own twin without what only a drive asks for."""
+_RECORD_AGAIN = "begin another run; a running loop goes on, no new one is armed"
+_OF_RECORDER: Mapping[float, str] = {
+    RecorderState.FILE_GONE: f"its log was removed, replaced or moved: leave it where it is, and {_RECORD_AGAIN}",
+    RecorderState.FULL: f"the disk takes nothing, it is full, read-only or gone: make room there, and {_RECORD_AGAIN}",
+    RecorderState.SLOW: "the disk is behind by more than a second: end what else writes to it, or choose another with "
+    f"--out, and {_RECORD_AGAIN}",
+    RecorderState.DEAD: f"the recorder was killed, or not let run (`bowden doctor`): {_RECORD_AGAIN}",
+}
+"""Remedies where it is known why nothing is recorded."""
+
+
+def remedy_of(fault: Fault, *, twin: bool, recorder: float = RecorderState.OK) -> str:
+    """What to do about a fault; of a command's own twin without what only a drive asks for.
+
+    Args:
+        fault: to be mended.
+        twin: whether the drive is the command's own twin.
+        recorder: the `RecorderState` of the cycle that shows it.
+    """
+    if fault == Fault.RECORDER_LOST:
+        return _OF_RECORDER.get(recorder, fault.remedy)
     return _OF_TWIN.get(fault, fault.remedy) if twin else fault.remedy
 
 

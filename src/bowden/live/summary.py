@@ -47,7 +47,10 @@ def document(session: Session) -> dict[str, Any]:
         "ended_well": session.ended_well,
         "mode": mode,
         "faults": [fault.meaning for fault in faults.of(ended.get("faults", 0))],
-        "remedies": [stops.remedy_of(fault, twin=session.on_twin) for fault in faults.of(ended.get("faults", 0))],
+        "remedies": [
+            stops.remedy_of(fault, twin=session.on_twin, recorder=session.recorded)
+            for fault in faults.of(ended.get("faults", 0))
+        ],
         "stalled_ms": round(1e3 * ended.get("stalled", 0.0), 3) or None,
         "unattended": stops.unattended(gone, session.live.patience) if gone else None,
         "stops": stops.document(log, session.live.limits._asdict(), twin=session.on_twin),
@@ -204,6 +207,8 @@ def print_summary(found: dict[str, Any]) -> None:
         print(f"preflight: {found['preflight']}")
     if found["error"]:
         print(f"ended by an error: {found['error']}")
+    if found["ended_well"] and not found["seconds_led"]:
+        print("ended as asked, before the law led")
     whole, gone = found["log_whole"], found["log_lost"]
     if not gone:
         print(f"Log: {found['log']}  ({shlex.join(['bowden', 'log', 'info' if whole else 'recover', found['log']])})")

@@ -2,7 +2,7 @@
 
 import contextlib
 import math
-from dataclasses import KW_ONLY, dataclass
+from dataclasses import KW_ONLY, dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal
 
 from bowden.operations.support.operation import GivenLaw, GivenProgress, GivenRig, Operation
@@ -216,7 +216,7 @@ def check(
         for name, joint in joints.items():
             report(f"checking {name} {joint.first.law_name}".replace("  ", " "), len(checks) / len(joints))
             with asked_for_by(joint.said) if joint.said else contextlib.nullcontext():
-                checks[name] = checked(joint)
+                checks[name] = replace(checked(joint), cable_trust=whole.cable_trust)
     worst = max(checks, key=lambda name: _badness(checks[name]))
     figures = {name: _figures(one, joints[name]) for name, one in checks.items()}
     several = tuple(JointCheck(**one, joint=name) for name, one in figures.items() if len(checks) > 1)

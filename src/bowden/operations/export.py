@@ -97,7 +97,7 @@ def export(
         emg: export the EMG's envelope and detector too.
         emg_rate: samples of EMG a second, 2000 by default; with it they are exported.
         safety: export the supervisor with the rig's limits too.
-        force: export gains that fail the check on the rig, too.
+        force: export gains that fail the check on the rig, and limits with which a run is refused, too.
         progress: a function of what is being done and the share done.
 
     Returns:
@@ -117,6 +117,7 @@ def export(
     from bowden.core.caller import argument
     from bowden.core.errors import ParameterError, near
     from bowden.core.files import output_folder, whole_files
+    from bowden.design.objections import refusals
     from bowden.design.verdict import verdicts
     from bowden.export.counts import counts_of, guessed
     from bowden.export.readme import TARGETS
@@ -125,6 +126,12 @@ def export(
 
     whole = given.under(given.rig_of(rig).only(motor), law, preset)
     own, name = whole.fitted(), given.name_of(whole)
+    refused = refusals(given.rig_of(rig))
+    if refused and safety and not force:
+        raise ParameterError(
+            f"the limits of the supervisor are not exported: {refused[0]}",
+            do=f"or export them anyway with {argument('force', True)}",
+        )
     output_folder(folder, argument("folder"))
     if target not in TARGETS:
         do = f"correct {argument('target')}"
@@ -146,7 +153,13 @@ def export(
             (stage / "recording.csv").write_text(recording, encoding="utf-8")
         report("measuring on a Cortex-M4F", 0.8)
         figures = _figures(folder, modules, recording)
-    notes = (doubt, *whole.notes, verdict.note, figures if isinstance(figures, str) else "")
+    notes = (
+        doubt,
+        *whole.notes,
+        *refused,
+        verdict.note,
+        figures if isinstance(figures, str) else "",
+    )
     return Exported(
         rig=whole.hash,
         law=own.name,

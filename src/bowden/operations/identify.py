@@ -11,7 +11,8 @@ from bowden.operations.support.results import Result, ResultPart, degrees, json_
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-    from bowden.identify.cable.fit import Fit, FittedLog
+    from bowden.identify.cable.fit import Fit
+    from bowden.identify.cable.fitted import FittedLog
     from bowden.identify.log.read import Log
     from bowden.plants.identified import CableModel, IdentifiedCable
     from bowden.records.trace import Trace

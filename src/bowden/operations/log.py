@@ -93,6 +93,14 @@ class LogInfo(Result["LogInfo"]):
 
     file: Path
     """The log."""
+    outcome: str
+    """How the run ended: as asked, or what ended it first."""
+    rmse_deg: float | None
+    """Joint against reference under the law, root mean square; of several motors the largest; null if none [deg]."""
+    peak_deg: float | None
+    """Largest error under the law, likewise [deg]."""
+    seconds_led: float
+    """Time under the law; of several motors the shortest [s]."""
     closed: bool
     """Whether the recorder ended it properly."""
     whole: bool
@@ -176,7 +184,7 @@ class LogDrawn(Result["LogDrawn"]):
 
 @dataclass(frozen=True)
 class ReplayFigures(Replay):
-    """How a replay of one axis compares with its record."""
+    """How a replay of one motor compares with its record."""
 
     law: str
     """The law that was fed with it."""

@@ -50,6 +50,8 @@ _HEAD = 1 << 18
 """Characters within which the numbers must begin."""
 _BLOCK = 1 << 22
 """Characters that are read at once: the numbers of a text fit into the memory, its lines need not."""
+_SEPARATORS = (";", "\t", ",", "")
+"""Between fields, the last for white space: a comma may be a decimal one where the others stand."""
 _LIKE, _MOST_ALIKE = 10, 0.6
 """Lines below the first row that are looked at, and the share of them that has as many fields."""
 KINDS = "CSV (also gzipped), MATLAB (.mat), NumPy (.npz, .npy) or Parquet"
@@ -337,7 +339,11 @@ def _head(path: Path) -> tuple[str, str]:
 
 
 def _layout(path: Path, head: str, encoding: str) -> _Layout:
-    """Where the numbers begin, and what stands above them: the first line that most of those after it are like."""
+    """Where the numbers begin, and what stands above them.
+
+    The first row is a line of numbers that most of those after it are like, or that stands below as many names. Lines
+    of numbers right above it are rows too, which are refused as they are read.
+    """
     if head.startswith(FIRST_LINE.decode()):  # a trace: its names may be whatever its user called them
         rows = csv.reader(io.StringIO(head.partition("\n")[2], newline=""))
         names = tuple(next(rows, ()))
@@ -346,30 +352,55 @@ def _layout(path: Path, head: str, encoding: str) -> _Layout:
     if len(head) >= _HEAD:
         lines = lines[:-1]  # the last one may be cut
     for least in (2, 1):  # a line with one number is a row where no other has two
-        for skip, line in enumerate(lines):
-            below = [one for one in lines[skip + 1 : skip + 1 + 2 * _LIKE] if one.strip() and one[0] not in "#%"]
-            found: list[tuple[int, int, str]] = []
-            for separator in (";", "\t", ",", ""):  # a comma may be a decimal one where the others stand
-                count, numbers = _row_of_numbers(line, separator, least)
-                if not count or (least == 1 and (count > 1 or any(mark in line for mark in ";\t,"))):
-                    continue
-                if below and not any(
-                    _value(one, separator, clock=True) is not None for one in _fields(below[0], separator)
-                ):
-                    continue  # names stand below it
-                alike = sum(_row_of_numbers(one, separator, least)[0] == count for one in below[:_LIKE])
-                if alike >= _MOST_ALIKE * len(below[:_LIKE]):
-                    found.append((numbers, count, separator))
+        for skip in range(len(lines)):
+            found = [
+                (numbers, count, separator)
+                for separator in _SEPARATORS
+                for count, numbers in [_first_row(path, lines, skip, separator, least)]
+                if count
+            ]
             if found:
                 _, count, separator = max(found, key=lambda one: one[0])
-                names, units = _names(path, lines[:skip], count, separator)
-                cells = zip(names, _fields(line, separator), strict=False)
+                first = skip
+                for above in range(skip - 1, -1, -1):
+                    if _numbers_alone(lines[above]):
+                        first = above
+                    elif lines[above].strip():
+                        break
+                if first < skip:
+                    _, count, separator = max(_numbers_alone(lines[first]), key=lambda one: one[0])
+                names, units = _names(path, lines[:first], count, separator)
+                cells = zip(names, _fields(lines[first], separator), strict=False)
                 units |= {name: "s" for name, one in cells if ":" in one and _value(one, separator, clock=True)}
-                return _Layout(names, units, skip, separator, encoding)
+                return _Layout(names, units, first, separator, encoding)
     named = [(number, one) for number, one in enumerate(lines, 1) if one.strip() and not one.startswith("#")]
-    skip, first = named[0] if named else (len(lines), "")
-    separator = next((one for one in (";", "\t") if one in first and "," not in first), ",")
-    return _Layout(tuple(_fields(first, separator)), {}, skip, separator, encoding)
+    skip, first_line = named[0] if named else (len(lines), "")
+    separator = next((one for one in (";", "\t") if one in first_line and "," not in first_line), ",")
+    return _Layout(tuple(_fields(first_line, separator)), {}, skip, separator, encoding)
+
+
+def _first_row(path: Path, lines: Sequence[str], skip: int, separator: str, least: int) -> tuple[int, int]:
+    """How many fields, and how many numbers, a line has if the rows of a table may begin with it; else 0, 0."""
+    count, numbers = _row_of_numbers(lines[skip], separator, least)
+    if not count or (least == 1 and (count > 1 or any(mark in lines[skip] for mark in ";\t,"))):
+        return 0, 0
+    below = [one for one in lines[skip + 1 : skip + 1 + 2 * _LIKE] if one.strip() and one[0] not in "#%"][:_LIKE]
+    if below and not any(_value(one, separator, clock=True) is not None for one in _fields(below[0], separator)):
+        return 0, 0  # names stand below it
+    alike = sum(_row_of_numbers(one, separator, least)[0] == count for one in below)
+    above = [one for one in lines[:skip] if one.strip()][-2:]
+    named = alike < _MOST_ALIKE * len(below) and _names(path, above, count, separator)[0][0] != "1"
+    return (count, numbers) if named or alike >= _MOST_ALIKE * len(below) else (0, 0)
+
+
+def _numbers_alone(line: str) -> list[tuple[int, int, str]]:
+    """Numbers, fields and separator, for each separator between which a line has nothing but numbers."""
+    found = []
+    for separator in _SEPARATORS:
+        count, numbers = _row_of_numbers(line, separator, 1)
+        if count and numbers == sum(bool(one) for one in _fields(line, separator)):
+            found.append((numbers, count, separator))
+    return found
 
 
 def _row_of_numbers(line: str, separator: str, least: int) -> tuple[int, int]:

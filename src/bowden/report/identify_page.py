@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 from bowden.core.units import DEGREES
 from bowden.drawing.style import COLOURS, legend, new_figure, thin, widened
 from bowden.identify.cable.drawing import PARTS, draw_loads, draw_loop, draw_residual
-from bowden.identify.cable.fit import Fit, ModelFit, to_record
+from bowden.identify.cable.fit import Fit, to_record
+from bowden.identify.cable.fitted import ModelFit
 from bowden.identify.cable.loop import loop_lines
 from bowden.plants.cable_parameters import in_degrees, meaning
 from bowden.report.page import Page

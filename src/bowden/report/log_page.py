@@ -14,7 +14,6 @@ from bowden.records.trace import Trace
 from bowden.report import log_figures as figures
 from bowden.report.page import Page, flat
 from bowden.report.simulate_figures import law_states
-from bowden.safety.state import Mode
 
 _MOST_EVENTS = 200
 _LEFT_OUT = ("names",)  # of the settings: the page shows names in their place
@@ -27,7 +26,7 @@ def log_page(trace: Trace, events: Sequence[tuple[float, str]], facts: Mapping[s
         trace: all rows.
         events: time [s] and text of each.
         facts: ``whole``, ``cycles``, ``missing``, ``duration_s``, ``law``, ``start_utc``, ``lateness_s``,
-            ``run_time_s``, ``overruns`` and ``stops``, as ``bowden log info --json`` has them.
+            ``run_time_s``, ``overruns``, ``outcome`` and ``stops``, as ``bowden log info --json`` has them.
         title: plain text.
     """
     law = f" under the law {facts['law']}" if facts["law"] else ""
@@ -109,26 +108,12 @@ def _summary(page: Page, trace: Trace, facts: Mapping[str, Any]) -> None:
         rows.append(["lateness of a cycle, 99 %", f"{1e6 * facts['lateness_s']['p99']:.0f}", "µs"])
     if facts["overruns"] is not None:
         rows.append(["cycles left out (overruns)", str(facts["overruns"]), ""])
-    page.text("{how}", how=_ending(trace, facts["stops"]))
+    page.text("How the run ended: {how}. The log ends at {at:.3f} s.", how=facts["outcome"], at=trace.time[-1])
     for stop in facts["stops"]:
         for line in stops.lines(stop, twin=bool(facts["twin"])):
             page.notice(f"Stopped by a fault at {stop['time_s']:.3f} s: {line}.")
     if rows:
         page.table(["figure", "value", "unit"], rows)
-
-
-def _ending(trace: Trace, found: Sequence[Mapping[str, Any]]) -> str:
-    """A sentence on how the run ended."""
-    at = f"{trace.time[-1]:.3f} s"
-    mode = float(trace["mode"][-1]) if "mode" in trace.columns and len(trace) else np.nan
-    if mode == Mode.LATCHED and found:
-        return f"The run was stopped by a fault, at {found[-1]['time_s']:.3f} s; the log ends at {at}, power off."
-    if mode == Mode.STOPPED:
-        more = f" Faults had stopped it before ({len(found)})." if found else ""
-        return f"The run ended as it was asked to, at {at}, power off.{more}"
-    if np.isfinite(mode):
-        return f"The log ends at {at} in the mode “{Mode(int(mode)).name.lower()}”: it does not show how the run ended."
-    return f"The log ends at {at}; it does not say how the run ended."
 
 
 def _step(trace: Trace) -> float:

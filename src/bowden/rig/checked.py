@@ -55,7 +55,9 @@ def checked(value: Any, kind: type[Value], name: str, default: Any = None) -> Va
         value = _of_mapping(value, default, name)
     if not isinstance(value, kind):
         raise ParameterError(
-            f"Rig: {name} is {shown(value)}", expected=article(kind.__name__), do=f"make one: {_like(kind)}"
+            f"Rig: {name} is {shown(value)}",
+            expected=article(kind.__name__),
+            do=f"make one: {_like(kind, name, default)}",
         )
     wanted: Any = kind
     try:
@@ -96,8 +98,11 @@ def _looked_at(value: Any, kind: Any, name: str, types: tuple[Any, ...]) -> Any:
     return changed
 
 
-def _like(kind: type) -> str:
+def _like(kind: type, name: str, default: Any) -> str:
+    """How one is written: by its fields where they may be given alone, for which nothing is imported."""
     first = next(iter(items_of(kind)), None)
+    if first and hasattr(default, "_fields"):
+        return f"Rig({name}={{'{first.path[0]}': …}})"
     return f"{kind.__name__}({first.path[0]}=…)" if first else kind.__name__
 
 

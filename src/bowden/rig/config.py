@@ -1,6 +1,7 @@
 """Reading rig.toml: every mistake becomes one line that names the key, its section and what to write instead."""
 
 import itertools
+import math
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from types import MappingProxyType
@@ -11,6 +12,7 @@ from pydantic_core import ErrorDetails
 
 from bowden.core import bounded
 from bowden.core.errors import ParameterError, near
+from bowden.core.units import DEGREES
 from bowden.plants.counting import Counting
 from bowden.rig import motors
 from bowden.rig.declaration import Section, items_of, value_of
@@ -107,6 +109,14 @@ def check_points(file: Any, path: Path) -> None:
         ParameterError: some of these.
     """
     reference, bend = file.reference, file.scenario.bend
+    if reference.kind == "periodic_minimum_jerk" and reference.low_deg > reference.high_deg:
+        high = reference.high_deg
+        meant = f"; radians? {high:g} rad would be {high * DEGREES:.3g}°" if 0.0 < high <= math.pi else ""
+        raise ParameterError(
+            f"{path}: reference.low_deg is {reference.low_deg:g} and high_deg {high:g}{meant}",
+            expected="low_deg below high_deg",
+            do=_CORRECT,
+        )
     if reference.kind == "point_to_point":
         _check_course(path, "reference", "positions_deg", reference.times_s, reference.positions_deg)
     if bend.kind == "scripted":

@@ -40,7 +40,7 @@ from bowden.plants.bends import Bend, ConstantBend, RandomBend, ScriptedBend
 from bowden.plants.cable_parameters import outside
 from bowden.plants.cable_plant import CablePlant
 from bowden.plants.cables import plant_of_model
-from bowden.plants.identified import CableModel, IdentifiedCable
+from bowden.plants.identified import CableModel, IdentifiedCable, load_cable
 from bowden.plants.knowledge_of import knowledge_of
 from bowden.plants.plant import Plant
 from bowden.plants.plant_file import PlantFile
@@ -49,6 +49,7 @@ from bowden.plants.push_settings import AdmittanceSettings
 from bowden.plants.pushing import Pushing, pushing_of
 from bowden.plants.suit_parts import Suit
 from bowden.plants.suit_settings import SuitSettings, WearerSettings
+from bowden.plants.trust import Trust, least
 from bowden.plants.user_plant import UserPlant
 from bowden.plants.worn_suit import USUAL_DEAD_ZONE, elbow_dead_zone, suit_of
 from bowden.rig import display, emg_setup, packing
@@ -427,8 +428,14 @@ class Rig(metaclass=Answering):
         """
         return written(self.tree())
 
-    def write(self, path: Path | str) -> None:
+    def write(self, path: Path | str, *, force: bool = False) -> None:
         """Write the rig as a rig.toml, and next to it the files that it needs: model, motion, law and wearer.
+
+        A model.toml that is there already stays, where it has the same models: a fit's own says more of them.
+
+        Args:
+            path: of the rig.toml.
+            force: overwrite files that are there with other content.
 
         Raises:
             ParameterError: see `tree`.
@@ -439,14 +446,29 @@ class Rig(metaclass=Answering):
             raise OutputError(f"{target} is a folder", do=f"give the file's name: {target / 'rig.toml'}")
         tree, files = self._tree_and_files()
         contents = {target: written(tree).encode()} | {target.parent / name: text for name, text in files.items()}
+        contents = {file: content for file, content in contents.items() if not self._has_model(file)}
         for file, content in contents.items():
-            if file.exists() and file.read_bytes() != content:
-                raise OutputError(f"{file} is there already", do="choose another folder, or delete it")
+            if file.exists() and file.read_bytes() != content and not force:
+                raise OutputError(
+                    f"{file} is there already, with other content",
+                    do="choose another folder, or overwrite it: write(path, force=True)",
+                )
         for file, content in contents.items():
             if file.parent != target.parent:  # of a package that a user's file imports
                 file.parent.mkdir(parents=True, exist_ok=True)
             with whole_file(file) as part:
                 part.write_bytes(content)
+
+    def _has_model(self, file: Path) -> bool:
+        """Whether a file has the very models of one of the rig's cables, and the trust in them."""
+        cables = [one.rig.cable for one in self.parts if isinstance(one.rig.cable, IdentifiedCable)]
+        if not (cables and file.suffix == ".toml" and file.exists()):
+            return False
+        try:
+            there = load_cable(file)
+        except ParameterError:  # no model at all
+            return False
+        return any((there.digest, there.trust) == (one.digest, one.trust) for one in cables)
 
     def _tree_and_files(self) -> tuple[dict[str, Any], dict[str, bytes]]:
         """The sections with the names of the files that lie beside, and what is in these."""
@@ -496,6 +518,12 @@ class Rig(metaclass=Answering):
     def each_joint(self) -> tuple[RigJoint, ...]:
         """Its joints, each with its motors; of a rig with one motor one."""
         return joints_of(self.parts, self.joints, self.origin)
+
+    @property
+    def cable_trust(self) -> Trust | None:
+        """Trust in the models of its identified cables, of several the lowest; None where nothing says it."""
+        known = [one for motor in self.parts if (one := getattr(motor.rig.cable, "trust", None)) is not None]
+        return least(known) if known else None
 
     def only(self, name: str | None = None) -> "Rig":
         """The rig of one motor; of a rig with one motor itself, where no name is given.
@@ -949,10 +977,23 @@ class Rig(metaclass=Answering):
         else:
             what, ends = "the reference", self._ends
         furthest = max(map(abs, ends)) / RADIANS
-        if ends[0] == ends[1] or furthest > math.pi:
+        if ends[0] != ends[1] and furthest > math.pi:
+            return self._one_like_radians(what, ends)
+        if ends[0] == ends[1]:
             return []
         meant = f"radians? {furthest:.3g} rad would be {furthest * DEGREES:.3g}°"
         return [f"{what} goes no further than {furthest:.3g}°, less than a cable's dead zone; {meant}"]
+
+    def _one_like_radians(self, what: str, ends: tuple[float, float]) -> list[str]:
+        """What is said of one end in degrees and one that was probably meant in radians, of a cable whose log tells."""
+        covered = self.cable.covered if isinstance(self.cable, IdentifiedCable) else None
+        for end, other in (ends, ends[::-1]):
+            number = end / RADIANS
+            in_order = (number < other) == (end < other)
+            within = covered is not None and covered.joint_low <= number <= covered.joint_high
+            if 0.0 < abs(number) <= math.pi and within and in_order:
+                return [f"{what} ends at {number:.3g}°; radians? {number:.3g} rad would be {number * DEGREES:.3g}°"]
+        return []
 
     def _beyond_the_log(self) -> list[str]:
         """What is said of a reference that leaves the motion that the cable's log covered."""

@@ -34,4 +34,5 @@ def run_of(rig: Rig, law: Law, fault: SensorFault | None = None) -> Trace:
         source=TABLE if rig.pushing is None else rig.pushing.source(law),
         fault=fault,
     )
-    return replace(trace, settings={**trace.settings, "rig": rig.hash})
+    trust = {} if rig.cable_trust is None else {"cable_trust": rig.cable_trust._asdict()}
+    return replace(trace, settings={**trace.settings, "rig": rig.hash, **trust})

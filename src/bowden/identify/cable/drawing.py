@@ -13,7 +13,7 @@ from bowden.models.cable.scheduled import cable_of, hats, powers
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from bowden.identify.cable.fit import Fit
+    from bowden.identify.cable.fitted import Fitted
 
 _POINTS = 1500
 """Of a curve: more make no visible difference."""
@@ -23,7 +23,7 @@ _SHOWN = (("#0072b2", "-"), ("#009e73", "--"), ("#d55e00", "-."))
 """Colour and line at the least, the middle and the largest load."""
 
 
-def draw_fit(axes: "Sequence[Axes]", fit: "Fit") -> None:
+def draw_fit(axes: "Sequence[Axes]", fit: "Fitted") -> None:
     """The loop of one log; of several, of each load; of a known model, what it leaves."""
     if fit.recalibration:
         draw_residual(axes[0], fit)
@@ -33,7 +33,7 @@ def draw_fit(axes: "Sequence[Axes]", fit: "Fit") -> None:
         draw_loop(axes, fit)
 
 
-def draw_loop(axes: "Sequence[Axes]", fit: "Fit") -> None:
+def draw_loop(axes: "Sequence[Axes]", fit: "Fitted") -> None:
     """Joint over motor as recorded and as the recommended model has it, and on second axes without the line."""
     one = fit.logs[0]
     log = one.log
@@ -55,7 +55,7 @@ def draw_loop(axes: "Sequence[Axes]", fit: "Fit") -> None:
     legend(axes[-1], 3)
 
 
-def _draw_deviations(axes: "Axes", fit: "Fit", loop: HysteresisLoop) -> None:
+def _draw_deviations(axes: "Axes", fit: "Fitted", loop: HysteresisLoop) -> None:
     """Two deviations to either side of the loop, at each of its places."""
     ways = (loop.rising_place, loop.rising, loop.rising_error), (loop.falling_place, loop.falling, loop.falling_error)
     for way in ways:
@@ -65,7 +65,7 @@ def _draw_deviations(axes: "Axes", fit: "Fit", loop: HysteresisLoop) -> None:
         axes.vlines(place * DEGREES, *ends, color=COLOURS["model"], lw=1.6)
 
 
-def draw_loads(axes: "Axes", fit: "Fit") -> None:
+def draw_loads(axes: "Axes", fit: "Fitted") -> None:
     """Both branches over the motor, at the ends and in the middle of what schedules them."""
     cable, values = cable_of(fit.best.parameters)
     count = cable.middle.shape[1]
@@ -89,7 +89,7 @@ def draw_loads(axes: "Axes", fit: "Fit") -> None:
         legend(axes)
 
 
-def draw_residual(axes: "Axes", fit: "Fit") -> None:
+def draw_residual(axes: "Axes", fit: "Fitted") -> None:
     """Joint minus model over time."""
     one = fit.logs[0]
     time, rest = one.log.time - one.log.time[0], (one.log.joint - one.predicted) * DEGREES

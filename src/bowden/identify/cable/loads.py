@@ -30,7 +30,8 @@ from bowden.core.errors import LogError, ParameterError
 from bowden.core.units import DEGREES
 from bowden.identify.cable.bouc_wen import BoucWenCable
 from bowden.identify.cable.cycles import ENOUGH, drift, whole_cycles
-from bowden.identify.cable.fit import Fit, FittedLog, ModelFit
+from bowden.identify.cable.fit import Fit
+from bowden.identify.cable.fitted import FittedLog, ModelFit
 from bowden.identify.cable.loop import loop_of
 from bowden.identify.cable.part import Progress
 from bowden.identify.cable.path import Path, path_of

@@ -7,14 +7,14 @@ from bowden import __version__
 from bowden.core.toml_text import quoted
 from bowden.core.units import DEGREES
 from bowden.identify.cable.cycles import Cycles
-from bowden.identify.cable.fit import Fit, FittedLog, ModelFit
+from bowden.identify.cable.fitted import Fitted, FittedLog, ModelFit
 from bowden.identify.cable.loop import HysteresisLoop
 from bowden.plants.cable_parameters import meaning
 from bowden.plants.model_file import log_lines
 from bowden.plants.trust import trust_lines
 
 
-def model_text(fit: Fit) -> str:
+def model_text(fit: Fitted) -> str:
     """The content of model.toml."""
     best = fit.best
     lines = [
@@ -98,7 +98,7 @@ def _model_lines(name: str, fitted: ModelFit, judged: Mapping[str, float], units
     return lines + [f"{key} = {_number(value)}" for key, value in fitted.uncertainty.items() if not math.isnan(value)]
 
 
-def _lines_of_log(fit: Fit, one: FittedLog) -> list[str]:
+def _lines_of_log(fit: Fitted, one: FittedLog) -> list[str]:
     names = ("train", "test", "same", "same_offset", "unseen", "unseen_offset")
     return [
         "",

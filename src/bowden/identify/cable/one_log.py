@@ -10,7 +10,8 @@ from bowden.core.errors import LogError
 from bowden.core.units import DEGREES
 from bowden.identify.cable import advice
 from bowden.identify.cable.cycles import drift, whole_cycles
-from bowden.identify.cable.fit import Fit, FittedLog, ModelFit
+from bowden.identify.cable.fit import Fit
+from bowden.identify.cable.fitted import FittedLog, ModelFit
 from bowden.identify.cable.lag import earlier, time_lag
 from bowden.identify.cable.loop import loop_of
 from bowden.identify.cable.part import Progress, fit_part, refit_whole

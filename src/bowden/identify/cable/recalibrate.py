@@ -33,7 +33,8 @@ from numpy.typing import NDArray
 from bowden.core.errors import LogError, ParameterError
 from bowden.core.units import DEGREES
 from bowden.identify.cable.cycles import drift, whole_cycles
-from bowden.identify.cable.fit import Fit, FittedLog, ModelFit, Recalibration
+from bowden.identify.cable.fit import Fit
+from bowden.identify.cable.fitted import FittedLog, ModelFit, Recalibration
 from bowden.identify.cable.path import Path, path_of
 from bowden.identify.log.read import Log
 from bowden.identify.log.variables import Scheduled

@@ -8,7 +8,8 @@ import numpy as np
 from bowden.core.units import DEGREES
 from bowden.identify.cable.advice import FOLLOWS, SLIGHT, WORSE, following, lags
 from bowden.identify.cable.cycles import FOR_YES
-from bowden.identify.cable.fit import Fit, FittedLog
+from bowden.identify.cable.fit import Fit
+from bowden.identify.cable.fitted import FittedLog
 from bowden.identify.cable.turns import peak_speed
 from bowden.plants.trust import QUARTER, Trust, least
 
@@ -66,7 +67,7 @@ def _doubts(fit: Fit, one: FittedLog) -> list[Trust]:
         doubt("no", "the model predicts hardly better than a straight line")
     elif not drifts and unseen > max(QUARTER * one.line_rms, _COUNTS * counts, SLIGHT):
         doubt("with care", "the model leaves a quarter or more of what a straight line does")
-    elif loop is not None and loop.height < max(_COUNTS * unseen, SLIGHT):
+    elif not drifts and loop is not None and loop.height < max(_COUNTS * unseen, SLIGHT):
         why = f"no loop shows beside what the model leaves ({_degrees(loop.height)} high)"
         doubt("with care", f"{why}: is the joint computed from the motor, or its target?")
     apart = peak_speed(log.time, log.joint) * float(np.median(np.diff(log.time)))
@@ -74,7 +75,8 @@ def _doubts(fit: Fit, one: FittedLog) -> list[Trust]:
         why = f"the joint moves {_degrees(apart)} from row to row: if it is one row late, that alone makes such a loop"
         doubt("with care", f"{why} ({_degrees(loop.height)} high); record more rows a second, or move slower")
     if one.reversals and (fit.chosen_on_whole or one.cycles.whole < FOR_YES):
-        doubt("with care", f"{one.cycles.counted}, too few to judge a model on cycles that it has not seen")
+        few = "too few to judge a model on cycles that it has not seen"
+        doubt("with care", f"{one.cycles.counted} (up and down through the middle half of the motor's range), {few}")
     if drifts:
         doubt("with care", f"the joint's sensor drifts by {one.drift * DEGREES * 60.0:.2g}°/min")
     elif alone and not fit.chosen_on_whole and unseen > WORSE * seen and unseen > SLIGHT and fit.best.name != "line":

@@ -197,16 +197,19 @@ def held_rows(angle: Array) -> tuple[int, int | None]:
     """How many rows a reading is repeated, and which of them is the new one; None where they are not always as many.
 
     An encoder that counts repeats itself too, but goes on by one count then. One that is read more seldom than its log
-    has rows goes on by many, and by more than what the repeated readings dither.
+    has rows goes on by many, by more than what the repeated readings dither, and by nothing else: these steps make at
+    least half of its range.
 
     >>> held_rows(np.repeat(np.sin(0.1 * np.arange(100.0)), 4)[1:])
     (4, 3)
     """
-    steps = np.abs(np.diff(angle))
+    moved = np.diff(angle)
+    steps = np.abs(moved)
     count = np.quantile(steps[steps > 0.0], 0.02) if steps.any() else 0.0
     dither = np.quantile(steps, _QUIET)
-    at = np.flatnonzero(steps > max(_BEYOND * dither, _COUNTS * count)) + 1
-    if len(at) < _READINGS:
+    jumps = steps > max(_BEYOND * dither, _COUNTS * count)
+    at = np.flatnonzero(jumps) + 1
+    if len(at) < _READINGS or np.ptp(np.cumsum(np.where(jumps, moved, 0.0))) < 0.5 * np.ptp(angle):
         return 1, None
     rows = int(np.median(np.diff(at)))
     if rows < 2:

@@ -30,12 +30,21 @@ def rig_of(given: Any) -> Rig:
             from bowden.live.log_rig import rig_of_log
 
             return rig_of_log(path)
+        if path.suffix.lower() in _LOGS:
+            raise ParameterError(
+                f"{path} is a log, not a rig",
+                expected="a rig.toml",
+                do=f"identify it first: bowden identify {path}, then bowden init --model out/identify/model.toml",
+            )
         alike = _alike(path)
         if alike and not path.exists():
             raise ParameterError(f"there is no {path}", expected="a rig.toml", do=f"did you mean {alike}?")
         return Rig.read(path)
     do = "make one of it: Rig()" if given is Rig else "make one: bowden.init(fit).rig, bowden.Rig(…); or name its file"
     raise ParameterError(f"rig is {arguments.said(given)}", expected="a Rig or the path of a rig.toml", do=do)
+
+
+_LOGS = (".csv", ".tsv", ".txt", ".npz", ".mat", ".parquet")
 
 
 def _alike(path: Path) -> str:

@@ -13,6 +13,7 @@ from bowden.core.errors import BowdenError, ParameterError
 from bowden.core.guesses import UnknownArgumentError, answer
 from bowden.operations.support import operation
 from bowden.operations.support.results import Result
+from bowden.operations.support.trust import doubt, trusted
 
 Given = ParamSpec("Given")
 Value = TypeVar("Value")
@@ -60,9 +61,13 @@ def public(function: Callable[Given, Result[Value]]) -> Callable[Given, Value]:
             found: Any = function(*bound.args, **bound.kwargs)
         except BowdenError as error:
             raise error from None
-        if not isinstance(found, Result):
+        rigs = [bound.arguments[one] for one, kind in known.items() if kind.is_rig and one in bound.arguments]
+        if not isinstance(found, Result):  # a new rig, or a run that has yet to begin
+            own = getattr(found, "cable_trust", None)
+            tell(filter(None, [doubt(trusted(Result[Any](cable_trust=own), rigs), rigs)]))
             return found
-        tell(found.notes)
+        found = trusted(found, rigs)
+        tell(filter(None, (*found.notes, doubt(found, rigs))))
         if found.interrupted:
             raise found.interruption()
         return found.value
