@@ -100,6 +100,7 @@ def test_what_a_table_of_guesses_names_is_there() -> None:
         "bowden": bowden,
         "numpy": np,
         "log": fit.log,
+        "recalibration": bowden.identify(T, MOTOR, JOINT, model=fit).recalibration,
         "made": made,
         "Rig": bowden.Rig,
         "CableModel": bowden.CableModel,
@@ -475,7 +476,7 @@ def test_a_log_says_how_its_run_ended(modes: tuple[int, ...], fault: Fault | Non
 
 WRONG: dict[str, tuple[Callable[[], Any], str]] = {
     "simulate of a log": (lambda: bowden.simulate("log.csv"), r"log\.csv is a log, not a rig; .*: bowden identify log"),
-    "identify of nothing": (lambda: bowden.identify(), r"identify: time is missing; expected a file's path, or three"),
+    "identify of nothing": (lambda: bowden.identify(), r"identify: log is missing; expected files, or three"),
     "identify of two": (lambda: bowden.identify(T, MOTOR), r"identify: joint is missing"),
     "other lengths": (lambda: bowden.identify(T, MOTOR[1:], JOINT), r"time has 2000 samples, motor has 1999"),
     "NaN": (lambda: bowden.identify(T, np.where(T == 5.0, np.nan, MOTOR), JOINT), r"sample 501: motor is nan"),

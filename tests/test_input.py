@@ -125,7 +125,7 @@ CALLS: dict[str, tuple[Callable[..., Any], dict[str, tuple[Any, ...]]]] = {
     "identify several": (
         made(bowden.identify, [LOG, LOG]),
         {
-            "log": (3, "log.csv", [LOG, 4]),
+            "log": (3, [LOG, 4]),
             "load": (3, [0.1], ["a", "b"], "tension"),
             "bend": (3, [0.1], ["a", "b"], "bent"),
         },
@@ -163,7 +163,7 @@ CALLS: dict[str, tuple[Callable[..., Any], dict[str, tuple[Any, ...]]]] = {
     ),
     "read_log": (
         made(bowden.read_log, "log.csv"),
-        {"path": NO_PATH, "time": NO_TEXT, "motor": NO_TEXT, "joint": NO_TEXT, "unit": NO_TEXT}
+        {"path": NO_PATH, "time": NO_TEXT[1:], "motor": NO_TEXT[1:], "joint": NO_TEXT[1:], "unit": NO_TEXT}
         | {"counts_per_turn": ("few", 0, (1.0,) * 3), "rate": (*NO_NUMBER, 0.0)},
     ),
     "read_trace": (made(bowden.read_trace, "run.csv"), {"path": NO_PATH}),

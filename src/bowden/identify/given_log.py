@@ -62,6 +62,12 @@ def logs_of(
         raise ParameterError(
             "identify: time is given twice", expected="it once", do="call it as identify(time, motor, joint)"
         )
+    if motor is None and joint is None and (given is not None or time is None):
+        raise ParameterError(
+            f"identify: log is {'missing' if given is None else arguments.said(given)}",
+            expected="files, or three arrays: identify(time, motor, joint)",
+            do="give one of these",
+        )
     signals = {"time": time if given is None else given, "motor": motor, "joint": joint}
     if rate is not None and signals["time"] is None:
         del signals["time"]

@@ -384,13 +384,21 @@ def _first_row(path: Path, lines: Sequence[str], skip: int, separator: str, leas
     count, numbers = _row_of_numbers(lines[skip], separator, least)
     if not count or (least == 1 and (count > 1 or any(mark in lines[skip] for mark in ";\t,"))):
         return 0, 0
-    below = [one for one in lines[skip + 1 : skip + 1 + 2 * _LIKE] if one.strip() and one[0] not in "#%"][:_LIKE]
-    if below and not any(_value(one, separator, clock=True) is not None for one in _fields(below[0], separator)):
+    after = [one for one in lines[skip + 1 : skip + 1 + 2 * _LIKE] if one.strip()]
+    below = [one for one in after if one[0] not in "#%"][:_LIKE]
+    if (below and _no_number(below[0], separator)) or (
+        after and _no_number(after[0], separator) and len(_fields(after[0].lstrip("#% "), separator)) == count > 1
+    ):
         return 0, 0  # names stand below it
-    alike = sum(_row_of_numbers(one, separator, least)[0] == count for one in below)
+    alike = sum(_row_of_numbers(one, separator, 1)[0] == count for one in below) >= _MOST_ALIKE * len(below)
     above = [one for one in lines[:skip] if one.strip()][-2:]
-    named = alike < _MOST_ALIKE * len(below) and _names(path, above, count, separator)[0][0] != "1"
-    return (count, numbers) if named or alike >= _MOST_ALIKE * len(below) else (0, 0)
+    if not alike:
+        alike = bool(_numbers_alone(lines[skip])) and _names(path, above, count, separator)[0][0] != "1"
+    return (count, numbers) if alike else (0, 0)
+
+
+def _no_number(line: str, separator: str) -> bool:
+    return all(_value(one, separator, clock=True) is None for one in _fields(line, separator))
 
 
 def _numbers_alone(line: str) -> list[tuple[int, int, str]]:
@@ -398,7 +406,7 @@ def _numbers_alone(line: str) -> list[tuple[int, int, str]]:
     found = []
     for separator in _SEPARATORS:
         count, numbers = _row_of_numbers(line, separator, 1)
-        if count and numbers == sum(bool(one) for one in _fields(line, separator)):
+        if count and numbers == sum(one.lower() not in _MISSING for one in _fields(line, separator)):
             found.append((numbers, count, separator))
     return found
 
@@ -406,7 +414,7 @@ def _numbers_alone(line: str) -> list[tuple[int, int, str]]:
 def _row_of_numbers(line: str, separator: str, least: int) -> tuple[int, int]:
     """How many fields a line has if it is a row, at least so many numbers and no more text, else 0; and the numbers."""
     fields = _fields(line, separator)
-    filled = [field for field in fields if field]
+    filled = [field for field in fields if field.lower() not in _MISSING]
     numbers = sum(_value(field, separator, clock=True) is not None for field in filled)
     return len(fields) if numbers >= max(least, (len(filled) + 1) // 2) else 0, numbers
 
