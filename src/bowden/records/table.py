@@ -479,8 +479,8 @@ def _numbers(
 ) -> list[Array]:
     """Columns of some lines, the first of which has that number; at the speed of C where they are numbers alone."""
     text, separator, count = "".join(lines), layout.separator, len(layout.names)
-    fields = text.count(separator) if separator else len(text.split())
-    even = fields in {(count - 1) * len(lines), count * len(lines)} if separator else fields == count * len(lines)
+    fields = {line.count(separator) + 1 if separator else len(line.split()) for line in lines}
+    even = fields in ({count}, {count + 1}) if separator else fields == {count}
     if even and columns and not any(mark in text for mark in '#"%'):
         if separator not in ("", ",") and "," in text:
             lines = [line.replace(",", ".") for line in lines]
