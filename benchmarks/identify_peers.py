@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 import bowden
 from bowden.core.units import DEGREES, RADIANS
-from bowden.identify.cable.identification import follow
+from bowden.identify.cable.one_log import follow
 from bowden.identify.cable.path import build_path
 from bowden.identify.cable.turns import find_turns, motor_noise, reversals
 from bowden.plants.identified import CableModel

@@ -124,10 +124,11 @@ def test_a_length_is_refused_and_the_advice_works(tmp_path: Path) -> None:
         np.savetxt(file, table, fmt="%.6f", delimiter=",", header=f"time_s,{name},joint_rad", comments="")
 
     write("motor_mm", 20.0 * motor)
-    with pytest.raises(bowden.BowdenError, match=r"in mm; expected an angle: .*; divide a length by the radius"):
+    with pytest.raises(
+        bowden.BowdenError, match=r"in mm; expected an angle: .*; give the radius of its spool: --spool-radius-mm"
+    ):
         bowden.identify(file)
-    write("motor_rad", 20.0 * motor / 20.0)
-    assert bowden.identify(file).trust.level == "yes"
+    assert bowden.identify(file, spool_radius_mm=20.0).trust.level == "yes"
 
 
 def test_trust_goes_from_the_log_into_each_command_on_the_rig(

@@ -33,12 +33,8 @@ PAGES = {
     "identify": Page(
         "Identify",
         "From a log of a cable to a model.",
-        ("identify", "identify_together", "recalibrate", "read_log", "CableModel"),
-        (
-            "bowden.identify.cable.fit.Fit",
-            "bowden.identify.cable.loads.JointFit",
-            "bowden.identify.cable.recalibrate.Recalibration",
-        ),
+        ("identify", "read_log", "CableModel"),
+        ("bowden.identify.cable.fit.Fit",),
     ),
     "design": Page(
         "Check and tune",

@@ -320,6 +320,20 @@ def _traces() -> list[bytes]:
     return [csv.read_bytes(), npz.read_bytes()]
 
 
+def _matlab() -> list[bytes]:
+    from scipy.io import savemat
+
+    t = np.arange(200) * 0.1
+    content = {"time": t, "motor": np.sin(t), "joint": np.sin(t) - 0.01}
+    many = {"log": content, "names": np.array(["a", "b"], dtype=object), "text": "words", "flag": True, "m": np.eye(3)}
+    found = []
+    for given, options in ((content, {"do_compression": True}), (content, {"format": "4"}), (many, {})):
+        file = io.BytesIO()
+        savemat(file, given, **options)
+        found.append(file.getvalue())
+    return found
+
+
 def _mcap() -> list[bytes]:
     path = _folder() / "seed.mcap"
     columns = ("time", "motor", "joint", "lateness", "mode", "faults")
@@ -437,6 +451,7 @@ TARGETS: dict[str, Target] = {
     "labels": Target(lambda: [b"onset_s,offset_s\n1,2\n3,4\n"], _file(read_labels, "labels.csv"), 0.05),
     "trace": Target(_traces, _file(read_trace, "trace"), 0.03),
     "npz": Target(_traces, _file(read_log, "log.npz"), 0.02),
+    "mat": Target(_matlab, _file(read_log, "log.mat"), 0.0005),  # each in a process of its own
     "mcap": Target(_mcap, _file(_of_mcap, "log.mcap"), 0.04),
     "frames": Target(_frames, _wild, 0.2),
     "sdo": Target(_frames, _sdo, 0.1),

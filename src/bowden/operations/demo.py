@@ -99,7 +99,7 @@ def demo(
     from bowden.core.files import write_text
     from bowden.design.new_rig import around
     from bowden.design.verdict import checked, verdict_of
-    from bowden.identify.cable.identification import identify_log
+    from bowden.identify.cable.identification import identify
     from bowden.identify.log.read import read_log
     from bowden.operations.support.progress import reported
     from bowden.plants.identified import load_cable
@@ -128,7 +128,7 @@ def demo(
     words = [str(source), *(word for pair in options for word in pair)]
     say(page.log_line(read, simulated=log is None))
     with reported(progress, "demo") as report:
-        fit = identify_log(read, progress=report)
+        fit = identify([read], progress=report)
         say(*page.model_lines(fit))
         for warning in fit.warnings:
             note(warning)
