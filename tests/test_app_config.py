@@ -121,6 +121,8 @@ def test_the_examples_are_right(example: Path) -> None:
         ('[cable]\nmodel = "a\\u0000b"', "is no TOML file: embedded null byte; expected the model.toml"),
         ("[scenario]\nduration_s = 1e-9", "expected a duration that makes 2 to 10000000"),
         ("[servo\n", "is not TOML"),
+        ("[servo]\ndamping = 1\ndamping = 2", "rig.toml: line 3 writes damping a second time; delete one of the two"),
+        ('best = "play"\n[models.play]', "is the model of a cable, not a rig; expected a rig.toml; make one round it"),
     ],
 )
 def test_a_mistake_gets_one_line_that_helps(tmp_path: Path, text: str, said: str) -> None:
@@ -131,6 +133,11 @@ def test_a_mistake_gets_one_line_that_helps(tmp_path: Path, text: str, said: str
     assert "duration" in text or f"{tmp_path.as_posix()}/rig.toml" in message
     assert caught.value.do
     assert "\n" not in message
+
+
+def test_a_length_in_metres_is_pointed_out(tmp_path: Path) -> None:
+    notes = Rig.read(rig(tmp_path, "[suit]\nworn = true\nspool_radius_mm = 0.025")).notes
+    assert "suit.spool_radius_mm is 0.025; metres? 0.025 m would be 25" in notes
 
 
 def test_a_file_that_is_no_text_or_no_file(tmp_path: Path) -> None:

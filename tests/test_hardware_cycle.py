@@ -228,7 +228,10 @@ class Port:
 
 
 @given(
-    st.integers(0, 2**32), st.sampled_from([0.0, 0.01, 0.3]), st.sampled_from([0.0, 0.01]), st.sampled_from([0, 10, 50])
+    st.integers(0, 2**32),
+    st.sampled_from([0.0, 0.01, 0.3]),
+    st.sampled_from([0.0, 0.01]),
+    st.sampled_from([0, 10, 50, 100]),
 )
 @settings(max_examples=15)
 def test_no_drive_is_wronged_for_late_frames_and_a_second_one_of_its_number_is_found(

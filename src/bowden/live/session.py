@@ -18,11 +18,12 @@ from collections.abc import Iterable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from numbers import Real
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from bowden.core.arguments import said
 from bowden.core.clock import SECOND, MonotonicClock, unix_seconds
 from bowden.core.errors import DriveError, LogError, OutputError, ParameterError, SafetyError, near
+from bowden.core.guesses import answer
 from bowden.cycle.one_cycle import TargetSource
 from bowden.drawing import shown
 from bowden.hardware import shared_memory
@@ -66,6 +67,14 @@ _MOST_LOGS = 3
 """Recorders of a run, one after the other."""
 _BEAT = 0.05
 """Between two signs of life [s]."""
+_ASK = "session.ask(Request.{}), with: from bowden.safety.state import Request"
+_GUESSES = {
+    **{name: _ASK.format(name.upper()) for name in ("arm", "stop", "acknowledge")},
+    "run": "session.start(), or session.complete() up to the reference's end",
+    "close": "the end of the with block ends the run",
+    "result": "session.outcome and session.trace()",
+}
+"""Name that is guessed of a session → what to write."""
 _TAKEN_WITHIN = 2.0
 """A change of gains that is not in force this long after its ramp has not been taken [s]."""
 
@@ -120,6 +129,13 @@ class Session:
         self._steps: Iterator[bool] | None = None
         name = left_behind.name_of_this()
         self._ring, self._block = FOLDER / f"{name}.ring", FOLDER / f"{name}.block"
+
+    if not TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> Any:
+            if name.startswith("_") or hasattr(type(self), name) or name in type(self).__annotations__:
+                return object.__getattribute__(self, name)
+            raise AttributeError(answer("a session", name, dir(type(self)), _GUESSES))
 
     def __enter__(self) -> "Session":
         try:
@@ -456,7 +472,7 @@ class Session:
 
         Raises:
             ParameterError: the law has no such gain, it is not live, or the value is outside its limits.
-            SafetyError: the gains do not hold, with the figure, or no session is live.
+            SafetyError: the gains do not hold, with the figure, or no session is live, or it is latched by a fault.
         """
         check = GainCheck(self.with_gain(name, value))
         try:
@@ -482,7 +498,7 @@ class Session:
 
         Raises:
             ParameterError: the law has no such gain, it is not live, or the value is outside its limits.
-            SafetyError: no session is live, or another change goes on.
+            SafetyError: no session is live, it is latched by a fault, or another change goes on.
         """
         motor, _ = self._require_gain(name, value)
         rig = motor.live.logged
@@ -505,6 +521,23 @@ class Session:
         raise ParameterError(f"no motor has a gain {said(name)}", expected=near(first, self.live.names), do=do)
 
     def _require_gain(self, name: str, value: float) -> tuple[SessionMotor, str]:
+        motor, own = self.require_value(name, value)
+        self._require_live()
+        if self.mode == Mode.LATCHED:
+            raise SafetyError(
+                f"no law runs that could take {name} = {value:g}: {self.outcome}",
+                do="acknowledge it and arm again, or change the gain in its settings",
+            )
+        if self.changing:
+            raise SafetyError("another change of gains goes on", do=f"wait until it is in force, {RAMP:g} s")
+        return motor, own
+
+    def require_value(self, name: str, value: float) -> tuple[SessionMotor, str]:
+        """The motor whose live gain it is, and its name there, whether a change could be made now or not.
+
+        Raises:
+            ParameterError: the law has no such gain, it is not live, or the value is outside its limits.
+        """
         motor, name = self._gain(name)
         law = motor.live.law
         if name not in law.live:
@@ -527,9 +560,6 @@ class Session:
                 expected=f"a number from {low:g} to {high:g}",
                 do="correct it",
             )
-        self._require_live()
-        if self.changing:
-            raise SafetyError("another change of gains goes on", do=f"wait until it is in force, {RAMP:g} s")
         return motor, name
 
     def ask_gain(self, name: str, value: float) -> None:

@@ -83,7 +83,8 @@ def live_session(
                 if note := unseen_watch(motor.rig):
                     tell(f"{of_motor}: {note}" if motor.name else note)
                 alone_on_joint = not (measure or motor.limits.shared)
-                ends = foreseen(motor.rig, motor.law) if alone_on_joint else ""
+                holds = found[motor.name].name != "does_not_hold"
+                ends = foreseen(motor.rig, motor.law) if alone_on_joint and holds else ""
                 if ends and force:
                     tell(f"{of_motor}: {ends}" if motor.name else ends)
                 require(

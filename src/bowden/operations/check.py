@@ -221,7 +221,8 @@ def check(
             report(f"checking {name} {joint.first.law_name}".replace("  ", " "), len(checks) / len(joints))
             with asked_for_by(joint.said) if joint.said else contextlib.nullcontext():
                 checks[name] = replace(checked(joint), cable_trust=whole.cable_trust)
-                ends = "" if joint.shared or found_wrong else foreseen(joint.first, joint.first.fitted())
+                asked = checks[name].holds and not (joint.shared or found_wrong)
+                ends = "" if not asked else foreseen(joint.first, joint.first.fitted())
             found_wrong += [f"{joint.said}: {ends}" if joint.said else ends] if ends else []
     worst = max(checks, key=lambda name: _badness(checks[name]))
     figures = {name: _figures(one, joints[name]) for name, one in checks.items()}

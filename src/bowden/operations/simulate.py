@@ -11,6 +11,7 @@ from bowden.records.run_figures import Metrics
 
 if TYPE_CHECKING:
     from bowden.control import Law
+    from bowden.design.verdict import CheckVerdict
     from bowden.records.trace import Trace
     from bowden.records.traces import Traces
     from bowden.rig.joints import RigJoint
@@ -225,18 +226,23 @@ def _of_joint(
     traces = Traces(
         {f"{law}-{name}" if joint.shared else law: one for law, each in by_law.items() for name, one in each.items()}
     )
-    said = [] if joint.shared else [*refusals(setup)] or _ending(setup, firsts, by_law)
+    said = [] if joint.shared else [*refusals(setup)]
+    if not (joint.shared or said):
+        said = _ending(setup, firsts, by_law, checked)
     notes = [*setup.notes, *said, *pushing, *(one.note for one in checked if one.note), *_of_suit(setup)]
     done = f"{', '.join(by_law)} (of {len(laws)} laws) done and" if ended else ""
     return SimulatedJoint(joint, traces, tuple(runs), by_law, notes, done)
 
 
-def _ending(rig: "Rig", laws: "Sequence[Law]", found: "Mapping[str, Traces]") -> list[str]:
-    """That the supervisor would end a live run of what was simulated."""
+def _ending(
+    rig: "Rig", laws: "Sequence[Law]", found: "Mapping[str, Traces]", verdicts: "Sequence[CheckVerdict]"
+) -> list[str]:
+    """That the supervisor would end a live run of what was simulated, under laws that hold."""
     from bowden.design.forecast import foreseen
     from bowden.design.objections import as_notes
 
-    ends = (foreseen(rig, law, next(iter(each.values()))) for law, each in zip(laws, found.values(), strict=False))
+    ran = zip(laws, found.values(), verdicts, strict=False)
+    ends = (foreseen(rig, law, next(iter(each.values()))) for law, each, one in ran if one.name != "does_not_hold")
     return list(as_notes(one for one in ends if one))
 
 

@@ -57,6 +57,7 @@ from bowden.rig import drive as live_parts
 from bowden.rig import motors as several
 from bowden.rig.checked import Gains, checked, checked_number, shown
 from bowden.rig.consistent import Basis
+from bowden.rig.declaration import at, items_of
 from bowden.rig.declaration import tree_of as section_tree
 from bowden.rig.effect import refuse_idle
 from bowden.rig.emg_setup import EmgRun
@@ -900,7 +901,7 @@ class Rig(metaclass=Answering):
             notes += outside(own, {"load": own["load"]} if "load" in own else {})
         if self.worn is not None and self.identified:
             notes.append(self.whose_cable)
-        notes += self._gear_notes()
+        notes += [*self._gear_notes(), *self._like_metres()]
         if self._scheduled_by_bend:
             notes += self._bend_notes()
         if self.turned:
@@ -982,6 +983,17 @@ class Rig(metaclass=Answering):
                 "of the beginning"
             )
         return found
+
+    def _like_metres(self) -> list[str]:
+        """What is said of lengths of a suit that are so small that they were probably meant in metres."""
+        lengths = [item for item in items_of(SuitSettings) if item.quantity.file_unit == "mm"]
+        usual, own = SuitSettings(), self.suit
+        return [
+            f"suit.{item.key} is {1e3 * at(own, item.path):.4g}; metres? {1e3 * at(own, item.path):.4g} m would be "
+            f"{1e6 * at(own, item.path):.4g}"
+            for item in lengths
+            if own.worn and 0.0 < at(own, item.path) < _METRES * at(usual, item.path)
+        ]
 
     def _like_radians(self) -> list[str]:
         """Note on a reference that is so small that it is probably in radians."""
@@ -1177,6 +1189,8 @@ _LOOKED_AT, _INSTANTS = 60.0, 601
 """Of a reference: for how long it is looked at [s], and how often."""
 _BEYOND = 0.1
 """How far a reference may leave the motion that a log covered, over that motion [–]."""
+_METRES = 0.01
+"""Share of its usual length below which one was probably not written in millimetres [–]."""
 _SAME_COUNT = 0.01
 """Two encoders' counts that differ by less are the same [–]."""
 _WIDER = 2.0

@@ -35,7 +35,8 @@ MOST_ANGLES_AGE = 5
 """Cycles in which a node that is there has sent both angles."""
 
 MOST_DUE = 64
-"""TPDO 1 of this drive that may still come, at most: later ones are stale by every limit."""
+"""TPDO 1 of this drive that may still come, at most, but for those of a stall that goes on or has just ended: later
+ones are stale by every limit."""
 SPARE, REFILL = 8.0, 0.05
 """TPDO 1 that may come beyond one for each SYNC, as after a bit error at a frame's end, whose repetition is received
 twice; and how soon these are forgiven, a cycle. A second device that sends as often is found within nine cycles."""
@@ -86,7 +87,7 @@ class CanopenDrive(Driver):
         self._counts = 0  # the motor's position, as it came last
         self._stop_released, self._inputs_age = True, 0
         self._heartbeat_sent = -math.inf
-        self._due = SPARE  # TPDO 1 that may come
+        self._due, self._most = SPARE, float(MOST_DUE)  # TPDO 1 that may come, and how many they may become
         self._questioned, self._questioned_at = 0, -math.inf  # about the watch
         self._unwatched: set[int] = set()  # objects that are not as they were set
         self._brake = False  # whether it is to hold; bring-up has released it
@@ -182,7 +183,10 @@ class CanopenDrive(Driver):
         self._asked = self._sent == Controlword.ENABLE_OPERATION
         self._target, self._led = (target, self._led + 1) if led else (math.nan, 0)
         self._order(self._sent, round(counts), torque if led else 0.0)
-        self._written, self._due = now, min(self._due + (1.0 + REFILL if self._due < SPARE else 1.0), MOST_DUE)
+        due = self._due + (1.0 + REFILL if self._due < SPARE else 1.0)
+        age = self._readings.motor_age  # a drive that stalls answers all that was asked at once, later
+        self._most = max(self._most - REFILL, MOST_DUE + age if SPARE < age < math.inf else MOST_DUE)
+        self._written, self._due = now, min(due, self._most)
         if power is Power.OFF:
             self.set_brake(False)
         if not self._brake_confirmed and now - self._brake_at >= REPEAT:
