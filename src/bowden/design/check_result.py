@@ -224,7 +224,12 @@ def check_rows(found: Check) -> list[tuple[str, str]]:
         ("limit cycle", predicted),
         ("at rest", "" if swing is None else f"{_swing(swing * DEGREES)} at the joint in simulation"),
         ("chatter", _chatter(ripple)),
-        ("error", "" if found.peak is None else f"at most {found.peak * DEGREES:.3g}° in simulation"),
+        (
+            "error",
+            ""
+            if found.peak is None
+            else f"at most {found.peak * DEGREES:.3g}° in the check's own trial, not on [reference]",
+        ),
         ("proven bound", _proven(found.ultimate_error)),
         *_shared_rows(found),
         ("limits", found.leaves_out),
