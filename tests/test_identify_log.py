@@ -321,7 +321,7 @@ def test_counts_per_turn_of_a_log_in_degrees_are_its_encoders(names: str, write:
     turns: dict[str, Any] = {"counts_per_turn": (8192, 4000)}
     log = read_log(path, unit="deg", **turns)
     assert log.motor == pytest.approx(MOTOR, abs=1e-6)
-    assert log.encoders == pytest.approx((math.tau / 8192.0, math.tau / 4000.0))
+    assert log.encoders == pytest.approx((math.tau / 8192.0, math.tau / 4000.0, 0.0))
     assert not [said for said in log.warnings if "counts" in said]
     with pytest.raises(LogError, match=r"taken as counts, and has .*; expected whole numbers; .*--unit deg"):
         read_log(path, unit="counts", **turns)
@@ -583,8 +583,9 @@ def test_no_trust_in_a_log_whose_columns_look_swapped() -> None:
     assert swapped.trust.level == "no"
     assert "look swapped" in swapped.trust.reasons[0]
     few = bowden.identify(t, np.rad2deg(0.15 * motor), np.rad2deg(0.15 * joint))  # ±8.6°, without a unit
-    assert few.trust.level == "with care"
+    assert few.trust.level == "no"
     assert "is it in degrees" in few.trust.reasons[0]
-    small = bowden.identify(t, motor, joint, unit="deg")
-    assert small.trust.level == "with care"
-    assert "is it in radians" in small.trust.reasons[0]
+    for unit, level in (("deg", "no"), ("deg,deg", "with care")):
+        small = bowden.identify(t, motor, joint, unit=unit)
+        assert small.trust.level == level
+        assert "is it in radians" in small.trust.reasons[0]

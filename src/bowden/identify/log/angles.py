@@ -313,11 +313,12 @@ def unit_doubts(motor: Angle, joint: Angle, *, apart: bool) -> list[Trust]:
     found = [f"no unit is named for {' and '.join(guessed)}: give --unit, or end the names in _deg or _rad"] * bool(
         guessed
     )
-    span = float(np.ptp(joint.values))
+    span, unlikely = float(np.ptp(joint.values)), []
     if joint.unit == "rad" and span > math.pi:
-        found.append(f"{joint.name} was taken as rad and so moves by {span / RADIANS:.4g}°: is it in degrees?")
-    if joint.unit == "deg" and span < math.pi:
-        found.append(f"{joint.name} was taken as deg and so moves by {span:.2g}° only: is it in radians?")
+        unlikely.append(f"{joint.name} was taken as rad and so moves by {span / RADIANS:.4g}°: is it in degrees?")
+    if _small(joint):
+        unlikely.append(f"{joint.name} was taken as deg and so moves by {span:.2g}° only: is it in radians?")
+    said = "" if apart else f" Say so with --unit; if it is not, with --unit {motor.unit},{joint.unit}"
     ratio = span * joint.factor / (float(np.ptp(motor.values)) * motor.factor)
     if motor.unit == "deg" and split_name(motor.name)[1] is None and not apart and ratio > _AS_OF_LENGTH:
         found.append(
@@ -325,13 +326,19 @@ def unit_doubts(motor: Angle, joint: Angle, *, apart: bool) -> list[Trust]:
             "Then divide it by the radius of its spool (rad). If it is an angle, say so: --unit "
             f"deg,{joint.unit}"
         )
-    return [Trust("with care", (one,)) for one in found]
+    doubts = [Trust("with care" if apart else "no", (one + said,)) for one in unlikely]
+    return [*doubts, *(Trust("with care", (one,)) for one in found)]
+
+
+def _small(joint: Angle) -> bool:
+    """Whether a joint in degrees moves by less than radians would."""
+    return joint.unit == "deg" and float(np.ptp(joint.values)) < math.pi
 
 
 def geared(motor: Angle, joint: Angle) -> list[str]:
     """A note where the motor moves so much further than the joint that a gear or a spool must be between them."""
     ratio = float(np.ptp(motor.radians) / np.ptp(joint.radians))
-    if ratio < _GEARED:
+    if ratio < _GEARED or _small(joint):
         return []
     return [
         f"the motor moves {ratio:.3g} times as far as the joint, as before a gear: the model holds for this log's "
