@@ -24,9 +24,7 @@ from bowden.models.cable.prandtl_ishlinskii import plays
 
 Array = NDArray[np.float64]
 MEMORY = 3
-"""Reversals that are told to boosting and Gaussian process, beside the way since the last one."""
-POINTS = 600
-"""That the Gaussian process learns from: its time grows with their cube."""
+"""Reversals that are told to boosting, beside the way since the last one."""
 TAPS, SPACING = 20, 10
 """Of a network's history: samples of the motor, and how far apart; two seconds in all."""
 UNITS, EPOCHS, BATCH, STEP = 64, 100, 64, 1e-3
@@ -189,16 +187,6 @@ def boosting(seen: Array, residual: Array) -> Fitted:
     return model.predict, sum(tree.get_n_leaf_nodes() for (tree,) in model._predictors)
 
 
-def gaussian_process(seen: Array, residual: Array) -> Fitted:
-    """Radial basis with a length of each feature, and noise; its points are its parameters."""
-    from sklearn.gaussian_process import GaussianProcessRegressor
-    from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
-
-    few = np.linspace(0, len(seen) - 1, min(POINTS, len(seen))).astype(int)
-    kernel = ConstantKernel() * RBF(np.ones(seen.shape[1])) + WhiteKernel()
-    return GaussianProcessRegressor(kernel, random_state=0).fit(seen[few], residual[few]).predict, len(few)
-
-
 def _network(build: Callable[[Any], Any], passes: int, batch: int) -> Callable[[Array, Array], Fitted]:
     """A torch network that `build` makes, features (n, k) → (n, 1), trained by Adam on the mean square."""
 
@@ -291,10 +279,9 @@ METHODS: dict[str, tuple[str, Callable[[Recording], Learned]]] = {
     "bouc_wen": ("Bouc–Wen by differential evolution", bouc_wen),
     "generalised": ("generalised Prandtl–Ishlinskii", generalised),
     "boosting": ("gradient boosting on motor and reversals", black_box(memory, boosting)),
-    "gp": ("Gaussian process on the same", black_box(memory, gaussian_process)),
     "fnn": ("feed-forward network on a history", black_box(history, _network(_feed_forward, EPOCHS, BATCH))),
     "lstm": ("LSTM on the same history", black_box(history, _network(_lstm, EPOCHS, BATCH))),
     "tcn": ("temporal convolutional network", black_box(_alone, _network(_convolutional, PASSES, 0))),
 }
-NEEDS = {"boosting": "sklearn", "gp": "sklearn", "fnn": "torch", "lstm": "torch", "tcn": "torch"}
+NEEDS = {"boosting": "sklearn", "fnn": "torch", "lstm": "torch", "tcn": "torch"}
 """Method → what it is made with, beside what bowden itself needs."""
