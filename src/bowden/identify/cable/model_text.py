@@ -4,12 +4,13 @@ import math
 from collections.abc import Mapping
 
 from bowden import __version__
+from bowden.core.errors import ParameterError
 from bowden.core.toml_text import quoted
 from bowden.core.units import DEGREES
 from bowden.identify.cable.cycles import Cycles
 from bowden.identify.cable.fitted import Fitted, FittedLog, ModelFit
 from bowden.identify.cable.loop import HysteresisLoop
-from bowden.plants.cable_parameters import meaning
+from bowden.plants.cable_parameters import check_parameters, meaning
 from bowden.plants.model_file import log_lines
 from bowden.plants.trust import trust_lines
 
@@ -51,6 +52,9 @@ def model_text(fit: Fitted) -> str:
         ]
     lines += _loop_lines(fit.chosen.loop)
     for name, fitted in fit.models.items():
+        if name not in (best.name, "bouc_wen") and not _usable(name, fitted):
+            lines += ["", f"# {name} is left out: the log does not show its parameters; no cable has what they came to"]
+            continue
         recommended = {"judged_rms": fit.judged_rms} if name == best.name else {}
         units = [f"{one}_unit = {quoted(unit)}" for one, unit in fit.units.items()] if recommended else []
         lines += _model_lines(name, fitted, recommended, units)
@@ -80,6 +84,15 @@ def _loop_lines(loop: HysteresisLoop | None) -> list[str]:
         said = "[" + ", ".join(_number(one) for one in value) + "]" if isinstance(value, tuple) else _number(value)
         lines.append(f"{key} = {said}" + (f"  # {texts[key]}" if key in texts else ""))
     return lines
+
+
+def _usable(name: str, fitted: ModelFit) -> bool:
+    """Whether a rig takes the parameters."""
+    try:
+        check_parameters(name, fitted.parameters, name)
+    except ParameterError:
+        return False
+    return True
 
 
 def _model_lines(name: str, fitted: ModelFit, judged: Mapping[str, float], units: list[str]) -> list[str]:
