@@ -404,7 +404,7 @@ def test_the_columns_that_a_refusal_suggests_are_taken(motor: str, joint: str, w
     file = write(text(rows(TIME, MOTOR, JOINT, JOINT, JOINT), f"time_s,{motor},{joint},elbow_torque_nm,motor_vel"))
     with pytest.raises(LogError, match="; perhaps --motor ") as refused:
         read_log(file)
-    said = shlex.split(str(refused.value).rpartition("perhaps ")[2])
+    said = shlex.split(str(refused.value).rpartition("perhaps ")[2].partition(", with")[0])
     named = {option.removeprefix("--"): name for option, name in zip(said[::2], said[1::2], strict=True)}
     assert named == {"motor": motor, "joint": joint}
     assert read_log(file, **named).joint == pytest.approx(JOINT, abs=1e-5)

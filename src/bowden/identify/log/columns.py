@@ -173,8 +173,10 @@ def _suggested(names: Sequence[str]) -> str:
         of_motor = [k for k in _angles(names) if k not in of_joint and split_name(names[k])[1] in _ANGLES]
     if len(of_motor) != 1 or len(of_joint) != 1:
         return ""
-    motor, joint = (shlex.quote(names[one[0]].strip()) for one in (of_motor, of_joint))
-    return f"; perhaps --motor {motor} --joint {joint}"
+    motor, joint = (names[one[0]].strip() for one in (of_motor, of_joint))
+    units = all(split_name(one)[1] in _ANGLES for one in (motor, joint))
+    unit = "" if units else ", with --unit deg or --unit rad"
+    return f"; perhaps --motor {shlex.quote(motor)} --joint {shlex.quote(joint)}{unit}"
 
 
 def _with_word(side: str, names: Sequence[str]) -> list[int]:
