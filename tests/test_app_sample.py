@@ -120,7 +120,7 @@ def test_the_other_logs_of_a_cable_and_a_servo_are_what_the_truth_says(capsys: p
     assert run(["identify", "log.csv"]) == 0
     true = truth("cable.truth.toml")
     capsys.readouterr()
-    new = document("identify new.csv --model out/identify/model.toml --out new", capsys)
+    new = document("identify new.csv --model out/identify/model.toml --out new", capsys)["recalibration"]
     assert (new["gain"], new["offset_deg"]) == pytest.approx((true["new"]["gain"], true["new"]["offset_deg"]), rel=0.01)
     assert not new["changed"]
     loads = document("identify low.csv mid.csv high.csv", capsys)

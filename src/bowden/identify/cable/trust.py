@@ -76,7 +76,10 @@ def _doubts(fit: Fit, one: FittedLog) -> list[Trust]:
         doubt("with care", f"{why} ({_degrees(loop.height)} high); record more rows a second, or move slower")
     if one.reversals and (fit.chosen_on_whole or one.cycles.whole < FOR_YES):
         few = "too few to judge a model on cycles that it has not seen"
-        doubt("with care", f"{one.cycles.counted} (up and down through the middle half of the motor's range), {few}")
+        doubt(
+            "with care" if one.cycles.whole else "no",
+            f"{one.cycles.counted} (up and down through the middle half of the motor's range), {few}",
+        )
     if drifts:
         doubt("with care", f"the joint's sensor drifts by {one.drift * DEGREES * 60.0:.2g}°/min")
     elif alone and not fit.chosen_on_whole and unseen > WORSE * seen and unseen > SLIGHT and fit.best.name != "line":
