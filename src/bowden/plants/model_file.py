@@ -109,7 +109,8 @@ def _encoders(file: Path) -> Encoders:
             expected="motor_deg and joint_deg, one count each, up to 180°, and joint_late_s, 0 or more",
             do="write the file again, or delete the section",
         )
-    return Encoders(*(one / DEGREES for one in counts), late)
+    motor, joint = (one / DEGREES for one in counts)
+    return Encoders(motor, joint, late)
 
 
 _WRITTEN = "the model.toml that `bowden identify` writes"
