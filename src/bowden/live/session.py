@@ -689,7 +689,7 @@ class Session:
         if hasattr(self, "block"):
             self.end()
         if hasattr(self, "_loop"):
-            for _ in range(round(_END / _BEAT)):
+            for _look in range(round(_END / _BEAT)):
                 self.beat()  # a release without a sign of life would end as one whose operator is gone
                 with contextlib.suppress(subprocess.TimeoutExpired):
                     self._loop.wait(_BEAT)
