@@ -323,7 +323,7 @@ def _table(rig: Rig) -> NDArray[np.float64]:
     table = rig.trajectory.sample(np.arange(whole, dtype=np.float64) * dt)
     if not whole or table[-1, 1] == 0.0:
         return table
-    time = np.arange(round(_BRAKED / dt) + 1) * dt
+    time = np.arange(round(_BRAKED / dt) + 1, dtype=np.float64) * dt
     slowed, pace, _ = minimum_jerk_over(0.0, 1.0, _BRAKED, time)
     x, rate, slows = time / _BRAKED, 1.0 - slowed, -pace
     position, velocity, acceleration = rig.trajectory.sample(
