@@ -49,6 +49,8 @@ class NewRig:
         within = "within what the log covered"
         within = within if self.known else "the model does not say what its log covered: check it yourself"
         said = [f"Reference: {low} to {high}°, {within}", law]
+        if self.rig.servo_assumed:
+            said.append(f"Servo: gains are judged for {self.rig.servo_text}")
         if not self.rig.cable.counting.as_recorded:  # type: ignore[union-attr]
             said.append("Angles of the rig differ from those of the log: see direction and zeros in [cable]")
         return tuple(said)

@@ -14,7 +14,7 @@ import signal
 import subprocess
 import sys
 import threading
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from numbers import Real
 from pathlib import Path
@@ -91,6 +91,7 @@ class Session:
         remembers: whether the motor's warmth is taken from the run before and kept for the next one.
         about: who and what for: ``subject``, ``session`` and ``notes``, for the log; those that are not empty.
         loop: a `prepared_loop`, where the run was foreseen.
+        tell: called with what takes long.
     """
 
     def __init__(
@@ -102,10 +103,11 @@ class Session:
         remembers: bool = True,
         about: Mapping[str, str] | None = None,
         loop: "subprocess.Popen[str] | None" = None,
+        tell: Callable[[str], None] = lambda note: None,
     ) -> None:
         self.live, self.log, self.emg_process, self._remembers = live, log, emg_process, remembers
         self._about = {name: text for name, text in (about or {}).items() if text}
-        self._prepared = loop
+        self._prepared, self._tell = loop, tell
         self.logs = [log]
         """Files of the run: one more for each time that its recorder had to be started again."""
         self.log_lost = ""
@@ -463,8 +465,9 @@ class Session:
     def set_gain(self, name: str, value: float) -> None:
         """Change a gain while the law runs: checked first, gone over to in half a second, and in force on return.
 
-        The gains wanted are checked on this rig as `bowden.check` does it, which takes seconds; meanwhile the run goes
-        on as it is. Each moment of it is a sign of life, as of `wait`.
+        The gains wanted are checked on this rig as `bowden.check` does it, in a process that gives way to the run: it
+        takes two seconds, and up to a minute on a busy computer. Meanwhile the run goes on as it is. Each moment of it
+        is a sign of life, as of `wait`.
 
         Args:
             name: of a gain that the law declares live, `Law.live`; with several motors ``MOTOR.GAIN``.
@@ -476,8 +479,12 @@ class Session:
         """
         check = GainCheck(self.with_gain(name, value))
         try:
+            soon, told = self.clock.now() + round(_ANSWER_WITHIN * SECOND), False
             while not check.done:
                 self._look_on()
+                if not told and self.clock.now() > soon:
+                    self._tell(f"{name} = {value:g} is still being checked on a model; the run goes on as it is")
+                    told = True
             check.require()
         finally:
             check.close()

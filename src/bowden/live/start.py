@@ -82,6 +82,9 @@ def live_session(
             with asked_for_by(of_motor) if motor.name else contextlib.nullcontext():
                 if note := unseen_watch(motor.rig):
                     tell(f"{of_motor}: {note}" if motor.name else note)
+                if motor.rig.servo_assumed and not (twin or measure):
+                    own_servo = f"gains are judged for {motor.rig.servo_text}"
+                    tell(f"{of_motor}: {own_servo}" if motor.name else own_servo)
                 alone_on_joint = not (measure or motor.limits.shared)
                 holds = found[motor.name].name != "does_not_hold"
                 own = own_run(motor.rig, motor.law) if alone_on_joint and holds else None
@@ -106,7 +109,9 @@ def live_session(
             )
         live = live.following(allowed)
         log = new_log(out, "measure" if measure else "-".join(dict.fromkeys(motor.law.name for motor in live.motors)))
-        yield stack.enter_context(Session(live, log, emg_process, remembers=not twin, about=about, loop=loop))
+        yield stack.enter_context(
+            Session(live, log, emg_process, remembers=not twin, about=about, loop=loop, tell=tell)
+        )
 
 
 def new_log(folder: Path, name: str) -> Path:

@@ -140,6 +140,8 @@ def export(
     counts, doubt = counts_of(whole), guessed(whole)
     modules = _modules(whole, own, counts, (emg_rate or 2000.0) if emg or emg_rate else None, safety=safety)
     said = _said(name, own, preset, float32=float32, counts=counts) + (f" Beware: {doubt}." if doubt else "")
+    if whole.worn is None and whole.plant is None:
+        said += f" Its gains are judged for {whole.servo_text}."
     texts = _texts(modules, own, counts, whole.sample_time, said, float32=float32)
     _only_ours(folder, set(texts) | {"recording.csv", "replay"})
     with reported(progress, "export") as report:

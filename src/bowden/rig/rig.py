@@ -22,7 +22,7 @@ from bowden.core.guesses import Answering, answering
 from bowden.core.part import signed
 from bowden.core.quantity import Quantity, declared
 from bowden.core.toml_text import quoted
-from bowden.core.units import DEGREES, RADIANS
+from bowden.core.units import DEGREES, HERTZ, RADIANS
 from bowden.cycle.one_cycle import Filters
 from bowden.drawing.shown import axes_for, fragment, screen
 from bowden.drawing.style import new_figure
@@ -919,12 +919,6 @@ class Rig(metaclass=Answering):
             notes.append(
                 f"limits.lowering_deg_per_s is {asked / RADIANS:.4g}; {why} than {slower / RADIANS:.3g}, which is used"
             )
-        if self.delay > 1 and self.plant is None:
-            cycle = 1e3 * self.sample_time
-            notes.append(
-                f"bench.delay_cycles is {self.delay}: a command reaches the servo {self.delay * cycle:g} ms after its "
-                f"sample; it counts cycles, of {cycle:g} ms here: change it when you change the cycle or the delay"
-            )
         if self.emg.source is None and self.emg != PARTS["emg"].default:
             notes.append(
                 "[emg] has no source, so the joint follows [reference]; set emg.source, or give simulate and run one "
@@ -936,6 +930,25 @@ class Rig(metaclass=Answering):
             notes += self._like_radians()
             notes += self._beyond_the_log()
         return tuple(notes)
+
+    @property
+    def servo_assumed(self) -> bool:
+        """Whether the cable was identified, and the servo that pulls it is still that of the paper's bench."""
+        if not isinstance(self.cable, IdentifiedCable) or self.worn is not None or self.plant is not None:
+            return False
+        papers = PARTS["servo"].default
+        return math.isclose(self.servo.natural_frequency, papers.natural_frequency, rel_tol=1e-3) and math.isclose(
+            self.servo.damping, papers.damping, rel_tol=1e-3
+        )
+
+    @property
+    def servo_text(self) -> str:
+        """The servo that gains are judged for, in words; what to do, where it is not the rig's own."""
+        whose = "the servo of the paper's bench, not yours," if self.servo_assumed else "a servo"
+        how = f"{self.servo.natural_frequency / HERTZ:.3g} Hz and damping {self.servo.damping:.3g}"
+        late = f"which gets a command {1e3 * self.delay * self.sample_time:g} ms after its sample"
+        do = ": log steps of yours, then bowden identify-servo LOG --into rig.toml" if self.servo_assumed else ""
+        return f"{whose} of {how}, {late}{do}"
 
     @property
     def whose_cable(self) -> str:

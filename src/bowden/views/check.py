@@ -21,6 +21,9 @@ def show_check(found: "CheckResult", call: Call) -> None:
         if found.refusals:
             others.insert(0, ("its law", verdict[1]))
             verdict = "verdict", "refused: bowden run does not take this rig, see the note"
+        own = joints[name].first
+        if own.servo_assumed:
+            others.append(("servo", own.servo_text))
         rows([verdict, *others], least=13)
     print(f"({call.seconds:.1f} s)")
     if found.refusals:

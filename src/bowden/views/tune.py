@@ -3,7 +3,6 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from bowden.core.errors import counted
 from bowden.views.text import Call, next_line, say_next
 
 if TYPE_CHECKING:
@@ -69,14 +68,13 @@ def failed_tune(error: Any, call: Call) -> None:
 
 def _evidence(found: "TuneResult") -> list[str]:
     """Margins and the largest error, for the file and for who looks on."""
-    from bowden.core.units import DEGREES, HERTZ
+    from bowden.core.units import DEGREES
     from bowden.design.check_result import no_margins
     from bowden.design.tune_result import study_text
 
     tuning = found.tuning
     low, high = tuning.bends
     rig = tuning.rig.parts[0].rig
-    late = f"commands {counted(rig.delay, 'cycle')} of {1e3 * rig.sample_time:g} ms late"
     before = "unstable" if tuning.worst_before is None else f"{tuning.worst_before * DEGREES:.3g}°"
     before += f", {found.verdict_before}"
     margins = [
@@ -86,7 +84,7 @@ def _evidence(found: "TuneResult") -> list[str]:
     ]
     early = f", interrupted after {tuning.generations} generations," if found.interrupted else ""
     return [
-        f"found{early} for a servo of {rig.servo.natural_frequency / HERTZ:.3g} Hz and {late}",
+        f"found{early} for {rig.servo_text}",
         f"margins over bends of {low * DEGREES:.0f} to {high * DEGREES:.0f}°: "
         f"{' and '.join(margins) or no_margins(tuning.found)}",
         f"largest RMSE over {tuning.runs}: {found.worst_rmse_deg:.3g}° (before: {before})",
