@@ -11,12 +11,12 @@ from importlib import import_module
 from measure import Found, machine, report
 
 PARTS = {
-    "speed": ("Speed against C, python-control and global searches; ratios of processor times", ""),
+    "speed": ("Speed against C and python-control; ratios of processor times", ""),
     "check_study": ("Verdicts of `bowden check` against long simulations of 500 random rigs", "study"),
     "suit_wearers": ("The suit on 500 random wearers", "wearers"),
 }
 """Name of the result file → its caption, and the module that makes it."""
-PEERS = ("hand_c", "peer_control", "peer_search")
+PEERS = ("hand_c", "peer_control")
 HOW = (
     "Medians (smallest … largest) of rounds in which the tasks take turns, processor time; a ratio is the median of "
     "the rounds' ratios (middle half)."

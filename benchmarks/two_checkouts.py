@@ -126,12 +126,7 @@ def schema(one: Checkout) -> Iterator[tuple[str, Any]]:
     yield "schema", one.python((HERE / "benchmarks" / "rig_cases.py").read_text(encoding="utf-8"))
 
 
-def motors(one: Checkout) -> Iterator[tuple[str, Any]]:
-    """Rigs with several motors, on one joint and on several: checked, simulated, tuned, and run on twins."""
-    yield "motors", one.python((HERE / "benchmarks" / "motor_cases.py").read_text(encoding="utf-8"))
-
-
-PARTS = {part.__name__: part for part in (recordings, rigs, emg, paper, faults, unseen, schema, motors)}
+PARTS = {part.__name__: part for part in (recordings, rigs, emg, paper, faults, unseen, schema)}
 
 
 def document(one: Checkout, part: str) -> Any:

@@ -29,14 +29,6 @@ def test_every_part_of_a_program_has_its_module(program: str) -> None:
     assert all(hasattr(importlib.import_module(module), "figures") for module in modules)
 
 
-def test_our_side_of_the_comparison_with_searches() -> None:
-    peer = importlib.import_module("peer_search")
-    log = peer.simulated_log()
-    parameters = peer.ours(log)
-    assert parameters["slope"] == pytest.approx(0.938, abs=0.005)
-    assert log.test_rms(parameters) < 0.001
-
-
 def test_a_long_part_goes_on_where_it_was_left(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     kept = importlib.import_module("kept").Kept("squares", tmp_path)
 
