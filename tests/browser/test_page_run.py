@@ -2,6 +2,7 @@
 
 import contextlib
 import json
+import re
 import time
 import zipfile
 from collections.abc import Callable, Iterator
@@ -270,7 +271,7 @@ def test_the_whole_path_on_the_twin(page: Any, console: RunningConsole, request:
         assert download.value.path().stat().st_size > 100_000
     assert not zipfile.is_zipfile(download.value.path())
     button(page, "Replay").click()
-    page.wait_for_timeout(3000)
+    page.locator(".replay .key", has_text="joint").locator(".value", has_text=re.compile(r"\d")).first.wait_for()
     assert abs(value(page.locator(".replay"), "joint")) < 90.0
 
 
