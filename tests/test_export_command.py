@@ -273,7 +273,7 @@ def test_in_c_the_counts_of_a_log_lie_on_the_cable_of_the_rig() -> None:
     steps = np.array([rig.motor_encoder.resolution, rig.joint_encoder.resolution])
     motor = 0.4 + 0.4 * np.sin(np.linspace(0.0, 9.0, 300))
     counts = np.round(np.column_stack([motor, log.joint_angle(motor)]) / steps)
-    with pytest.warns(UserWarning, match="16384 counts a turn of motor and joint are a guess"):
+    with pytest.warns(UserWarning, match="16384 counts a turn of motor and joint are guessed"):
         bowden.export(rig, "code", "uncompensated")
     assert "Beware: the 16384 counts" in Path("code/uncompensated.h").read_text()
     Path("code/main.c").write_text(COUNTING_C)

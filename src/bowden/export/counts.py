@@ -79,8 +79,8 @@ def guessed(rig: Rig) -> str:
         return ""
     keys = " and ".join(f"encoder.{side}.resolution_deg" for side in sides)
     return (
-        f"the {2.0 * math.pi / bench:.0f} counts a turn of {' and '.join(sides)} are a guess, of the paper's bench; "
-        f"set {keys} in the rig to 360 over the counts of your own, or the angles from counts are wrong"
+        f"the {2.0 * math.pi / bench:.0f} counts a turn of {' and '.join(sides)} are guessed; "
+        f"unless yours have as many, set {keys} in the rig to 360 over your counts a turn"
     )
 
 

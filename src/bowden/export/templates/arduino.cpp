@@ -52,10 +52,15 @@ void setup()
 
 void loop()
 {
-    if ((int32_t)(micros() - next_cycle) < 0) {
+    const uint32_t now = micros();
+
+    if ((int32_t)(now - next_cycle) < 0) {
         return;
     }
     next_cycle += PERIOD;
+    if ((int32_t)(now - next_cycle) >= 0) {
+        next_cycle = now + PERIOD; /* cycles that were missed are left out, not caught up on */
+    }
     const [[name]]_Sample sample = measured();
     const [[name]]_real time = ([[name]]_real)cycles * ([[name]]_real)(PERIOD * 1e-6);
     const bool back = time > DURATION;
