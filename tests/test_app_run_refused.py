@@ -62,7 +62,7 @@ def test_a_drive_that_will_not_do_is_refused_and_never_enabled(
             ["--auto"],
             "the reference goes from 0° to 70°, and the joint's limits are -28.65° to 60°",
         ),
-        ("[cable]\nslope = -0.9", ["--auto"], "the cable's slope is negative"),
+        ("[cable]\nslope = -0.9", ["--auto"], "write the slope as a positive number"),
         ("[control]\npreset = 'paper'", ["--auto"], "adaptive fails the check"),
         ("", [], "no terminal"),
         ("", ["--json"], "with --twin add --auto; on a rig, where people may be near, run it in a terminal"),

@@ -2,6 +2,7 @@
 
 import json
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 
 import jsonschema
@@ -13,13 +14,17 @@ from bowden.app.main import run
 from bowden.core.errors import LogError
 from bowden.core.kernel import compiled
 from bowden.core.units import RADIANS
+from bowden.design.objections import refusals
 from bowden.design.rig_of_bench import toml_text
 from bowden.identify.servo.fit import ServoEstimate, identify_servo
 from bowden.identify.servo.log import read_servo_log
 from bowden.models.drive.servo import Servo, prepare
+from bowden.operations.init import init
 from bowden.operations.schema import json_schema
+from bowden.plants.counting import Encoders
 from bowden.rig.rig import Rig
 from bowden.sim.samples.cable import follow
+from random_rigs import cable
 
 pytestmark = pytest.mark.usefixtures("undrawn")
 
@@ -146,6 +151,21 @@ def test_the_values_go_into_a_rig_and_all_else_of_it_stays(
     assert "leave the option out" in capsys.readouterr().err
 
 
+def test_the_servos_delay_is_beside_that_of_the_joints_sensor(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Without the sensor's, `check` refuses the rig: what waits for a late joint is less stable than it looks."""
+    late = replace(cable(np.random.default_rng(1)), encoders=Encoders(joint_late=7.9e-3))
+    made = init(late).rig
+    assert made.delay == 1 + 8
+    made.write(folder / "rig.toml")
+    assert run(["identify-servo", "step.csv", "--into", "rig.toml", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["delay_cycles"] == 3 + 8
+    found = Rig.read(folder / "rig.toml")
+    assert found.delay == 3 + 8
+    assert refusals(found) == ()
+    (refused,) = refusals(found.replace(delay=3))
+    assert "delay_cycles is 3, of 1 ms; the joint's sensor alone is 7.9 ms late" in refused
+
+
 def test_a_log_has_times_or_a_rate_and_repeated_times_are_dropped(tmp_path: Path) -> None:
     time, path = np.arange(300) / 1000.0, tmp_path / "log.csv"
     late = np.where(np.arange(300) % 10 == 5, time + 1e-3, time)
@@ -168,6 +188,7 @@ def test_a_log_has_times_or_a_rate_and_repeated_times_are_dropped(tmp_path: Path
         ),
         (["step.csv", "--command", "motor_deg"], "one column is taken twice"),
         (["step.csv", "--unit", "grad"], "--unit is 'grad'"),
+        (["step.csv", "--unit", "rad"], "--unit is rad, and column 'target_deg' names deg"),
         (["plain.csv"], "does not say its unit"),
         (["empty.csv"], "empty.csv is empty"),
         (["step.csv", "--sample-time-ms", "0"], "--sample-time-ms is 0"),

@@ -151,7 +151,7 @@ def test_trust_goes_from_the_log_into_each_command_on_the_rig(
         run(command)
         said = capsys.readouterr().out.splitlines()
         assert said[0].startswith("Trust in the cable's model: no: the model predicts hardly better")
-        assert said[0].endswith(" (all reasons: [trust] of out/identify/model.toml)") is ("check" in command)
+        assert said[0].endswith(" (more: [trust] of out/identify/model.toml)") is ("check" in command)
     run(["check", "rig.toml", "--json"])
     assert json.loads(capsys.readouterr().out)["trust"] == {"level": "no", "reasons": list(cable.trust.reasons)}
     rig = Rig.read("rig.toml")

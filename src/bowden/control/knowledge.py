@@ -50,7 +50,7 @@ class Knowledge(NamedTuple):
     width: float = math.nan
     """Dead zone of an identified cable: motor travel that is lost at a reversal [rad]."""
     doubt: float = 1.0
-    """About `slope` and `width`: 1 where nothing is known, `IDENTIFIED` [–]."""
+    """About `slope` and `width`: 1 where nothing is known, 0.1 where they were identified [–]."""
     cable: BoucWen = BoucWen(*([math.nan] * len(BoucWen._fields)))
     """The cable that the rig has in its Bouc–Wen form, by hand or identified; its play is that of the bend at which it
     was identified."""

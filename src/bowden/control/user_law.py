@@ -103,7 +103,7 @@ _BY_NAME: Mapping[str, FromRig] = {
     **{name: name for name in ("servo_frequency", "servo_damping", "delay")},
     **LAG,
 }
-"""What gains of these names take from a rig in a file that has the parts of a law and no `FROM_RIG`."""
+"""What gains of these names take from a rig in a file that has the parts of a law; its `FROM_RIG` says more."""
 
 
 def _find(module: ModuleType, attribute: str, path: Path) -> Law:
@@ -116,9 +116,10 @@ def _find(module: ModuleType, attribute: str, path: Path) -> Law:
         gains = names["Gains"]()
     except Exception as error:
         raise user_file.mistake(error, path) from error
-    from_rig = names.get(
-        "FROM_RIG", {name: what for name, what in _BY_NAME.items() if name in getattr(gains, "_fields", ())}
-    )
+    more = names.get("FROM_RIG", {})
+    by_name: dict[str, FromRig] = {
+        name: what for name, what in _BY_NAME.items() if name in getattr(gains, "_fields", ())
+    }
     with asked_for_by(str(path)):
         return Law(
             path.stem,
@@ -126,7 +127,7 @@ def _find(module: ModuleType, attribute: str, path: Path) -> Law:
             names["start"],
             names["step"],
             source=str(path),
-            from_rig=from_rig,
+            from_rig={**by_name, **more} if isinstance(more, Mapping) else more,
             tunable=names.get("TUNABLE"),
         )
 

@@ -13,6 +13,7 @@ from bowden.core.errors import ParameterError
 from bowden.core.toml_text import quoted
 from bowden.core.units import DEGREES
 from bowden.plants.cable_plant import CablePlant
+from bowden.plants.identified import IdentifiedCable
 from bowden.plants.user_plant import UserPlant
 from bowden.plants.worn_suit import elbow_dead_zone
 from bowden.rig.consistent import contradictions
@@ -71,6 +72,13 @@ def _of_motor(rig: Rig, joint: RigJoint) -> Iterator[str]:
             require_joint(rig)
     except ParameterError as error:
         yield str(error)
+    needed = math.ceil(rig.joint_late / rig.sample_time)
+    if rig.plant is None and rig.delay < needed:
+        yield (
+            f"bench.delay_cycles is {rig.delay}, of {1e3 * rig.sample_time:g} ms; the joint's sensor alone is "
+            f"{1e3 * rig.joint_late:.3g} ms late by the cable's log; expected at least {needed}, and the cycles that a "
+            "command takes to the servo; correct it in [bench]"
+        )
     yield from contradictions(limits, rig.sample_time, opposed=joint.against(rig), given=rig.limits)
     if joint.shared:
         yield from reference_beyond(rig, limits)
@@ -84,8 +92,13 @@ def turned(rig: Rig) -> ParameterError:
         f"{rig.origin}: the cable's slope is negative",
         expected="a joint angle that grows with the motor's",
         do=rig.made_anew
-        or "write direction = -1 below the model in [cable], if the log counted the motor the other way round than "
-        "this drive does; else change the sign of motor_direction or joint_direction of [drive], and measure again",
+        or (
+            "write direction = -1 below the model in [cable], if the log counted the motor the other way round than "
+            "this drive does; else change the sign of motor_direction or joint_direction of [drive], and measure again"
+            if isinstance(rig.cable, IdentifiedCable)
+            else "write the slope as a positive number, and give the drive's motor the direction in which the joint "
+            "rises with it: motor_direction of [drive]"
+        ),
     )
 
 

@@ -31,7 +31,9 @@ class ServoIdentification(Result["ServoIdentification"]):
     delay_s: FittedValue
     """Between the logged command and the moment it acts, fractions of a sample included [s]."""
     delay_cycles: int
-    """The same in cycles of the rig, rounded up."""
+    """The same in cycles of the rig, rounded up, with those of the joint's sensor."""
+    joint_late_s: float
+    """How late the rig's joint sensor is, by the log of its cable; 0 without `into` [s]."""
     sample_time_ms: float
     """One cycle of the rig [ms]."""
     speed_limit_deg_per_s: FittedValue | None
@@ -84,18 +86,19 @@ def identify_servo(
     from bowden.operations.support.given import check_number
     from bowden.operations.support.progress import reported
 
+    late = 0.0
     cycle = check_number("sample_time_ms", 1.0 if sample_time_ms is None else sample_time_ms, 0.01, 100.0)
     if into is not None:
-        cycle = _cycle_of(into, sample_time_ms)
+        cycle, late = _cycle_of(into, sample_time_ms)
     columns, notes = read_servo_log(log, {"time": time, "command": command, "motor": motor}, unit, rate)
     with reported(progress, "identify-servo") as report:
         report("fitting the servo", 0.0)
         found = fit(*columns)
-    return made(ServoIdentification, document_of(found, cycle), warnings=tuple(notes), fit=found)
+    return made(ServoIdentification, document_of(found, cycle, late), warnings=tuple(notes), fit=found)
 
 
-def _cycle_of(path: Path, given: float | None) -> float:
-    """Control cycle of the rig that is written into [ms].
+def _cycle_of(path: Path, given: float | None) -> tuple[float, float]:
+    """Control cycle of the rig that is written into [ms], and how late its joint's sensor is [s].
 
     Raises:
         ParameterError: no rig.toml of one motor, or one of another cycle than the given one.
@@ -112,7 +115,7 @@ def _cycle_of(path: Path, given: float | None) -> float:
     if given is not None and abs(given - own) > 1e-9 * own:
         what = f"{argument('sample_time_ms')} is {given:g}"
         raise ParameterError(what, expected=f"{own:g}, as {path} has it", do="leave the option out")
-    return own
+    return own, rig.joint_late
 
 
 OPERATIONS = (

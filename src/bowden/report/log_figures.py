@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from bowden.core.units import DEGREES
 from bowden.drawing.style import COLOURS, CYCLE, legend, logarithmic, new_figure, thin
-from bowden.live.events import UNREAD, UNSETTLED
+from bowden.live.events import UNHEARD, UNREAD, UNSETTLED
 from bowden.records.trace import Trace
 
 if TYPE_CHECKING:
@@ -23,7 +23,8 @@ _FAR = 1e12
 """What is later counts as this, so that a histogram has finite bins [µs]."""
 _SOON = 1.0
 """What is earlier counts as this: the axis is logarithmic [µs]."""
-_LOADS = ("current", "tension", "joint_torque", "temperature", "supervisor.heat.winding")
+LOADS = ("current", "tension", "joint_torque", "temperature", "supervisor.heat.winding")
+CONTRACTIONS = ("emg.level", "emg.intent")
 
 
 def motion(trace: Trace) -> "Figure":
@@ -90,15 +91,15 @@ def states(trace: Trace) -> "Figure | None":
     return figure
 
 
-def loads(trace: Trace) -> "Figure | None":
-    """Current, load and temperatures over time, those that were measured; None without any."""
-    columns = [name for name in _LOADS if name in trace.columns and np.isfinite(trace[name]).any()]
+def measured(trace: Trace, names: Sequence[str]) -> "Figure | None":
+    """Columns over time, one below the other, those that are not NaN throughout; None without any."""
+    columns = [name for name in names if name in trace.columns and np.isfinite(trace[name]).any()]
     if not columns:
         return None
     figure, rows = new_figure(len(columns), 1, height=0.6 + 1.3 * len(columns), share_x=True)
     for axes, name, colour in zip(rows, columns, CYCLE, strict=False):
         _line(axes, trace, trace[name], name, colour)
-        axes.set_ylabel(f"{name.removeprefix('supervisor.heat.')}\n[{trace.units[name]}]")
+        axes.set_ylabel(f"{name.rpartition('.')[2]}\n[{trace.units[name]}]")
     rows[-1].set_xlabel("time [s]")
     _same_time(trace, *rows)
     return figure
@@ -145,7 +146,7 @@ def _faults(trace: Trace) -> list[tuple[str, Array]]:
         there = (sets >> bit & 1).astype(float)
         name, begin = names[bit] if bit < len(names) else "", int(np.argmax(there))
         unsettled = name in UNSETTLED and 0 < begin == read
-        if (name in UNREAD and there[0]) or unsettled:
+        if (name in UNREAD | UNHEARD and there[0]) or unsettled:
             there[: begin + int(np.argmin(there[begin:])) if not there[begin:].all() else 0] = 0.0
         if there.any():
             found.append((_named(bit, names), there))

@@ -167,7 +167,8 @@ def read_toml(path: Path, do: str = "write one with: bowden init") -> dict[str, 
     except ValueError as error:  # also a null byte in the path
         if said := _twice(path, str(error)):
             raise ParameterError(f"{path}: {said}", do=_ONCE) from None
-        raise ParameterError(f"{path} is not TOML: {error}", do=_CORRECT) from None
+        do = f"{_CORRECT}: a text stands in quotation marks, a number has a decimal point"
+        raise ParameterError(f"{path} is not TOML: {error}", do=do) from None
 
 
 def _twice(path: Path, error: str) -> str:

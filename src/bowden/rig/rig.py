@@ -932,6 +932,12 @@ class Rig(metaclass=Answering):
         return tuple(notes)
 
     @property
+    def joint_late(self) -> float:
+        """How late the joint's sensor is, by the cable's log; 0 on a suit, whose sensor is another [s]."""
+        measured = isinstance(self.cable, IdentifiedCable) and self.worn is None
+        return self.cable.encoders.joint_late if measured else 0.0  # type: ignore[union-attr]
+
+    @property
     def servo_assumed(self) -> bool:
         """Whether the cable was identified, and the servo that pulls it is still that of the paper's bench."""
         if not isinstance(self.cable, IdentifiedCable) or self.worn is not None or self.plant is not None:
@@ -947,7 +953,8 @@ class Rig(metaclass=Answering):
         whose = "the servo of the paper's bench, not yours," if self.servo_assumed else "a servo"
         how = f"{self.servo.natural_frequency / HERTZ:.3g} Hz and damping {self.servo.damping:.3g}"
         late = f"which gets a command {1e3 * self.delay * self.sample_time:g} ms after its sample"
-        do = ": log steps of yours, then bowden identify-servo LOG --into rig.toml" if self.servo_assumed else ""
+        file = Path(self.origin).name if self.origin.endswith(".toml") else "rig.toml"
+        do = f": log steps of yours, then bowden identify-servo LOG --into {file}" if self.servo_assumed else ""
         return f"{whose} of {how}, {late}{do}"
 
     @property

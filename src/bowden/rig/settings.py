@@ -58,7 +58,9 @@ class EmgSettings(NamedTuple):
     detector: Annotated[str, Quantity("what finds contractions in the signal")] = "onset"
     low: Annotated[float, Quantity("joint angle at rest", "rad", ge=-720.0, le=720.0)] = _COURSE.intent.low
     high: Annotated[float, Quantity("joint angle flexed", "rad", ge=-720.0, le=720.0)] = 70.0 * RADIANS
-    duration: Annotated[float, Quantity("of the whole motion", "s", gt=0.0, le=60.0)] = _COURSE.intent.duration
+    duration: Annotated[float, Quantity("of a motion from one end to the other", "s", gt=0.0, le=60.0)] = (
+        _COURSE.intent.duration
+    )
     full: Annotated[
         float, Quantity("envelope of a full flexion, where proportional", shown="% MVC", gt=0.0, le=100.0)
     ] = _COURSE.full

@@ -61,7 +61,7 @@ class Fault(IntEnum):
     JOINT_STALE = (R1, R2, 0.020, "joint angle is late", "joint_age > reading_age",
                    "look at the bus load and at the drive's PDO settings")
     JOINT_FROZEN = (R2, R2, 0.008, "joint angle does not change",
-                    "at most one count to and fro over frozen_travel of the motor, or in strokes beyond the dead zone",
+                    "one count at most while the motor turns frozen_travel, or in strokes beyond the dead zone",
                     "look at the joint encoder, its coupling and the cable")
     JOINT_MOTOR_MISMATCH = (R2, R2, 0.008, "joint and motor disagree",
                             "joint outside slope_low…slope_high × motor ± play",
@@ -85,7 +85,7 @@ class Fault(IntEnum):
     CURRENT_LOST = (R1, R2, 0.008, "no motor current", "missing, or beyond twice its peak", "look at the drive's PDOs")
     OVER_CURRENT = (R3, R3, 0.010, "current beyond its peak", "|current| > current_peak for 2 ms",
                     "look for a short circuit; compare current_peak with the drive's own limit")
-    SATURATED = (R2, R2, 0.060, "drive at its limit", "|current| > 95 % of its peak for 50 ms: laws wind up",
+    SATURATED = (R2, R2, 0.060, "drive at its limit", "|current| > 95 % of its peak for 50 ms (then laws wind up)",
                  "take load from the cable; look for a jam")
     I2T = (R2, R2, 0.008, "peak current for too long", "∫(I² − Ic²) beyond i2t_time at the peak",
            "let the motor rest for a minute; take load away")
@@ -96,7 +96,7 @@ class Fault(IntEnum):
     TENSION_LOST = (R1, R2, 0.008, "no tension", "missing or impossible, where measured",
                     "look at the load cell's plug")
     OVER_TENSION = (R3, R3, 0.004, "cable pulls too hard",
-                    "tension > tension_high, measured, or, on a suit, what its current leaves no doubt of for 50 ms",
+                    "tension > tension_high, measured, or, on a suit, the least by its current for 50 ms",
                     "first check for a caught limb or a jam")
     SLACK = (R2, R2, 0.060, "cable slack or torn", "tension < tension_low for 50 ms, where measured",
              "check the cable; tighten it again")
@@ -135,7 +135,7 @@ class Fault(IntEnum):
                      "make room on the disk, leave the log in its place, begin another run; a running loop goes on, no "
                      "new one is armed")
     EMG_LOST = (R2, R2, 0.004, "EMG lost",
-                "newest sample older than emg_age, or trouble away from rest, in a run by EMG",
+                "newest sample older than emg_age, or a bad signal while the joint is not at rest",
                 "look at the electrodes, their base station, its network and the program that sends; then arm again")
     NOT_DISABLED = (R3, R3, 0.004, "drive keeps its torque",
                     "for disable_time after power off: its state has torque, |current| > released_current, or, where "
@@ -148,7 +148,7 @@ class Fault(IntEnum):
     EMERGENCY_STOP = (R3, R3, 0.004, "emergency stop pressed", "its input, where the rig names one, or safe torque off",
                       "find out why it was pressed; release it, and acknowledge")
     CURRENT_STUCK = (R2, R2, 0.004, "motor current does not change",
-                     "at most one count to and fro over frozen_travel of the motor and 1 rad/s of its speed",
+                     "one count at most while the motor turns frozen_travel and 1 rad/s of its speed",
                      "look at 6077h of the drive and its PDO")
     RELEASE_PULLS = (R3, R3, 0.004, "release pulls",
                      "joint 20° to the slack side of where the cable is just taut, and 6° further since R2 began",
@@ -162,7 +162,7 @@ class Fault(IntEnum):
     OVER_TORQUE = (R3, R3, 0.004, "too much torque on the joint", "|joint torque| > torque_high, where measured",
                    "first check for a caught limb or a jam")
     LOAD_STUCK = (R2, R2, 0.008, "load cell does not change",
-                  "at most one count to and fro over frozen_travel of the motor, less the cable's dead zone",
+                  "one count at most while the motor turns frozen_travel, less the cable's dead zone",
                   "look at the load cell, its amplifier and how it sends")
     MOTORS_APART = (R2, R2, 0.060, "motors on one joint go apart",
                     "½·|motor − the other's − parting_offset − parting_slope × joint| > parting + parting_lag × "

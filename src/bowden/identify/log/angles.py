@@ -326,6 +326,10 @@ def unit_doubts(motor: Angle, joint: Angle, *, apart: bool) -> list[Trust]:
             "Then divide it by the radius of its spool (rad). If it is an angle, say so: --unit "
             f"deg,{joint.unit}"
         )
+    if motor.unit == joint.unit == "counts" and ratio > _GEARED:
+        found.append(
+            f"the joint moves {ratio:.3g} times as far as the motor: are the counts a turn of the two exchanged?"
+        )
     doubts = [Trust("with care" if apart else "no", (one + said,)) for one in unlikely]
     return [*doubts, *(Trust("with care", (one,)) for one in found)]
 

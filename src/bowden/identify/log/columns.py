@@ -24,6 +24,9 @@ TIMES = (
     "date_time",
     "x_value",
     "stamp",
+    "ms",
+    "us",
+    "ns",
 )
 """Common names of a column of times, the likeliest first."""
 

@@ -11,19 +11,22 @@ _NO_CYCLE = 0.05
 """Share of a cycle by which a measured delay may be beyond whole ones before it is rounded up [–]."""
 
 
-def document_of(found: ServoFit, sample_time_ms: float) -> dict[str, Any]:
+def document_of(found: ServoFit, sample_time_ms: float, joint_late: float = 0.0) -> dict[str, Any]:
     """A fit as the command says it, in the units of a rig.toml.
 
     Args:
         found: of the log.
         sample_time_ms: control cycle of the rig, for its delay in whole cycles [ms].
+        joint_late: of the rig's joint sensor, which the loop waits for as well [s].
     """
     delay_ms = found.delay.value * 1e3
     return {
         "natural_frequency_hz": _in(found.natural_frequency, HERTZ),
         "damping": _in(found.damping, 1.0),
         "delay_s": _in(found.delay, 1.0),
-        "delay_cycles": max(0, math.ceil(delay_ms / sample_time_ms - _NO_CYCLE)),
+        "delay_cycles": max(0, math.ceil(delay_ms / sample_time_ms - _NO_CYCLE))
+        + math.ceil(1e3 * joint_late / sample_time_ms),
+        "joint_late_s": joint_late,
         "sample_time_ms": sample_time_ms,
         "speed_limit_deg_per_s": _in(found.speed_limit, RADIANS),
         "acceleration_limit_deg_per_s2": _in(found.acceleration_limit, RADIANS),
@@ -62,6 +65,8 @@ def into(text: str, document: dict[str, Any], name: str, where: str) -> str:
     """
     delay, cycle = document["delay_s"], document["sample_time_ms"]
     said = f"{1e3 * delay['value']:.3g} ± {1e3 * delay['uncertainty']:.1g} ms rounded up at {cycle:g} ms a cycle"
+    if document["joint_late_s"]:
+        said += f", and {1e3 * document['joint_late_s']:.3g} ms of the joint's sensor"
     cycles = {"delay_cycles": str(document["delay_cycles"])}
     text = with_keys(text, "bench", cycles, where, [f"{_MARK}delay_cycles is {said}"])
     found = {key: document[key] for key in _SERVO if document[key]}

@@ -54,6 +54,11 @@ def read_servo_log(
 
 
 def _factor(column: LogColumn, unit: str | None, path: Path) -> float:
+    if unit is not None and column.unit not in (None, unit):
+        raise LogError(
+            f"{path}: --unit is {unit}, and column {column.name!r} names {column.unit}",
+            do="leave --unit out, or correct the name",
+        )
     wanted = unit or column.unit
     if wanted is None:
         raise LogError(f"{path}: column {column.name!r} does not say its unit", do="give --unit deg or --unit rad")

@@ -37,5 +37,6 @@ def doubt(found: Any, rigs: "Sequence[Rig]") -> str:
     cables = [motor.rig.cable for rig in rigs if Path(rig.origin).suffix for motor in rig.parts]
     files = " and ".join(dict.fromkeys(filter(None, (getattr(one, "file", "") for one in cables))))
     where = f"[trust] of {files}" if files else "rig.cable_trust"  # of a rig that a program made
-    more = f" (all reasons: {where})" if others else ""
-    return f"Trust in the cable's model: {f'{trust.level}: {first}{more}' if rigs else trust}"
+    short = first.partition(";")[0]
+    more = f" (more: {where})" if others or short != first else ""
+    return f"Trust in the cable's model: {f'{trust.level}: {short}{more}' if rigs else trust}"
