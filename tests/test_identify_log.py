@@ -286,6 +286,13 @@ def test_counts_are_angles_once_their_turn_is_known(write: Write, tmp_path: Path
             read_log(path, counts_per_turn=bad)  # type: ignore[arg-type]
 
 
+def test_counts_a_turn_that_look_exchanged_are_asked_about(write: Write) -> None:
+    path = write(text(rows(TIME, *COUNTED), "time_s,motor,joint"))
+    for turns, asked in (((8192, 4000), False), ((32768, 1000), True)):
+        doubts = read_log(path, unit="counts", counts_per_turn=turns).doubts
+        assert any("are the counts a turn of the two exchanged?" in str(one) for one in doubts) is asked
+
+
 def test_counts_that_nobody_named_are_suspected(write: Write) -> None:
     counted = [np.round(angle / (2.0 * np.pi) * 8192.0) for angle in (MOTOR, JOINT)]
     with pytest.raises(LogError, match=r"look like counts of an encoder; .*--unit counts --counts-per-turn 8192"):
