@@ -17,7 +17,8 @@ def show_export(found: "Exported", call: Call) -> None:
         print("Cortex-M4F: not measured; that needs gcc-arm-none-eabi, libnewlib-arm-none-eabi and qemu-system-arm")
     else:
         print(
-            f"The law alone on an emulated Cortex-M4F, in {found.precision}: {cost.code_bytes} bytes of code, {cost.state_bytes} of state, {cost.stack_bytes} of "
+            f"The law alone on an emulated Cortex-M4F, in {found.precision}: {cost.code_bytes} bytes of code, "
+            f"{cost.state_bytes} of state, {cost.stack_bytes} of "
             f"stack, {cost.instructions_mean:.0f} instructions a cycle ({cost.instructions_max:.0f} at most); "
             f"commands within {cost.furthest_rad:.2g} rad of Python's"
         )
