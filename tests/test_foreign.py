@@ -31,7 +31,8 @@ def tdms(path: Path, *, timed: bool = True) -> None:
     nptdms = pytest.importorskip("nptdms")
     said = {"unit_string": "deg"} if timed else {"unit_string": "deg", "wf_increment": 0.02, "wf_start_offset": 0.0}
     channels = [
-        nptdms.ChannelObject("run", name, np.degrees(angle), said) for name, angle in (("motor", MOTOR), ("joint", JOINT))
+        nptdms.ChannelObject("run", name, np.degrees(angle), said)
+        for name, angle in (("motor", MOTOR), ("joint", JOINT))
     ]
     if timed:
         channels.append(nptdms.ChannelObject("run", "Time", TIME, {"unit_string": "s"}))
@@ -118,7 +119,7 @@ def test_a_waveform_of_labview_has_its_times(tmp_path: Path) -> None:
 @pytest.mark.parametrize("storage", ["SQLITE3", "MCAP"])
 def test_a_bag_of_two_topics_is_one_log(storage: str, tmp_path: Path) -> None:
     bag(tmp_path / "bag", storage)
-    with pytest.raises(LogError, match="no joint column among .*name the columns"):
+    with pytest.raises(LogError, match=r"no joint column among .*name the columns"):
         bowden.read_log(tmp_path / "bag", motor="/states/position/motor")
     (inner,) = (one for one in (tmp_path / "bag").iterdir() if one.suffix != ".yaml")
     for path in (tmp_path / "bag", inner):

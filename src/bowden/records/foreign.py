@@ -68,7 +68,8 @@ def _workbook(path: str) -> Columns:
     import python_calamine
 
     sheets = python_calamine.CalamineWorkbook.from_path(path)
-    rows = max((sheets.get_sheet_by_name(name).to_python() for name in sheets.sheet_names), key=len, default=[])
+    read: list[list[list[Any]]] = [sheets.get_sheet_by_name(name).to_python() for name in sheets.sheet_names]
+    rows = max(read, key=len, default=[])
     text = "\n".join("\t".join(map(_cell, row)) for row in rows)
     return {TEXT: np.frombuffer(text.encode(), dtype=np.uint8)}
 
@@ -164,7 +165,7 @@ FORMATS = {
     "hdf5": Format("HDF5 (MATLAB 7.3)", _hdf5, "h5py", "hdf5", "save it in MATLAB with save(…, '-v7'), or as CSV"),
     "workbook": Format("a workbook of Excel", _workbook, "python_calamine", "xlsx", "save it as CSV"),
     "tdms": Format("TDMS of LabVIEW", _tdms, "nptdms", "tdms", "export it as CSV"),
-    "bag": Format("a bag of ROS 2", _bag, "rosbags", "ros", "export its topics: ros2 topic echo --csv"),
+    "bag": Format("a bag of ROS 2", _bag, "rosbags", "rosbag", "export its topics: ros2 topic echo --csv"),
 }
 """By the name that the reading process is called with."""
 
@@ -197,7 +198,7 @@ def _main(kind: str, path: str) -> None:
     __import__(FORMATS[kind].module)
     resource.setrlimit(resource.RLIMIT_AS, (_MOST_MEMORY, _MOST_MEMORY))
     found = FORMATS[kind].read(path)
-    np.savez(sys.stdout.buffer, *found.values(), names=np.array([*found], dtype=str))  # type: ignore[arg-type]
+    np.savez(sys.stdout.buffer, *found.values(), names=np.array([*found], dtype=str))
 
 
 if __name__ == "__main__":

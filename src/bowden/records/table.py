@@ -108,8 +108,8 @@ def read_table(path: Path) -> Table:
     not count. Fields stand between commas, white space, or semicolons or tabs, where numbers may have decimal commas.
 
     Args:
-        path: CSV, which may be gzipped, NPZ, NPY, Parquet, MATLAB, HDF5, a workbook, TDMS or the folder of a bag of ROS 2;
-            its contents decide, not its name.
+        path: CSV (also gzipped), NPZ, NPY, Parquet, MATLAB, HDF5, a workbook, TDMS or the folder of a bag of ROS 2; its
+            contents decide, not its name.
 
     Raises:
         LogError: it cannot be read, is no table, or is too large.
@@ -133,7 +133,7 @@ def read_table(path: Path) -> Table:
             return _workbook_table(path)
         if kind == "bag":  # what its messages are, the folder says
             if not is_bag(path.parent):
-                raise LogError(f"{path} is a part of a bag of ROS 2", expected="its folder", do=f"keep {_BAG} beside it")
+                raise LogError(f"{path} is a part of a bag of ROS 2", expected="its folder", do=f"put {_BAG} beside it")
             return _columns_table(path, read_foreign(path.parent, "bag"))
         if kind or path.suffix.lower() == ".mat":
             return _columns_table(path, read_foreign(path, kind or "matlab"))
@@ -148,6 +148,8 @@ def is_bag(path: Path) -> bool:
 def _workbook_table(path: Path) -> Table:
     """The rows of a workbook's longest sheet, read as text is: what stands above the numbers, dates, empty cells."""
     text = read_foreign(path, "workbook")[TEXT].tobytes().decode()
+    if not text:
+        raise LogError(f"{path} has no rows", expected="a sheet with times and angles", do="save it again")
     return _text_table(path, text)
 
 

@@ -1,7 +1,5 @@
 """Reading and checking the log of a cable, of whatever kind and however laid out."""
 
-import contextlib
-import io
 import math
 import shlex
 from collections.abc import Callable, Collection, Mapping, Sequence
@@ -244,12 +242,13 @@ def read_columns(
     Raises:
         LogError: the file cannot be read, or has no such columns.
     """
-    bag = is_bag(file)
+    bag, head = is_bag(file), b""
     if file.is_dir() and not bag:
         raise LogError(f"{file} is a folder", expected="a log file", do=f"give the path of one: {KINDS}")
     try:
-        with contextlib.nullcontext(io.BytesIO()) if bag else open_file(file) as opened:
-            head = opened.read(512)
+        if not bag:
+            with open_file(file) as opened:
+                head = opened.read(512)
     except FileNotFoundError:
         raise LogError(f"{file} does not exist", do="check the path") from None
     except OSError as error:
