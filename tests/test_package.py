@@ -18,6 +18,10 @@ PACKAGE = ROOT / "src" / "bowden"
 
 EXTRA_MODULES = {
     "pyarrow": "parquet",
+    "python_calamine": "xlsx",
+    "nptdms": "tdms",
+    "rosbags": "rosbag",
+    "h5py": "hdf5",
     "pylsl": "lsl",
     "dask": "cluster",
     "distributed": "cluster",
@@ -100,7 +104,7 @@ def test_what_is_imported_is_a_dependency_or_comes_with_an_extra() -> None:
     core = {canonicalize_name(Requirement(one).name) for one in said["dependencies"]}
     extras = {
         canonicalize_name(Requirement(one).name): extra
-        for extra in ("cluster", "foxglove", "lsl", "parquet")
+        for extra in sorted({*EXTRA_MODULES.values()})
         for one in said["optional-dependencies"][extra]
     }
     wrong = []

@@ -138,7 +138,8 @@ def read_log(
     """Read the log of a cable and check it: even time, finite angles that move, in radians.
 
     Args:
-        path: ``.csv``, ``.csv.gz``, ``.mat``, ``.npz``, ``.npy`` or ``.parquet``; text above the names is skipped.
+        path: CSV (also gzipped), NumPy, Parquet, MATLAB, HDF5, Excel, TDMS, or the folder of a bag of ROS 2; text
+            above the names is skipped.
         time: name or number (from 1) of the time column; guessed where it is not given.
         motor: of the motor's column.
         joint: of the joint's column.

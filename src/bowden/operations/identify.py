@@ -223,8 +223,8 @@ def identify(
     cable has changed is said.
 
     Args:
-        log: the path of a CSV, gzipped CSV, MATLAB, NPZ or Parquet file; a `Log` of `read_log`; a `Trace`; a list of
-            these; or time (n,) [s].
+        log: the path of a file, as `read_log` takes it; a `Log` of `read_log`; a `Trace`; a list of these; or time
+            (n,) [s].
         motor: motor-side angle (n,); of a file, the name of its column.
         joint: joint-side angle (n,); of a file, the name of its column.
         time: the same for time, where it does not come first.
@@ -345,8 +345,8 @@ def identify_logs(
     both. With `model` nothing is identified but gain and offset of a known cable, from seconds of motion.
 
     Args:
-        logs: CSV, gzipped CSV, MATLAB, NumPy or Parquet: time, motor, joint; one file or more, or one with the motor
-            and one with the joint, whose clocks are aligned by the motion.
+        logs: CSV, gzipped CSV, MATLAB, NumPy, Parquet, Excel, TDMS, a bag of ROS 2: time, motor, joint; one file or
+            more, or one with the motor and one with the joint, whose clocks are aligned by the motion.
         time: name or number of the time column; guessed by default.
         motor: name or number of the motor-side angle's column.
         joint: name or number of the joint-side angle's column.

@@ -1,4 +1,4 @@
-"""Tables of recordings: text with whatever stands above its numbers, MATLAB, NumPy and Parquet files.
+"""Tables of recordings: text with whatever stands above its numbers, NumPy, Parquet, and what other programs write.
 
 One reader for logs of cables and servos, recordings of EMG, labels, motions and traces. What a column is for, its
 reader's user says.
@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 from bowden.core.bounded import DAMAGED, Bounded, open_file, pieces
 from bowden.core.errors import LogError
 from bowden.core.extras import extra_module
-from bowden.records.matlab import read_matlab
+from bowden.records.foreign import TEXT, read_foreign
 from bowden.records.units import is_unit
 
 Array = NDArray[np.float64]
@@ -54,14 +54,19 @@ _SEPARATORS = (";", "\t", ",", "")
 """Between fields, the last for white space: a comma may be a decimal one where the others stand."""
 _LIKE, _MOST_ALIKE = 10, 0.6
 """Lines below the first row that are looked at, and the share of them that has as many fields."""
-KINDS = "CSV (also gzipped), MATLAB (.mat), NumPy (.npz, .npy) or Parquet"
-_OTHERS = {
-    b"TDSm": ("a TDMS file of LabVIEW", "export it as CSV"),
-    b"SQLite format 3": ("a rosbag2 database", "export its topics: ros2 topic echo --csv"),
-    b"\x89HDF": ("an HDF5 file (MATLAB 7.3)", "save it in MATLAB with save(…, '-v7')"),
-    b"MATLAB 7.3": ("a MATLAB file of version 7.3 (HDF5)", "save it in MATLAB with save(…, '-v7')"),
+KINDS = "CSV (also gzipped), Parquet, NumPy (.npz, .npy), MATLAB (.mat), Excel (.xlsx), TDMS or a bag of ROS 2"
+_BEGINNINGS = {
+    b"MATLAB 5.0": "matlab",
+    b"MATLAB 7.3": "hdf5",
+    b"\x89HDF": "hdf5",
+    b"TDSm": "tdms",
+    b"\xd0\xcf\x11\xe0": "workbook",
+    b"SQLite format 3": "bag",
+    b"\x89MCAP0": "bag",
 }
-"""How files begin that are not read → what they are, and what to do."""
+"""How files begin that packages read → their format, see `read_foreign`."""
+_BAG = "metadata.yaml"
+"""What is in the folder of a bag."""
 _MISSING = frozenset(("", "-", "na", "n/a", "nan", "null", "none", "#n/a"))
 """What stands for no number in a field of text."""
 
@@ -103,25 +108,49 @@ def read_table(path: Path) -> Table:
     not count. Fields stand between commas, white space, or semicolons or tabs, where numbers may have decimal commas.
 
     Args:
-        path: CSV, which may be gzipped, MATLAB, NPZ, NPY, or Parquet; its contents decide, not its name.
+        path: CSV (also gzipped), NPZ, NPY, Parquet, MATLAB, HDF5, a workbook, TDMS or the folder of a bag of ROS 2; its
+            contents decide, not its name.
 
     Raises:
         LogError: it cannot be read, is no table, or is too large.
-        MissingExtraError: Parquet, and PyArrow is not installed.
+        MissingExtraError: the package that reads it is not installed.
     """
     with readable(path):
+        if is_bag(path):
+            return _columns_table(path, read_foreign(path, "bag"))
         with open_file(path) as file:
             head = file.read(512)
-        for begin, (what, do) in _OTHERS.items():
-            if head.startswith(begin):
-                raise LogError(f"{path} is {what}, which is not read", expected=KINDS, do=do)
         if head.startswith(PARQUET) or path.suffix == ".parquet":
             return _parquet_table(path)
         if head.startswith(b"\x93NUMPY"):
             return _columns_table(path, {"data": _loaded(path)})
-        if head.startswith(b"MATLAB 5.0") or path.suffix.lower() == ".mat":
-            return _columns_table(path, read_matlab(path))
-        return _npz_table(path) if head.startswith(ZIP) else _text_table(path)
+        if head.startswith(ZIP):
+            with _zip_errors(), zipfile.ZipFile(path) as archive:
+                workbook = not {"[Content_Types].xml", "content.xml"}.isdisjoint(archive.namelist())
+            return _workbook_table(path) if workbook else _npz_table(path)
+        kind = next((one for begin, one in _BEGINNINGS.items() if head.startswith(begin)), None)
+        if kind == "workbook":
+            return _workbook_table(path)
+        if kind == "bag":  # what its messages are, the folder says
+            if not is_bag(path.parent):
+                raise LogError(f"{path} is a part of a bag of ROS 2", expected="its folder", do=f"put {_BAG} beside it")
+            return _columns_table(path, read_foreign(path.parent, "bag"))
+        if kind or path.suffix.lower() == ".mat":
+            return _columns_table(path, read_foreign(path, kind or "matlab"))
+        return _text_table(path)
+
+
+def is_bag(path: Path) -> bool:
+    """Whether a folder is a recording of ROS 2."""
+    return (path / _BAG).is_file()
+
+
+def _workbook_table(path: Path) -> Table:
+    """The rows of a workbook's longest sheet, read as text is: what stands above the numbers, dates, empty cells."""
+    text = read_foreign(path, "workbook")[TEXT].tobytes().decode()
+    if not text:
+        raise LogError(f"{path} has no rows", expected="a sheet with times and angles", do="save it again")
+    return _text_table(path, text)
 
 
 def _loaded(path: Path) -> NDArray[Any]:
@@ -227,8 +256,6 @@ def _npz_table(path: Path) -> Table:
     """The arrays of a file of NumPy's (n,); other members are left alone, but for `KEY`."""
     size = path.stat().st_size
     with _zip_errors(), zipfile.ZipFile(path) as file:
-        if "[Content_Types].xml" in file.namelist():
-            raise LogError(f"{path} is a workbook of Excel, which is not read", expected=KINDS, do="save it as CSV")
         names = tuple(one.removesuffix(".npy") for one in file.namelist() if one.endswith(".npy"))
         about = _member(file, KEY, size) if KEY in file.namelist() else None
 
@@ -284,16 +311,17 @@ def _as_numbers(column: Any, name: str, path: Path) -> Array:
     return np.array(column, dtype=np.float64)
 
 
-def _text_table(path: Path) -> Table:
-    head, encoding = _head(path)
-    layout = _layout(path, head, encoding)
+def _text_table(path: Path, text: str | None = None) -> Table:
+    """The table in a file of text, or in the text of a workbook."""
+    head, encoding = (text[:_HEAD], "") if text else _head(path)
+    layout = _layout(path, head, encoding)._replace(text=text)
     first = head.partition("\n")[0]
     about = first.removeprefix(FIRST_LINE.decode()).encode() if first.startswith(FIRST_LINE.decode()) else None
     said = _units_in(about)
     units = {name: unit for name, unit in layout.units.items() if unit} | said
 
     def read(columns: Sequence[int], clock: int | None) -> list[Array]:
-        rows = sum(piece.count(b"\n") for piece in pieces(path))
+        rows = text.count("\n") if text else sum(piece.count(b"\n") for piece in pieces(path))
         if (cells := rows * max(1, len(columns))) > MOST_CELLS:
             raise _too_many(path, cells)
         parts = [_numbers(path, layout, lines, number, columns, clock) for number, lines in _blocks(path, layout)]
@@ -317,6 +345,8 @@ class _Layout(NamedTuple):
     separator: str
     """Between fields; empty for white space."""
     encoding: str
+    text: str | None = None
+    """Of a workbook; else it is the file's."""
 
 
 def _open(path: Path, encoding: str, errors: str = "replace") -> IO[str]:
@@ -465,7 +495,7 @@ def _csv(lines: Iterable[str], separator: str) -> Any:
 
 def _blocks(path: Path, layout: _Layout) -> Iterator[tuple[int, list[str]]]:
     """The lines from the first row on, some megabytes at a time, and the number of the first of them."""
-    with _open(path, layout.encoding) as file:
+    with io.StringIO(layout.text) if layout.text else _open(path, layout.encoding) as file:
         for _ in range(layout.skip):
             file.readline()
         number = layout.skip + 1

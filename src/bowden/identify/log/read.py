@@ -35,7 +35,7 @@ from bowden.identify.log.columns import CABLE, FACTORS, TIMES, LogColumn, find_c
 from bowden.identify.log.quaternions import with_angles
 from bowden.plants.counting import NOT_SAID, Covered, Encoders
 from bowden.plants.trust import Trust
-from bowden.records.table import KINDS, read_table
+from bowden.records.table import KINDS, is_bag, read_table
 from bowden.records.units import unit_of
 
 Array = NDArray[np.float64]
@@ -242,18 +242,20 @@ def read_columns(
     Raises:
         LogError: the file cannot be read, or has no such columns.
     """
-    if file.is_dir():
+    bag, head = is_bag(file), b""
+    if file.is_dir() and not bag:
         raise LogError(f"{file} is a folder", expected="a log file", do=f"give the path of one: {KINDS}")
     try:
-        with open_file(file) as opened:
-            head = opened.read(512)
+        if not bag:
+            with open_file(file) as opened:
+                head = opened.read(512)
     except FileNotFoundError:
         raise LogError(f"{file} does not exist", do="check the path") from None
     except OSError as error:
         raise LogError(
             f"{file} cannot be read: {error.strerror or error}", do="check the file and its permissions"
         ) from None
-    if head.startswith(b"\x89MCAP0\r\n"):
+    if head.startswith(b"\x89MCAP0\r\n") and b"bowden" in head:
         raise LogError(
             f"{file} is the log of a live run",
             expected="time, motor and joint in columns",

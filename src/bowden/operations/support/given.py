@@ -44,7 +44,7 @@ def rig_of(given: Any) -> Rig:
     raise ParameterError(f"rig is {arguments.said(given)}", expected="a Rig or the path of a rig.toml", do=do)
 
 
-_LOGS = (".csv", ".tsv", ".txt", ".npz", ".mat", ".parquet")
+_LOGS = (".csv", ".tsv", ".txt", ".npz", ".mat", ".parquet", ".xlsx", ".tdms")
 
 
 def _alike(path: Path) -> str:
