@@ -156,10 +156,26 @@ def test_the_loop_in_the_readme_compiles(exported: tuple[Path, dict[str, Any]], 
 def test_the_example_for_an_arduino_core_compiles(exported: tuple[Path, dict[str, Any]], folder: Path) -> None:
     place, _ = exported
     (folder / "Arduino.h").write_text(ARDUINO)
-    command = ["c++", "-Wall", "-Wextra", "-Werror", f"-I{folder}", "-c", "arduino.cpp", "-o", str(folder / "a.o")]
-    done = subprocess.run(command, cwd=place, capture_output=True, text=True)
-    assert not done.stderr
+    for name in ("arduino.cpp", "board.cpp"):
+        command = ["c++", "-Wall", "-Wextra", "-Werror", f"-I{folder}", "-c", name, "-o", str(folder / "a.o")]
+        done = subprocess.run(command, cwd=place, capture_output=True, text=True)
+        assert not done.stderr
     assert "static const uint32_t PERIOD = 1000;" in (place / "arduino.cpp").read_text()
+
+
+def test_what_is_the_users_stays_and_the_gate_of_an_export_with_emg_watches_it(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["export", "rig.toml", "--law", "uncompensated", "--to", "board", "--safety"]
+    assert main.run(words) == 0
+    assert "uses_emg = false" in (folder / "board" / "safety.c").read_text()
+    (folder / "board" / "board.cpp").write_text("/* mine */")
+    assert main.run(["export", "rig.toml", "--law", "adaptive", "--to", "other", "--safety", "--emg"]) == 0
+    assert "uses_emg = true" in (folder / "other" / "safety.c").read_text()
+    capsys.readouterr()
+    assert main.run(words) == 0
+    assert (folder / "board" / "board.cpp").read_text() == "/* mine */"
+    assert "board.cpp and platformio.ini in board stay as they are" in capsys.readouterr().err
 
 
 @pytest.mark.skipif(COMPILER is None or MAKE is None, reason="no C compiler or no make")

@@ -32,6 +32,7 @@ MUST_HAVE = (
     "report/templates/page.html",
     "report/templates/page.css",
     "export/templates/arduino.cpp",
+    "export/templates/board.cpp",
     "export/templates/helpers.c",
     "export/templates/Makefile",
     "export/templates/README.md",

@@ -11,6 +11,9 @@ from bowden.export.unit import Module, rendered
 FLAGS = "-std=c99 -pedantic -Wall -Wextra -Werror -O2 -ffp-contract=off"
 """Every operation rounds as in Python only where products are not fused with sums, and nothing is reordered."""
 
+YOURS = ("board.cpp", "platformio.ini")
+"""Files that the user fills in: an export leaves them as they are where they are there."""
+
 TARGETS = {"host": False, "cortex-m4f": True, "cortex-m33": True, "cortex-m7": False, "esp32": True}
 """Target → whether its hardware has float alone; a Cortex-M7 is taken for one with double, as that of a Teensy 4."""
 
@@ -49,4 +52,4 @@ def pages(
         "joint": "read_joint_angle()" if counts is None else f"{name}_joint_angle(read_joint_counts())",
         "motor": "read_motor_angle()" if counts is None else f"{name}_motor_angle(read_motor_counts())",
     }
-    return {file: rendered(file, **words) for file in ("arduino.cpp", "platformio.ini", "Makefile", "README.md")}
+    return {file: rendered(file, **words) for file in ("arduino.cpp", *YOURS, "Makefile", "README.md")}

@@ -120,7 +120,7 @@ def export(
     from bowden.design.objections import refusals
     from bowden.design.verdict import verdicts
     from bowden.export.counts import counts_of, guessed
-    from bowden.export.readme import TARGETS
+    from bowden.export.readme import TARGETS, YOURS
     from bowden.operations.support import given
     from bowden.operations.support.progress import reported
 
@@ -144,6 +144,8 @@ def export(
         said += f" Its gains are judged for {whole.servo_text}."
     texts = _texts(modules, own, counts, whole.sample_time, said, float32=float32)
     _only_ours(folder, set(texts) | {"recording.csv", "replay"})
+    kept = [name for name in YOURS if (folder / name).exists()]
+    texts = {name: text for name, text in texts.items() if name not in kept}
     with reported(progress, "export") as report:
         report(f"checking {own.name}", 0.3)
         verdict = verdicts(whole.each_joint[0], [[own]], name, force=force)[0]
@@ -157,6 +159,7 @@ def export(
         figures = _figures(folder, modules, recording)
     notes = (
         doubt,
+        f"{' and '.join(kept)} in {folder} stay as they are: they are yours" if kept else "",
         *whole.notes,
         *refused,
         verdict.note,
@@ -191,7 +194,7 @@ def _modules(
     if emg_rate is not None:
         modules += emg_modules(emg_rate, detector_named(rig.emg.detector))
     if safety:
-        modules.append(safety_module(_limits(rig, law)))
+        modules.append(safety_module(_limits(rig, law)._replace(uses_emg=emg_rate is not None)))
     names = [module.prefix for module in modules]
     if len(set(names)) < len(names) or names[0] in ("replay", "math", "stdio", "stdlib", "string"):
         raise ParameterError(f"the law {law.name!r} has the name of another file", do="give it another name")

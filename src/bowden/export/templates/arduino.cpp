@@ -1,7 +1,7 @@
 /* A loop for a board with the Arduino core: joint and motor by their encoders' counts, a motion to and fro of minimum
- * jerk, the law, and the drive's command in counts. Fill in the three functions that are yours.
+ * jerk, the law, and the drive's command. What it asks of your board stands in board.cpp, which is yours.
  *
- * Arduino: rename to FOLDER.ino, and put it into a folder of that name with [[name]].h and [[name]].c.
+ * Arduino: rename to FOLDER.ino, and put it into a folder of that name with board.cpp, [[name]].h and [[name]].c.
  * PlatformIO: this folder is a project; name your board in platformio.ini.
  */
 
@@ -17,27 +17,22 @@ static [[name]]_LawState state;
 static [[name]]_real begin;
 static uint32_t next_cycle, cycles;
 
-static long read_motor_counts()
-{
-    return 0; /* yours */
-}
-
-static long read_joint_counts()
-{
-    return 0; /* yours */
-}
-
-static void write_motor_counts(long counts)
-{
-    (void)counts; /* yours: to the drive, in counts of the motor's encoder */
-}
+{% if counts %}
+long read_motor_counts();
+long read_joint_counts();
+void write_motor_counts(long counts);
+{% else %}
+double read_motor_angle();
+double read_joint_angle();
+void write_motor_target(double angle);
+{% endif %}
 
 static [[name]]_Sample measured()
 {
     [[name]]_Sample sample;
 
-    sample.joint = {% if counts %}[[joint]]{% else %}read_joint_counts() * 1e-3 /* yours: counts to the joint's angle [rad] */{% endif %};
-    sample.motor = {% if counts %}[[motor]]{% else %}read_motor_counts() * 1e-3 /* yours: counts to the motor's, through the spool [rad] */{% endif %};
+    sample.joint = [[joint]];
+    sample.motor = [[motor]];
     return sample;
 }
 
@@ -68,6 +63,6 @@ void loop()
         back ? begin + AMPLITUDE : begin, back ? begin : begin + AMPLITUDE, DURATION, back ? time - DURATION : time);
     const [[name]]_real command = [[name]]_step(&state, &sample, &reference);
 
-    write_motor_counts(lround({% if counts %}[[name]]_motor_counts(command){% else %}command * 1e3 /* yours: back to counts */{% endif %}));
+    {% if counts %}write_motor_counts(lround([[name]]_motor_counts(command))){% else %}write_motor_target(command){% endif %};
     cycles = time < 2 * DURATION ? cycles + 1 : 0;
 }
