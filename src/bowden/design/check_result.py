@@ -211,7 +211,7 @@ def confirmed_by(cycle: LimitCycle | None, swing: float | None) -> bool | None:
 def check_rows(found: Check) -> list[tuple[str, str]]:
     """What a check found, a line for each thing."""
     cycle, swing, ripple = found.cycle, found.swing, found.command_per_count
-    none = "not defined for a suit: trials decide" if found.leaves_out else "none"
+    none = "not defined for a suit: trials decide" if found.leaves_out else _no_margin(found)
     predicted = "none predicted"
     if cycle is not None:
         about = f"±{cycle.amplitude * DEGREES:.2g}° every {cycle.period:.2g} s predicted"
@@ -230,6 +230,13 @@ def check_rows(found: Check) -> list[tuple[str, str]]:
         ("limits", found.leaves_out),
         ("advice", found.advice),
     ]
+
+
+def _no_margin(found: Check) -> str:
+    """Why there is no figure of a margin."""
+    if found.refuted:
+        return "none: no linear loop shows why it holds"
+    return "unlimited" if all(point.margins.stable for point in found.points) else "none: a linear loop is unstable"
 
 
 def _shared_rows(found: Check) -> list[tuple[str, str]]:
