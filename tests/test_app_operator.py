@@ -475,6 +475,8 @@ def test_faults_are_told_in_the_order_of_time_and_consequences_as_such() -> None
     assert lines[2].split() == ["follows", "drive", "silent"]
     at_once = dict.fromkeys((Fault.MOTOR_JUMP, Fault.LATE, Fault.JOINT_OVER_TRAVEL), 1.0)
     assert told_apart(at_once) == ((*at_once,), ()), "no lateness moves a joint"
+    lost = {Fault.EMG_LOST: 1.0, Fault.LATE: 1.3, Fault.HEARTBEAT_LOST: 1.3}
+    assert told_apart(lost) == ((Fault.EMG_LOST, Fault.LATE), (Fault.HEARTBEAT_LOST,)), "electrodes, or this computer"
     del at_once[Fault.JOINT_OVER_TRAVEL]
     assert told_apart(at_once) == ((Fault.LATE,), (Fault.MOTOR_JUMP,)), "a loose plug is not looked for"
 

@@ -44,13 +44,14 @@ def test_each_command_names_the_next_one(
 ) -> None:
     """All but the live run; a recorded cable whose joint falls as its motor rises, and whose zeros are anywhere."""
     monkeypatch.chdir(tmp_path)
+    steps = ["identify", "init", "simulate", "check"]
     words, done = ["identify", str(shared_data / "cable" / f"{cable}.csv.gz")], []
     while words[0] != "run":
         done.append(words[0])
         assert run(words) == 0, capsys.readouterr().err
         name, *words = shlex.split(capsys.readouterr().out.splitlines()[-1].removeprefix("Next: "), comments=True)
         assert name == "bowden"
-    assert done == ["identify", "init", "simulate", "check", "tune"]
+    assert done in ([*steps, "tune"], steps), "gains that hold are run, others are tuned first"
     assert words == ["run", "rig.toml", "--twin", "--auto"]
     rig = tomllib.loads(Path("rig.toml").read_text())
     assert rig["control"]["law"] == "bowden"
@@ -212,7 +213,8 @@ def test_every_law_is_looked_at_however_long_the_others_took(monkeypatch: pytest
 
 
 def test_check_does_not_name_itself(capsys: pytest.CaptureFixture[str]) -> None:
-    lost = SimpleNamespace(holds=False, of_rig=False, instead="", advice="shorten the delay to 2 cycles (now 80)")
+    advice = "shorten the delay to 2 cycles (now 80)"
+    lost = SimpleNamespace(verdict="does_not_hold", holds=False, of_rig=False, instead="", advice=advice)
     call = Call({"rig": "rig.toml", "law": "adaptive", "preset": None}, {})
     _say_next_of(SimpleNamespace(checks={"": lost}), Rig(), "", ["--law", "adaptive"], call)  # type: ignore[arg-type]
     assert capsys.readouterr().out == "Next: change the rig as the advice says, then check it again\n"

@@ -178,6 +178,12 @@ def test_a_log_has_times_or_a_rate_and_repeated_times_are_dropped(tmp_path: Path
         assert bool(notes) == (rate is None)
 
 
+def test_a_motor_that_comes_before_its_command_is_the_command() -> None:
+    time, command, motor = log(Servo(2.0 * np.pi * 6.0, 0.8), 0.002, "step")
+    with pytest.raises(LogError, match="exchange the two columns"):
+        identify_servo(time, motor, command)
+
+
 @pytest.mark.parametrize(
     ("words", "said"),
     [

@@ -42,6 +42,7 @@ if TYPE_CHECKING:
     from bowden.operations import emg_score as _emg_score
     from bowden.operations import export as _export
     from bowden.operations import identify as _identify
+    from bowden.operations import identify_servo as _identify_servo
     from bowden.operations import simulate as _simulate
     from bowden.operations import tune as _tune
     from bowden.operations.init import init as init
@@ -53,6 +54,7 @@ if TYPE_CHECKING:
 
     campaign, check, export = public(_campaign.campaign), public(_check.check), public(_export.export)
     emg_calibrate, emg_score = public(_emg_calibrate.emg_calibrate), public(_emg_score.emg_score)
+    identify_servo = public(_identify_servo.identify_servo)
     identify, simulate, tune = public(_identify.identify), public(_simulate.simulate), public(_tune.tune)
 
 __version__ = "0.2.0"
@@ -78,6 +80,7 @@ _HOMES = {
     "emg_score": "bowden.operations.emg_score",
     "export": "bowden.operations.export",
     "identify": "bowden.operations.identify",
+    "identify_servo": "bowden.operations.identify_servo",
     "init": "bowden.operations.init",
     "kernel": "bowden.core.kernel",
     "read_log": "bowden.identify.given_log",
@@ -94,7 +97,6 @@ _GUESSES = {
         ("load", "read", "open"), "bowden.Rig.read(path), bowden.read_log(path) or bowden.read_trace(path)"
     ),
     "save": "rig.write(path), fit.write(path) or trace.write(path)",
-    "identify_servo": "bowden identify-servo, in a terminal; what it finds goes into bowden.Rig(servo={…})",
     **{name: f"bowden {name}, in a terminal" for name in ("measure", "confirm", "console", "demo", "doctor", "sample")},
     "twin": "bowden.run(rig, twin=True)",
     "Model": "bowden.CableModel",

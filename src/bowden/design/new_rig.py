@@ -53,7 +53,17 @@ class NewRig:
             said.append(f"Servo: gains are judged for {self.rig.servo_text}")
         if not self.rig.cable.counting.as_recorded:  # type: ignore[union-attr]
             said.append("Angles of the rig differ from those of the log: see direction and zeros in [cable]")
+        said.append(f"Taut: {self._taut()}")
         return tuple(said)
+
+    def _taut(self) -> str:
+        """Where the cable is taken to be let out, which no log says."""
+        counting = self.rig.cable.counting  # type: ignore[union-attr]
+        motor, joint = (f"{zero / RADIANS:.3g}°" for zero in (counting.motor_zero, counting.joint_zero))
+        return (
+            f"the motor is taken to have let the cable out where the log has it at {motor} and the joint at {joint}: a "
+            "release goes there; if it pulls there, change the sign of the joint's column, and identify it again"
+        )
 
     def _gains(self) -> str:
         given = ", ".join(f"{name} = {value:.3g}" for name, value in self.rig.gains.items())
@@ -70,7 +80,7 @@ class NewRig:
         return f"New rig {self.rig.hash}"
 
     def _rows(self) -> list[tuple[str, str]]:
-        said = [note.partition(": ") for note in self.notes[:2]]
+        said = [note.partition(": ") for note in self.notes if note.startswith(("Reference", "Cables", "Law", "Servo"))]
         if self.rig.worn is not None:
             return [(name.lower(), text) for name, _, text in said]
         counting = self.rig.cable.counting  # type: ignore[union-attr]

@@ -3,7 +3,8 @@
 A fault that comes in a later cycle than the first, at most half a second after the power went off, may follow from it;
 and a loop that is late, or a clock that is stepped, in the first of these cycles explains what is old, jumps, or is not
 noticed in that cycle. What comes later, such as a computer that is busy while everything is latched, explains nothing.
-Angles that come no more, and then no heartbeat either, are a drive that has fallen silent.
+EMG that is lost before a loop is late has one of two causes, and both are told. Angles that come no more, and then no
+heartbeat either, are a drive that has fallen silent.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -172,6 +173,8 @@ def told_apart(came: Mapping[Fault, float]) -> tuple[tuple[Fault, ...], tuple[Fa
     computer = OF_THE_COMPUTER & {*first} if {*first} <= OF_THE_COMPUTER | FOLLOWS_LATENESS else frozenset()
     if computer:
         first = [fault for fault in first if fault in computer]
+    if first == [Fault.EMG_LOST]:  # a stream's sender stalls before the loop does, which comes first on its computer
+        first += [fault for fault in came if fault in OF_THE_COMPUTER]
     if Fault.MOTOR_STALE in first and {*first} <= _OLD and Fault.HEARTBEAT_LOST in came:
         first = [Fault.HEARTBEAT_LOST]
     return tuple(first), tuple(fault for fault in came if fault not in first)

@@ -125,7 +125,7 @@ def emg_serve(
         channel: play this one; may be repeated.
         rate: samples a second, where the recording has no times, or to check those it has.
         loop: begin again at the end.
-        fault: simulate a fault, such as late=0.1 or torn; may be repeated.
+        fault: simulate a fault, such as silent=7 (seconds), late=0.1 or torn; a wrong one is answered with all.
 
     Yields:
         What is played.

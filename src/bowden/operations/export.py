@@ -44,7 +44,7 @@ class CortexCost(ResultPart):
     """Largest distance of a command from Python's [rad]."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Exported(Result["Exported"]):
     """A law as C."""
 
@@ -63,6 +63,17 @@ class Exported(Result["Exported"]):
     cortex_m4f: CortexCost | None
     """The law on an emulated Cortex-M4F over the recorded run; null where the cross compiler or the emulator is not
     installed."""
+
+    def __repr__(self) -> str:
+        """One screen."""
+        from bowden.drawing.shown import screen
+
+        names = ", ".join(file.name for file in self.files)
+        folder = self.files[0].parent
+        return screen(
+            f"{self.law} as C, in {self.precision}",
+            [("check", str(self.check)), ("files", names), ("next", f"make -C {folder} check")],
+        )
 
 
 def export(

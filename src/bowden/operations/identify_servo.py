@@ -21,7 +21,7 @@ class FittedValue(ResultPart):
 
 
 @dataclass(frozen=True)
-class ServoIdentification(Result["ServoIdentification"]):
+class ServoIdentification(Result["ServoFit"]):
     """A servo, as a rig.toml has it."""
 
     natural_frequency_hz: FittedValue
@@ -48,6 +48,11 @@ class ServoIdentification(Result["ServoIdentification"]):
     """What was mended in the log: repeated or uneven time stamps."""
     _: KW_ONLY
     fit: "ServoFit"
+
+    @property
+    def value(self) -> "ServoFit":
+        """The fit, in SI and radians."""
+        return self.fit
 
 
 def identify_servo(
@@ -79,6 +84,16 @@ def identify_servo(
     Raises:
         LogError: a log that cannot be used.
         ParameterError: a cycle that is not the rig's, or a rig that has several motors.
+
+    >>> import tempfile
+    >>> import numpy as np
+    >>> time = np.arange(2000) / 1000.0
+    >>> turned = 40.0 * np.maximum(time - 0.2, 0.0)
+    >>> log = np.stack([time, 0.3 * (time >= 0.2), 0.3 - 0.3 * (1.0 + turned) * np.exp(-turned)], axis=1)
+    >>> path = Path(tempfile.mkdtemp()) / "step.csv"
+    >>> np.savetxt(path, log, delimiter=",", header="time_s,command_rad,motor_rad", comments="")
+    >>> round(identify_servo(path).fit.natural_frequency.value)
+    40
     """
     from bowden.identify.servo.fit import identify_servo as fit
     from bowden.identify.servo.keys import document_of

@@ -140,7 +140,8 @@ class Fault(IntEnum):
     NOT_DISABLED = (R3, R3, 0.004, "drive keeps its torque",
                     "for disable_time after power off: its state has torque, |current| > released_current, or, where "
                     "that is not known, the motor pulls at 1 rad/s",
-                    "press the emergency stop, and keep away; do not use this drive before it has been repaired. If "
+                    "press the emergency stop, and keep away; do not use this drive before it has been repaired "
+                    "(after HEARTBEAT_LOST: the bus). If "
                     "its motor turns freely, released_current of [limits] is below what it reads without torque")
     SECOND_MASTER = (R3, R3, 0.004, "another master on the bus",
                      "a frame came that this host alone may send, or more readings of a drive than it was asked for",

@@ -47,6 +47,8 @@ def _say_next_of(found: "CheckResult", rig: "Rig", name: str, options: list[str]
     one = found.checks[name]
     if one.of_rig:
         print(_CHANGE_RIG)
+    elif one.verdict == "holds":
+        say_next("run", call["rig"], *options, "--twin", "--auto")
     elif rig.loaded_law.choices and not (call["law"] or call["preset"]):
         say_next("tune", call["rig"], *options)
     elif one.holds:

@@ -98,8 +98,8 @@ def _about_settling(log: Log, fitted_from: int, rest_until: float | None) -> lis
     if not fitted_from:
         return []
     return [
-        f"the first {seconds_text(log.time[fitted_from] - log.time[0])} were not fitted: the cable was still settling, "
-        "and the strokes after it are predicted better without them"
+        f"the first {seconds_text(log.time[fitted_from] - log.time[0])} were not fitted: the strokes after it are "
+        "predicted better without them, as after a cable that was still settling"
     ]
 
 

@@ -113,7 +113,7 @@ def identify_servo(time: Array, command: Array, motor: Array) -> ServoFit:
     for limits in fits:
         if _better(fits[limits], fits[best]):
             best = limits
-    return _result(fits[best], best, motor, dt)
+    return _result(fits[best], best, command, motor, dt)
 
 
 class _Fit(NamedTuple):
@@ -201,7 +201,18 @@ def _fit(command: Array, motor: Array, dt: float, limits: str, near: _Fit | None
     )
 
 
-def _result(fit: _Fit, limits: str, motor: Array, dt: float) -> ServoFit:
+def _follows(command: Array, motor: Array, dt: float) -> bool:
+    """Whether the command is nearer to the motor of some time before than the motor is to any earlier command."""
+    n = len(motor)
+    shifts = np.unique(np.geomspace(1.0, min(0.25 * n, max(2.0, _LONGEST_DELAY / dt)), 30).astype(int))
+    after, before = (
+        min(float(np.std(late[k:] - early[: n - k])) for k in shifts)
+        for late, early in ((motor, command), (command, motor))
+    )
+    return before < 0.5 * after
+
+
+def _result(fit: _Fit, limits: str, command: Array, motor: Array, dt: float) -> ServoFit:
     spread = np.sqrt(np.diag(fit.covariance))
     relative = float(spread[0])
     share = fit.residual / float(np.std(motor))
@@ -211,11 +222,17 @@ def _result(fit: _Fit, limits: str, motor: Array, dt: float) -> ServoFit:
             expected="the motor's own command, in the same unit and direction",
             do="look at the columns, the units and the direction",
         )
+    if _follows(command, motor, dt):
+        raise LogError(
+            "the command comes after the motor",
+            expected="the motor's target angle, and the angle that it then has",
+            do="exchange the two columns",
+        )
     if not relative < 0.25 or fit.values[0] > np.log(0.5 * np.pi / dt):
         raise LogError(
             "the log does not show the servo's frequency: the motor follows the command without a visible lag",
             expected="a step, or a chirp up to beyond the servo's frequency",
-            do="log one, with samples that are short against the servo's rise",
+            do="look at the unit of the times; or log one, with samples that are short against the servo's rise",
         )
     shown = {
         name: ServoEstimate(float(np.exp(v)), float(np.exp(v) * s))
