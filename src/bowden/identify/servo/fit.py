@@ -104,6 +104,12 @@ def identify_servo(time: Array, command: Array, motor: Array) -> ServoFit:
             not follow, or a log that does not show the servo's frequency.
     """
     dt = _checked(time, command, motor)
+    if _follows(command, motor, dt):
+        raise LogError(
+            "the command comes after the motor",
+            expected="the motor's target angle, and the angle that it then has",
+            do="exchange the two columns",
+        )
     fits = {limits: _fit(command, motor, dt, limits) for limits in ("", "v")}
     if _better(fits["v"], fits[""]):
         fits["va"] = _fit(command, motor, dt, "va", fits["v"])
@@ -113,7 +119,7 @@ def identify_servo(time: Array, command: Array, motor: Array) -> ServoFit:
     for limits in fits:
         if _better(fits[limits], fits[best]):
             best = limits
-    return _result(fits[best], best, command, motor, dt)
+    return _result(fits[best], best, motor, dt)
 
 
 class _Fit(NamedTuple):
@@ -212,7 +218,7 @@ def _follows(command: Array, motor: Array, dt: float) -> bool:
     return before < 0.5 * after
 
 
-def _result(fit: _Fit, limits: str, command: Array, motor: Array, dt: float) -> ServoFit:
+def _result(fit: _Fit, limits: str, motor: Array, dt: float) -> ServoFit:
     spread = np.sqrt(np.diag(fit.covariance))
     relative = float(spread[0])
     share = fit.residual / float(np.std(motor))
@@ -221,12 +227,6 @@ def _result(fit: _Fit, limits: str, command: Array, motor: Array, dt: float) -> 
             f"a second-order servo leaves {100.0 * share:.0f} % of the motor's motion unexplained",
             expected="the motor's own command, in the same unit and direction",
             do="look at the columns, the units and the direction",
-        )
-    if _follows(command, motor, dt):
-        raise LogError(
-            "the command comes after the motor",
-            expected="the motor's target angle, and the angle that it then has",
-            do="exchange the two columns",
         )
     if not relative < 0.25 or fit.values[0] > np.log(0.5 * np.pi / dt):
         raise LogError(
