@@ -212,7 +212,7 @@ def every_enum() -> dict[str, list[str]]:
 def mutants(rooms: list[str]) -> Iterator[Mutant]:
     """Every change of every file of the rooms."""
     for path, tree in sorted(parsed().items()):
-        if rooms and path.split("/")[0] not in rooms:
+        if rooms and not path.startswith(tuple(f"{room}/" for room in rooms)):
             continue
         of, lines = owners(tree), (PACKAGE / path).read_text(encoding="utf-8").splitlines()
         hidden = {id(inner) for node in ast.walk(tree) for part in silent(node) for inner in ast.walk(part)}
@@ -409,7 +409,7 @@ class Mutating:
         every = list(mutants(self.given.rooms))
         count = len(every) if self.given.all else min(self.given.count, len(every))
         drawn = every if self.given.all else random.Random(self.given.seed).sample(every, count)
-        kept = Kept(f"mutants-{'-'.join(self.given.rooms)}-{'all' if self.given.all else self.given.seed}")
+        kept = Kept(f"mutants-{'-'.join(self.given.rooms).replace('/', '.')}-{'all' if self.given.all else self.given.seed}")
         done = {what: by for what, by in kept.rows() if not (self.given.left and by in ALIVE)}
         kept.replace([[one.what, done[one.what]] for one in drawn if one.what in done])
         missing = (one for one in drawn if one.what not in done)
