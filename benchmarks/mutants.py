@@ -32,7 +32,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from hashlib import sha256
 from itertools import pairwise
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from types import CodeType, FunctionType, ModuleType
 from typing import Any, NamedTuple
 
@@ -212,7 +212,7 @@ def every_enum() -> dict[str, list[str]]:
 def mutants(rooms: list[str]) -> Iterator[Mutant]:
     """Every change of every file of the rooms."""
     for path, tree in sorted(parsed().items()):
-        if rooms and not path.startswith(tuple(f"{room}/" for room in rooms)):
+        if rooms and not any(PurePosixPath(path).is_relative_to(room) for room in rooms):
             continue
         of, lines = owners(tree), (PACKAGE / path).read_text(encoding="utf-8").splitlines()
         hidden = {id(inner) for node in ast.walk(tree) for part in silent(node) for inner in ast.walk(part)}
@@ -409,7 +409,8 @@ class Mutating:
         every = list(mutants(self.given.rooms))
         count = len(every) if self.given.all else min(self.given.count, len(every))
         drawn = every if self.given.all else random.Random(self.given.seed).sample(every, count)
-        kept = Kept(f"mutants-{'-'.join(self.given.rooms).replace('/', '.')}-{'all' if self.given.all else self.given.seed}")
+        label = "-".join([*self.given.rooms, "all" if self.given.all else str(self.given.seed)])
+        kept = Kept(f"mutants-{label.replace('/', '.')}")
         done = {what: by for what, by in kept.rows() if not (self.given.left and by in ALIVE)}
         kept.replace([[one.what, done[one.what]] for one in drawn if one.what in done])
         missing = (one for one in drawn if one.what not in done)
@@ -495,7 +496,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("count", nargs="?", type=int, default=20)
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--rooms", nargs="*", default=[], help="all, if none is named")
+    parser.add_argument("--rooms", nargs="*", default=[], help="folders or files of the package; all, if none is named")
     parser.add_argument("--tests", nargs="*", default=["tests"], help="all, if none is named")
     parser.add_argument("--all", action="store_true", help="every mutant of the rooms")
     parser.add_argument("--left", action="store_true", help="judge again what survived")

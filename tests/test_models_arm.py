@@ -7,7 +7,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bowden.core.errors import ParameterError
-from bowden.core.kernel import compiled
 from bowden.models.suit.arm import Arm, Wearer, arm_of, check_wearer, gravity_torque, passive_torque, wearer_torque
 from support.wearers import resting_angle
 
@@ -59,13 +58,6 @@ def test_a_relaxed_arm_rests_where_its_torques_cancel(mass: float, height: float
     angle = resting_angle(arm)
     assert gravity_torque(arm, angle) + passive_torque(arm, angle, 0.0) == pytest.approx(0.0, abs=1e-9)
     assert 0.40 <= arm.stiffness <= 1.8  # the range that Wiegner and Watts measured
-
-
-def test_interpreted_and_compiled_agree_to_the_bit() -> None:
-    wearer = Wearer(0.3, 0.5, 5.0, 1.0, 0.5, 0.2, 0.1)
-    for angle in (-0.3, 0.0, 1.2):
-        arguments = (wearer, arm_of(), angle, 0.7, 1.234)
-        assert compiled(wearer_torque)(*arguments) == wearer_torque(*arguments)
 
 
 @pytest.mark.parametrize(

@@ -103,54 +103,6 @@ def test_it_begins_where_the_motor_is_as_warm_as_it_was_left_and_knows_nothing_e
     assert begin(LIMITS, READING._replace(motor=-5.0), COLD).target == LIMITS.motor_low
 
 
-EDGES: list[tuple[str, float, float, Fault]] = [
-    ("joint_age", 2.0, 3.0, Fault.JOINT_STALE),
-    ("motor_age", 2.0, 3.0, Fault.MOTOR_STALE),
-    ("joint_age", 0.0, -1.0, Fault.JOINT_STALE),
-    ("current", -20.0, -20.0 - 1e-9, Fault.OVER_CURRENT),
-    ("current", 40.0, 40.0 + 1e-9, Fault.CURRENT_LOST),
-    ("temperature", 80.0, 80.0 + 1e-9, Fault.DRIVE_HOT),
-    ("tension", 150.0, 150.0 + 1e-9, Fault.OVER_TENSION),
-    ("tension", 2.0, 2.0 - 1e-9, Fault.SLACK),
-    ("heartbeat_age", 0.05, 0.05 + 1e-9, Fault.HEARTBEAT_LOST),
-    ("drive_state", 4.0, 3.0, Fault.DRIVE_DROPPED),
-    ("drive_state", 5.0, 6.0, Fault.DRIVE_FAULT),
-    ("drive_state", 5.0, 7.0, Fault.DRIVE_FAULT),
-    ("drive_state", 4.0, 5.0, Fault.DRIVE_DROPPED),
-    ("drive_state", 4.0, NAN, Fault.DRIVE_DROPPED),
-    ("emergency", 0.0, 1.0, Fault.EMERGENCY),
-    ("emergency", 0.0, NAN, Fault.EMERGENCY),
-    ("bus_errors", 2.0, 3.0, Fault.BUS_ERRORS),
-    ("bus_errors", 0.0, NAN, Fault.BUS_ERRORS),
-    ("lateness", 0.02, 0.02 + 1e-9, Fault.LATE),
-    ("lateness", -DT, -DT - 1e-9, Fault.CLOCK),
-    ("elapsed", 0.05 * DT, 0.049 * DT, Fault.CLOCK),
-    ("elapsed", 0.5, 0.5 + 1e-9, Fault.CLOCK),
-    ("elapsed", DT, NAN, Fault.CLOCK),
-    ("operator_age", 0.28, 0.28 + 1e-9, Fault.OPERATOR_LOST),
-    ("operator_age", 0.0, NAN, Fault.OPERATOR_LOST),
-    ("emg_age", 0.2, 0.2 + 1e-9, Fault.EMG_LOST),
-    ("emg_age", 0.0, NAN, Fault.EMG_LOST),
-    ("emergency", 0.0, EMERGENCY_STOP, Fault.EMERGENCY_STOP),
-    ("foreign", 0.0, 1.0, Fault.SECOND_MASTER),
-    ("foreign", 0.0, -1.0, Fault.SECOND_MASTER),
-    ("foreign", 0.0, NAN, Fault.SECOND_MASTER),
-    ("recorder", 1.0, 0.0, Fault.RECORDER_LOST),
-    ("motor", 6.5, 6.5 + 1e-9, Fault.MOTOR_LOST),
-    ("joint", -6.5, -6.5 - 1e-9, Fault.JOINT_LOST),
-]
-"""What is observed, its last good value, the first bad one, and what that is."""
-
-
-@pytest.mark.parametrize("edge", EDGES, ids=lambda edge: f"{edge[0]} {edge[2]:g}")
-def test_a_limit_is_good_to_its_end_and_no_further(edge: tuple[str, float, float, Fault]) -> None:
-    name, good, bad, fault = edge
-    limits = LIMITS._replace(current_time=0.0, slack_time=0.0, lateness=0.02)
-    for value, wanted in ((good, False), (bad, True)):
-        (verdict,) = follow(lasting(1, **{name: value}), limits, running(limits))
-        assert (fault in of(verdict.faults)) is wanted
-
-
 def test_armed_it_waits_for_drive_preflight_and_the_request_to_run() -> None:
     state = begin(LIMITS, READING, COLD)
     state, verdict = supervise(LIMITS, state, seen(request=Request.ARM, drive_state=1.0), 0.9, DT)
