@@ -19,6 +19,7 @@ import copy
 import functools
 import gc
 import json
+import linecache
 import os
 import random
 import resource
@@ -232,13 +233,32 @@ def codes(code: CodeType) -> Iterator[CodeType]:
             yield from codes(part)
 
 
+def changed_source(mutant: Mutant) -> str:
+    """The text of its file with the change, on the same lines."""
+    data = (PACKAGE / mutant.path).read_bytes()
+    node = list(ast.walk(ast.parse(data)))[mutant.index]
+    changed: Any = copy.deepcopy(node)
+    list(changes(changed, every_enum()))[mutant.number][1](changed)
+    place, new = (node.test, changed.test) if isinstance(node, ast.If) else (node, changed)
+    lines = [b"", *data.splitlines(keepends=True)]
+    begin, end = (
+        (sum(map(len, lines[:line])) + column)
+        for line, column in ((place.lineno, place.col_offset), (place.end_lineno, place.end_col_offset))
+    )
+    text = ast.unparse(ast.fix_missing_locations(new))
+    if isinstance(new, ast.expr):
+        text = f"({text}{chr(10) * (place.end_lineno - place.lineno)})"
+    return (data[:begin] + text.encode() + data[end:]).decode()
+
+
 def put_in_place(mutant: Mutant) -> None:
-    """Let this process run the changed code, in every function that has the old one; or know the changed number."""
-    tree = copy.deepcopy(parsed()[mutant.path])
-    node = list(ast.walk(tree))[mutant.index]
-    list(changes(node, every_enum()))[mutant.number][1](node)
-    file = str(PACKAGE / mutant.path)
-    code = compile(ast.fix_missing_locations(tree), file, "exec")
+    """Let this process run the changed code, in every function that has the old one; or know the changed number.
+
+    Who reads the source of a function, as the export does, reads the changed one.
+    """
+    file, text = str(PACKAGE / mutant.path), changed_source(mutant)
+    linecache.cache[file] = (len(text), None, text.splitlines(keepends=True), file)
+    code = compile(text, file, "exec")
     if mutant.function:
         outer = mutant.function.partition(".<locals>")[0]
         new = next(one for one in codes(code) if one.co_qualname == outer)
