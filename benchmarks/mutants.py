@@ -45,11 +45,13 @@ ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "src" / "bowden"
 REACHED = FOLDER / "mutants-reached.json"
 EQUIVALENT = ROOT / "benchmarks" / "results" / "mutants_equivalent.toml"
-BUDGET, PATIENCE = 30.0, 150
+BUDGET, PATIENCE = 60.0, 150
 """Of the tests that are run for one mutant, the time that they take without it; and the processor's time that a mutant
 may take [s]: how long it takes on a computer that also does other work says nothing."""
 COMPILING = 8.0
-"""What a test counts more that reaches a kernel in compiled code alone, which is compiled anew [s]."""
+"""What compiling anew adds to the first test of a file that reaches a kernel in compiled code alone [s]."""
+CASES = 3
+"""Of one test that come before other tests' turn."""
 ALIVE = ("survives", "no test")
 
 COMPARED = {ast.Gt: ast.GtE, ast.GtE: ast.Gt, ast.Lt: ast.LtE, ast.LtE: ast.Lt, ast.Eq: ast.NotEq, ast.NotEq: ast.Eq}
@@ -277,6 +279,38 @@ def put_in_place(mutant: Mutant) -> None:
                     setattr(module, key, value)
 
 
+CALLED: set[str] = set()
+"""Kernels within the compiled code that has been called, as `Recorder` names them."""
+
+
+class Called:
+    """Compiled code that says when it is called."""
+
+    def __init__(self, inner: Any, names: frozenset[str]) -> None:
+        self._inner, self._names = inner, names
+
+    def __call__(self, *given: Any, **named: Any) -> Any:
+        CALLED.update(self._names)
+        return self._inner(*given, **named)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(object.__getattribute__(self, "_inner"), name)
+
+
+def watch_compiled() -> None:
+    """Let all compiled code say when it is called, what tests compile when they are imported too."""
+    from bowden.core import kernel
+
+    compile_ = kernel._compile
+
+    @functools.cache
+    def watched(function: Any, name: str, parts: Any, *, within: bool) -> Any:
+        inner = compile_(function, name, parts, within=within)
+        return inner if within else Called(inner, frozenset(kernels_in(function, parts)))
+
+    kernel._compile = watched  # type: ignore[assignment]
+
+
 class Recorder:
     """What each test reaches of the package, and how long it takes.
 
@@ -284,52 +318,29 @@ class Recorder:
     """
 
     def __init__(self) -> None:
-        from bowden.core import kernel
-
         self.found: dict[str, dict[str, Any]] = {}
         self._plain: dict[int, CodeType] = {}
         """Of whatever runs, by identity: a name for each would take longer than many a kernel."""
-        self._compiled: set[str] = set()
         self._fixtures: dict[int, tuple[dict[int, CodeType], set[str]]] = {}
-        compile_, called = kernel._compile, self._compiled_call
-
-        @functools.cache
-        def recorded(function: Any, name: str, parts: Any, *, within: bool) -> Any:
-            inner = compile_(function, name, parts, within=within)
-            return inner if within else called(inner, frozenset(kernels_in(function, parts)))
-
-        kernel._compile = recorded  # type: ignore[assignment]
-
-    def _compiled_call(self, inner: Any, names: frozenset[str]) -> Any:
-        recorder = self
-
-        class Called:
-            """Compiled code that says when it is called."""
-
-            def __call__(self, *given: Any, **named: Any) -> Any:
-                recorder._compiled |= names
-                return inner(*given, **named)
-
-            def __getattr__(self, name: str) -> Any:
-                return getattr(inner, name)
-
-        return Called()
 
     def _trace(self, frame: Any, event: str, argument: Any) -> None:
         self._plain[id(frame.f_code)] = frame.f_code
 
     @pytest.hookimpl(wrapper=True)
     def pytest_fixture_setup(self, fixturedef: Any) -> Iterator[None]:
-        before, self._plain, self._compiled = (self._plain, self._compiled), {}, set()
+        before, self._plain = (self._plain, set(CALLED)), {}
+        CALLED.clear()
         try:
             return (yield)
         finally:
-            self._fixtures[id(fixturedef)] = (self._plain, self._compiled)
-            self._plain, self._compiled = before[0] | self._plain, before[1] | self._compiled
+            self._fixtures[id(fixturedef)] = (self._plain, set(CALLED))
+            self._plain = before[0] | self._plain
+            CALLED.update(before[1])
 
     @pytest.hookimpl(wrapper=True)
     def pytest_runtest_protocol(self, item: Any) -> Iterator[None]:
-        self._plain, self._compiled = {}, set()
+        self._plain = {}
+        CALLED.clear()
         threading.settrace(self._trace)
         sys.settrace(self._trace)
         try:
@@ -341,9 +352,9 @@ class Recorder:
             for one in (one for several in known.values() for one in several):
                 codes, compiled = self._fixtures.get(id(one), ({}, set()))
                 self._plain |= codes
-                self._compiled |= compiled
+                CALLED.update(compiled)
             plain = {name for code in self._plain.values() if (name := name_of(code))}
-            row = {"plain": sorted(plain), "compiled": sorted(self._compiled - plain)}
+            row = {"plain": sorted(plain), "compiled": sorted(CALLED - plain)}
             self.found.setdefault(item.nodeid, {}).update(row)
 
     def pytest_runtest_logreport(self, report: Any) -> None:
@@ -447,12 +458,15 @@ class Mutating:
 
     def judge(self, mutant: Mutant, tests: dict[str, Any], items: dict[str, Any]) -> str:
         """The test that notices a mutant; one of `ALIVE` if none does."""
-        names = [name for name in tests_for(mutant, tests) if name in items]
+        names = tests_for(mutant, tests)
 
         def work() -> str:
             from bowden.core import kernel_cache
 
             kernel_cache._write = lambda path, content: None  # of a mutant nothing is kept
+            for one in gc.get_objects():
+                if isinstance(one, kernel_cache._Kept):  # nor found that was kept of what it was
+                    one._content = "a mutant"
             put_in_place(mutant)
             run([items[name] for name in names], until=lambda: bool(self._failed))
             return self._failed or "survives"
@@ -480,20 +494,26 @@ def reached(items: dict[str, Any]) -> dict[str, dict[str, Any]]:
         known[file] = {"hash": mark, "tests": in_child(work, 1200) or {}}
         print(f"{file}: {len(known[file]['tests'])} tests in {time.monotonic() - start:.0f} s", flush=True)
         REACHED.write_text(json.dumps(known), encoding="utf-8")
-    return {name: row for file in known for name, row in known[file]["tests"].items() if row.get("passed")}
+    rows = {name: row for file in known.values() for name, row in file["tests"].items() if row.get("passed")}
+    return {name: row for name, row in rows.items() if name in items}
 
 
 def tests_for(mutant: Mutant, tests: dict[str, dict[str, Any]]) -> list[str]:
-    """The tests that reach what is changed, or where that is a module's anything of it; quickest first."""
-    key, chosen = f"{mutant.path}:{mutant.function}", []
-    for name, row in tests.items():
-        for kind, more in (("plain", 0.0), ("compiled", COMPILING)):
+    """The tests that reach what is changed, or where that is a module's anything of it.
+
+    Those in plain Python first, then the quickest; of one that has many cases no more than a few before others' turn.
+    """
+    key, chosen, cases = f"{mutant.path}:{mutant.function}", [], Counter[str]()
+    for name, row in sorted(tests.items(), key=lambda item: item[1]["time"]):
+        for compiled, kind in enumerate(("plain", "compiled")):
             if key in row[kind] if mutant.function else any(one.startswith(key) for one in row[kind]):
-                chosen.append((row["time"] + more, name))
+                cases[name.partition("[")[0]] += 1
+                chosen.append((cases[name.partition("[")[0]] // CASES, compiled, row["time"], name))
                 break
-    total, names = 0.0, []
-    for cost, name in sorted(chosen):
-        total += cost
+    total, names, files = 0.0, [], set[str]()
+    for _, compiled, cost, name in sorted(chosen):
+        total += cost + COMPILING * (compiled and name.partition("::")[0] not in files)
+        files.add(name.partition("::")[0])
         if not names or total < BUDGET:
             names.append(name)
     return names
@@ -525,6 +545,7 @@ def main() -> int:
     given = parser.parse_args()
     FOLDER.mkdir(parents=True, exist_ok=True)
     os.chdir(ROOT)
+    watch_compiled()
     plugin = Mutating(given)
     options = ["-q", "-s", "-p", "no:xdist", "-p", "no:cacheprovider", "-m", "not live and not long and not browser"]
     pytest.main([*options, *given.tests], plugins=[plugin])

@@ -1,6 +1,7 @@
 """The wearer's arm: figures of the table, statics by hand, and wearers that cannot be."""
 
 import math
+from contextlib import nullcontext
 
 import pytest
 from hypothesis import given
@@ -58,6 +59,26 @@ def test_a_relaxed_arm_rests_where_its_torques_cancel(mass: float, height: float
     angle = resting_angle(arm)
     assert gravity_torque(arm, angle) + passive_torque(arm, angle, 0.0) == pytest.approx(0.0, abs=1e-9)
     assert 0.40 <= arm.stiffness <= 1.8  # the range that Wiegner and Watts measured
+
+
+@given(st.floats(0.0, 9.0), st.floats(0.3, 2.0), st.floats(0.0, 300.0), st.floats(0.0, 30.0))
+def test_who_swings_and_carries_their_arm_needs_no_spring_to_follow(
+    time: float, frequency: float, stiffness: float, damping: float
+) -> None:
+    """Along φw itself the torques are the inertia's, whatever the wearer's stiffness and damping."""
+    arm, swing, omega = arm_of(elevation=0.4), 0.5, 2.0 * math.pi * frequency
+    wearer = Wearer(1.0, stiffness=stiffness, damping=damping, centre=0.9, swing=swing, swing_frequency=frequency)
+    angle, velocity = 0.9 + swing * math.sin(omega * time), swing * omega * math.cos(omega * time)
+    torque = wearer_torque(wearer, arm, angle, velocity, time)
+    torque += gravity_torque(arm, angle) + passive_torque(arm, angle, velocity)
+    assert torque == pytest.approx(-arm.inertia * omega**2 * swing * math.sin(omega * time), abs=1e-9)
+
+
+@pytest.mark.parametrize("index", [10.0, 80.0])
+def test_a_body_is_one_up_to_the_ends_of_the_mass_index(index: float) -> None:
+    for share, taken in ((1.0, True), (1.001 if index > 50.0 else 0.999, False)):
+        with nullcontext() if taken else pytest.raises(ParameterError, match="body mass index"):
+            arm_of(index * share * 1.5**2, 1.5)
 
 
 @pytest.mark.parametrize(
