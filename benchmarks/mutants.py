@@ -1,6 +1,6 @@
 """Mutation testing: does a test fail when one operator, comparison, condition or number of the package is changed?
 
-    python benchmarks/mutants.py [COUNT] [--seed N] [--rooms safety control ...] [--all] [--left] [--least SHARE]
+    python benchmarks/mutants.py [COUNT] [--seed N] [--rooms safety control ...] [--but ROOM ...] [--all] [--left] [--least SHARE]
 
 Mutants are drawn over the rooms by size: each change of each function, and of each number that a module names, is as
 likely as any other. For each, the tests that reach what is changed are run, the quickest first, until one fails: in a
@@ -212,10 +212,11 @@ def every_enum() -> dict[str, list[str]]:
     return enums_of(list(parsed().values()))
 
 
-def mutants(rooms: list[str]) -> Iterator[Mutant]:
-    """Every change of every file of the rooms."""
+def mutants(rooms: list[str], but: list[str]) -> Iterator[Mutant]:
+    """Every change of every file of the rooms, but for those in some folders."""
     for path, tree in sorted(parsed().items()):
-        if rooms and not any(PurePosixPath(path).is_relative_to(room) for room in rooms):
+        there = PurePosixPath(path).is_relative_to
+        if (rooms and not any(map(there, rooms))) or any(map(there, but)):
             continue
         of, lines = owners(tree), (PACKAGE / path).read_text(encoding="utf-8").splitlines()
         hidden = {id(inner) for node in ast.walk(tree) for part in silent(node) for inner in ast.walk(part)}
@@ -437,11 +438,11 @@ class Mutating:
     def pytest_runtestloop(self, session: pytest.Session) -> bool:
         items = {item.nodeid: item for item in session.items}
         tests = reached(items)
-        every = list(mutants(self.given.rooms))
+        every = list(mutants(self.given.rooms, self.given.but))
         count = len(every) if self.given.all else min(self.given.count, len(every))
         drawn = every if self.given.all else random.Random(self.given.seed).sample(every, count)
-        label = "-".join([*self.given.rooms, "all" if self.given.all else str(self.given.seed)])
-        kept = Kept(f"mutants-{label.replace('/', '.')}")
+        of = sha256(repr((self.given.rooms, self.given.but)).encode()).hexdigest()[:8]
+        kept = Kept(f"mutants-{of}-{'all' if self.given.all else self.given.seed}")
         done = {what: by for what, by in kept.rows() if not (self.given.left and by in ALIVE)}
         kept.replace([[one.what, done[one.what]] for one in drawn if one.what in done])
         missing = (one for one in drawn if one.what not in done)
@@ -537,6 +538,7 @@ def main() -> int:
     parser.add_argument("count", nargs="?", type=int, default=20)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--rooms", nargs="*", default=[], help="folders or files of the package; all, if none is named")
+    parser.add_argument("--but", nargs="*", default=[], help="folders or files that are left out")
     parser.add_argument("--tests", nargs="*", default=["tests"], help="all, if none is named")
     parser.add_argument("--all", action="store_true", help="every mutant of the rooms")
     parser.add_argument("--left", action="store_true", help="judge again what survived")
