@@ -1,6 +1,6 @@
 """Mutation testing: does a test fail when one operator, comparison, condition or number of the package is changed?
 
-    python benchmarks/mutants.py [COUNT] [--seed N] [--rooms safety ...] [--but ROOM ...] [--all] [--left] [--least SHARE]
+    python benchmarks/mutants.py [COUNT] [--seed N] [--rooms ROOM ...] [--but ROOM ...] [--all] [--left] [--least SHARE]
 
 Mutants are drawn over the rooms by size: each change of each function, and of each number that a module names, is as
 likely as any other. For each, the tests that reach what is changed are run, the quickest first, until one fails: in a
