@@ -34,6 +34,8 @@ CYCLES = round(DURATION / PLANT.sample_time)
 RECORD, ROWS = 9, 22
 """Rows of the record, and of the record with the states of law and conditioner."""
 CABLE, SERVO, MOTOR = PLANT.cable, PLANT.servo, PLANT.motor
+QUICK = PLANT._replace(servo=SERVO._replace(natural_frequency=300.0))
+"""With a servo so quick beside the cycle that both go in sub-steps."""
 
 NUMBERS: dict[str, float] = {
     "sample_time": PLANT.sample_time,
@@ -89,13 +91,17 @@ def rows(rounds: int = 40) -> tuple[list[Row], str]:
     found: list[Row] = []
     for flags in (FLAGS, (*FLAGS, "-march=native")):
         with _built(cc, flags) as library:
-            found += _rows(library, rounds, "" if flags is FLAGS else ", -march=native")
+            said = "" if flags is FLAGS else ", -march=native"
+            found += _rows(library, rounds, said, PLANT)
+            found += _rows(library, rounds, f", in {QUICK.substeps} sub-steps a cycle{said}", QUICK)[1:]
     said = subprocess.run([cc, "--version"], capture_output=True, text=True, check=True).stdout.splitlines()[0]
     return found, f"C: {said}, {' '.join(FLAGS[:3])}, the same arithmetic to 1e-9, noise drawn by NumPy on both sides."
 
 
-def _rows(library: ctypes.CDLL, rounds: int, said: str) -> list[Row]:
-    parameters = Parameters(**NUMBERS, delay=PLANT.delay, substeps=PLANT.substeps, cycles=CYCLES)
+def _rows(library: ctypes.CDLL, rounds: int, said: str, plant: Bench) -> list[Row]:
+    frequency, limit = plant.servo.natural_frequency, plant.dynamics().plant.servo.acceleration_limit
+    numbers = NUMBERS | {"natural_frequency": frequency, "acceleration_limit": limit}
+    parameters = Parameters(**numbers, delay=plant.delay, substeps=plant.substeps, cycles=CYCLES)
     pointer = ctypes.byref(parameters)
 
     def c_program(normals: Array) -> tuple[Array, Array, Array]:
@@ -104,7 +110,7 @@ def _rows(library: ctypes.CDLL, rounds: int, said: str) -> list[Row]:
         return inputs, edges, block
 
     def package() -> Trace:
-        return simulate(PLANT, LAW, REFERENCE, duration=DURATION, seed=SEED)
+        return simulate(plant, LAW, REFERENCE, duration=DURATION, seed=SEED)
 
     noise = np.random.default_rng(SEED).standard_normal((CYCLES, 2))
     inputs, edges, block = c_program(noise)
@@ -114,7 +120,7 @@ def _rows(library: ctypes.CDLL, rounds: int, said: str) -> list[Row]:
     references, (widths, slopes) = inputs[1:4].copy(), edges
     record, states = np.empty((RECORD, CYCLES)), np.empty((ROWS - RECORD, CYCLES))
     c_arguments = [_at(values) for values in (references, widths, slopes, noise, record, states)]
-    ours = _loop(PLANT, references, widths, slopes, noise)
+    ours = _loop(plant, references, widths, slopes, noise)
     timings = by_turns(
         rounds,
         simulate=package,

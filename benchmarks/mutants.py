@@ -1,6 +1,6 @@
 """Mutation testing: does a test fail when one operator, comparison, condition or number of the package is changed?
 
-    python benchmarks/mutants.py [COUNT] [--seed N] [--rooms safety control ...] [--all] [--left] [--least SHARE]
+    python benchmarks/mutants.py [COUNT] [--seed N] [--rooms ROOM ...] [--but ROOM ...] [--all] [--left] [--least SHARE]
 
 Mutants are drawn over the rooms by size: each change of each function, and of each number that a module names, is as
 likely as any other. For each, the tests that reach what is changed are run, the quickest first, until one fails: in a
@@ -19,6 +19,7 @@ import copy
 import functools
 import gc
 import json
+import linecache
 import os
 import random
 import resource
@@ -32,7 +33,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from hashlib import sha256
 from itertools import pairwise
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from types import CodeType, FunctionType, ModuleType
 from typing import Any, NamedTuple
 
@@ -44,11 +45,13 @@ ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "src" / "bowden"
 REACHED = FOLDER / "mutants-reached.json"
 EQUIVALENT = ROOT / "benchmarks" / "results" / "mutants_equivalent.toml"
-BUDGET, PATIENCE = 30.0, 150
+BUDGET, PATIENCE = 60.0, 150
 """Of the tests that are run for one mutant, the time that they take without it; and the processor's time that a mutant
 may take [s]: how long it takes on a computer that also does other work says nothing."""
 COMPILING = 8.0
-"""What a test counts more that reaches a kernel in compiled code alone, which is compiled anew [s]."""
+"""What compiling anew adds to the first test of a file that reaches a kernel in compiled code alone [s]."""
+CASES = 3
+"""Of one test that come before other tests' turn."""
 ALIVE = ("survives", "no test")
 
 COMPARED = {ast.Gt: ast.GtE, ast.GtE: ast.Gt, ast.Lt: ast.LtE, ast.LtE: ast.Lt, ast.Eq: ast.NotEq, ast.NotEq: ast.Eq}
@@ -209,10 +212,11 @@ def every_enum() -> dict[str, list[str]]:
     return enums_of(list(parsed().values()))
 
 
-def mutants(rooms: list[str]) -> Iterator[Mutant]:
-    """Every change of every file of the rooms."""
+def mutants(rooms: list[str], but: list[str]) -> Iterator[Mutant]:
+    """Every change of every file of the rooms, but for those in some folders."""
     for path, tree in sorted(parsed().items()):
-        if rooms and path.split("/")[0] not in rooms:
+        there = PurePosixPath(path).is_relative_to
+        if (rooms and not any(map(there, rooms))) or any(map(there, but)):
             continue
         of, lines = owners(tree), (PACKAGE / path).read_text(encoding="utf-8").splitlines()
         hidden = {id(inner) for node in ast.walk(tree) for part in silent(node) for inner in ast.walk(part)}
@@ -232,13 +236,32 @@ def codes(code: CodeType) -> Iterator[CodeType]:
             yield from codes(part)
 
 
+def changed_source(mutant: Mutant) -> str:
+    """The text of its file with the change, on the same lines."""
+    data = (PACKAGE / mutant.path).read_bytes()
+    node = list(ast.walk(ast.parse(data)))[mutant.index]
+    changed: Any = copy.deepcopy(node)
+    list(changes(changed, every_enum()))[mutant.number][1](changed)
+    place, new = (node.test, changed.test) if isinstance(node, ast.If) else (node, changed)
+    lines = [b"", *data.splitlines(keepends=True)]
+    begin, end = (
+        (sum(map(len, lines[:line])) + column)
+        for line, column in ((place.lineno, place.col_offset), (place.end_lineno, place.end_col_offset))
+    )
+    text = ast.unparse(ast.fix_missing_locations(new))
+    if isinstance(new, ast.expr):
+        text = f"({text}{chr(10) * (place.end_lineno - place.lineno)})"
+    return (data[:begin] + text.encode() + data[end:]).decode()
+
+
 def put_in_place(mutant: Mutant) -> None:
-    """Let this process run the changed code, in every function that has the old one; or know the changed number."""
-    tree = copy.deepcopy(parsed()[mutant.path])
-    node = list(ast.walk(tree))[mutant.index]
-    list(changes(node, every_enum()))[mutant.number][1](node)
-    file = str(PACKAGE / mutant.path)
-    code = compile(ast.fix_missing_locations(tree), file, "exec")
+    """Let this process run the changed code, in every function that has the old one; or know the changed number.
+
+    Who reads the source of a function, as the export does, reads the changed one.
+    """
+    file, text = str(PACKAGE / mutant.path), changed_source(mutant)
+    linecache.cache[file] = (len(text), None, text.splitlines(keepends=True), file)
+    code = compile(text, file, "exec")
     if mutant.function:
         outer = mutant.function.partition(".<locals>")[0]
         new = next(one for one in codes(code) if one.co_qualname == outer)
@@ -257,6 +280,38 @@ def put_in_place(mutant: Mutant) -> None:
                     setattr(module, key, value)
 
 
+CALLED: set[str] = set()
+"""Kernels within the compiled code that has been called, as `Recorder` names them."""
+
+
+class Called:
+    """Compiled code that says when it is called."""
+
+    def __init__(self, inner: Any, names: frozenset[str]) -> None:
+        self._inner, self._names = inner, names
+
+    def __call__(self, *given: Any, **named: Any) -> Any:
+        CALLED.update(self._names)
+        return self._inner(*given, **named)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(object.__getattribute__(self, "_inner"), name)
+
+
+def watch_compiled() -> None:
+    """Let all compiled code say when it is called, what tests compile when they are imported too."""
+    from bowden.core import kernel
+
+    compile_ = kernel._compile
+
+    @functools.cache
+    def watched(function: Any, name: str, parts: Any, *, within: bool) -> Any:
+        inner = compile_(function, name, parts, within=within)
+        return inner if within else Called(inner, frozenset(kernels_in(function, parts)))
+
+    kernel._compile = watched  # type: ignore[assignment]
+
+
 class Recorder:
     """What each test reaches of the package, and how long it takes.
 
@@ -264,52 +319,29 @@ class Recorder:
     """
 
     def __init__(self) -> None:
-        from bowden.core import kernel
-
         self.found: dict[str, dict[str, Any]] = {}
         self._plain: dict[int, CodeType] = {}
         """Of whatever runs, by identity: a name for each would take longer than many a kernel."""
-        self._compiled: set[str] = set()
         self._fixtures: dict[int, tuple[dict[int, CodeType], set[str]]] = {}
-        compile_, called = kernel._compile, self._compiled_call
-
-        @functools.cache
-        def recorded(function: Any, name: str, parts: Any, *, within: bool) -> Any:
-            inner = compile_(function, name, parts, within=within)
-            return inner if within else called(inner, frozenset(kernels_in(function, parts)))
-
-        kernel._compile = recorded  # type: ignore[assignment]
-
-    def _compiled_call(self, inner: Any, names: frozenset[str]) -> Any:
-        recorder = self
-
-        class Called:
-            """Compiled code that says when it is called."""
-
-            def __call__(self, *given: Any, **named: Any) -> Any:
-                recorder._compiled |= names
-                return inner(*given, **named)
-
-            def __getattr__(self, name: str) -> Any:
-                return getattr(inner, name)
-
-        return Called()
 
     def _trace(self, frame: Any, event: str, argument: Any) -> None:
         self._plain[id(frame.f_code)] = frame.f_code
 
     @pytest.hookimpl(wrapper=True)
     def pytest_fixture_setup(self, fixturedef: Any) -> Iterator[None]:
-        before, self._plain, self._compiled = (self._plain, self._compiled), {}, set()
+        before, self._plain = (self._plain, set(CALLED)), {}
+        CALLED.clear()
         try:
             return (yield)
         finally:
-            self._fixtures[id(fixturedef)] = (self._plain, self._compiled)
-            self._plain, self._compiled = before[0] | self._plain, before[1] | self._compiled
+            self._fixtures[id(fixturedef)] = (self._plain, set(CALLED))
+            self._plain = before[0] | self._plain
+            CALLED.update(before[1])
 
     @pytest.hookimpl(wrapper=True)
     def pytest_runtest_protocol(self, item: Any) -> Iterator[None]:
-        self._plain, self._compiled = {}, set()
+        self._plain = {}
+        CALLED.clear()
         threading.settrace(self._trace)
         sys.settrace(self._trace)
         try:
@@ -321,9 +353,9 @@ class Recorder:
             for one in (one for several in known.values() for one in several):
                 codes, compiled = self._fixtures.get(id(one), ({}, set()))
                 self._plain |= codes
-                self._compiled |= compiled
+                CALLED.update(compiled)
             plain = {name for code in self._plain.values() if (name := name_of(code))}
-            row = {"plain": sorted(plain), "compiled": sorted(self._compiled - plain)}
+            row = {"plain": sorted(plain), "compiled": sorted(CALLED - plain)}
             self.found.setdefault(item.nodeid, {}).update(row)
 
     def pytest_runtest_logreport(self, report: Any) -> None:
@@ -406,10 +438,11 @@ class Mutating:
     def pytest_runtestloop(self, session: pytest.Session) -> bool:
         items = {item.nodeid: item for item in session.items}
         tests = reached(items)
-        every = list(mutants(self.given.rooms))
+        every = list(mutants(self.given.rooms, self.given.but))
         count = len(every) if self.given.all else min(self.given.count, len(every))
         drawn = every if self.given.all else random.Random(self.given.seed).sample(every, count)
-        kept = Kept(f"mutants-{'-'.join(self.given.rooms)}-{'all' if self.given.all else self.given.seed}")
+        of = sha256(repr((self.given.rooms, self.given.but)).encode()).hexdigest()[:8]
+        kept = Kept(f"mutants-{of}-{'all' if self.given.all else self.given.seed}")
         done = {what: by for what, by in kept.rows() if not (self.given.left and by in ALIVE)}
         kept.replace([[one.what, done[one.what]] for one in drawn if one.what in done])
         missing = (one for one in drawn if one.what not in done)
@@ -426,12 +459,15 @@ class Mutating:
 
     def judge(self, mutant: Mutant, tests: dict[str, Any], items: dict[str, Any]) -> str:
         """The test that notices a mutant; one of `ALIVE` if none does."""
-        names = [name for name in tests_for(mutant, tests) if name in items]
+        names = tests_for(mutant, tests)
 
         def work() -> str:
             from bowden.core import kernel_cache
 
             kernel_cache._write = lambda path, content: None  # of a mutant nothing is kept
+            for one in gc.get_objects():
+                if isinstance(one, kernel_cache._Kept):  # nor found that was kept of what it was
+                    one._content = "a mutant"
             put_in_place(mutant)
             run([items[name] for name in names], until=lambda: bool(self._failed))
             return self._failed or "survives"
@@ -459,20 +495,26 @@ def reached(items: dict[str, Any]) -> dict[str, dict[str, Any]]:
         known[file] = {"hash": mark, "tests": in_child(work, 1200) or {}}
         print(f"{file}: {len(known[file]['tests'])} tests in {time.monotonic() - start:.0f} s", flush=True)
         REACHED.write_text(json.dumps(known), encoding="utf-8")
-    return {name: row for file in known for name, row in known[file]["tests"].items() if row.get("passed")}
+    rows = {name: row for file in known.values() for name, row in file["tests"].items() if row.get("passed")}
+    return {name: row for name, row in rows.items() if name in items}
 
 
 def tests_for(mutant: Mutant, tests: dict[str, dict[str, Any]]) -> list[str]:
-    """The tests that reach what is changed, or where that is a module's anything of it; quickest first."""
-    key, chosen = f"{mutant.path}:{mutant.function}", []
-    for name, row in tests.items():
-        for kind, more in (("plain", 0.0), ("compiled", COMPILING)):
+    """The tests that reach what is changed, or where that is a module's anything of it.
+
+    Those in plain Python first, then the quickest; of one that has many cases no more than a few before others' turn.
+    """
+    key, chosen, cases = f"{mutant.path}:{mutant.function}", [], Counter[str]()
+    for name, row in sorted(tests.items(), key=lambda item: item[1]["time"]):
+        for compiled, kind in enumerate(("plain", "compiled")):
             if key in row[kind] if mutant.function else any(one.startswith(key) for one in row[kind]):
-                chosen.append((row["time"] + more, name))
+                cases[name.partition("[")[0]] += 1
+                chosen.append((cases[name.partition("[")[0]] // CASES, compiled, row["time"], name))
                 break
-    total, names = 0.0, []
-    for cost, name in sorted(chosen):
-        total += cost
+    total, names, files = 0.0, [], set[str]()
+    for _, compiled, cost, name in sorted(chosen):
+        total += cost + COMPILING * (compiled and name.partition("::")[0] not in files)
+        files.add(name.partition("::")[0])
         if not names or total < BUDGET:
             names.append(name)
     return names
@@ -495,7 +537,8 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("count", nargs="?", type=int, default=20)
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--rooms", nargs="*", default=[], help="all, if none is named")
+    parser.add_argument("--rooms", nargs="*", default=[], help="folders or files of the package; all, if none is named")
+    parser.add_argument("--but", nargs="*", default=[], help="folders or files that are left out")
     parser.add_argument("--tests", nargs="*", default=["tests"], help="all, if none is named")
     parser.add_argument("--all", action="store_true", help="every mutant of the rooms")
     parser.add_argument("--left", action="store_true", help="judge again what survived")
@@ -504,6 +547,7 @@ def main() -> int:
     given = parser.parse_args()
     FOLDER.mkdir(parents=True, exist_ok=True)
     os.chdir(ROOT)
+    watch_compiled()
     plugin = Mutating(given)
     options = ["-q", "-s", "-p", "no:xdist", "-p", "no:cacheprovider", "-m", "not live and not long and not browser"]
     pytest.main([*options, *given.tests], plugins=[plugin])

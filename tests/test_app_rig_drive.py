@@ -10,19 +10,14 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from bowden.core.errors import BowdenError, DriveError, ParameterError
-from bowden.hardware.buses.link import Links
 from bowden.hardware.drives.canopen_drive import CanopenDrive
 from bowden.hardware.drives.families.cia402 import DriveParameters
 from bowden.hardware.ports import Power
-from bowden.hardware.twin.bench import TwinBench
 from bowden.live.preflight import contradictions
-from bowden.models.cable.sheath_path import constant_bend
 from bowden.plants.presets.bench import default_bench
 from bowden.rig.rig import Rig
 from bowden.rig.sections import drive_part
-from support.memory_bus import TwinBus
-
-BENCH = default_bench()
+from support.memory_bus import DriverLoop
 
 
 def parameters(text: str, folder: Path) -> DriveParameters:
@@ -74,20 +69,16 @@ def test_any_drive_that_is_taken_can_be_brought_up_or_says_why(tmp_path: Path, g
         drive = parameters(text, tmp_path)
     except ParameterError:
         return
-    bus = TwinBus(drive, lambda now: TwinBench(BENCH, constant_bend(BENCH.sheath.bend), 1.0, 0, 0.1, now))
-    host = CanopenDrive(drive, Links(bus))
+    bus = DriverLoop(drive)
     try:
-        host.bring_up()
+        bus.drive.bring_up()
     except DriveError:
         return
-    for _ in range(12):
-        reading = host.read(bus.time)
-        host.write(reading.motor, Power.ON, bus.time)
-        bus.advance(1e-3)
+    reading = bus.run(12, Power.ON)[-1]
     assert all(math.isfinite(value) or math.isnan(value) for value in (reading.motor, reading.joint, reading.current))
     count = 2.0 * math.pi / float(given_.get("motor_counts_per_turn", math.inf))  # type: ignore[arg-type]
     assert abs(bus.node.bench.motor - 0.1) < 0.02 + count, "enabling moves nothing"
-    host.close()
+    bus.drive.close()
 
 
 @pytest.mark.parametrize(
@@ -133,4 +124,4 @@ def test_another_bus_is_taken_or_refused() -> None:
 def test_the_default_limits_go_together(tmp_path: Path) -> None:
     rig = tmp_path / "rig.toml"
     rig.write_text("")
-    assert not contradictions(Rig.read(rig).supervisor_limits, BENCH.sample_time)
+    assert not contradictions(Rig.read(rig).supervisor_limits, default_bench().sample_time)

@@ -70,6 +70,21 @@ def test_flesh_damps_by_the_levers_of_the_taut_cables() -> None:
         assert getattr(states[0], name) - getattr(states[1], name) == pytest.approx(damping, rel=1e-3)
 
 
+@pytest.mark.parametrize(("motor", "joint"), [(0.8, 0.7), (0.5, 0.7), (0.1, 0.4)])
+def test_the_doubt_of_the_stretch_is_what_the_doubt_of_the_angle_comes_to_at_the_elbow(
+    motor: float, joint: float
+) -> None:
+    """The springs' torque at an angle that is off by the doubt; of the friction so little is known that it is alone."""
+    angle, spool = 1e-3, float(spool_of(motor, MAP))
+    alone = Doubt(angle=angle, stiffness=0.0, play=0.0, friction=1e6)
+    state = interaction_start(CHAIN, spool, joint)
+    for _ in range(3):
+        state = interaction_step(CHAIN._replace(friction=1.0), alone, state, spool, joint, 0.0, 1e-3)
+    (up, over), (down, under) = springs(spool, joint + angle), springs(spool, joint - angle)
+    stiffness = (up - down) * float(flexor_arm(joint, MAP)) - (over - under) * 0.05
+    assert state.doubt == pytest.approx(0.5 * abs(stiffness), rel=0.1)
+
+
 def test_play_is_taken_from_the_side_from_which_the_motor_came() -> None:
     rough = CHAIN._replace(half_width=0.002)
     joint, ends = 0.7, []

@@ -120,6 +120,37 @@ def test_repetition_is_learnt_and_anything_else_is_left_to_the_observer() -> Non
     )
 
 
+@pytest.mark.parametrize("k", range(1, 7))
+def test_an_error_of_one_harmonic_is_learnt_by_it_alone_and_asked_for_with_its_derivatives(k: int) -> None:
+    """−μ/2·qₖ of it in a period, the first in which the strokes are known to repeat themselves."""
+    dt, period, size, cycles = 4e-3, 2.0, np.array([0.02, -0.01]), 0
+    law = LAWS["repetitive"].with_gains(half_width=0.0, learning=0.4, cutoff=20.0)
+    state, gains, omega = law.start(Sample(0.0, 0.0)), law.gains, 2.0 * math.pi / period
+
+    def phase(stroke: Any, omega: float, late: float) -> float:
+        return omega * (stroke.since + late) + (0.0 if stroke.direction > 0.0 else math.pi)
+
+    for row in STROKE.sample(np.arange(0.0, 4.0 * period, dt)).tolist():
+        angle, reference = k * phase(state.stroke, omega, dt), Reference(*row)
+        state, _ = law.step(state, Sample(row[0] + size @ [math.cos(angle), math.sin(angle)], row[0]), reference, dt)
+        cycles += state.stroke.repeated
+        if cycles == round(period / dt):
+            break
+    expected = np.zeros((6, 2))
+    expected[k - 1] = -0.5 * gains.learning / (1.0 + (k * omega / gains.cutoff) ** 4) * size
+    np.testing.assert_allclose(np.array(state.learned), expected, atol=0.04 * np.abs(expected).max())
+
+    still, nothing = Sample(row[0], row[0]), type(state.learned)(*[state.learned.first._replace(even=0.0, odd=0.0)] * 6)
+    (after, command), (_, without) = (
+        law.step(state._replace(learned=one), still, reference, dt) for one in (state.learned, nothing)
+    )
+    n = math.pi / after.stroke.length * np.arange(1, 7)
+    turned = np.exp(1j * np.arange(1, 7) * phase(after.stroke, math.pi / after.stroke.length, 0.0))
+    wave = np.conj(np.array(after.learned) @ [1.0, 1.0j]) * turned
+    asked = np.sum(wave * (1.0 + 1j * n * gains.lead - n**2 * gains.lead_square)).real
+    assert command - without == pytest.approx(asked / gains.slope, rel=1e-9)
+
+
 def test_what_was_learnt_fades_where_the_motion_ends() -> None:
     law = known("repetitive")
     state = law.start(Sample(0.0, 0.0))

@@ -10,7 +10,9 @@ from bowden.control.stability import (
     StateSpace,
     adaptive_model,
     closed_loop_poles,
+    frequencies,
     margins,
+    margins_of,
     response,
     servo_model,
 )
@@ -49,6 +51,15 @@ def test_margins_equal_python_controls(
     assert ours.delay_margin_s == pytest.approx(min(np.radians(phase) / crossover), rel=0.01)
     poles = np.sort(np.abs(np.linalg.eigvals(loop.A - loop.B @ loop.C)))  # the plant has no way straight through
     np.testing.assert_allclose(np.sort(np.abs(closed_loop_poles(plant, law))), poles, atol=1e-5)
+
+
+def test_only_where_the_loop_is_real_and_negative_it_may_come_to_minus_one() -> None:
+    """A loop that is 0.01 at −180° and 0.9 at −360° may be a hundred times as large."""
+    phase = np.linspace(0.0, -2.5 * np.pi, len(frequencies(DT)))
+    gain = np.exp(np.interp(-phase / np.pi, [0.0, 1.0, 2.0, 2.5], np.log([0.01, 0.01, 0.9, 0.9])))
+    found = margins_of(gain * np.exp(1j * phase), np.array([0.5 + 0.0j]), DT)
+    assert found.gain_margin_db == pytest.approx(40.0, abs=0.1)
+    assert found.phase_margin_deg is None
 
 
 def test_response_equals_python_controls() -> None:

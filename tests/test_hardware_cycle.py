@@ -11,48 +11,38 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bowden.core.signals import DriveState
-from bowden.hardware.buses.link import Links
 from bowden.hardware.drives import canopen_frames as frames
 from bowden.hardware.drives.canopen_drive import MOST_DUE, CanopenDrive
 from bowden.hardware.drives.checklist import Found
 from bowden.hardware.drives.families.cia402 import DriveParameters, joint_scale, motor_scale
 from bowden.hardware.drives.scale import motor_limits
-from bowden.hardware.ports import Power
+from bowden.hardware.ports import Drive, Power
 from bowden.hardware.twin.bench import TwinBench
 from bowden.hardware.twin.injection import parse
 from bowden.identify.servo.fit import identify_servo
-from bowden.models.cable.sheath_path import constant_bend
 from bowden.models.drive.encoder import Encoder
 from bowden.models.drive.servo import ServoState, prepare, servo_step
-from bowden.plants.presets.bench import bench
-from support.memory_bus import TwinBus
+from support.memory_bus import DriverLoop, bench_at
 
 DRIVE = DriveParameters(answer_timeout=0.05)
 CYCLE = 1e-3
 
 
-def make_bench(now: float) -> TwinBench:
-    rig = bench()._replace(motor_encoder=Encoder(0.0, 0.0))
-    return TwinBench(rig, constant_bend(rig.sheath.bend), 1.0, 0, 0.1, now)
+def exact_bench(now: float) -> TwinBench:
+    return bench_at(now, Encoder(0.0, 0.0))
 
 
-class SyncBus(TwinBus):
+class SyncBus(DriverLoop):
     """A bus on which the drive's time comes with the frames alone: it is late with everything else."""
 
     def pass_time(self) -> None:
         self.time += CYCLE
 
 
-def enabled() -> tuple[CanopenDrive, SyncBus]:
-    bus = SyncBus(DRIVE, make_bench)
-    drive = CanopenDrive(DRIVE, Links(bus))
-    drive.bring_up()
-    for _ in range(10):
-        drive.read(bus.time)
-        drive.write(0.1, Power.ON, bus.time)
-        bus.advance(CYCLE)
-    assert bus.node.state is DriveState.OPERATION_ENABLED
-    return drive, bus
+def enabled() -> tuple[Drive, SyncBus]:
+    bus = SyncBus(DRIVE, plant=exact_bench)
+    bus.up()
+    return bus.drive, bus
 
 
 @pytest.mark.parametrize("ticks", [True, False])
@@ -102,22 +92,21 @@ def test_of_several_emergencies_in_a_cycle_the_first_is_told() -> None:
 
 
 def test_no_power_before_a_position_is_known() -> None:
-    bus = TwinBus(DRIVE, make_bench)
+    bus = DriverLoop(DRIVE)
     bus.node.state = DriveState.SWITCHED_ON  # as another master has left it
-    drive = CanopenDrive(DRIVE, Links(bus))
-    drive.bring_up()
+    bus.drive.bring_up()
     for _ in range(5):
-        drive.write(0.1, Power.ON, bus.time)
+        bus.drive.write(0.1, Power.ON, bus.time)
         bus.advance(CYCLE)
         assert bus.node.state is not DriveState.OPERATION_ENABLED
 
 
-class SlowServer(TwinBus):
+class SlowServer(DriverLoop):
     """A drive whose SDO server takes some milliseconds."""
 
     def __init__(self, drive: DriveParameters) -> None:
         self._asked: deque[tuple[float, int, bytes]] = deque()
-        super().__init__(drive, make_bench)
+        super().__init__(drive)
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
         if msg.arbitration_id == frames.SDO_REQUEST + 1:
@@ -134,14 +123,10 @@ class SlowServer(TwinBus):
 
 def test_the_drive_has_stopped_watching_us_before_it_is_stopped() -> None:
     bus = SlowServer(DRIVE._replace(answer_timeout=0.2))
-    drive = CanopenDrive(DRIVE._replace(answer_timeout=0.2), Links(bus))
-    drive.bring_up()
+    bus.drive.bring_up()
     bus.journal.clear()  # of the trial of the drive's watch over us
-    for _ in range(20):
-        drive.read(bus.time)
-        drive.write(0.1, Power.ON, bus.time)
-        bus.advance(CYCLE)
-    drive.close()
+    bus.run(20, Power.ON)
+    bus.drive.close()
     bus.advance(1.0)
     assert bus.node.objects[0x1016, 1] == 0
     assert bus.node.nmt == frames.STOPPED
@@ -149,7 +134,7 @@ def test_the_drive_has_stopped_watching_us_before_it_is_stopped() -> None:
     assert "fault" not in [event for _, event, _ in bus.journal]
 
 
-_TAPPED: list[TwinBus] = []
+_TAPPED: list[DriverLoop] = []
 
 
 @settings(max_examples=200, deadline=None)
@@ -176,8 +161,8 @@ def test_any_fault_that_is_taken_leaves_the_twin_alive(text: str) -> None:
     from bowden.core.errors import ParameterError
 
     if not _TAPPED:
-        _TAPPED.append(TwinBus(DRIVE, make_bench))
-        CanopenDrive(DRIVE, Links(_TAPPED[0])).bring_up()
+        _TAPPED.append(DriverLoop(DRIVE))
+        _TAPPED[0].drive.bring_up()
     bus = _TAPPED[0]
     try:
         injection = parse(text)

@@ -8,64 +8,29 @@ from typing import Any
 import pytest
 
 from bowden.core.errors import DriveError
-from bowden.core.signals import EMERGENCY_STOP, DriveReading, DriveState
-from bowden.hardware.buses.link import Links
+from bowden.core.signals import EMERGENCY_STOP, DriveState
 from bowden.hardware.drives import canopen_frames as frames
 from bowden.hardware.drives.canopen_drive import CanopenDrive
 from bowden.hardware.drives.families.cia402 import DriveParameters
 from bowden.hardware.drives.findings import UNWATCHED
 from bowden.hardware.drives.homing import zeroed
 from bowden.hardware.ports import Drive, Power
-from bowden.hardware.twin.bench import TwinBench
 from bowden.hardware.twin.canopen_node import CanopenNode
-from bowden.hardware.twin.injection import KINDS, parse
-from bowden.models.cable.sheath_path import constant_bend
-from bowden.plants.presets.bench import bench
-from support.memory_bus import TwinBus
+from bowden.hardware.twin.injection import KINDS
+from support.memory_bus import DriverLoop
 
-CYCLE = 1e-3
 DRIVE = DriveParameters(answer_timeout=0.05, tension_scale=0.01, tension_zero=200.0)
 
 
-def make_bench(now: float) -> TwinBench:
-    rig = bench()
-    return TwinBench(rig, constant_bend(rig.sheath.bend), 1.0, 0, 0.1, now)
+def brought_up(drive: DriveParameters = DRIVE, overrides: Any = None) -> DriverLoop:
+    loop = DriverLoop(drive, overrides)
+    loop.drive.bring_up()
+    return loop
 
 
-class Rig:
-    """A drive, its twin, and a loop."""
-
-    def __init__(self, drive: DriveParameters = DRIVE, **overrides: Any) -> None:
-        self.bus = TwinBus(drive, make_bench, overrides.get("overrides"))
-        self.drive = CanopenDrive(drive, Links(self.bus))
-        self.readings: list[DriveReading] = []
-        self.sent: list[int] = []
-
-    def up(self) -> "Rig":
-        self.drive.bring_up()
-        return self
-
-    def run(self, cycles: int, power: Power, target: float | None = None) -> DriveReading:
-        """So many cycles; without a target the motor is to stay where it was seen."""
-        for _ in range(cycles):
-            reading = self.drive.read(self.bus.time)
-            self.readings.append(reading)
-            seen = reading.motor if math.isfinite(reading.motor) else 0.0
-            self.drive.write(seen if target is None else target, power, self.bus.time)
-            self.bus.advance(CYCLE)
-        return self.readings[-1]
-
-    def on(self) -> "Rig":
-        self.run(10, Power.ON)
-        assert self.bus.node.state is DriveState.OPERATION_ENABLED
-        return self
-
-    def inject(self, text: str, after: float = 0.0, lasting: float = math.inf) -> None:
-        start = self.bus.time + after
-        self.bus.node.faults.inject(parse(text)._replace(start=start, end=start + lasting))
-
-    def torque_off_at(self) -> float:
-        return next(time for time, event, _ in self.bus.journal if event == "torque_off")
+def torque_off_after(loop: DriverLoop) -> float:
+    """From the host's last heartbeat on [s]."""
+    return float(next(time for time, event, _ in loop.journal if event == "torque_off") - loop.node.host)
 
 
 def test_it_is_a_drive() -> None:
@@ -77,11 +42,10 @@ def test_it_is_a_drive() -> None:
 
 
 def test_bring_up_says_who_it_is_and_leaves_no_thread() -> None:
-    rig = Rig()
-    before = threading.active_count()
-    assert "bowden digital twin at node 1" in rig.drive.bring_up()
+    loop, before = DriverLoop(DRIVE), threading.active_count()
+    assert "bowden digital twin at node 1" in loop.drive.bring_up()
     assert threading.active_count() == before
-    node = rig.bus.node
+    node = loop.node
     assert node.nmt == frames.OPERATIONAL
     assert node.state is DriveState.SWITCH_ON_DISABLED
     assert node.objects[0x1016, 1] == 127 << 16 | 40
@@ -101,23 +65,23 @@ def test_bring_up_says_who_it_is_and_leaves_no_thread() -> None:
 
 
 def test_it_goes_up_and_down_one_state_a_cycle_and_enabling_moves_nothing() -> None:
-    rig = Rig().up()
-    rig.run(10, Power.ON, target=2.0)
-    states = [int(reading.drive_state) for reading in rig.readings]
+    loop = brought_up()
+    readings = loop.run(10, Power.ON, target=2.0)
+    states = [int(reading.drive_state) for reading in readings]
     assert states[:5] == [1, 2, 3, 4, 4]
     first = states.index(DriveState.OPERATION_ENABLED)
-    assert abs(rig.readings[first].motor - 0.1) < 1e-3
-    assert rig.bus.node.bench.motor > 0.1
-    rig.run(10, Power.READY)
-    assert rig.bus.node.state is DriveState.SWITCHED_ON
-    rig.run(10, Power.OFF)
-    assert rig.bus.node.state is DriveState.SWITCH_ON_DISABLED
+    assert abs(readings[first].motor - 0.1) < 1e-3
+    assert loop.node.bench.motor > 0.1
+    loop.run(10, Power.READY)
+    assert loop.node.state is DriveState.SWITCHED_ON
+    loop.run(10, Power.OFF)
+    assert loop.node.state is DriveState.SWITCH_ON_DISABLED
 
 
 def test_it_follows_and_measures_in_si() -> None:
-    rig = Rig().up().on()
-    reading = rig.run(1000, Power.ON, target=0.5)
-    node = rig.bus.node
+    loop = DriverLoop(DRIVE).up()
+    readings, node = loop.run(1000, Power.ON, target=0.5), loop.node
+    reading = readings[-1]
     assert abs(reading.motor - 0.5) < 2e-3
     assert abs(reading.joint - node.bench.joint) < 2e-3
     assert math.isclose(reading.current, node.bench.current, abs_tol=0.01)
@@ -126,10 +90,10 @@ def test_it_follows_and_measures_in_si() -> None:
     assert reading.motor_age == reading.joint_age == 0.0
     assert reading.heartbeat_age <= 0.011
     assert reading.bus_errors == 0.0
-    assert max(r.emergency for r in rig.readings) == 0.0
+    assert {one.emergency for one in readings} == {0.0}
 
 
-class TwiceAnswered(TwinBus):
+class TwiceAnswered(DriverLoop):
     """A bus with an answer to the question before ahead of each."""
 
     before = b""
@@ -144,156 +108,149 @@ class TwiceAnswered(TwinBus):
 
 def test_a_late_answer_to_a_question_before_is_not_taken_for_the_next_one() -> None:
     """On a busy computer a question is asked again, and then both answers come."""
-    drive = CanopenDrive(DRIVE, Links(TwiceAnswered(DRIVE, make_bench)))
-    assert "bowden digital twin at node 1" in drive.bring_up()
+    assert "bowden digital twin at node 1" in TwiceAnswered(DRIVE).drive.bring_up()
 
 
 def test_directions_and_homes_turn_the_counts_and_not_the_angles() -> None:
     turned = DRIVE._replace(motor_direction=-1, joint_direction=-1, motor_home=0.7, joint_home=-0.3)
-    reading = Rig(turned).up().run(5, Power.OFF)
+    reading = brought_up(turned).run(5, Power.OFF)[-1]
     assert abs(reading.motor - 0.1) < 1e-3
-    here = Rig(DRIVE._replace(home="here", motor_home=1.0, joint_home=2.0))
-    reading = here.up().run(5, Power.OFF)
+    here = DRIVE._replace(home="here", motor_home=1.0, joint_home=2.0)
+    reading = brought_up(here).run(5, Power.OFF)[-1]
     assert abs(reading.motor - 1.0) < 1e-3
     assert abs(reading.joint - 2.0) < 2e-3
     with pytest.raises(DriveError, match="not reported a position yet"):
-        zeroed(DRIVE, Rig().drive.read(100.0))
+        zeroed(DRIVE, DriverLoop(DRIVE).drive.read(100.0))
 
 
 def test_a_quick_stop_brakes_and_then_is_off() -> None:
-    rig = Rig().up().on()
-    rig.run(60, Power.ON, target=1.0)
-    assert rig.bus.node.bench.velocity > 1.0
-    rig.run(1, Power.QUICK_STOP)
-    rig.run(50, Power.QUICK_STOP)
-    assert DriveState.QUICK_STOP_ACTIVE in [int(reading.drive_state) for reading in rig.readings]
-    assert rig.bus.node.state is DriveState.SWITCH_ON_DISABLED
-    assert rig.bus.node.bench.velocity == 0.0
+    loop = DriverLoop(DRIVE).up()
+    loop.run(60, Power.ON, target=1.0)
+    assert loop.node.bench.velocity > 1.0
+    assert DriveState.QUICK_STOP_ACTIVE in [int(one.drive_state) for one in loop.run(51, Power.QUICK_STOP)]
+    assert loop.node.state is DriveState.SWITCH_ON_DISABLED
+    assert loop.node.bench.velocity == 0.0
 
 
 @pytest.mark.parametrize("phase", range(8))
 def test_without_our_heartbeat_the_torque_is_zero_in_time(phase: int) -> None:
-    rig = Rig().up().on()
-    rig.run(60 + phase, Power.ON, target=1.0)
-    rig.bus.advance(0.2)
-    node = rig.bus.node
+    loop = DriverLoop(DRIVE).up()
+    loop.run(60 + phase, Power.ON, target=1.0)
+    loop.advance(0.2)
+    node = loop.node
     assert node.state is DriveState.FAULT
     assert node.error == 0x8130
     assert node.bench.current == 0.0
-    assert 0.020 <= rig.torque_off_at() - node.host <= 0.050
-    reading = rig.run(2, Power.ON, target=1.0)
-    assert reading.emergency == 0x8130 or rig.readings[-2].emergency == 0x8130
-    rig.run(50, Power.ON, target=1.0)
+    assert 0.020 <= torque_off_after(loop) <= 0.050
+    assert 0x8130 in {reading.emergency for reading in loop.run(2, Power.ON, target=1.0)}
+    loop.run(50, Power.ON, target=1.0)
     assert node.state is DriveState.FAULT, "a fault is never left by itself"
-    rig.drive.reset_fault()
-    rig.run(20, Power.ON, target=1.0)
+    loop.drive.reset_fault()
+    loop.run(20, Power.ON, target=1.0)
     assert node.state is DriveState.SWITCH_ON_DISABLED, "and the power comes back only when it was wanted off before"
-    rig.run(2, Power.OFF)
-    rig.run(10, Power.ON)
+    loop.run(2, Power.OFF)
+    loop.run(10, Power.ON)
     assert node.state is DriveState.OPERATION_ENABLED
 
 
 @pytest.mark.parametrize("option", [2, 3])
 def test_a_drive_that_only_switches_off_is_not_switched_on_again_by_itself(option: int) -> None:
-    rig = Rig().up().on()
-    rig.bus.node.objects.write((0x6007, 0), option.to_bytes(2, "little"))
-    rig.run(60, Power.ON, target=0.5)
-    rig.bus.advance(0.2)
-    assert rig.bus.node.state is DriveState.SWITCH_ON_DISABLED
-    assert rig.torque_off_at() - rig.bus.node.host <= 0.050
-    rig.run(100, Power.ON, target=0.5)
-    assert rig.bus.node.state is DriveState.SWITCH_ON_DISABLED
-    rig.run(2, Power.OFF)
-    rig.run(10, Power.ON)
-    assert rig.bus.node.state is DriveState.OPERATION_ENABLED
+    loop = DriverLoop(DRIVE).up()
+    loop.node.objects.write((0x6007, 0), option.to_bytes(2, "little"))
+    loop.run(60, Power.ON, target=0.5)
+    loop.advance(0.2)
+    assert loop.node.state is DriveState.SWITCH_ON_DISABLED
+    assert torque_off_after(loop) <= 0.050
+    loop.run(100, Power.ON, target=0.5)
+    assert loop.node.state is DriveState.SWITCH_ON_DISABLED
+    loop.run(2, Power.OFF)
+    loop.run(10, Power.ON)
+    assert loop.node.state is DriveState.OPERATION_ENABLED
 
 
 def test_a_drive_that_cannot_map_its_temperature_is_used_without() -> None:
-    rig = Rig(overrides={(0x1A01, 3): None}).up().on()
-    reading = rig.run(20, Power.ON)
+    reading = DriverLoop(DRIVE, {(0x1A01, 3): None}).up().run(20, Power.ON)[-1]
     assert math.isnan(reading.temperature)
     assert reading.joint_age == 0.0
     assert math.isfinite(reading.tension)
 
 
 def test_one_lost_heartbeat_is_none() -> None:
-    rig = Rig().up().on()
-    rig.inject("deaf", lasting=0.012)
-    rig.run(100, Power.ON)
-    assert rig.bus.node.state is DriveState.OPERATION_ENABLED
+    loop = DriverLoop(DRIVE).up()
+    loop.inject("deaf", lasting=0.012)
+    loop.run(100, Power.ON)
+    assert loop.node.state is DriveState.OPERATION_ENABLED
 
 
 def test_an_emergency_stop_takes_the_torque_and_is_told_for_as_long_as_it_is_pressed() -> None:
-    rig = Rig(DRIVE._replace(emergency_stop_input=7)).up().on()
-    assert not any(reading.emergency for reading in rig.readings)
-    rig.inject("emergency_stop", lasting=0.05)
-    rig.run(40, Power.OFF)
-    assert rig.bus.node.state is DriveState.FAULT
-    assert {reading.emergency for reading in rig.readings[-30:]} == {EMERGENCY_STOP}
-    rig.run(30, Power.OFF)
-    rig.drive.reset_fault()
-    rig.run(10, Power.OFF)
-    assert rig.readings[-1].emergency == 0.0
-    assert rig.bus.node.state is DriveState.SWITCH_ON_DISABLED
+    loop = DriverLoop(DRIVE._replace(emergency_stop_input=7)).up()
+    assert {reading.emergency for reading in loop.run(10, Power.ON)} == {0.0}
+    loop.inject("emergency_stop", lasting=0.05)
+    pressed = loop.run(40, Power.OFF)
+    assert loop.node.state is DriveState.FAULT
+    assert {reading.emergency for reading in pressed[-30:]} == {EMERGENCY_STOP}
+    loop.run(30, Power.OFF)
+    loop.drive.reset_fault()
+    assert loop.run(10, Power.OFF)[-1].emergency == 0.0
+    assert loop.node.state is DriveState.SWITCH_ON_DISABLED
 
 
 def test_inputs_that_are_not_told_are_an_emergency_stop_of_a_node_that_lives_only(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     with monkeypatch.context() as patched:
-        rig = Rig(DRIVE._replace(emergency_stop_input=7)).up().on()
+        loop = DriverLoop(DRIVE._replace(emergency_stop_input=7)).up()
         patched.setattr(frames, "unpack_tpdo3", lambda data: None)
-        assert rig.run(9, Power.ON).emergency == 0.0
-        assert rig.run(5, Power.ON).emergency == EMERGENCY_STOP
-    rig = Rig(DRIVE._replace(emergency_stop_input=7)).up().on()
+        assert loop.run(9, Power.ON)[-1].emergency == 0.0
+        assert loop.run(5, Power.ON)[-1].emergency == EMERGENCY_STOP
+    loop = DriverLoop(DRIVE._replace(emergency_stop_input=7)).up()
     for name in ("unpack_tpdo1", "unpack_tpdo2", "unpack_tpdo3"):
         monkeypatch.setattr(frames, name, lambda data: None)
-    assert rig.run(30, Power.ON).emergency == 0.0
-    assert rig.readings[-1].motor_age >= 29.0
+    reading = loop.run(30, Power.ON)[-1]
+    assert reading.emergency == 0.0
+    assert reading.motor_age >= 29.0
 
 
 def changed(name: str) -> bool:
     """Whether a fault does what it is called, seen from the host or on the bench."""
-    rig = Rig().up().on()
-    rig.run(300, Power.ON, target=0.6)
-    before, bench_before = rig.readings[-1], rig.bus.node.bench.joint
-    text = name + (" joint" if KINDS[name].side else "")
-    rig.inject(text)
-    count = len(rig.readings)
-    rig.run(400, Power.ON, target=0.9)
-    seen, last = rig.readings[count + 2 :], rig.readings[-1]
+    loop = DriverLoop(DRIVE).up()
+    node, before = loop.node, loop.run(300, Power.ON, target=0.6)[-1]
+    bench_before = node.bench.joint
+    loop.inject(name + (" joint" if KINDS[name].side else ""))
+    readings = loop.run(400, Power.ON, target=0.9)
+    seen, last = readings[2:], readings[-1]
     return {
         "silence": lambda: last.motor_age > 250 and last.heartbeat_age > 0.25,
-        "deaf": lambda: rig.bus.node.error == 0x8130,
+        "deaf": lambda: node.error == 0x8130,
         "late_pdos": lambda: any(r.motor_age >= 4 for r in seen) and last.motor_age < 2,
         "dropped_pdos": lambda: 0.1 < sum(r.motor_age > 0 for r in seen) / len(seen) < 0.6,
         "doubled_pdos": lambda: all(r.foreign == 1.0 for r in seen[12:]),
-        "watch_off": lambda: rig.bus.node.objects[0x1016, 1] == 0 and last.emergency == UNWATCHED,
-        "emergency_stop": lambda: rig.bus.node.error == 0x8A88 and last.drive_state == DriveState.FAULT,
+        "watch_off": lambda: node.objects[0x1016, 1] == 0 and last.emergency == UNWATCHED,
+        "emergency_stop": lambda: node.error == 0x8A88 and last.drive_state == DriveState.FAULT,
         "bus_off": lambda: last.bus_errors > 100,
         "queue_full": lambda: last.bus_errors > 100 and all(r.motor_age for r in seen),
         "commands_ignored": lambda: abs(last.motor - before.motor) < 0.05 and last.motor_age < 2,
         "delayed_readings": lambda: abs(seen[3].motor - before.motor) < 1e-3 < abs(seen[60].motor - before.motor),
-        "drive_fault": lambda: 0x2310 in [r.emergency for r in rig.readings[count:]],
+        "drive_fault": lambda: 0x2310 in [r.emergency for r in readings],
         "reboot": lambda: last.drive_state == 0.0,
-        "encoder_frozen": lambda: len({r.joint for r in seen}) == 1 and rig.bus.node.bench.joint - bench_before > 0.1,
+        "encoder_frozen": lambda: len({r.joint for r in seen}) == 1 and node.bench.joint - bench_before > 0.1,
         "encoder_spike": lambda: sum(abs(b.joint - a.joint) > 0.1 for a, b in itertools.pairwise(seen)) > 30,
-        "encoder_offset": lambda: last.joint - rig.bus.node.bench.joint > 6.0,
+        "encoder_offset": lambda: last.joint - node.bench.joint > 6.0,
         "encoder_flipped": lambda: last.joint - before.joint < -0.1,
-        "encoder_zero": lambda: {r.joint for r in seen} == {0.0} and rig.bus.node.bench.joint > 0.1,
+        "encoder_zero": lambda: {r.joint for r in seen} == {0.0} and node.bench.joint > 0.1,
         "encoder_nan": lambda: last.joint < -1e5,
-        "broken_cable": lambda: last.tension < 0.1 and rig.bus.node.bench.joint < -0.4,
-        "slack_cable": lambda: rig.bus.node.bench.motor - rig.bus.node.bench._motion.end > 0.25,
+        "broken_cable": lambda: last.tension < 0.1 and node.bench.joint < -0.4,
+        "slack_cable": lambda: node.bench.motor - node.bench._motion.end > 0.25,
         "over_temperature": lambda: last.temperature > 90.0,
         "over_current": lambda: math.isclose(last.current, 30.0, abs_tol=0.1),
         "inert": lambda: last.motor_age < 2 and abs(last.motor - before.motor) < 0.1 and last.joint_age < 2,
-        "load_stuck": lambda: last.tension == seen[0].tension < rig.bus.node.bench.tension - 0.3,
+        "load_stuck": lambda: last.tension == seen[0].tension < node.bench.tension - 0.3,
         "load_saturated": lambda: last.tension > 90.0,
         "load_sign": lambda: last.tension < -3.0,
         "load_slow": lambda: len({r.tension for r in seen}) < 8,
         "position_saturated": lambda: abs(last.motor) > 1e4 and last.motor_age < 2,
         "short_frames": lambda: last.motor_age > 250 and last.heartbeat_age < 0.1,
-        "load_drift": lambda: 2.0 < last.tension - rig.bus.node.bench.tension < 5.0,
+        "load_drift": lambda: 2.0 < last.tension - node.bench.tension < 5.0,
         "bit_errors": lambda: 0 < sum(r.motor_age > 0 for r in seen) < 0.1 * len(seen),
     }[name]()
 
@@ -304,21 +261,21 @@ def test_every_fault_does_what_it_is_called(name: str) -> None:
 
 
 def test_a_slack_cable_has_no_tension_until_it_is_taken_up() -> None:
-    rig = Rig().up().on()
-    rig.run(300, Power.ON, target=0.6)
-    rig.inject("slack_cable 20")
-    assert rig.run(20, Power.ON, target=0.55).tension < 0.1
-    assert rig.run(600, Power.ON, target=1.2).tension > 1.0
+    loop = DriverLoop(DRIVE).up()
+    loop.run(300, Power.ON, target=0.6)
+    loop.inject("slack_cable 20")
+    assert loop.run(20, Power.ON, target=0.55)[-1].tension < 0.1
+    assert loop.run(600, Power.ON, target=1.2)[-1].tension > 1.0
 
 
 def test_the_drives_own_limits_are_faults() -> None:
-    rig = Rig(overrides={(0x607D, 1): -5000, (0x607D, 2): 5000}).up().on()
-    rig.run(5, Power.ON, target=1.0)
-    assert rig.bus.node.error == 0x8A82
-    rig = Rig(overrides={(0x6065, 0): 100}).up().on()
-    rig.run(5, Power.ON, target=1.0)
-    assert rig.bus.node.error == 0x8611
-    rig = Rig().up().on()
-    rig.inject("over_temperature 115")
-    rig.run(5, Power.ON)
-    assert rig.bus.node.error == 0x4210
+    for overrides, heat, error in (
+        ({(0x607D, 1): -5000, (0x607D, 2): 5000}, "", 0x8A82),
+        ({(0x6065, 0): 100}, "", 0x8611),
+        ({}, "over_temperature 115", 0x4210),
+    ):
+        loop = DriverLoop(DRIVE, overrides).up()
+        if heat:
+            loop.inject(heat)
+        loop.run(5, Power.ON, target=math.nan if heat else 1.0)
+        assert loop.node.error == error

@@ -1,6 +1,7 @@
 """The suit behind the twin: counts of the spool, angles of the joint's coordinate, gravity, torn and slack cables."""
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -9,12 +10,11 @@ from bowden.core.errors import DriveError, ParameterError
 from bowden.core.units import RADIANS
 from bowden.cycle.one_cycle import NOTHING_OBSERVED
 from bowden.cycle.torque_offset import TorqueOffset
-from bowden.hardware.buses.link import Links
 from bowden.hardware.drives.canopen_drive import CanopenDrive
 from bowden.hardware.drives.families.cia402 import DriveParameters, joint_scale, motor_scale
 from bowden.hardware.drives.homing import zeroed
 from bowden.hardware.drives.scale import Scale, SuitScale
-from bowden.hardware.ports import Power
+from bowden.hardware.ports import Drive, Power
 from bowden.hardware.twin.canopen_node import RATED_CURRENT
 from bowden.hardware.twin.plant import BRAKE, FOLLOW, OFF
 from bowden.hardware.twin.suit import TwinSuit
@@ -25,7 +25,7 @@ from bowden.models.suit.suit_angle import spool_map, spool_of
 from bowden.plants.suit_parts import Suit
 from bowden.safety.faults import Reaction
 from bowden.safety.state import Mode, Verdict
-from support.memory_bus import TwinBus, asking
+from support.memory_bus import DriverLoop, asking
 
 SUIT = Suit(motor=GearedMotor(integral=40.0))
 DRIVE = asking(DriveParameters(), gear=SUIT.motor.gear, spool=spool_map(SUIT.geometry, SUIT.spool_radius))
@@ -186,9 +186,9 @@ def test_the_sensors_show_where_it_is_with_their_noise() -> None:
     assert suit.current_limit == 20.0
 
 
-def over_the_bus(drive: DriveParameters) -> tuple[TwinBus, CanopenDrive]:
-    bus = TwinBus(drive, lambda now: TwinSuit(SUIT, constant_bend(SUIT.sheath.bend), 1.0, 1, 0.0, now))
-    return bus, CanopenDrive(drive, Links(bus))
+def over_the_bus(drive: DriveParameters, overrides: Any = None) -> tuple[DriverLoop, Drive]:
+    bus = DriverLoop(drive, overrides, lambda now: TwinSuit(SUIT, constant_bend(SUIT.sheath.bend), 1.0, 1, 0.0, now))
+    return bus, bus.drive
 
 
 def test_over_the_bus_the_drive_speaks_of_the_joints_coordinate() -> None:
@@ -268,16 +268,13 @@ def test_an_offset_that_is_told_pushes_as_one_that_the_drive_makes() -> None:
 
 def test_a_drive_that_maps_no_torque_offset_is_refused_in_one_line_and_one_without_is_asked_for_none() -> None:
     pushed = asking(DRIVE, torque_offset=2.0, current_limit=20.0, answer_timeout=1.0)
-    make = lambda now: TwinSuit(SUIT, constant_bend(SUIT.sheath.bend), 1.0, 1, 0.0, now)  # noqa: E731
-    drive = CanopenDrive(pushed, Links(TwinBus(pushed, make, {(0x60B2, 0): None})))
+    _, drive = over_the_bus(pushed, {(0x60B2, 0): None})
     with pytest.raises(DriveError, match="takes no torque offset beside its target") as refused:
         drive.bring_up()
     assert "suit.friction_feedforward_nm" in str(refused.value)
     assert "\n" not in str(refused.value)
     drive.close()
-    plain = DRIVE._replace(answer_timeout=1.0)
-    bus = TwinBus(plain, make, {(0x60B2, 0): 300})
-    drive = CanopenDrive(plain, Links(bus))
+    bus, drive = over_the_bus(DRIVE._replace(answer_timeout=1.0), {(0x60B2, 0): 300})
     drive.bring_up()
     assert bus.node.objects[0x60B2, 0] == 0, "what another tool has left there"
     drive.close()

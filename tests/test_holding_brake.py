@@ -2,6 +2,7 @@
 
 import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,8 +14,6 @@ from bowden.control.reference import PointToPoint
 from bowden.core.errors import DriveError, ParameterError
 from bowden.core.signals import DriveState
 from bowden.core.units import RADIANS
-from bowden.hardware.buses.link import Links
-from bowden.hardware.drives.canopen_drive import CanopenDrive
 from bowden.hardware.drives.families.cia402 import DriveParameters
 from bowden.hardware.ports import Power
 from bowden.hardware.twin.suit import TwinSuit
@@ -41,7 +40,7 @@ from bowden.safety.limits import ARM_LOWERING
 from bowden.safety.supervisor import Mode
 from bowden.sim.run import simulate
 from loop_rig import SUIT_LIMITS, LoopRig
-from support.memory_bus import TwinBus
+from support.memory_bus import DriverLoop
 from support.simulated_drive import SimulatedDrive
 
 BRAKE, DT, SPEED = HoldingBrake(holding_torque=0.15, rest_time=0.05), 1e-3, 3.0
@@ -128,7 +127,7 @@ def test_live_it_holds_at_rest_and_a_release_begins_by_releasing_it(tmp_path: Pa
     assert not plant.brake_set
 
 
-def over_the_bus(output: str, **changes: int | None) -> tuple[TwinBus, CanopenDrive, TwinSuit]:
+def over_the_bus(output: str, **changes: int | None) -> tuple[DriverLoop, Any, TwinSuit]:
     given_ = DriveParameters(
         needs=DriveNeeds(gear=SUIT.motor.gear, spool=spool_map(SUIT.geometry, SUIT.spool_radius)),
         brake_output=output,  # type: ignore[arg-type]
@@ -136,8 +135,8 @@ def over_the_bus(output: str, **changes: int | None) -> tuple[TwinBus, CanopenDr
     )
     plant = TwinSuit(SUIT._replace(brake=BRAKE), constant_bend(SUIT.sheath.bend), 1.0, 1, 0.0, 100.0)
     overrides = {(0x60FE, int(sub[-1])): value for sub, value in changes.items()}
-    bus = TwinBus(given_, lambda now: plant, overrides)
-    return bus, CanopenDrive(given_, Links(bus)), plant
+    bus = DriverLoop(given_, overrides, lambda now: plant)
+    return bus, bus.drive, plant
 
 
 @pytest.mark.parametrize("output", ["set", "release"])

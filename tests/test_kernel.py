@@ -192,11 +192,15 @@ def test_every_model_kernel_is_compared_above() -> None:
     assert named == {function for function, _ in KERNELS_OF_TWO}
 
 
-@pytest.mark.parametrize("function", [tanh, exp, sin, cos, log, sqrt, floor])
-def test_functions_agree_on_every_kind_of_number(function: Any) -> None:
-    twin = compiled(IN_A_KERNEL[function.__name__])  # a function of libm compiles inside a kernel only
+@kernel
+def _of_one(x: float) -> tuple[float, ...]:
+    return tanh(x), exp(x), sin(x), cos(x), log(x), sqrt(x), floor(x)
+
+
+def test_functions_agree_on_every_kind_of_number() -> None:
+    twin = compiled(_of_one)  # a function of libm compiles inside a kernel only
     for x in EXTREMES + np.random.default_rng(4).normal(0.0, 30.0, 500).tolist():
-        assert bits(function(x)) == bits(twin(x)), x
+        assert bits(_of_one(x)) == bits(twin(x)), x
 
 
 def test_power_is_that_of_c() -> None:
@@ -305,41 +309,6 @@ def _outer(pair: Pair) -> float:
 
 
 @kernel
-def _tanh(x: float) -> float:
-    return tanh(x)
-
-
-@kernel
-def _exp(x: float) -> float:
-    return exp(x)
-
-
-@kernel
-def _sin(x: float) -> float:
-    return sin(x)
-
-
-@kernel
-def _cos(x: float) -> float:
-    return cos(x)
-
-
-@kernel
-def _log(x: float) -> float:
-    return log(x)
-
-
-@kernel
-def _sqrt(x: float) -> float:
-    return sqrt(x)
-
-
-@kernel
-def _floor(x: float) -> float:
-    return floor(x)
-
-
-@kernel
 def _smaller(x: float, y: float) -> float:
     return min(x, y)
 
@@ -354,9 +323,6 @@ def test_min_and_max_keep_their_first_argument_unless_the_second_is_beyond_it(fu
     twin = compiled(function)
     for x, y in [(x, y) for x in EXTREMES for y in EXTREMES]:
         assert bits(function(x, y)) == bits(twin(x, y)) == bits(y if decides(x, y) else x), (x, y)
-
-
-IN_A_KERNEL = {"tanh": _tanh, "exp": _exp, "sin": _sin, "cos": _cos, "log": _log, "sqrt": _sqrt, "floor": _floor}
 
 
 @kernel

@@ -1,13 +1,13 @@
 """The wearer's arm: figures of the table, statics by hand, and wearers that cannot be."""
 
 import math
+from contextlib import nullcontext
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from bowden.core.errors import ParameterError
-from bowden.core.kernel import compiled
 from bowden.models.suit.arm import Arm, Wearer, arm_of, check_wearer, gravity_torque, passive_torque, wearer_torque
 from support.wearers import resting_angle
 
@@ -61,11 +61,24 @@ def test_a_relaxed_arm_rests_where_its_torques_cancel(mass: float, height: float
     assert 0.40 <= arm.stiffness <= 1.8  # the range that Wiegner and Watts measured
 
 
-def test_interpreted_and_compiled_agree_to_the_bit() -> None:
-    wearer = Wearer(0.3, 0.5, 5.0, 1.0, 0.5, 0.2, 0.1)
-    for angle in (-0.3, 0.0, 1.2):
-        arguments = (wearer, arm_of(), angle, 0.7, 1.234)
-        assert compiled(wearer_torque)(*arguments) == wearer_torque(*arguments)
+@given(st.floats(0.0, 9.0), st.floats(0.3, 2.0), st.floats(0.0, 300.0), st.floats(0.0, 30.0))
+def test_who_swings_and_carries_their_arm_needs_no_spring_to_follow(
+    time: float, frequency: float, stiffness: float, damping: float
+) -> None:
+    """Along φw itself the torques are the inertia's, whatever the wearer's stiffness and damping."""
+    arm, swing, omega = arm_of(elevation=0.4), 0.5, 2.0 * math.pi * frequency
+    wearer = Wearer(1.0, stiffness=stiffness, damping=damping, centre=0.9, swing=swing, swing_frequency=frequency)
+    angle, velocity = 0.9 + swing * math.sin(omega * time), swing * omega * math.cos(omega * time)
+    torque = wearer_torque(wearer, arm, angle, velocity, time)
+    torque += gravity_torque(arm, angle) + passive_torque(arm, angle, velocity)
+    assert torque == pytest.approx(-arm.inertia * omega**2 * swing * math.sin(omega * time), abs=1e-9)
+
+
+@pytest.mark.parametrize("index", [10.0, 80.0])
+def test_a_body_is_one_up_to_the_ends_of_the_mass_index(index: float) -> None:
+    for share, taken in ((1.0, True), (1.001 if index > 50.0 else 0.999, False)):
+        with nullcontext() if taken else pytest.raises(ParameterError, match="body mass index"):
+            arm_of(index * share * 1.5**2, 1.5)
 
 
 @pytest.mark.parametrize(

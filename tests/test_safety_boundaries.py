@@ -179,7 +179,6 @@ PULLS = PULLED_SPEED * SLOWED / FILTERED
 EDGES: list[Edge] = [
     (Fault.JOINT_LOST, "reading.joint", 6.5, 6.5 + TINY, {}),
     (Fault.JOINT_LOST, "reading.joint", -6.5, -6.5 - TINY, {}),
-    (Fault.JOINT_LOST, "reading.joint", 0.375, NAN, STOPPED),
     (Fault.JOINT_JUMP, "reading.joint", 0.375 + 1 / 64 + 8 * DT, 0.375 + 1 / 64 + 8 * DT + TINY, {}),
     (
         *(Fault.JOINT_JUMP, "reading.joint", 0.375 + 1 / 64 + 8 * DT, 0.375 + 1 / 64 + 8 * DT + TINY),
@@ -213,7 +212,6 @@ EDGES: list[Edge] = [
     ),
     (Fault.MOTOR_LOST, "reading.motor", 6.5, 6.5 + TINY, {}),
     (Fault.MOTOR_LOST, "reading.motor", -6.5, -6.5 - TINY, {}),
-    (Fault.MOTOR_LOST, "reading.motor", 0.5, NAN, STOPPED),
     (Fault.MOTOR_JUMP, "reading.motor", 0.5 + 1 / 64 + 16 * DT, 0.5 + 1 / 64 + 16 * DT + TINY, {}),
     (Fault.MOTOR_JUMP, "reading.motor", 0.5 - 1 / 64 - 16 * DT, 0.5 - 1 / 64 - 16 * DT - TINY, {}),
     (Fault.MOTOR_JUMP, "reading.motor", 0.5 + 1 / 64 + 48 * DT, 0.5626, {"observed.elapsed": 3 * DT}),
@@ -241,7 +239,6 @@ EDGES: list[Edge] = [
     (Fault.MOTOR_OVER_SPEED, "reading.motor", 0.5 + 64 * DT, 0.5 + 64 * DT + TINY, {"limits.jump": 1.0}),
     (Fault.CURRENT_LOST, "reading.current", 32.0, 32.0 + TINY, {}),
     (Fault.CURRENT_LOST, "reading.current", -32.0, -32.0 - TINY, {}),
-    (Fault.CURRENT_LOST, "reading.current", 0.0, NAN, STOPPED),
     (Fault.OVER_CURRENT, "reading.current", 16.0, 16.0 + TINY, LEAN),
     (Fault.OVER_CURRENT, "reading.current", -16.0, -16.0 - TINY, LEAN),
     (Fault.OVER_CURRENT, "state.timers.overload", DT, DT + TINY, {"reading.current": 17.0}),
@@ -255,11 +252,9 @@ EDGES: list[Edge] = [
     (Fault.MOTOR_HOT, "state.heat.winding", -0.9e6, -1.1e6, {}),
     (Fault.MOTOR_HOT, "state.heat.housing", -0.9e6, -1.1e6, {"limits.winding_limit": 1e9}),
     (Fault.DRIVE_HOT, "reading.temperature", 80.0, 80.0 + TINY, {}),
-    (Fault.DRIVE_HOT, "reading.temperature", -1e6, NAN, {}),
     (Fault.DRIVE_HOT, "reading.temperature", -1e6, -1e6 - 1.0, {}),
     (Fault.TENSION_LOST, "reading.tension", 1e6, 1e6 + 1.0, {}),
     (Fault.TENSION_LOST, "reading.tension", -1e6, -1e6 - 1.0, {}),
-    (Fault.TENSION_LOST, "reading.tension", 20.0, NAN, STOPPED),
     (Fault.OVER_TENSION, "reading.tension", 128.0, 128.0 + TINY, {}),
     (Fault.OVER_TENSION, "reading.current", 9.0, 9.0 + TINY, {**STRAINED, **LEAN}),
     (Fault.OVER_TENSION, "reading.current", -9.0, -9.0 - TINY, {**STRAINED, **LEAN, "limits.slack_sign": 1.0}),
@@ -285,9 +280,7 @@ EDGES: list[Edge] = [
         8.0,
         {"state.timers.bus_errors": 7.0, "state.timers.bus_failures": 2.0},
     ),
-    (Fault.BUS_ERRORS, "reading.bus_errors", 1e9, NAN, {"state.timers.bus_errors": 1e9}),
     (Fault.BUS_ERRORS, "reading.bus_errors", 1e9, -1.0, {"state.timers.bus_errors": 1e9}),
-    (Fault.BUS_ERRORS, "reading.bus_errors", 1e12, INF, {"state.timers.bus_errors": 1e12}),
     (Fault.LATE, "observed.lateness", 1 / 64, 1 / 64 + TINY, {}),
     (Fault.LATE, "observed.lateness", -DT / 2, 1.0, {}),
     (Fault.LATE, "state.timers.late", 1 / 64 + 0.02 * DT - TINY, 1 / 64 + 0.02 * DT + TINY, {}),
@@ -324,7 +317,6 @@ EDGES: list[Edge] = [
     (Fault.RECORDER_LOST, "observed.recorder", 1.0, 0.0, STOPPED),
     (Fault.EMG_LOST, "observed.emg_age", 0.25, 0.25 + TINY, {}),
     (Fault.EMG_LOST, "observed.emg_age", -1.0, -1.0 - TINY, STOPPED),
-    (Fault.EMG_LOST, "observed.emg_age", 0.0, NAN, RELEASING),
     (Fault.CURRENT_STUCK, "state.stuck_current.travel", 0.375, 0.375 + TINY, {"state.stuck_current.speed_change": 2.0}),
     (Fault.CURRENT_STUCK, "state.stuck_current.speed_change", 1.0, 1.0 + TINY, {"state.stuck_current.travel": 2.0}),
     (Fault.CURRENT_STUCK, "reading.current", 2.0 + TINY, 2.0, SWINGING),
@@ -371,7 +363,6 @@ EDGES: list[Edge] = [
     (Fault.OTHER_OFF, "observed.others", 2.0, 3.0, {}),
     (Fault.OTHER_OFF, "observed.others", 0.0, 3.0, STOPPED),
     (Fault.TORQUE_LOST, "reading.joint_torque", 1e6, 1e6 + 1.0, AT_JOINT),
-    (Fault.TORQUE_LOST, "reading.joint_torque", 3.0, NAN, {**AT_JOINT, **STOPPED}),
     (Fault.TORQUE_LOST, "limits.measures_torque", 0.0, 1.0, {}),
     (Fault.TORQUE_LOST, "reading.joint_torque", -1e6, -1e6 - 1.0, AT_JOINT),
     (Fault.OVER_TORQUE, "limits.measures_torque", 0.0, 1.0, {"limits.torque_high": 0.5, "reading.joint_torque": 3.0}),
@@ -447,6 +438,27 @@ def test_a_detector_speaks_beyond_its_limit_and_not_at_it(edge: Edge) -> None:
     fault, name, good, bad, also = edge
     assert fault not in faults(also, {name: good})
     assert fault in faults(also, {name: bad})
+
+
+REFUSED = {
+    **{"reading.motor": Fault.MOTOR_LOST, "reading.joint": Fault.JOINT_LOST, "reading.current": Fault.CURRENT_LOST},
+    **{"reading.tension": Fault.TENSION_LOST, "reading.joint_torque": Fault.TORQUE_LOST},
+    **{"reading.temperature": Fault.DRIVE_HOT, "reading.motor_age": Fault.MOTOR_STALE},
+    **{"reading.joint_age": Fault.JOINT_STALE, "reading.heartbeat_age": Fault.HEARTBEAT_LOST},
+    **{"reading.emergency": Fault.EMERGENCY, "reading.bus_errors": Fault.BUS_ERRORS},
+    **{"reading.foreign": Fault.SECOND_MASTER, "observed.lateness": Fault.CLOCK, "observed.elapsed": Fault.CLOCK},
+    **{"observed.operator_age": Fault.OPERATOR_LOST, "observed.emg_age": Fault.EMG_LOST},
+}
+"""What is observed with power and without it, and what it is where it is no number."""
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_what_is_no_number_is_a_fault_in_every_mode(name: str) -> None:
+    for value, mode in itertools.product((NAN, INF, -INF), ({}, ARMED, RELEASING, STOPPED, LATCHED)):
+        assert REFUSED[name] in faults(AT_JOINT, mode, {name: value}), (value, mode)
+    if name == "reading.foreign":
+        assert Fault.SECOND_MASTER not in faults({name: 0.0})
+        assert Fault.SECOND_MASTER in faults({name: 1.0})
 
 
 def test_motors_of_a_pair_must_have_met_before_they_can_part() -> None:

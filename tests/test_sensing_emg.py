@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import signal
 
+from bowden.core.nested import flat, names
 from bowden.identify.emg.log import read_emg, read_labels
 from bowden.identify.emg.score import Findings, find, score, spans
 from bowden.sensing.biquad import PASS, notch
@@ -73,6 +74,34 @@ def test_interpreted_and_compiled_agree_bit_for_bit() -> None:
     for k, value in enumerate(x.tolist()):
         memory, _, envelope = envelope_step(chain, memory, value)
         assert envelope == quick.envelope[k]
+
+
+SIZES = ("input.origin", "input.value", "input.largest_step", "sections", "past", "sigma")
+POWERS = ("powers", "mains.power", "squares", "null", "size")
+
+
+def test_in_another_unit_sizes_and_powers_are_others_and_all_else_is_the_same() -> None:
+    """Through rest, a contraction in a swing of the cable, hum from rail to rail, and an electrode that falls off."""
+    time, unit = np.arange(1600) / 1000.0, 2.0**10
+    x = background(1000.0, 1600, np.random.default_rng(3)) + contractions(1000.0, [(0.4, 0.9, 0.1)], 1600)
+    x += 0.2 * np.sin(12.0 * np.pi * time) * (np.abs(time - 0.6) < 0.1) + np.sign(np.sin(100.0 * np.pi * time)) * (
+        (time > 1.2) & (time < 1.3)
+    )
+    x[1500:] = 0.3
+    one, other = (prepare_onset(1000.0, of_wearer(0.8 * NOISE * scale)) for scale in (1.0, unit))
+    small, large = onset_start(one, float(x[0])), onset_start(other, unit * float(x[0]))
+    parts = names(small)
+    scales = [unit if one.startswith(SIZES) else unit**2 if one.startswith(POWERS) else 1.0 for one in parts]
+    scale = np.array(scales)
+    shift = np.where(np.array(parts) == "rest.level", 2.0 * np.log(unit), 0.0)
+    found = set()
+    for value in x.tolist():
+        small, active, trouble = onset_step(one, small, value)
+        large, *same = onset_step(other, large, unit * value)
+        assert same == [active, trouble]
+        found.add((active, int(trouble)))
+        np.testing.assert_allclose(flat(large), scale * flat(small) + shift, rtol=1e-9, atol=1e-12)
+    assert len(found) >= 4
 
 
 def found_in(name: str, folder: Path, by: OnsetSettings = DEFAULTS) -> Findings:

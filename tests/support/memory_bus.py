@@ -12,7 +12,6 @@ from bowden.core.signals import DriveReading, DriveState
 from bowden.hardware.buses.link import BusPort, Links
 from bowden.hardware.buses.place import BusPlace
 from bowden.hardware.buses.unix_bus import REMOTE
-from bowden.hardware.drives.families.cia402 import DriveParameters
 from bowden.hardware.ports import Drive, Power
 from bowden.hardware.twin.ak_node import AkNode
 from bowden.hardware.twin.bench import TwinBench
@@ -20,11 +19,11 @@ from bowden.hardware.twin.canopen_node import CanopenNode
 from bowden.hardware.twin.faults import Faults
 from bowden.hardware.twin.injection import parse
 from bowden.hardware.twin.moteus_node import MoteusNode
-from bowden.hardware.twin.objects import Key
 from bowden.hardware.twin.odrive_node import OdriveNode
 from bowden.hardware.twin.plant import OFF, TwinPlant
 from bowden.hardware.twin.twin import message_of
 from bowden.models.cable.sheath_path import constant_bend
+from bowden.models.drive.encoder import Encoder
 from bowden.plants.presets.bench import bench
 from bowden.rig.families import family_of
 
@@ -132,28 +131,34 @@ class DrivenBus(MemoryBus):
             self.advance(1e-3)
         return found
 
-    def inject(self, text: str) -> None:
-        self.node.faults.inject(parse(text)._replace(start=self.time))
+    def inject(self, text: str, lasting: float = math.inf) -> None:
+        self.node.faults.inject(parse(text)._replace(start=self.time, end=self.time + lasting))
 
 
 NODES: dict[str, Any] = {"cia402": CanopenNode, "ak_mit": AkNode, "moteus": MoteusNode, "odrive": OdriveNode}
 """Family → its twin."""
 
 
+def bench_at(now: float, encoder: Encoder | None = None) -> TwinBench:
+    """The bench with its motor at 0.1 rad, and with another encoder of the motor where one is given."""
+    rig = bench()
+    rig = rig if encoder is None else rig._replace(motor_encoder=encoder)
+    return TwinBench(rig, constant_bend(rig.sheath.bend), 1.0, 0, 0.1, now)
+
+
 class DriverLoop(DrivenBus):
-    """A driver of any family against its twin, with the bench behind it.
+    """A driver of any family against its twin.
 
     Args:
         drive: parameters of the family.
         overrides: what of the twin is otherwise than usual.
-        start: where the motor is [rad].
+        plant: what is behind the twin, at a time [s].
     """
 
-    def __init__(self, drive: Any, overrides: Any = None, start: float = 0.1) -> None:
+    def __init__(self, drive: Any, overrides: Any = None, plant: Callable[[float], TwinPlant] = bench_at) -> None:
         super().__init__()
-        rig = bench()
-        plant = TwinBench(rig, constant_bend(rig.sheath.bend), 1.0, 0, start, self.time)
-        self.node = NODES[drive.family](drive, plant, self.put, self.note, overrides)
+        self.node = NODES[drive.family](drive, plant(self.time), self.put, self.note, overrides)
+        self.faults = self.node.faults
         self.attach(self.node)
         self.drive = family_of(drive).open(drive, Links(self))
 
@@ -172,18 +177,3 @@ class DriverLoop(DrivenBus):
     @property
     def events(self) -> list[str]:
         return [event for _, event, _ in self.journal]
-
-
-class TwinBus(MemoryBus):
-    """With the twin of a CiA 402 drive, of its plant at a time and of objects that are otherwise than usual."""
-
-    def __init__(
-        self,
-        drive: DriveParameters,
-        make_bench: Callable[[float], TwinPlant],
-        overrides: dict[Key, int | None] | None = None,
-    ) -> None:
-        super().__init__()
-        self.node = CanopenNode(drive, make_bench(self.time), self.put, self.note, overrides)
-        self.faults = self.node.faults
-        self.attach(self.node)
