@@ -40,6 +40,8 @@ class Knowledge(NamedTuple):
     """ω, natural frequency of the servo [rad/s]."""
     servo_damping: float = math.nan
     """ζ, damping ratio of the servo [–]."""
+    servo_integral: float = math.nan
+    """Integral of the drive's position loop; 0 of a PD loop [1/s]."""
     delay: float = math.nan
     """τ = (d + ½)·Ts, from a sample to the middle of the time for which its command is held; d is the number of cycles
     from the sample to the moment its command reaches the servo [s]."""

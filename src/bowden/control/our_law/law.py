@@ -3,7 +3,7 @@
 With s = 1/a₀, a₀ the given slope, a the learned one, φ the reference, F the observer's correction and J a jump:
 
     m = (φ + τ·φ̇ + ½·τ²·φ̈)/a + F + J                                   where the motor is to be
-    command = m + 2ζ/ω·m' + m''/ω² − u + f                               what the servo must be asked for
+    command = m + 2ζ/ω·m' + m''/ω² − r·u + f                              what the servo must be asked for
 
 ω, ζ are the servo's, τ the delay. Four parts, each with a file of its own: `observer` takes everything that moves the
 joint for one disturbance and takes it away (F), `drive` knows by how much the motor falls short (u, f),
@@ -30,7 +30,13 @@ from bowden.control.our_law.deadzone import (
     shortfall_at_joint,
     update_deadzone,
 )
-from bowden.control.our_law.drive import MOST_FORWARD, ExpectedMotor, predict_motor, tracking_shortfall
+from bowden.control.our_law.drive import (
+    MOST_FORWARD,
+    ExpectedMotor,
+    predict_motor,
+    share_of_shortfall,
+    tracking_shortfall,
+)
 from bowden.control.our_law.gains import BowdenGains
 from bowden.control.our_law.observer import (
     FILTER_DELAY,
@@ -182,6 +188,6 @@ def step(
     )
     command = invert_servo(motor, omega, gains.servo_damping)
     sane = command if abs(command) <= FURTHEST else state.drive.position
-    drive = predict_motor(state.drive, sane, shortfall, omega, gains.servo_damping, delay, dt)
-    asked = max(-MOST_FORWARD, min(MOST_FORWARD, drive.fed_forward - shortfall))
+    drive = predict_motor(state.drive, sane, shortfall, gains, dt)
+    asked = max(-MOST_FORWARD, min(MOST_FORWARD, drive.fed_forward - share_of_shortfall(gains) * shortfall))
     return BowdenState(observer, oscillation, cable, drive), math.copysign(1.0, gains.slope) * (command + asked)
