@@ -12,7 +12,7 @@ help:
 	@echo "make demo    a cable before and after, on one page: log, model, rig, check, law, live on a twin; LOG=my.csv for yours"
 	@echo "make paper   reproduce the paper's bench and say where the report is"
 	@echo "make test    tests, doctests, lint and types"
-	@echo "make long    more cases of what make test tries: other cables, rigs and plants, some minutes"
+	@echo "make long    more cases of what make test tries, and 20 mutants of the package; half an hour, resumable"
 	@echo "make portable    some of the tests as another processor computes, half a minute"
 	@echo "make lint    ruff alone"
 	@echo "make types   mypy alone"
@@ -83,6 +83,7 @@ computed: .venv/dev
 long: .venv/dev
 	$(BIN)/python -m pytest -n 2 -m 'long and not live'
 	$(BIN)/python -m pytest -m 'long and live' tests
+	nice -n 19 $(BIN)/python benchmarks/mutants.py 20 --least 0.8
 
 # No test may hang on the last bit of a sum. It would show first in those that solve least squares.
 PORTABLE := identify_search identify_sensitivity identify_uncertainty design_linearise models_bouc_wen metrics \

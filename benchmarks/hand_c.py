@@ -20,7 +20,6 @@ from bowden.plants.bench import Bench
 from bowden.plants.plant import SheathPath
 from bowden.plants.presets import bench as paper
 from bowden.records.trace import Trace
-from bowden.sim.faulty import SensorFault
 from bowden.sim.run import RECORDED, compiled_loop, simulate
 from measure import Row, by_turns
 
@@ -68,7 +67,7 @@ class Parameters(ctypes.Structure):
 
     _fields_ = [  # a list, as ctypes asks for
         *((name, ctypes.c_double) for name in NUMBERS),
-        *((name, ctypes.c_long) for name in ("delay", "substeps", "cycles", "whole")),
+        *((name, ctypes.c_long) for name in ("delay", "substeps", "cycles")),
     ]
 
 
@@ -96,7 +95,7 @@ def rows(rounds: int = 40) -> tuple[list[Row], str]:
 
 
 def _rows(library: ctypes.CDLL, rounds: int, said: str) -> list[Row]:
-    parameters = Parameters(**NUMBERS, delay=PLANT.delay, substeps=PLANT.substeps, cycles=CYCLES, whole=1)
+    parameters = Parameters(**NUMBERS, delay=PLANT.delay, substeps=PLANT.substeps, cycles=CYCLES)
     pointer = ctypes.byref(parameters)
 
     def c_program(normals: Array) -> tuple[Array, Array, Array]:
@@ -140,7 +139,7 @@ def _loop(plant: Bench, references: Array, widths: Array, slopes: Array, normals
     settings = (LAW.gains, LAW.conditioning, TABLE.settings, dynamics.plant)
     arguments = (*settings, references, sheath, normals, 0.0, plant.sample_time)
     loop = compiled_loop(dynamics, LAW)
-    return lambda: loop(*arguments, plant.delay, record, states, SensorFault(), np.empty((2, 0)))
+    return lambda: loop(*arguments, plant.delay, record, states, 0.0, np.empty((2, 0)))
 
 
 def _difference(trace: Trace, inputs: Array, block: Array) -> float:

@@ -1,6 +1,6 @@
 """Mutation testing: does a test fail when one operator, comparison, condition or number of the package is changed?
 
-    python benchmarks/mutants.py [COUNT] [--seed N] [--rooms safety control ...] [--all] [--left] [--seconds S]
+    python benchmarks/mutants.py [COUNT] [--seed N] [--rooms safety control ...] [--all] [--left] [--least SHARE]
 
 Mutants are drawn over the rooms by size: each change of each function, and of each number that a module names, is as
 likely as any other. For each, the tests that reach what is changed are run, the quickest first, until one fails: in a
@@ -8,7 +8,8 @@ process of its own, forked from one that has imported all of them, in which the 
 function's. Defaults of fields are data, and are left alone. Which tests reach which functions is recorded once
 (`out/bench/mutants-reached.json`), and again for test files that have changed. Results are kept until the package
 changes: an interrupted run goes on where it was left, and `--left` judges only what survived. Mutants that change
-nothing stand in `results/mutants_equivalent.toml`, each with its reason. Exit code 1 if another one survives.
+nothing stand in `results/mutants_equivalent.toml`, each with its reason. Exit code 1 if fewer of the others are killed
+than `--least`.
 """
 
 import argparse
@@ -26,6 +27,7 @@ import sys
 import threading
 import time
 import tomllib
+import traceback
 from collections import Counter
 from collections.abc import Callable, Iterator
 from hashlib import sha256
@@ -265,9 +267,10 @@ class Recorder:
         from bowden.core import kernel
 
         self.found: dict[str, dict[str, Any]] = {}
-        self._plain: set[str] = set()
+        self._plain: dict[int, CodeType] = {}
+        """Of whatever runs, by identity: a name for each would take longer than many a kernel."""
         self._compiled: set[str] = set()
-        self._fixtures: dict[int, tuple[set[str], set[str]]] = {}
+        self._fixtures: dict[int, tuple[dict[int, CodeType], set[str]]] = {}
         compile_, called = kernel._compile, self._compiled_call
 
         @functools.cache
@@ -293,12 +296,11 @@ class Recorder:
         return Called()
 
     def _trace(self, frame: Any, event: str, argument: Any) -> None:
-        if frame.f_code.co_filename.startswith(str(PACKAGE)):
-            self._plain.add(f"{frame.f_code.co_filename[len(str(PACKAGE)) + 1 :]}:{frame.f_code.co_qualname}")
+        self._plain[id(frame.f_code)] = frame.f_code
 
     @pytest.hookimpl(wrapper=True)
     def pytest_fixture_setup(self, fixturedef: Any) -> Iterator[None]:
-        before, self._plain, self._compiled = (self._plain, self._compiled), set(), set()
+        before, self._plain, self._compiled = (self._plain, self._compiled), {}, set()
         try:
             return (yield)
         finally:
@@ -307,7 +309,7 @@ class Recorder:
 
     @pytest.hookimpl(wrapper=True)
     def pytest_runtest_protocol(self, item: Any) -> Iterator[None]:
-        self._plain, self._compiled = set(), set()
+        self._plain, self._compiled = {}, set()
         threading.settrace(self._trace)
         sys.settrace(self._trace)
         try:
@@ -317,15 +319,22 @@ class Recorder:
             threading.settrace(None)  # type: ignore[arg-type]
             known = item._fixtureinfo.name2fixturedefs if hasattr(item, "_fixtureinfo") else {}
             for one in (one for several in known.values() for one in several):
-                plain, compiled = self._fixtures.get(id(one), (set(), set()))
-                self._plain |= plain
+                codes, compiled = self._fixtures.get(id(one), ({}, set()))
+                self._plain |= codes
                 self._compiled |= compiled
-            row = {"plain": sorted(self._plain), "compiled": sorted(self._compiled - self._plain)}
+            plain = {name for code in self._plain.values() if (name := name_of(code))}
+            row = {"plain": sorted(plain), "compiled": sorted(self._compiled - plain)}
             self.found.setdefault(item.nodeid, {}).update(row)
 
     def pytest_runtest_logreport(self, report: Any) -> None:
         if report.when == "call":
             self.found[report.nodeid] = {"time": report.duration, "passed": report.passed}
+
+
+def name_of(code: CodeType) -> str:
+    """A function of the package as `Recorder` names it; nothing for others."""
+    inside = code.co_filename.startswith(str(PACKAGE))
+    return f"{code.co_filename[len(str(PACKAGE)) + 1 :]}:{code.co_qualname}" if inside else ""
 
 
 def kernels_in(function: Any, parts: Any) -> Iterator[str]:
@@ -335,9 +344,8 @@ def kernels_in(function: Any, parts: Any) -> Iterator[str]:
     todo, seen = [function], {function}
     while todo:
         one = todo.pop()
-        path = one.__code__.co_filename
-        if path.startswith(str(PACKAGE)):
-            yield f"{path[len(str(PACKAGE)) + 1 :]}:{one.__code__.co_qualname}"
+        if name_of(one.__code__):
+            yield name_of(one.__code__)
         for name in global_names(one.__code__):
             value = meant(one, name, dict(parts))
             if is_kernel(value) and value not in seen:
@@ -346,7 +354,11 @@ def kernels_in(function: Any, parts: Any) -> Iterator[str]:
 
 
 def in_child(work: Callable[[], Any], seconds: int) -> Any:
-    """What `work` gives in a process of its own; None where it uses more of the processor's time, or dies."""
+    """What `work` gives in a process of its own; None where it uses more of the processor's time, or dies.
+
+    Raises:
+        RuntimeError: what it raised.
+    """
     reader, writer = os.pipe()
     child = os.fork()
     if not child:
@@ -357,7 +369,10 @@ def in_child(work: Callable[[], Any], seconds: int) -> Any:
         for stream in (0, 1, 2):
             os.dup2(silence, stream)
         with contextlib.suppress(BaseException), os.fdopen(writer, "w") as answer:
-            json.dump(work(), answer)
+            try:
+                json.dump(["gives", work()], answer)
+            except Exception:
+                json.dump(["raises", traceback.format_exc()], answer)
         os._exit(0)
     os.close(writer)
     with os.fdopen(reader, "rb") as told:
@@ -365,7 +380,10 @@ def in_child(work: Callable[[], Any], seconds: int) -> Any:
     with contextlib.suppress(ProcessLookupError):
         os.killpg(child, signal.SIGKILL)  # and what it has started
     os.waitpid(child, 0)
-    return json.loads(data) if data else None
+    kind, value = json.loads(data) if data else ("gives", None)
+    if kind == "raises":
+        raise RuntimeError(value)
+    return value
 
 
 def run(items: list[Any], until: Callable[[], bool] = lambda: False) -> None:
@@ -396,7 +414,7 @@ class Mutating:
         kept.replace([[one.what, done[one.what]] for one in drawn if one.what in done])
         missing = (one for one in drawn if one.what not in done)
         rows = kept.filled(([one.what, self.judge(one, tests, items)] for one in missing if self._in_time()), count)
-        self.code = summary(rows, count)
+        self.code = summary(rows, count, self.given.least)
         return True
 
     def _in_time(self) -> bool:
@@ -460,7 +478,7 @@ def tests_for(mutant: Mutant, tests: dict[str, dict[str, Any]]) -> list[str]:
     return names
 
 
-def summary(rows: list[list[str]], wanted: int) -> int:
+def summary(rows: list[list[str]], wanted: int, least: float) -> int:
     known = dict(tomllib.loads(EQUIVALENT.read_text(encoding="utf-8"))["rows"])
     left = [what for what, by in rows if by in ALIVE and what not in known]
     judged = Counter(what.split("/")[0] for what, _ in rows if what not in known)
@@ -470,7 +488,7 @@ def summary(rows: list[list[str]], wanted: int) -> int:
         print(f"{room}: {number - sum(what.startswith(f'{room}/') for what in left)} of {number} killed")
     whole = sum(judged.values())
     print(f"{len(rows)} of {wanted}: {whole - len(left)} of {whole} killed, {len(rows) - whole} change nothing")
-    return 1 if left or len(rows) < wanted else 0
+    return 1 if whole - len(left) < least * whole or len(rows) < wanted else 0
 
 
 def main() -> int:
@@ -481,6 +499,7 @@ def main() -> int:
     parser.add_argument("--tests", nargs="*", default=["tests"], help="all, if none is named")
     parser.add_argument("--all", action="store_true", help="every mutant of the rooms")
     parser.add_argument("--left", action="store_true", help="judge again what survived")
+    parser.add_argument("--least", type=float, default=1.0, help="share that is to be killed")
     parser.add_argument("--seconds", type=float, default=float("inf"), help="how long, at most")
     given = parser.parse_args()
     FOLDER.mkdir(parents=True, exist_ok=True)

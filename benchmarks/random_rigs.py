@@ -18,7 +18,7 @@ from bowden.control.reference import PeriodicMinimumJerk
 from bowden.core.errors import BowdenError
 from bowden.core.units import RADIANS
 from bowden.cycle.one_cycle import Cycle
-from bowden.design.forecast import off_reference
+from bowden.design.forecast import foreseen, off_reference
 from bowden.design.objections import objections
 from bowden.design.other_law import chosen_law
 from bowden.design.verdict import verdicts
@@ -160,6 +160,8 @@ def run(rig: Rig) -> str:
     live = live_run(rig)
     (joint,) = rig.each_joint
     verdict = verdicts(joint, [(live.law,)], "rig.toml", force=True)[0]
+    if said := foreseen(rig, live.law):
+        return f"objected: {said}"
     require(live.limits, rig.sample_time, verdict.name or "holds", opposed=live.opposed)
     live = live.following([off_reference(rig, live.law)])
     cycle, script = live.cycle(), live.script()

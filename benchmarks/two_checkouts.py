@@ -30,11 +30,12 @@ import json, fault_matrix
 print(json.dumps(list(fault_matrix.singles(2, 0))))
 """
 UNSEEN = """
-import dataclasses, json
+import json
 from unseen import draw, play
 from bowden.control import LAWS
 cells = [draw("development", number) for number in range(40)]
-print(json.dumps([dataclasses.astuple(run) for run in play(list(LAWS.values()), cells)]))
+runs = play(list(LAWS.values()), cells)
+print(json.dumps([[run.number, run.law, run.stable, run.rmse_deg, run.travel_deg] for run in runs]))
 """
 
 

@@ -18,9 +18,10 @@ from typing import Any
 
 import numpy as np
 
-from bowden.control import LAWS, user_law
+from bowden.control import LAWS
 from bowden.control.knowledge import configured
 from bowden.control.law import Law
+from bowden.control.law_file import loaded, named
 from bowden.core.units import DEGREES
 from bowden.sim.many import Outcome, simulate_many
 from kept import counted, finite, numbers_in, progress
@@ -46,8 +47,6 @@ class Run:
     stable: bool
     rmse_deg: float
     """Of the whole run, from rest; infinite of an unstable one [deg]."""
-    late_deg: float
-    """Of what follows the first ten seconds [deg]."""
     travel_deg: float
     """Total variation of the command [deg]."""
 
@@ -64,9 +63,8 @@ def play(laws: Sequence[Law], cells: Sequence[Cell]) -> Iterator[Run]:
 def run_of(number: int, families: str, allowed: float, law: str, outcome: Outcome) -> Run:
     """The figures of a run in degrees; it is stable with an error never above `allowed` [rad]."""
     stable = bool(outcome.ended and outcome.peak <= allowed)
-    figures = (outcome.rmse, outcome.rmse_after_10s, outcome.command_travel)
-    rmse, late, travel = (value * DEGREES if stable else math.inf for value in figures)
-    return Run(number, families, law, stable, rmse, late, travel)
+    rmse, travel = (value * DEGREES if stable else math.inf for value in (outcome.rmse, outcome.command_travel))
+    return Run(number, families, law, stable, rmse, travel)
 
 
 @dataclass(frozen=True)
@@ -80,9 +78,6 @@ class Standing:
     median: float
     most: float
     """Ratio at 95 % of the cells [–]."""
-    late_near: float
-    late_median: float
-    late_most: float
     worse: float
     """Share more than 20 % worse than the baseline [–]."""
     chatter: float
@@ -111,7 +106,6 @@ def ratio(value: float, best: float) -> float:
 def _standing(law: str, table: dict[int, dict[str, Run]]) -> Standing:
     rows = [row for row in table.values() if law in row]
     whole = np.array([ratio(row[law].rmse_deg, min(run.rmse_deg for run in row.values())) for row in rows])
-    late = np.array([ratio(row[law].late_deg, min(run.late_deg for run in row.values())) for row in rows])
     compared = [(row[law], row[BASELINE]) for row in rows if BASELINE in row]
     chatter = [mine.travel_deg / its.travel_deg for mine, its in compared if mine.stable and its.stable]
     worse = [mine.rmse_deg > WORSE * its.rmse_deg or (its.stable and not mine.stable) for mine, its in compared]
@@ -121,9 +115,6 @@ def _standing(law: str, table: dict[int, dict[str, Run]]) -> Standing:
         float(np.mean(whole <= NEAR)),
         _share(whole, 50.0),
         _share(whole, 95.0),
-        float(np.mean(late <= NEAR)),
-        _share(late, 50.0),
-        _share(late, 95.0),
         float(np.mean(worse)) if worse else math.nan,
         _share(np.array(chatter), 50.0) if chatter else math.nan,
         _share(np.array(chatter), 95.0) if chatter else math.nan,
@@ -167,8 +158,8 @@ def look(set_name: str, numbers: range, laws: Sequence[str], file: Path = LOOKS)
 
 
 COLUMNS = (
-    *("law", "within 10 %", "median", "95 %", "late: within 10 %", "median", "95 %", "> 20 % worse than ADRC"),
-    *("chatter over ADRC (median, 95 %)", "unstable", "RMSE"),
+    *("law", "within 10 % of the best", "median ratio", "95 % ratio", "> 20 % worse than ADRC"),
+    *("chatter over ADRC: median, 95 %", "unstable", "RMSE [°]"),
 )
 
 
@@ -176,9 +167,8 @@ def table(found: Sequence[Standing]) -> str:
     """One line a law."""
     rows = [
         [
-            *(f"`{one.law}`", f"{one.near:.0%}", f"{one.median:.2f}", f"{one.most:.2f}", f"{one.late_near:.0%}"),
-            *(f"{one.late_median:.2f}", f"{one.late_most:.2f}", f"{one.worse:.1%}"),
-            *(f"{one.chatter:.2f}, {one.most_chatter:.2f}", one.unstable, f"{one.rmse_deg:.2f}°"),
+            *(f"`{one.law}`", f"{one.near:.0%}", f"{one.median:.2f}", f"{one.most:.2f}", f"{one.worse:.1%}"),
+            *(f"{one.chatter:.2f}, {one.most_chatter:.2f}", one.unstable, f"{one.rmse_deg:.2f}"),
         ]
         for one in found
     ]
@@ -199,25 +189,9 @@ def document(set_name: str, numbers: range, runs: Sequence[Run], shown: str, loo
     return finite(made)
 
 
-def earlier(file: Path, set_name: str, numbers: range, without: Sequence[str]) -> list[Run]:
-    """The runs of other laws in the same cells from a document of before."""
-    made = json.loads(file.read_text(encoding="utf-8"))
-    if made["set"] != set_name:
-        raise SystemExit(f"{file} is of the set {made['set']!r}; expected {set_name!r}")
-    rows = [
-        Run(**{name: math.inf if value is None else value for name, value in row.items()})
-        for row in made["runs"]
-        if row["law"] not in without and row["number"] in numbers
-    ]
-    missing = set(numbers) - {row.number for row in rows}
-    if missing:
-        raise SystemExit(f"{file} lacks {len(missing)} of these cells, {min(missing)} the first")
-    return rows
-
-
 def _laws(names: str) -> list[Law]:
     chosen = names.split(",") if names else list(LAWS)
-    return [user_law.load(name) if user_law.is_file(name) else LAWS[name] for name in chosen]
+    return [loaded(named(name)) for name in chosen]
 
 
 def main() -> None:
@@ -227,15 +201,13 @@ def main() -> None:
     parser.add_argument("--seeds", default="", help="COUNT or FIRST:END; the set's own number without it")
     parser.add_argument("--laws", default="", help="names and files, with commas; all without it")
     parser.add_argument("--shown", default=OURS, help="the law whose worst ten cells are shown")
-    parser.add_argument("--beside", type=Path, help="a JSON of before: its other laws in the same cells count too")
     parser.add_argument("--json", action="store_true", help="one JSON document, nothing else")
     given = parser.parse_args()
     laws, numbers, begun = _laws(given.laws), numbers_in(given.seeds, COUNTS[given.set_name]), time.perf_counter()
     looks = look(given.set_name, numbers, [law.name for law in laws])
     names = [law.name for law in laws]
-    runs = earlier(given.beside, given.set_name, numbers, names) if given.beside else []
     played = play(laws, [draw(given.set_name, number) for number in numbers])
-    runs += progress(played, len(numbers) * len(laws), "runs")
+    runs: list[Run] = list(progress(played, len(numbers) * len(laws), "runs"))
     shown = given.shown if given.shown in {run.law for run in runs} else names[0]
     seconds = time.perf_counter() - begun
     if given.json:

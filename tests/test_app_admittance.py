@@ -6,7 +6,6 @@ from pathlib import Path
 import jsonschema
 import pytest
 
-from admittance_study import MIDDLE
 from bowden.app import main
 from bowden.control import LAWS
 from bowden.control.admittance.virtual_elbow import Admittance
@@ -24,6 +23,7 @@ from bowden.plants.suit_parts import Suit
 from bowden.plants.suit_push import behind, push_of
 from bowden.records.trace import Trace
 from bowden.rig.rig import Rig
+from support.pushed_suit import MIDDLE
 
 pytestmark = pytest.mark.usefixtures("undrawn")
 

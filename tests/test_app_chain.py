@@ -31,7 +31,7 @@ def test_log_model_and_simulation_follow_from_one_another(
 
     Path("rig.toml").write_text('[cable]\nmodel = "cable/model.toml"\n[scenario]\nduration_s = 20.0\n')
     Path("default.toml").write_text("[scenario]\nduration_s = 20.0\n")
-    laws = ["--law", "uncompensated", "--law", "adaptive", "--json"]
+    laws = ["--law", "adaptive", "--json"]
     errors = []
     for rig in ("rig.toml", "default.toml"):
         capsys.readouterr()

@@ -251,7 +251,7 @@ def bad(name: str) -> Path:
 @pytest.mark.parametrize(
     ("name", "said"),
     [
-        ("nan", "row 1235: emg_mV is nan"),
+        ("nan", "line 1236: emg_mV is nan"),
         ("flat", "0.25 in every sample"),
         ("clipped", "are at an end of its range"),
         ("huge", "expected at most 100000 mV, which are 100 V; look at the unit in the column's name"),
@@ -362,7 +362,9 @@ def test_bytes_that_are_no_table_are_one_line_that_can_be_printed(capsys: pytest
         ([(2.0, 3.0), (5.0, 4.0)], "start,end", "row 2: a contraction from 5 to 4 s; expected onset < offset"),
         ([(2.0, 3.0), ("nan", 4.0)], "onset_s,offset_s", "row 2: onset_s is nan; expected a time; remove that row"),
         ([(2.0, 3.0)], "a,b", "expected onset_s and offset_s, or start_s and end_s, named in the first row"),
-        ([(2.0, 3.0), (5.0, 6.0)], "2.0,3.0", "the first row has numbers: 2.0,3.0; expected a row of names"),
+        ([(2.0, 3.0)], "onset_s,off_s", "columns 'onset_s', 'off_s'; expected onset_s and offset_s"),
+        ([(2.0, 3.0)], "onset_deg,offset_deg", "columns 'onset_deg', 'offset_deg'; expected onset_s and offset_s"),
+        ([(2.0, 3.0), (5.0, 6.0)], "2.0,3.0", "no names stand above its 2 columns of numbers; expected a row of names"),
         ([(2.0, 3.0)], "on\x1b[31mset_s,offset_s", "a column is named 'on\\x1b[31mset_s'"),
         ([(2.0, 30.0)], "onset_s,offset_s", "the recording lasts from 0 to 8 s"),
     ],

@@ -92,11 +92,11 @@ def refused(folder: Path, keys: str, source: str | None = "lsl:EMG") -> str:
         ("low_deg = 60.0", "emg.low_deg is 60 and high_deg 60"),
         (
             "duration_s = 0.05",
-            "emg.duration_s is 0.05, for 60°; expected at least 0.3 s, by the joint's speed, limits.j",
+            "emg.duration_s is 0.05, for 60°; expected at least 0.32 s, by 95 % of the joint's speed, l",
         ),
         (
             "mode = 'proportional'\nwearer = 'anna.toml'\nduration_s = 0.2",
-            "for 60°; expected at least 0.25 s, by the jo",
+            "for 60°; expected at least 0.26 s, by 95 %",
         ),
         ("low_deg = -40.0", "within the joint's limits, -28.6"),
         ("flexor = 'biceps'\nextensor = 'biceps'", "both 'biceps'"),

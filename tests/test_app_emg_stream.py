@@ -195,7 +195,7 @@ def test_what_cannot_be_calibrated_from_is_one_line(values: np.ndarray, error: t
         (["score", "a.csv", "--rate", "-1"], "--rate is -1"),
         (["stream", "a.csv", "--speed", "0"], "--speed is 0"),
         (["stream", "a.csv", "--name", "it's"], "expected a name; no quotes in either"),
-        (["stream", "nan.csv"], "nan.csv, row 2001: triceps_mV is nan"),
+        (["stream", "nan.csv"], "nan.csv, line 2002: triceps_mV is nan"),
         (["stream", "huge.csv"], "huge.csv: biceps_mV reaches"),
         (["serve", "a.csv", "--fault", "missing=2"], "--fault is 'missing=2'"),
         (["serve", "a.csv", "--port", "70000"], "--port is 70000; expected a number from 0 to 65535"),

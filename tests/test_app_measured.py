@@ -21,9 +21,13 @@ MOTION = np.concatenate([0.3 * np.sin(2.0 * np.pi * 3.0 * PERIOD * np.arange(900
 
 
 def run(
-    approach: int = 30, until: int | None = None, skipped: dict[int, int] | None = None, bridged: tuple[int, ...] = ()
+    approach: int = 30,
+    until: int | None = None,
+    skipped: dict[int, int] | None = None,
+    bridged: tuple[int, ...] = (),
+    home: int = 0,
 ) -> dict[str, np.ndarray]:
-    """The rows of a run: stopped, preflight with a bridged cycle in it, the way to the motion, the motion, released."""
+    """The rows of a run: stopped, preflight with a bridged cycle, the way there, the motion, the way home, released."""
     skips = skipped or {}
     rows: list[dict[str, float]] = []
     tick = 0
@@ -51,6 +55,9 @@ def run(
         place += 1
         requested_target = MOTION[min(place, len(MOTION) - 1)] if place >= 0 else -0.01
         cycle(Mode.BRIDGING if place in bridged else Mode.RUNNING, TargetSource.MOTION, float(requested_target))
+    for k in range(home):
+        tick += 1
+        cycle(Mode.RUNNING, TargetSource.MOTION, float(MOTION[-1]) * (1.0 - (k + 1) / home) + 0.5 * (k + 1) / home)
     for _ in range(20):
         tick += 1
         cycle(Mode.RELEASING, TargetSource.HOLD, 0.0)
@@ -81,6 +88,11 @@ def check(found: Any, tolerance: float = 1e-12) -> None:
 @pytest.mark.parametrize("approach", [0, 1, 200])
 def test_cable_and_servo_get_their_part_of_the_motion(approach: int) -> None:
     check(motions(log(run(approach)), MOTION, SERVO, PERIOD))
+
+
+@pytest.mark.parametrize("home", [1, 5_000])
+def test_the_way_home_after_the_motion_is_no_part_of_it(home: int) -> None:
+    check(motions(log(run(30, home=home)), MOTION, SERVO, PERIOD))
 
 
 @pytest.mark.parametrize("approach", [0, 30])

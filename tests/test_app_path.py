@@ -212,7 +212,7 @@ def test_every_law_is_looked_at_however_long_the_others_took(monkeypatch: pytest
 
 
 def test_check_does_not_name_itself(capsys: pytest.CaptureFixture[str]) -> None:
-    lost = SimpleNamespace(holds=False, instead="", advice="shorten the delay to 2 cycles (now 80)")
+    lost = SimpleNamespace(holds=False, of_rig=False, instead="", advice="shorten the delay to 2 cycles (now 80)")
     call = Call({"rig": "rig.toml", "law": "adaptive", "preset": None}, {})
     _say_next_of(SimpleNamespace(checks={"": lost}), Rig(), "", ["--law", "adaptive"], call)  # type: ignore[arg-type]
     assert capsys.readouterr().out == "Next: change the rig as the advice says, then check it again\n"
@@ -236,3 +236,6 @@ def test_the_counts_of_a_turn_go_into_the_rig(
         assert rig.motor_encoder.resolution * DEGREES == pytest.approx(wanted[0])
         assert suit or rig.joint_encoder.resolution * DEGREES == pytest.approx(wanted[1])
         assert bowden.init(fit, suit=suit).rig.replace(origin="") == rig.replace(origin="")
+        assert "motor" in tomllib.loads(Path("rig.toml").read_text()), "the gear that the drive's counts go through"
+        before = rig.replace(drive={"motor_counts_per_turn": counts[0] or 4096.0}).notes
+        assert any("--counts-per-turn" in note for note in before) == (counts[0] is not None)

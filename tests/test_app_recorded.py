@@ -57,11 +57,11 @@ def test_a_persons_elbow(shared_data: Path) -> None:
     ("text", "keys", "said"),
     [
         (TEXT, {"position_column": "joint"}, "has no column 'joint'; expected joint_deg (did you mean this?)"),
-        (TEXT, {"position_column": "other"}, "row 1: other is 'x'; expected a number"),
+        (TEXT, {"position_column": "other"}, "line 2: other is 'x'; expected a number"),
         (TEXT, {"unit": "rad"}, "which looks like degrees"),
         (TEXT + "\n4.0,x,nan", {}, "not numbers"),
         ("\n".join(TEXT.splitlines()[:9]), {}, "at least 16"),
-        ("", {}, "it is empty"),
+        ("", {}, "motion.csv is empty"),
         (b"\x00\xff\x00\xff", {}, "motion.csv"),
         ("# nothing but a comment", {}, "motion.csv"),
     ],

@@ -13,7 +13,7 @@ import pytest
 
 from bowden.app.main import run
 from bowden.core.units import DEGREES
-from bowden.identify.cable.identification import identify_log
+from bowden.identify.cable.identification import identify
 from bowden.identify.log.read import read_log
 from bowden.models.cable.bouc_wen import BoucWen, saturation
 from bowden.operations.schema import json_schema
@@ -104,7 +104,7 @@ def half_width(cable: BoucWen) -> float:
 
 def test_the_cable_is_found_in_its_log(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["sample", "cable", "."]) == 0
-    fit = identify_log(read_log(Path("log.csv")))
+    fit = identify([read_log(Path("log.csv"))])
     true = BoucWen(**truth("cable.truth.toml")["log"])
     assert fit.best.name == "bouc_wen"
     assert all("count less: the log begins at rest or at a turn" in said for said in fit.warnings)
@@ -120,7 +120,7 @@ def test_the_other_logs_of_a_cable_and_a_servo_are_what_the_truth_says(capsys: p
     assert run(["identify", "log.csv"]) == 0
     true = truth("cable.truth.toml")
     capsys.readouterr()
-    new = document("identify new.csv --model out/identify/model.toml --out new", capsys)
+    new = document("identify new.csv --model out/identify/model.toml --out new", capsys)["recalibration"]
     assert (new["gain"], new["offset_deg"]) == pytest.approx((true["new"]["gain"], true["new"]["offset_deg"]), rel=0.01)
     assert not new["changed"]
     loads = document("identify low.csv mid.csv high.csv", capsys)
@@ -133,7 +133,7 @@ def test_the_other_logs_of_a_cable_and_a_servo_are_what_the_truth_says(capsys: p
             assert servo[name]["value"] == pytest.approx(true["servo"][name], rel=2e-3)
         assert 1e3 * servo["delay_s"]["value"] == pytest.approx(true["servo"]["delay_ms"], abs=0.05)
     raw = read_log(Path("raw.csv"), unit="counts", counts_per_turn="8192,4000", rate=1000.0)
-    assert identify_log(raw).best.parameters["slope"] == pytest.approx(true["log"]["slope"], rel=1e-3)
+    assert identify([raw]).best.parameters["slope"] == pytest.approx(true["log"]["slope"], rel=1e-3)
 
 
 @pytest.mark.parametrize("seed", [1, *(pytest.param(seed, marks=pytest.mark.long) for seed in range(2, 10))])

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from bowden.control import LAWS, user_law
+from bowden.control.law_file import load
 from bowden.control.reference import PeriodicMinimumJerk
 from bowden.core.errors import ParameterError
 from bowden.core.kernel import compiled
@@ -24,7 +25,7 @@ RETURN = "return State(integral), command"
 
 
 def test_the_example_law_follows_better_than_no_compensation() -> None:
-    law = user_law.load(str(EXAMPLE))
+    law = load(str(EXAMPLE))
     assert law.name == "my_law"
     motion = PeriodicMinimumJerk(0.0, 70.0 * RADIANS, 4.0)
     own, none = (simulate(default_bench(), one, motion, duration=8.0) for one in (law, LAWS["uncompensated"]))
@@ -46,7 +47,7 @@ def test_a_law_that_never_returns_is_refused_with_its_name_and_line(at: str, hol
     (tmp_path / "law.py").write_text(SOURCE.replace(at, loop + at))
     trace = sys.gettrace()
     with pytest.raises(ParameterError, match=r"law\.py:\d+: the law 'law' does not return from one cycle"):
-        user_law.load("law.py", tmp_path)
+        load("law.py", tmp_path)
     assert sys.gettrace() is trace
 
 
@@ -82,7 +83,7 @@ def step(gains: Gains, state: State, sample: Sample, reference: Reference, dt: f
 
 def test_a_law_may_branch_and_remember_a_flag_and_a_phase(tmp_path: Path) -> None:
     (tmp_path / "law.py").write_text(WITH_BRANCHES)
-    law = user_law.load("law.py", tmp_path)
+    law = load("law.py", tmp_path)
     fast, state = compiled(law.step_kernel), law.start(Sample(0.0, 0.0))
     cycles = ((math.nan, 1.0, ((0, True), 0.5)), (0.0, 0.0, ((0, True), 1.0)), (0.0, 1.0, ((1, False), 1.0)))
     for joint, velocity, expected in cycles:
@@ -97,7 +98,7 @@ def test_an_edited_law_is_not_met_by_its_old_code(tmp_path: Path) -> None:
     motion = PeriodicMinimumJerk(0.0, 1.0, 1.0)
     for sign in ("+", "-"):
         path.write_text(SOURCE.replace("command = reference", f"command = {sign}1.0 + reference"))
-        trace = simulate(default_bench(), user_law.load(str(path)), motion, duration=0.1)
+        trace = simulate(default_bench(), load(str(path)), motion, duration=0.1)
         assert np.sign(trace["command"][0]) == float(f"{sign}1")
 
 
@@ -106,13 +107,13 @@ def test_a_law_object_is_found_by_its_name_or_alone(tmp_path: Path) -> None:
     (tmp_path / "one.py").write_text(source)
     (tmp_path / "two.py").write_text(source + "HARD = LAWS['adaptive'].with_gains(feedback_gain=30.0)\n")
     for name, gain in (("one.py", 5.0), ("one.py:SOFT", 5.0), ("two.py:HARD", 30.0)):
-        assert user_law.load(name, tmp_path).gains.feedback_gain == gain
+        assert load(name, tmp_path).gains.feedback_gain == gain
     with pytest.raises(ParameterError, match=r"several of type Law: SOFT, HARD; .*say which: two.py:NAME"):
-        user_law.load("two.py", tmp_path)
+        load("two.py", tmp_path)
     with pytest.raises(ParameterError, match="has no 'WEAK'; expected one of SOFT, HARD"):
-        user_law.load("two.py:WEAK", tmp_path)
+        load("two.py:WEAK", tmp_path)
     with pytest.raises(ParameterError, match=r"LAWS in .*two\.py is a Laws; expected a Law"):
-        user_law.load("two.py:LAWS", tmp_path)
+        load("two.py:LAWS", tmp_path)
 
 
 def line_of(source: str, part: str) -> int:
@@ -147,7 +148,7 @@ def test_what_is_wrong_is_said_with_file_and_line(tmp_path: Path, old: str, new:
     path = tmp_path / "law.py"
     path.write_text(source)
     with pytest.raises(ParameterError) as caught:
-        user_law.load(str(path))
+        load(str(path))
     assert said in str(caught.value)
     assert f"{path}, line {line_of(source, at)}:" in str(caught.value)
     assert "\n" not in str(caught.value)
@@ -171,13 +172,13 @@ def test_what_is_wrong_is_said_with_file_and_line(tmp_path: Path, old: str, new:
 def test_what_is_missing_is_said(tmp_path: Path, source: str, said: str) -> None:
     (tmp_path / "law.py").write_text(source)
     with pytest.raises(ParameterError, match=r"law\.py") as caught:
-        user_law.load("law.py", tmp_path)
+        load("law.py", tmp_path)
     assert said in str(caught.value)
 
 
 def test_a_file_that_is_not_there(tmp_path: Path) -> None:
     with pytest.raises(ParameterError, match="no such file"):
-        user_law.load("nothing.py:LAW", tmp_path)
+        load("nothing.py:LAW", tmp_path)
 
 
 @pytest.mark.parametrize(
@@ -194,7 +195,7 @@ def test_what_does_not_compile_is_said_with_file_and_line(
     source = SOURCE.replace("@kernel\ndef start", helper).replace(old, new)
     path = tmp_path / "law.py"
     path.write_text(source)
-    law = user_law.load(str(path))
+    law = load(str(path))
     with pytest.raises(ParameterError) as caught, user_law.explained(law):
         simulate(default_bench(), law, PeriodicMinimumJerk(0.0, 1.0, 1.0), duration=0.1)
     assert said in str(caught.value)

@@ -63,9 +63,7 @@ def test_rows_that_are_written_become_a_table(tmp_path: Path, monkeypatch: pytes
     monkeypatch.setattr(results_page, "RESULTS", tmp_path)
     assert results_page.results("some")["commit"]
     made = results_page.results_table("some")
-    assert made.startswith(
-        "| law | [°] | n |\n|---|---|---|\n| `play` | 0.5 | 1 of 2 |\n| `line` | -1.25 | – |\n\n*What. "
-    )
+    assert made.startswith("law | [°] | n\n---|---|---\n`play` | 0.5 | 1 of 2\n`line` | -1.25 | –\n\n*What. ")
     assert made.endswith(", `cmd`. How.*")
 
 

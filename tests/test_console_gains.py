@@ -121,7 +121,7 @@ def test_nothing_that_no_gain_can_be_changes_one(console: RunningConsole) -> Non
     def asked(name: Any, value: Any) -> None:
         time.sleep(0.03)  # a session's requests have a limit of their rate
         status, _, said = page.request("POST", "/api/gain", json.dumps({"name": name, "value": value}).encode())
-        assert status == 400
+        assert status == 400, said
         assert set(json.loads(said)["error"]) == {"what", "expected", "do"}
         assert len(said) < 2000
 

@@ -17,6 +17,7 @@ from bowden.design.check import check
 from bowden.design.linear_plant import OnArm, linear_plant
 from bowden.design.linearise import linearise
 from bowden.design.trial import run_trial
+from bowden.design.tune import NoGainsError
 from bowden.models.cable.sheath import slope_factor
 from bowden.operations.schema import json_schema
 from bowden.plants.presets.bench import default_bench
@@ -101,6 +102,27 @@ def test_gains_of_the_bench_do_not_hold_on_a_suit() -> None:
     found = check(integral(), LAWS["adaptive"], stroke=STROKE)
     assert found.verdict == "does_not_hold"
     assert "in the trial it runs away" in found.reason
+
+
+def test_a_missing_integral_is_named_by_check_and_tune_and_mends_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def failed(*_: object, **__: object) -> None:
+        raise NoGainsError("no gains")
+
+    for name in ("search", "_narrower"):
+        monkeypatch.setattr(f"bowden.study.tune_law.{name}", failed)
+    path, line = tmp_path / "suit.toml", "drive_integral_per_s = 40"
+    path.write_text(RIG.replace(f"{line}.0\n", ""))
+    assert main.run(["check", str(path)]) == 0
+    checked = capsys.readouterr().out
+    assert checked.splitlines()[-1].startswith("Next: change the rig")
+    assert main.run(["tune", str(path)]) == 2
+    tuned = capsys.readouterr().err
+    assert tuned.splitlines()[-1] == f"Next: bowden check {path}  # once that is in it"
+    assert all(f"{line} into [suit]" in said for said in (checked, tuned))
+    path.write_text(path.read_text().replace("worn = true", f"worn = true\n{line}"))
+    assert bowden.check(path).verdict == "holds", "the advice mends it"
 
 
 @pytest.mark.filterwarnings("ignore:suit.drive_integral_per_s is 0")

@@ -96,7 +96,7 @@ IN_ORDER = re.findall(r"^ +- (?:[^:\n]+: )?([\w/-]+\.md)$", SITE, re.MULTILINE)
 """The pages in the order of the site."""
 
 
-@pytest.mark.parametrize("page", sorted((ROOT / "docs" / "background").glob("*.md")), ids=page_id)
+@pytest.mark.parametrize("page", [page for page in CURRENT if "made by make docs" in page.read_text()], ids=page_id)
 def test_tables_are_those_of_the_results(page: Path) -> None:
     text = page.read_text(encoding="utf-8")
     assert text == results_page.with_tables(text), "make docs"
@@ -108,6 +108,24 @@ def test_every_page_has_its_place_in_the_site_and_in_the_index() -> None:
     assert len(IN_ORDER) == len(pages)
     listed = set(re.findall(r"\]\(([\w/-]+\.md)\)", (ROOT / "docs" / "README.md").read_text(encoding="utf-8")))
     assert listed == pages - {"README.md"}
+
+
+@pytest.mark.parametrize(
+    ("pages", "most_pages", "most_words"),
+    [("README.md", 1, 500), ("docs/*.md", 25, 25_000), ("docs/background/*.md", 12, 20_000)],
+)
+def test_pages_are_few_and_short(pages: str, most_pages: int, most_words: int) -> None:
+    found = [path.read_text(encoding="utf-8").split() for path in ROOT.glob(pages)]
+    assert 0 < len(found) <= most_pages
+    assert sum(map(len, found)) <= most_words
+
+
+def test_decisions_are_numbered_without_gaps_and_short() -> None:
+    for number, path in enumerate(sorted((ROOT / "docs" / "decisions").glob("*.md")), 1):
+        text = path.read_text(encoding="utf-8")
+        assert path.name.startswith(f"{number:04d}-")
+        assert text.startswith(f"# {number}. ")
+        assert len(text.split()) <= 400
 
 
 def test_the_page_of_commands_is_current() -> None:

@@ -100,6 +100,7 @@ def test_what_a_table_of_guesses_names_is_there() -> None:
         "bowden": bowden,
         "numpy": np,
         "log": fit.log,
+        "recalibration": bowden.identify(T, MOTOR, JOINT, model=fit).recalibration,
         "made": made,
         "Rig": bowden.Rig,
         "CableModel": bowden.CableModel,
@@ -352,8 +353,9 @@ def test_a_model_is_written_and_read(tmp_path: Path) -> None:
     with pytest.raises(ParameterError, match=r"Fit.write: path is 3; expected the path of a file"):
         fit.write(3)  # type: ignore[arg-type]
     trace = example(motor=MOTOR, joint=JOINT)
-    found = bowden.recalibrate(trace, model)
-    assert found.gain == pytest.approx(1.0)
+    found = bowden.identify(trace, model=model)
+    assert found.recalibration is not None
+    assert found.recalibration.gain == pytest.approx(1.0)
     assert "nan" not in repr(found)
 
 
@@ -474,7 +476,7 @@ def test_a_log_says_how_its_run_ended(modes: tuple[int, ...], fault: Fault | Non
 
 WRONG: dict[str, tuple[Callable[[], Any], str]] = {
     "simulate of a log": (lambda: bowden.simulate("log.csv"), r"log\.csv is a log, not a rig; .*: bowden identify log"),
-    "identify of nothing": (lambda: bowden.identify(), r"identify: time is missing; expected a file's path, or three"),
+    "identify of nothing": (lambda: bowden.identify(), r"identify: log is missing; expected files, or three"),
     "identify of two": (lambda: bowden.identify(T, MOTOR), r"identify: joint is missing"),
     "other lengths": (lambda: bowden.identify(T, MOTOR[1:], JOINT), r"time has 2000 samples, motor has 1999"),
     "NaN": (lambda: bowden.identify(T, np.where(T == 5.0, np.nan, MOTOR), JOINT), r"sample 501: motor is nan"),
@@ -565,8 +567,8 @@ def test_emg_goes_from_a_recording_to_a_motion(tmp_path: Path, monkeypatch: pyte
 def test_several_logs_and_a_recalibration_show_themselves() -> None:
     units = {"time": "s", "motor": "rad", "joint": "rad"}
     logs = [bowden.Trace({"time": T, "motor": MOTOR, "joint": 0.9 * MOTOR - 0.5 * load}, units) for load in (0.0, 0.2)]
-    together = bowden.identify_together(logs, load=[0.0, 0.2])
-    found = bowden.recalibrate(logs[0], together, load=0.0)
+    together = bowden.identify(logs, load=[0.0, 0.2])
+    found = bowden.identify(logs[0], model=together, load=0.0)
     for one in (together, found):
         assert "<svg" in one._repr_html_()
         assert len(one.plot()) == 1

@@ -32,7 +32,7 @@ from bowden.live.live_run import require_joint
 from bowden.models.cable.sheath_path import constant_bend
 from bowden.plants.presets.bench import bench
 from bowden.rig.rig import Rig
-from support.memory_bus import DriverLoop
+from support.memory_bus import DriverLoop, asking
 
 CYCLE = 1e-3
 DRIVE = AkParameters(answer_timeout=0.2)
@@ -143,7 +143,7 @@ def test_a_plant_whose_motor_gives_way_is_given_the_drives_torque_and_is_not_ine
 
 
 def test_a_drive_at_its_largest_current_is_not_inert() -> None:
-    loop = DriverLoop(DRIVE._replace(current_limit=8.0))
+    loop = DriverLoop(asking(DRIVE, current_limit=8.0))
     plant = GivingWay(loop.time)
     loop.node.bench = plant
     loop.up()

@@ -15,7 +15,7 @@ from bowden.hardware.ports import Power
 from bowden.hardware.twin.bench import TwinBench
 from bowden.models.cable.sheath_path import constant_bend
 from bowden.plants.presets.bench import bench
-from support.memory_bus import TwinBus
+from support.memory_bus import TwinBus, asking
 
 DRIVE = DriveParameters(answer_timeout=0.05)
 CYCLE = 1e-3
@@ -84,7 +84,7 @@ def test_a_node_that_an_end_has_stopped_is_woken() -> None:
 
 def test_speeds_in_thousandths_of_a_turn_a_minute_are_understood() -> None:
     bus = TwinBus(DRIVE, make_bench, {(0x60A9, 0): 0xFDB4_4700, (0x6080, 0): 10_000_000, (0x607F, 0): 10_000_000})
-    CanopenDrive(DRIVE._replace(speed_limit=30.0), Links(bus)).bring_up()
+    CanopenDrive(asking(DRIVE, speed_limit=30.0), Links(bus)).bring_up()
 
 
 def test_a_drive_that_goes_pre_operational_when_we_are_lost_is_not_ready() -> None:

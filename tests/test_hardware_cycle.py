@@ -64,7 +64,7 @@ def test_a_target_acts_from_its_sync_on_and_not_before(ticks: bool) -> None:
         seen.append(drive.read(bus.time).motor)
         drive.write(target, Power.ON, bus.time)
         bus.advance(CYCLE) if ticks else bus.pass_time()
-    count = abs(2.0 * math.pi / (DRIVE.motor_counts_per_turn * DRIVE.gear))
+    count = abs(2.0 * math.pi / (DRIVE.motor_counts_per_turn * DRIVE.needs.gear))
     sent = round(0.3 / count) * count
     state, step = ServoState(seen[3], 0.0, 0.0), prepare(servo, 1e-4)
     for _ in range(10):
@@ -228,7 +228,10 @@ class Port:
 
 
 @given(
-    st.integers(0, 2**32), st.sampled_from([0.0, 0.01, 0.3]), st.sampled_from([0.0, 0.01]), st.sampled_from([0, 10, 50])
+    st.integers(0, 2**32),
+    st.sampled_from([0.0, 0.01, 0.3]),
+    st.sampled_from([0.0, 0.01]),
+    st.sampled_from([0, 10, 50, 100]),
 )
 @settings(max_examples=15)
 def test_no_drive_is_wronged_for_late_frames_and_a_second_one_of_its_number_is_found(

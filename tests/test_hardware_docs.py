@@ -20,5 +20,5 @@ def test_the_state_table() -> None:
         mask, value = STATUS[state]
         words = [CONTROL[state, power] for power in Power]
         cells = [state.name.lower().replace("_", " "), str(int(state)), f"{value:02X}h of {mask:02X}h"]
-        rows.append("| " + " | ".join(cells + [f"{word:04X}h" if word else "–" for word in words]) + " |")
+        rows.append(" | ".join(cells + [f"{word:04X}h" if word else "–" for word in words]))
     assert table("background/drives.md", "state table") == rows

@@ -28,13 +28,13 @@ from bowden.hardware.drives.odrive_frames import BROADCAST, AxisState, Cmd, iden
 from bowden.hardware.ports import Power, TorqueLeft
 from bowden.rig.families import family_of
 from bowden.rig.rig import Rig
-from support.memory_bus import DriverLoop
+from support.memory_bus import DriverLoop, asking
 
 ENABLED, FAULT, DISABLED = DriveState.OPERATION_ENABLED, DriveState.FAULT, DriveState.SWITCH_ON_DISABLED
 
 
 def complete(drive: Any, **changed: Any) -> Any:
-    return Rig(drive=drive).drive_parameters._replace(**changed)
+    return asking(Rig(drive=drive).drive_parameters, **changed)
 
 
 class Case(NamedTuple):
@@ -91,7 +91,7 @@ ANSWERING = pytest.mark.parametrize("name", ["ak_mit", "moteus", "odrive"])
 
 
 def loop_of(name: str, overrides: Any = None, **changed: Any) -> DriverLoop:
-    return DriverLoop(CASES[name].drive._replace(**changed), overrides)
+    return DriverLoop(asking(CASES[name].drive, **changed), overrides)
 
 
 @pytest.fixture(autouse=True)
@@ -346,7 +346,7 @@ def test_a_drive_that_does_not_fit_is_refused_in_a_line_and_without_power(
     overrides, changed, said = row
     drive = DriveParameters() if name == "cia402" else CASES[name].drive  # without limits of a rig
     timeout = 0.05 if name == "cia402" else 0.02
-    loop = DriverLoop(drive._replace(**{"answer_timeout": timeout, **changed}), overrides)
+    loop = DriverLoop(asking(drive, **{"answer_timeout": timeout, **changed}), overrides)
     with pytest.raises(DriveError, match=said) as refused:
         loop.drive.bring_up()
     assert "\n" not in str(refused.value)
@@ -392,7 +392,7 @@ NONSENSE: Mapping[str, list[tuple[dict[str, Any], str]]] = {
 def test_what_makes_no_sense_is_refused_before_a_bus_is_opened(name: str, row: tuple[dict[str, Any], str]) -> None:
     drive = CASES[name].drive
     with pytest.raises(ParameterError, match=row[1]):
-        family_of(drive).open(drive._replace(**row[0]), None)
+        family_of(drive).open(asking(drive, **row[0]), None)
     if name != "ak_mit":
         assert family_of(drive).watchdog(drive._replace(watchdog=0.039)) <= 0.040
 

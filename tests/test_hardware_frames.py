@@ -8,9 +8,11 @@ from hypothesis import strategies as st
 
 from bowden.core.errors import ParameterError
 from bowden.hardware.drives import canopen_frames as frames
-from bowden.hardware.drives.families.cia402 import FAMILY, DriveParameters, check_parameters, joint_scale, motor_scale
+from bowden.hardware.drives.families.cia402 import FAMILY, DriveParameters, joint_scale, motor_scale
+from bowden.hardware.drives.on_can import require
 from bowden.hardware.drives.scale import Scale
 from bowden.rig.families import DriveNeeds
+from support.memory_bus import asking
 
 I16, I32, U16 = st.integers(-(2**15), 2**15 - 1), st.integers(-(2**31), 2**31 - 1), st.integers(0, 2**16 - 1)
 
@@ -82,7 +84,7 @@ def test_counts_and_angles_go_there_and_back(
         joint_direction=direction,
         motor_counts_per_turn=per_turn,
         joint_counts_per_turn=per_turn,
-        gear=gear,
+        needs=DriveNeeds(gear=gear),
         motor_home=home,
         joint_home=home,
     )
@@ -92,7 +94,9 @@ def test_counts_and_angles_go_there_and_back(
 
 
 def test_a_turn_of_the_spool_is_a_gear_of_the_motor() -> None:
-    drive = DriveParameters(motor_counts_per_turn=1000.0, gear=4.0, motor_direction=-1, motor_home=0.5)
+    drive = DriveParameters(
+        motor_counts_per_turn=1000.0, needs=DriveNeeds(gear=4.0), motor_direction=-1, motor_home=0.5
+    )
     assert motor_scale(drive) == Scale(-2.0 * math.pi / 4000.0, 0.5)
     assert math.isclose(motor_scale(drive).angle(-4000), 0.5 + 2.0 * math.pi)
 
@@ -123,13 +127,13 @@ def test_a_turn_of_the_spool_is_a_gear_of_the_motor() -> None:
 )
 def test_parameters_that_make_no_sense_are_refused_by_name(wrong: dict[str, float]) -> None:
     with pytest.raises(ParameterError, match="drive: ") as refused:
-        check_parameters(DriveParameters()._replace(**wrong))
+        require(asking(DriveParameters(), **wrong))
     keys = {"highest_motor": "motor_high_deg", "tension_scale": "tension_n_per_mv", "heartbeat_time": "heartbeat_ms"}
     assert any(keys.get(name, name) in str(refused.value) for name in ("highest_motor", *wrong))
 
 
 def test_the_defaults_make_sense() -> None:
-    check_parameters(DriveParameters())
+    require(DriveParameters())
 
 
 def test_the_watch_of_a_slow_loop_follows_its_cycle_and_may_be_longer_than_one_that_is_written() -> None:

@@ -17,13 +17,14 @@ from bowden.hardware.ports import Power, TorqueLeft
 from bowden.live.loop import Ended
 from bowden.live.preflight import Preflight
 from bowden.live.script import Script
+from bowden.rig.families import DriveNeeds
 from bowden.safety.faults import Fault, of
 from bowden.safety.limits import Limits
 from bowden.safety.state import Mode
 from loop_rig import LoopRig
 from support.hostile_node import DISABLED, Attack, HostileBus
 
-DRIVE = DriveParameters(answer_timeout=0.05, current_limit=20.0)
+DRIVE = DriveParameters(answer_timeout=0.05, needs=DriveNeeds(current_limit=20.0))
 STOPPABLE = DRIVE._replace(emergency_stop_input=5)
 LIMITS = Limits(tracking=9.0, target_reach=99.0, play=9.0)
 """The node's motor is a simple one, and is not what is tested here."""

@@ -19,7 +19,7 @@ from bowden.hardware.drives.scale import motor_limits
 from bowden.hardware.ports import Power
 from bowden.rig.rig import Rig
 from live_runs import SHARED, assert_replays, finished_well
-from support.memory_bus import DriverLoop
+from support.memory_bus import DriverLoop, asking
 
 RIG = Rig(drive=OdriveParameters())
 WITH_JOINT = RIG.drive_parameters._replace(answer_timeout=0.1)
@@ -123,11 +123,11 @@ def test_the_makers_list_is_found_from_the_rigs_file(tmp_path: Path, monkeypatch
 
 def test_a_target_never_asks_for_more_speed_or_torque_than_the_rig() -> None:
     limits = motor_limits(DRIVE, odrive_setup.motor_scale(DRIVE))
-    drive = DRIVE._replace(torque_offset=0.1)
+    drive = asking(DRIVE, torque_offset=0.1)
     for before in (-5.0, 0.0, 0.0999, 5.0, math.nan):
         target = target_of(drive, limits, 0.1, before, 1e6)
         assert abs(target.velocity) <= limits.speed
-        assert abs(target.torque) <= 0.1 / drive.gear + 1e-12
+        assert abs(target.torque) <= 0.1 / drive.needs.gear + 1e-12
     assert target_of(drive, limits, 0.1, math.nan, math.nan)[1:] == (0.0, 0.0)
 
 

@@ -13,8 +13,11 @@ from bowden.hardware.drives.families.ak_mit import FAMILY, AkParameters
 from bowden.hardware.twin.bench import TwinBench
 from bowden.models.cable.sheath_path import constant_bend
 from bowden.plants.presets.bench import bench
+from bowden.rig.families import DriveNeeds
 
-AK80_6 = AkParameters(model="AK80-6", gear=6.0, node_id=3, stiffness=20.0, damping=1.0, watchdog=0.1)
+AK80_6 = AkParameters(
+    model="AK80-6", node_id=3, stiffness=20.0, damping=1.0, watchdog=0.1, needs=DriveNeeds(6.0, 0.091)
+)
 
 
 @pytest.fixture

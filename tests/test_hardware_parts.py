@@ -100,7 +100,7 @@ def taken(encoder: JointEncoder, bus: MemoryBus) -> list[float]:
 @pytest.mark.parametrize("synced", [True, False])
 def test_an_encoder_of_its_own_tells_the_joints_angle_over_its_end(*, synced: bool) -> None:
     encoder, bus, true = encoder_on(ENCODER._replace(synced=synced))
-    assert "16384 counts a turn" in encoder.bring_up(bus)
+    assert "16384 counts a turn" in encoder.bring_up(bus.port)
     taken(encoder, bus)
     for true[0] in (0.4, 0.2, -0.1, -0.6):
         if synced:
@@ -112,7 +112,7 @@ def test_an_encoder_of_its_own_tells_the_joints_angle_over_its_end(*, synced: bo
 
 def test_an_encoder_is_found_home_where_it_stands() -> None:
     encoder, bus, true = encoder_on(ENCODER._replace(here=True, home=0.0))
-    encoder.bring_up(bus)
+    encoder.bring_up(bus.port)
     true[0] = 0.55
     bus.send_frame(frames.SYNC, b"")
     assert taken(encoder, bus)[-1] == pytest.approx(0.15, abs=5e-4)
@@ -135,17 +135,17 @@ def test_an_encoder_is_found_home_where_it_stands() -> None:
 def test_an_encoder_that_does_not_fit_is_refused(overrides: dict[tuple[int, int], int | None], said: str) -> None:
     encoder, bus, _ = encoder_on(ENCODER, overrides)
     if not said:
-        encoder.bring_up(bus)
+        encoder.bring_up(bus.port)
     else:
         with pytest.raises(DriveError, match=said):
-            encoder.bring_up(bus)
+            encoder.bring_up(bus.port)
     bus.close()
 
 
 def test_an_encoder_that_nobody_is_is_named_with_those_who_are() -> None:
     encoder, bus, _ = encoder_on(ENCODER)
     with pytest.raises(DriveError, match="there is node 32"):
-        JointEncoder(ENCODER._replace(node_id=33), 0.1).bring_up(bus)
+        JointEncoder(ENCODER._replace(node_id=33), 0.1).bring_up(bus.port)
     assert encoder.synced
     bus.close()
 
@@ -153,7 +153,7 @@ def test_an_encoder_that_nobody_is_is_named_with_those_who_are() -> None:
 @pytest.mark.parametrize("fault", ["joint_silence", "encoder_frozen joint", "encoder_spike joint 30"])
 def test_faults_of_the_joints_encoder_show_as_what_they_are(fault: str) -> None:
     encoder, bus, true = encoder_on(ENCODER)
-    encoder.bring_up(bus)
+    encoder.bring_up(bus.port)
     taken(encoder, bus)
     assert bus.faults is not None
     bus.faults.inject(parse(fault))
@@ -175,7 +175,7 @@ def test_faults_of_the_joints_encoder_show_as_what_they_are(fault: str) -> None:
 
 def test_an_encoder_in_an_emergency_or_without_its_heartbeat_tells_nothing() -> None:
     encoder, bus, _ = encoder_on(ENCODER)
-    encoder.bring_up(bus)
+    encoder.bring_up(bus.port)
     taken(encoder, bus)
     reading = (frames.TPDO1 + 32, (4096).to_bytes(4, "little"))
     now = bus.time

@@ -25,10 +25,10 @@ from bowden.models.suit.suit_angle import spool_map, spool_of
 from bowden.plants.suit_parts import Suit
 from bowden.safety.faults import Reaction
 from bowden.safety.state import Mode, Verdict
-from support.memory_bus import TwinBus
+from support.memory_bus import TwinBus, asking
 
 SUIT = Suit(motor=GearedMotor(integral=40.0))
-DRIVE = DriveParameters(gear=SUIT.motor.gear, spool=spool_map(SUIT.geometry, SUIT.spool_radius))
+DRIVE = asking(DriveParameters(), gear=SUIT.motor.gear, spool=spool_map(SUIT.geometry, SUIT.spool_radius))
 
 
 def twin(suit: Suit = SUIT, motor: float = 0.0) -> TwinSuit:
@@ -51,7 +51,7 @@ def test_counts_are_the_spools_and_angles_the_joints(direction: int) -> None:
         angle = degrees * RADIANS
         counts = scale.counts(angle)
         assert scale.angle(counts) == pytest.approx(angle, abs=1e-12)
-        turns = direction * counts / (DRIVE.motor_counts_per_turn * DRIVE.gear)
+        turns = direction * counts / (DRIVE.motor_counts_per_turn * DRIVE.needs.gear)
         assert turns * 2.0 * math.pi == pytest.approx(spool_of(angle, scale.map), abs=1e-12)
 
 
@@ -192,7 +192,8 @@ def over_the_bus(drive: DriveParameters) -> tuple[TwinBus, CanopenDrive]:
 
 
 def test_over_the_bus_the_drive_speaks_of_the_joints_coordinate() -> None:
-    limited = DRIVE._replace(
+    limited = asking(
+        DRIVE,
         **{"lowest_motor": -0.2, "highest_motor": 2.0, "speed_limit": 15.0, "following_error": 0.9},
         **{"current_limit": 20.0, "tension_scale": 0.05, "answer_timeout": 1.0},
     )
@@ -222,7 +223,7 @@ def test_the_drives_own_limits_are_held_against_the_spool() -> None:
         ({"speed_limit": 40.0}, {}, "speed limit"),
         (LAG, {(0x6065, 0): 10}, "following error"),
     ):
-        bus, drive = over_the_bus(DRIVE._replace(lowest_motor=-0.2, highest_motor=2.0, answer_timeout=1.0, **asked))
+        bus, drive = over_the_bus(asking(DRIVE, lowest_motor=-0.2, highest_motor=2.0, answer_timeout=1.0, **asked))
         for key, value in set_to.items():
             bus.node.objects.change(key, value)
         with pytest.raises(DriveError, match=said):
@@ -232,7 +233,7 @@ def test_the_drives_own_limits_are_held_against_the_spool() -> None:
 
 @pytest.mark.parametrize("direction", [1, -1])
 def test_a_torque_offset_arrives_at_the_spool_within_its_bound_and_only_under_torque(direction: int) -> None:
-    pushed = DRIVE._replace(torque_offset=2.0, current_limit=20.0, motor_direction=direction, answer_timeout=1.0)
+    pushed = asking(DRIVE, torque_offset=2.0, current_limit=20.0, motor_direction=direction, answer_timeout=1.0)
     bus, drive = over_the_bus(pushed)
     drive.bring_up()
     plant = bus.node.bench
@@ -244,7 +245,7 @@ def test_a_torque_offset_arrives_at_the_spool_within_its_bound_and_only_under_to
             bus.advance(1e-3)
         return plant.torque_offset
 
-    step = pushed.gear * RATED_CURRENT * pushed.torque_constant * 1e-3
+    step = pushed.needs.gear * RATED_CURRENT * pushed.needs.torque_constant * 1e-3
     assert told(1.0, Power.READY) == 0.0
     assert told(1.0, Power.ON) == pytest.approx(1.0, abs=0.5 * step)
     assert told(-9.0, Power.ON) == pytest.approx(-2.0, abs=0.5 * step)
@@ -266,7 +267,7 @@ def test_an_offset_that_is_told_pushes_as_one_that_the_drive_makes() -> None:
 
 
 def test_a_drive_that_maps_no_torque_offset_is_refused_in_one_line_and_one_without_is_asked_for_none() -> None:
-    pushed = DRIVE._replace(torque_offset=2.0, current_limit=20.0, answer_timeout=1.0)
+    pushed = asking(DRIVE, torque_offset=2.0, current_limit=20.0, answer_timeout=1.0)
     make = lambda now: TwinSuit(SUIT, constant_bend(SUIT.sheath.bend), 1.0, 1, 0.0, now)  # noqa: E731
     drive = CanopenDrive(pushed, Links(TwinBus(pushed, make, {(0x60B2, 0): None})))
     with pytest.raises(DriveError, match="takes no torque offset beside its target") as refused:
@@ -284,7 +285,7 @@ def test_a_drive_that_maps_no_torque_offset_is_refused_in_one_line_and_one_witho
 
 def test_an_offset_that_the_position_loop_could_not_beat_is_refused() -> None:
     with pytest.raises(ParameterError, match="half of what the largest current gives"):
-        CanopenDrive(DRIVE._replace(torque_offset=5.0, current_limit=20.0))
+        CanopenDrive(asking(DRIVE, torque_offset=5.0, current_limit=20.0))
 
 
 def test_the_loops_offset_is_that_of_the_simulated_drive() -> None:

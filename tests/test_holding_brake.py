@@ -35,6 +35,7 @@ from bowden.models.drive.holding_brake import (
 )
 from bowden.models.suit.suit_angle import spool_map
 from bowden.plants.suit_parts import Suit
+from bowden.rig.families import DriveNeeds
 from bowden.rig.rig import Rig
 from bowden.safety.limits import ARM_LOWERING
 from bowden.safety.supervisor import Mode
@@ -129,8 +130,7 @@ def test_live_it_holds_at_rest_and_a_release_begins_by_releasing_it(tmp_path: Pa
 
 def over_the_bus(output: str, **changes: int | None) -> tuple[TwinBus, CanopenDrive, TwinSuit]:
     given_ = DriveParameters(
-        gear=SUIT.motor.gear,
-        spool=spool_map(SUIT.geometry, SUIT.spool_radius),
+        needs=DriveNeeds(gear=SUIT.motor.gear, spool=spool_map(SUIT.geometry, SUIT.spool_radius)),
         brake_output=output,  # type: ignore[arg-type]
         answer_timeout=1.0,
     )

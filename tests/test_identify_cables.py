@@ -10,7 +10,7 @@ import pytest
 from bowden.core.units import DEGREES
 from bowden.identify.cable import bouc_wen_search, projection
 from bowden.identify.cable.fit import Fit
-from bowden.identify.cable.identification import identify_log
+from bowden.identify.cable.identification import identify
 from bowden.identify.log.read import read_log
 
 MOST_EVALUATIONS = 300
@@ -37,7 +37,7 @@ def fits(shared_data: Path) -> Iterator[dict[str, tuple[Fit, int]]]:
         found = {}
         for path in logs:
             before = evaluations[0]
-            found[path.name.split(".")[0]] = (identify_log(read_log(path)), evaluations[0] - before)
+            found[path.name.split(".")[0]] = (identify([read_log(path)]), evaluations[0] - before)
         yield found
 
 

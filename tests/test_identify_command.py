@@ -12,10 +12,11 @@ import jsonschema
 import numpy as np
 import pytest
 
+import bowden
 from bowden.app.main import run
 from bowden.core.errors import OutputError, ParameterError
-from bowden.identify.cable.fit import Fit, model_text
-from bowden.identify.cable.identification import identify
+from bowden.identify.cable.fit import Fit
+from bowden.identify.cable.model_text import model_text
 from bowden.models.cable.bouc_wen import BoucWen
 from bowden.models.cable.bouc_wen_sensitivity import hysteresis
 from bowden.operations.identify import identify as operation
@@ -48,7 +49,7 @@ def write_log(name: str, motor: Any, joint: Any, header: str = "time_s,motor_deg
 
 @pytest.fixture(scope="module")
 def fit() -> Fit:
-    return identify(TIME, MOTOR, JOINT)
+    return bowden.identify(TIME, MOTOR, JOINT)
 
 
 def document(capsys: pytest.CaptureFixture[str], *arguments: str) -> Any:
@@ -69,7 +70,7 @@ def test_the_document_and_the_files(capsys: pytest.CaptureFixture[str]) -> None:
     assert 0.0 < found["models"]["bouc_wen"]["test_rms_deg"] < 0.01
     assert 0.5 < found["forecast"]["compensated_rms_deg"] / found["models"]["bouc_wen"]["test_rms_deg"] < 1.5
     assert found["forecast"]["uncompensated_rms_deg"] == found["models"]["line"]["test_rms_deg"]
-    assert found["cycles"] == {"whole": 5, "more": 0, "advice": None}
+    assert found["logs"][0]["cycles"] == {"whole": 5, "more": 0, "advice": None}
     kept = tomllib.loads(Path("deep/er/model.toml").read_text())
     assert kept["whole_cycles"] == 5
     assert kept["forecast"].keys() == found["forecast"].keys()
@@ -129,10 +130,10 @@ BAD = {
     "no such file": (["none.csv"], "none.csv does not exist"),
     "a folder": (["."], "is a folder"),
     "unknown column": (["log.csv", "--motor", "torque"], "no column 'torque' for the motor"),
-    "unknown unit": (["log.csv", "--unit", "grad"], "expected deg, rad or counts"),
+    "unknown unit": (["log.csv", "--unit", "grad"], "expected deg, rad, turns, counts or mm"),
     "degrees as radians": (["log.csv", "--unit", "rad"], "look like degrees"),
     "empty": (["empty.csv"], "is empty"),
-    "not a number": (["text.csv"], "line 5: 'x' in column 'motor_deg'"),
+    "not a number": (["text.csv"], "line 5: motor_deg is 'x'; expected a number"),
     "still": (["still.csv"], "in every sample"),
     "a file in the way": (["log.csv", "--out", "log.csv"], "log.csv"),
     "unknown option": (["log.csv", "--colour", "red"], "--colour"),
@@ -166,7 +167,9 @@ def test_the_file_reads_back_as_it_was_written(fit: Fit, tmp_path: Path) -> None
 
 
 def test_every_parameter_stands_with_unit_and_meaning(fit: Fit) -> None:
-    text = model_text(fit, 'odd "name"\nof\\a log')
+    (one,) = fit.logs
+    named = replace(one, log=replace(one.log, name='odd "name"\nof\\a log'))
+    text = model_text(replace(fit, logs=(named,)))
     assert tomllib.loads(text)["source"] == 'odd "name" of\\a log'
     assert f"# The cable of {'odd'}" in text
     for name in NAMES:
@@ -177,7 +180,7 @@ def test_every_parameter_stands_with_unit_and_meaning(fit: Fit) -> None:
 
 def test_a_model_file_that_is_none_is_refused(fit: Fit, tmp_path: Path) -> None:
     path = tmp_path / "model.toml"
-    text = model_text(fit, "log")
+    text = model_text(fit)
     cases = {
         "does not exist": None,
         "is no TOML": "best = ",
@@ -210,7 +213,7 @@ def test_a_model_file_that_is_none_is_refused(fit: Fit, tmp_path: Path) -> None:
 def test_branches_that_are_none_are_refused_in_a_line(
     fit: Fit, tmp_path: Path, pattern: str, instead: str, said: str
 ) -> None:
-    head, tail = model_text(fit, "log").split("[models.generalised_play.parameters]")
+    head, tail = model_text(fit).split("[models.generalised_play.parameters]")
     spoilt = re.sub(pattern, instead, tail)
     assert spoilt != tail
     path = tmp_path / "model.toml"

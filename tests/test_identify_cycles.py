@@ -4,11 +4,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+import bowden
 from bowden.identify.cable.advice import seconds_text
 from bowden.identify.cable.cycles import ENOUGH, Cycles, whole_cycles
-from bowden.identify.cable.identification import identify
 from bowden.identify.cable.path import path_of
-from bowden.identify.cable.recalibrate import to_identify
 
 Array = NDArray[np.float64]
 TIME = np.arange(0.0, 40.0, 0.01)
@@ -65,14 +64,9 @@ def test_a_log_that_comes_back_without_a_whole_cycle_is_not_said_to_show_no_way_
 
 def test_a_fit_says_it_of_the_whole_log() -> None:
     motor = 0.5 * np.sin(2.0 * np.pi * 3.0 * TIME / TIME[-1])
-    fit = identify(TIME, motor, 0.9 * motor)
+    fit = bowden.identify(TIME, motor, 0.9 * motor)
     assert fit.cycles == Cycles(3, 2)
     assert fit.cycles.advice in " ".join(repr(fit).split())
-
-
-def test_what_a_recalibration_says_of_its_cycles_is_of_an_identification() -> None:
-    assert to_identify(Cycles(2, 3)) == "to identify the cable from this log, record 3 more whole cycles (up and down)"
-    assert to_identify(Cycles(5, 0)) == ""
 
 
 @pytest.mark.parametrize(("time", "said"), [(4.23, "4.2 s"), (10.2, "10 s"), (198.7, "199 s")])

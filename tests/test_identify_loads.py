@@ -16,11 +16,12 @@ from bowden.app.main import run
 from bowden.core.errors import BowdenError
 from bowden.core.units import DEGREES
 from bowden.identify.cable.fit import Fit
-from bowden.identify.cable.joint_fit import JointFit, joint_text
-from bowden.identify.cable.loads import _levels, identify_loads
-from bowden.identify.cable.recalibrate import recalibrate, recalibrated, recalibrated_text, verdict
+from bowden.identify.cable.fitted import Recalibration
+from bowden.identify.cable.identification import identify
+from bowden.identify.cable.loads import _levels
+from bowden.identify.cable.recalibrate import Known, recalibrated
 from bowden.identify.log.read import Log, read_log
-from bowden.identify.log.variables import scheduled_by
+from bowden.identify.log.variables import Scheduled, scheduled_by
 from bowden.models.cable.bouc_wen import saturation
 from bowden.models.cable.scheduled import ScheduledCable, bouc_wen_at, cable_of, joint_angle, line_of, parameters_of
 from bowden.models.cable.sheath import Sheath
@@ -55,20 +56,30 @@ def log_at(load: float, slope: float = -0.9, noise: float = 2e-4) -> Log:
     return Log(TIME, MOTOR, joint, f"log at {load}", ())
 
 
+def at_loads(logs: list[Log], loads: Any) -> Fit:
+    return identify(logs, [Scheduled("load", tuple(loads), "N·m", "")])
+
+
+def gain_of(log: Log, cable: IdentifiedCable, judged: float = math.nan) -> Recalibration:
+    found = identify([log], known=Known(cable, judged)).recalibration
+    assert found is not None
+    return found
+
+
 @pytest.fixture(scope="module")
-def fit() -> JointFit:
-    return identify_loads([log_at(load) for load in LOADS], LOADS, units=("N·m", ""))
+def fit() -> Fit:
+    return at_loads([log_at(load) for load in LOADS], LOADS)
 
 
-def test_a_load_between_those_that_were_seen_is_predicted(fit: JointFit) -> None:
+def test_a_load_between_those_that_were_seen_is_predicted(fit: Fit) -> None:
     expected = joint_angle(MOTOR, true_cable(), [0.27])
     error = (fit.at(load=0.27).joint_angle(MOTOR) - expected)[300:]
     assert np.sqrt(np.mean(error**2)) < 6e-4  # the loop's corners lie between knots
-    assert fit.variables == ("load",)
+    assert fit.units == {"load": "N·m"}
     assert all(one.unseen_offset_rms < 0.1 / DEGREES for one in fit.logs[1:-1])
 
 
-def test_both_branches_go_one_way_at_every_load_that_was_seen(fit: JointFit) -> None:
+def test_both_branches_go_one_way_at_every_load_that_was_seen(fit: Fit) -> None:
     cable, _ = cable_of(fit.best.parameters)
     for load in np.linspace(LOADS[0], LOADS[-1], 7):
         weights = np.array([1.0, s := (load - LOADS[0]) / (LOADS[-1] - LOADS[0]), s * s])
@@ -124,7 +135,7 @@ def test_a_bend_that_schedules_is_the_sheaths_own() -> None:
     assert np.allclose(moved(cable, -MOTOR, np.full(len(TIME), 2.0)), expected, atol=1e-12)
 
 
-def test_laws_are_told_slope_and_dead_zone_at_the_load(fit: JointFit) -> None:
+def test_laws_are_told_slope_and_dead_zone_at_the_load(fit: Fit) -> None:
     rigs = [bowden.Rig(cable=fit.at(load=load)) for load in (LOADS[0], LOADS[-1])]
     for rig, load in zip(rigs, (LOADS[0], LOADS[-1]), strict=True):
         slope, _, height = line_of(true_cable(), [load])
@@ -146,40 +157,40 @@ def test_the_bouc_wen_cable_has_the_loops_height_and_follows_over_its_dead_zone(
 
 
 def test_equal_loads_make_one_model_and_two_loads_are_said() -> None:
-    found = identify_loads([log_at(0.1), log_at(0.1)], [0.1, 0.1])
-    assert found.variables == ()
+    found = at_loads([log_at(0.1), log_at(0.1)], [0.1, 0.1])
+    assert found.units == {}
     assert any("in all logs, so that it schedules nothing" in said for said in found.warnings)
     assert not any(name.startswith("load") for name in found.best.parameters)
-    assert any("two values only" in said for said in identify_loads([log_at(0.1), log_at(0.5)], [0.1, 0.5]).warnings)
+    assert any("two values only" in said for said in at_loads([log_at(0.1), log_at(0.5)], [0.1, 0.5]).warnings)
 
 
 def test_a_log_with_another_zero_is_named() -> None:
     logs = [log_at(load) for load in (0.1, 0.1, 0.5, 0.5)]
     shifted = dataclasses.replace(logs[1], joint=logs[1].joint + 0.1, name="shifted")
-    found = identify_loads([logs[0], shifted, *logs[2:]], [0.1, 0.1, 0.5, 0.5])
+    found = at_loads([logs[0], shifted, *logs[2:]], [0.1, 0.1, 0.5, 0.5])
     assert any("shifted by 2.9°" in said and "one zero" in said for said in found.warnings)
-    assert not any("one zero" in said for said in identify_loads(logs, [0.1, 0.1, 0.5, 0.5]).warnings)
+    assert not any("one zero" in said for said in at_loads(logs, [0.1, 0.1, 0.5, 0.5]).warnings)
 
 
 def test_a_load_and_a_bend_that_change_together_are_refused() -> None:
-    logs = [log_at(load) for load in LOADS]
+    both = [Scheduled(name, tuple(k * load for load in LOADS), "", "") for name, k in (("load", 1.0), ("bend", 2.0))]
     with pytest.raises(BowdenError, match="change together"):
-        identify_loads(logs, LOADS, [2.0 * load for load in LOADS])
+        identify([log_at(load) for load in LOADS], both)
 
 
 @pytest.mark.parametrize(
     ("logs", "load", "message"),
     [
-        ([0.1], [0.1], "a joint fit of 1 logs; expected two logs or more"),
+        ([0.1], [0.1], "load= with one log, which cannot tell what the load changes"),
         ([0.1, 0.2], [0.1], r"1 value of the load for 2 logs; expected one for each"),
-        ([0.1, 0.2], [0.1, math.nan], r"log at 0.2: the load is nan; expected a number"),
+        ([0.1, 0.2], [0.1, math.nan], r"the load of log at 0.2 is nan|load\[1\] is nan"),
         ([0.1, -0.2], [0.1, 0.2], r"moves \+0.8\d* times as far as the motor, in log at 0.1 -0.8\d* times"),
     ],
 )
 def test_logs_that_do_not_go_together_are_refused(logs: list[float], load: list[float], message: str) -> None:
     read = [log_at(abs(one), math.copysign(0.9, -one)) for one in logs]
     with pytest.raises(BowdenError, match=message):
-        identify_loads(read, load)
+        bowden.identify(read, load=load)
 
 
 # recalibration
@@ -199,28 +210,29 @@ def new_log(gain: float, offset: float, wider: float = 1.0, samples: int = 600) 
 
 
 def test_gain_and_offset_come_back_from_seconds_of_motion() -> None:
-    found = recalibrate(new_log(0.97, 0.05), known(), 0.05 / DEGREES)
+    fit = identify([new_log(0.97, 0.05)], known=Known(known(), 0.05 / DEGREES))
+    found = gain_of(new_log(0.97, 0.05), known(), 0.05 / DEGREES)
     assert found.gain == pytest.approx(0.97, abs=2e-3)
-    assert found.best.parameters["offset"] == pytest.approx(0.97 * 0.2 + 0.05, abs=5e-4)
-    assert found.best.parameters["half_width"] == 0.03
+    assert fit.best.parameters["offset"] == pytest.approx(0.97 * 0.2 + 0.05, abs=5e-4)
+    assert fit.best.parameters["half_width"] == 0.03
     assert found.changed is False
     assert found.after_rms < 0.1 * found.before_rms
 
 
 def test_a_cable_that_has_changed_is_called_so_and_one_without_a_judgement_is_not() -> None:
-    assert recalibrate(new_log(1.0, 0.0, wider=1.6), known(), 0.05 / DEGREES).changed is True
-    assert recalibrate(new_log(1.0, 0.0, wider=1.6), known()).changed is None
-    assert recalibrate(new_log(1.0, 0.0), known(), 1e-9).changed is False  # what is left is of no use to anybody
+    assert gain_of(new_log(1.0, 0.0, wider=1.6), known(), 0.05 / DEGREES).changed is True
+    assert gain_of(new_log(1.0, 0.0, wider=1.6), known()).changed is None
+    assert gain_of(new_log(1.0, 0.0), known(), 1e-9).changed is False  # what is left is of no use to anybody
 
 
 def test_a_joint_that_moves_the_other_way_or_a_motor_that_does_not_turn_is_refused() -> None:
     with pytest.raises(BowdenError, match=r"moves -1 times as far as the model play says"):
-        recalibrate(new_log(-1.0, 0.0), known(), 0.01)
+        gain_of(new_log(-1.0, 0.0), known(), 0.01)
     with pytest.raises(BowdenError, match="does not turn back"):
-        recalibrate(new_log(1.0, 0.0, samples=50), known(), 0.01)
+        gain_of(new_log(1.0, 0.0, samples=50), known(), 0.01)
 
 
-def test_a_recalibrated_scheduled_model_is_gain_times_the_old_one_at_every_load(fit: JointFit) -> None:
+def test_a_recalibrated_scheduled_model_is_gain_times_the_old_one_at_every_load(fit: Fit) -> None:
     changed = recalibrated(fit.best.parameters, 1.05, 0.1)
     for load in (0.15, 0.5):
         old = CableModel("scheduled", {**fit.best.parameters, "load": load}).joint_angle(MOTOR)
@@ -251,42 +263,46 @@ def narrow() -> Fit:
 
 
 def test_a_wider_stroke_than_identified_gets_no_verdict(narrow: Fit) -> None:
-    found = bowden.recalibrate(swept(0.5), narrow)
+    found = gain_of(swept(0.5), narrow.best.identified(), narrow.judged_rms)
     assert found.changed is None
     assert found.beyond == pytest.approx(0.25, abs=0.01)
-    assert "outside the identified stroke" in verdict(found)
-    same = bowden.recalibrate(swept(0.25), narrow)
+    assert "outside the identified stroke" in found.verdict
+    same = gain_of(swept(0.25), narrow.best.identified(), narrow.judged_rms)
     assert (same.changed, same.beyond) == (False, 0.0)
 
 
 def test_a_gain_that_no_recalibration_explains_is_a_change(narrow: Fit) -> None:
-    found = bowden.recalibrate(swept(0.25, 0.5), narrow)
-    assert found.changed is True
+    found = bowden.identify(swept(0.25, 0.5), model=narrow)
+    assert found.recalibration is not None
+    assert found.recalibration.changed is True
+    assert found.trust.level == "no"
     assert any("further from 1 than a bend or stretch of the cable explains" in said for said in found.warnings)
-    assert bowden.recalibrate(swept(0.25, 0.9), narrow).changed is False
+    assert gain_of(swept(0.25, 0.9), narrow.best.identified(), narrow.judged_rms).changed is False
 
 
 def test_all_families_get_the_gain_and_offset_of_the_best(narrow: Fit) -> None:
-    found = bowden.recalibrate(swept(0.05), narrow)
+    found = bowden.identify(swept(0.05), model=narrow)
+    gain = found.recalibration
+    assert gain is not None
     for name, parameters in found.best.others.items():
-        assert dict(parameters) == recalibrated(narrow.models[name].parameters, found.gain, found.offset), name
+        assert dict(parameters) == recalibrated(narrow.models[name].parameters, gain.gain, gain.offset), name
 
 
 def test_a_gain_of_exactly_one_is_no_gain_that_was_not_fitted() -> None:
     log = new_log(1.0, 0.0)
     exact = dataclasses.replace(log, joint=CableModel("play", known().model().parameters).joint_angle(log.motor))
-    found = recalibrate(exact, known(), 0.01)
-    assert found.gain == pytest.approx(1.0, abs=1e-3)
+    found = identify([exact], known=Known(known(), 0.01))
+    assert gain_of(exact, known(), 0.01).gain == pytest.approx(1.0, abs=1e-3)
     assert not any("too short" in said for said in found.warnings)
 
 
-def test_the_unit_of_the_load_is_compared_and_kept(fit: JointFit, tmp_path: Path) -> None:
-    (tmp_path / "model.toml").write_text(joint_text(fit))
-    cable, judged = load_judged(tmp_path / "model.toml")
+def test_the_unit_of_the_load_is_compared_and_kept(fit: Fit, tmp_path: Path) -> None:
+    fit.write(tmp_path / "model.toml")
+    known = Known(*load_judged(tmp_path / "model.toml"))
     with pytest.raises(BowdenError, match=r"the load is in mN·m, .*model.toml has it in N·m"):
-        recalibrate(log_at(0.2), cable, judged, {"load": 200.0}, {"load": "mN·m"})
-    found = recalibrate(log_at(0.2), cable, judged, {"load": 0.2}, {"load": "N·m"})
-    assert 'load_unit = "N·m"' in recalibrated_text(found, "model.toml")
+        identify([log_at(0.2)], [Scheduled("load", (200.0,), "mN·m", "")], known)
+    identify([log_at(0.2)], [Scheduled("load", (0.2,), "", "")], known).write(tmp_path / "new.toml")
+    assert load_judged(tmp_path / "new.toml")[0].units == {"load": "N·m"}
 
 
 # what the review of several logs found
@@ -360,7 +376,7 @@ def test_several_logs_become_a_model_that_a_rig_and_a_recalibration_take(
     Path("rig.toml").write_text('[cable]\nmodel = "together/model.toml"\n[cable.parameters]\nload = 0.15\n')
     assert bowden.Rig.read("rig.toml").cable.model().parameters["load"] == 0.15
     again = document(capsys, files[3], "--model", "together/model.toml", "--load", "0.35", "--out", "new")
-    assert again["gain"] == pytest.approx(1.0, abs=0.05)
+    assert again["recalibration"]["gain"] == pytest.approx(1.0, abs=0.05)
     assert load_cable("new/model.toml").best == "scheduled"
     assert "loop" in Path("together/identify.html").read_text()
 
@@ -372,7 +388,7 @@ def test_a_bend_is_shown_in_degrees(files: list[str], capsys: pytest.CaptureFixt
     assert [line.split()[2] for line in said.splitlines() if line.strip().startswith(tuple(files[:3]))][:3] == [
         *("100", "140", "180")
     ]
-    fit = bowden.identify_together(files[:3], load="none", bend=[1.0, 2.0, 3.0])
+    fit = bowden.identify(files[:3], load="none", bend=[1.0, 2.0, 3.0])
     assert "bend 57.3°" in repr(fit)
 
 
@@ -407,7 +423,7 @@ def test_a_load_of_a_real_cable_that_was_left_out_is_predicted(shared_data: Path
     files = sorted((shared_data / "cable_load").glob("*.csv.gz"))
     by = scheduled_by("load", files, "joint_torque_nm")
     assert by is not None
-    found = identify_loads([read_log(file) for file in files], by.values, units=(by.unit, ""))
+    found = identify([read_log(file) for file in files], [by])
     errors = {
         name: float(np.median([getattr(one, name) for one in found.logs])) * DEGREES
         for name in ("unseen_rms", "unseen_offset_rms", "same_rms", "same_offset_rms")

@@ -6,6 +6,7 @@ import math
 import sys
 import warnings
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -124,10 +125,11 @@ def test_a_length_is_refused_and_the_advice_works(tmp_path: Path) -> None:
         np.savetxt(file, table, fmt="%.6f", delimiter=",", header=f"time_s,{name},joint_rad", comments="")
 
     write("motor_mm", 20.0 * motor)
-    with pytest.raises(bowden.BowdenError, match=r"in mm; expected an angle: .*; divide a length by the radius"):
+    with pytest.raises(
+        bowden.BowdenError, match=r"in mm; expected an angle: .*; give the radius of its spool: --spool-radius-mm"
+    ):
         bowden.identify(file)
-    write("motor_rad", 20.0 * motor / 20.0)
-    assert bowden.identify(file).trust.level == "yes"
+    assert bowden.identify(file, spool_radius_mm=20.0).trust.level == "yes"
 
 
 def test_trust_goes_from_the_log_into_each_command_on_the_rig(
@@ -174,3 +176,13 @@ def test_trust_goes_from_the_log_into_each_command_on_the_rig(
     doubted(lambda: bowden.run(rig, twin=True))
     found = doubted(lambda: bowden.export(rig, "firmware", "uncompensated", force=True))
     assert found.cable_trust == cable.trust
+
+
+def test_a_family_whose_parameters_no_cable_has_is_left_out_of_the_file(tmp_path: Path) -> None:
+    motor = 45.0 * np.sin(1.3 * TIME)
+    fit = bowden.identify(TIME, motor, play(motor), unit="deg")
+    other = fit.models["bouc_wen_static"]
+    absurd = replace(other, model=replace(other.model, parameters={**other.parameters, "slope": 1e4}))
+    replace(fit, models={**fit.models, "bouc_wen_static": absurd}).write(tmp_path / "model.toml")
+    assert "bouc_wen_static" not in load_cable(tmp_path / "model.toml").models
+    assert run(["init", str(tmp_path / "rig.toml"), "--model", str(tmp_path / "model.toml")]) == 0

@@ -122,19 +122,17 @@ CALLS: dict[str, tuple[Callable[..., Any], dict[str, tuple[Any, ...]]]] = {
             "progress": NO_CALL,
         },
     ),
-    "identify_together": (
-        made(bowden.identify_together, [LOG, LOG]),
+    "identify several": (
+        made(bowden.identify, [LOG, LOG]),
         {
-            "logs": (3, "log.csv", [3, 4], [LOG]),
+            "log": (3, [LOG, 4]),
             "load": (3, [0.1], ["a", "b"], "tension"),
             "bend": (3, [0.1], ["a", "b"], "bent"),
-            "seed": NO_WHOLE,
-            "progress": NO_CALL,
         },
     ),
-    "recalibrate": (
-        made(bowden.recalibrate, LOG, MODEL),
-        {"log": (3, None, [1.0]), "model": (3, None), "load": ("a", [1.0]), "bend": ("a", [1.0])},
+    "identify a known": (
+        made(bowden.identify, LOG, model=MODEL),
+        {"log": (3, None, [1.0], [LOG, LOG]), "model": (3,), "load": ("a", [1.0]), "bend": ("a", [1.0])},
     ),
     "init": (
         made(bowden.init, MODEL),
@@ -165,7 +163,7 @@ CALLS: dict[str, tuple[Callable[..., Any], dict[str, tuple[Any, ...]]]] = {
     ),
     "read_log": (
         made(bowden.read_log, "log.csv"),
-        {"path": NO_PATH, "time": NO_TEXT, "motor": NO_TEXT, "joint": NO_TEXT, "unit": NO_TEXT}
+        {"path": NO_PATH, "time": NO_TEXT[1:], "motor": NO_TEXT[1:], "joint": NO_TEXT[1:], "unit": NO_TEXT}
         | {"counts_per_turn": ("few", 0, (1.0,) * 3), "rate": (*NO_NUMBER, 0.0)},
     ),
     "read_trace": (made(bowden.read_trace, "run.csv"), {"path": NO_PATH}),

@@ -1,6 +1,7 @@
 """Gains that may be changed while the law runs: declared, bounded, gone over to, recorded, replayed, checked first."""
 
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Annotated, NamedTuple
 
 import numpy as np
@@ -22,10 +23,12 @@ from bowden.live.preflight import Preflight
 from bowden.live.replay import replay
 from bowden.live.ring import Description
 from bowden.live.script import Script
+from bowden.live.session import Session
 from bowden.operations.run import run
 from bowden.plants.suit_settings import SuitSettings
 from bowden.rig.rig import Rig
 from bowden.safety.limits import Limits
+from bowden.safety.state import Mode
 from live_runs import SHARED_LIMITS, assert_replays, tries
 from loop_rig import LoopRig, twin_bench
 from support.simulated_drive import SimulatedDrive
@@ -209,6 +212,21 @@ def test_gains_are_refused_that_do_not_hold_or_cannot_be_checked() -> None:
     with pytest.raises(SafetyError, match="ended without a result"):
         check.require()
     check.close()
+
+
+def test_a_latched_run_takes_no_gain_and_a_guessed_name_is_answered(monkeypatch: pytest.MonkeyPatch) -> None:
+    law = LAWS["cascaded_pid"]
+    session = object.__new__(Session)
+    session.motors = (SimpleNamespace(live=SimpleNamespace(law=law)),)  # type: ignore[assignment]
+    session.live = SimpleNamespace(several=())  # type: ignore[assignment]
+    monkeypatch.setattr(Session, "_require_live", lambda _: None)
+    monkeypatch.setattr(Session, "mode", Mode.LATCHED)
+    monkeypatch.setattr(Session, "outcome", "ended by a fault")
+    with pytest.raises(SafetyError, match=r"no law runs that could take integral_gain = 20: ended by a fault"):
+        session.set_gain("integral_gain", 20.0)
+    for name, said in (("stop", r"session.ask\(Request.STOP\)"), ("complet", "did you mean complete")):
+        with pytest.raises(AttributeError, match=rf"a session has no '{name}': {said}"):
+            getattr(session, name)
 
 
 @pytest.mark.live

@@ -189,7 +189,7 @@ def test_our_master_moves_its_mock_as_far_as_it_goes(tmp_path: Path, monkeypatch
         while time.monotonic() < ends and abs(mocks[0].odrive.position - 0.5) > 0.02:
             now = time.monotonic()
             ours.read(now)
-            ours.write(2.0 * math.pi / drive.gear * 0.5, Power.ON, now)
+            ours.write(2.0 * math.pi / drive.needs.gear * 0.5, Power.ON, now)
             time.sleep(5e-3)
         assert mocks[0].odrive.axis_state == "CLOSED_LOOP_CONTROL"
         assert mocks[0].odrive.position == pytest.approx(0.5, abs=0.02)

@@ -13,7 +13,7 @@ from bowden.core.errors import ParameterError
 from bowden.core.units import RADIANS
 from bowden.design.check import STROKE, check
 from bowden.design.limit_cycle import MEASURED, describing_function
-from bowden.identify.cable.identification import identify_log
+from bowden.identify.cable.identification import identify
 from bowden.identify.log.read import read_log
 from bowden.models.cable.backlash import Play
 from bowden.models.cable.bouc_wen import BoucWen
@@ -24,9 +24,10 @@ from bowden.plants import cables
 from bowden.plants.bench import Bench
 from bowden.plants.cable_plant import CablePlant
 from bowden.plants.plant import Plant
+from bowden.plants.plant_file import load
 from bowden.plants.suit_parts import Suit
 from bowden.plants.transmission import measured_response, transmission
-from bowden.plants.user_plant import UserPlant, load
+from bowden.plants.user_plant import UserPlant
 from bowden.records.metrics import is_stable
 from bowden.rig.rig import Rig
 from bowden.sim.many import Case, simulate_many
@@ -160,7 +161,7 @@ def test_a_joint_that_runs_off_is_not_stable_though_it_ends() -> None:
 def test_a_rig_simulates_the_model_that_identification_recommends(shared_data: Path) -> None:
     """On a real log's second half the rig's plant is no worse than the recommended model is said to be."""
     log = read_log(shared_data / "cable" / "L_Pitch_1_000.csv.gz")
-    fit = identify_log(log)
+    fit = identify([log])
     rig = Rig(cable=fit)
     assert isinstance(rig.moved, CablePlant)
     assert rig.moved.cable.name == fit.best.name == "generalised_play"

@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from bowden import check
-from bowden.control import LAWS, user_law
+from bowden.control import LAWS
+from bowden.control.law_file import load
 from bowden.control.reference import Chirp, Multisine, PeriodicMinimumJerk, PointToPoint, Recorded
 from bowden.core.errors import BowdenError, OutputError, ParameterError
 from bowden.core.quantity import in_unit
@@ -245,7 +246,7 @@ def step(gains, state, sample, reference, dt):
 
 def test_every_laws_chosen_gains_survive_bytes_and_text(folder: Path) -> None:
     (folder / "nested.py").write_text(NESTED)
-    nested = user_law.load("nested.py", folder).with_gains(**{"cable.slope": 1.0 / 3.0})
+    nested = load("nested.py", folder).with_gains(**{"cable.slope": 1.0 / 3.0})
     assert nested.gains.cable == type(nested.gains.cable)(1.0 / 3.0, 3)
     chosen = [
         law.with_gains(**{name: law.numbers[name] * 0.9 + 1e-17 for name in list(law.numbers)[:4]})

@@ -1,6 +1,7 @@
 """Limits that follow: they go together on every rig, what is written rules and is judged, and such rigs run."""
 
 import math
+import re
 import warnings
 from collections.abc import Iterable
 from pathlib import Path
@@ -11,14 +12,17 @@ import pytest
 
 import random_rigs
 from bowden import run
+from bowden.app import main
 from bowden.control import LAWS
 from bowden.control.reference import PeriodicMinimumJerk
 from bowden.core.errors import ParameterError
 from bowden.core.units import RADIANS
+from bowden.design.forecast import foreseen
 from bowden.design.objections import objections
 from bowden.hardware.drives.families.cia402 import FAMILY
 from bowden.live.preflight import Preflight
 from bowden.models.cable.bouc_wen import BoucWen
+from bowden.operations.check import check
 from bowden.plants.suit_settings import SuitSettings
 from bowden.rig.declaration import items_of
 from bowden.rig.families import longest_silence
@@ -182,3 +186,60 @@ def test_the_key_that_is_wrong_is_named_and_its_advice_mends_it(
 def test_a_slope_below_zero_is_refused_by_its_key() -> None:
     with pytest.raises(ParameterError, match="slope_low"):
         Rig(limits={"slope_low": -5.0})
+
+
+FAST = """
+[control]
+law = "{law}"
+[scenario]
+duration_s = 5.0
+[reference]
+{reference}
+"""
+
+
+@pytest.mark.parametrize("law", ["bowden", "adaptive"])
+@pytest.mark.parametrize(
+    ("reference", "said"),
+    [
+        ('kind = "periodic_minimum_jerk"\nlow_deg = 0.0\nhigh_deg = 70.0\nperiod_s = 0.5', "joint_speed_deg_per_s"),
+        ('kind = "point_to_point"\ntimes_s = [0.0, 0.2, 1.0]\npositions_deg = [0.0, 60.0, 0.0]', "up to 562.5"),
+        ('kind = "chirp"\namplitude_deg = 25.0\nstart_hz = 0.5\nend_hz = 4.0\nsweep_s = 2.0', "628.3°/s"),
+        ('kind = "periodic_minimum_jerk"\nlow_deg = 0.0\nhigh_deg = 85.9\nperiod_s = 5.0', "beyond its range"),
+    ],
+)
+def test_a_reference_that_the_supervisor_would_end_is_refused_with_one_that_it_does_not(
+    law: str, reference: str, said: str, tmp_path: Path
+) -> None:
+    """All three commands ask `objections` and `foreseen`; what they advise is obeyed until they are content."""
+    path, text, heard = tmp_path / "rig.toml", FAST.format(law=law, reference=reference), list[str]()
+    for _ in range(3):
+        path.write_text(text)
+        rig = Rig.read(path)
+        found = [*objections(rig)] or [one for one in [foreseen(rig, rig.fitted())] if one]
+        if not found:
+            break
+        heard += found
+        if inside := re.search(r"(\d+)° further inside", found[0]):
+            text = text.replace("85.9", f"{85.9 - int(inside[1])}")
+        else:
+            line = re.search(r"write ((\w+) = .*) into \[reference\]", found[0])
+            assert line, found
+            text = re.sub(rf"^{line[2]} = .*", line[1], text, flags=re.MULTILINE)
+    assert said in " ".join(heard)
+    assert random_rigs.run(rig) == ""
+
+
+def test_a_run_that_ends_while_its_reference_moves_ends_normally() -> None:
+    rig = Rig(law="bowden", duration=2.0, reference=PeriodicMinimumJerk(0.0, 70.0 * RADIANS, 0.8))
+    assert random_rigs.run(rig) == ""
+
+
+def test_check_has_one_verdict(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "rig.toml"
+    path.write_text(FAST.format(law="bowden", reference='kind = "periodic_minimum_jerk"\nperiod_s = 0.5'))
+    assert main.run(["check", str(path)]) == 1
+    out, err = capsys.readouterr()
+    assert out.startswith("verdict       refused")
+    assert "write period_s = 0.606 into [reference]" in err
+    assert "write period_s" in " ".join(check(path).refusals)

@@ -45,6 +45,7 @@ noise_deg = 0.25
 [motor.reference]
 kind = "chirp"
 amplitude_deg = 20.0
+end_hz = 5.0
 [motor.control]
 law = "bowden"
 [motor.limits]
@@ -160,7 +161,7 @@ BAD = {
         f'[[motor]]\nname = "a{i}"\n[motor.drive]\nnode_id = {i + 1}\n' for i in range(5)
     ),
     "is there once; expected 2 to 4": '[[motor]]\nname = "hip"\n',
-    r"Cannot overwrite .*; of several motors the keys of \[motor\] stand below": f"[motor]\ngear = 9.0\n{TWO}",
+    r"writes .*motor.* a second time; .*the keys of \[motor\] stand below": f"[motor]\ngear = 9.0\n{TWO}",
     "without a name": "[[motor]]\n[motor.drive]\nnode_id = 1\n",
     "unknown section 'servos'": f"{TWO}[motor.servos]\nx = 1\n",
     r'motor "knee": .*unknown key \'x\' in \[servo\]': f"{TWO}[motor.servo]\nx = 1\n",

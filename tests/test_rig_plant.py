@@ -9,8 +9,9 @@ from bowden.core.errors import ParameterError
 from bowden.hardware.twin.plant import FOLLOW
 from bowden.hardware.twin.user import TwinUser
 from bowden.models.drive.servo import Servo
+from bowden.plants.plant_file import load
 from bowden.plants.transmission import transmission
-from bowden.plants.user_plant import UserPlant, load
+from bowden.plants.user_plant import UserPlant
 from bowden.rig.rig import Rig
 from bowden.sim.many import Case, simulate_many
 from bowden.sim.one_run import run_of

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from admittance_study import swinging
 from bowden.control import LAWS
 from bowden.control.admittance.push import Push, push_source
 from bowden.control.admittance.virtual_elbow import Admittance
@@ -38,6 +37,7 @@ from bowden.safety.faults import Fault
 from bowden.safety.state import Mode
 from bowden.sim.run import simulate
 from loop_rig import SUIT_LIMITS, LoopRig
+from support.pushed_suit import swinging
 from support.simulated_drive import SimulatedDrive
 
 LAW, MIDDLE, CYCLES = LAWS["uncompensated"], 45.0 * RADIANS, 6000

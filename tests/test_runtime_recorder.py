@@ -24,13 +24,13 @@ from mcap.stream_reader import StreamReader
 
 from bowden.core.clock import MonotonicClock
 from bowden.core.errors import LogError, OutputError
-from bowden.live import recorder, summary
+from bowden.live import child, recorder, summary
 from bowden.live.mcap_read import read
 from bowden.live.mcap_recover import recover
 from bowden.live.provenance import rig_revision
 from bowden.live.ring import Batch, Description, RingReader, RingWriter, create
 from bowden.live.ring_status import RecorderState
-from bowden.live.session import Session, _close_pipes, _started
+from bowden.live.session import Session
 
 pytestmark = pytest.mark.live
 
@@ -370,12 +370,12 @@ def test_a_log_that_is_taken_away_is_told_while_it_is_written_and_at_the_end(
 def test_a_session_says_what_became_of_its_log(rig: Rig, tmp_path: Path) -> None:
     rig.file = tmp_path / "logs" / "a.mcap"
     rig.file.parent.mkdir()
-    process = _started(["bowden.live.recorder", str(rig.ring), str(rig.file)])
+    process = child.started("bowden.live.recorder", str(rig.ring), str(rig.file))
     ended: Any = SimpleNamespace(rows=RingReader(rig.ring), _recorder=process, logs=[rig.file], log_lost="", ready={})
     rig.wait_for(lambda: rig.state() == RecorderState.OK)
     in_another_place(rig.file, "folder removed")
     Session._end_recorder(ended)
-    _close_pipes(process)
+    child.end(process)
     assert ended.logs == [rig.file], "no second recorder is started for a file that somebody took away"
     with pytest.raises(LogError, match=r"a\.mcap was removed during the run, which went on"):
         Session.require_log(ended)

@@ -16,7 +16,7 @@ from bowden.rig.rig import Rig
 from bowden.safety.faults import Fault, of
 from bowden.safety.limits import Limits
 from bowden.sim.injected import Injected
-from league import plants, scenarios
+from soak_supervisor import MOTIONS, sheaths
 from support.adversary import attack
 from support.fault_matrix import (
     AFTER,
@@ -91,20 +91,20 @@ def test_two_faults_end_without_power_and_r3_is_not_kept_waiting() -> None:
 
 @pytest.mark.parametrize("limits", [MEASURED, Limits()], ids=["all_measured", "default"])
 def test_a_run_in_order_is_never_touched(limits: Limits) -> None:
-    plant = plants(BENCH)[1]
-    start = plant.plant.resting_motor(0.0, float(plant.bend(np.zeros(1))[0]))
-    for name, scenario in itertools.product(("adaptive", "bowden"), scenarios()):
+    bend, known = sheaths()["moved_sheath"], knowledge_of(BENCH)
+    start = BENCH.resting_motor(0.0, float(bend(np.zeros(1))[0]))
+    for name, (motion, (duration, reference)) in itertools.product(("adaptive", "bowden"), MOTIONS.items()):
         outcome, _ = supervised(
             BENCH,
-            informed(LAWS[name], knowledge_of(plant.plant)),
-            scenario.reference(plant.stroke),
+            informed(LAWS[name], known),
+            reference,
             limits,
-            duration=scenario.duration,
-            bend=plant.bend,
+            duration=duration,
+            bend=bend,
             seed=7,
             initial_motor=start,
         )
-        assert (outcome.differs, outcome.faults, outcome.bad) == (0.0, 0.0, 0.0), (name, scenario.name)
+        assert (outcome.differs, outcome.faults, outcome.bad) == (0.0, 0.0, 0.0), (name, motion)
 
 
 def test_the_plants_delay_is_the_loops() -> None:

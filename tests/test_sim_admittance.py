@@ -5,15 +5,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from admittance_study import (
-    MIDDLE,
-    PushedReference,
-    back_driven,
-    misjudged,
-    pushed,
-    sweep,
-    swinging,
-)
 from bowden.control import LAWS
 from bowden.control.admittance.push import ROOM, push_source, stretched
 from bowden.control.admittance.virtual_elbow import Admittance
@@ -28,6 +19,15 @@ from bowden.models.suit.arm import NEUTRAL, Arm, Wearer, arm_of, gravity_torque,
 from bowden.plants.presets.suit import suit
 from bowden.plants.suit_push import limit_for, push_of
 from bowden.sim.run import simulate
+from support.pushed_suit import (
+    MIDDLE,
+    PushedReference,
+    back_driven,
+    misjudged,
+    pushed,
+    sweep,
+    swinging,
+)
 
 SURE = LAWS["uncompensated"]
 SUIT = suit()

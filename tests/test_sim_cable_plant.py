@@ -26,7 +26,6 @@ from bowden.plants.bench import Bench
 from bowden.plants.cable_body import lagged
 from bowden.plants.cable_plant import CablePlant
 from bowden.plants.identified import CableModel
-from bowden.plants.pose_cable import poses
 from bowden.records.trace import Trace
 from bowden.sim.run import simulate
 from support.sensors import PAPER_ENCODER
@@ -38,7 +37,6 @@ CABLES = {
     "stack": cables.stack(0.3, [0.02, 0.05, 0.1], [0.3, 0.2, 0.15]),
     "bouc_wen": cables.bouc_wen(),
     "bouc_wen_static": cables.bouc_wen(BoucWen(), TERMS),
-    "poses": poses([cables.bouc_wen(), cables.bouc_wen(BoucWen(slope=0.8), TERMS)]),
     "sliding": friction_cables.sliding(),
     "slack": friction_cables.sliding(Tendon(pretension=0.0, slack=5e-4)),
 }
@@ -46,7 +44,7 @@ TIMED = {
     "lumped_coulomb": friction_cables.lumped(),
     "lumped_dahl": friction_cables.lumped(LumpedTendon(dahl=True, presliding=1e-4)),
 }
-LONG = ("sliding", "lumped_dahl", "poses")
+LONG = ("sliding", "lumped_dahl")
 """Of a kind that another one of the list shows in less time."""
 shown_by_less = pytest.mark.parametrize(
     "cable", [pytest.param(c, id=n, marks=[pytest.mark.long] * (n in LONG)) for n, c in (CABLES | TIMED).items()]
@@ -267,30 +265,7 @@ def test_a_joint_cannot_rest_beyond_its_springs_end() -> None:
         CablePlant(CABLES["sliding"]).resting_motor(-1.0)
 
 
-def test_poses_go_from_one_cable_to_the_next() -> None:
-    """At each end the cable of that pose, which has felt the motor all along; halfway their mean."""
-    first, second = cables.bouc_wen(BoucWen(offset=0.1)), cables.bouc_wen(BoucWen(slope=0.8), TERMS)
-    plant, sheath = CablePlant(poses([first, second])), Sheath(bend=2.0)
-    runs = [
-        simulate(plant._replace(cable=cable, sheath=sheath), LAWS["uncompensated"], STROKE, duration=9.0, bend=bend)
-        for cable, bend in (
-            (plant.cable, scripted_bend([3.0, 6.0], [2.0, 4.0])),
-            (first, None),
-            (second, None),
-        )
-    ]
-    time, joint, one, two = runs[0].time, *(run["joint"] for run in runs)
-    assert joint[time < 3.0].tolist() == one[time < 3.0].tolist()
-    assert joint[time > 6.001].tolist() == two[time > 6.001].tolist()
-    assert joint[4500] == pytest.approx(0.5 * (one[4500] + two[4500]), abs=1e-12)
-    assert np.abs(np.diff(joint)).max() < 2.0 * np.abs(np.diff(one)).max()
-
-
 def test_absurd_cables_are_refused() -> None:
-    with pytest.raises(ParameterError, match="two cables or more"):
-        poses([cables.bouc_wen()])
-    with pytest.raises(ParameterError, match="bouc_wen_static"):
-        poses([cables.bouc_wen(), cables.play()])
     with pytest.raises(ParameterError, match="two lists of one length"):
         cables.stack(0.5, [0.1], [0.2, 0.3])
     with pytest.raises(ParameterError, match="half-widths not below 0"):

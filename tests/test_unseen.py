@@ -33,7 +33,7 @@ def test_no_set_shares_a_seed() -> None:
 
 
 def _run(number: int, law: str, rmse: float, travel: float = 10.0) -> Any:
-    return unseen.Run(number, "", law, math.isfinite(rmse), rmse, rmse, travel)
+    return unseen.Run(number, "", law, math.isfinite(rmse), rmse, travel)
 
 
 def test_standings_are_taken_to_the_best_law_of_each_cell() -> None:

@@ -13,12 +13,13 @@ import numpy as np
 import pytest
 
 from bowden.control import LAWS, user_law
+from bowden.control.law_file import load
 from bowden.control.reference import PeriodicMinimumJerk
 from bowden.core import user_file
 from bowden.core.errors import OutputError, ParameterError, StreamError
 from bowden.design.rig_of_bench import toml_text
 from bowden.models.cable.sheath_path import constant_bend
-from bowden.plants import user_plant
+from bowden.plants.plant_file import PlantFile
 from bowden.plants.presets.bench import default_bench
 from bowden.rig.rig import Rig
 from bowden.rig.settings import EmgSettings
@@ -41,13 +42,13 @@ def observe(plant: Any, body: Body, normals: Any) -> Any:
 
 
 def run_law(path: Path) -> None:
-    law = user_law.load(str(path))
+    law = load(str(path))
     with user_law.explained(law):
         simulate(default_bench(), law, MOTION, duration=0.5)
 
 
 def run_plant(path: Path) -> None:
-    simulate(user_plant.load(str(path)), LAWS["uncompensated"], MOTION, duration=0.5)
+    simulate(PlantFile.found(str(path)).load(), LAWS["uncompensated"], MOTION, duration=0.5)
 
 
 def late_law(text: str) -> str:
@@ -120,7 +121,7 @@ def test_what_goes_wrong_late_in_a_run_is_named_with_file_and_line(
 def test_a_law_that_gives_no_number_is_named_by_a_batch_too(tmp_path: Path) -> None:
     _, source, _, said = LATE["a law's command"]
     (tmp_path / "own.py").write_text(source)
-    law = user_law.load("own.py", tmp_path)
+    law = load("own.py", tmp_path)
     case = Case(default_bench(), (law,), MOTION, constant_bend(np.pi), 0)
     with pytest.raises(ParameterError, match=said):
         list(simulate_many([case], 0.5))
@@ -130,7 +131,7 @@ def test_a_law_that_gives_no_number_is_named_by_a_batch_too(tmp_path: Path) -> N
 def test_a_law_that_gives_no_number_is_named_of_two_motors_on_one_joint_too(what: str, tmp_path: Path) -> None:
     _, source, _, said = LATE[what]
     (tmp_path / "own.py").write_text(source)
-    law, bench = user_law.load("own.py", tmp_path), default_bench()
+    law, bench = load("own.py", tmp_path), default_bench()
     motors = [JointMotor(name, bench, constant_bend(np.pi), 0, sign) for name, sign in (("up", 1.0), ("down", -1.0))]
     with pytest.raises(ParameterError, match=said):
         simulate_joint(CabledJoint(tuple(motors), 10.0, 0.0), (law, law), MOTION, duration=0.5)
@@ -228,7 +229,7 @@ def test_a_mistake_in_a_helper_while_it_is_imported_is_named_there(
     path = with_modules(tmp_path, 5.0)
     (tmp_path / "shared.py").write_text(helper)
     with pytest.raises(ParameterError) as caught:
-        user_law.load(str(path))
+        load(str(path))
     assert str(caught.value).startswith(f"{tmp_path / 'shared.py'}, line {line}: {said}")
 
 

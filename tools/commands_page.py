@@ -20,7 +20,7 @@ def markdown() -> str:
         "`--out` (where results go), `--motor` (one of several), and `--json`, which every command takes: it then",
         "prints one JSON document and nothing else; `bowden schema NAME` prints its schema. Exit code 0: done as",
         "asked. 1: done, with a bad result (a loop that does not hold, a run that ended by a fault). 2: not done;",
-        "one line says why. 130: interrupted. `make docs` makes this page.",
+        "one line says why. 130: interrupted.",
         "",
         "command | what it does | options",
         "---|---|---",

@@ -23,11 +23,9 @@ _GAINS = (
     "What a gain means stands in the law's file in [control/laws](../src/bowden/control/laws).",
 )
 _SEVERAL = (
-    f"Several motors in one loop ([how](several_motors.md)): {MEANINGS[MOTOR]}.",
-    "Each `[[motor]]` has the key `name`, `joint` where others move its joint too, those of `[motor]`, and may repeat",
-    "any other section above as `[motor.SECTION]`.",
+    f"{MEANINGS[MOTOR].capitalize()} ([how](several_motors.md)).",
     "",
-    f"At the head of the file, `{INDEPENDENT} = true`: {MEANINGS[INDEPENDENT]}.",
+    f"At the head of the file: `{INDEPENDENT}`, {MEANINGS[INDEPENDENT]}.",
 )
 
 
@@ -36,11 +34,10 @@ def markdown() -> str:
     lines = [
         "# rig.toml",
         "",
-        "Every key of a rig, with its default and, in brackets, its range. `bowden init` writes such a file. A key",
-        "that is left out has its default; where that is none, it follows from the rest of the rig. The ending of a",
-        "key is its unit: `_deg`, `_nm` for N·m, `_nms_per_rad` for N·m·s/rad. Gains are in SI units and radians, as",
-        "is all in Python (`bowden.Rig`). Files are found from the folder of rig.toml. `make docs` makes this page;",
-        "`bowden schema rig` prints it as a JSON schema.",
+        "Every key of a rig, with its default and, in brackets, its range. `bowden init` writes such a file. A default",
+        "of none follows from the rest of the rig. The ending of a key is its unit: `_deg`, `_nm` for N·m,",
+        "`_nms_per_rad` for N·m·s/rad. Gains are in SI units and radians, as is all in Python (`bowden.Rig`). Files",
+        "are found from the folder of rig.toml. `bowden schema rig` prints all of this as a JSON schema.",
         "",
     ]
     made: dict[type[Section], str] = {}

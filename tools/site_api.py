@@ -33,12 +33,8 @@ PAGES = {
     "identify": Page(
         "Identify",
         "From a log of a cable to a model.",
-        ("identify", "identify_together", "recalibrate", "read_log", "CableModel"),
-        (
-            "bowden.identify.cable.fit.Fit",
-            "bowden.identify.cable.loads.JointFit",
-            "bowden.identify.cable.recalibrate.Recalibration",
-        ),
+        ("identify", "read_log", "CableModel"),
+        ("bowden.identify.cable.fit.Fit",),
     ),
     "design": Page(
         "Check and tune",
@@ -60,7 +56,7 @@ PAGES = {
         "Laws",
         "The laws that there are, and what a law of your own is made of.",
         ("LAWS", "Law", "Sample", "Reference", "kernel"),
-        ("bowden.control.user_law.load",),
+        ("bowden.control.law_file.load",),
     ),
     "emg": Page(
         "EMG",
@@ -88,7 +84,6 @@ PAGES = {
             "bowden.plants.friction_cables.sliding",
             "bowden.plants.friction_cables.lumped",
             "bowden.plants.scheduled_cable.scheduled",
-            "bowden.plants.pose_cable.poses",
             "bowden.models.cable.capstan.Tendon",
             "bowden.models.cable.lumped_cable.LumpedTendon",
             "bowden.plants.user_plant.UserPlant",

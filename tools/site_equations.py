@@ -20,7 +20,10 @@ class _Blocks(Preprocessor):
         """The lines with each block put away as MathML."""
 
         def drawn(match: "re.Match[str]") -> str:
-            made = convert(match[1].replace("\n", " ").strip(), display="block")
+            latex = (
+                match[1].replace("\n", " ").replace("{aligned}", "{align*}").strip()
+            )  # the converter knows no aligned
+            made = convert(latex, display="block")
             return "\n" + self.md.htmlStash.store(f'<div class="equation">{made}</div>') + "\n"
 
         return _FENCE.sub(drawn, "\n".join(lines)).split("\n")

@@ -1,8 +1,7 @@
 /* The adaptive law against the bench, written by hand: the yardstick for the package's compiled loop.
  *
  * The arithmetic is the package's own (servo, series of the cable, conditioner of the reference, law, encoders,
- * reference, current), or, where `whole`
- * is 0, with the motor and its turns in sub-steps, powers and tanh by the library, as such a loop is commonly written.
+ * reference, current).
  * The parameters are known at run time only, and the same columns are stored. The encoders' normal numbers are handed
  * in: they must be NumPy's for the two to agree.
  */
@@ -20,7 +19,7 @@ struct parameters { /* SI and radians */
     double conditioning_frequency, conditioning_delay;                        /* the conditioner's */
     double low, high, period;                                                 /* reference */
     double initial_motor;
-    long delay, substeps, cycles, whole;
+    long delay, substeps, cycles;
 };
 
 struct cable {
@@ -35,22 +34,6 @@ struct servo {
 static double smaller(double a, double b) { return b < a ? b : a; }
 static double larger(double a, double b) { return b > a ? b : a; }
 
-/* as `bowden.core.primitives.tanh` */
-static double tanh_by_addition(double x)
-{
-    const double shift = 6755399441055744.0, size = fabs(x), near = size > 20.0 ? 20.0 : size;
-    const double k = (near * 2.8853900817779268 + shift) - shift;
-    const double b = (near - k * 0.3465735901845619) - k * 9.541074646352939e-11, square = b * b;
-    union { double number; unsigned long long bits; } s;
-    s.number = shift + 1023.0 - k;
-    s.bits <<= 52;
-    const double u = 1.0 - s.number, v = 1.0 + s.number, c = u / v, fourth = square * square;
-    const double p = u * b * (1.0 + square * 0.11109938059851718 + fourth * 0.0010574195870983604);
-    const double q = v * (1.0 + square * 0.44443271393184475 + fourth * 0.0158683242329108);
-    const double r = v * (square * -0.3333333333333276 + fourth * -0.014810904645812441);
-    return copysign(c + (1.0 - c * c) * (b + b * ((r - p) / (q + p))), x);
-}
-
 static struct cable prepare_cable(const struct parameters *p)
 {
     struct cable c;
@@ -58,7 +41,7 @@ static struct cable prepare_cable(const struct parameters *p)
     c.exponent = p->exponent;
     c.growth = 2.0 * p->shape - 1.0;
     c.bound = pow(c.growth, -1.0 / p->exponent);
-    c.cubic = p->whole && p->exponent == 3.0;
+    c.cubic = p->exponent == 3.0;
     c.piece = (c.cubic ? 0.045 : 0.03) / (1.0 + p->exponent / c.bound * larger(1.0, 1.0 / c.growth));
     c.near_zero = 0.5 * pow(0.01 / larger(1.0, c.growth), 1.0 / p->exponent);
     return c;
@@ -263,7 +246,7 @@ long loop(const struct parameters *p, const double *references, const double *wi
     const struct cable cable = prepare_cable(p);
     const struct servo servo = prepare_servo(p, p->sample_time / (double)p->substeps);
     const struct servo cycle = prepare_servo(p, p->sample_time);
-    const double reach = p->whole && p->natural_frequency * p->sample_time <= 0.25 ? cycle.reach : -1.0;
+    const double reach = p->natural_frequency * p->sample_time <= 0.25 ? cycle.reach : -1.0;
     const long n = p->cycles;
     const double dt = p->sample_time;
     const double joint_inverse = 1.0 / p->joint_resolution, motor_inverse = 1.0 / p->motor_resolution;
@@ -285,7 +268,7 @@ long loop(const struct parameters *p, const double *references, const double *wi
         joint_rate += ((measured - last) * (1.0 / dt) - joint_rate) * (dt / (p->derivative_time + dt));
         last = measured;
         double s = p->error_gain * error + integral;
-        double direction = p->whole ? tanh_by_addition(s * (1.0 / p->smoothing)) : tanh(s * (1.0 / p->smoothing));
+        double direction = tanh(s * (1.0 / p->smoothing));
         double wanted = reference - p->error_gain * (joint_rate - reference_rate) - bound * direction;
         double command = slope_inverse * wanted - p->feedback_gain * s;
         double next = slope_inverse - dt * p->slope_adaptation * (wanted * s + p->slope_leakage * slope_inverse);

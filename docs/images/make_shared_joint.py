@@ -43,7 +43,7 @@ def followed(contraction: float) -> Course:
     """A run with a co-contraction [rad]."""
     bench, law = default_bench(), LAWS["bowden"]
     bend = constant_bend(bench.sheath.bend)
-    each = enumerate((("up", 1.0), ("down", -1.0)))
+    each = enumerate((("flexor", 1.0), ("extensor", -1.0)))
     motors = tuple(JointMotor(name, bench, bend, k, sign) for k, (name, sign) in each)
     push = _PUSH * np.sin(2.0 * np.pi * _HERTZ * np.arange(0.0, _SECONDS, _STEP))
     traces = simulate_joint(
@@ -68,7 +68,7 @@ def drawn(courses: dict[float, Course]) -> Figure:
     for degrees in (0.0, 4.0):
         for i, line in enumerate(("-", "--")):
             shown = thin(courses[degrees].time, courses[degrees].pulls[:, i], most=1500)
-            who = ("agonist", "antagonist")[i]
+            who = ("flexor", "extensor")[i]
             pulls.plot(*shown, line, color=colours[degrees], label=f"{_signed(degrees)}, {who}")
     error.set(ylabel="joint − reference [°]")
     error.set_title("Error by co-contraction")

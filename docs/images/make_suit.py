@@ -30,15 +30,19 @@ def elbow() -> Figure:
         *thin(plain.time, plain["reference"] * DEGREES, most=900), "--", color=COLOURS["reference"], label="desired"
     )
     for side, colour in (("flexor", COLOURS["joint"]), ("extensor", COLOURS["motor"])):
-        middle.plot(*thin(plain.time, plain[f"{side}_tension"], most=900), color=colour, label=f"{side}, at the arm")
+        middle.plot(*thin(plain.time, plain[f"{side}_tension"], most=900), color=colour, label=f"{side}, arm")
         middle.plot(
-            *thin(plain.time, plain[f"{side}_motor_tension"], most=900), ":", color=colour, label="at the spool"
+            *thin(plain.time, plain[f"{side}_motor_tension"], most=900), ":", color=colour, label=f"{side}, spool"
         )
     top.set(ylabel="elbow [°]")
-    middle.set(ylabel="tension [N],\nuncompensated")
+    top.set_title("Elbow")
+    middle.set(ylabel="tension [N]")
+    middle.set_title("Tension, uncompensated")
+    bottom.set_title("Motor current")
     bottom.set(ylabel="current [A]", xlabel="time [s]")
     legend(top, columns=4)
     legend(middle, columns=4)
+    style.finish(figure)
     return figure
 
 

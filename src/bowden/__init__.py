@@ -53,8 +53,7 @@ if TYPE_CHECKING:
 
     campaign, check, export = public(_campaign.campaign), public(_check.check), public(_export.export)
     emg_calibrate, emg_score = public(_emg_calibrate.emg_calibrate), public(_emg_score.emg_score)
-    identify, identify_together = public(_identify.identify), public(_identify.identify_together)
-    recalibrate, simulate, tune = public(_identify.recalibrate), public(_simulate.simulate), public(_tune.tune)
+    identify, simulate, tune = public(_identify.identify), public(_simulate.simulate), public(_tune.tune)
 
 __version__ = "0.2.0"
 
@@ -79,12 +78,10 @@ _HOMES = {
     "emg_score": "bowden.operations.emg_score",
     "export": "bowden.operations.export",
     "identify": "bowden.operations.identify",
-    "identify_together": "bowden.operations.identify",
     "init": "bowden.operations.init",
     "kernel": "bowden.core.kernel",
     "read_log": "bowden.identify.given_log",
     "read_trace": "bowden.live.read_trace",
-    "recalibrate": "bowden.operations.identify",
     "run": "bowden.operations.run",
     "simulate": "bowden.operations.simulate",
     "tune": "bowden.operations.tune",
@@ -108,7 +105,7 @@ _GUESSES = {
     "load_model": "bowden.CableModel.read(path)",
     "read_model": "bowden.CableModel.read(path)",
     "load_trace": "bowden.read_trace(path)",
-    "calibrate": "bowden.recalibrate(log, model), or bowden.emg_calibrate(mvc)",
+    "calibrate": "bowden.identify(log, model=model), or bowden.emg_calibrate(mvc)",
     "plot": "trace.plot(), fit.plot(), rig.plot()",
     "optimize": "bowden.tune(rig)",
     "laws": "bowden.LAWS",

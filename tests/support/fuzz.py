@@ -21,10 +21,9 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import can
-import canopen
 import numpy as np
 
-from bowden.control.law_file import law_file
+from bowden.control.law_file import LawFile
 from bowden.core.errors import BowdenError, DriveError
 from bowden.hardware.drives import canopen_dialogue, canopen_frames, emergencies
 from bowden.hardware.emg import lsl_info, trigno_protocol
@@ -321,6 +320,20 @@ def _traces() -> list[bytes]:
     return [csv.read_bytes(), npz.read_bytes()]
 
 
+def _matlab() -> list[bytes]:
+    from scipy.io import savemat
+
+    t = np.arange(200) * 0.1
+    content = {"time": t, "motor": np.sin(t), "joint": np.sin(t) - 0.01}
+    many = {"log": content, "names": np.array(["a", "b"], dtype=object), "text": "words", "flag": True, "m": np.eye(3)}
+    found = []
+    for given, options in ((content, {"do_compression": True}), (content, {"format": "4"}), (many, {})):
+        file = io.BytesIO()
+        savemat(file, given, **options)
+        found.append(file.getvalue())
+    return found
+
+
 def _mcap() -> list[bytes]:
     path = _folder() / "seed.mcap"
     columns = ("time", "motor", "joint", "lateness", "mode", "faults")
@@ -341,13 +354,29 @@ def _of_mcap(path: Path) -> None:
     found.trace()
 
 
+class _Hostile:
+    """A bus on which a node answers every question with the next eight bytes that it was given."""
+
+    def __init__(self, data: bytes) -> None:
+        self.bus: Any = self
+        self._answers = [data[at : at + 8] for at in range(0, min(len(data), 2000), 8)]
+        self._asked = False
+
+    def send(self, message: can.Message) -> None:
+        self._asked = True
+
+    def wait_for(self, matches: Any, timeout: float) -> tuple[int, bytes] | None:
+        asked, self._asked = self._asked, False
+        return (0x582, self._answers.pop(0)) if asked and self._answers else None
+
+
 def _wild(data: bytes) -> None:
     """Frames of any identifier, and what our side makes of each of them."""
-    heard = canopen_dialogue.BusListener(2, 127)
+    heard = canopen_dialogue.Dialogue(_Hostile(b""), 2, 127, 0.0)
     for at in range(0, min(len(data), 800), 10):
         cob_id = data[at] * 8 + (data[at + 1] & 7 if at + 1 < len(data) else 0)
         body = data[at + 2 : at + 10]
-        heard.on_message_received(can.Message(arbitration_id=cob_id, data=body, is_extended_id=False))
+        heard.take(cob_id, body)
         for unpack in (canopen_frames.unpack_tpdo1, canopen_frames.unpack_tpdo2, canopen_frames.unpack_rpdo1,
                        canopen_frames.unpack_emergency, canopen_frames.unpack_heartbeat):  # fmt: skip
             unpack(body)
@@ -355,21 +384,8 @@ def _wild(data: bytes) -> None:
         emergencies.emergency_text(code)
 
 
-class _Hostile(canopen.Network):  # type: ignore[misc]
-    """A bus on which a node answers every question with the next eight bytes that it was given."""
-
-    def __init__(self, data: bytes) -> None:
-        super().__init__()
-        self._answers = [data[at : at + 8] for at in range(0, min(len(data), 2000), 8)]
-
-    def send_message(self, can_id: int, data: Any, remote: bool = False) -> None:
-        if can_id == 0x602 and self._answers:
-            self.notify(0x582, bytearray(self._answers.pop(0)), 0.0)
-
-
 def _sdo(data: bytes) -> None:
-    network = _Hostile(data)
-    asked = canopen_dialogue.Dialogue(network, 2, 0.0, canopen_dialogue.BusListener(2, 127), "a drive")
+    asked = canopen_dialogue.Dialogue(_Hostile(data), 2, 127, 0.0, "a drive")
     for ask in (lambda: asked.read(0x1000), lambda: asked.text(0x1008), lambda: asked.write(0x6060, 0, 8, 1)):
         with contextlib.suppress(DriveError):
             ask()
@@ -429,12 +445,13 @@ TARGETS: dict[str, Target] = {
     "study": Target(lambda: [_STUDY], _file(load, "study.toml"), 0.01),
     "wearer": Target(lambda: [_WEARER], _file(wearer_file.read, "wearer.toml"), 0.1),
     "model": Target(lambda: [_MODEL], _file(load_cable, "model.toml"), 0.1),
-    "law": Target(lambda: [_LAW], _file(lambda path: law_file(str(path)), "law.py"), 0.02),
+    "law": Target(lambda: [_LAW], _file(lambda path: LawFile.found(str(path)), "law.py"), 0.02),
     "csv": Target(_tables, _file(read_log, "log.csv"), 0.03),
     "emg": Target(_emg, _file(read_emg, "emg.csv"), 0.03),
     "labels": Target(lambda: [b"onset_s,offset_s\n1,2\n3,4\n"], _file(read_labels, "labels.csv"), 0.05),
     "trace": Target(_traces, _file(read_trace, "trace"), 0.03),
     "npz": Target(_traces, _file(read_log, "log.npz"), 0.02),
+    "mat": Target(_matlab, _file(read_log, "log.mat"), 0.0005),  # each in a process of its own
     "mcap": Target(_mcap, _file(_of_mcap, "log.mcap"), 0.04),
     "frames": Target(_frames, _wild, 0.2),
     "sdo": Target(_frames, _sdo, 0.1),

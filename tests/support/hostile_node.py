@@ -6,7 +6,6 @@ host stands in `Attack`, one field a kind of harm.
 """
 
 import struct
-import threading
 import time
 from collections import deque
 from dataclasses import dataclass
@@ -309,7 +308,6 @@ class HostileBus(can.BusABC):
 
     def __init__(self, attack: Attack = Attack()) -> None:
         self.frames: deque[tuple[int, bytes]] = deque()
-        self._lock, self._still = threading.RLock(), threading.Event()
         self.node = HostileNode(attack, self.frames)
         self.channel_info = "hostile node in memory"
         self.modes: list[object] = []
@@ -323,28 +321,25 @@ class HostileBus(can.BusABC):
 
     def pass_time(self, span: float = MILLISECOND) -> None:
         """So much time passes for the node and whoever else is on the bus [s]."""
-        with self._lock:
-            attack = self.node.attack
-            for _ in range(round(span / MILLISECOND)):
-                self.node.tick()
-                begun = self.node.now - self.node._begun >= attack.foreign_from
-                if attack.foreign and (begun or attack.foreign_from == 0.0):
-                    cob_id, data = attack.foreign[round(self.time / MILLISECOND) % len(attack.foreign)]
-                    self.frames.append((cob_id, data))
-                    self.node.receive(cob_id, data)
+        attack = self.node.attack
+        for _ in range(round(span / MILLISECOND)):
+            self.node.tick()
+            begun = self.node.now - self.node._begun >= attack.foreign_from
+            if attack.foreign and (begun or attack.foreign_from == 0.0):
+                cob_id, data = attack.foreign[round(self.time / MILLISECOND) % len(attack.foreign)]
+                self.frames.append((cob_id, data))
+                self.node.receive(cob_id, data)
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
         """Hand a frame to the node."""
-        with self._lock:
-            self.node.receive(msg.arbitration_id, bytes(msg.data))
+        self.node.receive(msg.arbitration_id, bytes(msg.data))
 
     def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
         if not self.frames and timeout != 0.0:
             begin = time.monotonic()
-            self._still.wait(5e-5)  # for the other threads
-            self.pass_time(max(MILLISECOND, time.monotonic() - begin))  # whoever waits meanwhile does so by the clock
-        with self._lock:
-            if not self.frames:
-                return None, False
-            cob_id, data = self.frames.popleft()
+            time.sleep(5e-5)  # bring-up waits by the clock
+            self.pass_time(max(MILLISECOND, time.monotonic() - begin))
+        if not self.frames:
+            return None, False
+        cob_id, data = self.frames.popleft()
         return can.Message(arbitration_id=cob_id, data=data, is_extended_id=False), False

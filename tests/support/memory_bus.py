@@ -1,7 +1,6 @@
 """A CAN bus in this process and at a time of one's own, with any twins' nodes at its other end."""
 
 import math
-import threading
 import time
 from collections import deque
 from collections.abc import Callable
@@ -10,7 +9,8 @@ from typing import Any, Protocol
 import can
 
 from bowden.core.signals import DriveReading, DriveState
-from bowden.hardware.buses.link import Links
+from bowden.hardware.buses.link import BusPort, Links
+from bowden.hardware.buses.place import BusPlace
 from bowden.hardware.buses.unix_bus import REMOTE
 from bowden.hardware.drives.families.cia402 import DriveParameters
 from bowden.hardware.ports import Drive, Power
@@ -27,6 +27,12 @@ from bowden.hardware.twin.twin import message_of
 from bowden.models.cable.sheath_path import constant_bend
 from bowden.plants.presets.bench import bench
 from bowden.rig.families import family_of
+
+
+def asking(drive: Any, **changed: Any) -> Any:
+    """A drive's parameters with other values, of its own or of what the rig asks for."""
+    own = {name: changed.pop(name) for name in drive._fields if name in changed}
+    return drive._replace(**own, needs=drive.needs._replace(**changed))
 
 
 class Node(Protocol):
@@ -49,8 +55,6 @@ class MemoryBus(can.BusABC):
         self.faults: Faults | None = None
         self._nodes: list[Node] = []
         self._frames: deque[can.Message] = deque()
-        self._lock = threading.RLock()  # the library that brings a device up has a thread
-        self._still = threading.Event()
         self.channel_info = "bus in memory"
         super().__init__(channel="memory")
 
@@ -71,11 +75,10 @@ class MemoryBus(can.BusABC):
 
     def advance(self, span: float) -> None:
         """Let `span` [s] pass in ticks."""
-        with self._lock:
-            for _ in range(max(1, round(span / 1e-3))):
-                self.time += min(span, 1e-3)
-                for node in self._nodes:
-                    node.tick(self.time)
+        for _ in range(max(1, round(span / 1e-3))):
+            self.time += min(span, 1e-3)
+            for node in self._nodes:
+                node.tick(self.time)
 
     def send_frame(self, identifier: int, data: bytes) -> None:
         """Send a frame as the host."""
@@ -83,19 +86,22 @@ class MemoryBus(can.BusABC):
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
         """Hand a frame to all nodes."""
-        with self._lock:
-            self.sent.append((self.time, msg.arbitration_id, bytes(msg.data)))
-            if self.faults and self.faults.off_bus(self.time):
-                raise can.CanOperationError("no other node on the bus acknowledges")
-            if self.faults and self.faults.swallows(self.time):
-                return
-            for node in self._nodes:
-                node.receive(msg.arbitration_id | REMOTE * msg.is_remote_frame, bytes(msg.data), self.time)
+        self.sent.append((self.time, msg.arbitration_id, bytes(msg.data)))
+        if self.faults and self.faults.off_bus(self.time):
+            raise can.CanOperationError("no other node on the bus acknowledges")
+        if self.faults and self.faults.swallows(self.time):
+            return
+        for node in self._nodes:
+            node.receive(msg.arbitration_id | REMOTE * msg.is_remote_frame, bytes(msg.data), self.time)
+
+    @property
+    def port(self) -> BusPort:
+        """The host's end, for whoever is brought up alone."""
+        return Links(self).join(BusPlace("memory", "", 0), "any node", lambda _: True)
 
     def drain(self) -> list[can.Message]:
         """All frames that wait."""
-        with self._lock:
-            waiting, self._frames = list(self._frames), deque()
+        waiting, self._frames = list(self._frames), deque()
         return waiting
 
     def close(self) -> None:
@@ -105,10 +111,9 @@ class MemoryBus(can.BusABC):
     def _recv_internal(self, timeout: float | None) -> tuple[Any, bool]:
         if not self._frames and timeout != 0.0:
             begin = time.monotonic()
-            self._still.wait(1e-4)  # for the library's other thread
-            self.advance(max(1e-3, time.monotonic() - begin))  # whoever waits meanwhile does so by the clock
-        with self._lock:
-            return (self._frames.popleft() if self._frames else None), False
+            time.sleep(1e-4)  # bring-up waits by the clock
+            self.advance(max(1e-3, time.monotonic() - begin))
+        return (self._frames.popleft() if self._frames else None), False
 
 
 class DrivenBus(MemoryBus):

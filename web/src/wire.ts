@@ -1,4 +1,4 @@
-/** What goes over the wire: docs/decisions/0036-console.md. */
+/** What goes over the wire: docs/decisions/0018-console.md. */
 
 export type Mode = "stopped" | "preflight" | "ready" | "running" | "bridging" | "releasing" | "latched";
 export type Phase = "idle" | "checking" | "starting" | "live" | "ending" | "step";

@@ -141,7 +141,7 @@ def _shown(view: Any, found: Result[Any], call: Call, json: bool, rigs: list[Any
 
 
 def _parameter(one: OperationParameter, names: list[str]) -> inspect.Parameter:
-    """What typer is told of a parameter."""
+    """Arguments of typer for a parameter."""
     switch = one.switch
     said: dict[str, Any] = {"help": _in_switches(one.means[:1].upper() + one.means[1:], {}), "metavar": switch.metavar}
     if one.is_folder:

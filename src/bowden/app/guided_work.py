@@ -21,9 +21,10 @@ def identified(progress: Callable[[str, float], None], rig: Mapping[str, Any], f
     fit = found.fit
     made = given.replace(cable=load_cable(place / "model.toml"))
     files = ["model.toml", "identify.html", *_written(made, place, "identified")]
-    left, without, _ = (value * DEGREES for value in fit.forecast)
-    trust = f"trust: {fit.trust}"
-    said = f"{fit.best.name}: {left:.2g}° RMS left with this model as feed-forward, {without:.2g}° without; {trust}"
+    ahead = fit.forecast
+    both = [] if ahead is None else [f"{value * DEGREES:.2g}° RMS" for value in ahead[:2]]
+    forecast = f"{' left with this model as feed-forward, '.join(both)} without; " if both else ""
+    said = f"{fit.best.name}: {forecast}trust: {fit.trust}"
     return {"rig": made.document(), "said": said, "files": files}
 
 

@@ -337,18 +337,20 @@ class Console:
             ParameterError: there is no such gain, it is not live, or the value cannot be.
             SafetyError: the page does not control, nothing runs, or another change goes on.
         """
-        if self._terminal is not None:
-            raise SafetyError("the terminal controls this run", expected="no change of gains", do="end it there")
-        self.require_control(tab)
-        session = self.owner.seen.session
-        if session is None or self.owner.seen.phase != "live":
-            raise SafetyError("no session is live", expected="one that goes on", do="change the gain in the settings")
-        if self.gain is not None and self.gain["state"] in ("checking", "going"):
-            raise SafetyError("another change of gains goes on", do="wait until it is in force, or refused")
         if not isinstance(name, str) or len(name) > _LONGEST_NAME:
             raise ParameterError(f"gain is {shortly(name)}", expected="the name of a gain", do="choose one")
         if isinstance(value, bool) or not isinstance(value, int | float):
             raise ParameterError(f"gain {shortly(name)} is {shortly(value)}", expected="a number", do="correct it")
+        session = self.owner.seen.session
+        if session is not None:
+            session.require_value(name, value)  # what can never be is said first, whatever the time
+        if self._terminal is not None:
+            raise SafetyError("the terminal controls this run", expected="no change of gains", do="end it there")
+        self.require_control(tab)
+        if session is None or self.owner.seen.phase != "live":
+            raise SafetyError("no session is live", expected="one that goes on", do="change the gain in the settings")
+        if self.gain is not None and self.gain["state"] in ("checking", "going"):
+            raise SafetyError("another change of gains goes on", do="wait until it is in force, or refused")
         rig = session.with_gain(name, value)
         self.gain = {"name": name, "from": session.gains[name], "to": float(value), "state": "checking", "text": ""}
         self._beside(self._changed(tab, session, rig, self.gain))

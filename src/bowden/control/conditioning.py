@@ -79,7 +79,7 @@ class Conditioned(NamedTuple):
     unchanged: Annotated[float, Quantity("time since that changed; −1 before the first cycle", "s")]
     between: Annotated[float, Quantity("time between its last two changes", "s")]
     doubt: Annotated[
-        float, Quantity("time for which a contradiction still counts; the source is believed below 0.06", "s")
+        float, Quantity("time for which a contradiction still counts; the source is used as it is below 0.06", "s")
     ]
 
 
@@ -121,7 +121,7 @@ def leads_on(state: Conditioned, given: Reference, stray: float, dt: float) -> b
 
 @kernel
 def follow_reference(settings: Conditioning, state: Conditioned, given: Reference, dt: float) -> Reference:
-    """What is shown one cycle later of a reference that is believed, from which it was off: by backward Euler, whose
+    """The conditioned reference one cycle later, for a consistent source that it was off: by backward Euler, whose
     poles are 1/(1 + β·Ts) for any Ts."""
     rate = PACE * settings.servo_frequency / (1.0 + settings.servo_frequency * settings.delay)
     off = state.position - (given.position - dt * (given.velocity - 0.5 * dt * given.acceleration))
@@ -140,7 +140,7 @@ def follow_reference(settings: Conditioning, state: Conditioned, given: Referenc
 def estimate_reference(
     settings: Conditioning, state: Conditioned, given: float, changed: bool, since: float, dt: float
 ) -> Reference:
-    """What is shown one cycle later where the position alone is believed.
+    """The conditioned reference one cycle later, from the position alone.
 
     It is corrected where the position changes, and where it stands still, at each tick at which it ought to have
     changed.

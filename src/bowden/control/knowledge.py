@@ -30,7 +30,7 @@ from bowden.models.cable.bouc_wen import BoucWen, saturation
 IDENTIFIED = 0.1
 """`Knowledge.doubt` about an identified cable [–]."""
 WIDEST = 0.5
-"""Largest dead zone that a preflight is believed [rad]."""
+"""Largest dead zone that is accepted of a preflight [rad]."""
 
 
 class Knowledge(NamedTuple):
@@ -69,8 +69,7 @@ class Knowledge(NamedTuple):
     suit: bool = False
     """Whether the joint is an arm in a suit, which swings; motor angles are in the joint's coordinate then."""
     relative_slope: float = 1.0
-    """Slope of the cable over that of the paper's bench, for which the laws' own slopes are: pulley and gear are known
-    of a cable of which nothing was measured [–]."""
+    """Slope of the cable over that of the paper's bench, for which the laws' own slopes are [–]."""
 
 
 def dead_zone(cable: BoucWen, gap: float) -> float:

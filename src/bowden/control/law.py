@@ -120,7 +120,7 @@ class Law:
     """Gains that a preset or `with_gains` set: what a rig knows leaves them alone."""
 
     def __new__(cls, *given: Any, **named: Any) -> "Law":
-        """Refuse what is no field before Python does, and say what was meant."""
+        """Refuse an unknown field, and name the likely one."""
         fields = cls.__dataclass_fields__
         for name in named:
             if name not in fields:

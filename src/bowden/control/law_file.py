@@ -1,59 +1,39 @@
 """The law that a rig names: one of ours, a user's file with its bytes, or a `Law` of Python's."""
 
-from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, ClassVar
 
 from bowden.control import LAWS, Law, user_law
-from bowden.core import own_code, user_file
+from bowden.core import user_file
 from bowden.core.errors import ParameterError
 from bowden.core.kernel_content import Content, code_of
-from bowden.core.user_file import UserModule
+from bowden.core.own_file import OwnFile
 
 
-class LawFile(NamedTuple):
-    """A law in a file of the user's, as it stood when the rig was made."""
+@dataclass(frozen=True)
+class LawFile(OwnFile):
+    """A law in a file of the user's."""
 
-    name: str
-    """``FILE.py:NAME``, as it was given."""
-    path: str
-    """Where the file was."""
-    source: bytes
-    """What was in it."""
-    modules: tuple[UserModule, ...] = ()
-    """What it imports of the user's own."""
+    what: ClassVar[str] = "law"
 
     def load(self) -> Law:
-        """The law; of a file that has changed since or is not there any more, what it was.
-
-        Raises:
-            ParameterError: something that is not a law, with the line.
-        """
+        """See `OwnFile.load`."""
         return _load(self)
 
 
 @lru_cache(64)
 def _load(file: LawFile) -> Law:
     """The law, made once in a process: what a file prints is printed once."""
-    there = user_file.restored(Path(file.path), file.source, "laws", file.modules)
-    law = user_law.load_file(there, user_file.split(file.name)[1])
+    law = user_law.load_file(*file.ready)
     _READ.setdefault(_key(law), (law, file))
     return law
 
 
-def law_file(name: str, folder: Path | None = None) -> LawFile:
-    """The file that ``FILE.py:NAME`` names, read.
-
-    Raises:
-        ParameterError: it cannot be read, or has no such law.
-    """
-    file, _ = user_file.split(name)
-    there = user_file.found(((folder or Path()) / file).absolute(), "law")
-    found = LawFile(name, str(there.path), there.source, there.modules)
-    found.load()
-    own_code.remember(found.source, found.modules)
-    return found
+def load(name: str, folder: Path | None = None) -> Law:
+    """The law that ``FILE.py:NAME`` or ``FILE.py`` names; see `OwnFile.found`."""
+    return LawFile.found(name, folder).load()
 
 
 def named(name: str, folder: Path | None = None) -> str | LawFile:
@@ -66,9 +46,7 @@ def named(name: str, folder: Path | None = None) -> str | LawFile:
     Raises:
         ParameterError: an unknown law, or a user's file that cannot be used.
     """
-    if user_law.is_file(name):
-        return law_file(name, folder)
-    return LAWS[name].name
+    return LawFile.found(name, folder) if user_law.is_file(name) else LAWS[name].name
 
 
 def loaded(given: str | LawFile) -> Law:
@@ -133,22 +111,8 @@ def _key(law: Law) -> Any:
 
 
 def _looked_for(law: Law) -> tuple[Law | None, LawFile | None]:
-    path = Path(law.step_kernel.__code__.co_filename)
-    if not user_file.reads_as_module(law.step_kernel):
-        return None, None
-    for attribute in ("", *_laws_in(law)):
-        try:
-            found = law_file(f"{path}:{attribute}" if attribute else str(path))
-            loaded = found.load()
-        except ParameterError:
-            continue
-        code = code_of_law(law)
-        if loaded.name == law.name and code is not None and code == code_of_law(loaded):
-            return loaded, found
+    for found in LawFile.around(law.step_kernel, Law, law.name):
+        known, code = found.load(), code_of_law(law)
+        if known.name == law.name and code is not None and code == code_of_law(known):
+            return known, found
     return None, None
-
-
-def _laws_in(law: Law) -> Iterator[str]:
-    """Names of laws beside a law's kernels."""
-    around: Mapping[str, Any] = law.step_kernel.__globals__
-    yield from (name for name, value in list(around.items()) if isinstance(value, Law) and value.name == law.name)

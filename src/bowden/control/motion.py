@@ -1,11 +1,13 @@
 """`MinimumJerk`: where the joint should be, moved as smoothly as a person moves."""
 
 from collections.abc import Iterable, Sequence
+from functools import partial
 from typing import Any
 
 from bowden.control.reference import PeriodicMinimumJerk, PointToPoint
 from bowden.core import arguments
 from bowden.core.errors import ParameterError
+from bowden.core.guesses import public
 
 
 class MinimumJerk:
@@ -31,6 +33,7 @@ class MinimumJerk:
         )
 
     @staticmethod
+    @partial(public, guesses={})
     def periodic(low: float, high: float, period: float) -> PeriodicMinimumJerk:
         """From one angle to another in the first half of each period, and back in the second half.
 
@@ -50,6 +53,7 @@ class MinimumJerk:
         )
 
     @staticmethod
+    @partial(public, guesses={})
     def point_to_point(times: Sequence[float], positions: Sequence[float]) -> PointToPoint:
         """Through way points, with a stop at each; two equal points in a row make a pause.
 

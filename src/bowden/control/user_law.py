@@ -51,25 +51,11 @@ def is_file(name: str) -> bool:
     return user_file.split(name)[0].endswith(".py")
 
 
-def load(name: str, folder: Path | None = None) -> Law:
-    """The law that ``FILE.py:NAME`` or ``FILE.py`` names; without NAME it is the only one in the file.
-
-    Args:
-        name: the file and, after a colon, the law's name in it.
-        folder: where a relative file is looked for; the current one where it is not given.
-
-    Raises:
-        ParameterError: no such file or name, a mistake in the file (with its line), or something that is not a law.
-    """
-    file, attribute = user_file.split(name)
-    return load_file(user_file.found(((folder or Path()) / file).absolute(), "law"), attribute)
-
-
 def load_file(file: UserFile, name: str) -> Law:
     """The law of this name in a file that has been read; the only one there if the name is empty.
 
     Raises:
-        ParameterError: see `load`.
+        ParameterError: no such name, a mistake in the file (with its line), or something that is not a law.
     """
     law = _find(user_file.run(file, "law"), name, file.path)
     check_law(law, file.path)

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 Words = Callable[[str, Any], str]
-"""Name of a parameter and its value (None where the name alone is meant) → what is written in a message."""
+"""Name of a parameter and its value (None for the name alone) → what is written in a message."""
 
 
 def in_python(name: str, value: Any) -> str:

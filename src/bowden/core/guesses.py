@@ -1,4 +1,4 @@
-"""Names that are guessed: what is not there is answered in one line with what was meant."""
+"""Names that are guessed: an unknown one is answered in one line with the likely one."""
 
 import difflib
 from collections.abc import Callable, Iterable, Mapping

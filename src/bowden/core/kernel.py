@@ -89,7 +89,7 @@ def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
         TypeError: `function` is not a kernel.
     """
     if function in PRIMITIVES:
-        return _primitive(function, within=False)
+        return _primitive(function)
     if not is_kernel(function):
         raise TypeError(f"{function!r} is not a kernel; decorate it with @kernel")
     return _compile(function, function.__qualname__, (), within=False)
@@ -181,7 +181,7 @@ def _twin(function: FunctionType, parts: Parts) -> FunctionType:
             if is_kernel(value):
                 namespace[key] = _compile(value, value.__qualname__, reaching(value, parts), within=True)
             elif is_primitive(value):
-                namespace[key] = _primitive(value, within=True)
+                namespace[key] = _primitive(value)
     finally:
         _OPEN.pop()
     return FunctionType(function.__code__, namespace, function.__name__, function.__defaults__, function.__closure__)
@@ -196,8 +196,6 @@ def _njit(function: Callable[..., Any], **options: bool) -> Callable[..., Any]:
 
 
 @cache
-def _primitive(function: Callable[..., Any], *, within: bool) -> Callable[..., Any]:
+def _primitive(function: Callable[..., Any]) -> Callable[..., Any]:
     twin = twin_of(function)
-    if is_kernel(twin):  # one that calls primitives itself
-        return _compile(twin, twin.__qualname__, (), within=within)
     return _njit(twin) if isinstance(twin, FunctionType) else twin

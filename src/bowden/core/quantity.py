@@ -112,7 +112,7 @@ class Quantity:
     live: bool = False
     """Of a law's gain: whether it may be changed while the law runs (`Law.live`)."""
     hint: str = ""
-    """What else a value out of the range, ``{value}``, may have been meant as."""
+    """Likely other reading of a value out of the range, ``{value}``."""
     follows: bool = False
     """Whether it may be left out, as NaN, and then follows from the rig's other parts (`rig.consistent`)."""
 

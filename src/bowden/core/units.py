@@ -12,4 +12,4 @@ HERTZ = 2.0 * math.pi
 """rad/s in one hertz."""
 
 CABLE_LOG_LIMIT = 20.0
-"""Largest angle [rad] that is believed in the log of a cable: beyond it the log is almost surely in degrees."""
+"""Largest angle [rad] that is accepted in the log of a cable: beyond it the log is almost surely in degrees."""

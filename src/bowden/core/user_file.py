@@ -6,7 +6,6 @@ the same names, is not touched.
 """
 
 import ast
-import base64
 import contextlib
 import hashlib
 import linecache
@@ -14,7 +13,7 @@ import re
 import sys
 import sysconfig
 import traceback
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from importlib.abc import Loader, MetaPathFinder
 from importlib.machinery import ModuleSpec
 from importlib.util import spec_from_loader
@@ -114,27 +113,6 @@ def digest(source: bytes, modules: Iterable[UserModule] = ()) -> str:
 def fingerprint(source: bytes, modules: Iterable[UserModule] = ()) -> str:
     """The beginning of that, as a short name."""
     return digest(source, modules)[:16]
-
-
-def written(file: Any) -> dict[str, Any]:
-    """A user's file (name, path, source, modules) as JSON values; see `read`."""
-    modules = {one.file: base64.b64encode(one.source).decode() for one in file.modules}
-    found = {"name": file.name, "path": file.path, "source": base64.b64encode(file.source).decode()}
-    return found | ({"modules": modules} if modules else {})
-
-
-def read(given: Mapping[str, Any]) -> dict[str, Any]:
-    """Source and modules of what `written` gave.
-
-    Raises:
-        ParameterError: a module that would not stand beside the file.
-    """
-    for file in given.get("modules", {}):
-        if not re.fullmatch(r"(\w+/)*\w+\.py", file):
-            raise ParameterError(f"a module is in {file!r}", expected="a file such as friction.py or lab/friction.py",
-                                 do="take a rig that bowden has packed")  # fmt: skip
-    modules = (UserModule(file, base64.b64decode(source)) for file, source in given.get("modules", {}).items())
-    return {"source": base64.b64decode(given["source"]), "modules": tuple(modules)}
 
 
 def restored(path: Path, source: bytes, folder: str, modules: tuple[UserModule, ...] = ()) -> UserFile:

@@ -274,7 +274,7 @@ def judge(
     where += "".join(f", {name} {value:.3g}" for name, value in few.items()) + ")"
     lacking = f"the trial does not stand a further delay of {RESERVE * ENOUGH_DEG:.2g}°"
     if refuted:
-        rest = f"{_calm(trials)}, with friction and play and without, though no linear loop shows why"
+        rest = f"{_calm(trials)}, with and without friction and play, although the linear loop is unstable"
         return ("little_margin", f"{rest}; but {lacking}") if reserve is False else ("holds", rest)
     if not worst.margins.stable:
         pole = f"the sampled loop is unstable {where}: its largest pole is {worst.margins.largest_pole:.4g}"

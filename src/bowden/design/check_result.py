@@ -29,7 +29,7 @@ ENOUGH_DB, ENOUGH_DEG = 6.0, 30.0
 
 MOST_PER_COUNT = 0.5 * RADIANS
 """Change of the command in one cycle, for one count of the joint's encoder, beyond which a law is said to chatter and
-tuned gains are refused (docs/decisions/0034-new-user-path.md) [rad]."""
+tuned gains are refused (docs/decisions/0016-new-user-path.md) [rad]."""
 
 
 VerdictName = Literal["holds", "little_margin", "limit_cycle", "does_not_hold"]
@@ -120,6 +120,8 @@ class Check:
     stands for this law, and margins there are none."""
     advice: str = ""
     """What to change where it does not hold, if that was asked for (`bowden.design.advice`)."""
+    of_rig: bool = False
+    """Whether that changes the rig, where no gains would do."""
     instead: str = ""
     """Law that holds where this one does not, likewise (`bowden.design.other_law`); empty where none was found."""
     shared: SharedFindings | None = None
@@ -222,7 +224,12 @@ def check_rows(found: Check) -> list[tuple[str, str]]:
         ("limit cycle", predicted),
         ("at rest", "" if swing is None else f"{_swing(swing * DEGREES)} at the joint in simulation"),
         ("chatter", _chatter(ripple)),
-        ("error", "" if found.peak is None else f"at most {found.peak * DEGREES:.3g}° in simulation"),
+        (
+            "error",
+            ""
+            if found.peak is None
+            else f"at most {found.peak * DEGREES:.3g}° in the check's own trial, not on [reference]",
+        ),
         ("proven bound", _proven(found.ultimate_error)),
         *_shared_rows(found),
         ("limits", found.leaves_out),

@@ -1,9 +1,10 @@
 """The check of what a rig says: of one law over the bends and the stroke of its run, or of all motors of a joint."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from bowden.control import Law, user_law
+from bowden.rig.drive import SURE_INTEGRAL
 from bowden.rig.joints import RigJoint
 from bowden.rig.rig import Rig
 from bowden.sim import ranges
@@ -49,8 +50,16 @@ def check_rig(rig: Rig, law: Law) -> "Check | str":
     return check_laws(rig.each_joint[0], [law])
 
 
-def advice_for(joint: RigJoint, law: Law, found: "Check") -> str:
-    """What to change about a joint, or about its laws; empty where nothing is to be mended.
+class Advice(NamedTuple):
+    """What to change, in words; empty where nothing is to be mended."""
+
+    text: str
+    of_rig: bool = False
+    """It changes the rig, where no gains would do."""
+
+
+def advice_for(joint: RigJoint, law: Law, found: "Check") -> Advice:
+    """What to change about a joint, or about its laws.
 
     Args:
         joint: of a rig.
@@ -59,9 +68,25 @@ def advice_for(joint: RigJoint, law: Law, found: "Check") -> str:
     """
     if joint.shared:
         alone = ", ".join(f"--motor {name}" for name in joint.names)
-        return "" if found.holds else f"check each alone ({alone}), and lower the gains of all alike"
+        return Advice("" if found.holds else f"check each alone ({alone}), and lower the gains of all alike")
     from bowden.design.advice import advise
 
     rig = joint.first
+    if found.verdict != "holds" and (integral := missing_integral(rig, law)):
+        return Advice(integral, of_rig=True)
     with user_law.explained(law):
-        return advise(ranges.judged(rig), law, found, bends=ranges.bends(rig), stroke=ranges.stroke(rig))
+        return Advice(advise(ranges.judged(rig), law, found, bends=ranges.bends(rig), stroke=ranges.stroke(rig)))
+
+
+def missing_integral(rig: Rig, law: Law) -> str:
+    """That the drive of a suit has no integral, and with which the law holds; empty where that is not what it lacks."""
+    if rig.worn is None or rig.worn.motor.integral > 0.0 or rig.pushing is not None:
+        return ""
+    found = check_rig(rig.replace(suit=rig.suit._replace(drive_integral=SURE_INTEGRAL)), law)
+    if isinstance(found, str) or found.verdict != "holds":
+        return ""
+    return (
+        "the position loop of the suit's drive has no integral, so friction in the gears holds the arm off its target; "
+        f"write drive_integral_per_s = {SURE_INTEGRAL:g} into [suit], with which the law {law.name} holds, and set the "
+        "same integral in the drive"
+    )

@@ -94,7 +94,7 @@ def _response_of_h(cable: PreparedCable, amplitudes: tuple[float, ...]) -> Compl
 
 
 def predict(gains: Complex, servo: Servo, delay: int, law: LawModel, dt: float, amplitudes: Array) -> LimitCycle | None:
-    """The largest lasting limit cycle, or None where the describing function shows none.
+    """The largest stable limit cycle, or None where the describing function shows none.
 
     Args:
         gains: N at each amplitude (k,).

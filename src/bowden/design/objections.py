@@ -1,11 +1,14 @@
 """All for which `bowden run` refuses a rig: one list, which check, simulate and tune say before a run does."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
+from bowden.control.reference import Chirp, Multisine, PeriodicMinimumJerk, PointToPoint, Trajectory
 from bowden.core.errors import ParameterError
 from bowden.core.toml_text import quoted
 from bowden.core.units import DEGREES
@@ -13,12 +16,28 @@ from bowden.plants.cable_plant import CablePlant
 from bowden.plants.user_plant import UserPlant
 from bowden.plants.worn_suit import elbow_dead_zone
 from bowden.rig.consistent import contradictions
+from bowden.rig.declaration import from_file, in_file, items_of
+from bowden.rig.emg_setup import EmgRun
 from bowden.rig.families import family_of
 from bowden.rig.joints import RigJoint
 from bowden.rig.rig import Rig
 from bowden.safety.limits import Limits
+from bowden.sensing.intent import FOLLOWED_ACCELERATION, FOLLOWED_SPEED, TURNED_ACCELERATION, TURNED_SPEED
 
 _INSTANTS = 601
+_MOST = 200_000
+"""Instants at which the speed of a reference is looked at: a run of 200 s at 1 kHz."""
+_NEAR = 0.95
+"""Share of a limit up to which a reference may go: a joint that follows it overshoots [–]."""
+_PACE: dict[type, tuple[str, int]] = {
+    PeriodicMinimumJerk: ("period", 1),
+    PointToPoint: ("times", 1),
+    Chirp: ("amplitude", -1),
+    Multisine: ("amplitudes", -1),
+}
+"""Kind of a reference → the field by which it becomes slower, and whether that grows or shrinks."""
+_ROUNDED = 0.005
+"""Half a step in the third digit, by which a number that is to be written is on the slow side."""
 
 
 def objections(rig: Rig) -> tuple[str, ...]:
@@ -33,7 +52,12 @@ def objections(rig: Rig) -> tuple[str, ...]:
 
 def refusals(rig: Rig) -> tuple[str, ...]:
     """The same as notes, for whoever does not run it."""
-    return tuple(f"bowden run will refuse this rig: {one}" for one in objections(rig))
+    return as_notes(objections(rig))
+
+
+def as_notes(objected: Iterable[str]) -> tuple[str, ...]:
+    """Objections as notes."""
+    return tuple(f"bowden run will refuse this rig: {one}" for one in objected)
 
 
 def _of_motor(rig: Rig, joint: RigJoint) -> Iterator[str]:
@@ -48,7 +72,9 @@ def _of_motor(rig: Rig, joint: RigJoint) -> Iterator[str]:
     except ParameterError as error:
         yield str(error)
     yield from contradictions(limits, rig.sample_time, opposed=joint.against(rig), given=rig.limits)
-    if not joint.shared and limits.joint_low < limits.joint_high:
+    if joint.shared:
+        yield from reference_beyond(rig, limits)
+    elif limits.joint_low < limits.joint_high:
         yield from mismatches(rig, limits)
 
 
@@ -117,15 +143,86 @@ def mismatches(rig: Rig, limits: Limits) -> Iterator[str]:
 
 
 def reference_beyond(rig: Rig, limits: Limits) -> Iterator[str]:
-    """That a reference asks the joint to go where the supervisor ends the run."""
-    path = _path(rig)
+    """That a reference, or motions by EMG, ask the joint to go where or as fast as the supervisor ends the run."""
+    if rig.emg_run is not None:
+        yield from _motions_beyond(rig.emg_run, rig.basis.flat, limits)
+    if rig.emg_run is not None or rig.pushing is not None:
+        return
+    time = np.arange(0.0, rig.duration, max(rig.sample_time, rig.duration / _MOST))
+    path, velocity, acceleration = rig.trajectory.sample(time).T
     low, high = float(path.min()), float(path.max())
-    if rig.emg_run is None and rig.pushing is None and not limits.joint_low <= low <= high <= limits.joint_high:
+    if not limits.joint_low <= low <= high <= limits.joint_high:
         yield (
             f"the reference goes from {low * DEGREES:.4g}° to {high * DEGREES:.4g}°, and the joint's limits are "
             f"{limits.joint_low * DEGREES:.4g}° to {limits.joint_high * DEGREES:.4g}°: correct [reference], or "
             "joint_low_deg and joint_high_deg of [limits]"
         )
+    fastest, hardest = float(np.abs(velocity).max()), float(np.abs(acceleration).max())
+    times, why = _too_fast(fastest, hardest, rig.basis.flat, limits)
+    if times > 1.0:
+        yield f"the reference moves the joint at up to {fastest * DEGREES:.4g}°/s, beyond {why}: {_slower(rig, times)}"
+
+
+def _motions_beyond(run: EmgRun, slope: float, limits: Limits) -> Iterator[str]:
+    """The same of motions by EMG."""
+    intent, given = run.course.intent, run.course.intent.duration
+    low, high = intent.low * DEGREES, intent.high * DEGREES
+    if not limits.joint_low < intent.low < intent.high < limits.joint_high:
+        yield (
+            f"emg.low_deg is {low:g} and high_deg {high:g}; expected within the joint's limits, "
+            f"{limits.joint_low * DEGREES:g} to {limits.joint_high * DEGREES:g}: correct them, or [limits]"
+        )
+        return
+    way, turned = intent.high - intent.low, not run.course.proportional
+    speed, acceleration = (TURNED_SPEED, TURNED_ACCELERATION) if turned else (FOLLOWED_SPEED, FOLLOWED_ACCELERATION)
+    times, why = _too_fast(speed * way / given, acceleration * way / given**2, slope, limits)
+    if times > 1.0:
+        yield (
+            f"emg.duration_s is {given:g}, for {high - low:g}°; expected at least "
+            f"{math.ceil(100.0 * times * given) / 100.0:g} s, by {why}: make it longer, or the range smaller"
+        )
+
+
+def _too_fast(velocity: float, acceleration: float, slope: float, limits: Limits) -> tuple[float, str]:
+    """How many times as long a motion of the joint has to take at least, and by which limit.
+
+    Args:
+        velocity: its largest [rad/s].
+        acceleration: likewise [rad/s²].
+        slope: of the cable.
+        limits: the supervisor's.
+    """
+    each = (
+        (velocity, limits.joint_speed, "the joint's speed, limits.joint_speed_deg_per_s"),
+        (velocity / slope, limits.motor_speed, "the motor's speed, limits.motor_speed_deg_per_s"),
+        (acceleration / slope, limits.acceleration, "the motor's acceleration, limits.acceleration_deg_per_s2"),
+    )
+    times = [asked / (_NEAR * limit) if limit > 0.0 else math.inf for asked, limit, _ in each]
+    times[2] = math.sqrt(times[2])
+    worst = max(range(3), key=lambda i: times[i])
+    return times[worst], f"{100.0 * _NEAR:g} % of {each[worst][2]} = {each[worst][1] * DEGREES:.4g}"
+
+
+def _slower(rig: Rig, times: float) -> str:
+    """What to write into [reference], so that its motion is so many times as slow."""
+    slow = slower(rig.reference, times)
+    return "take a slower motion, or a smaller one" if slow is None else f"write {slow[0]} into [reference]"
+
+
+def slower(reference: Trajectory, times: float) -> tuple[str, Trajectory] | None:
+    """A reference whose motion is so many times as slow, rounded to that side, and the line that says so in a file;
+    None of a kind that has no number for it."""
+    field, power = _PACE.get(type(reference), ("", 0))
+    for item in items_of(type(reference)) if field and math.isfinite(times) else ():
+        if item.path == (field,):
+            given = in_file(getattr(reference, field), item.quantity)
+            scaled = np.atleast_1d(given) * times**power * (1.0 + power * _ROUNDED)
+            listed = [float(f"{value:.3g}") for value in scaled.tolist()]
+            written: Any = listed if isinstance(given, list) else listed[0]
+            return f"{item.key} = {written}", replace(
+                cast(Any, reference), **{field: from_file(written, item.quantity)}
+            )
+    return None
 
 
 def _path(rig: Rig) -> NDArray[np.float64]:

@@ -36,7 +36,7 @@ model_hash = "{digest}"  # of that model: another one in its file is refused
 {counting}
 [bench]  # the loop's own clock, whatever the rate of the log
 sample_time_ms = {cycle:.1f}  # [ms] one control cycle
-delay_cycles = {delay}      # cycles from a sample to the moment its command reaches the servo; correct both together
+delay_cycles = {delay}      # cycles from a sample to its command at the servo{late}; change it with the cycle
 
 {servo}
 natural_frequency_hz = {frequency:.4g}  # [Hz] it decides how much gain a law may have
@@ -151,7 +151,10 @@ def model_text(name: str, model: str, cable: IdentifiedCable, chosen: Chosen) ->
         digest=cable.digest,
         counting=_counting_lines(counting),
         cycle=1e3 * bench.sample_time,
-        delay=bench.delay,
+        delay=bench.delay + math.ceil(cable.encoders.joint_late / bench.sample_time),
+        late=f"; of them {1e3 * cable.encoders.joint_late:.3g} ms of the joint's sensor"
+        if cable.encoders.joint_late
+        else "",
         servo=NOT_YOURS,
         frequency=bench.servo.natural_frequency / (2.0 * math.pi),
         damping=bench.servo.damping,
@@ -175,11 +178,10 @@ def model_text(name: str, model: str, cable: IdentifiedCable, chosen: Chosen) ->
 
 def _motor_lines(gear: float, slope: float) -> str:
     """The motor behind a gear that makes it as strong at the joint as on the bench, where the slope takes from that."""
-    if slope <= 1.0:
-        return ""
+    why = "as strong at the joint as on the bench" if slope > 1.0 else "of the paper's bench"
     return f"""
-[motor]  # of the paper's bench: put your own here
-gear = {gear * slope:.4g}  # motor turns per spool turn: as strong at the joint as on the bench
+[motor]  # put your own here; the drive counts the motor before this gear, and all angles are behind it
+gear = {gear * max(slope, 1.0):.4g}  # motor turns per spool turn: {why}
 """
 
 

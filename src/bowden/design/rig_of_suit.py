@@ -7,6 +7,7 @@ from bowden.core.toml_text import quoted
 from bowden.core.units import DEGREES, RADIANS
 from bowden.design.rig_of_model import Chosen, gain_lines
 from bowden.plants.identified import IdentifiedCable
+from bowden.plants.presets.bench import default_bench
 from bowden.plants.suit_settings import SuitSettings
 from bowden.plants.worn_suit import USUAL_DEAD_ZONE, elbow_dead_zone
 from bowden.rig.consistent import CROSSING, PLAYS
@@ -21,6 +22,9 @@ _TEXT = """\
 worn = true
 # friction_feedforward_nm = 2.79  # [N·m] 0.7 of the friction at the spool; the drive has to map object 60B2h
 drive_integral_per_s = 40.0  # [1/s] without an integral a drive does not follow its target against this friction
+
+[motor]  # put your own here: the drive counts the motor before this gear and the next, all angles are behind both
+gear = {gear:g}  # motor turns per turn of the second stage, suit.second_gear = {second:g} turns of which turn the spool
 
 [wearer]
 mass_kg = 75.0    # [kg] of the body
@@ -103,6 +107,8 @@ def suit_text(name: str, model: str | None = None, chosen: Chosen = _OWN, cable:
         law=quoted(chosen.law),
         why=chosen.why,
         gains=gain_lines(chosen.gains),
+        gear=default_bench().motor.gear,
+        second=SuitSettings().second_gear,
         low=math.floor(_LOW - CROSSING * more),
         play=math.ceil(_PLAY + PLAYS * more),
     )

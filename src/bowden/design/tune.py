@@ -80,6 +80,8 @@ Workers = Callable[[Callable[[Task], Any], Iterable[Task]], Iterable[Any]]
 class NoGainsError(ParameterError):
     """No gains keep the margins and follow."""
 
+    of_rig: bool = False
+    """Whether what to do changes the rig, where no gains would do."""
     instead: str = ""
     """Law to take in place of the rig's own, where one follows better; empty where none was found."""
     gains: Mapping[str, float] = {}

@@ -25,7 +25,8 @@ def checked(joint: RigJoint) -> "Check":
     """
     laws = laws_of(joint)
     found = judged(joint, laws)
-    advice = advice_for(joint, laws[0], found)
+    advice, of_rig = advice_for(joint, laws[0], found)
+    found = replace(found, of_rig=of_rig)
     better = None if found.holds or joint.shared else other_law(joint.first, [laws[0].name])
     if better is None:
         return replace(found, advice=advice)
@@ -61,7 +62,7 @@ def verdicts(joint: RigJoint, laws: Sequence[Sequence[Law]], name: str, *, force
     failing = [(law, found) for law, found in both if not isinstance(found, str) and not found.holds]
     if failing and not force:
         said = "; ".join(
-            f"{law.name} fails the check on {name}: {found.reason}; {advice_for(joint, law, found)}"
+            f"{law.name} fails the check on {name}: {found.reason}; {advice_for(joint, law, found).text}"
             for law, found in failing
         )
         others = f" (of {len(laws)} laws, none was run)" if laws[1:] else ""

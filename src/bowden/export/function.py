@@ -16,7 +16,7 @@ import numpy as np
 
 from bowden.core.kernel_content import Parts, is_kernel, meant
 from bowden.core.nested import is_named
-from bowden.core.primitives import _tanh, cos, exp, floor, half_to, log, power, sin, sqrt, tanh
+from bowden.core.primitives import cos, exp, floor, log, power, sin, sqrt, tanh
 from bowden.export.kinds import (
     Kind,
     Row,
@@ -49,8 +49,8 @@ _BY_LEVEL: dict[int, dict[type[ast.AST], str]] = {
     LESS: {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">="},
 }
 _OPERATORS = {kind: (sign, level) for level, signs in _BY_LEVEL.items() for kind, sign in signs.items()}
-_LIBM: dict[Any, str] = {exp: "exp", sin: "sin", cos: "cos", log: "log", power: "pow", sqrt: "sqrt", floor: "floor"}
-_LIBM |= {math.copysign: "copysign", abs: "fabs"}
+_LIBM: dict[Any, str] = {one: one.__name__ for one in (exp, sin, cos, log, sqrt, tanh, floor, math.copysign)}
+_LIBM |= {power: "pow", abs: "fabs"}
 _CALLS: dict[Any, str] = {
     np.where: "use a if condition else b",
     math.pow: "import power from bowden.core.kernel",
@@ -555,14 +555,16 @@ class Function:
             raise self.refused(node, "two stars in a call", "name the values one by one")
         if is_tuple_class(called):
             return self._construct(node, called)
-        called = _tanh if called is tanh else called
-        if is_kernel(called) or called is half_to:
+        if is_kernel(called):
             return self._called(node, called)
         known = any(called is one for one in (*_LIBM, *_TRUTHS, min, max, float, bool, int))
         given = self._arguments(node) if known and not node.keywords else []
-        if given and all(is_number(one.kind) for one in given) and (found := self._built_in(node, called, given)):
-            return found
         what, do = f"{ast.unparse(node.func)}()", self._instead(called)
+        for one in given:
+            if not is_number(one.kind):
+                raise self.refused(node, f"{what} of {said(one.kind)}", "call it with numbers", "float")
+        if given and (found := self._built_in(node, called, given)):
+            return found
         raise self.refused(node, what, do, "a kernel, or a function of the subset")
 
     def _built_in(self, node: ast.Call, called: Any, given: list[Expression]) -> Expression | None:

@@ -14,7 +14,6 @@ import jinja2
 from bowden.core.errors import ParameterError
 from bowden.core.kernel_content import Parts, reaching
 from bowden.core.nested import leaves, name_of
-from bowden.core.primitives import _tanh, half_to
 from bowden.core.quantity import meanings
 from bowden.export.function import ATOM, UNARY, Expression, Function
 from bowden.export.kinds import (
@@ -238,10 +237,6 @@ class Unit:
 
     def call(self, function: Any, kinds: tuple[Kind, ...]) -> tuple[str, Kind]:
         """The name of a kernel for arguments of these kinds, and the kind of its result; it is written if it is new."""
-        if function is half_to:
-            return self.helper("half_to"), float
-        if function is _tanh and self.style.single:
-            return "tanhf", float
         parts = reaching(function, self.parts)
         key = function, kinds, parts
         if key in self._begun:

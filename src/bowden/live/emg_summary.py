@@ -105,7 +105,7 @@ def print_figures(found: Mapping[str, Any]) -> None:
         print(f"from the sample with which a contraction was detected: {', '.join(said)}")
     age = f"; {found['age_ms']['p50']:.0f} ms old in the loop in the median" if found["age_ms"] else ""
     if found["wearer"]:
-        print(f"levels of {found['wearer']}")
+        print(f"wearer's levels from {found['wearer']}")
     print(f"{found['lost']} of {counted(found['samples'], 'sample')} lost{age}")
     if found["why_lost"]:
         print(f"the stream at the end: {found['why_lost']}")

@@ -10,7 +10,6 @@ import contextlib
 import json
 import select
 import socket
-import subprocess
 import sys
 import threading
 from collections.abc import Callable, Iterator
@@ -18,6 +17,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from bowden.core.errors import ParameterError
+from bowden.live import child
 
 HOST = "127.0.0.1"
 """It listens at this computer alone: the protocol has no password."""
@@ -40,10 +40,7 @@ def served(ring: Path, port: int, waiting: Callable[[], None] = lambda: None) ->
         ParameterError: the package is missing, or the port is taken.
     """
     require(port)
-    words = [sys.executable, "-P", "-m", "bowden.live.foxglove_process", str(ring), str(port)]
-    pipe = subprocess.PIPE
-    process = subprocess.Popen(words, stdin=pipe, stdout=pipe, text=True, start_new_session=True)
-    assert process.stdin is not None
+    process = child.started("bowden.live.foxglove_process", str(ring), str(port), stderr=None)
     assert process.stdout is not None
     try:
         while not select.select([process.stdout], [], [], PERIOD)[0]:
@@ -53,13 +50,7 @@ def served(ring: Path, port: int, waiting: Callable[[], None] = lambda: None) ->
             raise _taken(port, said["error"])
         yield f"ws://{HOST}:{said['port']}"
     finally:
-        process.stdin.close()
-        try:
-            process.wait(_ENDS)
-        except subprocess.TimeoutExpired:
-            process.kill()
-            process.wait()
-        process.stdout.close()
+        child.end(process, _ENDS)
 
 
 def require(port: int) -> None:

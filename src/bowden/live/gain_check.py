@@ -5,15 +5,14 @@ of JSON what `bowden check` makes of it: ``{"name", "reason"}``, or ``{"error"}`
 it.
 """
 
-import contextlib
 import json
 import os
-import subprocess
 import sys
 import threading
 from typing import Any
 
 from bowden.core.errors import BowdenError, SafetyError
+from bowden.live import child
 from bowden.rig.rig import Rig
 
 _REFUSED = {"does_not_hold": "do not hold", "limit_cycle": "swing at rest"}
@@ -30,26 +29,16 @@ class GainCheck:
 
     def __init__(self, rig: Rig) -> None:
         self._law = rig.law_name
-        pipe = subprocess.PIPE
-        words = [sys.executable, "-P", "-m", "bowden.live.gain_check"]
-        self._process = subprocess.Popen(words, stdin=pipe, stdout=pipe, text=True, start_new_session=True)
-        self._said: list[str] = []
-        self._listener = threading.Thread(target=self._talk, args=(json.dumps(rig.document()),), daemon=True)
-        self._listener.start()
-
-    def _talk(self, document: str) -> None:
-        given, said = self._process.stdin, self._process.stdout
-        assert given is not None
-        assert said is not None
-        with contextlib.suppress(OSError):  # one that has died says nothing
-            given.write(document + "\n")
-            given.flush()  # and kept open: its end is the sign that nobody waits any more
-            self._said.append(said.readline())
+        self._process = child.started("bowden.live.gain_check", stderr=None)
+        self._said: list[dict[str, Any] | None] = []
+        self._listener = child.listen(self._process, self._said.append)
+        document = json.dumps(rig.document()) + "\n"  # whose reader may be busy; its input stays open while we wait
+        threading.Thread(target=child.tell, args=(self._process, document), daemon=True).start()
 
     @property
     def done(self) -> bool:
         """Whether there is a verdict."""
-        return not self._listener.is_alive()
+        return bool(self._said)
 
     def require(self) -> str:
         """What to know of gains that hold; empty where there is nothing.
@@ -57,21 +46,14 @@ class GainCheck:
         Raises:
             SafetyError: they do not hold, or cannot be checked.
         """
-        try:
-            found = json.loads(self._said[0])
-        except (IndexError, ValueError):
-            found = {"error": "the check ended without a result"}
+        found = (self._said[0] if self._said else None) or {"error": "the check ended without a result"}
         return required(self._law, found.get("name"), found.get("reason", ""), found.get("error", ""))
 
     def close(self) -> None:
         """End it, whether it is done or not."""
         self._process.kill()
-        self._process.wait()
         self._listener.join()
-        for pipe in (self._process.stdin, self._process.stdout):
-            if pipe is not None:
-                with contextlib.suppress(OSError):  # what was not written is for nobody
-                    pipe.close()
+        child.end(self._process)
 
 
 def required(law: str, name: str | None, reason: str, error: str = "") -> str:

@@ -15,8 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from bowden.core.errors import BowdenError
-from bowden.live.left_behind import sweep
+from bowden.live.child import say, spoken
 
 if TYPE_CHECKING:
     from bowden.rig.emg_setup import EmgRun
@@ -32,16 +31,7 @@ _LOOK = 0.002
 def main() -> int:
     """``python -m bowden.live.intent_process``; the first line of its standard input is JSON: rig and block."""
     given = json.loads(sys.stdin.readline())
-    try:
-        return _run(given)
-    except BowdenError as error:
-        _say("error", str(error))
-    except Exception as error:  # so that the operator learns why there is no EMG
-        _say("error", f"reading EMG failed: {type(error).__name__}: {error}")
-        raise
-    finally:
-        sweep()
-    return 2
+    return spoken(lambda: _run(given), "reading EMG failed")
 
 
 def _run(given: dict[str, Any]) -> int:
@@ -67,7 +57,7 @@ def _run(given: dict[str, Any]) -> int:
         block = IntentWriter(Path(given["block"]))
         lasts, lost = _lasts(run), ""
         _raise_priority()
-        _say("ready", {"stream": what, "unit": stream.unit, "channel": stream.channels[flexor]})
+        say("ready", {"stream": what, "unit": stream.unit, "channel": stream.channels[flexor]})
         while (word := _word(_LOOK)) is None:
             if lasts is None:
                 stream.read(clock.now() / SECOND)  # what comes before the loop is there is not kept
@@ -78,7 +68,7 @@ def _run(given: dict[str, Any]) -> int:
             block.write(said._replace(ends=ends, looked=clock.now()))
             if stream.lost() != lost:
                 lost = stream.lost()
-                _say("lost", lost)
+                say("lost", lost)
             word, now = _word(_LOOK), clock.now() / SECOND
         return 0
     finally:
@@ -109,10 +99,6 @@ def _lasts(run: "EmgRun") -> float | None:
 def _word(seconds: float) -> str | None:
     """What standard input says within that time: nothing, ``go``, or `_CLOSED`."""
     return sys.stdin.readline() if select.select([sys.stdin], [], [], seconds)[0] else None
-
-
-def _say(what: str, value: Any) -> None:
-    print(json.dumps({what: value}, ensure_ascii=False), flush=True)
 
 
 if __name__ == "__main__":

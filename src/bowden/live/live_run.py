@@ -37,7 +37,6 @@ from bowden.rig.rig import Rig
 from bowden.rig.settings import LiveSettings
 from bowden.safety.limits import Limits
 from bowden.safety.release import longest_release, release_speed
-from bowden.sensing.intent import FOLLOWED_ACCELERATION, FOLLOWED_SPEED, TURNED_ACCELERATION, TURNED_SPEED
 from bowden.sim.joint_of_rig import cabled_joint_of, joint_ranges
 from bowden.sim.parting import parting_of
 
@@ -45,12 +44,12 @@ WRONG_WAY = 1.5 * RADIANS
 """Motion of the joint that the preflight believes: after a reversal the paper's own cable first goes the wrong way by
 more than half a degree (docs/background/theory.md, erratum on monotone travel) [rad]."""
 
+_BRAKED = 0.5
+"""In which the time of a reference that still moves at the end of a run comes to a stand [s]."""
+
 READER_SHARE = 0.2
 """Of `emg_age`, after which a process that has not looked for samples is gone: it looks every 2 ms, and needs not wait
 for a network or a base station as samples do."""
-
-_NONE = 1e-9
-"""A limit of zero, where something is divided by it."""
 
 
 @dataclass(frozen=True)
@@ -65,7 +64,7 @@ class Live:
     table: NDArray[np.float64]
     """See `live.script.Script`."""
     servo_from: int
-    """Row of an excitation from which on it is meant for the servo; 0 for a law."""
+    """First row of an excitation that is for the servo; 0 for a law."""
     start: float
     """Motor angle at which the run begins [rad]."""
     pushing: Pushing | None
@@ -300,6 +299,8 @@ def live_run(rig: Rig, *, measure: bool = False, logged: Rig | None = None, join
         require_joint(rig)
     _ = rig.pack()  # which refuses more than a log's head and the loop's process can take
     limits, notes, logged = rig.supervisor_limits, rig.notes, logged or rig
+    for beyond in () if measure else reference_beyond(rig, limits):
+        raise ParameterError(beyond)
     emg = None if measure else rig.emg_run
     pushing = None if measure else rig.pushing
     if pushing is not None:
@@ -307,18 +308,28 @@ def live_run(rig: Rig, *, measure: bool = False, logged: Rig | None = None, join
         pushing, more = live_pushing(pushing, limits, strongest, by_emg=emg is not None)
         notes = (*notes, *more)
     if emg is not None:
-        _check_range(emg, limits)
-        _check_duration(emg, limits)
         limits = limits._replace(uses_emg=True)
     if measure:
         moved = excitation.excitation(limits, rig.sample_time)
         table, start = moved.motor[:, None], float(moved.motor[0])
         return Live(rig, measure, LAWS["uncompensated"], limits, table, moved.servo_from, start, pushing, notes, logged)
-    time = np.arange(round(rig.duration / rig.sample_time), dtype=np.float64) * rig.sample_time
-    table = rig.trajectory.sample(time)
-    for beyond in reference_beyond(rig, limits):
-        raise ParameterError(beyond)
-    return Live(rig, measure, rig.fitted(), limits, table, 0, rig.start_motor, pushing, notes, logged)
+    return Live(rig, measure, rig.fitted(), limits, _table(rig), 0, rig.start_motor, pushing, notes, logged)
+
+
+def _table(rig: Rig) -> NDArray[np.float64]:
+    """The reference of each cycle (n, 3), brought to rest on its own path where the run ends while it moves."""
+    whole, dt = round(rig.duration / rig.sample_time), rig.sample_time
+    table = rig.trajectory.sample(np.arange(whole, dtype=np.float64) * dt)
+    if not whole or table[-1, 1] == 0.0:
+        return table
+    x = np.arange(round(_BRAKED / dt) + 1) * dt / _BRAKED
+    rate = 1.0 - x**3 * (10.0 - 15.0 * x + 6.0 * x**2)
+    slows = -30.0 * x**2 * (1.0 - x) ** 2 / _BRAKED
+    position, velocity, acceleration = rig.trajectory.sample(
+        whole * dt + _BRAKED * (x - 2.5 * x**4 + 3.0 * x**5 - x**6)
+    ).T
+    braked = np.stack((position, velocity * rate, acceleration * rate**2 + velocity * slows), axis=1)
+    return np.concatenate((table, braked))
 
 
 def _together(rig: Rig, logged: Rig) -> Live:
@@ -360,40 +371,6 @@ def _one_of(name: str, own: Rig, joint: RigJoint, kept: Rig) -> Live:
 def _neighbour(joint: RigJoint, name: str) -> str:
     """The motor after this one on its joint, by turns: so each is watched by one that watches another."""
     return joint.names[(joint.names.index(name) + 1) % len(joint.names)]
-
-
-def _check_range(emg: EmgRun, limits: Limits) -> None:
-    """Refuse motions that the supervisor would end."""
-    low, high = emg.course.intent.low, emg.course.intent.high
-    if not limits.joint_low < low < high < limits.joint_high:
-        raise ParameterError(
-            f"emg.low_deg is {low / RADIANS:g} and high_deg {high / RADIANS:g}",
-            expected=f"within the joint's limits, {limits.joint_low / RADIANS:g} to {limits.joint_high / RADIANS:g}",
-            do="correct them, or [limits]",
-        )
-
-
-def _check_duration(emg: EmgRun, limits: Limits) -> None:
-    """Refuse motions that are quicker than the supervisor lets joint and motor be."""
-    intent, given = emg.course.intent, emg.course.intent.duration
-    turned = not emg.course.proportional
-    speed, acceleration = (TURNED_SPEED, TURNED_ACCELERATION) if turned else (FOLLOWED_SPEED, FOLLOWED_ACCELERATION)
-    joint = intent.high - intent.low
-    motor = joint / max(limits.slope_low, _NONE)
-    least, what = max(
-        (speed * joint / max(limits.joint_speed, _NONE), "the joint's speed, limits.joint_speed_deg_per_s"),
-        (speed * motor / max(limits.motor_speed, _NONE), "the motor's speed, limits.motor_speed_deg_per_s"),
-        (
-            math.sqrt(acceleration * motor / max(limits.acceleration, _NONE)),
-            "the motor's acceleration, limits.acceleration_deg_per_s2",
-        ),
-    )
-    if given < least:
-        raise ParameterError(
-            f"emg.duration_s is {given:g}, for {joint / RADIANS:g}°",
-            expected=f"at least {math.ceil(100.0 * least) / 100.0:g} s, by {what}",
-            do="make it longer, or the range smaller",
-        )
 
 
 def pulling(rig: Rig, co_contraction: float) -> Rig:

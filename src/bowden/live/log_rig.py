@@ -2,24 +2,16 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from bowden.control import user_law
-from bowden.core import own_code, user_file
+from bowden.control.law_file import LawFile
 from bowden.core.errors import BowdenError, LogError
 from bowden.core.files import shortened
-from bowden.core.user_file import UserModule
+from bowden.core.own_file import OwnFile
 from bowden.live.mcap_reader import LogReader
 from bowden.rig.packing import own_files
 from bowden.rig.rig import Rig
-
-
-class OwnFile(NamedTuple):
-    """A program that a log brings along, or names."""
-
-    name: str
-    source: bytes
-    modules: tuple[UserModule, ...]
 
 
 def rig_of_log(path: Path) -> Rig:
@@ -65,7 +57,7 @@ def check_code(settings: Mapping[str, Any], path: Path | str, named: Any = None)
         UnknownCodeError: it has such.
     """
     files = [*_code_in(settings), *_code_beside(named, Path(path).parent)]
-    unknown = [one for one in files if not own_code.known(one.source, one.modules)]
+    unknown = [one for one in files if not one.known]
     if unknown:
         raise UnknownCodeError(str(path), unknown)
 
@@ -73,21 +65,19 @@ def check_code(settings: Mapping[str, Any], path: Path | str, named: Any = None)
 def trust(files: Sequence[OwnFile]) -> None:
     """Have programs of a log run: its user has said so."""
     for one in files:
-        own_code.remember(one.source, one.modules)
+        one.remember()
 
 
 def _code_in(settings: Mapping[str, Any]) -> Iterator[OwnFile]:
     """The laws and plants of a log's rig, and of its motors, that are users' files."""
     document = settings.get("rig")
-    for one in own_files(document) if isinstance(document, Mapping) else ():
-        yield OwnFile(one.name, one.source, one.modules)
+    yield from own_files(document) if isinstance(document, Mapping) else ()
 
 
 def _code_beside(law: Any, folder: Path) -> Iterator[OwnFile]:
     """The law as it is found where the log says."""
     if isinstance(law, str) and user_law.is_file(law):
-        there = user_file.found((folder / user_file.split(law)[0]).absolute(), "law")
-        yield OwnFile(law, there.source, there.modules)
+        yield LawFile.seen(law, folder)
 
 
 def hash_of(settings: Mapping[str, Any]) -> str | None:

@@ -255,8 +255,8 @@ class Loop:
     def run(self) -> Ended:
         """Cycle until the end is asked for, or the operator is gone, and the power is off; then close the drives.
 
-        The end waits until no drive has a sign of torque, or the supervisor has found that it keeps it; one that has a
-        sign of it then is not believed that it has none.
+        The end waits until no drive shows torque, or the supervisor has found that one keeps it: its report of no
+        torque is then not trusted.
 
         Raises:
             SafetyError: a supervisor's verdict was broken; the torque is switched off, and the cycle is recorded.

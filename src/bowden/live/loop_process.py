@@ -14,8 +14,8 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from bowden.core.errors import BowdenError, SafetyError
-from bowden.live.left_behind import sweep
+from bowden.core.errors import SafetyError
+from bowden.live.child import say, spoken
 
 if TYPE_CHECKING:
     from bowden.live.live_run import Live
@@ -23,18 +23,13 @@ if TYPE_CHECKING:
 
 def main() -> int:
     """``python -m bowden.live.loop_process``, with a rig and the places of a run as JSON on standard input."""
-    try:
-        _import()
-        given = sys.stdin.read()
-        return _run(json.loads(given)) if given else 0
-    except BowdenError as error:
-        _say("error", str(error))
-    except Exception as error:  # so that the operator learns why there is no loop
-        _say("error", f"the loop failed: {type(error).__name__}: {error}")
-        raise
-    finally:
-        sweep()
-    return 2
+    return spoken(_whole, "the loop failed")
+
+
+def _whole() -> int:
+    _import()
+    given = sys.stdin.read()
+    return _run(json.loads(given)) if given else 0
 
 
 def _import() -> None:
@@ -105,7 +100,7 @@ def _cycle(live: "Live", given: dict[str, Any]) -> int:
         grants = become_realtime(Settings(asked.priority, asked.cpu, asked.lock_memory))
         names = live.names or ("",)
         named = [f"{name}: {drive}" if name else drive for name, drive in zip(names, drives, strict=True)]
-        _say("ready", {"drive": "; ".join(named), "drives": drives, "grants": [asdict(grant) for grant in grants]})
+        say("ready", {"drive": "; ".join(named), "drives": drives, "grants": [asdict(grant) for grant in grants]})
     except BaseException:
         with contextlib.ExitStack() as stack:  # each, whatever becomes of another one
             stack.callback(ring.close)
@@ -128,12 +123,8 @@ def _cycle(live: "Live", given: dict[str, Any]) -> int:
         f"{name}: {one['reason']}".removeprefix(": ") for name, one in zip(names, said, strict=True) if one["reason"]
     ]
     more = {"motors": said if live.several else [], "reason": "; ".join(reasons)}
-    _say("ended", asdict(ended) | more)
+    say("ended", asdict(ended) | more)
     return 0
-
-
-def _say(what: str, value: Any) -> None:
-    print(json.dumps({what: value}, ensure_ascii=False), flush=True)
 
 
 if __name__ == "__main__":

@@ -31,8 +31,8 @@ NEEDED = (
 """Columns of the log that are looked at."""
 HEADER = "time_s,command_rad,motor_rad,joint_rad"
 """Columns of what comes out."""
-_MOST_BEYOND = 100
-"""Cycles at the end of the motion that the log may have besides it."""
+_EQUAL = 1e-9
+"""Targets that differ by less are the same [rad]."""
 _MOST_DRAWN = 0.1
 """Share of the samples that may be drawn in between others, which the cable's and the servo's models bear."""
 
@@ -105,7 +105,10 @@ def motions(log: Recording, motor: Array, servo_from: int, period: float) -> Map
             expected=f"{100.0 * _MOST_DRAWN:g} % or less",
             do="close other programs, and run `bowden doctor`; or set a longer sample_time_ms in [bench]",
         )
-    parts = {"cable.csv": rows[(place >= 0) & (place < servo_from)], "servo.csv": rows[place >= servo_from]}
+    parts = {
+        "cable.csv": rows[(place >= 0) & (place < servo_from)],
+        "servo.csv": rows[(place >= servo_from) & (place < len(motor))],
+    }
     return {name: _even(log, part, period) for name, part in parts.items()}
 
 
@@ -130,16 +133,17 @@ def stalls(log: Recording, period: float) -> Stalls:
 
 
 def _places(requested_target: Array, running: NDArray[np.bool_], motor: Array) -> NDArray[np.int_] | None:
-    """Where in the motion each cycle is, less than 0 on the way to it; None where the motion did not end.
+    """Place of each cycle in the motion, below 0 before it, beyond its length on the way home; None if it did not end.
 
-    Each cycle is one place further. The targets themselves show the last one: at the end of the motion, or beyond it.
+    Each cycle is one place further. The targets themselves show the last one.
     """
-    for beyond in range(_MOST_BEYOND if len(requested_target) else 0):
-        place = np.arange(len(requested_target)) - len(requested_target) + len(motor) + beyond
+    last = np.abs(requested_target - motor[-1]) <= _EQUAL
+    for end in np.flatnonzero(last)[::-1]:
+        place = np.arange(len(requested_target)) - end + len(motor) - 1
         if place[0] > 0:
             return None
-        there = running & (place >= 0)
-        if np.allclose(requested_target[there], motor[np.minimum(place[there], len(motor) - 1)], rtol=0.0, atol=1e-9):
+        there = running & (place >= 0) & (place < len(motor))
+        if np.allclose(requested_target[there], motor[place[there]], rtol=0.0, atol=_EQUAL):
             return place
     return None
 

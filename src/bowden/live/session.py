@@ -18,15 +18,16 @@ from collections.abc import Iterable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from numbers import Real
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from bowden.core.arguments import said
 from bowden.core.clock import SECOND, MonotonicClock, unix_seconds
 from bowden.core.errors import DriveError, LogError, OutputError, ParameterError, SafetyError, near
+from bowden.core.guesses import answer
 from bowden.cycle.one_cycle import TargetSource
 from bowden.drawing import shown
 from bowden.hardware import shared_memory
-from bowden.live import control_block, left_behind
+from bowden.live import child, control_block, left_behind
 from bowden.live.automatic import automatic
 from bowden.live.control_block import ControlBlock
 from bowden.live.emg_process import EmgProcess
@@ -66,6 +67,14 @@ _MOST_LOGS = 3
 """Recorders of a run, one after the other."""
 _BEAT = 0.05
 """Between two signs of life [s]."""
+_ASK = "session.ask(Request.{}), with: from bowden.safety.state import Request"
+_GUESSES = {
+    **{name: _ASK.format(name.upper()) for name in ("arm", "stop", "acknowledge")},
+    "run": "session.start(), or session.complete() up to the reference's end",
+    "close": "the end of the with block ends the run",
+    "result": "session.outcome and session.trace()",
+}
+"""Name that is guessed of a session → what to write."""
 _TAKEN_WITHIN = 2.0
 """A change of gains that is not in force this long after its ramp has not been taken [s]."""
 
@@ -121,6 +130,13 @@ class Session:
         name = left_behind.name_of_this()
         self._ring, self._block = FOLDER / f"{name}.ring", FOLDER / f"{name}.block"
 
+    if not TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> Any:
+            if name.startswith("_") or hasattr(type(self), name) or name in type(self).__annotations__:
+                return object.__getattribute__(self, name)
+            raise AttributeError(answer("a session", name, dir(type(self)), _GUESSES))
+
     def __enter__(self) -> "Session":
         try:
             self._begin()
@@ -167,22 +183,20 @@ class Session:
             "start_ns": now,
             "operator": os.getpid(),
         }
-        self._loop = self._prepared or _started(["bowden.live.loop_process"])
+        self._loop = self._prepared or child.started("bowden.live.loop_process")
         self._processes.append(self._loop)
-        assert self._loop.stdin is not None
-        with contextlib.suppress(OSError):  # one that has died already says so itself
-            self._loop.stdin.write(json.dumps(given))
-            self._loop.stdin.close()
-        self._listener = threading.Thread(target=self._listen, daemon=True)
-        self._listener.start()
+        child.tell(self._loop, json.dumps(given))
+        with contextlib.suppress(OSError):
+            self._loop.stdin.close()  # type: ignore[union-attr]  # which it has
+        self._listener = child.listen(self._loop, self._said.put)
         self.ready = self._await_ready()
         self._came = self.clock.now()
         if self.emg_process is not None:
             self.emg_process.go()
 
     def _record_to(self, log: Path) -> None:
-        words = ["bowden.live.recorder", str(self._ring), str(log), "--rig", self._revision]
-        self._recorder = _started(words, subprocess.DEVNULL)
+        words = (str(self._ring), str(log), "--rig", self._revision)
+        self._recorder = child.started("bowden.live.recorder", *words, stdin=subprocess.DEVNULL)
         self._processes.append(self._recorder)
 
     def _record_again(self) -> None:
@@ -203,7 +217,7 @@ class Session:
             with contextlib.suppress(subprocess.TimeoutExpired):
                 self._recorder.wait(_END)
             if self._recorder.poll() and self.rows.recorder.read().state == RecorderState.FILE_GONE:
-                self.log_lost = _complaint(self._recorder)
+                self.log_lost = child.complaint(self._recorder)
             if (
                 self.log_lost
                 or self._recorder.poll() == 0
@@ -221,13 +235,6 @@ class Session:
     def end(self) -> None:
         """Tell the loop to end the run, in a controlled release; nothing is waited for."""
         self.block.quit()
-
-    def _listen(self) -> None:
-        assert self._loop.stdout is not None
-        for line in self._loop.stdout:
-            with contextlib.suppress(ValueError):
-                self._said.put(json.loads(line))
-        self._said.put(None)
 
     def _await_ready(self) -> dict[str, Any]:
         said = self._answer()
@@ -258,7 +265,7 @@ class Session:
             if self.clock.now() > deadline:
                 break
         if self._recorder.poll() is not None:
-            raise OutputError(_complaint(self._recorder))
+            raise OutputError(child.complaint(self._recorder))
 
     @property
     def on_twin(self) -> bool:
@@ -352,12 +359,11 @@ class Session:
 
     def _how_it_died(self) -> str:
         """Of a loop that did not say it itself."""
-        code, pipe = self._loop.wait(_END), self._loop.stderr
+        code = self._loop.wait(_END)
         if code < 0:
             how = f"was ended by {signal.Signals(-code).name}"
             return f"the loop's process {how}; a drive without its heartbeat switches its torque off by itself"
-        said = pipe.read().strip().splitlines() if pipe is not None else []
-        return f"the loop's process ended unexpectedly: {said[-1] if said else f'exit code {code}'}"
+        return f"the loop's process ended unexpectedly: {child.last_words(self._loop, _END)}"
 
     def last(self) -> dict[str, float] | None:
         """The newest row by its columns; None before the first.
@@ -466,7 +472,7 @@ class Session:
 
         Raises:
             ParameterError: the law has no such gain, it is not live, or the value is outside its limits.
-            SafetyError: the gains do not hold, with the figure, or no session is live.
+            SafetyError: the gains do not hold, with the figure, or no session is live, or it is latched by a fault.
         """
         check = GainCheck(self.with_gain(name, value))
         try:
@@ -492,7 +498,7 @@ class Session:
 
         Raises:
             ParameterError: the law has no such gain, it is not live, or the value is outside its limits.
-            SafetyError: no session is live, or another change goes on.
+            SafetyError: no session is live, it is latched by a fault, or another change goes on.
         """
         motor, _ = self._require_gain(name, value)
         rig = motor.live.logged
@@ -515,6 +521,23 @@ class Session:
         raise ParameterError(f"no motor has a gain {said(name)}", expected=near(first, self.live.names), do=do)
 
     def _require_gain(self, name: str, value: float) -> tuple[SessionMotor, str]:
+        motor, own = self.require_value(name, value)
+        self._require_live()
+        if self.mode == Mode.LATCHED:
+            raise SafetyError(
+                f"no law runs that could take {name} = {value:g}: {self.outcome}",
+                do="acknowledge it and arm again, or change the gain in its settings",
+            )
+        if self.changing:
+            raise SafetyError("another change of gains goes on", do=f"wait until it is in force, {RAMP:g} s")
+        return motor, own
+
+    def require_value(self, name: str, value: float) -> tuple[SessionMotor, str]:
+        """The motor whose live gain it is, and its name there, whether a change could be made now or not.
+
+        Raises:
+            ParameterError: the law has no such gain, it is not live, or the value is outside its limits.
+        """
         motor, name = self._gain(name)
         law = motor.live.law
         if name not in law.live:
@@ -537,9 +560,6 @@ class Session:
                 expected=f"a number from {low:g} to {high:g}",
                 do="correct it",
             )
-        self._require_live()
-        if self.changing:
-            raise SafetyError("another change of gains goes on", do=f"wait until it is in force, {RAMP:g} s")
         return motor, name
 
     def ask_gain(self, name: str, value: float) -> None:
@@ -684,10 +704,7 @@ class Session:
         if hasattr(self, "_recorder"):
             self._end_recorder()
         for process in self._processes:
-            if process.poll() is None:
-                process.kill()
-            process.wait()
-            _close_pipes(process)
+            child.end(process)
         self._ring.unlink(missing_ok=True)
         self._block.unlink(missing_ok=True)
         try:  # last: a disk that takes nothing holds up neither the reader of EMG nor the recorder
@@ -701,43 +718,12 @@ class Session:
 @contextlib.contextmanager
 def prepared_loop() -> Iterator["subprocess.Popen[str]"]:
     """A loop's process that waits for its rig and has imported what every run needs; it ends with the block."""
-    process = _started(["bowden.live.loop_process"])
+    process = child.started("bowden.live.loop_process")
     try:
         yield process
     finally:
         process.kill()
-        process.wait()
-        _close_pipes(process)
-
-
-def _started(words: list[str], stdin: int = subprocess.PIPE) -> "subprocess.Popen[str]":
-    """A process apart from this terminal's signals: what ends it is our word, or our death.
-
-    Args:
-        words: the module and its arguments.
-        stdin: its standard input.
-    """
-    return subprocess.Popen(
-        [sys.executable, "-P", "-m", *words],
-        stdin=stdin,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        start_new_session=True,
-    )
-
-
-def _complaint(process: "subprocess.Popen[str]") -> str:
-    """What a process that has ended said of why."""
-    assert process.stderr is not None
-    return process.stderr.read().strip().removeprefix("bowden: ")
-
-
-def _close_pipes(process: "subprocess.Popen[str]") -> None:
-    for pipe in (process.stdin, process.stdout, process.stderr):
-        if pipe is not None:
-            with contextlib.suppress(OSError):  # what nobody reads any more
-                pipe.close()
+        child.end(process)
 
 
 @contextlib.contextmanager
@@ -803,8 +789,7 @@ def _tell_of_ended(twins: Iterable[tuple[str, "subprocess.Popen[str]"]]) -> None
     for channel, process in twins:
         if process.poll() is None:
             continue
-        assert process.stderr is not None
-        last = process.stderr.read().strip().rpartition("\n")[2]
+        last = child.complaint(process).rpartition("\n")[2]
         how = f"with exit code {process.returncode}{f': {last}' if last else ''}"
         print(
             f"bowden: note: the twin on {channel} ended before the run, {how}; begin again, with a new twin",

@@ -44,7 +44,7 @@ def live_session(
         about: who and what for, for the log; see `Session`.
         alone: name of the motor that the rig is, of a file with several.
     """
-    from bowden.design.forecast import off_reference
+    from bowden.design.forecast import foreseen, off_reference
     from bowden.design.objections import mismatches
     from bowden.design.verdict import CheckVerdict, verdicts
     from bowden.live import left_behind
@@ -82,12 +82,19 @@ def live_session(
             with asked_for_by(of_motor) if motor.name else contextlib.nullcontext():
                 if note := unseen_watch(motor.rig):
                     tell(f"{of_motor}: {note}" if motor.name else note)
+                alone_on_joint = not (measure or motor.limits.shared)
+                holds = found[motor.name].name != "does_not_hold"
+                ends = foreseen(motor.rig, motor.law) if alone_on_joint and holds else ""
+                if ends and force:
+                    tell(f"{of_motor}: {ends}" if motor.name else ends)
                 require(
                     *(motor.limits, motor.rig.sample_time),
                     "little_margin" if force else found[motor.name].name or "little_margin",
                     opposed=motor.opposed,
                     given=motor.rig.limits,
-                    mismatches=() if measure or motor.limits.shared else mismatches(motor.rig, motor.limits),
+                    mismatches=(*mismatches(motor.rig, motor.limits), *([ends] if ends and not force else ()))
+                    if alone_on_joint
+                    else (),
                 )
                 allowed.append(motor.limits.off_reference if measure else off_reference(motor.rig, motor.law))
         if emg_process is not None:

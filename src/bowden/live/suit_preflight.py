@@ -15,7 +15,7 @@ cables [–]."""
 def on_suit(checks: Preflight, suit: Suit) -> Preflight:
     """The checks on a suit: its gears, which friction holds at first, and its flex sensor, which is less still.
 
-    Of the current no more is believed than the gears' friction takes: a drive that holds against it, and a wearer who
+    No more of the current counts than the gears' friction takes: a drive that holds against it, and a wearer who
     does not keep still, load the motor either way.
     """
     noise = checks.noise + 8.0 * suit.joint_sensor.noise + suit.joint_sensor.resolution

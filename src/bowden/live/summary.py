@@ -179,10 +179,11 @@ def print_summary(found: dict[str, Any]) -> None:
     """The same for a person."""
     for one in found.get("motors", ()):
         said = "no law led" if one["rmse_deg"] is None else f"{one['rmse_deg']:.3f}° RMS, {one['peak_deg']:.2f}° peak"
-        print(f"{one['name']}, {one['law']}: {said} over {one['seconds_led']:g} s")
+        print(f"{one['name']}, {one['law']}: {said} over {one['seconds_led']:g} s under the law")
     if found["rmse_deg"] is not None and not found.get("motors"):
         print(f"{found['law']}: {found['rmse_deg']:.3f}° RMS, {found['peak_deg']:.2f}° peak", end="")
-        print(f" over {found['seconds_led']:g} s{' on the twin' if found['twin'] else ''}")
+        home = ", the way home included" if found["ended_well"] else ""
+        print(f" over {found['seconds_led']:g} s under the law{home}{', on the twin' if found['twin'] else ''}")
     late = found["lateness"]
     if late:
         print(

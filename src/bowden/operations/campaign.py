@@ -54,7 +54,7 @@ class CampaignRunOfLaw(Metrics):
 
     law: str
     ended: bool
-    """Whether it reached its end; if not, every figure is null."""
+    """True if it reached its end; if not, every figure is null."""
 
 
 @dataclass(frozen=True)

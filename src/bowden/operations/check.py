@@ -36,13 +36,13 @@ class CycleAtRest(ResultPart):
     """The limit cycle that backlash can cause."""
 
     predicted: bool
-    """Whether the describing function shows a lasting one."""
+    """True if the describing function shows a stable one."""
     amplitude_deg: float | None
     """Predicted, half of the span at the joint [deg]."""
     period_s: float | None
     """Predicted [s]."""
     confirmed: bool | None
-    """Whether the joint swings at rest in simulation by at least a quarter of the prediction; null where nothing was
+    """True if the joint swings at rest in simulation by at least a quarter of the prediction; null where nothing was
     predicted or the run ran away."""
     simulated_amplitude_deg: float | None
     """Half of the joint's span while the reference rests; null where the run ran away [deg]."""
@@ -103,7 +103,7 @@ class LoopCheck(ResultPart):
     """little_margin: below 6 dB or 30 degrees, or chatter that stays bounded, or a trial that does not stand a further
     delay of 7.5 degrees."""
     holds: bool
-    """Whether the loop stays bounded: any verdict but does_not_hold. Exit code 0 where it is true, else 1."""
+    """True if the loop stays bounded: any verdict but does_not_hold."""
     reason: str
     """What decided."""
     gain_margin_db: float | None
@@ -132,7 +132,7 @@ class LoopCheck(ResultPart):
     advice: str
     """Which number to change, and to what; empty where nothing is to be mended."""
     shared: SharedLoops | None
-    """Of several motors on one joint, which are judged as one; null of one motor."""
+    """Findings on several motors of one joint, which are judged as one; null for one motor."""
     rig: str
     """Hash of the rig: equal rigs have the same, whether they come from a file, Python or a log."""
 
@@ -150,7 +150,9 @@ class CheckResult(LoopCheck, Result["Check | dict[str, Check]"]):
     """Whether a law holds; of a rig with several joints the figures of the worst, and of each."""
 
     joints: tuple[JointCheck, ...]
-    """Of a rig with several joints, each of them. Empty of a rig with one joint."""
+    """Figures of each joint of a rig with several; empty for a rig with one."""
+    refusals: tuple[str, ...]
+    """Why bowden run refuses the rig, whether the law holds or not; empty where it takes it."""
     _: KW_ONLY
     checks: "dict[str, Check]"
     """Name of the joint → its check."""
@@ -163,8 +165,8 @@ class CheckResult(LoopCheck, Result["Check | dict[str, Check]"]):
 
     @property
     def exit_code(self) -> int:
-        """1 where it does not hold."""
-        return 0 if self.holds else 1
+        """1 where it does not hold, or a run refuses it."""
+        return 0 if self.holds and not self.refusals else 1
 
 
 def check(
@@ -175,12 +177,12 @@ def check(
     motor: str | None = None,
     progress: GivenProgress = None,
 ) -> CheckResult:
-    """Say whether a rig's gains hold, before anything moves: margins, limit cycle, chatter, bounds, what to change.
+    """Check whether a rig's gains hold, before anything moves: margins, limit cycle, chatter, bounds, what to change.
 
     Margins are looked at over all bends of the sheath; trial runs confirm them. Of a rig with several joints, each is
     checked; all motors on one joint (docs/several_motors.md) are checked as one. The command's exit code is 0 where the
-    loop stays bounded, with little margin or a limit cycle too (the verdict says which), 1 where it does not hold, 2
-    where that cannot be said.
+    loop stays bounded, with little margin or a limit cycle too (the verdict says which), 1 where it does not hold or a
+    run would refuse the rig, 2 where that cannot be said.
 
     Args:
         rig: the bench, law and scenario; ``bowden init`` writes one.
@@ -203,7 +205,8 @@ def check(
     (True, 'holds', 19)
     """
     from bowden.core.errors import asked_for_by
-    from bowden.design.objections import refuse_sources
+    from bowden.design.forecast import foreseen
+    from bowden.design.objections import as_notes, objections, refuse_sources
     from bowden.design.verdict import checked
     from bowden.operations.support import given
     from bowden.operations.support.progress import reported
@@ -212,16 +215,29 @@ def check(
     refuse_sources(whole)
     joints = {one.name: one for one in whole.each_joint}
     checks: dict[str, Check] = {}
+    found_wrong = [*objections(whole)]
     with reported(progress, "check") as report:
         for name, joint in joints.items():
             report(f"checking {name} {joint.first.law_name}".replace("  ", " "), len(checks) / len(joints))
             with asked_for_by(joint.said) if joint.said else contextlib.nullcontext():
                 checks[name] = replace(checked(joint), cable_trust=whole.cable_trust)
+                asked = checks[name].holds and not (joint.shared or found_wrong)
+                ends = "" if not asked else foreseen(joint.first, joint.first.fitted())
+            found_wrong += [f"{joint.said}: {ends}" if joint.said else ends] if ends else []
     worst = max(checks, key=lambda name: _badness(checks[name]))
     figures = {name: _figures(one, joints[name]) for name, one in checks.items()}
     several = tuple(JointCheck(**one, joint=name) for name, one in figures.items() if len(checks) > 1)
     told = figures[worst] | {"rig": whole.hash}
-    return CheckResult(**told, joints=several, checks=checks, whole=whole, notes=given.notes_of(whole))
+    said = as_notes(found_wrong)
+    return CheckResult(
+        **told,
+        joints=several,
+        refusals=tuple(found_wrong),
+        checks=checks,
+        whole=whole,
+        notes=(*given.notes_of(whole), *said),
+        needless=said,
+    )
 
 
 _VERDICTS = ("holds", "little_margin", "limit_cycle", "does_not_hold")

@@ -39,7 +39,7 @@ def confirm(rig: GivenRig, *, motor: str | None = None, channel: str | None = No
     and its scales, before bowden run and bowden measure power it; a twin needs none.
 
     Args:
-        rig: with its [drive] and [limits].
+        rig: the rig, with its [drive] and [limits].
         motor: the motor, of a rig with several: one after the other.
         channel: the bus, in place of the rig's.
 

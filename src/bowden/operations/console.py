@@ -18,7 +18,7 @@ class ConsoleOpened(Result["ConsoleOpened"]):
     rig: str
     """Hash of the rig."""
     twin: bool
-    """Whether it runs on a twin of its own."""
+    """True if it runs on a twin of its own."""
 
 
 def console(
@@ -42,14 +42,14 @@ def console(
     Ctrl-C ends the run in a controlled release, and the console.
 
     Args:
-        rig: with its [drive] and [limits]; ``bowden init`` writes one.
+        rig: the rig, with its [drive] and [limits]; ``bowden init`` writes one.
         twin: run on a twin, on a bus of its own.
         channel: the bus, in place of the rig's.
         motor: one motor alone, of a rig with several.
-        port: to listen at; 0 for a free one.
+        port: port to listen at; 0 for a free one.
         host: address to listen at; another than this computer's own asks for TLS.
         tls_cert: certificate of TLS, as PEM.
-        tls_key: its key.
+        tls_key: private key of that certificate, as PEM.
         insecure_lan: listen at another address without TLS: who reads along can take over.
         out: folder for the logs.
         no_open: open no browser.

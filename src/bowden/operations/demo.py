@@ -44,7 +44,7 @@ class Demo(Result["Demo"]):
     trust: IdentifyTrust
     """Whether to trust the model, and why."""
     verdict: Verdict
-    """Of the check of the law."""
+    """Verdict of the check of the law."""
     runs: tuple[SimulatedRun, ...]
     """Simulated: without compensation first, then with the law."""
     live: DemoLive
@@ -86,7 +86,7 @@ def demo(
         time: name of the time column; guessed by default.
         motor: name of the motor-side angle's column.
         joint: name of the joint-side angle's column.
-        unit: deg, rad or counts, of both angles or of motor and joint; by default as the columns' names end.
+        unit: unit of both angles, or of motor and joint: deg, rad or counts; by default as the columns' names end.
         counts_per_turn: counts in a turn of both encoders, or of motor and joint, whatever the log's unit.
         rate: rows a second, of a log without times.
         out: folder for model, rig, log and page.
@@ -99,7 +99,7 @@ def demo(
     from bowden.core.files import write_text
     from bowden.design.new_rig import around
     from bowden.design.verdict import checked, verdict_of
-    from bowden.identify.cable.identification import identify_log
+    from bowden.identify.cable.identification import identify
     from bowden.identify.log.read import read_log
     from bowden.operations.support.progress import reported
     from bowden.plants.identified import load_cable
@@ -128,7 +128,7 @@ def demo(
     words = [str(source), *(word for pair in options for word in pair)]
     say(page.log_line(read, simulated=log is None))
     with reported(progress, "demo") as report:
-        fit = identify_log(read, progress=report)
+        fit = identify([read], progress=report)
         say(*page.model_lines(fit))
         for warning in fit.warnings:
             note(warning)

@@ -67,13 +67,13 @@ def doctor(
     priority: int = 80,
     cpu: int | None = None,
 ) -> Diagnosis:
-    """Say whether this machine keeps time at 1 kHz, and what to change.
+    """Measure whether this computer keeps time at 1 kHz, and name what to change.
 
-    How late it wakes a loop is measured; what it may do and what is missing is looked up.
+    It measures how late a loop is woken, and looks up permissions and missing parts.
 
     Args:
         time: how long lateness is measured [s].
-        priority: SCHED_FIFO's, as in [live]; 0 for the ordinary scheduler.
+        priority: priority under SCHED_FIFO, as in [live]; 0 for the ordinary scheduler.
         cpu: processor to measure on; any by default.
 
     Raises:

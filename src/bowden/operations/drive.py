@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 _LISTENED = 1.1
 """So long a load cell is read [s]."""
 _FAR = 0.1
-"""Of the largest load allowed: a zero that moves by more is told [–]."""
+"""Share of the largest load allowed beyond which a moved zero is reported [–]."""
 _SETTLE = 0.1
 """So long the drive is read before its last reading is taken [s]."""
 _SHOW = 0.1
@@ -36,7 +36,7 @@ class DeviceFound(ResultPart):
     identity: str
     """Who it is."""
     state: str
-    """Of a drive; empty of others."""
+    """State of a drive; empty for other devices."""
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,7 @@ class DriveReadings(ResultPart):
     joint_torque_nm: ReadingRange
     """Torque of the suit on the joint, by a load cell; null where it is not measured."""
     temperature_c: ReadingRange
-    """Of the power stage; null where it is not measured."""
+    """Temperature of the power stage; null where it is not measured."""
     states: tuple[str, ...]
     """The drive's states, in their order."""
 
@@ -87,7 +87,7 @@ class DriveMonitor(DriveReadings, Result["DriveMonitor"]):
     """What a drive has said."""
 
     silent_s: dict[str, float | None]
-    """Of motor and joint: longest time for which the angle did not come; null where it never came."""
+    """Longest time without an angle, of motor and joint; null where none ever came."""
     said: tuple[str, ...]
     """Emergencies that the drive sent, in words."""
     _: KW_ONLY
@@ -116,18 +116,18 @@ class DriveTare(Result["DriveTare"]):
     span: float
     """Largest less smallest reading, in `unit`."""
     unit: str
-    """Of the load: N of a tension, N·m of a torque."""
+    """Unit of the load: N of a tension, N·m of a torque."""
     section: str
-    """Of rig.toml: load_cell or drive."""
+    """Section of rig.toml: load_cell or drive."""
     keys: dict[str, float]
     """Key of that section → value that makes the reading this load; none where it is so already."""
 
 
 def drive_probe(rig: GivenRig, *, motor: str | None = None, channel: str | None = None) -> DriveProbe:
-    """Say who answers on the bus of a rig: it is listened to, then asked. Nothing is set, nothing gets power.
+    """List the devices on a rig's bus: it listens, then asks. Nothing is set, nothing gets power.
 
     Args:
-        rig: with its [drive].
+        rig: the rig, with its [drive].
         motor: the motor, of a rig with several.
         channel: the bus, in place of the rig's.
 
@@ -161,12 +161,12 @@ def drive_monitor(
     duration: float | None = None,
     quiet: Quiet = False,
 ) -> Iterator[DriveMonitor]:
-    """Show live what a drive says of itself, without power, until Ctrl-C: angles, current, temperature, state, faults.
+    """Show a drive's readings live, without power, until Ctrl-C: angles, current, temperature, state, faults.
 
     The drive is brought up, as before a run, and gets no power: turn motor and joint by hand, and look.
 
     Args:
-        rig: with its [drive].
+        rig: the rig, with its [drive].
         motor: the motor, of a rig with several.
         channel: the bus, in place of the rig's.
         duration: how long [s]; until Ctrl-C where none is given.
@@ -220,12 +220,12 @@ def drive_zero(
     motor: str | None = None,
     channel: str | None = None,
 ) -> DriveZero:
-    """Say which lines of rig.toml make the present position zero, or other angles; the motor gets no power.
+    """Print the lines of rig.toml that make the present position zero, or other angles; the motor gets no power.
 
     Put the joint where its angle is known, with the cable just taut, and call this. Nothing is written.
 
     Args:
-        rig: with its [drive].
+        rig: the rig, with its [drive].
         motor_deg: angle of the motor, at its spool, where it is now [°].
         joint_deg: angle of the joint where it is now [°].
         motor: the motor, of a rig with several.
@@ -255,12 +255,12 @@ def drive_zero(
 
 
 def drive_tare(rig: GivenRig, *, load: float = 0.0, motor: str | None = None, channel: str | None = None) -> DriveTare:
-    """Say which line of rig.toml makes what the load cell reads now zero, or a known load; the motor gets no power.
+    """Print the line of rig.toml that zeroes the load cell, or makes it read a known load; the motor gets no power.
 
     Let the cable hang slack, or hang a known weight on it, and call this. Nothing is written.
 
     Args:
-        rig: with its [drive].
+        rig: the rig, with its [drive].
         load: what hangs on the load cell now [N or N·m].
         motor: the motor, of a rig with several.
         channel: the bus, in place of the rig's.

@@ -45,7 +45,7 @@ class EmgScore(DetectorScore, Result["Contractions"]):
     contractions_s: tuple[tuple[float, ...], ...]
     """Onset and end of each, in the recording's time."""
     duration_s: float
-    """Of the recording."""
+    """Duration of the recording."""
     rate_hz: float
     """Samples a second."""
     channel: str
@@ -79,7 +79,7 @@ def emg_score(
     detector: str = "onset",
     shortest_ms: float = 0.0,
 ) -> EmgScore:
-    """Say how well contractions are found in a recording, as a live run finds them: misses, false ones, latency.
+    """Measure how well contractions are found in a recording: misses, false ones, latency.
 
     Beside our detector stands the paper's plain threshold: the envelope above 20 % of MVC, which is the largest
     envelope of the recording where no `wearer` is given.
@@ -140,7 +140,7 @@ def emg_score(
 
 _LARGEST = "the largest contraction of this recording"
 
-GROUP = "Contractions of a muscle in its EMG."
+GROUP = "Detect contractions in EMG, calibrate a wearer, play recordings as streams."
 OPERATIONS = (
     Operation(
         "emg score",

@@ -24,7 +24,7 @@ class EmgServed(Result["EmgServed"]):
     rate_hz: float
     """That the stream declares: the recording's, times the speed."""
     duration_s: float
-    """Of playing it once."""
+    """Duration of playing it once."""
     _: KW_ONLY
     sent: tuple[list[int], ...] = ()
     """How many samples were sent, once it has ended."""
@@ -35,11 +35,11 @@ class EmgStreamed(EmgServed):
     """A recording that is played as a stream of LSL."""
 
     name: str
-    """Of the stream."""
+    """Name of the stream."""
     source_id: str
     """Identifier by which readers find it again."""
     unit: str
-    """Of the values; empty where the recording's names have none."""
+    """Unit of the values; empty where the recording's names have none."""
 
 
 def emg_stream(
@@ -58,7 +58,7 @@ def emg_stream(
 
     Args:
         recording: CSV, csv.gz, NPZ or Parquet with time_s and one or more channels.
-        name: of the stream; the recording's name by default.
+        name: name of the stream; the recording's name by default.
         source_id: identifier by which readers find it again; made from its name by default.
         channel: play this one; may be repeated.
         rate: samples a second, where the recording has no times, or to check those it has.
@@ -112,7 +112,7 @@ def emg_serve(
     fault: list[str] | None = None,
     progress: GivenProgress = None,
 ) -> Iterator[EmgServed]:
-    """Play a recording in real time as a Trigno base station, for trying things without one, until Ctrl-C.
+    """Play a recording in real time as a Trigno base station, until Ctrl-C.
 
     Each client's START plays it from its beginning. The recording is taken to be in its channels' unit, in mV where
     they have none.
@@ -120,8 +120,8 @@ def emg_serve(
     Args:
         recording: CSV, csv.gz, NPZ or Parquet with time_s and one or more channels.
         host: address of this computer to listen on.
-        port: of commands; 0 for any that is free.
-        emg_port: of samples; 0 for any that is free.
+        port: port for commands; 0 for any that is free.
+        emg_port: port for samples; 0 for any that is free.
         channel: play this one; may be repeated.
         rate: samples a second, where the recording has no times, or to check those it has.
         loop: begin again at the end.

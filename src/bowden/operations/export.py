@@ -92,8 +92,8 @@ def export(
         law: a law's name, or FILE.py:NAME of your own, in place of the rig's.
         preset: a named set of gains of that law.
         motor: the motor, of a rig with several.
-        target: host, cortex-m4f, cortex-m33, cortex-m7, esp32: float where hardware has no double.
-        float32: float on any target; the gate stays double.
+        target: one of host, cortex-m4f, cortex-m33, cortex-m7, esp32; ``float`` where the hardware has no ``double``.
+        float32: use ``float`` on any target.
         emg: export the EMG's envelope and detector too.
         emg_rate: samples of EMG a second, 2000 by default; with it they are exported.
         safety: export the supervisor with the rig's limits too.

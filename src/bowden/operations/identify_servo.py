@@ -69,7 +69,7 @@ def identify_servo(
         time: column of times; guessed where it is not given.
         command: column of the motor's target angle.
         motor: column of the motor's measured angle.
-        unit: deg or rad, of both angles; from the columns' names where it is not given.
+        unit: unit of both angles, deg or rad; by default as the columns' names end.
         rate: rows a second, of a log without times.
         sample_time_ms: control cycle of the rig, for delay_cycles; the one of `into`, or 1.
         into: write the values into this rig, in place of servo.toml.

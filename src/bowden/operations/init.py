@@ -10,11 +10,9 @@ from bowden.operations.support.results import Result
 if TYPE_CHECKING:
     from bowden.design.new_rig import NewRig
     from bowden.identify.cable.fit import Fit
-    from bowden.identify.cable.joint_fit import JointFit
-    from bowden.identify.cable.recalibrate import Recalibration
     from bowden.plants.identified import CableModel, IdentifiedCable
 
-    GivenModel = str | Path | Fit | JointFit | Recalibration | CableModel | IdentifiedCable
+    GivenModel = str | Path | Fit | CableModel | IdentifiedCable
 
 
 @dataclass(frozen=True)
@@ -37,7 +35,7 @@ def init(model: "GivenModel", *, suit: bool = False, **parts: Any) -> "NewRig":
     that does.
 
     Args:
-        model: what `identify`, `identify_together` or `recalibrate` returned, its ``best``, or the path of a
+        model: what `identify` returned, its ``best``, or the path of a
             model.toml.
         suit: True for a suit on an arm, both cables of which lose what this one does, as ``bowden init --suit --model``
             makes it.
@@ -62,8 +60,6 @@ def init(model: "GivenModel", *, suit: bool = False, **parts: Any) -> "NewRig":
     from bowden.core.errors import ParameterError
     from bowden.design.new_rig import around
     from bowden.identify.cable.fit import Fit
-    from bowden.identify.cable.joint_fit import JointFit
-    from bowden.identify.cable.recalibrate import Recalibration
     from bowden.plants.identified import CableModel, IdentifiedCable, load_cable
     from bowden.rig.rig import Rig
 
@@ -75,7 +71,7 @@ def init(model: "GivenModel", *, suit: bool = False, **parts: Any) -> "NewRig":
     if isinstance(model, str | Path):
         cable = load_cable(arguments.path_of(model, "init: model"))
     else:
-        kinds = (Fit, JointFit, Recalibration, CableModel, IdentifiedCable)
+        kinds = (Fit, CableModel, IdentifiedCable)
         if not isinstance(model, kinds):
             raise ParameterError(
                 f"init: model is {arguments.said(model)}",
@@ -101,7 +97,7 @@ def init_file(
 
     Args:
         path: the file to write.
-        model: model.toml of ``bowden identify``: a bench with that cable, within its motion.
+        model: the model.toml of ``bowden identify``: a bench with that cable, within its motion.
         suit: write a suit on an arm, moved by EMG, in place of the bench.
         force: overwrite a file that is there.
 

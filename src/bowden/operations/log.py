@@ -40,7 +40,7 @@ class LogStop(ResultPart):
     too_busy: str | None
     """That this computer was too busy, or its twin silent, with the figure and what to set; null where neither was."""
     motor: str | None = None
-    """Of a run with several motors: the motor that the stop came from, whose causes these are; null where it came to
+    """Motor that the stop came from, in a run with several, whose causes these are; null where it came to
     all at once."""
 
 
@@ -49,7 +49,7 @@ class LogEmergency(ResultPart):
     """A drive's emergency."""
 
     time_s: float | None
-    """Of the cycle in which it came [s]."""
+    """Time of the cycle in which it came [s]."""
     text: str
 
 
@@ -58,7 +58,7 @@ class LogGain(ResultPart):
     """A gain that was changed while the law ran."""
 
     name: str
-    """Of the gain."""
+    """Name of the gain."""
     time_s: float | None
     """When the loop took the change [s]."""
     before: float
@@ -74,7 +74,7 @@ class LogEvent(ResultPart):
     """A change of mode or faults."""
 
     time_s: float | None
-    """Of the cycle in which it shows [s]."""
+    """Time of the cycle in which it shows [s]."""
     text: str
 
 
@@ -102,9 +102,9 @@ class LogInfo(Result["LogInfo"]):
     seconds_led: float
     """Time under the law; of several motors the shortest [s]."""
     closed: bool
-    """Whether the recorder ended it properly."""
+    """True if the recorder closed it properly."""
     whole: bool
-    """Whether it was closed and nothing in it changed since."""
+    """True if it was closed and nothing in it changed since."""
     cycles: int
     """Cycles in the log."""
     missing: int
@@ -125,19 +125,19 @@ class LogInfo(Result["LogInfo"]):
     """Hash of the rig: equal rigs have the same, whether they come from a file, Python or a log. null in a log without
     one."""
     seed: int | None
-    """Of the run's random numbers."""
+    """Seed of the run's random numbers."""
     twin: bool | None
-    """Whether the drive was a twin that the command had started itself; null in a log of an earlier version."""
+    """True if the drive was a twin that the command had started itself; null in a log of an earlier version."""
     lateness_s: Percentiles | None
-    """Of the cycles' beginnings; null where it was not recorded [s]."""
+    """Lateness of the cycles; null where it was not recorded [s]."""
     run_time_s: Percentiles | None
-    """Of the cycles' work; null where it was not recorded [s]."""
+    """Run time of the cycles; null where it was not recorded [s]."""
     overruns: int | None
     """Deadlines that were skipped; null where they were not recorded."""
     stops: tuple[LogStop, ...]
     """What stopped the run, in the order of time; also what was acknowledged and gone on from."""
     emergencies: tuple[LogEmergency, ...]
-    """What the drive's emergencies meant, with their codes, in their order."""
+    """The drive's emergencies in words, with their codes, in their order."""
     gains: tuple[LogGain, ...]
     """Gains that were changed while the law ran, in the order of time."""
     events: tuple[LogEvent, ...]
@@ -151,7 +151,7 @@ class LogInfo(Result["LogInfo"]):
     settings: dict[str, Any]
     """All that made the run; a number that is not finite is null."""
     motors: dict[str, LogMotor]
-    """Of a run with several motors: name of each, its law and the hash of its rig."""
+    """Name, law and hash of the rig of each motor, in a run with several."""
 
 
 @dataclass(frozen=True)
@@ -189,7 +189,7 @@ class ReplayFigures(Replay):
     law: str
     """The law that was fed with it."""
     same_law: bool
-    """Whether it is the law of the record, with the gains it had."""
+    """True if it is the law of the record, with the gains it had."""
     rig: str | None
     """Hash of the rig: equal rigs have the same, whether they come from a file, Python or a log. null in a log without
     one."""
@@ -207,9 +207,9 @@ class LogReplay(ReplayFigures, Result["LogReplay"]):
     file: Path
     """The log."""
     motors: tuple[ReplayFigures, ...]
-    """Of a run with several motors those of each; else empty."""
+    """The same for each motor of a run with several; else empty."""
     differs: bool
-    """Whether the law that ran gives other numbers than were recorded."""
+    """True if the law that ran gives other numbers than were recorded."""
 
     @property
     def exit_code(self) -> int:
@@ -218,7 +218,7 @@ class LogReplay(ReplayFigures, Result["LogReplay"]):
 
 
 def log_info(file: File, *, motor: str | None = None) -> LogInfo:
-    """Say what a log holds: duration, cycles, what is missing, lateness, events, settings.
+    """Summarise a log: end of the run, duration, missing cycles, lateness, events, settings.
 
     Args:
         file: a log, as ``bowden run`` writes it: NAME.mcap.
@@ -308,7 +308,7 @@ def log_plot(file: File, *, motor: str | None = None) -> LogDrawn:
 
 
 def log_replay(file: File, *, law: str | None = None, trust_law: bool = False, motor: str | None = None) -> LogReplay:
-    """Feed a recorded run through a law and the supervisor again, and compare with what was commanded then.
+    """Run law and supervisor again on a run's recorded readings, and compare the commands.
 
     Of a run with several motors each is, one after the other. The command's exit code is 1 where the law that ran gives
     other numbers than were recorded.
@@ -388,7 +388,7 @@ def _doubts(found: "Recording | LogReader", file: Path) -> dict[str, Any]:
     return {"notes": tuple(notes), "needless": tuple(notes)}
 
 
-GROUP = "What is in the log of a run, and what can be made of it."
+GROUP = "Read, plot, export, repair and replay the log of a run."
 
 OPERATIONS = (
     Operation("log info", log_info, ("bowden log info run.mcap", "bowden log info run.mcap --json"), place=10),

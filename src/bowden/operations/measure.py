@@ -46,7 +46,7 @@ def measure(
     lets it. Everything is supervised as in ``bowden run``.
 
     Args:
-        rig: with its [drive] and [limits].
+        rig: the rig, with its [drive] and [limits].
         out: folder for the logs.
         auto: arm, move once and end, without keys.
         twin: start bowden twin as well, on a bus of its own.

@@ -94,12 +94,12 @@ class LiveEnd(ResultPart):
     rig: str
     """Hash of the rig: equal rigs have the same, whether they come from a file, Python or a log."""
     twin: bool
-    """Whether the drive was the command's own twin, and not one on the rig's bus."""
+    """True if the drive was the command's own twin, and not one on the rig's bus."""
     unattended: str | None
     """That the run was ended before its time because the command that started it gave no sign of life, with the figure
     and what to set; null where it was not."""
     ended_well: bool
-    """Whether the run ended as asked, not by a fault."""
+    """True if the run ended as asked, not by a fault."""
     mode: str | None
     """The supervisor's last mode; null where the loop failed."""
     faults: tuple[str, ...]
@@ -109,7 +109,7 @@ class LiveEnd(ResultPart):
     preflight: str | None
     """Why the preflight failed; null where it did not."""
     emergencies: tuple[str, ...]
-    """What the drive's emergencies meant, with their codes."""
+    """The drive's emergencies in words, with their codes."""
     error: str | None
     """Why the loop ended without a word of its own; null where it did not."""
     log: str
@@ -140,11 +140,11 @@ class RunResult(LiveEnd, Result["RunResult"]):
     """Largest error under the law [°]. Of several motors the largest."""
     lateness: Lateness | None
     run_time_median_us: float | None
-    """Of the whole cycle, median [µs]."""
+    """Median run time of the whole cycle [µs]."""
     overruns: int | None
     """Deadlines that were skipped."""
     emg: EmgRunFigures | None
-    """Of a run by EMG; null in any other. Delays count from the sample with which the detector found a contraction."""
+    """Figures of a run by EMG; null in any other. Delays count from the sample in which a contraction was found."""
     interaction: FeltInRun | None
     """What the wearer felt of a suit that follows their push ([admittance]), as the loop estimated it, after the first
     4 s or half of a shorter run; null in any other run."""
@@ -152,11 +152,11 @@ class RunResult(LiveEnd, Result["RunResult"]):
     more_logs: tuple[str, ...]
     """Where the recorder had to be started again: what it wrote then, which begins with the last half minute before."""
     log_whole: bool
-    """Whether the log was closed properly and every row that was written can be read."""
+    """True if the log was closed properly and every row that was written can be read."""
     log_lost: str | None
     """What became of a log that is not there at the end: removed, replaced or moved; null where it is."""
     motors: tuple[RunMotor, ...]
-    """Of a rig with several motors each; else empty."""
+    """The same for each motor of a rig with several; else empty."""
 
     @property
     def exit_code(self) -> int:
@@ -296,7 +296,7 @@ def run_to_end(
     ended as asked, 1 when a fault or an error ended it or cycles of it are in no log, 2 when it could not begin.
 
     Args:
-        rig: with its [drive] and [limits]; ``bowden init`` writes one.
+        rig: the rig, with its [drive] and [limits]; ``bowden init`` writes one.
         law: a law's name, or FILE.py:NAME of your own, in place of the rig's.
         preset: a named set of gains of that law.
         duration: length of the run in seconds.

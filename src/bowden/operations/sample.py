@@ -37,7 +37,7 @@ class SampleRecordings(Result["SampleRecordings"]):
     files: dict[str, str]
     """Path of each file that was written → what it is; the last one has the numbers behind the others."""
     seed: int
-    """Of the noise."""
+    """Seed of the noise."""
     next: str
     """The command to go on with."""
 
@@ -49,7 +49,7 @@ def sample(
     seed: int = 1,
     force: bool = False,
 ) -> SampleRecordings:
-    """Write simulated recordings to try everything with, and the numbers behind them.
+    """Write simulated recordings to try the commands with.
 
     cable: logs for identify and identify-servo. emg: a muscle for emg calibrate and emg score. suit: a rig with a suit
     on an arm, and the EMG that moves it in run.
@@ -57,7 +57,7 @@ def sample(
     Args:
         kind: what to record.
         folder: for the files; . for this one.
-        seed: of the noise; the same seed gives the same files.
+        seed: seed of the noise; the same seed gives the same files.
         force: overwrite files that are there.
 
     Raises:

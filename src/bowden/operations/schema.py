@@ -110,7 +110,7 @@ def schema(words: Annotated[list[str] | None, Switch(metavar="[NAME]", place=Tru
     Without a name, list all.
 
     Args:
-        words: as the list without it has it.
+        words: a name from that list.
 
     Raises:
         ParameterError: there is no schema of that name.

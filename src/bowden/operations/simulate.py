@@ -1,6 +1,6 @@
 """`simulate`: laws on a rig, checked before they run."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import KW_ONLY, asdict, dataclass
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
@@ -10,6 +10,8 @@ from bowden.operations.support.results import Result, ResultPart
 from bowden.records.run_figures import Metrics
 
 if TYPE_CHECKING:
+    from bowden.control import Law
+    from bowden.design.verdict import CheckVerdict
     from bowden.records.trace import Trace
     from bowden.records.traces import Traces
     from bowden.rig.joints import RigJoint
@@ -39,7 +41,7 @@ class MotorRun(ResultPart):
     slack_share: float | None
     """Share of the run in which its cable was slack."""
     rms_current_a: float | None
-    """Of its motor [A]."""
+    """RMS current of its motor [A]."""
     mechanical_energy_j: float | None
     """Integral of the mechanical power, Eq. 18 [J]."""
     electrical_energy_j: float | None
@@ -57,11 +59,11 @@ class SimulatedRun(Metrics):
     check: Verdict | None
     """What bowden check says of it on this rig; null where it cannot judge a law of your own."""
     stable: bool
-    """Whether the run reached its end; if not, every figure is null."""
+    """True if the run reached its end; if not, every figure is null."""
     interaction: FeltTorque | None
     """What the wearer felt of a suit that follows their push ([admittance]); null for any other run."""
     motors: tuple[MotorRun, ...]
-    """Of several motors on one joint each; else empty."""
+    """The same for each of several motors on one joint; else empty."""
 
 
 class SimulatedJoint(NamedTuple):
@@ -96,7 +98,7 @@ class Simulation(Result[Any]):
     joints: tuple[SimulatedJoint, ...]
     whole: "Rig"
     alone: bool = True
-    """Whether one law was asked for, not in a list."""
+    """True if one law was asked for, not in a list."""
 
     @property
     def value(self) -> "Trace | Traces":
@@ -136,7 +138,7 @@ def simulate(
         law: a law's name, or FILE.py:NAME of your own; several of them, side by side. The rig's law by default.
         preset: a named set of gains, for every law of this run.
         duration: length of the run, in place of the rig's [s].
-        seed: of the encoders' noise and of a random bend, in place of the rig's.
+        seed: seed of the encoders' noise and of a random bend, in place of the rig's.
         motor: one motor alone, of a rig with several.
         emg: EMG moves the joint: file:PATH of a recording, in place of the rig's.
         force: run laws that fail the check on the rig, too.
@@ -224,10 +226,24 @@ def _of_joint(
     traces = Traces(
         {f"{law}-{name}" if joint.shared else law: one for law, each in by_law.items() for name, one in each.items()}
     )
-    said = [] if joint.shared else refusals(setup)
+    said = [] if joint.shared else [*refusals(setup)]
+    if not (joint.shared or said):
+        said = _ending(setup, firsts, by_law, checked)
     notes = [*setup.notes, *said, *pushing, *(one.note for one in checked if one.note), *_of_suit(setup)]
     done = f"{', '.join(by_law)} (of {len(laws)} laws) done and" if ended else ""
     return SimulatedJoint(joint, traces, tuple(runs), by_law, notes, done)
+
+
+def _ending(
+    rig: "Rig", laws: "Sequence[Law]", found: "Mapping[str, Traces]", verdicts: "Sequence[CheckVerdict]"
+) -> list[str]:
+    """That the supervisor would end a live run of what was simulated, under laws that hold."""
+    from bowden.design.forecast import foreseen
+    from bowden.design.objections import as_notes
+
+    ran = zip(laws, found.values(), verdicts, strict=False)
+    ends = (foreseen(rig, law, next(iter(each.values()))) for law, each, one in ran if one.name != "does_not_hold")
+    return list(as_notes(one for one in ends if one))
 
 
 def _motor(name: str, trace: "Trace") -> MotorRun:

@@ -30,7 +30,7 @@ class TuneResult(Result["Tuning"]):
     before: dict[str, float]
     """The same gains before."""
     verdict: Literal["holds"]
-    """Of bowden check."""
+    """Verdict of bowden check."""
     verdict_before: Verdict
     """The same of the gains before."""
     gain_margin_db: float | None
@@ -52,7 +52,7 @@ class TuneResult(Result["Tuning"]):
     motors: tuple[str | None, ...] = (None,)
     """In the gains of which motors these are; None of a rig with one motor."""
     alone: bool = False
-    """Whether one of several motors on one joint was tuned by itself."""
+    """True if one of several motors on one joint was tuned by itself."""
 
     @property
     def value(self) -> "Tuning":
@@ -84,12 +84,12 @@ def tune(
     the gains into the rig; interrupted, the best ones so far, if they are better than those before.
 
     Args:
-        rig: whose [control.gains] the command rewrites; of a run's log, nothing. From Python no file is changed.
+        rig: the rig, whose [control.gains] the command rewrites; no log of a run is changed, and from Python no file.
         law: a key of `LAWS`, ``FILE.py:NAME`` or a `Law`; the rig's by default.
         preset: a named set of gains of that law, to begin with.
         study: tune against some of the plants of this study, and judge by others (docs/campaign.md).
         motor: the motor, of a rig with several.
-        seed: of the search; the same seed gives the same result.
+        seed: seed of the search; the same seed gives the same result.
         generations: of the search; the time grows with them. 32 by default, 8 on a suit; both take minutes.
         progress: True for a line that says how far it is, or a function of what is being done and the share done.
 
@@ -106,6 +106,7 @@ def tune(
     >>> tuning.rig.gains == tuning.gains, tuning.found.verdict
     (True, 'holds')
     """
+    from bowden.design.objections import refusals
     from bowden.design.tune import BrokenOff
     from bowden.operations.support import given
     from bowden.operations.support.progress import reported
@@ -117,7 +118,7 @@ def tune(
     chosen = given.under(whole if together else whole.only(motor), law, preset)
     path = None if study is None else Path(study)
     alone = shared is not None and motor in shared.names
-    notes = list(given.notes_of(chosen))
+    notes = [*given.notes_of(chosen), *refusals(chosen)]
     if alone:
         notes.append(f"motor {motor} was tuned as if it were alone on the joint; check all together")
     broken = False

@@ -33,7 +33,7 @@ class TwinStarted(Result["TwinStarted"]):
     rig: str
     """Hash of the rig."""
     realtime: bool
-    """Whether it has real-time priority."""
+    """True if it has real-time priority."""
 
 
 @dataclass(frozen=True)
@@ -45,27 +45,27 @@ class TwinState(ResultPart):
     pid: int
     """Its process."""
     state: str
-    """Of the drive: SWITCH_ON_DISABLED, OPERATION_ENABLED, FAULT and so on."""
+    """State of the drive: SWITCH_ON_DISABLED, OPERATION_ENABLED, FAULT and so on."""
     torque: bool
-    """Whether the motor may have torque."""
+    """True if the motor may have torque."""
     error_code: int
-    """Of the fault that it is in; 0 for none."""
+    """Error code of the fault that it is in; 0 for none."""
     motor: float
     """Angle of the motor at the spool, of a suit in the joint's coordinate [rad]."""
     motor_velocity: float
-    """Of the spool [rad/s]."""
+    """Velocity of the spool [rad/s]."""
     joint: float
     """Angle of the joint [rad]."""
     command: float
     """The target that it follows [rad]."""
     tension: float
-    """Of the cable at the spool [N]."""
+    """Tension of the cable at the spool [N]."""
     current: float
-    """Of the motor [A]."""
+    """Current of the motor [A]."""
     interaction: float | None
     """Torque of a suit on the elbow, flexing positive; null of a bench [N·m]."""
     temperature: float
-    """Of the power stage [°C]."""
+    """Temperature of the power stage [°C]."""
     last_heartbeat: float | None
     """When the host's sign of life came last, on the twin's clock; null for never [s]."""
     unsent: int
@@ -75,11 +75,11 @@ class TwinState(ResultPart):
     faults: tuple[str, ...]
     """Those that are there now."""
     processor_share: float
-    """Of one processor, since it began [–]."""
+    """Share of one processor that it used since it began [–]."""
     nmt: int | None = None
-    """Of a CANopen drive: its state on the bus, as its heartbeat tells it; null of others."""
+    """State of a CANopen drive on the bus, by its heartbeat; null for others."""
     syncs: int | None = None
-    """Of a CANopen drive: SYNCs of the host that it has received; null of others."""
+    """SYNCs of the host that a CANopen drive has received; null for others."""
 
 
 @dataclass(frozen=True)
@@ -97,13 +97,13 @@ class TwinFault(ResultPart):
     """What to write to inject it."""
     meaning: str
     side: bool
-    """Whether joint or motor follows."""
+    """True if the name is followed by joint or motor."""
     amount: float | None
     """How much where nothing is said; null where there is nothing to say."""
     unit: str
-    """Of the amount."""
+    """Unit of the amount."""
     moment: bool
-    """Whether it happens once, rather than lasting."""
+    """True if it happens once, false if it persists."""
 
 
 @dataclass(frozen=True)
@@ -131,7 +131,7 @@ def twin(
     """Run a digital twin of a rig's drive until Ctrl-C, or give a running one faults.
 
     Args:
-        rig: ``bowden init`` writes one. A log runs as its own.
+        rig: the rig, or the log of a run; ``bowden init`` writes one.
         inject: a fault for the running twin, e.g. 'encoder_frozen joint'; 'list' shows all.
         after: inject after this many seconds.
         lasting: end the fault after this many seconds.

@@ -119,7 +119,10 @@ def judge(claim: Claim, computed: float | None, interval: tuple[float, float] | 
 def plausible_sets() -> list[dict[str, float]]:
     """The calibrations of plausible_sets.csv that fit every fitted row within 5 %, with what each predicts.
 
-    Drawn on 28 November 2026 by ``python benchmarks/plausible_sets.py``, which says how.
+    A set is drawn evenly over the plausible ranges of the stated choices, 20 for each servo of 60, 70, … 140 rad/s.
+    Then speed limit, observer's share and loss on the bench, friction and play of the suit and the period of Fig. 6 are
+    fitted to their rows; gains are by margin. 180 of the sets have a feeder without drag. The motors of a set's bench
+    and suit are one motor. Drawn on 28 November 2026 by benchmarks/plausible_sets.py, last in commit e0697250.
     """
     text = (resources.files("bowden.paper") / "plausible_sets.csv").read_text(encoding="utf-8")
     rows = [{name: float(value) for name, value in row.items()} for row in csv.DictReader(text.splitlines())]

@@ -55,12 +55,14 @@ class Covered(NamedTuple):
 
 
 class Encoders(NamedTuple):
-    """One count of the encoders of a log; 0 where nobody said it."""
+    """How the encoders of a log read."""
 
     motor: float = 0.0
-    """[rad]"""
+    """One count; 0 where nobody said it [rad]."""
     joint: float = 0.0
-    """[rad]"""
+    """The same [rad]."""
+    joint_late: float = 0.0
+    """By how much the joint was read later than the motor, as far as the log shows it [s]."""
 
 
 NOT_SAID = Encoders()

@@ -21,7 +21,7 @@ def knowledge_of(plant: Plant, *, identified: bool = False) -> Knowledge:
       coordinate, from the straight arm.
 
     Args:
-        plant: as it is believed to be.
+        plant: the model of it.
         identified: whether a bench's cable is from a log, and not written by hand.
     """
     joint, motor = plant.joint_encoder, getattr(plant, "motor_encoder", None)

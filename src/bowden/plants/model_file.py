@@ -29,8 +29,11 @@ def log_lines(covered: Covered | None, encoders: Encoders) -> list[str]:
             f"motor_deg = [{ends[0]}, {ends[1]}]",
             f"joint_deg = [{ends[2]}, {ends[3]}]",
         ]
-    known = [f"{side}_deg = {count * DEGREES:.11g}" for side, count in encoders._asdict().items() if count]
-    return lines + (["", "[encoders]  # one count, as it was said: --counts-per-turn", *known] if known else [])
+    counts = {"motor_deg": encoders.motor, "joint_deg": encoders.joint}
+    known = [f"{key} = {count * DEGREES:.11g}  # one count" for key, count in counts.items() if count]
+    if encoders.joint_late:
+        known.append(f"joint_late_s = {encoders.joint_late:.4g}  # the joint was read so much later than the motor")
+    return lines + (["", "[encoders]", *known] if known else [])
 
 
 class ReadModels(NamedTuple):
@@ -95,17 +98,19 @@ def _covered(file: Path) -> Covered | None:
 
 
 def _encoders(file: Path) -> Encoders:
-    """One count of each encoder, where the file says it."""
+    """How the encoders read, as far as the file says it."""
     said = read_toml(file).get("encoders", {})
     known = said if isinstance(said, dict) else {}
-    counts = [known.get(f"{side}_deg", 0.0) for side in Encoders._fields]
-    if not (isinstance(said, dict) and all(type(one) in (int, float) and 0.0 <= one <= 180.0 for one in counts)):
+    *counts, late = (known.get(key, 0.0) for key in ("motor_deg", "joint_deg", "joint_late_s"))
+    numbers = isinstance(said, dict) and all(type(one) in (int, float) for one in (*counts, late))
+    if not (numbers and all(0.0 <= one <= 180.0 for one in counts) and 0.0 <= late < math.inf):
         raise ParameterError(
             f"{file}: [encoders] is {said!r}",
-            expected="motor_deg and joint_deg, one count each, up to 180°",
+            expected="motor_deg and joint_deg, one count each, up to 180°, and joint_late_s, 0 or more",
             do="write the file again, or delete the section",
         )
-    return Encoders(*(one / DEGREES for one in counts))
+    motor, joint = (one / DEGREES for one in counts)
+    return Encoders(motor, joint, late)
 
 
 _WRITTEN = "the model.toml that `bowden identify` writes"

@@ -2,14 +2,15 @@
 
 import math
 from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, Self
 
-from bowden.core import own_code, user_file
+from bowden.core import user_file
 from bowden.core.errors import ParameterError, article, near
 from bowden.core.kernel_content import code_of
-from bowden.core.user_file import UserModule
+from bowden.core.own_file import OwnFile
 from bowden.plants import user_plant
 from bowden.plants.user_plant import UserPlant
 
@@ -20,30 +21,33 @@ _DIGITS = 1e-12
 """A number that went through a file's units and back may differ by this much of itself."""
 
 
-class PlantFile(NamedTuple):
-    """A plant in a file of the user's, as it stood when the rig was made."""
+@dataclass(frozen=True)
+class PlantFile(OwnFile):
+    """A plant in a file of the user's."""
 
-    name: str
-    """``FILE.py:NAME``, as it was given."""
-    path: str
-    """Where the file was."""
-    source: bytes
-    """What was in it."""
     changed: tuple[tuple[str, float], ...] = ()
     """Parameters that differ from the file's, by name and in their order."""
-    modules: tuple[UserModule, ...] = ()
-    """What it imports of the user's own."""
+    what: ClassVar[str] = "plant"
 
     def load(self) -> UserPlant:
-        """The plant; of a file that has changed since or is not there any more, what it was.
-
-        Raises:
-            ParameterError: something that is not a plant, with the line.
-        """
-        found = _load(self._replace(changed=()))
+        """See `OwnFile.load`."""
+        found = self._own
         if not self.changed:
             return found
         return found._replace(parameters=found.parameters._replace(**dict(self.changed)))
+
+    @property
+    def _own(self) -> UserPlant:
+        """The plant as its file has it."""
+        return _load(replace(self, changed=()))
+
+    @classmethod
+    def seen(cls, name: str, folder: Path | None = None) -> Self:
+        """See `OwnFile.seen`; a name that is no Python file's is refused as that."""
+        if not user_file.split(name)[0].endswith(".py"):
+            expected = "my_plant.py, or my_plant.py:NAME"
+            raise ParameterError(f"the plant {name!r} is not a Python file", expected=expected, do="name its file")
+        return super().seen(name, folder)
 
     def with_parameters(self, given: Mapping[str, float]) -> "PlantFile":
         """The plant with these parameters in place of its file's, and all others as its file has them.
@@ -51,7 +55,7 @@ class PlantFile(NamedTuple):
         Raises:
             ParameterError: no such parameter, or one that is no number.
         """
-        own = _load(self._replace(changed=())).parameters._asdict()
+        own = self._own.parameters._asdict()
         for name in given:
             if name not in own:
                 raise ParameterError(f"the plant {self.name!r} has no parameter {name!r}", expected=near(name, own))
@@ -61,7 +65,8 @@ class PlantFile(NamedTuple):
                     expected="one that is a float there",
                     do="change it in the file",
                 )
-        return self._replace(changed=tuple((k, float(given[k])) for k in own if k in given and given[k] != own[k]))
+        changed = tuple((k, float(given[k])) for k in own if k in given and given[k] != own[k])
+        return replace(self, changed=changed)
 
     @property
     def parameters(self) -> dict[str, float]:
@@ -72,26 +77,12 @@ class PlantFile(NamedTuple):
 @lru_cache(64)
 def _load(file: PlantFile) -> UserPlant:
     """The plant, made once in a process: what a file prints is printed once."""
-    there = user_file.restored(Path(file.path), file.source, "plants", file.modules)
-    return user_plant.load_file(there, user_file.split(file.name)[1])
+    return user_plant.load_file(*file.ready)
 
 
-def plant_file(name: str, folder: Path | None = None) -> PlantFile:
-    """The file that ``FILE.py:NAME`` names, read.
-
-    Raises:
-        ParameterError: it cannot be read, or has no such plant.
-    """
-    file, _ = user_file.split(name)
-    if not file.endswith(".py"):
-        raise ParameterError(
-            f"the plant {name!r} is not a Python file", expected="my_plant.py, or my_plant.py:NAME", do="name its file"
-        )
-    there = user_file.found(((folder or Path()) / file).absolute(), "plant")
-    found = PlantFile(name, str(there.path), there.source, modules=there.modules)
-    found.load()
-    own_code.remember(found.source, found.modules)
-    return found
+def load(name: str, folder: Path | None = None) -> UserPlant:
+    """The plant that ``FILE.py:NAME`` or ``FILE.py`` names; see `OwnFile.found`."""
+    return PlantFile.found(name, folder).load()
 
 
 def held(given: Any) -> UserPlant | PlantFile | None:
@@ -101,7 +92,7 @@ def held(given: Any) -> UserPlant | PlantFile | None:
         ParameterError: it is no plant of one's own.
     """
     if isinstance(given, str):
-        return plant_file(given)
+        return PlantFile.found(given)
     if not isinstance(given, UserPlant):
         if given is None or isinstance(given, PlantFile):
             return given
@@ -174,20 +165,10 @@ def _alike(one: Any, other: Any) -> bool:
 
 
 def _in_file(plant: UserPlant) -> PlantFile | None:
-    path = plant.path
-    if not user_file.reads_as_module(plant.advance):
-        return None
-    around = plant.advance.__globals__
-    names = [name for name, value in list(around.items()) if isinstance(value, UserPlant) and value.name == plant.name]
-    for attribute in ("", *names):
-        try:
-            found = plant_file(f"{path}:{attribute}" if attribute else str(path))
-            known = found.load()
-        except ParameterError:
-            continue
-        changed = _changed(plant, known)
+    for found in PlantFile.around(plant.advance, UserPlant, plant.name):
+        changed = _changed(plant, found.load())
         if changed is not None:
-            return found._replace(changed=changed)
+            return replace(found, changed=changed)
     return None
 
 

@@ -4,7 +4,7 @@ The sheath's width, which a run's bend drives, is what moves a scheduling variab
 
 - The bend of a model that is scheduled by it is the sheath's own: per_width = θ₀/(g/g₀).
 - A load that changes goes the same way: with ``Sheath(bend=θ₀)`` the bend θ₀ is the least load that was seen, 2·θ₀ the
-  largest, and between two it is between (as the poses of `bowden.plants.pose_cable`).
+  largest, and between two it is between.
 - A variable that stays has per_width = 0. Where none is moved, the width widens the loop as it does any cable's.
 """
 

@@ -91,7 +91,7 @@ def behind(suit: Suit, made_up: float = 0.0) -> float:
     In the joint's coordinate, in the middle of the elbow's range.
 
     Args:
-        suit: as it is believed to be.
+        suit: the model of it that the estimate uses.
         made_up: for how much of the friction something makes up, at the spool [N·m].
     """
     made, motor = prepare_suit(suit), suit.motor

@@ -228,25 +228,11 @@ class UserPlant(NamedTuple):
         return body
 
 
-def load(name: str, folder: Path | None = None) -> UserPlant:
-    """The plant that ``FILE.py:NAME`` or ``FILE.py`` names; without NAME it is the only one in the file.
-
-    Args:
-        name: the file and, after a colon, the plant's name in it.
-        folder: where a relative file is looked for; the current one where it is not given.
-
-    Raises:
-        ParameterError: no such file or name, a mistake in the file (with its line), or something that is no plant.
-    """
-    file, attribute = user_file.split(name)
-    return load_file(user_file.found(((folder or Path()) / file).absolute(), "plant"), attribute)
-
-
 def load_file(file: UserFile, name: str) -> UserPlant:
     """The plant of this name in a file that has been read; the only one there if the name is empty.
 
     Raises:
-        ParameterError: see `load`.
+        ParameterError: no such name, a mistake in the file (with its line), or something that is no plant.
     """
     plant = _find(user_file.run(file, "plant"), name, file.path)
     plant.dynamics()

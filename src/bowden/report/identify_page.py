@@ -1,4 +1,4 @@
-"""The page of an identification: which model to use and why, the loop, the traces, the residual, the parameters."""
+"""The page of an identification: which model to use and why, what it costs, the loop, what is left, what to do next."""
 
 import math
 from typing import TYPE_CHECKING
@@ -7,10 +7,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.core.units import DEGREES
-from bowden.drawing.style import COLOURS, legend, new_figure, note_cut, thin, widened
-from bowden.identify.cable.fit import PARTS, Fit, ModelFit, draw_loop
+from bowden.drawing.style import COLOURS, legend, new_figure, thin, widened
+from bowden.identify.cable.drawing import PARTS, draw_loads, draw_loop, draw_residual
+from bowden.identify.cable.fit import Fit, to_record
+from bowden.identify.cable.fitted import ModelFit
 from bowden.identify.cable.loop import loop_lines
-from bowden.plants.cable_parameters import meaning
+from bowden.plants.cable_parameters import in_degrees, meaning
 from bowden.report.page import Page
 
 if TYPE_CHECKING:
@@ -35,29 +37,59 @@ TITLES = {
     "bouc_wen_static": "Bouc–Wen with a static nonlinearity",
     "prandtl_ishlinskii": "Prandtl–Ishlinskii stack",
     "generalised_play": "generalised play between free branches",
+    "scheduled": "loop of free shape, scheduled",
 }
 """Name of a model → what it is called in a sentence."""
 
 
+_OF_LOGS = {
+    "fitted [° RMS]": "train_rms",
+    "second half [° RMS]": "test_rms",
+    "log left out [° RMS]": "same_rms",
+    "log left out, offset known [° RMS]": "same_offset_rms",
+    "load left out [° RMS]": "unseen_rms",
+    "load left out, offset known [° RMS]": "unseen_offset_rms",
+}
+"""Head of a column → what of a log stands there; a column without any number is left out."""
+
+
 def identify_page(fit: Fit) -> Page:
-    """The page of an identification."""
-    log, best, title = fit.log, fit.chosen, TITLES[fit.best.name]
-    duration = log.time[-1] - log.time[0]
-    page = Page(
-        f"The cable of {log.name}",
-        f"{fit.samples} samples, {duration:.4g} s. Each model is fitted to the first half and judged on the second, "
-        "then fitted again to the whole log. Errors and curves are of the first fit, parameters of the last.",
-    )
+    """The page of a fit to one log, to several, or of a known model to one."""
+    several = len(fit.logs) > 1
+    page = Page(f"The cable of {f'{len(fit.logs)} logs' if several else fit.name}", _introduction(fit))
     page.heading("Which model to use")
-    page.text("{why}", why=recommendation(fit))
-    page.text("{ahead}", ahead=_forecast(fit))
+    page.text("{why}", why=_verdict(fit))
+    if ahead := _forecast(fit):
+        page.text("{ahead}", ahead=ahead)
     trusted = fit.trust
     page.text(
         "<strong>Trust it? {level}</strong>: {why}.", level=trusted.level.capitalize(), why="; ".join(trusted.reasons)
     )
-    page.text("The log has {cycles}.", cycles=str(fit.cycles))
-    _models_table(page, fit)
+    next_ = "; ".join(to_record(fit)) if several else fit.cycles.counted if fit.recalibration else str(fit.cycles)
+    page.text("{what}.", what=next_ if several and next_ else f"Whole cycles: {next_ or 'enough in each log'}")
     page.warnings(fit.warnings)
+    if fit.recalibration:
+        page.table(
+            ["of the known model", "value"], [list(one) for one in fit.recalibration.lines], "Gain and offset, new"
+        )
+        page.heading("What is left")
+        figure, (axes,) = new_figure(1, 1, height=2.8)
+        draw_residual(axes, fit)
+        page.figure(figure, "Error of the recalibrated model over time, joint − model.")
+        return page
+    if several:
+        _logs_table(page, fit)
+        page.heading("The loop")
+        figure, (axes,) = new_figure(1, 1, height=3.6)
+        draw_loads(axes, fit)
+        page.figure(
+            figure,
+            "Both branches of the loop at the least, the middle and the largest load or bend of the logs, less one "
+            "straight line (that of the middle one).",
+        )
+        return page
+    _models_table(page, fit)
+    title = TITLES[fit.best.name]
     page.heading("The loop")
     page.figure(
         loop_figure(fit),
@@ -67,15 +99,15 @@ def identify_page(fit: Fit) -> Page:
     )
     page.heading("Over time")
     page.figure(
-        time_figure(fit),
+        _time_figure(fit),
         "Motor and joint over time. The model was not fitted to the shaded half; there it computes the joint from the "
         "motor alone.",
     )
     page.figure(
-        residual_figure(fit),
-        f"What the model leaves: {best.test_rms * DEGREES:.3f}° RMS in the second half. Above: over time. Below: the "
-        "second half over the motor's angle, darker where the error occurs more often at that angle. The lines are its "
-        "means on the way up and on the way down: they are what the model misses of the cable; the rest is noise.",
+        _residual_figure(fit),
+        f"What the model leaves: {fit.chosen.test_rms * DEGREES:.3f}° RMS in the second half. Above: over time. Below: "
+        "the second half over the motor's angle, darker where the error occurs more often at that angle. The lines are "
+        "its means on the way up and on the way down: they are what the model misses of the cable; the rest is noise.",
     )
     page.heading("Parameters")
     page.text(
@@ -88,6 +120,50 @@ def identify_page(fit: Fit) -> Page:
     for name in names + [name for name in fit.models if name not in names]:
         _parameter_table(page, name, fit.models[name])
     return page
+
+
+def _introduction(fit: Fit) -> str:
+    if fit.recalibration:
+        return f"Gain and offset of {fit.recalibration.source}, fitted again; all else of the model stays."
+    if len(fit.logs) > 1:
+        by = " and ".join(fit.units) or "nothing: it is one loop for all"
+        return f"One model fitted to all of them, scheduled by {by}."
+    duration = fit.log.time[-1] - fit.log.time[0]
+    return (
+        f"{fit.samples} samples, {duration:.4g} s. Each model is fitted to the first half and judged on the second, "
+        "then fitted again to the whole log. Errors and curves are of the first fit, parameters of the last."
+    )
+
+
+def _verdict(fit: Fit) -> str:
+    if fit.recalibration:
+        said = fit.recalibration.verdict
+        return f"{said[0].upper()}{said[1:]}."
+    if len(fit.logs) > 1:
+        return (
+            f"Use the scheduled model. Of motion that was not seen it is expected to leave "
+            f"{fit.judged_rms * DEGREES:.2g}° RMS, once the joint's offset is known."
+        )
+    return recommendation(fit)
+
+
+def _logs_table(page: Page, fit: Fit) -> None:
+    page.text(
+        "Fitted: error of the model, which was fitted to this log too. Second half: of a model that was fitted to the "
+        "first halves of all logs. Log left out: of one fitted to all other logs. Load left out: of one fitted to the "
+        "other loads (with load and bend: to all logs but those with the same load and bend). Offset known: the offset "
+        "was first fitted to the log's first half; the error is that of its second."
+    )
+    shown = [key for key in _OF_LOGS if any(np.isfinite(getattr(one, _OF_LOGS[key])) for one in fit.logs)]
+    rows = []
+    for one in fit.logs:
+        values = (f"{in_degrees(*pair)[0]:.4g}" for pair in zip(fit.units, one.values, strict=True))
+        errors = (getattr(one, _OF_LOGS[key]) * DEGREES for key in shown)
+        rows.append(
+            [one.name, *values, str(one.cycles.whole)] + [f"{e:.3f}" if np.isfinite(e) else "–" for e in errors]
+        )
+    units = [f"{name} [{in_degrees(name, 0.0, unit)[1] or '–'}]" for name, unit in fit.units.items()]
+    page.table(["log", *units, "whole cycles", *shown], rows, "Errors of the joint angle.")
 
 
 def recommendation(fit: Fit) -> str:
@@ -124,6 +200,8 @@ def recommendation(fit: Fit) -> str:
 
 def _forecast(fit: Fit) -> str:
     """What a law can make of the model, in a sentence or two."""
+    if fit.forecast is None:
+        return ""
     left, without, counts = (value * DEGREES for value in fit.forecast)
     text = (
         f"Forecast: a law with this model as feed-forward leaves an error of {left:.2g}° RMS at the joint, on a motion "
@@ -192,15 +270,15 @@ def loop_figure(fit: Fit) -> "Figure":
     return _placed(figure, wspace=0.28, bottom=0.16, top=0.88)
 
 
-def time_figure(fit: Fit) -> "Figure":
+def _time_figure(fit: Fit) -> "Figure":
     """Motor and joint over time, with the model."""
     figure, (upper, lower) = new_figure(2, 1, height=3.8, share_x=True, ticks=_TICKS)
-    log = fit.log
+    one, log = fit.logs[0], fit.log
     time = log.time - log.time[0]
     upper.plot(*_few(time, log.motor * DEGREES), color=COLOURS["motor"])
     upper.set_ylabel("motor [°]")
     lower.plot(*_few(time, log.joint * DEGREES), color=PARTS["second half"], lw=4.0, label="joint")
-    lower.plot(*_few(time, fit.predicted * DEGREES), color=COLOURS["model"], lw=0.9, label="model")
+    lower.plot(*_few(time, one.predicted * DEGREES), color=COLOURS["model"], lw=0.9, label="model")
     lower.set(xlabel="time [s]", ylabel="joint [°]")
     legend(lower)
     for axes in (upper, lower):
@@ -208,19 +286,14 @@ def time_figure(fit: Fit) -> "Figure":
     return _placed(figure, hspace=0.28, bottom=0.13, top=0.97)
 
 
-def residual_figure(fit: Fit) -> "Figure":
+def _residual_figure(fit: Fit) -> "Figure":
     """Joint minus model, over time and, of the second half, over the motor's angle."""
     figure, (upper, lower) = new_figure(2, 1, height=4.2, ticks=_TICKS)
-    log = fit.log
-    time, residual = log.time - log.time[0], (log.joint - fit.predicted) * DEGREES
-    upper.plot(*_few(time, residual), color=COLOURS["error"], lw=0.8)
-    upper.set(xlabel="time [s]", ylabel="joint − model [°]")
-    low, high = (float(end) for end in np.quantile(residual[fit.fitted_from :], (0.001, 0.999)))
-    upper.set_ylim(*widened(low, high, 0.3))  # the start may lie far outside
-    note_cut(upper, [residual])
-    _shade(upper, time, fit)
-    late = slice(fit.split, None)
-    _density(lower, log.motor[late] * DEGREES, residual[late], upper.get_ylim())
+    draw_residual(upper, fit)
+    one = fit.logs[0]
+    _shade(upper, one.log.time - one.log.time[0], fit)
+    late = slice(one.split, None)
+    _density(lower, one.log.motor[late] * DEGREES, (one.log.joint - one.predicted)[late] * DEGREES, upper.get_ylim())
     lower.set(xlabel="motor [°]", ylabel="joint − model [°]")
     legend(lower)
     return _placed(figure, hspace=0.55, bottom=0.12, top=0.97)
@@ -262,6 +335,7 @@ def _few(x: Array, y: Array) -> tuple[Array, Array]:
 
 def _shade(axes: "Axes", time: Array, fit: Fit) -> None:
     """Mark the half that was not fitted, and the start where that was left out."""
-    axes.axvspan(float(time[fit.split]), float(time[-1]), color="#000000", alpha=0.06, lw=0.0)
-    if fit.fitted_from:
-        axes.axvspan(float(time[0]), float(time[fit.fitted_from]), color="#000000", alpha=0.03, lw=0.0, hatch="//")
+    one = fit.logs[0]
+    axes.axvspan(float(time[one.split]), float(time[-1]), color="#000000", alpha=0.06, lw=0.0)
+    if one.fitted_from:
+        axes.axvspan(float(time[0]), float(time[one.fitted_from]), color="#000000", alpha=0.03, lw=0.0, hatch="//")

@@ -2,6 +2,7 @@
 
 import itertools
 import math
+import re
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from types import MappingProxyType
@@ -164,9 +165,26 @@ def read_toml(path: Path, do: str = "write one with: bowden init") -> dict[str, 
     except UnicodeDecodeError:
         raise ParameterError(f"{path} is not text", expected="a TOML file in UTF-8", do="save it as that") from None
     except ValueError as error:  # also a null byte in the path
-        twice = "Cannot overwrite" in str(error) or "Cannot declare" in str(error)
-        do = "of several motors the keys of [motor] stand below the first [[motor]]" if twice else _CORRECT
-        raise ParameterError(f"{path} is not TOML: {error}", do=do) from None
+        if said := _twice(path, str(error)):
+            raise ParameterError(f"{path}: {said}", do=_ONCE) from None
+        raise ParameterError(f"{path} is not TOML: {error}", do=_CORRECT) from None
+
+
+def _twice(path: Path, error: str) -> str:
+    """What is written a second time, and where, by what tomllib says of it; empty where that is another thing."""
+    found = re.match(r"Cannot (?:overwrite|declare|redefine|mutate).*\(at (?:line (\d+)|end of document)", error)
+    if found is None:
+        return ""
+    lines = bounded.read_text(path).rstrip().splitlines()
+    number = int(found[1] or len(lines))
+    line = lines[number - 1]
+    return f"line {number} writes {line.partition('=')[0].partition('#')[0].strip()} a second time"
+
+
+_ONCE = (
+    "delete one of the two; a section stands once, and of several motors the keys of [motor] stand below the first "
+    "[[motor]]"
+)
 
 
 _CORRECT = "correct it there"
@@ -230,6 +248,12 @@ def _explain(
     keys, section = _place(location, root)
     section = inner.get(keys[0], section)
     name, last = _dotted(keys), keys[-1]
+    if kind == "extra_forbidden" and keys in (["best"], ["models"]):
+        return ParameterError(
+            f"{path} is the model of a cable, not a rig",
+            expected="a rig.toml",
+            do=f"make one round it: bowden init --model {path}",
+        )
     if kind == "extra_forbidden":
         where = f"key {last!r} in [{_dotted(keys[:-1])}]" if keys[1:] else f"key or section {last!r}"
         return ParameterError(

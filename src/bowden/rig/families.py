@@ -38,27 +38,27 @@ def longest_silence(sample_time: float) -> float:
 class DriveNeeds(NamedTuple):
     """What a rig asks of its drive, whatever that is; in SI and radians at the spool and the joint."""
 
-    gear: float
+    gear: float = 5.0
     """Motor turns per spool turn [–]."""
-    torque_constant: float
+    torque_constant: float = 16.7e-3
     """Torque per ampere at the motor's shaft [N·m/A]."""
-    sample_time: float
+    sample_time: float = 1e-3
     """One cycle [s]."""
-    lowest_motor: float
+    lowest_motor: float = -math.inf
     """Spool angle below which the rig never goes [rad]."""
-    highest_motor: float
+    highest_motor: float = math.inf
     """Spool angle above which the rig never goes [rad]."""
-    speed_limit: float
-    """Largest speed of the spool [rad/s]."""
-    following_error: float
+    speed_limit: float = 0.0
+    """Largest speed of the spool; 0 for no limit, as in the next two [rad/s]."""
+    following_error: float = 0.0
     """Largest lag behind the target, at the spool [rad]."""
-    current_limit: float
+    current_limit: float = 0.0
     """Largest current [A]."""
-    torque_offset: float
+    torque_offset: float = 0.0
     """Largest torque offset beside the target, at the spool; 0 where none is sent [N·m]."""
-    spool: SpoolMap | None
+    spool: SpoolMap | None = None
     """Of a suit: motor angles are in the joint's coordinate, and the spool turns as this says."""
-    heartbeat_age: float
+    heartbeat_age: float = math.inf
     """Age of the drive's sign of life from which the supervisor stops [s]."""
     lag_current: float = math.inf
     """Current that the rig's servo draws per lag behind its target, at rest; 0 where its current says nothing of that
@@ -147,7 +147,7 @@ class DriveFamily:
     """``zeroed(parameters, reading, motor, joint)``: the parameters with which what was read is at these angles of
     motor and joint [rad]; None of a family whose zero is set with its maker's tool alone."""
     zero_hint: str = ""
-    """How the drive itself can be told where it is, and what it loses with its supply; empty where that is nothing."""
+    """How the drive's own position is set, and what it loses with its supply; empty where neither applies."""
     measures_torque: Callable[[Any], bool] = lambda _: False
     """Whether it reports the joint's torque."""
     load_range: Callable[[Any], float] = lambda _: math.inf

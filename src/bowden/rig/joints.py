@@ -10,11 +10,7 @@ from bowden.core.units import RADIANS
 
 
 class JointSettings(NamedTuple):
-    """A joint that several motors move; each names it by its own key `joint`, and all follow its one reference.
-
-    At a joint angle q, whose cable would just be taut with the motor at m, each motor stands at m with
-    `co_contraction` more in the direction in which it pulls.
-    """
+    """A joint that several motors move: each names it by its key `joint`, and all follow its one reference."""
 
     name: Annotated[
         str, Quantity("of the joint, which its motors name; the first of them has its encoder", example="elbow")
@@ -22,7 +18,7 @@ class JointSettings(NamedTuple):
     co_contraction: Annotated[
         float,
         Quantity(
-            "how much further each motor pulls than the joint asks for; below 0 each cable hangs slack by it",
+            "how much further each motor pulls than where its cable would just be taut; below 0 it hangs slack",
             "rad",
             ge=-20.0,
             le=45.0,
@@ -136,7 +132,7 @@ def _problems(joint: RigJoint, independent: bool) -> Iterator[tuple[str, str]]:
     if any(abs(contraction) * one.slope_high > _ROOM * one.play for one in limits):
         yield (
             f"co_contraction_deg is {contraction / RADIANS:g}",
-            f"{_ROOM:g} of limits.play_deg at most, or the joint would seem astray before the cables are tightened",
+            f"{_ROOM:g} of limits.play_deg at most, or joint and motor seem to disagree before the cables are tight",
         )
     for rig in rigs:
         if rig.suit.worn:

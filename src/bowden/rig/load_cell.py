@@ -10,9 +10,9 @@ ROOM = 0.95
 
 
 class LoadCellParameters(NamedTuple):
-    """A load cell on a CAN bus, for the cable's tension or the joint's torque; one at a drive's own input is [drive]'s.
+    """A load cell on a CAN bus; one at a drive's own input is [drive]'s.
 
-    value = scale · (counts − zero). A line of bowden drive tare sets the zero.
+    value = scale · (counts − zero). `bowden drive tare` finds the zero.
     """
 
     source: Annotated[

@@ -16,10 +16,8 @@ MOTOR, INDEPENDENT, JOINT = "motor", "independent", "joint"
 """Keys of a rig.toml with several motors, beside its sections; with one motor [motor] is a section."""
 MEANINGS: Mapping[str, str] = {
     MOTOR: "two to four motors in one loop: each has a name, the joint that it shares with others, the keys of "
-    "[motor], and sections of which each key takes the place of the common one; a section of another kind, family, "
-    "model, plant or law begins anew",
-    INDEPENDENT: "whether a motor that is stopped by a fault leaves the others running; by default the worst reaction "
-    "of any motor is that of all",
+    "[motor], and sections of its own, which replace the common ones key by key",
+    INDEPENDENT: "whether a fault stops its own motor only; by default it stops all",
 }
 FEWEST, MOST = 2, 4
 """Motors of a rig with several."""

@@ -19,7 +19,6 @@ from bowden import __version__
 from bowden.control import LAWS, Law, user_law
 from bowden.control.law_file import LawFile, code_of_law, packable
 from bowden.control.recorded_motion import RecordedFile, RecordedMotion
-from bowden.core import user_file
 from bowden.core.arguments import said as shown
 from bowden.core.errors import BowdenError, ParameterError
 from bowden.core.kernel_content import code_of
@@ -195,22 +194,18 @@ def _content(name: str, value: Any) -> Any:
     if isinstance(value, RecordedMotion):
         return {"said": value.said._asdict(), "time": _array(value.time), "position": _array(value.position)}
     if isinstance(value, LawFile):
-        return user_file.written(value)
+        return value.packed()
     if isinstance(value, UserPlant | PlantFile):
         plant = as_file(value)
-        return user_file.written(plant) | {"changed": dict(plant.changed)}
+        return plant.packed() | {"changed": dict(plant.changed)}
     if isinstance(value, EmgSettings) and (value.levels or value.place or value.recording):
         return _LEVELS.dump_python(value.levels, mode="json"), value.place, value.recording
     return None
 
 
-def _law(given: Mapping[str, Any]) -> LawFile:
-    return LawFile(given["name"], given["path"], **user_file.read(given))
-
-
 def _plant(given: Mapping[str, Any]) -> PlantFile:
     changed = tuple((key, float(value)) for key, value in given["changed"].items())
-    return PlantFile(given["name"], given["path"], changed=changed, **user_file.read(given))
+    return PlantFile.unpacked(given, changed=changed)
 
 
 def _motion(given: Mapping[str, Any]) -> RecordedMotion:
@@ -226,7 +221,7 @@ _CABLE: TypeAdapter[IdentifiedCable] = TypeAdapter(IdentifiedCable)
 _LEVELS: TypeAdapter[MuscleCalibration | None] = TypeAdapter(MuscleCalibration | None)
 _HELD: Mapping[str, Callable[[Any], Any]] = {
     "cable": _CABLE.validate_python,
-    "law": _law,
+    "law": LawFile.unpacked,
     "plant": _plant,
     "reference": _motion,
     "emg": _emg,

@@ -57,6 +57,7 @@ from bowden.rig import drive as live_parts
 from bowden.rig import motors as several
 from bowden.rig.checked import Gains, checked, checked_number, shown
 from bowden.rig.consistent import Basis
+from bowden.rig.declaration import at, items_of
 from bowden.rig.declaration import tree_of as section_tree
 from bowden.rig.effect import refuse_idle
 from bowden.rig.emg_setup import EmgRun
@@ -213,7 +214,7 @@ class Rig(metaclass=Answering):
     """Hash of the rig of which this one is only another form, `offline`."""
 
     def __new__(cls, *given: Any, **named: Any) -> "Rig":
-        """Refuse what is no field before Python does, and say what was meant."""
+        """Refuse an unknown field, and name the likely one."""
         if given:
             raise ParameterError(
                 f"Rig: {shown(given[0])} has no name", expected="every part by its name", do="Rig(cable=…, servo=…)"
@@ -900,6 +901,7 @@ class Rig(metaclass=Answering):
             notes += outside(own, {"load": own["load"]} if "load" in own else {})
         if self.worn is not None and self.identified:
             notes.append(self.whose_cable)
+        notes += [*self._gear_notes(), *self._like_metres()]
         if self._scheduled_by_bend:
             notes += self._bend_notes()
         if self.turned:
@@ -921,7 +923,7 @@ class Rig(metaclass=Answering):
             cycle = 1e3 * self.sample_time
             notes.append(
                 f"bench.delay_cycles is {self.delay}: a command reaches the servo {self.delay * cycle:g} ms after its "
-                f"sample; it counts cycles, of {cycle:g} ms here: correct it where you change these"
+                f"sample; it counts cycles, of {cycle:g} ms here: change it when you change the cycle or the delay"
             )
         if self.emg.source is None and self.emg != PARTS["emg"].default:
             notes.append(
@@ -954,6 +956,18 @@ class Rig(metaclass=Answering):
             f"suit.play_mm to {lost:.3g} times the radius of that spool in mm"
         )
 
+    def _gear_notes(self) -> list[str]:
+        """That the log of the cable's model was probably counted before the gear, behind which the drive's angle is."""
+        counts, gear = getattr(self.drive, "motor_counts_per_turn", 0.0), self.drive_needs.gear
+        counted = self.cable.encoders.motor if isinstance(self.cable, IdentifiedCable) else None
+        if not (counted and counts) or gear == 1.0 or abs(counted * counts / math.tau - 1.0) > _SAME_COUNT:
+            return []
+        return [
+            f"the log of the cable's model has {counts:g} counts a turn, as the drive's encoder has before "
+            f"the gear of {gear:g} in [motor]: if that is the log's encoder, identify the log with --counts-per-turn "
+            f"{counts * gear:g}"
+        ]
+
     def _bend_notes(self) -> list[str]:
         """What is said of the bends of a run whose cable is scheduled by them."""
         own = self.cable.model().parameters  # type: ignore[union-attr]
@@ -970,8 +984,19 @@ class Rig(metaclass=Answering):
             )
         return found
 
+    def _like_metres(self) -> list[str]:
+        """What is said of lengths of a suit that are so small that they were probably meant in metres."""
+        lengths = [item for item in items_of(SuitSettings) if item.quantity.file_unit == "mm"]
+        usual, own = SuitSettings(), self.suit
+        return [
+            f"suit.{item.key} is {1e3 * at(own, item.path):.4g}; metres? {1e3 * at(own, item.path):.4g} m would be "
+            f"{1e6 * at(own, item.path):.4g}"
+            for item in lengths
+            if own.worn and 0.0 < at(own, item.path) < _METRES * at(usual, item.path)
+        ]
+
     def _like_radians(self) -> list[str]:
-        """What is said of a reference that is so small that it was probably meant in radians."""
+        """Note on a reference that is so small that it is probably in radians."""
         if self.emg.source is not None:
             what, ends = "emg.low_deg and high_deg", (self.emg.low, self.emg.high)
         else:
@@ -985,7 +1010,7 @@ class Rig(metaclass=Answering):
         return [f"{what} goes no further than {furthest:.3g}°, less than a cable's dead zone; {meant}"]
 
     def _one_like_radians(self, what: str, ends: tuple[float, float]) -> list[str]:
-        """What is said of one end in degrees and one that was probably meant in radians, of a cable whose log tells."""
+        """Note on a range with one end in degrees and one probably in radians, of a cable with a known stroke."""
         covered = self.cable.covered if isinstance(self.cable, IdentifiedCable) else None
         for end, other in (ends, ends[::-1]):
             number = end / RADIANS
@@ -1164,6 +1189,10 @@ _LOOKED_AT, _INSTANTS = 60.0, 601
 """Of a reference: for how long it is looked at [s], and how often."""
 _BEYOND = 0.1
 """How far a reference may leave the motion that a log covered, over that motion [–]."""
+_METRES = 0.01
+"""Share of its usual length below which one was probably not written in millimetres [–]."""
+_SAME_COUNT = 0.01
+"""Two encoders' counts that differ by less are the same [–]."""
 _WIDER = 2.0
 """Bend of the sheath over that at which the cable was identified, up to which limits know its dead zone [–]."""
 _WRITTEN = 1e-3

@@ -9,7 +9,7 @@ import tomlkit
 from pydantic import ValidationError
 
 from bowden.control import Law, user_law
-from bowden.control.law_file import LawFile, law_file, packable
+from bowden.control.law_file import LawFile, packable
 from bowden.control.recorded_motion import RecordedFile, RecordedMotion, read_motion
 from bowden.control.reference import Trajectory
 from bowden.core.errors import ParameterError, article, asked_for_by
@@ -18,7 +18,7 @@ from bowden.core.toml_text import quoted
 from bowden.models.cable.bouc_wen import BoucWen
 from bowden.plants.counting import Counting
 from bowden.plants.identified import IdentifiedCable, cable_text, load_cable
-from bowden.plants.plant_file import PlantFile, as_file, plant_file
+from bowden.plants.plant_file import PlantFile, as_file
 from bowden.rig import emg_setup, motors
 from bowden.rig.checked import Gains
 from bowden.rig.config import checked_file, explained, read_toml
@@ -93,7 +93,7 @@ def values_of(
     if user_law.is_file(values["law"]):
         before = kept.get("law")
         same = isinstance(before, LawFile) and before.name == values["law"]
-        values["law"] = before if same else law_file(values["law"], path.parent)
+        values["law"] = before if same else LawFile.found(values["law"], path.parent)
     return values | {"origin": str(path)}
 
 
@@ -173,7 +173,7 @@ def _plant(section: Any, path: Path, before: Any) -> PlantFile | None:
         found = before
     else:
         with asked_for_by(f"{path}: cable.plant"):
-            found = plant_file(name, path.parent)
+            found = PlantFile.found(name, path.parent)
     with asked_for_by(f"{path}: cable.parameters"):
         return found.with_parameters(section.parameters)
 

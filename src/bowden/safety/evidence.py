@@ -1,4 +1,4 @@
-"""What one cycle shows: readings that can be believed, models beside them, and for how long each thing has lasted.
+"""Evidence of one cycle: valid readings, models beside them, and how long each condition has persisted.
 
 No fault is decided here: the detectors (`safety.detectors`) do that, of what stands in `Evidence`.
 """
@@ -222,7 +222,7 @@ def measure_effort(limits: Limits, reading: DriveReading, powered: bool) -> Effo
 def shows_torque(limits: Limits, reading: DriveReading, effort: Effort, motor_speed: float) -> bool:
     """True if the drive has a sign of torque.
 
-    One that says it has none is believed by its current; where that is not known, by a motor that does not pull: by
+    One that says it has none is confirmed by its current; where that is not known, by a motor that does not pull: by
     hand it is turned more slowly, and a limb that sinks turns it the other way.
     """
     if (

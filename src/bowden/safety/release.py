@@ -122,7 +122,7 @@ def follow_release(
     joint_at_release = last.joint_at_release if releasing else joint
     motor_at_release = last.motor_at_release if releasing else motor
 
-    # a cable that the joint has left behind since R2 began carries nothing, if the joint's angle is to be believed:
+    # a cable that the joint has left behind since R2 began carries nothing, if the joint's angle is valid:
     # it is not in doubt, it moves, and one that was wrong by as much before says nothing
     leads = out * (limits.slope_high * motor - joint)
     grown = leads - out * (limits.slope_high * motor_at_release - joint_at_release)

@@ -35,6 +35,7 @@ from bowden.plants.plant import (
 )
 from bowden.records.trace import Trace
 from bowden.sim.faulty import SensorFault, as_it_is, faulty
+from bowden.sim.injected import Injected
 
 Array = NDArray[np.float64]
 
@@ -62,7 +63,7 @@ def run_loop(
     delay: int,
     record: Array,
     states: Array,
-    fault: SensorFault,
+    fault: Any,
     kept: Array,
 ) -> int:
     """One run; returns the number of cycles that it lasted.
@@ -84,7 +85,7 @@ def run_loop(
         record: to be filled: `RECORDED`, then the plant's columns.
         states: to be filled: the law's state, the reference that it was shown with what the conditioner remembers, then
             the source's state if there is room.
-        fault: of a sensor.
+        fault: of a sensor; a number in a loop in which none fails.
         kept: (2, n) for the readings that a fault may look back at; without one it is not touched.
     """
     cycles = references.shape[1]
@@ -167,13 +168,14 @@ def simulate(
     dynamics = plant.dynamics()
     inputs = inputs_of(plant, reference, duration, bend, seed, dynamics)
     references, fault = inputs.references, fault or SensorFault()
+    fails = fault.kind != Injected.NOTHING
     initial = initial_angle(dynamics, initial_motor, references)
     laws, asked = state_columns(law, source)
     # one block: a system hands out a large piece of memory far faster than many small ones
     rows = [*RECORDED, *dynamics.columns]
     block = np.empty((len(rows) + len(laws) + len(asked), len(inputs.time)))
     with dynamics.explained():
-        lasted = compiled_loop(dynamics, law, source, fails=fault.kind > 0.0)(
+        lasted = compiled_loop(dynamics, law, source, fails=fails)(
             law.gains,
             law.conditioning,
             source.settings,
@@ -186,10 +188,10 @@ def simulate(
             plant.delay,
             block[: len(rows)],
             block[len(rows) :],
-            fault,
-            np.empty((2, len(inputs.time) if fault.kind > 0.0 else 0)),
+            fault if fails else 0.0,  # the type of an enum's member is sought at each call, a number's is known
+            np.empty((2, len(inputs.time) if fails else 0)),
         )
-    if fault.kind == 0.0:  # of a sensor that fails, no number is what it is to show
+    if not fails:  # of a sensor that fails, no number is what it is to show
         refuse_no_number_in(dict(zip([*rows, *laws], block, strict=False)), inputs.time, lasted, law, dynamics)
     block[:, lasted:] = np.nan
     if source is not TABLE:

@@ -17,7 +17,7 @@ from bowden.sim.run import simulate
 
 
 def suit_adaptive() -> Law:
-    """The adaptive law with the gains that `benchmarks/suit_gains.py` chose for margin on the suit."""
+    """The adaptive law with the gains that were chosen for margin on the suit (docs/background/suit.md)."""
     return LAWS["adaptive"].preset("suit")
 
 

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 
 from bowden.control import user_law
 from bowden.control.law_file import LawFile, loaded
-from bowden.core import user_file
 from bowden.core.errors import ParameterError
 from bowden.rig.rig import Rig
 from bowden.study.distributions import distribution
@@ -38,7 +37,7 @@ def packed(study: Study) -> bytes:
 def _packed_law(law: str | LawFile) -> Any:
     if isinstance(law, str):
         return law
-    return user_file.written(law)
+    return law.packed()
 
 
 @lru_cache(2)
@@ -65,7 +64,7 @@ def unpacked(pack: bytes) -> Study:
 def _law(packed: Any) -> str | LawFile:
     if isinstance(packed, str):
         return packed
-    return LawFile(packed["name"], packed["path"], **user_file.read(packed))
+    return LawFile.unpacked(packed)
 
 
 def compute(pack: bytes, first: int, last: int) -> bytes:

@@ -1,6 +1,6 @@
 """Which of the parameters that were drawn a figure depends on.
 
-Both measures are of ranks, so that a few runs that went far astray do not decide them; a run that ran away has the
+Both measures are of ranks, so that a few extreme runs do not decide them; a run that ran away has the
 highest rank.
 
 - *rank correlation*: Spearman's ρ, −1 … 1: whether the figure rises or falls with the parameter.

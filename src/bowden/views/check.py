@@ -12,16 +12,19 @@ if TYPE_CHECKING:
 def show_check(found: "CheckResult", call: Call) -> None:
     """A line for each thing, and what comes next."""
     from bowden.design.check_result import check_rows
-    from bowden.design.objections import refusals
 
     joints = {one.name: one for one in found.whole.each_joint}
     for name, one in found.checks.items():
         if name:
             print(f"joint {name}")
-        rows(check_rows(one), least=13)
+        verdict, *others = check_rows(one)
+        if found.refusals:
+            others.insert(0, ("its law", verdict[1]))
+            verdict = "verdict", "refused: bowden run does not take this rig, see the note"
+        rows([verdict, *others], least=13)
     print(f"({call.seconds:.1f} s)")
-    if refusals(found.whole):
-        print("Next: correct what bowden run refuses, see the note, then check it again")
+    if found.refusals:
+        print("Next: correct what bowden run refuses, then check it again")
         return
     failing = [name for name, one in found.checks.items() if not one.holds]
     options = [*call.repeated("law", "preset", "motor")]
@@ -39,7 +42,9 @@ def show_check(found: "CheckResult", call: Call) -> None:
 def _say_next_of(found: "CheckResult", rig: "Rig", name: str, options: list[str], call: Call) -> None:
     """Gains for the rig's own law, where it has a choice; else a run of what was checked, or of a law that holds."""
     one = found.checks[name]
-    if rig.loaded_law.choices and not (call["law"] or call["preset"]):
+    if one.of_rig:
+        print(_CHANGE_RIG)
+    elif rig.loaded_law.choices and not (call["law"] or call["preset"]):
         say_next("tune", call["rig"], *options)
     elif one.holds:
         say_next("run", call["rig"], *options, "--twin", "--auto")
@@ -47,6 +52,9 @@ def _say_next_of(found: "CheckResult", rig: "Rig", name: str, options: list[str]
         motor = options[options.index("--motor") :][:2] if "--motor" in options else []
         say_next("simulate", call["rig"], "--law", one.instead, *motor)
     elif one.advice:
-        print("Next: change the rig as the advice says, then check it again")
+        print(_CHANGE_RIG)
     else:
         print("Next: change the law or the rig, then check it again")
+
+
+_CHANGE_RIG = "Next: change the rig as the advice says, then check it again"

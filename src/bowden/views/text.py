@@ -24,7 +24,7 @@ class Call:
 
     @cached_property
     def files(self) -> tuple[Path, ...]:
-        """What is written, the page last; it is when first asked for: figures are told even if a disk is full."""
+        """Files that are written, the page last, when first asked for: figures are printed even if a disk is full."""
         return tuple(self.write(self))
 
     @property

@@ -57,7 +57,9 @@ def failed_tune(error: Any, call: Call) -> None:
     if not isinstance(error, NoGainsError):
         return
     rig, motor = call["rig"], [*call.repeated("motor")]
-    if error.instead:
+    if error.of_rig:
+        error.add_note(next_line("check", rig, *motor, why="once that is in it"))
+    elif error.instead:
         error.add_note(next_line("simulate", rig, *motor, "--law", error.instead))
     elif error.gains:
         error.add_note(next_line("simulate", rig, *motor, why="once these gains are in it"))

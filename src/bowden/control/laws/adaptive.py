@@ -186,7 +186,7 @@ def smoothing(known: Knowledge) -> float:
 
 
 SUIT = AdaptiveGains(error_gain=0.05, feedback_gain=3.0, smoothing=0.2)
-"""λ, κ and ε chosen for margin on the suit, where a forearm hangs in springs (`benchmarks/suit_gains.py`)."""
+"""λ, κ and ε chosen for margin on the suit, where a forearm hangs in springs (docs/background/suit.md)."""
 
 LAW = Law(
     name="adaptive",

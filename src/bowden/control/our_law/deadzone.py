@@ -6,7 +6,7 @@ All is in motor angle; a is the slope as learned, a₀ as given, I and F the obs
 The *side* is the sign of the reference's way since its last turn, +1 or −1; 0 before its first motion. Times it, what
 is ahead is positive on either side: `side * min(side * a, side * b)` is that of two angles that is further behind.
 
-- **Width** w of each way, a lower bound: a measurement below it is believed at once, one above it by a share. A jump
+- **Width** w of each way, a lower bound: a measurement below it is taken at once, one above it by a share. A jump
   too short costs a slower crossing; one too far is an error at once that only a crossing back takes away. Where the
   joint follows late a touch is seen late: what the motor went meanwhile does not count. By what w of one way grows that
   of the other does, by (1 + ω·lag)² less: a joint that is late and hit too hard swings.
@@ -66,10 +66,10 @@ TOUCH, TOUCH_SIGMAS = 0.0017, 6.0
 """Way of the joint that is a touch [rad, –]."""
 
 BELIEVED = 0.4
-"""Share by which a larger width is believed [–]."""
+"""Share by which a larger width is taken [–]."""
 
 WIDEST = 0.6
-"""Largest width that is believed [rad]."""
+"""Largest width that is accepted [rad]."""
 
 SLACK = 0.2
 """Share of the width that the motor may have gone without having begun to cross: the slope's error [–]."""
@@ -87,7 +87,7 @@ STRETCH = 0.05
 """Shortest stretch of the joint that says something of the slope [rad]."""
 
 ODD = 9.0
-"""Square of an innovation over its variance beyond which it is not believed [–]."""
+"""Square of an innovation over its variance beyond which it is rejected [–]."""
 
 FLATTEST, STEEPEST = 0.6, 1.7
 """Bounds of 1/a over the given one [–]."""

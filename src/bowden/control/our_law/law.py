@@ -97,7 +97,7 @@ def start(gains: BowdenGains, sample: Sample) -> BowdenState:
 
 
 class ValidatedSample(NamedTuple):
-    """Both angles as far as they are believed, in the direction in which the motor moves the joint on."""
+    """Both accepted angles, in the direction in which the motor moves the joint on."""
 
     valid: bool
     """Both are numbers in range."""

@@ -77,7 +77,7 @@ FORGOTTEN = 30.0
 """Time constant of the size of a wearer's swing [s]."""
 
 SLOWER = 1.15
-"""Time of a swing's radian to that of the load: a load that is believed 15 % too slow costs nothing, one 15 % too quick
+"""Time of a swing's radian to that of the load: a load that is assumed 15 % too slow costs nothing, one 15 % too quick
 half of what is gained [–]."""
 
 

@@ -9,6 +9,7 @@ import can
 from bowden.core.errors import DriveError
 from bowden.hardware.buses.opening import BusClaim, claim, open_bus, putter, quieten, taker
 from bowden.hardware.buses.place import BusPlace
+from bowden.hardware.buses.unix_bus import EXTENDED
 
 Frame = tuple[int, bytes]
 """Identifier with the flags of `unix_bus`, and data."""
@@ -231,7 +232,9 @@ class BusPort:
                 port.restore()
 
     def wait_for(self, matches: Callable[[int, bytes], bool], timeout: float) -> Frame | None:
-        """The next frame that matches; None where none comes within `timeout` [s] after the one before."""
+        """The next frame that matches, an extended identifier with its flag; None where none comes within `timeout` [s]
+        after the one before.
+        """
         for _ in range(_MOST_WAITING):
             try:
                 message = self._link.bus.recv(timeout)
@@ -239,8 +242,9 @@ class BusPort:
                 return None
             if message is None:
                 return None
-            if matches(message.arbitration_id, bytes(message.data)):
-                return message.arbitration_id, bytes(message.data)
+            identifier = message.arbitration_id | EXTENDED * message.is_extended_id
+            if not message.is_error_frame and matches(identifier, bytes(message.data)):
+                return identifier, bytes(message.data)
         return None
 
     def leave(self) -> None:

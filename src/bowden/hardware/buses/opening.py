@@ -101,11 +101,10 @@ def putter(bus: can.BusABC, *, fd: bool) -> Callable[[int, bytes], None]:
 
 
 def quieten() -> None:
-    """Let the CAN libraries print nothing: what they log is raised as well, and said in our own words."""
-    for name in ("can", "canopen"):
-        logger = logging.getLogger(name)
-        if not logger.handlers:
-            logger.addHandler(logging.NullHandler())
+    """Let the CAN library print nothing: what it logs is raised as well, and said in our own words."""
+    logger = logging.getLogger("can")
+    if not logger.handlers:
+        logger.addHandler(logging.NullHandler())
 
 
 def open_bus(place: BusPlace, *, create: bool = False) -> can.BusABC:

@@ -35,7 +35,6 @@ from bowden.hardware.drives.driver import Driver
 from bowden.hardware.drives.families.ak_mit import (
     ROOM,
     AkParameters,
-    check_parameters,
     check_range,
     largest_torque,
     model_of,
@@ -43,8 +42,7 @@ from bowden.hardware.drives.families.ak_mit import (
     reply_id,
 )
 from bowden.hardware.drives.findings import INERT, LOST_RANGE, InertWatch
-from bowden.hardware.drives.joint_encoder import joint_encoder_of
-from bowden.hardware.drives.limited_range import LimitedRange, TurnCount, nearest
+from bowden.hardware.drives.limited_range import LimitedRange, nearest
 from bowden.hardware.drives.on_can import place
 from bowden.hardware.drives.scale import bounded_torque, motor_limits
 from bowden.hardware.ports import Power
@@ -91,38 +89,28 @@ _MARGIN = 0.9
 
 
 class AkDrive(Driver):
-    """The drive of one motor.
+    """The drive of one motor."""
 
-    Args:
-        parameters: of the drive, the joint's encoder and the bus.
-        links: the buses of this process; of its own where none are given.
+    _drive: AkParameters
+    most_counts = HIGHEST_POSITION - ROOM
 
-    Raises:
-        ParameterError: parameters that make no sense.
-    """
-
-    def __init__(self, parameters: AkParameters, links: Links | None = None) -> None:
-        check_parameters(parameters)
-        self._drive = parameters
-        self._model, self._reply_id = model_of(parameters), reply_id(parameters)
-        super().__init__(parameters, links, joint_encoder_of(parameters))
-        self._scale, self._first = motor_scale(parameters), math.nan
+    def _prepare(self) -> None:
+        self._model, self._reply_id = model_of(self._drive), reply_id(self._drive)
+        self._scale, self._first = motor_scale(self._drive), math.nan
         self._range = LimitedRange(2.0 * HIGHEST_POSITION)
-        self._turn = 2.0 * math.pi / self._model.gear
-        self._silence = Silence(parameters.watchdog)
+        self.turn = 2.0 * math.pi / self._model.gear
+        self._silence = Silence(self._drive.watchdog)
         self._inert = InertWatch(math.inf)  # what gives no torque at all is inert, moving or not
-        self._reset_to(DriveState.NOT_READY_TO_SWITCH_ON)
-        self._begin(None)
 
     def _find(self, port: BusPort) -> Found:
         drive = self._drive
         bus = Conversation(port, drive.node_id, lambda *frame: self._is_foreign(*frame) or self._is_it(*frame))
         bus.listen(LISTENING)
-        first = self._ask(bus)
+        first = self._replied(bus)
         if abs(first.torque) > STRAIN * self._model.torque:
             do = "end the master that holds it, or switch the drive off"
             raise refuse_torque(bus.name, f"motor mode, with {first.torque:.3g} N·m", do)
-        replies = [first, *(self._ask(bus) for _ in range(4))]
+        replies = [first, *(self._replied(bus) for _ in range(4))]
         moved = max(abs(reply.position - first.position) for reply in replies)
         if any(reply.at_end for reply in replies) or moved > 0.5:
             said = ", ".join(f"{reply.position:.3f}" for reply in replies)
@@ -135,7 +123,7 @@ class AkDrive(Driver):
         if drive.home == "here":
             home = last.position
         elif drive.home == "hint":
-            home = last.position - nearest(last.position, self._turn, motor_scale(drive).counts(drive.motor_hint))
+            home = last.position - nearest(last.position, self.turn, motor_scale(drive).counts(drive.motor_hint))
         scale = self._scale = motor_scale(drive, home)
         try:
             check_range(drive, scale, "as it counts them now")
@@ -147,7 +135,7 @@ class AkDrive(Driver):
         state = DriveState.FAULT if last.error else DriveState.SWITCH_ON_DISABLED
         return Found(who, scale, None, motor_limits(drive, scale), state, last.error, "")
 
-    def _ask(self, bus: Conversation) -> AkReply:
+    def _replied(self, bus: Conversation) -> AkReply:
         """Tell the drive to leave motor mode, in which it should not be, and take its reply.
 
         Raises:
@@ -194,7 +182,6 @@ class AkDrive(Driver):
         self._position = math.nan  # of the drive, over the ends of its range
         self._speed = self._torque = self._expected = 0.0
         self._stuck = math.nan, math.nan  # the reported torque, and what was expected when it was reported first
-        self._turns = TurnCount(self._turn, math.inf if found is None else found.limits.speed)
         self._range.begin()
         if found is not None:
             self._range.follow(self._first)
@@ -230,10 +217,10 @@ class AkDrive(Driver):
                 readings.found(LOST_RANGE)
             return
         self._position = self._range.follow(reply.position)
-        self._check_turns(self._turns, self._position, now)
+        self._check_turns(self._position, now)
         if self._lost:
             return
-        current = drive.motor_direction * reply.torque / (drive.gear * drive.torque_constant)
+        current = drive.motor_direction * reply.torque / (drive.needs.gear * drive.needs.torque_constant)
         temperature = float((reply.temperature + 128) % 256 - 128 if drive.temperature_zero == 0 else reply.temperature)
         sampled = now if math.isnan(self._written) else self._written
         readings.moved(self._scale.angle(self._position), current, temperature - drive.temperature_zero, sampled)
@@ -273,49 +260,42 @@ class AkDrive(Driver):
             return self._state
         return DriveState.FAULT if self._readings.error else DriveState.SWITCH_ON_DISABLED
 
-    def write(self, target: float, power: Power, now: float, torque: float = 0.0) -> None:
-        """See `hardware.ports.Drive.write`.
-
-        It has no quick stop: that is power off. A target that is no number, or beyond the drive's range, is never sent:
-        the torque goes off. There is none before the drive has sent its position.
-        """
-        if not self._up:
-            return
+    def _has_fallen(self, power: Power, now: float) -> bool:
         broken = self._silence.broken(now)
-        self._fell = self._has_fallen(power) or (broken and self._entered and power is not Power.OFF)
-        position = self._scale.counts(target)
-        fine = abs(position) <= HIGHEST_POSITION - ROOM and not (math.isnan(self._position) or self._lost)
-        on = power is Power.ON and fine and not self._fell and not self._readings.error
-        self._asked = on
-        if not on:
-            self._leave_motor_mode()
-        elif not self._entered:
+        self._fell = super()._has_fallen(power, now) or (broken and self._entered and power is not Power.OFF)
+        return self._fell
+
+    def _can_lead(self) -> bool:
+        return not self._readings.error
+
+    def _lead(self, found: Found, counts: float, target: float, torque: float, now: float) -> None:
+        if not self._entered:
             self._entered, self._trial = True, TRIAL
             self._inert.begin()
             self._order(ENTER)
-            self._follow(self._position, LEAST_KP, 0.0, 0.0)
-        elif self._trial > 0 or self._state is not DriveState.OPERATION_ENABLED:
-            self._follow(self._position, LEAST_KP, 0.0, 0.0)
-        else:
+        elif self._trial == 0 and self._state is DriveState.OPERATION_ENABLED:
             drive = self._drive
             pushed = drive.motor_direction * bounded_torque(torque, drive)
-            self._follow(position, drive.stiffness, drive.damping, pushed)
-        self._written = now
-        self._sync_encoder()
+            self._follow(counts, drive.stiffness, drive.damping, pushed)
+            return
+        self._follow(self._position, LEAST_KP, 0.0, 0.0)
+
+    def _relax(self, power: Power, now: float) -> None:
+        """Once without gains, so that none are left for the next time; and out of motor mode, in every cycle.
+
+        It has no quick stop: that is power off.
+        """
+        if self._entered:
+            self._order(pack_command(_LIMP, self._model))
+            self._until_off = self._unanswered + 1
+        self._entered, self._expected = False, 0.0
+        self._order(EXIT)
 
     def _follow(self, position: float, stiffness: float, damping: float, torque: float) -> None:
         """A command; what the drive should make of it is kept."""
         held = max(ROOM - HIGHEST_POSITION, min(HIGHEST_POSITION - ROOM, position))
         self._expected = stiffness * (held - self._position) - damping * self._speed + torque
         self._order(pack_command(AkCommand(held, 0.0, stiffness, damping, torque), self._model))
-
-    def _leave_motor_mode(self) -> None:
-        """Once without gains, so that none are left for the next time; and out of motor mode, in every cycle."""
-        if self._entered:
-            self._order(pack_command(_LIMP, self._model))
-            self._until_off = self._unanswered + 1
-        self._entered, self._expected = False, 0.0
-        self._order(EXIT)
 
     def _tell_off(self, number: int) -> None:
         """The order to leave motor mode; before the first one, once, no gains."""

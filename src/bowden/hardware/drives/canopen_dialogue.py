@@ -1,145 +1,84 @@
-"""Questions and answers with one CANopen node over SDO, by the `canopen` library; each failure is said in one line."""
+"""Questions and answers with one CANopen node over SDO (CiA 301); each failure is said in one line."""
 
 import contextlib
-import struct
-import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 
-import can
-import canopen
-from canopen.sdo.client import SdoClient
-from canopen.sdo.exceptions import SdoError
+from canopen.sdo.exceptions import SdoAbortedError, SdoCommunicationError, SdoError
 
 from bowden.core.errors import DriveError
+from bowden.hardware.buses.link import BusPort
 from bowden.hardware.drives import canopen_frames as frames
-from bowden.hardware.drives.checklist import nobody_there
+from bowden.hardware.drives.checklist import Conversation, Said, classic_frame, send_now
 
 NOT_THERE = (0x0602_0000, 0x0609_0011)
-"""SDO abort codes: no such object, no such sub-index (CiA 301)."""
-
-_TOO_LONG = 0x0607_0012
-"""SDO abort code: length of service parameter too high (CiA 301)."""
-
-_FAILURES = (SdoError, can.CanError, OSError, struct.error)
-"""What the library raises where nobody answers, or answers with what is none (`struct.error`)."""
-
-_SPECIFIER = 0xE0
-"""Bits of the first byte of an SDO frame that say what it is (CiA 301)."""
-
-_ANSWERS = {0x20: 0x60, 0x40: 0x40, 0x00: 0x20, 0x60: 0x00}
-"""What a client sends, download, upload and a segment of each → the answer."""
-
-_BEGINS = (0x20, 0x40)
-"""Of these, what names its object, as its answer does."""
-
-_TOGGLE = 0x10
-"""It alternates from segment to segment."""
-
-_ABORT = 0x80
-"""An abort of either side, which names its object too."""
-
+"""SDO abort codes: no such object, no such sub-index."""
+_TIMED_OUT, _TOO_LONG = 0x0504_0000, 0x0607_0012
+"""SDO abort codes of ours: no answer in time, length of service parameter too high."""
+_SPECIFIER, _ABORT = 0xE0, 0x80
+"""Bits of the first byte of an SDO frame that say what it is; an abort of either side."""
+_ANSWERS = {0x20: 0x60, 0x40: 0x40, 0x60: 0x00}
+"""What a client sends, download, upload and a segment of the latter → the answer; the first two name their object."""
+_EXPEDITED, _SIZED, _TOGGLE, _LAST = 0x02, 0x01, 0x10, 0x01
+"""Bits of an answer: its data are in it, their size is too; it alternates from segment to segment, it is the last."""
 _GLANCE = 5e-3
 """Between two looks at an object that is to change [s]."""
-
 _LONGEST = 64
 """Of an answer: numbers have four bytes, and no more of a text is shown [bytes]."""
-
 _TRIES = 2
 """Of a question, since a frame may get lost."""
+_OF_NODES = (frames.EMERGENCY, frames.TPDO1, frames.TPDO2, frames.TPDO3, 0x480, frames.SDO_ANSWER, frames.HEARTBEAT)
+"""What a node sends."""
 
 
-class BusListener(can.Listener):
-    """What has come over the bus beside answers.
+class Dialogue:
+    """One node, asked while nobody else reads its bus.
 
     Args:
-        node_id: the drive's.
-        host_id: ours.
+        port: of its bus, while no cycle runs.
+        node_id: whom to ask.
+        host_id: who we are.
+        timeout: how long an answer may take [s].
+        kind: what the node should be, for messages.
     """
 
-    def __init__(self, node_id: int, host_id: int) -> None:
-        self._node, self._ours = node_id, frames.of_the_host(node_id, host_id)
-        self.foreign: int | None = None
-        """COB-ID of the first frame that nobody but this host may send; None where none has come."""
+    def __init__(
+        self, port: BusPort, node_id: int, host_id: int, timeout: float, kind: str = "a CiA 402 drive"
+    ) -> None:
+        ours = frames.of_the_host(node_id, host_id)
+        self.bus = Conversation(port, node_id, lambda identifier, _: identifier in ours)
+        self.number, self.name = node_id, self.bus.name
+        """The node's."""
         self.booted = False
         """Whether the node has started again."""
         self.emergencies: list[int] = []
         """Error codes of the node, in their order."""
         self.transmitted = 0
         """How often TPDO 1 of the node has come."""
-
-    def on_message_received(self, msg: can.Message) -> None:
-        """Take in a frame; called by the library's thread."""
-        cob_id, data = msg.arbitration_id, bytes(msg.data)
-        if msg.is_error_frame or msg.is_extended_id:
-            return
-        if cob_id in self._ours and self.foreign is None:
-            self.foreign = cob_id
-        if cob_id == frames.HEARTBEAT + self._node and frames.unpack_heartbeat(data) == frames.BOOT_UP:
-            self.booted = True
-        if cob_id == frames.TPDO1 + self._node:
-            self.transmitted += 1
-        if cob_id == frames.EMERGENCY + self._node and (code := frames.unpack_emergency(data)):
-            self.emergencies.append(code)
-
-
-class _Client(SdoClient):
-    """The library's, which takes no answer to a question before: one that comes late would be read as of the next."""
-
-    _asked, _answer, _object = 0, 0, b""
-
-    def send_request(self, request: bytes) -> None:
-        if (kind := request[0] & _SPECIFIER) in _ANSWERS:
-            self._asked, self._answer = request[0], _ANSWERS[kind]
-            if kind in _BEGINS:
-                self._object = bytes(request[1:4])
-        super().send_request(request)  # type: ignore[no-untyped-call]
-
-    def on_response(self, can_id: int, data: bytes, timestamp: float) -> None:
-        if data and self._is_of_another(data[0] & _SPECIFIER, data):
-            return
-        super().on_response(can_id, data, timestamp)  # type: ignore[no-untyped-call]
-
-    def _is_of_another(self, kind: int, data: bytes) -> bool:
-        names = bytes(data[1:4])
-        if kind == _ABORT:
-            return any(names) and names != self._object
-        if kind != self._answer:
-            return True
-        if self._asked & _SPECIFIER in _BEGINS:
-            return names != self._object
-        return bool((data[0] ^ self._asked) & _TOGGLE)
-
-
-class _Node(canopen.RemoteNode):
-    def add_sdo(self, rx_cobid: int, tx_cobid: int) -> SdoClient:
-        client = _Client(rx_cobid, tx_cobid, self.object_dictionary)  # type: ignore[no-untyped-call]
-        self.sdo_channels.append(client)
-        return client
-
-
-class Dialogue:
-    """One node, asked while the library's thread runs.
-
-    Args:
-        network: the library's.
-        node_id: whom to ask.
-        timeout: how long an answer may take [s].
-        listener: what comes besides answers.
-        kind: what the node should be, for messages.
-    """
-
-    def __init__(
-        self, network: canopen.Network, node_id: int, timeout: float, listener: BusListener, kind: str
-    ) -> None:
-        self._network, self.listener, self._kind = network, listener, kind
-        self._node = network.add_node(_Node(node_id, _no_dictionary()))
-        self._node.sdo.RESPONSE_TIMEOUT, self._node.sdo.MAX_RETRIES = timeout, _TRIES
+        self._timeout, self._kind, self._nodes = timeout, kind, set[int]()
+        self._object = b""  # that the transfer is of
         self._kept: dict[tuple[int, int], tuple[int, int]] = {}
         """What was written last, and the bits of it that count."""
-        self._timeout = timeout
-        self.number = node_id
-        """The node's."""
-        self.name = f"node {node_id}"
+
+    def take(self, identifier: int, data: bytes) -> None:
+        """Note what a frame says beside answers."""
+        service, number = identifier & ~0x7F, identifier & 0x7F
+        if number and service in _OF_NODES:
+            self._nodes.add(number)
+        if number != self.number:
+            return
+        if service == frames.HEARTBEAT and frames.unpack_heartbeat(data) == frames.BOOT_UP:
+            self.booted = True
+        if service == frames.TPDO1:
+            self.transmitted += 1
+        if service == frames.EMERGENCY and (code := frames.unpack_emergency(data)):
+            self.emergencies.append(code)
+
+    def _noted(self, matches: Callable[[int, bytes], Said | None]) -> Callable[[int, bytes], Said | None]:
+        def looked_at(identifier: int, data: bytes) -> Said | None:
+            self.take(identifier, data)
+            return matches(identifier, data)
+
+        return looked_at
 
     def command(self, order: int) -> None:
         """An order of NMT.
@@ -155,28 +94,63 @@ class Dialogue:
         Raises:
             DriveError: no other device is on the bus.
         """
-        try:
-            self._network.send_message(cob_id, data)
-        except _FAILURES as error:
-            raise nobody_there(error) from error
+        send_now(self.bus.port.bus, classic_frame(cob_id, data))
 
     def answers(self) -> bool:
         """Whether the node answers at all; one that NMT has stopped, or that is not there, does not."""
         try:
             self._upload(0x1000, 0)
-        except canopen.SdoAbortedError:
+        except SdoAbortedError:
             return True
-        except _FAILURES:
+        except (SdoError, DriveError):
             return False
         return True
 
+    def _exchange(self, request: bytes) -> bytes:
+        """The answer to a request; one to a question before, that comes late, is not taken for it.
+
+        Raises:
+            SdoError: none, or an abort.
+            DriveError: no other device is on the bus.
+        """
+        asked, kind = request[0], _ANSWERS[request[0] & _SPECIFIER]
+        segment = kind == 0x00
+        if not segment:
+            self._object = request[1:4]
+
+        def answered(identifier: int, data: bytes) -> bytes | None:
+            if identifier != frames.SDO_ANSWER + self.number or len(data) != 8:
+                return None
+            if data[0] & _SPECIFIER == _ABORT:
+                return data if data[1:4] in (self._object, bytes(3)) else None
+            ours = not (data[0] ^ asked) & _TOGGLE if segment else data[1:4] == self._object
+            return data if ours and data[0] & _SPECIFIER == kind else None
+
+        question = classic_frame(frames.SDO_REQUEST + self.number, request)
+        said = self.bus.ask(question, self._timeout, self._noted(answered), _TRIES)
+        if said is None:
+            self._abort(_TIMED_OUT)
+            raise SdoCommunicationError("No SDO response received")
+        if said[0] & _SPECIFIER == _ABORT:
+            raise SdoAbortedError(int.from_bytes(said[4:], "little"))
+        return said
+
+    def _abort(self, code: int) -> None:
+        """End the transfer."""
+        self.send(frames.SDO_REQUEST + self.number, bytes((_ABORT,)) + self._object + code.to_bytes(4, "little"))
+
     def _upload(self, index: int, sub: int) -> bytes:
         """The bytes of an object, of one whose server never ends the first of them."""
-        stream, data = self._node.sdo.open(index, sub, buffering=0), b""
-        while len(data) < _LONGEST and (piece := stream.read(7)):
-            data += piece
-        if len(data) >= _LONGEST:
-            self._node.sdo.abort(_TOO_LONG)
+        said, data, toggle = self._exchange(frames.pack_sdo_read(index, sub)), b"", 0
+        if said[0] & _EXPEDITED:
+            return said[4 : 8 - (said[0] >> 2 & 3 if said[0] & _SIZED else 0)]
+        while len(data) < _LONGEST:
+            said = self._exchange(bytes((0x60 | toggle, *bytes(7))))
+            data += said[1 : 8 - (said[0] >> 1 & 7)]
+            if said[0] & _LAST:
+                return data
+            toggle ^= _TOGGLE
+        self._abort(_TOO_LONG)
         return data
 
     def waits(self, span: float, until: Callable[[], bool] = lambda: False) -> bool:
@@ -184,7 +158,7 @@ class Dialogue:
         for _ in range(round(span / _GLANCE)):
             if until():
                 return True
-            threading.Event().wait(_GLANCE)
+            self.bus.wait(_GLANCE, self.take)
         return until()
 
     def read_if_there(self, index: int, sub: int = 0, *, signed: bool = False) -> int | None:
@@ -195,11 +169,11 @@ class Dialogue:
         """
         try:
             return int.from_bytes(self._upload(index, sub), "little", signed=signed)
-        except canopen.SdoAbortedError as error:
+        except SdoAbortedError as error:
             if error.code in NOT_THERE:
                 return None
             raise DriveError(f"{self.name} does not report {index:04X}h:{sub}: {error}") from error
-        except _FAILURES as error:
+        except SdoError as error:
             raise DriveError(f"{self.name} does not answer for {index:04X}h:{sub}: {error}") from error
 
     def read(self, index: int, sub: int = 0, *, signed: bool = False) -> int:
@@ -239,7 +213,7 @@ class Dialogue:
         """A text, cut after 40 letters; empty where there is none."""
         try:
             said = self._upload(index, 0).decode("ascii", "replace")
-        except _FAILURES:
+        except (SdoError, DriveError):
             return ""
         return "".join(letter for letter in said if letter.isprintable())[:40]
 
@@ -251,8 +225,8 @@ class Dialogue:
         """
         written = value % (1 << 8 * size)
         try:
-            self._node.sdo.download(index, sub, written.to_bytes(size, "little"))
-        except _FAILURES as error:
+            self._exchange(frames.pack_sdo_write(index, sub, written, size))
+        except SdoError as error:
             raise DriveError(
                 f"{self.name} refuses {index:04X}h:{sub} = {value}: {error}",
                 expected=f"{self._kind} that takes it",
@@ -285,46 +259,16 @@ class Dialogue:
 
     def others(self) -> list[int]:
         """The numbers of the other nodes that answer."""
-        with contextlib.suppress(*_FAILURES):
-            self._network.scanner.search()
-        with contextlib.suppress(*_FAILURES):
-            self._upload(0x1000, 0)  # nobody answers this, and meanwhile the others do
-        return sorted(set(self._network.scanner.nodes) - {self.number})
+        with contextlib.suppress(DriveError):
+            for number in range(1, 128):
+                self.send(frames.SDO_REQUEST + number, frames.pack_sdo_read(0x1000, 0))
+            self.bus.wait(_TRIES * self._timeout, self.take)
+        return sorted(self._nodes - {self.number})
 
     def reaches(self, state: int, patience: int = 3) -> bool:
         """Whether one of the next heartbeats has that NMT state."""
-        for _ in range(patience):
-            with contextlib.suppress(canopen.nmt.NmtError):
-                self._node.nmt.wait_for_heartbeat(self._timeout)
-            if self._node.nmt._state == state:
-                return True
-        return False
 
+        def beat(identifier: int, data: bytes) -> int | None:
+            return frames.unpack_heartbeat(data) if identifier == frames.HEARTBEAT + self.number else None
 
-@contextlib.contextmanager
-def dialogue(
-    bus: can.BusABC, node_id: int, host_id: int, timeout: float, kind: str = "a CiA 402 drive"
-) -> Iterator[Dialogue]:
-    """A dialogue over our bus; at its end the library's thread is gone, and the bus still open.
-
-    Args:
-        bus: open, and read by nobody else.
-        node_id: whom to ask.
-        host_id: who we are.
-        timeout: how long an answer may take [s].
-        kind: what the node should be, for messages.
-    """
-    network, listener = canopen.Network(bus), BusListener(node_id, host_id)
-    network.listeners.append(listener)  # type: ignore[arg-type]  # it takes any listener
-    network.NOTIFIER_CYCLE = 0.02  # the thread is waited for at the end
-    network.connect()
-    try:
-        yield Dialogue(network, node_id, timeout, listener, kind)
-    finally:
-        if network.notifier is not None:
-            network.notifier.stop(5.0)
-
-
-def _no_dictionary() -> canopen.ObjectDictionary:
-    """The library wants an object dictionary; everything here is read and written by number."""
-    return canopen.ObjectDictionary()  # type: ignore[no-untyped-call]  # the library has no types for it
+        return any(self.bus.wait(self._timeout, self._noted(beat)) == state for _ in range(patience))

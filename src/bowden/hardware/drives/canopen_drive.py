@@ -7,7 +7,7 @@ Our heartbeat goes out from within `write` alone: a loop that hangs is a host th
 import math
 
 from bowden.core.signals import EMERGENCY_STOP, DriveState
-from bowden.hardware.buses.link import BusPort, Links
+from bowden.hardware.buses.link import BusPort
 from bowden.hardware.buses.unix_bus import REMOTE
 from bowden.hardware.drives import canopen_frames as frames
 from bowden.hardware.drives.canopen_setup import (
@@ -23,8 +23,8 @@ from bowden.hardware.drives.checklist import Found
 from bowden.hardware.drives.cia402 import WITH_TORQUE, Controlword, controlword, decode
 from bowden.hardware.drives.driver import Driver
 from bowden.hardware.drives.emergencies import SAFE_TORQUE_OFF
-from bowden.hardware.drives.families.cia402 import DriveParameters, check_parameters, load_of
-from bowden.hardware.drives.findings import UNWATCHED, WATCH_EVERY, LagWatch
+from bowden.hardware.drives.families.cia402 import DriveParameters, load_of
+from bowden.hardware.drives.findings import UNWATCHED, WATCH_EVERY
 from bowden.hardware.drives.scale import bounded_torque
 from bowden.hardware.ports import Power, TorqueLeft
 
@@ -35,7 +35,8 @@ MOST_ANGLES_AGE = 5
 """Cycles in which a node that is there has sent both angles."""
 
 MOST_DUE = 64
-"""TPDO 1 of this drive that may still come, at most: later ones are stale by every limit."""
+"""TPDO 1 of this drive that may still come, at most, but for those of a stall that goes on or has just ended: later
+ones are stale by every limit."""
 SPARE, REFILL = 8.0, 0.05
 """TPDO 1 that may come beyond one for each SYNC, as after a bit error at a frame's end, whose repetition is received
 twice; and how soon these are forgiven, a cycle. A second device that sends as often is found within nine cycles."""
@@ -47,24 +48,15 @@ REPEAT = 10e-3
 
 
 class CanopenDrive(Driver):
-    """The drive of one motor.
+    """The drive of one motor."""
 
-    Args:
-        parameters: of the drive, its encoders and its bus.
-        links: the buses of this process; of its own where none are given.
+    _drive: DriveParameters
+    synced = True
 
-    Raises:
-        ParameterError: parameters that make no sense.
-    """
-
-    def __init__(self, parameters: DriveParameters, links: Links | None = None) -> None:
-        check_parameters(parameters)
-        self._drive = parameters
-        super().__init__(parameters, links, synced=True)
-        self._reset_to(DriveState.NOT_READY_TO_SWITCH_ON)
-        self._begin(None)
+    def _prepare(self) -> None:
+        parameters = self._drive
         node, host = parameters.node_id, parameters.host_id
-        self._pushed = parameters.torque_offset > 0.0
+        self._pushed = parameters.needs.torque_offset > 0.0
         self._has_stop = parameters.emergency_stop_input >= 0
         self._tpdo1, self._tpdo2, self._tpdo3 = frames.TPDO1 + node, frames.TPDO2 + node, frames.TPDO3 + node
         self._beats, self._emergencies = frames.HEARTBEAT + node, frames.EMERGENCY + node
@@ -75,13 +67,13 @@ class CanopenDrive(Driver):
         self._ours = frames.of_the_host(node, host)
 
     def _find(self, port: BusPort) -> Found:
-        found = set_up(port.bus, self._drive)
+        found = set_up(port, self._drive)
         port.disturbed()
         return found
 
     def _restore(self) -> None:
         if self._port is not None and self._found is not None and self._found.state is not DriveState.FAULT:
-            restore(self._port.bus, self._drive)
+            restore(self._port, self._drive)
 
     def _concerns(self, identifier: int) -> bool:
         return identifier & 0x7F == self._drive.node_id or identifier in self._ours
@@ -95,23 +87,19 @@ class CanopenDrive(Driver):
         self._counts = 0  # the motor's position, as it came last
         self._stop_released, self._inputs_age = True, 0
         self._heartbeat_sent = -math.inf
-        self._due = SPARE  # TPDO 1 that may come
+        self._due, self._most = SPARE, float(MOST_DUE)  # TPDO 1 that may come, and how many they may become
         self._questioned, self._questioned_at = 0, -math.inf  # about the watch
         self._unwatched: set[int] = set()  # objects that are not as they were set
-        self._lag = self._watch()
         self._brake = False  # whether it is to hold; bring-up has released it
         self._brake_confirmed, self._brake_at = True, -math.inf
 
-    def _watch(self) -> LagWatch:
-        """For an inert motor, by the current that the rig's servo would draw; the drive's own gains are not known."""
-        drive, found = self._drive, self._found
-        count = 0.0 if found is None else self._current(1, found)
-        return LagWatch(drive.current_limit, drive.lag_current, drive.lag_time, abs(count))
+    def _least_current(self, found: Found) -> float:
+        return abs(self._current(1, found))
 
     def _current(self, torque: int, found: Found) -> float:
         """Of a torque in thousandths of the rated one [A]."""
         drive = self._drive
-        return drive.motor_direction * torque * 1e-3 * found.rated_torque / drive.torque_constant
+        return drive.motor_direction * torque * 1e-3 * found.rated_torque / drive.needs.torque_constant
 
     def _take(self, cob_id: int, data: bytes, now: float) -> bool:
         readings, drive, found = self._readings, self._drive, self._found
@@ -156,7 +144,7 @@ class CanopenDrive(Driver):
             readings.stopped()
         self._inputs_age += 1
         self._update_state(self._statusword_state if self._operational else DriveState.NOT_READY_TO_SWITCH_ON)
-        self._check_inert(self._lag, now)
+        self._check_inert(now)
         if self._unwatched and self._operational:
             readings.found(UNWATCHED)
         readings.sampled = self._written
@@ -179,7 +167,7 @@ class CanopenDrive(Driver):
         """
         if not self._up or self._found is None:
             return
-        fallen = self._has_fallen(power)
+        fallen = self._has_fallen(power, now)
         counts = self._found.motor.counts(target)
         if math.isnan(self._readings.motor):
             power = min(power, Power.READY)
@@ -195,7 +183,10 @@ class CanopenDrive(Driver):
         self._asked = self._sent == Controlword.ENABLE_OPERATION
         self._target, self._led = (target, self._led + 1) if led else (math.nan, 0)
         self._order(self._sent, round(counts), torque if led else 0.0)
-        self._written, self._due = now, min(self._due + (1.0 + REFILL if self._due < SPARE else 1.0), MOST_DUE)
+        due = self._due + (1.0 + REFILL if self._due < SPARE else 1.0)
+        age = self._readings.motor_age  # a drive that stalls answers all that was asked at once, later
+        self._most = max(self._most - REFILL, MOST_DUE + age if SPARE < age < math.inf else MOST_DUE)
+        self._written, self._due = now, min(due, self._most)
         if power is Power.OFF:
             self.set_brake(False)
         if not self._brake_confirmed and now - self._brake_at >= REPEAT:
@@ -204,7 +195,7 @@ class CanopenDrive(Driver):
         elif now - self._questioned_at >= WATCH_EVERY:  # after the SYNC, which it does not delay
             self._questioned, self._questioned_at = self._questioned + 1, now
             self._send(self._questions, frames.pack_sdo_read(*self._watched[self._questioned % len(self._watched)]))
-        if now - self._heartbeat_sent >= self._drive.heartbeat_time - 0.5 * self._drive.sample_time:
+        if now - self._heartbeat_sent >= self._drive.heartbeat_time - 0.5 * self._drive.needs.sample_time:
             self._heartbeat_sent = now
             self._send(self._heartbeat, _OPERATIONAL)
 
@@ -212,9 +203,8 @@ class CanopenDrive(Driver):
         """RPDO 1 and the SYNC at which it is taken; the torque is at the spool [N·m]."""
         drive, share = self._drive, None
         if self._pushed and self._found is not None:
-            share = round(
-                1e3 * drive.motor_direction * bounded_torque(torque, drive) / (drive.gear * self._found.rated_torque)
-            )
+            most = drive.needs.gear * self._found.rated_torque
+            share = round(1e3 * drive.motor_direction * bounded_torque(torque, drive) / most)
             share = max(-frames.INT16, min(frames.INT16 - 1, share))
         self._send(self._rpdo, frames.pack_rpdo1(control, counts, share))
         self._sync()

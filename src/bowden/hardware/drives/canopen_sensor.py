@@ -7,9 +7,8 @@ operational, and no emergency stands.
 Source: CiA 301, "PDO communication parameter", "PDO mapping parameter", "heartbeat", "emergency".
 """
 
-import contextlib
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 from bowden.core.errors import DriveError
@@ -17,8 +16,7 @@ from bowden.hardware.drives import canopen_frames as frames
 from bowden.hardware.drives import on_can
 
 if TYPE_CHECKING:
-    import can
-
+    from bowden.hardware.buses.link import BusPort
     from bowden.hardware.drives.canopen_dialogue import Dialogue
 
 HOST = 127
@@ -60,33 +58,32 @@ class SensorKind(NamedTuple):
     """Transmission type where it does not wait for a SYNC."""
 
 
-@contextlib.contextmanager
-def sensor(bus: "can.BusABC", node_id: int, timeout: float, kind: SensorKind) -> "Iterator[tuple[Dialogue, int]]":
+def sensor(port: "BusPort", node_id: int, timeout: float, kind: SensorKind) -> "tuple[Dialogue, int]":
     """A sensor that is there and of its kind, asked in pre-operational; and the high word of its 1000h.
 
     Raises:
         DriveError: nobody answers with that number, and who does; or another kind of device.
     """
-    from bowden.hardware.drives.canopen_dialogue import dialogue
+    from bowden.hardware.drives.canopen_dialogue import Dialogue
 
-    with dialogue(bus, node_id, HOST, timeout, f"a CiA {kind.profile} device") as node:
-        if not node.answers():
-            node.command(frames.NMT_PRE_OPERATIONAL)
-        said = node.device_type(
-            kind.what.removeprefix("the "),
-            f"a CANopen device (CiA {kind.profile})",
-            f"correct {kind.node_key}",
-            "supply, cable and bit rate",
-        )
-        profile, high = said & 0xFFFF, said >> 16
-        if profile != kind.profile or (kind.kinds and high not in kind.kinds):
-            raise DriveError(
-                f"{node.name} has device profile {profile} and type {high} (1000h is 0x{said:08X})",
-                expected=kind.expected,
-                do=f"correct {kind.node_key}",
-            )
+    node = Dialogue(port, node_id, HOST, timeout, f"a CiA {kind.profile} device")
+    if not node.answers():
         node.command(frames.NMT_PRE_OPERATIONAL)
-        yield node, high
+    said = node.device_type(
+        kind.what.removeprefix("the "),
+        f"a CANopen device (CiA {kind.profile})",
+        f"correct {kind.node_key}",
+        "supply, cable and bit rate",
+    )
+    profile, high = said & 0xFFFF, said >> 16
+    if profile != kind.profile or (kind.kinds and high not in kind.kinds):
+        raise DriveError(
+            f"{node.name} has device profile {profile} and type {high} (1000h is 0x{said:08X})",
+            expected=kind.expected,
+            do=f"correct {kind.node_key}",
+        )
+    node.command(frames.NMT_PRE_OPERATIONAL)
+    return node, high
 
 
 def start(
@@ -128,9 +125,9 @@ def start(
         )
     node.keeps_all()
     if synced:
-        node.listener.transmitted = 0
+        node.transmitted = 0
         node.send(frames.SYNC, b"")
-        if not node.waits(0.1, lambda: node.listener.transmitted > 0):
+        if not node.waits(0.1, lambda: node.transmitted > 0):
             said = f"{node.name}, {kind.what}, sends nothing at a SYNC"
             raise DriveError(said, expected=f"{kind.value} in TPDO 1", do=kind.sync_hint)
 

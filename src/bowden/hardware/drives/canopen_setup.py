@@ -7,14 +7,12 @@ import contextlib
 import math
 from collections.abc import Iterator
 
-import can
-
 from bowden.core.errors import DriveError
 from bowden.core.signals import DriveState
-from bowden.hardware.buses.link import Links
+from bowden.hardware.buses.link import BusPort, Links
 from bowden.hardware.buses.opening import UNIX
 from bowden.hardware.drives import canopen_frames as frames
-from bowden.hardware.drives.canopen_dialogue import Dialogue, dialogue
+from bowden.hardware.drives.canopen_dialogue import Dialogue
 from bowden.hardware.drives.checklist import DriveLimit, Found, check_limits, joined, refuse_torque
 from bowden.hardware.drives.cia402 import CYCLIC_SYNCHRONOUS_POSITION, WITH_TORQUE, Controlword, decode
 from bowden.hardware.drives.emergencies import HEARTBEAT_LOST, emergency_text
@@ -53,47 +51,47 @@ OUTPUTS = 0x60FE
 """Digital outputs: bit 0 of sub-index 1 is the brake's, sub-index 2 says which bits are the host's (CiA 402-2)."""
 
 
-def set_up(bus: can.BusABC, drive: DriveParameters) -> Found:
-    """Find, check and configure the drive and start its PDOs; afterwards nothing of the library runs any more.
+def set_up(port: BusPort, drive: DriveParameters) -> Found:
+    """Find, check and configure the drive and start its PDOs.
 
     Args:
-        bus: open, and read by nobody else.
+        port: of its bus, read by nobody else.
         drive: what the rig says of it.
 
     Raises:
         DriveError: no answer, not a CiA 402 servo drive, it does not know the mode, it refuses a setting, it is under
             torque, or the rig's limits are beyond its own.
     """
-    with dialogue(bus, drive.node_id, drive.host_id, drive.answer_timeout) as node:
-        node.waits(LISTENING, lambda: node.listener.foreign is not None)
-        check_alone(node, drive)
-        node.listener.booted = False  # one that has just been switched on
-        if not node.answers():  # an end of ours has stopped it: only then may it be written to before it is known
-            node.command(frames.NMT_PRE_OPERATIONAL)
-        _check_profile(node)
-        state = _check_torque_free(node)
+    node = Dialogue(port, drive.node_id, drive.host_id, drive.answer_timeout)
+    node.waits(LISTENING, lambda: node.bus.foreign is not None)
+    check_alone(node, drive)
+    node.booted = False  # one that has just been switched on
+    if not node.answers():  # an end of ours has stopped it: only then may it be written to before it is known
         node.command(frames.NMT_PRE_OPERATIONAL)
-        _check_mode(node)
-        _check_scale(node, drive)
-        motor, joint = motor_scale(drive), joint_scale(drive)
-        if drive.home == "here":
-            motor = motor_scale(drive, node.read(0x6064, signed=True))
-            joint = joint_scale(drive, node.read(0x60E4, 2, signed=True))
-        _check_limits(node, drive, motor)
-        _configure(node, drive)
-        rated_torque = 1e-6 * node.read(0x6076)
-        if rated_torque == 0.0:
-            raise DriveError(
-                f"{node.name} has a rated torque (6076h) of 0",
-                expected="the motor's, in µN·m",
-                do="set the motor's data in the drive with its maker's tool",
-            )
-        _check_rated(node, drive, rated_torque / drive.torque_constant)
-        said, serial = identity(node, state), serial_of(node)
-        _start(node)
-        _try_watch(node, drive, state)
-        check_alone(node, drive)
-    if node.listener.booted:
+    _check_profile(node)
+    state = _check_torque_free(node)
+    node.command(frames.NMT_PRE_OPERATIONAL)
+    _check_mode(node)
+    _check_scale(node, drive)
+    motor, joint = motor_scale(drive), joint_scale(drive)
+    if drive.home == "here":
+        motor = motor_scale(drive, node.read(0x6064, signed=True))
+        joint = joint_scale(drive, node.read(0x60E4, 2, signed=True))
+    _check_limits(node, drive, motor)
+    _configure(node, drive)
+    rated_torque = 1e-6 * node.read(0x6076)
+    if rated_torque == 0.0:
+        raise DriveError(
+            f"{node.name} has a rated torque (6076h) of 0",
+            expected="the motor's, in µN·m",
+            do="set the motor's data in the drive with its maker's tool",
+        )
+    _check_rated(node, drive, rated_torque / drive.needs.torque_constant)
+    said, serial = identity(node, state), serial_of(node)
+    _start(node)
+    _try_watch(node, drive, state)
+    check_alone(node, drive)
+    if node.booted:
         raise DriveError(
             f"{node.name} has restarted during its bring-up",
             expected="a drive that stays on",
@@ -108,7 +106,7 @@ def check_alone(node: Dialogue, drive: DriveParameters) -> None:
     Raises:
         DriveError: one has.
     """
-    cob_id = node.listener.foreign
+    cob_id = node.bus.foreign
     if cob_id is not None:
         who = (
             f"a node {drive.host_id}, which is the number of this computer,"
@@ -138,11 +136,9 @@ def _try_watch(node: Dialogue, drive: DriveParameters, state: DriveState) -> Non
     """
     if state is DriveState.FAULT and node.read_if_there(0x603F) == HEARTBEAT_LOST:
         return
-    node.listener.emergencies.clear()
+    node.emergencies.clear()
     node.send(frames.HEARTBEAT + drive.host_id, bytes((frames.OPERATIONAL,)))
-    if not node.waits(
-        drive.heartbeat_timeout + drive.answer_timeout, lambda: HEARTBEAT_LOST in node.listener.emergencies
-    ):
+    if not node.waits(drive.heartbeat_timeout + drive.answer_timeout, lambda: HEARTBEAT_LOST in node.emergencies):
         raise DriveError(
             f"{node.name} does not notice that its host is silent",
             expected=f"an emergency 0x{HEARTBEAT_LOST:X} {1e3 * drive.heartbeat_timeout:g} ms after our last heartbeat",
@@ -162,29 +158,30 @@ def _try_watch(node: Dialogue, drive: DriveParameters, state: DriveState) -> Non
         _reset(node, drive)
 
 
-def restore(bus: can.BusABC, drive: DriveParameters) -> None:
+def restore(port: BusPort, drive: DriveParameters) -> None:
     """Bring back a drive that has missed its host's heartbeat while another drive on its bus was tried: both get it.
 
     Args:
-        bus: open, and read by nobody else.
+        port: of its bus, read by nobody else.
         drive: that was set up, without a fault.
 
     Raises:
         DriveError: it does not answer, or stays in fault.
     """
-    with dialogue(bus, drive.node_id, drive.host_id, drive.answer_timeout) as node:
-        if node.read_if_there(0x603F) != HEARTBEAT_LOST:
-            return
-        if not node.reaches(frames.OPERATIONAL, 1):
-            _start(node)
-        if decode(node.read(0x6041)) is DriveState.FAULT:
-            _reset(node, drive)
+    node = Dialogue(port, drive.node_id, drive.host_id, drive.answer_timeout)
+    if node.read_if_there(0x603F) != HEARTBEAT_LOST:
+        return
+    if not node.reaches(frames.OPERATIONAL, 1):
+        _start(node)
+    if decode(node.read(0x6041)) is DriveState.FAULT:
+        _reset(node, drive)
 
 
 def _reset(node: Dialogue, drive: DriveParameters) -> None:
     """Reset the fault of a lost host."""
     for word in (Controlword.DISABLE_VOLTAGE, Controlword.FAULT_RESET, Controlword.DISABLE_VOLTAGE):
-        node.send(frames.RPDO1 + drive.node_id, frames.pack_rpdo1(word, 0, 0 if drive.torque_offset > 0.0 else None))
+        push = 0 if drive.needs.torque_offset > 0.0 else None
+        node.send(frames.RPDO1 + drive.node_id, frames.pack_rpdo1(word, 0, push))
         node.send(frames.SYNC, b"")
     if not node.waits(drive.answer_timeout, lambda: decode(node.read(0x6041)) is not DriveState.FAULT):
         raise DriveError(
@@ -257,10 +254,10 @@ def _check_scale(node: Dialogue, drive: DriveParameters) -> None:
 def _check_rated(node: Dialogue, drive: DriveParameters, rated: float) -> None:
     """Whether thousandths of the `rated` current [A] can express the rig's: 16 bits must hold its largest finely."""
     most, least = 1e-3 * frames.INT16 * rated, 1e-3 * rated
-    if drive.current_limit > 0.0 and not 100.0 * least <= drive.current_limit <= most:
+    if drive.needs.current_limit > 0.0 and not 100.0 * least <= drive.needs.current_limit <= most:
         raise DriveError(
             f"{node.name} reports currents from {least:.3g} to {most:.3g} A by its rated torque (6076h) and the "
-            f"motor's torque constant, and the rig's largest is {drive.current_limit:g} A",
+            f"motor's torque constant, and the rig's largest is {drive.needs.current_limit:g} A",
             expected="a rated torque of the motor's size, in µN·m",
             do="set the motor's data in the drive with its maker's tool, or correct the torque constant in [motor]",
         )
@@ -278,20 +275,21 @@ def _check_limits(node: Dialogue, drive: DriveParameters, motor: Scale | SuitSca
             )
         low, high = -frames.INT32, frames.INT32 - 1  # its counter's own
     ends = sorted((motor.angle(low), motor.angle(high)))
-    spool = motor.steepest(drive.lowest_motor, drive.highest_motor)  # the drive's own limits are the spool's
-    unit = _speed_unit(node) / drive.gear / spool
+    needs = drive.needs
+    spool = motor.steepest(needs.lowest_motor, needs.highest_motor)  # the drive's own limits are the spool's
+    unit = _speed_unit(node) / needs.gear / spool
     window, current = abs(motor.step) / spool, 1e-3
     asked = (
-        ("speed limit", drive.speed_limit, "rad/s", (0x6080, 0), unit),
-        ("speed limit", drive.speed_limit, "rad/s", (0x607F, 0), unit),
-        ("following error", drive.following_error, "rad", (0x6065, 0), window),
-        ("current limit", drive.current_limit, "A", (0x3001, 2), current),
+        ("speed limit", needs.speed_limit, "rad/s", (0x6080, 0), unit),
+        ("speed limit", needs.speed_limit, "rad/s", (0x607F, 0), unit),
+        ("following error", needs.following_error, "rad", (0x6065, 0), window),
+        ("current limit", needs.current_limit, "A", (0x3001, 2), current),
     )
     own = [(*limit, node.read_if_there(*limit[3])) for limit in asked]
     check_limits(
         (
-            DriveLimit("lowest motor angle", drive.lowest_motor, ends[0], "rad", "607Dh", lower=True),
-            DriveLimit("highest motor angle", drive.highest_motor, ends[1], "rad", "607Dh"),
+            DriveLimit("lowest motor angle", needs.lowest_motor, ends[0], "rad", "607Dh", lower=True),
+            DriveLimit("highest motor angle", needs.highest_motor, ends[1], "rad", "607Dh"),
             *(
                 DriveLimit(what, rig, count * size, unit_, f"{at[0]:04X}h")
                 for what, rig, unit_, at, size, count in own
@@ -326,7 +324,7 @@ def _configure(node: Dialogue, drive: DriveParameters) -> None:
             expected=f"{CYCLIC_SYNCHRONOUS_POSITION}, cyclic synchronous position, as written to 6060h",
             do="see with its maker's tool what keeps it there",
         )
-    node.write(0x60C2, 1, round(1e3 * drive.sample_time), 1)
+    node.write(0x60C2, 1, round(1e3 * drive.needs.sample_time), 1)
     node.write(0x60C2, 2, -3, 1)
     try:
         node.write(0x6007, 0, FAULT_SIGNAL, 2)
@@ -379,7 +377,7 @@ def heartbeat_consumer(drive: DriveParameters) -> int:
 def _map_orders(node: Dialogue, drive: DriveParameters) -> None:
     """RPDO 1, with the torque offset where the rig has one; elsewhere what somebody has left in 60B2h is taken out."""
     cob_id = frames.RPDO1 + drive.node_id
-    if drive.torque_offset == 0.0:
+    if drive.needs.torque_offset == 0.0:
         if node.read_if_there(0x60B2):
             node.write(0x60B2, 0, 0, 2)
         _map(node, 0x1400, cob_id, frames.RPDO1_MAPPING)
@@ -454,15 +452,14 @@ def probe(drive: DriveParameters, links: Links) -> list[FoundDevice]:
         DriveError: the bus cannot be used, or another host is on it.
     """
     with joined(place(drive), drive.node_id, links) as port:
-        with dialogue(port.bus, drive.node_id, drive.host_id, drive.answer_timeout) as node:
-            node.waits(LISTENING, lambda: node.listener.foreign is not None)
-            check_alone(node, drive)
-            there = [drive.node_id] * node.answers() + node.others()
+        node = Dialogue(port, drive.node_id, drive.host_id, drive.answer_timeout)
+        node.waits(LISTENING, lambda: node.bus.foreign is not None)
+        check_alone(node, drive)
         found = []
-        for number in sorted(there):
-            with dialogue(port.bus, number, drive.host_id, drive.answer_timeout) as node:
-                kind = (node.read_if_there(0x1000) or 0) & 0xFFFF
-                what = f"{PROFILES.get(kind, 'device')} (CiA {kind})" if kind else "CANopen device"
-                state = decode(node.read_if_there(0x6041) or 0) if kind == 402 else None
-                found.append(FoundDevice(number, what, identity(node, state), "" if state is None else state.name))
+        for number in sorted([drive.node_id] * node.answers() + node.others()):
+            node = Dialogue(port, number, drive.host_id, drive.answer_timeout)
+            kind = (node.read_if_there(0x1000) or 0) & 0xFFFF
+            what = f"{PROFILES.get(kind, 'device')} (CiA {kind})" if kind else "CANopen device"
+            state = decode(node.read_if_there(0x6041) or 0) if kind == 402 else None
+            found.append(FoundDevice(number, what, identity(node, state), "" if state is None else state.name))
         return found

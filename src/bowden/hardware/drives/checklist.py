@@ -22,6 +22,7 @@ from bowden.core.errors import DriveError
 from bowden.core.signals import DriveState
 from bowden.hardware.buses.link import BusPort, Links
 from bowden.hardware.buses.place import BusPlace
+from bowden.hardware.buses.unix_bus import EXTENDED
 from bowden.hardware.drives.scale import MotorLimits, Scale, SuitScale
 
 LISTENING = 0.5
@@ -92,7 +93,8 @@ class Conversation:
     ) -> None:
         self._clock = MonotonicClock() if clock is None else clock
         self.port, self.name, self._is_foreign, self._others = port, f"node {node}", is_foreign, others
-        self._foreign: int | None = None
+        self.foreign: int | None = None
+        """Identifier of the first frame that nobody but this host may send; None where none has come."""
 
     def check_alone(self) -> None:
         """No other master may have been heard.
@@ -100,9 +102,9 @@ class Conversation:
         Raises:
             DriveError: one has been.
         """
-        if self._foreign is not None:
+        if self.foreign is not None:
             raise DriveError(
-                f"another master speaks to {self.name}, or it answers one (a frame {self._foreign:03X}h)",
+                f"another master speaks to {self.name}, or it answers one (a frame {self.foreign & ~EXTENDED:03X}h)",
                 expected="one host",
                 do=f"end {self._others} first, or correct node_id in [drive]",
             )
@@ -129,8 +131,8 @@ class Conversation:
                 if left <= 0.0:
                     break
                 continue
-            if self._foreign is None and self._is_foreign(*frame):
-                self._foreign = frame[0]
+            if self.foreign is None and self._is_foreign(*frame):
+                self.foreign = frame[0]
             said = matches(*frame)
             if said is not None:
                 return said

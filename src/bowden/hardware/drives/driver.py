@@ -6,7 +6,7 @@ are on the wire is its family's. The bus is joined at the first bring-up, and le
 
 import math
 from abc import ABC, abstractmethod
-from typing import Any
+from typing import Any, ClassVar
 
 from bowden.core.signals import DriveReading, DriveState
 from bowden.hardware.buses.link import BusPort, Frame, Links
@@ -14,9 +14,9 @@ from bowden.hardware.buses.unix_bus import ERROR, REMOTE
 from bowden.hardware.drives import canopen_frames as canopen
 from bowden.hardware.drives.checklist import Found
 from bowden.hardware.drives.findings import INERT, LOST_TURNS, LagWatch
-from bowden.hardware.drives.joint_encoder import JointEncoder, JointEncoderParameters
+from bowden.hardware.drives.joint_encoder import JointEncoder, joint_encoder_of
 from bowden.hardware.drives.limited_range import TurnCount
-from bowden.hardware.drives.on_can import place
+from bowden.hardware.drives.on_can import place, require
 from bowden.hardware.drives.readings import Readings
 from bowden.hardware.ports import Power, TorqueLeft
 
@@ -34,25 +34,39 @@ class Driver(ABC):
     """The driver of one motor; see `hardware.ports.Drive`.
 
     Args:
-        drive: parameters of the family, checked.
+        parameters: of the family: the drive, the joint's encoder and the bus.
         links: the buses of this process; of its own where none are given.
-        joint: the joint's encoder beside the drive, or None.
-        synced: whether the drive itself waits for a SYNC in each cycle.
+
+    Raises:
+        ParameterError: parameters that make no sense.
     """
 
-    def __init__(
-        self, drive: Any, links: Links | None, joint: JointEncoderParameters | None = None, *, synced: bool = False
-    ) -> None:
+    synced: ClassVar[bool] = False
+    """Whether the drive itself waits for a SYNC in each cycle."""
+    turn: float = math.inf
+    """Of the motor, in the drive's unit; infinite of a drive that cannot lose count of turns."""
+    most_counts: float = math.inf
+    """Either way, in the drive's unit: a target beyond is never sent."""
+
+    def __init__(self, parameters: Any, links: Links | None = None) -> None:
+        require(parameters)
+        drive = self._drive = parameters
+        joint = joint_encoder_of(drive)
         self._encoder = None if joint is None else JointEncoder(joint, drive.answer_timeout)
         self._syncs_encoder = self._encoder is not None and self._encoder.synced
         self._place, self._node, self._links = place(drive), f"node {drive.node_id}", links or Links()
-        self._synced = synced or self._syncs_encoder
         self._port: BusPort | None = None
         self._errors = 0
         self._readings, self._up = Readings(), False
         self._found: Found | None = None
         self.serial = ""
         """See `hardware.ports.serial_of`."""
+        self._prepare()
+        self._start(None)
+
+    @abstractmethod
+    def _prepare(self) -> None:
+        """What does not change while it is on."""
 
     @abstractmethod
     def _concerns(self, identifier: int) -> bool:
@@ -78,9 +92,28 @@ class Driver(ABC):
     def _judge(self, now: float) -> None:
         """Where the drive is in this cycle, by `_update_state`, and what it does not say itself."""
 
-    @abstractmethod
-    def write(self, target: float, power: Power, now: float, torque: float = 0.0) -> None:
-        """See `hardware.ports.Drive.write`."""
+    def _lead(self, found: Found, counts: float, target: float, torque: float, now: float) -> None:
+        """The order with power: to the mode in which the drive follows, and there to the target.
+
+        Until it is in that mode it is sent to where it is, so that enabling moves nothing. A torque offset goes out
+        only with the order to follow the target, to a drive that does, and within the rig's bound.
+
+        Args:
+            found: at bring-up.
+            counts: the target, in the drive's unit.
+            target: [rad]
+            torque: offset at the spool [N·m].
+            now: [s]
+        """
+        raise NotImplementedError  # replaced, or `write` is
+
+    def _relax(self, power: Power, now: float) -> None:
+        """The order without: torque off, or `Power.QUICK_STOP` of a drive that has one."""
+        raise NotImplementedError  # replaced, or `write` is
+
+    def _ask(self, now: float) -> None:
+        """What the drive is asked for after the order; of most families it is asked with it."""
+        return
 
     @abstractmethod
     def _tell_off(self, number: int) -> None:
@@ -95,18 +128,17 @@ class Driver(ABC):
         self._up, self._found = False, None
         if self._port is None:
             self._port = self._links.join(
-                self._place, self._node, self._wants, synced=self._synced, restore=self._restore
+                self._place, self._node, self._wants, synced=self.synced or self._syncs_encoder, restore=self._restore
             )
         else:
             self._port.take_all()  # and forget it
         try:
             found = self._found = self._find(self._port)
             self.serial = found.serial
-            self._reset_to(found.state)
-            self._begin(found)
+            self._start(found)
             said = found.identity
             if self._encoder is not None:
-                said += f"; joint: {self._encoder.bring_up(self._port.bus)}"
+                said += f"; joint: {self._encoder.bring_up(self._port)}"
         except BaseException:
             self._leave()
             raise
@@ -122,16 +154,24 @@ class Driver(ABC):
         """Be as it was brought up, after another drive on this bus was; see `BusPort.disturbed`."""
         return
 
-    def _reset_to(self, state: DriveState) -> None:
-        """Nothing has been read or sent yet, and the drive is in that state."""
-        self._state = self._before = state
+    def _start(self, found: Found | None) -> None:
+        """Nothing has been read or sent yet, and the drive is as bring-up found it, or is still to be found."""
+        self._state = self._before = DriveState.NOT_READY_TO_SWITCH_ON if found is None else found.state
         self._asked = False  # whether the cycle before asked for operation
         self._fell = False  # it has left operation by itself: it is not switched on again before power off is wanted
         self._lost = False  # it may have started again
         self._reset = False  # an operator's word for the fault
         self._led = 0  # orders to follow the target, in a row
         self._target = self._written = math.nan  # of the cycle before [rad], [s]
+        self._count = TurnCount(self.turn, math.inf if found is None else found.limits.speed)
+        needs, least = self._drive.needs, 0.0 if found is None else self._least_current(found)
+        self._lag = LagWatch(needs.current_limit, needs.lag_current, needs.lag_time, least)
         self._readings.begin()
+        self._begin(found)
+
+    def _least_current(self, found: Found) -> float:
+        """One step of the current as the drive tells it [A]."""
+        return 0.0
 
     def read(self, now: float) -> DriveReading:
         """See `hardware.ports.Drive.read`."""
@@ -171,9 +211,9 @@ class Driver(ABC):
         """Error frames, and frames that could not be sent or read."""
         return float(self._errors + (self._port.errors if self._port else 0))
 
-    def _check_turns(self, count: TurnCount, position: float, now: float) -> None:
+    def _check_turns(self, position: float, now: float) -> None:
         """One that has lost count of its motor's turns is another than was brought up."""
-        if count.lost(position, now):
+        if self._count.lost(position, now):
             self._lost = True
             self._readings.found(LOST_TURNS)
 
@@ -187,7 +227,7 @@ class Driver(ABC):
         """Where the drive is in this cycle."""
         self._before, self._state = self._state, state
 
-    def _has_fallen(self, power: Power) -> bool:
+    def _has_fallen(self, power: Power, now: float) -> bool:
         """Whether the drive has left operation by itself and must not be switched on again as if nothing was.
 
         A drive whose master was silent for a moment may be without torque when the master is back; switching it on
@@ -198,12 +238,39 @@ class Driver(ABC):
         self._fell = power is not Power.OFF and (self._fell or left)
         return self._fell
 
-    def _check_inert(self, watch: LagWatch, now: float) -> None:
+    def _check_inert(self, now: float) -> None:
         """Whether the motor does not follow a target that it is to follow."""
         readings, led = self._readings, self._state is DriveState.OPERATION_ENABLED and self._led >= SETTLED
         fresh = readings.motor_age == 0.0
-        if watch.inert(readings.motor, self._target, readings.current, now, led=led, fresh=fresh):
+        if self._lag.inert(readings.motor, self._target, readings.current, now, led=led, fresh=fresh):
             readings.found(INERT)
+
+    def write(self, target: float, power: Power, now: float, torque: float = 0.0) -> None:
+        """See `hardware.ports.Drive.write`.
+
+        A target that is no number, or beyond what the drive counts, is never sent: the torque goes off. There is none
+        before the drive has sent its position. A drive that has left operation by itself, as when its watchdog has run
+        out, is not switched on again before `Power.OFF` has been wanted.
+        """
+        found = self._found
+        if found is None or not self._up:
+            return
+        fallen = self._has_fallen(power, now)
+        counts = found.motor.counts(target) if math.isfinite(target) else math.nan
+        fine = abs(counts) <= self.most_counts and math.isfinite(self._readings.motor) and not self._lost
+        if power is Power.ON and fine and not fallen and self._can_lead():
+            self._lead(found, counts, target, torque, now)
+            self._asked = True
+        else:
+            self._relax(power, now)
+            self._asked, self._led, self._target = False, 0, math.nan
+        self._ask(now)
+        self._written = now
+        self._sync_encoder()
+
+    def _can_lead(self) -> bool:
+        """Whether the drive's own state lets it be ordered to follow."""
+        return self._state is not DriveState.FAULT
 
     def _send(self, identifier: int, data: bytes) -> None:
         """Send a frame, see `buses.opening.putter`; what cannot be sent is counted."""

@@ -28,7 +28,7 @@ def zeroed(drive: Parameters, values: DriveReading, motor: float = 0.0, joint: f
         raise DriveError("the drive has not reported a position yet", do="read a few cycles first")
     if drive.home == "here":  # the next bring-up finds the present position by itself
         return drive._replace(motor_home=motor, joint_home=joint)
-    moved, spool = drive.motor_home + motor - values.motor, drive.spool
+    moved, spool = drive.motor_home + motor - values.motor, drive.needs.spool
     if spool is not None:  # what is added is an angle of the spool
         turned = spool_of(drive.motor_home, spool) + spool_of(motor, spool) - spool_of(values.motor, spool)
         moved = motor_of(turned, spool)

@@ -20,8 +20,7 @@ from bowden.hardware.drives.limited_range import LimitedRange
 from bowden.hardware.drives.scale import Scale
 
 if TYPE_CHECKING:
-    import can
-
+    from bowden.hardware.buses.link import BusPort
     from bowden.hardware.drives.canopen_dialogue import Dialogue
 
 KINDS = {1: "a single-turn absolute rotary encoder", 2: "a multi-turn absolute rotary encoder"}
@@ -77,7 +76,7 @@ class JointEncoderParameters(NamedTuple):
 
 def joint_encoder_of(drive: Any) -> JointEncoderParameters | None:
     """What a family's parameters with the keys above say of it; None where there is none."""
-    if drive.joint != "cia406":
+    if getattr(drive, "joint", "none") != "cia406":
         return None
     return JointEncoderParameters(
         drive.joint_node_id,
@@ -147,29 +146,29 @@ class JointEncoder:
         """Whether a frame is one that only its host may send."""
         return identifier in self._health.ours
 
-    def bring_up(self, bus: "can.BusABC") -> str:
+    def bring_up(self, port: "BusPort") -> str:
         """Find, check and configure it, and start it; who it is, in one line.
 
         Args:
-            bus: open, and read by nobody else meanwhile.
+            port: of its bus, read by nobody else meanwhile.
 
         Raises:
             DriveError: no answer, no encoder, another resolution than the rig's, an alarm, or a refused setting.
         """
         given = self._given
-        with sensor(bus, self.node_id, self._timeout, KIND) as (node, turns):
-            span = _check_resolution(node, given.counts_per_turn)
-            if node.read_if_there(0x6503):
-                raise DriveError(
-                    f"{node.name}, {KIND.what}, reports an alarm (6503h is 0x{node.read(0x6503):X})",
-                    expected="no alarm",
-                    do="see what its maker's manual says of it",
-                )
-            step = given.direction * 2.0 * math.pi / given.counts_per_turn
-            at_home = node.read(0x6004) if given.here else 0
-            self._scale = Scale(step, given.home - step * at_home)
-            start(node, KIND, (POSITION,), synced=given.synced, timer=self._set_timer)
-            who = f"{node.text(0x1008) or KINDS[turns]} at {node.name}, {given.counts_per_turn:g} counts a turn"
+        node, turns = sensor(port, self.node_id, self._timeout, KIND)
+        span = _check_resolution(node, given.counts_per_turn)
+        if node.read_if_there(0x6503):
+            raise DriveError(
+                f"{node.name}, {KIND.what}, reports an alarm (6503h is 0x{node.read(0x6503):X})",
+                expected="no alarm",
+                do="see what its maker's manual says of it",
+            )
+        step = given.direction * 2.0 * math.pi / given.counts_per_turn
+        at_home = node.read(0x6004) if given.here else 0
+        self._scale = Scale(step, given.home - step * at_home)
+        start(node, KIND, (POSITION,), synced=given.synced, timer=self._set_timer)
+        who = f"{node.text(0x1008) or KINDS[turns]} at {node.name}, {given.counts_per_turn:g} counts a turn"
         self._turns = LimitedRange(span)
         if span > 0.0:
             self._turns.follow(at_home if given.here else 0.0)  # angles begin within half a range of home

@@ -117,7 +117,7 @@ class LoadCellReader:
 
         def is_it(identifier: int, data: bytes) -> bool:
             others.add(identifier & ~EXTENDED)
-            return identifier == given.identifier
+            return identifier == self._frame
 
         frame = port.wait_for(is_it, LOOKED)
         if frame is None:
@@ -146,10 +146,10 @@ class LoadCellReader:
 
     def _find_node(self, port: "BusPort") -> str:
         given = self.given
-        with sensor(port.bus, given.node_id, self._timeout, KIND) as (node, _):
-            mapped, said = self._mapped(node), self._unit(node)
-            start(node, KIND, mapped, synced=self.synced, timer=self._set_timer)
-            who = node.text(0x1008) or "a measuring device"
+        node, _ = sensor(port, given.node_id, self._timeout, KIND)
+        mapped, said = self._mapped(node), self._unit(node)
+        start(node, KIND, mapped, synced=self.synced, timer=self._set_timer)
+        who = node.text(0x1008) or "a measuring device"
         self._health.begin()
         return f"{who} at {node.name}, {abs(given.scale):g} {given.unit} a count{said}"
 

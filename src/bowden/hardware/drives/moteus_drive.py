@@ -9,14 +9,14 @@ fault is asked and not commanded.
 import math
 
 from bowden.core.signals import DriveState
-from bowden.hardware.buses.link import BusPort, Links
+from bowden.hardware.buses.link import BusPort
 from bowden.hardware.buses.unix_bus import EXTENDED
 from bowden.hardware.drives import moteus_frames as frames
 from bowden.hardware.drives.checklist import Found
 from bowden.hardware.drives.driver import SETTLED, Driver
-from bowden.hardware.drives.families.moteus import MoteusParameters, check_parameters, command_of
-from bowden.hardware.drives.findings import LEFT, UNWATCHED, LagWatch
-from bowden.hardware.drives.limited_range import LimitedRange, TurnCount
+from bowden.hardware.drives.families.moteus import MoteusParameters, command_of
+from bowden.hardware.drives.findings import LEFT, UNWATCHED
+from bowden.hardware.drives.limited_range import LimitedRange
 from bowden.hardware.drives.moteus_frames import TIMED_OUT, BoardMode
 from bowden.hardware.drives.moteus_setup import SAME_TIME, WITHOUT_TORQUE, is_answer, is_foreign, set_up, state_of
 from bowden.hardware.ports import Power
@@ -25,28 +25,19 @@ _NO_FLAGS = ~EXTENDED & 0xFFFF_FFFF
 
 
 class MoteusDrive(Driver):
-    """The drive of one motor.
+    """The drive of one motor."""
 
-    Args:
-        parameters: of the board, the joint's encoder and the bus.
-        links: the buses of this process; of its own where none are given.
+    _drive: MoteusParameters
+    most_counts = frames.MOST_TURNS
 
-    Raises:
-        ParameterError: parameters that make no sense.
-    """
-
-    def __init__(self, parameters: MoteusParameters, links: Links | None = None) -> None:
-        check_parameters(parameters)
-        drive = self._drive = parameters
+    def _prepare(self) -> None:
+        drive = self._drive
+        self.turn = drive.output_ratio
         self._answer = frames.identifier_of(drive.node_id, drive.host_id, drive.can_prefix)
-        super().__init__(drive, links)
-        self._cycle = frames.CommandFrames(parameters.joint_source)
+        self._cycle = frames.CommandFrames(drive.joint_source)
         self._joint_turns = LimitedRange(1.0)
-        self._lag = LagWatch(drive.current_limit, drive.lag_current, drive.lag_time)
         self._to_board = frames.identifier_of(drive.host_id, drive.node_id, drive.can_prefix, reply=True)
         self._to_board |= EXTENDED * (self._to_board > frames.STANDARD_ID)
-        self._reset_to(DriveState.NOT_READY_TO_SWITCH_ON)
-        self._begin(None)
 
     def _find(self, port: BusPort) -> Found:
         return set_up(port, self._drive)
@@ -59,14 +50,12 @@ class MoteusDrive(Driver):
 
     def _begin(self, found: Found | None) -> None:
         self._mode_state = self._state
-        self._count = TurnCount(self._drive.output_ratio, math.inf if found is None else found.limits.speed)
         self._turns = math.nan  # the target of the cycle before
         self._timed_out = False
         self._joint_turns.begin()
         if found is not None and found.joint is not None:
             self._readings.failed(found.error)  # one that was there before is no news
             self._joint_turns.follow(found.joint.counts(self._drive.joint_home))
-        self._lag.begin()
 
     def _take(self, identifier: int, data: bytes, now: float) -> bool:
         if identifier & _NO_FLAGS != self._answer:
@@ -76,7 +65,7 @@ class MoteusDrive(Driver):
             return True
         readings, drive = self._readings, self._drive
         readings.replied(now)
-        self._check_turns(self._count, reply.position, now)
+        self._check_turns(reply.position, now)
         readings.moved(
             found.motor.angle(reply.position) if math.isfinite(reply.position) else math.nan,
             drive.motor_direction * reply.q_current if math.isfinite(reply.q_current) else math.nan,
@@ -98,38 +87,21 @@ class MoteusDrive(Driver):
         self._update_state(state)
         if self._asked and self._before is DriveState.OPERATION_ENABLED is not state and state is not DriveState.FAULT:
             self._readings.found(TIMED_OUT if self._timed_out else LEFT)
-        self._check_inert(self._lag, now)
+        self._check_inert(now)
 
-    def write(self, target: float, power: Power, now: float, torque: float = 0.0) -> None:
-        """See `hardware.ports.Drive.write`.
+    def _lead(self, found: Found, counts: float, target: float, torque: float, now: float) -> None:
+        """See `Driver._lead`; the target of a board that is not in position mode is none, by which it stays."""
+        led = self._state is DriveState.OPERATION_ENABLED
+        sent = (counts, self._turns, torque) if led else (math.nan, self._turns, 0.0)
+        self._put(self._cycle.command(command_of(self._drive, found.limits, *sent)))
+        self._led += 1
+        self._target, self._turns = (target, counts) if led else (math.nan, math.nan)
+        self._reset = False
 
-        Until the board is in position mode the target sent is none, by which it stays where it is, so that enabling
-        moves nothing. A target that is no number, or beyond what the board counts, is never sent: the torque goes off.
-        There is none before the board has sent its position. A board that has left position mode by itself, as when
-        its watchdog has run out, is not switched on again before `Power.OFF` has been wanted. A torque offset goes out
-        only with the order to follow the target, to a board that does, and within the rig's bound.
-        """
-        found = self._found
-        if found is None or not self._up:
-            return
-        fallen = self._has_fallen(power)
-        turns = found.motor.counts(target) if math.isfinite(target) else math.nan
-        fine = abs(turns) <= frames.MOST_TURNS and math.isfinite(self._readings.motor)
-        if power is Power.ON and fine and not fallen and self._state is not DriveState.FAULT:
-            led = self._state is DriveState.OPERATION_ENABLED
-            sent = turns if led else math.nan
-            command = command_of(self._drive, found.limits, sent, self._turns, torque if led else 0.0)
-            self._put(self._cycle.command(command))
-            self._asked, self._led = True, self._led + 1
-            self._target, self._turns = (target, turns) if led else (math.nan, math.nan)
-        else:
-            keep = self._state is DriveState.FAULT and not self._reset
-            self._put(self._cycle.ask if keep else self._cycle.stop)
-            self._asked, self._led = False, 0
-            self._target = self._turns = math.nan
-        if self._state is not DriveState.FAULT or self._reset:
-            self._reset = False
-        self._written = now
+    def _relax(self, power: Power, now: float) -> None:
+        keep = self._state is DriveState.FAULT and not self._reset
+        self._put(self._cycle.ask if keep else self._cycle.stop)
+        self._turns, self._reset = math.nan, False
 
     def _tell_off(self, number: int) -> None:
         self._put(self._cycle.ask if self._state is DriveState.FAULT else self._cycle.stop)

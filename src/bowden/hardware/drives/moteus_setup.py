@@ -380,12 +380,13 @@ def _check_limits(
             expected="the range that the rig may go to at most, in turns of the output",
             do="set both with moteus_tool: they hold whatever this computer does, and whatever its scales are",
         )
-    spool = abs(motor.step) / motor.steepest(drive.lowest_motor, drive.highest_motor)  # rad a turn
+    needs = drive.needs
+    spool = abs(motor.step) / motor.steepest(needs.lowest_motor, needs.highest_motor)  # rad a turn
     speed, current, window = (
         _or(board.configured(f"servo.{name}"), math.inf)
         for name in ("max_velocity", "max_current_A", "fault_position_error")
     )
-    asked = limits.speed * spool if drive.speed_limit > 0.0 else 0.0
+    asked = limits.speed * spool if needs.speed_limit > 0.0 else 0.0
     check_limits(
         (
             DriveLimit(
@@ -393,8 +394,8 @@ def _check_limits(
             ),
             DriveLimit("highest position", limits.high, _or(high, math.inf), "turns", "servopos.position_max"),
             DriveLimit("speed limit", asked, speed * spool, "rad/s", "servo.max_velocity"),
-            DriveLimit("current limit", drive.current_limit, current, "A", "servo.max_current_A"),
-            DriveLimit("following error", drive.following_error, window * spool, "rad", "servo.fault_position_error"),
+            DriveLimit("current limit", needs.current_limit, current, "A", "servo.max_current_A"),
+            DriveLimit("following error", needs.following_error, window * spool, "rad", "servo.fault_position_error"),
         ),
         "with moteus_tool",
     )

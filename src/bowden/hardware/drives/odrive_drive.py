@@ -15,15 +15,13 @@ the board's heartbeat alone, whose age is its sign of life.
 import math
 
 from bowden.core.signals import EMERGENCY_STOP, DriveState
-from bowden.hardware.buses.link import BusPort, Links
+from bowden.hardware.buses.link import BusPort
 from bowden.hardware.buses.unix_bus import REMOTE
 from bowden.hardware.drives import odrive_frames as frames
 from bowden.hardware.drives.checklist import Found
 from bowden.hardware.drives.driver import Driver
-from bowden.hardware.drives.families.odrive import OdriveParameters, check_parameters, scales_of, target_of
-from bowden.hardware.drives.findings import LEFT, UNWATCHED, WATCH_EVERY, LagWatch
-from bowden.hardware.drives.joint_encoder import joint_encoder_of
-from bowden.hardware.drives.limited_range import TurnCount
+from bowden.hardware.drives.families.odrive import OdriveParameters, scales_of, target_of
+from bowden.hardware.drives.findings import LEFT, UNWATCHED, WATCH_EVERY
 from bowden.hardware.drives.odrive_endpoints import ENABLED, TIMEOUT, endpoints_of
 from bowden.hardware.drives.odrive_frames import (
     ESTOP,
@@ -53,22 +51,15 @@ _CLOSED_LOOP = frames.pack(Cmd.SET_AXIS_STATE, AxisState.CLOSED_LOOP_CONTROL)
 
 
 class OdriveDrive(Driver):
-    """The drive of one motor.
+    """The drive of one motor; without a list of the board's endpoints there is none."""
 
-    Args:
-        parameters: of the board, the joint's encoder and the bus.
-        links: the buses of this process; of its own where none are given.
+    _drive: OdriveParameters
+    turn = 1.0
+    most_counts = frames.MOST_TURNS
 
-    Raises:
-        ParameterError: parameters that make no sense, or no list of the board's endpoints.
-    """
-
-    def __init__(self, parameters: OdriveParameters, links: Links | None = None) -> None:
-        check_parameters(parameters)
-        drive = self._drive = parameters
+    def _prepare(self) -> None:
+        drive = self._drive
         self._endpoints, self._scales = endpoints_of(drive.endpoints), scales_of(drive)
-        super().__init__(drive, links, joint_encoder_of(drive))
-        self._lag = LagWatch(drive.current_limit, drive.lag_current, drive.lag_time)
         self._frames = drive.node_id << 5
         """Identifier of its frames, of command 0."""
         self._asks_position = self._frames | Cmd.GET_ENCODER_ESTIMATES | REMOTE
@@ -82,8 +73,6 @@ class OdriveDrive(Driver):
         """Number → setting of the watchdog, and its value."""
         self._told = {identifier_of(drive.node_id, Cmd(cmd)): int(cmd) for cmd in frames.TOLD}
         """Identifier → command of what it tells."""
-        self._reset_to(DriveState.NOT_READY_TO_SWITCH_ON)
-        self._begin(None)
 
     def _find(self, port: BusPort) -> Found:
         return set_up(port, self._drive, self._endpoints)
@@ -106,9 +95,7 @@ class OdriveDrive(Driver):
         self._unwatched: set[int] = set()  # settings of the watchdog that are not as they were
         self._turns = self._before_turns = math.nan  # as read, as sent
         self._temperature = math.nan
-        self._count = TurnCount(1.0, math.inf if found is None else found.limits.speed)
         self._readings.failed(code_of(errors))  # one that was there before is no news
-        self._lag.begin()
 
     def _take(self, identifier: int, data: bytes, now: float) -> bool:
         cmd, found, readings = self._told.get(identifier), self._found, self._readings
@@ -122,7 +109,7 @@ class OdriveDrive(Driver):
             self._beat = beat
             self._lost = self._lost or beat.state == AxisState.UNDEFINED
         elif cmd == Cmd.GET_ENCODER_ESTIMATES and (told := unpack(cmd, data)) is not None:
-            self._check_turns(self._count, told[0], now)
+            self._check_turns(told[0], now)
             if not self._lost and abs(told[0]) <= 2.0 * frames.MOST_TURNS:
                 self._turns = told[0]
                 readings.moved(found.motor.angle(told[0]), readings.current, self._temperature, self._written)
@@ -168,38 +155,39 @@ class OdriveDrive(Driver):
             readings.found(UNTOLD)
         if self._unwatched and not self._lost:
             readings.found(UNWATCHED)
-        self._check_inert(self._lag, now)
+        self._check_inert(now)
 
-    def write(self, target: float, power: Power, now: float, torque: float = 0.0) -> None:
-        """See `hardware.ports.Drive.write`.
+    def _can_lead(self) -> bool:
+        return self._state in (DriveState.SWITCH_ON_DISABLED, DriveState.OPERATION_ENABLED) and not self._expired
 
-        Until the board is in closed loop the target sent is where the motor is, so that enabling moves nothing. A
-        target that is no number, or beyond what the board counts finely, is never sent: the torque goes off. There is
-        none before the board has sent its position. Its quick stop is its emergency stop, which takes the torque off
-        at once and is an error until an operator's word. A torque offset goes out only with the order to follow the
-        target, to a board that does, and within the rig's bound.
-        """
-        found = self._found
-        if found is None or not self._up:
-            return
-        fallen = self._has_fallen(power)
-        turns = found.motor.counts(target) if math.isfinite(target) else math.nan
-        fine = abs(turns) <= frames.MOST_TURNS and math.isfinite(self._turns) and math.isfinite(self._readings.motor)
-        ready = self._state in (DriveState.SWITCH_ON_DISABLED, DriveState.OPERATION_ENABLED)
-        on = power is Power.ON and fine and ready and not fallen and not self._lost
-        if on and not self._expired:
-            self._untouched = False
-            self._lead(found, target, turns, torque, now)
+    def _lead(self, found: Found, counts: float, target: float, torque: float, now: float) -> None:
+        self._untouched = False
+        led = self._state is DriveState.OPERATION_ENABLED
+        if not self._asked:
+            self._requests, self._asked_at = 0, -math.inf
+        if not led and now - self._asked_at >= AGAIN:
+            self._requests, self._asked_at = self._requests + 1, now
+            self._order(Cmd.SET_AXIS_STATE, _CLOSED_LOOP)
+        if led:
+            self._requests = 0
+            sent = target_of(self._drive, found.limits, counts, self._before_turns, torque)
+            self._target, self._before_turns, self._led = target, counts, self._led + 1
         else:
-            self._asked, self._led, self._requests = False, 0, 0
-            self._target = self._before_turns = math.nan
-            if self._disobeyed > DISOBEYED or (power is Power.QUICK_STOP and self._beat.state != AxisState.IDLE):
-                self._disobeyed, self._stopped = 0, True
-                self._order(Cmd.ESTOP, b"")
-            self._order(Cmd.SET_AXIS_STATE, _IDLE)
-        if self._expired or (self._reset and not on):
+            sent = frames.Target(self._turns, 0.0, 0.0)
+        self._order(Cmd.SET_INPUT_POS, frames.pack_target(sent, self._scales))
+
+    def _relax(self, power: Power, now: float) -> None:
+        """See `Driver._relax`; its quick stop is its emergency stop, an error until an operator's word."""
+        self._requests, self._before_turns = 0, math.nan
+        if self._disobeyed > DISOBEYED or (power is Power.QUICK_STOP and self._beat.state != AxisState.IDLE):
+            self._disobeyed, self._stopped = 0, True
+            self._order(Cmd.ESTOP, b"")
+        self._order(Cmd.SET_AXIS_STATE, _IDLE)
+        if self._expired or self._reset:
             self._order(Cmd.CLEAR_ERRORS, bytes(1))
             self._reset = self._stopped = False
+
+    def _ask(self, now: float) -> None:
         self._send(self._asks_position, _EIGHT)
         if now - self._asked_watch_at >= WATCH_EVERY:
             self._questions, self._asked_watch_at = self._questions + 1, now
@@ -207,25 +195,6 @@ class OdriveDrive(Driver):
         else:
             self._send(self._asks[self._cycles % len(TURN)], _EIGHT)
         self._cycles += 1
-        self._written = now
-        self._sync_encoder()
-
-    def _lead(self, found: Found, target: float, turns: float, torque: float, now: float) -> None:
-        """The order with power: to closed loop, and there to the target."""
-        led = self._state is DriveState.OPERATION_ENABLED
-        if not self._asked:
-            self._requests, self._asked_at = 0, -math.inf
-        if not led and now - self._asked_at >= AGAIN:
-            self._requests, self._asked_at = self._requests + 1, now
-            self._order(Cmd.SET_AXIS_STATE, _CLOSED_LOOP)
-        self._asked = True
-        if led:
-            self._requests = 0
-            sent = target_of(self._drive, found.limits, turns, self._before_turns, torque)
-            self._target, self._before_turns, self._led = target, turns, self._led + 1
-        else:
-            sent = frames.Target(self._turns, 0.0, 0.0)
-        self._order(Cmd.SET_INPUT_POS, frames.pack_target(sent, self._scales))
 
     def _order(self, cmd: Cmd, data: bytes) -> None:
         self._send(self._frames | cmd, data)

@@ -275,8 +275,8 @@ def _settings(drive: OdriveParameters) -> list[Setting]:
         ),
         Setting(
             settings.TORQUE_CONSTANT,
-            is_about(drive.torque_constant, CONSTANT),
-            f"{drive.torque_constant:.4g} N·m/A, as the rig has it",
+            is_about(drive.needs.torque_constant, CONSTANT),
+            f"{drive.needs.torque_constant:.4g} N·m/A, as the rig has it",
             "has another torque constant than the rig's motor",
             f"correct torque_constant_nm_per_a in [motor], or {settings.TORQUE_CONSTANT}",
         ),

@@ -1,12 +1,13 @@
 """What families of drives on a CAN bus have in common, whatever they speak: keys, rules, buses, and their declaration.
 
-Their parameters have the fields `interface`, `channel`, `bitrate` and `node_id`, with CAN-FD `data_bitrate` too, those
-of `rig.families.DriveNeeds` that they want to know, and a method `identifiers`, see `collision`.
+Their parameters have the fields `interface`, `channel`, `bitrate` and `node_id`, on CAN-FD `data_bitrate` too; `needs`,
+what the rig asks for; and two methods, `rules` for `require`, and `identifiers` for `collision`.
 """
 
 import importlib
+import itertools
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, get_args, get_origin
 
@@ -26,6 +27,20 @@ BusChannel = Annotated[str, Quantity("its channel: can0; of bowden_unix a folder
 """A bare name is a folder in the user's temporary one."""
 BusBitrate = Annotated[int, Quantity("of the bus; SocketCAN takes its interface's own", "bit/s", gt=0)]
 AnswerTimeout = Annotated[float, Quantity("longest wait for an answer at bring-up", "s", shown="ms", gt=0.0, le=1e4)]
+MotorDirection = Annotated[
+    Literal[1, -1], Quantity("1 where the drive's position rises as the spool pulls, otherwise -1")
+]
+Home = Annotated[
+    Literal["counts", "here"],
+    Quantity("home is where the positions are zero, or where motor and joint are found when a command begins"),
+]
+HintedHome = Annotated[
+    Literal["counts", "here", "hint"],
+    Quantity(
+        "home is where the drive's position is zero; where motor and joint are found when a command begins (here); "
+        "or where its rotor is at zero, in the turn in which the motor is near motor_hint_deg when a command begins"
+    ),
+]
 MotorHome = Annotated[float, Quantity("angle of the spool at home", "rad", ge=-720.0, le=720.0)]
 MotorHint = Annotated[
     float,
@@ -57,22 +72,25 @@ Rule = tuple[str, bool, str]
 
 def most_push(drive: Any) -> float:
     """Largest torque offset that is allowed, at the spool; infinite where no current is asked for [N·m]."""
-    push: float = MOST_PUSH * drive.gear * drive.torque_constant * (drive.current_limit or math.inf)
+    push: float = MOST_PUSH * drive.needs.gear * drive.needs.torque_constant * (drive.needs.current_limit or math.inf)
     return push
 
 
 def rules_of_rig(drive: Any, sample_times: tuple[float, float], most: Callable[[Any], float] = most_push) -> list[Rule]:
     """What must hold of what a rig asks of its drive, with the cycle's shortest and longest time [s]."""
     shortest, longest = sample_times
-    at_least_0 = [name for name in ("speed_limit", "following_error", "current_limit") if hasattr(drive, name)]
-    push = 0.0 <= drive.torque_offset <= most(drive) and math.isfinite(drive.torque_offset)
+    needs = drive.needs
+    push = 0.0 <= needs.torque_offset <= most(drive) and math.isfinite(needs.torque_offset)
     return [
         ("channel", bool(drive.channel.strip(".")) and "\0" not in drive.channel, "the name of a bus"),
-        ("gear", 0.0 < drive.gear < 1e4, "a number above 0"),
-        ("torque_constant", 0.0 < drive.torque_constant < math.inf, "a number above 0"),
-        ("sample_time", shortest <= drive.sample_time <= longest, f"from {shortest:g} to {longest:g} s"),
-        ("highest_motor", drive.lowest_motor < drive.highest_motor, "more than lowest_motor"),
-        *((name, 0.0 <= getattr(drive, name) < math.inf, "0 or more") for name in at_least_0),
+        ("gear", 0.0 < needs.gear < 1e4, "a number above 0"),
+        ("torque_constant", 0.0 < needs.torque_constant < math.inf, "a number above 0"),
+        ("sample_time", shortest <= needs.sample_time <= longest, f"from {shortest:g} to {longest:g} s"),
+        ("highest_motor", needs.lowest_motor < needs.highest_motor, "more than lowest_motor"),
+        *(
+            (name, 0.0 <= getattr(needs, name) < math.inf, "0 or more")
+            for name in ("speed_limit", "following_error", "current_limit")
+        ),
         ("torque_offset", push, f"0 to {most(drive):.4g} N·m, half of what the largest current gives"),
         ("answer_timeout", 0.01 <= drive.answer_timeout <= 10.0, "from 0.01 to 10 s"),
     ]
@@ -80,7 +98,7 @@ def rules_of_rig(drive: Any, sample_times: tuple[float, float], most: Callable[[
 
 def rule_of_watchdog(drive: Any) -> Rule:
     """Of a watchdog: three cycles at least, and `LONGEST_WATCHDOG` at most where that is longer."""
-    least = LOST * drive.sample_time
+    least = LOST * drive.needs.sample_time
     longest = max(LONGEST_WATCHDOG, least)
     fine = least - 1e-9 <= drive.watchdog <= longest + 1e-9
     return "watchdog", fine, f"three cycles, {least:g} s, to {longest:g} s"
@@ -100,34 +118,32 @@ def _rules_declared(drive: Any) -> Iterator[Rule]:
             yield name, quantity.holds(value), " and ".join(words) or "a finite number"
 
 
-def require(drive: Any, rules: Iterable[Rule]) -> None:
-    """Refuse parameters of a drive that are outside their declared ranges, or break a rule.
+def require(drive: Any) -> None:
+    """Refuse parameters of a drive that are outside their declared ranges, or break a rule of its family.
+
+    `rules` of the parameters gives these, and may raise what no rule can say; they come after the declared ranges.
 
     Raises:
         ParameterError: the first that does, with what was expected.
     """
     quantities = {one.name: one.quantity for one in declared(type(drive))} | _ELSEWHERE
-    for name, fine, expected in (*_rules_declared(drive), *rules):
+    for name, fine, expected in itertools.chain(_rules_declared(drive), drive.rules()):
         if not fine:
-            value, quantity = getattr(drive, name), quantities.get(name, Quantity(""))
+            value = getattr(drive if name in drive._fields else drive.needs, name)
+            quantity = quantities.get(name, Quantity(""))
             shown = f"{value / quantity.factor:.6g}" if isinstance(value, float) else repr(value)
             raise ParameterError(
                 f"drive: {quantity.named(name)} is {shown}", expected=expected, do="correct it in the rig"
             )
 
 
-def asked_for(given: Any, needs: DriveNeeds) -> Any:
-    """The parameters with what the rig asks for, as far as they have it."""
-    return given._replace(**{name: value for name, value in needs._asdict().items() if name in given._fields})
-
-
-def check_heartbeat(drive: Any, name: str, needs: DriveNeeds) -> None:
+def _check_heartbeat(drive: Any, name: str) -> None:
     """Two heartbeats of the drive, with the time of the parameter `name` between them, come before it counts as lost.
 
     Raises:
         ParameterError: they do not.
     """
-    between, age = getattr(drive, name), needs.heartbeat_age
+    between, age = getattr(drive, name), drive.needs.heartbeat_age
     if 2.0 * between > age:
         key = next(one.quantity.named(name) for one in declared(type(drive)) if one.name == name)
         raise ParameterError(
@@ -145,12 +161,12 @@ def family(
     node: str,
     probe: str,
     options: tuple[str, ...],
-    check: Callable[[Any], None],
-    completed: Callable[[Any, DriveNeeds], Any],
     watchdog: Callable[[Any], float],
     scales: tuple[str, ...],
     explain: Callable[[int], str],
     most: Callable[[Any], float] = most_push,
+    follows: Callable[[Any], Any] = lambda drive: drive,
+    beats: str = "",
     **rest: Any,
 ) -> DriveFamily:
     """A family of drives on CAN.
@@ -164,26 +180,29 @@ def family(
         node: class of the twin.
         probe: function that finds who is on a bus.
         options: what ``bowden twin --object`` takes, of `_FORMS`.
-        check: refuses parameters that make no sense.
-        completed: see `DriveFamily.completed`.
         watchdog: see `DriveFamily.watchdog`.
         scales: the fields that make angles of its counts.
         explain: see `DriveFamily.explain`.
         most: the largest torque offset of whole parameters [N·m].
+        follows: the parameters with what follows from the rig where they do not say it.
+        beats: name of the time between two heartbeats of the drive; empty of one without.
         rest: other fields of `DriveFamily`.
     """
 
     def twin(given: Any, plant: Any, clock: Callable[[], float], texts: Sequence[str]) -> TwinProcess:
-        check(given)
+        require(given)
         overrides, make = dict(_override(text, options) for text in texts), _named(node)
         process: TwinProcess = _named("twin.twin.Twin")(
             place(given), given.node_id, clock, lambda send, journal: make(given, plant, send, journal, overrides)
         )
         return process
 
-    def pushed(given: Any, needs: DriveNeeds) -> float:
-        asked = {name: getattr(needs, name) for name in ("gear", "torque_constant", "current_limit")}
-        return most(given._replace(**asked))
+    def completed(given: Any, needs: DriveNeeds) -> Any:
+        drive = follows(given._replace(needs=needs))
+        require(drive)
+        if beats:
+            _check_heartbeat(drive, beats)
+        return drive
 
     def probed(given: Any, links: "Links") -> Sequence[FoundDevice]:
         found: Sequence[FoundDevice] = _named(probe)(given, links)
@@ -206,7 +225,7 @@ def family(
         control=control,
         claim=lambda given: _named("buses.opening.claim")(given.interface, given.channel, "host").release,
         watchdog=watchdog,
-        most_push=pushed,
+        most_push=lambda given, needs: most(given._replace(needs=needs)),
         measures_tension=rest.pop("measures_tension", lambda given: False),
         scales=lambda given: tuple(getattr(given, name) for name in scales),
         homed=lambda given: given.home != "here",

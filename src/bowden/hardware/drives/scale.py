@@ -87,13 +87,14 @@ class MotorLimits(NamedTuple):
 
 def motor_limits(drive: Any, motor: Scale | SuitScale) -> MotorLimits:
     """The rig's limits of a drive, whose parameters are given, by the scale of its motor."""
+    needs = drive.needs
     low, high = sorted(
         motor.counts(angle) if math.isfinite(angle) else math.copysign(math.inf, angle * motor.step)
-        for angle in (drive.lowest_motor, drive.highest_motor)
+        for angle in (needs.lowest_motor, needs.highest_motor)
     )
-    steepest = motor.steepest(drive.lowest_motor, drive.highest_motor)
-    speed = drive.speed_limit * steepest / abs(motor.step) if drive.speed_limit > 0.0 else math.inf
-    return MotorLimits(low, high, speed, drive.current_limit if drive.current_limit > 0.0 else math.inf)
+    steepest = motor.steepest(needs.lowest_motor, needs.highest_motor)
+    speed = needs.speed_limit * steepest / abs(motor.step) if needs.speed_limit > 0.0 else math.inf
+    return MotorLimits(low, high, speed, needs.current_limit if needs.current_limit > 0.0 else math.inf)
 
 
 def feed_velocity(position: float, before: float, sample_time: float, largest: float) -> float:
@@ -111,5 +112,5 @@ def feed_velocity(position: float, before: float, sample_time: float, largest: f
 
 def bounded_torque(torque: float, drive: Any) -> float:
     """A torque offset within the bound of the rig that the drive's parameters have; 0 of what is no number [N·m]."""
-    most: float = drive.torque_offset
+    most: float = drive.needs.torque_offset
     return max(-most, min(most, torque)) if math.isfinite(torque) else 0.0

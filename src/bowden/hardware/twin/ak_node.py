@@ -185,7 +185,7 @@ class AkNode(TwinNode):
             return 0.0
         if bench.torque_offset is None:
             return self._asked()
-        return drive.motor_direction * bench.current * drive.gear * drive.torque_constant
+        return drive.motor_direction * bench.current * drive.needs.gear * drive.needs.torque_constant
 
     def _reply(self, now: float) -> None:
         """What is measured, with the faults of the sensors."""
@@ -197,7 +197,7 @@ class AkNode(TwinNode):
             position = math.copysign(HIGHEST_POSITION - 1e-6, position)  # begins again at the other end from there on
         torque = self._torque()
         if flows:
-            torque = drive.motor_direction * flows.amount * drive.gear * drive.torque_constant
+            torque = drive.motor_direction * flows.amount * drive.needs.gear * drive.needs.torque_constant
         velocity = drive.motor_direction * bench.velocity
         if faults.active("saturated", now):
             velocity, torque = model.velocity, model.torque

@@ -10,8 +10,7 @@ import math
 from typing import Any, NamedTuple, Protocol
 
 from bowden.core.kernel import kernel, reached, specialise
-from bowden.hardware.twin.plant import BRAKE, FOLLOW, OFF, Doing, Physics, TwinPlant
-from bowden.models.cable.sheath_path import BendPath
+from bowden.hardware.twin.plant import BRAKE, FOLLOW, OFF, Doing, TwinPlant
 from bowden.models.drive.encoder import reading
 from bowden.models.drive.servo import servo_approach
 from bowden.plants.bench import Bench
@@ -120,38 +119,18 @@ class Shared(Protocol):
 
 
 class TwinBench(TwinPlant):
-    """The bench; see `TwinPlant`.
+    """The bench, or a plant round any cable; see `TwinPlant`."""
 
-    Args:
-        bench: of the rig, or a plant round any cable.
-        bend: the sheath's total bend over time, from when `start_scenario` was called; before that as at its start.
-        duration: for how long the bend is known; it stays as it is then [s].
-        seed: of the encoders' noise.
-        initial_motor: spool angle at power-up [rad].
-        now: [s]
-        physics: what the rig does not say.
-    """
-
-    def __init__(
-        self,
-        bench: Bench | CablePlant,
-        bend: BendPath,
-        duration: float,
-        seed: int,
-        initial_motor: float,
-        now: float,
-        physics: Physics = Physics(),  # noqa: B008  # a tuple
-    ) -> None:
-        self.bench = plant = as_cable_plant(bench)
-        super().__init__(bend, duration, plant.sample_time, seed, initial_motor, now, physics)
+    def _begin(self, plant: Bench | CablePlant, motor: float, now: float) -> None:
+        self.bench = plant = as_cable_plant(plant)
         self.speed_limit, self.current_limit = plant.servo.speed_limit, plant.motor.current_limit
         dynamics = plant.dynamics()
         self._plant: Moving = dynamics.plant
         self._substep = self._plant.servo.substep.dt
         self._move = specialise(move, dynamics.name, **reached(move, dynamics.parts))
-        self._coast = math.exp(-self._substep / physics.coasting)
+        self._coast = math.exp(-self._substep / self.physics.coasting)
         rest = specialise(at_rest, dynamics.name, **reached(at_rest, dynamics.parts))
-        self._motion = BenchMotion(*rest(self._plant, float(initial_motor), self._sheath_at(now)))
+        self._motion = BenchMotion(*rest(self._plant, motor, self._sheath_at(now)))
         self._sag = math.nan  # the joint's angle while the cable is torn
         self.shared: Shared | None = None
         self.sign = 1.0

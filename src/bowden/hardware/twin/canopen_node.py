@@ -63,11 +63,11 @@ class CanopenNode(TwinNode):
         self._lagging_since = math.nan
         self._inputs = ALL_RELEASED
         self._next_heartbeat = -math.inf
-        bench, gear = self.bench, self._drive.gear
-        speed, lag = bench.speed_limit * gear * RPM, max(WINDOW, self._drive.following_error)
+        bench, gear = self.bench, self._drive.needs.gear
+        speed, lag = bench.speed_limit * gear * RPM, max(WINDOW, self._drive.needs.following_error)
         made = Made(
             node_id=self._drive.node_id,
-            rated_torque=RATED_CURRENT * self._drive.torque_constant,
+            rated_torque=RATED_CURRENT * self._drive.needs.torque_constant,
             speed=math.ceil(speed) if speed < 50e3 else 50e3,
             current=bench.current_limit,
             window=math.ceil(lag * self._scale.steepest(-math.inf, math.inf) / abs(self._scale.step)),
@@ -276,7 +276,7 @@ class CanopenNode(TwinNode):
             self._see_outputs(self._moved)
         elif key == (0x60B2, 0) and self.bench.torque_offset is not None:
             drive = self._drive
-            rated = RATED_CURRENT * drive.torque_constant * drive.gear * drive.motor_direction
+            rated = RATED_CURRENT * drive.needs.torque_constant * drive.needs.gear * drive.motor_direction
             self.bench.torque_offset = 1e-3 * value * rated  # at the spool, of thousandths [N·m]
 
     def _see_outputs(self, now: float) -> None:

@@ -322,7 +322,7 @@ class MoteusNode(TwinNode):
             Register.MODE: float(self.mode),
             Register.POSITION: shown.motor,
             Register.VELOCITY: self._velocity(),
-            Register.TORQUE: shown.current * drive.torque_constant / drive.output_ratio,
+            Register.TORQUE: shown.current * drive.needs.torque_constant / drive.output_ratio,
             Register.Q_CURRENT: shown.current,
             Register.D_CURRENT: 0.0,
             Register.ABS_POSITION: sources[1],
@@ -335,7 +335,7 @@ class MoteusNode(TwinNode):
             Register.FAULT: float(self.fault),
             Register.CONTROL_POSITION: self._control(now),
             Register.CONTROL_VELOCITY: self._command[Register.COMMAND_VELOCITY],
-            Register.CONTROL_TORQUE: shown.current * drive.torque_constant / drive.output_ratio,
+            Register.CONTROL_TORQUE: shown.current * drive.needs.torque_constant / drive.output_ratio,
             Register.POSITION_ERROR: shown.motor - self._control(now),
             Register.ENCODER_0_POSITION: (shown.motor / drive.output_ratio) % 1.0,
             Register.ENCODER_0_VELOCITY: 0.0,
@@ -457,7 +457,7 @@ class MoteusNode(TwinNode):
         if doing == FOLLOW:
             bench.command = self._scale.angle(self._control(now) - self._shift)
             if bench.torque_offset is not None:
-                feed = self._command[Register.COMMAND_TORQUE] * self._drive.output_ratio * self._drive.gear
+                feed = self._command[Register.COMMAND_TORQUE] * self._drive.output_ratio * self._drive.needs.gear
                 bench.torque_offset = self._drive.motor_direction * feed if math.isfinite(feed) else 0.0
         return doing
 

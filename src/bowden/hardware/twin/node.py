@@ -73,7 +73,7 @@ class TwinNode(ABC):
         self._drive, self._overrides, self.bench, self.faults = drive, dict(overrides or {}), bench, Faults()
         self._send, self._journal, self._outbox = send, journal, Outbox(send, self.faults)
         self._encoder: JointEncoderNode | None = None
-        joint = joint_encoder_of(drive) if hasattr(drive, "joint") else None
+        joint = joint_encoder_of(drive)
         if joint is not None:
             objects = {key: value for key, value in self._overrides.items() if isinstance(key, tuple)}
             self._encoder = JointEncoderNode(joint, lambda: bench.read_encoders()[0], self.faults, send, objects)

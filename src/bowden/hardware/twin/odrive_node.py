@@ -95,7 +95,7 @@ class OdriveNode(TwinNode):
             settings.CIRCULAR: 0.0,
             settings.ABSOLUTE: float(drive.home != "here"),
             settings.CURRENT_LIMIT: self.bench.current_limit,
-            settings.TORQUE_CONSTANT: drive.torque_constant,
+            settings.TORQUE_CONSTANT: drive.needs.torque_constant,
             settings.LOAD_ENCODER: 13.0,
             settings.MOTOR_ENCODER: 13.0,
             FILTER: 20.0,
@@ -242,7 +242,7 @@ class OdriveNode(TwinNode):
             self._plan(span)
             bench.command = self._scale.angle(self._setpoint - self._shift)
             if bench.torque_offset is not None:
-                bench.torque_offset = self._drive.motor_direction * self._input.torque * self._drive.gear
+                bench.torque_offset = self._drive.motor_direction * self._input.torque * self._drive.needs.gear
         return doing
 
     def _protect(self, now: float) -> None:
@@ -280,7 +280,7 @@ class OdriveNode(TwinNode):
             self._sample(now)
         told = self._delayed(now)
         current = self.bench.current
-        torque = self._drive.motor_direction * current * self._drive.torque_constant
+        torque = self._drive.motor_direction * current * self._drive.needs.torque_constant
         power = 0.1 * SUPPLY * abs(current)
         if cmd == Cmd.GET_ENCODER_ESTIMATES and told is not None:
             self._emit_cyclic(cmd, frames.pack(cmd, told.position, told.velocity), now)

@@ -104,5 +104,5 @@ def mirrored(drive: Any) -> Any:
         drive: parameters of a family, whole.
     """
     turned = {name: -getattr(drive, name) for name in _TURNED if hasattr(drive, name)}
-    low, high = -drive.highest_motor, -drive.lowest_motor
-    return drive._replace(**turned, lowest_motor=low, highest_motor=high)
+    low, high = -drive.needs.highest_motor, -drive.needs.lowest_motor
+    return drive._replace(**turned, needs=drive.needs._replace(lowest_motor=low, highest_motor=high))

@@ -6,7 +6,7 @@ The power stage is one thermal mass: τ·dT/dt = T₀ + R·r·i² − T.
 import math
 from abc import ABC, abstractmethod
 from enum import IntEnum
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -71,13 +71,15 @@ class TwinPlant(ABC):
     """A plant at a time that only goes forward.
 
     Args:
+        plant: of the rig; `_begin` of each kind says which.
         bend: the sheath's total bend over time, from when `start_scenario` was called; before that as at its start.
         duration: for how long the bend is known; it stays as it is then [s].
-        spacing: of the times at which it is taken [s].
         seed: of the sensors' noise.
         initial_motor: angle at power-up, which is its target too [rad].
         now: [s]
-        physics: what the rig does not say.
+
+    Raises:
+        ParameterError: kernels of the user's own that cannot be compiled, or give no number.
     """
 
     has_cable = True
@@ -88,22 +90,16 @@ class TwinPlant(ABC):
     """Of the drive [A]."""
 
     def __init__(
-        self,
-        bend: BendPath,
-        duration: float,
-        spacing: float,
-        seed: int,
-        initial_motor: float,
-        now: float,
-        physics: Physics,
+        self, plant: Any, bend: BendPath, duration: float, seed: int, initial_motor: float, now: float
     ) -> None:
+        spacing = self._spacing = plant.sample_time
         edges = np.arange(round(duration / spacing) + 1, dtype=np.float64) * spacing
-        self._bends, self._spacing = np.asarray(bend(edges), dtype=np.float64), spacing
+        self._bends = np.asarray(bend(edges), dtype=np.float64)
         self._random = np.random.default_rng(seed)
         self._normals: NDArray[np.float64] = np.zeros((0, 0))
         self._used = 0
         self._time, self._began = now, math.inf
-        self.physics = physics
+        self.physics = Physics()
         self.doing = OFF
         self.command = initial_motor
         """The target to follow [rad]."""
@@ -111,7 +107,7 @@ class TwinPlant(ABC):
         """Of the cable, at the spool [rad]."""
         self.torn = False
         """Whether the cable that pulls is torn."""
-        self.temperature = physics.ambient
+        self.temperature = self.physics.ambient
         """Of the power stage [°C]."""
         self.torque_offset: float | None = None
         """What the drive adds to its torque, at the spool; None where it takes none [N·m]."""
@@ -120,6 +116,11 @@ class TwinPlant(ABC):
         at the spool; None of one whose servo bears any load."""
         self.brake_set = False
         """Whether the holding brake of its motor is told to hold; without effect on a plant that has none."""
+        self._begin(plant, float(initial_motor), now)
+
+    @abstractmethod
+    def _begin(self, plant: Any, motor: float, now: float) -> None:
+        """At rest at a motor angle [rad], at `now` [s]; what is compiled is compiled here."""
 
     @property
     @abstractmethod

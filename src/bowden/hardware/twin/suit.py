@@ -12,8 +12,7 @@ rest when the power goes off.
 import math
 
 from bowden.core.kernel import compiled, kernel
-from bowden.hardware.twin.plant import BRAKE, OFF, Physics, TwinPlant
-from bowden.models.cable.sheath_path import BendPath
+from bowden.hardware.twin.plant import BRAKE, OFF, TwinPlant
 from bowden.models.drive.encoder import reading
 from bowden.models.suit.arm import Wearer
 from bowden.models.suit.flex_sensor import flex_start, flex_step
@@ -48,50 +47,30 @@ def advance_suit(
 
 
 class TwinSuit(TwinPlant):
-    """The suit; see `TwinPlant`.
+    """The suit with the arm that wears it, whose motor is in the joint's coordinate; see `TwinPlant`."""
 
-    Args:
-        suit: with the arm that wears it.
-        bend: of the sheaths over time, from when `start_scenario` was called; before that as at its start.
-        duration: for how long the bend is known; it stays as it is then [s].
-        seed: of the sensors' noise and drift.
-        initial_motor: motor angle at power-up, in the joint's coordinate [rad].
-        now: [s]
-        physics: what the rig does not say; of it the power stage and the drive's limits count here.
-    """
-
-    def __init__(
-        self,
-        suit: Suit,
-        bend: BendPath,
-        duration: float,
-        seed: int,
-        initial_motor: float,
-        now: float,
-        physics: Physics = Physics(),  # noqa: B008  # a tuple
-    ) -> None:
-        super().__init__(bend, duration, suit.sample_time, seed, initial_motor, now, physics)
-        self.suit = suit
+    def _begin(self, plant: Suit, motor: float, now: float) -> None:
+        self.suit = suit = plant
         self._substep = suit.sample_time / suit.substeps
-        motor = suit.motor._replace(friction_feedforward=0.0)  # of a drive on a bus the loop makes it
-        self.current_limit = motor.current_limit
-        self.speed_limit = motor.supply / (motor.torque_constant * motor.gear)  # what the supply allows without load
-        self._intact = prepare_suit(suit._replace(motor=motor))._replace(substeps=1)
+        drive = suit.motor._replace(friction_feedforward=0.0)  # of a drive on a bus the loop makes it
+        self.current_limit = drive.current_limit
+        self.speed_limit = drive.supply / (drive.torque_constant * drive.gear)  # what the supply allows without load
+        self._intact = prepare_suit(suit._replace(motor=drive))._replace(substeps=1)
         self._prepared = self._intact
         self._advance = compiled(advance_suit)
         self._read = now
         self._swinging, self._swing = False, 0.0  # whether the wearer does, and how much of it there is, 0 to 1
         self.torque_offset = 0.0
-        stiffness = motor.inertia * motor.servo.natural_frequency**2
-        self.servo_gains = stiffness, 2.0 * motor.servo.damping * stiffness / motor.servo.natural_frequency
+        stiffness = drive.inertia * drive.servo.natural_frequency**2
+        self.servo_gains = stiffness, 2.0 * drive.servo.damping * stiffness / drive.servo.natural_frequency
         self._told, self._grips = (False, now), False
         self._held = math.nan  # where a quick stop holds the motor
         first = float(self._bends[0])
-        state = suit_start(self._prepared, initial_motor, initial_motor, first)
+        state = suit_start(self._prepared, motor, motor, first)
         settling = round(SETTLING / self._substep)
-        for powered, count in ((True, settling), (False, settling)):
+        for powered in (True, False):
             state = self._advance(
-                self._prepared, state, initial_motor, powered, first, first, suit.wearer, count, self._substep
+                self._prepared, state, motor, powered, first, first, suit.wearer, settling, self._substep
             )
         self._state: SuitState = state
         self._flex = flex_start(self.joint)

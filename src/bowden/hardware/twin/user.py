@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 
 from bowden.control.source import Measurement
 from bowden.core.kernel import kernel, reached, specialise
-from bowden.hardware.twin.plant import FOLLOW, OFF, Physics, TwinPlant
-from bowden.models.cable.sheath_path import BendPath
+from bowden.hardware.twin.plant import FOLLOW, OFF, TwinPlant
 from bowden.models.drive.motor import current
 from bowden.plants.plant import (
     SheathState,
@@ -70,34 +69,11 @@ def seen(plant: Any, body: Any) -> Any:
 
 
 class TwinUser(TwinPlant):
-    """A user's plant; see `TwinPlant`.
-
-    Args:
-        plant: of the rig.
-        bend: the sheath's total bend over time, from when `start_scenario` was called; before that as at its start.
-        duration: for how long the bend is known; it stays as it is then [s].
-        seed: of the sensors' noise.
-        initial_motor: spool angle at power-up [rad].
-        now: [s]
-        physics: what the rig does not say; of it the power stage and the spool's radius count here.
-
-    Raises:
-        ParameterError: kernels that cannot be compiled, or give no number.
-    """
+    """A user's plant; see `TwinPlant`."""
 
     has_cable = False
 
-    def __init__(
-        self,
-        plant: UserPlant,
-        bend: BendPath,
-        duration: float,
-        seed: int,
-        initial_motor: float,
-        now: float,
-        physics: Physics = Physics(),  # noqa: B008  # a tuple
-    ) -> None:
-        super().__init__(bend, duration, plant.sample_time, seed, initial_motor, now, physics)
+    def _begin(self, plant: UserPlant, motor: float, now: float) -> None:
         self.speed_limit, self.current_limit = plant.servo.speed_limit, plant.motor.current_limit
         self.plant = plant
         self._dynamics = dynamics = plant.dynamics()
@@ -107,10 +83,10 @@ class TwinUser(TwinPlant):
         )
         self._first = self._now = now
         with dynamics.explained():
-            body = rest(dynamics.plant, float(initial_motor), self._sheath_at(now))
+            body = rest(dynamics.plant, motor, self._sheath_at(now))
             self._cycle = PlantCycle(body, body, math.nan)
             self._after = self._seen(dynamics.plant, body)
-            self._step(initial_motor)
+            self._step(motor)
             self.read_encoders()  # compiles
 
     def advance(self, now: float) -> None:

@@ -7,7 +7,7 @@ import numpy as np
 
 from bowden.core.units import DEGREES
 from bowden.identify.cable.cycles import ENOUGH
-from bowden.identify.cable.fit import ModelFit
+from bowden.identify.cable.fitted import ModelFit
 from bowden.identify.cable.path import Path
 from bowden.identify.cable.turns import motor_noise, resolution
 from bowden.identify.log.read import Log

@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 _LEADS = 0.005
 """Of the loop that `swapped` looks at: a quarter of the least that a recorded cable shows [–]."""
 
-_STOPPED = 0.05
+_STOPPED = 0.01
 """Share of the motor's range in which a joint that stands still makes the model's end a wrong one [–]. Within a cable's
 play it stands as the motor goes back, not on."""
 

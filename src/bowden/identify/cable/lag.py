@@ -41,6 +41,6 @@ def earlier(log: Log, late: float) -> Log:
     joint = np.interp(time + late, log.time, log.joint)
     why = f"the joint was {1e3 * late:.3g} ms late; taken out, the loop is not wider by it"
     if late > 0.0:
-        why += ": a controller that reads this sensor has that delay as well (delay_cycles in the rig)"
-    doubts = (*log.doubts, Trust("with care", (why,)))
-    return replace(log, time=time, motor=motor, joint=joint, doubts=doubts, counts=log.resolutions)
+        why += ": a controller that reads this sensor has that delay as well, and init writes it as delay_cycles"
+    doubts, encoders = (*log.doubts, Trust("with care", (why,))), log.encoders._replace(joint_late=max(0.0, late))
+    return replace(log, time=time, motor=motor, joint=joint, doubts=doubts, counts=log.resolutions, encoders=encoders)

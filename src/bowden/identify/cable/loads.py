@@ -20,32 +20,26 @@ the same load at another bend stay in the fit. The model itself is fitted to all
 """
 
 import itertools
-import time as clock
 from collections.abc import Sequence
-from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.core.errors import LogError, ParameterError, counted
+from bowden.core.errors import LogError, ParameterError
 from bowden.core.units import DEGREES
 from bowden.identify.cable.bouc_wen import BoucWenCable
-from bowden.identify.cable.cycles import ENOUGH, whole_cycles
-from bowden.identify.cable.joint_fit import JointFit, JudgedLog
+from bowden.identify.cable.cycles import ENOUGH, drift, whole_cycles
+from bowden.identify.cable.fit import Fit
+from bowden.identify.cable.fitted import FittedLog, ModelFit
+from bowden.identify.cable.loop import loop_of
 from bowden.identify.cable.part import Progress
 from bowden.identify.cable.path import Path, path_of
 from bowden.identify.cable.projection import inverse_of, products
 from bowden.identify.log.read import Log
+from bowden.identify.log.variables import Scheduled
 from bowden.models.cable.prandtl_ishlinskii import plays
-from bowden.models.cable.scheduled import (
-    VARIABLES,
-    ScheduledCable,
-    hats,
-    joint_angle,
-    parameters_of,
-    powers,
-)
+from bowden.models.cable.scheduled import ScheduledCable, hats, joint_angle, parameters_of, powers
 from bowden.plants.cable_parameters import shown_value
 from bowden.plants.counting import covered_by
 from bowden.plants.identified import CableModel
@@ -57,7 +51,7 @@ Array = NDArray[np.float64]
 _NODES, _SEARCHED = 1500, 150
 """Nodes of a log's path: where it is fitted, and where the plain Bouc–Wen cable is searched for."""
 _KNOTS = 20
-"""Ordinates of f and of g. With 14 or 30 the figures of docs/decisions/0032 change by 0.006° at most."""
+"""Ordinates of f and of g. With 14 or 30 the figures of docs/decisions/0014 change by 0.006° at most."""
 _GRID = np.geomspace(2e-3, 0.3, 14)
 """Half-widths offered, over the motor's range [–]; those of the stack that a log of one amplitude can show."""
 _EDGE = 0.005
@@ -110,39 +104,27 @@ class _Frame(NamedTuple):
     half_widths: Array
 
 
-def identify_loads(
-    logs: Sequence[Log],
-    load: Sequence[float] | None = None,
-    bend: Sequence[float] | None = None,
-    *,
-    units: Sequence[str] = ("", ""),
-    seed: int = 0,
-    progress: Progress | None = None,
-) -> JointFit:
+def fit_logs(logs: Sequence[Log], by: Sequence[Scheduled], seed: int, tell: Progress) -> Fit:
     """Fit one model to several logs of a cable.
 
     Args:
         logs: two or more, read and checked.
-        load: of each log, in any unit; without it the load schedules nothing.
-        bend: of each log [rad], likewise.
-        units: of load and bend, for messages and files.
+        by: load, bend or both, of each log.
         seed: of the plain Bouc–Wen cable's search.
-        progress: called with what is being done and the share of the work that is behind.
+        tell: called with what is being done and the share of the work that is behind.
 
     Raises:
         LogError: logs that do not go together.
-        ParameterError: fewer than two logs, or another number of loads than of logs.
+        ParameterError: load and bend that change together.
     """
-    begin = clock.perf_counter()
-    tell = progress or (lambda what, share: None)
-    if len(logs) < 2:
-        raise ParameterError(f"a joint fit of {len(logs)} logs", expected="two logs or more", do="give the others too")
     tell("following the motors", 0.1)
     paths = [_path(log, _NODES) for log in logs]
     frame = _frame(paths)
     moved = [_prepared(log, path, frame) for log, path in zip(logs, paths, strict=True)]
     _check_alike(moved)
-    names, values, warnings = _scheduling(logs, {"load": load, "bend": bend}, dict(zip(VARIABLES, units, strict=True)))
+    differing, warnings = _scheduling(by)
+    values = np.array([one.values for one in differing]).T if differing else np.empty((len(logs), 0))
+    names = [one.name for one in differing]
     tell("fitting all logs", 0.3)
     cable = _fitted(moved, values, frame)
     tell("judging", 0.5)
@@ -152,25 +134,38 @@ def identify_loads(
     tell("bouc_wen", 0.8)
     near = int(np.argmin(np.abs(values - middle).sum(axis=1))) if len(names) else 0
     plain = BoucWenCable(_path(logs[near], _SEARCHED).first(30), seed).fit(paths[near]).parameters
-    seen = covered_by([log.covered for log in logs])
     best = CableModel(
         SCHEDULED,
         parameters_of(cable, names, middle),
         others={"bouc_wen": plain},
-        covered=seen,
+        covered=covered_by([log.covered for log in logs]),
         encoders=logs[0].encoders,
     )
+    errors = [_over_logs([getattr(one, name) for one in judged]) for name in ("train_rms", "test_rms")]
+    count = cable.middle.size + cable.height.size + len(cable.half_widths)
+    left_out = (_over_logs([getattr(one, name) for one in judged]) for name in ("unseen_offset_rms", "same_offset_rms"))
     tell("done", 1.0)
-    fit = JointFit(
+    return Fit(
+        models={
+            SCHEDULED: ModelFit(best, {}, None, count, *errors),
+            "bouc_wen": ModelFit(CableModel("bouc_wen", plain)),
+        },
         best=best,
-        variables=tuple(names),
-        units=tuple(dict(zip(VARIABLES, units, strict=True))[name] for name in names),
         logs=tuple(judged),
-        warnings=(*(f"{log.name}: {said}" for log in logs for said in log.warnings), *warnings),
-        seconds=clock.perf_counter() - begin,
-        read=tuple(logs),
+        judged_rms=next((one for one in left_out if np.isfinite(one)), errors[1]),
+        warnings=(
+            *(f"{log.name}: {said}" for log in logs for said in log.warnings),
+            *warnings,
+            *(one.said for one in by if one.said),
+        ),
+        units={one.name: one.unit for one in differing},
     )
-    return replace(fit, best=replace(best, trust=fit.trust))
+
+
+def _over_logs(errors: Sequence[float]) -> float:
+    """Root mean square over the logs for which there is one."""
+    known = np.array([error for error in errors if np.isfinite(error)])
+    return float(np.sqrt(np.mean(known**2))) if len(known) else float("nan")
 
 
 def _path(log: Log, nodes: int) -> Path:
@@ -237,52 +232,32 @@ def _check_alike(moved: Sequence[_Moved]) -> None:
             )
 
 
-def _scheduling(
-    logs: Sequence[Log], given: dict[str, Sequence[float] | None], units: dict[str, str]
-) -> tuple[list[str], Array, list[str]]:
-    """The variables that differ among the logs, their values (logs, V), and what is to be said of them."""
-    names, columns, warnings = [], [], []
-    for name, numbers in given.items():
-        if numbers is None:
-            continue
-        if len(numbers) != len(logs):
-            raise ParameterError(
-                f"{counted(len(numbers), 'value')} of the {name} for {len(logs)} logs",
-                expected="one for each log, in their order",
-                do="give them in that order",
-            )
-        values = np.array(numbers, dtype=np.float64)
-        bad = np.flatnonzero(~np.isfinite(values))
-        if len(bad):
-            raise ParameterError(
-                f"{logs[int(bad[0])].name}: the {name} is {values[bad[0]]}",
-                expected="a number for every log",
-                do="give its value, or leave the log out",
-            )
+def _scheduling(by: Sequence[Scheduled]) -> tuple[list[Scheduled], list[str]]:
+    """The variables that differ among the logs, and what is to be said of them."""
+    found, warnings = [], []
+    for one in by:
+        values = np.array(one.values)
         if not np.ptp(values) > _LEAST_RANGE * float(np.abs(values).max()):
             warnings.append(
-                f"the {name} is {shown_value(name, values.mean(), units[name])} in all logs, so that it schedules "
+                f"the {one.name} is {shown_value(one.name, values.mean(), one.unit)} in all logs, so that it schedules "
                 "nothing: one model was fitted to all; record logs at three values of it or more"
             )
             continue
-        count = len(_levels(values))
-        if count == 2:
+        if len(_levels(values)) == 2:
             warnings.append(
-                f"the {name} has two values only: the model goes straight between them, and nothing can judge it at a "
-                "third; record one more"
+                f"the {one.name} has two values only: the model goes straight between them, and nothing can judge it "
+                "at a third; record one more"
             )
-        names.append(name)
-        columns.append(values)
-    if len(columns) == 2 and abs(float(np.corrcoef(columns[0], columns[1])[0, 1])) > _TOGETHER:
+        found.append(one)
+    if len(found) == 2 and abs(float(np.corrcoef([one.values for one in found])[0, 1])) > _TOGETHER:
         raise ParameterError(
             "load and bend change together from log to log, so that their effects cannot be separated",
             expected="logs in which one changes and the other does not",
             do="record such a log, or schedule by one of them (none for the other)",
         )
-    if not names and not warnings:
+    if not found and not warnings:
         warnings.append("the logs do not differ in load or bend: one model was fitted to all of them")
-    found = np.array(columns).T if columns else np.empty((len(logs), 0))
-    return names, found, warnings
+    return found, warnings
 
 
 def _levels(values: Array) -> list[Array]:
@@ -376,7 +351,7 @@ def _error(one: _Moved, cable: ScheduledCable, values: Array) -> tuple[Array, Ar
 
 def _judged(
     moved: Sequence[_Moved], values: Array, names: Sequence[str], frame: _Frame, cable: ScheduledCable
-) -> list[JudgedLog]:
+) -> list[FittedLog]:
     halves = _fitted([_weighted(one, np.where(one.first, one.weight, 0.0), frame) for one in moved], values, frame)
     level = np.zeros(values.shape, dtype=np.int64)
     for v, column in enumerate(values.T):
@@ -385,24 +360,36 @@ def _judged(
     unseen: dict[tuple[int, ...], ScheduledCable | None] = {}
     found = []
     for i, (one, at) in enumerate(zip(moved, values, strict=True)):
-        error, _ = _error(one, cable, at)
-        late, _ = _error(one, halves, at)
+        log, path = one.log, one.path
+        late, time = _error(one, halves, at)
+        half, begin = len(late) // 2, len(log.time) - len(time)
         alike = (level == level[i]).all(axis=1)
         own = tuple(level[i].tolist())
         if own not in unseen:
             unseen[own] = _without(moved, values, ~alike, frame) if names else None
         others = np.arange(len(moved)) != i
         same = _without(moved, values, others, frame) if alike.sum() > 1 else None
+        drawn = joint_angle(path.motor, halves, at.tolist())
+        predicted = np.interp(log.time, path.time[path.weight > 0.0], drawn[path.weight > 0.0])
+        middle = begin + half
+        line = np.polyfit(log.motor[:middle], log.joint[:middle], 1)
+        errors: dict[str, Any] = dict(zip(("same_rms", "same_offset_rms"), _left_out(one, same, at), strict=True))
+        errors |= dict(zip(("unseen_rms", "unseen_offset_rms"), _left_out(one, unseen[own], at), strict=True))
         found.append(
-            JudgedLog(
-                one.log.name,
-                tuple(at.tolist()),
-                len(one.log.time),
-                whole_cycles(one.path),
-                rmse(error),
-                rmse(late[len(late) // 2 :]),
-                *_left_out(one, same, at),
-                *_left_out(one, unseen[own], at),
+            FittedLog(
+                log=log,
+                cycles=whole_cycles(path),
+                split=middle,
+                predicted=predicted,
+                train_rms=rmse(_error(one, cable, at)[0]),
+                test_rms=rmse(late[half:]),
+                reversals=path.strokes - 1,
+                line_rms=rmse(np.polyval(line, log.motor[middle:]) - log.joint[middle:]),
+                loop=loop_of(path, joint_angle(path.motor, cable, at.tolist())),
+                drift=drift(path),
+                fitted_from=begin,
+                values=tuple(at.tolist()),
+                **errors,
             )
         )
     return found

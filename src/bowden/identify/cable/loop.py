@@ -85,7 +85,8 @@ def loop_lines(loop: HysteresisLoop) -> list[tuple[str, str]]:
         ("loop's slope", _said(loop.slope, loop.slope_error, " rad/rad")),
         ("loop's offset", _said(loop.offset * DEGREES, loop.offset_error * DEGREES, "°")),
         ("loop's height", _said(loop.height * DEGREES, loop.height_error * DEGREES, "°")),
-        ("loop's curve", _spread(loop.curve_error * DEGREES, "°").strip()),
+        ("backlash at the motor", f"{abs(loop.height / loop.slope) * DEGREES:.4g}°: the height over the slope"),
+        ("the curve", f"as drawn,{_spread(loop.curve_error * DEGREES, '°')}"),
     ]
 
 

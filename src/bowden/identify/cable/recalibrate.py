@@ -23,36 +23,29 @@ Source: Efron and Tibshirani, *An Introduction to the Bootstrap*, 1993, Chapter 
 import math
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import replace
 from itertools import pairwise
-from typing import TYPE_CHECKING
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden import __version__
 from bowden.core.errors import LogError, ParameterError
-from bowden.core.toml_text import quoted
 from bowden.core.units import DEGREES
-from bowden.drawing import shown
-from bowden.drawing.style import COLOURS, note_cut, thin, widened
-from bowden.identify.cable.cycles import Cycles, whole_cycles
-from bowden.identify.cable.file_lines import cycles_row, error_lines, one_line, parameter_rows, warning_lines
+from bowden.identify.cable.cycles import drift, whole_cycles
+from bowden.identify.cable.fit import Fit
+from bowden.identify.cable.fitted import FittedLog, ModelFit, Recalibration
 from bowden.identify.cable.path import Path, path_of
 from bowden.identify.log.read import Log
+from bowden.identify.log.variables import Scheduled
 from bowden.models.cable.scheduled import VARIABLES
 from bowden.plants.cable_parameters import outside
 from bowden.plants.cables import DISTRIBUTED
 from bowden.plants.counting import Covered
 from bowden.plants.identified import CableModel, IdentifiedCable
-from bowden.plants.model_file import log_lines
 from bowden.plants.predicted import SCHEDULED
 from bowden.plants.recounted import fitted_range
-from bowden.plants.trust import Trust, least, trust_lines
 from bowden.records.metrics import rmse
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 Array = NDArray[np.float64]
 
@@ -83,166 +76,27 @@ _SHIFTED = re.compile(r"offset|middle_\d+")
 """Parameters to which an offset is added."""
 
 
-@dataclass(frozen=True, repr=False)
-class Recalibration:
-    """What a few seconds of motion say of a known model."""
+class Known(NamedTuple):
+    """A model of a cable, as it was identified."""
 
-    best: CableModel
-    """The model with its new gain and offset; a rig takes it as its cable."""
-    gain: float
-    """a, over the old model's [–]."""
-    gain_error: float
-    """Its standard error [–]."""
-    offset: float
-    """b, what was added to a·m [rad]."""
-    before_rms: float
-    """Error of the old model on the new log [rad]."""
-    after_rms: float
-    """The same with gain and offset fitted again [rad]."""
-    judged_rms: float
-    """Error of the old model on data that it had not seen, as its file says; NaN where it does not [rad]."""
-    changed: bool | None
-    """Whether the cable has changed; None where the file does not say how good the model was, and where the motor went
-    outside the identified stroke."""
-    beyond: float
-    """How far the motor went outside the identified stroke, 0 within a twentieth of it [rad]."""
-    warnings: tuple[str, ...]
-    """What to know, and what to do."""
-    samples: int
-    """In the new log."""
-    cycles: Cycles
-    """Whole cycles in the new log, and how many more to record to identify the cable from it; a recalibration needs
-    none."""
-    log: Log = field(compare=False)
-    """The new log."""
-    predicted: Array = field(compare=False)
-    """Joint angle of the recalibrated model (n,) [rad]."""
-    units: Mapping[str, str] = field(default_factory=dict, compare=False)
-    """Of what schedules the model, by name."""
-
-    def plot(self, axes: "Axes | Sequence[Axes] | None" = None) -> "list[Axes]":
-        """Draw what the recalibrated model leaves of the joint's angle, over time.
-
-        Args:
-            axes: matplotlib's; a new figure is made where they are not given.
-
-        Returns:
-            The axes; ``axes[0].figure`` is theirs.
-
-        Raises:
-            ParameterError: something else than axes.
-        """
-        drawn = shown.axes_for(axes, 1, 1, 7.0, 2.8)
-        draw_residual(drawn[0], self)
-        return drawn
-
-    def __repr__(self) -> str:
-        """One screen: gain, offset, errors, verdict."""
-        return shown.screen(self._title(), self._rows())
-
-    def _repr_html_(self) -> str:
-        from bowden.drawing.style import new_figure
-
-        figure, axes = new_figure(height=2.8)
-        draw_residual(axes[0], self)
-        return shown.fragment(self._title(), self._rows(), figure)
-
-    def _title(self) -> str:
-        return f"Recalibration of {self.best.name} on {self.log.name}"
-
-    def _rows(self) -> list[tuple[str, str]]:
-        errors = f"{shown.number(self.before_rms * DEGREES, '°')} before, {shown.number(self.after_rms * DEGREES, '°')}"
-        known = math.isfinite(self.judged_rms)
-        judged = f"; judged {shown.number(self.judged_rms * DEGREES, '°')}" if known else ""
-        return [
-            ("gain", f"{self.gain:.4f} ± {self.gain_error:.2g}"),
-            ("offset", shown.number(self.offset * DEGREES, "°")),
-            ("RMS", f"{errors} after{judged}"),
-            ("verdict", verdict(self)),
-            ("cycles", cycles_line(self)),
-            *(("note", warning) for warning in self.warnings[:4]),
-        ]
+    cable: IdentifiedCable
+    judged: float = math.nan
+    """Error of its recommended model on data that it had not seen; NaN where nothing says it [rad]."""
 
 
-def draw_residual(axes: "Axes", found: Recalibration) -> None:
-    """Joint minus recalibrated model over time."""
-    time, rest = found.log.time - found.log.time[0], (found.log.joint - found.predicted) * DEGREES
-    axes.plot(*thin(time, rest), color=COLOURS["error"], lw=0.8)
-    low, high = np.quantile(rest, (0.002, 0.998))  # but for the start
-    axes.set_ylim(*widened(float(low), float(high), 0.3))
-    note_cut(axes, [rest])
-    axes.set(xlabel="time [s]", ylabel="joint − model [°]")
-
-
-def recalibrated_text(found: Recalibration, source: str) -> str:
-    """The content of model.toml of a recalibrated model; how good it was judged stays as its first file has it."""
-    lines = [
-        f"# Gain and offset of {one_line(source)} fitted to {one_line(found.log.name)} by bowden {__version__}.",
-        "# judged_rms_deg is that of the first model; recalibrated_rms_deg what is left on the new log.",
-        "",
-        f"best = {quoted(found.best.name)}",
-        f"source = {quoted(one_line(found.log.name))}",
-        f"recalibrated_from = {quoted(one_line(source))}",
-        f"gain = {found.gain!r}  # over that model's",
-        f"samples = {found.samples}",
-        cycles_row(found.cycles, to_identify(found.cycles)),
-        *warning_lines(found.warnings),
-        *trust_lines(found.best.trust),
-        *log_lines(found.best.covered, found.best.encoders),
-    ]
-    for name, parameters in ((found.best.name, found.best.parameters), *found.best.others.items()):
-        lines += ["", f"[models.{name}]"]
-        if name == found.best.name:
-            lines += error_lines({"judged_rms": found.judged_rms, "recalibrated_rms": found.after_rms})
-            lines += [f"{variable}_unit = {quoted(unit)}" for variable, unit in found.units.items()]
-        lines += ["", f"[models.{name}.parameters]", *parameter_rows(parameters)]
-    return "\n".join(lines) + "\n"
-
-
-def to_identify(cycles: Cycles) -> str:
-    """What more an identification asks for of a log that is enough to recalibrate by; nothing where it is enough."""
-    return f"to identify the cable from this log, {cycles.to_record}" if cycles.to_record else ""
-
-
-def cycles_line(found: Recalibration) -> str:
-    """How many whole cycles the log has, and what more its own identification asks for."""
-    return shown.listed((found.cycles.counted, to_identify(found.cycles)), "; ")
-
-
-def verdict(found: Recalibration) -> str:
-    """What came out, in one sentence."""
-    if found.beyond > 0.0:
-        return (
-            f"the motor goes {found.beyond * DEGREES:.3g}° outside the identified stroke, so it is not known "
-            "whether the cable has changed"
-        )
-    if found.changed is None:
-        return "the model's file does not say how good it was, so it is not known whether the cable has changed"
-    if found.changed:
-        return "the cable has changed: identify it again"
-    return "the same cable: use the recalibrated model"
-
-
-def recalibrate(
-    log: Log,
-    cable: IdentifiedCable,
-    judged: float = math.nan,
-    values: Mapping[str, float] | None = None,
-    units: Mapping[str, str] | None = None,
-) -> Recalibration:
+def fit_gain(log: Log, known: Known, by: Sequence[Scheduled] = ()) -> Fit:
     """Fit gain and offset of a known cable's recommended model to a log; all its models get them.
 
     Args:
         log: seconds of motion with a reversal at least, read and checked.
-        cable: as it was identified.
-        judged: error of its recommended model on data that it had not seen [rad].
-        values: load or bend of the log, of a scheduled model.
-        units: of the values; what is left out or empty is not compared with the model's.
+        known: the cable as it was identified.
+        by: load or bend of the log, of a scheduled model.
 
     Raises:
         LogError: no reversal, or a joint that moves the other way: another cable.
         ParameterError: a model that has no gain, or no such variable, or one in another unit.
     """
+    cable, judged = known
     if cable.best in DISTRIBUTED:
         raise ParameterError(
             f"the model {cable.best!r} is not identified from logs and has no gain or offset of its own",
@@ -256,14 +110,9 @@ def recalibrate(
             expected="at least one stroke back and forth",
             do="record some seconds more",
         )
-    _check_units(cable, units or {})
-    given, warnings = _placed(cable, values or {})
-    gain, offset, error, drawn, known = _fit(path, given.model())
-    models = {
-        name: recalibrated(parameters, gain, offset)
-        for name, parameters in given.models.items()
-        if name not in DISTRIBUTED
-    }
+    _check_units(cable, by)
+    given, warnings = _placed(cable, {one.name: one.values[0] for one in by})
+    gain, offset, error, drawn, sure = _fit(path, given.model())
     if not gain > 0.0:
         raise LogError(
             f"{log.name}: the joint moves {gain:+.3g} times as far as the model {cable.file or given.best} says",
@@ -273,15 +122,9 @@ def recalibrate(
     counted = path.weight > 0
     predicted = np.interp(log.time, path.time[counted], (gain * drawn + offset)[counted])
     before = np.interp(log.time, path.time[counted], drawn[counted]) - log.joint
-    squares = _block_means(log, path, (predicted - log.joint) ** 2)
-    changed = None
-    if math.isfinite(judged):
-        scatter = float(np.std(squares, ddof=1)) / math.sqrt(len(squares))
-        count = log.resolutions[1]
-        most = max((_WORSE * judged) ** 2 + count**2 / 12.0, _LEAST**2)
-        changed = bool(squares.mean() - 2.0 * scatter > most)
-    after, ratio = rmse(predicted - log.joint), max(gain, 1.0 / gain)
-    far = known and ratio * (1.0 - 2.0 * error / gain) > _GAIN
+    left = predicted - log.joint
+    changed = _has_changed(_block_means(log, path, left**2), judged, log.resolutions[1])
+    after, ratio = rmse(left), max(gain, 1.0 / gain)
     beyond = _outside_stroke(log, given)
     if beyond > 0.0:
         changed = None
@@ -289,7 +132,7 @@ def recalibrate(
             f"the motor goes {beyond * DEGREES:.3g}° outside the identified stroke, where the model was fitted to "
             "nothing: gain and offset are those of both together; record a motion within it, or identify this log"
         )
-    elif far:
+    elif sure and ratio * (1.0 - 2.0 * error / gain) > _GAIN:
         changed = True
         warnings.append(
             f"the gain is {gain:.3g}, further from 1 than a bend or stretch of the cable explains "
@@ -301,32 +144,53 @@ def recalibrate(
             f"with gain and offset fitted again {after * DEGREES:.2g}° are left, the model was judged to leave "
             f"{judged * DEGREES:.2g}°: identify the cable again (bowden identify NEW.csv)"
         )
-    if not known:
+    if not sure:
         warnings.append("the motion is too short or too small for a gain: only the offset was fitted again")
-    others = {name: parameters for name, parameters in models.items() if name != given.best}
+    cycles, half = whole_cycles(path), len(log.time) // 2
+    if cycles.more:
+        warnings.append(f"to identify the cable from this log, {cycles.to_record}: it has {cycles.counted}")
+    models = {
+        name: CableModel(name, recalibrated(parameters, gain, offset))
+        for name, parameters in given.models.items()
+        if name not in DISTRIBUTED
+    }
+    others = {name: one.parameters for name, one in models.items() if name != given.best}
     joints = None if given.covered is None else [gain * one + offset for one in given.covered[2:]]
     covered = None if joints is None or given.covered is None else Covered(*given.covered[:2], *joints)
-    known_before = [] if cable.trust is None else [cable.trust]
-    renewed = [Trust("no", ("the cable has changed since its model was identified",))] if changed else []
-    trust = least([*known_before, *renewed, *log.doubts]) if known_before or renewed or log.doubts else None
-    best = CableModel(given.best, models[given.best], others, covered, trust, given.encoders)
-    return Recalibration(
-        best=best,
-        gain=gain,
-        gain_error=error,
-        offset=offset,
-        before_rms=rmse(before),
-        after_rms=after,
+    fitted = {name: ModelFit(one) for name, one in models.items()}
+    fitted[given.best] = replace(fitted[given.best], fitted_count=1 + sure, train_rms=after)
+    return Fit(
+        models=fitted,
+        best=replace(models[given.best], others=others, covered=covered, encoders=given.encoders),
+        logs=(
+            FittedLog(
+                log=log,
+                cycles=cycles,
+                split=half,
+                predicted=predicted,
+                train_rms=after,
+                test_rms=rmse(left[half:]),
+                reversals=path.strokes - 1,
+                drift=drift(path),
+                values=tuple(one.values[0] for one in by),
+            ),
+        ),
         judged_rms=judged,
-        changed=changed,
-        beyond=beyond,
         warnings=(*log.warnings, *warnings),
-        samples=len(log.time),
-        cycles=whole_cycles(path),
-        log=log,
-        predicted=predicted,
-        units=cable.units,
+        units={one.name: one.unit or cable.units.get(one.name, "") for one in by},
+        recalibration=Recalibration(
+            cable.file or given.best, gain, error, offset, rmse(before), after, judged, changed, beyond
+        ),
     )
+
+
+def _has_changed(squares: Array, judged: float, count: float) -> bool | None:
+    """Whether clearly more is left in the blocks (n,) [rad²] than was judged [rad], with that joint's count [rad]."""
+    if not math.isfinite(judged):
+        return None
+    scatter = float(np.std(squares, ddof=1)) / math.sqrt(len(squares))
+    most = max((_WORSE * judged) ** 2 + count**2 / 12.0, _LEAST**2)
+    return bool(squares.mean() - 2.0 * scatter > most)
 
 
 def recalibrated(parameters: Mapping[str, float], gain: float, offset: float) -> dict[str, float]:
@@ -335,14 +199,14 @@ def recalibrated(parameters: Mapping[str, float], gain: float, offset: float) ->
     return {name: value + offset if _SHIFTED.fullmatch(name) else value for name, value in found.items()}
 
 
-def _check_units(cable: IdentifiedCable, units: Mapping[str, str]) -> None:
-    for name, unit in units.items():
-        own = cable.units.get(name, "")
-        if unit and own and unit != own:
+def _check_units(cable: IdentifiedCable, by: Sequence[Scheduled]) -> None:
+    for one in by:
+        own = cable.units.get(one.name, "")
+        if one.unit and own and one.unit != own:
             raise ParameterError(
-                f"the {name} is in {unit}, {cable.file or 'the model'} has it in {own}",
+                f"the {one.name} is in {one.unit}, {cable.file or 'the model'} has it in {own}",
                 expected="one unit",
-                do=f"give {name} its value in {own}",
+                do=f"give {one.name} its value in {own}",
             )
 
 

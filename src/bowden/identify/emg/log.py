@@ -106,7 +106,12 @@ def checked_emg(values: Array, rate: float, channel: str) -> EmgLog:
         LogError: as `read_emg`.
     """
     given = np.asarray(values, dtype=np.float64)
-    table = Table(Path("the recording"), (channel,), lambda _: [given])
+    table = Table(
+        Path("the recording"),
+        (channel,),
+        lambda columns, clock: [given],
+        place=lambda row: f"the recording, row {row + 1}",
+    )
     found = _recording(table, (channel,), rate, "the recording")
     return EmgLog(found.values[:, 0].copy(), found.rate, 0.0, channel, found.warnings)
 
@@ -135,9 +140,7 @@ def _signals(table: Table, path: str | Path) -> list[str]:
 
 
 def _recording(table: Table, names: tuple[str, ...], declared: float | None, path: str | Path) -> EmgRecording:
-    def where(sample: int) -> str:
-        return f"{path}, row {sample + 1}"
-
+    where = table.place
     times = _times(table)
     if not times and declared is None:
         raise LogError(
@@ -282,6 +285,12 @@ def check_signal(name: str, values: Array, rate: float, where: str) -> None:
 
 def _read(path: Path) -> Table:
     table = read_table(path)
+    if table.names and all(name.isdecimal() for name in table.names):
+        raise LogError(
+            f"{path}: no names stand above its {len(table.names)} columns of numbers",
+            expected="a row of names",
+            do="add one, such as time_s,emg_mV (onset_s,offset_s of labels)",
+        )
     twice = next((name for name in table.names if table.names.count(name) > 1), None)
     if twice is not None:
         raise LogError(f"{path}: two columns are named {twice!r}", expected="a name for each")
@@ -292,7 +301,9 @@ def _read(path: Path) -> Table:
 
 
 def _numbers(table: Table, names: Sequence[str]) -> list[Array]:
-    return table.numbers([table.names.index(name) for name in names])
+    times = _times(table)
+    clock = table.names.index(times[0]) if times else None
+    return table.numbers([table.names.index(name) for name in names], clock)
 
 
 def _listed(names: Iterable[str]) -> str:

@@ -16,7 +16,7 @@ from bowden.plants.trust import Trust
 
 Array = NDArray[np.float64]
 
-UNITS = ("deg", "rad", "counts")
+UNITS = ("deg", "rad", "turns", "counts")
 SIDES = ("motor", "joint")
 
 _TURN = 2.0 * math.pi  # rad
@@ -32,9 +32,12 @@ radius or less makes more, cables make 1.15 at most."""
 _OUTLIER, _BEYOND_USUAL, _RARE = 0.02, 10.0, 1e-3
 """How far a reading stands beside the median of the five round it, over the motion and over what others are beside
 theirs, to be none of the motion; and of how many at most: of more it is what is usual."""
+GAP = 4.5
+"""A step of time longer than this many medians is a gap however uneven the clock is: USB and ROS deliver rows one to
+four together."""
 _COUNTERS = (2.0**16, 2.0**32)
 """Counts at which counters overflow."""
-_EXPECTED = "deg, rad or counts, or one for the motor and one for the joint: counts,deg"
+_EXPECTED = "deg, rad, turns, counts or mm, or one for the motor and one for the joint: counts,deg"
 
 
 class AngleUnits(NamedTuple):
@@ -44,6 +47,8 @@ class AngleUnits(NamedTuple):
     """``deg``, ``rad`` or ``counts``; None where the log shall say."""
     counts_per_turn: tuple[float | None, float | None]
     """Of each encoder: what one count is, whatever unit the log is in."""
+    spool: float | None
+    """Radius of the motor's spool, where its column is a length of cable [mm]."""
     apart: bool
     """Whether each side has its own unit said, so that a gear between them is no mistake."""
 
@@ -73,13 +78,15 @@ class Angle:
         return np.ascontiguousarray(self.values * self.factor)
 
 
-def angle_units(unit: Any = None, counts_per_turn: Any = None) -> AngleUnits:
+def angle_units(unit: Any = None, counts_per_turn: Any = None, spool_radius_mm: Any = None) -> AngleUnits:
     """The units that a user gave, read.
 
     Args:
-        unit: ``deg``, ``rad`` or ``counts`` for both sides, or one each: ``counts,deg``; None where the log shall say.
+        unit: ``deg``, ``rad``, ``turns``, ``counts`` or ``mm`` for both sides, or one each: ``counts,deg``; None where
+            the log shall say.
         counts_per_turn: of both encoders, or one each as a pair or as text: ``8192,4000``. Given alone, those sides are
             in counts whose columns name no unit; beside another unit it is the encoders' resolution.
+        spool_radius_mm: of the motor, where its column is a length of cable in mm.
 
     Raises:
         ParameterError: another unit, or numbers that no encoder has.
@@ -87,15 +94,24 @@ def angle_units(unit: Any = None, counts_per_turn: Any = None) -> AngleUnits:
     >>> angle_units("counts", "8192,4000").counts_per_turn
     (8192.0, 4000.0)
     """
+    if isinstance(unit, list | tuple) and len(unit) == 2 and all(isinstance(one, str) for one in unit):
+        raise ParameterError(
+            f"the unit of the angles is {said(unit)}", expected="text", do=f'give unit="{",".join(unit)}"'
+        )
     if unit is not None and not isinstance(unit, str):
         raise ParameterError(f"the unit of the angles is {said(unit)}", expected=_EXPECTED, do="give one of them")
     parts = [part.strip().lower() for part in unit.split(",")] if unit else [None]
-    if len(parts) > 2 or any(part not in (None, *UNITS) for part in parts):
+    if len(parts) > 2 or any(part not in (None, *UNITS, "mm", "cm") for part in parts):
         raise ParameterError(f"the unit of the angles is {unit!r}", expected=_EXPECTED, do="give one of them")
     counts = _counts(counts_per_turn)
     both = (parts[0], parts[-1])
     of_turn = (counts[0], counts[-1]) if counts else (None, None)
-    return AngleUnits(both, of_turn, len(parts) == 2 or (len(counts) == 2 and unit in (None, "counts")))
+    radius = spool_radius_mm
+    if radius is not None and not (type(radius) in (int, float) and 0.0 < radius < 1e4):
+        raise ParameterError(f"the spool's radius is {said(radius)}", expected="mm, above 0", do="measure it")
+    return AngleUnits(
+        both, of_turn, radius, len(parts) == 2 or radius is not None or (len(counts) == 2 and unit in (None, "counts"))
+    )
 
 
 def _counts(given: Any) -> list[float]:
@@ -132,13 +148,27 @@ def angles_of(
             nobody says how many make a turn.
     """
     for (side, (name, found)), unit in zip(columns.items(), given.unit, strict=True):
-        if found not in (None, *UNITS) and unit is None:
+        length = (unit or found) in ("mm", "cm")
+        if length and not (side == "motor" and given.spool):
+            raise LogError(
+                f"the {side}'s column {name!r} is in {unit or found}",
+                expected=f"an angle: {', '.join(UNITS)}",
+                do="give the radius of its spool: --spool-radius-mm 20 (spool_radius_mm= in Python)"
+                if side == "motor"
+                else "convert it, or name another column",
+            )
+        if found not in (None, *UNITS, "mm", "cm") and unit is None:
             raise LogError(
                 f"the {side}'s column {name!r} is in {found}",
                 expected=f"an angle: {', '.join(UNITS)}",
-                do="divide a length by the radius of its spool (rad), and name the column so; or give --unit where the "
-                "name is wrong",
+                do="name another column, or give --unit where the name is wrong",
             )
+    if given.spool:  # what the motor winds up is an angle from here on
+        name, found = columns["motor"]
+        per_mm = 10.0 if (given.unit[0] or found) == "cm" else 1.0
+        values = {**values, "motor": values["motor"] * per_mm / given.spool}
+        columns = {**columns, "motor": (name, "rad")}
+        given = given._replace(unit=("rad", given.unit[1] if given.unit[1] not in ("mm", "cm") else None), spool=None)
     own = {side: found if found in UNITS else None for side, (_, found) in columns.items()}
     angles: dict[str, Angle] = {}
     warnings: list[str] = []
@@ -171,7 +201,7 @@ def angles_of(
                 expected="whole numbers",
                 do="give its unit: --unit deg or --unit rad (unit= in Python), beside the counts per turn",
             )
-        factor = {"deg": RADIANS, "rad": 1.0, "counts": _TURN / (counts or 1.0)}[chosen]
+        factor = {"deg": RADIANS, "rad": 1.0, "turns": _TURN, "counts": _TURN / (counts or 1.0)}[chosen]
         known, count = unit is not None or named is not None, _TURN / counts if counts else 0.0
         angles[side] = Angle(name, values[side], chosen, known, factor, guessed, count)
     if any(one.unit == "counts" for one in angles.values()) and len({*given.counts_per_turn}) == 1:
@@ -206,7 +236,7 @@ def unwrapped(angle: Angle) -> tuple[Angle, list[str]]:
     return replace(angle, values=values), warnings
 
 
-def without_outliers(angle: Angle, where: Callable[[int], str]) -> tuple[Angle, list[str]]:
+def without_outliers(angle: Angle, time: Array, where: Callable[[int], str]) -> tuple[Angle, list[str]]:
     """The angle without single readings, one or two in a row, that stand far beside their neighbours.
 
     A disturbed reading goes out and comes back, as no joint does: it is beside the median of the five round it by more
@@ -215,15 +245,21 @@ def without_outliers(angle: Angle, where: Callable[[int], str]) -> tuple[Angle, 
 
     Args:
         angle: unwrapped.
+        time: (n,); readings beside a gap in it are left alone: what goes on there elsewhere was not disturbed.
         where: sample → place, for messages.
-
     """
+    from scipy.ndimage import median_filter
+
     values = angle.values
-    around = np.lib.stride_tricks.sliding_window_view(np.pad(values, 2, mode="edge"), 5)
-    middle = np.partition(around, 2, axis=1)[:, 2]  # the median; numpy's imports much that is not needed otherwise
+    middle = median_filter(values, 5, mode="nearest")
     beside = np.abs(values - middle)
     usual = float(np.sort(beside)[-1 - max(2, int(_RARE * len(beside)))])
-    bad = np.flatnonzero(beside > max(_OUTLIER * float(np.ptp(middle)), _BEYOND_USUAL * usual))
+    far = beside > max(_OUTLIER * float(np.ptp(middle)), _BEYOND_USUAL * usual)
+    steps = np.diff(time)
+    gaps = np.flatnonzero(steps > GAP * np.median(steps))
+    for side in range(-1, 3):
+        far[np.clip(gaps + side, 0, len(far) - 1)] = False
+    bad = np.flatnonzero(far)
     if not len(bad):
         return angle, []
     unit = "°" if angle.unit == "deg" else f" {angle.unit}"
@@ -277,11 +313,12 @@ def unit_doubts(motor: Angle, joint: Angle, *, apart: bool) -> list[Trust]:
     found = [f"no unit is named for {' and '.join(guessed)}: give --unit, or end the names in _deg or _rad"] * bool(
         guessed
     )
-    span = float(np.ptp(joint.values))
+    span, unlikely = float(np.ptp(joint.values)), []
     if joint.unit == "rad" and span > math.pi:
-        found.append(f"{joint.name} was taken as rad and so moves by {span / RADIANS:.4g}°: is it in degrees?")
-    if joint.unit == "deg" and span < math.pi:
-        found.append(f"{joint.name} was taken as deg and so moves by {span:.2g}° only: is it in radians?")
+        unlikely.append(f"{joint.name} was taken as rad and so moves by {span / RADIANS:.4g}°: is it in degrees?")
+    if _small(joint):
+        unlikely.append(f"{joint.name} was taken as deg and so moves by {span:.2g}° only: is it in radians?")
+    said = "" if apart else f" Say so with --unit; if it is not, with --unit {motor.unit},{joint.unit}"
     ratio = span * joint.factor / (float(np.ptp(motor.values)) * motor.factor)
     if motor.unit == "deg" and split_name(motor.name)[1] is None and not apart and ratio > _AS_OF_LENGTH:
         found.append(
@@ -289,13 +326,19 @@ def unit_doubts(motor: Angle, joint: Angle, *, apart: bool) -> list[Trust]:
             "Then divide it by the radius of its spool (rad). If it is an angle, say so: --unit "
             f"deg,{joint.unit}"
         )
-    return [Trust("with care", (one,)) for one in found]
+    doubts = [Trust("with care" if apart else "no", (one + said,)) for one in unlikely]
+    return [*doubts, *(Trust("with care", (one,)) for one in found)]
+
+
+def _small(joint: Angle) -> bool:
+    """Whether a joint in degrees moves by less than radians would."""
+    return joint.unit == "deg" and float(np.ptp(joint.values)) < math.pi
 
 
 def geared(motor: Angle, joint: Angle) -> list[str]:
     """A note where the motor moves so much further than the joint that a gear or a spool must be between them."""
     ratio = float(np.ptp(motor.radians) / np.ptp(joint.radians))
-    if ratio < _GEARED:
+    if ratio < _GEARED or _small(joint):
         return []
     return [
         f"the motor moves {ratio:.3g} times as far as the joint, as before a gear: the model holds for this log's "

@@ -8,25 +8,24 @@ from numpy.typing import NDArray
 from bowden.core.errors import LogError, counted
 from bowden.core.units import DEGREES
 from bowden.identify.cable.turns import peak_speed
+from bowden.identify.log.angles import GAP
 from bowden.plants.trust import Trust
 
 Array = NDArray[np.float64]
 
-_JITTER = 0.1
-"""Largest scatter of the time steps (root mean square of their departure from the median, over it) that is mended by
-resampling. One step may be further off, as a scheduler's hiccup is, if it is no gap."""
-
-_GAP = 1.5
-"""A step longer than this many medians is a gap, where the others do not scatter as much: a sample may be missing."""
-
-_BRIDGED = 0.05
+_EVEN = 0.1
+"""Scatter of a clock's steps (root mean square of their departure from the median, over it) that needs no word, and
+that a column of times has."""
+_GAP_OF_AN_EVEN_CLOCK, _FEW = 1.5, 0.01
+"""A step longer than this many medians is a gap where so few are; where more are, the rows are delivered together, and
+a gap is one of `GAP`."""
+_BRIDGED = 0.1
 """Share of the motor's or joint's range that either may move in a gap, at its peak speed, for it to be bridged: in so
-little of a stroke no turn is missed, and a straight line is near to what was there."""
-_MOST_BRIDGED = 0.1
+little of a stroke no turn is missed, and a straight line is near to what was there. A longer one cuts the log."""
+_MOST_BRIDGED = 0.25
 """Share of a log's time that may lie in bridged gaps: of more, the log is made of them."""
-
-_LATE = 10
-"""Rows within which a dropped one stands for a step that is longer because rows were late, and not missing."""
+_OUT_OF_ORDER = 10
+"""Rows by which one may stand too early or too late for the rows to be sorted: beyond, another recording begins."""
 
 _REPEATED = 0.5
 """Largest share of rows that repeat the stamp before them. Two rows within every tick are half; above it most rows say
@@ -49,82 +48,88 @@ reading, half of the steps are noise, of which four deviations are 7.6 times tha
 
 
 def even_clock(
-    time: Array, signals: Sequence[Array], where: Callable[[int], str]
+    time: Array, signals: Sequence[Array], where: Callable[[int], str], *, cut: bool = False
 ) -> tuple[Array, list[Array], list[str]]:
     """Time on the even clock closest to a log's stamps, the signals on that clock, and what is to be said of it.
 
-    Short gaps are bridged by straight lines. A row that repeats the stamp before it (a second row within one tick) is
-    dropped. A step within ten rows of k dropped ones more than are usual may be k ticks longer: rows were late until
-    then, the last of them by so much as to fall into the next one's tick. Where every tick has two rows a dropped one
-    means nothing, and k is 1.
+    Rows that stand a little out of order are sorted, of rows with one stamp the first is taken, short gaps are bridged
+    by straight lines, and signals are taken at their stamps.
 
     Args:
         time: (n,) finite [s].
         signals: (n,) each.
         where: sample → place, for messages.
+        cut: whether a log is cut at its long gaps and the longest stretch taken, and not refused.
 
     Returns:
         Even times (m,), the given ones where they are even already; the signals at them; warnings.
 
     Raises:
-        LogError: time that goes back, repeats in more than half of the rows, has a long gap, or scatters by more than a
-            tenth of its step.
+        LogError: time that goes back, repeats in more than half of the rows, or has long gaps.
     """
-    steps = np.diff(time)
-    back = np.flatnonzero(steps < 0.0)
+    warnings: list[str] = []
+    back = np.flatnonzero(np.diff(time) < 0.0)
     if len(back):
-        k = int(back[0])
-        raise LogError(
-            f"{where(k + 1)}: time goes back ({time[k]:.9g} s, then {time[k + 1]:.9g} s)",
-            expected="time stamps that increase",
-            do="cut the log there, if another recording begins" if len(back) == 1 else "sort the rows by their time",
-        )
-    kept, warnings = _first_of_each(time, steps, where)
-    dropped = np.diff(np.append(kept, len(time))) - 1
-    stamps, late = time[kept], _near(dropped)
-    steps = np.diff(stamps)
+        order = np.argsort(time, kind="stable")
+        if int(np.abs(order - np.arange(len(time))).max()) > _OUT_OF_ORDER:
+            k = int(back[0])
+            raise LogError(
+                f"{where(k + 1)}: time goes back ({time[k]:.9g} s, then {time[k + 1]:.9g} s), in "
+                f"{counted(len(back), 'place')} in all",
+                expected="time stamps that increase",
+                do="cut the log there, if another recording begins"
+                if len(back) == 1
+                else "sort the rows by their time",
+            )
+        time, signals = time[order], [one[order] for one in signals]
+        warnings.append(f"time goes back in {counted(len(back), 'place')}, by a few rows: they were sorted")
+    kept, repeated = _first_of_each(time, where)
+    warnings += repeated
+    if len(kept) < len(time):
+        time, signals = time[kept], [one[kept] for one in signals]
+    steps = np.diff(time)
     middle = float(np.median(steps))
-    relative = steps / middle
-    longest = relative - late
-    gaps = np.flatnonzero(longest > _GAP)
-    away = np.where(relative > 1.0, np.maximum(longest - 1.0, 0.0), 1.0 - relative)
-    away[gaps] = 0.0
-    scatter = float(np.sqrt(np.mean(away**2)))
-    worst = int(np.argmax(away))
-    if 1.4826 * np.median(away) > _JITTER or scatter > _JITTER:
-        raise LogError(
-            f"{where(int(kept[worst + 1]))}: the time steps scatter by {100 * scatter:.0f} % RMS (a step of "
-            f"{steps[worst]:.4g} s where {middle:.4g} s is usual)",
-            expected=f"even time stamps, within {100 * _JITTER:.0f} % RMS",
-            do="resample the log on an even clock",
-        )
+    few = np.mean(steps > _GAP_OF_AN_EVEN_CLOCK * middle) <= _FEW
+    gaps = np.flatnonzero(steps > (_GAP_OF_AN_EVEN_CLOCK if few else GAP) * middle)
     if len(gaps):
-        moving = [one[kept] for one in signals if np.ptp(one) > 0.0 and len(kept) > _READINGS]
-        fastest = max((peak_speed(stamps, one) / float(np.ptp(one)) for one in moving), default=np.inf)
-        widest, most = int(gaps[np.argmax(steps[gaps])]), _BRIDGED / fastest
-        if steps[widest] > most or np.sum(steps[gaps]) > _MOST_BRIDGED * np.ptp(time):
+        moving = [one for one in signals if np.ptp(one) > 0.0 and len(time) > _READINGS]
+        fastest = max((peak_speed(time, one) / float(np.ptp(one)) for one in moving), default=np.inf)
+        most = max(_BRIDGED / fastest, GAP * middle)
+        long, widest = gaps[steps[gaps] > most], int(gaps[np.argmax(steps[gaps])])
+        if (len(long) and not cut) or steps[gaps].sum() - steps[long].sum() > _MOST_BRIDGED * np.ptp(time):
             raise LogError(
                 f"{where(int(kept[widest + 1]))}: time has a gap (a step of {steps[widest]:.4g} s where {middle:.4g} s "
                 "is usual)",
                 expected=f"gaps of {most:.2g} s at most where it is so fast, {100 * _MOST_BRIDGED:g} % of it in all",
                 do="cut the log at the gap",
             )
+        if len(long):
+            bounds = np.array([0, *(long + 1), len(time)])
+            at = int(np.argmax(time[bounds[1:] - 1] - time[bounds[:-1]]))
+            part = slice(bounds[at], bounds[at + 1])
+            warnings.append(
+                f"time has {counted(len(long), 'gap')} of up to {steps[widest]:.2g} s, in which the motor may have "
+                f"turned: the longest stretch was taken, {np.ptp(time[part]):.4g} of {np.ptp(time):.4g} s"
+            )
+            even, signals, more = even_clock(
+                time[part], [one[part] for one in signals], lambda i: where(int(kept[part.start + i])), cut=True
+            )
+            return even, signals, [*warnings, *more]
         said = f"{counted(len(gaps), 'gap')} of up to {steps[widest]:.2g} s, {np.sum(steps[gaps]):.2g} s in all"
         warnings.append(f"time has {said}: bridged by straight lines")
-    if float(np.max(np.abs(relative - 1.0))) < 1e-3:
-        return stamps if len(warnings) else time, [one[kept] if len(warnings) else one for one in signals], warnings
-    count = round((stamps[-1] - stamps[0]) / middle) + 1 if len(warnings) else len(stamps)
-    even = np.linspace(stamps[0], stamps[-1], count)
-    if away[worst] > 1e-3 or not len(gaps):
+    away = np.abs(np.delete(steps, gaps) / middle - 1.0)
+    if not len(gaps) and float(np.max(away, initial=0.0)) < 1e-3:
+        return time, list(signals), warnings
+    scatter = float(np.sqrt(np.mean(away**2)))
+    if float(np.max(away, initial=0.0)) > 1e-3:
         warnings.append(
-            (
-                f"the time steps scatter by {100 * scatter:.2g} % RMS, {100 * away[worst]:.2g} % at worst"
-                if away[worst] > 1e-3
-                else "the time steps near dropped rows are longer"
-            )
-            + f"; the log was resampled on an even clock (accepted up to {100 * _JITTER:.0f} % RMS)"
+            f"the time steps scatter by {100 * scatter:.2g} % RMS, {100 * away.max():.2g} % at worst; the log was "
+            "resampled on an even clock"
         )
-    return even, [np.interp(even, stamps, one[kept]) for one in signals], warnings
+    missing = len(gaps) or repeated or scatter > _EVEN
+    count = round((time[-1] - time[0]) / middle) + 1 if missing else len(time)
+    even = np.linspace(time[0], time[-1], count)
+    return even, [np.interp(even, time, one) for one in signals], warnings
 
 
 def rises_evenly(values: Array) -> bool:
@@ -134,22 +139,12 @@ def rises_evenly(values: Array) -> bool:
     (True, False)
     """
     steps = np.diff(values)
-    return bool(np.all(steps > 0.0)) and float(np.std(steps)) <= _JITTER * float(np.mean(steps))
+    return bool(np.all(steps > 0.0)) and float(np.std(steps)) <= _EVEN * float(np.mean(steps))
 
 
-def _near(dropped: NDArray[np.intp]) -> NDArray[np.intp]:
-    """How many rows more than usual were dropped near each step (m − 1,), of how many after each kept row (m,).
-
-    Usual is the median over the log, which is 0 where rows are dropped now and then; 1 is left where any was.
-    """
-    sums = np.concatenate([[0], np.cumsum(dropped)])
-    rows = np.arange(len(dropped) - 1)
-    near = sums[np.minimum(rows + 1 + _LATE, len(dropped))] - sums[np.maximum(rows + 1 - _LATE, 0)]
-    return np.asarray(np.maximum(near - int(np.median(near)), np.minimum(near, 1)))
-
-
-def _first_of_each(time: Array, steps: Array, where: Callable[[int], str]) -> tuple[NDArray[np.intp], list[str]]:
+def _first_of_each(time: Array, where: Callable[[int], str]) -> tuple[NDArray[np.intp], list[str]]:
     """The first row of each stamp."""
+    steps = np.diff(time)
     repeated = np.flatnonzero(steps == 0.0) + 1
     if not len(repeated):
         return np.arange(len(time)), []
@@ -188,6 +183,14 @@ def odd_time(time: Array, motor: Array, joint: Array) -> list[Trust]:
     why = f"the motor moves at {fast:.2g}°/s at most ({took}): is time in ms?"
     else_ = " Else stick and slip and creep hide the loop: record at 5°/s or more" if slow else ""
     return [Trust("no" if slow and far else "with care", (why + else_,))]
+
+
+def in_seconds(time: Array, motor: Array, joint: Array) -> tuple[Array, list[Trust]]:
+    """Times in no named unit, in seconds: as they are, unless the motion is possible in ms, µs or ns only."""
+    units = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+    unit = next((one for one, factor in units.items() if not odd_time(time * factor, motor, joint)), "s")
+    said = f"no unit is named for the times (taken as {unit}): end the column's name in _s, _ms, _us or _ns"
+    return time * units[unit], [Trust("with care", (said,))]
 
 
 def held_rows(angle: Array) -> tuple[int, int | None]:

@@ -1,14 +1,30 @@
 """Which column of a log is the time, the motor, the joint or whatever is looked for, and in which unit."""
 
+import math
 import re
 import shlex
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 from bowden.core.errors import LogError
+from bowden.core.files import printable
 from bowden.core.units import RADIANS
+from bowden.records.units import UNITS
 
-TIMES = ("time", "t", "timestamp", "times", "elapsed", "seconds", "sec", "clock")
+TIMES = (
+    "time",
+    "t",
+    "timestamp",
+    "times",
+    "elapsed",
+    "seconds",
+    "sec",
+    "clock",
+    "datetime",
+    "date_time",
+    "x_value",
+    "stamp",
+)
 """Common names of a column of times, the likeliest first."""
 
 CABLE: Mapping[str, Sequence[str]] = {
@@ -46,20 +62,10 @@ _PLACES = {
     ),
 }
 """Words in a column's name that say on which side it was measured; the last one, only where no other does."""
+_ANGLES = ("deg", "rad", "turns", "counts")
 _NO_ANGLE = ("torque", "force", "current", "volt", "temp", "vel", "speed", "emg", "target", "command", "cmd", "ref")
 
-_UNITS = {
-    **dict.fromkeys(("deg", "degs", "degree", "degrees", "°"), "deg"),
-    **dict.fromkeys(("rad", "rads", "radian", "radians"), "rad"),
-    **dict.fromkeys(("s", "sec", "secs", "second", "seconds"), "s"),
-    **dict.fromkeys(("ms", "msec", "millis", "milliseconds"), "ms"),
-    **dict.fromkeys(("us", "µs", "μs", "usec", "micros", "microseconds"), "us"),
-    **dict.fromkeys(("mm", "millimeter", "millimeters", "millimetre", "millimetres"), "mm"),
-    **dict.fromkeys(("cm", "centimeter", "centimeters", "centimetre", "centimetres"), "cm"),
-    **dict.fromkeys(("count", "counts", "cnt", "cnts", "tick", "ticks", "inc", "increments", "pulses"), "counts"),
-}
-
-FACTORS = {"deg": RADIANS, "rad": 1.0, "s": 1.0, "ms": 1e-3, "us": 1e-6}
+FACTORS = {"deg": RADIANS, "rad": 1.0, "turns": math.tau, "s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 """Unit → what one of it is in SI; what a count is, its encoder says."""
 
 
@@ -72,16 +78,7 @@ class LogColumn:
     name: str
     """As written in the log."""
     unit: str | None
-    """``deg``, ``rad``, ``counts``, ``mm``, ``cm``, ``s``, ``ms`` or ``us``; None where the log does not say."""
-
-
-def unit_of(text: str) -> str | None:
-    """The unit that a cell of its own names, or None.
-
-    >>> unit_of("[deg]"), unit_of("rad"), unit_of("motor")
-    ('deg', 'rad', None)
-    """
-    return _UNITS.get(text.strip().strip("[]()").strip().lower())
+    """As `bowden.records.units.UNITS` has it; None where the log does not say."""
 
 
 def split_name(name: str) -> tuple[str, str | None]:
@@ -95,8 +92,8 @@ def split_name(name: str) -> tuple[str, str | None]:
     base, unit = text, None
     if parts:
         named = (parts[2] or parts[4] or "").lower()
-        if named in _UNITS:
-            base, unit = parts[1] if parts[2] else parts[3], _UNITS[named]
+        if named in UNITS:
+            base, unit = parts[1] if parts[2] else parts[3], UNITS[named]
     return re.sub(r"[^0-9a-zµ°]+", "_", base.lower()).strip("_"), unit
 
 
@@ -129,7 +126,7 @@ def find_columns(
         if index is None:
             missing.append(f"a column {wanted!r} for the {role}" if wanted is not None else f"a {role} column")
         else:
-            found[role] = LogColumn(index, names[index].strip(), split_name(names[index])[1])
+            found[role] = LogColumn(index, printable(names[index].strip()), split_name(names[index])[1])
     listed = ", ".join(repr(name.strip()) for name in names[:12]) + (", …" if len(names) > 12 else "")
     if missing:
         *first, last = known
@@ -144,7 +141,7 @@ def find_columns(
             do=f"name the columns: {options}, or {keywords} in Python{rate}"
             + (_suggested(names) if {*_PLACES} <= {*known} - {role for role in given if given[role]} else ""),
         )
-    written = [name.strip() for name in names]
+    written = [printable(name.strip()) for name in names]
     for column in found.values():
         if written.count(column.name) > 1:
             raise LogError(
@@ -158,22 +155,40 @@ def find_columns(
     return found
 
 
+def sides_in(given: Mapping[str, str | None], names: Sequence[str]) -> set[str]:
+    """Which of motor and joint are among a file's columns."""
+    found = set()
+    for side in _PLACES:
+        wanted = given.get(side)
+        if (_guess(CABLE[side], names) if wanted is None else _named(wanted, names)) is not None:
+            found.add(side)
+    return found
+
+
 def _suggested(names: Sequence[str]) -> str:
     """The options for both sides, where words in the names of one column each say which it is; else nothing."""
     of_motor = _with_word("motor", names)
     of_joint = [k for k in _with_word("joint", names) if k not in of_motor]
+    if not of_motor and len(of_joint) == 1:  # the one other column of angles
+        of_motor = [k for k in _angles(names) if k not in of_joint and split_name(names[k])[1] in _ANGLES]
     if len(of_motor) != 1 or len(of_joint) != 1:
         return ""
-    motor, joint = (shlex.quote(names[one[0]].strip()) for one in (of_motor, of_joint))
-    return f"; perhaps --motor {motor} --joint {joint}"
+    motor, joint = (names[one[0]].strip() for one in (of_motor, of_joint))
+    units = all(split_name(one)[1] in _ANGLES for one in (motor, joint))
+    unit = "" if units else ", with --unit deg or --unit rad"
+    return f"; perhaps --motor {shlex.quote(motor)} --joint {shlex.quote(joint)}{unit}"
 
 
 def _with_word(side: str, names: Sequence[str]) -> list[int]:
     *words, last = _PLACES[side]
-    plain = [name.lower() for name in names]
-    angles = [k for k, name in enumerate(plain) if not any(word in name for word in _NO_ANGLE)]
+    plain, angles = [name.lower() for name in names], _angles(names)
     at = [k for k in angles if any(word in plain[k] for word in words)]
     return at or [k for k in angles if last in plain[k]]
+
+
+def _angles(names: Sequence[str]) -> list[int]:
+    """The columns whose names have no word of what is no angle."""
+    return [k for k, name in enumerate(names) if not any(word in name.lower() for word in _NO_ANGLE)]
 
 
 def _named(wanted: str, names: Sequence[str]) -> int | None:
@@ -181,7 +196,9 @@ def _named(wanted: str, names: Sequence[str]) -> int | None:
     if wanted in plain:
         return plain.index(wanted)
     lower = [name.lower() for name in plain]
-    return lower.index(wanted.lower()) if lower.count(wanted.lower()) == 1 else None
+    if lower.count(wanted.lower()) == 1:
+        return lower.index(wanted.lower())
+    return int(wanted) - 1 if wanted.isdecimal() and 1 <= int(wanted) <= len(names) else None
 
 
 def _guess(known: Sequence[str], names: Sequence[str]) -> int | None:

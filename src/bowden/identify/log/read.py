@@ -1,9 +1,9 @@
-"""Reading and checking the log of a cable: CSV (also gzipped), MATLAB, NPZ and Parquet files."""
+"""Reading and checking the log of a cable, of whatever kind and however laid out."""
 
 import math
 import shlex
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -12,14 +12,16 @@ from numpy.typing import NDArray
 
 from bowden.core.arguments import said
 from bowden.core.bounded import open_file
-from bowden.core.errors import LogError, ParameterError
+from bowden.core.errors import LogError, ParameterError, counted
 from bowden.core.guesses import answering
 from bowden.core.units import DEGREES
 from bowden.identify.cable import checks
 from bowden.identify.cable.turns import least_swing, resolution, reversals
+from bowden.identify.log.align import aligned
 from bowden.identify.log.angles import (
     SIDES,
     Angle,
+    AngleUnits,
     angle_units,
     angles_of,
     check_plausible,
@@ -28,16 +30,22 @@ from bowden.identify.log.angles import (
     unwrapped,
     without_outliers,
 )
-from bowden.identify.log.clock import even_clock, held_rows, odd_time, rises_evenly
-from bowden.identify.log.columns import CABLE, FACTORS, LogColumn, find_columns, unit_of
-from bowden.identify.log.mat import is_matlab, read_matlab
-from bowden.identify.log.text import read_text
+from bowden.identify.log.clock import even_clock, held_rows, in_seconds, odd_time, rises_evenly
+from bowden.identify.log.columns import CABLE, FACTORS, TIMES, LogColumn, find_columns, sides_in, split_name
+from bowden.identify.log.quaternions import with_angles
 from bowden.plants.counting import NOT_SAID, Covered, Encoders
 from bowden.plants.trust import Trust
-from bowden.records.table import PARQUET, ZIP, read_table
+from bowden.records.table import KINDS, read_table
+from bowden.records.units import unit_of
 
 Array = NDArray[np.float64]
 
+_EPOCH = 8
+"""Digits of a time from 1970 in seconds, less one."""
+_DAY, _LATE = 86400.0, 1e6
+"""A day [s], and times beyond which digits of small steps are lost: they are counted from the first."""
+_APART = 0.5
+"""Share of the rows with one angle that must have the other too."""
 _OF_A_STROKE = 8
 """Rows of a stroke that must stay where others are left out: as many as it has nodes at least when it is fitted."""
 
@@ -105,28 +113,30 @@ def read_log(
     joint: str | None = None,
     unit: str | None = None,
     counts_per_turn: float | Sequence[float] | str | None = None,
+    spool_radius_mm: float | None = None,
     rate: float | None = None,
 ) -> Log:
     """Read a cable's log and check it.
 
     Args:
-        path: ``.csv``, ``.csv.gz``, ``.mat`` (up to version 7), ``.npz``, ``.parquet``; text may stand above the names.
-        time: name of the time column; guessed where it is not given.
-        motor: name of the motor's column.
-        joint: name of the joint's column.
-        unit: of the angles, ``deg``, ``rad`` or ``counts``, or one each (``counts,deg``); taken from the columns' names
+        path: of a table, see `read_table`; text may stand above the names.
+        time: name or number of the time column; guessed where it is not given.
+        motor: of the motor's column.
+        joint: of the joint's column.
+        unit: of the angles, one for both or one each (``counts,deg``), see `angle_units`; taken from the columns' names
             where it is not given.
-        counts_per_turn: of the encoders, one number for both or one each; see `angle_units`.
+        counts_per_turn: of the encoders, one number for both or one each.
+        spool_radius_mm: of the motor, where its column is a length of cable.
         rate: rows a second of a log without times; a time column is then not read [Hz].
 
     Raises:
         LogError: the file cannot be read, or the log cannot be used; one line that says why and where.
         ParameterError: an unknown unit, counts or a rate that cannot be, a rate beside a time column's name.
     """
-    units, file = angle_units(unit, counts_per_turn), Path(path)
+    units, file = angle_units(unit, counts_per_turn, spool_radius_mm), Path(path)
     checked_rate(rate, time)
     given = {"time": time, "motor": motor, "joint": joint}
-    raw, warnings = from_the_first_reading(read_columns(file, given, optional=() if rate is None else ("time",)))
+    raw = read_columns(file, given, optional=() if rate is None else ("time",))
     if rate is None and not rises_evenly(raw.values["time"]):
         for side in SIDES:
             if rises_evenly(raw.values[side]):
@@ -136,15 +146,65 @@ def read_log(
                     expected="a time that rises",
                     do=f"exchange the names {clock!r} and {other!r} in the file",
                 )
-    for role, values in raw.values.items():
-        if role != "time" or rate is None:
-            checks.check_finite(raw.columns[role].name, values, raw.place)
+    raw, warnings = with_both(raw, rate)
     named = {side: (raw.columns[side].name, raw.columns[side].unit) for side in SIDES}
     angles, guessed = angles_of(named, raw.values, units)
-    seconds, timed = seconds_of(raw, rate, file)
-    doubts = [Trust("with care", (said,)) for said in timed if rate is None]
-    timed = timed if rate is not None else []
-    return prepare(seconds, angles, file.name, raw.place, units.apart, (*warnings, *guessed, *timed), doubts)
+    seconds, notes, timed = seconds_of(raw, rate, file)
+    said = (*warnings, *guessed, *notes)
+    return prepare(seconds, angles, file.name, raw.place, units.apart, said, time_unit_known=timed)
+
+
+def read_run(
+    files: Sequence[Path],
+    given: Mapping[str, str | None],
+    units: AngleUnits,
+    rate: float | None = None,
+) -> Log | None:
+    """One run of which one file has the motor and another the joint, on one clock; None where they are no such files.
+
+    The columns say which it is; where they do not, and each file has one beside its time, the motor's comes first.
+
+    Args:
+        files: two.
+        given: role → name or number of its column, where the user gave it.
+        units: of both.
+        rate: rows a second, where neither has times [Hz].
+
+    Raises:
+        LogError: a file that cannot be read, or files that are not of one motion.
+    """
+    names = [with_angles(read_table(file)).names for file in files]
+    found = [sides_in(given, one) for one in names]
+    timed = [len([one for one in each if one.strip() and split_name(one)[0] not in TIMES]) for each in names]
+    if [len(one) for one in found] != [1, 1] or found[0] == found[1]:
+        if timed != [1, 1] or any(len(one) > 1 for one in found):
+            return None
+        found = [{"motor"}, {"joint"}]
+    raws: dict[str, RawLog] = {}
+    warnings: list[str] = []
+    at: dict[str, Array] = {}
+    for file, (side,), each in zip(files, found, names, strict=True):
+        own = sides_in(given, each)
+        named = given[side] or (None if own else next(n for n in each if split_name(n)[0] not in TIMES))
+        known = {"time": TIMES, side: CABLE[side]}
+        raw = read_columns(file, {"time": given["time"], side: named}, known, () if rate is None else ("time",))
+        raws[side], lost = with_both(raw, rate)
+        at[side], notes, _ = seconds_of(raws[side], rate, file)
+        warnings += [f"{file.name}: {one}" for one in (*lost, *notes) if one]
+    columns = {side: (raws[side].columns[side].name, raws[side].columns[side].unit) for side in SIDES}
+    angles, guessed = angles_of(columns, {side: raws[side].values[side] for side in SIDES}, units)
+    signals = {}
+    for side in SIDES:
+        angles[side], notes = unwrapped(angles[side])
+        even, (values,), more = even_clock(at[side], [angles[side].values], raws[side].place, cut=True)
+        signals[side] = even, values
+        warnings += [*notes, *more]
+    both = aligned(signals["motor"], signals["joint"])
+    angles = {side: replace(angles[side], values=getattr(both, side)) for side in SIDES}
+    name = " + ".join(file.name for file in files)
+    doubts = [Trust("with care", (both.said,))] if both.uncertain else []
+    said = (*warnings, *guessed, both.said)
+    return prepare(both.time, angles, name, lambda i: f"{name}, sample {i + 1}", units.apart, said, doubts)
 
 
 def checked_rate(rate: Any, time: object = None) -> None:
@@ -177,55 +237,53 @@ def read_columns(
     known: Mapping[str, Sequence[str]] = CABLE,
     optional: Collection[str] = (),
 ) -> RawLog:
-    """Columns of a log, from text, a MATLAB file, NPZ or Parquet; see `find_columns`.
+    """Columns of a log; see `read_table` and `find_columns`.
 
     Raises:
         LogError: the file cannot be read, or has no such columns.
     """
+    if file.is_dir():
+        raise LogError(f"{file} is a folder", expected="a log file", do=f"give the path of one: {KINDS}")
     try:
-        if file.is_dir():
-            raise LogError(
-                f"{file} is a folder",
-                expected="a log file",
-                do="give the path of one .csv, .csv.gz, .mat, .npz or .parquet",
-            )
         with open_file(file) as opened:
             head = opened.read(512)
-        if not head:
-            raise LogError(
-                f"{file} is empty", expected=f"columns for {', '.join(known)}", do="record or export the log again"
-            )
-        if head.startswith(b"\x89MCAP0\r\n"):
-            raise LogError(
-                f"{file} is the log of a live run",
-                expected="time, motor and joint in columns",
-                do=f"write them: bowden log export {shlex.quote(str(file))}; in Python read it with "
-                "bowden.read_trace(path), which bowden.identify takes",
-            )
-        read = _read_table if head.startswith((PARQUET, ZIP)) else read_matlab if is_matlab(file, head) else read_text
-        columns, values, place = read(file, given, known, optional)
-        return RawLog(columns, {role: np.asarray(part, dtype=np.float64) for role, part in values.items()}, place)
     except FileNotFoundError:
         raise LogError(f"{file} does not exist", do="check the path") from None
     except OSError as error:
         raise LogError(
             f"{file} cannot be read: {error.strerror or error}", do="check the file and its permissions"
         ) from None
-
-
-def _read_table(
-    path: Path, given: Mapping[str, str | None], known: Mapping[str, Sequence[str]], optional: Collection[str] = ()
-) -> tuple[dict[str, LogColumn], dict[str, Array], Callable[[int], str]]:
-    table = read_table(path)
-    columns = find_columns(table.names, given, str(path), known, optional)
+    if head.startswith(b"\x89MCAP0\r\n"):
+        raise LogError(
+            f"{file} is the log of a live run",
+            expected="time, motor and joint in columns",
+            do=f"write them: bowden log export {shlex.quote(str(file))}; in Python read it with "
+            "bowden.read_trace(path), which bowden.identify takes",
+        )
+    table = with_angles(read_table(file))
+    columns = find_columns(table.names, given, str(file), known, optional)
     for role, column in columns.items():
         columns[role] = LogColumn(column.index, column.name, column.unit or unit_of(table.units.get(column.name, "")))
-    values = table.numbers([column.index for column in columns.values()])
-    return columns, dict(zip(columns, values, strict=True)), lambda sample: f"{path}, row {sample + 1}"
+    clock = columns["time"].index if "time" in columns else None
+    values = table.numbers([column.index for column in columns.values()], clock) if columns else []
+    if values and not len(values[0]):
+        raise LogError(f"{file}: no row of numbers found", expected="columns of numbers", do="record the log again")
+    found = dict(zip(columns, values, strict=True))
+    if "time" in found:
+        found["time"] = _past_midnight(found["time"])
+    return RawLog(columns, found, table.place)
 
 
-def seconds_of(raw: RawLog, rate: float | None, file: Path) -> tuple[Array, list[str]]:
-    """Times of the rows of a log (n,) [s], and what is to be said of them.
+def _past_midnight(time: Array) -> Array:
+    """Times of day that go on (n,) [s]; all others as they are."""
+    steps = np.diff(time)
+    if not (steps < -0.9 * _DAY).any() or np.nanmin(time) < 0.0 or np.nanmax(time) >= _DAY:
+        return time
+    return time + _DAY * np.concatenate([[0.0], np.cumsum(steps < -0.9 * _DAY)])
+
+
+def seconds_of(raw: RawLog, rate: float | None, file: Path) -> tuple[Array, list[str], bool]:
+    """Times of the rows of a log (n,) [s], what is to be said of them, and whether their unit is known.
 
     Raises:
         LogError: times in another unit than one of time.
@@ -233,29 +291,69 @@ def seconds_of(raw: RawLog, rate: float | None, file: Path) -> tuple[Array, list
     if rate is not None:
         unread = raw.columns.get("time")
         notes = [f"column {unread.name!r} was not read: the rate of the rows was given"] if unread else []
-        return np.arange(len(raw.values["motor"])) / rate, notes
-    column = raw.columns["time"]
+        return np.arange(len(next(iter(raw.values.values())))) / rate, notes, True
+    column, time = raw.columns["time"], raw.values["time"]
     named = column.unit or unit_of(column.name)
+    if named is None and (digits := int(np.log10(max(abs(time[0]), 1.0)))) > _EPOCH:  # from 1970, in one unit or other
+        named = ("s", "ms", "us", "ns")[min((digits - _EPOCH) // 3, 3)]
     unit = named or "s"
-    if unit not in ("s", "ms", "us"):
+    if unit not in ("s", "ms", "us", "ns"):
         raise LogError(
             f"{file}: the times in {column.name!r} are in {unit}",
-            expected="s, ms or us",
+            expected="s, ms, us or ns",
             do="name another column, or give the rows' rate: --rate 1000 (rate= in Python)",
         )
-    notes = [f"no unit is named for {column.name!r} (taken as s): end the name in _s or _ms"] if named is None else []
-    return raw.values["time"] * FACTORS[unit], notes
+    return (time - time[0]) * FACTORS[unit] if abs(time[0]) > _LATE else time * FACTORS[unit], [], named is not None
 
 
-def from_the_first_reading(raw: RawLog) -> tuple[RawLog, list[str]]:
-    """The log without the rows at its beginning in which no angle had been read yet, as that of a live run has them."""
-    there = np.all([np.isfinite(values) for role, values in raw.values.items() if role != "time"], axis=0)
-    first = int(there.argmax()) if there.any() else 0
-    if first == 0:
+def with_both(raw: RawLog, rate: float | None) -> tuple[RawLog, list[str]]:
+    """The log at rows in which motor and joint are known.
+
+    Where they stand in different rows, as two sensors of their own rates write them, the one with more readings is
+    interpolated to the rows of the other. Else rows without a number are left out, which leaves gaps.
+    """
+    time = raw.values.get("time", np.empty(0)) if rate is None else np.empty(0)
+    sides = [role for role in raw.values if role != "time"]
+    known = {side: np.isfinite(raw.values[side]) for side in sides}
+    timed = np.isfinite(time) if len(time) else np.ones(len(raw.values[sides[0]]), dtype=bool)
+    both = np.all([timed, *known.values()], axis=0)
+    if both.all():
         return raw, []
-    values = {role: part[first:] for role, part in raw.values.items()}
-    said = f"the first {first} rows, in which no angle had been read yet, were left out"
-    return RawLog(raw.columns, values, lambda i: raw.place(i + first)), [said]
+    counts = {side: int((known[side] & timed).sum()) for side in sides}
+    few = min(sides, key=lambda side: counts[side])
+    first = int(both.argmax()) if both.any() else 0
+    said = ""
+    if len(time) and both.sum() < _APART * counts[few] and counts[few] >= checks.FEWEST_SAMPLES:
+        rows = np.flatnonzero(known[few] & timed)
+        values = {"time": time[rows], few: raw.values[few][rows]}
+        for side in set(sides) - {few}:
+            there = np.flatnonzero(known[side] & timed)
+            values[side] = np.interp(time[rows], time[there], raw.values[side][there])
+            rates = (counts[one] / max(np.ptp(time[timed]), 1e-300) for one in (few, side))
+            said = f"{few} and {side} stand in different rows: {side} was interpolated to the {counts[few]} of {few}"
+            said += "" if raw.columns["time"].unit != "s" else " ({:.4g} and {:.4g} Hz)".format(*rates)
+    elif not both.any() or both.sum() < _APART * len(both):
+        worst = int(np.argmin(both[first:])) + first
+        name = next((raw.columns[side].name for side in sides if not known[side][worst]), "time")
+        raise LogError(
+            f"{raw.place(worst)}: {name} is nan, and {len(both) - int(both.sum())} of {len(both)} rows lack a number",
+            expected="a number in most rows",
+            do="name other columns, or record the log again",
+        )
+    else:
+        rows = np.flatnonzero(both)
+        values = {role: part[rows] for role, part in raw.values.items()}
+        lost = len(both) - len(rows)
+        rest = lost - first
+        places = int(np.count_nonzero(np.diff(both[first:].astype(np.int8)) == -1))
+        said = f"the first {first} rows, in which no angle had been read yet, were left out" if first else ""
+        if rest:
+            said += "; " * bool(said) + f"{counted(rest, 'row')} without a number in {counted(places, 'place')}"
+            said += " were left out"
+        if rest and rate is not None:
+            values = {r: np.interp(np.arange(first, len(both)), rows, part) for r, part in values.items()}
+            said += " and bridged by straight lines"
+    return RawLog(raw.columns, values, lambda i: raw.place(int(rows[min(i, len(rows) - 1)]))), [said]
 
 
 def prepare(
@@ -266,6 +364,8 @@ def prepare(
     apart: bool = False,
     warnings: Sequence[str] = (),
     doubts: Sequence[Trust] = (),
+    *,
+    time_unit_known: bool = True,
 ) -> Log:
     """Check time and both angles, and put them on an even clock, in radians.
 
@@ -277,6 +377,7 @@ def prepare(
         apart: whether the unit of each side was said by itself; a ratio of 57 between them is then a gear.
         warnings: what was mended or guessed before.
         doubts: in what was read.
+        time_unit_known: whether somebody named the unit of time; else it is the one in which the motion is possible.
 
     Raises:
         LogError: too short, not finite, not moving, angles that no cable has, or no clock.
@@ -286,12 +387,15 @@ def prepare(
         checks.check_finite(what, values, place)
     (motor, notes), (joint, more) = (unwrapped(angles[side]) for side in SIDES)
     check_plausible(motor, joint, place)
-    (motor, filled), (joint, further) = (without_outliers(one, place) for one in (motor, joint))
+    (motor, filled), (joint, further) = (without_outliers(one, time, place) for one in (motor, joint))
     notes, more = notes + filled, more + further
     if not apart:
         checks.check_same_unit(motor.radians, joint.radians, name)
     more += geared(motor, joint)
-    even, (motor_at, joint_at), clock = even_clock(time, (motor.radians, joint.radians), place)
+    even, (motor_at, joint_at), clock = even_clock(time, (motor.radians, joint.radians), place, cut=True)
+    if not time_unit_known:
+        even, guessed = in_seconds(even, motor_at, joint_at)
+        doubts = (*doubts, *guessed)
     checks.check_length(len(even), name)
     counts = (resolution(motor.radians), resolution(joint.radians)) if clock else None
     even, motor_at, joint_at, repeats, seldom = at_new_readings(even, motor_at, joint_at)
@@ -308,7 +412,7 @@ def prepare(
         at, on = (one * DEGREES for one in stop)
         why = f"the joint stands at {at:.4g}° while the motor goes on by {on:.2g}°: the end of its sensor, or a stop"
         doubts = (*doubts, Trust("with care", (why,)))
-    said = (*warnings, *notes, *more, *clock, *repeats)
+    said = (*(one for one in warnings if one), *notes, *more, *clock, *repeats)
     encoders = Encoders(*(angles[side].count for side in SIDES))
     return Log(even, motor_at, joint_at, name, said, doubts, counts, encoders)
 

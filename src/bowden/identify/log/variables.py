@@ -32,6 +32,8 @@ COMMON: Mapping[str, Sequence[str]] = {
 class Scheduled(NamedTuple):
     """A variable of several logs."""
 
+    name: str
+    """``load`` or ``bend``."""
     values: tuple[float, ...]
     """One for each log: a load as its unit says, a bend in radians."""
     unit: str
@@ -84,7 +86,7 @@ def scheduled_by(
         )
     (unit,) = units
     return Scheduled(
-        tuple(one[0] for one in there), unit, f"the {name} of each log is the mean of its column {there[0][2]!r}"
+        name, tuple(one[0] for one in there), unit, f"the {name} of each log is the mean of its column {there[0][2]!r}"
     )
 
 
@@ -103,7 +105,7 @@ def of_numbers(name: str, values: Sequence[float], logs: Sequence[str]) -> Sched
     for value, log in zip(values, logs, strict=True):
         if not math.isfinite(value):
             raise ParameterError(f"the {name} of {log} is {value}", expected="a finite number", do="correct it")
-    return Scheduled(tuple(float(value) for value in values), "rad" if name == "bend" else "", "")
+    return Scheduled(name, tuple(float(value) for value in values), "rad" if name == "bend" else "", "")
 
 
 def numbers(text: str) -> list[float] | None:

@@ -7,10 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.core.errors import LogError, ParameterError
-from bowden.identify.cable.checks import check_finite, check_length
+from bowden.identify.cable.checks import check_length
 from bowden.identify.log.clock import even_clock
 from bowden.identify.log.columns import FACTORS, TIMES, LogColumn
-from bowden.identify.log.read import checked_rate, from_the_first_reading, read_columns, seconds_of
+from bowden.identify.log.read import checked_rate, read_columns, seconds_of, with_both
 
 Array = NDArray[np.float64]
 
@@ -42,13 +42,12 @@ def read_servo_log(
     if unit not in (None, "deg", "rad"):
         raise ParameterError(f"--unit is {unit!r}", expected="deg or rad")
     checked_rate(rate, given.get("time"))
-    raw, left_out = from_the_first_reading(read_columns(path, given, _SERVO, () if rate is None else ("time",)))
+    raw, left_out = with_both(read_columns(path, given, _SERVO, () if rate is None else ("time",)), rate)
     factors = {role: _factor(raw.columns[role], unit, path) for role in ("command", "motor")}
     check_length(len(raw.values["motor"]), str(path))
-    time, notes = seconds_of(raw, rate, path)
-    for role in ("command", "motor"):
-        check_finite(raw.columns[role].name, raw.values[role], raw.place)
-    check_finite("time", time, raw.place)
+    time, notes, named = seconds_of(raw, rate, path)
+    if not named:
+        notes.append(f"no unit is named for {raw.columns['time'].name!r} (taken as s): end the name in _s or _ms")
     angles = [raw.values[role] * factor for role, factor in factors.items()]
     even, (command, motor), warnings = even_clock(time - time[0], angles, raw.place)
     return (even, command, motor), [*left_out, *notes, *warnings]

@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 class HoldingBrake(NamedTuple):
     """A holding brake of the drive, engaged while the motor rests; a suit may have one.
 
-    The defaults are those of a small brake that holds without current. While it holds, the motor has none either.
+    The defaults are those of a small brake that holds without current.
     """
 
     holding_torque: Annotated[
@@ -59,11 +59,11 @@ class BrakePhase(IntEnum):
 
     FREE = 0
     ENGAGING = 1
-    """It is told to hold and does not yet; the motor has its current."""
+    """It is ordered to hold and does not yet; the motor has its current."""
     HELD = 2
     """It holds; the motor has no current."""
     RELEASING = 3
-    """It is told to release and still holds; the motor has its current again."""
+    """It is ordered to release and still holds; the motor has its current again."""
 
 
 FREE, ENGAGING, HELD, RELEASING = BrakePhase

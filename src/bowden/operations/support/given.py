@@ -93,11 +93,8 @@ def several(laws: Any) -> Sequence[Any] | None:
 
 
 def notes_of(rig: Rig) -> tuple[str, ...]:
-    """What is odd about a rig, each with the motor that it is of, and why a run would refuse it."""
-    from bowden.design.objections import refusals
-
-    each = (f"motor {one.name}: {note}" if one.name else note for one in rig.parts for note in one.rig.notes)
-    return (*each, *refusals(rig))
+    """What is odd about a rig, each with the motor that it is of."""
+    return tuple(f"motor {one.name}: {note}" if one.name else note for one in rig.parts for note in one.rig.notes)
 
 
 class LawRuns(NamedTuple):

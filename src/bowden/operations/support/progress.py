@@ -33,7 +33,7 @@ def reported(progress: Any, function: str) -> Iterator[Progress]:
 
 
 def check_progress(progress: Any, function: str) -> None:
-    """Refuse what cannot be told how far a call has come.
+    """Refuse what is neither a bool nor a callback.
 
     Raises:
         ParameterError: it is neither.

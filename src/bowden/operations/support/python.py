@@ -38,7 +38,7 @@ _GUESSES = {
 def public(function: Callable[Given, Result[Value]]) -> Callable[Given, Value]:
     """An operation as a function: it returns the value of its result, and its errors are one line without a chain.
 
-    An argument that it does not have is answered with the one that was meant.
+    An unknown argument is refused with the likely one.
     """
     form, known = signature(function), operation.parameters(function)
     any_name = any(one.kind is Parameter.VAR_KEYWORD for one in form.parameters.values())

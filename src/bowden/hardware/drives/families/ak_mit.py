@@ -1,6 +1,7 @@
 """CubeMars AK series in MIT mode: what has to be known of such a drive, the joint's encoder, and the bus to both."""
 
 import math
+from collections.abc import Iterator
 from typing import Annotated, Literal, NamedTuple
 
 from bowden.core.errors import ParameterError
@@ -12,7 +13,6 @@ from bowden.hardware.drives.ak_frames import HIGHEST_KD, HIGHEST_KP, HIGHEST_POS
 from bowden.hardware.drives.findings import FINDINGS
 from bowden.hardware.drives.joint_encoder import check_beside, identifiers_of, joint_encoder_of
 from bowden.hardware.drives.scale import Scale, SuitScale, spool_scale
-from bowden.models.suit.suit_angle import SpoolMap
 from bowden.rig.families import LOST, DriveNeeds
 
 ROOM = 0.2
@@ -43,22 +43,14 @@ class AkParameters(NamedTuple):
         int,
         Quantity("identifier of the drive's replies, its CAN Master ID; -1 where they have its own", ge=-1, le=2047),
     ] = -1
-    motor_direction: Annotated[
-        Literal[1, -1], Quantity("1 where the drive's position rises as the spool pulls, otherwise -1")
-    ] = 1
+    motor_direction: on_can.MotorDirection = 1
     stiffness: Annotated[float, Quantity("kp of the drive, at its output shaft", "N·m/rad", gt=0.0, le=HIGHEST_KP)] = (
         50.0
     )
     damping: Annotated[float, Quantity("kd of the drive, at its output shaft", "N·m·s/rad", ge=0.0, le=HIGHEST_KD)] = (
         1.9
     )
-    home: Annotated[
-        Literal["counts", "here", "hint"],
-        Quantity(
-            "home is where the drive's position is zero; where motor and joint are found when a command begins (here); "
-            "or where its rotor is at zero, in the turn in which the motor is near motor_hint_deg when a command begins"
-        ),
-    ] = "counts"
+    home: on_can.HintedHome = "counts"
     motor_home: on_can.MotorHome = 0.0
     motor_hint: on_can.MotorHint = 0.0
     watchdog: Annotated[
@@ -85,21 +77,48 @@ class AkParameters(NamedTuple):
     joint_home: joints.JointHome = 0.0
     joint_sends: joints.JointSending = "sync"
     answer_timeout: on_can.AnswerTimeout = 0.1
-    gear: float = 9.0
-    torque_constant: float = 0.091
-    sample_time: float = 1e-3
-    lowest_motor: float = -math.inf
-    highest_motor: float = math.inf
-    speed_limit: float = 0.0
-    current_limit: float = 0.0
-    torque_offset: float = 0.0
-    spool: SpoolMap | None = None
-    """These are what the rig asks for: see `rig.families.DriveNeeds`; 0 where it asks for no limit."""
+    needs: DriveNeeds = DriveNeeds(gear=9.0, torque_constant=0.091)
 
     def identifiers(self) -> dict[int, str]:
         """See `on_can.collision`; replies have the drive's number in them, so that several drives may share theirs."""
         replies = {reply_id(self): "reply_id"}
         return {**identifiers_of(joint_encoder_of(self)), **replies, self.node_id: "node_id"}
+
+    def rules(self) -> Iterator[on_can.Rule]:
+        """See `on_can.require`."""
+        model, needs, least = model_of(self), self.needs, LOST * self.needs.sample_time
+        yield "joint_counts_per_turn", float(self.joint_counts_per_turn).is_integer(), "a whole number from 1 on"
+        told = f"at least {1e3 * least:g} ms, three cycles, so that one lost frame does no harm; or 0"
+        yield "watchdog", self.watchdog == 0.0 or self.watchdog >= least, told
+        yield from on_can.rules_of_rig(self, (1e-3, 0.05), most_push)
+        if abs(needs.gear / model.gear - 1.0) > 1e-3:
+            raise ParameterError(
+                f"the rig's gear is {needs.gear:g}, and an {self.model} has {model.gear:g}",
+                expected="the drive's own, with the spool on its output shaft",
+                do="correct gear in [motor], on a suit in [suit], or drive.model",
+            )
+        speed = needs.speed_limit * motor_scale(self).steepest(needs.lowest_motor, needs.highest_motor)
+        if speed > (1.0 - FINEST) * model.velocity:
+            raise ParameterError(
+                f"the rig's speed limit is {speed:.4g} rad/s at the spool",
+                expected=f"at most {(1.0 - FINEST) * model.velocity:.4g}, as far as an {self.model} can report it",
+                do="reduce motor_speed_deg_per_s in [limits]",
+            )
+        torque, most = needs.gear * needs.torque_constant * needs.current_limit, (1.0 - FINEST) * model.torque
+        if torque > most:
+            raise ParameterError(
+                f"the rig's largest current, {needs.current_limit:g} A, is {torque:.4g} N·m at the output shaft",
+                expected=f"at most {most:.4g} N·m, as far as an {self.model} can report it",
+                do="reduce current_limit_a in [motor], or correct torque_constant_nm_per_a there",
+            )
+        if self.home == "hint" and needs.spool is None:
+            period = 2.0 * math.pi / needs.gear
+            if needs.highest_motor < self.motor_hint - period or needs.lowest_motor > self.motor_hint + period:
+                raise ParameterError(
+                    f"drive.motor_hint_deg is {self.motor_hint / RADIANS:g}",
+                    expected="an angle within the motor's range in [limits]",
+                )
+        check_beside(joint_encoder_of(self), {self.node_id: "node_id", reply_id(self): "reply_id"})
 
 
 def reply_id(drive: AkParameters) -> int:
@@ -114,7 +133,7 @@ def model_of(drive: AkParameters) -> AkModel:
 
 def largest_torque(drive: AkParameters) -> float:
     """What the largest current gives, at the output shaft; infinite where no current is asked for [N·m]."""
-    return drive.gear * drive.torque_constant * (drive.current_limit or math.inf)
+    return drive.needs.gear * drive.needs.torque_constant * (drive.needs.current_limit or math.inf)
 
 
 def most_push(drive: AkParameters) -> float:
@@ -124,7 +143,7 @@ def most_push(drive: AkParameters) -> float:
 
 def motor_scale(drive: AkParameters, position_at_home: float = 0.0) -> Scale | SuitScale:
     """The drive's position to the spool's angle, or, on a suit, to the motor's in the joint's coordinate."""
-    return spool_scale(float(drive.motor_direction), drive.motor_home, position_at_home, drive.spool)
+    return spool_scale(float(drive.motor_direction), drive.motor_home, position_at_home, drive.needs.spool)
 
 
 def check_range(drive: AkParameters, scale: Scale | SuitScale, expected: str) -> None:
@@ -133,7 +152,7 @@ def check_range(drive: AkParameters, scale: Scale | SuitScale, expected: str) ->
     Raises:
         ParameterError: with both.
     """
-    for end in (drive.lowest_motor, drive.highest_motor):
+    for end in (drive.needs.lowest_motor, drive.needs.highest_motor):
         position = scale.counts(end) if math.isfinite(end) else 0.0
         if not abs(position) <= HIGHEST_POSITION - ROOM:
             raise ParameterError(
@@ -143,66 +162,10 @@ def check_range(drive: AkParameters, scale: Scale | SuitScale, expected: str) ->
             )
 
 
-def completed(given: AkParameters, needs: DriveNeeds) -> AkParameters:
-    """The parameters with what the rig asks for.
-
-    Raises:
-        ParameterError: values that make no sense together, or beyond the model's ranges.
-    """
-    drive: AkParameters = on_can.asked_for(given, needs)
-    check_parameters(drive)
+def following(drive: AkParameters) -> AkParameters:
+    """The parameters as they are, of a motor that stays in the drive's range."""
     check_range(drive, motor_scale(drive), "as it counts them from home")
     return drive
-
-
-def check_parameters(drive: AkParameters) -> None:
-    """Refuse parameters that make no sense, before a bus is opened.
-
-    Raises:
-        ParameterError: a value out of its range, with its name and what was expected.
-    """
-    model = MODELS.get(drive.model)
-    if model is None:
-        raise ParameterError(f"drive.model is {drive.model!r}", expected=", ".join(MODELS))
-    spool = motor_scale(drive).steepest(drive.lowest_motor, drive.highest_motor)
-    least = LOST * drive.sample_time
-    torque, most = drive.gear * drive.torque_constant * drive.current_limit, (1.0 - FINEST) * model.torque
-    rules = (
-        ("joint_counts_per_turn", float(drive.joint_counts_per_turn).is_integer(), "a whole number from 1 on"),
-        (
-            "watchdog",
-            drive.watchdog == 0.0 or drive.watchdog >= least,
-            f"at least {1e3 * least:g} ms, three cycles, so that one lost frame does no harm; or 0",
-        ),
-        *on_can.rules_of_rig(drive, (1e-3, 0.05), most_push),
-    )
-    on_can.require(drive, rules)
-    if abs(drive.gear / model.gear - 1.0) > 1e-3:
-        raise ParameterError(
-            f"the rig's gear is {drive.gear:g}, and an {drive.model} has {model.gear:g}",
-            expected="the drive's own, with the spool on its output shaft",
-            do="correct gear in [motor], on a suit in [suit], or drive.model",
-        )
-    if drive.speed_limit * spool > (1.0 - FINEST) * model.velocity:
-        raise ParameterError(
-            f"the rig's speed limit is {drive.speed_limit * spool:.4g} rad/s at the spool",
-            expected=f"at most {(1.0 - FINEST) * model.velocity:.4g}, as far as an {drive.model} can report it",
-            do="reduce motor_speed_deg_per_s in [limits]",
-        )
-    if torque > most:
-        raise ParameterError(
-            f"the rig's largest current, {drive.current_limit:g} A, is {torque:.4g} N·m at the output shaft",
-            expected=f"at most {most:.4g} N·m, as far as an {drive.model} can report it",
-            do="reduce current_limit_a in [motor], or correct torque_constant_nm_per_a there",
-        )
-    if drive.home == "hint" and drive.spool is None:
-        period = 2.0 * math.pi / drive.gear
-        if drive.highest_motor < drive.motor_hint - period or drive.lowest_motor > drive.motor_hint + period:
-            raise ParameterError(
-                f"drive.motor_hint_deg is {drive.motor_hint / RADIANS:g}",
-                expected="an angle within the motor's range in [limits]",
-            )
-    check_beside(joint_encoder_of(drive), {drive.node_id: "node_id", reply_id(drive): "reply_id"})
 
 
 FAMILY = on_can.family(
@@ -212,8 +175,7 @@ FAMILY = on_can.family(
     node="twin.ak_node.AkNode",
     probe="drives.ak_drive.probe",
     options=("object",),
-    check=check_parameters,
-    completed=completed,
+    follows=following,
     watchdog=lambda drive: drive.watchdog or math.inf,
     scales=("model", "motor_direction", "joint", "joint_counts_per_turn", "joint_direction"),
     explain=lambda code: FINDINGS.get(code) or error_text(code),

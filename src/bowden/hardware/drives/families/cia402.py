@@ -1,14 +1,15 @@
 """CiA 402 over CANopen: what has to be known of such a drive, its encoders and the bus to it."""
 
 import math
+from collections.abc import Iterator
 from typing import Annotated, Literal, NamedTuple
 
 from bowden.core.quantity import Quantity
 from bowden.hardware.drives import canopen_frames as frames
+from bowden.hardware.drives import joint_encoder as joints
 from bowden.hardware.drives import on_can
 from bowden.hardware.drives.emergencies import emergency_text
 from bowden.hardware.drives.scale import Scale, SuitScale, spool_scale
-from bowden.models.suit.suit_angle import SpoolMap
 from bowden.rig.families import LOST, DriveNeeds
 
 LONGEST_TIMEOUT = 40e-3
@@ -36,19 +37,12 @@ class DriveParameters(NamedTuple):
     motor_counts_per_turn: Annotated[
         float, Quantity("of the motor's encoder, at the motor's shaft", gt=0.0, lt=1e9)
     ] = 16384.0
-    motor_direction: Annotated[
-        Literal[1, -1], Quantity("1 where the motor's counts rise as the spool pulls, otherwise -1")
-    ] = 1
-    joint_counts_per_turn: Annotated[float, Quantity("of the joint's encoder", gt=0.0, lt=1e9)] = 16384.0
-    joint_direction: Annotated[
-        Literal[1, -1], Quantity("1 where the joint's counts rise with its angle, otherwise -1")
-    ] = 1
-    home: Annotated[
-        Literal["counts", "here"],
-        Quantity("home is where the counts are zero, or where motor and joint are found when a command begins"),
-    ] = "counts"
+    motor_direction: on_can.MotorDirection = 1
+    joint_counts_per_turn: joints.JointCounts = 16384.0
+    joint_direction: joints.JointDirection = 1
+    home: on_can.Home = "counts"
     motor_home: on_can.MotorHome = 0.0
-    joint_home: Annotated[float, Quantity("angle of the joint at home", "rad", ge=-720.0, le=720.0)] = 0.0
+    joint_home: joints.JointHome = 0.0
     tension_scale: Annotated[
         float,
         Quantity("cable tension per millivolt at the drive's analog input; 0 for none", "N/mV", key="tension_n_per_mv"),
@@ -100,19 +94,7 @@ class DriveParameters(NamedTuple):
         Quantity("between the drive's heartbeats", "s", shown="ms", key="drive_heartbeat_ms", ge=1.0, le=1000.0),
     ] = 10e-3
     answer_timeout: on_can.AnswerTimeout = 0.3
-    gear: float = 5.0
-    torque_constant: float = 16.7e-3
-    sample_time: float = 1e-3
-    lowest_motor: float = -math.inf
-    highest_motor: float = math.inf
-    speed_limit: float = 0.0
-    following_error: float = 0.0
-    current_limit: float = 0.0
-    lag_current: float = math.inf
-    lag_time: float = 0.0
-    torque_offset: float = 0.0
-    spool: SpoolMap | None = None
-    """These are what the rig asks for: see `rig.families.DriveNeeds`; 0 where it asks for no limit."""
+    needs: DriveNeeds = DriveNeeds()
 
     def identifiers(self) -> dict[int, str]:
         """See `on_can.collision`; all drives on a bus may have one host."""
@@ -122,48 +104,29 @@ class DriveParameters(NamedTuple):
         own = dict.fromkeys((*to_it, *(function + node for function in functions)), "node_id")
         return {**own, host: "host_id", **dict.fromkeys((frames.NMT, frames.SYNC), on_can.OF_ALL)}
 
-
-def check_parameters(drive: DriveParameters) -> None:
-    """Refuse parameters that make no sense, before a bus is opened.
-
-    Raises:
-        ParameterError: a value out of its range, with its name and what was expected.
-    """
-    cycle = round(1e3 * drive.sample_time, 9)
-    least, longest = LOST * drive.sample_time, max(LONGEST_TIMEOUT, LOST * drive.sample_time)
-    rules = (
-        ("host_id", drive.host_id != drive.node_id, "1 to 127, not the drive's node_id"),
-        ("tension_zero", abs(drive.tension_zero) < drive.analog_range, "a voltage within analog_range_mv"),
-        ("torque_scale", not (drive.torque_scale and drive.tension_scale), "0 where tension_n_per_mv is not"),
-        ("sample_time", cycle % 1.0 == 0.0, "whole milliseconds, 1 or more, as the drive's interpolation time"),
-        ("heartbeat_timeout", 0.0 < drive.heartbeat_timeout <= longest, f"above 0, at most {1e3 * longest:g} ms"),
-        (
-            "heartbeat_timeout",
-            least <= drive.heartbeat_timeout,
-            f"three cycles at least, {1e3 * least:g} ms, so that one lost frame does no harm; left out, it follows",
-        ),
-        (
-            "heartbeat_time",
-            LOST * drive.heartbeat_time <= drive.heartbeat_timeout,
-            "at most a third of heartbeat_timeout, so that one lost frame does no harm",
-        ),
-        *on_can.rules_of_rig(drive, (1e-3, 0.255)),
-    )
-    on_can.require(drive, rules)
+    def rules(self) -> Iterator[on_can.Rule]:
+        """See `on_can.require`."""
+        cycle, timeout = round(1e3 * self.needs.sample_time, 9), self.heartbeat_timeout
+        least = LOST * self.needs.sample_time
+        longest = max(LONGEST_TIMEOUT, least)
+        lost = "so that one lost frame does no harm"
+        yield "host_id", self.host_id != self.node_id, "1 to 127, not the drive's node_id"
+        yield "tension_zero", abs(self.tension_zero) < self.analog_range, "a voltage within analog_range_mv"
+        yield "torque_scale", not (self.torque_scale and self.tension_scale), "0 where tension_n_per_mv is not"
+        yield "sample_time", cycle % 1.0 == 0.0, "whole milliseconds, 1 or more, as the drive's interpolation time"
+        yield "heartbeat_timeout", 0.0 < timeout <= longest, f"above 0, at most {1e3 * longest:g} ms"
+        told = f"three cycles at least, {1e3 * least:g} ms, {lost}; left out, it follows"
+        yield "heartbeat_timeout", least <= timeout, told
+        fine = LOST * self.heartbeat_time <= timeout
+        yield "heartbeat_time", fine, f"at most a third of heartbeat_timeout, {lost}"
+        yield from on_can.rules_of_rig(self, (1e-3, 0.255))
 
 
-def completed(given: DriveParameters, needs: DriveNeeds) -> DriveParameters:
-    """The parameters with what the rig asks for.
-
-    Raises:
-        ParameterError: values that make no sense together.
-    """
-    drive: DriveParameters = on_can.asked_for(given, needs)
-    if math.isnan(drive.heartbeat_timeout):
-        drive = drive._replace(heartbeat_timeout=max(LONGEST_TIMEOUT, LOST * drive.sample_time))
-    check_parameters(drive)
-    on_can.check_heartbeat(drive, "drive_heartbeat_time", needs)
-    return drive
+def following(drive: DriveParameters) -> DriveParameters:
+    """The parameters with a timeout long enough for the cycle, where they say none."""
+    if not math.isnan(drive.heartbeat_timeout):
+        return drive
+    return drive._replace(heartbeat_timeout=max(LONGEST_TIMEOUT, LOST * drive.needs.sample_time))
 
 
 def load_of(drive: DriveParameters, millivolts: float) -> float:
@@ -192,8 +155,8 @@ def motor_scale(drive: DriveParameters, counts_at_home: int = 0) -> Scale | Suit
     >>> round(motor_scale(DriveParameters()).counts(2.0 * math.pi))
     81920
     """
-    step = drive.motor_direction * 2.0 * math.pi / (drive.motor_counts_per_turn * drive.gear)
-    return spool_scale(step, drive.motor_home, counts_at_home, drive.spool)
+    step = drive.motor_direction * 2.0 * math.pi / (drive.motor_counts_per_turn * drive.needs.gear)
+    return spool_scale(step, drive.motor_home, counts_at_home, drive.needs.spool)
 
 
 def joint_scale(drive: DriveParameters, counts_at_home: int = 0) -> Scale:
@@ -209,8 +172,8 @@ FAMILY = on_can.family(
     node="twin.canopen_node.CanopenNode",
     probe="drives.canopen_setup.probe",
     options=("object",),
-    check=check_parameters,
-    completed=completed,
+    follows=following,
+    beats="drive_heartbeat_time",
     watchdog=lambda drive: drive.heartbeat_timeout + LOOK,
     scales=("motor_counts_per_turn", "motor_direction", "joint_counts_per_turn", "joint_direction"),
     explain=emergency_text,

@@ -1,13 +1,14 @@
 """mjbots moteus boards over CAN-FD: what has to be known of one, its joint encoder and the bus to it."""
 
 import math
+from collections.abc import Iterator
 from typing import Annotated, Literal, NamedTuple
 
 from bowden.core.quantity import Quantity
+from bowden.hardware.drives import joint_encoder as joints
 from bowden.hardware.drives import on_can
 from bowden.hardware.drives.moteus_frames import HIGHEST_PREFIX, MoteusCommand, fault_text
 from bowden.hardware.drives.scale import MotorLimits, Scale, SuitScale, bounded_torque, feed_velocity, spool_scale
-from bowden.models.suit.suit_angle import SpoolMap
 from bowden.rig.families import LOST, DriveNeeds
 
 LOOK = 1e-3
@@ -44,21 +45,14 @@ class MoteusParameters(NamedTuple):
             "turns of the board's output per turn of the rotor (motor_position.rotor_to_output_ratio)", gt=0.0, lt=1e4
         ),
     ] = 1.0
-    motor_direction: Annotated[
-        Literal[1, -1], Quantity("1 where the board's position rises as the spool pulls, otherwise -1")
-    ] = 1
+    motor_direction: on_can.MotorDirection = 1
     joint_source: Annotated[
         Literal[1, 2], Quantity("slot of the joint's encoder on the board's auxiliary port 2 (motor_position.sources)")
     ] = 1
-    joint_direction: Annotated[
-        Literal[1, -1], Quantity("1 where that encoder's position rises with the joint's angle, otherwise -1")
-    ] = 1
-    home: Annotated[
-        Literal["counts", "here"],
-        Quantity("home is where both positions are zero, or where motor and joint are found when a command begins"),
-    ] = "counts"
+    joint_direction: joints.JointDirection = 1
+    home: on_can.Home = "counts"
     motor_home: on_can.MotorHome = 0.0
-    joint_home: Annotated[float, Quantity("angle of the joint at home", "rad", ge=-720.0, le=720.0)] = 0.0
+    joint_home: joints.JointHome = 0.0
     kp_scale: Annotated[
         float, Quantity("share of the board's own gain kp (servo.pid_position.kp)", ge=0.01, le=1.0)
     ] = 1.0
@@ -72,53 +66,27 @@ class MoteusParameters(NamedTuple):
         ),
     ] = 35e-3
     answer_timeout: on_can.AnswerTimeout = 0.3
-    gear: float = 5.0
-    torque_constant: float = 16.7e-3
-    sample_time: float = 1e-3
-    lowest_motor: float = -math.inf
-    highest_motor: float = math.inf
-    speed_limit: float = 0.0
-    following_error: float = 0.0
-    current_limit: float = 0.0
-    lag_current: float = math.inf
-    lag_time: float = 0.0
-    torque_offset: float = 0.0
-    spool: SpoolMap | None = None
-    """These are what the rig asks for: see `rig.families.DriveNeeds`; 0 where it asks for no limit."""
+    needs: DriveNeeds = DriveNeeds()
 
     def identifiers(self) -> dict[int, str]:
         """See `on_can.collision`: of an identifier the sender's part, since each receiver knows senders by it."""
         common = self.can_prefix << 16
         return {common | self.host_id << 8: "host_id", common | self.node_id << 8: "node_id"}
 
-
-def check_parameters(drive: MoteusParameters) -> None:
-    """Refuse parameters that make no sense, before a bus is opened.
-
-    Raises:
-        ParameterError: a value out of its range, with its name and what was expected.
-    """
-    rules = (
-        ("bitrate", drive.bitrate <= 1_000_000, "1 to 1000000, 1000000 for a moteus board"),
-        ("data_bitrate", drive.bitrate <= drive.data_bitrate <= 8_000_000, "bitrate or more, 5000000 for a board"),
-        ("host_id", drive.host_id != drive.node_id, "0 to 126, not the drive's node_id"),
-        on_can.rule_of_watchdog(drive),
-        *on_can.rules_of_rig(drive, (5e-4, 0.02)),
-    )
-    on_can.require(drive, rules)
+    def rules(self) -> Iterator[on_can.Rule]:
+        """See `on_can.require`."""
+        yield "bitrate", self.bitrate <= 1_000_000, "1 to 1000000, 1000000 for a moteus board"
+        yield "data_bitrate", self.bitrate <= self.data_bitrate <= 8_000_000, "bitrate or more, 5000000 for a board"
+        yield "host_id", self.host_id != self.node_id, "0 to 126, not the drive's node_id"
+        yield on_can.rule_of_watchdog(self)
+        yield from on_can.rules_of_rig(self, (5e-4, 0.02))
 
 
-def completed(given: MoteusParameters, needs: DriveNeeds) -> MoteusParameters:
-    """The parameters with what the rig asks for.
-
-    Raises:
-        ParameterError: values that make no sense together.
-    """
-    drive: MoteusParameters = on_can.asked_for(given, needs)
-    if drive.watchdog == MoteusParameters().watchdog:  # it is sent with each command, and follows
-        drive = drive._replace(watchdog=max(drive.watchdog, LOST * drive.sample_time))
-    check_parameters(drive)
-    return drive
+def following(drive: MoteusParameters) -> MoteusParameters:
+    """The parameters with a watchdog long enough for the cycle: it is sent with each command, and follows."""
+    if drive.watchdog != MoteusParameters().watchdog:
+        return drive
+    return drive._replace(watchdog=max(drive.watchdog, LOST * drive.needs.sample_time))
 
 
 def motor_scale(drive: MoteusParameters, turns_at_home: float = 0.0) -> Scale | SuitScale:
@@ -127,8 +95,8 @@ def motor_scale(drive: MoteusParameters, turns_at_home: float = 0.0) -> Scale | 
     >>> round(motor_scale(MoteusParameters()).counts(2.0 * math.pi), 9)
     5.0
     """
-    step = drive.motor_direction * 2.0 * math.pi / (drive.output_ratio * drive.gear)
-    return spool_scale(step, drive.motor_home, turns_at_home, drive.spool)
+    step = drive.motor_direction * 2.0 * math.pi / (drive.output_ratio * drive.needs.gear)
+    return spool_scale(step, drive.motor_home, turns_at_home, drive.needs.spool)
 
 
 def joint_scale(drive: MoteusParameters, turns_at_home: float = 0.0) -> Scale:
@@ -152,17 +120,17 @@ def command_of(
         before: the target of the cycle before; NaN for none [turns].
         torque: offset at the spool [N·m].
     """
-    velocity = feed_velocity(turns, before, drive.sample_time, limits.speed)
+    velocity = feed_velocity(turns, before, drive.needs.sample_time, limits.speed)
     room = (limits.high if velocity > 0.0 else limits.low) - turns
     if math.isfinite(turns) and abs(velocity) * drive.watchdog > max(0.0, math.copysign(1.0, velocity) * room):
         velocity = max(0.0, math.copysign(1.0, velocity) * room) / drive.watchdog * math.copysign(1.0, velocity)
     return MoteusCommand(
         turns,
         velocity,
-        drive.motor_direction * bounded_torque(torque, drive) / (drive.gear * drive.output_ratio),
+        drive.motor_direction * bounded_torque(torque, drive) / (drive.needs.gear * drive.output_ratio),
         drive.kp_scale,
         drive.kd_scale,
-        limits.current * drive.torque_constant / drive.output_ratio if limits.current < math.inf else math.nan,
+        limits.current * drive.needs.torque_constant / drive.output_ratio if limits.current < math.inf else math.nan,
         drive.watchdog,
     )
 
@@ -174,8 +142,7 @@ FAMILY = on_can.family(
     node="twin.moteus_node.MoteusNode",
     probe="drives.moteus_setup.probe",
     options=("register", "setting"),
-    check=check_parameters,
-    completed=completed,
+    follows=following,
     watchdog=lambda drive: drive.watchdog + LOOK,
     scales=("output_ratio", "motor_direction", "joint_source", "joint_direction"),
     explain=fault_text,

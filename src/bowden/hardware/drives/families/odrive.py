@@ -1,6 +1,7 @@
 """ODrive boards on classic CAN (CANSimple): what has to be known of one, the joint's encoder, and the bus to both."""
 
 import math
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Literal, NamedTuple
 
@@ -20,7 +21,6 @@ from bowden.hardware.drives.scale import (
     motor_limits,
     spool_scale,
 )
-from bowden.models.suit.suit_angle import SpoolMap
 from bowden.rig.families import DriveNeeds
 
 LOOK = 1e-3
@@ -52,16 +52,8 @@ class OdriveParameters(NamedTuple):
             "twin's own"
         ),
     ] = TWIN
-    motor_direction: Annotated[
-        Literal[1, -1], Quantity("1 where the board's position rises as the spool pulls, otherwise -1")
-    ] = 1
-    home: Annotated[
-        Literal["counts", "here", "hint"],
-        Quantity(
-            "home is where the board's position is zero; where motor and joint are found when a command begins (here); "
-            "or where its rotor is at zero, in the turn in which the motor is near motor_hint_deg when a command begins"
-        ),
-    ] = "counts"
+    motor_direction: on_can.MotorDirection = 1
+    home: on_can.HintedHome = "counts"
     motor_home: on_can.MotorHome = 0.0
     motor_hint: on_can.MotorHint = 0.0
     watchdog: Annotated[
@@ -93,22 +85,39 @@ class OdriveParameters(NamedTuple):
     joint_home: joints.JointHome = 0.0
     joint_sends: joints.JointSending = "sync"
     answer_timeout: on_can.AnswerTimeout = 0.1
-    gear: float = 5.0
-    torque_constant: float = 16.7e-3
-    sample_time: float = 1e-3
-    lowest_motor: float = -math.inf
-    highest_motor: float = math.inf
-    speed_limit: float = 0.0
-    current_limit: float = 0.0
-    lag_current: float = math.inf
-    lag_time: float = 0.0
-    torque_offset: float = 0.0
-    spool: SpoolMap | None = None
-    """These are what the rig asks for: see `rig.families.DriveNeeds`; 0 where it asks for no limit."""
+    needs: DriveNeeds = DriveNeeds()
 
     def identifiers(self) -> dict[int, str]:
         """See `on_can.collision`."""
         return {**identifiers_of(joint_encoder_of(self)), **own_identifiers(self)}
+
+    def rules(self) -> Iterator[on_can.Rule]:
+        """See `on_can.require`."""
+        limits = motor_limits(self, motor_scale(self))
+        reach = max((abs(end) for end in (limits.low, limits.high) if math.isfinite(end)), default=0.0)
+        yield "endpoints", bool(self.endpoints) and "\0" not in self.endpoints, "the path of a file, or twin"
+        yield on_can.rule_of_watchdog(self)
+        yield from on_can.rules_of_rig(self, (5e-4, 0.02))
+        yield "lowest_motor", reach <= MOST_TURNS, f"at most {MOST_TURNS:g} turns of the motor from its home"
+        for name, most, unit in (
+            ("velocity_scale", limits.speed if math.isfinite(limits.speed) else 0.0, "turns/s"),
+            ("torque_scale", self.needs.torque_offset / self.needs.gear, "N·m"),
+        ):
+            scale = getattr(self, name)
+            if most * scale > INT16:
+                raise ParameterError(
+                    f"the rig asks for {most:.4g} {unit} at the motor, and drive.{name} is {scale}",
+                    expected=f"at most {INT16 / scale:.4g} {unit}, which is all that a target's field can tell",
+                    do="reduce the scale in the board and in [drive], or the limit in [limits]",
+                )
+        encoder = joint_encoder_of(self)
+        if encoder is not None and self.node_id in ASKED_BY_CANOPEN:
+            raise ParameterError(
+                f"drive.node_id is {self.node_id}, whose frames are those that ask CANopen devices who they are",
+                expected="a number below 48 or above 51, since the joint's encoder is a CANopen device",
+                do="change axis0.config.can.node_id in the board, and drive.node_id",
+            )
+        check_beside(encoder, own_identifiers(self))
 
 
 def own_identifiers(drive: OdriveParameters) -> dict[int, str]:
@@ -127,8 +136,8 @@ def motor_scale(drive: OdriveParameters, turns_at_home: float = 0.0) -> Scale | 
     >>> round(motor_scale(OdriveParameters()).counts(2.0 * math.pi), 9)
     5.0
     """
-    step = drive.motor_direction * 2.0 * math.pi / drive.gear
-    return spool_scale(step, drive.motor_home, turns_at_home, drive.spool)
+    step = drive.motor_direction * 2.0 * math.pi / drive.needs.gear
+    return spool_scale(step, drive.motor_home, turns_at_home, drive.needs.spool)
 
 
 def target_of(drive: OdriveParameters, limits: MotorLimits, turns: float, before: float, torque: float) -> Target:
@@ -144,62 +153,13 @@ def target_of(drive: OdriveParameters, limits: MotorLimits, turns: float, before
         before: the target of the cycle before; NaN for none [turns].
         torque: offset at the spool [N·m].
     """
-    velocity = feed_velocity(turns, before, drive.sample_time, limits.speed)
-    return Target(turns, velocity, drive.motor_direction * bounded_torque(torque, drive) / drive.gear)
-
-
-def check_parameters(drive: OdriveParameters) -> None:
-    """Refuse parameters that make no sense, before a bus is opened.
-
-    Raises:
-        ParameterError: a value out of its range, with its name and what was expected.
-    """
-    limits = motor_limits(drive, motor_scale(drive))
-    reach = max((abs(end) for end in (limits.low, limits.high) if math.isfinite(end)), default=0.0)
-    fastest = limits.speed if math.isfinite(limits.speed) else 0.0
-    rules = (
-        ("endpoints", bool(drive.endpoints) and "\0" not in drive.endpoints, "the path of a file, or twin"),
-        on_can.rule_of_watchdog(drive),
-        *on_can.rules_of_rig(drive, (5e-4, 0.02)),
-        ("lowest_motor", reach <= MOST_TURNS, f"at most {MOST_TURNS:g} turns of the motor from its home"),
-    )
-    on_can.require(drive, rules)
-    for name, most, unit in (
-        ("velocity_scale", fastest, "turns/s"),
-        ("torque_scale", drive.torque_offset / drive.gear, "N·m"),
-    ):
-        scale = getattr(drive, name)
-        if most * scale > INT16:
-            raise ParameterError(
-                f"the rig asks for {most:.4g} {unit} at the motor, and drive.{name} is {scale}",
-                expected=f"at most {INT16 / scale:.4g} {unit}, which is all that a target's field can tell",
-                do="reduce the scale in the board and in [drive], or the limit in [limits]",
-            )
-    encoder = joint_encoder_of(drive)
-    if encoder is not None and drive.node_id in ASKED_BY_CANOPEN:
-        raise ParameterError(
-            f"drive.node_id is {drive.node_id}, whose frames are those that ask CANopen devices who they are",
-            expected="a number below 48 or above 51, since the joint's encoder is a CANopen device",
-            do="change axis0.config.can.node_id in the board, and drive.node_id",
-        )
-    check_beside(encoder, own_identifiers(drive))
+    velocity = feed_velocity(turns, before, drive.needs.sample_time, limits.speed)
+    return Target(turns, velocity, drive.motor_direction * bounded_torque(torque, drive) / drive.needs.gear)
 
 
 def found_from(given: OdriveParameters, folder: Path) -> OdriveParameters:
     """The parameters with the board's list of endpoints found from a folder."""
     return given if given.endpoints == TWIN else given._replace(endpoints=str(folder / given.endpoints))
-
-
-def completed(given: OdriveParameters, needs: DriveNeeds) -> OdriveParameters:
-    """The parameters with what the rig asks for.
-
-    Raises:
-        ParameterError: values that make no sense together.
-    """
-    drive: OdriveParameters = on_can.asked_for(given, needs)
-    check_parameters(drive)
-    on_can.check_heartbeat(drive, "heartbeat", needs)
-    return drive
 
 
 FAMILY = on_can.family(
@@ -209,8 +169,7 @@ FAMILY = on_can.family(
     node="twin.odrive_node.OdriveNode",
     probe="drives.odrive_setup.probe",
     options=("setting", "object"),
-    check=check_parameters,
-    completed=completed,
+    beats="heartbeat",
     watchdog=lambda drive: drive.watchdog + LOOK,
     scales=("motor_direction", "joint", "joint_counts_per_turn", "joint_direction"),
     explain=fault_text,

@@ -1,0 +1,228 @@
+"""What logs say about their cable: the models fitted, how each log is predicted, and how a known model has changed."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowden.core.units import DEGREES
+from bowden.drawing import shown
+from bowden.identify.cable.cycles import Cycles
+from bowden.identify.cable.forecast import Forecast, forecast
+from bowden.identify.cable.loop import HysteresisLoop
+from bowden.identify.cable.turns import peak_speed
+from bowden.identify.log.read import Log
+from bowden.plants.identified import CableModel
+from bowden.plants.trust import Trust
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class ModelFit:
+    """One family's best member."""
+
+    model: CableModel
+    """The model itself, fitted to the whole log: its parameters, and the joint angle that it predicts. Where that fit
+    is clearly worse on the log than the one to the first half, it is the latter, and a warning says so."""
+    uncertainty: Mapping[str, float] = field(default_factory=dict)
+    """One standard deviation of each parameter, in its unit; infinite where the log does not show it, NaN where none is
+    stated: of a setting that was not fitted, and of ``generalised_play``, whose parameters trade with one another.
+    Nothing of a model that several logs schedule, nor of a known one."""
+    loop: HysteresisLoop | None = None
+    """Slope, offset, height and curve of the loop that it draws along the log, with their deviations; None where the
+    motor has not gone both ways through the middle of its stroke."""
+    fitted_count: int = 0
+    """How many parameters were fitted."""
+    train_rms: float = math.nan
+    """Error on what was fitted of the first half, of the family fitted to it, at the log's full rate, each sample
+    counting as it does in the fit; of several logs and of a known model, on all that was fitted [rad]."""
+    test_rms: float = math.nan
+    """Error on the second half of the family fitted to the first [rad]. No decision has seen it, but for a first half
+    of fewer than four strokes, where the whole log says which family is recommended."""
+    left_out_rms: float = math.nan
+    """Error on stretches of strokes that were left out in turn; the recommendation rests on it [rad]."""
+
+    @property
+    def parameters(self) -> Mapping[str, float]:
+        """Every parameter by name; SI and radians."""
+        return self.model.parameters
+
+
+@dataclass(frozen=True)
+class FittedLog:
+    """One of the logs, and how the recommended model predicts it."""
+
+    log: Log = field(compare=False)
+    """What was fitted."""
+    cycles: Cycles
+    """Whole cycles in it, and how many more to record."""
+    split: int
+    """First sample of the second half."""
+    predicted: Array = field(compare=False)
+    """Joint angle by the recommended family, fitted to first halves, simulated through the whole log; of a known model,
+    by it with its new gain and offset (n,) [rad]."""
+    train_rms: float
+    """Error of what was fitted to this part, or to this log too [rad]."""
+    test_rms: float
+    """Error on its second half, of what was fitted to first halves [rad]."""
+    reversals: int = 0
+    """Of the motor."""
+    line_rms: float = math.nan
+    """Error on the second half of the straight line through the first [rad]."""
+    loop: HysteresisLoop | None = None
+    """That the recommended model draws along it."""
+    drift: float = 0.0
+    """Of the joint's reading, at one place of the motor; zero where it is none [rad/s]."""
+    lag: tuple[float, float] = (0.0, 0.0)
+    """Of the joint behind the motor [s], and the share of what the recommended model leaves that it explains [–]."""
+    fitted_from: int = 0
+    """First sample that was fitted; above zero where the cable was still settling."""
+    values: tuple[float, ...] = ()
+    """Of what schedules the model, its means."""
+    same_rms: float = math.nan
+    """Error of a model fitted to all logs but this one; NaN where no other has its load [rad]."""
+    same_offset_rms: float = math.nan
+    """The same on the second half, once the offset was fitted again to the first [rad]."""
+    unseen_rms: float = math.nan
+    """Error of a model fitted to all logs but those of this load, and of this bend where both schedule; NaN where fewer
+    than two values of either are left [rad]."""
+    unseen_offset_rms: float = math.nan
+    """The same on the second half, once the offset was fitted again to the first [rad]."""
+
+    @property
+    def name(self) -> str:
+        """The log's."""
+        return self.log.name
+
+    @property
+    def samples(self) -> int:
+        """In the log."""
+        return len(self.log.time)
+
+    @property
+    def motion(self) -> str:
+        """How long the log is, and how fast its motor and its joint move."""
+        time, *angles = self.log.time, self.log.motor, self.log.joint
+        motor, joint = (peak_speed(time, one) * DEGREES for one in angles)
+        return f"{time[-1] - time[0]:.4g} s, up to {motor:.3g}°/s at the motor and {joint:.3g}°/s at the joint"
+
+
+@dataclass(frozen=True)
+class Recalibration:
+    """Gain and offset of a known model, fitted again to seconds of motion."""
+
+    source: str
+    """The known model's file, or its name."""
+    gain: float
+    """a, over the old model's [–]."""
+    gain_error: float
+    """Its standard error [–]."""
+    offset: float
+    """b, what was added to a·m [rad]."""
+    before_rms: float
+    """Error of the old model on the new log [rad]."""
+    after_rms: float
+    """The same with gain and offset fitted again [rad]."""
+    judged_rms: float
+    """Error of the old model on data that it had not seen, as its file says; NaN where it does not [rad]."""
+    changed: bool | None
+    """Whether the cable has changed; None where the file does not say how good the model was, and where the motor went
+    outside the identified stroke."""
+    beyond: float
+    """How far the motor went outside the identified stroke, 0 within a twentieth of it [rad]."""
+
+    @property
+    def verdict(self) -> str:
+        """What came out, in one sentence."""
+        if self.beyond > 0.0:
+            return (
+                f"the motor goes {self.beyond * DEGREES:.3g}° outside the identified stroke, so it is not known "
+                "whether the cable has changed"
+            )
+        if self.changed is None:
+            return "the model's file does not say how good it was, so it is not known whether the cable has changed"
+        if self.changed:
+            return "the cable has changed: identify it again"
+        return "the same cable: use the recalibrated model"
+
+    @property
+    def lines(self) -> list[tuple[str, str]]:
+        """What is said of it on a screen and a page: name and text of each figure."""
+        judged = (self.before_rms, self.after_rms, self.judged_rms)
+        before, after, unseen = (shown.number(v * DEGREES, "°") if math.isfinite(v) else "not known" for v in judged)
+        return [
+            ("gain", f"{self.gain:.4f} ± {self.gain_error:.2g}"),
+            ("offset", shown.number(self.offset * DEGREES, "°")),
+            ("RMS before and after", f"{before}, {after}"),
+            ("RMS judged before", unseen),
+        ]
+
+
+_UNJUDGED = Trust("no", ("nothing was judged",))
+
+
+@dataclass(frozen=True, repr=False)
+class Fitted:
+    """What a fit holds; `bowden.identify.cable.fit.Fit` shows, draws and writes it."""
+
+    models: Mapping[str, ModelFit]
+    """Of one log ``line``, ``play``, ``bouc_wen``, ``bouc_wen_static``, ``prandtl_ishlinskii``, ``generalised_play``;
+    of several ``scheduled`` and ``bouc_wen``; of a known model those that it had."""
+    best: CableModel
+    """The recommended model; ``best.name`` says which it is, and a rig takes it as its cable."""
+    logs: tuple[FittedLog, ...]
+    """In the order in which they were given."""
+    judged_rms: float
+    """Error to expect of motion that was not seen: on the second half; of several logs, on unseen loads where those
+    were judged, then on unseen logs, their offsets known; of a known model as its file says [rad]."""
+    warnings: tuple[str, ...]
+    """What the logs cannot show, what was mended in them, and what to record instead."""
+    trust: Trust = _UNJUDGED
+    """Whether to trust it, and why."""
+    units: Mapping[str, str] = field(default_factory=dict)
+    """What schedules the model, ``load``, ``bend`` or both, and its unit; empty where nothing says it."""
+    recalibration: Recalibration | None = None
+    """Of a known model; None where all was fitted."""
+    chosen_on_whole: bool = False
+    """Whether the whole log says which family is recommended, its first half having fewer than four strokes."""
+    seconds: float = field(default=0.0, compare=False)
+    """Time that the identification took [s]."""
+
+    @property
+    def log(self) -> Log:
+        """What was fitted; of several, the first."""
+        return self.logs[0].log
+
+    @property
+    def chosen(self) -> ModelFit:
+        """The recommended model with its uncertainties and errors."""
+        return self.models[self.best.name]
+
+    @property
+    def cycles(self) -> Cycles:
+        """Whole cycles in the log, and how many more to record; of several logs, in the shortest."""
+        return min((one.cycles for one in self.logs), key=lambda one: one.whole)
+
+    @property
+    def samples(self) -> int:
+        """In all logs."""
+        return sum(one.samples for one in self.logs)
+
+    @property
+    def name(self) -> str:
+        """Of the log, or of all logs."""
+        return ", ".join(one.name for one in self.logs)
+
+    @property
+    def forecast(self) -> Forecast | None:
+        """The joint's error with the recommended model as feed-forward, and without any; None of several logs and of a
+        known model."""
+        if "line" not in self.models or self.recalibration:
+            return None
+        (one,), line = self.logs, self.models["line"]
+        return forecast(
+            one.log, one.split, one.predicted, line.parameters["slope"], self.chosen.test_rms, line.test_rms
+        )
