@@ -1,8 +1,8 @@
 """How far the motor falls short of its command: one that sticks, yields or is at its limits is not the servo inverted.
 
     p'' = ω²·(c − p) − 2ζω·p'                            c the plan's command; the motor is expected at p − τ·p'
-    u = motor − (p − τ·p'), as far as it is beyond b,    b = 0.01 rad + 0.5·T·|p'|,    T = 2ζ/ω + τ
-    command = c − r·u + f,    f' = −r·u/(2T),    r = max(0, 1 − 2T·k)
+    u = motor − (p − τ·p'), as far as it is beyond b,    b = 0.01 rad + 0.5·T_s·|p'|,    T_s = 2ζ/ω + τ
+    command = c − r·u + f,    f' = −r·u/(2T_s),    r = max(0, 1 − 2T_s·k)
 
 k is the integral of the drive's own loop [1/s].
 
@@ -50,7 +50,7 @@ class ExpectedMotor(NamedTuple):
 
 @kernel
 def servo_time(gains: BowdenGains) -> float:
-    """T, by which the motor follows a steady motion late [s]."""
+    """T_s, by which the motor follows a steady motion late [s]."""
     return 2.0 * gains.servo_damping / gains.servo_frequency + gains.delay
 
 
