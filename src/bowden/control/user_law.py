@@ -42,7 +42,7 @@ _MOST_LINES = 300_000
 """Lines of Python in one call of a law; so many, compiled, are no cycle's any more."""
 _DISCRETE = (bool, np.bool_, IntEnum)
 """What of a state need be no float."""
-_EXAMPLE = Knowledge(50.0, 1.0, 0.0, 1.5e-3, 1e-3, 1.0, 0.1, 0.1, BoucWen(), 0.0, 1e-4, 1e-4, 1e-4, 1e-4)
+_EXAMPLE = Knowledge(50.0, 1.0, 1.5e-3, 1e-3, 1.0, 0.1, 0.1, BoucWen(), 0.0, 1e-4, 1e-4, 1e-4, 1e-4)
 """What a law's own functions of what it knows are tried with, beside nothing known."""
 
 
