@@ -18,7 +18,7 @@ from bowden.control.reference import PeriodicMinimumJerk
 from bowden.core.errors import BowdenError
 from bowden.core.units import RADIANS
 from bowden.cycle.one_cycle import Cycle
-from bowden.design.forecast import foreseen, off_reference
+from bowden.design.forecast import foreseen, off_reference, own_run
 from bowden.design.objections import objections
 from bowden.design.other_law import chosen_law
 from bowden.design.verdict import verdicts
@@ -160,10 +160,11 @@ def run(rig: Rig) -> str:
     live = live_run(rig)
     (joint,) = rig.each_joint
     verdict = verdicts(joint, [(live.law,)], "rig.toml", force=True)[0]
-    if said := foreseen(rig, live.law):
+    own = own_run(rig, live.law)
+    if said := foreseen(rig, live.law, own):
         return f"objected: {said}"
     require(live.limits, rig.sample_time, verdict.name or "holds", opposed=live.opposed)
-    live = live.following([off_reference(rig, live.law)])
+    live = live.following([off_reference(rig, live.law, own)])
     cycle, script = live.cycle(), live.script()
     drive = SimulatedDrive(twin_plant_of(rig, 0.0))
     cycle.begin(NOTHING_READ, cold(live.limits.thermal))

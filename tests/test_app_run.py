@@ -98,7 +98,7 @@ def test_what_was_checked_is_what_runs(
         return found
 
     monkeypatch.setattr(verdict, "verdicts", edited)
-    monkeypatch.setattr(forecast, "off_reference", lambda rig, law: 1e-4)
+    monkeypatch.setattr(forecast, "off_reference", lambda rig, law, runs: 1e-4)
     for number in tries():
         path.write_text(text + "3.0\n")
         checked = Rig.read(path).hash

@@ -10,7 +10,7 @@ from bowden.console.stream import columns_of, curves_of
 from bowden.core.errors import ParameterError
 from bowden.live.live_run import live_run
 from bowden.rig.rig import Rig, RigMotor
-from console_client import RIG, running_console
+from console_client import RIG, Page, RunningConsole, running_console
 
 
 @pytest.fixture(scope="module")
@@ -71,9 +71,8 @@ def test_faults_are_injected_into_the_twin_of_a_motor(leg: Rig) -> None:
 def test_a_fault_of_one_motor_is_told_with_its_name_and_an_acknowledgement_is_for_all(tmp_path: Path) -> None:
     motors = 'console_lease_s = 2.0\n[[motor]]\nname = "hip"\n[[motor]]\nname = "knee"\n[motor.drive]\nnode_id = 2\n'
     (tmp_path / "leg.toml").write_text(RIG + motors)
-    with running_console(tmp_path / "leg.toml", tmp_path / "out", "--twin") as running:
-        page = running.page().open().take()
-        page.until(lambda state: state["phase"] == "idle", 60.0, "idle")
+
+    def faulted(page: Page, running: RunningConsole) -> None:
         page.start()
         page.run()
         steps = [step["name"] for step in page.state["run"]["preflight"]]
@@ -88,4 +87,6 @@ def test_a_fault_of_one_motor_is_told_with_its_name_and_an_acknowledgement_is_fo
         page.until(lambda state: state["run"]["mode"] == "stopped", 5.0, "stopped")
         assert page.post("/api/request", request="end") == ""
         page.until(lambda state: state["phase"] == "idle", 30.0, "the end")
-        page.close()
+
+    with running_console(tmp_path / "leg.toml", tmp_path / "out", "--twin") as running:
+        running.carried_through(faulted)

@@ -77,7 +77,8 @@ def enter(page: Any, locator: Any) -> None:
 
 
 def reach(page: Any, locator: Any) -> None:
-    for _ in range(150):  # the control itself may be another one by now: the page draws anew what has changed
+    deadline = time.monotonic() + 60.0  # it may be disabled for a while yet: a check of a test before is still shown
+    while time.monotonic() < deadline:  # the control itself may be another one by now: the page draws anew what changed
         if locator.evaluate("one => one === document.activeElement"):
             return
         page.keyboard.press("Tab")

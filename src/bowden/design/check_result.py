@@ -224,12 +224,7 @@ def check_rows(found: Check) -> list[tuple[str, str]]:
         ("limit cycle", predicted),
         ("at rest", "" if swing is None else f"{_swing(swing * DEGREES)} at the joint in simulation"),
         ("chatter", _chatter(ripple)),
-        (
-            "error",
-            ""
-            if found.peak is None
-            else f"at most {found.peak * DEGREES:.3g}° in the check's own trial, not on [reference]",
-        ),
+        ("error", _peak(found.peak)),
         ("proven bound", _proven(found.ultimate_error)),
         *_shared_rows(found),
         ("limits", found.leaves_out),
@@ -252,6 +247,11 @@ def _shared_rows(found: Check) -> list[tuple[str, str]]:
     drift = found.shared.drift
     apart = "" if drift is None else f"±{round(drift * DEGREES, 6):.2g}° beyond the co-contraction"
     return [*rows, ("motors apart", apart)]
+
+
+def _peak(peak: float | None) -> str:
+    """The largest error, and of which motion."""
+    return "" if peak is None else f"at most {peak * DEGREES:.3g}° in the check's own trial, not on [reference]"
 
 
 def _swing(swing_deg: float) -> str:

@@ -40,12 +40,23 @@ _HALVINGS = 12
 """Of the search for a bound: to 1/4000 of the largest error."""
 
 
-def off_reference(rig: Rig, law: Law) -> float:
+def own_run(rig: Rig, law: Law) -> Trace:
+    """The simulated run of the rig's own reference, cut off where it is long, of which `off_reference` and `foreseen`
+    speak."""
+    return run_of(_short(rig), law)
+
+
+def off_reference(rig: Rig, law: Law, own: Trace | None = None) -> float:
     """`off_reference` of [limits], or, where that is as `Limits` has it: `play` and 1.5 times the error that simulated
     runs show for `off_reference_time`, the rig's own run and the check's motion at both ends of its bends [rad].
 
     A law that runs away in one of them gets no room for it: the limit stays as it is. Nor is it more than the stroke: a
     joint that stands still is seen.
+
+    Args:
+        rig: of one motor.
+        law: with its gains.
+        own: its `own_run`, where there is one.
 
     Raises:
         ParameterError: a setting that cannot be.
@@ -54,7 +65,7 @@ def off_reference(rig: Rig, law: Law) -> float:
     limits, given = rig.supervisor_limits, Limits().off_reference
     if not np.isclose(limits.off_reference, given, rtol=1e-3):
         return limits.off_reference
-    plant, stroke, traces = ranges.judged(rig), ranges.stroke(rig), [run_of(_short(rig), law)]
+    plant, stroke, traces = ranges.judged(rig), ranges.stroke(rig), [own_run(rig, law) if own is None else own]
     for bend in dict.fromkeys(ranges.bends(rig)):
         traces.append(_moved(plant, law, bend, stroke, rig.seed))
     if not all(trace.ended for trace in traces):
@@ -73,7 +84,7 @@ def foreseen(rig: Rig, law: Law, trace: Trace | None = None) -> str:
     """
     if rig.emg_run is not None or rig.pushing is not None:
         return ""
-    fault, after, beyond = _ending(rig, run_of(_short(rig), law) if trace is None else trace)
+    fault, after, beyond = _ending(rig, own_run(rig, law) if trace is None else trace)
     if fault is None:
         return ""
     do = fault.remedy
@@ -84,7 +95,7 @@ def foreseen(rig: Rig, law: Law, trace: Trace | None = None) -> str:
         slow = (slower(rig.reference, times) for times in _SLOWER)
         for said, reference in (one for one in slow if one is not None):
             easier = rig.replace(reference=reference)
-            if _ending(easier, run_of(_short(easier), law), _TRIED_TO)[0] is None:
+            if _ending(easier, own_run(easier, law), _TRIED_TO)[0] is None:
                 do = f"write {said} into [reference]"
                 break
     return f"simulated under {law.name} it ends after {after:.3g} s: {fault.meaning} ({fault.detector}): {do}"

@@ -145,16 +145,15 @@ def model_text(name: str, model: str, cable: IdentifiedCable, chosen: Chosen) ->
     bench, seen = default_bench(), counted.covered
     low, high, within = _reference(seen)
     ends, room = (Limits(), 0.0) if seen is None else (seen, _ROOM)
+    late = cable.encoders.joint_late
     return TEXT.format(
         name=name,
         model=quoted(model),
         digest=cable.digest,
         counting=_counting_lines(counting),
         cycle=1e3 * bench.sample_time,
-        delay=bench.delay + math.ceil(cable.encoders.joint_late / bench.sample_time),
-        late=f"; of them {1e3 * cable.encoders.joint_late:.3g} ms of the joint's sensor"
-        if cable.encoders.joint_late
-        else "",
+        delay=bench.delay + math.ceil(late / bench.sample_time),
+        late=f"; of them {1e3 * late:.3g} ms of the joint's sensor" if late else "",
         servo=NOT_YOURS,
         frequency=bench.servo.natural_frequency / (2.0 * math.pi),
         damping=bench.servo.damping,

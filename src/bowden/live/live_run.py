@@ -28,6 +28,7 @@ from bowden.live.preflight import Preflight
 from bowden.live.run_settings import plain, run_settings
 from bowden.live.script import Home, Script
 from bowden.live.suit_preflight import on_suit
+from bowden.models.minimum_jerk import minimum_jerk_over
 from bowden.plants.pushing import Pushing
 from bowden.rig.drive import most_push
 from bowden.rig.emg_setup import EmgRun
@@ -322,9 +323,9 @@ def _table(rig: Rig) -> NDArray[np.float64]:
     table = rig.trajectory.sample(np.arange(whole, dtype=np.float64) * dt)
     if not whole or table[-1, 1] == 0.0:
         return table
-    x = np.arange(round(_BRAKED / dt) + 1) * dt / _BRAKED
-    rate = 1.0 - x**3 * (10.0 - 15.0 * x + 6.0 * x**2)
-    slows = -30.0 * x**2 * (1.0 - x) ** 2 / _BRAKED
+    time = np.arange(round(_BRAKED / dt) + 1, dtype=np.float64) * dt
+    slowed, pace, _ = minimum_jerk_over(0.0, 1.0, _BRAKED, time)
+    x, rate, slows = time / _BRAKED, 1.0 - slowed, -pace
     position, velocity, acceleration = rig.trajectory.sample(
         whole * dt + _BRAKED * (x - 2.5 * x**4 + 3.0 * x**5 - x**6)
     ).T

@@ -689,9 +689,12 @@ class Session:
         if hasattr(self, "block"):
             self.end()
         if hasattr(self, "_loop"):
-            try:
-                self._loop.wait(_END)
-            except subprocess.TimeoutExpired:
+            for _look in range(round(_END / _BEAT)):
+                self.beat()  # a release without a sign of life would end as one whose operator is gone
+                with contextlib.suppress(subprocess.TimeoutExpired):
+                    self._loop.wait(_BEAT)
+                    break
+            else:
                 self._loop.kill()
                 self.error = f"the loop's process did not end within {_END:g} s and was killed"
             self.remember(self.last(), surely=True)

@@ -44,7 +44,7 @@ def live_session(
         about: who and what for, for the log; see `Session`.
         alone: name of the motor that the rig is, of a file with several.
     """
-    from bowden.design.forecast import foreseen, off_reference
+    from bowden.design.forecast import foreseen, off_reference, own_run
     from bowden.design.objections import mismatches
     from bowden.design.verdict import CheckVerdict, verdicts
     from bowden.live import left_behind
@@ -84,7 +84,8 @@ def live_session(
                     tell(f"{of_motor}: {note}" if motor.name else note)
                 alone_on_joint = not (measure or motor.limits.shared)
                 holds = found[motor.name].name != "does_not_hold"
-                ends = foreseen(motor.rig, motor.law) if alone_on_joint and holds else ""
+                own = own_run(motor.rig, motor.law) if alone_on_joint and holds else None
+                ends = "" if own is None else foreseen(motor.rig, motor.law, own)
                 if ends and force:
                     tell(f"{of_motor}: {ends}" if motor.name else ends)
                 require(
@@ -96,7 +97,7 @@ def live_session(
                     if alone_on_joint
                     else (),
                 )
-                allowed.append(motor.limits.off_reference if measure else off_reference(motor.rig, motor.law))
+                allowed.append(motor.limits.off_reference if measure else off_reference(motor.rig, motor.law, own))
         if emg_process is not None:
             emg_process.await_ready()  # a stream that cannot be used is refused before anything else is started
         if twin:
