@@ -96,12 +96,11 @@ def missing_integral(rig: Rig, law: Law, found: "Check | str") -> str:
     with_one = check_rig(rig.replace(suit=rig.suit._replace(drive_integral=SURE_INTEGRAL)), law)
     if isinstance(with_one, str) or with_one.verdict != "holds" or with_one.peak is None:
         return ""
-    peak = None if isinstance(found, str) else found.peak
-    if peak is not None and found.verdict == "holds" and not with_one.peak < _MUCH_BETTER * peak:
-        return ""
-    seen = (
-        "" if peak is None else f" (in the trials by {peak * DEGREES:.3g}°, with one by {with_one.peak * DEGREES:.3g}°)"
-    )
+    seen = ""
+    if not isinstance(found, str) and found.peak is not None:
+        if found.verdict == "holds" and not with_one.peak < _MUCH_BETTER * found.peak:
+            return ""
+        seen = f" (in the trials by {found.peak * DEGREES:.3g}°, with one by {with_one.peak * DEGREES:.3g}°)"
     return (
         "the position loop of the suit's drive has no integral, so friction in the gears holds the arm off its target"
         f"{seen}; write drive_integral_per_s = {SURE_INTEGRAL:g} into [suit], with which the law {law.name} holds, and "
