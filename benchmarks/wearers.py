@@ -23,7 +23,7 @@ from bowden.plants.presets.suit import suit
 from bowden.plants.suit_parts import Suit
 from bowden.records.trace import Trace
 from bowden.sim.run import simulate
-from bowden.sim.suit_runs import DRIVE_INTEGRAL, FRICTION_FEEDFORWARD, suit_adaptive_integral, suit_ours
+from bowden.sim.suit_runs import DRIVE_INTEGRAL, FRICTION_FEEDFORWARD, knowing_drive, suit_adaptive_integral, suit_ours
 from kept import Kept
 from measure import Figure, Found, percentiles, two_processes
 
@@ -108,7 +108,7 @@ def _muscles(random: np.random.Generator) -> tuple[str, Wearer]:
 
 def wear(number: int, suit: Suit, law: Law) -> Worn:
     """Run a law on the wearer of that number."""
-    drawn = random_wearer(number, suit)
+    drawn, law = random_wearer(number, suit), knowing_drive(law, suit.motor.integral)
     motion = PeriodicMinimumJerk(0.0, 90.0 * RADIANS, PERIOD)
     errors = _errors(simulate(drawn.suit, law, motion, duration=PERIOD * FLEXIONS, bend=drawn.bend, seed=number))
     return Worn(number, drawn.mass, drawn.kind, errors is not None, *(errors or (math.nan,) * 3))

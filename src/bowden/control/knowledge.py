@@ -68,6 +68,8 @@ class Knowledge(NamedTuple):
     """Whether the joint is an arm in a suit, which swings; motor angles are in the joint's coordinate then."""
     relative_slope: float = 1.0
     """Slope of the cable over that of the paper's bench, for which the laws' own slopes are [–]."""
+    servo_integral: float = math.nan
+    """Integral of the drive's position loop; 0 of a PD loop [1/s]."""
 
 
 def dead_zone(cable: BoucWen, gap: float) -> float:

@@ -79,8 +79,11 @@ def check(
     # a memory of the path, such as a model's ĥ, keeps its value: its pole is one but for rounding, and no loop's
     chatters = bool(wide) and all(point.margins.largest_pole < 1.0 + ROUNDING for point in wide)
     linear = linear_plant(bench, ends, stroke)
-    alone = None if worst.margins.stable or not bounded else linear.alone
-    apart = None if alone is None else run_trial(alone, law, worst.bend, stroke, seed)
+    later = _unstable_with((point for point in points if point.bend == worst.bend), bench.sample_time)
+    alone = linear.alone if bounded and severity(worst) < 1.0 else None
+    apart = None
+    if alone is not None and later is not None:
+        apart = run_trial(changed(alone, delay=alone.delay + later), law, worst.bend, stroke, seed)
     refuted = apart is not None and _rests(apart)
     reserve = None
     if refuted:
@@ -133,6 +136,19 @@ def _tried(
 def _rests(apart: Trial) -> bool:
     """Whether a trial without friction and play comes to rest."""
     return apart.bounded and (apart.swing or 0.0) <= _AT_REST
+
+
+def _unstable_with(points: Iterable[Point], sample_time: float) -> int | None:
+    """Cycles of further delay with which a linear loop is unstable: 0 where one is as it is, None where none does it.
+
+    In the trial with that delay a loop that is unstable and one of little margin are judged alike: where the plant that
+    the loop stands for rests although the loop does not, it is refuted.
+    """
+    found = [point.margins for point in points]
+    if not all(one.stable for one in found):
+        return 0
+    least = min((one.delay_margin_s for one in found if one.delay_margin_s is not None), default=None)
+    return None if least is None else int(least / sample_time) + 1
 
 
 def _reserve(
@@ -274,7 +290,8 @@ def judge(
     where += "".join(f", {name} {value:.3g}" for name, value in few.items()) + ")"
     lacking = f"the trial does not stand a further delay of {RESERVE * ENOUGH_DEG:.2g}°"
     if refuted:
-        rest = f"{_calm(trials)}, with and without friction and play, although the linear loop is unstable"
+        longer = " with a delay that the second bears" if worst.margins.stable else ""
+        rest = f"{_calm(trials)}, with and without friction and play, although the linear loop is unstable{longer}"
         return ("little_margin", f"{rest}; but {lacking}") if reserve is False else ("holds", rest)
     if not worst.margins.stable:
         pole = f"the sampled loop is unstable {where}: its largest pole is {worst.margins.largest_pole:.4g}"

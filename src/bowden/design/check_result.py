@@ -116,8 +116,8 @@ class Check:
     leaves_out: str = ""
     """What the linear loops leave to the trials, where so much that the trials alone decide whether it holds."""
     refuted: bool = False
-    """Whether a linear loop is unstable where a trial without all that it leaves out comes to rest: then no linear loop
-    stands for this law, and margins there are none."""
+    """Whether a linear loop is unstable, as it is or with a delay beyond its margin, where a trial without all that it
+    leaves out comes to rest: then no linear loop stands for this law, and margins there are none."""
     advice: str = ""
     """What to change where it does not hold, if that was asked for (`bowden.design.advice`)."""
     of_rig: bool = False
@@ -140,12 +140,12 @@ class Check:
 
     @property
     def gain_margin_db(self) -> float | None:
-        """The smallest over all points; None where a loop is unstable or none has a limit."""
+        """The smallest over all points; None where a loop is unstable or refuted, or none has a limit."""
         return self._least(point.margins.gain_margin_db for point in self.points)
 
     @property
     def phase_margin_deg(self) -> float | None:
-        """The smallest over all points; None where a loop is unstable or none has a limit."""
+        """The smallest over all points; None where a loop is unstable or refuted, or none has a limit."""
         return self._least(point.margins.phase_margin_deg for point in self.points)
 
     @property
@@ -195,7 +195,8 @@ class Check:
 
     def _least(self, values: Iterable[float | None]) -> float | None:
         there = [value for value in values if value is not None]
-        return min(there) if there and all(point.margins.stable for point in self.points) else None
+        known = not self.refuted and all(point.margins.stable for point in self.points)
+        return min(there) if there and known else None
 
 
 def swing_of(trials: Sequence[Trial]) -> float | None:

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 from bowden.control import Law, user_law
+from bowden.core.units import DEGREES
 from bowden.rig.drive import SURE_INTEGRAL
 from bowden.rig.joints import RigJoint
 from bowden.rig.rig import Rig
@@ -72,21 +73,36 @@ def advice_for(joint: RigJoint, law: Law, found: "Check") -> Advice:
     from bowden.design.advice import advise
 
     rig = joint.first
-    if found.verdict != "holds" and (integral := missing_integral(rig, law)):
-        return Advice(integral, of_rig=True)
+    if integral := missing_integral(rig, law, found):
+        return Advice(integral, of_rig=found.verdict != "holds")
     with user_law.explained(law):
         return Advice(advise(ranges.judged(rig), law, found, bends=ranges.bends(rig), stroke=ranges.stroke(rig)))
 
 
-def missing_integral(rig: Rig, law: Law) -> str:
-    """That the drive of a suit has no integral, and with which the law holds; empty where that is not what it lacks."""
+_MUCH_BETTER = 0.5
+"""Largest error of the trials with an integral over that without, below which the integral is worth naming [–]."""
+
+
+def missing_integral(rig: Rig, law: Law, found: "Check | str") -> str:
+    """That the drive of a suit has no integral, and what one would do; empty where the law does as well without.
+
+    Args:
+        rig: with one motor.
+        law: of the rig.
+        found: by the check of it, or why nothing could be found.
+    """
     if rig.worn is None or rig.worn.motor.integral > 0.0 or rig.pushing is not None:
         return ""
-    found = check_rig(rig.replace(suit=rig.suit._replace(drive_integral=SURE_INTEGRAL)), law)
-    if isinstance(found, str) or found.verdict != "holds":
+    with_one = check_rig(rig.replace(suit=rig.suit._replace(drive_integral=SURE_INTEGRAL)), law)
+    if isinstance(with_one, str) or with_one.verdict != "holds" or with_one.peak is None:
         return ""
+    seen = ""
+    if not isinstance(found, str) and found.peak is not None:
+        if found.verdict == "holds" and not with_one.peak < _MUCH_BETTER * found.peak:
+            return ""
+        seen = f" (in the trials by {found.peak * DEGREES:.3g}°, with one by {with_one.peak * DEGREES:.3g}°)"
     return (
-        "the position loop of the suit's drive has no integral, so friction in the gears holds the arm off its target; "
-        f"write drive_integral_per_s = {SURE_INTEGRAL:g} into [suit], with which the law {law.name} holds, and set the "
-        "same integral in the drive"
+        "the position loop of the suit's drive has no integral, so friction in the gears holds the arm off its target"
+        f"{seen}; write drive_integral_per_s = {SURE_INTEGRAL:g} into [suit], with which the law {law.name} holds, and "
+        "set the same integral in the drive"
     )

@@ -17,7 +17,8 @@ def knowledge_of(plant: Plant, *, identified: bool = False) -> Knowledge:
       identified it adds that by `bowden.control.knowledge.with_cable`.
     - Of a bench: also where the motor is zeroed, and the cable as it stands there.
     - Of a user's own plant: also the slope, where its parameters have one, and where its motor is zeroed.
-    - Of a suit: also the cables' Bouc–Wen form; its motor is counted in the joint's coordinate, from the straight arm.
+    - Of a suit: also the drive's integral and the cables' Bouc–Wen form; its motor is counted in the joint's
+      coordinate, from the straight arm.
 
     Args:
         plant: the model of it.
@@ -39,7 +40,9 @@ def knowledge_of(plant: Plant, *, identified: bool = False) -> Knowledge:
     if isinstance(plant, UserPlant):
         return known._replace(slope=plant.slope if plant.slope > 0.0 else math.nan, motor_zero=_zero(plant))
     if isinstance(plant, Suit):
-        return known._replace(cable=plant.flexor.bouc_wen, motor_zero=0.0, suit=True)
+        return known._replace(
+            cable=plant.flexor.bouc_wen, motor_zero=0.0, suit=True, servo_integral=plant.motor.integral
+        )
     return known
 
 
@@ -49,6 +52,7 @@ def with_loop(known: Knowledge, plant: Plant) -> Knowledge:
     return known._replace(
         servo_frequency=own.servo_frequency,
         servo_damping=own.servo_damping,
+        servo_integral=own.servo_integral,
         delay=own.delay,
         sample_time=own.sample_time,
     )

@@ -31,6 +31,11 @@ def suit_ours() -> Law:
     return LAWS["bowden"].preset("suit")
 
 
+def knowing_drive(law: Law, integral: float) -> Law:
+    """The law told of the drive's integral [1/s], where it has a gain for it."""
+    return law.with_gains(servo_integral=integral) if "servo_integral" in law.from_rig else law
+
+
 DRIVE_INTEGRAL = 25.0
 """k_i of a drive whose position loop has an integral, with which our law runs: 12 dB below that loop's limit, which is
 2·ζ·ω = 107 1/s [1/s]."""
@@ -80,6 +85,7 @@ def run_suit(
         made = made._replace(motor=made.motor._replace(integral=drive_integral))
     one = document()["suit"]["chosen"]["period"] if period is None else period
     length = count * one if duration is None else duration
+    law = knowing_drive(law, made.motor.integral)
     return simulate(made, law, motion, duration=length, seed=document()["chosen"]["seed"])
 
 

@@ -16,7 +16,7 @@ from bowden.core.errors import ParameterError
 from bowden.core.toml_text import quoted
 from bowden.core.units import DEGREES
 from bowden.design.check import check
-from bowden.design.check_rig import missing_integral
+from bowden.design.check_rig import check_rig, missing_integral
 from bowden.design.joint_tune import JointTarget, best_gains, judged_gains
 from bowden.design.other_law import OtherLaw, mended_law, other_law
 from bowden.design.processes import Mapper, two_workers
@@ -242,7 +242,7 @@ def _unlike(joint: RigJoint, laws: Sequence[Law]) -> dict[str, Rig]:
 def _instead(rig: Rig, law: Law, error: NoGainsError) -> NoGainsError:
     """The same error with what may be done: an integral of a suit's drive that has none, the rig's own law with less
     margin, or another one that follows better."""
-    if integral := missing_integral(rig, law):
+    if integral := missing_integral(rig, law, check_rig(rig, law)):
         lacks = NoGainsError(error.what, expected=error.expected, do=integral)
         lacks.of_rig = True
         return lacks

@@ -44,6 +44,7 @@ LAW = Law(
     from_rig={
         "servo_frequency": "servo_frequency",
         "servo_damping": "servo_damping",
+        "servo_integral": "servo_integral",
         "delay": "delay",
         "slope": "slope",
         "width": surely_wide,

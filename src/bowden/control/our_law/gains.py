@@ -1,4 +1,4 @@
-"""What our law is given: eight numbers, their values for the suit, and the limits within which they make sense."""
+"""What our law is given: nine numbers, their values for the suit, and the limits within which they make sense."""
 
 from typing import Annotated, NamedTuple
 
@@ -12,6 +12,8 @@ class BowdenGains(NamedTuple):
     """ω, natural frequency of the servo, to about ± 25 % [rad/s]."""
     servo_damping: float = 1.0
     """ζ of the servo [–]."""
+    servo_integral: float = 0.0
+    """k, integral of the drive's position loop; 0 of a PD loop, or where nothing is known [1/s]."""
     delay: float = 0.0015
     """τ, from a sample to the middle of the time for which its command is held [s]."""
     slope: float = 1.0
@@ -32,6 +34,7 @@ cables and fabric and follows some 90 ms late, with an observer a little slower 
 LIMITS: dict[str, tuple[float, float]] = {
     "servo_frequency": (1.0, 1e4),
     "servo_damping": (0.1, 10.0),
+    "servo_integral": (0.0, 1e3),
     "delay": (0.0, 0.1),
     "width": (0.0, 0.5),
     "noise": (0.0, 0.1),

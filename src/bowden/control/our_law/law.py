@@ -3,10 +3,10 @@
 With s = 1/a₀, a₀ the given slope, a the learned one, φ the reference, F the observer's correction and J a jump:
 
     m = (φ + τ·φ̇ + ½·τ²·φ̈)/a + F + J                                   where the motor is to be
-    command = m + 2ζ/ω·m' + m''/ω²                                       what the servo must be asked for
+    command = m + 2ζ/ω·m' + m''/ω² − r·u + f                              what the servo must be asked for
 
 ω, ζ are the servo's, τ the delay. Four parts, each with a file of its own: `observer` takes everything that moves the
-joint for one disturbance and takes it away (F), `drive` knows by how much the motor falls short of its command,
+joint for one disturbance and takes it away (F), `drive` knows by how much the motor falls short (u, f),
 `deadzone` knows the dead zone (J) and learns a, `oscillation` slows the observer where the loop rings. In the feedback
 stands a₀, in the plan a: what is learned must not be the loop's gain.
 
@@ -30,7 +30,13 @@ from bowden.control.our_law.deadzone import (
     shortfall_at_joint,
     update_deadzone,
 )
-from bowden.control.our_law.drive import ExpectedMotor, predict_motor, tracking_shortfall
+from bowden.control.our_law.drive import (
+    MOST_FORWARD,
+    ExpectedMotor,
+    predict_motor,
+    share_of_shortfall,
+    tracking_shortfall,
+)
 from bowden.control.our_law.gains import BowdenGains
 from bowden.control.our_law.observer import (
     FILTER_DELAY,
@@ -87,7 +93,7 @@ def start(gains: BowdenGains, sample: Sample) -> BowdenState:
     inverse, motor = 1.0 / abs(gains.slope), math.copysign(1.0, gains.slope) * sample.motor
     offset = motor - sample.joint * inverse
     deadzone = deadzone_at_start(sample.joint, offset, inverse, gains.width)
-    return BowdenState(observer_at_rest(offset), no_oscillation(), deadzone, ExpectedMotor(motor, 0.0))
+    return BowdenState(observer_at_rest(offset), no_oscillation(), deadzone, ExpectedMotor(motor, 0.0, 0.0, 0.0))
 
 
 class ValidatedSample(NamedTuple):
@@ -133,12 +139,13 @@ def step(
     load = time_of_load(state.oscillation)
     lag = gains.lag if load > 0.0 else gains.lag + UNKNOWN_LAG / omega
     late = gains.lag + 2.0 * LOAD_DAMPING * load
-    shortfall = tracking_shortfall(state.drive, now.motor, gains) if now.valid else 0.0
     in_reach = abs(before.requested - cable.answer_contact) < WIDEST  # of a dead zone
     step_disturbance = (
         is_step_disturbance(state.oscillation) and in_reach and late <= 0.0
     )  # a load that is tried is late
     fastest = largest_speed(rates.stopping, reference.velocity * inverse, step_disturbance)
+    known = tracking_shortfall(state.drive, now.motor, dt * fastest, gains)
+    shortfall = known if now.valid else state.drive.shortfall
     arrived = propagate_correction(before, shortfall_at_joint(cable, shortfall), delay, lag, load, fastest, dt)
 
     # d̂: what of the error the correction that has arrived does not explain
@@ -181,5 +188,6 @@ def step(
     )
     command = invert_servo(motor, omega, gains.servo_damping)
     sane = command if abs(command) <= FURTHEST else state.drive.position
-    drive = predict_motor(state.drive, sane, omega, gains.servo_damping, dt)
-    return BowdenState(observer, oscillation, cable, drive), math.copysign(1.0, gains.slope) * command
+    drive = predict_motor(state.drive, sane, shortfall, gains, dt)
+    asked = max(-MOST_FORWARD, min(MOST_FORWARD, drive.fed_forward - share_of_shortfall(gains) * shortfall))
+    return BowdenState(observer, oscillation, cable, drive), math.copysign(1.0, gains.slope) * (command + asked)
