@@ -19,7 +19,10 @@ _SERVO: Mapping[str, Sequence[str]] = {
     "command": (
         *("command", "cmd", "target", "setpoint", "reference", "desired", "demand", "motor_command", "input", "u"),
     ),
-    "motor": ("motor_measured", "motor", "motor_angle", "motor_position", "actual", "measured", "position", "output"),
+    "motor": (
+        *("motor_measured", "motor", "motor_angle", "motor_position", "actual", "measured", "position", "output"),
+        *("spool", "spindle", "winch", "drum", "actuator"),
+    ),
 }
 """Role → common names, the likeliest first."""
 
