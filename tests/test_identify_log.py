@@ -452,7 +452,6 @@ REFUSED: dict[str, tuple[str | bytes, str]] = {
     "decimal commas throughout": (text([line.replace(".", ",") for line in LINES]), "semicolons or tabs between"),
     "damaged gzip": (gzip.compress(text().encode())[:-400], "is damaged"),
     "gzip in name only": (b"\x1f\x8bnot a gzip file at all", "is damaged"),
-    "MATLAB 7.3": (b"MATLAB 7.3 MAT-file, Platform: GLNXA64" + bytes(200), "save it in MATLAB with save"),
 }
 
 

@@ -73,6 +73,20 @@ CALLS: dict[str, tuple[Callable[..., Any], dict[str, tuple[Any, ...]]]] = {
         },
     ),
     "check": (made(bowden.check, RIG), {"rig": NO_RIG, "law": NO_LAW, "preset": NO_TEXT}),
+    "identify_servo": (
+        made(bowden.identify_servo, "step.csv"),
+        {
+            "log": NO_PATH,
+            "time": NO_TEXT,
+            "command": NO_TEXT,
+            "motor": NO_TEXT,
+            "unit": NO_TEXT,
+            "rate": (*NO_NUMBER, 0.0),
+            "sample_time_ms": (*NO_NUMBER, 0.0),
+            "into": NO_PATH,
+            "progress": NO_CALL,
+        },
+    ),
     "emg_calibrate": (
         made(bowden.emg_calibrate, EMG, rate=1000.0),
         {

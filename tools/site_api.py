@@ -33,7 +33,7 @@ PAGES = {
     "identify": Page(
         "Identify",
         "From a log of a cable to a model.",
-        ("identify", "read_log", "CableModel"),
+        ("identify", "identify_servo", "read_log", "CableModel"),
         ("bowden.identify.cable.fit.Fit",),
     ),
     "design": Page(

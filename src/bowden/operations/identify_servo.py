@@ -85,14 +85,15 @@ def identify_servo(
         LogError: a log that cannot be used.
         ParameterError: a cycle that is not the rig's, or a rig that has several motors.
 
-    >>> import tempfile
+    >>> import pathlib, tempfile
     >>> import numpy as np
+    >>> from bowden import identify_servo
     >>> time = np.arange(2000) / 1000.0
     >>> turned = 40.0 * np.maximum(time - 0.2, 0.0)
     >>> log = np.stack([time, 0.3 * (time >= 0.2), 0.3 - 0.3 * (1.0 + turned) * np.exp(-turned)], axis=1)
-    >>> path = Path(tempfile.mkdtemp()) / "step.csv"
+    >>> path = pathlib.Path(tempfile.mkdtemp()) / "step.csv"
     >>> np.savetxt(path, log, delimiter=",", header="time_s,command_rad,motor_rad", comments="")
-    >>> round(identify_servo(path).fit.natural_frequency.value)
+    >>> round(identify_servo(path).natural_frequency.value)
     40
     """
     from bowden.identify.servo.fit import identify_servo as fit
