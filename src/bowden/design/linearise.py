@@ -67,15 +67,15 @@ def linearise(
     Args:
         law: with its gains.
         dt: sample time [s].
-        width: half of the difference in the two angles, an encoder's count for what the loop will see; no less than
-            what the law weighs in full, `Law.deadband` [rad].
+        width: half of the difference in the two angles, an encoder's count for what the loop will see; of the joint no
+            less than what the law weighs in full, `Law.deadband` [rad].
         estimates: name of a state (``part.field`` where it nests) → the value at which it is frozen.
         at: joint and motor angle of the rest [rad]; the reference is there as well.
 
     Raises:
         NoNumberError: its command or a state of it is no finite number there.
     """
-    frozen, width = estimates or {}, max(width, law.deadband)
+    frozen, across = estimates or {}, np.array([max(width, law.deadband), width])
     rest = map_leaves(law.start(Sample(at, at)), lambda path, old: type(old)(frozen.get(name_of(path), old)))
     free = [i for i, (path, old) in enumerate(leaves(rest)) if name_of(path) not in frozen and isinstance(old, float)]
     start = np.array(flat(rest), dtype=np.float64)
@@ -96,7 +96,7 @@ def linearise(
         return (both[::2] - both[1::2]) / 2.0
 
     moved = differences(
-        np.tile(start, (4, 1)), at + np.array([[width, 0.0], [-width, 0.0], [0.0, width], [0.0, -width]])
+        np.tile(start, (4, 1)), at + np.kron(np.diag(across), np.array([[1.0], [-1.0]]))
     )
     widths = np.maximum(np.max(np.abs(moved), axis=0)[:-1], 1e-9 * (1.0 + np.abs(start)))
     sides = np.zeros((len(free), len(start)))
@@ -106,10 +106,10 @@ def linearise(
     by_state = columns.T  # in widths of the state
     by_input = moved.T  # in widths of the angles
     scale = widths[free]
-    return _reduced(by_state[free], by_input[free], by_state[-1], by_input[-1], scale, width)
+    return _reduced(by_state[free], by_input[free], by_state[-1], by_input[-1], scale, across)
 
 
-def _reduced(into: Array, driven: Array, out: Array, direct: Array, scale: Array, width: float) -> LawModel:
+def _reduced(into: Array, driven: Array, out: Array, direct: Array, scale: Array, across: Array) -> LawModel:
     """The part that the inputs reach and that reaches the command, in SI units."""
     a, b = into / scale[:, None], driven / scale[:, None]  # both now free of units
     links = np.abs(a) > _NOISE
@@ -121,9 +121,9 @@ def _reduced(into: Array, driven: Array, out: Array, direct: Array, scale: Array
     s = scale[keep]
     return LawModel(
         a=a[np.ix_(keep, keep)] * s[:, None] / s[None, :],
-        b=b[keep] * s[:, None] / width,
+        b=b[keep] * s[:, None] / across,
         c=(out[keep] / s)[None, :],
-        d=direct / width,
+        d=direct / across,
     )
 
 

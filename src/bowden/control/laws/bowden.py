@@ -19,8 +19,8 @@ def settling(gains: BowdenGains) -> float:
     return 20.0
 
 
-DEADBAND = 0.015
-"""`Law.deadband`: six times what counts as no news at rest on the default bench [rad]."""
+DEADBAND = 0.013
+"""`Law.deadband`: five times what counts as no news at rest on the default bench [rad]."""
 
 
 def surely_wide(known: Knowledge) -> float:
