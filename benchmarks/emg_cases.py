@@ -145,7 +145,7 @@ class Known:
             before = draw_calibration(self._set, case)
             try:
                 found = calibrated(before)
-                settings = self._kind.of_wearer(found.sigma)
+                settings = self._kind.of_wearer(found.sigma, found.high)
             except BowdenError as error:
                 self.refused.append(f"{case.number}: {error}")
         return spans(OnsetDetector(case.rate, settings, self._kind).feed(case.values).active, case.rate)

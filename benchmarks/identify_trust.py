@@ -1,4 +1,4 @@
-"""Families found, and trust given, on logs drawn at random.
+"""Families found, trust given, and clocks of two files aligned, on logs drawn at random.
 
 python benchmarks/identify_trust.py families development 0 40
 """
@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 import bowden
 from bowden.core.units import DEGREES, RADIANS
+from bowden.identify.log.align import aligned
 from bowden.models.cable.bouc_wen import BoucWen, saturation
 from bowden.models.cable.bouc_wen_sensitivity import hysteresis
 from bowden.models.cable.generalised_play import Branches, joint_angle
@@ -183,10 +184,23 @@ def trust_rows(set_name: str, number: int) -> list[list[Any]]:
     ]
 
 
+def clock_row(set_name: str, number: int) -> tuple[int, str, float]:
+    """By how much [ms] the offset of two files' clocks is missed, which are 0.7 s and 50 ppm apart."""
+    random = np.random.default_rng([37, SETS[set_name], number])
+    seconds, family = float(random.uniform(15.0, 60.0)), FAMILIES[number % len(FAMILIES)]
+    time, motor = motion(random, seconds, float(random.choice([200.0, 500.0, 1000.0])), 3.0)
+    joint, step = moved(random, family, motor), 1.0 / float(random.choice([50.0, 100.0, 200.0]))
+    at = np.arange(float(random.uniform(0.0, 1.0)), seconds - float(random.uniform(0.0, 1.0)), step)
+    shown = (at - 0.7) * (1.0 - 50e-6)
+    both = aligned((time, read(random, motor)), (shown, read(random, np.interp(at, time, joint))))
+    found = float(both.said.split("stands ")[1].split(" ")[0])
+    return number, family, 1e3 * (found - float(at[0] - shown[0]))
+
+
 def main() -> None:
     """The rows of a range of draws, and their count."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("what", choices=["families", "trust"])
+    parser.add_argument("what", choices=["families", "trust", "clocks"])
     parser.add_argument("set", choices=SETS)
     parser.add_argument("first", type=int)
     parser.add_argument("stop", type=int)
@@ -200,6 +214,13 @@ def main() -> None:
         for row in rows:
             print("as good" if row[7] <= WORSE or row[1] == row[4] else "WORSE  ", *row)
         print(sum(row[7] <= WORSE or row[1] == row[4] for row in rows), "of", len(rows))
+        return
+    if given.what == "clocks":
+        rows = [clock_row(given.set, number) for number in numbers]
+        off = np.abs([row[2] for row in rows])
+        print(
+            *rows, f"median {np.median(off):.2f}, 95 % {np.quantile(off, 0.95):.2f}, most {max(off):.2f} ms", sep="\n"
+        )
         return
     kept = Kept(f"trust-{given.set}-{given.first}")
     done = len(kept.rows()) // 2

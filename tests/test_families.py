@@ -169,7 +169,7 @@ TOY_DETECTOR = Detector(
     start=lambda prepared, first: ToyState(0.0),
     step=toy_step,
     rest=toy_rest,
-    of_wearer=lambda rest: ToySettings(threshold=3.0 * rest),
+    of_wearer=lambda rest, mvc: ToySettings(threshold=3.0 * rest),
     slowest=100.0,
     safe=200.0,
     quickest=5000.0,

@@ -263,6 +263,22 @@ def test_a_start_too_quiet_is_got_over_and_harmless_where_the_wearer_is_known(sh
             assert spans(OnsetDetector(1000.0, known).feed(values).active, 1000.0) == []
 
 
+@pytest.mark.parametrize("quiet", [1.0, 0.1])
+def test_a_wearer_who_is_known_has_no_contraction_below_a_twentieth_of_the_largest(quiet: float) -> None:
+    want = [(20.0 + 3.0 * i, 21.5 + 3.0 * i, share * NOISE) for i, share in enumerate((100.0, 300.0, 1000.0))]
+    bumps = [(5.0 + 3.0 * i, 6.0 + 3.0 * i, 30.0 * NOISE) for i in range(4)]
+    values = quiet * background(1000.0, 30_000, np.random.default_rng(8))
+    values += contractions(1000.0, bumps + want, 30_000, 8)
+    assert len(spans(OnsetDetector(1000.0).feed(values).active, 1000.0)) == 7
+    found = spans(OnsetDetector(1000.0, of_wearer(NOISE, 1000.0 * NOISE)).feed(values).active, 1000.0)
+    assert [on for on, _ in found] == pytest.approx([on for on, _, _ in want], abs=0.2)
+
+
+def test_flexions_over_a_raised_tone_are_no_rest(shared_data: Path) -> None:
+    log = read_emg(shared_data / "cases" / "emg_three_flexions.csv.gz")
+    assert len(spans(OnsetDetector(log.rate).feed(log.values).active, log.rate)) in (3, 4)
+
+
 @pytest.mark.parametrize("rate", [1000.0, 1111.1, *(pytest.param(r, marks=LONG) for r in (900.0, 1925.9))])
 @pytest.mark.parametrize("mains", [50.0, 60.0])
 @pytest.mark.parametrize("noisy", [0.0, NOISE])

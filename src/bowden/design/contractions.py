@@ -167,7 +167,7 @@ def scored(
     if of is not None and not of.sigma:
         log = replace(log, warnings=(*log.warnings, f"{where} was {wearer_file.EARLIER}"))
     moved = None if known is None else [(onset - log.start, end - log.start) for onset, end in known]
-    settings = kind.settings if of is None or other else kind.of_wearer(of.sigma)
+    settings = kind.settings if of is None or other else kind.of_wearer(of.sigma, of.mvc)
     mvc, mains = (None, 0.0) if of is None else (of.mvc, of.mains)
     findings = find(log.values, log.rate, moved, mvc, settings._replace(shortest=shortest), mains, kind)
     source = "this recording" if of is None else where

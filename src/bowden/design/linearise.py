@@ -95,9 +95,7 @@ def linearise(
             )
         return (both[::2] - both[1::2]) / 2.0
 
-    moved = differences(
-        np.tile(start, (4, 1)), at + np.kron(np.diag(across), np.array([[1.0], [-1.0]]))
-    )
+    moved = differences(np.tile(start, (4, 1)), at + np.kron(np.diag(across), np.array([[1.0], [-1.0]])))
     widths = np.maximum(np.max(np.abs(moved), axis=0)[:-1], 1e-9 * (1.0 + np.abs(start)))
     sides = np.zeros((len(free), len(start)))
     sides[np.arange(len(free)), free] = widths[free]

@@ -54,9 +54,10 @@ class Detector:
     start: Callable[[Any, float], Any]
     step: Callable[[Any, Any, float], Any]
     rest: Callable[[Any], float]
-    of_wearer: Callable[[float], Any]
-    """Settings for a wearer of whom `rest` is known, in the signal's unit; 0 where it is not. It must not be the
-    envelope's: that is of another band, and what bounds rest from below would hide weak contractions."""
+    of_wearer: Callable[[float, float], Any]
+    """Settings for a wearer of whom `rest` and the envelope of the maximum contraction are known, in the signal's unit;
+    0 where one is not. Rest's must not be the envelope: that is of another band, and what bounds rest from below would
+    hide weak contractions."""
     slowest: float
     """Smallest rate that it takes [Hz]."""
     safe: float

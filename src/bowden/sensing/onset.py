@@ -145,6 +145,8 @@ class Onset(NamedTuple):
     drift_of_end: float
     floor: float
     """m is never less while little of rest has been seen."""
+    weakest: float
+    """Rest of a wearer is taken to reach this at least: what is larger by ρ² is a contraction."""
     settings: OnsetSettings
 
 
@@ -287,6 +289,9 @@ class OnsetState(NamedTuple):
     """How long the contraction has lasted [s]."""
     size: float
     """A²."""
+    strength: float
+    """Mean power on which all three ways agree, of the contraction that lasts or was the last; 0 before the first, and
+    where rest starts again."""
     sigma: float
     """σ, the size of rest in the signal's unit."""
 
@@ -325,6 +330,7 @@ def prepare_onset(rate: float, settings: OnsetSettings = DEFAULTS) -> Onset:
         gain_of_end=BANDWIDTH * dt * (1.0 - 1.0 / by.ratio),
         drift_of_end=BANDWIDTH * dt * 0.5 * drift,
         floor=2.0 * math.log(by.least),
+        weakest=(by.weakest / by.ratio) ** 2,
         settings=by,
     )
 
@@ -356,6 +362,7 @@ def onset_start(onset: Onset, first: float) -> OnsetState:
         phase=Phase.REST,
         held=0.0,
         size=0.0,
+        strength=0.0,
         sigma=onset.settings.least,
     )
 
@@ -474,11 +481,24 @@ def power_beside_rest(powers: Powers, size: float) -> float:
 
 
 @kernel
+def bound_of_rest(onset: Onset, rest: RestEstimate, strength: float) -> float:
+    """Below which rest is, since the last contraction was larger by ρ; infinite before the first.
+
+    Where rest's level is above that, it was no contraction, and bounds nothing.
+    """
+    strong = onset.settings.strong
+    bound = strong * strong if strong > 0.0 else math.inf
+    if strength > 0.0:
+        bound = min(bound, strength / (onset.settings.ratio * onset.settings.ratio))
+    return bound if bound > exp(rest.level) else math.inf
+
+
+@kernel
 def learning_speed(onset: Onset, state: OnsetState, power: float, dead: bool) -> float:
     """How fast rest is learned, 0 to 1 [–]."""
     if state.phase == Phase.CONTRACTION or dead:
         return 0.0
-    if power >= onset.even * state.null:
+    if power >= min(onset.even * state.null, bound_of_rest(onset, state.rest, state.strength)):
         return DOUBT
     return 1.0 if state.evidence.onset < 0.25 * onset.enough else 0.0
 
@@ -588,6 +608,23 @@ def next_phase(onset: Onset, phase: Phase, evidence: OnsetEvidence, dead: bool) 
 
 
 @kernel
+def largest_rest(onset: Onset, rest: RestEstimate, limit: float, bound: float) -> float:
+    """What rest is taken to reach: its level and `limit`, of which what is not known of it ends at the `bound`."""
+    largest = min(exp(rest.level + limit), max(exp(rest.level + SURE * sqrt(rest.spread)), bound))
+    return max(largest, onset.weakest)
+
+
+@kernel
+def mean_strength(onset: Onset, state: OnsetState, power: float) -> float:
+    """Mean power of a contraction, with one sample more; what speaks for its end does not count."""
+    if state.phase == Phase.REST:
+        return power
+    if state.evidence.end > 0.0:
+        return state.strength
+    return state.strength + onset.dt / (state.held + onset.dt) * (power - state.strength)
+
+
+@kernel
 def onset_step(onset: Onset, state: OnsetState, value: float) -> tuple[OnsetState, bool, Trouble]:
     """One sample, in any unit; NaN, or beyond `LARGEST`, where it is missing.
 
@@ -617,9 +654,10 @@ def onset_step(onset: Onset, state: OnsetState, value: float) -> tuple[OnsetStat
         mains = Mains(0.0, 0.0)
     if gone or signal.flat_time > LIFTED:
         rest = RestEstimate(rest.level, rest.spread, -_SETTLES, UNKNOWN * UNKNOWN)
+    strength = 0.0 if rest.seen <= 0.0 else state.strength
 
     # evidence for an onset, and for an end
-    null = exp(rest.level + seen.limit) + beside
+    null = largest_rest(onset, rest, seen.limit, bound_of_rest(onset, rest, strength)) + beside
     ratio = Ways(square.plain / null, square.fifty / null, square.sixty / null)
     short = _averaged(state.short, ratio, _SPIKY * onset.most, onset.short)
     long = _averaged(state.long, ratio, onset.most, onset.long)
@@ -653,6 +691,7 @@ def onset_step(onset: Onset, state: OnsetState, value: float) -> tuple[OnsetStat
         phase,
         held,
         max(powers.new, state.size * onset.size) if contracts else state.size * onset.tail,
+        mean_strength(onset, state, powers.new) if contracts else strength,
         exp(0.5 * rest.level),
     )
     return after, contracts and held > onset.settings.shortest, trouble

@@ -39,7 +39,7 @@ def filters_of(levels: Levels | None, detector: Detector = DEFAULT) -> tuple[Any
     """How a wearer's flexor is detected: settings of detector and envelope; the defaults without levels."""
     if levels is None:
         return detector.settings, CLEANED
-    return detector.of_wearer(levels.sigma), CLEANED._replace(mains_hz=levels.mains)
+    return detector.of_wearer(levels.sigma, levels.mvc), CLEANED._replace(mains_hz=levels.mains)
 
 
 def share_of(envelope: Array, levels: Levels | None) -> Array:

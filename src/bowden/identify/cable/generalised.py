@@ -46,7 +46,7 @@ _FINEST, _WIDTHS = 2e-3, 10
 """The narrowest play offered, over the motor's range, and how many."""
 _WIDEST = {True: 0.3, False: 0.12}
 """The widest; a narrower one where the loop was not turned into at both ends: a wide play may then be a bend."""
-_LAGS = 0.25 * np.array([-1.0, -0.3, -0.1, 0.0, 0.1, 0.3, 1.0])
+LAGS = 0.25 * np.array([-1.0, -0.3, -0.1, 0.0, 0.1, 0.3, 1.0])
 """Where the motor may have come from, over its range."""
 _DEGREE = 8
 """Of the bent line round which the plays are found."""
@@ -74,14 +74,16 @@ _MOST_TIED = 0.3
 """Of the range, at either end."""
 
 
-class _Memory(NamedTuple):
-    """Which plays there are."""
+class BentStack(NamedTuple):
+    """Which plays there are, round a bent line."""
 
     lag: float
     slope: float
     gap: float
     shares: Array
     reaches: Array
+    left: float
+    """Weighted sum of squares that it leaves of the joint."""
 
 
 class GeneralisedPlay:
@@ -102,8 +104,8 @@ class GeneralisedPlay:
         return self._fit(path, 0)
 
     def _fit(self, path: Path, again: int) -> Estimate:
-        memory = _memory(path, _LAGS * path.span)
-        return _settled(path, memory.lag, _straight(path, memory), again)
+        stack = bent_stack(path, LAGS * path.span)
+        return _settled(path, stack.lag, _straight(path, stack), again)
 
     def refit(self, path: Path, near: Estimate) -> Estimate:
         """See `Family.refit`; the plays stay, and so does where each is in contact.
@@ -121,7 +123,7 @@ class GeneralisedPlay:
         return _estimate(path, lag, cable, strengths)
 
 
-def _memory(path: Path, lags: Array) -> _Memory:
+def bent_stack(path: Path, lags: Array) -> BentStack:
     """The plays of a stack round a bent line that fit best, the motor having come from one of the `lags` [rad]."""
     from scipy.optimize import nnls  # half a second, which a simulation need not wait for
 
@@ -146,13 +148,13 @@ def _memory(path: Path, lags: Array) -> _Memory:
         if best is None or cost < best[0]:
             best = cost, float(lag), sign * weights
     assert best is not None
-    _, lag, weights = best
+    left, lag, weights = best
     slope = float(weights.sum())
     kept = np.abs(weights[1:]) > 1e-6 * abs(slope)
     gap = float(np.abs(weights[1:])[kept] @ widths[kept])
     if not gap > 0.0:
-        return _Memory(lag, slope, 0.0, np.zeros(1), np.ones(1))
-    return _Memory(lag, slope, gap, weights[1:][kept] / slope, widths[kept] * abs(slope) / gap)
+        return BentStack(lag, slope, 0.0, np.zeros(1), np.ones(1), left)
+    return BentStack(lag, slope, gap, weights[1:][kept] / slope, widths[kept] * abs(slope) / gap, left)
 
 
 def _range(path: Path) -> tuple[float, float]:
@@ -161,9 +163,9 @@ def _range(path: Path) -> tuple[float, float]:
     return float(fitted.min()), float(fitted.max())
 
 
-def _straight(path: Path, memory: _Memory) -> Branches:
-    gaps = np.full(_NODES, memory.gap)
-    return Branches(memory.slope, np.zeros(_NODES), gaps, *_range(path), memory.reaches, memory.shares, 0.0, 0.0)
+def _straight(path: Path, stack: BentStack) -> Branches:
+    gaps = np.full(_NODES, stack.gap)
+    return Branches(stack.slope, np.zeros(_NODES), gaps, *_range(path), stack.reaches, stack.shares, 0.0, 0.0)
 
 
 def _settled(path: Path, lag: float, cable: Branches, again: int) -> Estimate:

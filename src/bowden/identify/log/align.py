@@ -1,10 +1,10 @@
 """Two recordings of one motion, each with a clock of its own: the motor's and the joint's, brought to one clock.
 
 The clocks' offset and drift come from the motion itself. Where the cross-correlation of both rates is largest they are
-nearly right; there a stack of plays is fitted at each of several lags, and the one that leaves least is taken: a
-cable's play delays the joint after each reversal, which the correlation takes for a lag and the stack does not. The
-drift is the slope of the lags of both halves. Its error, and that of the offset, is how far the lags of quarters of the
-log stand beside that line.
+nearly right; there a stack of plays round a bent line is fitted at each of several lags, and the one that leaves least
+is taken: a cable's play delays the joint after each reversal, which the correlation takes for a lag and the stack does
+not; round a straight line it would take a bend for one. The drift is the slope of the lags of both halves. Its error,
+and that of the offset, is how far the lags of quarters of the log stand beside that line.
 """
 
 from itertools import pairwise
@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.core.errors import LogError
+from bowden.identify.cable.generalised import LAGS, bent_stack
 from bowden.identify.cable.path import path_of
-from bowden.identify.cable.stack import PrandtlIshlinskii
 
 Array = NDArray[np.float64]
 
@@ -115,14 +115,12 @@ def _correlated(first: Array, angle: Array, second: Array, answer: Array, step: 
 
 
 def _refined(time: Array, motor: Array, second: Array, answer: Array, late: float, reach: float) -> float:
-    """The lag near `late` at which a stack of plays leaves least of the joint [s]."""
+    """The lag near `late` at which a stack of plays round a bent line leaves least of the joint [s]."""
     from scipy.optimize import minimize_scalar
-
-    stack = PrandtlIshlinskii()
 
     def left(lag: float) -> float:
         path = path_of(time, motor, np.interp(time, second + lag, answer), _NODES)
-        return float(path.weight @ (stack.fit(path).fitted - path.joint) ** 2)
+        return bent_stack(path, LAGS * path.span).left
 
     tried = late + reach * np.linspace(-1.0, 1.0, 17)
     near = float(tried[int(np.argmin([left(one) for one in tried]))])
