@@ -3,7 +3,7 @@
     python benchmarks/mutants.py [COUNT] [--seed N] [--rooms ROOM ...] [--but ROOM ...] [--all] [--left] [--least SHARE]
 
 Mutants are drawn over the rooms by size: each change of each function, and of each number that a module names, is as
-likely as any other. For each, the tests that reach what is changed are run, the quickest first, until one fails: in a
+likely as any other. For each, the tests that reach what is changed are run, the nearest first, until one fails: in a
 process of its own, forked from one that has imported all of them, in which the changed code takes the place of the
 function's. Defaults of fields are data, and are left alone. Which tests reach which functions is recorded once
 (`out/bench/mutants-reached.json`), and again for test files that have changed. Results are kept until the package
@@ -502,17 +502,18 @@ def reached(items: dict[str, Any]) -> dict[str, dict[str, Any]]:
 def tests_for(mutant: Mutant, tests: dict[str, dict[str, Any]]) -> list[str]:
     """The tests that reach what is changed, or where that is a module's anything of it.
 
-    Those in plain Python first, then the quickest; of one that has many cases no more than a few before others' turn.
+    Those first that reach least beside it; of one that has many cases no more than a few before others' turn.
     """
     key, chosen, cases = f"{mutant.path}:{mutant.function}", [], Counter[str]()
     for name, row in sorted(tests.items(), key=lambda item: item[1]["time"]):
         for compiled, kind in enumerate(("plain", "compiled")):
             if key in row[kind] if mutant.function else any(one.startswith(key) for one in row[kind]):
                 cases[name.partition("[")[0]] += 1
-                chosen.append((cases[name.partition("[")[0]] // CASES, compiled, row["time"], name))
+                rank, reach = cases[name.partition("[")[0]] // CASES, len(row["plain"]) + len(row["compiled"])
+                chosen.append((rank, reach, row["time"], compiled, name))
                 break
     total, names, files = 0.0, [], set[str]()
-    for _, compiled, cost, name in sorted(chosen):
+    for _, _, cost, compiled, name in sorted(chosen):
         total += cost + COMPILING * (compiled and name.partition("::")[0] not in files)
         files.add(name.partition("::")[0])
         if not names or total < BUDGET:

@@ -102,8 +102,9 @@ def run_gate(limits: Limits, warmth: ThermalState, observed: Observed, rows: Arr
             out[k, j] = numbers[j]
 
 
-def test_exported_gate_gives_the_bits_of_python(tmp_path: Path) -> None:
-    """Of 100 000 cycles compiled, and of the first 800 in plain Python."""
+@pytest.mark.parametrize("count", [20_000, pytest.param(100_000, marks=pytest.mark.long)])
+def test_exported_gate_gives_the_bits_of_python(count: int, tmp_path: Path) -> None:
+    """Of all cycles compiled, and of the first 800 in plain Python."""
     limits, cycles = (
         Limits(
             **dict.fromkeys(
@@ -111,7 +112,7 @@ def test_exported_gate_gives_the_bits_of_python(tmp_path: Path) -> None:
             ),
             off_reference_time=0.03,
         ),
-        list(drives(100_000)),
+        list(drives(count)),
     )
     rows = np.array(
         [[anew, *flat(observed), requested_target, DT] for anew, observed, requested_target in cycles], dtype=float

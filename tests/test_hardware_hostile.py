@@ -63,13 +63,13 @@ def run(
     return bus, ended
 
 
-@pytest.mark.parametrize("stall_ms", [4, 12, 19])
+@pytest.mark.parametrize("stall_ms", [4, 19])
 def test_a_run_rides_through_a_short_stall_of_the_computer(stall_ms: int, tmp_path: Path) -> None:
     _, ended = run(Attack(), tmp_path, stall=1e-3 * stall_ms)
     assert (Mode(ended.mode), ended.faults, ended.stalled) == (Mode.STOPPED, 0, 0.0)
 
 
-@pytest.mark.parametrize("stall_ms", [21, 27, 34])
+@pytest.mark.parametrize("stall_ms", [21, 34])
 def test_a_longer_stall_of_the_computer_ends_in_a_release_and_is_said(stall_ms: int, tmp_path: Path) -> None:
     bus, ended = run(Attack(), tmp_path, stall=1e-3 * stall_ms)
     assert of(ended.faults) == [Fault.LATE]
@@ -77,7 +77,7 @@ def test_a_longer_stall_of_the_computer_ends_in_a_release_and_is_said(stall_ms: 
     assert ended.stalled == pytest.approx(1e-3 * stall_ms, abs=1e-3)
 
 
-@pytest.mark.parametrize("stall_ms", [60, 400, 900])
+@pytest.mark.parametrize("stall_ms", [60, 900])
 def test_a_stall_longer_than_the_drives_watch_is_said_as_what_it_was(stall_ms: int, tmp_path: Path) -> None:
     bus, ended = run(Attack(), tmp_path, stall=1e-3 * stall_ms)
     assert {Fault.LATE, Fault.CLOCK} & set(of(ended.faults))

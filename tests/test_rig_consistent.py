@@ -107,8 +107,8 @@ def test_a_weak_motor_and_other_zeros_are_said_with_what_mends_them() -> None:
     assert "offset in [cable]" in said
 
 
-SLOW_LOOPS = random_rigs.numbers({1e-3: 1, 2e-3: 1, 5e-3: 4, 10e-3: 27, 20e-3: 27})
-"""Sixty, most of which take a fifth of a second."""
+SLOW_LOOPS = random_rigs.numbers({1e-3: 1, 2e-3: 1, 5e-3: 3, 10e-3: 10, 20e-3: 15})
+"""Thirty, most of which take a fifth of a second."""
 
 
 @pytest.mark.parametrize(

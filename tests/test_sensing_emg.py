@@ -77,7 +77,7 @@ def test_interpreted_and_compiled_agree_bit_for_bit() -> None:
 
 
 SIZES = ("input.origin", "input.value", "input.largest_step", "sections", "past", "sigma")
-POWERS = ("powers", "mains.power", "squares", "null", "size")
+POWERS = ("powers", "mains.power", "squares", "null", "size", "strength")
 
 
 def test_in_another_unit_sizes_and_powers_are_others_and_all_else_is_the_same() -> None:

@@ -2,7 +2,6 @@
 
 import json
 import re
-from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -450,7 +449,7 @@ def test_the_best_gains_of_a_joint_keep_their_margins_on_the_joint_and_follow_be
         best_gains(TARGET, broken, candidates[:1])
 
 
-@pytest.mark.parametrize("unlike", [False, True])
+@pytest.mark.parametrize("unlike", [pytest.param(False, marks=pytest.mark.long), True])
 @pytest.mark.usefixtures("elbow_rig")
 def test_tune_writes_the_same_gains_for_both_motors_and_says_what_they_are_worth_on_the_joint(
     unlike: bool, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
@@ -485,9 +484,8 @@ def test_tune_writes_the_same_gains_for_both_motors_and_says_what_they_are_worth
     assert "the plants of a study have one; expected a rig with one motor, or no study; name one with --motor" in error
 
 
-@pytest.mark.usefixtures("elbow_rig")
-def test_python_tunes_a_joint(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("bowden.study.tune_law.two_workers", lambda law, plant: nullcontext(map))
+@pytest.mark.usefixtures("elbow_rig", "small_search")
+def test_python_tunes_a_joint() -> None:
     found = bowden.tune("elbow.toml", "adaptive", generations=1)
     assert found.gains
     assert found.found.shared is not None
