@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from bowden.core.errors import ParameterError
 from bowden.core.kernel import compiled
-from bowden.models.drive.servo import Servo, ServoState, prepare, servo_step
+from bowden.models.drive.servo import Servo, ServoState, prepare, servo_acceleration, servo_step
 
 step = compiled(servo_step)
 REST = ServoState(0.0, 0.0, 0.0)
@@ -70,6 +70,12 @@ def test_limited_servo_arrives_and_unreached_limits_change_nothing() -> None:
 def test_acceleration_is_what_changed_the_speed() -> None:
     state = step(ServoState(0.2, -1.0, 0.0), 0.9, prepare(Servo(), 1e-3))
     assert state.acceleration == pytest.approx((state.velocity + 1.0) / 1e-3)
+
+
+@given(st.floats(1.0, 300.0), st.floats(0.1, 3.0), st.floats(-1.0, 1.0), st.floats(-9.0, 9.0))
+def test_free_it_accelerates_by_its_spring_and_its_damper(omega: float, zeta: float, off: float, v: float) -> None:
+    found = servo_acceleration(off, v, prepare(Servo(omega, zeta), 1e-3))
+    assert found == pytest.approx(-(omega**2) * off - 2.0 * zeta * omega * v, rel=1e-9, abs=1e-9)
 
 
 def test_bandwidth_of_the_default_servo() -> None:
