@@ -18,6 +18,7 @@ from bowden.control.stability import adaptive_model, margins, servo_model
 from bowden.core.errors import ParameterError
 from bowden.design.advice import advise
 from bowden.design.check import STROKE, check
+from bowden.design.check_rig import check_rig
 from bowden.design.limit_cycle import describing_function, hysteresis_response
 from bowden.design.trial import LONGEST, MOVING, run_trial, settled_after
 from bowden.models.cable.bouc_wen import prepare_cable
@@ -25,6 +26,7 @@ from bowden.operations.schema import json_schema
 from bowden.plants.bench import Bench
 from bowden.plants.presets.bench import default_bench
 from bowden.plants.transmission import transmission
+from bowden.rig.rig import Rig
 from study import random_rigs
 
 BENCH = default_bench()
@@ -208,3 +210,10 @@ def test_the_command_prints_one_document(
     assert "come to rest" not in document["reason"], "where a limit cycle is confirmed"
     assert ("proven bound  none of use" in printed) is not bool(preset), "a bound of many turns"
     assert "±none" not in printed
+
+
+def test_a_law_that_shows_no_feedback_in_so_short_a_cycle_is_not_called_good() -> None:
+    """Its trial's difference of the joint is a jump there, which the law leaves out: no loop would be seen."""
+    rig = Rig(law="bowden", sample_time=0.25e-3)
+    with pytest.raises(ParameterError, match=r"cannot be judged in cycles of 0\.25 ms"):
+        check_rig(rig, rig.fitted())

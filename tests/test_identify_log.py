@@ -312,7 +312,7 @@ def test_a_length_is_asked_for_where_the_joint_moves_too_far_for_an_angle(write:
     path = write(text(rows(TIME, -25.0 * MOTOR, np.degrees(JOINT)), "time_s,motor,joint"))  # [mm] at 25 mm
     (doubt,) = read_log(path, unit="deg").doubts
     assert "is that a length in mm?" in doubt.reasons[0]
-    assert doubt.reasons[0].endswith("--unit deg,deg")
+    assert doubt.reasons[0].endswith("--unit deg,deg or --unit rad,deg")
     assert not read_log(path, unit="deg,deg").doubts
 
 

@@ -23,6 +23,9 @@ _TRIAL_CYCLES = 20
 _NOISE = 1e-9
 """Part of a difference, counted in the widths that it was taken with, that is rounding."""
 
+_SHORTEST = 0.4e-3
+"""A cycle in which a joint of 30 rad/s goes by the largest `Law.deadband`, so that a law takes that for no jump [s]."""
+
 
 class NoNumberError(ParameterError):
     """A law that gives no number near rest, so that it has no linear model there."""
@@ -74,6 +77,7 @@ def linearise(
 
     Raises:
         NoNumberError: its command or a state of it is no finite number there.
+        ParameterError: in so short a cycle the law takes that difference of the joint for a reading that jumps.
     """
     frozen, across = estimates or {}, np.array([max(width, law.deadband), width])
     rest = map_leaves(law.start(Sample(at, at)), lambda path, old: type(old)(frozen.get(name_of(path), old)))
@@ -104,7 +108,15 @@ def linearise(
     by_state = columns.T  # in widths of the state
     by_input = moved.T  # in widths of the angles
     scale = widths[free]
-    return _reduced(by_state[free], by_input[free], by_state[-1], by_input[-1], scale, across)
+    model = _reduced(by_state[free], by_input[free], by_state[-1], by_input[-1], scale, across)
+    if law.deadband and dt < _SHORTEST and not (model.d[0] or model.b[:, 0].any()):
+        raise ParameterError(
+            f"{law.name} cannot be judged in cycles of {1e3 * dt:g} ms: the {across[0] / RADIANS:.2g}° of the joint by "
+            "which it would show its feedback are a jump to it, which it leaves out",
+            expected=f"a cycle of {1e3 * _SHORTEST:g} ms or more",
+            do="lengthen sample_time_ms in [bench], or take another law",
+        )
+    return model
 
 
 def _reduced(into: Array, driven: Array, out: Array, direct: Array, scale: Array, across: Array) -> LawModel:

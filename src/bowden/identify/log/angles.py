@@ -323,8 +323,8 @@ def unit_doubts(motor: Angle, joint: Angle, *, apart: bool) -> list[Trust]:
     if motor.unit == "deg" and split_name(motor.name)[1] is None and not apart and ratio > _AS_OF_LENGTH:
         found.append(
             f"the joint moves {ratio:.3g} times as far as {motor.name}, which names no unit: is that a length in mm? "
-            "Then divide it by the radius of its spool (rad). If it is an angle, say so: --unit "
-            f"deg,{joint.unit}"
+            "Then divide it by the radius of its spool (rad). If it is an angle, say in which unit: --unit "
+            f"deg,{joint.unit} or --unit rad,{joint.unit}"
         )
     if motor.unit == joint.unit == "counts" and ratio > _GEARED:
         found.append(
