@@ -188,13 +188,24 @@ def test_without_gains_the_law_that_follows_better_is_named(
     assert "Next" not in capsys.readouterr().err
 
 
-def test_the_rigs_own_law_with_the_gain_that_the_check_advises() -> None:
+@pytest.fixture(scope="module")
+def advised() -> OtherLaw | None:
+    """Our law with the gain that the check advises, where commands reach the servo 100 ms late."""
     rig = Rig(law="bowden", delay=100)
-    found = mended_law(rig, rig.fitted())
-    assert found is not None
-    assert list(found.gains) == ["bandwidth"]
-    without = bowden.simulate(rig.replace(duration=found.seconds), "uncompensated").metrics().rmse_deg
-    assert found.rmse_deg < 0.2 * without
+    return mended_law(rig, rig.fitted())
+
+
+def test_the_rigs_own_law_with_the_gain_that_the_check_advises(advised: OtherLaw | None) -> None:
+    assert advised is not None
+    assert list(advised.gains) == ["bandwidth"]
+    rig = Rig(delay=100, duration=advised.seconds)
+    assert advised.rmse_deg < 0.2 * bowden.simulate(rig, "uncompensated").metrics().rmse_deg
+
+
+@pytest.mark.xfail(strict=True, reason="0.51° since the law asks for what the motor lacks: less bandwidth is advised")
+def test_it_follows_within_half_a_degree(advised: OtherLaw | None) -> None:
+    assert advised is not None
+    assert advised.rmse_deg < 0.5
 
 
 def test_every_law_is_looked_at_however_long_the_others_took(monkeypatch: pytest.MonkeyPatch) -> None:

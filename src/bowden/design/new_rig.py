@@ -42,19 +42,23 @@ class NewRig:
     @property
     def notes(self) -> tuple[str, ...]:
         """Reference, law, and how angles are counted, in words; of a suit, whose cables it has."""
-        law = f"Law: {self.rig.law_name}{self._gains()}, {self.why}"
+        said = [f"{label}: {text}" for label, text in self._chosen()]
         if self.rig.worn is not None:
-            return f"Cables: {self.rig.whose_cable}", law
+            return tuple(said)
+        if not self.rig.cable.counting.as_recorded:  # type: ignore[union-attr]
+            said.append("Angles of the rig differ from those of the log: see direction and zeros in [cable]")
+        return (*said, f"Taut: {self._taut()}")
+
+    def _chosen(self) -> list[tuple[str, str]]:
+        """What was taken for the rig, each with its label."""
+        law = "Law", f"{self.rig.law_name}{self._gains()}, {self.why}"
+        if self.rig.worn is not None:
+            return [("Cables", self.rig.whose_cable), law]
         low, high = (f"{end / RADIANS:g}" for end in (self.rig.reference.low, self.rig.reference.high))  # type: ignore[attr-defined]
         within = "within what the log covered"
         within = within if self.known else "the model does not say what its log covered: check it yourself"
-        said = [f"Reference: {low} to {high}°, {within}", law]
-        if self.rig.servo_assumed:
-            said.append(f"Servo: gains are judged for {self.rig.servo_text}")
-        if not self.rig.cable.counting.as_recorded:  # type: ignore[union-attr]
-            said.append("Angles of the rig differ from those of the log: see direction and zeros in [cable]")
-        said.append(f"Taut: {self._taut()}")
-        return tuple(said)
+        servo = [("Servo", f"gains are judged for {self.rig.servo_text}")] if self.rig.servo_assumed else []
+        return [("Reference", f"{low} to {high}°, {within}"), law, *servo]
 
     def _taut(self) -> str:
         """Where the cable is taken to be let out, which no log says."""
@@ -80,14 +84,14 @@ class NewRig:
         return f"New rig {self.rig.hash}"
 
     def _rows(self) -> list[tuple[str, str]]:
-        said = [note.partition(": ") for note in self.notes if note.startswith(("Reference", "Cables", "Law", "Servo"))]
+        said = [(label.lower(), text) for label, text in self._chosen()]
         if self.rig.worn is not None:
-            return [(name.lower(), text) for name, _, text in said]
+            return said
         counting = self.rig.cable.counting  # type: ignore[union-attr]
         turned = "against the log's direction, " if counting.direction < 0 else ""
         zeros = f"{counting.motor_zero / RADIANS:.1f}° of the log's motor and {counting.joint_zero / RADIANS:.1f}°"
         counted = "" if counting.as_recorded else f"the motor {turned}from {zeros} of its joint"
-        return [*((name.lower(), text) for name, _, text in said), ("counted", counted or "as in the log")]
+        return [*said, ("counted", counted or "as in the log")]
 
 
 def around(

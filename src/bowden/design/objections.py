@@ -72,12 +72,12 @@ def _of_motor(rig: Rig, joint: RigJoint) -> Iterator[str]:
             require_joint(rig)
     except ParameterError as error:
         yield str(error)
-    needed = math.ceil(rig.joint_late / rig.sample_time)
+    needed = rig.encoders.late_cycles(rig.sample_time)
     if rig.plant is None and rig.delay < needed:
         yield (
             f"bench.delay_cycles is {rig.delay}, of {1e3 * rig.sample_time:g} ms; the joint's sensor alone is "
-            f"{1e3 * rig.joint_late:.3g} ms late by the cable's log; expected at least {needed}, and the cycles that a "
-            "command takes to the servo; correct it in [bench]"
+            f"{1e3 * rig.encoders.joint_late:.3g} ms late by the cable's log; expected at least {needed}, and the "
+            "cycles that a command takes to the servo; correct it in [bench]"
         )
     yield from contradictions(limits, rig.sample_time, opposed=joint.against(rig), given=rig.limits)
     if joint.shared:

@@ -152,7 +152,7 @@ def model_text(name: str, model: str, cable: IdentifiedCable, chosen: Chosen) ->
         digest=cable.digest,
         counting=_counting_lines(counting),
         cycle=1e3 * bench.sample_time,
-        delay=bench.delay + math.ceil(late / bench.sample_time),
+        delay=bench.delay + cable.encoders.late_cycles(bench.sample_time),
         late=f"; of them {1e3 * late:.3g} ms of the joint's sensor" if late else "",
         servo=NOT_YOURS,
         frequency=bench.servo.natural_frequency / (2.0 * math.pi),

@@ -19,7 +19,7 @@ FAULTS = "faults"
 """Column that holds a set of faults, fault i as the bit 2^i."""
 UNREAD = frozenset({"joint_lost", "joint_stale", "motor_lost", "motor_stale", "current_lost"})
 """Faults of a run's first row that say no more than that its drive has not been read yet."""
-UNHEARD = frozenset({"emg_lost"})
+UNREAD_EMG = frozenset({"emg_lost"})
 """The same of its EMG, which comes later than the drive's reading."""
 UNSETTLED = frozenset({"joint_over_speed", "motor_over_speed"})
 """Faults of the row with a run's first reading that say no more than that its speeds are not known yet: the angles step
@@ -109,7 +109,7 @@ class Changes:
         names = self._names.get(FAULTS, ())
         was, now = _bits(old), _bits(new)
         came = [_name(bit, names) for bit in sorted(now - was)]
-        unread = [name for name in came if np.isnan(old) and name in UNREAD | UNHEARD]
+        unread = [name for name in came if np.isnan(old) and name in UNREAD | UNREAD_EMG]
         parts = [f"not read yet: {', '.join(unread)}"] * bool(unread)
         gone = [_name(bit, names) for bit in sorted(was - now)]
         unsettled = [name for name in came if name in UNSETTLED and {"joint_lost", "motor_lost"} & {*gone}]

@@ -479,12 +479,12 @@ class Session:
         """
         check = GainCheck(self.with_gain(name, value))
         try:
-            soon, told = self.clock.now() + round(_ANSWER_WITHIN * SECOND), False
+            looks = 0
             while not check.done:
                 self._look_on()
-                if not told and self.clock.now() > soon:
+                looks += 1
+                if looks == round(_ANSWER_WITHIN / _LOOK):
                     self._tell(f"{name} = {value:g} is still being checked on a model; the run goes on as it is")
-                    told = True
             check.require()
         finally:
             check.close()

@@ -80,17 +80,17 @@ def live_session(
         for motor in live.motors:
             of_motor = f"motor {quoted(motor.name)}"
             with asked_for_by(of_motor) if motor.name else contextlib.nullcontext():
+                whose = f"{of_motor}: " if motor.name else ""
                 if note := unseen_watch(motor.rig):
-                    tell(f"{of_motor}: {note}" if motor.name else note)
+                    tell(f"{whose}{note}")
                 if motor.rig.servo_assumed and not (twin or measure):
-                    own_servo = f"gains are judged for {motor.rig.servo_text}"
-                    tell(f"{of_motor}: {own_servo}" if motor.name else own_servo)
+                    tell(f"{whose}gains are judged for {motor.rig.servo_text}")
                 alone_on_joint = not (measure or motor.limits.shared)
                 holds = found[motor.name].name != "does_not_hold"
                 own = own_run(motor.rig, motor.law) if alone_on_joint and holds else None
                 ends = "" if own is None else foreseen(motor.rig, motor.law, own)
                 if ends and force:
-                    tell(f"{of_motor}: {ends}" if motor.name else ends)
+                    tell(f"{whose}{ends}")
                 require(
                     *(motor.limits, motor.rig.sample_time),
                     "little_margin" if force else found[motor.name].name or "little_margin",

@@ -9,6 +9,7 @@ from bowden.operations.support.results import Result, ResultPart, made
 
 if TYPE_CHECKING:
     from bowden.identify.servo.fit import ServoFit
+    from bowden.plants.counting import Encoders
 
 
 @dataclass(frozen=True)
@@ -101,20 +102,21 @@ def identify_servo(
     from bowden.identify.servo.log import read_servo_log
     from bowden.operations.support.given import check_number
     from bowden.operations.support.progress import reported
+    from bowden.plants.counting import NOT_SAID
 
-    late = 0.0
+    encoders = NOT_SAID
     cycle = check_number("sample_time_ms", 1.0 if sample_time_ms is None else sample_time_ms, 0.01, 100.0)
     if into is not None:
-        cycle, late = _cycle_of(into, sample_time_ms)
+        cycle, encoders = _cycle_of(into, sample_time_ms)
     columns, notes = read_servo_log(log, {"time": time, "command": command, "motor": motor}, unit, rate)
     with reported(progress, "identify-servo") as report:
         report("fitting the servo", 0.0)
         found = fit(*columns)
-    return made(ServoIdentification, document_of(found, cycle, late), warnings=tuple(notes), fit=found)
+    return made(ServoIdentification, document_of(found, cycle, encoders), warnings=tuple(notes), fit=found)
 
 
-def _cycle_of(path: Path, given: float | None) -> tuple[float, float]:
-    """Control cycle of the rig that is written into [ms], and how late its joint's sensor is [s].
+def _cycle_of(path: Path, given: float | None) -> "tuple[float, Encoders]":
+    """Control cycle of the rig that is written into [ms], and its encoders.
 
     Raises:
         ParameterError: no rig.toml of one motor, or one of another cycle than the given one.
@@ -131,7 +133,7 @@ def _cycle_of(path: Path, given: float | None) -> tuple[float, float]:
     if given is not None and abs(given - own) > 1e-9 * own:
         what = f"{argument('sample_time_ms')} is {given:g}"
         raise ParameterError(what, expected=f"{own:g}, as {path} has it", do="leave the option out")
-    return own, rig.joint_late
+    return own, rig.encoders
 
 
 OPERATIONS = (

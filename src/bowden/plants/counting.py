@@ -9,6 +9,7 @@ direction d and the zeros m₀ and j₀ a rig has
 and the same cable has other parameters: `bowden.plants.recounted`.
 """
 
+import math
 from collections.abc import Sequence
 from typing import Annotated, Literal, NamedTuple
 
@@ -63,6 +64,10 @@ class Encoders(NamedTuple):
     """The same [rad]."""
     joint_late: float = 0.0
     """By how much the joint was read later than the motor, as far as the log shows it [s]."""
+
+    def late_cycles(self, sample_time: float) -> int:
+        """`joint_late` in whole cycles of that length [s], rounded up; what is left of rounding is no cycle."""
+        return math.ceil(round(self.joint_late / sample_time, 9))
 
 
 NOT_SAID = Encoders()

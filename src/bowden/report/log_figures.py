@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from bowden.core.units import DEGREES
 from bowden.drawing.style import COLOURS, CYCLE, legend, logarithmic, new_figure, thin
-from bowden.live.events import UNHEARD, UNREAD, UNSETTLED
+from bowden.live.events import UNREAD, UNREAD_EMG, UNSETTLED
 from bowden.records.trace import Trace
 
 if TYPE_CHECKING:
@@ -146,7 +146,7 @@ def _faults(trace: Trace) -> list[tuple[str, Array]]:
         there = (sets >> bit & 1).astype(float)
         name, begin = names[bit] if bit < len(names) else "", int(np.argmax(there))
         unsettled = name in UNSETTLED and 0 < begin == read
-        if (name in UNREAD | UNHEARD and there[0]) or unsettled:
+        if (name in UNREAD | UNREAD_EMG and there[0]) or unsettled:
             there[: begin + int(np.argmin(there[begin:])) if not there[begin:].all() else 0] = 0.0
         if there.any():
             found.append((_named(bit, names), there))

@@ -65,10 +65,10 @@ def log_page(trace: Trace, events: Sequence[tuple[float, str]], facts: Mapping[s
         more = len(events) - len(rows)
         left_out = f"The first {_MOST_EVENTS} changes of state; {more} more are in the log."
         page.table(["time [s]", "event"], rows, caption=left_out if more > 0 else "All changes of state.")
-    heard = figures.measured(trace, figures.CONTRACTIONS)
-    if heard is not None:
+    emg = figures.measured(trace, figures.CONTRACTIONS)
+    if emg is not None:
         page.heading("EMG")
-        page.figure(heard, "The muscle's level, and what was made of it: 0 rest, 1 flex, 2 hold, 3 extend.")
+        page.figure(emg, "The muscle's level, and what was made of it: 0 rest, 1 flex, 2 hold, 3 extend.")
     loads = figures.measured(trace, figures.LOADS)
     if loads is not None:
         page.heading("Load and heat")

@@ -40,6 +40,7 @@ from bowden.plants.bends import Bend, ConstantBend, RandomBend, ScriptedBend
 from bowden.plants.cable_parameters import outside
 from bowden.plants.cable_plant import CablePlant
 from bowden.plants.cables import plant_of_model
+from bowden.plants.counting import NOT_SAID, Encoders
 from bowden.plants.identified import CableModel, IdentifiedCable, load_cable
 from bowden.plants.knowledge_of import knowledge_of
 from bowden.plants.plant import Plant
@@ -932,10 +933,10 @@ class Rig(metaclass=Answering):
         return tuple(notes)
 
     @property
-    def joint_late(self) -> float:
-        """How late the joint's sensor is, by the cable's log; 0 on a suit, whose sensor is another [s]."""
-        measured = isinstance(self.cable, IdentifiedCable) and self.worn is None
-        return self.cable.encoders.joint_late if measured else 0.0  # type: ignore[union-attr]
+    def encoders(self) -> Encoders:
+        """How the encoders of the cable's log read; as if nobody said it on a suit, whose joint has another sensor."""
+        own = isinstance(self.cable, IdentifiedCable) and self.worn is None
+        return self.cable.encoders if own else NOT_SAID  # type: ignore[union-attr]
 
     @property
     def servo_assumed(self) -> bool:

@@ -6,18 +6,19 @@ from typing import Any
 from bowden.core.toml_text import with_keys
 from bowden.core.units import HERTZ, RADIANS
 from bowden.identify.servo.fit import ServoEstimate, ServoFit
+from bowden.plants.counting import NOT_SAID, Encoders
 
 _NO_CYCLE = 0.05
 """Share of a cycle by which a measured delay may be beyond whole ones before it is rounded up [–]."""
 
 
-def document_of(found: ServoFit, sample_time_ms: float, joint_late: float = 0.0) -> dict[str, Any]:
+def document_of(found: ServoFit, sample_time_ms: float, encoders: Encoders = NOT_SAID) -> dict[str, Any]:
     """A fit as the command says it, in the units of a rig.toml.
 
     Args:
         found: of the log.
         sample_time_ms: control cycle of the rig, for its delay in whole cycles [ms].
-        joint_late: of the rig's joint sensor, which the loop waits for as well [s].
+        encoders: of the rig; the loop waits for a joint's sensor that is late as well.
     """
     delay_ms = found.delay.value * 1e3
     return {
@@ -25,8 +26,8 @@ def document_of(found: ServoFit, sample_time_ms: float, joint_late: float = 0.0)
         "damping": _in(found.damping, 1.0),
         "delay_s": _in(found.delay, 1.0),
         "delay_cycles": max(0, math.ceil(delay_ms / sample_time_ms - _NO_CYCLE))
-        + math.ceil(1e3 * joint_late / sample_time_ms),
-        "joint_late_s": joint_late,
+        + encoders.late_cycles(1e-3 * sample_time_ms),
+        "joint_late_s": encoders.joint_late,
         "sample_time_ms": sample_time_ms,
         "speed_limit_deg_per_s": _in(found.speed_limit, RADIANS),
         "acceleration_limit_deg_per_s2": _in(found.acceleration_limit, RADIANS),
