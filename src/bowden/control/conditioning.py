@@ -61,7 +61,7 @@ _LARGEST = 1e9
 
 
 class Conditioning(NamedTuple):
-    """What the conditioner knows of the rig."""
+    """Knowledge of the rig for the conditioner."""
 
     servo_frequency: float = 53.58
     """ω, natural frequency of the servo [rad/s]."""
@@ -70,7 +70,7 @@ class Conditioning(NamedTuple):
 
 
 class Conditioned(NamedTuple):
-    """What was shown to the law last, and what the conditioner remembers."""
+    """The reference that the law was last given, and the conditioner's state."""
 
     position: Annotated[float, Quantity("joint angle that the law was shown", "rad")]
     velocity: Annotated[float, Quantity("its rate that the law was shown", "rad/s")]

@@ -1,4 +1,4 @@
-"""What a rig knows, and the one rule by which a law gets it.
+"""Knowledge of a rig, and the one rule by which a law gets it.
 
 A rig supplies a `Knowledge`. A law declares in `Law.from_rig` which of it each of its gains takes:
 
@@ -34,7 +34,7 @@ WIDEST = 0.5
 
 
 class Knowledge(NamedTuple):
-    """What is known of a rig; NaN is not known, and is not passed on."""
+    """Knowledge of a rig; NaN is unknown, and is not passed on."""
 
     servo_frequency: float = math.nan
     """ω, natural frequency of the servo [rad/s]."""
@@ -65,7 +65,7 @@ class Knowledge(NamedTuple):
     motor_noise: float = math.nan
     """Standard deviation of the motor's angle before it is counted [rad]."""
     suit: bool = False
-    """Whether the joint is an arm in a suit, which swings; motor angles are in the joint's coordinate then."""
+    """True if the joint is an arm in a suit, which swings; motor angles are in the joint's coordinate then."""
     relative_slope: float = 1.0
     """Slope of the cable over that of the paper's bench, for which the laws' own slopes are [–]."""
     servo_integral: float = math.nan
@@ -164,7 +164,7 @@ _CABLE = "cable."
 
 
 def _own_is_better(law: Law, known: Knowledge) -> bool:
-    """Whether the law's own guesses are in less doubt than the knowledge's."""
+    """True if the law's own guesses are less uncertain than the knowledge's."""
     return any(what == "doubt" and getattr(law.gains, gain) < known.doubt for gain, what in law.from_rig.items())
 
 

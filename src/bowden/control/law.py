@@ -93,7 +93,7 @@ class Law:
     feeds_back: frozenset[str] = frozenset({"joint", "motor"})
     """The measured angles on which the command depends once the law has begun, by their names in `Sample`."""
     compensates_lag: bool = False
-    """Whether it sends the motor ahead of the reference itself, by the lag of servo and delay."""
+    """True if the law itself sends the motor ahead of the reference, by the lag of servo and delay."""
     settling: Callable[[Any], float] | None = None
     """Gains → how long the law moves until its estimates have settled [s]; the check tries it for as long. A law that
     does not say is tried for as long as the check ever does."""
@@ -114,7 +114,7 @@ class Law:
     default_gains: Gains = field(default=None, repr=False)
     """The gains with which the law comes; `gains` where nothing else is given."""
     conditioning: Conditioning = field(default=Conditioning(), repr=False, compare=False)
-    """What the conditioner of its reference knows of a rig; it stands before the law in every loop, and is no part of
+    """Knowledge of the rig for the conditioner of its reference, which stands before the law in every loop; no part of
     it."""
     overridden_gains: frozenset[str] = frozenset()
     """Gains that a preset or `with_gains` set: what a rig knows leaves them alone."""

@@ -91,7 +91,7 @@ def held(law: Law) -> Law:
 
 
 def code_of_law(law: Law) -> Content:
-    """What its kernels, and those that they call, are made of."""
+    """Content of its kernels, and of those that they call."""
     return code_of(law.start_kernel, law.step_kernel)
 
 

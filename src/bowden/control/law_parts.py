@@ -1,4 +1,4 @@
-"""What several laws share: the servo inverted, filters, the direction of motion, the feedback, bandwidths, limits."""
+"""Parts that several laws share: inverse of the servo, filters, direction of motion, feedback, bandwidths, limits."""
 
 import math
 from collections.abc import Iterable, Mapping
@@ -87,7 +87,7 @@ def crossing_rate(known: Knowledge) -> float:
 
 
 LAG: Mapping[str, FromRig] = {"lead": lag, "lead_square": lag_square}
-"""What a law gets that has `compensate_lag` take the lag away."""
+"""Gains from the rig of a law that calls `compensate_lag`."""
 
 SERVO: Mapping[str, FromRig] = {
     **LAG,
@@ -95,10 +95,10 @@ SERVO: Mapping[str, FromRig] = {
     "natural_frequency": "servo_frequency",
     "damping": "servo_damping",
 }
-"""What a law gets that inverts the servo, of which it has ω and ζ besides."""
+"""Gains from the rig of a law that inverts the servo: ω and ζ besides."""
 
 CONTACT: Mapping[str, FromRig] = {**SERVO, "bandwidth": contact_bandwidth}
-"""What a law gets that observes motor − joint/α̂ through a filter of that bandwidth."""
+"""Gains from the rig of a law that observes motor − joint/α̂ through a filter of that bandwidth."""
 
 LIMITS: Mapping[str, tuple[float, float]] = {
     "velocity_band": (0.0, math.inf),
@@ -118,7 +118,7 @@ LIMITS: Mapping[str, tuple[float, float]] = {
 
 @kernel
 def compensate_lag(reference: Reference, lead: float, lead_square: float) -> float:
-    """What a servo with a known lag must be asked for, so that it is at the reference now [rad].
+    """Command to a servo with a known lag by which it is at the reference now [rad].
 
         position + lead·velocity + lead_square·acceleration
 
@@ -246,6 +246,6 @@ def lowpass_rate_limited(before: Filtered, goal: float, bandwidth: float, rate_l
 
 @kernel
 def invert_servo(number: Filtered, natural_frequency: float, damping: float) -> float:
-    """What the servo must be asked for, so that it is at the number, 1 + 2ζ/ω·d/dt + 1/ω²·d²/dt² [rad]."""
+    """Command by which the servo is at the number, 1 + 2ζ/ω·d/dt + 1/ω²·d²/dt² [rad]."""
     lead, lead_square = 2.0 * damping / natural_frequency, 1.0 / (natural_frequency * natural_frequency)
     return number.value + lead * number.rate + lead_square * number.acceleration

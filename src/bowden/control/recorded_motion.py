@@ -32,7 +32,7 @@ class RecordedMotion:
     """A `Trajectory` with the numbers of its file, so that nothing is read again."""
 
     said: RecordedFile
-    """What [reference] says of the file."""
+    """The keys of [reference] for the file."""
     time: Array = field(repr=False)
     """(n,) [s]."""
     position: Array = field(repr=False)

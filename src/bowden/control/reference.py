@@ -28,7 +28,7 @@ class Trajectory(Protocol):
         ...
 
     def describe(self) -> dict[str, Any]:
-        """What this trajectory is, as JSON values."""
+        """Description of this trajectory, as JSON values."""
         ...
 
 

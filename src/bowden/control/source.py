@@ -17,7 +17,7 @@ from bowden.core.signals import Reference
 
 
 class Measurement(NamedTuple):
-    """What a source may look at."""
+    """Inputs of a source."""
 
     joint: float
     """Measured angle of the elbow [rad]."""
@@ -54,7 +54,7 @@ class Source:
     state_units: Mapping[str, str] = field(default_factory=dict)
     """Field of the state → its unit, where the state's type does not say."""
     conditioned: bool = True
-    """Whether its reference goes through the conditioner; not where its derivatives are others on purpose."""
+    """True if its reference goes through the conditioner; False where its derivatives differ on purpose."""
 
     def columns(self) -> dict[str, str]:
         """Column → unit of its state, as traces and logs have it: ``<name>.<field>``."""

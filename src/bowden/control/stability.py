@@ -40,7 +40,7 @@ class Margins:
     """How far a closed loop is from instability."""
 
     stable: bool
-    """Whether every closed-loop pole is inside the unit circle."""
+    """True if every closed-loop pole is inside the unit circle."""
     gain_margin_db: float | None
     """Smallest increase of gain that makes the loop unstable [dB]; None where there is none, or it is unstable."""
     phase_margin_deg: float | None

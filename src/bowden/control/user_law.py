@@ -41,13 +41,13 @@ _SWEEP = [0.02 * k for k in (*range(66), *range(66, -66, -1), *range(-66, 1))]
 _MOST_LINES = 300_000
 """Lines of Python in one call of a law; so many, compiled, are no cycle's any more."""
 _DISCRETE = (bool, np.bool_, IntEnum)
-"""What of a state need be no float."""
+"""Types of a state that need not be float."""
 _EXAMPLE = Knowledge(50.0, 1.0, 1.5e-3, 1e-3, 1.0, 0.1, 0.1, BoucWen(), 0.0, 1e-4, 1e-4, 1e-4, 1e-4)
-"""What a law's own functions of what it knows are tried with, beside nothing known."""
+"""Knowledge with which a law's own functions of it are tried, beside none."""
 
 
 def is_file(name: str) -> bool:
-    """Whether a law is named by its file, ``my_law.py`` or ``my_law.py:NAME``, and not by its key in `LAWS`."""
+    """True if a law is named by its file, ``my_law.py`` or ``my_law.py:NAME``, and not by its key in `LAWS`."""
     return user_file.split(name)[0].endswith(".py")
 
 
@@ -74,7 +74,7 @@ def explained(law: Law) -> Iterator[None]:
 
 
 def is_own(law: Law) -> bool:
-    """Whether a law is a user's own: its step is none of this package's."""
+    """True if a law is a user's own: its step is none of this package's."""
     return not user_file.is_package(Path(law.step_kernel.__code__.co_filename))
 
 
@@ -103,7 +103,7 @@ _BY_NAME: Mapping[str, FromRig] = {
     **{name: name for name in ("servo_frequency", "servo_damping", "delay")},
     **LAG,
 }
-"""What gains of these names take from a rig in a file that has the parts of a law; its `FROM_RIG` says more."""
+"""Values from the rig for gains of these names in a file that has the parts of a law; its `FROM_RIG` says more."""
 
 
 def _find(module: ModuleType, attribute: str, path: Path) -> Law:

@@ -1,1 +1,1 @@
-"""What every other room stands on: kernels, signals, traces, metrics, units and errors."""
+"""Foundation of every other room: kernels, signals, traces, metrics, units and errors."""

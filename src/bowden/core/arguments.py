@@ -1,4 +1,4 @@
-"""What a user hands to a function, checked: every refusal names the argument, what was given, and what to give."""
+"""Checks of a user's arguments: every refusal names the argument, what was given, and what to give."""
 
 from pathlib import Path
 from typing import Any

@@ -26,7 +26,7 @@ MOST_PARTS = 64
 GZIP = b"\x1f\x8b"
 """How a gzipped file begins."""
 DAMAGED = (EOFError, zlib.error, gzip.BadGzipFile)
-"""What reading a damaged gzipped file raises."""
+"""Exceptions of reading a damaged gzipped file."""
 
 _PIECE = 1 << 20  # bytes
 _TOO_LONG = "a whole number in it is beyond 64 bits"
@@ -34,7 +34,7 @@ _KINDS = {stat.S_ISFIFO: "a pipe", stat.S_ISCHR: "a device", stat.S_ISBLK: "a de
 
 
 def reason(error: Exception) -> str:
-    """What the system says of a file, for the middle of a line."""
+    """The system's message about a file, for the middle of a line."""
     said = (isinstance(error, OSError) and error.strerror) or str(error)
     return said[:1].lower() + said[1:]
 
@@ -122,7 +122,7 @@ def read_whole(path: Path, most: int = MOST_DATA, *, unpack: bool = True) -> byt
 
 
 def read_text(path: Path) -> str:
-    """What a person has written.
+    """Text of a file that a person has written.
 
     Raises:
         OSError: it cannot be read, or is too long to be that.

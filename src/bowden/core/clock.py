@@ -15,7 +15,7 @@ _TIMER_ABSTIME = 1
 
 
 class TimeSource(Protocol):
-    """What the loop needs of time; the tests have one of their own."""
+    """Clock as the loop needs it; the tests have one of their own."""
 
     def now(self) -> int:
         """The time [ns], from an origin that stays."""

@@ -76,7 +76,7 @@ _MOST_NAMES = 20
 
 
 def near(name: str, known: Iterable[str]) -> str:
-    """What is there to choose from, with the likely meaning first.
+    """The known names, with the likely meaning first.
 
     >>> near("dampng", ["damping", "gear"])
     'damping (did you mean this?) or gear'

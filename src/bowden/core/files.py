@@ -119,7 +119,7 @@ def _move(stage: Path, folder: Path) -> None:
 
 
 def _reason(error: Exception) -> str:
-    """What the system says, without the path."""
+    """The system's message, without the path."""
     return (isinstance(error, OSError) and error.strerror) or str(error)
 
 

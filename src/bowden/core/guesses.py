@@ -19,7 +19,7 @@ class UnknownArgumentError(ParameterError, TypeError):
 
 
 def answer(owner: str, name: str, known: Iterable[str], guesses: Mapping[str, str]) -> str:
-    """What is said of a name that is not there.
+    """Message about a name that is not there.
 
     Args:
         owner: what does not have it.

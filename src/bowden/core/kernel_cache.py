@@ -36,7 +36,7 @@ def keep(dispatcher: Any, content: str) -> None:
 
 
 class _Kept:
-    """What is kept of one function, in the place of Numba's own cache."""
+    """Cache of one function, in the place of Numba's own."""
 
     def __init__(self, name: str, content: str) -> None:
         self._name = name
@@ -48,7 +48,7 @@ class _Kept:
         return str(cache_folder())
 
     def load_overload(self, signature: tuple[Any, ...], target: Any) -> Any:
-        """What is kept for the types of arguments, or None."""
+        """Compiled code kept for the types of arguments, or None."""
         target.refresh()  # so that it knows all that kept code may call
         path = self._path(signature, target.codegen())
         if path is None or not path.is_file():
@@ -92,7 +92,7 @@ def _write(path: Path, content: bytes) -> None:
 
 @cache
 def _versions() -> str:
-    """What decides how a kernel is compiled, whatever it is: versions, options, and the files here that do it."""
+    """Everything that decides how any kernel is compiled: versions, options, and the files here that do it."""
     config: Any = importlib.import_module("numba.core.config")
     options = (config.OPT, config.BOUNDSCHECK, config.DEBUGINFO_DEFAULT, config.LOOP_VECTORIZE, config.SLP_VECTORIZE)
     versions = [importlib.import_module(name).__version__ for name in ("numba", "llvmlite", "numpy")]

@@ -1,4 +1,4 @@
-"""What compiled code is made of: a hash over the instructions, constants, types and callees of a kernel.
+"""Content hash of compiled code, over the instructions, constants, types and callees of a kernel.
 
 Two kernels of one hash compute the same, wherever they stand. It is taken of what was loaded, not of the file, which
 may have changed since. Compiled code is kept by it (`bowden.core.kernel_cache`).
@@ -28,16 +28,16 @@ _FOREIGN = ("builtins", "math", "numba", "numpy", "llvmlite")
 
 
 class _UnknownError(Exception):
-    """What code is made of is not known."""
+    """The content of a piece of code is not known."""
 
 
 def is_kernel(value: Any) -> TypeGuard[FunctionType]:
-    """Whether a value is a function marked as a kernel."""
+    """True if a value is a function marked as a kernel."""
     return isinstance(value, FunctionType) and hasattr(value, "__kernel__")
 
 
 def is_primitive(value: Any) -> bool:
-    """Whether a value is one of `PRIMITIVES`."""
+    """True if a value is one of `PRIMITIVES`."""
     return isinstance(value, FunctionType) and value in PRIMITIVES
 
 
@@ -74,7 +74,7 @@ def global_names(code: CodeType) -> tuple[str, ...]:
 
 
 def meant(function: FunctionType, name: str, replaced: Mapping[str, Callable[..., Any]]) -> Any:
-    """What a function means by a global name: what it has there, or what replaces it where that is a placeholder."""
+    """The value of a global name in a function, or its replacement where that is a placeholder."""
     own = function.__globals__.get(name)
     return replaced.get(name, own) if hasattr(own, "__placeholder__") else own
 

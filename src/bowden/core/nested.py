@@ -28,7 +28,7 @@ Path = tuple[str | int, ...]
 
 
 def is_named(value: Any) -> bool:
-    """Whether a value is a NamedTuple."""
+    """True if a value is a NamedTuple."""
     return isinstance(value, tuple) and hasattr(value, "_fields")
 
 
@@ -108,7 +108,7 @@ def quantity_at(value: Any, path: Path) -> Quantity | None:
 
 
 def said_at(value: Any, path: Path, of: Callable[[Any], Mapping[str, str]]) -> str:
-    """What the innermost type on the way to a leaf says of its field; nothing where none does.
+    """Description of a leaf by the innermost type on the way to it; empty where there is none.
 
     Args:
         value: nested.
@@ -163,7 +163,7 @@ def numbers_of(value: Any) -> list[float]:
 
 
 def form_of(value: Any) -> tuple[Any, ...]:
-    """What values must have in common for one of them to be the template of the others: kinds of numbers, and arrays.
+    """Form that values share if one of them can be the template of the others: kinds of numbers, and arrays.
 
     >>> form_of((1.0, (2, 3.0)))
     (<class 'float'>, <class 'int'>, <class 'float'>)

@@ -28,13 +28,13 @@ class OwnFile:
     path: str
     """Where the file was."""
     source: bytes
-    """What was in it."""
+    """Its contents."""
     modules: tuple[UserModule, ...] = ()
-    """What it imports of the user's own."""
+    """The user's own modules that it imports."""
     what: ClassVar[str] = "program"
 
     def load(self) -> Any:
-        """What is in it; of a file that has changed since or is not there any more, what it was.
+        """The object that it defines; of a file that has changed or is gone, from the contents as they were.
 
         Raises:
             ParameterError: something else than that, with the line.
@@ -85,7 +85,7 @@ class OwnFile:
 
     @property
     def known(self) -> bool:
-        """Whether this very file, with what it imports, was named here before."""
+        """True if this very file, with its imports, was named here before."""
         return self._mark.exists()
 
     def remember(self) -> None:

@@ -12,7 +12,7 @@ from bowden.core.quantity import declared
 Kind = TypeVar("Kind", bound=type)
 
 _NO_NUMBER = (str, bytes, list, dict, set, type, type(None))
-"""What is refused: kernels are handed numbers, and arrays and symbols in their place."""
+"""Refused types: kernels are handed numbers, or arrays and symbols in their place."""
 
 
 def signed(kind: Kind) -> Kind:

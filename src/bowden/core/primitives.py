@@ -1,4 +1,4 @@
-"""What kernels call that is no kernel: functions of libm, and what goes between nested tuples and rows.
+"""Functions that kernels call and that are no kernels: those of libm, and those between nested tuples and rows.
 
 Each is an ordinary function when it is called from Python, and has a twin for compiled code.
 """
@@ -58,7 +58,7 @@ PRIMITIVES: set[Callable[..., Any]] = {
 
 
 def twin_of(function: Callable[..., Any]) -> Callable[..., Any]:
-    """What stands for a primitive in compiled code: a plain function to be compiled, or what Numba knows."""
+    """Counterpart of a primitive in compiled code: a plain function to be compiled, or one that Numba knows."""
     made: dict[Callable[..., Any], Callable[[], Any]] = {
         unflatten_like: compiled_unflatten_like,
         unflatten: compiled_unflatten,

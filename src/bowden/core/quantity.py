@@ -77,7 +77,7 @@ SIZES = 1e-60, 1e60
 
 
 def has_size(value: float) -> bool:
-    """Whether a finite number is 0 or between `SIZES`; of infinity and of what is no number nothing is said.
+    """True if a finite number is 0 or between `SIZES`; infinity and NaN are not judged.
 
     >>> has_size(-1e-3), has_size(0.0), has_size(5e-324), has_size(1e308)
     (True, True, False, False)
@@ -87,7 +87,7 @@ def has_size(value: float) -> bool:
 
 @dataclass(frozen=True, kw_only=True)
 class Quantity:
-    """What a field is. The range is in the file's unit, where it can be written without rounding."""
+    """Declaration of a field. The range is in the file's unit, where it can be written without rounding."""
 
     meaning: str = dataclasses.field(kw_only=False)
     unit: str = dataclasses.field(default="–", kw_only=False)
@@ -106,7 +106,7 @@ class Quantity:
     example: Any = None
     """A value for a file, where the default is none."""
     endless: bool = False
-    """Whether it may be infinite, for no limit."""
+    """True if it may be infinite, for no limit."""
     least: int = 0
     """Shortest length of a list."""
     live: bool = False
@@ -114,7 +114,7 @@ class Quantity:
     hint: str = ""
     """Likely other reading of a value out of the range, ``{value}``."""
     follows: bool = False
-    """Whether it may be left out, as NaN, and then follows from the rig's other parts (`rig.consistent`)."""
+    """True if it may be left out, as NaN; it then follows from the rig's other parts (`rig.consistent`)."""
 
     @cached_property
     def file_unit(self) -> str:
@@ -123,7 +123,7 @@ class Quantity:
 
     @cached_property
     def factor(self) -> float:
-        """What one of the file's unit is inside."""
+        """One of the file's unit, in the unit inside."""
         return 1.0 if self.file_unit == self.unit else _FACTOR[self.unit, self.file_unit]
 
     def named(self, field: str) -> str:
@@ -147,7 +147,7 @@ class Quantity:
         return " and ".join(f"{word} {value * self.factor:.4g}" for word, value in words if value is not None)
 
     def holds(self, value: float) -> bool:
-        """Whether a number in the unit inside is in the range; one that is no number, or of no size, is not."""
+        """True if a number in the unit inside is in the range; NaN, or a number of no plausible size, is not."""
         if not has_size(value):
             return False
         if math.isinf(value):
@@ -235,7 +235,7 @@ def optional(kind: Any) -> Any:
 
 @cache
 def meanings(kind: Any) -> Mapping[str, str]:
-    """What the fields of a NamedTuple mean: as declared, or the text below each, or the comment behind it."""
+    """Meaning of each field of a NamedTuple: as declared, or the text below it, or the comment behind it."""
     said = {one.name: f"{one.quantity.meaning} [{one.quantity.unit}]" for one in declared(kind)}
     try:
         source = textwrap.dedent(inspect.getsource(kind))

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 
 class Sample(NamedTuple):
-    """What the encoders measure at one instant.
+    """Readings of the encoders at one instant.
 
     >>> Sample(joint=0.1, motor=0.12).motor
     0.12
@@ -56,7 +56,7 @@ class DriveState(IntEnum):
 
 
 class Power(IntEnum):
-    """What the supervisor wants of the drive, in order of caution from the last."""
+    """The supervisor's demand on the drive's power; the last is the most cautious."""
 
     OFF = 0
     """Torque off now."""
@@ -74,7 +74,7 @@ the drive's own safe torque off [–]."""
 
 
 class DriveReading(NamedTuple):
-    """What the drive said last, at one cycle of the live loop; NaN for what it does not measure."""
+    """Last reading of the drive in one cycle of the live loop; NaN for what it does not measure."""
 
     motor: float
     """Motor angle at the spool [rad]."""

@@ -36,7 +36,7 @@ class UserModule(NamedTuple):
     file: str
     """From the folder of the importing file: ``friction.py``, ``lab/__init__.py``."""
     source: bytes
-    """What was in it."""
+    """Its contents."""
 
 
 class UserFile(NamedTuple):
@@ -45,7 +45,7 @@ class UserFile(NamedTuple):
     path: Path
     """Where it stands."""
     source: bytes
-    """What is in it."""
+    """Its contents."""
     modules: tuple[UserModule, ...]
     """Beside it, that it imports."""
 
@@ -271,7 +271,7 @@ def _together(path: Path, file: str) -> Path | None:
 
 
 def is_package(path: Path) -> bool:
-    """Whether a file is one of this package's."""
+    """True if a file is one of this package's."""
     return path.is_relative_to(_PACKAGE)
 
 
@@ -338,7 +338,7 @@ def explained(path: Path, what: str, *, named: bool = False) -> Iterator[None]:
 
 
 def reads_as_module(function: Any) -> bool:
-    """Whether the file in which a function stands may be run again for what it defines.
+    """True if the file in which a function stands may be run again for its definitions.
 
     The script that is being run may not, unless it has a part of its own for that, ``if __name__ == "__main__":``. What
     it does would be done twice.
@@ -350,7 +350,7 @@ def reads_as_module(function: Any) -> bool:
 
 
 def elsewhere(function: Any, what: str) -> str:
-    """What to do that other processes find the law or plant of which this is a function."""
+    """Advice: how other processes find the law or plant of which this is a function."""
     script = function.__module__ == "__main__" and Path(function.__code__.co_filename).is_file()
     below = f'put what the script does below: if __name__ == "__main__":, or the {what} into a file and name that'
     return f"{below if script else 'write it into a file and name that'}: my_{what}.py:NAME"

@@ -58,7 +58,7 @@ HOLD, MOTION, LAW_BEGINS, LAW = TargetSource
 
 
 class Plan(NamedTuple):
-    """What is planned for one cycle."""
+    """The plan for one cycle."""
 
     source: TargetSource
     motor: float
@@ -75,7 +75,7 @@ class Filters(NamedTuple):
 
 
 class CycleSettings(NamedTuple):
-    """What does not change in a run."""
+    """Constants of a run."""
 
     gains: Any
     """The law's."""
@@ -90,10 +90,10 @@ class CycleSettings(NamedTuple):
 
 
 class CycleState(NamedTuple):
-    """What one cycle hands to the next."""
+    """State handed from one cycle to the next."""
 
     sample: Sample
-    """What the law saw."""
+    """Sample that the law was given."""
     law: Any
     """The law's own state."""
     conditioned: Conditioned
@@ -170,7 +170,7 @@ def one_cycle(
 
 
 class Unsupervised(NamedTuple):
-    """What stands in the supervisor's place where there is none."""
+    """Stands in for the supervisor where there is none."""
 
     target: float
     """The requested target of the cycle before [rad]."""
@@ -423,7 +423,7 @@ class Cycle:
         self.gains = np.array(numbers_of(law.gains), dtype=np.float64)
         """The law's gains, flat, as `Law.numbers` has them: what stands here the next cycle runs with."""
         self.reference = NOWHERE
-        """What the source gave last."""
+        """Last reference of the source."""
         self.kept_bytes: memoryview
         """`kept` as bytes."""
         self.kept: Array
@@ -434,7 +434,7 @@ class Cycle:
 
     @property
     def state(self) -> CycleState:
-        """What the last cycle handed on."""
+        """State after the last cycle."""
         parts = [unflatten(part, row) for part, row in zip(self._like, self._rows, strict=True)]
         return CycleState(*parts)._replace(supervisor=unflatten_like(self._like.supervisor, self._rows[-1]))
 
@@ -491,15 +491,15 @@ class Cycle:
 
     @property
     def sample(self) -> list[float]:
-        """What the law saw in the last cycle, flat."""
+        """Sample of the last cycle as the law was given it, flat."""
         return self._rows[0].tolist()
 
     @property
     def recorded_source(self) -> list[float]:
-        """What is recorded of the source's state after the last cycle, flat; nothing of a table."""
+        """Recorded part of the source's state after the last cycle, flat; empty for a table."""
         return [] if self.source is TABLE else self._rows[3].tolist()
 
     def recorded(self) -> CycleState:
-        """What is recorded of the last cycle: each part of the state flat, but nothing of a table."""
+        """Record of the last cycle: each part of the state, flat; empty for a table."""
         state = CycleState(*(row.tolist() for row in self._rows))
         return state._replace(source=[]) if self.source is TABLE else state

@@ -67,5 +67,5 @@ class TorqueOffset:
         self._memory[:] = row
 
     def row(self) -> tuple[float, ...]:
-        """What is recorded of this cycle: `COLUMNS`."""
+        """This cycle's record: `COLUMNS`."""
         return tuple(self._row)

@@ -1,4 +1,4 @@
-"""Whether a sensor's reading can be used: whether it can be, and whether it can follow the one before."""
+"""Plausibility of a sensor's reading: its value, and its step from the one before."""
 
 from typing import Annotated, NamedTuple
 
@@ -33,7 +33,7 @@ def persistence_time(condition: bool, before: float, time: float) -> float:
 
 
 class ReadingCheck(NamedTuple):
-    """What becomes of a reading: it is used as it is, or not at all."""
+    """Verdict on a reading: it is used as it is, or not at all."""
 
     sensor: SensorState
     lost: bool

@@ -1,1 +1,1 @@
-"""What is moved: the bench, any cable, the suit on an arm."""
+"""Plants: the bench, any cable, the suit on an arm."""

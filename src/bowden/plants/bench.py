@@ -119,7 +119,7 @@ class BenchState(NamedTuple):
 
 
 class BenchColumns(NamedTuple):
-    """What a trace has of the bench; `BENCH_COLUMNS` has the units."""
+    """Columns of a trace of the bench; `BENCH_COLUMNS` has the units."""
 
     joint: float
     motor: float

@@ -26,7 +26,7 @@ from bowden.plants.suit_plant import (
 
 
 class BrakedSuit(NamedTuple):
-    """What the kernels are handed."""
+    """Argument of the kernels."""
 
     worn: WornSuit
     held: PreparedSuit

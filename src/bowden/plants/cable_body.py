@@ -29,7 +29,7 @@ from bowden.plants.plant import SheathState
 
 
 class Seen(NamedTuple):
-    """What there is to be seen of a cable."""
+    """Observable quantities of a cable."""
 
     joint: float
     """Joint angle, before the load's lag [rad]."""
@@ -60,7 +60,7 @@ def cable_look(cable: Any, memory: Any, motor: float, width: float, slope_factor
 
 
 class Moving(NamedTuple):
-    """What a plant round a cable is made of while it moves."""
+    """State of a plant round a cable."""
 
     cable: Any
     """`Cable.prepared`."""

@@ -46,7 +46,7 @@ class Cable:
     parameters: Any
     """A NamedTuple of what its maker was given; goes to the trace's settings."""
     prepared: Any
-    """What the kernels are handed as `cable`."""
+    """Argument `cable` of the kernels."""
     start: Callable[..., Any]
     """``start(cable, motor, width, slope_factor) -> memory``."""
     advance: Callable[..., Any]
@@ -56,7 +56,7 @@ class Cable:
     slope: float
     """Joint motion per motor motion once the play is taken up, at the identified bend [rad/rad]."""
     physical: bool = False
-    """Whether it computes what its sheath loses; then the sheath's own `loss` must be 0."""
+    """True if it computes the loss in its sheath; then the sheath's own `loss` must be 0."""
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Cable) and self._moves == other._moves

@@ -177,7 +177,7 @@ def generalised_play(cable: Branches) -> Cable:
 
 
 class BoucWenParameters(NamedTuple):
-    """What a Bouc–Wen cable of this file is made of."""
+    """Parameters of a Bouc–Wen cable of this file."""
 
     cable: BoucWen
     terms: StaticTerms

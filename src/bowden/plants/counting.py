@@ -32,7 +32,7 @@ class Counting(NamedTuple):
 
     @property
     def as_recorded(self) -> bool:
-        """Whether the rig counts as the log does."""
+        """True if the rig counts as the log does."""
         return self == Counting()
 
 
@@ -74,7 +74,7 @@ NOT_SAID = Encoders()
 
 
 def covered_by(all_of: Sequence[Covered]) -> Covered:
-    """What several logs covered together, as if nothing lay between them."""
+    """Range that several logs cover together, as if nothing lay between them."""
     low = (min(one[k] for one in all_of) for k in (0, 2))
     high = (max(one[k] for one in all_of) for k in (1, 3))
     (motor_low, joint_low), (motor_high, joint_high) = low, high

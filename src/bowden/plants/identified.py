@@ -58,7 +58,7 @@ class CableModel(metaclass=Answering):
     covered: Covered | None = field(default=None, compare=False, repr=False)
     """The motion that the log covered; None where nothing says it."""
     trust: Trust | None = field(default=None, compare=False, repr=False)
-    """Whether to trust it, and why; None where nothing says it."""
+    """Trust in it, with reasons; None where it is unknown."""
     encoders: Encoders = field(default=NOT_SAID, compare=False, repr=False)
     """One count of each encoder of the log, where it was said."""
 
@@ -133,7 +133,7 @@ class IdentifiedCable:
     covered: Covered | None = field(default=None, compare=False)
     """The motion that the log covered, counted likewise; None where the file does not say it."""
     trust: Trust | None = field(default=None, compare=False)
-    """Whether to trust the recommended model, and why; None where the file does not say it."""
+    """Trust in the recommended model, with reasons; None where the file has none."""
     encoders: Encoders = field(default=NOT_SAID, compare=False)
     """One count of each encoder of the log, where the file says it."""
     digest: str = field(default="", compare=False)
@@ -153,7 +153,7 @@ class IdentifiedCable:
 
     @property
     def parameters(self) -> dict[str, float]:
-        """What may be changed of that model: all that its motion depends on, what its file leaves out too."""
+        """Parameters of that model that may be changed: all that its motion depends on, also those not in its file."""
         given = {name: value for name, value in self.model(self.simulated).parameters.items() if name not in _BEGUN}
         return distributed_parameters(self.simulated) | given if self.simulated in DISTRIBUTED else given
 

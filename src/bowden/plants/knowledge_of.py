@@ -1,4 +1,4 @@
-"""What there is to be known of a plant, for `bowden.control.knowledge`."""
+"""Knowledge of a plant, for `bowden.control.knowledge`."""
 
 import math
 
@@ -11,7 +11,7 @@ from bowden.plants.user_plant import UserPlant
 
 
 def knowledge_of(plant: Plant, *, identified: bool = False) -> Knowledge:
-    """What a law may know of a plant.
+    """Knowledge of a plant that a law may have.
 
     - Of any plant: servo, clock and encoders. What its cable is made of is not what anyone has measured; whoever has
       identified it adds that by `bowden.control.knowledge.with_cable`.

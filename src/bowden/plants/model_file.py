@@ -37,7 +37,7 @@ def log_lines(covered: Covered | None, encoders: Encoders) -> list[str]:
 
 
 class ReadModels(NamedTuple):
-    """What a model.toml says."""
+    """Contents of a model.toml."""
 
     best: str
     """Name of the recommended model."""

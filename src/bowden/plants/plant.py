@@ -132,7 +132,7 @@ class Dynamics:
     """A plant as a loop runs it: its kernels, and the parameters that they are handed."""
 
     name: str
-    """What to call a loop round it; plants with the same kernels share the compiled code."""
+    """Name of a loop round it; plants with the same kernels share the compiled code."""
     plant: Any
     """Parameters: a NamedTuple of numbers, arrays and other NamedTuples."""
     rest: Callable[[Any, float, SheathState], Any]
@@ -149,7 +149,7 @@ class Dynamics:
     file: str = ""
     """Of a user's own kernels, for messages."""
     begins_at_reference: bool = False
-    """Whether the motor is counted in the joint's coordinate: where no initial motor angle is given, a run then begins
+    """True if the motor is counted in the joint's coordinate: where no initial motor angle is given, a run then begins
     at its reference's first, and else at 0."""
 
     @contextlib.contextmanager
@@ -166,7 +166,7 @@ class Dynamics:
             yield
 
     def kernels(self) -> dict[str, Callable[..., Any]]:
-        """What stands for the placeholders in a loop's source."""
+        """Kernels for the placeholders in a loop's source."""
         own: dict[str, Callable[..., Any]] = {
             "plant_rest": self.rest,
             "plant_advance": self.advance,
@@ -215,7 +215,7 @@ class Plant(Protocol):
 
     @property
     def joint_encoder(self) -> Any:
-        """What measures the joint, with a ``resolution`` [rad]."""
+        """Sensor of the joint, with a ``resolution`` [rad]."""
 
     @property
     def sample_time(self) -> float:

@@ -15,7 +15,7 @@ from bowden.plants import user_plant
 from bowden.plants.user_plant import UserPlant
 
 PARTS = ("sheath", "servo", "motor", "joint_encoder", "motor_encoder", "sample_time", "delay")
-"""What a rig says of any plant, and a plant may say of itself."""
+"""Parts that a rig gives any plant, and that a plant may have of its own."""
 
 _DIGITS = 1e-12
 """A number that went through a file's units and back may differ by this much of itself."""
@@ -86,7 +86,7 @@ def load(name: str, folder: Path | None = None) -> UserPlant:
 
 
 def held(given: Any) -> UserPlant | PlantFile | None:
-    """What a rig holds of a plant that it was given; one in a file as that file, so that other processes have it too.
+    """The form in which a rig holds a plant: one from a file as that file, so that other processes have it too.
 
     Raises:
         ParameterError: it is no plant of one's own.

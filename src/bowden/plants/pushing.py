@@ -57,7 +57,7 @@ class Pushing:
             raise ParameterError(said, expected="0", do="set it to 0")
 
     def notes(self, laws: list[Law], *, force: bool) -> list[str]:
-        """What the user should know; a virtual elbow beyond the limit is refused unless forced.
+        """Notes for the user; a virtual elbow beyond the limit is refused unless forced.
 
         Raises:
             ParameterError: a virtual elbow that the suit cannot render.

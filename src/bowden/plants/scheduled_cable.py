@@ -42,7 +42,7 @@ class MovedSchedule(NamedTuple):
     per_width: Array
     """(V,); the variables' own units."""
     widens: bool
-    """Whether the width widens the loop; else it moves a variable."""
+    """True if the width widens the loop; else it moves a variable."""
 
 
 class ScheduledMemory(NamedTuple):

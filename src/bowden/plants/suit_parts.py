@@ -1,4 +1,4 @@
-"""What a suit on an arm is made of, and its constants for the kernels of `bowden.plants.suit_plant`."""
+"""Parts of a suit on an arm, and their constants for the kernels of `bowden.plants.suit_plant`."""
 
 import math
 from typing import Any, NamedTuple

@@ -224,7 +224,7 @@ SETTLING = 3.0
 
 
 class WornSuit(NamedTuple):
-    """What the kernels of a suit with its sensors are handed."""
+    """Argument of the kernels of a suit with its sensors."""
 
     suit: PreparedSuit
     wearer: Wearer
@@ -232,7 +232,7 @@ class WornSuit(NamedTuple):
     motor_encoder: Encoder
     load_cell: LoadCell
     powered: bool
-    """Whether the drive has power once the run has begun."""
+    """True if the drive has power once the run has begun."""
     dt: float
     """[s]"""
     settling: int
@@ -247,7 +247,7 @@ class WornBody(NamedTuple):
 
 
 class WornColumns(NamedTuple):
-    """What a trace has of the suit; `WORN_COLUMNS` has the units.
+    """Columns of a trace of the suit; `WORN_COLUMNS` has the units.
 
     ``motor`` is the motor in the joint's coordinate, ``spool`` and ``motor_velocity`` the spool; tensions are those at
     the arm, and with ``motor`` in the name those at the spool.

@@ -1,4 +1,4 @@
-"""What the wearer's push needs to know of a suit, read from the suit itself."""
+"""Properties of a suit that the wearer's push needs, read from the suit itself."""
 
 import itertools
 

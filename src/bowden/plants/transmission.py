@@ -102,7 +102,7 @@ class Unrest(NamedTuple):
 
 
 def unrest(plant: Plant, bend: float, stroke: tuple[float, float], held: float) -> Unrest:
-    """What a suit's friction and weight, and its wearer's own motion, do with no law; nothing of any other plant.
+    """Effect of a suit's friction and weight, and of its wearer's own motion, with no law; none for any other plant.
 
     Args:
         plant: any.

@@ -14,7 +14,7 @@ quarter."""
 
 
 class Trust(NamedTuple):
-    """Whether to trust a model."""
+    """Trust in a model."""
 
     level: Literal["yes", "with care", "no"]
     """``yes`` for motions like the log's."""
@@ -50,7 +50,7 @@ def trust_lines(trust: Trust | None) -> list[str]:
 
 
 def trust_of(document: dict[str, Any], file: Path) -> Trust | None:
-    """What a model.toml says; None where it says nothing.
+    """Trust that a model.toml states; None where it states none.
 
     Raises:
         ParameterError: another level than these three, or reasons that are no list of texts.

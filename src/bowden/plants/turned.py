@@ -61,7 +61,7 @@ def turned_advance(plant: Any, body: Any, applied: float, sheath: SheathState, n
 
 @kernel
 def turned_observe(plant: Any, body: Any, normals: NDArray[np.float64]) -> tuple[Any, Measurement]:
-    """What its sensors say, the motor's angle and current counted the other way round."""
+    """Readings of its sensors, with the motor's angle and current reversed in sign."""
     body, measured = own_observe(plant, body, normals)
     return body, Measurement(measured.joint, -measured.motor, -measured.current, measured.load)
 

@@ -56,7 +56,7 @@ _FIRST = ("joint", "motor", "motor_velocity")
 
 
 class UserParameters(NamedTuple):
-    """What a user's kernels are handed as `plant`."""
+    """Argument `plant` of a user's kernels."""
 
     parameters: Any
     """Their own."""
@@ -125,7 +125,7 @@ class UserPlant(NamedTuple):
 
     @property
     def turned(self) -> bool:
-        """Whether its joint falls where its motor rises, and its motor is therefore counted the other way round.
+        """True if its joint falls where its motor rises, and its motor is therefore counted the other way round.
 
         Raises:
             ParameterError: ``rest`` fails, with its line.
@@ -254,7 +254,7 @@ def _find(module: ModuleType, attribute: str, path: Path) -> UserPlant:
 
 
 def same_values(one: Any, other: Any) -> bool:
-    """Whether two parameters are the same; of arrays, in every number."""
+    """True if two parameters are the same; of arrays, in every number."""
     if isinstance(one, np.ndarray) or isinstance(other, np.ndarray):
         return np.array_equal(one, other)
     return type(one).__name__ == type(other).__name__ and bool(one == other)

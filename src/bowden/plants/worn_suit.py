@@ -14,7 +14,7 @@ from bowden.plants.suit_settings import SuitSettings, WearerSettings
 
 
 def elbow_dead_zone(half_width: float) -> float:
-    """What the elbow loses at a reversal with the arm straight, where the cable's lever is shortest [rad].
+    """Motion that the elbow loses at a reversal with the arm straight, where the cable's lever is shortest [rad].
 
     Args:
         half_width: half of the spool's travel that its cable loses [m].

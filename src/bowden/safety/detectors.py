@@ -1,4 +1,4 @@
-"""What is wrong: a small function for each fault, and the table that calls them all.
+"""Fault detectors: a small function for each fault, and the table that calls them all.
 
 Each takes the limits and what one cycle shows, and says True where its fault is there. What happens then stands in the
 table of `safety.faults`. A limit is written so that what is not a number is beyond it (`models.plausible`).

@@ -27,11 +27,11 @@ DEAD_SHARE = 0.8
 PULLED_SPEED = 1.0
 """A motor without power, and of unknown current, that pulls faster is not turned by hand [rad/s]."""
 BIG = 1e6
-"""What is larger is no number that anything here can mean."""
+"""A reading or target of a larger size counts as no number."""
 
 
 class ValidatedReadings(NamedTuple):
-    """What becomes of a cycle's times and angles: each is taken as it is, or not at all."""
+    """A cycle's times and angles after validation: each is used as it is, or not at all."""
 
     clock_wrong: bool
     """The clock cannot be right."""
@@ -63,7 +63,7 @@ class Effort(NamedTuple):
 
 
 class RequestedTarget(NamedTuple):
-    """What law, preflight or a planned motion ask of the motor."""
+    """Target that law, preflight or a planned motion request of the motor."""
 
     leads: bool
     """The drive is to follow it: it is enabled, and there is no release."""
@@ -74,7 +74,7 @@ class RequestedTarget(NamedTuple):
 
 
 class Evidence(NamedTuple):
-    """What the detectors look at in one cycle."""
+    """Inputs of the detectors in one cycle."""
 
     observed: Observed
     state: SupervisorState
@@ -96,7 +96,7 @@ def has_power(mode: Mode) -> bool:
 
 @kernel
 def most_step(limits: Limits, time: float, dt: float) -> float:
-    """What the target may change by since the last cycle [rad]; a late loop is given five cycles at most."""
+    """Largest change of the target since the last cycle [rad]; a late loop is given five cycles at most."""
     return limits.target_speed * max(dt, min(time, 5.0 * dt))
 
 

@@ -11,7 +11,7 @@ from bowden.core.kernel import kernel
 
 
 class Reaction(IntEnum):
-    """What is done; the largest is the worst, and wins (docs/safety.md)."""
+    """Reaction to a fault; the largest value is the most severe, and wins (docs/safety.md)."""
 
     NONE = 0
     R1 = 1
@@ -215,7 +215,7 @@ def worst_reaction(faults: int, asked: Reactions) -> Reaction:
 
 
 OF_OTHERS = (Fault.OTHER_RELEASED, Fault.OTHER_OFF)
-"""What a motor is stopped by that has no fault of its own."""
+"""Faults of a motor that is stopped because of another motor."""
 
 
 def of(bits: float) -> list[Fault]:
@@ -224,7 +224,7 @@ def of(bits: float) -> list[Fault]:
 
 
 def shown_to_others(latched: int) -> Reaction:
-    """What the supervisors of other motors are shown of one: the worst reaction of the faults of its own that
+    """Reaction that one motor reports to the supervisors of the others: the worst of those faults of its own that
     latched it.
 
     What merely follows from another motor is left out: two motors would hold each other.

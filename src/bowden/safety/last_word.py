@@ -21,7 +21,7 @@ _ROUNDING = 1e-9
 
 
 class LastWord:
-    """What judges the verdicts of one run.
+    """Check of the verdicts of one run.
 
     Args:
         limits: of the rig.

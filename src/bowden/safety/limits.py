@@ -1,4 +1,4 @@
-"""What a rig may do: every limit of the supervisor; the defaults are those of the default bench (docs/safety.md)."""
+"""Every limit of the supervisor; the defaults are those of the default bench (docs/safety.md)."""
 
 from typing import Annotated, NamedTuple
 

@@ -1,4 +1,4 @@
-"""What the supervisor is shown, what it answers, and what it remembers from one cycle to the next."""
+"""The supervisor's inputs, its verdict, and its state from one cycle to the next."""
 
 import math
 from enum import IntEnum
@@ -12,7 +12,7 @@ from bowden.safety.faults import Reaction
 
 
 class Mode(IntEnum):
-    """What the supervisor is at; it starts stopped."""
+    """Mode of the supervisor; it starts stopped."""
 
     STOPPED = 0
     """Power off."""
@@ -29,7 +29,7 @@ class Mode(IntEnum):
 
 
 class Request(IntEnum):
-    """What the operator asks for."""
+    """Request of the operator."""
 
     NONE = 0
     ARM = 1
@@ -39,7 +39,7 @@ class Request(IntEnum):
 
 
 class PreflightResult(IntEnum):
-    """What the preflight has come to."""
+    """Result of the preflight."""
 
     FAILED = -1
     PENDING = 0
@@ -47,7 +47,7 @@ class PreflightResult(IntEnum):
 
 
 class Observed(NamedTuple):
-    """What the supervisor is shown in one cycle, besides the requested target."""
+    """Inputs of the supervisor in one cycle, besides the requested target."""
 
     reading: DriveReading
     lateness: float
@@ -71,7 +71,7 @@ class Observed(NamedTuple):
 
 
 class Verdict(NamedTuple):
-    """What the drive is sent, and why."""
+    """Command to the drive, and the reason for it."""
 
     target: float
     """Motor angle; always finite, within the limits and within their speed of the one before [rad]."""
@@ -84,7 +84,7 @@ class Verdict(NamedTuple):
 
 
 class Decision(NamedTuple):
-    """What was decided last, and what the next decision needs of it."""
+    """The last decision, with all that the next one needs of it."""
 
     mode: Annotated[Mode, Quantity("number of a `Mode`")]
     started: Annotated[bool, Quantity("1 from the accepted request to run on, until the power is off, else 0")]
@@ -110,7 +110,7 @@ class ModelledServo(NamedTuple):
 
 
 class StuckSensorState(NamedTuple):
-    """What the motor has done since a sensor's reading last changed: of the joint's encoder, or of a load cell.
+    """Motion of the motor since a sensor's reading last changed: of the joint's encoder, or of a load cell.
 
     A reading that only goes to and fro between two values has not changed: the last bit of a frozen sensor does so.
 
@@ -126,7 +126,7 @@ class StuckSensorState(NamedTuple):
 
 
 class StuckCurrentState(NamedTuple):
-    """What the servo's model has done since the current's reading last changed: a motor that does so needs another."""
+    """Motion of the servo's model since the current's reading last changed: a motor that does so needs another."""
 
     reading: Annotated[float, Quantity("motor current", "A")]
     previous_reading: Annotated[float, Quantity("motor current before it last changed", "A")]
@@ -161,7 +161,7 @@ class NeighbourState(NamedTuple):
 
 
 class SupervisorState(NamedTuple):
-    """What the supervisor decided, and what it has seen."""
+    """State of the supervisor: its last decision, and its detectors' memory."""
 
     target: Annotated[float, Quantity("what the drive was sent last", "rad")]
     decided: Decision

@@ -174,7 +174,7 @@ def power_in(mode: Mode, enabled: bool) -> Power:
 
 @kernel
 def next_target(limits: Limits, evidence: Evidence, mode: Mode, requested_target: float, latched: int) -> float:
-    """What the drive is sent [rad]: within the motor's range, and within its speed of the last target.
+    """Target for the drive [rad]: within the motor's range, and within its speed of the last target.
 
     Without power, and until the drive is enabled, it follows the motor, so that nothing moves when power comes.
     """
@@ -195,7 +195,7 @@ def next_target(limits: Limits, evidence: Evidence, mode: Mode, requested_target
 
 @kernel
 def with_decision(now: SupervisorState, target: float, decided: Decision) -> SupervisorState:
-    """What is remembered: what this cycle has shown, with what was decided of it."""
+    """The next state: this cycle's evidence and the decision made from it."""
     return SupervisorState(
         target,
         decided,

@@ -1,1 +1,1 @@
-"""What is made of sensors' readings before a law sees them."""
+"""Processing of sensors' readings before a law sees them."""

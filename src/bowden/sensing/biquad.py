@@ -17,7 +17,7 @@ class Biquad(NamedTuple):
 
 
 class Memory(NamedTuple):
-    """What a section keeps from one sample to the next: its transposed direct form II."""
+    """State of a section in transposed direct form II."""
 
     first: float
     second: float

@@ -12,13 +12,13 @@ class CourseSettings(NamedTuple):
 
     intent: IntentSettings = IntentSettings()
     proportional: bool = False
-    """Whether the joint follows the envelope; else contractions begin motions."""
+    """True if the joint follows the envelope; else contractions begin motions."""
     full: float = 1.0 / 3.0
     """Envelope of a full flexion, as a share of MVC."""
 
 
 class CourseState(NamedTuple):
-    """What one cycle hands to the next."""
+    """State handed from one cycle to the next."""
 
     intent: IntentState
     followed: Reference

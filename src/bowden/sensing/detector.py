@@ -21,7 +21,7 @@ from bowden.core.kernel import placeholder
 
 
 class Trouble(IntEnum):
-    """What is wrong with a signal."""
+    """Kinds of trouble with a signal."""
 
     NONE = 0
     DEAD = 1

@@ -5,7 +5,7 @@ from bowden.sensing.detector import Detector
 from bowden.sensing.onset import ONSET
 
 DEFAULT = ONSET
-"""What is taken where none is named."""
+"""The detector used where none is named."""
 
 DETECTORS: dict[str, Detector] = {detector.name: detector for detector in (ONSET,)}
 """Name → detector."""

@@ -20,7 +20,7 @@ MAINS_HZ = (0.0, 50.0, 60.0)
 
 
 class EnvelopeSettings(NamedTuple):
-    """What the chain takes out and lets through."""
+    """Frequencies that the chain removes and passes."""
 
     offset_hz: float = 20.0
     """Corner of the high-pass, below which there is movement of electrode and cable (SENIAM: 10 to 20 Hz)."""
@@ -46,7 +46,7 @@ class Envelope(NamedTuple):
 
 
 class EnvelopeState(NamedTuple):
-    """What the chain keeps."""
+    """State of the chain."""
 
     origin: float
     """The first sample, so that an offset makes no step."""

@@ -20,7 +20,7 @@ from bowden.models.minimum_jerk import PEAK_SPEED, minimum_jerk_from
 
 
 class Intent(IntEnum):
-    """What the wearer is taken to want."""
+    """The wearer's intent."""
 
     REST = 0
     FLEX = 1
@@ -50,7 +50,7 @@ class Late(IntEnum):
 
 
 class IntentState(NamedTuple):
-    """What the machine keeps."""
+    """State of the state machine."""
 
     mode: Intent
     flexor: float
@@ -96,7 +96,7 @@ def intent_start(position: float) -> IntentState:
 
 @kernel
 def leaves_range(settings: IntentSettings, begin: Reference, end: float, duration: float) -> bool:
-    """Whether a motion to `end` [rad] in a `duration` [s] swings out of the range before it turns."""
+    """True if a motion to `end` [rad] in a `duration` [s] swings out of the range before it turns."""
     for j in range(1, _POINTS):
         position = minimum_jerk_from(begin, end, duration, duration * j / _POINTS).position
         if position < settings.low or position > settings.high:

@@ -151,7 +151,7 @@ class Onset(NamedTuple):
 
 
 class Phase(IntEnum):
-    """Whether the muscle contracts, reported or not."""
+    """State of the muscle, reported or not."""
 
     REST = 0
     CONTRACTION = 1
@@ -173,7 +173,7 @@ class InputState(NamedTuple):
 
 
 class Sections(NamedTuple):
-    """What the filters keep."""
+    """States of the filters."""
 
     band_first: Memory
     band_second: Memory
@@ -221,7 +221,7 @@ class Mains(NamedTuple):
 
 
 class RestEstimate(NamedTuple):
-    """What is known of the signal at rest."""
+    """Estimate of the signal at rest."""
 
     level: float
     """m."""
@@ -247,7 +247,7 @@ class OnsetEvidence(NamedTuple):
 
 
 class Observation(NamedTuple):
-    """What one sample says of rest."""
+    """Evidence of one sample about rest."""
 
     power: float
     """Of the band over 0.1 s, at least that of a signal that is none."""
@@ -266,7 +266,7 @@ class Observation(NamedTuple):
 
 
 class OnsetState(NamedTuple):
-    """What the detector keeps."""
+    """State of the detector."""
 
     input: InputState
     sections: Sections
@@ -464,7 +464,7 @@ def is_railed(signal: InputState, powers: Powers) -> bool:
 
 @kernel
 def trouble_of(dead: bool, railed: bool, powers: Powers, usual: float) -> Trouble:
-    """What is wrong with the signal, whose power at rest is `usual`."""
+    """Trouble with the signal, whose power at rest is `usual`."""
     if dead:
         return Trouble.DEAD
     explained = powers.new < BROAD * powers.wide or powers.new < MOVED * powers.swing or railed
@@ -475,7 +475,7 @@ def trouble_of(dead: bool, railed: bool, powers: Powers, usual: float) -> Troubl
 
 @kernel
 def power_beside_rest(powers: Powers, size: float) -> float:
-    """What hum, movement and the last contraction's tail put into the band: all of v₀ but rest."""
+    """Power that hum, movement and the last contraction's tail put into the band: all of v₀ but rest."""
     swinging = MOVED * powers.swing + min(STEEP * powers.low, SWAY * powers.sway)
     return REPEATS * powers.band + BROAD * powers.wide + swinging + TAIL_SHARE * TAIL_SHARE * size
 
@@ -505,7 +505,7 @@ def learning_speed(onset: Onset, state: OnsetState, power: float, dead: bool) ->
 
 @kernel
 def observe_rest(onset: Onset, state: OnsetState, power: float, beside: float, dead: bool) -> Observation:
-    """What the band's `power` over 0.1 s says of rest where `beside` is what else there is."""
+    """Evidence about rest in the band's `power` over 0.1 s, of which `beside` is not rest."""
     least, rest = onset.settings.least, state.rest
     # in a contraction rest is forgotten, and a level that rises would end it
     bounded = state.phase == Phase.REST and rest.uncertainty > FAMILIAR
@@ -558,14 +558,14 @@ def learn_rest(onset: Onset, phase: Phase, rest: RestEstimate, seen: Observation
 
 @kernel
 def rest_at_onset(rest: RestEstimate, familiar: bool) -> RestEstimate:
-    """What is kept of rest when a contraction begins: a level that is to outlast it."""
+    """Estimate of rest kept when a contraction begins: a level that is to outlast it."""
     seen = min(rest.seen + LEARNT, MEMORY) if familiar else max(rest.seen, LEARNT)
     return RestEstimate(rest.level, rest.spread, seen, rest.uncertainty)
 
 
 @kernel
 def rest_at_end(rest: RestEstimate) -> RestEstimate:
-    """What is kept of rest when a contraction ends, which leaves another rest than it found."""
+    """Estimate of rest kept when a contraction ends, which leaves another rest than it found."""
     return RestEstimate(rest.level, rest.spread, min(rest.seen, _LONG), max(rest.uncertainty, CHANGED * CHANGED))
 
 
@@ -609,7 +609,7 @@ def next_phase(onset: Onset, phase: Phase, evidence: OnsetEvidence, dead: bool) 
 
 @kernel
 def largest_rest(onset: Onset, rest: RestEstimate, limit: float, bound: float) -> float:
-    """What rest is taken to reach: its level and `limit`, of which what is not known of it ends at the `bound`."""
+    """Upper bound on rest: its level raised by `limit`, whose allowance for the unknown ends at the `bound`."""
     largest = min(exp(rest.level + limit), max(exp(rest.level + SURE * sqrt(rest.spread)), bound))
     return max(largest, onset.weakest)
 

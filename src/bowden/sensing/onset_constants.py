@@ -1,4 +1,4 @@
-"""What rest, and what is beside the muscle, are like: constants of `bowden.sensing.onset`, for signals in any unit.
+"""Statistics of rest and of disturbances: constants of `bowden.sensing.onset`, for signals in any unit.
 
 They say what skin, electrodes, amplifiers and mains do, and are the same for all wearers and recordings; so they are no
 settings.

@@ -1,4 +1,4 @@
-"""What the detector of contractions goes by, and which signals it takes; see `bowden.sensing.onset`."""
+"""Settings of the detector of contractions, and the signals that it takes; see `bowden.sensing.onset`."""
 
 from typing import NamedTuple
 
@@ -9,11 +9,11 @@ SLOWEST, SAFE, QUICKEST = 400.0, 900.0, 5000.0
 period, so that an open input may pass for a contraction: good for a recording, but nothing is moved by it."""
 
 LARGEST = 1e12
-"""What is larger no converter gives, in whatever unit: it is missing, since its square would outlast all else."""
+"""A larger number, which no converter gives in any unit, counts as missing: its square would outlast all else."""
 
 
 class OnsetSettings(NamedTuple):
-    """What is asked of the detector: one set for all signals.
+    """Requirements on the detector: one set for all signals.
 
     What rest and what is beside the muscle are like are constants of `bowden.sensing.onset_constants`.
     """

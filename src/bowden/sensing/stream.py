@@ -30,7 +30,7 @@ class Enveloped(NamedTuple):
 
 
 class Detected(NamedTuple):
-    """What the detector says of one piece, (n,)."""
+    """Output of the detector for one piece, (n,)."""
 
     active: Array
     """1 in a contraction."""

@@ -12,7 +12,7 @@ from bowden.core.toml_text import quoted
 from bowden.sensing.envelope import MAINS_HZ
 
 EARLIER = "measured by an earlier version, and does not separate contractions from rest: run bowden emg calibrate again"
-"""What is said of a file without `sigma`."""
+"""Reason why a file without `sigma` is refused."""
 
 
 class MuscleCalibration(NamedTuple):
@@ -29,7 +29,7 @@ class MuscleCalibration(NamedTuple):
     sigma: float = 0.0
     """Size of the signal at rest as the detector measures it, in the same unit; 0 where it is not known."""
     mains: float = 50.0
-    """What was taken out of the envelopes, and is taken out of those that are compared with them: 50, 60 or 0 [Hz]."""
+    """Mains frequency removed from the envelopes, and from those compared with them: 50, 60 or 0 [Hz]."""
 
     def write(self, path: str | Path) -> None:
         """Write the file that ``[emg] wearer`` of a rig.toml names.
@@ -86,7 +86,7 @@ def write(path: Path, wearer: MuscleCalibration) -> None:
 
 
 def text_of(wearer: MuscleCalibration) -> str:
-    """What stands in the file."""
+    """Text of the file."""
     return (
         "# Measured by bowden emg calibrate; envelopes in the unit of the channel.\n\n[emg]\n"
         f"channel = {quoted(wearer.channel)}\nrest = {float(wearer.rest)!r}\nmvc = {float(wearer.mvc)!r}\n"

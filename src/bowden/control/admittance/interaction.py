@@ -36,7 +36,7 @@ from bowden.models.suit.suit_angle import SpoolMap, flexor_arm, flexor_travel
 
 
 class Chain(NamedTuple):
-    """What the estimate knows of motor and cables; of a rig, as `bowden.plants.suit_push.chain_of` reads it."""
+    """Knowledge of motor and cables for the estimate; of a rig, as `bowden.plants.suit_push.chain_of` reads it."""
 
     map: SpoolMap
     extensor_radius: float
@@ -83,7 +83,7 @@ class Doubt(NamedTuple):
 
 
 class InteractionState(NamedTuple):
-    """What the estimate remembers."""
+    """State of the estimate."""
 
     spool: Annotated[float, Quantity("θ of the cycle before", "rad")]
     joint: Annotated[float, Quantity("φ of the cycle before", "rad")]

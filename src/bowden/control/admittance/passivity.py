@@ -54,7 +54,7 @@ class Limit(NamedTuple):
     loops: list[Held]
 
     def holds(self, settings: Admittance) -> bool:
-        """Whether every loop is stable with `MARGIN`."""
+        """True if every loop is stable with `MARGIN`."""
         return worst_pole(self.loops, settings) <= _STABLE
 
     def least(self, settings: Admittance, name: str) -> float | None:

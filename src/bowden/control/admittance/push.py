@@ -54,7 +54,7 @@ ROOM = 5.0 * RADIANS
 
 
 class Under(NamedTuple):
-    """What is done for the drive under the admittance."""
+    """Settings of the drive under the admittance."""
 
     lead: float = 0.0
     """2ζ/ω + τd; 0 for a law that inverts the drive itself [s]."""
@@ -119,7 +119,7 @@ class Pushed(NamedTuple):
 
 
 class PushState(NamedTuple):
-    """What the source remembers: the virtual elbow, the push, and the estimate."""
+    """State of the source: the virtual elbow, the push, and the estimate."""
 
     virtual: AdmittanceState
     push: Pushed

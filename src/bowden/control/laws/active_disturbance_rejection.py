@@ -56,7 +56,7 @@ class ActiveDisturbanceRejectionGains(NamedTuple):
 
 
 class ActiveDisturbanceRejectionState(NamedTuple):
-    """What the law remembers."""
+    """State of the law from one cycle to the next."""
 
     joint: Annotated[float, Quantity("z₁, estimated joint angle", "rad")]
     joint_rate: Annotated[float, Quantity("z₂, its rate", "rad/s")]

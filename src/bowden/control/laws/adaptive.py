@@ -52,7 +52,7 @@ class AdaptiveGains(NamedTuple):
 
 
 class AdaptiveState(NamedTuple):
-    """What the law remembers."""
+    """State of the law from one cycle to the next."""
 
     integral: Annotated[float, Quantity("∫e dt", "rad·s")]
     slope_inverse: Annotated[float, Quantity("β̂", "rad/rad")]
@@ -146,7 +146,7 @@ LARGEST_BOUND = 0.4
 
 
 def _latency(delay: float, sample_time: float) -> float:
-    """What comes after a sample besides the servo: delay, the derivative's filter, and its difference [s]."""
+    """Lag after a sample besides the servo's: delay, the derivative's filter, and its difference [s]."""
     return delay + AdaptiveGains().derivative_time + sample_time
 
 

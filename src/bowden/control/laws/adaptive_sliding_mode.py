@@ -68,7 +68,7 @@ class AdaptiveSlidingModeGains(NamedTuple):
 
 
 class AdaptiveSlidingModeState(NamedTuple):
-    """What the law remembers."""
+    """State of the law from one cycle to the next."""
 
     observed: Annotated[float, Quantity("motor − joint/α̂ behind the low-pass", "rad")]
     disturbance: Filtered

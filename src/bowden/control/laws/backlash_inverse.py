@@ -96,7 +96,7 @@ class Means(NamedTuple):
 
 
 class BacklashInverseState(NamedTuple):
-    """What the law remembers."""
+    """State of the law from one cycle to the next."""
 
     estimates: Estimates
     means: Means

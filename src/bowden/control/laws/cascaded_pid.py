@@ -44,7 +44,7 @@ class CascadedPidGains(NamedTuple):
 
 
 class CascadedPidState(NamedTuple):
-    """What the law remembers."""
+    """State of the law from one cycle to the next."""
 
     integral: Annotated[float, Quantity("ki·∫e dt", "rad")]
     joint: Annotated[float, Quantity("last measured joint angle", "rad")]

@@ -74,7 +74,7 @@ class DisturbanceObserverGains(NamedTuple):
 
 
 class DisturbanceObserverState(NamedTuple):
-    """What the law remembers."""
+    """State of the law from one cycle to the next."""
 
     observed: Annotated[float, Quantity("o₁, motor − joint/α̂ behind the first pole of Q", "rad")]
     disturbance: Filtered

@@ -61,7 +61,7 @@ class HysteresisModelGains(NamedTuple):
 
 
 class HysteresisModelState(NamedTuple):
-    """What the law remembers."""
+    """State of the law from one cycle to the next."""
 
     direction: Annotated[float, Quantity("d, the side of the clearance on which the motor is held, −1…1")]
     friction: Annotated[float, Quantity("q, share of the full friction's stretch, −1…1")]

@@ -37,7 +37,7 @@ class ObserverGains(NamedTuple):
 
 
 class ObserverState(NamedTuple):
-    """What the law remembers."""
+    """State of the law from one cycle to the next."""
 
     h: Annotated[float, Quantity("ĥ")]
     driver: Annotated[float, Quantity("last angle that drove ĥ", "rad")]

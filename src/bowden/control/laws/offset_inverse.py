@@ -58,7 +58,7 @@ class OffsetInverseGains(NamedTuple):
 
 
 class OffsetInverseState(NamedTuple):
-    """What the law remembers."""
+    """State of the law from one cycle to the next."""
 
     direction: Annotated[float, Quantity("d, on which side of the dead zone the motor is held, −1…1")]
     wait: Annotated[float, Quantity("time left until the feedback acts again", "s")]

@@ -109,7 +109,7 @@ class Stroke(NamedTuple):
 
 
 class RepetitiveState(NamedTuple):
-    """What the law remembers."""
+    """State of the law from one cycle to the next."""
 
     observer: DisturbanceObserverState
     stroke: Stroke

@@ -24,7 +24,7 @@ class UncompensatedGains(NamedTuple):
 
 
 class UncompensatedState(NamedTuple):
-    """What the law remembers."""
+    """State of the law from one cycle to the next."""
 
     command: Annotated[float, Quantity("the last command", "rad")]
 

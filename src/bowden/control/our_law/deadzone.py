@@ -101,7 +101,7 @@ joint is held, is left behind [rad]."""
 
 
 class DeadzoneState(NamedTuple):
-    """What is known of the cable, and where in it the motor is."""
+    """Estimate of the cable, and of the motor's place in it."""
 
     phase: Annotated[
         DeadzonePhase, Quantity("±1 engaged, ±2 crossing, with the sign of the reference's way; 0 at start", "1")
@@ -150,13 +150,13 @@ class DeadzoneInput(NamedTuple):
 
 
 class DeadzoneUpdate(NamedTuple):
-    """What came of a cycle."""
+    """Result of a cycle."""
 
     state: DeadzoneState
     requested: float
     """I after holding and within reach, before its jump [rad]."""
     shift: float
-    """What I and F go by at once: the jump, less what the plan takes over as the slope is learned [rad]."""
+    """Step of I and F: the jump, less the part that the plan takes over as the slope is learned [rad]."""
 
 
 @kernel
@@ -214,7 +214,7 @@ def width_of(cable: DeadzoneState, side: float) -> float:
 
 @kernel
 def shortfall_at_joint(cable: DeadzoneState, shortfall: float) -> float:
-    """What of the motor's shortfall the joint lacks: nothing within a dead zone that is being crossed.
+    """Part of the motor's shortfall that the joint lacks: nothing within a dead zone that is being crossed.
 
     Args:
         cable: one cycle ago.

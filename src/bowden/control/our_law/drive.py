@@ -36,7 +36,7 @@ INTEGRAL_TIME = 2.0
 """Time of the shortfall's integral over that of the servo: with a servo twice as slow it does not ring [–]."""
 
 MOST_FORWARD = 2.0
-"""What is fed forward at most: a motor that lacks more is held, or its drive is at its limit [rad]."""
+"""Largest feedforward: a motor that lacks more is held, or its drive is at its limit [rad]."""
 
 
 class ExpectedMotor(NamedTuple):

@@ -1,4 +1,4 @@
-"""What our law is given: nine numbers, their values for the suit, and the limits within which they make sense."""
+"""Gains of our law: nine numbers, their values for the suit, and the limits within which they make sense."""
 
 from typing import Annotated, NamedTuple
 
@@ -6,7 +6,7 @@ from bowden.core.quantity import Quantity
 
 
 class BowdenGains(NamedTuple):
-    """What the law is given; the defaults are for the paper's bench, of whose cable it knows nothing."""
+    """Gains of the law; the defaults are for the paper's bench, of whose cable it knows nothing."""
 
     servo_frequency: float = 53.6
     """ω, natural frequency of the servo, to about ± 25 % [rad/s]."""

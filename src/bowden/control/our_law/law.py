@@ -79,7 +79,7 @@ feedback drives itself, and grows from nothing; and the same in standard deviati
 
 
 class BowdenState(NamedTuple):
-    """What the law remembers."""
+    """State of the law from one cycle to the next."""
 
     observer: Observer
     oscillation: OscillationMonitor

@@ -35,7 +35,7 @@ QUICKEST = 12.0
 """Largest q over the servo's ω: beyond it the lag of F is no longer what counts [–]."""
 
 COMMAND_NOISE = 0.0035
-"""What the joint's noise alone may make of F''/ω² in the command, standard deviation [rad]."""
+"""Bound on F''/ω² in the command from the joint's noise alone, standard deviation [rad]."""
 
 THIRD_POLE = 2.0
 """Pole of the innovation's filter over q, beside F's two: less chatter at the same error [–]."""
@@ -64,7 +64,7 @@ LOAD_DAMPING = 0.25
 
 
 class Observer(NamedTuple):
-    """What the observer remembers."""
+    """State of the observer."""
 
     requested: Annotated[float, Quantity("I, the correction asked for", "rad")]
     innovation: Annotated[float, Quantity("x, what of the disturbance is not yet corrected", "rad")]

@@ -43,7 +43,7 @@ SUSTAINED, GROWN = 0.8, 1.3
 """Sizes over the half-wave's before: from the first a swing does not decay, from the second it grows [–]."""
 
 GROWTH, MOST_GROWTH = 2.0, 2.0
-"""What a half-wave counts that has grown to r times the one before: 1 + 2·(r − 1), at most 2 [–]."""
+"""Weight of a half-wave that has grown to r times the one before: 1 + 2·(r − 1), at most 2 [–]."""
 
 ENOUGH = 3.9
 """Count beyond which a trial begins: four half-waves, three that grow, or two that grow by half [–]."""
@@ -62,13 +62,13 @@ SLOWED, SLOWEST_OWN = 0.3, 0.1
 swing a load with a damping of 0.05, of which it is 2ζ [–]."""
 
 PERSISTING = 0.6
-"""What is the wearer's: size at the trial's end over that of the swing before it. A load alone has 0.37 after four
-half-waves at a damping of 0.08; a tremor that goes on has 0.65 to 0.8, since what of it is followed meanwhile goes
-through a load that is none [–]."""
+"""Ratio from which a swing is the wearer's: size at the trial's end over that of the swing before it. A load alone has
+0.37 after four half-waves at a damping of 0.08; a tremor that goes on has 0.65 to 0.8, since the part of it that is
+followed meanwhile goes through a load that is none [–]."""
 
 STEP_RATIO = 4.0
-"""What a swing of the loop's own hardly grows by in a half-wave: an unknown load with a damping of 0.15 grows by at
-most 4.1 at 2 Hz on the 81 rigs of ``results/law_margins_grid.toml``, 3.8 at 3 Hz, 2.9 at 8 Hz [–]."""
+"""Growth in a half-wave that a swing of the loop's own hardly reaches: an unknown load with a damping of 0.15 grows
+by at most 4.1 at 2 Hz on the 81 rigs of ``results/law_margins_grid.toml``, 3.8 at 3 Hz, 2.9 at 8 Hz [–]."""
 
 RETURN = 1.5
 """Time constant at which κ comes back after a swing of its own [s]."""
@@ -82,7 +82,7 @@ half of what is gained [–]."""
 
 
 class OscillationMonitor(NamedTuple):
-    """What is seen of a swing."""
+    """State of the oscillation monitor."""
 
     peak: Annotated[float, Quantity("largest of the half-wave now, with its sign", "rad")]
     last_peak: Annotated[float, Quantity("largest of the one before; in a trial, at its end", "rad")]
@@ -143,7 +143,7 @@ class HalfWave(NamedTuple):
     grows: bool
     """It is larger than the one before, and in time."""
     growth: float
-    """What it counts if it grows [–]."""
+    """Its weight if it grows [–]."""
     news: bool
     """It is larger than the wearer's own."""
 

@@ -94,7 +94,7 @@ def _slope_of_y(y: float, growth: float, exponent: float) -> float:
 
 
 class PreparedCable(NamedTuple):
-    """What `advance` needs of a cable, worked out once. Travel is counted in z = ρ·travel here."""
+    """Constants that `advance` needs of a cable, computed once. Travel is counted in z = ρ·travel here."""
 
     rate: float
     """ρ [1/rad]."""

@@ -16,7 +16,7 @@ from bowden.models.cable.bouc_wen import BoucWen
 
 
 class StaticTerms(NamedTuple):
-    """What is added to the plain cable."""
+    """Terms added to the plain cable."""
 
     static: NDArray[np.float64]
     """cₖ for k = 2 … (m,) [rad]."""

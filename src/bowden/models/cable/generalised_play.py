@@ -71,7 +71,7 @@ def add_curve(row: Array, count: int, factor: float) -> None:
 
 @kernel
 def bent_on(motor: float, cable: Branches) -> float:
-    """What the curve adds to the mean beyond the nodes [rad]."""
+    """Contribution of the curve to the mean beyond the nodes [rad]."""
     span = cable.high - cable.low
     away = abs(motor - max(cable.low, min(cable.high, motor)))
     near = min(away, 0.5 * span)
@@ -167,7 +167,7 @@ def beyond(place: float) -> float:
 
 @kernel
 def bulge(place: float) -> float:
-    """What a curve of one adds to the mean at a place outside 0 … 1."""
+    """Contribution of a unit curve to the mean at a place outside 0 … 1."""
     away = abs(beyond(place))
     near = min(away, 0.5)
     return near * (1.0 + near) + (away - near) * (1.0 + 2.0 * near)

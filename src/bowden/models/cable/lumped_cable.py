@@ -34,7 +34,7 @@ class LumpedTendon(NamedTuple):
     """A tendon with mass; the defaults are a stated choice."""
 
     tendon: Tendon = Tendon(elements=10)
-    """What it has in common with the tendon without mass."""
+    """The parameters that the tendon without mass has too."""
     density: float = 0.01
     """Of the tendon [kg/m]."""
     inertia: float = 2e-4
@@ -50,7 +50,7 @@ class LumpedTendon(NamedTuple):
 
 
 class PreparedLumped(NamedTuple):
-    """What the kernels need of a lumped tendon."""
+    """Constants of a lumped tendon for the kernels."""
 
     tendon: PreparedTendon
     masses: NDArray[np.float64]
@@ -239,7 +239,7 @@ def _balance(
     slope: NDArray[np.float64],
     onward: NDArray[np.float64],
 ) -> None:
-    """What is missing to balance at each node [N], its derivative by the node's u, and minus that by the next one's."""
+    """Force imbalance at each node [N], its derivative by the node's u, and minus that by the next one's."""
     n, tendon = u.size - 1, cable.tendon
     near = _tension(u, 0, tendon)
     for i in range(1, n + 1):

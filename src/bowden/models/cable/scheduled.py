@@ -29,7 +29,7 @@ from bowden.models.cable.prandtl_ishlinskii import plays
 Array = NDArray[np.float64]
 
 VARIABLES = ("load", "bend")
-"""What a cable may be scheduled by, in the order in which `ScheduledCable` has them."""
+"""Variables that may schedule a cable, in the order in which `ScheduledCable` has them."""
 
 
 class ScheduledCable(NamedTuple):
@@ -191,7 +191,7 @@ def parameters_of(cable: ScheduledCable, variables: Sequence[str], values: Seque
 
 
 def _rows(variables: Sequence[str], degrees: Sequence[int] | NDArray[np.int64]) -> list[str]:
-    """What stands behind an ordinate's number in its name, for each row."""
+    """Suffix of an ordinate's name, for each row."""
     return [""] + [
         f"_{name}_{power}" for name, degree in zip(variables, degrees, strict=True) for power in range(1, degree + 1)
     ]

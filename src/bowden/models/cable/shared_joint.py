@@ -28,7 +28,7 @@ Array = NDArray[np.float64]
 
 
 class JointLoad(NamedTuple):
-    """What the cables pull at."""
+    """Load that the cables pull on."""
 
     stiffness: float
     """k, of each cable at the joint [N·m/rad]."""

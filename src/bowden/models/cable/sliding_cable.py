@@ -29,7 +29,7 @@ from bowden.models.cable.capstan import Tendon, check_tendon, node_angles
 
 
 class PreparedTendon(NamedTuple):
-    """What the kernels need of a tendon."""
+    """Constants of a tendon for the kernels."""
 
     angles: NDArray[np.float64]
     """α of each node at relative width 1 (n + 1,) [–]."""

@@ -30,7 +30,7 @@ class Encoder(NamedTuple):
 
 @kernel
 def reading(angle: float, normal: float, encoder: Encoder) -> float:
-    """What the encoder shows for a true `angle` [rad], given a standard normal number."""
+    """Reading of the encoder at a true `angle` [rad], given a standard normal number."""
     noisy = angle + encoder.noise * normal
     if encoder.resolution > 0.0:
         return encoder.resolution * floor(noisy * (1.0 / encoder.resolution) + 0.5)  # one division for a whole run

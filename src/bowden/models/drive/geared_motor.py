@@ -72,7 +72,7 @@ class SpoolState(NamedTuple):
 
 
 class FrictionPush(NamedTuple):
-    """What a push against friction remembers."""
+    """State of a push against friction."""
 
     settled_target: float
     """The target without its motions of less than `DEAD` [rad]."""

@@ -50,12 +50,12 @@ class HoldingBrake(NamedTuple):
 
     @property
     def there(self) -> bool:
-        """Whether there is one."""
+        """True if there is one."""
         return self.holding_torque > 0.0
 
 
 class BrakePhase(IntEnum):
-    """What the brake does."""
+    """Phase of the brake."""
 
     FREE = 0
     ENGAGING = 1
@@ -70,7 +70,7 @@ FREE, ENGAGING, HELD, RELEASING = BrakePhase
 
 
 class BrakeState(NamedTuple):
-    """What the policy remembers."""
+    """State of the policy."""
 
     phase: BrakePhase
     since: float
@@ -80,7 +80,7 @@ class BrakeState(NamedTuple):
     motor: float
     """The motor where it came to rest [rad]."""
     sent: float
-    """What the drive is sent as its target [rad]."""
+    """Target sent to the drive [rad]."""
 
 
 @kernel
@@ -127,11 +127,11 @@ def brake_step(
 
 @kernel
 def grips(state: BrakeState) -> bool:
-    """Whether the shaft is held; an engaging brake does not hold yet, a releasing one still does."""
+    """True if the shaft is held; an engaging brake does not hold yet, a releasing one still does."""
     return state.phase == HELD or state.phase == RELEASING
 
 
 def brake_power(brake: HoldingBrake, phase: Array) -> Array:
-    """What the brake itself takes in each phase of a run [W]."""
+    """Power that the brake itself takes in each phase of a run [W]."""
     engaged = (phase == ENGAGING) | (phase == HELD)
     return np.where(engaged, brake.engaged_power, brake.released_power)

@@ -59,7 +59,7 @@ class Arm(NamedTuple):
 
 
 class Wearer(NamedTuple):
-    """What the wearer's muscles do; with the defaults nothing. The parts add up."""
+    """Torque of the wearer's muscles as a sum of parts; the defaults give none."""
 
     share: float = 0.0
     """Of the torque that holds forearm and hand against gravity; 0.3 is a weak arm, 1 one that needs no suit [–]."""
@@ -164,7 +164,7 @@ def passive_torque(arm: Arm, angle: float, velocity: float) -> float:
 
 @kernel
 def wearer_torque(wearer: Wearer, arm: Arm, angle: float, velocity: float, time: float) -> float:
-    """What the wearer's muscles give at a time [s], flexing positive [N·m].
+    """Torque of the wearer's muscles at a time [s], flexing positive [N·m].
 
     Who swings knows their own forearm: they add what its inertia and relaxed elbow ask for along φw = centre +
     swing·sin(2πft), so that an arm without a suit, whose weight they carry, follows φw with any stiffness.

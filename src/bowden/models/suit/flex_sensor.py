@@ -39,7 +39,7 @@ of their own (``benchmarks/wearers.py``); a stated division, the paper gives the
 
 
 class FlexState(NamedTuple):
-    """What the sensor remembers."""
+    """State of the sensor."""
 
     slot: float
     """Of the play [rad]."""

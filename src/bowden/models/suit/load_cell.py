@@ -22,7 +22,7 @@ CURRENT_NOISE = 0.05
 
 @kernel
 def cell_reading(cell: LoadCell, value: float, normal: float) -> float:
-    """What the cell says of a `value`, given a standard normal number.
+    """Reading of the cell at a `value`, given a standard normal number.
 
     >>> cell_reading(LoadCell(0.5, 0.25, 0.0), 2.0, 1.0)
     2.75

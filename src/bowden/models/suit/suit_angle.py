@@ -22,7 +22,7 @@ LOW, HIGH = -30.0 * RADIANS, 120.0 * RADIANS
 
 
 class SpoolMap(NamedTuple):
-    """What the maps need; `spool_map` makes it."""
+    """Constants of the maps; `spool_map` makes them."""
 
     radius: float
     """r, of the flexor's spool [m]."""

@@ -65,7 +65,7 @@ class SuitCable(NamedTuple):
 
 
 class Fabric(NamedTuple):
-    """What holds a cable to the arm: sleeve, brace and flesh; the defaults are stated choices."""
+    """Compliance that holds a cable to the arm: sleeve, brace and flesh; the defaults are stated choices."""
 
     stiffness: float = 8000.0
     """K [N/m]."""
@@ -76,7 +76,7 @@ class Fabric(NamedTuple):
 
 
 class PreparedSuitCable(NamedTuple):
-    """What the kernels need of a cable and its fabric."""
+    """Constants of a cable and its fabric for the kernels."""
 
     kind: Friction
     stiffness: float
@@ -97,7 +97,7 @@ class PreparedSuitCable(NamedTuple):
 
 
 class SuitCableMemory(NamedTuple):
-    """What a cable remembers."""
+    """State of a cable."""
 
     node: float
     """u [m]."""

@@ -25,7 +25,7 @@ def document() -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class Calibration:
-    """What the paper does not say, fitted to its rows without the adaptive law."""
+    """Values that the paper does not give, fitted to its rows without the adaptive law."""
 
     natural_frequency: float
     """Of the servo, from the observer's bandwidth [rad/s]."""

@@ -15,7 +15,7 @@ from bowden.plants.suit_parts import Suit
 
 @dataclass(frozen=True)
 class SuitCalibration:
-    """What the paper does not say of its suit, fitted to its rows without compensation."""
+    """Values that the paper does not give of its suit, fitted to its rows without compensation."""
 
     friction: float
     """Of bearings and seals at the spool, from the energy of a flexion [N·m]."""
@@ -33,7 +33,7 @@ class SuitCalibration:
     """Of the feeder on a cable that is pulled in [N]."""
     geometry: SuitGeometry = field(default_factory=SuitGeometry)
     chosen: Mapping[str, float] = field(default_factory=dict)
-    """What takes the place of a stated choice of paper.toml, by its name there."""
+    """Replacements of stated choices of paper.toml, by their names there."""
 
 
 def suit_calibration(name: str = "first") -> SuitCalibration:
