@@ -128,7 +128,7 @@ def _with(law: Law, name: str, value: float) -> Law | None:
 
 
 def _matters(law: Law, name: str, dt: float, estimates: dict[str, float]) -> bool:
-    """Whether the linear law changes with that gain at all."""
+    """True if the linear law changes with that gain at all."""
     changes = [side[0][1] for side in _changes(law, name) if side]
     if not changes:
         return False

@@ -134,7 +134,7 @@ def _tried(
 
 
 def _rests(apart: Trial) -> bool:
-    """Whether a trial without friction and play comes to rest."""
+    """True if a trial without friction and play comes to rest."""
     return apart.bounded and (apart.swing or 0.0) <= _AT_REST
 
 
@@ -154,7 +154,7 @@ def _unstable_with(points: Iterable[Point], sample_time: float) -> int | None:
 def _reserve(
     bench: Plant, law: Law, points: list[Point], bend: float, stroke: tuple[float, float], seed: int
 ) -> bool | None:
-    """Whether the trial stands a part of the phase margin as delay, at the fastest crossover and in whole cycles."""
+    """True if the trial stands a part of the phase margin as delay, at the fastest crossover and in whole cycles."""
     per_degree = delay_per_degree(points)
     return None if per_degree is None else _stands_delay(bench, law, per_degree, bend, stroke, seed)
 
@@ -173,7 +173,7 @@ def further_delay(per_degree: float, sample_time: float) -> int:
 def _stands_delay(
     bench: Plant, law: Law, per_degree: float, bend: float, stroke: tuple[float, float], seed: int
 ) -> bool:
-    """Whether the trial stands a part of the phase margin as delay, which has so much for each degree [s/deg]."""
+    """True if the trial stands a part of the phase margin as delay, which has so much for each degree [s/deg]."""
     further = further_delay(per_degree, bench.sample_time)
     trials, _ = _tried(changed(bench, delay=bench.delay + further), law, (bend,), stroke, seed)
     return trials[0].bounded
@@ -185,7 +185,7 @@ def _stands_delay_of_servo(bench: Plant, law: Law, bend: float, stroke: tuple[fl
 
 
 def stands(bench: Plant, law: Law, bend: float, stroke: tuple[float, float]) -> bool:
-    """Whether a law for which no linear loop stands holds in the trials that the check then asks for.
+    """True if a law for which no linear loop stands holds in the trials that the check then asks for.
 
     Args:
         bench: whose linear loops leave something out.

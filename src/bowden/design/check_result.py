@@ -104,7 +104,7 @@ class Check:
     trials: tuple[Trial, ...]
     """At the smallest and, if it is another, at the largest bend."""
     reserve: bool | None
-    """Whether a trial with a delay of `RESERVE` is bounded too; None where no such trial was made."""
+    """True if a trial with a delay of `RESERVE` is bounded too; None where no such trial was made."""
     chatters: bool
     """Unstable for one count of the encoder, stable for the whole stroke: a steep curve such as tanh(s/ε) chatters."""
     command_per_count: float
@@ -116,12 +116,12 @@ class Check:
     leaves_out: str = ""
     """What the linear loops leave to the trials, where so much that the trials alone decide whether it holds."""
     refuted: bool = False
-    """Whether a linear loop is unstable, as it is or with a delay beyond its margin, where a trial without all that it
+    """True if a linear loop is unstable, as it is or with a delay beyond its margin, where a trial without all that it
     leaves out comes to rest: then no linear loop stands for this law, and margins there are none."""
     advice: str = ""
     """What to change where it does not hold, if that was asked for (`bowden.design.advice`)."""
     of_rig: bool = False
-    """Whether that changes the rig, where no gains would do."""
+    """True if that changes the rig, where no gains would do."""
     instead: str = ""
     """Law that holds where this one does not, likewise (`bowden.design.other_law`); empty where none was found."""
     shared: SharedFindings | None = None
@@ -132,7 +132,7 @@ class Check:
 
     @property
     def holds(self) -> bool:
-        """Whether the loop stays bounded: any verdict but ``does_not_hold``, with little margin or a limit cycle too.
+        """True if the loop stays bounded: any verdict but ``does_not_hold``, with little margin or a limit cycle too.
 
         Where it does not, `bowden.simulate`, `run` and `export` refuse the law, and ``bowden check`` ends with 1.
         """
@@ -165,7 +165,7 @@ class Check:
 
     @property
     def cycle_confirmed(self) -> bool | None:
-        """Whether the trials swing at rest by at least a quarter of what is predicted; None without a prediction."""
+        """True if the trials swing at rest by at least a quarter of what is predicted; None without a prediction."""
         return confirmed_by(self.cycle, self.swing)
 
     def plot(self, axes: "Axes | Sequence[Axes] | None" = None) -> "list[Axes]":
@@ -310,7 +310,7 @@ def draw_check(axes: "Axes", found: Check) -> None:
 
 
 def _limited(margins: Margins) -> bool:
-    """Whether a loop has both margins, or is unstable and has none."""
+    """True if a loop has both margins, or is unstable and has none."""
     return not margins.stable or (margins.gain_margin_db is not None and margins.phase_margin_deg is not None)
 
 

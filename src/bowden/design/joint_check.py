@@ -229,7 +229,7 @@ def _taut_loop(where: str, points: list[Point]) -> TautLoop:
 
 
 def _reserve(joint: CabledJoint, laws: Laws, points: Sequence[Point], bends: Bends, stroke: Range) -> bool | None:
-    """Whether a trial stands a part of the phase margin as delay of all commands; None where nothing limits it."""
+    """True if a trial stands a part of the phase margin as delay of all commands; None where nothing limits it."""
     per_degree = delay_per_degree(points)
     if per_degree is None:
         return None

@@ -30,7 +30,7 @@ class NewRig:
     why: str
     """Why it has its law, ``rig.law``."""
     known: bool
-    """Whether the model says what motion its log covered; else the reference is not known to lie within it."""
+    """True if the model says what motion its log covered; else the reference is not known to lie within it."""
     text: str = field(compare=False)
     """The commented rig.toml that ``bowden init --model`` writes."""
 

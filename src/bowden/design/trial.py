@@ -42,7 +42,7 @@ class Trial:
     moving: float
     """How long it moved [s]."""
     bounded: bool
-    """Whether it came to rest: it did not run away, its joint was never further from the reference than the stroke is
+    """True if it came to rest: it did not run away, its joint was never further from the reference than the stroke is
     long, and ends up within twice the dead zone and 1°. Of a suit both bounds are wider by what the joint does with no
     law (`bowden.plants.transmission.unrest`), the first by twice what friction and weight keep it off, the stroke at
     most; and its joint has to go half of the stroke, since an arm that its wearer holds fast rests as well."""

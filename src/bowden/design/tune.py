@@ -81,7 +81,7 @@ class NoGainsError(ParameterError):
     """No gains keep the margins and follow."""
 
     of_rig: bool = False
-    """Whether what to do changes the rig, where no gains would do."""
+    """True if what to do changes the rig, where no gains would do."""
     instead: str = ""
     """Law to take in place of the rig's own, where one follows better; empty where none was found."""
     gains: Mapping[str, float] = {}
@@ -182,7 +182,7 @@ class _Search:
         self.points: Array = np.empty((0, 0))
         self.costs: Array = np.empty(0)
         self.stale = False
-        """Whether the members were judged before the last of the estimates was known to count."""
+        """True if the members were judged before the last of the estimates was known to count."""
 
     def begin(self, share: float) -> None:
         """Draw gains, a share of the usual number, and take those that lack the least of their margins."""
@@ -237,7 +237,7 @@ class _Search:
             self._confirm()
 
     def settled(self) -> bool:
-        """Whether the population has come together, so that nothing better is to be expected of it."""
+        """True if the population has come together, so that nothing better is to be expected of it."""
         return bool(self.costs.max() <= min(_SAME * self.costs.min(), _LACKING))
 
     def finish(self) -> Tuning:

@@ -37,7 +37,7 @@ class Task(NamedTuple):
     """Above which an error need not be known any better [rad]."""
     runs: TuningRuns
     at_once: bool = True
-    """Whether a run, too, is given up as soon as its error must be above the limit."""
+    """True if a run, too, is given up as soon as its error must be above the limit."""
 
 
 class Judged(NamedTuple):
@@ -136,7 +136,7 @@ def checked(task: Task) -> Check:
 
 
 def keeps(found: Check) -> bool:
-    """Whether a check says `holds`, finds the wanted margins, and no chatter."""
+    """True if a check says `holds`, finds the wanted margins, and no chatter."""
     gain, phase = found.gain_margin_db, found.phase_margin_deg
     wide = (gain is None or gain >= WANTED_DB) and (phase is None or phase >= WANTED_DEG)
     return found.verdict == "holds" and wide and found.command_per_count <= MOST_PER_COUNT

@@ -51,7 +51,7 @@ class TuningTarget(NamedTuple):
     stroke: tuple[float, float]
     """Ends of the motions [rad]."""
     refuted: bool = False
-    """Whether no linear loop stands for the law (`bowden.design.check.Check.refuted`), so that trials alone count."""
+    """True if no linear loop stands for the law (`bowden.design.check.Check.refuted`), so that trials alone count."""
 
 
 class NineRuns(NamedTuple):

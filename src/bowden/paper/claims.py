@@ -35,11 +35,11 @@ class Claim:
     spread: float = 0.0
     """The standard deviation printed with it."""
     fitted: bool = False
-    """Whether the calibration used it."""
+    """True if the calibration used it."""
     readings: bool = False
-    """Whether the interval is over readings that the text allows, so that one of its ends may give the figure."""
+    """True if the interval is over readings that the text allows, so that one of its ends may give the figure."""
     misprint: bool = False
-    """Whether one corrected value or word mends it; `why` names it and what else it mends."""
+    """True if one corrected value or word mends it; `why` names it and what else it mends."""
     better: str = ""
     """``lower`` or ``higher`` where a figure beyond the published one is an improvement."""
     why: str = ""
@@ -158,7 +158,7 @@ def _matches(identity: str, wanted: str) -> bool:
 
 
 def is_remark(claim: Claim) -> bool:
-    """Whether it is a figure of ours on the paper's equations, with nothing printed beside it."""
+    """True if it is a figure of ours on the paper's equations, with nothing printed beside it."""
     return claim.published is None and not claim.misprint
 
 

@@ -20,7 +20,7 @@ SMALLEST_STROKE = math.radians(5.0)
 
 
 def is_stable(reference: Array, joint: Array) -> bool:
-    """Whether a run reached its end with its joint never further from the reference than that's whole stroke.
+    """True if a run reached its end with its joint never further from the reference than that's whole stroke.
 
     The stroke is 5° at least. A run that ran away is NaN at its end.
 
@@ -90,7 +90,7 @@ def increasing(time: Array) -> None:
 
 
 def is_even(time: Array) -> bool:
-    """Whether all steps of a clock are within 1 % of their mean, as a delay or a frequency needs them."""
+    """True if all steps of a clock are within 1 % of their mean, as a delay or a frequency needs them."""
     steps = np.diff(time)
     return bool(np.all(np.abs(steps - np.mean(steps)) <= 0.01 * np.mean(steps)))
 

@@ -141,7 +141,7 @@ def read_table(path: Path) -> Table:
 
 
 def is_bag(path: Path) -> bool:
-    """Whether a folder is a recording of ROS 2."""
+    """True if a folder is a recording of ROS 2."""
     return (path / _BAG).is_file()
 
 

@@ -306,12 +306,12 @@ class Trace(metaclass=Answering):
 
     @property
     def ended(self) -> bool:
-        """Whether the run reached its end with finite numbers."""
+        """True if the run reached its end with finite numbers."""
         return bool(np.isfinite(self.columns["joint"]).all())
 
     @property
     def stable(self) -> bool:
-        """Whether it ended, and the error was never larger than the whole stroke of the reference (at least 5°).
+        """True if it ended, and the error was never larger than the whole stroke of the reference (at least 5°).
 
         See `bowden.records.metrics.is_stable`.
         """

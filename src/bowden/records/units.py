@@ -27,7 +27,7 @@ def unit_of(text: str) -> str | None:
 
 
 def is_unit(text: str) -> bool:
-    """Whether a cell of a line of units may say that.
+    """True if a cell of a line of units may say that.
 
     >>> is_unit("[mV]"), is_unit("-"), is_unit("emg")
     (True, True, False)

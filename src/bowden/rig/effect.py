@@ -31,7 +31,7 @@ class Idle(NamedTuple):
     key: str
     """Dotted, as in rig.toml."""
     given: bool
-    """Whether its value is another than the default."""
+    """True if its value is another than the default."""
     why: str
     do: str
 

@@ -131,13 +131,13 @@ class DriveFamily:
     most_push: Callable[[Any, DriveNeeds], float]
     """``most_push(parameters, needs)``: largest torque offset that it takes, at the spool [N·m]."""
     measures_tension: Callable[[Any], bool]
-    """Whether it reports the cable's tension."""
+    """True if it reports the cable's tension."""
     scales: Callable[[Any], Sequence[Any]]
     """``scales(parameters)``: what makes angles of its counts, for whoever has confirmed them by hand."""
     homed: Callable[[Any], bool]
-    """Whether its angles count from a place of the rig, and not from where motor and joint are found."""
+    """True if its angles count from a place of the rig, and not from where motor and joint are found."""
     simulated: Callable[[Any], bool]
-    """Whether nobody but a twin can be at its bus, so that no motor and no limb is."""
+    """True if nobody but a twin can be at its bus, so that no motor and no limb is."""
     explain: Callable[[int], str]
     """What the code of an emergency means."""
     probe: Callable[[Any, Any], Sequence[FoundDevice]] | None = None
@@ -149,21 +149,21 @@ class DriveFamily:
     zero_hint: str = ""
     """How the drive's own position is set, and what it loses with its supply; empty where neither applies."""
     measures_torque: Callable[[Any], bool] = lambda _: False
-    """Whether it reports the joint's torque."""
+    """True if it reports the joint's torque."""
     load_range: Callable[[Any], float] = lambda _: math.inf
     """Largest tension [N] or torque [N·m] that its input can tell."""
     tared: Callable[[Any, float, float], Any] | None = None
     """``tared(parameters, read, load)``: the parameters with which what was `read` is this load [N or N·m]; None of a
     family without an input for a load cell."""
     measures_joint: Callable[[Any], bool] = lambda _: True
-    """Whether the joint's angle is measured at all; a rig without it is not run, since law and supervisor need it."""
+    """True if the joint's angle is measured at all; a rig without it is not run, since law and supervisor need it."""
     unseen_watch: Callable[[Any], str] = lambda _: ""
     """Why nobody can see over the bus that the drive's `watchdog` works; empty where bring-up tries it or reads it
     back. With a limb in the rig such a drive is refused, and without one the rig has to say so (`no_limb`)."""
     no_limb: Callable[[Any], bool] = lambda _: False
-    """Whether the rig says that no limb can be in it."""
+    """True if the rig says that no limb can be in it."""
     brakes: Callable[[Any], bool] = lambda _: False
-    """Whether it has an output for a holding brake, and the rig says how that works."""
+    """True if it has an output for a holding brake, and the rig says how that works."""
     brake_hint: str = "a drive with one, such as those of the family cia402"
     """What `brakes` wants."""
     found_from: Callable[[Any, Path], Any] = lambda parameters, _: parameters

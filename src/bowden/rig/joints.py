@@ -48,7 +48,7 @@ class RigJoint(NamedTuple):
 
     @property
     def shared(self) -> bool:
-        """Whether several motors move it."""
+        """True if several motors move it."""
         return len(self.motors) > 1
 
     @property
@@ -62,7 +62,7 @@ class RigJoint(NamedTuple):
         return self.motors[0].rig
 
     def against(self, rig: Any) -> bool:
-        """Whether a motor, by its rig, pulls against the first one."""
+        """True if a motor, by its rig, pulls against the first one."""
         return bool(rig.limits.slack_sign != self.first.limits.slack_sign)
 
 

@@ -63,7 +63,7 @@ class LoadCellParameters(NamedTuple):
 
     @property
     def there(self) -> bool:
-        """Whether there is such a device."""
+        """True if there is such a device."""
         return self.source != "none"
 
     @property

@@ -45,7 +45,7 @@ class MotorTree(NamedTuple):
 
 
 def has_several(tree: Mapping[str, Any]) -> bool:
-    """Whether a rig.toml is of several motors, or has what only such a one may have."""
+    """True if a rig.toml is of several motors, or has what only such a one may have."""
     return isinstance(tree.get(MOTOR), list) or INDEPENDENT in tree or JOINT in tree
 
 

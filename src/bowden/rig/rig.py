@@ -204,7 +204,7 @@ class Rig(metaclass=Answering):
     """Two to four motors in one loop, each a name and a whole rig, with the name of its joint where it shares that;
     empty of a rig with one motor. What the rig itself says is then what is common."""
     independent: bool = False
-    """Whether a motor that is stopped by a fault leaves the others running."""
+    """True if a motor that is stopped by a fault leaves the others running."""
     joints: tuple[JointSettings, ...] = ()
     """Those that several motors move."""
     origin: str = field(default="Rig", compare=False)
@@ -462,7 +462,7 @@ class Rig(metaclass=Answering):
                 part.write_bytes(content)
 
     def _has_model(self, file: Path) -> bool:
-        """Whether a file has the very models of one of the rig's cables, and the trust in them."""
+        """True if a file has the very models of one of the rig's cables, and the trust in them."""
         cables = [one.rig.cable for one in self.parts if isinstance(one.rig.cable, IdentifiedCable)]
         if not (cables and file.suffix == ".toml" and file.exists()):
             return False
@@ -739,7 +739,7 @@ class Rig(metaclass=Answering):
 
     @cached_property
     def turned(self) -> bool:
-        """Whether motor angles are counted the other way round, because the joint falls when the motor rises."""
+        """True if motor angles are counted the other way round, because the joint falls when the motor rises."""
         if self.suit.worn:  # the motor is counted in the joint's coordinate
             return False
         return self._plain_cable.slope < 0.0 if self.plant is None else self.own_plant.turned
@@ -753,7 +753,7 @@ class Rig(metaclass=Answering):
 
     @property
     def _scheduled_by_bend(self) -> bool:
-        """Whether the scenario's bend is what schedules the cable, and not the bend among its parameters."""
+        """True if the scenario's bend is what schedules the cable, and not the bend among its parameters."""
         return (
             isinstance(self.cable, IdentifiedCable)
             and self.cable.best == SCHEDULED
@@ -762,7 +762,7 @@ class Rig(metaclass=Answering):
 
     @property
     def identified(self) -> bool:
-        """Whether the cable comes from a log, and was not written by hand."""
+        """True if the cable comes from a log, and was not written by hand."""
         return isinstance(self.cable, IdentifiedCable)
 
     @cached_property
@@ -940,7 +940,7 @@ class Rig(metaclass=Answering):
 
     @property
     def servo_assumed(self) -> bool:
-        """Whether the cable was identified, and the servo that pulls it is still that of the paper's bench."""
+        """True if the cable was identified, and the servo that pulls it is still that of the paper's bench."""
         if not isinstance(self.cable, IdentifiedCable) or self.worn is not None or self.plant is not None:
             return False
         papers = PARTS["servo"].default
@@ -1231,7 +1231,7 @@ def _loaded(given: GivenLaw) -> Law:
 
 
 def _one_file(one: Any, other: Any) -> bool:
-    """Whether two laws are the same one of a user's file, by whatever way it is named."""
+    """True if two laws are the same one of a user's file, by whatever way it is named."""
     if not (isinstance(one, LawFile) and isinstance(other, LawFile)):
         return False
     names = [law.name.rpartition(".py")[2] for law in (one, other)]

@@ -159,7 +159,7 @@ class Ready:
         )
 
     def goes_with(self, other: "Ready") -> bool:
-        """Whether one compiled call can run both."""
+        """True if one compiled call can run both."""
         mine, its = self.dynamics, other.dynamics
         fails = self.case.fault is not None
         alike = mine.kernels() == its.kernels() and fails == (other.case.fault is not None)

@@ -150,7 +150,7 @@ def _about_parameters(fitted: ModelFit, name: str) -> list[str]:
 
 
 def lags(lag: tuple[float, float]) -> bool:
-    """Whether a lag [s] explains so much of what the model leaves that it is one."""
+    """True if a lag [s] explains so much of what the model leaves that it is one."""
     seconds, share = lag
     return share > _LAG and abs(seconds) > 2e-3
 

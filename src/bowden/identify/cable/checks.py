@@ -66,7 +66,7 @@ def check_same_unit(motor: Array, joint: Array, where: str) -> None:
 
 
 def look_swapped(motor: Array, joint: Array) -> bool:
-    """Whether motor and joint look swapped: a cable's far end lags, and so its loop is gone round one way.
+    """True if motor and joint look swapped: a cable's far end lags, and so its loop is gone round one way.
 
     What is looked at is ½∮(m·dj − j·dm), over the motor's travel and the joint's range: 0.019 to 0.052 on 24 recordings
     of cables, and nothing on one without play.

@@ -129,7 +129,7 @@ class Recalibration:
     judged_rms: float
     """Error of the old model on data that it had not seen, as its file says; NaN where it does not [rad]."""
     changed: bool | None
-    """Whether the cable has changed; None where the file does not say how good the model was, and where the motor went
+    """True if the cable has changed; None where the file does not say how good the model was, and where the motor went
     outside the identified stroke."""
     beyond: float
     """How far the motor went outside the identified stroke, 0 within a twentieth of it [rad]."""
@@ -187,7 +187,7 @@ class Fitted:
     recalibration: Recalibration | None = None
     """Of a known model; None where all was fitted."""
     chosen_on_whole: bool = False
-    """Whether the whole log says which family is recommended, its first half having fewer than four strokes."""
+    """True if the whole log says which family is recommended, its first half having fewer than four strokes."""
     seconds: float = field(default=0.0, compare=False)
     """Time that the identification took [s]."""
 

@@ -331,7 +331,7 @@ def _roughness(rows: int) -> Array:
 
 
 def _runs_one_way(cable: ScheduledCable, sign: float) -> bool:
-    """Whether both branches of the loop go the cable's way at every corner of the scheduling variables."""
+    """True if both branches of the loop go the cable's way at every corner of the scheduling variables."""
     for corner in itertools.product(*zip(cable.low.tolist(), cable.high.tolist(), strict=True)):
         weights = powers(corner, cable)
         middle, height = np.diff(weights @ cable.middle), np.diff(weights @ cable.height)

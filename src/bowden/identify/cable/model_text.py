@@ -87,7 +87,7 @@ def _loop_lines(loop: HysteresisLoop | None) -> list[str]:
 
 
 def _usable(name: str, fitted: ModelFit) -> bool:
-    """Whether a rig takes the parameters."""
+    """True if a rig takes the parameters."""
     try:
         check_parameters(name, fitted.parameters, name)
     except ParameterError:

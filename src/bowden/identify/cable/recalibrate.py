@@ -185,7 +185,7 @@ def fit_gain(log: Log, known: Known, by: Sequence[Scheduled] = ()) -> Fit:
 
 
 def _has_changed(squares: Array, judged: float, count: float) -> bool | None:
-    """Whether clearly more is left in the blocks (n,) [rad²] than was judged [rad], with that joint's count [rad]."""
+    """True if clearly more is left in the blocks (n,) [rad²] than was judged [rad], with that joint's count [rad]."""
     if not math.isfinite(judged):
         return None
     scatter = float(np.std(squares, ddof=1)) / math.sqrt(len(squares))

@@ -62,7 +62,7 @@ def standard_errors(path: Path, estimate: Estimate, family: Family) -> dict[str,
 
 
 def all_shown(path: Path, estimate: Estimate) -> bool:
-    """Whether the data show every parameter for which a deviation is stated: none would be infinite."""
+    """True if the data show every parameter for which a deviation is stated: none would be infinite."""
     if estimate.prior is not None:
         return True
     seen, blind = _shown(path, estimate)

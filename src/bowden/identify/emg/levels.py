@@ -58,7 +58,7 @@ class EnvelopeLevels(NamedTuple):
     strongest: float
     """Mean over its strongest quarter second: the fluctuation of rest has little of it, as it has of `high`."""
     contraction: bool
-    """Whether the detector finds a contraction."""
+    """True if the detector finds a contraction."""
     sigma: float
     """Size at rest as the detector measures it: a tenth of the time without contraction and trouble it is below; 0 if
     there is no such time."""

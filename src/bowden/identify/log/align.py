@@ -41,7 +41,7 @@ class Aligned(NamedTuple):
     said: str
     """How the clocks stood to one another, for the user."""
     uncertain: bool
-    """Whether the offset is known to no better than a step of the slower one."""
+    """True if the offset is known to no better than a step of the slower one."""
 
 
 def aligned(motor: tuple[Array, Array], joint: tuple[Array, Array]) -> Aligned:

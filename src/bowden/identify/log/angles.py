@@ -50,7 +50,7 @@ class AngleUnits(NamedTuple):
     spool: float | None
     """Radius of the motor's spool, where its column is a length of cable [mm]."""
     apart: bool
-    """Whether each side has its own unit said, so that a gear between them is no mistake."""
+    """True if each side has its own unit said, so that a gear between them is no mistake."""
 
 
 @dataclass(frozen=True)
@@ -64,11 +64,11 @@ class Angle:
     unit: str
     """``deg``, ``rad`` or ``counts``."""
     known: bool
-    """Whether the log or the user named that unit."""
+    """True if the log or the user named that unit."""
     factor: float
     """Radians in one of it."""
     guessed: bool = False
-    """Whether nobody named the unit of a file's column."""
+    """True if nobody named the unit of a file's column."""
     count: float = 0.0
     """One count of its encoder, where somebody said how many make a turn; 0 where not [rad]."""
 
@@ -335,7 +335,7 @@ def unit_doubts(motor: Angle, joint: Angle, *, apart: bool) -> list[Trust]:
 
 
 def _small(joint: Angle) -> bool:
-    """Whether a joint in degrees moves by less than radians would."""
+    """True if a joint in degrees moves by less than radians would."""
     return joint.unit == "deg" and float(np.ptp(joint.values)) < math.pi
 
 

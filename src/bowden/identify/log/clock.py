@@ -133,7 +133,7 @@ def even_clock(
 
 
 def rises_evenly(values: Array) -> bool:
-    """Whether a column rises from row to row by steps that scatter no more than those of a clock may.
+    """True if a column rises from row to row by steps that scatter no more than those of a clock may.
 
     >>> rises_evenly(np.arange(5.0)), rises_evenly(np.array([0.0, 1.0, 2.0, 2.0, 3.0]))
     (True, False)

@@ -208,7 +208,7 @@ def _fit(command: Array, motor: Array, dt: float, limits: str, near: _Fit | None
 
 
 def _follows(command: Array, motor: Array, dt: float) -> bool:
-    """Whether the command is nearer to the motor of some time before than the motor is to any earlier command."""
+    """True if the command is nearer to the motor of some time before than the motor is to any earlier command."""
     n = len(motor)
     shifts = np.unique(np.geomspace(1.0, min(0.25 * n, max(2.0, _LONGEST_DELAY / dt)), 30).astype(int))
     after, before = (

@@ -30,7 +30,7 @@ class JudgedClaim(ResultPart):
     unit: str
     verdict: Literal["fitted", "reproduced", "better", "not determined", "differs", "misprint"]
     fitted: bool
-    """Whether the calibration used this number."""
+    """True if the calibration used this number."""
     why: str
     """Why the figures differ; given unless the verdict is fitted or reproduced."""
 
