@@ -32,8 +32,7 @@ def on_config(config: MkDocsConfig) -> MkDocsConfig:
     parts = {title: pages for part in nav for title, pages in part.items()}
     if books := site_notebooks.notebooks():
         parts["Start"].append({"Notebooks": [f"notebooks/{book.stem}.md" for book in books]})
-    parts["Background"] += ["background/results.md", {"Decisions": "decisions/index.md"}]
-    parts["Background"].append({"Contributing": "contributing.md"})
+    parts["Background"] += [{"Decisions": "decisions/index.md"}, {"Contributing": "contributing.md"}]
     api = ["api/index.md", *(f"api/{name}.md" for name in site_api.PAGES)]
     nav.insert(len(nav) - 1, {"Python API": api})
     return config
