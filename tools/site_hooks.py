@@ -13,6 +13,7 @@ import site_notebooks
 from site_equations import Equations
 from site_links import OUTSIDE, ROOT, relinked
 
+_CODE = re.compile(r"(?<=<code>)[^<]*(?=</code>)")
 _ORIGINS = {uri: origin for origin, uri in OUTSIDE.items()}
 
 _FOUND = {"glossary": 5.0, "decisions/": 0.3, "background/": 0.6, "api/": 1.0}
@@ -60,6 +61,15 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
     if uri.startswith(("api/", "decisions/index")):
         return markdown
     return relinked(markdown, _ORIGINS.get(uri, f"docs/{uri}"), uri)
+
+
+def on_page_content(html: str, page: Page, config: MkDocsConfig, files: Files) -> str:
+    """Let names in tables break at their underscores."""
+    return re.sub(r"<t[dh][ >].*?</t[dh]>", lambda cell: _CODE.sub(_breakable, cell[0]), html, flags=re.DOTALL)
+
+
+def _breakable(name: "re.Match[str]") -> str:
+    return name[0].replace("_", "_<wbr>")
 
 
 def _title(path: Path) -> str:
