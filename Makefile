@@ -124,11 +124,11 @@ release: .venv/dev
 
 bench: .venv/dev
 	$(PIP) --editable '.[bench]'
-	$(BIN)/python benchmarks/run.py
+	$(BIN)/python benchmarks/run.py bench
 	$(BIN)/python benchmarks/exported.py
 
 soak: .venv/dev
-	$(BIN)/python benchmarks/soak.py $(PARTS)
+	$(BIN)/python benchmarks/run.py $(or $(PARTS),soak)
 
 walk: .venv/dev
 	$(BIN)/python tools/walk.py --write

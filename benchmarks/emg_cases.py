@@ -19,14 +19,13 @@ from numpy.typing import NDArray
 from bowden.core.errors import BowdenError
 from bowden.identify.emg.levels import EnvelopeLevels, check_contraction, envelope_levels
 from bowden.identify.emg.log import check_signal
-from bowden.identify.emg.score import PAPERS, score, spans
+from bowden.identify.emg.score import PAPERS, spans
 from bowden.sensing.detectors import DEFAULT, detector_named
 from bowden.sensing.envelope import PLAIN_THRESHOLD
 from bowden.sensing.onset_settings import SAFE
 from bowden.sensing.stream import EnvelopeFilter, OnsetDetector
 from emg_draw import (
     QUICK,
-    RECORDINGS,
     REST_SECONDS,
     SEEN,
     SETS,
@@ -36,8 +35,6 @@ from emg_draw import (
     draw,
     draw_calibration,
     draw_rest,
-    recording,
-    there,
 )
 from kept import counted, finite, numbers_in, progress
 from measure import table
@@ -55,15 +52,6 @@ BEFORE, AFTER = 0.02, 0.15
 """A detection belongs to a contraction from so long before its onset to so long after its end [s]."""
 SPLIT = 0.5
 """A detection so soon after the end of a contraction that was found is a part of it [s]."""
-QUIET = {
-    "mains": "none",
-    "baseline": "still",
-    "heart": "none",
-    "movement": "none",
-    "electrode": "on",
-    "converter": "fine",
-}
-"""Families of a case in which there is nothing but rest and contractions."""
 
 
 @dataclass(frozen=True)
@@ -223,11 +211,6 @@ def row(kind: str, told: Sequence[Told]) -> Row:
     return Row(kind, len(told), missed, split, *(float(value) for value in figures))
 
 
-def is_quiet(one: Told) -> bool:
-    """Whether there is nothing but rest and contractions in its case."""
-    return all(one.families[part] == family for part, family in QUIET.items())
-
-
 def curve(told: Sequence[Told]) -> list[Row]:
     """Missed and latency over the ratio to rest."""
     return [
@@ -281,25 +264,6 @@ def play(finders: dict[str, Finder], cases: Iterable[Case]) -> Iterator[tuple[di
         yield describe(case), {name: judge(case, find(case)) for name, find in finders.items()}
 
 
-def recordings(find: Finder) -> list[dict[str, Any]]:
-    """The recordings in ``../shared/data``, against their labels."""
-    rows = []
-    for name in there():
-        values, labels = recording(name)
-        case = Case(0, {}, values, 1000.0, (), 0.0)
-        clear = [span for span in find(case) if not any(a <= span[0] < b for a, b in RECORDINGS[name])]
-        found = score(clear, labels, len(values) / 1000.0)
-        rows.append({"recording": name, "contractions": len(labels)} | asdict(found))
-    return rows
-
-
-def _table_of_recordings(rows: Sequence[dict[str, Any]]) -> str:
-    keys = ("recording", "contractions", "misses", "false_activations")
-    columns = ("recording", "contractions", "missed", "false", "latency, median", "worst")
-    times = ("latency_median_s", "latency_max_s")
-    return table(columns, [(*(one[key] for key in keys), *(_ms(one[key]) for key in times)) for one in rows])
-
-
 def main() -> None:
     """The command."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
@@ -310,7 +274,6 @@ def main() -> None:
     parser.add_argument("--peers", action="store_true", help="the paper's threshold and TKEO, too")
     parser.add_argument("--wearer", action="store_true", help="the same detector with a wearer's file, too")
     parser.add_argument("--rest", type=float, default=0.0, metavar="HOURS", help="of rest alone, drawn alike")
-    parser.add_argument("--recordings", action="store_true", help="those in ../shared/data, too")
     parser.add_argument("--json", action="store_true", help="one JSON document, nothing else")
     given = parser.parse_args()
     numbers, name = numbers_in(given.numbers, COUNT), given.set_name
@@ -325,12 +288,11 @@ def main() -> None:
     done = list(progress(play(finders, cases), len(numbers), "cases"))
     rest = list(progress(play(finders, rests), len(stretches), "stretches of rest"))
     made: dict[str, Any] = {}
-    for which, find in finders.items():
+    for which in finders:
         results = [found[which] for _, found in done]
         told = [one for result in results for one in result.told]
         parts = {
             "curve": told,
-            "quiet": [one for one in told if is_quiet(one)],
             "ramps": [one for one in told if one.rise > QUICK],
             "quick": [one for one in told if one.rise <= QUICK],
         }
@@ -338,7 +300,6 @@ def main() -> None:
             "false": sum(result.false for result in results),
             "hours": sum(result.seconds for result in results) / 3600.0,
             "rest": [asdict(one) for one in at_rest([(what, found[which]) for what, found in rest])],
-            "recordings": recordings(find) if given.recordings else [],
         }
         if not given.json:
             _print(which, made[which])
@@ -355,15 +316,12 @@ def _print(which: str, made: dict[str, Any]) -> None:
         ("All", "curve"),
         ("Quick onsets", "quick"),
         (f"Ramps, from {SEEN:g} × rest", "ramps"),
-        ("Nothing but rest and contractions", "quiet"),
     ):
         print(text([Row(**one) for one in made[key]], f"{title}: ratio") + "\n")
     print(f"False beside the contractions: {made['false']} in {made['hours']:.2f} h.")
     if made["rest"]:
         rows = [(one["kind"], f"{one['hours']:.1f}", one["false"]) for one in made["rest"]]
         print("\n" + table(("rest", "hours", "false"), rows))
-    if made["recordings"]:
-        print("\n" + _table_of_recordings(made["recordings"]))
 
 
 if __name__ == "__main__":

@@ -2,39 +2,22 @@
 
 import json
 import sys
-import time
 from collections.abc import Iterable, Iterator, Mapping
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
+
+from rich.console import Console
+from rich.progress import track
 
 from bowden.core.kernel_cache import source_hash
 
 FOLDER = Path(__file__).parents[1] / "out" / "bench"
 
 
-def line(text: str) -> None:
-    """Show progress in place of what stood there, where standard error is a terminal."""
-    if sys.stderr.isatty():
-        print(f"\r{text:<70}", end="", file=sys.stderr, flush=True)
-
-
-def end() -> None:
-    """End the line of progress."""
-    if sys.stderr.isatty():
-        print(file=sys.stderr)
-
-
 def progress(items: Iterable[Any], total: int, what: str) -> Iterator[Any]:
-    """The items, with progress about twice a second."""
-    begun, said = time.perf_counter(), 0.0
-    for done, item in enumerate(items, 1):
-        yield item
-        taken = time.perf_counter() - begun
-        if taken > said + 0.5 or done == total:
-            said = taken
-            line(f"{done} of {total} {what}, {taken:.0f} s")
-    end()
+    """The items, with progress where standard error is a terminal."""
+    yield from track(items, what, total, console=Console(stderr=True), disable=not sys.stderr.isatty())
 
 
 def numbers_in(text: str, count: int) -> range:

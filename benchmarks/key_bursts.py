@@ -113,7 +113,7 @@ def _waited(holds: Callable[[], bool], seconds: float) -> bool:
 
 def _stormed(count: int) -> str:
     """What was wrong with as many interleavings, four of five of one axis and the others of two; empty for nothing."""
-    from support.request_storm import Storm  # of the tests; see `soak`
+    from support.request_storm import Storm  # of the tests; see `run`
 
     for axes, share in ((1, 0.8), (2, 0.2)):
         with tempfile.TemporaryDirectory() as name:

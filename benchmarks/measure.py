@@ -64,7 +64,7 @@ class Figure(NamedTuple):
 
 
 class Found(NamedTuple):
-    """What a part of `run.py` or `soak.py` comes to."""
+    """What a part of `run.py` comes to."""
 
     figures: Sequence[Row | Figure]
     how: str = ""

@@ -199,9 +199,9 @@ def _period(trace: Trace) -> float:
     return len(rest) * dt / float(max(1, int(np.argmax(power))))
 
 
-def figures(count: int | None = None) -> Found:
+def figures(share: float) -> Found:
     """The shares, beside what is wanted of them; fewer rigs are of another seed."""
-    count, seed = (COUNT, SEED) if count is None else (count, SEED_OF_TRIES)
+    count, seed = round(share * COUNT), SEED if share == 1.0 else SEED_OF_TRIES
     kept = Kept(f"study_{seed}")
     missing = study(default_bench(), count, seed, skip=len(kept.rows()))
     rows = kept.filled(([c.number, c.verdict, c.stable, c.calm, c.phase_margin_deg] for c in missing), count)

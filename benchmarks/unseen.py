@@ -8,7 +8,6 @@ the validation and judging sets are counted in ``unseen_looks.toml`` before anyt
 """
 
 import argparse
-import json
 import math
 import time
 from collections.abc import Iterable, Iterator, Sequence
@@ -24,7 +23,7 @@ from bowden.control.law import Law
 from bowden.control.law_file import loaded, named
 from bowden.core.units import DEGREES
 from bowden.sim.many import Outcome, simulate_many
-from kept import counted, finite, numbers_in, progress
+from kept import counted, numbers_in, progress
 from measure import table as markdown
 from unseen_cells import DURATION, SETS, Cell, case_of, draw
 
@@ -175,20 +174,6 @@ def table(found: Sequence[Standing]) -> str:
     return markdown(COLUMNS, rows)
 
 
-def document(set_name: str, numbers: range, runs: Sequence[Run], shown: str, looks: int, seconds: float) -> Any:
-    """What ``--json`` prints; figures of unstable runs are null."""
-    made = {
-        "set": set_name,
-        "cells": [numbers.start, numbers.stop],
-        "looks": looks,
-        "seconds": round(seconds, 1),
-        "standings": [vars(one) for one in standings(runs)],
-        "worst": {"law": shown, "cells": worst(runs, shown)},
-        "runs": [vars(run) for run in runs],
-    }
-    return finite(made)
-
-
 def _laws(names: str) -> list[Law]:
     chosen = names.split(",") if names else list(LAWS)
     return [loaded(named(name)) for name in chosen]
@@ -201,7 +186,6 @@ def main() -> None:
     parser.add_argument("--seeds", default="", help="COUNT or FIRST:END; the set's own number without it")
     parser.add_argument("--laws", default="", help="names and files, with commas; all without it")
     parser.add_argument("--shown", default=OURS, help="the law whose worst ten cells are shown")
-    parser.add_argument("--json", action="store_true", help="one JSON document, nothing else")
     given = parser.parse_args()
     laws, numbers, begun = _laws(given.laws), numbers_in(given.seeds, COUNTS[given.set_name]), time.perf_counter()
     looks = look(given.set_name, numbers, [law.name for law in laws])
@@ -210,9 +194,6 @@ def main() -> None:
     runs: list[Run] = list(progress(played, len(numbers) * len(laws), "runs"))
     shown = given.shown if given.shown in {run.law for run in runs} else names[0]
     seconds = time.perf_counter() - begun
-    if given.json:
-        print(json.dumps(document(given.set_name, numbers, runs, shown, looks, seconds)))
-        return
     print(
         f"{given.set_name}, cells {numbers.start}:{numbers.stop}, {seconds:.0f} s"
         + (f", look {looks}" if looks else "")

@@ -128,12 +128,12 @@ COUNT, BAND = 500, 5.0
 """Wearers of a whole run, and the error that is wanted at most [deg]."""
 
 
-def figures(count: int | None = None) -> Found:
+def figures(share: float) -> Found:
     """Ours and the adaptive law, with gains for the suit, on a drive with an integral and friction compensation."""
     found: list[Figure] = []
     for law in (suit_ours(), suit_adaptive_integral()):
         kept = Kept(f"suit_wearers_{law.name}")
-        there, wanted = {row[0] for row in kept.rows()}, range(count or COUNT)
+        there, wanted = {row[0] for row in kept.rows()}, range(round(share * COUNT))
         missing = [(law.name, number) for number in wanted if number not in there]
         rows = [Worn(*row) for row in kept.filled(two_processes(_run, missing, 5), len(wanted)) if row[0] in wanted]
         stable = [row for row in rows if row.stable]

@@ -21,8 +21,8 @@ from bowden.sim.injected import Injected
 from bowden.sim.many import Case, Outcome, simulate_many
 from bowden.sim.numpy_sum import pairwise_sum
 from bowden.sim.run import simulate
-from drawn_plants import random_plant, run_random_plants
 from support.sensors import PAPER_ENCODER
+from unseen_cells import case_of, draw
 
 STROKE = PeriodicMinimumJerk(0.0, 70.0 * RADIANS, 5.0)
 STILL = constant_bend(np.pi)
@@ -122,11 +122,9 @@ def test_laws_of_one_case_share_its_noise() -> None:
 
 
 def test_plants_round_a_cable_are_their_single_runs() -> None:
-    for number, outcome in enumerate(run_random_plants(PLAIN, range(6), 12.0)):
-        drawn = random_plant(number, 12.0)
-        trace = simulate(drawn.plant, PLAIN, drawn.reference, duration=12.0, bend=drawn.bend, seed=number)
-        found = trace.metrics()
-        assert (outcome.rmse_deg, outcome.peak_deg) == (found.rmse_deg, found.peak_deg)
+    cases = [case_of(draw("development", number), (PLAIN,)) for number in range(6)]
+    for one, (outcome,) in zip(cases, simulate_many(cases, 12.0), strict=True):
+        assert together(outcome) == alone(one, PLAIN, 12.0)
 
 
 def test_the_lag_is_the_delay_of_a_joint_that_is_only_late() -> None:

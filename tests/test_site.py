@@ -31,7 +31,6 @@ def test_every_name_of_the_package_is_on_one_page_of_the_api() -> None:
         ("[x.py](../src/x.py) [b](../tests/y.py)", "docs/identify.md", "identify.md", "`x.py` b"),
         ("[`x`](../src/x.py)", "docs/identify.md", "identify.md", "`x`"),
         ("[a](docs/own_law.md#b)", "CONTRIBUTING.md", "contributing.md", "[a](own_law.md#b)"),
-        ("[a](../../benchmarks/RESULTS.md)", "docs/background/emg.md", "background/emg.md", "[a](results.md)"),
         ("[a](decisions)", "docs/README.md", "README.md", "[a](decisions/index.md)"),
         ("[a](../emg.md)", "docs/notebooks/a.ipynb", "notebooks/a.md", "[a](../emg.md)"),
         ("[a](notebooks/a.ipynb)", "docs/README.md", "README.md", "[a](notebooks/a.md)"),

@@ -33,6 +33,7 @@ ELSEWHERE = (
     (r"bowden .*\b(?:lsl:NAME|trigno:HOST)", "needs a stream of EMG"),
     (r"bowden campaign .*--cluster tcp://", "needs a scheduler on other computers"),
     (r"sudo ip\b", "needs an interface of CAN, and root"),
+    (r"make demo LOG=", "needs a log of the reader"),
     (r"make (?:test|long|bench|soak|walk)\b", "is a run of tests or benchmarks of its own"),
     (r"python (?:benchmarks/|-m coverage)", "is a benchmark or a measurement of tests, of minutes to hours"),
 )

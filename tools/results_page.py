@@ -1,4 +1,4 @@
-"""The tables of results in docs and in benchmarks/RESULTS.md, made from the files in benchmarks/results."""
+"""The tables of results in docs, made from the files in benchmarks/results."""
 
 import re
 import tomllib
@@ -12,7 +12,6 @@ from bowden.core.files import write_text
 RESULTS = Path(__file__).parents[1] / "benchmarks" / "results"
 """NAME.toml: `what` (the caption), `date` of the run (of the commit that recorded it, where the run's is not known),
 `commit`, `command`, `how` (conditions), `columns`, `rows`; `shown_columns`, `shown_rows`: what pages show of them."""
-BENCHMARKS = RESULTS.parent / "RESULTS.md"
 MADE_FROM_CODE = {mark for mark, _ in safety_page.TABLES.values()}
 _NAMED = re.compile(r"<!-- (\w+): made by make docs -->")
 
@@ -46,5 +45,5 @@ def write_docs(docs: Path) -> None:
     Raises:
         OutputError: a page cannot be written.
     """
-    for page in (*sorted(docs.glob("*.md")), *sorted((docs / "background").glob("*.md")), BENCHMARKS):
+    for page in (*sorted(docs.glob("*.md")), *sorted((docs / "background").glob("*.md"))):
         write_text(page, with_tables(page.read_text(encoding="utf-8")))

@@ -15,7 +15,7 @@ from bowden.rig.motors import INDEPENDENT, MEANINGS, MOTOR
 from bowden.rig.sections import JOINT
 
 _GAINS = (
-    "What `[control.gains]` may hold, with the law's own value. `*`: the rig gives the law its own value.",
+    "What `[control.gains]` may hold, with the law's own value. `*`: computed from the rig's servo, cable or encoders.",
     "",
     "A value comes from `[control.gains]`, else from the preset, else from the rig, else from the law. The rig gives",
     "`slope`, `width` and `doubt` only for an identified cable (`cable.model`). For a cable by hand it scales a law's",
@@ -53,7 +53,8 @@ def markdown() -> str:
             lines += [sentence(section), "", *_rows(key for key in keys_of(section) if _said(key) not in shared), ""]
         if shared:
             keys = {_said(key): key for key in _keys(variants)}
-            lines += [f"### Common to several kinds of [{title}]", "", *_rows(keys[one] for one in shared), ""]
+            lines += [f"### Common to several kinds of [{title}]", ""]
+            lines += [*_rows(_told_apart(keys[one], shared, variants) for one in shared), ""]
     lines += ["## [[motor]]", "", *_SEVERAL, ""]
     lines += ["## [[joint]]", "", sentence(JOINT.section), "", *_rows(keys_of(JOINT.section)), ""]
     lines += ["## Gains of the laws", "", *_GAINS, "", "law | gains", "---|---"]
@@ -73,6 +74,15 @@ def _shared(variants: Sequence[type[Section]]) -> list[Key]:
     """Keys that several variants of a section have in the same words, without default and range where these differ."""
     counted = Counter(_said(key) for key in _keys(variants))
     return [key for key, count in counted.items() if count > 1]
+
+
+def _told_apart(key: Key, shared: Sequence[Key], variants: Sequence[type[Section]]) -> Key:
+    """A key with the variants that have it so, where others have it otherwise."""
+    if sum(one.name == key.name for one in shared) == 1:
+        return key
+    who = [section for section in variants if _said(key) in map(_said, keys_of(section))]
+    names = ", ".join(_which(one).rpartition(" ")[2].strip('"') for one in who)
+    return key._replace(meaning=f"({names}) {key.meaning}")
 
 
 def _said(key: Key) -> Key:

@@ -13,6 +13,7 @@ import site_notebooks
 from site_equations import Equations
 from site_links import OUTSIDE, ROOT, relinked
 
+_CODE = re.compile(r"(?<=<code>)[^<]*(?=</code>)")
 _ORIGINS = {uri: origin for origin, uri in OUTSIDE.items()}
 
 _FOUND = {"glossary": 5.0, "decisions/": 0.3, "background/": 0.6, "api/": 1.0}
@@ -32,8 +33,7 @@ def on_config(config: MkDocsConfig) -> MkDocsConfig:
     parts = {title: pages for part in nav for title, pages in part.items()}
     if books := site_notebooks.notebooks():
         parts["Start"].append({"Notebooks": [f"notebooks/{book.stem}.md" for book in books]})
-    parts["Background"] += ["background/results.md", {"Decisions": "decisions/index.md"}]
-    parts["Background"].append({"Contributing": "contributing.md"})
+    parts["Background"] += [{"Decisions": "decisions/index.md"}, {"Contributing": "contributing.md"}]
     api = ["api/index.md", *(f"api/{name}.md" for name in site_api.PAGES)]
     nav.insert(len(nav) - 1, {"Python API": api})
     return config
@@ -61,6 +61,15 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
     if uri.startswith(("api/", "decisions/index")):
         return markdown
     return relinked(markdown, _ORIGINS.get(uri, f"docs/{uri}"), uri)
+
+
+def on_page_content(html: str, page: Page, config: MkDocsConfig, files: Files) -> str:
+    """Let names in tables break at their underscores."""
+    return re.sub(r"<t[dh][ >].*?</t[dh]>", lambda cell: _CODE.sub(_breakable, cell[0]), html, flags=re.DOTALL)
+
+
+def _breakable(name: "re.Match[str]") -> str:
+    return name[0].replace("_", "_<wbr>")
 
 
 def _title(path: Path) -> str:

@@ -5,7 +5,7 @@ import re
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
-OUTSIDE = {"CONTRIBUTING.md": "contributing.md", "benchmarks/RESULTS.md": "background/results.md"}
+OUTSIDE = {"CONTRIBUTING.md": "contributing.md"}
 """Files beside docs/ that are pages of the site as well, and their place in it."""
 FOLDERS = {"docs/decisions": "decisions/index.md"}
 """Folders that pages link to, and the page that lists each."""

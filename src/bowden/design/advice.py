@@ -41,7 +41,7 @@ def advise(
             f"at rest the play makes the joint swing by ±{found.swing * DEGREES:.2g}°: "
             + (
                 "after a reversal this model of the cable moves the joint the wrong way; record small motions and "
-                "identify again, to see whether the cable does so too; if it does, only a law that feeds nothing back  "
+                "identify again, to see whether the cable does so too; if it does, only a law that feeds nothing back "
                 "at rest does not swing"
                 if reversal < 0.0
                 else "lower the gain that acts on the integral of the error"

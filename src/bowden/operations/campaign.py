@@ -93,8 +93,8 @@ def campaign(
     """Run thousands of closed loops with random plants, gains and faults: figures as Parquet, and a page.
 
     Each run depends only on its number, so that the number of workers and their order do not matter. After an
-    interruption the same call continues where it stopped. Where the study has more ``runs`` than it had in the same
-    folder, and is else as it was, only the new ones are computed.
+    interruption the same call continues where it stopped. If only ``runs`` was raised since,
+    only the new ones are computed.
 
     Args:
         study: a TOML file (docs/campaign.md).

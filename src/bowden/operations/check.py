@@ -179,10 +179,10 @@ def check(
 ) -> CheckResult:
     """Check whether a rig's gains hold, before anything moves: margins, limit cycle, chatter, bounds, what to change.
 
-    Margins are looked at over all bends of the sheath; trial runs confirm them. Of a rig with several joints, each is
-    checked; all motors on one joint (docs/several_motors.md) are checked as one. The command's exit code is 0 where the
+    Margins are looked at over all bends of the sheath; trial runs confirm them. Each joint is checked by
+    itself; all motors on one joint (docs/several_motors.md) are checked as one. The command's exit code is 0 where the
     loop stays bounded, with little margin or a limit cycle too (the verdict says which), 1 where it does not hold or a
-    run would refuse the rig, 2 where that cannot be said.
+    run would refuse the rig, 2 where nothing could be judged.
 
     Args:
         rig: the bench, law and scenario; ``bowden init`` writes one.

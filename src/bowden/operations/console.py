@@ -50,7 +50,7 @@ def console(
         host: address to listen at; another than this computer's own asks for TLS.
         tls_cert: certificate of TLS, as PEM.
         tls_key: private key of that certificate, as PEM.
-        insecure_lan: listen at another address without TLS: who reads along can take over.
+        insecure_lan: listen at another address without TLS: anyone who reads the traffic can take over.
         out: folder for the logs.
         no_open: open no browser.
 

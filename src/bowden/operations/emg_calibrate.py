@@ -72,7 +72,7 @@ def emg_calibrate(
         lasting: of a stream: of rest, and of contraction [s].
         channel: column of the signal; the first one by default.
         rate: samples a second, where the recording has no times, or to check those it has.
-        detector: which one says what is movement, mains or a dead electrode.
+        detector: the one that recognises movement, mains and dead electrodes.
         mains: hum to take out of the envelope: 50 or 60 Hz; 0 for none.
 
     Returns:

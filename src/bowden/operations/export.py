@@ -99,7 +99,7 @@ def export(
 
     Args:
         rig: the bench, law and limits; ``bowden init`` writes one.
-        folder: for the code; empty, not there, or with an earlier export of the same law.
+        folder: for the code; new, empty, or with an earlier export of the same law.
         law: a law's name, or FILE.py:NAME of your own, in place of the rig's.
         preset: a named set of gains of that law.
         motor: the motor, of a rig with several.

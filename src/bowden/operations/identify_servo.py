@@ -79,7 +79,7 @@ def identify_servo(
         motor: column of the motor's measured angle.
         unit: unit of both angles, deg or rad; by default as the columns' names end.
         rate: rows a second, of a log without times.
-        sample_time_ms: control cycle of the rig, for delay_cycles; the one of `into`, or 1.
+        sample_time_ms: control cycle of the rig, for delay_cycles; by default that of `into`, or 1.
         into: write the values into this rig, in place of servo.toml.
 
     Raises:

@@ -91,9 +91,9 @@ def init_file(
 ) -> Initialised:
     """Write a commented rig.toml of the default bench: every key with its unit and meaning.
 
-    With `model` it has that cable, a reference within the motion that the cable's log covered, limits round it, and the
-    law bowden where a check says that it holds there, if need be with a smaller bandwidth; else one that does, and why.
-    With `suit` too, both cables of the suit lose what that one does.
+    With `model` it has that cable, a reference within the motion of the cable's log, limits round it, and a law that
+    holds: bowden, if need be with a smaller bandwidth, or another one and why. With `suit` too, both cables of the suit
+    have that cable's play.
 
     Args:
         path: the file to write.

@@ -310,7 +310,7 @@ def log_plot(file: File, *, motor: str | None = None) -> LogDrawn:
 def log_replay(file: File, *, law: str | None = None, trust_law: bool = False, motor: str | None = None) -> LogReplay:
     """Run law and supervisor again on a run's recorded readings, and compare the commands.
 
-    Of a run with several motors each is, one after the other. The command's exit code is 1 where the law that ran gives
+    Several motors are replayed one after the other. The command's exit code is 1 where the law that ran gives
     other numbers than were recorded.
 
     Args:

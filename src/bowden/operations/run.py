@@ -307,7 +307,7 @@ def run_to_end(
         channel: the bus, in place of the rig's.
         emg: EMG moves the joint: lsl:NAME, trigno:HOST or file:PATH, in place of the rig's.
         attended: over ssh: somebody at the rig has the emergency stop in hand.
-        console: serve a page as well, on which others look on and may stop the run.
+        console: serve a page as well, on which others can watch and stop the run.
         foxglove: serve live data for Foxglove at this port; 0 for a free one.
         force: run a law that fails the check on the rig.
 

@@ -129,9 +129,9 @@ def simulate(
 ) -> Simulation:
     """Simulate one law or several on a rig.
 
-    Every law is checked first, as by `check`. A law that does not hold is refused. Interrupted between two laws, the
-    command writes those that are done. Of a rig with several joints each is simulated by itself, into a folder of its
-    name; all motors on one joint (docs/several_motors.md) together.
+    Every law is checked first, as by `check`. A law that does not hold is refused. After Ctrl-C between two laws
+    the command writes those that are done. Several joints are simulated one by one, each into a folder of its name;
+    motors on one joint (docs/several_motors.md) are simulated together.
 
     Args:
         rig: the bench, reference and scenario; ``bowden init`` writes one.
