@@ -30,7 +30,7 @@ from bowden.hardware.drives.ak_frames import (
     pack_command,
     unpack_reply,
 )
-from bowden.hardware.drives.checklist import Conversation, Found, classic_frame, joined, refuse_torque, send_now
+from bowden.hardware.drives.checklist import Conversation, Found, joined, refuse_torque
 from bowden.hardware.drives.driver import Driver
 from bowden.hardware.drives.families.ak_mit import (
     ROOM,
@@ -141,11 +141,10 @@ class AkDrive(Driver):
         Raises:
             DriveError: none, or one without an error code.
         """
-        drive, exits = self._drive, classic_frame(self._drive.node_id, EXIT)
+        drive = self._drive
         for _ in range(2):
-            data = bus.ask(
-                exits, drive.answer_timeout, lambda identifier, data: data if identifier == self._reply_id else None, 1
-            )
+            answered = lambda identifier, data: data if identifier == self._reply_id else None  # noqa: E731
+            data = bus.ask((drive.node_id, EXIT), drive.answer_timeout, answered, 1)
             if data is None:
                 continue
             reply = unpack_reply(data, self._model)
@@ -351,7 +350,7 @@ def probe(drive: AkParameters, links: Links) -> list[FoundDevice]:
                     do="end the other program first, or give devices of another protocol a bus of their own",
                 )
         for number in range(1, HIGHEST + 1):
-            send_now(port.bus, classic_frame(number, EXIT))
+            port.send_now(number, EXIT)
             port.wait_for(looked_at, BETWEEN)
         port.wait_for(looked_at, drive.answer_timeout)
     return [

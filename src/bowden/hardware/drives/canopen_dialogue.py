@@ -8,7 +8,7 @@ from canopen.sdo.exceptions import SdoAbortedError, SdoCommunicationError, SdoEr
 from bowden.core.errors import DriveError
 from bowden.hardware.buses.link import BusPort
 from bowden.hardware.drives import canopen_frames as frames
-from bowden.hardware.drives.checklist import Conversation, Said, classic_frame, send_now
+from bowden.hardware.drives.checklist import Conversation, Said
 
 NOT_THERE = (0x0602_0000, 0x0609_0011)
 """SDO abort codes: no such object, no such sub-index."""
@@ -94,7 +94,7 @@ class Dialogue:
         Raises:
             DriveError: no other device is on the bus.
         """
-        send_now(self.bus.port.bus, classic_frame(cob_id, data))
+        self.bus.port.send_now(cob_id, data)
 
     def answers(self) -> bool:
         """Whether the node answers at all; one that NMT has stopped, or that is not there, does not."""
@@ -126,7 +126,7 @@ class Dialogue:
             ours = not (data[0] ^ asked) & _TOGGLE if segment else data[1:4] == self._object
             return data if ours and data[0] & _SPECIFIER == kind else None
 
-        question = classic_frame(frames.SDO_REQUEST + self.number, request)
+        question = frames.SDO_REQUEST + self.number, request
         said = self.bus.ask(question, self._timeout, self._noted(answered), _TRIES)
         if said is None:
             self._abort(_TIMED_OUT)

@@ -9,7 +9,8 @@ from abc import ABC, abstractmethod
 from typing import Any, ClassVar
 
 from bowden.core.signals import DriveReading, DriveState
-from bowden.hardware.buses.link import BusPort, Frame, Links
+from bowden.hardware.buses.link import BusPort, Links
+from bowden.hardware.buses.opening import Frame
 from bowden.hardware.buses.unix_bus import ERROR, REMOTE
 from bowden.hardware.drives import canopen_frames as canopen
 from bowden.hardware.drives.checklist import Found

@@ -36,8 +36,8 @@ class MoteusDrive(Driver):
         self._answer = frames.identifier_of(drive.node_id, drive.host_id, drive.can_prefix)
         self._cycle = frames.CommandFrames(drive.joint_source)
         self._joint_turns = LimitedRange(1.0)
-        self._to_board = frames.identifier_of(drive.host_id, drive.node_id, drive.can_prefix, reply=True)
-        self._to_board |= EXTENDED * (self._to_board > frames.STANDARD_ID)
+        to_board = frames.identifier_of(drive.host_id, drive.node_id, drive.can_prefix, reply=True)
+        self._to_board = frames.flagged(to_board)
 
     def _find(self, port: BusPort) -> Found:
         return set_up(port, self._drive)

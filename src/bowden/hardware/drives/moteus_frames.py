@@ -24,6 +24,7 @@ from collections.abc import Iterator, Mapping
 from enum import IntEnum
 from typing import NamedTuple
 
+from bowden.hardware.buses.unix_bus import EXTENDED
 from bowden.hardware.drives.findings import finding_text
 
 REGISTER_MAP = 5
@@ -191,6 +192,11 @@ def identifier_of(source: int, destination: int, prefix: int = 0, *, reply: bool
     ('0x8001', '0x100', '0x1230100')
     """
     return prefix << 16 | (REPLY_WANTED if reply else 0) | source << 8 | destination
+
+
+def flagged(identifier: int) -> int:
+    """An identifier with the flag of `buses.unix_bus` where it is an extended one."""
+    return identifier | EXTENDED * (identifier > STANDARD_ID)
 
 
 def prefix_of(identifier: int) -> int:

@@ -9,12 +9,10 @@ Source of the names: mjbots/moteus, docs/reference/configuration.md and docs/pro
 import math
 from collections.abc import Mapping
 
-import can
-
 from bowden.core.errors import DriveError
 from bowden.core.signals import DriveState
 from bowden.hardware.buses.link import BusPort, Links
-from bowden.hardware.buses.opening import UNIX
+from bowden.hardware.buses.opening import UNIX, Frame
 from bowden.hardware.drives import moteus_frames as frames
 from bowden.hardware.drives.checklist import (
     LISTENING,
@@ -28,7 +26,6 @@ from bowden.hardware.drives.checklist import (
     is_about,
     joined,
     refuse_torque,
-    send_now,
 )
 from bowden.hardware.drives.families.moteus import MoteusParameters, joint_scale, motor_scale
 from bowden.hardware.drives.moteus_frames import MOST_TURNS, BoardMode, NumberKind, Register, fault_text
@@ -85,16 +82,10 @@ _STATES: Mapping[int, DriveState] = {
 """BoardMode → state. Any other mode with torque is one that we have not asked for: torque, but nothing is followed."""
 
 
-def message(drive: MoteusParameters, data: bytes, *, reply: bool) -> can.Message:
+def frame(drive: MoteusParameters, data: bytes, *, reply: bool) -> Frame:
     """A frame to the board."""
     identifier = frames.identifier_of(drive.host_id, drive.node_id, drive.can_prefix, reply=reply)
-    return can.Message(
-        arbitration_id=identifier,
-        is_extended_id=identifier > frames.STANDARD_ID,
-        is_fd=True,
-        bitrate_switch=True,
-        data=frames.padded(data),
-    )
+    return frames.flagged(identifier), frames.padded(data)
 
 
 def is_foreign(drive: MoteusParameters, identifier: int) -> bool:
@@ -132,7 +123,7 @@ class MoteusDialogue:
             kind = told[0] & 0xF0 if told and told[0] & 0xF0 == frames.REPLY else told[0] if told else -1
             return told if is_answer(self._drive, identifier) and kind in kinds else None
 
-        return self.bus.ask(message(self._drive, data, reply=True), self._drive.answer_timeout, answered, tries)
+        return self.bus.ask(frame(self._drive, data, reply=True), self._drive.answer_timeout, answered, tries)
 
     def ask(self, data: bytes, wanted: tuple[int, ...]) -> dict[int, float]:
         """Registers that a frame asks for.
@@ -185,7 +176,7 @@ class MoteusDialogue:
             self._drain()
             words = text.encode() + b"\n"
             order = bytes((frames.TO_DRIVE, frames.CHANNEL)) + frames.varuint(len(words)) + words
-            send_now(self.bus.port.bus, message(self._drive, order, reply=False))
+            self.bus.port.send_now(*frame(self._drive, order, reply=False))
             said = b""
             for _ in range(_MOST_POLLS):
                 part = self._poll()
@@ -446,6 +437,6 @@ def probe(drive: MoteusParameters, links: Links) -> list[FoundDevice]:
             if ours and Register.MODE in told and not failed and Register.MODEL in told:
                 found[node] = FoundDevice(node, "moteus board", _model(told), state_of(int(told[Register.MODE])).name)
 
-        send_now(port.bus, message(everybody, question, reply=True))
+        port.send_now(*frame(everybody, question, reply=True))
         bus.wait(drive.answer_timeout, looked_at)
     return [found[node] for node in sorted(found)]

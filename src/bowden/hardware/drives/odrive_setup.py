@@ -8,8 +8,6 @@ import math
 from collections.abc import Callable
 from typing import Any
 
-import can
-
 from bowden.core.errors import DriveError
 from bowden.core.signals import DriveState
 from bowden.hardware.buses.link import BusPort, Links
@@ -26,11 +24,9 @@ from bowden.hardware.drives.checklist import (
     Setting,
     check_limits,
     check_settings,
-    classic_frame,
     is_about,
     joined,
     refuse_torque,
-    send_now,
 )
 from bowden.hardware.drives.families.odrive import OdriveParameters, motor_scale
 from bowden.hardware.drives.limited_range import nearest
@@ -122,7 +118,7 @@ class OdriveDialogue:
         Raises:
             DriveError: no answer.
         """
-        question = classic_frame(identifier_of(self._drive.node_id, cmd), asks=8)
+        question = identifier_of(self._drive.node_id, cmd) | REMOTE, bytes(8)
         answered = self._matching(lambda told, data: unpack(cmd, data) if told == cmd else None)
         said = self.bus.ask(question, self._drive.answer_timeout, answered)
         if said is not None:
@@ -137,7 +133,7 @@ class OdriveDialogue:
         """Its serial number, bytes 1 to 6 of its frame Address; empty of a firmware that does not tell it."""
         address = identifier_of(self._drive.node_id, Cmd.ADDRESS)
         told = self.bus.ask(
-            classic_frame(address, asks=8),
+            (address | REMOTE, bytes(8)),
             self._drive.answer_timeout,
             lambda identifier, data: data if identifier == address and len(data) == 8 else None,
             tries=1,
@@ -146,10 +142,7 @@ class OdriveDialogue:
 
     def tell(self, cmd: Cmd, data: bytes) -> None:
         """An order."""
-        send_now(self.bus.port.bus, self._frame(cmd, data))
-
-    def _frame(self, cmd: Cmd, data: bytes) -> can.Message:
-        return classic_frame(identifier_of(self._drive.node_id, cmd), data)
+        self.bus.port.send_now(identifier_of(self._drive.node_id, cmd), data)
 
     def setting(self, name: str) -> float:
         """A value of the board's configuration.
@@ -163,7 +156,7 @@ class OdriveDialogue:
             answer = frames.unpack_sdo(data) if cmd == Cmd.TX_SDO else None
             return None if answer is None or answer[1] != endpoint.number else endpoint.unpack(answer[2])
 
-        question = self._frame(Cmd.RX_SDO, frames.pack_sdo(endpoint.number))
+        question = identifier_of(self._drive.node_id, Cmd.RX_SDO), frames.pack_sdo(endpoint.number)
         value = self.bus.ask(question, self._drive.answer_timeout, self._matching(answered))
         if value is not None:
             return value
@@ -396,7 +389,7 @@ def probe(drive: OdriveParameters, links: Links) -> list[FoundDevice]:
         bus = Conversation(port, drive.node_id, lambda identifier, data: False)  # other masters do not matter here
         bus.wait(LISTENING, looked_at)
         for node in sorted(beats):
-            send_now(port.bus, classic_frame(identifier_of(node, Cmd.GET_VERSION), asks=8))
+            port.send_now(identifier_of(node, Cmd.GET_VERSION) | REMOTE, bytes(8))
         bus.wait(drive.answer_timeout, looked_at)
     found = []
     for node, beat in sorted(beats.items()):

@@ -223,7 +223,7 @@ def family(
         ),
         address=lambda given: {"interface": given.interface, "channel": given.channel, "node": str(given.node_id)},
         control=control,
-        claim=lambda given: _named("buses.opening.claim")(given.interface, given.channel, "host").release,
+        claim=lambda given: _named("buses.opening.claim")(given.interface, given.channel, "host").close,
         watchdog=watchdog,
         most_push=lambda given, needs: most(given._replace(needs=needs)),
         measures_tension=rest.pop("measures_tension", lambda given: False),

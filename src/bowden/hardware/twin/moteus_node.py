@@ -12,7 +12,7 @@ from collections.abc import Callable, Mapping
 from typing import Any, ClassVar, NamedTuple
 
 from bowden.core.signals import DriveState
-from bowden.hardware.buses.unix_bus import EXTENDED, REMOTE
+from bowden.hardware.buses.unix_bus import REMOTE
 from bowden.hardware.drives import moteus_frames as frames
 from bowden.hardware.drives.families.moteus import MoteusParameters, joint_scale, motor_scale
 from bowden.hardware.drives.moteus_frames import (
@@ -229,12 +229,12 @@ class MoteusNode(TwinNode):
             return
         back = frames.identifier_of(self._drive.node_id, source & 0x7F, prefix)
         if reply[:1] == bytes((frames.FROM_DRIVE,)):
-            self._outbox.emit(_flagged(back), frames.padded(reply), now)
+            self._outbox.emit(frames.flagged(back), frames.padded(reply), now)
             return
-        self._outbox.emit_cyclic(_flagged(back), frames.padded(reply), now)
+        self._outbox.emit_cyclic(frames.flagged(back), frames.padded(reply), now)
         if self.faults.active("foreign_replies", now):
             other = frames.identifier_of(self._drive.node_id % 126 + 1, source & 0x7F, prefix)
-            self._outbox.emit_cyclic(_flagged(other), frames.padded(reply), now)
+            self._outbox.emit_cyclic(frames.flagged(other), frames.padded(reply), now)
 
     def _obey(self, data: bytes, now: float, *, answers: bool) -> bytes:
         """Take a frame's subframes in their order; the reply to them, as long as there is room for the next one."""
@@ -472,7 +472,3 @@ class MoteusNode(TwinNode):
 
 
 _SATURATED = frozenset({Register.VELOCITY, Register.TORQUE, Register.Q_CURRENT, Register.D_CURRENT, Register.VOLTAGE})
-
-
-def _flagged(identifier: int) -> int:
-    return identifier | (EXTENDED if identifier > frames.STANDARD_ID else 0)

@@ -15,9 +15,9 @@ from typing import Any
 import can
 
 from bowden.core.errors import BowdenError, DriveError, ParameterError
-from bowden.hardware.buses.opening import claim, open_bus
+from bowden.hardware.buses.opening import Frame, claim, open_bus, putter, received
 from bowden.hardware.buses.place import BusPlace
-from bowden.hardware.buses.unix_bus import ERROR, EXTENDED, REMOTE
+from bowden.hardware.buses.unix_bus import ERROR, REMOTE
 from bowden.hardware.twin.control import ControlServer, control_path
 from bowden.hardware.twin.faults import Faults
 from bowden.hardware.twin.injection import OF_CABLE, OF_LOAD_CELL, Injection, parse
@@ -62,7 +62,7 @@ class Twin:
             self._bus = open_bus(place, create=True)
             self._control = ControlServer(self.path)
         except BaseException:
-            self._claim.release()
+            self._claim.close()
             if self._bus is not None:
                 self._bus.shutdown()
             raise
@@ -110,7 +110,7 @@ class Twin:
             self._own_bus.shutdown()
             self._own_bus = None
         self._control.close()
-        self._claim.release()
+        self._claim.close()
 
     def _once(self) -> None:
         """Wait for a frame, at most one tick, and let everything have its time."""
@@ -119,14 +119,14 @@ class Twin:
             _pause()
         else:
             beside = self._beside if self._own_bus is None else None
-            for message in _waiting(self._bus, TICK):
-                if not message.is_error_frame and not self._node.faults.swallows(self._clock()):
+            for identifier, data in _waiting(self._bus, TICK):
+                if not identifier & ERROR and not self._node.faults.swallows(self._clock()):
                     for node in (self._node, beside) if beside is not None else (self._node,):
-                        node.receive(_flagged(message), bytes(message.data), self._clock())
+                        node.receive(identifier, data, self._clock())
         if self._own_bus is not None and self._beside is not None:
-            for message in _waiting(self._own_bus, 0.0):
-                if not (message.is_error_frame or message.is_remote_frame):
-                    self._beside.receive(_flagged(message), bytes(message.data), self._clock())
+            for identifier, data in _waiting(self._own_bus, 0.0):
+                if not identifier & (ERROR | REMOTE):
+                    self._beside.receive(identifier, data, self._clock())
         now = self._clock()
         self._longest_wait, self._ticked = max(self._longest_wait, now - self._ticked), now
         self._node.tick(now)
@@ -155,13 +155,13 @@ class Twin:
         """A frame of the device beside, on its own bus."""
         if self._own_bus is not None:
             with contextlib.suppress(can.CanError, OSError):
-                self._own_bus.send(message_of(cob_id, data))
+                putter(self._own_bus, fd=False)(cob_id, data)
 
     def _send(self, cob_id: int, data: bytes) -> None:
         if self._bus is None or self._node.faults.active("queue_full", self._clock()):
             return
         try:
-            self._bus.send(message_of(cob_id, data, fd=self._place.fd))
+            putter(self._bus, fd=self._place.fd)(cob_id, data)
         except (can.CanError, OSError):
             self._unsent += 1
 
@@ -236,36 +236,17 @@ class Twin:
         }
 
 
-def _waiting(bus: can.BusABC, timeout: float) -> Iterator[can.Message]:
+def _waiting(bus: can.BusABC, timeout: float) -> Iterator[Frame]:
     """The frames that are there, a tick's worth; the first of them is waited for, at most `timeout` [s]."""
     for _ in range(64):
         try:
-            message = bus.recv(timeout)
+            frame = received(bus, timeout)
         except (can.CanError, OSError):
             return
-        if message is None:
+        if frame is None:
             return
-        yield message
+        yield frame
         timeout = 0.0
-
-
-def _flagged(message: can.Message) -> int:
-    """Its identifier, with the flags of `buses.unix_bus`."""
-    return message.arbitration_id | EXTENDED * message.is_extended_id | REMOTE * message.is_remote_frame
-
-
-def message_of(identifier: int, data: bytes, *, fd: bool = False) -> can.Message:
-    """A frame of an identifier with the flags of `buses.unix_bus`; of CAN-FD with its data at the higher bit rate."""
-    fd = fd and not identifier & ERROR
-    return can.Message(
-        arbitration_id=identifier & 0x1FFF_FFFF,
-        data=data,
-        is_extended_id=bool(identifier & EXTENDED),
-        is_remote_frame=bool(identifier & REMOTE),
-        is_error_frame=bool(identifier & ERROR),
-        is_fd=fd,
-        bitrate_switch=fd,
-    )
 
 
 def raise_priority() -> bool:
