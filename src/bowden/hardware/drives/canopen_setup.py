@@ -12,7 +12,7 @@ from bowden.core.signals import DriveState
 from bowden.hardware.buses.link import BusPort, Links
 from bowden.hardware.buses.opening import UNIX
 from bowden.hardware.drives import canopen_frames as frames
-from bowden.hardware.drives.canopen_dialogue import Dialogue
+from bowden.hardware.drives.canopen_dialogue import NO_REMOTE, Dialogue
 from bowden.hardware.drives.checklist import DriveLimit, Found, check_limits, joined, refuse_torque
 from bowden.hardware.drives.cia402 import CYCLIC_SYNCHRONOUS_POSITION, WITH_TORQUE, Controlword, decode
 from bowden.hardware.drives.emergencies import HEARTBEAT_LOST, emergency_text
@@ -29,12 +29,6 @@ DISABLE = 0
 """605Eh fault reaction, 605Bh shutdown, 605Ch disable operation: torque off at once."""
 SLOW_DOWN_AND_DISABLE = 2
 """605Ah, quick stop option code: down the quick stop ramp, then torque off."""
-PDO_OFF = 0x8000_0000
-NO_REMOTE = 0x4000_0000
-"""Bits of a PDO's COB-ID."""
-COB_ID_BITS = PDO_OFF | 0x7FF
-SYNCHRONOUS = 1
-"""Transmission type: at every SYNC."""
 RPM = 2.0 * math.pi / 60.0
 """rad/s in one turn a minute, the unit of 607Fh and 6080h unless 60A9h has a power of ten of it."""
 TURNS_A_MINUTE = 0xB44700
@@ -335,16 +329,13 @@ def _configure(node: Dialogue, drive: DriveParameters) -> None:
     node.write(0x605A, 0, SLOW_DOWN_AND_DISABLE, 2)
     for index in (0x605B, 0x605C, 0x605E):
         node.write(index, 0, DISABLE, 2)
-    for index in (0x1401, 0x1402, 0x1403, 0x1802, 0x1803):
-        cob_id = node.read_if_there(index, 1)
-        if cob_id is not None and not cob_id & PDO_OFF:
-            node.write(index, 1, cob_id | PDO_OFF, 4, COB_ID_BITS)
+    node.switch_off((0x1401, 0x1402, 0x1403, 0x1802, 0x1803))
     _map_orders(node, drive)
-    _map(node, 0x1800, NO_REMOTE | frames.TPDO1 + drive.node_id, frames.TPDO1_MAPPING)
+    node.map_pdo(0x1800, NO_REMOTE | frames.TPDO1 + drive.node_id, frames.TPDO1_MAPPING)
     try:
-        _map(node, 0x1801, NO_REMOTE | frames.TPDO2 + drive.node_id, frames.TPDO2_MAPPING)
+        node.map_pdo(0x1801, NO_REMOTE | frames.TPDO2 + drive.node_id, frames.TPDO2_MAPPING)
     except DriveError:  # older EPOS4 cannot map 3201h, the power stage's temperature
-        _map(node, 0x1801, NO_REMOTE | frames.TPDO2 + drive.node_id, frames.TPDO2_MAPPING[:2])
+        node.map_pdo(0x1801, NO_REMOTE | frames.TPDO2 + drive.node_id, frames.TPDO2_MAPPING[:2])
     _map_inputs(node, drive)
     _release_brake(node, drive)
     node.write(0x1017, 0, round(1e3 * drive.drive_heartbeat_time), 2)
@@ -380,11 +371,11 @@ def _map_orders(node: Dialogue, drive: DriveParameters) -> None:
     if drive.needs.torque_offset == 0.0:
         if node.read_if_there(0x60B2):
             node.write(0x60B2, 0, 0, 2)
-        _map(node, 0x1400, cob_id, frames.RPDO1_MAPPING)
+        node.map_pdo(0x1400, cob_id, frames.RPDO1_MAPPING)
         return
     said = f"{node.name} takes no torque offset beside its target"
     with _wanted(said, "a drive that maps object 60B2h", "set suit.friction_feedforward_nm to 0"):
-        _map(node, 0x1400, cob_id, (*frames.RPDO1_MAPPING, frames.TORQUE_OFFSET))
+        node.map_pdo(0x1400, cob_id, (*frames.RPDO1_MAPPING, frames.TORQUE_OFFSET))
 
 
 def _map_inputs(node: Dialogue, drive: DriveParameters) -> None:
@@ -393,7 +384,7 @@ def _map_inputs(node: Dialogue, drive: DriveParameters) -> None:
         return
     said = f"{node.name} does not send its digital inputs in every cycle"
     with _wanted(said, "a drive that maps object 60FDh", "set drive.emergency_stop_input to -1"):
-        _map(node, 0x1802, NO_REMOTE | frames.TPDO3 + drive.node_id, frames.TPDO3_MAPPING)
+        node.map_pdo(0x1802, NO_REMOTE | frames.TPDO3 + drive.node_id, frames.TPDO3_MAPPING)
 
 
 @contextlib.contextmanager
@@ -404,17 +395,6 @@ def _wanted(said: str, expected: str, do: str) -> Iterator[None]:
     except DriveError as error:
         do = f"{do}, or take another drive or firmware"
         raise DriveError(f"{said}: {error.what}", expected=expected, do=do) from error
-
-
-def _map(node: Dialogue, index: int, cob_id: int, objects: tuple[int, ...]) -> None:
-    """One PDO, in the order that CiA 301 prescribes: off, type, mapping from none to all, on."""
-    node.write(index, 1, cob_id | PDO_OFF, 4, COB_ID_BITS)
-    node.write(index, 2, SYNCHRONOUS, 1)
-    node.write(index + 0x200, 0, 0, 1)
-    for sub, entry in enumerate(objects, 1):
-        node.write(index + 0x200, sub, entry, 4)
-    node.write(index + 0x200, 0, len(objects), 1)
-    node.write(index, 1, cob_id, 4, COB_ID_BITS)
 
 
 def serial_of(node: Dialogue) -> str:

@@ -129,6 +129,11 @@ class Conversation:
         return None
 
 
+def data_of(wanted: int) -> Callable[[int, bytes], bytes | None]:
+    """What a frame of one identifier says, for `Conversation.ask`."""
+    return lambda identifier, data: data if identifier == wanted else None
+
+
 @contextlib.contextmanager
 def joined(bus: BusPlace, node: int, links: Links) -> Iterator[BusPort]:
     """A bus while somebody looks at who is on it.

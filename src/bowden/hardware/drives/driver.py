@@ -15,7 +15,7 @@ from bowden.hardware.buses.unix_bus import ERROR, REMOTE
 from bowden.hardware.drives import canopen_frames as canopen
 from bowden.hardware.drives.checklist import Found
 from bowden.hardware.drives.findings import INERT, LOST_TURNS, LagWatch
-from bowden.hardware.drives.joint_encoder import JointEncoder, joint_encoder_of
+from bowden.hardware.drives.joint_encoder import JointEncoder, has_encoder
 from bowden.hardware.drives.limited_range import TurnCount
 from bowden.hardware.drives.on_can import place, require
 from bowden.hardware.drives.readings import Readings
@@ -52,8 +52,7 @@ class Driver(ABC):
     def __init__(self, parameters: Any, links: Links | None = None) -> None:
         require(parameters)
         drive = self._drive = parameters
-        joint = joint_encoder_of(drive)
-        self._encoder = None if joint is None else JointEncoder(joint, drive.answer_timeout)
+        self._encoder = JointEncoder(drive) if has_encoder(drive) else None
         self._syncs_encoder = self._encoder is not None and self._encoder.synced
         self._place, self._node, self._links = place(drive), f"node {drive.node_id}", links or Links()
         self._port: BusPort | None = None

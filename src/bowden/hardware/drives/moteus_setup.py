@@ -125,12 +125,13 @@ class MoteusDialogue:
 
         return self.bus.ask(frame(self._drive, data, reply=True), self._drive.answer_timeout, answered, tries)
 
-    def ask(self, data: bytes, wanted: tuple[int, ...]) -> dict[int, float]:
-        """Registers that a frame asks for.
+    def ask(self, *asked: tuple[NumberKind, int, int], before: bytes = b"") -> dict[int, float]:
+        """Registers, each of a type, from one on, so many; asked for in one frame, after what is written `before`.
 
         Raises:
             DriveError: no answer, or the board does not have one of them.
         """
+        data = before + b"".join(frames.subframe(frames.READ, *one) for one in asked)
         for _ in range(TRIES):
             answer = self._ask(data, (frames.REPLY, frames.READ_ERROR), 1)
             if answer is None:
@@ -142,7 +143,7 @@ class MoteusDialogue:
                     expected=f"the registers of map version {frames.REGISTER_MAP}",
                     do="load a later firmware with moteus_tool",
                 )
-            if all(register in found for register in wanted):
+            if all(register + i in found for _, register, count in asked for i in range(count)):
                 return found
         raise DriveError(
             f"no moteus board answers as {self.name}",
@@ -241,9 +242,7 @@ def set_up(port: BusPort, drive: MoteusParameters) -> Found:
 
 def _check_version(board: MoteusDialogue) -> tuple[str, str]:
     """Who it is, and its serial number."""
-    wanted = (Register.MODEL, Register.FIRMWARE, Register.REGISTER_MAP)
-    first = board.ask(frames.subframe(frames.READ, NumberKind.INT32, Register.MODEL, 3), wanted)
-    serial = board.ask(frames.subframe(frames.READ, NumberKind.INT32, Register.SERIAL_1, 3), (Register.SERIAL_3,))
+    first, serial = (board.ask((NumberKind.INT32, at, 3)) for at in (Register.MODEL, Register.SERIAL_1))
     version = int(first[Register.REGISTER_MAP])
     if version != frames.REGISTER_MAP:
         raise DriveError(
@@ -264,19 +263,14 @@ def _model(told: dict[int, float]) -> str:
 
 def _check_without_torque(board: MoteusDialogue, drive: MoteusParameters) -> dict[int, float]:
     """Whoever finds the motor under torque must not touch it."""
-    source = frames.SOURCES[drive.joint_source]
     seen = board.ask(
-        frames.subframe(frames.READ, NumberKind.INT8, Register.MODE, 1)
-        + frames.subframe(frames.READ, NumberKind.FLOAT, Register.POSITION, 1)
-        + frames.subframe(frames.READ, NumberKind.INT8, Register.HOME_STATE, 1)
-        + frames.subframe(frames.READ, NumberKind.FLOAT, Register.VOLTAGE, 2)
-        + frames.subframe(frames.READ, NumberKind.INT8, Register.FAULT, 1)
-        + frames.subframe(frames.READ, NumberKind.FLOAT, source, 1)
-        + frames.subframe(frames.READ, NumberKind.INT8, Register.ENCODER_VALIDITY, 1),
-        (
-            *(Register.MODE, Register.POSITION, Register.HOME_STATE, Register.VOLTAGE, Register.FAULT),
-            *(source, Register.ENCODER_VALIDITY),
-        ),
+        (NumberKind.INT8, Register.MODE, 1),
+        (NumberKind.FLOAT, Register.POSITION, 1),
+        (NumberKind.INT8, Register.HOME_STATE, 1),
+        (NumberKind.FLOAT, Register.VOLTAGE, 2),
+        (NumberKind.INT8, Register.FAULT, 1),
+        (NumberKind.FLOAT, frames.SOURCES[drive.joint_source], 1),
+        (NumberKind.INT8, Register.ENCODER_VALIDITY, 1),
     )
     mode = int(seen[Register.MODE])
     if mode not in WITHOUT_TORQUE:
@@ -399,11 +393,9 @@ def _or(limit: float, none: float) -> float:
 
 def _check_watchdog(board: MoteusDialogue, drive: MoteusParameters) -> None:
     """The time of the watchdog as a command will have it, written without a command and read back."""
-    found = board.ask(
-        frames.values(frames.WRITE, NumberKind.FLOAT, Register.COMMAND_TIMEOUT, drive.watchdog)
-        + frames.subframe(frames.READ, NumberKind.FLOAT, Register.COMMAND_TIMEOUT, 1),
-        (Register.COMMAND_TIMEOUT,),
-    )[Register.COMMAND_TIMEOUT]
+    timeout = Register.COMMAND_TIMEOUT
+    written = frames.values(frames.WRITE, NumberKind.FLOAT, timeout, drive.watchdog)
+    found = board.ask((NumberKind.FLOAT, timeout, 1), before=written)[timeout]
     if not abs(found - drive.watchdog) <= SAME_TIME:
         raise DriveError(
             f"{board.name} has a watchdog of {found:g} s after {drive.watchdog:g} s were written (register 027h)",

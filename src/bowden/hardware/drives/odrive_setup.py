@@ -5,7 +5,7 @@ is saved. The watchdog is the owner's to set; it is read, and then tried by sayi
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from bowden.core.errors import DriveError
@@ -166,6 +166,18 @@ class OdriveDialogue:
             do="check that drive.endpoints names the list of its firmware",
         )
 
+    def set(self, cmd: Cmd, values: Mapping[str, float]) -> None:
+        """Settings that are the fields of a command, and read back.
+
+        Raises:
+            DriveError: one has another value afterwards.
+        """
+        self.tell(cmd, frames.pack(cmd, *values.values()))
+        for name, value in values.items():
+            found = self.setting(name)
+            if not abs(found - value) <= SAME * abs(value):
+                raise DriveError(f"{self.name} has {name} {found:g} after {value:g} was written", expected=f"{value:g}")
+
 
 def set_up(port: BusPort, drive: OdriveParameters, endpoints: Endpoints) -> Found:
     """Find, check and configure the board; it has no torque before, meanwhile and after.
@@ -198,7 +210,8 @@ def set_up(port: BusPort, drive: OdriveParameters, endpoints: Endpoints) -> Foun
     motor = motor_scale(drive, _turns_at_home(board, drive))
     limits = motor_limits(drive, motor)
     _check_range(board, limits)
-    _set_modes(board)
+    modes = {settings.CONTROL_MODE: frames.POSITION_CONTROL, settings.INPUT_MODE: frames.PASSTHROUGH}
+    board.set(Cmd.SET_CONTROLLER_MODE, modes)
     _set_limits(board, limits)
     tried = not failed and _try_watchdog(board, drive)
     board.bus.check_alone()
@@ -313,15 +326,6 @@ def _check_range(board: OdriveDialogue, limits: MotorLimits) -> None:
             )
 
 
-def _set_modes(board: OdriveDialogue) -> None:
-    modes = frames.POSITION_CONTROL, frames.PASSTHROUGH
-    board.tell(Cmd.SET_CONTROLLER_MODE, frames.pack(Cmd.SET_CONTROLLER_MODE, *modes))
-    for name, value in zip((settings.CONTROL_MODE, settings.INPUT_MODE), modes, strict=True):
-        found = board.setting(name)
-        if found != value:
-            raise DriveError(f"{board.name} has {name} {found:g} after {value} was written", expected=f"{value}")
-
-
 def _set_limits(board: OdriveDialogue, limits: MotorLimits) -> None:
     """The rig's limits, which the board keeps from here on; its own must not be narrower."""
     own = [board.setting(name) for name in (settings.VELOCITY_LIMIT, settings.CURRENT_LIMIT)]
@@ -333,15 +337,8 @@ def _set_limits(board: OdriveDialogue, limits: MotorLimits) -> None:
         ),
         again,
     )
-    kept = (
-        (settings.VELOCITY_LIMIT, min(limits.speed, own[0])),
-        (settings.CURRENT_LIMIT, min(limits.current, own[1])),
-    )
-    board.tell(Cmd.SET_LIMITS, frames.pack(Cmd.SET_LIMITS, *(value for _, value in kept)))
-    for name, value in kept:
-        found = board.setting(name)
-        if not abs(found - value) <= SAME * abs(value):
-            raise DriveError(f"{board.name} has {name} {found:g} after {value:g} was written", expected=f"{value:g}")
+    kept = (min(limits.speed, own[0]), min(limits.current, own[1]))
+    board.set(Cmd.SET_LIMITS, dict(zip((settings.VELOCITY_LIMIT, settings.CURRENT_LIMIT), kept, strict=True)))
 
 
 def _try_watchdog(board: OdriveDialogue, drive: OdriveParameters) -> bool:

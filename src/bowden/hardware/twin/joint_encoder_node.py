@@ -6,14 +6,15 @@ are the injections of the joint's encoder, and `joint_silence`.
 
 import math
 from collections.abc import Callable
+from typing import Any
 
 from bowden.hardware.drives import canopen_frames as frames
-from bowden.hardware.drives.joint_encoder import BY_TIMER, JointEncoderParameters
+from bowden.hardware.drives.joint_encoder import BY_TIMER
 from bowden.hardware.drives.scale import Scale
 from bowden.hardware.twin.faults import NO_NUMBER, Faults
-from bowden.hardware.twin.objects import Entry, Key, Objects, overridden
+from bowden.hardware.twin.objects import Entry, Key, Objects, identity, overridden
 from bowden.hardware.twin.outbox import Send
-from bowden.hardware.twin.sensor_node import SensorNode, identity
+from bowden.hardware.twin.sensor_node import SensorNode
 
 DEVICE_TYPE = 0x0002_0196
 """Profile 406, a multi-turn absolute rotary encoder."""
@@ -25,7 +26,7 @@ class JointEncoderNode(SensorNode):
     """The device.
 
     Args:
-        given: number, resolution and direction, as the rig has them.
+        drive: beside which it is, whose parameters have its number, resolution and direction.
         joint: what it measures [rad].
         faults: those of the drive's twin, of which those of the joint are its own.
         send: puts a frame on the bus.
@@ -34,20 +35,20 @@ class JointEncoderNode(SensorNode):
 
     def __init__(
         self,
-        given: JointEncoderParameters,
+        drive: Any,
         joint: Callable[[], float],
         faults: Faults,
         send: Send,
         overrides: dict[Key, int | None] | None = None,
     ) -> None:
         self._joint = joint
-        counts = int(given.counts_per_turn)
+        counts, node = int(drive.joint_counts_per_turn), drive.joint_node_id
         self._range = counts * REVOLUTIONS
-        step = given.direction * 2.0 * math.pi / given.counts_per_turn
-        self._scale = Scale(step, 0.0 if given.here else given.home)
-        entries = overridden(_dictionary(given, counts, self._range), overrides or {})
+        step = drive.joint_direction * 2.0 * math.pi / drive.joint_counts_per_turn
+        self._scale = Scale(step, 0.0 if drive.home == "here" else drive.joint_home)
+        entries = overridden(_dictionary(node, counts, self._range), overrides or {})
         objects = Objects(entries, lambda key, value: None, {(0x6004, 0): self._position})
-        super().__init__(given.node_id, "joint_silence", faults, send, objects)
+        super().__init__(node, "joint_silence", faults, send, objects)
 
     def _timer(self) -> float:
         return 1e-3 * self._objects[0x6200, 0] if self._objects[0x1800, 2] >= BY_TIMER else 0.0
@@ -61,9 +62,8 @@ class JointEncoderNode(SensorNode):
         return math.floor(self._scale.counts(self._joint()) + 0.5) % self._range
 
 
-def _dictionary(given: JointEncoderParameters, counts: int, span: int) -> dict[Key, Entry]:
+def _dictionary(node: int, counts: int, span: int) -> dict[Key, Entry]:
     """The objects of an absolute multi-turn encoder after power-up."""
-    node = given.node_id
     objects = identity(node, DEVICE_TYPE, b"bowden joint encoder twin") | {
         (0x6000, 0): Entry(2, 0, writable=True),
         (0x6001, 0): Entry(4, counts, writable=True),

@@ -21,10 +21,10 @@ from bowden.hardware.drives.load_cell import (
     VALUE_32,
 )
 from bowden.hardware.twin.faults import Faults
-from bowden.hardware.twin.objects import Entry, Key, Objects, overridden
+from bowden.hardware.twin.objects import Entry, Key, Objects, identity, overridden
 from bowden.hardware.twin.outbox import Send
 from bowden.hardware.twin.plant import TwinPlant, torque_on_joint
-from bowden.hardware.twin.sensor_node import SensorNode, identity
+from bowden.hardware.twin.sensor_node import SensorNode
 from bowden.rig.load_cell import LoadCellParameters
 
 DEVICE_TYPE = 0x0002_0194

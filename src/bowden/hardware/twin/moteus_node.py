@@ -15,17 +15,7 @@ from bowden.core.signals import DriveState
 from bowden.hardware.buses.unix_bus import REMOTE
 from bowden.hardware.drives import moteus_frames as frames
 from bowden.hardware.drives.families.moteus import MoteusParameters, joint_scale, motor_scale
-from bowden.hardware.drives.moteus_frames import (
-    FIRST_FAULT,
-    FIRST_LIMIT,
-    BoardMode,
-    ConsoleBytes,
-    Failed,
-    NumberKind,
-    Register,
-    RegistersAsked,
-    RegisterWritten,
-)
+from bowden.hardware.drives.moteus_frames import BoardMode, NumberKind, Register
 from bowden.hardware.drives.moteus_setup import HOMED, state_of
 from bowden.hardware.drives.scale import Scale, SuitScale
 from bowden.hardware.twin.faults import NO_NUMBER
@@ -51,13 +41,7 @@ COMMANDS: Mapping[int, float] = {
     Register.COMMAND_KP_SCALE: 1.0,
     Register.COMMAND_KD_SCALE: 1.0,
     Register.COMMAND_MAX_TORQUE: math.nan,
-    Register.COMMAND_STOP_POSITION: math.nan,
     Register.COMMAND_TIMEOUT: 0.0,
-    Register.COMMAND_VELOCITY_LIMIT: math.nan,
-    Register.COMMAND_ACCELERATION_LIMIT: math.nan,
-    Register.COMMAND_FIXED_VOLTAGE: math.nan,
-    Register.COMMAND_ILIMIT_SCALE: 1.0,
-    Register.COMMAND_FIXED_CURRENT: math.nan,
     Register.COMMAND_IGNORE_BOUNDS: 0.0,
 }
 """Registers of a command → what holds where they are not written."""
@@ -242,21 +226,21 @@ class MoteusNode(TwinNode):
         for _, one in frames.subframes(data):
             if answers and LARGEST_REPLY - len(reply) < RESERVE:
                 break
-            if isinstance(one, RegisterWritten):
+            if isinstance(one, frames.RegisterWritten):
                 error = self._write(one.register, one.value)
                 if error and answers:
                     reply += bytes((frames.WRITE_ERROR,)) + frames.varuint(one.register) + bytes((error,))
-            elif isinstance(one, RegistersAsked) and answers:
+            elif isinstance(one, frames.RegistersAsked) and answers:
                 found = self._answer(one, LARGEST_REPLY - len(reply), now)
-                if isinstance(found, Failed):
+                if isinstance(found, frames.Failed):
                     reply += bytes((frames.READ_ERROR,)) + frames.varuint(found.register) + bytes((found.error,))
                     break  # the rest of a frame with such an error is not looked at
                 reply += found
-            elif isinstance(one, ConsoleBytes) and not self._talk(one, reply, answers=answers):
+            elif isinstance(one, frames.ConsoleBytes) and not self._talk(one, reply, answers=answers):
                 break
         return bytes(reply)
 
-    def _talk(self, one: ConsoleBytes, reply: bytearray, *, answers: bool) -> bool:
+    def _talk(self, one: frames.ConsoleBytes, reply: bytearray, *, answers: bool) -> bool:
         """The diagnostic channel; whether there is such a one."""
         if one.channel != frames.CHANNEL or one.kind == frames.FROM_DRIVE:
             return False
@@ -268,7 +252,7 @@ class MoteusNode(TwinNode):
             reply += bytes((frames.FROM_DRIVE, frames.CHANNEL)) + frames.varuint(len(said)) + said
         return True
 
-    def _answer(self, asked: RegistersAsked, room: int, now: float) -> bytes | Failed:
+    def _answer(self, asked: frames.RegistersAsked, room: int, now: float) -> bytes | frames.Failed:
         """The reply to a question for registers, in the type asked for, or which of them there is not."""
         size = (1, 2, 4, 4)[asked.kind]
         head = frames.subframe(frames.REPLY, asked.kind, asked.register, asked.amount)
@@ -276,12 +260,12 @@ class MoteusNode(TwinNode):
             head = bytes((frames.REPLY | asked.kind << 2,)) + frames.varuint(asked.amount)
             head += frames.varuint(asked.register)
         if len(head) + asked.amount * size > room:
-            return Failed(asked.register, frames.NOT_WRITEABLE)
+            return frames.Failed(asked.register, frames.NOT_WRITEABLE)
         found = b""
         for register in range(asked.register, asked.register + asked.amount):
             value = self._read(register, asked.kind, now)
             if value is None:
-                return Failed(register, frames.UNKNOWN_REGISTER)
+                return frames.Failed(register, frames.UNKNOWN_REGISTER)
             found += frames.values(0, asked.kind, register, value)[1 + len(frames.varuint(register)) :]
         return head + found
 
@@ -324,27 +308,14 @@ class MoteusNode(TwinNode):
             Register.VELOCITY: self._velocity(),
             Register.TORQUE: shown.current * drive.needs.torque_constant / drive.output_ratio,
             Register.Q_CURRENT: shown.current,
-            Register.D_CURRENT: 0.0,
-            Register.ABS_POSITION: sources[1],
-            Register.POWER: SUPPLY * abs(shown.current) * 0.1,
             Register.MOTOR_TEMPERATURE: math.nan,
-            Register.TRAJECTORY_COMPLETE: 1.0,
             Register.HOME_STATE: float(HOMED),
             Register.VOLTAGE: SUPPLY,
             Register.TEMPERATURE: bench.temperature,
             Register.FAULT: float(self.fault),
-            Register.CONTROL_POSITION: self._control(now),
-            Register.CONTROL_VELOCITY: self._command[Register.COMMAND_VELOCITY],
-            Register.CONTROL_TORQUE: shown.current * drive.needs.torque_constant / drive.output_ratio,
-            Register.POSITION_ERROR: shown.motor - self._control(now),
-            Register.ENCODER_0_POSITION: (shown.motor / drive.output_ratio) % 1.0,
-            Register.ENCODER_0_VELOCITY: 0.0,
             Register.ENCODER_1_POSITION: sources[1],
-            Register.ENCODER_1_VELOCITY: 0.0,
             Register.ENCODER_2_POSITION: sources[2],
-            Register.ENCODER_2_VELOCITY: 0.0,
             Register.ENCODER_VALIDITY: float(0b11 | (0b11 << 2 * drive.joint_source if valid else 0)),
-            Register.MILLISECONDS: float(int(1e3 * now) & 0x7FFF_FFFF) if math.isfinite(now) else 0.0,
             Register.MODEL: float(MODEL),
             Register.FIRMWARE: float(FIRMWARE),
             Register.REGISTER_MAP: float(frames.REGISTER_MAP),
@@ -423,7 +394,7 @@ class MoteusNode(TwinNode):
         self._enter(BoardMode.STOPPED, now)
 
     def _code_of(self, amount: int) -> int:
-        return amount if FIRST_FAULT <= amount < FIRST_LIMIT else DRIVER_FAULT
+        return amount if frames.FIRST_FAULT <= amount < frames.FIRST_LIMIT else DRIVER_FAULT
 
     def _doing(self, now: float) -> Doing:
         """What the motor does in this mode."""
@@ -471,4 +442,4 @@ class MoteusNode(TwinNode):
             self._fail(OVER_TEMPERATURE, now)
 
 
-_SATURATED = frozenset({Register.VELOCITY, Register.TORQUE, Register.Q_CURRENT, Register.D_CURRENT, Register.VOLTAGE})
+_SATURATED = frozenset({Register.VELOCITY, Register.TORQUE, Register.Q_CURRENT, Register.VOLTAGE})

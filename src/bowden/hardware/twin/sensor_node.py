@@ -7,7 +7,7 @@ import math
 
 from bowden.hardware.drives import canopen_frames as frames
 from bowden.hardware.twin.faults import Faults
-from bowden.hardware.twin.objects import Entry, Key, Objects, SdoServer
+from bowden.hardware.twin.objects import Objects, SdoAnswers
 from bowden.hardware.twin.outbox import Outbox, Send
 
 
@@ -25,7 +25,7 @@ class SensorNode:
     def __init__(self, node_id: int, silence: str, faults: Faults, send: Send, objects: Objects) -> None:
         self._node, self._silence, self._faults = node_id, silence, faults
         self._outbox = Outbox(send, faults)
-        self._objects, self._sdo = objects, SdoServer(objects)
+        self._objects, self._sdo = objects, SdoAnswers(objects)
         self.nmt = frames.PRE_OPERATIONAL
         self._next_heartbeat = self._next_reading = -math.inf
         self._booted = False
@@ -85,17 +85,3 @@ class SensorNode:
         self.nmt = frames.STATE_AFTER.get(order, self.nmt)
         if order in (frames.NMT_RESET_NODE, frames.NMT_RESET_COMMUNICATION):
             self.nmt, self._booted = frames.PRE_OPERATIONAL, False
-
-
-def identity(node_id: int, device_type: int, name: bytes) -> dict[Key, Entry]:
-    """The objects by which a device says who it is, and its heartbeat's period, after power-up."""
-    return {
-        (0x1000, 0): Entry(4, device_type),
-        (0x1001, 0): Entry(1, 0),
-        (0x1005, 0): Entry(4, frames.SYNC),
-        (0x1008, 0): Entry(0, name),
-        (0x1014, 0): Entry(4, frames.EMERGENCY + node_id),
-        (0x1017, 0): Entry(2, 0, writable=True),
-        (0x1018, 0): Entry(1, 1),
-        (0x1018, 1): Entry(4, 0),
-    }

@@ -14,16 +14,17 @@ from typing import Any
 
 import can
 
-from bowden.core.errors import BowdenError, DriveError, ParameterError
+from bowden.core.errors import DriveError, ParameterError
 from bowden.hardware.buses.opening import Frame, claim, open_bus, putter, received
 from bowden.hardware.buses.place import BusPlace
 from bowden.hardware.buses.unix_bus import ERROR, REMOTE
 from bowden.hardware.twin.control import ControlServer, control_path
 from bowden.hardware.twin.faults import Faults
 from bowden.hardware.twin.injection import OF_CABLE, OF_LOAD_CELL, Injection, parse
-from bowden.hardware.twin.node import BesideNode, Journal, TwinNode
+from bowden.hardware.twin.node import Journal, TwinNode
 from bowden.hardware.twin.outbox import Send
 from bowden.hardware.twin.plant import TwinPlant
+from bowden.hardware.twin.sensor_node import SensorNode
 
 TICK = 1e-3
 """Longest wait [s]."""
@@ -68,13 +69,13 @@ class Twin:
             raise
         self._journal: deque[tuple[float, str, str]] = deque(maxlen=20_000)
         self._node = make_node(self._send, self._note)
-        self._beside: BesideNode | None = None
+        self._beside: SensorNode | None = None
         self._own_bus: can.BusABC | None = None
         self._unsent, self._longest_wait, self._ticked = 0, 0.0, clock()
         self._began, self._began_cpu = clock(), _cpu_time()
         self._stopping = False
 
-    def attach(self, make: Callable[[TwinPlant, Faults, Send], BesideNode], place: BusPlace | None = None) -> None:
+    def attach(self, make: Callable[[TwinPlant, Faults, Send], SensorNode], place: BusPlace | None = None) -> None:
         """Put a device beside the drive, with the same plant and faults.
 
         Args:
@@ -132,12 +133,7 @@ class Twin:
         self._node.tick(now)
         if self._beside is not None:
             self._beside.tick(now)
-        for caller, request in self._control.requests():
-            try:
-                answer = self._answer(request, self._clock())
-            except (BowdenError, TypeError, ValueError) as error:
-                answer = {"error": str(error)}
-            self._control.answer(caller, answer)
+        self._control.answer(lambda request: self._answer(request, self._clock()))
 
     def _join_or_leave(self, now: float) -> None:
         """A controller that is bus-off neither receives nor acknowledges: it is not there."""
