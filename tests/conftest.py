@@ -51,7 +51,7 @@ def little_listening(monkeypatch: pytest.MonkeyPatch) -> None:
 def lsl() -> Any:
     """The library of LSL, where it loads and streams are found on this machine."""
     from bowden.core.errors import StreamError
-    from bowden.hardware.emg.lsl_library import library
+    from bowden.hardware.emg.lsl_info import library
     from bowden.hardware.emg.lsl_outlet import LslOutlet
 
     name = f"probe-{os.getpid()}"

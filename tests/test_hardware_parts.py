@@ -10,14 +10,14 @@ from bowden.core.errors import DriveError, ParameterError
 from bowden.core.signals import DriveState
 from bowden.hardware.drives import canopen_frames as frames
 from bowden.hardware.drives.canopen_sensor import MOST_SILENCE
+from bowden.hardware.drives.driver import Readings
 from bowden.hardware.drives.families.odrive import OdriveParameters
 from bowden.hardware.drives.findings import INERT, InertWatch
 from bowden.hardware.drives.joint_encoder import JointEncoder, check_beside
-from bowden.hardware.drives.limited_range import LimitedRange, nearest
-from bowden.hardware.drives.readings import Readings
+from bowden.hardware.drives.scale import LimitedRange, nearest
 from bowden.hardware.twin.faults import Faults
 from bowden.hardware.twin.injection import KINDS, parse
-from bowden.hardware.twin.joint_encoder_node import JointEncoderNode
+from bowden.hardware.twin.sensor_node import JointEncoderNode
 from support.memory_bus import MemoryBus
 
 ENABLED, DISABLED = DriveState.OPERATION_ENABLED, DriveState.SWITCH_ON_DISABLED

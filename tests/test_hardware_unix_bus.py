@@ -15,8 +15,8 @@ import pytest
 from bowden.core.errors import DriveError
 from bowden.hardware.buses import opening
 from bowden.hardware.buses.opening import claim, open_bus
-from bowden.hardware.buses.place import BusPlace
-from bowden.hardware.buses.unix_bus import ERROR, EXTENDED, REMOTE, UnixBus, bus_folder
+from bowden.hardware.buses.place import ERROR, EXTENDED, REMOTE, BusPlace
+from bowden.hardware.buses.unix_bus import UnixBus, bus_folder
 
 
 def frame(cob_id: int, data: bytes = b"") -> can.Message:

@@ -19,10 +19,9 @@ from bowden.hardware.drives import driver, odrive_drive
 from bowden.hardware.drives import odrive_frames as frames
 from bowden.hardware.drives.checklist import Found
 from bowden.hardware.drives.families.odrive import FAMILY, OdriveParameters, motor_scale
-from bowden.hardware.drives.odrive_drive import OdriveDrive
+from bowden.hardware.drives.odrive_drive import OdriveDialogue, OdriveDrive
 from bowden.hardware.drives.odrive_endpoints import endpoints_of
 from bowden.hardware.drives.odrive_frames import ERRORS, AxisState, Beat, Cmd, Scales, Target
-from bowden.hardware.drives.odrive_setup import OdriveDialogue
 from bowden.hardware.drives.scale import motor_limits
 from bowden.hardware.ports import Power
 from bowden.hardware.twin.bench import TwinBench

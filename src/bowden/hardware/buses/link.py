@@ -8,8 +8,7 @@ import can
 
 from bowden.core.errors import DriveError
 from bowden.hardware.buses.opening import Frame, claim, open_bus, putter, quieten, received, taker
-from bowden.hardware.buses.place import BusPlace
-from bowden.hardware.buses.unix_bus import ERROR, REMOTE
+from bowden.hardware.buses.place import ERROR, REMOTE, BusPlace
 
 
 def _speeds(place: BusPlace) -> str:

@@ -21,7 +21,7 @@ CLASSIC = 16
 
 
 Frame = tuple[int, bytes]
-"""Identifier with the flags of `unix_bus`, and data; of a remote frame that is sent as many bytes as it asks for."""
+"""Identifier with the flags of `place`, and data; of a remote frame that is sent as many bytes as it asks for."""
 
 
 def claim(interface: str, channel: str, part: str) -> socket.socket:

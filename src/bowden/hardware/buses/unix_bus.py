@@ -28,15 +28,14 @@ from typing import Any
 
 import can
 
+from bowden.hardware.buses.place import ERROR, EXTENDED, REMOTE
+
 FRAME = struct.Struct("<IBB2x64s")
 """Identifier with its flags, length, flags of CAN-FD, data: the layout of Linux' canfd_frame, of classic frames too."""
 SWITCHED, SENDER_PASSIVE, FD = 0x01, 0x02, 0x04
 """Flags of CAN-FD: data at the higher bit rate, the sender is error passive, an FD frame (Linux, `linux/can.h`)."""
 FD_LENGTHS = (*range(9), 12, 16, 20, 24, 32, 48, 64)
 """Of a CAN-FD frame's data [bytes] (ISO 11898-1, coding of the data length code)."""
-
-EXTENDED, REMOTE, ERROR = 0x8000_0000, 0x4000_0000, 0x2000_0000
-"""Flags in the identifier."""
 
 LONGEST_PATH = 107
 """Of a Unix socket's name [bytes]."""

@@ -18,16 +18,15 @@ import time
 from bowden.core.errors import DriveError, ParameterError
 from bowden.core.signals import DriveState
 from bowden.hardware.buses.link import BusPort, Links
-from bowden.hardware.buses.unix_bus import REMOTE
+from bowden.hardware.buses.place import REMOTE
 from bowden.hardware.drives import ak_frames as frames
 from bowden.hardware.drives.checklist import Conversation, Found, data_of, joined, refuse_torque
 from bowden.hardware.drives.driver import Driver
 from bowden.hardware.drives.families import ak_mit
 from bowden.hardware.drives.families.ak_mit import AkParameters, model_of, motor_scale, reply_id
 from bowden.hardware.drives.findings import INERT, LOST_RANGE, InertWatch
-from bowden.hardware.drives.limited_range import LimitedRange, nearest
 from bowden.hardware.drives.on_can import place
-from bowden.hardware.drives.scale import bounded_torque, motor_limits
+from bowden.hardware.drives.scale import LimitedRange, bounded_torque, motor_limits, nearest
 from bowden.hardware.ports import Power
 from bowden.rig.families import FoundDevice
 

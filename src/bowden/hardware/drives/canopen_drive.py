@@ -8,17 +8,9 @@ import math
 
 from bowden.core.signals import EMERGENCY_STOP, DriveState
 from bowden.hardware.buses.link import BusPort
-from bowden.hardware.buses.unix_bus import REMOTE
+from bowden.hardware.buses.place import REMOTE
 from bowden.hardware.drives import canopen_frames as frames
-from bowden.hardware.drives.canopen_setup import (
-    DISABLE_VOLTAGE,
-    FAULT_SIGNAL,
-    OUTPUTS,
-    brake_bits,
-    heartbeat_consumer,
-    restore,
-    set_up,
-)
+from bowden.hardware.drives import canopen_setup as setup
 from bowden.hardware.drives.checklist import Found
 from bowden.hardware.drives.cia402 import WITH_TORQUE, Controlword, controlword, decode
 from bowden.hardware.drives.driver import Driver
@@ -62,18 +54,21 @@ class CanopenDrive(Driver):
         self._beats, self._emergencies = frames.HEARTBEAT + node, frames.EMERGENCY + node
         self._rpdo, self._heartbeat = frames.RPDO1 + node, frames.HEARTBEAT + host
         self._answers, self._questions = frames.SDO_ANSWER + node, frames.SDO_REQUEST + node
-        self._watched = WATCH if parameters.brake_output == "none" else (*WATCH, (OUTPUTS, 1))
-        self._watch_as_set = {0x1016: (heartbeat_consumer(parameters),), 0x6007: (FAULT_SIGNAL, DISABLE_VOLTAGE)}
+        self._watched = WATCH if parameters.brake_output == "none" else (*WATCH, (setup.OUTPUTS, 1))
+        self._watch_as_set = {
+            0x1016: (setup.heartbeat_consumer(parameters),),
+            0x6007: (setup.FAULT_SIGNAL, setup.DISABLE_VOLTAGE),
+        }
         self._ours = frames.of_the_host(node, host)
 
     def _find(self, port: BusPort) -> Found:
-        found = set_up(port, self._drive)
+        found = setup.set_up(port, self._drive)
         port.disturbed()
         return found
 
     def _restore(self) -> None:
         if self._port is not None and self._found is not None and self._found.state is not DriveState.FAULT:
-            restore(self._port, self._drive)
+            setup.restore(self._port, self._drive)
 
     def _concerns(self, identifier: int) -> bool:
         return identifier & 0x7F == self._drive.node_id or identifier in self._ours
@@ -128,7 +123,7 @@ class CanopenDrive(Driver):
             readings.found(EMERGENCY_STOP if code == SAFE_TORQUE_OFF else code)
         elif cob_id == self._tpdo3 and (inputs := frames.unpack_tpdo3(data)) is not None and self._has_stop:
             self._stop_released, self._inputs_age = bool(inputs >> drive.emergency_stop_input & 1), 0
-        elif cob_id == self._answers and frames.unpack_sdo_written(data) == OUTPUTS:
+        elif cob_id == self._answers and frames.unpack_sdo_written(data) == setup.OUTPUTS:
             self._brake_confirmed = True
         elif cob_id == self._answers and (said := frames.unpack_sdo_value(data)) is not None:
             self._see_watch(*said)
@@ -151,8 +146,10 @@ class CanopenDrive(Driver):
 
     def _see_watch(self, index: int, value: int) -> None:
         """What the drive says of an object of its watch over us; one that has started again says it at bring-up."""
-        if index == OUTPUTS:
-            self._brake_confirmed = self._brake_confirmed and value == brake_bits(self._drive, engaged=self._brake)
+        if index == setup.OUTPUTS:
+            self._brake_confirmed = self._brake_confirmed and value == setup.brake_bits(
+                self._drive, engaged=self._brake
+            )
         if index in self._watch_as_set and self._operational:
             (self._unwatched.discard if value in self._watch_as_set[index] else self._unwatched.add)(index)
 
@@ -239,7 +236,7 @@ class CanopenDrive(Driver):
 
 def brake_order(drive: DriveParameters, *, engaged: bool) -> bytes:
     """The SDO download that engages or releases the brake."""
-    return frames.pack_sdo_write(OUTPUTS, 1, brake_bits(drive, engaged=engaged), 4)
+    return frames.pack_sdo_write(setup.OUTPUTS, 1, setup.brake_bits(drive, engaged=engaged), 4)
 
 
 _OPERATIONAL = bytes((frames.OPERATIONAL,))

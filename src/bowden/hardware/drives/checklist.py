@@ -20,8 +20,7 @@ from bowden.core.errors import DriveError
 from bowden.core.signals import DriveState
 from bowden.hardware.buses.link import BusPort, Links
 from bowden.hardware.buses.opening import Frame
-from bowden.hardware.buses.place import BusPlace
-from bowden.hardware.buses.unix_bus import EXTENDED
+from bowden.hardware.buses.place import EXTENDED, BusPlace
 from bowden.hardware.drives.scale import MotorLimits, Scale, SuitScale
 
 LISTENING = 0.5

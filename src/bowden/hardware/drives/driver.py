@@ -8,18 +8,86 @@ import math
 from abc import ABC, abstractmethod
 from typing import Any, ClassVar
 
-from bowden.core.signals import DriveReading, DriveState
+from bowden.core.signals import EMERGENCY_STOP, DriveReading, DriveState
 from bowden.hardware.buses.link import BusPort, Links
 from bowden.hardware.buses.opening import Frame
-from bowden.hardware.buses.unix_bus import ERROR, REMOTE
+from bowden.hardware.buses.place import ERROR, REMOTE
 from bowden.hardware.drives import canopen_frames as canopen
 from bowden.hardware.drives.checklist import Found
 from bowden.hardware.drives.findings import INERT, LOST_TURNS, LagWatch
 from bowden.hardware.drives.joint_encoder import JointEncoder, has_encoder
-from bowden.hardware.drives.limited_range import TurnCount
 from bowden.hardware.drives.on_can import place, require
-from bowden.hardware.drives.readings import Readings
+from bowden.hardware.drives.scale import TurnCount
 from bowden.hardware.ports import Power, TorqueLeft
+
+
+class Readings:
+    """What has come, as a `DriveReading` in each cycle. Order in a cycle: `cycle`, what has arrived, `reading`."""
+
+    def __init__(self) -> None:
+        self.begin()
+
+    def begin(self) -> None:
+        """Nothing has come yet."""
+        self.motor = self.joint = self.current = self.tension = self.temperature = self.joint_torque = math.nan
+        self.motor_age = self.joint_age = math.inf
+        self._error = 0
+        self._emergency = self._foreign = 0.0
+        self.replied_at = self.sampled = math.nan
+
+    def cycle(self, now: float) -> None:
+        """A cycle begins at `now` [s]: everything is one older."""
+        self.motor_age += 1.0
+        self.joint_age += 1.0
+        self._emergency = self._foreign = 0.0
+        if math.isnan(self.replied_at):
+            self.replied_at = now  # of the first cycle: from here on it can be late
+
+    def replied(self, now: float) -> None:
+        """A reply has come, whatever it says: the sign of life."""
+        self.replied_at = now
+
+    def moved(self, motor: float, current: float, temperature: float, sampled: float) -> None:
+        """The motor's angle [rad], current [A] and temperature [°C] came, taken at `sampled` [s]; NaN for none."""
+        self.motor, self.motor_age = motor, 0.0
+        self.current, self.temperature, self.sampled = current, temperature, sampled
+
+    def turned(self, joint: float) -> None:
+        """The joint's angle came [rad]."""
+        self.joint, self.joint_age = joint, 0.0
+
+    def failed(self, code: int) -> None:
+        """The drive reports this error, 0 for none: an emergency when it changes."""
+        if code and code != self._error:
+            self.found(code)
+        self._error = code
+
+    def found(self, code: float) -> None:
+        """Something is wrong in this cycle; of several the first is the cause."""
+        self._emergency = self._emergency or float(code)
+
+    def stopped(self) -> None:
+        """The emergency stop is pressed, which comes before everything else."""
+        self._emergency = EMERGENCY_STOP
+
+    def meant(self) -> None:
+        """A frame came that nobody but this host may send."""
+        self._foreign += 1.0
+
+    @property
+    def error(self) -> int:
+        """What the drive reported last; 0 for none."""
+        return self._error
+
+    def reading(self, now: float, state: DriveState, bus_errors: float) -> DriveReading:
+        """The reading of this cycle at `now` [s]."""
+        return DriveReading(
+            self.motor, self.joint, self.current, self.tension, self.temperature, self.motor_age, self.joint_age,
+            now - self.replied_at if math.isfinite(self.replied_at) else math.inf,
+            float(state), self._emergency, float(bus_errors), self._foreign,
+            0.0 if math.isnan(self.sampled) else now - self.sampled, self.joint_torque,
+        )  # fmt: skip
+
 
 LOST = 0.1
 """Silence of a drive after which it may have started again, with other limits and another position [s]."""
@@ -196,7 +264,7 @@ class Driver(ABC):
             self._readings.meant()
 
     def _take_all(self) -> list[Frame]:
-        """The frames that are there, with the flags of `buses.unix_bus`, and no more than a cycle may read; error
+        """The frames that are there, with the flags of `buses.place`, and no more than a cycle may read; error
         frames are counted and left out.
         """
         found = [] if self._port is None else self._port.take_all()

@@ -16,8 +16,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from bowden.core.errors import DriveError, ParameterError
 from bowden.core.quantity import Quantity
 from bowden.hardware.drives.canopen_sensor import SensorHealth, SensorKind, identifiers_of_node, sensor, start
-from bowden.hardware.drives.limited_range import LimitedRange
-from bowden.hardware.drives.scale import Scale
+from bowden.hardware.drives.scale import LimitedRange, Scale
 
 if TYPE_CHECKING:
     from bowden.hardware.buses.link import BusPort

@@ -24,7 +24,7 @@ from collections.abc import Iterator, Mapping
 from enum import IntEnum
 from typing import NamedTuple
 
-from bowden.hardware.buses.unix_bus import EXTENDED
+from bowden.hardware.buses.place import EXTENDED
 from bowden.hardware.drives.findings import finding_text
 
 REGISTER_MAP = 5
@@ -147,7 +147,7 @@ def identifier_of(source: int, destination: int, prefix: int = 0, *, reply: bool
 
 
 def flagged(identifier: int) -> int:
-    """An identifier with the flag of `buses.unix_bus` where it is an extended one."""
+    """An identifier with the flag of `buses.place` where it is an extended one."""
     return identifier | EXTENDED * (identifier > STANDARD_ID)
 
 

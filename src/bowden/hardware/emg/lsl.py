@@ -20,8 +20,7 @@ from numpy.typing import NDArray
 
 from bowden.core.clock import SECOND, MonotonicClock, TimeSource
 from bowden.core.errors import StreamError, counted
-from bowden.hardware.emg.lsl_info import channel_names, check_info, shown, unit_of, which
-from bowden.hardware.emg.lsl_library import library
+from bowden.hardware.emg.lsl_info import channel_names, check_info, library, shown, unit_of, which
 from bowden.hardware.emg.sample_times import SampleTimes
 from bowden.hardware.ports import EmgChunk, one_chunk
 from bowden.identify.emg.log import largest

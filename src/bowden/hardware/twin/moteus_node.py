@@ -12,11 +12,11 @@ from collections.abc import Callable, Mapping
 from typing import Any, ClassVar, NamedTuple
 
 from bowden.core.signals import DriveState
-from bowden.hardware.buses.unix_bus import REMOTE
+from bowden.hardware.buses.place import REMOTE
 from bowden.hardware.drives import moteus_frames as frames
 from bowden.hardware.drives.families.moteus import MoteusParameters, joint_scale, motor_scale
+from bowden.hardware.drives.moteus_drive import HOMED, state_of
 from bowden.hardware.drives.moteus_frames import BoardMode, NumberKind, Register
-from bowden.hardware.drives.moteus_setup import HOMED, state_of
 from bowden.hardware.drives.scale import Scale, SuitScale
 from bowden.hardware.twin.faults import NO_NUMBER
 from bowden.hardware.twin.injection import UNCOUNTED
@@ -103,42 +103,27 @@ def _text(value: float) -> str:
     return f"{int(value)}" if math.isfinite(value) and value == int(value) else f"{value:f}"
 
 
-def usual(*, source: int, ratio: float, speed: float, current: float) -> dict[str, float]:
-    """The configuration of a board that is set up for a rig: as it comes, but for the watchdog's reaction, the limits
-    and the joint's encoder (mjbots/moteus, docs/reference/configuration.md).
-
-    Args:
-        source: slot of the joint's encoder.
-        ratio: of its output to the rotor.
-        speed: largest [turns/s].
-        current: largest [A].
-    """
-    found = {
-        "id.id": 1.0,
-        "servo.timeout_mode": 0.0,
-        "servo.default_timeout_s": 0.1,
-        "servo.timeout_max_torque_Nm": 5.0,
-        "servo.fixed_voltage_mode": 0.0,
-        "servo.voltage_mode_control": 0.0,
-        "servo.default_velocity_limit": math.nan,
-        "servo.default_accel_limit": math.nan,
-        "servo.pid_position.kp": 4.0,
-        "servo.pid_position.ki": 1.0,
-        "servo.pid_position.kd": 0.05,
-        "servo.max_velocity": speed,
-        "servo.max_current_A": current,
-        "servo.fault_position_error": math.nan,
-        "servo.fault_velocity_error": math.nan,
-        "servo.fault_temperature": 75.0,
-        "servopos.position_min": math.nan,
-        "servopos.position_max": math.nan,
-        "motor_position.rotor_to_output_ratio": ratio,
-    }
-    for slot in (1, 2):
-        there = slot == source
-        found[f"motor_position.sources.{slot}.aux_number"] = 2.0 if there else 1.0
-        found[f"motor_position.sources.{slot}.type"] = 1.0 if there else 0.0
-    return found
+_USUAL: Mapping[str, float] = {
+    "id.id": 1.0,
+    "servo.timeout_mode": 0.0,
+    "servo.default_timeout_s": 0.1,
+    "servo.timeout_max_torque_Nm": 5.0,
+    "servo.fixed_voltage_mode": 0.0,
+    "servo.voltage_mode_control": 0.0,
+    "servo.default_velocity_limit": math.nan,
+    "servo.default_accel_limit": math.nan,
+    "servo.pid_position.kp": 4.0,
+    "servo.pid_position.ki": 1.0,
+    "servo.pid_position.kd": 0.05,
+    "servo.fault_position_error": math.nan,
+    "servo.fault_velocity_error": math.nan,
+    "servo.fault_temperature": 75.0,
+    "servopos.position_min": math.nan,
+    "servopos.position_max": math.nan,
+}
+"""Configuration of a board as it comes, but for the watchdog's reaction; the limits and the joint's encoder are set up
+for a rig (mjbots/moteus, docs/reference/configuration.md).
+"""
 
 
 class Sampled(NamedTuple):
@@ -178,12 +163,16 @@ class MoteusNode(TwinNode):
         self._commanded = self._deadline = self._enabled = math.inf
         self._held = math.nan
         speed = self._speed_limit()
-        self._named = usual(
-            source=self._drive.joint_source,
-            ratio=self._drive.output_ratio,
-            speed=1.001 * speed if math.isfinite(speed) else 500.0,
-            current=self.bench.current_limit,
-        )
+        self._named = {
+            **_USUAL,
+            "servo.max_velocity": 1.001 * speed if math.isfinite(speed) else 500.0,
+            "servo.max_current_A": self.bench.current_limit,
+            "motor_position.rotor_to_output_ratio": self._drive.output_ratio,
+        }
+        for slot in (1, 2):
+            there = slot == self._drive.joint_source
+            self._named[f"motor_position.sources.{slot}.aux_number"] = 2.0 if there else 1.0
+            self._named[f"motor_position.sources.{slot}.type"] = 1.0 if there else 0.0
         others = {name: value for name, value in self._overrides.items() if isinstance(name, str)}
         self._named |= {name: value for name, value in others.items() if value is not None}
         self._named = {name: value for name, value in self._named.items() if others.get(name, 0.0) is not None}

@@ -10,14 +10,13 @@ from collections.abc import Callable, Mapping
 from typing import Any, ClassVar
 
 from bowden.core.signals import DriveState
-from bowden.hardware.buses.unix_bus import ERROR
+from bowden.hardware.buses.place import ERROR
 from bowden.hardware.drives.joint_encoder import has_encoder
 from bowden.hardware.drives.scale import Scale, SuitScale
-from bowden.hardware.twin.faults import Faults
+from bowden.hardware.twin.faults import BIT_ERROR, Faults, Outbox, Send
 from bowden.hardware.twin.injection import Injection
-from bowden.hardware.twin.joint_encoder_node import JointEncoderNode
-from bowden.hardware.twin.outbox import BIT_ERROR, Outbox, Send
 from bowden.hardware.twin.plant import OFF, Doing, TwinPlant
+from bowden.hardware.twin.sensor_node import JointEncoderNode
 
 Journal = Callable[[float, str, str], None]
 """Takes what happened: time [s], event, detail. Every family says ``torque_on`` and ``torque_off``."""
@@ -79,7 +78,7 @@ class TwinNode(ABC):
 
     @abstractmethod
     def receive(self, identifier: int, data: bytes, now: float) -> None:
-        """A frame from the bus; an extended identifier, and a remote frame, have the flags of `buses.unix_bus`."""
+        """A frame from the bus; an extended identifier, and a remote frame, have the flags of `buses.place`."""
 
     @abstractmethod
     def _prepare(self) -> Scale | SuitScale:

@@ -1,4 +1,4 @@
-"""The twin of an ODrive board on classic CAN, and of the joint's encoder beside it (`joint_encoder_node`).
+"""The twin of an ODrive board on classic CAN, and of the joint's encoder beside it (`sensor_node`).
 
 Its motor follows as the rig's servo does, whatever the gains are: in position control the input, or the filter of input
 mode POS_FILTER. In any other control mode it gives no torque.
@@ -14,13 +14,13 @@ from collections.abc import Mapping
 from typing import Any, ClassVar, NamedTuple
 
 from bowden.core.signals import DriveState
-from bowden.hardware.buses.unix_bus import REMOTE
+from bowden.hardware.buses.place import REMOTE
 from bowden.hardware.drives import odrive_endpoints as settings
 from bowden.hardware.drives import odrive_frames as frames
 from bowden.hardware.drives.families.odrive import OdriveParameters, motor_scale
+from bowden.hardware.drives.odrive_drive import state_of
 from bowden.hardware.drives.odrive_endpoints import endpoints_of
 from bowden.hardware.drives.odrive_frames import ESTOP, WATCHDOG, AxisState, Beat, Cmd, Scales, unpack
-from bowden.hardware.drives.odrive_setup import state_of
 from bowden.hardware.drives.scale import Scale, SuitScale
 from bowden.hardware.twin.faults import NO_NUMBER
 from bowden.hardware.twin.injection import UNCOUNTED
@@ -118,7 +118,7 @@ class OdriveNode(TwinNode):
         return self.active | self.disarmed
 
     def receive(self, identifier: int, data: bytes, now: float) -> None:
-        """A frame from the bus; `buses.unix_bus.REMOTE` marks a question, and so does a frame without data."""
+        """A frame from the bus; `buses.place.REMOTE` marks a question, and so does a frame without data."""
         if self._is_destroyed(now):
             return
         plain = identifier & ~REMOTE

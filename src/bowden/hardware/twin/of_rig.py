@@ -23,7 +23,7 @@ def attach_load_cell(running: TwinProcess, rig: Rig) -> None:
     cell = rig.load_cell
     if not cell.there:
         return
-    from bowden.hardware.twin.load_cell_node import LoadCellNode
+    from bowden.hardware.twin.sensor_node import LoadCellNode
 
     place, shared = cell_place(rig.drive_parameters, cell)
     running.attach(lambda plant, faults, send: LoadCellNode(cell, plant, faults, send), None if shared else place)

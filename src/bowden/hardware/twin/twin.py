@@ -16,13 +16,11 @@ import can
 
 from bowden.core.errors import DriveError, ParameterError
 from bowden.hardware.buses.opening import Frame, claim, open_bus, putter, received
-from bowden.hardware.buses.place import BusPlace
-from bowden.hardware.buses.unix_bus import ERROR, REMOTE
+from bowden.hardware.buses.place import ERROR, REMOTE, BusPlace
 from bowden.hardware.twin.control import ControlServer, control_path
-from bowden.hardware.twin.faults import Faults
+from bowden.hardware.twin.faults import Faults, Send
 from bowden.hardware.twin.injection import OF_CABLE, OF_LOAD_CELL, Injection, parse
 from bowden.hardware.twin.node import Journal, TwinNode
-from bowden.hardware.twin.outbox import Send
 from bowden.hardware.twin.plant import TwinPlant
 from bowden.hardware.twin.sensor_node import SensorNode
 

@@ -166,7 +166,7 @@ FAMILY = on_can.family(
     "An ODrive board on classic CAN, and the joint's encoder beside it; `bowden twin` plays both.",
     driver="drives.odrive_drive.OdriveDrive",
     node="twin.odrive_node.OdriveNode",
-    probe="drives.odrive_setup.probe",
+    probe="drives.odrive_drive.probe",
     options=("setting", "object"),
     beats="heartbeat",
     watchdog=lambda drive: drive.watchdog + LOOK,
