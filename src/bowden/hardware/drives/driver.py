@@ -334,7 +334,8 @@ class Driver(ABC):
             self._asked, self._led, self._target = False, 0, math.nan
         self._ask(now)
         self._written = now
-        self._sync_encoder()
+        if self._syncs_encoder:
+            self._sync()
 
     def _can_lead(self) -> bool:
         """Whether the drive's own state lets it be ordered to follow."""
@@ -349,10 +350,6 @@ class Driver(ABC):
         """Send CANopen's SYNC, see `BusPort.sync`."""
         if self._port is not None:
             self._port.sync(canopen.SYNC)
-
-    def _sync_encoder(self) -> None:
-        if self._syncs_encoder:
-            self._sync()
 
     def reset_fault(self) -> None:
         """See `hardware.ports.Drive.reset_fault`; without effect where the drive has no fault."""

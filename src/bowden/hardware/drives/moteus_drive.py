@@ -469,7 +469,8 @@ class MoteusDrive(Driver):
             self._written,
         )
         if reply.validity >> 2 * drive.joint_source & 1:
-            readings.turned(found.joint.angle(self._joint_turns.follow(_within_a_turn(reply.joint))))
+            turns = reply.joint if -1.0 <= reply.joint <= 1.0 else math.nan  # it measures a part of a turn
+            readings.turned(found.joint.angle(self._joint_turns.follow(turns)))
         self._timed_out = reply.mode == BoardMode.TIMEOUT
         readings.failed((reply.fault & 0xFF or LEFT) if reply.mode == BoardMode.FAULT else 0)
         if self._led >= SETTLED and not abs(reply.timeout - drive.watchdog) <= SAME_TIME:
@@ -508,8 +509,3 @@ class MoteusDrive(Driver):
 
     def _put(self, data: bytes) -> None:
         self._send(self._to_board, data)
-
-
-def _within_a_turn(turns: float) -> float:
-    """A reading of an encoder that measures a part of a turn; what is none, or no such part, is none."""
-    return turns if -1.0 <= turns <= 1.0 else math.nan

@@ -16,10 +16,10 @@ from bowden.core.quantity import Quantity, declared
 from bowden.core.signals import DriveReading
 from bowden.hardware.buses.place import BusPlace
 from bowden.models.suit.suit_angle import motor_of, spool_of
-from bowden.rig.families import LOST, DriveFamily, DriveNeeds, FoundDevice, TwinProcess
+from bowden.rig.families import LOST, DriveFamily, DriveNeeds, TwinProcess
 
 if TYPE_CHECKING:
-    from bowden.hardware.buses.link import Links
+    pass
 
 BusInterface = Annotated[
     str, Quantity("python-can's name of the bus: bowden_unix for the twin, socketcan on a rig; others are untried")
@@ -205,10 +205,6 @@ def family(
             _check_heartbeat(drive, beats)
         return drive
 
-    def probed(given: Any, links: "Links") -> Sequence[FoundDevice]:
-        found: Sequence[FoundDevice] = _named(probe)(given, links)
-        return found
-
     if hasattr(parameters, "joint"):
         rest |= {"measures_joint": lambda given: given.joint != "none"}
     return DriveFamily(
@@ -232,7 +228,7 @@ def family(
         homed=lambda given: given.home != "here",
         simulated=lambda given: bool(given.interface == "bowden_unix"),
         explain=explain,
-        probe=probed,
+        probe=lambda given, links: _named(probe)(given, links),
         zeroed=zeroed,
         **rest,
     )

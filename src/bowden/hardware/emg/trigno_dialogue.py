@@ -88,7 +88,7 @@ class TrignoDialogue:
                 f"{self._address.said()} answers the connection with {protocol.shown(greeting.encode())}",
                 expected=f"{protocol.GREETING} …",
             )
-        self._must("ENDIAN LITTLE")
+        self._accepted("ENDIAN LITTLE", self.ask("ENDIAN LITTLE"))
         settings = [
             self.ask(question)
             for question in ("BACKWARDS COMPATIBILITY?", "UPSAMPLING?", "FRAME INTERVAL?", "MAX SAMPLES EMG?")
@@ -154,9 +154,6 @@ class TrignoDialogue:
         except OSError as error:
             raise self._gone(error) from error
         return self._line()
-
-    def _must(self, command: str) -> None:
-        self._accepted(command, self.ask(command))
 
     def _accepted(self, command: str, answer: str) -> None:
         if answer.upper() != "OK":

@@ -186,7 +186,7 @@ class CanopenNode(TwinNode):
         if self.objects[0x1801, 1] >> 31 == 0:
             self._outbox.emit_cyclic(frames.TPDO2 + node, frames.pack_tpdo2(sensors), now)
         if self.objects[0x1802, 1] >> 31 == 0:
-            self._outbox.emit_cyclic(frames.TPDO3 + node, frames.pack_tpdo3(self._inputs), now)
+            self._outbox.emit_cyclic(frames.TPDO3 + node, self._inputs.to_bytes(4, "little"), now)
 
     def _command(self, control: int, now: float) -> None:
         """A controlword: one step of the state machine, and what it means for the motor."""
@@ -320,9 +320,5 @@ def _int(value: float, bits: int) -> int:
     """The nearest whole number that this many bits and a sign hold; the least of them for what is no number."""
     if math.isnan(value):
         return -(1 << bits)
-    return int(max(-(1 << bits), min((1 << bits) - 1, _half_up(value))))
-
-
-def _half_up(value: float) -> float:
-    """Half up, as an encoder counts; infinite stays infinite."""
-    return math.floor(value + 0.5) if math.isfinite(value) else value
+    half_up = math.floor(value + 0.5) if math.isfinite(value) else value  # as an encoder counts
+    return int(max(-(1 << bits), min((1 << bits) - 1, half_up)))

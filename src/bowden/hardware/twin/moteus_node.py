@@ -269,10 +269,8 @@ class MoteusNode(TwinNode):
         if register in self._command:
             self._command[register] = value
             return 0
-        return frames.NOT_WRITEABLE if self._readable(register) else frames.UNKNOWN_REGISTER
-
-    def _readable(self, register: int) -> bool:
-        return register in list(Register) and self._read(register, NumberKind.INT32, -math.inf) is not None
+        there = register in list(Register) and self._read(register, NumberKind.INT32, -math.inf) is not None
+        return frames.NOT_WRITEABLE if there else frames.UNKNOWN_REGISTER
 
     def _read(self, register: int, kind: NumberKind, now: float) -> float | None:
         """The physical value of a register; None where there is none of that type."""
