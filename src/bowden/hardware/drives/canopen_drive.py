@@ -52,61 +52,6 @@ OUTPUTS = 0x60FE
 """Digital outputs: bit 0 of sub-index 1 is the brake's, sub-index 2 says which bits are the host's (CiA 402-2)."""
 
 
-def set_up(port: BusPort, drive: DriveParameters) -> Found:
-    """Find, check and configure the drive and start its PDOs.
-
-    Args:
-        port: of its bus, read by nobody else.
-        drive: what the rig says of it.
-
-    Raises:
-        DriveError: no answer, not a CiA 402 servo drive, it does not know the mode, it refuses a setting, it is under
-            torque, or the rig's limits are beyond its own.
-    """
-    node = Dialogue(port, drive.node_id, drive.host_id, drive.answer_timeout)
-    node.waits(LISTENING, lambda: node.bus.foreign is not None)
-    check_alone(node, drive)
-    node.booted = False  # one that has just been switched on
-    if not node.answers():  # an end of ours has stopped it: only then may it be written to before it is known
-        node.command(frames.NMT_PRE_OPERATIONAL)
-    _check_profile(node)
-    state = _check_torque_free(node)
-    node.command(frames.NMT_PRE_OPERATIONAL)
-    modes = node.read(0x6502)
-    if not modes >> CYCLIC_SYNCHRONOUS_POSITION - 1 & 1:
-        raise DriveError(
-            f"{node.name} does not know cyclic synchronous position (6502h is 0x{modes:X})",
-            expected="bit 7 set",
-            do="take another drive or firmware",
-        )
-    _check_scale(node, drive)
-    motor, joint = motor_scale(drive), joint_scale(drive)
-    if drive.home == "here":
-        motor = motor_scale(drive, node.read(0x6064, signed=True))
-        joint = joint_scale(drive, node.read(0x60E4, 2, signed=True))
-    _check_limits(node, drive, motor)
-    _configure(node, drive)
-    rated_torque = 1e-6 * node.read(0x6076)
-    if rated_torque == 0.0:
-        raise DriveError(
-            f"{node.name} has a rated torque (6076h) of 0",
-            expected="the motor's, in µN·m",
-            do="set the motor's data in the drive with its maker's tool",
-        )
-    _check_rated(node, drive, rated_torque / drive.needs.torque_constant)
-    said, serial = identity(node, state), serial_of(node)
-    _start(node)
-    _try_watch(node, drive, state)
-    check_alone(node, drive)
-    if node.booted:
-        raise DriveError(
-            f"{node.name} has restarted during its bring-up",
-            expected="a drive that stays on",
-            do="check its supply, and start again",
-        )
-    return Found(said, motor, joint, motor_limits(drive, motor), state, 0, serial, rated_torque)
-
-
 def check_alone(node: Dialogue, drive: DriveParameters) -> None:
     """No other device may send what only a host sends.
 
@@ -490,9 +435,50 @@ class CanopenDrive(Driver):
         self._ours = frames.of_the_host(node, host)
 
     def _find(self, port: BusPort) -> Found:
-        found = set_up(port, self._drive)
+        drive = self._drive
+        node = Dialogue(port, drive.node_id, drive.host_id, drive.answer_timeout)
+        node.waits(LISTENING, lambda: node.bus.foreign is not None)
+        check_alone(node, drive)
+        node.booted = False  # one that has just been switched on
+        if not node.answers():  # an end of ours has stopped it: only then may it be written to before it is known
+            node.command(frames.NMT_PRE_OPERATIONAL)
+        _check_profile(node)
+        state = _check_torque_free(node)
+        node.command(frames.NMT_PRE_OPERATIONAL)
+        modes = node.read(0x6502)
+        if not modes >> CYCLIC_SYNCHRONOUS_POSITION - 1 & 1:
+            raise DriveError(
+                f"{node.name} does not know cyclic synchronous position (6502h is 0x{modes:X})",
+                expected="bit 7 set",
+                do="take another drive or firmware",
+            )
+        _check_scale(node, drive)
+        motor, joint = motor_scale(drive), joint_scale(drive)
+        if drive.home == "here":
+            motor = motor_scale(drive, node.read(0x6064, signed=True))
+            joint = joint_scale(drive, node.read(0x60E4, 2, signed=True))
+        _check_limits(node, drive, motor)
+        _configure(node, drive)
+        rated_torque = 1e-6 * node.read(0x6076)
+        if rated_torque == 0.0:
+            raise DriveError(
+                f"{node.name} has a rated torque (6076h) of 0",
+                expected="the motor's, in µN·m",
+                do="set the motor's data in the drive with its maker's tool",
+            )
+        _check_rated(node, drive, rated_torque / drive.needs.torque_constant)
+        said, serial = identity(node, state), serial_of(node)
+        _start(node)
+        _try_watch(node, drive, state)
+        check_alone(node, drive)
+        if node.booted:
+            raise DriveError(
+                f"{node.name} has restarted during its bring-up",
+                expected="a drive that stays on",
+                do="check its supply, and start again",
+            )
         port.disturbed()
-        return found
+        return Found(said, motor, joint, motor_limits(drive, motor), state, 0, serial, rated_torque)
 
     def _restore(self) -> None:
         if self._port is not None and self._found is not None and self._found.state is not DriveState.FAULT:

@@ -190,39 +190,6 @@ class MoteusDialogue:
         return None if answer is None else frames.replied(answer)[2]
 
 
-def set_up(port: BusPort, drive: MoteusParameters) -> Found:
-    """Find and check the board; it has no torque before, meanwhile and after.
-
-    Args:
-        port: of its bus, read by nobody else.
-        drive: what the rig says of it.
-
-    Raises:
-        DriveError: no answer, another firmware's protocol, a board that runs, one that would keep its torque without
-            us, no encoder of the joint, or limits narrower than the rig's.
-    """
-    board = MoteusDialogue(port, drive)
-    board.bus.listen(LISTENING)
-    who, serial = _check_version(board)
-    seen = _check_without_torque(board, drive)
-    checklist.check_settings(board.name, board.configured, _settings(drive))
-    turns, joint_turns = _check_encoders(board, drive, seen)
-    here = drive.home == "here"
-    motor = motor_scale(drive, turns if here else 0.0)
-    joint = joint_scale(drive, joint_turns if here else 0.0)
-    limits = motor_limits(drive, motor)
-    limits = limits._replace(low=max(-MOST_TURNS, limits.low), high=min(MOST_TURNS, limits.high))
-    _check_limits(board, drive, motor, limits)
-    _check_watchdog(board, drive)
-    board.bus.check_alone()
-    fault = int(seen[Register.FAULT])
-    in_fault = int(seen[Register.MODE]) == BoardMode.FAULT
-    identity = f"moteus board at {board.name}, {who}, supply {seen[Register.VOLTAGE]:.1f} V"
-    if in_fault:
-        identity += f"; in fault, {fault_text(fault)}"
-    return Found(identity, motor, joint, limits, state_of(int(seen[Register.MODE])), fault if in_fault else 0, serial)
-
-
 def _check_version(board: MoteusDialogue) -> tuple[str, str]:
     """Who it is, and its serial number."""
     first, serial = (board.ask((NumberKind.INT32, at, 3)) for at in (Register.MODEL, Register.SERIAL_1))
@@ -436,7 +403,27 @@ class MoteusDrive(Driver):
         self._to_board = frames.flagged(to_board)
 
     def _find(self, port: BusPort) -> Found:
-        return set_up(port, self._drive)
+        drive = self._drive
+        board = MoteusDialogue(port, drive)
+        board.bus.listen(LISTENING)
+        who, serial = _check_version(board)
+        seen = _check_without_torque(board, drive)
+        checklist.check_settings(board.name, board.configured, _settings(drive))
+        turns, joint_turns = _check_encoders(board, drive, seen)
+        here = drive.home == "here"
+        motor = motor_scale(drive, turns if here else 0.0)
+        joint = joint_scale(drive, joint_turns if here else 0.0)
+        limits = motor_limits(drive, motor)
+        limits = limits._replace(low=max(-MOST_TURNS, limits.low), high=min(MOST_TURNS, limits.high))
+        _check_limits(board, drive, motor, limits)
+        _check_watchdog(board, drive)
+        board.bus.check_alone()
+        state = state_of(int(seen[Register.MODE]))
+        fault = int(seen[Register.FAULT]) if state is DriveState.FAULT else 0
+        identity = f"moteus board at {board.name}, {who}, supply {seen[Register.VOLTAGE]:.1f} V"
+        if state is DriveState.FAULT:
+            identity += f"; in fault, {fault_text(fault)}"
+        return Found(identity, motor, joint, limits, state, fault, serial)
 
     def _concerns(self, identifier: int) -> bool:
         return is_answer(self._drive, identifier) or is_foreign(self._drive, identifier)

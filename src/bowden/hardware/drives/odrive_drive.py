@@ -180,50 +180,6 @@ class OdriveDialogue:
                 raise DriveError(f"{self.name} has {name} {found:g} after {value:g} was written", expected=f"{value:g}")
 
 
-def set_up(port: BusPort, drive: OdriveParameters, endpoints: Endpoints) -> Found:
-    """Find, check and configure the board; it has no torque before, meanwhile and after.
-
-    Args:
-        port: of its bus, read by nobody else.
-        drive: what the rig says of it.
-        endpoints: where its settings are.
-
-    Raises:
-        DriveError: no answer, another firmware than the list's, a board that runs, a watchdog that is off or another
-            than the rig's, settings that a run cannot have, or limits narrower than the rig's.
-    """
-    board = OdriveDialogue(port, drive, endpoints)
-    board.beats(LISTENING, lambda _: False)
-    board.bus.check_alone()
-    if board.beat is None:
-        raise DriveError(
-            f"no ODrive board is heard as {board.name}",
-            expected=f"its heartbeat, every {1e3 * drive.heartbeat:g} ms",
-            do="switch it on; check node_id and bitrate in [drive], cable and termination, and heartbeat_msg_rate_ms",
-        )
-    who = _check_version(board, endpoints)
-    _check_idle(board)
-    active, disarmed = board.ask(Cmd.GET_ERROR)
-    failed = (active | disarmed) & ~WATCHDOG
-    voltage, _ = board.ask(Cmd.GET_BUS_VOLTAGE_CURRENT)
-    checklist.check_settings(board.name, board.setting, _settings(drive))
-    _check_encoder(board)
-    motor = motor_scale(drive, _turns_at_home(board, drive))
-    limits = motor_limits(drive, motor)
-    _check_range(board, limits)
-    modes = {settings.CONTROL_MODE: frames.POSITION_CONTROL, settings.INPUT_MODE: frames.PASSTHROUGH}
-    board.set(Cmd.SET_CONTROLLER_MODE, modes)
-    _set_limits(board, limits)
-    tried = not failed and _try_watchdog(board, drive)
-    board.bus.check_alone()
-    identity = f"ODrive board at {board.name}, {who}, supply {voltage:.1f} V; watchdog of {1e3 * drive.watchdog:g} ms, "
-    identity += "tried" if tried else "read back and not tried: it does not run while the board is idle"
-    state = DriveState.SWITCH_ON_DISABLED
-    if failed:
-        identity, state = f"{identity}; in fault, {errors_text(failed)}", DriveState.FAULT
-    return Found(identity, motor, None, limits, state, failed, board.serial())
-
-
 def _check_version(board: OdriveDialogue, endpoints: Endpoints) -> str:
     protocol, *numbers = board.ask(Cmd.GET_VERSION)
     own = tuple(numbers[3:6]), tuple(numbers[:3])
@@ -440,7 +396,40 @@ class OdriveDrive(Driver):
         """Identifier → command of what it tells."""
 
     def _find(self, port: BusPort) -> Found:
-        return set_up(port, self._drive, self._endpoints)
+        drive, endpoints = self._drive, self._endpoints
+        board = OdriveDialogue(port, drive, endpoints)
+        board.beats(LISTENING, lambda _: False)
+        board.bus.check_alone()
+        if board.beat is None:
+            raise DriveError(
+                f"no ODrive board is heard as {board.name}",
+                expected=f"its heartbeat, every {1e3 * drive.heartbeat:g} ms",
+                do="switch it on; check node_id and bitrate in [drive], cable and termination, and "
+                "heartbeat_msg_rate_ms",
+            )
+        who = _check_version(board, endpoints)
+        _check_idle(board)
+        active, disarmed = board.ask(Cmd.GET_ERROR)
+        failed = (active | disarmed) & ~WATCHDOG
+        voltage, _ = board.ask(Cmd.GET_BUS_VOLTAGE_CURRENT)
+        checklist.check_settings(board.name, board.setting, _settings(drive))
+        _check_encoder(board)
+        motor = motor_scale(drive, _turns_at_home(board, drive))
+        limits = motor_limits(drive, motor)
+        _check_range(board, limits)
+        modes = {settings.CONTROL_MODE: frames.POSITION_CONTROL, settings.INPUT_MODE: frames.PASSTHROUGH}
+        board.set(Cmd.SET_CONTROLLER_MODE, modes)
+        _set_limits(board, limits)
+        tried = not failed and _try_watchdog(board, drive)
+        board.bus.check_alone()
+        identity = (
+            f"ODrive board at {board.name}, {who}, supply {voltage:.1f} V; watchdog of {1e3 * drive.watchdog:g} ms, "
+        )
+        identity += "tried" if tried else "read back and not tried: it does not run while the board is idle"
+        state = DriveState.SWITCH_ON_DISABLED
+        if failed:
+            identity, state = f"{identity}; in fault, {errors_text(failed)}", DriveState.FAULT
+        return Found(identity, motor, None, limits, state, failed, board.serial())
 
     def _concerns(self, identifier: int) -> bool:
         return identifier >> 5 in (self._drive.node_id, frames.BROADCAST)
