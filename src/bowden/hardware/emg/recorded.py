@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from bowden.core.errors import StreamError
 from bowden.core.kernel import compiled, kernel
-from bowden.hardware.emg.listener import Levels, filters_of, share_of
+from bowden.hardware.emg.listener import filters_of, share_of
 from bowden.hardware.emg.lsl_info import check_wanted
 from bowden.hardware.emg.playback import Playback
 from bowden.hardware.ports import EmgStream
@@ -37,11 +37,10 @@ def recorded(run: EmgRun, dt: float) -> "EmgMotion | None":
     stream.open()
     flexor, extensor = columns(run, stream)
     found = read_channels(Path(path), stream.channels)
-    of = levels(run)
     signal = found.values[:, flexor]
-    settings, chain = filters_of(of, run.detector)
+    settings, chain = filters_of(run.wearer, run.detector)
     found_by = OnsetDetector(found.rate, settings, run.detector).feed(signal)
-    share = share_of(EnvelopeFilter(found.rate, chain).feed(signal).envelope, of)
+    share = share_of(EnvelopeFilter(found.rate, chain).feed(signal).envelope, run.wearer)
     trouble, extends = found_by.trouble, np.zeros(len(signal))
     if extensor is not None:
         other = OnsetDetector(found.rate, None, run.detector).feed(found.values[:, extensor])
@@ -131,9 +130,3 @@ def _parts(channel: str, unit: str = "") -> tuple[str, str]:
     named = _UNIT.search(channel)
     unit = (named[1] if named else unit).replace("u", "µ")
     return (channel[: named.start()] if named else channel), unit
-
-
-def levels(run: EmgRun) -> Levels | None:
-    """The wearer's, for the envelope's share of MVC."""
-    wearer = run.wearer
-    return None if wearer is None else Levels(wearer.rest, wearer.mvc, wearer.mains, wearer.sigma)

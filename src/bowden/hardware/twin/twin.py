@@ -7,7 +7,7 @@ import contextlib
 import gc
 import math
 import os
-import resource
+import select
 from collections import deque
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -70,7 +70,7 @@ class Twin:
         self._beside: SensorNode | None = None
         self._own_bus: can.BusABC | None = None
         self._unsent, self._longest_wait, self._ticked = 0, 0.0, clock()
-        self._began, self._began_cpu = clock(), _cpu_time()
+        self._began, self._began_cpu = clock(), sum(os.times()[:2])
         self._stopping = False
 
     def attach(self, make: Callable[[TwinPlant, Faults, Send], SensorNode], place: BusPlace | None = None) -> None:
@@ -115,7 +115,7 @@ class Twin:
         """Wait for a frame, at most one tick, and let everything have its time."""
         self._join_or_leave(self._clock())
         if self._bus is None:
-            _pause()
+            select.select([], [], [], TICK)  # without a bus to wait at
         else:
             beside = self._beside if self._own_bus is None else None
             for identifier, data in _waiting(self._bus, TICK):
@@ -226,7 +226,7 @@ class Twin:
             "unsent": self._unsent,
             "longest_wait": self._longest_wait,
             "faults": node.faults.names(now),
-            "processor_share": (_cpu_time() - self._began_cpu) / ran if ran > 0.0 else 0.0,
+            "processor_share": (sum(os.times()[:2]) - self._began_cpu) / ran if ran > 0.0 else 0.0,
         }
 
 
@@ -253,16 +253,3 @@ def raise_priority() -> bool:
     except (AttributeError, OSError):
         return False
     return True
-
-
-def _cpu_time() -> float:
-    """Of this process [s]."""
-    used = resource.getrusage(resource.RUSAGE_SELF)
-    return used.ru_utime + used.ru_stime
-
-
-def _pause() -> None:
-    """One tick without a bus to wait at."""
-    import select
-
-    select.select([], [], [], TICK)
