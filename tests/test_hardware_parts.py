@@ -65,11 +65,11 @@ def test_readings_are_made_of_replies() -> None:
     assert math.isnan(first.motor)
     assert (first.heartbeat_age, first.motor_age, first.emergency) == (0.0, math.inf, 0.0)
     readings.cycle(10.001)
-    readings.replied(10.001)
+    readings.replied_at = 10.001
     readings.moved(0.5, 2.0, 30.0, 10.0)
     readings.failed(4)
     readings.failed(4)
-    readings.meant()
+    readings.foreign += 1.0
     second = readings.reading(10.001, DriveState.FAULT, 1.0)
     assert second.motor == 0.5
     assert (second.motor_age, second.joint_age, second.emergency, second.foreign) == (0.0, math.inf, 4.0, 1.0)

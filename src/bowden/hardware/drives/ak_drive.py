@@ -164,10 +164,10 @@ class AkDrive(Driver):
         """A reply of the drive."""
         drive, readings = self._drive, self._readings
         if self._unanswered == 0:
-            readings.meant()  # it answers somebody else
+            readings.foreign += 1.0  # it answers somebody else
         self._unanswered = max(0, self._unanswered - 1)
         self._until_off = max(0, self._until_off - 1)
-        readings.replied(now)
+        readings.replied_at = now
         if self._lost:
             return  # whatever it says: its position may be another
         readings.failed(reply.error)

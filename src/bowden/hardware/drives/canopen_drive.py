@@ -522,7 +522,7 @@ class CanopenDrive(Driver):
             self._due -= 1.0
             if self._due < 0.0:  # not the drive's: it sends one for each SYNC
                 self._due = 0.0
-                readings.meant()
+                readings.foreign += 1.0
         elif cob_id == self._tpdo2 and (sensors := frames.unpack_tpdo2(data)) is not None:
             readings.turned(found.joint.angle(sensors.joint))
             readings.temperature = math.nan if sensors.temperature is None else 0.1 * sensors.temperature
@@ -531,7 +531,7 @@ class CanopenDrive(Driver):
             elif drive.torque_scale != 0.0:
                 readings.joint_torque = load_of(drive, sensors.analog)
         elif cob_id == self._beats and (state := frames.unpack_heartbeat(data)) is not None:
-            readings.replied(now)
+            readings.replied_at = now
             self._operational = self._operational and state == frames.OPERATIONAL
         elif cob_id == self._emergencies and (code := frames.unpack_emergency(data)):
             readings.found(EMERGENCY_STOP if code == SAFE_TORQUE_OFF else code)
@@ -548,7 +548,7 @@ class CanopenDrive(Driver):
         there = max(readings.motor_age, readings.joint_age) <= MOST_ANGLES_AGE
         missing = self._inputs_age > MOST_INPUTS_AGE and there
         if self._has_stop and (missing or not self._stop_released):
-            readings.stopped()
+            readings.emergency = EMERGENCY_STOP
         self._inputs_age += 1
         self._update_state(self._statusword_state if self._operational else DriveState.NOT_READY_TO_SWITCH_ON)
         self._check_inert(now)

@@ -8,7 +8,7 @@ import math
 from abc import ABC, abstractmethod
 from typing import Any, ClassVar
 
-from bowden.core.signals import EMERGENCY_STOP, DriveReading, DriveState
+from bowden.core.signals import DriveReading, DriveState
 from bowden.hardware.buses.link import BusPort, Links
 from bowden.hardware.buses.opening import Frame
 from bowden.hardware.buses.place import ERROR, REMOTE
@@ -31,21 +31,20 @@ class Readings:
         """Nothing has come yet."""
         self.motor = self.joint = self.current = self.tension = self.temperature = self.joint_torque = math.nan
         self.motor_age = self.joint_age = math.inf
-        self._error = 0
-        self._emergency = self._foreign = 0.0
+        self.error = 0
+        """What the drive reported last; 0 for none."""
+        self.emergency = self.foreign = 0.0
+        """What is wrong in this cycle; frames in it that nobody but this host may send."""
         self.replied_at = self.sampled = math.nan
+        """When the last reply came, whatever it said, the sign of life; when the last sample was taken [s]."""
 
     def cycle(self, now: float) -> None:
         """A cycle begins at `now` [s]: everything is one older."""
         self.motor_age += 1.0
         self.joint_age += 1.0
-        self._emergency = self._foreign = 0.0
+        self.emergency = self.foreign = 0.0
         if math.isnan(self.replied_at):
             self.replied_at = now  # of the first cycle: from here on it can be late
-
-    def replied(self, now: float) -> None:
-        """A reply has come, whatever it says: the sign of life."""
-        self.replied_at = now
 
     def moved(self, motor: float, current: float, temperature: float, sampled: float) -> None:
         """The motor's angle [rad], current [A] and temperature [°C] came, taken at `sampled` [s]; NaN for none."""
@@ -58,33 +57,20 @@ class Readings:
 
     def failed(self, code: int) -> None:
         """The drive reports this error, 0 for none: an emergency when it changes."""
-        if code and code != self._error:
+        if code and code != self.error:
             self.found(code)
-        self._error = code
+        self.error = code
 
     def found(self, code: float) -> None:
         """Something is wrong in this cycle; of several the first is the cause."""
-        self._emergency = self._emergency or float(code)
-
-    def stopped(self) -> None:
-        """The emergency stop is pressed, which comes before everything else."""
-        self._emergency = EMERGENCY_STOP
-
-    def meant(self) -> None:
-        """A frame came that nobody but this host may send."""
-        self._foreign += 1.0
-
-    @property
-    def error(self) -> int:
-        """What the drive reported last; 0 for none."""
-        return self._error
+        self.emergency = self.emergency or float(code)
 
     def reading(self, now: float, state: DriveState, bus_errors: float) -> DriveReading:
         """The reading of this cycle at `now` [s]."""
         return DriveReading(
             self.motor, self.joint, self.current, self.tension, self.temperature, self.motor_age, self.joint_age,
             now - self.replied_at if math.isfinite(self.replied_at) else math.inf,
-            float(state), self._emergency, float(bus_errors), self._foreign,
+            float(state), self.emergency, float(bus_errors), self.foreign,
             0.0 if math.isnan(self.sampled) else now - self.sampled, self.joint_torque,
         )  # fmt: skip
 
@@ -249,7 +235,7 @@ class Driver(ABC):
             if self._take(identifier, data, now):
                 continue
             if self._is_foreign(identifier, data):
-                readings.meant()
+                readings.foreign += 1.0
             elif self._encoder is not None:
                 self._read_joint(self._encoder, identifier, data, now)
         self._judge(now)
@@ -261,7 +247,7 @@ class Driver(ABC):
         if angle is not None:
             self._readings.turned(angle)
         elif encoder.foreign(identifier & ~REMOTE):
-            self._readings.meant()
+            self._readings.foreign += 1.0
 
     def _take_all(self) -> list[Frame]:
         """The frames that are there, with the flags of `buses.place`, and no more than a cycle may read; error

@@ -447,7 +447,7 @@ class MoteusDrive(Driver):
         if reply is None or found is None or found.joint is None:
             return True
         readings, drive = self._readings, self._drive
-        readings.replied(now)
+        readings.replied_at = now
         self._check_turns(reply.position, now)
         readings.moved(
             found.motor.angle(reply.position) if math.isfinite(reply.position) else math.nan,

@@ -456,7 +456,7 @@ class OdriveDrive(Driver):
         if cmd is None or not data or found is None:
             return False
         if cmd == Cmd.HEARTBEAT and (beat := frames.unpack_beat(data)) is not None:
-            readings.replied(now)
+            readings.replied_at = now
             self._disobeyed = self._disobeyed + 1 if beat.state != AxisState.IDLE and not self._asked else 0
             if beat.state == AxisState.CLOSED_LOOP_CONTROL != self._beat.state:
                 self._armed_with = beat.errors
