@@ -68,8 +68,8 @@ def test_words_that_are_being_written_are_not_read(block: Path) -> None:
     reader, writer = IntentReader(block), IntentWriter(block)
     writer.write(StreamReading(1, 1, 1, 1))
     first = reader.read()
-    writer._whole[0] += 1  # as a writer that has died in the middle leaves it
-    writer._whole[1] = 99
+    writer._sequence[0] += 1  # as a writer that has died in the middle leaves it
+    writer._memory[8] = 99
     assert reader.read() == first
 
 
