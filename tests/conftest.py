@@ -43,15 +43,15 @@ def shared_data() -> Path:
 @pytest.fixture(autouse=True)
 def little_listening(monkeypatch: pytest.MonkeyPatch) -> None:
     """A bring-up within the tests' process listens for other masters for an instant; a rig's does for a second."""
-    if "bowden.hardware.drives.canopen_setup" in sys.modules:
-        monkeypatch.setattr("bowden.hardware.drives.canopen_setup.LISTENING", 0.03)
+    if "bowden.hardware.drives.canopen_drive" in sys.modules:
+        monkeypatch.setattr("bowden.hardware.drives.canopen_drive.LISTENING", 0.03)
 
 
 @pytest.fixture(scope="session")
 def lsl() -> Any:
     """The library of LSL, where it loads and streams are found on this machine."""
     from bowden.core.errors import StreamError
-    from bowden.hardware.emg.lsl_library import library
+    from bowden.hardware.emg.lsl_info import library
     from bowden.hardware.emg.lsl_outlet import LslOutlet
 
     name = f"probe-{os.getpid()}"

@@ -10,7 +10,7 @@ import pytest
 
 from bowden.app.main import run
 from bowden.core.errors import StreamError
-from bowden.hardware.emg.listener import Levels, Listener
+from bowden.hardware.emg.listener import Listener
 from bowden.hardware.emg.playback import Playback
 from bowden.hardware.ports import EmgChunk
 from bowden.identify.emg.levels import envelope_levels
@@ -147,7 +147,7 @@ def test_the_recording_of_a_wearer_goes_from_rest_to_all_of_their_maximum_as_the
     assert run(["emg", "calibrate", str(write("a.csv", values))]) == 0
     wearer = wearer_file.read(Path("wearer.toml"))
     assert wearer.mvc > 50.0 * wearer.rest, "mains are no rest"
-    listener = Listener(1000.0, 0, levels=Levels(wearer.rest, wearer.mvc))
+    listener = Listener(1000.0, 0, wearer=wearer)
     heard = [listener.take(EmgChunk(values[k : k + 1, None], np.array([1e-3 * k])), 10.0).share for k in range(8000)]
     assert max(heard[500:]) == pytest.approx(1.0, abs=1e-5)
     assert np.quantile(heard[500:], 0.1) == pytest.approx(0.0, abs=1e-3), "but for what calibration left out"
@@ -284,9 +284,7 @@ def test_hum_of_a_wearers_mains_is_taken_out_of_their_envelope(capsys: pytest.Ca
     assert found.mains == 60.0
     times = np.arange(1500) / 1000.0
     share = [
-        Listener(1000.0, 0, levels=Levels(found.rest, found.mvc, mains))
-        .take(EmgChunk(hum[:1500, None], times), 1.5)
-        .share
+        Listener(1000.0, 0, wearer=found._replace(mains=mains)).take(EmgChunk(hum[:1500, None], times), 1.5).share
         for mains in (60.0, 50.0)
     ]
     assert abs(share[0]) < 0.02

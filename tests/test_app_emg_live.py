@@ -16,7 +16,7 @@ from bowden.app.main import run
 from bowden.core.errors import StreamError
 from bowden.core.units import RADIANS
 from bowden.cycle.one_cycle import TargetSource
-from bowden.hardware.emg.lsl_library import library
+from bowden.hardware.emg.lsl_info import library
 from bowden.hardware.emg.lsl_outlet import LslOutlet, replay
 from bowden.hardware.emg.trigno_server import TrignoServer
 from bowden.live.mcap_read import read

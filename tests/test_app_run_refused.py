@@ -91,9 +91,9 @@ def test_a_bus_that_another_run_has_is_told_before_the_law_is_checked(
     other = claim(UNIX, str(tmp_path / "b"), "host")
     assert run(["run", str(rig), "--auto", "--channel", str(tmp_path / "b")]) == 2
     assert "end the other run first" in capsys.readouterr().err
-    other.release()
+    other.close()
     (tmp_path / "loop").symlink_to(tmp_path / "loop")
-    claim(UNIX, str(tmp_path / "loop"), "host").release()
+    claim(UNIX, str(tmp_path / "loop"), "host").close()
 
 
 def test_what_takes_long_to_load_is_there_before_a_run_waits_for_signs_of_life(

@@ -14,9 +14,9 @@ from bowden.core.signals import DriveReading
 from bowden.hardware.buses.link import Links
 from bowden.hardware.drives import (
     ak_drive,
-    canopen_setup,
-    moteus_setup,
-    odrive_setup,
+    canopen_drive,
+    moteus_drive,
+    odrive_drive,
 )
 from bowden.hardware.drives.findings import LagWatch
 from bowden.hardware.drives.load_cell import LoadCellReader
@@ -43,7 +43,7 @@ LOAD_SAMPLE = [next(case for case in LOAD_CASES[k::5] if case[0] == cell) for k,
 
 @pytest.fixture(autouse=True)
 def quick(monkeypatch: pytest.MonkeyPatch) -> None:
-    for module in (ak_drive, canopen_setup, moteus_setup, odrive_setup):
+    for module in (ak_drive, canopen_drive, moteus_drive, odrive_drive):
         monkeypatch.setattr(module, "LISTENING", 0.02)
 
 

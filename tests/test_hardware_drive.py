@@ -13,7 +13,7 @@ from bowden.hardware.drives import canopen_frames as frames
 from bowden.hardware.drives.canopen_drive import CanopenDrive
 from bowden.hardware.drives.families.cia402 import DriveParameters
 from bowden.hardware.drives.findings import UNWATCHED
-from bowden.hardware.drives.homing import zeroed
+from bowden.hardware.drives.on_can import zeroed
 from bowden.hardware.ports import Drive, Power
 from bowden.hardware.twin.canopen_node import CanopenNode
 from bowden.hardware.twin.injection import KINDS
@@ -159,7 +159,7 @@ def test_after_a_fault_is_reset_the_power_comes_back_only_once_it_was_wanted_off
 @pytest.mark.parametrize("option", [2, 3])
 def test_a_drive_that_only_switches_off_is_not_switched_on_again_by_itself(option: int) -> None:
     loop = DriverLoop(DRIVE).up()
-    loop.node.objects.write((0x6007, 0), option.to_bytes(2, "little"))
+    loop.node.objects.set_data(0x6007, 0, option.to_bytes(2, "little"))
     loop.run(60, Power.ON, target=0.5)
     loop.advance(0.2)
     assert loop.node.state is DriveState.SWITCH_ON_DISABLED

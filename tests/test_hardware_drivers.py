@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 
 from bowden.core.errors import DriveError, ParameterError
 from bowden.core.signals import EMERGENCY_STOP, DriveState
-from bowden.hardware.buses.unix_bus import EXTENDED, REMOTE
-from bowden.hardware.drives import ak_drive, canopen_setup, moteus_setup, odrive_setup
+from bowden.hardware.buses.place import EXTENDED, REMOTE
+from bowden.hardware.drives import ak_drive, canopen_drive, moteus_drive, odrive_drive
 from bowden.hardware.drives import canopen_frames as canopen
 from bowden.hardware.drives import moteus_frames as moteus
 from bowden.hardware.drives import odrive_frames as odrive
@@ -96,7 +96,7 @@ def loop_of(name: str, overrides: Any = None, **changed: Any) -> DriverLoop:
 
 @pytest.fixture(autouse=True)
 def quick(monkeypatch: pytest.MonkeyPatch) -> None:
-    for module in (ak_drive, canopen_setup, moteus_setup, odrive_setup):
+    for module in (ak_drive, canopen_drive, moteus_drive, odrive_drive):
         monkeypatch.setattr(module, "LISTENING", 0.02)
 
 

@@ -13,8 +13,7 @@ import pytest
 
 from bowden.core.errors import StreamError
 from bowden.hardware.emg.lsl import LslStream
-from bowden.hardware.emg.lsl_info import channel_names, check_info, unit_of
-from bowden.hardware.emg.lsl_library import library
+from bowden.hardware.emg.lsl_info import channel_names, check_info, library, unit_of
 from bowden.hardware.emg.lsl_outlet import LslOutlet
 from bowden.hardware.emg.sources import open_source
 from bowden.hardware.ports import EmgChunk, EmgStream

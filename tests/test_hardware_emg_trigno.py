@@ -16,11 +16,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bowden.core.errors import ParameterError, StreamError
-from bowden.hardware.emg import trigno_dialogue
+from bowden.hardware.emg import trigno_dialogue, trigno_protocol
 from bowden.hardware.emg.sources import open_source
 from bowden.hardware.emg.trigno import TrignoStream
 from bowden.hardware.emg.trigno_dialogue import Address
-from bowden.hardware.emg.trigno_faults import read_faults
 from bowden.hardware.emg.trigno_protocol import (
     EMG_PORT,
     GREETING,
@@ -31,7 +30,7 @@ from bowden.hardware.emg.trigno_protocol import (
     columns_of,
     rate_of,
 )
-from bowden.hardware.emg.trigno_server import TrignoServer, frames_of
+from bowden.hardware.emg.trigno_server import TrignoServer, frames_of, read_faults
 from bowden.hardware.ports import EmgChunk
 from bowden.identify.emg.log import read_emg
 from bowden.sensing.stream import OnsetDetector
@@ -276,15 +275,15 @@ def test_an_older_server_that_knows_few_questions_will_do() -> None:
 
 def test_where_the_emg_port_refuses_the_legacy_one_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:
     with serving(counter(channels=2)) as address, socket.create_server(("127.0.0.1", 0)) as other:
-        monkeypatch.setattr(trigno_dialogue, "EMG_PORT", other.getsockname()[1])
+        monkeypatch.setattr(trigno_protocol, "EMG_PORT", other.getsockname()[1])
         other.close()
-        monkeypatch.setattr(trigno_dialogue, "LEGACY_EMG_PORT", address.emg)
+        monkeypatch.setattr(trigno_protocol, "LEGACY_EMG_PORT", address.emg)
         stream = TrignoStream(address._replace(emg=None))
         assert "legacy EMG port" in stream.open()
         assert np.array_equal(counted(drained(stream, 500)[0])[:500], np.arange(1, 501))
         stream.close()
-        monkeypatch.setattr(trigno_dialogue, "LEGACY_EMG_PORT", trigno_dialogue.EMG_PORT)
-        with pytest.raises(StreamError, match=f"no EMG port {trigno_dialogue.EMG_PORT} at 127.0.0.1"):
+        monkeypatch.setattr(trigno_protocol, "LEGACY_EMG_PORT", trigno_protocol.EMG_PORT)
+        with pytest.raises(StreamError, match=f"no EMG port {trigno_protocol.EMG_PORT} at 127.0.0.1"):
             TrignoStream(address._replace(emg=None)).open()
 
 
@@ -396,7 +395,7 @@ def test_a_recording_becomes_whole_frames_in_volts() -> None:
 
 
 def test_a_greeting_puts_nothing_but_text_on_the_screen(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("bowden.hardware.emg.trigno_server.GREETING", f"{GREETING} \x1b[2J")
+    monkeypatch.setattr("bowden.hardware.emg.trigno_protocol.GREETING", f"{GREETING} \x1b[2J")
     with serving(counter()) as address, pytest.raises(StreamError, match="which is no text") as refused:
         TrignoStream(address).open()
     assert str(refused.value).isprintable()

@@ -5,8 +5,8 @@ import pytest
 
 from bowden.core.errors import DriveError
 from bowden.hardware.buses.link import Links
-from bowden.hardware.buses.place import BusPlace
-from bowden.hardware.buses.unix_bus import EXTENDED, REMOTE, UnixBus
+from bowden.hardware.buses.place import EXTENDED, REMOTE, BusPlace
+from bowden.hardware.buses.unix_bus import UnixBus
 from bowden.hardware.drives.checklist import Conversation
 
 PLACE = BusPlace("bowden_unix", "unused", 1_000_000)

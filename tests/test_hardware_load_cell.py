@@ -19,14 +19,14 @@ from bowden.hardware.drives.families.ak_mit import AkParameters
 from bowden.hardware.drives.families.cia402 import DriveParameters, load_of, load_range, tared
 from bowden.hardware.drives.families.moteus import MoteusParameters
 from bowden.hardware.drives.load_cell import VALUE_32, LoadCellReader
-from bowden.hardware.drives.with_load_cell import DriveWithLoadCell
+from bowden.hardware.drives.of_rig import DriveWithLoadCell
 from bowden.hardware.ports import Power, TorqueLeft
 from bowden.hardware.twin.ak_node import AkNode
 from bowden.hardware.twin.bench import TwinBench
 from bowden.hardware.twin.canopen_node import CanopenNode
 from bowden.hardware.twin.injection import parse
-from bowden.hardware.twin.load_cell_node import LoadCellNode
 from bowden.hardware.twin.objects import Key
+from bowden.hardware.twin.sensor_node import LoadCellNode
 from bowden.live.drive_look import tare
 from bowden.live.live_run import live_run
 from bowden.models.cable.sheath_path import constant_bend

@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 from bowden.core.errors import DriveError
 from bowden.core.signals import DriveState
 from bowden.hardware.buses.link import Links
-from bowden.hardware.buses.unix_bus import EXTENDED
+from bowden.hardware.buses.place import EXTENDED
+from bowden.hardware.drives import moteus_drive
 from bowden.hardware.drives import moteus_frames as frames
-from bowden.hardware.drives import moteus_setup
 from bowden.hardware.drives.families.moteus import MoteusParameters, command_of, motor_scale
 from bowden.hardware.drives.moteus_drive import MoteusDrive
 from bowden.hardware.drives.moteus_frames import NumberKind, Register
@@ -39,7 +39,7 @@ class Bench(DriverLoop):
 
 @pytest.fixture(autouse=True)
 def quick(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(moteus_setup, "LISTENING", 0.02)
+    monkeypatch.setattr(moteus_drive, "LISTENING", 0.02)
 
 
 def test_frames_are_those_of_the_public_examples() -> None:

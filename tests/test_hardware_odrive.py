@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from bowden.core.errors import ParameterError
 from bowden.core.signals import EMERGENCY_STOP, DriveState
-from bowden.hardware.drives import odrive_endpoints, odrive_setup
+from bowden.hardware.drives import odrive_drive, odrive_endpoints
 from bowden.hardware.drives import odrive_frames as frames
 from bowden.hardware.drives.families.odrive import FAMILY, OdriveParameters, target_of
 from bowden.hardware.drives.odrive_drive import OdriveDrive
@@ -30,7 +30,7 @@ SCALES = Scales(1000.0, 1000.0)
 
 @pytest.fixture(autouse=True)
 def quick(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(odrive_setup, "LISTENING", 0.02)
+    monkeypatch.setattr(odrive_drive, "LISTENING", 0.02)
 
 
 @given(st.floats(-1000, 1000, width=32), st.floats(-32.7, 32.7), st.floats(-32.7, 32.7))
@@ -122,7 +122,7 @@ def test_the_makers_list_is_found_from_the_rigs_file(tmp_path: Path, monkeypatch
 
 
 def test_a_target_never_asks_for_more_speed_or_torque_than_the_rig() -> None:
-    limits = motor_limits(DRIVE, odrive_setup.motor_scale(DRIVE))
+    limits = motor_limits(DRIVE, odrive_drive.motor_scale(DRIVE))
     drive = asking(DRIVE, torque_offset=0.1)
     for before in (-5.0, 0.0, 0.0999, 5.0, math.nan):
         target = target_of(drive, limits, 0.1, before, 1e6)

@@ -10,13 +10,14 @@ from bowden.core.errors import DriveError, ParameterError
 from bowden.core.signals import DriveState
 from bowden.hardware.drives import canopen_frames as frames
 from bowden.hardware.drives.canopen_sensor import MOST_SILENCE
+from bowden.hardware.drives.driver import Readings
+from bowden.hardware.drives.families.odrive import OdriveParameters
 from bowden.hardware.drives.findings import INERT, InertWatch
-from bowden.hardware.drives.joint_encoder import JointEncoder, JointEncoderParameters, check_beside
-from bowden.hardware.drives.limited_range import LimitedRange, nearest
-from bowden.hardware.drives.readings import Readings
+from bowden.hardware.drives.joint_encoder import JointEncoder, check_beside
+from bowden.hardware.drives.scale import LimitedRange, nearest
 from bowden.hardware.twin.faults import Faults
 from bowden.hardware.twin.injection import KINDS, parse
-from bowden.hardware.twin.joint_encoder_node import JointEncoderNode
+from bowden.hardware.twin.sensor_node import JointEncoderNode
 from support.memory_bus import MemoryBus
 
 ENABLED, DISABLED = DriveState.OPERATION_ENABLED, DriveState.SWITCH_ON_DISABLED
@@ -64,11 +65,11 @@ def test_readings_are_made_of_replies() -> None:
     assert math.isnan(first.motor)
     assert (first.heartbeat_age, first.motor_age, first.emergency) == (0.0, math.inf, 0.0)
     readings.cycle(10.001)
-    readings.replied(10.001)
+    readings.replied_at = 10.001
     readings.moved(0.5, 2.0, 30.0, 10.0)
     readings.failed(4)
     readings.failed(4)
-    readings.meant()
+    readings.foreign += 1.0
     second = readings.reading(10.001, DriveState.FAULT, 1.0)
     assert second.motor == 0.5
     assert (second.motor_age, second.joint_age, second.emergency, second.foreign) == (0.0, math.inf, 4.0, 1.0)
@@ -79,16 +80,16 @@ def test_readings_are_made_of_replies() -> None:
     assert third.heartbeat_age == pytest.approx(0.01)
 
 
-ENCODER = JointEncoderParameters(32, 16384.0, 1, 0.1, synced=True, here=False)
+ENCODER = OdriveParameters(joint_home=0.1, answer_timeout=0.2)
 
 
-def encoder_on(given_: JointEncoderParameters, overrides: object = None) -> tuple[JointEncoder, MemoryBus, list[float]]:
+def encoder_on(given_: OdriveParameters, overrides: object = None) -> tuple[JointEncoder, MemoryBus, list[float]]:
     """The driver's part, the bus and the true angle [rad]."""
     true, faults = [0.4], Faults()
     bus = MemoryBus()
     bus.faults = faults
     bus.attach(JointEncoderNode(given_, lambda: true[0], faults, bus.put, overrides))  # type: ignore[arg-type]
-    return JointEncoder(given_, 0.2), bus, true
+    return JointEncoder(given_), bus, true
 
 
 def taken(encoder: JointEncoder, bus: MemoryBus) -> list[float]:
@@ -99,7 +100,7 @@ def taken(encoder: JointEncoder, bus: MemoryBus) -> list[float]:
 
 @pytest.mark.parametrize("synced", [True, False])
 def test_an_encoder_of_its_own_tells_the_joints_angle_over_its_end(*, synced: bool) -> None:
-    encoder, bus, true = encoder_on(ENCODER._replace(synced=synced))
+    encoder, bus, true = encoder_on(ENCODER._replace(joint_sends="sync" if synced else "timer"))
     assert "16384 counts a turn" in encoder.bring_up(bus.port)
     taken(encoder, bus)
     for true[0] in (0.4, 0.2, -0.1, -0.6):
@@ -111,7 +112,7 @@ def test_an_encoder_of_its_own_tells_the_joints_angle_over_its_end(*, synced: bo
 
 
 def test_an_encoder_is_found_home_where_it_stands() -> None:
-    encoder, bus, true = encoder_on(ENCODER._replace(here=True, home=0.0))
+    encoder, bus, true = encoder_on(ENCODER._replace(home="here", joint_home=0.0))
     encoder.bring_up(bus.port)
     true[0] = 0.55
     bus.send_frame(frames.SYNC, b"")
@@ -145,7 +146,7 @@ def test_an_encoder_that_does_not_fit_is_refused(overrides: dict[tuple[int, int]
 def test_an_encoder_that_nobody_is_is_named_with_those_who_are() -> None:
     encoder, bus, _ = encoder_on(ENCODER)
     with pytest.raises(DriveError, match="there is node 32"):
-        JointEncoder(ENCODER._replace(node_id=33), 0.1).bring_up(bus.port)
+        JointEncoder(ENCODER._replace(joint_node_id=33)).bring_up(bus.port)
     assert encoder.synced
     bus.close()
 
@@ -193,12 +194,12 @@ def test_an_encoder_in_an_emergency_or_without_its_heartbeat_tells_nothing() -> 
 @given(st.integers(0, 0x7FF), st.binary(max_size=8))
 @settings(max_examples=300, deadline=None)
 def test_no_frame_breaks_the_encoder(identifier: int, data: bytes) -> None:
-    angle = JointEncoder(ENCODER, 0.1).read(identifier, data, 1.0)
+    angle = JointEncoder(ENCODER).read(identifier, data, 1.0)
     assert angle is None or math.isfinite(angle)
 
 
 def test_frames_of_a_drive_that_are_canopens_are_refused_beside_an_encoder() -> None:
-    check_beside(None, {0: "reply_id"})
+    check_beside(ENCODER._replace(joint="none"), {0: "reply_id"})
     check_beside(ENCODER, {5: "node_id"})
     with pytest.raises(ParameterError, match=r"drive\.reply_id makes frames 000h"):
         check_beside(ENCODER, {0: "reply_id"})

@@ -2,6 +2,7 @@
 
 import importlib
 import os
+import socket
 import subprocess
 import sys
 import tomllib
@@ -14,8 +15,8 @@ import pytest
 from bowden.core.errors import DriveError
 from bowden.hardware.buses import opening
 from bowden.hardware.buses.opening import claim, open_bus
-from bowden.hardware.buses.place import BusPlace
-from bowden.hardware.buses.unix_bus import ERROR, EXTENDED, REMOTE, UnixBus, bus_folder
+from bowden.hardware.buses.place import ERROR, EXTENDED, REMOTE, BusPlace
+from bowden.hardware.buses.unix_bus import UnixBus, bus_folder
 
 
 def frame(cob_id: int, data: bytes = b"") -> can.Message:
@@ -183,13 +184,11 @@ def test_what_the_dead_leave_is_cleared_away(tmp_path: Path) -> None:
     assert not list(tmp_path.glob("*.node"))
 
 
-def test_strange_datagrams_at_the_door_do_no_harm(tmp_path: Path) -> None:
-    import socket
-
-    with UnixBus(tmp_path) as one:
-        door = next(tmp_path.glob("*.node"))
-        with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as stranger:
-            stranger.sendto(b"\xff" * 100, str(door))
+def test_strangers_at_the_door_do_no_harm(tmp_path: Path) -> None:
+    with UnixBus(tmp_path) as one, socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as stranger:
+        stranger.connect(str(next(tmp_path.glob("*.node"))))
+        for size in (1, 71, 100):
+            stranger.send(b"\xff" * size)
         with UnixBus(tmp_path) as two:
             two.send(frame(3))
             assert heard(one) == [3]
@@ -218,16 +217,16 @@ def test_a_part_is_played_by_one_process_and_free_when_it_dies(tmp_path: Path) -
     first = claim("bowden_unix", str(tmp_path), "host")
     with pytest.raises(DriveError, match="has a host already"):
         claim("bowden_unix", str(tmp_path) + os.sep, "host")
-    claim("bowden_unix", str(tmp_path), "node 1").release()
-    claim("bowden_unix", str(tmp_path / "other"), "host").release()
-    first.release()
-    claim("bowden_unix", str(tmp_path), "host").release()
+    claim("bowden_unix", str(tmp_path), "node 1").close()
+    claim("bowden_unix", str(tmp_path / "other"), "host").close()
+    first.close()
+    claim("bowden_unix", str(tmp_path), "host").close()
     code = (
         "import os, sys; from bowden.hardware.buses.opening import claim;"
         "held = claim('bowden_unix', sys.argv[1], 'host'); os.kill(os.getpid(), 9)"
     )
     subprocess.run([sys.executable, "-c", code, str(tmp_path)], check=False, capture_output=True, timeout=60)
-    claim("bowden_unix", str(tmp_path), "host").release()
+    claim("bowden_unix", str(tmp_path), "host").close()
 
 
 def test_python_can_is_told_of_it() -> None:

@@ -157,7 +157,7 @@ def test_over_the_bus_the_output_is_driven_confirmed_and_released_with_the_torqu
     assert told(True, Power.ON) == (True, DriveState.OPERATION_ENABLED)
     assert told(True, Power.READY) == (True, DriveState.SWITCHED_ON)
     assert drive.brake_confirmed
-    bus.node.objects.write((0x60FE, 1), (output == "release").to_bytes(4, "little"))  # somebody else's word
+    bus.node.objects.set_data(0x60FE, 1, (output == "release").to_bytes(4, "little"))  # somebody else's word
     assert not plant.brake_set
     assert [told(True, Power.READY)[0] for _ in range(40)][-1], "it is seen, and said again"
     assert told(True, Power.OFF)[0] is False

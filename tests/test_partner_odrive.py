@@ -19,10 +19,9 @@ from bowden.hardware.drives import driver, odrive_drive
 from bowden.hardware.drives import odrive_frames as frames
 from bowden.hardware.drives.checklist import Found
 from bowden.hardware.drives.families.odrive import FAMILY, OdriveParameters, motor_scale
-from bowden.hardware.drives.odrive_drive import OdriveDrive
+from bowden.hardware.drives.odrive_drive import OdriveDialogue, OdriveDrive
 from bowden.hardware.drives.odrive_endpoints import endpoints_of
 from bowden.hardware.drives.odrive_frames import ERRORS, AxisState, Beat, Cmd, Scales, Target
-from bowden.hardware.drives.odrive_setup import OdriveDialogue
 from bowden.hardware.drives.scale import motor_limits
 from bowden.hardware.ports import Power
 from bowden.hardware.twin.bench import TwinBench
@@ -174,13 +173,13 @@ def test_our_master_moves_its_mock_as_far_as_it_goes(tmp_path: Path, monkeypatch
         with pytest.raises(DriveError, match=r"firmware 0\.0\.0 with version 0 of its protocol"):
             ours.bring_up()
 
-        def told(port: Any, given: Any, endpoints: Any) -> Found:
-            board = OdriveDialogue(port, given, endpoints_of("twin"))
+        def told(ours: OdriveDrive, port: Any) -> Found:
+            board = OdriveDialogue(port, drive, endpoints_of("twin"))
             board.tell(Cmd.SET_CONTROLLER_MODE, frames.pack(Cmd.SET_CONTROLLER_MODE, 3, 1))
-            scale = motor_scale(given)
-            return Found("mock", scale, None, motor_limits(given, scale), DriveState.SWITCH_ON_DISABLED, 0, "")
+            scale = motor_scale(drive)
+            return Found("mock", scale, None, motor_limits(drive, scale), DriveState.SWITCH_ON_DISABLED, 0, "")
 
-        monkeypatch.setattr(odrive_drive, "set_up", told)
+        monkeypatch.setattr(OdriveDrive, "_find", told)
         monkeypatch.setattr(driver, "LOST", 10.0)
         monkeypatch.setattr(odrive_drive, "AGAIN", 10.0)  # it takes half a second for each request
         ours = OdriveDrive(drive, Links())

@@ -14,13 +14,14 @@ from bowden.core.signals import Reference
 from bowden.hardware.emg import intent_block
 from bowden.hardware.emg.course import EmgCourse
 from bowden.hardware.emg.intent_block import IntentReader, IntentWriter, StreamReading
-from bowden.hardware.emg.listener import Levels, Listener
+from bowden.hardware.emg.listener import Listener
 from bowden.hardware.emg.recorded import EmgMotion
 from bowden.hardware.ports import EmgChunk
 from bowden.rig.emg_setup import EmgRun
 from bowden.sensing.course import CourseSettings, CourseState, course_step
 from bowden.sensing.intent import Intent, IntentSettings, intent_start
 from bowden.sensing.stream import EnvelopeFilter, OnsetDetector
+from bowden.sensing.wearer_file import MuscleCalibration
 from bowden.sim.emg import rest
 
 RATE, DT = 1000.0, 0.001
@@ -67,8 +68,8 @@ def test_words_that_are_being_written_are_not_read(block: Path) -> None:
     reader, writer = IntentReader(block), IntentWriter(block)
     writer.write(StreamReading(1, 1, 1, 1))
     first = reader.read()
-    writer._whole[0] += 1  # as a writer that has died in the middle leaves it
-    writer._whole[1] = 99
+    writer._sequence[0] += 1  # as a writer that has died in the middle leaves it
+    writer._memory[8] = 99
     assert reader.read() == first
 
 
@@ -100,7 +101,7 @@ def test_a_stream_in_pieces_says_what_the_whole_recording_does(seed: int) -> Non
     cuts = sorted(np.random.default_rng(seed).choice(np.arange(1, len(signal)), 40, replace=False).tolist())
     active = OnsetDetector(RATE).feed(signal).active
     envelope = EnvelopeFilter(RATE).feed(signal).envelope
-    listener = Listener(RATE, 0, levels=Levels(0.01, 0.21))
+    listener = Listener(RATE, 0, wearer=MuscleCalibration(0.01, 0.21, "", ""))
     for chunk, end in zip(chunks(signal[:, None], cuts), [*cuts, len(signal)], strict=True):
         heard = listener.take(chunk, 100.0)
         assert (heard.flexor, heard.level) == (active[end - 1], envelope[end - 1])
@@ -127,7 +128,7 @@ def test_a_missing_sample_is_counted_makes_nothing_new_and_no_envelope_that_is_n
 def test_a_first_sample_that_is_missing_is_no_jump_from_nothing_to_the_offset() -> None:
     signal = 0.4 + contraction(3.0, [])[:, None]
     signal[:5] = np.nan
-    listener = Listener(RATE, 0, levels=Levels(0.01, 0.21))
+    listener = Listener(RATE, 0, wearer=MuscleCalibration(0.01, 0.21, "", ""))
     shares = [listener.take(chunk, 100.0).share for chunk in chunks(signal, list(range(2, 3000, 7)))]
     assert np.nanmax(np.abs(shares)) < 0.1
 
@@ -136,8 +137,8 @@ def test_a_wearers_rest_is_not_taken_for_a_contraction_after_a_start_that_was_mu
     signal = contraction(20.0, [(15.0, 16.0)])
     sigma = float(OnsetDetector(RATE).feed(signal).rest[10_000])
     signal[:2000] *= 0.1
-    for levels, begins in ((None, 2.0), (Levels(0.008, 0.2, sigma=sigma), 15.0)):
-        listener = Listener(RATE, 0, levels=levels)
+    for wearer, begins in ((None, 2.0), (MuscleCalibration(0.008, 0.2, "", "", sigma), 15.0)):
+        listener = Listener(RATE, 0, wearer=wearer)
         heard = [listener.take(chunk, 100.0) for chunk in chunks(signal[:, None], list(range(10, 20_000, 10)))]
         first = next(one.onset for one in heard if one.onset)
         assert begins < first / SECOND < begins + 0.15

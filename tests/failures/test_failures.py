@@ -7,7 +7,7 @@ import pytest
 
 from bowden.core.errors import DriveError
 from bowden.hardware.buses.link import Links
-from bowden.hardware.drives import ak_drive, canopen_setup, moteus_setup, odrive_setup
+from bowden.hardware.drives import ak_drive, canopen_drive, moteus_drive, odrive_drive
 from bowden.hardware.ports import Power
 from bowden.hardware.twin.injection import parse
 from bowden.identify.emg.score import find
@@ -28,7 +28,7 @@ ON_TWIN = [
 
 @pytest.fixture(autouse=True)
 def quick(monkeypatch: pytest.MonkeyPatch) -> None:
-    for module in (ak_drive, canopen_setup, moteus_setup, odrive_setup):
+    for module in (ak_drive, canopen_drive, moteus_drive, odrive_drive):
         monkeypatch.setattr(module, "LISTENING", 0.02)
 
 

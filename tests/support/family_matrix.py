@@ -25,10 +25,10 @@ from bowden.hardware.twin.ak_node import AkNode
 from bowden.hardware.twin.bench import TwinBench
 from bowden.hardware.twin.canopen_node import CanopenNode
 from bowden.hardware.twin.injection import parse
-from bowden.hardware.twin.load_cell_node import LoadCellNode
 from bowden.hardware.twin.moteus_node import MoteusNode
 from bowden.hardware.twin.odrive_node import OdriveNode
 from bowden.hardware.twin.plant import OFF
+from bowden.hardware.twin.sensor_node import LoadCellNode
 from bowden.live.preflight import Preflight, Reason
 from bowden.live.script import Script
 from bowden.rig.load_cell import LoadCellParameters

@@ -20,7 +20,6 @@ from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import can
 import numpy as np
 
 from bowden.control.law_file import LawFile
@@ -302,11 +301,10 @@ class _Hostile:
     """A bus on which a node answers every question with the next eight bytes that it was given."""
 
     def __init__(self, data: bytes) -> None:
-        self.bus: Any = self
         self._answers = [data[at : at + 8] for at in range(0, min(len(data), 2000), 8)]
         self._asked = False
 
-    def send(self, message: can.Message) -> None:
+    def send_now(self, identifier: int, data: bytes) -> None:
         self._asked = True
 
     def wait_for(self, matches: Any, timeout: float) -> tuple[int, bytes] | None:

@@ -108,7 +108,7 @@ class LiveMatrix:
         there = [path.name.split("-")[0] for path in sorted(Path(self.twin.channel).glob("*.node"))]
         self.third = UnixBus(self.twin.channel)
         self._stack.callback(self.third.shutdown)
-        self._to_twin = self.third._links[there.index(str(self.twin.process.pid))]
+        self._to_twin = list(self.third._links.values())[there.index(str(self.twin.process.pid))]
         self._running = self._operated = True
 
     def _under_the_law(self) -> None:
@@ -193,7 +193,7 @@ class LiveMatrix:
     def _send(self, identifier: int, data: bytes) -> None:
         while self.third.take() is not None:
             pass  # nobody reads here
-        self._to_twin.send(FRAME.pack(identifier, len(data), data))  # on the bus it would be another master
+        self._to_twin.send(FRAME.pack(identifier, len(data), 0, data))  # on the bus it would be another master
 
     def lose_recorder(self) -> None:
         """Kill the recorder."""

@@ -11,7 +11,7 @@ import can
 from bowden.core.signals import DriveReading, DriveState
 from bowden.hardware.buses.link import BusPort, Links
 from bowden.hardware.buses.place import BusPlace
-from bowden.hardware.buses.unix_bus import REMOTE
+from bowden.hardware.buses.unix_bus import flagged, message_of
 from bowden.hardware.ports import Drive, Power
 from bowden.hardware.twin.ak_node import AkNode
 from bowden.hardware.twin.bench import TwinBench
@@ -21,7 +21,6 @@ from bowden.hardware.twin.injection import parse
 from bowden.hardware.twin.moteus_node import MoteusNode
 from bowden.hardware.twin.odrive_node import OdriveNode
 from bowden.hardware.twin.plant import OFF, TwinPlant
-from bowden.hardware.twin.twin import message_of
 from bowden.models.cable.sheath_path import constant_bend
 from bowden.models.drive.encoder import Encoder
 from bowden.plants.presets.bench import bench
@@ -91,7 +90,7 @@ class MemoryBus(can.BusABC):
         if self.faults and self.faults.swallows(self.time):
             return
         for node in self._nodes:
-            node.receive(msg.arbitration_id | REMOTE * msg.is_remote_frame, bytes(msg.data), self.time)
+            node.receive(flagged(msg), b"" if msg.is_remote_frame else bytes(msg.data), self.time)
 
     @property
     def port(self) -> BusPort:

@@ -1,5 +1,6 @@
 """What a live run needs of a drive, and of a stream of EMG."""
 
+from collections.abc import Sequence
 from enum import IntEnum
 from typing import NamedTuple, Protocol
 
@@ -102,6 +103,12 @@ class EmgChunk(NamedTuple):
     """In the stream's unit, NaN where a sample is missing (n, channels)."""
     times: NDArray[np.float64]
     """When each sample was taken, on this computer's monotonic clock; increasing (n,) [s]."""
+
+
+def one_chunk(chunks: Sequence[EmgChunk], channels: int) -> EmgChunk:
+    """Chunks as one, in their order."""
+    empty = EmgChunk(np.empty((0, channels)), np.empty(0))
+    return EmgChunk(*(np.concatenate(parts) for parts in zip(empty, *chunks, strict=True)))
 
 
 class EmgStream(Protocol):

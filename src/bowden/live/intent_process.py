@@ -38,7 +38,7 @@ def _run(given: dict[str, Any]) -> int:
     from bowden.core.clock import SECOND, MonotonicClock
     from bowden.hardware.emg.intent_block import IntentWriter
     from bowden.hardware.emg.listener import Listener
-    from bowden.hardware.emg.recorded import columns, levels
+    from bowden.hardware.emg.recorded import columns
     from bowden.hardware.emg.sources import open_source
     from bowden.hardware.ports import EmgChunk
     from bowden.rig.emg_setup import check_recording
@@ -51,9 +51,9 @@ def _run(given: dict[str, Any]) -> int:
     try:
         what = stream.open()
         flexor, extensor = columns(run, stream)
-        listener = Listener(stream.rate, flexor, extensor, levels(run), run.detector)
+        listener = Listener(stream.rate, flexor, extensor, run.wearer, run.detector)
         listener.take(EmgChunk(np.zeros((2, len(stream.channels))), np.zeros(2)), 0.0)  # compiles
-        listener = Listener(stream.rate, flexor, extensor, levels(run), run.detector)
+        listener = Listener(stream.rate, flexor, extensor, run.wearer, run.detector)
         block = IntentWriter(Path(given["block"]))
         lasts, lost = _lasts(run), ""
         _raise_priority()

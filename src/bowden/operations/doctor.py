@@ -115,8 +115,7 @@ def doctor(
 def _emg() -> EmgFound:
     """Streams of EMG on the network by the Lab Streaming Layer."""
     from bowden.core.errors import StreamError
-    from bowden.hardware.emg.lsl_info import check_info
-    from bowden.hardware.emg.lsl_library import library
+    from bowden.hardware.emg.lsl_info import check_info, library
 
     try:
         found = library().resolve_byprop("type", "EMG", 0, _EMG_WAIT)

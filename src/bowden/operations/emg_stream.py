@@ -134,8 +134,7 @@ def emg_serve(
         LogError: a recording that cannot be used.
         ParameterError: a port or a fault that cannot be.
     """
-    from bowden.hardware.emg.trigno_faults import read_faults
-    from bowden.hardware.emg.trigno_server import Ports, TrignoServer
+    from bowden.hardware.emg.trigno_server import Ports, TrignoServer, read_faults
     from bowden.identify.emg.log import read_channels
     from bowden.operations.support.given import check_number
 

@@ -7,12 +7,8 @@ from collections.abc import Callable
 import can
 
 from bowden.core.errors import DriveError
-from bowden.hardware.buses.opening import BusClaim, claim, open_bus, putter, quieten, taker
-from bowden.hardware.buses.place import BusPlace
-from bowden.hardware.buses.unix_bus import EXTENDED
-
-Frame = tuple[int, bytes]
-"""Identifier with the flags of `unix_bus`, and data."""
+from bowden.hardware.buses.opening import Frame, claim, open_bus, putter, quieten, received, taker
+from bowden.hardware.buses.place import ERROR, REMOTE, BusPlace
 
 
 def _speeds(place: BusPlace) -> str:
@@ -75,7 +71,8 @@ class Links:
             raise
         port = BusPort(link, node, wanted, lambda: self._links.pop(place[:2], None))
         port.synced, port.restore, port.sends = synced, restore, sends
-        link.take_in(port)
+        link.ports.append(port)
+        link.forget()
         return port
 
 
@@ -93,13 +90,13 @@ class BusLink:
     def __init__(self, place: BusPlace, given: can.BusABC | None = None) -> None:
         quieten()
         self.place, self._given = place, given
-        self._claim: BusClaim | None = None if given is not None else claim(place.interface, place.channel, "host")
+        self._claim = None if given is not None else claim(place.interface, place.channel, "host")
         try:
             self.bus = given if given is not None else open_bus(place)
-            self._take, self._put = taker(self.bus), putter(self.bus, fd=place.fd)
+            self._take, self.put = taker(self.bus), putter(self.bus, fd=place.fd)
         except BaseException:
             if self._claim is not None:
-                self._claim.release()
+                self._claim.close()
             raise
         self.ports: list[BusPort] = []
         self.errors = 0
@@ -125,14 +122,8 @@ class BusLink:
                     do="correct one of them in the rig, and in the device; or give one a bus of its own",
                 )
 
-    def take_in(self, port: "BusPort") -> None:
-        """With this port from here on."""
-        self.ports.append(port)
-        self._whose.clear()
-
-    def leave(self, port: "BusPort") -> None:
-        """Without this port from here on."""
-        self.ports.remove(port)
+    def forget(self) -> None:
+        """Whose frames are whose: the ports are others."""
         self._whose.clear()
 
     def wanting(self, identifier: int) -> "tuple[BusPort, ...]":
@@ -160,7 +151,7 @@ class BusLink:
     def send(self, identifier: int, data: bytes) -> None:
         """Send a frame, see `opening.putter`; what cannot be sent is counted."""
         try:
-            self._put(identifier, data)
+            self.put(identifier, data)
         except (can.CanError, OSError):
             self.errors += 1
 
@@ -176,7 +167,7 @@ class BusLink:
         if self._given is None:
             self.bus.shutdown()
         if self._claim is not None:
-            self._claim.release()
+            self._claim.close()
             self._claim = None
 
 
@@ -191,11 +182,6 @@ class BusPort:
         """Identifiers that this node sends, where they must be no others'."""
         self._link, self._wanted, self._emptied = link, wanted, emptied
         self._frames: deque[Frame] = deque(maxlen=_MOST_WAITING)
-
-    @property
-    def bus(self) -> can.BusABC:
-        """The bus itself, for a bring-up, while no cycle runs."""
-        return self._link.bus
 
     @property
     def errors(self) -> int:
@@ -218,6 +204,20 @@ class BusPort:
         """Send a frame, see `opening.putter`; never raises: what cannot be sent is counted."""
         self._link.send(identifier, data)
 
+    def send_now(self, identifier: int, data: bytes) -> None:
+        """Send a frame at bring-up.
+
+        Raises:
+            DriveError: nobody else is on the bus.
+        """
+        try:
+            self._link.put(identifier, data)
+        except (can.CanError, OSError) as error:
+            raise DriveError(
+                f"no other device is on the bus: {error}",
+                do="switch the drive on, or start bowden twin; check the cable and its termination",
+            ) from error
+
     def sync(self, identifier: int) -> None:
         """Send an empty frame for the whole bus, CANopen's SYNC: after what all others on it send in this cycle."""
         if self.synced and len(self._link.ports) > 1:
@@ -237,20 +237,21 @@ class BusPort:
         """
         for _ in range(_MOST_WAITING):
             try:
-                message = self._link.bus.recv(timeout)
+                frame = received(self._link.bus, timeout)
             except (can.CanError, OSError):
                 return None
-            if message is None:
+            if frame is None:
                 return None
-            identifier = message.arbitration_id | EXTENDED * message.is_extended_id
-            if not message.is_error_frame and matches(identifier, bytes(message.data)):
-                return identifier, bytes(message.data)
+            identifier, data = frame[0] & ~REMOTE, frame[1]
+            if not identifier & ERROR and matches(identifier, data):
+                return identifier, data
         return None
 
     def leave(self) -> None:
         """Let go of the bus; the last one closes it. Safe to call twice."""
         if self in self._link.ports:
-            self._link.leave(self)
+            self._link.ports.remove(self)
+            self._link.forget()
             if not self._link.ports:
                 with contextlib.suppress(can.CanError, OSError):
                     self._link.close()

@@ -7,30 +7,25 @@ import os
 import socket
 from collections.abc import Callable
 from pathlib import Path
-from typing import NamedTuple
 
 import can
 
 from bowden.core.errors import DriveError
 from bowden.hardware.buses.place import BusPlace
-from bowden.hardware.buses.unix_bus import ERROR, EXTENDED, FRAME, REMOTE, UnixBus, bus_folder
+from bowden.hardware.buses.unix_bus import FD, SWITCHED, UnixBus, bus_folder, flagged, message_of
 
 UNIX = "bowden_unix"
 """Interface of the bus between processes."""
+CLASSIC = 16
+"""Size of Linux' can_frame [bytes]."""
 
 
-class BusClaim(NamedTuple):
-    """A part on a bus that one process alone may play; let go of with `release`, or when the process ends."""
-
-    holder: socket.socket
-
-    def release(self) -> None:
-        """Let another process have it."""
-        self.holder.close()
+Frame = tuple[int, bytes]
+"""Identifier with the flags of `place`, and data; of a remote frame that is sent as many bytes as it asks for."""
 
 
-def claim(interface: str, channel: str, part: str) -> BusClaim:
-    """Claim a part on a bus, by an abstract Unix socket: the system forgets it with its process, however that ends.
+def claim(interface: str, channel: str, part: str) -> socket.socket:
+    """Claim a part on a bus that one process alone may play, until it closes the socket, or ends, however that is.
 
     Args:
         interface: the bus' interface.
@@ -52,27 +47,22 @@ def claim(interface: str, channel: str, part: str) -> BusClaim:
             expected=f"one {part} on it",
             do="end the other run first, or name another channel in [drive]",
         ) from error
-    return BusClaim(holder)
+    return holder
 
 
-def taker(bus: can.BusABC) -> Callable[[], tuple[int, bytes] | None]:
-    """The quickest way to frames that are there: identifier with the flags of `unix_bus`, and data; None of none."""
-    if isinstance(bus, UnixBus):
-        return bus.take
+def received(bus: can.BusABC, timeout: float) -> Frame | None:
+    """The next frame, which is waited for at most for `timeout` [s]; None of none."""
+    message = bus.recv(timeout)
+    return None if message is None else (flagged(message), bytes(message.data))
 
-    def take() -> tuple[int, bytes] | None:
-        message = bus.recv(0.0)
-        if message is None:
-            return None
-        flags = EXTENDED * message.is_extended_id | REMOTE * message.is_remote_frame | ERROR * message.is_error_frame
-        return message.arbitration_id | flags, bytes(message.data)
 
-    return take
+def taker(bus: can.BusABC) -> Callable[[], Frame | None]:
+    """The quickest way to frames that are there; see `received`."""
+    return bus.take if isinstance(bus, UnixBus) else lambda: received(bus, 0.0)
 
 
 def putter(bus: can.BusABC, *, fd: bool) -> Callable[[int, bytes], None]:
-    """The quickest way to send a frame: identifier with the flags of `unix_bus`, and data, of a remote frame as many
-    bytes as it asks for; it raises what `bus.send` does.
+    """The quickest way to send a `Frame`; it raises what `bus.send` does.
 
     Args:
         bus: open.
@@ -85,13 +75,7 @@ def putter(bus: can.BusABC, *, fd: bool) -> Callable[[int, bytes], None]:
     def put(identifier: int, data: bytes) -> None:
         message = made.get(identifier)
         if message is None:
-            message = made[identifier] = can.Message(
-                arbitration_id=identifier & 0x1FFF_FFFF,
-                is_extended_id=bool(identifier & EXTENDED),
-                is_remote_frame=bool(identifier & REMOTE),
-                is_fd=fd,
-                bitrate_switch=fd,
-            )
+            message = made[identifier] = message_of(identifier, data, FD | SWITCHED if fd else 0)
         message.dlc = len(data)
         if not message.is_remote_frame:
             message.data = bytearray(data)
@@ -150,7 +134,7 @@ def _open_fd(place: BusPlace) -> can.BusABC:
         DriveError: its interface carries classic CAN alone.
     """
     interface, channel, bitrate, _, data_bitrate = place
-    if interface == "socketcan" and _longest_frame(channel) == FRAME.size:
+    if interface == "socketcan" and _longest_frame(channel) == CLASSIC:
         raise DriveError(
             f"the interface {channel} carries classic CAN alone, and the drive speaks CAN-FD",
             expected="an adapter for CAN-FD, set up for it",

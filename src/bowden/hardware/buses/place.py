@@ -1,6 +1,9 @@
-"""Which CAN bus."""
+"""Which CAN bus, and the flags of its identifiers."""
 
 from typing import NamedTuple
+
+EXTENDED, REMOTE, ERROR = 0x8000_0000, 0x4000_0000, 0x2000_0000
+"""Flags in an identifier."""
 
 
 class BusPlace(NamedTuple):

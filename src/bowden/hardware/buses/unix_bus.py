@@ -1,11 +1,10 @@
 """A CAN bus between processes of one machine, for the twin and the tests: where the kernel has no CAN.
 
-A bus is a folder. Each node keeps a datagram socket in it, at which others introduce themselves: a node that joins
-makes a pair of connected sockets for every node that is there, and hands one end over. From then on frames go through
-the pairs alone, a frame a packet: what one node sends reaches every other, sending never waits, and a node that has
-died or does not read is counted and otherwise without effect, as on a real bus. A node alone on its bus cannot send,
-since nobody acknowledges. (Sent to the datagram sockets themselves, frames would queue up to
-`net.unix.max_dgram_qlen`, ten of them; and what a node has said before it leaves would be lost.)
+A bus is a folder. Each node keeps a listening socket in it, to which a node that joins connects: a link for every two
+nodes, a frame a packet. What one node sends reaches every other, sending never waits, and a node that has died or does
+not read is counted and otherwise without effect, as on a real bus. A node alone on its bus cannot send, since nobody
+acknowledges. (As datagrams, frames would queue up to `net.unix.max_dgram_qlen`, ten of them; and what a node has said
+before it leaves would be lost.)
 
 Frames of CAN-FD go beside the classic ones. A node that has not joined for them counts them and receives none; a real
 controller of classic CAN would destroy them with error frames, so that nobody received them.
@@ -13,7 +12,6 @@ controller of classic CAN would destroy them with error frames, so that nobody r
 Registered with python-can as interface ``bowden_unix``; can be made directly as well.
 """
 
-import array
 import contextlib
 import errno
 import fcntl
@@ -30,30 +28,50 @@ from typing import Any
 
 import can
 
-FRAME = struct.Struct("<IB3x8s")
-"""Identifier with its flags, length, data: the layout of Linux' can_frame."""
-FD_FRAME = struct.Struct("<IBB2x64s")
-"""Identifier with its flags, length, flags of CAN-FD, data: the layout of Linux' canfd_frame."""
+from bowden.hardware.buses.place import ERROR, EXTENDED, REMOTE
+
+FRAME = struct.Struct("<IBB2x64s")
+"""Identifier with its flags, length, flags of CAN-FD, data: the layout of Linux' canfd_frame, of classic frames too."""
 SWITCHED, SENDER_PASSIVE, FD = 0x01, 0x02, 0x04
 """Flags of CAN-FD: data at the higher bit rate, the sender is error passive, an FD frame (Linux, `linux/can.h`)."""
 FD_LENGTHS = (*range(9), 12, 16, 20, 24, 32, 48, 64)
 """Of a CAN-FD frame's data [bytes] (ISO 11898-1, coding of the data length code)."""
 
-EXTENDED, REMOTE, ERROR = 0x8000_0000, 0x4000_0000, 0x2000_0000
-"""Flags in the identifier."""
-
 LONGEST_PATH = 107
 """Of a Unix socket's name [bytes]."""
 
-MOST_SKIPPED = 64
-"""CAN-FD frames that a node of classic CAN passes over at most in one look."""
+MOST_LOOKS = 64
+"""At what is no frame for this node, before it says that there is none."""
 
 LOOK_EVERY = 8
 """Frames that a node sends at most before it looks whether somebody has joined; one that reads looks by itself."""
 
-_CLASSIC, _TOO_LONG = FRAME.size, FRAME.size + 1
-_SIZES = frozenset((FRAME.size, FD_FRAME.size))
-_RIGHTS = socket.CMSG_SPACE(struct.calcsize("i"))
+MOST_JOINING = 128
+"""Nodes that may join until one looks; more count as not there."""
+
+
+def flagged(message: can.Message) -> int:
+    """The identifier of a message, with `EXTENDED`, `REMOTE`, `ERROR`."""
+    flags = EXTENDED * message.is_extended_id | REMOTE * message.is_remote_frame | ERROR * message.is_error_frame
+    return message.arbitration_id | flags
+
+
+def message_of(identifier: int, data: bytes, of_fd: int = 0) -> can.Message:
+    """A message of an identifier with its flags, of data, of a remote frame as many bytes as it asks for, and of the
+    flags of CAN-FD.
+    """
+    remote = bool(identifier & REMOTE)
+    return can.Message(
+        arbitration_id=identifier & 0x1FFF_FFFF,
+        is_extended_id=bool(identifier & EXTENDED),
+        is_remote_frame=remote,
+        is_error_frame=bool(identifier & ERROR),
+        is_fd=bool(of_fd & FD),
+        bitrate_switch=bool(of_fd & SWITCHED),
+        error_state_indicator=bool(of_fd & SENDER_PASSIVE),
+        dlc=len(data),
+        data=None if remote else data,
+    )
 
 
 def bus_folder(channel: str) -> Path:
@@ -104,22 +122,19 @@ class UnixBus(can.BusABC):
         """Frames that a node which does not read, or has died, did not get."""
         self.skipped = 0
         """Frames of CAN-FD that this node, of classic CAN, did not receive."""
-        self._fd = fd
-        self._most = FD_FRAME.size if fd else FRAME.size + 1  # so that a longer one shows
-        self._reads_since_look = LOOK_EVERY
-        self._links: list[socket.socket] = []
-        self._by_number: dict[int, socket.socket] = {}
-        """Descriptor → link, those of `_mute` too."""
-        self._waiting: deque[bytes] = deque()
+        self._of_fd = FD | SWITCHED if fd else 0
+        self._sent = LOOK_EVERY  # since it looked who has joined
+        self._links: dict[int, socket.socket] = {}
+        """Descriptor → link; one whose other end has gone is kept until what it said last is read."""
+        self._waiting: deque[tuple[int, int, bytes]] = deque()
         """Frames that were read and not taken yet."""
-        self._mute: list[socket.socket] = []
-        """Links whose other end has gone, kept until what it said last is read."""
+        self._mute: set[int] = set()
+        """Of links whose other end has gone."""
         self._path = folder / f"{os.getpid()}-{os.urandom(4).hex()}.node"
         if len(os.fsencode(self._path)) > LONGEST_PATH:
             raise can.CanInitializationError(f"the name of the bus {folder} is too long for a socket")
-        self._door = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_NONBLOCK)
-        self._ready, self._knocks = select.epoll(), select.epoll()
-        """Links and door, to wait for; the door alone."""
+        self._door = _socket()
+        self._ready = select.epoll()
         try:
             if create:
                 if "/" not in str(channel):
@@ -131,11 +146,9 @@ class UnixBus(can.BusABC):
         except OSError as error:
             self._door.close()
             self._ready.close()
-            self._knocks.close()
             reason = "there is no such bus" if isinstance(error, FileNotFoundError) else error.strerror
             raise can.CanInitializationError(f"{folder}: {reason}") from error
         self._ready.register(self._door, select.EPOLLIN)
-        self._knocks.register(self._door, select.EPOLLIN)
         super().__init__(channel=channel, can_filters=can_filters)
         self._can_protocol = can.CanProtocol.CAN_FD if fd else can.CanProtocol.CAN_20
 
@@ -143,35 +156,28 @@ class UnixBus(can.BusABC):
         """Take a place on the bus and meet all who are there; who has died without leaving is cleared away."""
         others = sorted(folder.glob("*.node"))
         self._door.bind(str(self._path))
+        self._door.listen(MOST_JOINING)
         for other in others:
-            ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET | socket.SOCK_NONBLOCK)
-            with theirs:
-                try:
-                    rights = [(socket.SOL_SOCKET, socket.SCM_RIGHTS, array.array("i", [theirs.fileno()]))]
-                    self._door.sendmsg([b"join"], rights, 0, str(other))
-                except ConnectionRefusedError:
-                    ours.close()
+            link = _socket()
+            try:
+                link.connect(str(other))
+            except OSError as error:  # gone meanwhile, or one that has not answered the door for a long time
+                link.close()
+                if isinstance(error, ConnectionRefusedError):
                     other.unlink(missing_ok=True)
-                except OSError:  # gone meanwhile, or one that has not answered the door for a long time
-                    ours.close()
-                else:
-                    self._add(ours)
+            else:
+                self._add(link)
 
     def _add(self, link: socket.socket) -> None:
-        self._links.append(link)
-        self._by_number[link.fileno()] = link
+        self._links[link.fileno()] = link
         self._ready.register(link, select.EPOLLIN)
 
-    def _open_door(self) -> bool:
-        """Take in everyone who has joined since; whether anyone has."""
-        before, self._reads_since_look = len(self._links), 0
-        while True:
-            try:
-                _, rights, _, _ = self._door.recvmsg(16, _RIGHTS)
-            except OSError:
-                return len(self._links) > before
-            for _, _, descriptor in rights:
-                link = socket.socket(fileno=struct.unpack("i", descriptor[:4])[0])
+    def _open_door(self) -> None:
+        """Take in everyone who has joined since."""
+        self._sent = 0
+        with contextlib.suppress(OSError):
+            while True:
+                link, _ = self._door.accept()
                 link.setblocking(False)
                 self._add(link)
 
@@ -179,7 +185,7 @@ class UnixBus(can.BusABC):
     def others(self) -> int:
         """How many other nodes are on the bus, as far as is known here."""
         self._open_door()
-        return len(self._links)
+        return len(self._links) - len(self._mute)
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
         """Send a frame to all other nodes; never waits.
@@ -187,54 +193,44 @@ class UnixBus(can.BusABC):
         Raises:
             can.CanOperationError: no other node is on the bus; or a frame of CAN-FD that this node cannot send.
         """
-        flags = EXTENDED * msg.is_extended_id | REMOTE * msg.is_remote_frame | ERROR * msg.is_error_frame
-        if msg.is_fd:
-            frame = self._packed_fd(msg, flags)
-        else:
-            frame = FRAME.pack(msg.arbitration_id | flags, msg.dlc, bytes(msg.data))
-        self._hand_out(frame)
+        of_fd = FD | SWITCHED * msg.bitrate_switch | SENDER_PASSIVE * msg.error_state_indicator
+        self._hand_out(flagged(msg), bytes(msg.data), msg.dlc, of_fd * msg.is_fd)
 
     def put(self, identifier: int, data: bytes) -> None:
         """`send` without python-can's message, which costs as much as the rest.
 
         Args:
             identifier: with `EXTENDED`, `REMOTE`, `ERROR`.
-            data: of a length that there is; of a remote frame as many bytes as it asks for. On a bus of CAN-FD it goes
-                out as a frame of CAN-FD, at the higher bit rate.
+            data: of a remote frame as many bytes as it asks for. On a bus of CAN-FD it goes out as a frame of CAN-FD,
+                at the higher bit rate.
 
         Raises:
             can.CanOperationError: no other node is on the bus.
         """
-        if self._fd:
-            self._hand_out(FD_FRAME.pack(identifier, len(data), FD | SWITCHED, data))
-        else:
-            self._hand_out(FRAME.pack(identifier, len(data), data))
+        self._hand_out(identifier, data, len(data), self._of_fd)
 
-    def _hand_out(self, frame: bytes) -> None:
-        self._reads_since_look += 1
-        if self._reads_since_look >= LOOK_EVERY or not self._links:
+    def _hand_out(self, identifier: int, data: bytes, length: int, of_fd: int) -> None:
+        """Data of CAN-FD of a length that there is not is filled up with zeros, as controllers do."""
+        if of_fd:
+            if not self._of_fd:
+                raise can.CanOperationError("this node is one of classic CAN")
+            length = next((one for one in FD_LENGTHS if one >= len(data)), -1)
+            if length < 0:
+                raise can.CanOperationError(f"a frame of CAN-FD carries 64 bytes at most, not {len(data)}")
+        frame = FRAME.pack(identifier, length, of_fd, data)
+        self._sent += 1
+        if self._sent >= LOOK_EVERY or len(self._links) == len(self._mute):
             self._open_door()
-        for link in tuple(self._links):
-            try:
-                link.send(frame)
-            except BlockingIOError:
-                self.undelivered += 1
-            except OSError:
-                self.undelivered += 1
-                self._links.remove(link)
-                self._mute.append(link)
-        if not self._links:
+        for number, link in self._links.items():
+            if number not in self._mute:
+                try:
+                    link.send(frame)
+                except OSError as error:
+                    self.undelivered += 1
+                    if not isinstance(error, BlockingIOError):
+                        self._mute.add(number)
+        if len(self._links) == len(self._mute):
             raise can.CanOperationError("no other node on the bus acknowledges")
-
-    def _packed_fd(self, msg: can.Message, flags: int) -> bytes:
-        """A frame of CAN-FD; data of a length that there is not is filled up with zeros, as controllers do."""
-        if not self._fd:
-            raise can.CanOperationError("this node is one of classic CAN")
-        length = next((length for length in FD_LENGTHS if length >= len(msg.data)), None)
-        if length is None:
-            raise can.CanOperationError(f"a frame of CAN-FD carries 64 bytes at most, not {len(msg.data)}")
-        of_fd = FD | SWITCHED * msg.bitrate_switch | SENDER_PASSIVE * msg.error_state_indicator
-        return FD_FRAME.pack(msg.arbitration_id | flags, length, of_fd, bytes(msg.data))
 
     def recv(self, timeout: float | None = None) -> can.Message | None:
         """The next frame, or None after `timeout` [s]; python-can's own, without detours where there is no wait."""
@@ -248,89 +244,49 @@ class UnixBus(can.BusABC):
         `recv` without python-can's message, which costs more than the rest.
         """
         frame = self._next()
-        if frame is None:
-            return None
-        if len(frame) == _CLASSIC:
-            identifier, length, data = FRAME.unpack(frame)
-        else:
-            identifier, length, _, data = FD_FRAME.unpack(frame)
-        return identifier, data[:length]
+        return None if frame is None else (frame[0], frame[2])
 
     def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
         frame = self._next()
         if frame is None and timeout != 0.0:
             self._ready.poll(None if timeout is None else max(0.0, timeout))
             frame = self._next()
-        if frame is None:
-            return None, False
-        return _message_of(frame), False
+        return None if frame is None else message_of(frame[0], frame[2], frame[1]), False
 
-    def _next(self) -> bytes | None:
-        """The next frame of any link; None when there is none now.
-
-        Of several links the kernel says which have one: to try each would cost an exception for every one without.
-        """
-        waiting = self._waiting
-        if waiting:
-            return waiting.popleft()
-        if len(self._by_number) == 1:
-            (only,) = self._by_number.values()
-            frame = self._read(only)
-            if frame is not None:
-                return frame
-            if not self._knocks.poll(0):
-                self._reads_since_look = 0
-                return None
-        self._reads_since_look, knocked = 0, True
-        while knocked and not waiting:
-            knocked = False
-            for number, _ in self._ready.poll(0):
-                link = self._by_number.get(number)
-                if link is None:
-                    knocked = self._open_door()
-                elif (frame := self._read(link)) is not None:
-                    waiting.append(frame)
+    def _next(self) -> tuple[int, int, bytes] | None:
+        """Identifier, flags of CAN-FD and data of the next frame of any link; None when there is none now."""
+        waiting, self._sent = self._waiting, 0  # since this looks who has joined, too
+        for _ in range(0 if waiting else MOST_LOOKS):
+            ready = self._ready.poll(0)
+            for number, _ in ready:
+                if number in self._links:
+                    self._read(number)
+                else:
+                    self._open_door()
+            if waiting or not ready:
+                break
         return waiting.popleft() if waiting else None
 
-    def _read(self, link: socket.socket) -> bytes | None:
-        """The next frame of a link; None of none, and of one that has gone."""
+    def _read(self, number: int) -> None:
+        """The next frame of a link, to those that wait; what is of another size, or of CAN-FD where this node is not,
+        is none.
+        """
         try:
-            frame = link.recv(self._most)
-            if len(frame) == _TOO_LONG:
-                frame = self._skip(link)
+            frame = self._links[number].recv(FRAME.size + 1)
         except BlockingIOError:
-            return None
+            return
         except OSError:
-            self._drop(link)
-            return None
-        if len(frame) in _SIZES:
-            return frame
+            frame = b""
         if not frame:  # its end
-            self._drop(link)
-        return None
-
-    def _skip(self, link: socket.socket) -> bytes:
-        """The next frame of classic CAN of a link that has sent one of CAN-FD; raises as its `recv` does."""
-        for _ in range(MOST_SKIPPED):
-            self.skipped += 1
-            frame = link.recv(self._most)
-            if len(frame) != _TOO_LONG:
-                return frame
-        raise BlockingIOError
-
-    def _drop(self, link: socket.socket) -> None:
-        for links in (self._links, self._mute):
-            if link in links:
-                links.remove(link)
-        self._by_number.pop(link.fileno(), None)
-        with contextlib.suppress(OSError, ValueError):
-            self._ready.unregister(link)
-        link.close()
-
-    def poll(self, timeout: float) -> None:
-        """Wait for something to read, at most `timeout` [s]."""
-        if not self._waiting:
-            self._ready.poll(timeout)
+            self._ready.unregister(number)
+            self._mute.discard(number)
+            self._links.pop(number).close()
+        elif len(frame) == FRAME.size:
+            identifier, length, of_fd, data = FRAME.unpack(frame)
+            if of_fd and not self._of_fd:
+                self.skipped += 1
+            else:
+                self._waiting.append((identifier, of_fd, data[:length]))
 
     def shutdown(self) -> None:
         """Leave the bus."""
@@ -338,28 +294,13 @@ class UnixBus(can.BusABC):
         self._path.unlink(missing_ok=True)
         self._door.close()
         self._ready.close()
-        self._knocks.close()
-        for link in (*self._links, *self._mute):
+        for link in self._links.values():
             link.close()
-        self._links, self._mute = [], []
+        self._links, self._mute = {}, set()
 
 
-def _message_of(frame: bytes) -> can.Message:
-    fd = len(frame) != _CLASSIC
-    identifier, length, *rest, data = (FD_FRAME if fd else FRAME).unpack(frame)
-    flags = rest[0] if fd else 0
-    length, remote = min(length, len(data)), bool(identifier & REMOTE) and not fd
-    return can.Message(
-        arbitration_id=identifier & 0x1FFF_FFFF,
-        is_extended_id=bool(identifier & EXTENDED),
-        is_remote_frame=remote,
-        is_error_frame=bool(identifier & ERROR),
-        is_fd=fd,
-        bitrate_switch=bool(flags & SWITCHED),
-        error_state_indicator=bool(flags & SENDER_PASSIVE),
-        dlc=length,
-        data=None if remote else data[:length],
-    )
+def _socket() -> socket.socket:
+    return socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET | socket.SOCK_NONBLOCK)
 
 
 @contextlib.contextmanager

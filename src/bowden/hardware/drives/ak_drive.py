@@ -18,33 +18,15 @@ import time
 from bowden.core.errors import DriveError, ParameterError
 from bowden.core.signals import DriveState
 from bowden.hardware.buses.link import BusPort, Links
-from bowden.hardware.buses.unix_bus import REMOTE
-from bowden.hardware.drives.ak_frames import (
-    ENTER,
-    EXIT,
-    HIGHEST_KP,
-    HIGHEST_POSITION,
-    AkCommand,
-    AkReply,
-    error_text,
-    pack_command,
-    unpack_reply,
-)
-from bowden.hardware.drives.checklist import Conversation, Found, classic_frame, joined, refuse_torque, send_now
+from bowden.hardware.buses.place import REMOTE
+from bowden.hardware.drives import ak_frames as frames
+from bowden.hardware.drives.checklist import Conversation, Found, data_of, joined, refuse_torque
 from bowden.hardware.drives.driver import Driver
-from bowden.hardware.drives.families.ak_mit import (
-    ROOM,
-    AkParameters,
-    check_range,
-    largest_torque,
-    model_of,
-    motor_scale,
-    reply_id,
-)
+from bowden.hardware.drives.families import ak_mit
+from bowden.hardware.drives.families.ak_mit import AkParameters, model_of, motor_scale, reply_id
 from bowden.hardware.drives.findings import INERT, LOST_RANGE, InertWatch
-from bowden.hardware.drives.limited_range import LimitedRange, nearest
 from bowden.hardware.drives.on_can import place
-from bowden.hardware.drives.scale import bounded_torque, motor_limits
+from bowden.hardware.drives.scale import LimitedRange, bounded_torque, motor_limits, nearest
 from bowden.hardware.ports import Power
 from bowden.rig.families import FoundDevice
 
@@ -54,52 +36,32 @@ LISTENING = 1.0
 """So long the bus is listened to before anything is said on it: another master gives its commands in it [s]."""
 TRIAL = 8
 """Cycles with gains of one step, before a drive counts as enabled."""
-LEAST_KP = HIGHEST_KP / 4095.0
+LEAST_KP = frames.HIGHEST_KP / 4095.0
 """One step of kp [N·m/rad]."""
 STRAIN = 0.05
 """Of the model's torque: more is a torque of which nothing was asked [–]."""
 ASKED, GIVEN = 0.02, 0.1
 """Of the model's torque, from which on one counts as asked for; and of that, up to which none was given [–]."""
-_LIMP = AkCommand(0.0, 0.0, 0.0, 0.0, 0.0)
+_LIMP = frames.AkCommand(0.0, 0.0, 0.0, 0.0, 0.0)
 """No torque, but for the half step by which a field of an even number of codes misses zero."""
 
 
-class Silence:
-    """Our own: a drive that gives torque again with the next command must be switched off after it, and stays off.
-
-    Args:
-        watch: time without a word of ours after which the drive has taken its torque off [s].
-    """
-
-    def __init__(self, watch: float) -> None:
-        self._watch, self._last = watch, -1.0
-
-    def begin(self) -> None:
-        """Nothing has been said yet."""
-        self._last = -1.0
-
-    def broken(self, now: float) -> bool:
-        """Whether we were silent until `now` [s] for so long that the drive has, or may have, let go; we speak now."""
-        last, self._last = self._last, now
-        return last >= 0.0 and now - last >= _MARGIN * self._watch
-
-
 _MARGIN = 0.9
-"""Of the drive's own time: whether it has let go is not known this near to it, and then it counts as let go."""
+"""Of the drive's own time without a word of ours: whether it has let go is not known this near to it, and then it
+counts as let go. It would give torque again with the next command: it is switched off with it, and stays off."""
 
 
 class AkDrive(Driver):
     """The drive of one motor."""
 
     _drive: AkParameters
-    most_counts = HIGHEST_POSITION - ROOM
+    most_counts = frames.HIGHEST_POSITION - ak_mit.ROOM
 
     def _prepare(self) -> None:
         self._model, self._reply_id = model_of(self._drive), reply_id(self._drive)
         self._scale, self._first = motor_scale(self._drive), math.nan
-        self._range = LimitedRange(2.0 * HIGHEST_POSITION)
+        self._range = LimitedRange(2.0 * frames.HIGHEST_POSITION)
         self.turn = 2.0 * math.pi / self._model.gear
-        self._silence = Silence(self._drive.watchdog)
         self._inert = InertWatch(math.inf)  # what gives no torque at all is inert, moving or not
 
     def _find(self, port: BusPort) -> Found:
@@ -126,29 +88,27 @@ class AkDrive(Driver):
             home = last.position - nearest(last.position, self.turn, motor_scale(drive).counts(drive.motor_hint))
         scale = self._scale = motor_scale(drive, home)
         try:
-            check_range(drive, scale, "as it counts them now")
+            ak_mit.check_range(drive, scale, "as it counts them now")
         except ParameterError as error:
             raise DriveError(error.what, expected=error.expected, do=error.do) from error
         who = f"{drive.model} in MIT mode at {bus.name}, with a CAN timeout of {1e3 * drive.watchdog:g} ms by [drive], "
-        who += "which no frame shows" + (f"; in fault, {error_text(last.error)}" if last.error else "")
+        who += "which no frame shows" + (f"; in fault, {frames.error_text(last.error)}" if last.error else "")
         self._first = last.position
         state = DriveState.FAULT if last.error else DriveState.SWITCH_ON_DISABLED
         return Found(who, scale, None, motor_limits(drive, scale), state, last.error, "")
 
-    def _replied(self, bus: Conversation) -> AkReply:
+    def _replied(self, bus: Conversation) -> frames.AkReply:
         """Tell the drive to leave motor mode, in which it should not be, and take its reply.
 
         Raises:
             DriveError: none, or one without an error code.
         """
-        drive, exits = self._drive, classic_frame(self._drive.node_id, EXIT)
+        drive = self._drive
         for _ in range(2):
-            data = bus.ask(
-                exits, drive.answer_timeout, lambda identifier, data: data if identifier == self._reply_id else None, 1
-            )
+            data = bus.ask((drive.node_id, frames.EXIT), drive.answer_timeout, data_of(self._reply_id), 1)
             if data is None:
                 continue
-            reply = unpack_reply(data, self._model)
+            reply = frames.unpack_reply(data, self._model)
             if reply is None:
                 raise DriveError(
                     f"{bus.name} replies with {len(data)} bytes",
@@ -185,13 +145,13 @@ class AkDrive(Driver):
         self._range.begin()
         if found is not None:
             self._range.follow(self._first)
-        self._silence.begin()
+        self._spoke = math.nan  # when we did [s]
         self._inert.begin()
 
     def _take(self, identifier: int, data: bytes, now: float) -> bool:
         if not self._is_it(identifier, data):
             return False
-        reply = unpack_reply(data, self._model)
+        reply = frames.unpack_reply(data, self._model)
         if reply is not None:
             self._take_reply(reply, now)
         return True
@@ -200,14 +160,14 @@ class AkDrive(Driver):
         self._check_silence(now)
         self._update_state(self._standing())
 
-    def _take_reply(self, reply: AkReply, now: float) -> None:
+    def _take_reply(self, reply: frames.AkReply, now: float) -> None:
         """A reply of the drive."""
         drive, readings = self._drive, self._readings
         if self._unanswered == 0:
-            readings.meant()  # it answers somebody else
+            readings.foreign += 1.0  # it answers somebody else
         self._unanswered = max(0, self._unanswered - 1)
         self._until_off = max(0, self._until_off - 1)
-        readings.replied(now)
+        readings.replied_at = now
         if self._lost:
             return  # whatever it says: its position may be another
         readings.failed(reply.error)
@@ -236,7 +196,7 @@ class AkDrive(Driver):
                 self._fell = True
             return
         # at its largest current a drive tells the same torque, and gives what it can
-        least, most = ASKED * self._model.torque, min(self._model.torque, largest_torque(self._drive))
+        least, most = ASKED * self._model.torque, min(self._model.torque, ak_mit.largest_torque(self._drive))
         expected = max(-most, min(most, self._expected))
         if self._torque != self._stuck[0]:
             self._stuck = (self._torque, expected)
@@ -261,8 +221,8 @@ class AkDrive(Driver):
         return DriveState.FAULT if self._readings.error else DriveState.SWITCH_ON_DISABLED
 
     def _has_fallen(self, power: Power, now: float) -> bool:
-        broken = self._silence.broken(now)
-        self._fell = super()._has_fallen(power, now) or (broken and self._entered and power is not Power.OFF)
+        silent, self._spoke = now - self._spoke >= _MARGIN * self._drive.watchdog, now
+        self._fell = super()._has_fallen(power, now) or (silent and self._entered and power is not Power.OFF)
         return self._fell
 
     def _can_lead(self) -> bool:
@@ -272,7 +232,7 @@ class AkDrive(Driver):
         if not self._entered:
             self._entered, self._trial = True, TRIAL
             self._inert.begin()
-            self._order(ENTER)
+            self._order(frames.ENTER)
         elif self._trial == 0 and self._state is DriveState.OPERATION_ENABLED:
             drive = self._drive
             pushed = drive.motor_direction * bounded_torque(torque, drive)
@@ -286,25 +246,25 @@ class AkDrive(Driver):
         It has no quick stop: that is power off.
         """
         if self._entered:
-            self._order(pack_command(_LIMP, self._model))
+            self._order(frames.pack_command(_LIMP, self._model))
             self._until_off = self._unanswered + 1
         self._entered, self._expected = False, 0.0
-        self._order(EXIT)
+        self._order(frames.EXIT)
 
     def _follow(self, position: float, stiffness: float, damping: float, torque: float) -> None:
         """A command; what the drive should make of it is kept."""
-        held = max(ROOM - HIGHEST_POSITION, min(HIGHEST_POSITION - ROOM, position))
+        held = max(ak_mit.ROOM - frames.HIGHEST_POSITION, min(frames.HIGHEST_POSITION - ak_mit.ROOM, position))
         self._expected = stiffness * (held - self._position) - damping * self._speed + torque
-        self._order(pack_command(AkCommand(held, 0.0, stiffness, damping, torque), self._model))
+        self._order(frames.pack_command(frames.AkCommand(held, 0.0, stiffness, damping, torque), self._model))
 
     def _tell_off(self, number: int) -> None:
         """The order to leave motor mode; before the first one, once, no gains."""
         if number == 0:
-            self._order(pack_command(_LIMP, self._model))
-        self._order(EXIT)
+            self._order(frames.pack_command(_LIMP, self._model))
+        self._order(frames.EXIT)
 
     def _torque_told(self, identifier: int, data: bytes) -> bool | None:
-        reply = unpack_reply(data, self._model) if self._is_it(identifier, data) else None
+        reply = frames.unpack_reply(data, self._model) if self._is_it(identifier, data) else None
         return None if reply is None else abs(reply.torque) > STRAIN * self._model.torque
 
     def _order(self, data: bytes) -> None:
@@ -332,11 +292,16 @@ def probe(drive: AkParameters, links: Links) -> list[FoundDevice]:
     Raises:
         DriveError: the bus cannot be used, or somebody uses these identifiers.
     """
-    model, common, found = model_of(drive), reply_id(drive), dict[int, AkReply]()
+    model, common, found = model_of(drive), reply_id(drive), dict[int, frames.AkReply]()
 
     def looked_at(identifier: int, data: bytes) -> bool:
-        reply = unpack_reply(data, model)
-        if reply is not None and 0 < reply.number <= HIGHEST and identifier in (reply.number, common) and data != EXIT:
+        reply = frames.unpack_reply(data, model)
+        if (
+            reply is not None
+            and 0 < reply.number <= HIGHEST
+            and identifier in (reply.number, common)
+            and data != frames.EXIT
+        ):
             found[reply.number] = reply
         return False
 
@@ -351,14 +316,15 @@ def probe(drive: AkParameters, links: Links) -> list[FoundDevice]:
                     do="end the other program first, or give devices of another protocol a bus of their own",
                 )
         for number in range(1, HIGHEST + 1):
-            send_now(port.bus, classic_frame(number, EXIT))
+            port.send_now(number, frames.EXIT)
             port.wait_for(looked_at, BETWEEN)
         port.wait_for(looked_at, drive.answer_timeout)
     return [
         FoundDevice(
             number,
             "AK drive in MIT mode",
-            f"at {reply.position:.3f} rad of its range, " + (error_text(reply.error) if reply.error else "no error"),
+            f"at {reply.position:.3f} rad of its range, "
+            + (frames.error_text(reply.error) if reply.error else "no error"),
             "FAULT" if reply.error else "SWITCH_ON_DISABLED",
         )
         for number, reply in sorted(found.items())

@@ -1,15 +1,20 @@
 """Questions and answers with one CANopen node over SDO (CiA 301); each failure is said in one line."""
 
 import contextlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 
 from canopen.sdo.exceptions import SdoAbortedError, SdoCommunicationError, SdoError
 
 from bowden.core.errors import DriveError
 from bowden.hardware.buses.link import BusPort
 from bowden.hardware.drives import canopen_frames as frames
-from bowden.hardware.drives.checklist import Conversation, Said, classic_frame, send_now
+from bowden.hardware.drives.checklist import Conversation, Said
 
+PDO_OFF, NO_REMOTE = 0x8000_0000, 0x4000_0000
+"""Bits of a PDO's COB-ID."""
+COB_ID_BITS = PDO_OFF | 0x7FF
+SYNCHRONOUS = 1
+"""Transmission type: at every SYNC."""
 NOT_THERE = (0x0602_0000, 0x0609_0011)
 """SDO abort codes: no such object, no such sub-index."""
 _TIMED_OUT, _TOO_LONG = 0x0504_0000, 0x0607_0012
@@ -94,7 +99,7 @@ class Dialogue:
         Raises:
             DriveError: no other device is on the bus.
         """
-        send_now(self.bus.port.bus, classic_frame(cob_id, data))
+        self.bus.port.send_now(cob_id, data)
 
     def answers(self) -> bool:
         """Whether the node answers at all; one that NMT has stopped, or that is not there, does not."""
@@ -126,7 +131,7 @@ class Dialogue:
             ours = not (data[0] ^ asked) & _TOGGLE if segment else data[1:4] == self._object
             return data if ours and data[0] & _SPECIFIER == kind else None
 
-        question = classic_frame(frames.SDO_REQUEST + self.number, request)
+        question = frames.SDO_REQUEST + self.number, request
         said = self.bus.ask(question, self._timeout, self._noted(answered), _TRIES)
         if said is None:
             self._abort(_TIMED_OUT)
@@ -233,6 +238,42 @@ class Dialogue:
             ) from error
         self._kept[index, sub] = written, mask
         self._compare(index, sub)
+
+    def switch_off(self, indices: Iterable[int]) -> None:
+        """PDOs by their communication parameters, where they are there and on.
+
+        Raises:
+            DriveError: no answer, or a refusal.
+        """
+        for index in indices:
+            cob_id = self.read_if_there(index, 1)
+            if cob_id is not None and not cob_id & PDO_OFF:
+                self.write(index, 1, cob_id | PDO_OFF, 4, COB_ID_BITS)
+
+    def map_pdo(
+        self, index: int, cob_id: int, objects: Sequence[int], kind: int = SYNCHRONOUS, *, ours: bool = True
+    ) -> None:
+        """One PDO, in the order that CiA 301 prescribes: off, type, mapping from none to all, on.
+
+        Args:
+            index: of its communication parameter.
+            cob_id: with its bits.
+            objects: index, sub-index and length in bits of each.
+            kind: its transmission type.
+            ours: whether the mapping is written in any case, and not only where it is another.
+
+        Raises:
+            DriveError: no answer, a refusal, or another value afterwards.
+        """
+        mapping = index + 0x200
+        self.write(index, 1, cob_id | PDO_OFF, 4, COB_ID_BITS)
+        self.write(index, 2, kind, 1)
+        if ours or [self.read(mapping, 1 + i) for i in range(self.read(mapping))] != list(objects):
+            self.write(mapping, 0, 0, 1)
+            for sub, entry in enumerate(objects, 1):
+                self.write(mapping, sub, entry, 4)
+            self.write(mapping, 0, len(objects), 1)
+        self.write(index, 1, cob_id, 4, COB_ID_BITS)
 
     def keeps_all(self) -> None:
         """Read back once more all that was written.

@@ -119,11 +119,6 @@ def unpack_tpdo2(data: bytes | bytearray) -> Sensors | None:
     return Sensors(joint, analog, None)
 
 
-def pack_tpdo3(inputs: int) -> bytes:
-    """TPDO 3 as bytes."""
-    return inputs.to_bytes(4, "little")
-
-
 def unpack_tpdo3(data: bytes | bytearray) -> int | None:
     """The digital inputs of TPDO 3; None of anything but 4 bytes."""
     return int.from_bytes(data, "little") if len(data) == 4 else None
@@ -151,16 +146,12 @@ def pack_sdo_read(index: int, sub: int) -> bytes:
     return struct.pack("<BHB4x", 0x40, index, sub)
 
 
-def unpack_sdo_value(data: bytes | bytearray) -> tuple[int, int] | None:
-    """Index and value of an expedited SDO upload's answer; None of any other frame."""
-    if len(data) != 8 or data[0] & 0xE3 != 0x43:
+def unpack_sdo_answer(data: bytes | bytearray) -> tuple[int, int | None] | None:
+    """Index, and the value of an expedited SDO upload, None of a download that was done; None of any other frame."""
+    if len(data) != 8 or (data[0] & 0xE3 != 0x43 and data[0] != 0x60):
         return None
-    return int.from_bytes(data[1:3], "little"), int.from_bytes(data[4 : 8 - (data[0] >> 2 & 3)], "little")
-
-
-def unpack_sdo_written(data: bytes | bytearray) -> int | None:
-    """Index of an object that an SDO download has written; None of any other frame."""
-    return int.from_bytes(data[1:3], "little") if len(data) == 8 and data[0] == 0x60 else None
+    value = None if data[0] == 0x60 else int.from_bytes(data[4 : 8 - (data[0] >> 2 & 3)], "little")
+    return int.from_bytes(data[1:3], "little"), value
 
 
 def pack_sdo_write(index: int, sub: int, value: int, size: int) -> bytes:

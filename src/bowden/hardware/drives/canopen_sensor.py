@@ -25,10 +25,6 @@ HEARTBEAT = 20e-3
 """Between two heartbeats of the device, as bring-up sets it [s]."""
 MOST_SILENCE = 3.5 * HEARTBEAT
 """Of its heartbeat; two lost ones do no harm [s]."""
-SYNCED = 1
-"""Transmission type: at every SYNC."""
-OFF = 0x8000_0000
-"""Bit of a PDO's COB-ID: it is not sent."""
 
 
 def identifiers_of_node(node_id: int, key: str) -> dict[int, str]:
@@ -103,21 +99,13 @@ def start(
     Raises:
         DriveError: a setting that is refused, a device that does not start, or that sends nothing.
     """
-    cob_id = 0x4000_0000 | frames.TPDO1 + node.number
-    for index in (0x1801, 0x1802, 0x1803):
-        other = node.read_if_there(index, 1)
-        if other is not None and not other & OFF:
-            node.write(index, 1, other | OFF, 4, OFF | 0x7FF)
-    node.write(0x1800, 1, cob_id | OFF, 4, OFF | 0x7FF)
-    node.write(0x1800, 2, SYNCED if synced else kind.by_timer, 1)
-    if [node.read(0x1A00, 1 + i) for i in range(node.read(0x1A00, 0))] != list(mapped):
-        node.write(0x1A00, 0, 0, 1)
-        for i, entry in enumerate(mapped):
-            node.write(0x1A00, 1 + i, entry, 4)
-        node.write(0x1A00, 0, len(mapped), 1)
+    from bowden.hardware.drives.canopen_dialogue import NO_REMOTE, SYNCHRONOUS
+
+    node.switch_off((0x1801, 0x1802, 0x1803))
+    cob_id = NO_REMOTE | frames.TPDO1 + node.number
+    node.map_pdo(0x1800, cob_id, mapped, SYNCHRONOUS if synced else kind.by_timer, ours=False)
     timer(node)
     node.write(0x1017, 0, round(1e3 * HEARTBEAT), 2)
-    node.write(0x1800, 1, cob_id, 4, OFF | 0x7FF)
     node.command(frames.NMT_START)
     if not node.reaches(frames.OPERATIONAL):
         raise DriveError(

@@ -15,14 +15,12 @@ import math
 from collections.abc import Callable, Iterable, Iterator
 from typing import NamedTuple, TypeVar
 
-import can
-
 from bowden.core.clock import SECOND, MonotonicClock, TimeSource
 from bowden.core.errors import DriveError
 from bowden.core.signals import DriveState
 from bowden.hardware.buses.link import BusPort, Links
-from bowden.hardware.buses.place import BusPlace
-from bowden.hardware.buses.unix_bus import EXTENDED
+from bowden.hardware.buses.opening import Frame
+from bowden.hardware.buses.place import EXTENDED, BusPlace
 from bowden.hardware.drives.scale import MotorLimits, Scale, SuitScale
 
 LISTENING = 0.5
@@ -50,26 +48,6 @@ class Found(NamedTuple):
     serial: str
     rated_torque: float = 0.0
     """Of which a CiA 402 drive tells thousandths, 6076h [N·m]."""
-
-
-def send_now(bus: can.BusABC, message: can.Message) -> None:
-    """Send a frame at bring-up.
-
-    Raises:
-        DriveError: nobody else is on the bus.
-    """
-    try:
-        bus.send(message)
-    except (can.CanError, OSError) as error:
-        raise nobody_there(error) from error
-
-
-def nobody_there(error: Exception) -> DriveError:
-    """What a bus says on which no other node acknowledges."""
-    return DriveError(
-        f"no other device is on the bus: {error}",
-        do="switch the drive on, or start bowden twin; check the cable and its termination",
-    )
 
 
 class Conversation:
@@ -139,15 +117,20 @@ class Conversation:
         return None
 
     def ask(
-        self, question: can.Message, span: float, matches: Callable[[int, bytes], Said | None], tries: int = TRIES
+        self, question: Frame, span: float, matches: Callable[[int, bytes], Said | None], tries: int = TRIES
     ) -> Said | None:
         """The answer to a question, which is asked again where none comes within a `span` [s]; None of none."""
         for _ in range(tries):
-            send_now(self.port.bus, question)
+            self.port.send_now(*question)
             said = self.wait(span, matches)
             if said is not None:
                 return said
         return None
+
+
+def data_of(wanted: int) -> Callable[[int, bytes], bytes | None]:
+    """What a frame of one identifier says, for `Conversation.ask`."""
+    return lambda identifier, data: data if identifier == wanted else None
 
 
 @contextlib.contextmanager
@@ -162,13 +145,6 @@ def joined(bus: BusPlace, node: int, links: Links) -> Iterator[BusPort]:
         yield port
     finally:
         port.leave()
-
-
-def classic_frame(identifier: int, data: bytes = b"", *, asks: int = 0) -> can.Message:
-    """A frame of classic CAN; a remote frame where it `asks` for so many bytes."""
-    return can.Message(
-        arbitration_id=identifier, is_extended_id=False, is_remote_frame=asks > 0, dlc=asks or len(data), data=data
-    )
 
 
 def refuse_torque(name: str, state: str, do: str) -> DriveError:

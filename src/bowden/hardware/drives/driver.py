@@ -9,16 +9,71 @@ from abc import ABC, abstractmethod
 from typing import Any, ClassVar
 
 from bowden.core.signals import DriveReading, DriveState
-from bowden.hardware.buses.link import BusPort, Frame, Links
-from bowden.hardware.buses.unix_bus import ERROR, REMOTE
+from bowden.hardware.buses.link import BusPort, Links
+from bowden.hardware.buses.opening import Frame
+from bowden.hardware.buses.place import ERROR, REMOTE
 from bowden.hardware.drives import canopen_frames as canopen
 from bowden.hardware.drives.checklist import Found
 from bowden.hardware.drives.findings import INERT, LOST_TURNS, LagWatch
-from bowden.hardware.drives.joint_encoder import JointEncoder, joint_encoder_of
-from bowden.hardware.drives.limited_range import TurnCount
+from bowden.hardware.drives.joint_encoder import JointEncoder, has_encoder
 from bowden.hardware.drives.on_can import place, require
-from bowden.hardware.drives.readings import Readings
+from bowden.hardware.drives.scale import TurnCount
 from bowden.hardware.ports import Power, TorqueLeft
+
+
+class Readings:
+    """What has come, as a `DriveReading` in each cycle. Order in a cycle: `cycle`, what has arrived, `reading`."""
+
+    def __init__(self) -> None:
+        self.begin()
+
+    def begin(self) -> None:
+        """Nothing has come yet."""
+        self.motor = self.joint = self.current = self.tension = self.temperature = self.joint_torque = math.nan
+        self.motor_age = self.joint_age = math.inf
+        self.error = 0
+        """What the drive reported last; 0 for none."""
+        self.emergency = self.foreign = 0.0
+        """What is wrong in this cycle; frames in it that nobody but this host may send."""
+        self.replied_at = self.sampled = math.nan
+        """When the last reply came, whatever it said, the sign of life; when the last sample was taken [s]."""
+
+    def cycle(self, now: float) -> None:
+        """A cycle begins at `now` [s]: everything is one older."""
+        self.motor_age += 1.0
+        self.joint_age += 1.0
+        self.emergency = self.foreign = 0.0
+        if math.isnan(self.replied_at):
+            self.replied_at = now  # of the first cycle: from here on it can be late
+
+    def moved(self, motor: float, current: float, temperature: float, sampled: float) -> None:
+        """The motor's angle [rad], current [A] and temperature [°C] came, taken at `sampled` [s]; NaN for none."""
+        self.motor, self.motor_age = motor, 0.0
+        self.current, self.temperature, self.sampled = current, temperature, sampled
+
+    def turned(self, joint: float) -> None:
+        """The joint's angle came [rad]."""
+        self.joint, self.joint_age = joint, 0.0
+
+    def failed(self, code: int) -> None:
+        """The drive reports this error, 0 for none: an emergency when it changes."""
+        if code and code != self.error:
+            self.found(code)
+        self.error = code
+
+    def found(self, code: float) -> None:
+        """Something is wrong in this cycle; of several the first is the cause."""
+        self.emergency = self.emergency or float(code)
+
+    def reading(self, now: float, state: DriveState, bus_errors: float) -> DriveReading:
+        """The reading of this cycle at `now` [s]."""
+        return DriveReading(
+            self.motor, self.joint, self.current, self.tension, self.temperature, self.motor_age, self.joint_age,
+            now - self.replied_at if math.isfinite(self.replied_at) else math.inf,
+            float(state), self.emergency, float(bus_errors), self.foreign,
+            0.0 if math.isnan(self.sampled) else now - self.sampled, self.joint_torque,
+        )  # fmt: skip
+
 
 LOST = 0.1
 """Silence of a drive after which it may have started again, with other limits and another position [s]."""
@@ -51,8 +106,7 @@ class Driver(ABC):
     def __init__(self, parameters: Any, links: Links | None = None) -> None:
         require(parameters)
         drive = self._drive = parameters
-        joint = joint_encoder_of(drive)
-        self._encoder = None if joint is None else JointEncoder(joint, drive.answer_timeout)
+        self._encoder = JointEncoder(drive) if has_encoder(drive) else None
         self._syncs_encoder = self._encoder is not None and self._encoder.synced
         self._place, self._node, self._links = place(drive), f"node {drive.node_id}", links or Links()
         self._port: BusPort | None = None
@@ -181,7 +235,7 @@ class Driver(ABC):
             if self._take(identifier, data, now):
                 continue
             if self._is_foreign(identifier, data):
-                readings.meant()
+                readings.foreign += 1.0
             elif self._encoder is not None:
                 self._read_joint(self._encoder, identifier, data, now)
         self._judge(now)
@@ -193,10 +247,10 @@ class Driver(ABC):
         if angle is not None:
             self._readings.turned(angle)
         elif encoder.foreign(identifier & ~REMOTE):
-            self._readings.meant()
+            self._readings.foreign += 1.0
 
     def _take_all(self) -> list[Frame]:
-        """The frames that are there, with the flags of `buses.unix_bus`, and no more than a cycle may read; error
+        """The frames that are there, with the flags of `buses.place`, and no more than a cycle may read; error
         frames are counted and left out.
         """
         found = [] if self._port is None else self._port.take_all()
@@ -266,7 +320,8 @@ class Driver(ABC):
             self._asked, self._led, self._target = False, 0, math.nan
         self._ask(now)
         self._written = now
-        self._sync_encoder()
+        if self._syncs_encoder:
+            self._sync()
 
     def _can_lead(self) -> bool:
         """Whether the drive's own state lets it be ordered to follow."""
@@ -281,10 +336,6 @@ class Driver(ABC):
         """Send CANopen's SYNC, see `BusPort.sync`."""
         if self._port is not None:
             self._port.sync(canopen.SYNC)
-
-    def _sync_encoder(self) -> None:
-        if self._syncs_encoder:
-            self._sync()
 
     def reset_fault(self) -> None:
         """See `hardware.ports.Drive.reset_fault`; without effect where the drive has no fault."""

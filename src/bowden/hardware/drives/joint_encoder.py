@@ -11,13 +11,12 @@ CiA 301 for PDOs, heartbeat and emergency.
 """
 
 import math
-from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from bowden.core.errors import DriveError, ParameterError
 from bowden.core.quantity import Quantity
 from bowden.hardware.drives.canopen_sensor import SensorHealth, SensorKind, identifiers_of_node, sensor, start
-from bowden.hardware.drives.limited_range import LimitedRange
-from bowden.hardware.drives.scale import Scale
+from bowden.hardware.drives.scale import LimitedRange, Scale
 
 if TYPE_CHECKING:
     from bowden.hardware.buses.link import BusPort
@@ -60,56 +59,29 @@ JointSending = Annotated[
 `joint_direction`, `joint_home`, `joint_sends`."""
 
 
-class JointEncoderParameters(NamedTuple):
-    """What has to be known of the device."""
-
-    node_id: int
-    counts_per_turn: float
-    direction: int
-    home: float
-    """Angle of the joint at home [rad]."""
-    synced: bool
-    """Whether it sends at SYNC; otherwise every millisecond, the shortest that 6200h has."""
-    here: bool
-    """Whether home is where the joint is found, and not at count zero."""
+def has_encoder(drive: Any) -> bool:
+    """Whether a drive's parameters, with the keys above, have such a device beside it."""
+    return getattr(drive, "joint", "none") == "cia406"
 
 
-def joint_encoder_of(drive: Any) -> JointEncoderParameters | None:
-    """What a family's parameters with the keys above say of it; None where there is none."""
-    if getattr(drive, "joint", "none") != "cia406":
-        return None
-    return JointEncoderParameters(
-        drive.joint_node_id,
-        drive.joint_counts_per_turn,
-        drive.joint_direction,
-        drive.joint_home,
-        drive.joint_sends == "sync",
-        drive.home == "here",
-    )
-
-
-def identifiers_of(encoder: JointEncoderParameters | None) -> dict[int, str]:
-    """Identifier of each frame of the device and to it → key of [drive] that it follows from; the network's have none.
-
-    Args:
-        encoder: of a rig, or None.
+def identifiers_of(drive: Any) -> dict[int, str]:
+    """Identifier of each frame of the device beside a drive and to it → key of [drive] that it follows from; the
+    network's have none.
     """
-    if encoder is None:
-        return {}
-    return identifiers_of_node(encoder.node_id, "joint_node_id")
+    return identifiers_of_node(drive.joint_node_id, "joint_node_id") if has_encoder(drive) else {}
 
 
-def check_beside(encoder: JointEncoderParameters | None, taken: dict[int, str]) -> None:
-    """Refuse identifiers of a drive that are CANopen's own on the same bus.
+def check_beside(drive: Any, taken: dict[int, str]) -> None:
+    """Refuse identifiers of a drive that are CANopen's own on the same bus, where the joint's encoder is on it.
 
     Args:
-        encoder: on it, or None.
+        drive: parameters of its family.
         taken: identifier of a frame of the drive → key of [drive] that it follows from.
 
     Raises:
         ParameterError: one of them is the network's, or the encoder's.
     """
-    own = identifiers_of(encoder)
+    own = identifiers_of(drive)
     for identifier, key in taken.items():
         if identifier in own:
             raise ParameterError(
@@ -123,20 +95,16 @@ class JointEncoder:
     """The device, while its drive runs: `bring_up` once, then `read` for each of its frames.
 
     Args:
-        parameters: of the device.
-        timeout: how long an answer may take [s].
+        drive: parameters of the drive's family, with the keys above.
     """
 
-    def __init__(self, parameters: JointEncoderParameters, timeout: float) -> None:
-        self._given, self._timeout, self.node_id = parameters, timeout, parameters.node_id
-        self._health = SensorHealth(parameters.node_id)
+    def __init__(self, drive: Any) -> None:
+        self._drive, self.node_id = drive, drive.joint_node_id
+        self.synced = drive.joint_sends == "sync"
+        """Whether it waits for our SYNC; otherwise it sends every millisecond, the shortest that 6200h has."""
+        self._health = SensorHealth(self.node_id)
         self._scale = Scale(1.0, 0.0)
         self._turns = LimitedRange(math.inf)
-
-    @property
-    def synced(self) -> bool:
-        """Whether it waits for our SYNC."""
-        return self._given.synced
 
     def wants(self, identifier: int) -> bool:
         """Whether a frame is of it, or one that only its host may send."""
@@ -155,29 +123,29 @@ class JointEncoder:
         Raises:
             DriveError: no answer, no encoder, another resolution than the rig's, an alarm, or a refused setting.
         """
-        given = self._given
-        node, turns = sensor(port, self.node_id, self._timeout, KIND)
-        span = _check_resolution(node, given.counts_per_turn)
+        drive, counts, here = self._drive, self._drive.joint_counts_per_turn, self._drive.home == "here"
+        node, turns = sensor(port, self.node_id, drive.answer_timeout, KIND)
+        span = _check_resolution(node, counts)
         if node.read_if_there(0x6503):
             raise DriveError(
                 f"{node.name}, {KIND.what}, reports an alarm (6503h is 0x{node.read(0x6503):X})",
                 expected="no alarm",
                 do="see what its maker's manual says of it",
             )
-        step = given.direction * 2.0 * math.pi / given.counts_per_turn
-        at_home = node.read(0x6004) if given.here else 0
-        self._scale = Scale(step, given.home - step * at_home)
-        start(node, KIND, (POSITION,), synced=given.synced, timer=self._set_timer)
-        who = f"{node.text(0x1008) or KINDS[turns]} at {node.name}, {given.counts_per_turn:g} counts a turn"
+        step = drive.joint_direction * 2.0 * math.pi / counts
+        at_home = node.read(0x6004) if here else 0
+        self._scale = Scale(step, drive.joint_home - step * at_home)
+        start(node, KIND, (POSITION,), synced=self.synced, timer=self._set_timer)
+        who = f"{node.text(0x1008) or KINDS[turns]} at {node.name}, {counts:g} counts a turn"
         self._turns = LimitedRange(span)
         if span > 0.0:
-            self._turns.follow(at_home if given.here else 0.0)  # angles begin within half a range of home
+            self._turns.follow(at_home if here else 0.0)  # angles begin within half a range of home
         self._health.begin()
         return who
 
     def _set_timer(self, node: "Dialogue") -> None:
         """Its own timer, 6200h [ms]."""
-        if not self._given.synced:
+        if not self.synced:
             node.write(0x6200, 0, 1, 2)
         elif node.read_if_there(0x6200):
             node.write(0x6200, 0, 0, 2)

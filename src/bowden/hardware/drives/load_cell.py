@@ -20,7 +20,7 @@ import math
 from typing import TYPE_CHECKING
 
 from bowden.core.errors import DriveError
-from bowden.hardware.buses.unix_bus import EXTENDED
+from bowden.hardware.buses.place import EXTENDED
 from bowden.hardware.drives import canopen_frames as frames
 from bowden.hardware.drives.canopen_sensor import SensorHealth, SensorKind, identifiers_of_node, sensor, start
 from bowden.rig.load_cell import LoadCellParameters

@@ -24,6 +24,7 @@ from collections.abc import Iterator, Mapping
 from enum import IntEnum
 from typing import NamedTuple
 
+from bowden.hardware.buses.place import EXTENDED
 from bowden.hardware.drives.findings import finding_text
 
 REGISTER_MAP = 5
@@ -70,11 +71,7 @@ class Register(IntEnum):
     VELOCITY = 0x002
     TORQUE = 0x003
     Q_CURRENT = 0x004
-    D_CURRENT = 0x005
-    ABS_POSITION = 0x006
-    POWER = 0x007
     MOTOR_TEMPERATURE = 0x00A
-    TRAJECTORY_COMPLETE = 0x00B
     HOME_STATE = 0x00C
     VOLTAGE = 0x00D
     TEMPERATURE = 0x00E
@@ -85,33 +82,17 @@ class Register(IntEnum):
     COMMAND_KP_SCALE = 0x023
     COMMAND_KD_SCALE = 0x024
     COMMAND_MAX_TORQUE = 0x025
-    COMMAND_STOP_POSITION = 0x026
     COMMAND_TIMEOUT = 0x027
-    COMMAND_VELOCITY_LIMIT = 0x028
-    COMMAND_ACCELERATION_LIMIT = 0x029
-    COMMAND_FIXED_VOLTAGE = 0x02A
-    COMMAND_ILIMIT_SCALE = 0x02B
-    COMMAND_FIXED_CURRENT = 0x02C
     COMMAND_IGNORE_BOUNDS = 0x02D
-    CONTROL_POSITION = 0x038
-    CONTROL_VELOCITY = 0x039
-    CONTROL_TORQUE = 0x03A
-    POSITION_ERROR = 0x03B
-    ENCODER_0_POSITION = 0x050
-    ENCODER_0_VELOCITY = 0x051
     ENCODER_1_POSITION = 0x052
-    ENCODER_1_VELOCITY = 0x053
     ENCODER_2_POSITION = 0x054
-    ENCODER_2_VELOCITY = 0x055
     ENCODER_VALIDITY = 0x058
-    MILLISECONDS = 0x070
     MODEL = 0x100
     FIRMWARE = 0x101
     REGISTER_MAP = 0x102
     SERIAL_1 = 0x120
     SERIAL_2 = 0x121
     SERIAL_3 = 0x122
-    UUID_MASK_CAPABLE = 0x158
 
 
 class NumberKind(IntEnum):
@@ -137,47 +118,19 @@ UNKNOWN_REGISTER, NOT_WRITEABLE = 1, 2
 
 Scales = tuple[float, float, float]
 """Physical value of one of an int8, an int16, an int32."""
-POSITION_SCALES: Scales = (0.01, 1e-4, 1e-5)
-VELOCITY_SCALES: Scales = (0.1, 0.25e-3, 1e-5)
-ACCELERATION_SCALES: Scales = (0.05, 1e-3, 1e-5)
-TORQUE_SCALES: Scales = (0.5, 0.01, 1e-3)
-CURRENT_SCALES: Scales = (1.0, 0.1, 1e-3)
-VOLTAGE_SCALES: Scales = (0.5, 0.1, 1e-3)
-TEMPERATURE_SCALES: Scales = (1.0, 0.1, 1e-3)
-TIME_SCALES: Scales = (0.01, 1e-3, 1e-6)
-POWER_SCALES: Scales = (10.0, 0.05, 1e-4)
-SHARE_SCALES: Scales = (1.0 / 127.0, 1.0 / 32767.0, 1.0 / 2147483647.0)
-"""In turns, turns a second, turns/s², N·m, A, V, °C, s, W, and of a whole."""
-SCALES: Mapping[int, Scales] = {
-    **dict.fromkeys(
-        (
-            *(Register.POSITION, Register.ABS_POSITION, Register.COMMAND_POSITION, Register.COMMAND_STOP_POSITION),
-            *(Register.CONTROL_POSITION, Register.POSITION_ERROR, Register.ENCODER_0_POSITION),
-            *(Register.ENCODER_1_POSITION, Register.ENCODER_2_POSITION),
-        ),
-        POSITION_SCALES,
+_SHARE: Scales = (1.0 / 127.0, 1.0 / 32767.0, 1.0 / 2147483647.0)
+_OF: Mapping[Scales, tuple[Register, ...]] = {
+    (0.01, 1e-4, 1e-5): (  # [turns]
+        *(Register.POSITION, Register.COMMAND_POSITION, Register.ENCODER_1_POSITION, Register.ENCODER_2_POSITION),
     ),
-    **dict.fromkeys(
-        (
-            *(Register.VELOCITY, Register.COMMAND_VELOCITY, Register.COMMAND_VELOCITY_LIMIT),
-            *(Register.CONTROL_VELOCITY, Register.ENCODER_0_VELOCITY, Register.ENCODER_1_VELOCITY),
-            Register.ENCODER_2_VELOCITY,
-        ),
-        VELOCITY_SCALES,
-    ),
-    Register.COMMAND_ACCELERATION_LIMIT: ACCELERATION_SCALES,
-    **dict.fromkeys(
-        (Register.TORQUE, Register.COMMAND_TORQUE, Register.COMMAND_MAX_TORQUE, Register.CONTROL_TORQUE), TORQUE_SCALES
-    ),
-    **dict.fromkeys((Register.Q_CURRENT, Register.D_CURRENT, Register.COMMAND_FIXED_CURRENT), CURRENT_SCALES),
-    **dict.fromkeys((Register.VOLTAGE, Register.COMMAND_FIXED_VOLTAGE), VOLTAGE_SCALES),
-    **dict.fromkeys((Register.TEMPERATURE, Register.MOTOR_TEMPERATURE), TEMPERATURE_SCALES),
-    Register.COMMAND_TIMEOUT: TIME_SCALES,
-    Register.POWER: POWER_SCALES,
-    **dict.fromkeys(
-        (Register.COMMAND_KP_SCALE, Register.COMMAND_KD_SCALE, Register.COMMAND_ILIMIT_SCALE), SHARE_SCALES
-    ),
+    (0.1, 0.25e-3, 1e-5): (Register.VELOCITY, Register.COMMAND_VELOCITY),  # [turns/s]
+    (0.5, 0.01, 1e-3): (Register.TORQUE, Register.COMMAND_TORQUE, Register.COMMAND_MAX_TORQUE),  # [N·m]
+    (1.0, 0.1, 1e-3): (Register.Q_CURRENT, Register.TEMPERATURE, Register.MOTOR_TEMPERATURE),  # [A], [°C]
+    (0.5, 0.1, 1e-3): (Register.VOLTAGE,),  # [V]
+    (0.01, 1e-3, 1e-6): (Register.COMMAND_TIMEOUT,),  # [s]
+    _SHARE: (Register.COMMAND_KP_SCALE, Register.COMMAND_KD_SCALE),  # [–]
 }
+SCALES: Mapping[int, Scales] = {register: scales for scales, registers in _OF.items() for register in registers}
 """Register → its scales; what is not here is a whole number of every type."""
 
 _TYPES = (struct.Struct("<b"), struct.Struct("<h"), struct.Struct("<i"), struct.Struct("<f"))
@@ -191,6 +144,11 @@ def identifier_of(source: int, destination: int, prefix: int = 0, *, reply: bool
     ('0x8001', '0x100', '0x1230100')
     """
     return prefix << 16 | (REPLY_WANTED if reply else 0) | source << 8 | destination
+
+
+def flagged(identifier: int) -> int:
+    """An identifier with the flag of `buses.place` where it is an extended one."""
+    return identifier | EXTENDED * (identifier > STANDARD_ID)
 
 
 def prefix_of(identifier: int) -> int:

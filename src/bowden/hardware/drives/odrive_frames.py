@@ -139,14 +139,10 @@ FIELDS: Mapping[int, struct.Struct] = {
     Cmd.GET_ENCODER_ESTIMATES: _NUMBERS,  # position [turns], velocity [turns/s]
     Cmd.SET_CONTROLLER_MODE: _WHOLE,  # control mode, input mode
     Cmd.SET_INPUT_POS: struct.Struct("<fhh"),  # position [turns], velocity and torque by scales of the board
-    Cmd.SET_INPUT_VEL: _NUMBERS,  # [turns/s], [N·m]
     Cmd.SET_LIMITS: _NUMBERS,  # velocity [turns/s], current [A]
     Cmd.GET_IQ: _NUMBERS,  # wanted, measured [A]
     Cmd.GET_TEMPERATURE: _NUMBERS,  # of the transistors, of the motor [°C]
     Cmd.GET_BUS_VOLTAGE_CURRENT: _NUMBERS,  # [V], [A]
-    Cmd.SET_ABSOLUTE_POSITION: struct.Struct("<f"),  # [turns]
-    Cmd.GET_TORQUES: _NUMBERS,  # wanted, estimated [N·m]
-    Cmd.GET_POWERS: _NUMBERS,  # electrical, mechanical [W]
 }
 """Command → its fields. Estop has none, Clear_Errors a byte; RxSdo and TxSdo: `pack_sdo`."""
 _LEAST: Mapping[int, int] = {Cmd.HEARTBEAT: 7}

@@ -11,14 +11,15 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, get_args, get_origin
 
-from bowden.core.errors import ParameterError
+from bowden.core.errors import DriveError, ParameterError
 from bowden.core.quantity import Quantity, declared
+from bowden.core.signals import DriveReading
 from bowden.hardware.buses.place import BusPlace
-from bowden.hardware.drives.homing import zeroed
-from bowden.rig.families import LOST, DriveFamily, DriveNeeds, FoundDevice, TwinProcess
+from bowden.models.suit.suit_angle import motor_of, spool_of
+from bowden.rig.families import LOST, DriveFamily, DriveNeeds, TwinProcess
 
 if TYPE_CHECKING:
-    from bowden.hardware.buses.link import Links
+    pass
 
 BusInterface = Annotated[
     str, Quantity("python-can's name of the bus: bowden_unix for the twin, socketcan on a rig; others are untried")
@@ -204,10 +205,6 @@ def family(
             _check_heartbeat(drive, beats)
         return drive
 
-    def probed(given: Any, links: "Links") -> Sequence[FoundDevice]:
-        found: Sequence[FoundDevice] = _named(probe)(given, links)
-        return found
-
     if hasattr(parameters, "joint"):
         rest |= {"measures_joint": lambda given: given.joint != "none"}
     return DriveFamily(
@@ -223,7 +220,7 @@ def family(
         ),
         address=lambda given: {"interface": given.interface, "channel": given.channel, "node": str(given.node_id)},
         control=control,
-        claim=lambda given: _named("buses.opening.claim")(given.interface, given.channel, "host").release,
+        claim=lambda given: _named("buses.opening.claim")(given.interface, given.channel, "host").close,
         watchdog=watchdog,
         most_push=lambda given, needs: most(given._replace(needs=needs)),
         measures_tension=rest.pop("measures_tension", lambda given: False),
@@ -231,7 +228,7 @@ def family(
         homed=lambda given: given.home != "here",
         simulated=lambda given: bool(given.interface == "bowden_unix"),
         explain=explain,
-        probe=probed,
+        probe=lambda given, links: _named(probe)(given, links),
         zeroed=zeroed,
         **rest,
     )
@@ -324,3 +321,29 @@ def control(parameters: Any) -> Path:
     """Socket of the twin of this node."""
     path: Path = _named("twin.control.control_path")(parameters.interface, parameters.channel, parameters.node_id)
     return path
+
+
+def zeroed(drive: Any, values: DriveReading, motor: float = 0.0, joint: float = 0.0) -> Any:
+    """The parameters with which the position that was read is at these angles.
+
+    Where the turn of the rotor is told by a hint, the hint is the motor's angle from here on.
+
+    Args:
+        drive: with which it was read; it has `home`, `motor_home`, `joint_home` and `spool`.
+        values: what was read.
+        motor: angle of the motor there [rad].
+        joint: angle of the joint there [rad].
+
+    Raises:
+        DriveError: nothing has been read.
+    """
+    if not (math.isfinite(values.motor) and math.isfinite(values.joint)):
+        raise DriveError("the drive has not reported a position yet", do="read a few cycles first")
+    if drive.home == "here":  # the next bring-up finds the present position by itself
+        return drive._replace(motor_home=motor, joint_home=joint)
+    moved, spool = drive.motor_home + motor - values.motor, drive.needs.spool
+    if spool is not None:  # what is added is an angle of the spool
+        turned = spool_of(drive.motor_home, spool) + spool_of(motor, spool) - spool_of(values.motor, spool)
+        moved = motor_of(turned, spool)
+    hint = {"motor_hint": motor} if drive.home == "hint" else {}
+    return drive._replace(motor_home=float(moved), joint_home=drive.joint_home + joint - values.joint, **hint)

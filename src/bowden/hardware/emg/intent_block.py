@@ -6,12 +6,11 @@ keeps what it had (a sequence lock, as in the ring). Neither side ever waits, an
 leaves words that grow old, which the supervisor sees.
 """
 
+import struct
 from pathlib import Path
 from typing import NamedTuple
 
 from bowden.hardware import shared_memory
-
-_SEQUENCE, _FIRST = 0, 1
 
 
 class StreamReading(NamedTuple):
@@ -41,9 +40,9 @@ class StreamReading(NamedTuple):
     """What is wrong with the signals, the worse of both: 0 nothing, 1 flat, missing, repeated, 2 movement or mains."""
 
 
-_WHOLE = 6
-"""Fields at the beginning that are whole numbers."""
-_WORDS = _FIRST + len(StreamReading._fields)
+_FORM = struct.Struct("6q5d")
+"""The fields, of which the first are whole numbers."""
+_WORDS = 1 + len(StreamReading._fields)
 
 
 def create(path: Path) -> None:
@@ -59,9 +58,8 @@ class _Mapped:
     """One process's view of the block."""
 
     def __init__(self, path: Path) -> None:
-        memory = shared_memory.mapped(path, _WORDS, "block of intent")
-        self._whole = memoryview(memory).cast("q")
-        self._real = memoryview(memory).cast("d")
+        self._memory = shared_memory.mapped(path, _WORDS, "block of intent")
+        self._sequence = memoryview(self._memory).cast("q")[:1]
         self._barrier = shared_memory.Barrier()
 
 
@@ -74,15 +72,11 @@ class IntentWriter(_Mapped):
 
     def write(self, reading: StreamReading) -> None:
         """Put all words, as one."""
-        whole, real, at = self._whole, self._real, _FIRST + _WHOLE
-        whole[_SEQUENCE] += 1
+        self._sequence[0] += 1
         self._barrier()
-        for i in range(_WHOLE):
-            whole[_FIRST + i] = int(reading[i])
-        for i in range(len(reading) - _WHOLE):
-            real[at + i] = reading[_WHOLE + i]
+        _FORM.pack_into(self._memory, 8, *reading)
         self._barrier()
-        whole[_SEQUENCE] += 1
+        self._sequence[0] += 1
 
 
 class IntentReader(_Mapped):
@@ -92,16 +86,14 @@ class IntentReader(_Mapped):
         LogError: there is no block.
     """
 
-    def __init__(self, path: Path) -> None:
-        super().__init__(path)
-        self._kept = StreamReading()
+    _kept = StreamReading()
 
     def read(self) -> StreamReading:
         """The newest words; those of the last call where they are just being written."""
-        before = self._whole[_SEQUENCE]
+        before = self._sequence[0]
         self._barrier()
-        whole, real = self._whole[_FIRST : _FIRST + _WHOLE].tolist(), self._real[_FIRST + _WHOLE :].tolist()
+        words = _FORM.unpack_from(self._memory, 8)
         self._barrier()
-        if before % 2 == 0 and self._whole[_SEQUENCE] == before:
-            self._kept = StreamReading(*whole, *real)
+        if before % 2 == 0 and self._sequence[0] == before:
+            self._kept = StreamReading(*words)
         return self._kept

@@ -1,7 +1,7 @@
 """From a stream of EMG to what it says: each sample through envelope and detector, as it comes."""
 
 import math
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,7 @@ from bowden.sensing.detectors import DEFAULT
 from bowden.sensing.envelope import DEFAULTS as CLEANED
 from bowden.sensing.envelope import EnvelopeSettings
 from bowden.sensing.stream import EnvelopeFilter, OnsetDetector
+from bowden.sensing.wearer_file import MuscleCalibration
 
 Array = NDArray[np.float64]
 
@@ -22,31 +23,18 @@ _SAME = 0.1
 """So much of a signal does not come twice by chance [s]."""
 
 
-class Levels(NamedTuple):
-    """Of a wearer's flexor, as `bowden emg calibrate` measures them."""
-
-    rest: float
-    """Envelope at rest, in the stream's unit."""
-    mvc: float
-    """Envelope of the maximum contraction, in the same unit."""
-    mains: float = CLEANED.mains_hz
-    """What is taken out of the envelopes [Hz]."""
-    sigma: float = 0.0
-    """Size of the signal at rest as the detector measures it, in the same unit; 0 where it is not known."""
-
-
-def filters_of(levels: Levels | None, detector: Detector = DEFAULT) -> tuple[Any, EnvelopeSettings]:
-    """How a wearer's flexor is detected: settings of detector and envelope; the defaults without levels."""
-    if levels is None:
+def filters_of(wearer: MuscleCalibration | None, detector: Detector = DEFAULT) -> tuple[Any, EnvelopeSettings]:
+    """How a wearer's flexor is detected: settings of detector and envelope; the defaults without wearer."""
+    if wearer is None:
         return detector.settings, CLEANED
-    return detector.of_wearer(levels.sigma, levels.mvc), CLEANED._replace(mains_hz=levels.mains)
+    return detector.of_wearer(wearer.sigma, wearer.mvc), CLEANED._replace(mains_hz=wearer.mains)
 
 
-def share_of(envelope: Array, levels: Levels | None) -> Array:
+def share_of(envelope: Array, wearer: MuscleCalibration | None) -> Array:
     """Envelopes as shares of MVC, 0 at rest (n,) [–]; NaN where the wearer is not known."""
-    if levels is None:
+    if wearer is None:
         return np.full(len(envelope), np.nan)
-    return (envelope - levels.rest) / (levels.mvc - levels.rest)
+    return (envelope - wearer.rest) / (wearer.mvc - wearer.rest)
 
 
 class _Repetition:
@@ -112,7 +100,7 @@ class Listener:
         rate: of the stream [Hz].
         flexor: column of the muscle that flexes.
         extensor: column of the one that extends, where there is one.
-        levels: of the wearer; the envelope's share of MVC is unknown without.
+        wearer: calibration of the flexor; the envelope's share of MVC is unknown without.
         detector: of contractions.
     """
 
@@ -121,13 +109,13 @@ class Listener:
         rate: float,
         flexor: int,
         extensor: int | None = None,
-        levels: Levels | None = None,
+        wearer: MuscleCalibration | None = None,
         detector: Detector = DEFAULT,
     ) -> None:
-        settings, chain = filters_of(levels, detector)
+        settings, chain = filters_of(wearer, detector)
         self._flexor = _Muscle(flexor, rate, settings, chain, detector)
         self._extensor = None if extensor is None else _Muscle(extensor, rate, None, chain, detector)
-        self._levels = levels
+        self._wearer = wearer
         self.reading = StreamReading()
 
     def take(self, chunk: EmgChunk, now: float) -> StreamReading:
@@ -154,7 +142,7 @@ class Listener:
             reading.looked,
             self._flexor.active,
             0.0 if extends is None else extends.active,
-            float(share_of(np.array([self._flexor.level]), self._levels)[0]),
+            float(share_of(np.array([self._flexor.level]), self._wearer)[0]),
             self._flexor.level,
             max(muscle.trouble for muscle in self._muscles()),
         )

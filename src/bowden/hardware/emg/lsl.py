@@ -20,10 +20,9 @@ from numpy.typing import NDArray
 
 from bowden.core.clock import SECOND, MonotonicClock, TimeSource
 from bowden.core.errors import StreamError, counted
-from bowden.hardware.emg.lsl_info import channel_names, check_info, shown, unit_of, which
-from bowden.hardware.emg.lsl_library import library
+from bowden.hardware.emg.lsl_info import channel_names, check_info, library, shown, unit_of, which
 from bowden.hardware.emg.sample_times import SampleTimes
-from bowden.hardware.ports import EmgChunk
+from bowden.hardware.ports import EmgChunk, one_chunk
 from bowden.identify.emg.log import largest
 
 SILENCE = 0.25
@@ -227,9 +226,7 @@ class LslStream:
         chunks, self._kept = self._kept, []
         if self._inlet is not None:
             chunks.extend(self._pull(now))
-        if not chunks:
-            return EmgChunk(np.empty((0, len(self.channels))), np.empty(0))
-        return EmgChunk(*(np.concatenate(parts) for parts in zip(*chunks, strict=True)))
+        return one_chunk(chunks, len(self.channels))
 
     def _pull(self, now: float) -> list[EmgChunk]:
         try:

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from bowden.core.clock import SECOND, MonotonicClock, TimeSource
 from bowden.core.errors import StreamError
-from bowden.hardware.emg.lsl_library import library
+from bowden.hardware.emg.lsl_info import library
 
 Array = NDArray[np.float64]
 

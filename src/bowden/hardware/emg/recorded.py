@@ -1,7 +1,6 @@
 """A rig's run by EMG on its stream: which channels, whose levels; and the motion of a recording."""
 
 import re
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +9,8 @@ from numpy.typing import NDArray
 
 from bowden.core.errors import StreamError
 from bowden.core.kernel import compiled, kernel
-from bowden.hardware.emg.listener import Levels, filters_of, share_of
+from bowden.hardware.emg.listener import filters_of, share_of
+from bowden.hardware.emg.lsl_info import check_wanted
 from bowden.hardware.emg.playback import Playback
 from bowden.hardware.ports import EmgStream
 from bowden.identify.emg.log import read_channels
@@ -37,11 +37,10 @@ def recorded(run: EmgRun, dt: float) -> "EmgMotion | None":
     stream.open()
     flexor, extensor = columns(run, stream)
     found = read_channels(Path(path), stream.channels)
-    of = levels(run)
     signal = found.values[:, flexor]
-    settings, chain = filters_of(of, run.detector)
+    settings, chain = filters_of(run.wearer, run.detector)
     found_by = OnsetDetector(found.rate, settings, run.detector).feed(signal)
-    share = share_of(EnvelopeFilter(found.rate, chain).feed(signal).envelope, of)
+    share = share_of(EnvelopeFilter(found.rate, chain).feed(signal).envelope, run.wearer)
     trouble, extends = found_by.trouble, np.zeros(len(signal))
     if extensor is not None:
         other = OnsetDetector(found.rate, None, run.detector).feed(found.values[:, extensor])
@@ -105,9 +104,7 @@ def columns(run: EmgRun, stream: EmgStream) -> tuple[int, int | None]:
         StreamError: a channel is missing, or the flexor is none that the wearer was measured with.
     """
     names = stream.channels
-    for wanted in run.wanted:
-        if wanted not in names:
-            raise StreamError(f"{run.source} has no channel {wanted!r}", expected=f"one of {_listed(names)}")
+    check_wanted(names, run.wanted, run.source)
     others = [i for i, name in enumerate(names) if name != run.extensor]
     if not others:
         raise StreamError(f"{run.source} has no channel beside the extensor {run.extensor!r}")
@@ -133,13 +130,3 @@ def _parts(channel: str, unit: str = "") -> tuple[str, str]:
     named = _UNIT.search(channel)
     unit = (named[1] if named else unit).replace("u", "µ")
     return (channel[: named.start()] if named else channel), unit
-
-
-def levels(run: EmgRun) -> Levels | None:
-    """The wearer's, for the envelope's share of MVC."""
-    wearer = run.wearer
-    return None if wearer is None else Levels(wearer.rest, wearer.mvc, wearer.mains, wearer.sigma)
-
-
-def _listed(names: Sequence[str]) -> str:
-    return ", ".join(map(repr, names))

@@ -20,7 +20,7 @@ from bowden.hardware.emg.lsl_info import check_rate, check_wanted
 from bowden.hardware.emg.sample_times import SampleTimes
 from bowden.hardware.emg.trigno_dialogue import Address, Base, TrignoDialogue
 from bowden.hardware.emg.trigno_protocol import LARGEST, LEAST, Samples
-from bowden.hardware.ports import EmgChunk
+from bowden.hardware.ports import EmgChunk, one_chunk
 
 SILENCE = 0.25
 """A server that has sent nothing sensible for this long is lost [s]."""
@@ -126,9 +126,7 @@ class TrignoStream:
         chunks = []
         while self._chunks:
             chunks.append(self._chunks.popleft())
-        if not chunks:
-            return EmgChunk(np.empty((0, len(self.channels))), np.empty(0))
-        return EmgChunk(*(np.concatenate(parts) for parts in zip(*chunks, strict=True)))
+        return one_chunk(chunks, len(self.channels))
 
     def lost(self) -> str:
         """See `EmgStream.lost`."""

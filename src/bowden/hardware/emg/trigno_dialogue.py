@@ -6,22 +6,7 @@ from typing import NamedTuple
 
 from bowden.core.clock import SECOND, MonotonicClock, TimeSource
 from bowden.core.errors import StreamError
-from bowden.hardware.emg.trigno_protocol import (
-    COMMAND_PORT,
-    EMG_PORT,
-    END,
-    GREETING,
-    LEGACY_EMG_PORT,
-    SLOTS,
-    EmgColumn,
-    Lines,
-    SensorAnswers,
-    columns_of,
-    rate_of,
-    refused,
-    shown,
-    yes,
-)
+from bowden.hardware.emg import trigno_protocol as protocol
 
 _ANSWER = 2.0
 """Longest that an answer may take, from the question to its last byte, whatever else comes meanwhile [s]."""
@@ -33,7 +18,7 @@ class Address(NamedTuple):
     """Where a server is."""
 
     host: str
-    command: int = COMMAND_PORT
+    command: int = protocol.COMMAND_PORT
     emg: int | None = None
     """None: `EMG_PORT`, or `LEGACY_EMG_PORT` where that refuses."""
 
@@ -48,7 +33,7 @@ class Base(NamedTuple):
     version: str
     rate: float
     """Of its EMG port [Hz]."""
-    columns: tuple[EmgColumn, ...]
+    columns: tuple[protocol.EmgColumn, ...]
     idle: tuple[int, ...]
     """Slots whose sensor is paired and not active."""
     legacy: bool
@@ -69,7 +54,7 @@ class TrignoDialogue:
         self._address = address
         self._clock = MonotonicClock() if clock is None else clock
         self._end = self._now() + _TALK
-        self._lines = Lines()
+        self._lines = protocol.Lines()
         self._waiting: list[str] = []
         self.data: socket.socket
         """The EMG port, connected, before `start`."""
@@ -98,27 +83,29 @@ class TrignoDialogue:
 
     def _look(self) -> Base:
         greeting = self._line()
-        if not greeting.startswith(GREETING):
+        if not greeting.startswith(protocol.GREETING):
             raise StreamError(
-                f"{self._address.said()} answers the connection with {shown(greeting.encode())}",
-                expected=f"{GREETING} …",
+                f"{self._address.said()} answers the connection with {protocol.shown(greeting.encode())}",
+                expected=f"{protocol.GREETING} …",
             )
-        self._must("ENDIAN LITTLE")
+        self._accepted("ENDIAN LITTLE", self.ask("ENDIAN LITTLE"))
         settings = [
             self.ask(question)
             for question in ("BACKWARDS COMPATIBILITY?", "UPSAMPLING?", "FRAME INTERVAL?", "MAX SAMPLES EMG?")
         ]
         sensors, idle = [], []
-        for slot in range(1, SLOTS + 1):
-            if not yes(self.ask(f"SENSOR {slot} PAIRED?"), "PAIRED?"):
+        for slot in range(1, protocol.SLOTS + 1):
+            if not protocol.yes(self.ask(f"SENSOR {slot} PAIRED?"), "PAIRED?"):
                 continue
             active = self.ask(f"SENSOR {slot} ACTIVE?")
-            if not refused(active) and not yes(active, "ACTIVE?"):
+            if not protocol.refused(active) and not protocol.yes(active, "ACTIVE?"):
                 idle.append(slot)
                 continue
             questions = ("STARTINDEX?", "EMGCHANNELCOUNT?", "CHANNEL 1 UNITS?")
-            sensors.append(SensorAnswers(slot, *(self.ask(f"SENSOR {slot} {question}") for question in questions)))
-        columns = columns_of(sensors)
+            sensors.append(
+                protocol.SensorAnswers(slot, *(self.ask(f"SENSOR {slot} {question}") for question in questions))
+            )
+        columns = protocol.columns_of(sensors)
         if not columns:
             asleep = f"; not active: {', '.join(map(str, idle))}" if idle else ""
             raise StreamError(
@@ -126,20 +113,20 @@ class TrignoDialogue:
                 do="pair one in the Trigno Control Utility, and take it out of its dock",
             )
         legacy = self._open_data()
-        rate = rate_of(LEGACY_EMG_PORT if legacy else EMG_PORT, *settings)
-        return Base(greeting.removeprefix(GREETING).strip(), rate, tuple(columns), tuple(idle), legacy)
+        rate = protocol.rate_of(protocol.LEGACY_EMG_PORT if legacy else protocol.EMG_PORT, *settings)
+        return Base(greeting.removeprefix(protocol.GREETING).strip(), rate, tuple(columns), tuple(idle), legacy)
 
     def _open_data(self) -> bool:
         """Connect the EMG port; whether it is the legacy one."""
         if self._address.emg is not None:
             self.data = self._connect(self._address.emg, "EMG")
-            return self._address.emg == LEGACY_EMG_PORT
+            return self._address.emg == protocol.LEGACY_EMG_PORT
         try:
-            self.data = self._connect(EMG_PORT, "EMG")
+            self.data = self._connect(protocol.EMG_PORT, "EMG")
             return False
         except StreamError as error:
             with contextlib.suppress(StreamError):
-                self.data = self._connect(LEGACY_EMG_PORT, "EMG")
+                self.data = self._connect(protocol.LEGACY_EMG_PORT, "EMG")
                 return True
             raise error
 
@@ -151,7 +138,7 @@ class TrignoDialogue:
         """
         self._end = self._now() + _TALK
         answer = self.ask("START")
-        if again and refused(answer):
+        if again and protocol.refused(answer):
             self.ask("STOP")
             answer = self.ask("START")
         self._accepted("START", answer)
@@ -163,13 +150,10 @@ class TrignoDialogue:
             StreamError: the server is gone, or silent.
         """
         try:
-            self._command.sendall(command.encode("ascii") + END + END)
+            self._command.sendall(command.encode("ascii") + protocol.END + protocol.END)
         except OSError as error:
             raise self._gone(error) from error
         return self._line()
-
-    def _must(self, command: str) -> None:
-        self._accepted(command, self.ask(command))
 
     def _accepted(self, command: str, answer: str) -> None:
         if answer.upper() != "OK":

@@ -1,4 +1,4 @@
-"""The twin of a CubeMars AK drive in MIT mode, and of the joint's encoder beside it (`joint_encoder_node`).
+"""The twin of a CubeMars AK drive in MIT mode, and of the joint's encoder beside it (`sensor_node`).
 
 It replies to every frame of eight bytes, in motor mode or not. Its torque is that of the manual's law,
 τ = kp·(p − x) + kd·(v − ẋ) + t, within the model's range. The plant behind it has a servo of its own, which is taken
@@ -21,16 +21,7 @@ from collections.abc import Mapping
 from typing import Any, ClassVar
 
 from bowden.core.signals import DriveState
-from bowden.hardware.drives.ak_frames import (
-    ENTER,
-    EXIT,
-    HIGHEST_POSITION,
-    ZERO,
-    AkCommand,
-    AkReply,
-    pack_reply,
-    unpack_command,
-)
+from bowden.hardware.drives import ak_frames as frames
 from bowden.hardware.drives.families.ak_mit import AkParameters, model_of, motor_scale, reply_id
 from bowden.hardware.drives.scale import Scale, SuitScale
 from bowden.hardware.twin.injection import UNCOUNTED
@@ -43,7 +34,7 @@ KICK = 20e-3
 """How long it pulls towards a target that it remembers, where that is injected [s]."""
 CLEARED = 0.1
 """How long a drive in error must be ordered to leave motor mode [s]."""
-IDLE = AkCommand(0.0, 0.0, 0.0, 0.0, 0.0)
+IDLE = frames.AkCommand(0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 class AkNode(TwinNode):
@@ -89,14 +80,14 @@ class AkNode(TwinNode):
             return
         self._move(now)  # up to here under the command before
         self.host = now
-        command = unpack_command(data, self._model)
+        command = frames.unpack_command(data, self._model)
         if self.faults.active("commands_ignored", now):
             pass  # and what it does not obey counts for its timeout: nothing says otherwise
-        elif data == ENTER:
+        elif data == frames.ENTER:
             self._enter(now)
-        elif data == EXIT:
+        elif data == frames.EXIT:
             self._told_to_leave(now)
-        elif data == ZERO:
+        elif data == frames.ZERO:
             self._shift -= self._position()
         elif command is not None and self._moded and now >= self._kicks_until:
             self._command = command
@@ -121,7 +112,7 @@ class AkNode(TwinNode):
         kick = self.faults.active("kick", now)
         if kick:
             place = self._position() + math.radians(kick.amount)
-            self._command = AkCommand(place, 0.0, self._drive.stiffness, self._drive.damping, 0.0)
+            self._command = frames.AkCommand(place, 0.0, self._drive.stiffness, self._drive.damping, 0.0)
             self._kicks_until = now + KICK
 
     def _told_to_leave(self, now: float) -> None:
@@ -194,7 +185,9 @@ class AkNode(TwinNode):
         position = self._scale.counts(bench.read_encoders()[1]) + self._shift
         position = faults.encoder("motor", position, 1.0, now)
         if math.isinf(position):
-            position = math.copysign(HIGHEST_POSITION - 1e-6, position)  # begins again at the other end from there on
+            position = math.copysign(
+                frames.HIGHEST_POSITION - 1e-6, position
+            )  # begins again at the other end from there on
         torque = self._torque()
         if flows:
             torque = drive.motor_direction * flows.amount * drive.needs.gear * drive.needs.torque_constant
@@ -202,9 +195,11 @@ class AkNode(TwinNode):
         if faults.active("saturated", now):
             velocity, torque = model.velocity, model.torque
         temperature = max(-128, min(127, round(bench.temperature))) + drive.temperature_zero
-        self._history.append(AkReply(drive.node_id, position, velocity, torque, temperature, self._error, False))
+        self._history.append(frames.AkReply(drive.node_id, position, velocity, torque, temperature, self._error, False))
         sent = self._delayed(now)
-        self._outbox.emit_cyclic(reply_id(drive), pack_reply(sent._replace(error=self._error), model), now)
+        self._outbox.emit_cyclic(reply_id(drive), frames.pack_reply(sent._replace(error=self._error), model), now)
         if faults.active("foreign_replies", now):
             other = sent._replace(number=drive.node_id % 127 + 1, position=1.0)
-            self._outbox.emit(other.number if drive.reply_id < 0 else drive.reply_id, pack_reply(other, model), now)
+            self._outbox.emit(
+                other.number if drive.reply_id < 0 else drive.reply_id, frames.pack_reply(other, model), now
+            )

@@ -7,10 +7,14 @@ its spring is at rest, x' = (rest − x)/τ.
 """
 
 import math
-from typing import Any, NamedTuple, Protocol
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
-from bowden.core.kernel import kernel, reached, specialise
+import numpy as np
+
+from bowden.core.kernel import compiled, kernel, reached, specialise
 from bowden.hardware.twin.plant import BRAKE, FOLLOW, OFF, Doing, TwinPlant
+from bowden.models.cable.shared_joint import JointLoad, cable_pull, shared_joint
 from bowden.models.drive.encoder import reading
 from bowden.models.drive.servo import servo_approach
 from bowden.plants.bench import Bench
@@ -106,18 +110,6 @@ def move(
     return BenchMotion(position, velocity, (velocity - before) / dt, end, memory, seen, joint)
 
 
-class Shared(Protocol):
-    """A joint that other benches' cables pull too: `hardware.twin.joint`."""
-
-    def joint(self, bench: "TwinBench") -> float:
-        """Where it is, in this bench's coordinate [rad]."""
-        ...
-
-    def pull(self, bench: "TwinBench") -> float:
-        """Torque of this bench's cable on it [N·m]."""
-        ...
-
-
 class TwinBench(TwinPlant):
     """The bench, or a plant round any cable; see `TwinPlant`."""
 
@@ -132,7 +124,8 @@ class TwinBench(TwinPlant):
         rest = specialise(at_rest, dynamics.name, **reached(at_rest, dynamics.parts))
         self._motion = BenchMotion(*rest(self._plant, motor, self._sheath_at(now)))
         self._sag = math.nan  # the joint's angle while the cable is torn
-        self.shared: Shared | None = None
+        self.shared: SharedJoint | None = None
+        """A joint that other benches' cables pull too."""
         self.sign = 1.0
         """Direction in which its motor pulls the joint that it shares [–]."""
         self.advance(now + 2.0 * self._substep)  # compiles
@@ -236,3 +229,36 @@ class TwinBench(TwinPlant):
             float(reading(self.joint, of_joint, self.bench.joint_encoder)),
             float(reading(self.motor, of_motor, self.bench.motor_encoder)),
         )
+
+
+class SharedJoint:
+    """A joint that several benches pull, a motor and a cable each; each sees it in its own coordinate, in which its
+    motor pulls upwards.
+
+    Each cable has its own hysteresis, from its motor's angle to where it would have the joint alone; the joint's
+    balance is that of `bowden.models.cable.shared_joint`.
+
+    Args:
+        benches: that pull at it.
+        signs: 1 of one whose coordinate is the joint's, −1 of one whose is the other way round.
+        stiffness: of each cable at the joint, k [N·m/rad].
+    """
+
+    def __init__(self, benches: Sequence[TwinBench], signs: Sequence[float], stiffness: float) -> None:
+        self._benches, self._signs = tuple(benches), np.array(signs)
+        motor = next(bench for bench, sign in zip(benches, signs, strict=True) if sign > 0.0).bench.motor
+        self._load = JointLoad(stiffness, motor.pretension, motor.spring)
+        self._balance = compiled(shared_joint)
+        for bench, sign in zip(benches, signs, strict=True):
+            bench.shared, bench.sign = self, sign
+        self.push = 0.0
+        """Torque of whoever pushes the joint upwards [N·m]."""
+
+    def joint(self, bench: TwinBench) -> float:
+        """Where it is, in the coordinate of one of them [rad]."""
+        ends = self._signs * [-math.inf if one.torn else one.alone for one in self._benches]
+        return bench.sign * float(self._balance(ends, self._signs, self.push, self._load))
+
+    def pull(self, bench: TwinBench) -> float:
+        """Torque of the cable of one of them on the joint, 0 where it is slack [N·m]."""
+        return 0.0 if bench.torn else cable_pull(bench.alone, self.joint(bench), self._load.stiffness)

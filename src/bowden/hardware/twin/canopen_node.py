@@ -11,7 +11,7 @@ from bowden.hardware.drives.emergencies import HEARTBEAT_LOST, SAFE_TORQUE_OFF
 from bowden.hardware.drives.families.cia402 import DriveParameters, joint_scale, load_range, motor_scale
 from bowden.hardware.drives.scale import Scale, SuitScale
 from bowden.hardware.twin.node import HOTTEST, TwinNode
-from bowden.hardware.twin.objects import Key, Made, Objects, SdoServer, dictionary, overridden
+from bowden.hardware.twin.objects import Key, Objects, SdoAnswers, dictionary, overridden
 from bowden.hardware.twin.plant import BRAKE, FOLLOW, Doing, torque_on_joint
 
 RPM = 30.0 / math.pi  # turns a minute in one rad/s
@@ -65,8 +65,8 @@ class CanopenNode(TwinNode):
         self._next_heartbeat = -math.inf
         bench, gear = self.bench, self._drive.needs.gear
         speed, lag = bench.speed_limit * gear * RPM, max(WINDOW, self._drive.needs.following_error)
-        made = Made(
-            node_id=self._drive.node_id,
+        objects = dictionary(
+            self._drive.node_id,
             rated_torque=RATED_CURRENT * self._drive.needs.torque_constant,
             speed=math.ceil(speed) if speed < 50e3 else 50e3,
             current=bench.current_limit,
@@ -75,10 +75,10 @@ class CanopenNode(TwinNode):
             pushed=bench.torque_offset is not None,
             braked=self._drive.brake_output != "none",
         )
-        entries = overridden(dictionary(made), self._overrides)
+        entries = overridden(objects, self._overrides)
         current = {key: value for key, value in self._current_values().items() if key not in self._overrides}
         self.objects = Objects(entries, self._written, current)
-        self._sdo = SdoServer(self.objects)
+        self._sdo = SdoAnswers(self.objects)
         self._see_outputs(self._ready)
 
     def _current_values(self) -> dict[Key, Callable[[], int]]:
@@ -186,7 +186,7 @@ class CanopenNode(TwinNode):
         if self.objects[0x1801, 1] >> 31 == 0:
             self._outbox.emit_cyclic(frames.TPDO2 + node, frames.pack_tpdo2(sensors), now)
         if self.objects[0x1802, 1] >> 31 == 0:
-            self._outbox.emit_cyclic(frames.TPDO3 + node, frames.pack_tpdo3(self._inputs), now)
+            self._outbox.emit_cyclic(frames.TPDO3 + node, self._inputs.to_bytes(4, "little"), now)
 
     def _command(self, control: int, now: float) -> None:
         """A controlword: one step of the state machine, and what it means for the motor."""
@@ -320,9 +320,5 @@ def _int(value: float, bits: int) -> int:
     """The nearest whole number that this many bits and a sign hold; the least of them for what is no number."""
     if math.isnan(value):
         return -(1 << bits)
-    return int(max(-(1 << bits), min((1 << bits) - 1, _half_up(value))))
-
-
-def _half_up(value: float) -> float:
-    """Half up, as an encoder counts; infinite stays infinite."""
-    return math.floor(value + 0.5) if math.isfinite(value) else value
+    half_up = math.floor(value + 0.5) if math.isfinite(value) else value  # as an encoder counts
+    return int(max(-(1 << bits), min((1 << bits) - 1, half_up)))

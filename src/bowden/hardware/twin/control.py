@@ -1,21 +1,19 @@
-"""Talking to a running twin: one JSON document each way over a Unix socket in the bus' folder."""
+"""Talking to a running twin: one JSON document each way, as datagrams, over a Unix socket in the bus' folder."""
 
 import contextlib
 import json
 import os
 import socket
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from bowden.core.errors import DriveError
+from bowden.core.errors import BowdenError, DriveError
 from bowden.hardware.buses.unix_bus import LONGEST_PATH, bus_folder
 from bowden.hardware.twin.injection import Injection, parse
 
 LARGEST = 1 << 17
 """Of a document [bytes]."""
-
-MOST_CALLERS = 8
-"""Who may be connected at once."""
 
 
 def control_path(interface: str, channel: str, node_id: int) -> Path:
@@ -35,59 +33,36 @@ class ControlServer:
 
     def __init__(self, path: Path) -> None:
         self._path = path
-        self._callers: list[socket.socket] = []
-        self._listener = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET | socket.SOCK_NONBLOCK)
+        self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_NONBLOCK)
         try:
             if len(os.fsencode(path)) > LONGEST_PATH:
                 raise OSError(0, "its name is too long")
             path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
             path.unlink(missing_ok=True)
-            self._listener.bind(str(path))
-            self._listener.listen()
+            self._socket.bind(str(path))
         except OSError as error:
-            self._listener.close()
+            self._socket.close()
             raise DriveError(f"cannot listen at {path}: {error.strerror}", do="name another channel") from error
 
-    def requests(self) -> list[tuple[socket.socket, dict[str, Any]]]:
-        """What callers have asked since the last call; what is no JSON object gets its answer here."""
+    def answer(self, answered: Callable[[dict[str, Any]], dict[str, Any]]) -> None:
+        """Answer what has been asked since the last call, by a function of the request; a caller who has gone, or does
+        not read, gets nothing.
+        """
         with contextlib.suppress(OSError):
-            caller, _ = self._listener.accept()
-            caller.setblocking(False)
-            self._callers.append(caller)
-            if len(self._callers) > MOST_CALLERS:
-                self._callers.pop(0).close()
-        asked = []
-        for caller in tuple(self._callers):
-            try:
-                text = caller.recv(LARGEST)
-            except BlockingIOError:
-                continue
-            except OSError:
-                text = b""
-            if not text:
-                self._callers.remove(caller)
-                caller.close()
-                continue
-            try:
-                request = json.loads(text)
-            except ValueError:
-                request = None
-            if isinstance(request, dict):
-                asked.append((caller, request))
-            else:
-                self.answer(caller, {"error": "not a JSON object"})
-        return asked
-
-    def answer(self, caller: socket.socket, document: dict[str, Any]) -> None:
-        """Answer a caller; one who has gone, or does not read, gets nothing."""
-        with contextlib.suppress(OSError):
-            caller.send(json.dumps(document).encode())
+            while True:
+                text, caller = self._socket.recvfrom(LARGEST)
+                try:
+                    request = json.loads(text)
+                    answer = answered(request) if isinstance(request, dict) else {"error": "not a JSON object"}
+                except (BowdenError, TypeError, ValueError) as error:
+                    answer = {"error": str(error)}
+                with contextlib.suppress(OSError):
+                    self._socket.sendto(json.dumps(answer).encode(), caller)
 
     def close(self) -> None:
         """Stop listening."""
         self._path.unlink(missing_ok=True)
-        for one in (self._listener, *self._callers):
-            one.close()
+        self._socket.close()
 
 
 class TwinControl:
@@ -102,9 +77,10 @@ class TwinControl:
     """
 
     def __init__(self, path: Path, timeout: float = 5.0) -> None:
-        self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
         self._socket.settimeout(timeout)
         try:
+            self._socket.bind("")  # a name of the system's choice, for the answers
             self._socket.connect(str(path))
         except OSError as error:
             self._socket.close()

@@ -12,21 +12,11 @@ from collections.abc import Callable, Mapping
 from typing import Any, ClassVar, NamedTuple
 
 from bowden.core.signals import DriveState
-from bowden.hardware.buses.unix_bus import EXTENDED, REMOTE
+from bowden.hardware.buses.place import REMOTE
 from bowden.hardware.drives import moteus_frames as frames
 from bowden.hardware.drives.families.moteus import MoteusParameters, joint_scale, motor_scale
-from bowden.hardware.drives.moteus_frames import (
-    FIRST_FAULT,
-    FIRST_LIMIT,
-    BoardMode,
-    ConsoleBytes,
-    Failed,
-    NumberKind,
-    Register,
-    RegistersAsked,
-    RegisterWritten,
-)
-from bowden.hardware.drives.moteus_setup import HOMED, state_of
+from bowden.hardware.drives.moteus_drive import HOMED, state_of
+from bowden.hardware.drives.moteus_frames import BoardMode, NumberKind, Register
 from bowden.hardware.drives.scale import Scale, SuitScale
 from bowden.hardware.twin.faults import NO_NUMBER
 from bowden.hardware.twin.injection import UNCOUNTED
@@ -51,13 +41,7 @@ COMMANDS: Mapping[int, float] = {
     Register.COMMAND_KP_SCALE: 1.0,
     Register.COMMAND_KD_SCALE: 1.0,
     Register.COMMAND_MAX_TORQUE: math.nan,
-    Register.COMMAND_STOP_POSITION: math.nan,
     Register.COMMAND_TIMEOUT: 0.0,
-    Register.COMMAND_VELOCITY_LIMIT: math.nan,
-    Register.COMMAND_ACCELERATION_LIMIT: math.nan,
-    Register.COMMAND_FIXED_VOLTAGE: math.nan,
-    Register.COMMAND_ILIMIT_SCALE: 1.0,
-    Register.COMMAND_FIXED_CURRENT: math.nan,
     Register.COMMAND_IGNORE_BOUNDS: 0.0,
 }
 """Registers of a command → what holds where they are not written."""
@@ -119,42 +103,27 @@ def _text(value: float) -> str:
     return f"{int(value)}" if math.isfinite(value) and value == int(value) else f"{value:f}"
 
 
-def usual(*, source: int, ratio: float, speed: float, current: float) -> dict[str, float]:
-    """The configuration of a board that is set up for a rig: as it comes, but for the watchdog's reaction, the limits
-    and the joint's encoder (mjbots/moteus, docs/reference/configuration.md).
-
-    Args:
-        source: slot of the joint's encoder.
-        ratio: of its output to the rotor.
-        speed: largest [turns/s].
-        current: largest [A].
-    """
-    found = {
-        "id.id": 1.0,
-        "servo.timeout_mode": 0.0,
-        "servo.default_timeout_s": 0.1,
-        "servo.timeout_max_torque_Nm": 5.0,
-        "servo.fixed_voltage_mode": 0.0,
-        "servo.voltage_mode_control": 0.0,
-        "servo.default_velocity_limit": math.nan,
-        "servo.default_accel_limit": math.nan,
-        "servo.pid_position.kp": 4.0,
-        "servo.pid_position.ki": 1.0,
-        "servo.pid_position.kd": 0.05,
-        "servo.max_velocity": speed,
-        "servo.max_current_A": current,
-        "servo.fault_position_error": math.nan,
-        "servo.fault_velocity_error": math.nan,
-        "servo.fault_temperature": 75.0,
-        "servopos.position_min": math.nan,
-        "servopos.position_max": math.nan,
-        "motor_position.rotor_to_output_ratio": ratio,
-    }
-    for slot in (1, 2):
-        there = slot == source
-        found[f"motor_position.sources.{slot}.aux_number"] = 2.0 if there else 1.0
-        found[f"motor_position.sources.{slot}.type"] = 1.0 if there else 0.0
-    return found
+_USUAL: Mapping[str, float] = {
+    "id.id": 1.0,
+    "servo.timeout_mode": 0.0,
+    "servo.default_timeout_s": 0.1,
+    "servo.timeout_max_torque_Nm": 5.0,
+    "servo.fixed_voltage_mode": 0.0,
+    "servo.voltage_mode_control": 0.0,
+    "servo.default_velocity_limit": math.nan,
+    "servo.default_accel_limit": math.nan,
+    "servo.pid_position.kp": 4.0,
+    "servo.pid_position.ki": 1.0,
+    "servo.pid_position.kd": 0.05,
+    "servo.fault_position_error": math.nan,
+    "servo.fault_velocity_error": math.nan,
+    "servo.fault_temperature": 75.0,
+    "servopos.position_min": math.nan,
+    "servopos.position_max": math.nan,
+}
+"""Configuration of a board as it comes, but for the watchdog's reaction; the limits and the joint's encoder are set up
+for a rig (mjbots/moteus, docs/reference/configuration.md).
+"""
 
 
 class Sampled(NamedTuple):
@@ -194,12 +163,16 @@ class MoteusNode(TwinNode):
         self._commanded = self._deadline = self._enabled = math.inf
         self._held = math.nan
         speed = self._speed_limit()
-        self._named = usual(
-            source=self._drive.joint_source,
-            ratio=self._drive.output_ratio,
-            speed=1.001 * speed if math.isfinite(speed) else 500.0,
-            current=self.bench.current_limit,
-        )
+        self._named = {
+            **_USUAL,
+            "servo.max_velocity": 1.001 * speed if math.isfinite(speed) else 500.0,
+            "servo.max_current_A": self.bench.current_limit,
+            "motor_position.rotor_to_output_ratio": self._drive.output_ratio,
+        }
+        for slot in (1, 2):
+            there = slot == self._drive.joint_source
+            self._named[f"motor_position.sources.{slot}.aux_number"] = 2.0 if there else 1.0
+            self._named[f"motor_position.sources.{slot}.type"] = 1.0 if there else 0.0
         others = {name: value for name, value in self._overrides.items() if isinstance(name, str)}
         self._named |= {name: value for name, value in others.items() if value is not None}
         self._named = {name: value for name, value in self._named.items() if others.get(name, 0.0) is not None}
@@ -229,12 +202,12 @@ class MoteusNode(TwinNode):
             return
         back = frames.identifier_of(self._drive.node_id, source & 0x7F, prefix)
         if reply[:1] == bytes((frames.FROM_DRIVE,)):
-            self._outbox.emit(_flagged(back), frames.padded(reply), now)
+            self._outbox.emit(frames.flagged(back), frames.padded(reply), now)
             return
-        self._outbox.emit_cyclic(_flagged(back), frames.padded(reply), now)
+        self._outbox.emit_cyclic(frames.flagged(back), frames.padded(reply), now)
         if self.faults.active("foreign_replies", now):
             other = frames.identifier_of(self._drive.node_id % 126 + 1, source & 0x7F, prefix)
-            self._outbox.emit_cyclic(_flagged(other), frames.padded(reply), now)
+            self._outbox.emit_cyclic(frames.flagged(other), frames.padded(reply), now)
 
     def _obey(self, data: bytes, now: float, *, answers: bool) -> bytes:
         """Take a frame's subframes in their order; the reply to them, as long as there is room for the next one."""
@@ -242,21 +215,21 @@ class MoteusNode(TwinNode):
         for _, one in frames.subframes(data):
             if answers and LARGEST_REPLY - len(reply) < RESERVE:
                 break
-            if isinstance(one, RegisterWritten):
+            if isinstance(one, frames.RegisterWritten):
                 error = self._write(one.register, one.value)
                 if error and answers:
                     reply += bytes((frames.WRITE_ERROR,)) + frames.varuint(one.register) + bytes((error,))
-            elif isinstance(one, RegistersAsked) and answers:
+            elif isinstance(one, frames.RegistersAsked) and answers:
                 found = self._answer(one, LARGEST_REPLY - len(reply), now)
-                if isinstance(found, Failed):
+                if isinstance(found, frames.Failed):
                     reply += bytes((frames.READ_ERROR,)) + frames.varuint(found.register) + bytes((found.error,))
                     break  # the rest of a frame with such an error is not looked at
                 reply += found
-            elif isinstance(one, ConsoleBytes) and not self._talk(one, reply, answers=answers):
+            elif isinstance(one, frames.ConsoleBytes) and not self._talk(one, reply, answers=answers):
                 break
         return bytes(reply)
 
-    def _talk(self, one: ConsoleBytes, reply: bytearray, *, answers: bool) -> bool:
+    def _talk(self, one: frames.ConsoleBytes, reply: bytearray, *, answers: bool) -> bool:
         """The diagnostic channel; whether there is such a one."""
         if one.channel != frames.CHANNEL or one.kind == frames.FROM_DRIVE:
             return False
@@ -268,7 +241,7 @@ class MoteusNode(TwinNode):
             reply += bytes((frames.FROM_DRIVE, frames.CHANNEL)) + frames.varuint(len(said)) + said
         return True
 
-    def _answer(self, asked: RegistersAsked, room: int, now: float) -> bytes | Failed:
+    def _answer(self, asked: frames.RegistersAsked, room: int, now: float) -> bytes | frames.Failed:
         """The reply to a question for registers, in the type asked for, or which of them there is not."""
         size = (1, 2, 4, 4)[asked.kind]
         head = frames.subframe(frames.REPLY, asked.kind, asked.register, asked.amount)
@@ -276,12 +249,12 @@ class MoteusNode(TwinNode):
             head = bytes((frames.REPLY | asked.kind << 2,)) + frames.varuint(asked.amount)
             head += frames.varuint(asked.register)
         if len(head) + asked.amount * size > room:
-            return Failed(asked.register, frames.NOT_WRITEABLE)
+            return frames.Failed(asked.register, frames.NOT_WRITEABLE)
         found = b""
         for register in range(asked.register, asked.register + asked.amount):
             value = self._read(register, asked.kind, now)
             if value is None:
-                return Failed(register, frames.UNKNOWN_REGISTER)
+                return frames.Failed(register, frames.UNKNOWN_REGISTER)
             found += frames.values(0, asked.kind, register, value)[1 + len(frames.varuint(register)) :]
         return head + found
 
@@ -296,10 +269,8 @@ class MoteusNode(TwinNode):
         if register in self._command:
             self._command[register] = value
             return 0
-        return frames.NOT_WRITEABLE if self._readable(register) else frames.UNKNOWN_REGISTER
-
-    def _readable(self, register: int) -> bool:
-        return register in list(Register) and self._read(register, NumberKind.INT32, -math.inf) is not None
+        there = register in list(Register) and self._read(register, NumberKind.INT32, -math.inf) is not None
+        return frames.NOT_WRITEABLE if there else frames.UNKNOWN_REGISTER
 
     def _read(self, register: int, kind: NumberKind, now: float) -> float | None:
         """The physical value of a register; None where there is none of that type."""
@@ -324,27 +295,14 @@ class MoteusNode(TwinNode):
             Register.VELOCITY: self._velocity(),
             Register.TORQUE: shown.current * drive.needs.torque_constant / drive.output_ratio,
             Register.Q_CURRENT: shown.current,
-            Register.D_CURRENT: 0.0,
-            Register.ABS_POSITION: sources[1],
-            Register.POWER: SUPPLY * abs(shown.current) * 0.1,
             Register.MOTOR_TEMPERATURE: math.nan,
-            Register.TRAJECTORY_COMPLETE: 1.0,
             Register.HOME_STATE: float(HOMED),
             Register.VOLTAGE: SUPPLY,
             Register.TEMPERATURE: bench.temperature,
             Register.FAULT: float(self.fault),
-            Register.CONTROL_POSITION: self._control(now),
-            Register.CONTROL_VELOCITY: self._command[Register.COMMAND_VELOCITY],
-            Register.CONTROL_TORQUE: shown.current * drive.needs.torque_constant / drive.output_ratio,
-            Register.POSITION_ERROR: shown.motor - self._control(now),
-            Register.ENCODER_0_POSITION: (shown.motor / drive.output_ratio) % 1.0,
-            Register.ENCODER_0_VELOCITY: 0.0,
             Register.ENCODER_1_POSITION: sources[1],
-            Register.ENCODER_1_VELOCITY: 0.0,
             Register.ENCODER_2_POSITION: sources[2],
-            Register.ENCODER_2_VELOCITY: 0.0,
             Register.ENCODER_VALIDITY: float(0b11 | (0b11 << 2 * drive.joint_source if valid else 0)),
-            Register.MILLISECONDS: float(int(1e3 * now) & 0x7FFF_FFFF) if math.isfinite(now) else 0.0,
             Register.MODEL: float(MODEL),
             Register.FIRMWARE: float(FIRMWARE),
             Register.REGISTER_MAP: float(frames.REGISTER_MAP),
@@ -423,7 +381,7 @@ class MoteusNode(TwinNode):
         self._enter(BoardMode.STOPPED, now)
 
     def _code_of(self, amount: int) -> int:
-        return amount if FIRST_FAULT <= amount < FIRST_LIMIT else DRIVER_FAULT
+        return amount if frames.FIRST_FAULT <= amount < frames.FIRST_LIMIT else DRIVER_FAULT
 
     def _doing(self, now: float) -> Doing:
         """What the motor does in this mode."""
@@ -471,8 +429,4 @@ class MoteusNode(TwinNode):
             self._fail(OVER_TEMPERATURE, now)
 
 
-_SATURATED = frozenset({Register.VELOCITY, Register.TORQUE, Register.Q_CURRENT, Register.D_CURRENT, Register.VOLTAGE})
-
-
-def _flagged(identifier: int) -> int:
-    return identifier | (EXTENDED if identifier > frames.STANDARD_ID else 0)
+_SATURATED = frozenset({Register.VELOCITY, Register.TORQUE, Register.Q_CURRENT, Register.VOLTAGE})

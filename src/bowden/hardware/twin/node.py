@@ -7,17 +7,16 @@ import math
 from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable, Mapping
-from typing import Any, ClassVar, Protocol
+from typing import Any, ClassVar
 
 from bowden.core.signals import DriveState
-from bowden.hardware.buses.unix_bus import ERROR
-from bowden.hardware.drives.joint_encoder import joint_encoder_of
+from bowden.hardware.buses.place import ERROR
+from bowden.hardware.drives.joint_encoder import has_encoder
 from bowden.hardware.drives.scale import Scale, SuitScale
-from bowden.hardware.twin.faults import Faults
+from bowden.hardware.twin.faults import BIT_ERROR, Faults, Outbox, Send
 from bowden.hardware.twin.injection import Injection
-from bowden.hardware.twin.joint_encoder_node import JointEncoderNode
-from bowden.hardware.twin.outbox import BIT_ERROR, Outbox, Send
 from bowden.hardware.twin.plant import OFF, Doing, TwinPlant
+from bowden.hardware.twin.sensor_node import JointEncoderNode
 
 Journal = Callable[[float, str, str], None]
 """Takes what happened: time [s], event, detail. Every family says ``torque_on`` and ``torque_off``."""
@@ -32,18 +31,6 @@ SUPPLY = 24.0
 """[V]"""
 LONGEST_STEP = 0.01
 """Time for which a setpoint is planned at once, at most [s]."""
-
-
-class BesideNode(Protocol):
-    """A device beside the drive, in the same process."""
-
-    def receive(self, cob_id: int, data: bytes, now: float) -> None:
-        """A frame from its bus; an extended identifier has the flag of `buses.unix_bus`."""
-        ...
-
-    def tick(self, now: float) -> None:
-        """Let time pass."""
-        ...
 
 
 class TwinNode(ABC):
@@ -73,10 +60,9 @@ class TwinNode(ABC):
         self._drive, self._overrides, self.bench, self.faults = drive, dict(overrides or {}), bench, Faults()
         self._send, self._journal, self._outbox = send, journal, Outbox(send, self.faults)
         self._encoder: JointEncoderNode | None = None
-        joint = joint_encoder_of(drive)
-        if joint is not None:
+        if has_encoder(drive):
             objects = {key: value for key, value in self._overrides.items() if isinstance(key, tuple)}
-            self._encoder = JointEncoderNode(joint, lambda: bench.read_encoders()[0], self.faults, send, objects)
+            self._encoder = JointEncoderNode(drive, lambda: bench.read_encoders()[0], self.faults, send, objects)
         self._scale = self._prepare()
         self._history: deque[Any] = deque(maxlen=1000)  # of samples
         self._shift = 0.0  # between the drive's position and the plant's, in the drive's unit
@@ -92,7 +78,7 @@ class TwinNode(ABC):
 
     @abstractmethod
     def receive(self, identifier: int, data: bytes, now: float) -> None:
-        """A frame from the bus; an extended identifier, and a remote frame, have the flags of `buses.unix_bus`."""
+        """A frame from the bus; an extended identifier, and a remote frame, have the flags of `buses.place`."""
 
     @abstractmethod
     def _prepare(self) -> Scale | SuitScale:

@@ -1,7 +1,7 @@
-"""The twin of an ODrive board on classic CAN, and of the joint's encoder beside it (`joint_encoder_node`).
+"""The twin of an ODrive board on classic CAN, and of the joint's encoder beside it (`sensor_node`).
 
 Its motor follows as the rig's servo does, whatever the gains are: in position control the input, or the filter of input
-mode POS_FILTER, and in velocity control the place to which the velocity leads. In torque control it gives no torque.
+mode POS_FILTER. In any other control mode it gives no torque.
 
 What the documentation of firmware 0.6, whose source is closed, does not say, and is chosen here as in the public
 firmware 0.5: the watchdog runs while the board is idle, too (``watchdog_idle=0`` for one in which it does not), and its
@@ -14,13 +14,13 @@ from collections.abc import Mapping
 from typing import Any, ClassVar, NamedTuple
 
 from bowden.core.signals import DriveState
-from bowden.hardware.buses.unix_bus import REMOTE
+from bowden.hardware.buses.place import REMOTE
 from bowden.hardware.drives import odrive_endpoints as settings
 from bowden.hardware.drives import odrive_frames as frames
 from bowden.hardware.drives.families.odrive import OdriveParameters, motor_scale
+from bowden.hardware.drives.odrive_drive import state_of
 from bowden.hardware.drives.odrive_endpoints import endpoints_of
 from bowden.hardware.drives.odrive_frames import ESTOP, WATCHDOG, AxisState, Beat, Cmd, Scales, unpack
-from bowden.hardware.drives.odrive_setup import state_of
 from bowden.hardware.drives.scale import Scale, SuitScale
 from bowden.hardware.twin.faults import NO_NUMBER
 from bowden.hardware.twin.injection import UNCOUNTED
@@ -35,7 +35,7 @@ DRV_FAULT, MISSING_ESTIMATE, OVER_TEMPERATURE, TOO_FAST = 0x20, 0x8, 0x4000, 0x8
 """Flags of errors that the twin finds itself, or is given."""
 ENCODER_EVERY = "axis0.config.can.encoder_msg_rate_ms"
 FILTER = "axis0.controller.config.input_filter_bandwidth"
-VELOCITY_CONTROL, POS_FILTER = 2, 3
+POS_FILTER = 3
 WATCHDOG_IDLE, FIRST_STATE = "watchdog_idle", "axis_state"
 """Options that are no settings: whether the watchdog runs while the board is idle; the state after power-up."""
 SET_BY: Mapping[int, tuple[str, str]] = {
@@ -118,7 +118,7 @@ class OdriveNode(TwinNode):
         return self.active | self.disarmed
 
     def receive(self, identifier: int, data: bytes, now: float) -> None:
-        """A frame from the bus; `buses.unix_bus.REMOTE` marks a question, and so does a frame without data."""
+        """A frame from the bus; `buses.place.REMOTE` marks a question, and so does a frame without data."""
         if self._is_destroyed(now):
             return
         plain = identifier & ~REMOTE
@@ -149,20 +149,12 @@ class OdriveNode(TwinNode):
             self._request(state[0], now)
         elif cmd == Cmd.CLEAR_ERRORS:
             self.active = self.disarmed = 0
-        elif cmd == Cmd.REBOOT and self.state is AxisState.IDLE and data[:1] in (b"", b"\0"):
-            self._journal(now, "reboot", "")
-            self._restart(now, "reboot")
         elif cmd in SET_BY and (values := unpack(cmd, data)) is not None:
             for name, value in zip(SET_BY[cmd], values, strict=True):
                 self._change(name, float(value))
-        elif cmd == Cmd.SET_ABSOLUTE_POSITION and (place := unpack(cmd, data)) is not None:
-            if math.isfinite(place[0]):
-                self._shift += place[0] - self._position()
-        elif cmd in (Cmd.SET_INPUT_POS, Cmd.SET_INPUT_VEL):
+        elif cmd == Cmd.SET_INPUT_POS:
             scales = Scales(self._set[settings.VELOCITY_SCALE] or 1.0, self._set[settings.TORQUE_SCALE] or 1.0)
             target = frames.unpack_target(data, scales)
-            if cmd == Cmd.SET_INPUT_VEL and (given := unpack(cmd, data)) is not None:
-                target = frames.Target(self._input.position, *given)
             if target is not None and all(math.isfinite(value) for value in target):
                 self._input = target
 
@@ -236,7 +228,7 @@ class OdriveNode(TwinNode):
         bench = self.bench
         self._watch(now)
         armed = self.state is AxisState.CLOSED_LOOP_CONTROL
-        gives = armed and self._set[settings.CONTROL_MODE] >= VELOCITY_CONTROL
+        gives = armed and self._set[settings.CONTROL_MODE] == frames.POSITION_CONTROL
         doing = self._follow_or_inert(now, FOLLOW if gives else OFF)
         if doing == FOLLOW:
             self._plan(span)
@@ -256,10 +248,8 @@ class OdriveNode(TwinNode):
             self._fail(TOO_FAST, now)
 
     def _plan(self, span: float) -> None:
-        """Move the setpoint on, as control and input mode have it."""
-        if self._set[settings.CONTROL_MODE] == VELOCITY_CONTROL:
-            self._setpoint += self._input.velocity * span
-        elif self._set[settings.INPUT_MODE] == POS_FILTER:
+        """Move the setpoint on, as the input mode has it."""
+        if self._set[settings.INPUT_MODE] == POS_FILTER:
             damping = 2.0 * self._set[FILTER]
             pull = 0.25 * damping**2 * (self._input.position - self._setpoint)
             self._speed += span * (pull + damping * (self._input.velocity - self._speed))
@@ -279,9 +269,6 @@ class OdriveNode(TwinNode):
         if cmd in (Cmd.GET_ENCODER_ESTIMATES, Cmd.GET_IQ):
             self._sample(now)
         told = self._delayed(now)
-        current = self.bench.current
-        torque = self._drive.motor_direction * current * self._drive.needs.torque_constant
-        power = 0.1 * SUPPLY * abs(current)
         if cmd == Cmd.GET_ENCODER_ESTIMATES and told is not None:
             self._emit_cyclic(cmd, frames.pack(cmd, told.position, told.velocity), now)
         elif cmd == Cmd.GET_IQ and told is not None:
@@ -296,11 +283,7 @@ class OdriveNode(TwinNode):
         elif cmd == Cmd.GET_ERROR:
             self._emit(cmd, frames.pack(cmd, self.active, self.disarmed), now)
         elif cmd == Cmd.GET_BUS_VOLTAGE_CURRENT:
-            self._emit(cmd, frames.pack(cmd, SUPPLY, 0.1 * abs(current)), now)
-        elif cmd == Cmd.GET_TORQUES:
-            self._emit(cmd, frames.pack(cmd, torque, torque), now)
-        elif cmd == Cmd.GET_POWERS:
-            self._emit(cmd, frames.pack(cmd, power, 0.9 * power), now)
+            self._emit(cmd, frames.pack(cmd, SUPPLY, 0.1 * abs(self.bench.current)), now)
         elif cmd == Cmd.ADDRESS:
             self._emit(cmd, bytes((self._drive.node_id, *b"bowden", 0)), now)
 

@@ -1,12 +1,11 @@
 """What a twin of a rig moves: the suit where one is worn, a plant of the user's own, or the bench round its cable."""
 
-from typing import Any, NamedTuple
+from collections import deque
+from typing import Any, NamedTuple, cast
 
 from bowden.hardware.drives.of_rig import cell_place
-from bowden.hardware.twin.bench import TwinBench
-from bowden.hardware.twin.joint import SharedJoint
-from bowden.hardware.twin.late import late
-from bowden.hardware.twin.plant import TwinPlant
+from bowden.hardware.twin.bench import SharedJoint, TwinBench
+from bowden.hardware.twin.plant import FOLLOW, TwinPlant
 from bowden.hardware.twin.suit import TwinSuit
 from bowden.hardware.twin.user import TwinUser
 from bowden.plants.user_plant import UserPlant
@@ -24,7 +23,7 @@ def attach_load_cell(running: TwinProcess, rig: Rig) -> None:
     cell = rig.load_cell
     if not cell.there:
         return
-    from bowden.hardware.twin.load_cell_node import LoadCellNode
+    from bowden.hardware.twin.sensor_node import LoadCellNode
 
     place, shared = cell_place(rig.drive_parameters, cell)
     running.attach(lambda plant, faults, send: LoadCellNode(cell, plant, faults, send), None if shared else place)
@@ -106,3 +105,39 @@ def mirrored(drive: Any) -> Any:
     turned = {name: -getattr(drive, name) for name in _TURNED if hasattr(drive, name)}
     low, high = -drive.needs.highest_motor, -drive.needs.lowest_motor
     return drive._replace(**turned, needs=drive.needs._replace(lowest_motor=low, highest_motor=high))
+
+
+def late(plant: TwinPlant, delay: float) -> TwinPlant:
+    """The plant, whose motor begins to follow each target a time after it was set.
+
+    Args:
+        plant: behind the twin's drive.
+        delay: what the loop itself does not make [s]; with none the plant is as it was.
+    """
+    return cast(TwinPlant, _Late(plant, delay)) if delay > 0.0 else plant
+
+
+class _Late:
+    """All of a plant but for when its targets count. Power and brake act at once, and forget what is on its way."""
+
+    def __init__(self, plant: TwinPlant, delay: float) -> None:
+        self.__dict__.update(_plant=plant, _delay=delay, _now=0.0, _followed=False, _coming=deque())
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._plant, name)
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        if name != "command" or not self._followed:
+            setattr(self._plant, name, value)
+        elif value != (self._coming[-1][1] if self._coming else self._plant.command):
+            self._coming.append((self._now + self._delay, value))
+
+    def advance(self, now: float) -> None:
+        """See `TwinPlant.advance`: each target from when it counts."""
+        plant, coming = self._plant, self._coming
+        while coming and (coming[0][0] <= now or plant.doing != FOLLOW):
+            due, target = coming.popleft()
+            plant.advance(min(due, now))
+            plant.command = target
+        plant.advance(now)
+        self.__dict__.update(_now=now, _followed=plant.doing == FOLLOW)

@@ -56,17 +56,6 @@ def torque_on_joint(plant: "TwinPlant") -> float:
     return plant.tension * plant.physics.spool_radius if own is None else own
 
 
-def course_at(course: NDArray[np.float64], time: float, spacing: float) -> float:
-    """A course of values `spacing` [s] apart, straight between them, after a `time` [s]; its ends go on as they are."""
-    if time <= 0.0:
-        return float(course[0])
-    place = time / spacing
-    i = int(place)
-    if i >= len(course) - 1:
-        return float(course[-1])
-    return float(course[i] + (course[i + 1] - course[i]) * (place - i))
-
-
 class TwinPlant(ABC):
     """A plant at a time that only goes forward.
 
@@ -92,9 +81,9 @@ class TwinPlant(ABC):
     def __init__(
         self, plant: Any, bend: BendPath, duration: float, seed: int, initial_motor: float, now: float
     ) -> None:
-        spacing = self._spacing = plant.sample_time
-        edges = np.arange(round(duration / spacing) + 1, dtype=np.float64) * spacing
-        self._bends = np.asarray(bend(edges), dtype=np.float64)
+        spacing = plant.sample_time
+        self._edges = np.arange(round(duration / spacing) + 1, dtype=np.float64) * spacing
+        self._bends = np.asarray(bend(self._edges), dtype=np.float64)
         self._random = np.random.default_rng(seed)
         self._normals: NDArray[np.float64] = np.zeros((0, 0))
         self._used = 0
@@ -166,7 +155,7 @@ class TwinPlant(ABC):
 
     def _bend_at(self, time: float) -> float:
         """The sheath's bend [rad]."""
-        return course_at(self._bends, time - self._began, self._spacing)
+        return float(np.interp(time - self._began, self._edges, self._bends))
 
     def _since(self, now: float) -> float:
         """How long it has to move on; what is more than `LONGEST_GAP` is lost [s]."""

@@ -93,17 +93,9 @@ class TwinSuit(TwinPlant):
         self._held = math.nan if self.doing != BRAKE else self.motor if math.isnan(self._held) else self._held
         command = self._held if self.doing == BRAKE else self.command
         state = self._state._replace(spool=self._state.spool._replace(torque_offset=self.torque_offset or 0.0))
-        self._state = self._advance(
-            *(
-                gripped(self._cabled(), self.suit.brake) if self._braked() else self._cabled(),
-                state,
-                command,
-                self.doing != OFF,
-                before,
-                after,
-            ),
-            *(wearer, count, self._substep),
-        )
+        suit = gripped(self._cabled(), self.suit.brake) if self._braked() else self._cabled()
+        powered = self.doing != OFF
+        self._state = self._advance(suit, state, command, powered, before, after, wearer, count, self._substep)
         self._warm(elapsed)
 
     def _braked(self) -> bool:

@@ -7,23 +7,22 @@ import contextlib
 import gc
 import math
 import os
-import resource
+import select
 from collections import deque
 from collections.abc import Callable, Iterator
 from typing import Any
 
 import can
 
-from bowden.core.errors import BowdenError, DriveError, ParameterError
-from bowden.hardware.buses.opening import claim, open_bus
-from bowden.hardware.buses.place import BusPlace
-from bowden.hardware.buses.unix_bus import ERROR, EXTENDED, REMOTE
+from bowden.core.errors import DriveError, ParameterError
+from bowden.hardware.buses.opening import Frame, claim, open_bus, putter, received
+from bowden.hardware.buses.place import ERROR, REMOTE, BusPlace
 from bowden.hardware.twin.control import ControlServer, control_path
-from bowden.hardware.twin.faults import Faults
+from bowden.hardware.twin.faults import Faults, Send
 from bowden.hardware.twin.injection import OF_CABLE, OF_LOAD_CELL, Injection, parse
-from bowden.hardware.twin.node import BesideNode, Journal, TwinNode
-from bowden.hardware.twin.outbox import Send
+from bowden.hardware.twin.node import Journal, TwinNode
 from bowden.hardware.twin.plant import TwinPlant
+from bowden.hardware.twin.sensor_node import SensorNode
 
 TICK = 1e-3
 """Longest wait [s]."""
@@ -62,19 +61,19 @@ class Twin:
             self._bus = open_bus(place, create=True)
             self._control = ControlServer(self.path)
         except BaseException:
-            self._claim.release()
+            self._claim.close()
             if self._bus is not None:
                 self._bus.shutdown()
             raise
         self._journal: deque[tuple[float, str, str]] = deque(maxlen=20_000)
         self._node = make_node(self._send, self._note)
-        self._beside: BesideNode | None = None
+        self._beside: SensorNode | None = None
         self._own_bus: can.BusABC | None = None
         self._unsent, self._longest_wait, self._ticked = 0, 0.0, clock()
-        self._began, self._began_cpu = clock(), _cpu_time()
+        self._began, self._began_cpu = clock(), sum(os.times()[:2])
         self._stopping = False
 
-    def attach(self, make: Callable[[TwinPlant, Faults, Send], BesideNode], place: BusPlace | None = None) -> None:
+    def attach(self, make: Callable[[TwinPlant, Faults, Send], SensorNode], place: BusPlace | None = None) -> None:
         """Put a device beside the drive, with the same plant and faults.
 
         Args:
@@ -110,34 +109,29 @@ class Twin:
             self._own_bus.shutdown()
             self._own_bus = None
         self._control.close()
-        self._claim.release()
+        self._claim.close()
 
     def _once(self) -> None:
         """Wait for a frame, at most one tick, and let everything have its time."""
         self._join_or_leave(self._clock())
         if self._bus is None:
-            _pause()
+            select.select([], [], [], TICK)  # without a bus to wait at
         else:
             beside = self._beside if self._own_bus is None else None
-            for message in _waiting(self._bus, TICK):
-                if not message.is_error_frame and not self._node.faults.swallows(self._clock()):
+            for identifier, data in _waiting(self._bus, TICK):
+                if not identifier & ERROR and not self._node.faults.swallows(self._clock()):
                     for node in (self._node, beside) if beside is not None else (self._node,):
-                        node.receive(_flagged(message), bytes(message.data), self._clock())
+                        node.receive(identifier, data, self._clock())
         if self._own_bus is not None and self._beside is not None:
-            for message in _waiting(self._own_bus, 0.0):
-                if not (message.is_error_frame or message.is_remote_frame):
-                    self._beside.receive(_flagged(message), bytes(message.data), self._clock())
+            for identifier, data in _waiting(self._own_bus, 0.0):
+                if not identifier & (ERROR | REMOTE):
+                    self._beside.receive(identifier, data, self._clock())
         now = self._clock()
         self._longest_wait, self._ticked = max(self._longest_wait, now - self._ticked), now
         self._node.tick(now)
         if self._beside is not None:
             self._beside.tick(now)
-        for caller, request in self._control.requests():
-            try:
-                answer = self._answer(request, self._clock())
-            except (BowdenError, TypeError, ValueError) as error:
-                answer = {"error": str(error)}
-            self._control.answer(caller, answer)
+        self._control.answer(lambda request: self._answer(request, self._clock()))
 
     def _join_or_leave(self, now: float) -> None:
         """A controller that is bus-off neither receives nor acknowledges: it is not there."""
@@ -155,13 +149,13 @@ class Twin:
         """A frame of the device beside, on its own bus."""
         if self._own_bus is not None:
             with contextlib.suppress(can.CanError, OSError):
-                self._own_bus.send(message_of(cob_id, data))
+                putter(self._own_bus, fd=False)(cob_id, data)
 
     def _send(self, cob_id: int, data: bytes) -> None:
         if self._bus is None or self._node.faults.active("queue_full", self._clock()):
             return
         try:
-            self._bus.send(message_of(cob_id, data, fd=self._place.fd))
+            putter(self._bus, fd=self._place.fd)(cob_id, data)
         except (can.CanError, OSError):
             self._unsent += 1
 
@@ -232,40 +226,21 @@ class Twin:
             "unsent": self._unsent,
             "longest_wait": self._longest_wait,
             "faults": node.faults.names(now),
-            "processor_share": (_cpu_time() - self._began_cpu) / ran if ran > 0.0 else 0.0,
+            "processor_share": (sum(os.times()[:2]) - self._began_cpu) / ran if ran > 0.0 else 0.0,
         }
 
 
-def _waiting(bus: can.BusABC, timeout: float) -> Iterator[can.Message]:
+def _waiting(bus: can.BusABC, timeout: float) -> Iterator[Frame]:
     """The frames that are there, a tick's worth; the first of them is waited for, at most `timeout` [s]."""
     for _ in range(64):
         try:
-            message = bus.recv(timeout)
+            frame = received(bus, timeout)
         except (can.CanError, OSError):
             return
-        if message is None:
+        if frame is None:
             return
-        yield message
+        yield frame
         timeout = 0.0
-
-
-def _flagged(message: can.Message) -> int:
-    """Its identifier, with the flags of `buses.unix_bus`."""
-    return message.arbitration_id | EXTENDED * message.is_extended_id | REMOTE * message.is_remote_frame
-
-
-def message_of(identifier: int, data: bytes, *, fd: bool = False) -> can.Message:
-    """A frame of an identifier with the flags of `buses.unix_bus`; of CAN-FD with its data at the higher bit rate."""
-    fd = fd and not identifier & ERROR
-    return can.Message(
-        arbitration_id=identifier & 0x1FFF_FFFF,
-        data=data,
-        is_extended_id=bool(identifier & EXTENDED),
-        is_remote_frame=bool(identifier & REMOTE),
-        is_error_frame=bool(identifier & ERROR),
-        is_fd=fd,
-        bitrate_switch=fd,
-    )
 
 
 def raise_priority() -> bool:
@@ -278,16 +253,3 @@ def raise_priority() -> bool:
     except (AttributeError, OSError):
         return False
     return True
-
-
-def _cpu_time() -> float:
-    """Of this process [s]."""
-    used = resource.getrusage(resource.RUSAGE_SELF)
-    return used.ru_utime + used.ru_stime
-
-
-def _pause() -> None:
-    """One tick without a bus to wait at."""
-    import select
-
-    select.select([], [], [], TICK)

@@ -11,7 +11,7 @@ from bowden.hardware.drives import joint_encoder as joints
 from bowden.hardware.drives import on_can
 from bowden.hardware.drives.ak_frames import HIGHEST_KD, HIGHEST_KP, HIGHEST_POSITION, MODELS, AkModel, error_text
 from bowden.hardware.drives.findings import FINDINGS
-from bowden.hardware.drives.joint_encoder import check_beside, identifiers_of, joint_encoder_of
+from bowden.hardware.drives.joint_encoder import check_beside, identifiers_of
 from bowden.hardware.drives.scale import Scale, SuitScale, spool_scale
 from bowden.rig.families import LOST, DriveNeeds
 
@@ -82,7 +82,7 @@ class AkParameters(NamedTuple):
     def identifiers(self) -> dict[int, str]:
         """See `on_can.collision`; replies have the drive's number in them, so that several drives may share theirs."""
         replies = {reply_id(self): "reply_id"}
-        return {**identifiers_of(joint_encoder_of(self)), **replies, self.node_id: "node_id"}
+        return {**identifiers_of(self), **replies, self.node_id: "node_id"}
 
     def rules(self) -> Iterator[on_can.Rule]:
         """See `on_can.require`."""
@@ -118,7 +118,7 @@ class AkParameters(NamedTuple):
                     f"drive.motor_hint_deg is {self.motor_hint / RADIANS:g}",
                     expected="an angle within the motor's range in [limits]",
                 )
-        check_beside(joint_encoder_of(self), {self.node_id: "node_id", reply_id(self): "reply_id"})
+        check_beside(self, {self.node_id: "node_id", reply_id(self): "reply_id"})
 
 
 def reply_id(drive: AkParameters) -> int:

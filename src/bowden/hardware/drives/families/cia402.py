@@ -170,7 +170,7 @@ FAMILY = on_can.family(
     "The CiA 402 drive on its CANopen bus; `bowden twin` plays it.",
     driver="drives.canopen_drive.CanopenDrive",
     node="twin.canopen_node.CanopenNode",
-    probe="drives.canopen_setup.probe",
+    probe="drives.canopen_drive.probe",
     options=("object",),
     follows=following,
     beats="drive_heartbeat_time",

@@ -140,7 +140,7 @@ FAMILY = on_can.family(
     "A mjbots moteus board on CAN-FD, with the joint's encoder at its auxiliary port; `bowden twin` plays it.",
     driver="drives.moteus_drive.MoteusDrive",
     node="twin.moteus_node.MoteusNode",
-    probe="drives.moteus_setup.probe",
+    probe="drives.moteus_drive.probe",
     options=("register", "setting"),
     follows=following,
     watchdog=lambda drive: drive.watchdog + LOOK,

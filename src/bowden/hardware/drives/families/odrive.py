@@ -9,7 +9,7 @@ from bowden.core.errors import ParameterError
 from bowden.core.quantity import Quantity
 from bowden.hardware.drives import joint_encoder as joints
 from bowden.hardware.drives import on_can
-from bowden.hardware.drives.joint_encoder import check_beside, identifiers_of, joint_encoder_of
+from bowden.hardware.drives.joint_encoder import check_beside, has_encoder, identifiers_of
 from bowden.hardware.drives.odrive_endpoints import TWIN
 from bowden.hardware.drives.odrive_frames import INT16, MOST_TURNS, Cmd, Scales, Target, fault_text, identifier_of
 from bowden.hardware.drives.scale import (
@@ -89,7 +89,7 @@ class OdriveParameters(NamedTuple):
 
     def identifiers(self) -> dict[int, str]:
         """See `on_can.collision`."""
-        return {**identifiers_of(joint_encoder_of(self)), **own_identifiers(self)}
+        return {**identifiers_of(self), **own_identifiers(self)}
 
     def rules(self) -> Iterator[on_can.Rule]:
         """See `on_can.require`."""
@@ -110,14 +110,13 @@ class OdriveParameters(NamedTuple):
                     expected=f"at most {INT16 / scale:.4g} {unit}, which is all that a target's field can tell",
                     do="reduce the scale in the board and in [drive], or the limit in [limits]",
                 )
-        encoder = joint_encoder_of(self)
-        if encoder is not None and self.node_id in ASKED_BY_CANOPEN:
+        if has_encoder(self) and self.node_id in ASKED_BY_CANOPEN:
             raise ParameterError(
                 f"drive.node_id is {self.node_id}, whose frames are those that ask CANopen devices who they are",
                 expected="a number below 48 or above 51, since the joint's encoder is a CANopen device",
                 do="change axis0.config.can.node_id in the board, and drive.node_id",
             )
-        check_beside(encoder, own_identifiers(self))
+        check_beside(self, own_identifiers(self))
 
 
 def own_identifiers(drive: OdriveParameters) -> dict[int, str]:
@@ -167,7 +166,7 @@ FAMILY = on_can.family(
     "An ODrive board on classic CAN, and the joint's encoder beside it; `bowden twin` plays both.",
     driver="drives.odrive_drive.OdriveDrive",
     node="twin.odrive_node.OdriveNode",
-    probe="drives.odrive_setup.probe",
+    probe="drives.odrive_drive.probe",
     options=("setting", "object"),
     beats="heartbeat",
     watchdog=lambda drive: drive.watchdog + LOOK,
