@@ -92,6 +92,9 @@ def everything(count: int, state: Memory, x: float, y: float) -> tuple[Memory, f
     total, last = last * 0.5, 0.0
     # a comment of its own
     for i in range(count):
+        if i == 0:
+            left_behind = 0.25 * y
+        total += left_behind
         if i == 1:
             total += state.past[i] * i
         else:

@@ -8,7 +8,6 @@ from typing import Any
 
 import jinja2
 
-from bowden.core.errors import ParameterError
 from bowden.core.nested import leaves
 from bowden.export.function import called
 from bowden.export.kinds import Kind, Row, Struct, comment, identifier, is_number, kind_of, reached
@@ -26,7 +25,7 @@ def files(module: Module, preamble: str, *, single: bool = False) -> dict[str, s
     header = {unit.type(enum) for enum in module.enums}
     functions = []
     for one in module.functions:
-        kinds = [kind_of(argument.example) for argument in one.arguments if not argument.constant]
+        kinds = [argument.kind for argument in one.arguments if not argument.constant]
         header |= {unit.type(inner) for kind in (*kinds, *results_of(unit, one)[1]) for inner in _within(kind)}
         functions.append(_public(unit, one))
     if module.begins:
@@ -67,48 +66,41 @@ def _within(kind: Kind) -> Iterator[Kind]:
 
 def results_of(unit: Unit, one: Public) -> tuple[str, list[Kind], Kind]:
     """The kernel's name, and the kinds of its results, apart and as a whole."""
-    kinds = tuple(kind_of(argument.example) for argument in one.arguments)
-    for argument, kind in zip(one.arguments, kinds, strict=True):
-        if kind is None:
-            raise ParameterError(
-                f"{argument.name} of {one.name} is {argument.example!r}",
-                expected="numbers, and NamedTuples of numbers",
-                do="take texts and arrays out of it",
-            )
-    name, result = called(unit, one.kernel, kinds)  # type: ignore[arg-type]
+    name, result = called(unit, one.kernel, tuple(argument.kind for argument in one.arguments))
     return name, [result] if len(one.results) == 1 else [kind for _, kind in result.fields], result
 
 
 def _public(unit: Unit, one: Public) -> tuple[str, str]:
     """Prototype and body of a function that others call: the state first, then what is read, then what is written."""
     name, kinds, result = results_of(unit, one)
-    results = {called: unit.type(kind) for called, kind in zip(one.results, kinds, strict=True)}
+    results = {to: unit.type(kind) for to, kind in zip(one.results, kinds, strict=True)}
     returned = results.pop("return", "void")
-    written = [f"{type_} *{called}" for called, type_ in results.items()]
     read, given = [], []
     for argument in one.arguments:
-        kind, text = kind_of(argument.example), identifier(argument.name)
+        text, mark = identifier(argument.name), "" if is_number(argument.kind) else "*"
         if argument.constant:
             text = unit.constant("", argument.name, argument.example, argument.said)
-            given.append(text if is_number(kind) else f"&{text}")
+            given.append(f"{mark and '&'}{text}")
             continue
         given.append(text)
         if argument.name != "state":
-            read.append(f"const {unit.type(kind)} {'' if is_number(kind) else '*'}{text}")
-    first = 1 if "state" in results else 0
+            read.append(f"const {unit.type(argument.kind)} {mark}{text}")
+    written = [f"{type_} *{to}" for to, type_ in results.items()]
+    first = int("state" in results)
     signature = ", ".join([*written[:first], *read, *written[first:]]) or "void"
     call = f"{name}({', '.join(given)})"
     if len(one.results) == 1:
         lines = [f"return {call};" if one.results == ("return",) else f"*{one.results[0]} = {call};"]
     else:
-        lines = [f"const {unit.type(result)} result = {call};", ""]
-        for called_, (part, kind) in sorted(
-            zip(one.results, result.fields, strict=True), key=lambda one: one[0] == "return"
-        ):
-            if called_ == "state":  # number by number, so that the compiler keeps them in registers
+        lines, last = [f"const {unit.type(result)} result = {call};", ""], []
+        for to, (part, kind) in zip(one.results, result.fields, strict=True):
+            if to == "state":  # number by number, so that the compiler keeps them in registers
                 lines += [f"state->{way} = result.{part}.{way};" for way in _ways(kind)]
+            elif to == "return":
+                last = [f"return result.{part};"]
             else:
-                lines.append(f"return result.{part};" if called_ == "return" else f"*{called_} = result.{part};")
+                lines.append(f"*{to} = result.{part};")
+        lines += last
     return _function(one.summary, f"{returned} {unit.prefix}_{one.name}({signature})", lines)
 
 
@@ -139,18 +131,17 @@ def broken(line: str) -> list[str]:
         return [line]
     pad = line[: len(line) - len(line.lstrip())]
     opened: list[list[int]] = []
-    groups = []
+    cuts: list[int] = []
     for k, c in enumerate(line):
         if c in "({[":
             opened.append([k])
         elif c == "," and opened:
             opened[-1].append(k)
-        elif c in ")}]" and opened and len(cuts := [*opened.pop(), k]) > 2 and len(line) - k < 4:
-            groups.append(cuts)
-    if not groups:
+        elif c in ")}]" and opened and len(found := [*opened.pop(), k]) > 2 and len(line) - k < 4:
+            cuts = max(cuts, found, key=lambda one: one[-1] - one[0] if one else 0)
+    if not cuts:
         deeper = f"{pad}    "
         return textwrap.wrap(line, LONGEST, subsequent_indent=deeper, break_long_words=False, break_on_hyphens=False)
-    cuts = max(groups, key=lambda cuts: cuts[-1] - cuts[0])
     items = [f"{pad}    {line[a + 1 : b].strip()}," for a, b in itertools.pairwise(cuts)]
     items[-1] = items[-1].removesuffix(",")
     return [*broken(line[: cuts[0] + 1]), *(row for one in items for row in broken(one)), f"{pad}{line[cuts[-1] :]}"]

@@ -34,7 +34,7 @@ from bowden.export.kinds import (
     said,
     snake_case,
 )
-from bowden.export.source import KernelSource
+from bowden.export.source import KernelSource, operators
 from bowden.export.unit import Unit, unused
 
 CHOICE, OR, AND, BITS, EQUAL, LESS, SUM, PRODUCT, UNARY, ATOM = range(10)
@@ -95,7 +95,7 @@ class Expression:
         return f"&{self.text}" if placed else f"({type_}[]){{{self.text}}}"
 
 
-def called(unit: Unit, function: FunctionType, kinds: tuple[Kind, ...]) -> tuple[str, Kind]:
+def called(unit: Unit, function: Any, kinds: tuple[Kind, ...]) -> tuple[str, Kind]:
     """The name of a kernel for arguments of these kinds, and the kind of its result; it is written if it is new."""
     parts = reaching(function, unit.module.parts)
     key = function, kinds, parts
@@ -307,7 +307,7 @@ class Function:
 
     def _expression(self, node: ast.expr) -> Expression:
         method = getattr(self, f"_on_{type(node).__name__.lower()}", None)
-        if method is None:
+        if method is None or any(type(one) not in _OPERATORS for one in operators(node)):
             raise self.refused(node)
         found: Expression = method(node)
         return found
@@ -387,7 +387,7 @@ class Function:
     def _on_unaryop(self, node: ast.UnaryOp) -> Expression:
         negated = isinstance(node.op, ast.Not)
         inner = self._number(node.operand, truth=negated)
-        if type(node.op) not in _OPERATORS or (isinstance(node.op, ast.Invert) and inner.kind is float):
+        if isinstance(node.op, ast.Invert) and inner.kind is float:
             raise self.refused(node)
         text = f"{_OPERATORS[type(node.op)][0]}{inner.operand(ATOM)}"
         return Expression(text, bool if negated else float if inner.kind is float else int, UNARY)
@@ -395,8 +395,6 @@ class Function:
     def _on_binop(self, node: ast.BinOp) -> Expression:
         if isinstance(node.op, ast.Add) and isinstance(node.left, ast.Tuple):
             return self._shifted(node, node.left)
-        if type(node.op) not in _OPERATORS:
-            raise self.refused(node)
         left, right = self._number(node.left), self._number(node.right)
         sign, level = _OPERATORS[type(node.op)]
         whole = float not in (left.kind, right.kind)
@@ -420,9 +418,6 @@ class Function:
         raise self.refused(node.right)
 
     def _on_compare(self, node: ast.Compare) -> Expression:
-        for operator in node.ops:
-            if type(operator) not in _OPERATORS:
-                raise self.refused(node)
         parts = [self._number(one) for one in (node.left, *node.comparators)]
         found = []
         for (left, right), operator in zip(itertools.pairwise(parts), node.ops, strict=True):

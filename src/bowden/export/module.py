@@ -5,7 +5,9 @@ from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import Any
 
+from bowden.core.errors import ParameterError
 from bowden.core.kernel_content import Parts
+from bowden.export.kinds import Kind, kind_of
 
 
 @dataclass(frozen=True)
@@ -19,6 +21,14 @@ class Argument:
     """Whether it is written into the code."""
     said: str = ""
     """What a constant is."""
+
+    @property
+    def kind(self) -> Kind:
+        """Its kind; what C has none for is refused."""
+        if (kind := kind_of(self.example)) is None:
+            what, expected = f"{self.name} is {self.example!r}", "numbers, and NamedTuples of numbers"
+            raise ParameterError(what, expected=expected, do="take texts and arrays out of it")
+        return kind
 
 
 @dataclass(frozen=True)

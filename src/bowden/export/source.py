@@ -75,10 +75,14 @@ class KernelSource:
         line = self.first + getattr(node, "lineno", 1) - 1
         text = f"{ast.unparse(node.func)}()" if isinstance(node, ast.Call) else ast.unparse(node).partition("\n")[0]
         text = f"{text[:40]}{why and f', {why},'} cannot be exported"
-        parts = (node, getattr(node, "op", None), *getattr(node, "ops", ()))
-        found = [INSTEAD[type(one)] for one in parts if type(one) in INSTEAD]
-        do = do or (found or ["keep to the subset of docs/own_law.md"])[0]
+        advice = [INSTEAD[type(one)] for one in (node, *operators(node)) if type(one) in INSTEAD]
+        do = do or (advice or ["keep to the subset of docs/own_law.md"])[0]
         return ParameterError(f"{self.file}, line {line}: {text}", expected=expected, do=do)
+
+
+def operators(node: ast.AST) -> list[ast.AST]:
+    """The operators of an expression: one, several of a comparison, or none."""
+    return [node.op] if isinstance(node, ast.BinOp | ast.UnaryOp | ast.BoolOp) else list(getattr(node, "ops", ()))
 
 
 @cache
