@@ -29,6 +29,7 @@ from bowden.export.law import law_module
 from bowden.export.module import Argument, Module, Public
 from bowden.export.parts import emg_modules, safety_module
 from bowden.safety.limits import Limits
+from bowden.sensing.envelope import PLAIN_THRESHOLD
 from support.exported_c import COMPILER, Exported, bits
 
 EXTREMES = [0.0, -0.0, 5e-324, -2e-310, 0.3, 1.0, -1.0, 2.5, 1e16, -1e308, math.inf, -math.inf, math.nan]
@@ -86,7 +87,7 @@ def next_mode(mode: Mode, x: float) -> Mode:
 def everything(count: int, state: Memory, x: float, y: float) -> tuple[Memory, float]:
     """One of each thing that kernels are made of."""
     pair, swapped = sorted_pair(Pair(first=x, second=y))
-    least, most = min(x, y, LARGEST), max(x, 0.0)
+    least, most = min(x, y, LARGEST), max(x, PLAIN_THRESHOLD)
     mode = next_mode(state.mode, x)
     total, last = 0.0, state.total
     total, last = last * 0.5, 0.0
@@ -189,6 +190,7 @@ def test_every_function_and_every_local_of_the_c_has_its_name_in_python(module: 
 def test_constants_comments_and_units_go_along() -> None:
     written = files(module_of_everything(), "")
     assert "static const double LARGEST = 2.0; /* A bound [rad]. */" in written["all.c"]
+    assert "PLAIN_THRESHOLD = 0.2; /* Share of the MVC's envelope" in written["all.c"]
     assert "/* a comment of its own */" in written["all.c"]
     assert "    double first; /* the first of them [rad] */" in written["all.h"]
     assert "    ALL_MODE_LOST = 5" in written["all.h"]
@@ -280,6 +282,11 @@ def law_of(text: str, folder: Path) -> Law:
         ("for i in range(int(x)): x = x + 1.0", "which gives a float"),
         ("for y in state: x = x + y", "for i in range(n)"),
         ("for i in range(3):\n        if x > i: break", "use an if within the loop"),
+        ("for i in range(3): pass\n    x = x + i", "read before it is set"),
+        ("i = 1\n    for i in range(3): x = x + i", "give it another name"),
+        ("x, state.total = dt, x", "keep to the subset"),
+        ("x = State(*state).total", "one by one"),
+        ("if x: x = 1.0", "x != 0.0"),
         ("x = True", "first float and then bool"),
         ("x = Mode.ON if x > 0.0 else state", "Mode and State"),
         ("x = 1.0 if state else x", "compare numbers"),
