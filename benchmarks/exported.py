@@ -21,11 +21,11 @@ from bowden.control.law import Law, law_start, law_step
 from bowden.core.kernel import kernel, specialise
 from bowden.core.signals import Reference, Sample
 from bowden.export import cortex
-from bowden.export.kinds import Style
+from bowden.export.files import files
 from bowden.export.law import law_module
+from bowden.export.module import Module
 from bowden.export.parts import emg_modules
 from bowden.export.readme import FLAGS
-from bowden.export.unit import Module, files
 from bowden.models.cable.sheath_path import constant_bend
 from bowden.plants.presets import bench as paper
 from bowden.sensing.detectors import DEFAULT
@@ -193,7 +193,7 @@ def subject_of_detector(rate: float) -> Subject:
 
 def built(one: Subject, folder: Path, cc: str, *, single: bool) -> Any:
     """The exported loop over inputs."""
-    texts = files(one.module, Style(one.module.prefix, single), "for a benchmark") | {"loop.c": one.loop}
+    texts = files(one.module, "for a benchmark", single=single) | {"loop.c": one.loop}
     for name, text in texts.items():
         (folder / name).write_text(text, encoding="utf-8")
     library = folder / f"{one.module.prefix}{'32' if single else ''}.so"
@@ -222,7 +222,7 @@ def measured(one: Subject, cc: str) -> list[str]:
     seconds["interpreted"] *= count / INTERPRETED
     middle = {key: float(np.median(values)) for key, values in seconds.items()}
     ratios = [float(np.median(seconds[key] / seconds["exported"])) for key in ("interpreted", "compiled")]
-    text = files(one.module, Style(one.module.prefix), "for a benchmark")[f"{one.module.prefix}.c"]
+    text = files(one.module, "for a benchmark")[f"{one.module.prefix}.c"]
     return [
         *(one.name, f"{middle['interpreted'] * 1e6:.1f} µs", f"{middle['compiled'] * 1e9:.0f} ns"),
         f"{middle['exported'] * 1e9:.0f} ns ({seconds['exported'].min() * 1e9:.0f})",
@@ -235,9 +235,7 @@ def _on_chip(one: Subject) -> list[str]:
     if cortex.tools():
         return ["–"] * 4
     single, double = (
-        cortex.measure(
-            one.chip, files(one.module, Style(one.module.prefix, kind), "") | dict(one.chip_files), one.chip_rows
-        )
+        cortex.measure(one.chip, files(one.module, "", single=kind) | dict(one.chip_files), one.chip_rows)
         for kind in (True, False)
     )
     mean = f"{single.instructions_mean:.0f} ({single.instructions_max:.0f})"

@@ -11,9 +11,8 @@ from bowden.control.law import Law
 from bowden.core.nested import flat
 from bowden.core.signals import Reference, Sample
 from bowden.export import cortex
-from bowden.export.kinds import Style
+from bowden.export.files import files
 from bowden.export.law import law_module
-from bowden.export.unit import files
 
 pytestmark = pytest.mark.skipif(bool(cortex.tools()), reason=f"not installed: {', '.join(cortex.tools())}")
 DT, CYCLES = 1e-3, 600
@@ -37,7 +36,7 @@ def commands(law: Law) -> list[float]:
 
 def measured(law: Law, *, single: bool) -> cortex.Cost:
     module = law_module(law, DT)
-    return cortex.measure(module.prefix, files(module, Style(module.prefix, single), "for a test"), rows())
+    return cortex.measure(module.prefix, files(module, "for a test", single=single), rows())
 
 
 @pytest.mark.parametrize("name", ["adaptive", "bowden"])

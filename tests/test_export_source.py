@@ -23,11 +23,13 @@ from bowden.core.errors import ParameterError
 from bowden.core.kernel import compiled, cos, exp, floor, kernel, log, power, sin, sqrt, tanh
 from bowden.core.nested import flat
 from bowden.core.quantity import Quantity
-from bowden.export.kinds import Style, identifier
+from bowden.export.files import files
+from bowden.export.kinds import identifier
 from bowden.export.law import law_module
+from bowden.export.module import Argument, Module, Public
 from bowden.export.parts import emg_modules, safety_module
-from bowden.export.unit import Argument, Module, Public, files
 from bowden.safety.limits import Limits
+from bowden.sensing.envelope import PLAIN_THRESHOLD
 from support.exported_c import COMPILER, Exported, bits
 
 EXTREMES = [0.0, -0.0, 5e-324, -2e-310, 0.3, 1.0, -1.0, 2.5, 1e16, -1e308, math.inf, -math.inf, math.nan]
@@ -85,12 +87,15 @@ def next_mode(mode: Mode, x: float) -> Mode:
 def everything(count: int, state: Memory, x: float, y: float) -> tuple[Memory, float]:
     """One of each thing that kernels are made of."""
     pair, swapped = sorted_pair(Pair(first=x, second=y))
-    least, most = min(x, y, LARGEST), max(x, 0.0)
+    least, most = min(x, y, LARGEST), max(x, PLAIN_THRESHOLD)
     mode = next_mode(state.mode, x)
     total, last = 0.0, state.total
-    last, total = 0.0, last * 0.5
+    total, last = last * 0.5, 0.0
     # a comment of its own
     for i in range(count):
+        if i == 0:
+            left_behind = 0.25 * y
+        total += left_behind
         if i == 1:
             total += state.past[i] * i
         else:
@@ -161,7 +166,7 @@ def modules() -> list[Module]:
 @pytest.mark.parametrize("module", modules(), ids=lambda module: module.prefix)
 def test_every_function_and_every_local_of_the_c_has_its_name_in_python(module: Module) -> None:
     """What several values are unpacked from is called by all their names."""
-    text = files(module, Style(module.prefix), "")[f"{module.prefix}.c"]
+    text = files(module, "")[f"{module.prefix}.c"]
     functions = functions_of(text)
     assert len(functions) == text.count("\nstatic inline ") - len(
         re.findall(r"static inline \w+ (?:\w*min|\w*max|np_sign|\w+_shifted|\w+_int)_?\(", text)
@@ -183,14 +188,15 @@ def test_every_function_and_every_local_of_the_c_has_its_name_in_python(module: 
 
 
 def test_constants_comments_and_units_go_along() -> None:
-    written = files(module_of_everything(), Style("all"), "")
+    written = files(module_of_everything(), "")
     assert "static const double LARGEST = 2.0; /* A bound [rad]. */" in written["all.c"]
+    assert "PLAIN_THRESHOLD = 0.2; /* Share of the MVC's envelope" in written["all.c"]
     assert "/* a comment of its own */" in written["all.c"]
     assert "    double first; /* the first of them [rad] */" in written["all.h"]
     assert "    ALL_MODE_LOST = 5" in written["all.h"]
     assert f"/* {__name__}: The smaller one first. */\nstatic inline sorted_pair_result" in written["all.c"]
     assert "const double least = min(min(x, y), LARGEST);" in written["all.c"]
-    single = files(module_of_everything(), Style("all", single=True), "")
+    single = files(module_of_everything(), "", single=True)
     assert "expf(0.1f * y)" in single["all.c"]
     assert "tanhf(x)" in single["all.c"]
 
@@ -273,9 +279,14 @@ def law_of(text: str, folder: Path) -> Law:
         ("x = x % 1.0", "floor(a/b)"),
         ("x = x // 1.0", "floor(a/b)"),
         ("x = 1.0 if x is None else x", "None"),
-        ("for i in range(int(x)): x = x + 1.0", "int() of a float"),
+        ("for i in range(int(x)): x = x + 1.0", "which gives a float"),
         ("for y in state: x = x + y", "for i in range(n)"),
         ("for i in range(3):\n        if x > i: break", "use an if within the loop"),
+        ("for i in range(3): pass\n    x = x + i", "read before it is set"),
+        ("i = 1\n    for i in range(3): x = x + i", "give it another name"),
+        ("x, state.total = dt, x", "keep to the subset"),
+        ("x = State(*state).total", "one by one"),
+        ("if x: x = 1.0", "x != 0.0"),
         ("x = True", "first float and then bool"),
         ("x = Mode.ON if x > 0.0 else state", "Mode and State"),
         ("x = 1.0 if state else x", "compare numbers"),
@@ -295,7 +306,7 @@ def law_of(text: str, folder: Path) -> Law:
 )
 def test_what_leaves_the_subset_is_refused_with_its_line(line: str, said: str, tmp_path: Path) -> None:
     with pytest.raises(ParameterError) as caught:
-        files(law_module(law_of(LAW.replace("LINE", line), tmp_path), 1e-3), Style("mine"), "")
+        files(law_module(law_of(LAW.replace("LINE", line), tmp_path), 1e-3), "")
     assert re.search(r"mine\.py, line \d+: ", str(caught.value))
     assert said in str(caught.value)
 
@@ -312,7 +323,7 @@ ADVICE = [
 @pytest.mark.parametrize(("line", "needs"), ADVICE)
 def test_what_a_refusal_advises_is_taken(line: str, needs: str, tmp_path: Path) -> None:
     law = law_of(f"{needs}\n{LAW.replace('LINE', line)}", tmp_path)
-    assert "mine_step(" in files(law_module(law, 1e-3), Style("mine"), "")["mine.h"]
+    assert "mine_step(" in files(law_module(law, 1e-3), "")["mine.h"]
 
 
 @pytest.mark.skipif(shutil.which("cc") is None, reason="no C compiler")
@@ -320,7 +331,7 @@ def test_names_become_those_of_c_and_whole_gains_count_a_loop(tmp_path: Path) ->
     line = "for i in range(gains.default): x = x + conditioning"
     text = LAW.replace("LINE", line).replace("total", "β_int").replace("def plain", "conditioning = 0.5\n\ndef plain")
     law = law_of(text.replace("gain: float = 2.0", "gain: float = 2.0\n    default: int = 3"), tmp_path)
-    written = files(law_module(law, 1e-3), Style("mine"), "")
+    written = files(law_module(law, 1e-3), "")
     assert ".default_ = 3," in written["mine.c"]
     assert "for (int i = 0; i < gains->default_; ++i) {" in written["mine.c"]
     assert "    double beta_int;" in written["mine.h"]

@@ -10,9 +10,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.export.kinds import Row, Several, Struct, Style, identifier, is_number, kind_of
+from bowden.export.files import files, results_of
+from bowden.export.kinds import Row, Struct, identifier, is_number, kind_of
+from bowden.export.module import Module
 from bowden.export.readme import FLAGS
-from bowden.export.unit import Module, Unit, files, results_of
+from bowden.export.unit import Unit
 
 COMPILER = shutil.which("cc")
 Array = NDArray[np.float64]
@@ -38,7 +40,7 @@ void drive(const double *in, long count, double *out)
 
 def places(kind: Any, way: str) -> Iterator[tuple[str, Any]]:
     """Every number of a value: how C reaches it, and its kind."""
-    if isinstance(kind, Struct | Several):
+    if isinstance(kind, Struct):
         for name, inner in kind.fields:
             yield from places(inner, f"{way}.{identifier(name)}")
     elif isinstance(kind, Row):
@@ -57,7 +59,7 @@ def bits(values: Any) -> NDArray[np.int64]:
 
 def write(module: Module, folder: Path, *, single: bool = False) -> dict[str, str]:
     """Both files of a module, written."""
-    texts = files(module, Style(module.prefix, single), "for a test")
+    texts = files(module, "for a test", single=single)
     for name, text in texts.items():
         (folder / name).write_text(text, encoding="utf-8")
     return texts
@@ -76,7 +78,7 @@ class Exported:
 
     def __init__(self, module: Module, name: str, begin: str, folder: Path, *, single: bool = False) -> None:
         write(module, folder, single=single)
-        unit = Unit(Style(module.prefix, single), module)
+        unit = Unit(module, single=single)
         (public,) = (one for one in module.functions if one.name == name)
         _, kinds, _ = results_of(unit, public)
         given = [(one.name, kind_of(one.example)) for one in public.arguments if not one.constant]

@@ -11,7 +11,7 @@ import math
 import textwrap
 import types
 import typing
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
 from typing import Any, NamedTuple
@@ -244,12 +244,19 @@ def meanings(kind: Any) -> Mapping[str, str]:
         return said
     if not isinstance(body, ast.ClassDef):
         return said
+    return texts_of(body.body, source) | said
+
+
+def texts_of(body: Sequence[ast.stmt], source: str) -> dict[str, str]:
+    """Name that a class or module assigns → the text below that, or the comment behind it."""
     lines, found = source.splitlines(), {}
-    for node, after in zip(body.body, [*body.body[1:], None], strict=True):
-        if not (isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name)):
+    for node, after in zip(body, [*body[1:], ast.Pass()], strict=False):
+        if not isinstance(node, ast.Assign | ast.AnnAssign):
             continue
-        text = lines[node.lineno - 1][node.end_col_offset or 0 :].partition("#")[2]
+        text = lines[(node.end_lineno or 1) - 1][node.end_col_offset or 0 :].partition("#")[2]
         if isinstance(after, ast.Expr) and isinstance(after.value, ast.Constant) and isinstance(after.value.value, str):
             text = after.value.value
-        found[node.target.id] = " ".join(text.split())
-    return found | said
+        for target in node.targets if isinstance(node, ast.Assign) else [node.target]:
+            names = (one.id for one in ast.walk(target) if isinstance(one, ast.Name))
+            found.update(dict.fromkeys(names, " ".join(text.split())))
+    return found

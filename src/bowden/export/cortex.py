@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from bowden.export.unit import rendered
+from bowden.export.files import rendered
 
 COMPILER, SIZE, EMULATOR = "arm-none-eabi-gcc", "arm-none-eabi-size", "qemu-system-arm"
 FLAGS = (

@@ -1,6 +1,5 @@
-"""What values of kernels are in C: numbers, truths, enums, structs and rows, and how each is written."""
+"""What values of kernels are in C: numbers, truths, enums, structs and rows; their names, and comments."""
 
-import math
 import re
 import typing
 import unicodedata
@@ -28,10 +27,12 @@ _RESERVED = frozenset(_WORDS.split())
 
 @dataclass(frozen=True)
 class Struct:
-    """A NamedTuple with the kinds of its fields."""
+    """A NamedTuple with the kinds of its fields, or what a kernel returns beside one another."""
 
-    made: Any
+    name: str
     fields: tuple[tuple[str, Any], ...]
+    made: Any = None
+    """The class of NamedTuple; None for results beside one another."""
 
 
 @dataclass(frozen=True)
@@ -40,18 +41,11 @@ class Row:
 
     of: Any
     length: int
-
-
-@dataclass(frozen=True)
-class Several:
-    """What a kernel returns beside one another, by the names that it has for them."""
-
-    function: str
-    fields: tuple[tuple[str, Any], ...]
+    name = "a tuple"
 
 
 Kind = Any
-"""`float`, `int`, `bool`, a class of IntEnum, or one of the three above."""
+"""`float`, `int`, `bool`, a class of IntEnum, or one of the two above; None where it is not known."""
 
 
 def is_number(kind: Kind) -> bool:
@@ -64,14 +58,9 @@ def is_enum(kind: Kind) -> bool:
     return isinstance(kind, type) and issubclass(kind, IntEnum)
 
 
-def is_tuple_class(of: Any) -> bool:
-    """True for a class of NamedTuple."""
-    return isinstance(of, type) and issubclass(of, tuple) and hasattr(of, "_fields")
-
-
 def said(kind: Kind) -> str:
     """A kind in a message."""
-    return str(getattr(kind, "__name__", "") or getattr(getattr(kind, "made", None), "__name__", "a tuple"))
+    return str(kind.__name__ if is_number(kind) else getattr(kind, "name", "of no kind"))
 
 
 def joined(a: Kind, b: Kind) -> Kind:
@@ -85,53 +74,41 @@ def joined(a: Kind, b: Kind) -> Kind:
 
 def kind_of(value: Any) -> Kind:
     """The kind of a value; None where C has none."""
-    if isinstance(value, bool | np.bool_):
-        return bool
     if isinstance(value, IntEnum):
         return type(value)
-    if isinstance(value, int | np.integer):
-        return int
-    if isinstance(value, float | np.floating):
-        return float
+    for kind, types in ((bool, bool | np.bool_), (int, int | np.integer), (float, float | np.floating)):
+        if isinstance(value, types):
+            return kind
     if is_named(value):
-        made: Any = type(value)
-        fields = [(name, field_kinds(made)[name] or kind_of(inner)) for name, inner in value._asdict().items()]
-        return None if any(kind is None for _, kind in fields) else Struct(made, tuple(fields))
-    if isinstance(value, tuple) and value:
-        kinds = {kind_of(inner) for inner in value}
-        return Row(kinds.pop(), len(value)) if len(kinds) == 1 and None not in kinds else None
-    return None
+        return struct_of(type(value), {name: kind_of(inner) for name, inner in value._asdict().items()})
+    kinds = {kind_of(inner) for inner in value} if isinstance(value, tuple) else {None}
+    return Row(kinds.pop(), len(value)) if len(kinds) == 1 and None not in kinds else None
 
 
 def annotated(hint: Any) -> Kind:
     """The kind that an annotation says; None for `Any`, and where it leaves something open."""
-    if typing.get_origin(hint) is typing.Annotated:
-        return annotated(hint.__origin__)
     if hint in (float, int, bool) or is_enum(hint):
         return hint
-    if is_tuple_class(hint):
-        fields = tuple(field_kinds(hint).items())
-        return None if any(kind is None for _, kind in fields) else Struct(hint, fields)
-    if typing.get_origin(hint) is tuple:
-        kinds = [annotated(inner) for inner in typing.get_args(hint)]
-        return Row(kinds[0], len(kinds)) if None not in kinds and len(set(kinds)) == 1 else None
-    return None
+    if isinstance(hint, type) and hasattr(hint, "_fields"):
+        return struct_of(hint, {})
+    kinds = [annotated(inner) for inner in typing.get_args(hint)] if typing.get_origin(hint) is tuple else [None]
+    return Row(kinds[0], len(kinds)) if None not in kinds and len(set(kinds)) == 1 else None
+
+
+def struct_of(made: Any, given: dict[str, Kind]) -> Kind:
+    """The kind of a NamedTuple: its annotations, and what is given where they leave it open; None where nothing is."""
+    hints = hints_of(made)
+    fields = tuple((name, annotated(hints.get(name)) or given.get(name)) for name in made._fields)
+    return None if any(kind is None for _, kind in fields) else Struct(made.__name__, fields, made)
 
 
 @cache
 def hints_of(of: Any) -> dict[str, Any]:
     """Name → annotation of a class or function; empty where they cannot be looked up."""
     try:
-        return typing.get_type_hints(of, include_extras=True)
+        return typing.get_type_hints(of)
     except (NameError, TypeError):
         return {}
-
-
-@cache
-def field_kinds(made: Any) -> dict[str, Kind]:
-    """Field → kind of a NamedTuple, None where its annotation leaves it open."""
-    hints = hints_of(made)
-    return {name: annotated(hints.get(name)) for name in made._fields}
 
 
 def identifier(name: str) -> str:
@@ -163,48 +140,13 @@ def snake_case(name: str) -> str:
     return re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", name)
 
 
-def comment(text: str) -> str:
-    """A text behind a line of C; nothing where there is none."""
-    text = " ".join(text.replace("*/", "* /").replace("/*", "/ *").split())
-    return f" /* {text} */" if text else ""
-
-
-def comments(lines: Sequence[str], pad: str = "") -> list[str]:
-    """Lines as a comment that stands alone; nothing where there are none."""
+def comments(lines: Sequence[str]) -> list[str]:
+    """Lines as a comment; nothing where there are none."""
     rows = [one.replace("*/", "* /").replace("/*", "/ *").rstrip() for one in lines]
-    rows = [f"{pad}{'/*' if k == 0 else ' *'} {one}".rstrip() for k, one in enumerate(rows)]
+    rows = [f"{' *' if k else '/*'} {one}".rstrip() for k, one in enumerate(rows)]
     return [*rows[:-1], f"{rows[-1]} */"] if rows else []
 
 
-@dataclass(frozen=True)
-class Style:
-    """How numbers are written."""
-
-    prefix: str
-    """Of every name that other files see."""
-    single: bool = False
-    """float in place of double."""
-
-    @property
-    def real(self) -> str:
-        """The type of a number."""
-        return "float" if self.single else "double"
-
-    def number(self, value: float) -> str:
-        """A constant; its decimals are the shortest that give back the same bits.
-
-        >>> Style("x").number(0.1), Style("x", single=True).number(-1e-300), Style("x").number(math.inf)
-        ('0.1', '-0.0f', 'INFINITY')
-        """
-        if math.isnan(value):
-            return "NAN"
-        with np.errstate(over="ignore", under="ignore"):
-            rounded = np.float32(value) if self.single else np.float64(value)
-        if np.isinf(rounded):
-            return "INFINITY" if value > 0.0 else "-INFINITY"
-        text = str(rounded)
-        return (text if "." in text or "e" in text else f"{text}.0") + ("f" if self.single else "")
-
-    def libm(self, name: str) -> str:
-        """A function of libm."""
-        return f"{name}f" if self.single else name
+def comment(text: str) -> str:
+    """A text behind a line of C; nothing where there is none."""
+    return "".join(f" {one}" for one in comments([" ".join(text.split())] if text.strip() else []))

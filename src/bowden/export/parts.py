@@ -4,7 +4,7 @@ from bowden.core.errors import ParameterError
 from bowden.core.signals import EMERGENCY_STOP, DriveState
 from bowden.cycle.one_cycle import NOTHING_OBSERVED
 from bowden.export.kinds import identifier
-from bowden.export.unit import Argument, Module, Public
+from bowden.export.module import Argument, Module, Public
 from bowden.hardware.ports import Power
 from bowden.models.drive.thermal import cold
 from bowden.safety.faults import Fault

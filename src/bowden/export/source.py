@@ -3,15 +3,15 @@
 import ast
 import inspect
 import io
+import linecache
 import sys
 import textwrap
 import tokenize
-from collections.abc import Callable
 from functools import cache
-from pathlib import Path
-from typing import Any
+from types import FunctionType
 
 from bowden.core.errors import ParameterError
+from bowden.core.quantity import texts_of
 
 _ADVICE: dict[str, tuple[type[ast.AST], ...]] = {
     "write a loop over a fixed range: for i in range(n)": (ast.While,),
@@ -44,19 +44,18 @@ INSTEAD = {node: advice for advice, nodes in _ADVICE.items() for node in nodes}
 class KernelSource:
     """One function as its file has it."""
 
-    def __init__(self, function: Callable[..., Any]) -> None:
-        self.function = function
+    def __init__(self, function: FunctionType) -> None:
         try:
-            lines, first = inspect.getsourcelines(function)
+            lines, self.first = inspect.getsourcelines(function)
         except (OSError, TypeError):
-            name = getattr(function, "__qualname__", repr(function))
+            name = function.__qualname__
             raise ParameterError(f"{name} has no source to be exported", do="define it with def in a file") from None
-        text = textwrap.dedent("".join(lines))
+        text, self.file = textwrap.dedent("".join(lines)), function.__code__.co_filename
         node = ast.parse(text).body[0]
-        self.file, self.first = inspect.getsourcefile(function) or "?", first
         if not isinstance(node, ast.FunctionDef):
-            raise self.refused(node, "a lambda or a coroutine", "write a kernel: @kernel def name(x: float) -> float")
-        self.node = node
+            raise self.refused(node, "", INSTEAD[ast.Lambda])
+        self.said = (ast.get_docstring(node) or "").partition("\n>>>")[0].strip()
+        """The docstring, without its examples."""
         self.body = node.body[1:] if ast.get_docstring(node) is not None else node.body
         """The statements without the docstring."""
         self._lines = text.splitlines()
@@ -65,51 +64,37 @@ class KernelSource:
             for token in tokenize.generate_tokens(io.StringIO(text).readline)
             if token.type == tokenize.COMMENT and not token.line[: token.start[1]].strip()
         }
+        """Line → comment that stands on a line of its own."""
 
     def is_blank_after(self, one: ast.stmt) -> bool:
         """Whether an empty line stands behind a statement."""
         return not "".join(self._lines[one.end_lineno or 0 :][:1]).strip()
 
-    @property
-    def said(self) -> str:
-        """The docstring, without its examples."""
-        text = ast.get_docstring(self.node) or ""
-        return text.partition("\n>>>")[0].strip()
-
-    def refused(self, node: ast.AST, what: str, do: str, expected: str = "") -> ParameterError:
+    def refused(self, node: ast.AST, why: str = "", do: str = "", expected: str = "") -> ParameterError:
         """The error that a place in it is outside the subset."""
         line = self.first + getattr(node, "lineno", 1) - 1
-        return ParameterError(f"{self.file}, line {line}: {what} cannot be exported", expected=expected, do=do)
-
-    def outside(self, node: ast.AST, where: ast.AST | None = None) -> ParameterError:
-        """The error that C is not made of such a thing; an operator has no line, and is `where` its expression is."""
-        word = "" if where else ast.unparse(node).partition("\n")[0]
-        what = word if 0 < len(word) < 40 else type(node).__name__
-        return self.refused(where or node, what, INSTEAD.get(type(node), "keep to the subset of docs/own_law.md"))
+        text = f"{ast.unparse(node.func)}()" if isinstance(node, ast.Call) else ast.unparse(node).partition("\n")[0]
+        text = f"{text[:40]}{why and f', {why},'} cannot be exported"
+        advice = [INSTEAD[type(one)] for one in (node, *operators(node)) if type(one) in INSTEAD]
+        do = do or (advice or ["keep to the subset of docs/own_law.md"])[0]
+        return ParameterError(f"{self.file}, line {line}: {text}", expected=expected, do=do)
 
 
-@cache
-def _tree(file: str) -> tuple[list[ast.stmt], list[str]]:
-    try:
-        text = Path(file).read_text(encoding="utf-8")
-    except OSError:
-        text = ""
-    return ast.parse(text).body, text.splitlines()
+def operators(node: ast.AST) -> list[ast.AST]:
+    """The operators of an expression: one, several of a comparison, or none."""
+    return [node.op] if isinstance(node, ast.BinOp | ast.UnaryOp | ast.BoolOp) else list(getattr(node, "ops", ()))
 
 
 @cache
 def origin(file: str, name: str) -> tuple[str, str]:
-    """The file in which a constant was first assigned, and what is said of it there: below it, or behind it."""
-    body, lines = _tree(file)
-    for node, after in zip(body, [*body[1:], ast.Pass()], strict=False):
+    """The file in which a constant was first assigned, and what is said of it there."""
+    text = "".join(linecache.getlines(file))
+    body = ast.parse(text).body
+    texts = texts_of(body, text)
+    for node in body if name not in texts else ():
         if isinstance(node, ast.ImportFrom):
             other = getattr(sys.modules.get(node.module or ""), "__file__", None)
             for one in node.names if other else ():
                 if (one.asname or one.name) == name:
                     return origin(str(other), one.name)
-        targets = getattr(node, "targets", None) or [getattr(node, "target", ast.Pass())]
-        if any(isinstance(one, ast.Name) and one.id == name for target in targets for one in ast.walk(target)):
-            text = after.value.value if isinstance(after, ast.Expr) and isinstance(after.value, ast.Constant) else None
-            behind = lines[(node.end_lineno or 1) - 1][node.end_col_offset or 0 :].partition("#")[2]
-            return file, " ".join((text if isinstance(text, str) else behind).split())
-    return file, ""
+    return file, texts.get(name, "")

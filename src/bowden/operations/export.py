@@ -13,8 +13,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from bowden.control import Law
-    from bowden.export.counts import Counts
-    from bowden.export.unit import Module
+    from bowden.export.module import Module
+    from bowden.rig.counts import Counts
     from bowden.rig.rig import Rig
     from bowden.safety.limits import Limits
 
@@ -130,10 +130,10 @@ def export(
     from bowden.core.files import output_folder, whole_files
     from bowden.design.objections import refusals
     from bowden.design.verdict import verdicts
-    from bowden.export.counts import counts_of, guessed
     from bowden.export.readme import TARGETS, YOURS
     from bowden.operations.support import given
     from bowden.operations.support.progress import reported
+    from bowden.rig.counts import counts_of, guessed
 
     whole = given.under(given.rig_of(rig).only(motor), law, preset)
     own, name = whole.fitted(), given.name_of(whole)
@@ -233,19 +233,14 @@ def _texts(
     modules: "list[Module]", law: "Law", counts: "Counts | None", period: float, said: str, *, float32: bool
 ) -> dict[str, str]:
     """Name → text of every file but the recording."""
-    from bowden.export.kinds import Style
+    from bowden.export.files import files
     from bowden.export.readme import pages
-    from bowden.export.replay import replay_source
-    from bowden.export.unit import files
 
     texts: dict[str, str] = {}
     for module in modules:
         single = float32 and module.prefix != "safety"  # whose set of faults has more bits than a float
-        texts |= files(module, Style(module.prefix, single), said)
-    return texts | {
-        "replay.c": replay_source(law, single=float32),
-        **pages(modules, counts, said, period, single=float32),
-    }
+        texts |= files(module, said, single=single)
+    return texts | pages(modules, law, counts, said, period, single=float32)
 
 
 def _only_ours(folder: Path, names: set[str]) -> None:
@@ -279,7 +274,7 @@ def _recording(rig: "Rig", law: "Law") -> str:
     import numpy as np
 
     from bowden.control import user_law
-    from bowden.export.replay import COLUMNS
+    from bowden.export.readme import COLUMNS
     from bowden.sim.run import simulate
 
     duration = min(RECORDED, rig.duration)

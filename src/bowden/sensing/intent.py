@@ -180,7 +180,7 @@ def intent_step(
     if late != Late.NOBODY and not (flexes and extends):
         alone = state.alone + dt
         if alone >= _ALONE:
-            late, alone, due = Late.NOBODY, 0.0, late
+            due, late, alone = late, Late.NOBODY, 0.0
 
     mode = begun_motion(state, settings.muscles, flexes, extends, due)
     begin, end, duration = state.begin, state.end, state.duration
