@@ -197,6 +197,6 @@ def test_the_summary_of_a_run_has_the_figures_of_the_simulations(folder: Path) -
             dict.fromkeys(("time", "joint", "interaction_torque"), "1"),
         )
         expected = felt(trace, pushing.suit.arm, pushing.section.carried)
-        assert (found["rms_nm"], found["peak_nm"]) == (expected.rms, expected.peak)
-        assert found["doubt_nm"] == 0.4
+        assert (found.rms_nm, found.peak_nm) == (expected.rms, expected.peak)
+        assert found.doubt_nm == 0.4
         assert figures(Recording({}, None, names, (), np.arange(700), before, [], Damage(0, 0, 0)), pushing, DT) is None

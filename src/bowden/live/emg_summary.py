@@ -1,15 +1,15 @@
 """How a run by EMG went: motions, the delays from a contraction to the joint, what of the stream was lost."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.core.errors import counted
 from bowden.core.units import RADIANS
 from bowden.cycle.one_cycle import TargetSource
+from bowden.live.figures import DelaySpread, EmgRunFigures
 from bowden.sensing.intent import Intent
 
 if TYPE_CHECKING:
@@ -34,8 +34,8 @@ class Columns(Protocol):
         ...
 
 
-def figures(log: Columns, run: "EmgRun", emg_process: "EmgProcess") -> dict[str, Any]:
-    """Of a run's log, as JSON values; delays count from the sample with which a contraction was detected.
+def figures(log: Columns, run: "EmgRun", emg_process: "EmgProcess") -> EmgRunFigures:
+    """Of a run's log; delays count from the sample with which a contraction was detected.
 
     In the proportional mode the joint follows the envelope: there are no motions to speak of.
     """
@@ -54,18 +54,18 @@ def figures(log: Columns, run: "EmgRun", emg_process: "EmgProcess") -> dict[str,
     settled = np.concatenate([np.empty(0), *late])
     settled = settled[np.isfinite(settled)]
     age = log["emg.age"][led]
-    return {
-        "source": run.source,
-        "stream": emg_process.stream,
-        "wearer": run.where or None,
-        "motions": len(at) if triggered else None,
+    return EmgRunFigures(
+        source=run.source,
+        stream=emg_process.stream,
+        wearer=run.where or None,
+        motions=len(at) if triggered else None,
         **{f"onset_to_{name}_ms": _spread(delays) for name, delays in moves.items()},
-        "peak_after_first_second_deg": float(settled.max() / RADIANS) if len(settled) else None,
-        "age_ms": _spread(age.tolist()),
-        "samples": int(log["emg.samples"][-1]) if len(time) else 0,
-        "lost": int(log["emg.lost"][-1]) if len(time) else 0,
-        "why_lost": emg_process.lost or None,
-    }
+        peak_after_first_second_deg=float(settled.max() / RADIANS) if len(settled) else None,
+        age_ms=_spread(age.tolist()),
+        samples=int(log["emg.samples"][-1]) if len(time) else 0,
+        lost=int(log["emg.lost"][-1]) if len(time) else 0,
+        why_lost=emg_process.lost or None,
+    )
 
 
 def _motions(intent: Array, led: NDArray[np.bool_]) -> list[int]:
@@ -81,31 +81,10 @@ def _until(time: Array, values: Array, onset: float, begin: int, end: int, far: 
     return float(time[begin + gone[0]] - onset) if len(gone) else None
 
 
-def _spread(delays: Sequence[float | None]) -> dict[str, float] | None:
+def _spread(delays: Sequence[float | None]) -> DelaySpread | None:
     known = np.array([delay for delay in delays if delay is not None and np.isfinite(delay)])
     if not len(known):
         return None
-    quantiles = {"p50": np.median(known), "p99": np.quantile(known, 0.99), "max": known.max()}
-    return {name: round(1e3 * float(value), 3) for name, value in quantiles.items()}
-
-
-def print_figures(found: Mapping[str, Any]) -> None:
-    """The same for a person."""
-    motions = "the joint follows the envelope" if found["motions"] is None else counted(found["motions"], "motion")
-    print(f"EMG: {found['stream'] or found['source']}; {motions}", end="")
-    if found["peak_after_first_second_deg"] is not None:
-        print(f", error after the first second of each at most {found['peak_after_first_second_deg']:.2f}°", end="")
-    print()
-    said = [
-        f"{what} {found[f'onset_to_{name}_ms']['p50']:.0f} ms ({found[f'onset_to_{name}_ms']['max']:.0f} at most)"
-        for name, what in (("cycle", "loop"), ("command", "command moves"), ("joint", "joint moves by 1°"))
-        if found[f"onset_to_{name}_ms"]
-    ]
-    if said:
-        print(f"from the sample with which a contraction was detected: {', '.join(said)}")
-    age = f"; {found['age_ms']['p50']:.0f} ms old in the loop in the median" if found["age_ms"] else ""
-    if found["wearer"]:
-        print(f"wearer's levels from {found['wearer']}")
-    print(f"{found['lost']} of {counted(found['samples'], 'sample')} lost{age}")
-    if found["why_lost"]:
-        print(f"the stream at the end: {found['why_lost']}")
+    return DelaySpread(
+        *(round(1e3 * float(one), 3) for one in (np.median(known), np.quantile(known, 0.99), known.max()))
+    )

@@ -1,11 +1,12 @@
 """What the wearer felt of a suit that followed their push, by the torque that the run went by."""
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from bowden.cycle.one_cycle import TargetSource
 from bowden.design.felt import beside_load, rms_and_peak, settled
+from bowden.live.figures import FeltInRun
 
 if TYPE_CHECKING:
     from bowden.live.mcap_read import Recording
@@ -15,7 +16,7 @@ NEEDED = ("joint_seen", "joint_torque", "admittance.estimate.torque", "admittanc
 """Columns of the log that the figures come from, beside those of every run."""
 
 
-def figures(log: "Recording", pushing: "Pushing", period: float) -> dict[str, float] | None:
+def figures(log: "Recording", pushing: "Pushing", period: float) -> FeltInRun | None:
     """RMS and peak of the torque less the weight that is to be carried, and the median of its doubt [N·m].
 
     The torque is the load cell's, of which no doubt is known, in a run that went by it, and else the loop's estimate.
@@ -37,12 +38,4 @@ def figures(log: "Recording", pushing: "Pushing", period: float) -> dict[str, fl
         return None
     rms, peak = rms_and_peak(left[known])
     doubt = 0.0 if measured else float(np.median(log["admittance.estimate.doubt"][led][known]))
-    return {"rms_nm": rms, "peak_nm": peak, "doubt_nm": doubt}
-
-
-def print_figures(found: dict[str, Any]) -> None:
-    """The same for a person."""
-    how = f"estimated; in doubt by {found['doubt_nm']:.2f} N·m" if found["doubt_nm"] else "measured"
-    print(
-        f"the wearer feels about {found['rms_nm']:.2f} N·m RMS of the suit, {found['peak_nm']:.1f} N·m at most ({how})"
-    )
+    return FeltInRun(rms, peak, doubt)

@@ -31,6 +31,7 @@ from bowden.live import child, control_block, left_behind
 from bowden.live.automatic import automatic
 from bowden.live.control_block import ControlBlock
 from bowden.live.emg_process import EmgProcess
+from bowden.live.ended import Ended
 from bowden.live.gain_check import GainCheck
 from bowden.live.gain_ramp import RAMP
 from bowden.live.live_run import Live
@@ -113,7 +114,7 @@ class Session:
         self.log_lost = ""
         """Why the last of them is not there at the end: it was removed, replaced or moved during the run."""
         self.clock = MonotonicClock()
-        self.ended: dict[str, Any] | None = None
+        self.ended: Ended | None = None
         """What the loop said at its end."""
         self.error = ""
         """Why the loop ended without a word about how it ended; empty where it said that."""
@@ -355,7 +356,8 @@ class Session:
         with contextlib.suppress(queue.Empty):
             while True:
                 said = self._said.get_nowait() or {}
-                self.ended, self.error = said.get("ended", self.ended), said.get("error", self.error)
+                self.ended = Ended.of(said["ended"]) if "ended" in said else self.ended
+                self.error = said.get("error", self.error)
         if self.ended is None:
             self.error = self.error or self._how_it_died()
 

@@ -5,8 +5,9 @@ import math
 from dataclasses import KW_ONLY, dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal
 
+from bowden.core.documented import Documented
 from bowden.operations.support.operation import GivenLaw, GivenProgress, GivenRig, Operation
-from bowden.operations.support.results import Result, ResultPart, degrees
+from bowden.operations.support.results import Result, degrees
 
 if TYPE_CHECKING:
     from bowden.design.check_result import Check
@@ -17,7 +18,7 @@ Verdict = Literal["holds", "little_margin", "limit_cycle", "does_not_hold"]
 
 
 @dataclass(frozen=True)
-class WorstLoop(ResultPart):
+class WorstLoop(Documented):
     """The linear loop that decides."""
 
     bend_deg: float
@@ -32,7 +33,7 @@ class WorstLoop(ResultPart):
 
 
 @dataclass(frozen=True)
-class CycleAtRest(ResultPart):
+class CycleAtRest(Documented):
     """The limit cycle that backlash can cause."""
 
     predicted: bool
@@ -51,7 +52,7 @@ class CycleAtRest(ResultPart):
 
 
 @dataclass(frozen=True)
-class Chatter(ResultPart):
+class Chatter(Documented):
     """What the encoder's counts do to the command."""
 
     predicted: bool
@@ -63,7 +64,7 @@ class Chatter(ResultPart):
 
 
 @dataclass(frozen=True)
-class TautMargins(ResultPart):
+class TautMargins(Documented):
     """Margins of several motors on one joint, of a case of taut cables."""
 
     at: str
@@ -77,7 +78,7 @@ class TautMargins(ResultPart):
 
 
 @dataclass(frozen=True)
-class SharedLoops(ResultPart):
+class SharedLoops(Documented):
     """What is found of several motors on one joint besides."""
 
     motors: tuple[str, ...]
@@ -94,7 +95,7 @@ class SharedLoops(ResultPart):
 
 
 @dataclass(frozen=True)
-class LoopCheck(ResultPart):
+class LoopCheck(Documented):
     """Whether a law holds on one joint."""
 
     law: str
