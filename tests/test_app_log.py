@@ -27,7 +27,7 @@ from bowden.live.log_rig import UnknownCodeError, rig_of_log
 from bowden.live.mcap_log import LogFile, about
 from bowden.live.mcap_read import read
 from bowden.live.preflight import Reason
-from bowden.live.row import CYCLE, description
+from bowden.live.row import CYCLE, columns, description
 from bowden.live.run_settings import run_settings
 from bowden.models.drive.thermal import cold
 from bowden.operations.schema import json_schema
@@ -95,7 +95,7 @@ def folder(tmp_path: Path, rows: np.ndarray, monkeypatch: pytest.MonkeyPatch) ->
 
 
 def write(path: Path, rows: np.ndarray, settings: dict[str, Any], *, close: bool = True) -> None:
-    told = description(LAW_USED, settings, 1_700_000_000 * 10**9, 5)
+    told = description(columns(LAW_USED), settings, 1_700_000_000 * 10**9, 5)
     changes = Changes(told)
     with path.open("xb") as opened:
         file = LogFile(opened.fileno(), about(told, {"software": "bowden 1", "host": "rig"}))

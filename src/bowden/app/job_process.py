@@ -98,7 +98,7 @@ def _checked(progress: Progress, rig: Any, motor: str | None) -> dict[str, Any]:
         for label, text in check_rows(one)
         if text
     ]
-    worst = next((one.joint for one in found.joints if one.reason == found.reason), "")
+    worst = found.joint if found.joints else ""
     return {
         "holds": found.holds,
         "name": found.verdict,

@@ -41,7 +41,7 @@ from bowden.live.provenance import rig_revision
 from bowden.live.recorder import check_room
 from bowden.live.ring import CAPACITY, FOLDER, RingReader, Row, create
 from bowden.live.ring_status import RecorderState
-from bowden.live.row import AT, described
+from bowden.live.row import AT, description
 from bowden.live.session_motor import SessionMotor
 from bowden.live.stops import MotorFaults, told_apart
 from bowden.live.together import OF_ALL, mode_of_all, of_all
@@ -161,7 +161,7 @@ class Session:
         left_behind.sweep()
         more = {"about": self._about} if self._about else {}
         wall = round(unix_seconds() * SECOND)
-        about = described(live.columns(), {**live.log_settings(), **more, "twin": self.on_twin}, wall, now)
+        about = description(live.columns(), {**live.log_settings(), **more, "twin": self.on_twin}, wall, now)
         check_room(self.log, about, live.length)
         create(self._ring, about, CAPACITY // len(live.motors))  # a row of several is as much longer
         shared_memory.create(self._block, control_block.WORDS)

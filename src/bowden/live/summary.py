@@ -9,9 +9,10 @@ import numpy as np
 from bowden.core.errors import LogError
 from bowden.hardware.ports import TorqueLeft
 from bowden.hardware.realtime import Grant
-from bowden.live import emg_summary, push_summary, stops
+from bowden.live import stops
 from bowden.live.ended import SAID_NOTHING, Ended, EndedMotor
 from bowden.live.figures import Damage, EndedRun, RunMotor
+from bowden.live.led_summary import EMG_NEEDED, PUSH_NEEDED, emg_figures, push_figures
 from bowden.live.log_facts import NEEDED, recorded, tracked
 from bowden.live.mcap_log import about as describing
 from bowden.live.mcap_read import Recording, read
@@ -24,7 +25,7 @@ def ended_run(session: Session) -> EndedRun:
     """The figures of a run that has ended."""
     emg, emg_process = session.live.emg, session.emg_process
     pushing = session.live.pushing
-    more = (*(() if emg_process is None else emg_summary.NEEDED), *(() if pushing is None else push_summary.NEEDED))
+    more = (*(() if emg_process is None else EMG_NEEDED), *(() if pushing is None else PUSH_NEEDED))
     log, log_lost = _read(session, tuple(dict.fromkeys((*NEEDED, *more))))
     ended, known = session.ended or SAID_NOTHING, session.ended is not None
     gone, bits = ended.unattended, faults.of(ended.faults)
@@ -40,8 +41,8 @@ def ended_run(session: Session) -> EndedRun:
         cycles=ended.cycles if known else None,
         cycles_logged=len(log.rows),
         overruns=ended.overruns if known else None,
-        emg=None if emg is None or emg_process is None else emg_summary.figures(log, emg, emg_process),
-        interaction=None if pushing is None else push_summary.figures(log, pushing, session.live.rig.sample_time),
+        emg=None if emg is None or emg_process is None else emg_figures(log, emg, emg_process),
+        interaction=None if pushing is None else push_figures(log, pushing, session.live.rig.sample_time),
         grants=tuple(Grant(**one) for one in session.ready["grants"]),
         log=session.log,
         more_logs=tuple(session.logs[1:]),

@@ -98,6 +98,8 @@ class SharedLoops(Documented):
 class LoopCheck(Documented):
     """Whether a law holds on one joint."""
 
+    joint: str
+    """Its name or, where one motor moves it, that motor's; empty of a rig with one motor."""
     law: str
     """Name of the law."""
     verdict: Verdict
@@ -139,18 +141,10 @@ class LoopCheck(Documented):
 
 
 @dataclass(frozen=True)
-class JointCheck(LoopCheck):
-    """Whether the laws of one joint of several hold."""
-
-    joint: str
-    """Its name or, where one motor moves it, that motor's."""
-
-
-@dataclass(frozen=True)
 class CheckResult(LoopCheck, Result["Check | dict[str, Check]"]):
     """Whether a law holds; of a rig with several joints the figures of the worst, and of each."""
 
-    joints: tuple[JointCheck, ...]
+    joints: tuple[LoopCheck, ...]
     """Figures of each joint of a rig with several; empty for a rig with one."""
     refusals: tuple[str, ...]
     """Why bowden run refuses the rig, whether the law holds or not; empty where it takes it."""
@@ -227,7 +221,7 @@ def check(
             found_wrong += [f"{joint.said}: {ends}" if joint.said else ends] if ends else []
     worst = max(checks, key=lambda name: _badness(checks[name]))
     figures = {name: _figures(one, joints[name]) for name, one in checks.items()}
-    several = tuple(JointCheck(**one, joint=name) for name, one in figures.items() if len(checks) > 1)
+    several = tuple(LoopCheck(**one) for one in figures.values() if len(checks) > 1)
     told = figures[worst] | {"rig": whole.hash}
     said = as_notes(found_wrong)
     return CheckResult(
@@ -262,6 +256,7 @@ def _figures(found: "Check", joint: "RigJoint") -> dict[str, Any]:
         contraction = degrees(joint.settings.co_contraction)
         shared = SharedLoops(joint.names, contraction, loops, degrees(apart.drift), apart.apart)
     return {
+        "joint": joint.name,
         **{name: getattr(found, name) for name in ("law", "verdict", "holds", "reason", "leaves_out", "refuted")},
         **{name: getattr(found, name) for name in ("gain_margin_db", "phase_margin_deg", "delay_margin_s", "advice")},
         "worst": WorstLoop(
