@@ -110,6 +110,16 @@ def _checked(progress: Progress, rig: Any, motor: str | None) -> dict[str, Any]:
     }
 
 
+def verdict(progress: Progress, rig: Mapping[str, Any]) -> dict[str, Any]:
+    """What a check says of one motor's law, without the search for what would hold: a run waits for it."""
+    from bowden.design.check_rig import check_rig
+    from bowden.rig.rig import Rig
+
+    whole = Rig.unpack(rig)
+    found = check_rig(whole, whole.fitted())
+    return {"name": None, "text": found} if isinstance(found, str) else {"name": found.verdict, "text": found.reason}
+
+
 def page(progress: Progress, path: str, to: str) -> str:
     """The page of a log, as `bowden log plot` draws it."""
     from bowden.live.mcap_read import read
@@ -130,6 +140,7 @@ def export(progress: Progress, path: str, to: str) -> str:
 
 WORKS: dict[str, Callable[..., Any]] = {
     "check": check,
+    "verdict": verdict,
     "summaries": works.summaries,
     "details": works.details,
     "page": page,

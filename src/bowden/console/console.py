@@ -359,7 +359,7 @@ class Console:
         """Check a change, and hand it to the run's thread where it holds; what becomes of it is written into it."""
         why = "the console failed to check it"
         try:
-            found = await self.jobs.do("check", rig=rig.document())
+            found = await self.jobs.do("verdict", rig=rig.document())
             change["text"] = required(rig.law_name, found["name"], found["text"])
             if self.owner.seen.session is not session:
                 raise SafetyError("the session has ended")

@@ -1,6 +1,6 @@
 """The check of a change of gains, in a process of its own: the one that stands by the run has no time for it.
 
-It is the work ``check`` of `bowden.app.job_process`, as the console has it done.
+It is the work ``verdict`` of `bowden.app.job_process`, as the console has it done.
 """
 
 import json
@@ -26,9 +26,8 @@ class GainCheck:
         self._process = child.started("bowden.app.job_process", stderr=None)
         self._found: dict[str, Any] | None = None
         self._listener = child.listen(self._process, self._take)
-        document = (
-            json.dumps({"work": "check", "rig": rig.document()}) + "\n"
-        )  # whose reader may be busy; its input stays open while we wait
+        # who reads it may be busy, and its input stays open while we wait
+        document = json.dumps({"work": "verdict", "rig": rig.document()}) + "\n"
         threading.Thread(target=child.tell, args=(self._process, document), daemon=True).start()
 
     def _take(self, said: dict[str, Any] | None) -> None:
