@@ -71,8 +71,8 @@ def _operate(rig: Path, channel: str, log: Path) -> int:
                 break
         print("free", flush=True)
         operate(session, ending, auto=True, quiet=True)
-    ended = session.ended or {}
-    return 0 if ended.get("mode") == Mode.STOPPED and not session.error else 1
+    ended = session.ended
+    return 0 if ended is not None and ended.mode == Mode.STOPPED and not session.error else 1
 
 
 def _recording(path: Path) -> None:

@@ -21,7 +21,7 @@ from bowden.live.loop import Ended, Loop, MotorParts
 from bowden.live.mcap_read import Recording
 from bowden.live.ring import RingReader, RingWriter
 from bowden.live.ring_status import RecorderState, Report
-from bowden.live.row import AT, NOTHING_READ, description
+from bowden.live.row import AT, NOTHING_READ, columns, description
 from bowden.live.script import Script
 from bowden.models.cable.sheath_path import constant_bend
 from bowden.models.drive.thermal import cold
@@ -83,7 +83,7 @@ class LoopRig:
         """Cycles in which the law had the motor."""
         self._between, self._arms, self._quits = between, arms, quits
         parts = {"emg": course is not None, "pushed": push is not None, "braked": brake is not None}
-        about = description(law, {}, 0, 0, **parts, source=source)
+        about = description(columns(law, **parts, source=source), {}, 0, 0)
         self._columns, self._units = about.columns, about.units
         ring.create(folder / "ring", about, ROWS)
         shared_memory.create(folder / "block", control_block.WORDS)

@@ -15,8 +15,9 @@ from bowden.hardware import shared_memory
 from bowden.hardware.ports import Power, TorqueLeft
 from bowden.live import control_block, motor_columns, ring, row
 from bowden.live.control_block import ControlBlock
+from bowden.live.ended import Ended
 from bowden.live.figures import Damage
-from bowden.live.loop import Ended, Loop, MotorParts
+from bowden.live.loop import Loop, MotorParts
 from bowden.live.mcap_read import Recording
 from bowden.live.preflight import Preflight
 from bowden.live.ring import RingReader, RingWriter

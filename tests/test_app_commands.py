@@ -128,7 +128,7 @@ def test_a_schema_is_printed_by_its_name(name: str, capsys: pytest.CaptureFixtur
 def test_a_schema_has_what_the_types_say() -> None:
     info = json_schema("log info")
     assert info["additionalProperties"] is False
-    gain = info["$defs"]["LogGain"]["properties"]["before"]
+    gain = info["$defs"]["GainChange"]["properties"]["before"]
     assert gain == {"description": "Value in force before, in the law's own unit.", "type": "number"}
     check = json_schema("check")
     assert {"law", "verdict", "joints", "seconds"} <= {*check["required"]}

@@ -3,23 +3,29 @@
 import json
 import re
 import shlex
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
 
 import jsonschema
 import numpy as np
 import pytest
 
 from bowden.app.main import run
+from bowden.live.figures import EndedRun, RunStop
 from bowden.operations import demo
 from bowden.operations.schema import json_schema
 from bowden.records.trace import LED, Trace
 from bowden.report import demo_page
 from live_runs import tries
+from support.blank import blank
 
 pytestmark = pytest.mark.usefixtures("undrawn")
-WELL = {"ended_well": True, "seconds_led": 1.0, "rmse_deg": 0.1, "peak_deg": 0.2, "stops": [], "stalled_ms": None}
+WELL = blank(
+    EndedRun,
+    **{"ended_well": True, "seconds_led": 1.0, "rmse_deg": 0.1, "peak_deg": 0.2, "torque": "off", "drive": "a twin"},
+    **{"cycles_logged": 9, "log": Path("out/demo/bowden-1.mcap"), "log_whole": True},
+)
 
 
 @pytest.fixture(autouse=True)
@@ -44,8 +50,7 @@ def recorded() -> Trace:
 def test_it_goes_from_a_simulated_log_to_a_page_with_commands_for_ones_own(
     well: bool, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    ended = WELL | {"faults": [], "log": "out/demo/bowden-1.mcap"}
-    ended |= {} if well else {"ended_well": False, "stalled_ms": 80.0}
+    ended = WELL if well else replace(WELL, ended_well=False, stalled_ms=80.0)
     monkeypatch.setattr(demo, "_live", lambda *_, **__: (SimpleNamespace(trace=recorded), ended))
     assert run(["demo", *(["--json"] if well else [])]) == (0 if well else 1)
     printed = capsys.readouterr().out
@@ -94,14 +99,11 @@ def test_a_step_that_refuses_ends_it_with_its_own_message(capsys: pytest.Capture
     ("found", "said"),
     [
         (WELL, "ended as asked"),
-        (WELL | {"ended_well": False, "stops": [{"too_busy": "late"}]}, "by this computer"),
-        (
-            WELL | {"ended_well": False, "error": "", "unattended": None, "preflight": None, "faults": ["joint lost"]},
-            "ended before its time: joint lost",
-        ),
+        (replace(WELL, ended_well=False, stops=(RunStop(1.0, (), (), (), "late"),)), "by this computer"),
+        (replace(WELL, ended_well=False, faults=("joint lost",)), "ended before its time: joint lost"),
     ],
 )
-def test_how_a_live_run_ended_is_said(found: dict[str, Any], said: str) -> None:
+def test_how_a_live_run_ended_is_said(found: EndedRun, said: str) -> None:
     assert said in demo_page.ending(found)
 
 

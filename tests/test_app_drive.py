@@ -138,8 +138,8 @@ def test_a_drive_is_found_looked_at_and_zeroed_without_power(
 
     seen = document(["drive", "monitor", *place, "--duration", "0.5"], "drive monitor", capsys)
     assert seen["cycles"] == 500
-    assert seen["motor_deg"]["most"] - seen["motor_deg"]["least"] < 1.0
-    assert seen["tension_n"] == {"least": None, "most": None, "last": None}
+    assert seen["readings"]["motor_deg"]["most"] - seen["readings"]["motor_deg"]["least"] < 1.0
+    assert seen["readings"]["tension_n"] == {"least": None, "most": None, "last": None}
     assert set(seen["states"]) <= {"NOT_READY_TO_SWITCH_ON", "SWITCH_ON_DISABLED"}
 
     wanted = document(["drive", "zero", *place, "--motor-deg", "10", "--joint-deg", "20"], "drive zero", capsys)
@@ -147,8 +147,8 @@ def test_a_drive_is_found_looked_at_and_zeroed_without_power(
     zeroed = path.with_name("zeroed.toml")
     zeroed.write_text(text)
     again = document(["drive", "monitor", str(zeroed), *place[1:], "--duration", "0.2"], "drive monitor", capsys)
-    assert again["motor_deg"]["last"] == pytest.approx(10.0, abs=0.1)
-    assert again["joint_deg"]["last"] == pytest.approx(20.0, abs=0.1)
+    assert again["readings"]["motor_deg"]["last"] == pytest.approx(10.0, abs=0.1)
+    assert again["readings"]["joint_deg"]["last"] == pytest.approx(20.0, abs=0.1)
     assert not running.control.status()["torque"]
 
 
@@ -162,14 +162,14 @@ def test_a_load_cell_is_looked_at_and_tared_without_power(tmp_path: Path, capsys
         seen = document(["drive", "monitor", str(path), *place, "--duration", "0.3"], "drive monitor", capsys)
         assert "load cell: bowden load cell twin at node 33, 0.01 N a count; it says 0.01 N itself" in seen["drive"]
         pulled = running.control.status()["tension"]
-        assert seen["tension_n"]["last"] == pytest.approx(pulled, abs=0.02)
+        assert seen["readings"]["tension_n"]["last"] == pytest.approx(pulled, abs=0.02)
         assert seen["joint_torque_nm"]["last"] is None
         found = document(["drive", "tare", str(path), *place, "--load", "1.0"], "drive tare", capsys)
         assert found["read"] == pytest.approx(pulled, abs=0.02)
         tared = tmp_path / "tared.toml"
         tared.write_text(f"{text}zero = {found['keys']['zero']}\n")
         again = document(["drive", "monitor", str(tared), *place, "--duration", "0.3"], "drive monitor", capsys)
-        assert again["tension_n"]["last"] == pytest.approx(1.0, abs=0.03)
+        assert again["readings"]["tension_n"]["last"] == pytest.approx(1.0, abs=0.03)
         assert not running.control.status()["torque"]
 
 

@@ -11,7 +11,8 @@ from bowden.app.main import run
 from bowden.core.errors import BowdenError
 from bowden.hardware.emg.recorded import EmgMotion, columns
 from bowden.hardware.ports import EmgChunk
-from bowden.live.emg_summary import figures
+from bowden.live.figures import DelaySpread
+from bowden.live.led_summary import emg_figures
 from bowden.live.live_run import Live, live_run
 from bowden.live.preflight import Preflight, require
 from bowden.live.screen import _emg, wearer
@@ -291,17 +292,18 @@ def test_figures_are_of_motions_and_their_delays() -> None:
         SimpleNamespace(source="lsl:EMG", course=CourseSettings(), where="anna.toml"),
         SimpleNamespace(stream="LSL", lost=""),
     )
-    found = figures(log, run_by, emg_process)  # type: ignore[arg-type]
-    assert (found["motions"], found["wearer"]) == (2, "anna.toml")
-    assert found["onset_to_cycle_ms"] == {"p50": 15.0, "p99": 19.9, "max": 20.0}
-    assert found["onset_to_command_ms"]["max"] == pytest.approx(210.0)
-    assert found["onset_to_joint_ms"] == {"p50": 510.0, "p99": 510.0, "max": 510.0}
-    assert found["peak_after_first_second_deg"] == pytest.approx(3.0)
-    assert (found["samples"], found["lost"], found["age_ms"]["p50"]) == (5999, 2, 4.0)
+    found = emg_figures(log, run_by, emg_process)  # type: ignore[arg-type]
+    assert (found.motions, found.wearer) == (2, "anna.toml")
+    assert found.onset_to_cycle_ms == DelaySpread(15.0, 19.9, 20.0)
+    assert found.onset_to_command_ms is not None
+    assert found.onset_to_command_ms.max == pytest.approx(210.0)
+    assert found.onset_to_joint_ms == DelaySpread(510.0, 510.0, 510.0)
+    assert found.peak_after_first_second_deg == pytest.approx(3.0)
+    assert (found.samples, found.lost, found.age_ms and found.age_ms.p50) == (5999, 2, 4.0)
     run_by.course = CourseSettings(proportional=True)
-    follows = figures(log, run_by, emg_process)  # type: ignore[arg-type]
+    follows = emg_figures(log, run_by, emg_process)  # type: ignore[arg-type]
     told = ("motions", "onset_to_cycle_ms", "onset_to_command_ms", "onset_to_joint_ms", "peak_after_first_second_deg")
-    assert [follows[name] for name in told] == [None] * 5
+    assert [getattr(follows, name) for name in told] == [None] * 5
 
 
 def test_emg_of_a_rig_is_none_without_a_source(tmp_path: Path) -> None:

@@ -27,7 +27,7 @@ from bowden.live.log_rig import UnknownCodeError, rig_of_log
 from bowden.live.mcap_log import LogFile, about
 from bowden.live.mcap_read import read
 from bowden.live.preflight import Reason
-from bowden.live.row import CYCLE, description
+from bowden.live.row import CYCLE, columns, description
 from bowden.live.run_settings import run_settings
 from bowden.models.drive.thermal import cold
 from bowden.operations.schema import json_schema
@@ -95,7 +95,7 @@ def folder(tmp_path: Path, rows: np.ndarray, monkeypatch: pytest.MonkeyPatch) ->
 
 
 def write(path: Path, rows: np.ndarray, settings: dict[str, Any], *, close: bool = True) -> None:
-    told = description(LAW_USED, settings, 1_700_000_000 * 10**9, 5)
+    told = description(columns(LAW_USED), settings, 1_700_000_000 * 10**9, 5)
     changes = Changes(told)
     with path.open("xb") as opened:
         file = LogFile(opened.fileno(), about(told, {"software": "bowden 1", "host": "rig"}))
@@ -128,8 +128,8 @@ def test_info_tells_what_the_log_holds(rows: np.ndarray, capsys: pytest.CaptureF
     assert told["start_utc"] == "2023-11-14T22:13:20+00:00"
     assert (told["law"], told["seed"], told["sample_time_s"]) == ("adaptive", 2, pytest.approx(1e-3))
     lateness = rows[:, list(told["columns"]).index("lateness")]
-    assert told["lateness_s"]["p99_9"] == pytest.approx(np.percentile(lateness, 99.9))
-    assert told["lateness_s"]["max"] == lateness.max()
+    assert told["lateness"]["p999_us"] == pytest.approx(1e6 * np.percentile(lateness, 99.9))
+    assert told["lateness"]["max_us"] == 1e6 * lateness.max()
     assert told["settings"]["gains"]["feedback_gain"] == 4.0
     assert told["settings"]["unset"] is None
     texts = [event["text"] for event in told["events"]]

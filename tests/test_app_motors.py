@@ -177,7 +177,7 @@ def test_a_fault_of_one_twin_stops_both_and_is_told_with_its_motor(
             continue  # this computer was late first
         assert first["hip" if motor == "knee" else "knee"] == first[motor] + 1
         assert shown in of(float(other["faults"][first[motor] + 1]))
-        assert {one["mode"] for one in session.ended["motors"]} == {Mode.LATCHED}
+        assert {one.mode for one in session.ended.motors} == {Mode.LATCHED}
         assert f"{motor}: " in session.outcome
         break
     else:

@@ -10,7 +10,7 @@ import signal
 import threading
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -29,7 +29,7 @@ from bowden.hardware.drives.families.cia402 import DriveParameters
 from bowden.hardware.ports import TorqueLeft, torque_left
 from bowden.live import operator, stops, thermal_file
 from bowden.live.automatic import automatic
-from bowden.live.figures import Damage
+from bowden.live.figures import Damage, EndedRun, Lateness, RunMotor, RunStop, TimedText
 from bowden.live.mcap_read import Recording
 from bowden.live.preflight import Reason
 from bowden.live.ring_status import RecorderState
@@ -37,12 +37,13 @@ from bowden.live.row import columns
 from bowden.live.screen import picture
 from bowden.live.session import PATIENCE, patient
 from bowden.live.stops import MotorFaults, told_apart
-from bowden.live.summary import print_summary
 from bowden.models.drive.thermal import Thermal, cold
 from bowden.rig.rig import Rig
 from bowden.safety.faults import Fault, of
 from bowden.safety.limits import Limits
 from bowden.safety.state import Mode, Request
+from bowden.views.run import print_summary
+from support.blank import blank
 
 DRIVE, LIMITS = DriveParameters(), Limits()
 WARM = {"supervisor.heat.winding": 80.0, "supervisor.heat.housing": 60.0, "supervisor.heat.i2t": 12.0}
@@ -349,33 +350,21 @@ def test_a_push_is_shown_only_while_it_makes_the_reference() -> None:
 
 
 def test_the_summary_says_what_ended_the_run_and_what_its_log_lacks(capsys: pytest.CaptureFixture[str]) -> None:
-    found = {
-        **dict.fromkeys(("rmse_deg", "lateness", "preflight", "emg", "interaction", "stalled_ms", "unattended")),
-        "twin": False,
-        "stops": [],
-        "ended_well": False,
-        "faults": ["drive in fault"],
-        "remedies": ["read the error code"],
-        "emergencies": ["0x4210: over-temperature of the power stage"],
-        "torque": "off",
-        "error": "the loop failed",
-        "cycles": 100,
-        "cycles_logged": 40,
-        "log": "a.mcap",
-        "more_logs": [],
-        "log_whole": False,
-        "log_lost": None,
-    }
-    both = [
-        {"name": name, "law": "bowden", "rmse_deg": None, "seconds_led": 0.0, "faults": faulty}
-        for name, faulty in (("hip", ["drive in fault"]), ("knee", ["another motor is off", "drive in fault"]))
-    ]
-    stop = {
-        **{"time_s": 1.0, "motor": "hip", "causes": ["drive in fault"], "remedies": ["read the error code"]},
-        **{"consequences": ["knee: another motor is off"], "too_busy": None},
-    }
-    of_two = {"motors": both, "stops": [stop], "faults": ["drive in fault", "another motor is off"]}
-    print_summary(found | of_two | {"remedies": ["read the error code", "correct it"]})
+    found = blank(
+        EndedRun,
+        **{"ended_well": False, "faults": ("drive in fault",), "remedies": ("read the error code",), "torque": "off"},
+        **{"error": "the loop failed", "cycles": 100, "cycles_logged": 40, "log": Path("a.mcap"), "log_whole": False},
+        emergencies=(TimedText(1.0, "0x4210: over-temperature of the power stage"),),
+    )
+    both = tuple(
+        blank(RunMotor, name=name, law="bowden", seconds_led=0.0, faults=faulty)
+        for name, faulty in (("hip", ("drive in fault",)), ("knee", ("another motor is off", "drive in fault")))
+    )
+    stop = RunStop(
+        *(1.0, ("drive in fault",), ("read the error code",), ("knee: another motor is off",)), None, motor="hip"
+    )
+    of_two = {"motors": both, "stops": (stop,), "faults": ("drive in fault", "another motor is off")}
+    print_summary(replace(found, **of_two, remedies=("read the error code", "correct it")))
     said = capsys.readouterr()
     assert "ended by a fault: knee: drive in fault; read the error code" in said.out
     assert said.out.count("another motor is off") == 1
@@ -386,16 +375,16 @@ def test_the_summary_says_what_ended_the_run_and_what_its_log_lacks(capsys: pyte
     assert "bowden log recover a.mcap" in said.out
     assert "60 cycles of 100 are not in the log" in said.err
     assert "not closed properly" in said.err
-    late = dict.fromkeys(("p50_us", "p99_us", "p999_us", "max_us"), 1.0)
-    print_summary(found | {"cycles": None, "lateness": late, "run_time_median_us": 1.0, "overruns": None})
+    late = Lateness(1.0, 1.0, 1.0, 1.0, 1)
+    print_summary(replace(found, cycles=None, lateness=late, run_time=late))
     said = capsys.readouterr()
     assert "40 cycles in the log" in said.out
     assert "None" not in said.out
-    print_summary(found | {"ended_well": True, "seconds_led": 0.04, "cycles": 40, "log_whole": True})
+    print_summary(replace(found, ended_well=True, seconds_led=0.04, cycles=40, log_whole=True))
     said = capsys.readouterr()
     assert "ended by a fault" not in said.out
     assert said.err == ""
-    print_summary(found | {"cycles_logged": 0, "log_lost": "a.mcap was removed during the run"})
+    print_summary(replace(found, cycles_logged=0, log_lost="a.mcap was removed during the run"))
     said = capsys.readouterr()
     assert "a.mcap" not in said.out, "nothing is advised that finds no file"
     assert said.err.count("\n") == 1
@@ -501,46 +490,46 @@ def test_what_stopped_a_run_is_found_in_its_log_though_it_was_acknowledged() -> 
         (Mode.RELEASING, 20, ()),
         (Mode.STOPPED, 20, ()),
     )
-    (found,) = stops.document(log, LIMITS._asdict(), twin=False)
-    assert found["time_s"] == pytest.approx(0.1)
-    assert (found["causes"], found["consequences"]) == (
-        ["drive at its limit"],
-        ["drive switched off or restarted by itself"],
+    (found,) = stops.run_stops(log, LIMITS._asdict(), twin=False)
+    assert found.time_s == pytest.approx(0.1)
+    assert (found.causes, found.consequences) == (
+        ("drive at its limit",),
+        ("drive switched off or restarted by itself",),
     )
     assert not stops.stops(log_of((Mode.LATCHED, 9, (Fault.LATE,)), (Mode.STOPPED, 9, ()))), "it was of the run before"
 
 
 def test_a_busy_computer_is_said_with_its_figure_and_is_no_fault_of_the_rig() -> None:
     late = log_of((Mode.RUNNING, 99, ()), (Mode.LATCHED, 9, (Fault.LATE, Fault.MOTOR_STALE)), late=0.031)
-    (found,) = stops.document(late, LIMITS._asdict(), twin=False)
+    (found,) = stops.run_stops(late, LIMITS._asdict(), twin=False)
     line, beside = stops.lines(found)
     assert beside == f"at the same time: {Fault.MOTOR_STALE.meaning}; {Fault.MOTOR_STALE.remedy}"
     assert line.startswith("this computer is too busy: cycles came 31 ms late (20 ms are allowed, lateness_s of ")
-    assert not stops.document(late, {}, twin=True)[0]["too_busy"], "a log without limits says none"
+    assert not stops.run_stops(late, {}, twin=True)[0].too_busy, "a log without limits says none"
 
 
 @pytest.mark.parametrize("twin", [False, True])
 def test_a_drive_that_falls_silent_is_blamed_and_no_computer_that_was_in_time(twin: bool) -> None:
     old, rest = (Fault.MOTOR_STALE, Fault.JOINT_STALE), (Mode.RUNNING, 99, ())
     silent = log_of(rest, (Mode.LATCHED, 9, old), (Mode.LATCHED, 9, (*old, Fault.HEARTBEAT_LOST, Fault.NOT_DISABLED)))
-    first, *others = stops.lines(stops.document(silent, LIMITS._asdict(), twin=twin)[0], twin=twin)
+    first, *others = stops.lines(stops.run_stops(silent, LIMITS._asdict(), twin=twin)[0], twin=twin)
     assert first == f"drive silent; {stops.remedy_of(Fault.HEARTBEAT_LOST, twin=twin)}"
     assert others == ["as a consequence: motor angle is late, joint angle is late, drive keeps its torque"]
     deaf = log_of(rest, (Mode.LATCHED, 9, old), (Mode.LATCHED, 9, (*old, Fault.EMERGENCY)))
     joint = log_of(rest, (Mode.LATCHED, 9, old[1:]), (Mode.LATCHED, 9, (*old[1:], Fault.HEARTBEAT_LOST)))
     for log, causes in ((deaf, old), (joint, old[1:])):
-        (found,) = stops.document(log, LIMITS._asdict(), twin=twin)
-        assert found["causes"] == [fault.meaning for fault in causes]
+        (found,) = stops.run_stops(log, LIMITS._asdict(), twin=twin)
+        assert [*found.causes] == [fault.meaning for fault in causes]
         assert not any("too busy" in line for line in stops.lines(found, twin=twin))
 
 
 def test_a_command_that_was_not_let_run_is_no_fault_of_the_rig() -> None:
     lost = log_of((Mode.RUNNING, 99, ()), (Mode.LATCHED, 9, (Fault.OPERATOR_LOST,)), alone=0.312)
     for twin in (False, True):
-        (line,) = stops.lines(stops.document(lost, LIMITS._asdict(), twin=twin)[0], twin=twin)
+        (line,) = stops.lines(stops.run_stops(lost, LIMITS._asdict(), twin=twin)[0], twin=twin)
         assert "gave no sign of life for 312 ms (280 ms are allowed, operator_age_s of [limits])" in line
     wider = LIMITS._replace(operator_age=1.0)._asdict()
-    assert not stops.document(lost, wider, twin=True)[0]["too_busy"], "less than is allowed: it is something else"
+    assert not stops.run_stops(lost, wider, twin=True)[0].too_busy, "less than is allowed: it is something else"
 
 
 @pytest.mark.parametrize("left", list(TorqueLeft))
@@ -561,13 +550,13 @@ def test_a_computer_that_is_late_after_a_fault_hides_no_fault() -> None:
         (Mode.LATCHED, 400, (Fault.DRIVE_FAULT, Fault.LATE)),
         (Mode.LATCHED, 500, (Fault.DRIVE_FAULT, Fault.LATE, Fault.HEARTBEAT_LOST)),
     )
-    (found,) = stops.document(log, LIMITS._asdict(), twin=True)
-    assert (found["causes"], found["consequences"]) == ([Fault.DRIVE_FAULT.meaning], [Fault.LATE.meaning])
+    (found,) = stops.run_stops(log, LIMITS._asdict(), twin=True)
+    assert (found.causes, found.consequences) == ((Fault.DRIVE_FAULT.meaning,), (Fault.LATE.meaning,))
     assert next(stops.lines(found)) == f"{Fault.DRIVE_FAULT.meaning}; {Fault.DRIVE_FAULT.remedy}"
-    (found,) = stops.document(
+    (found,) = stops.run_stops(
         log_of((Mode.RUNNING, 9, ()), (Mode.LATCHED, 9, (Fault.CLOCK,))), LIMITS._asdict(), twin=False
     )
-    assert not found["too_busy"], "no cycle was late"
+    assert not found.too_busy, "no cycle was late"
     assert list(stops.lines(found)) == [f"{Fault.CLOCK.meaning}; {Fault.CLOCK.remedy}"]
 
 

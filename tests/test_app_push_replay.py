@@ -18,11 +18,11 @@ from bowden.cycle.one_cycle import LAW, LAW_BEGINS, NOTHING_OBSERVED, Cycle, Fil
 from bowden.design.felt import felt
 from bowden.live.events import Changes
 from bowden.live.figures import Damage
+from bowden.live.led_summary import push_figures
 from bowden.live.live_run import Live, live_run
 from bowden.live.log_replay import source_for
 from bowden.live.mcap_log import LogFile, about
 from bowden.live.mcap_read import Recording
-from bowden.live.push_summary import figures
 from bowden.live.row import columns, description
 from bowden.live.run_settings import run_settings
 from bowden.models.drive.thermal import cold
@@ -150,7 +150,7 @@ def recorded(ran: Live) -> np.ndarray:
 def test_the_replay_of_another_law_is_that_law_above_its_own_source(capsys: pytest.CaptureFixture[str]) -> None:
     ran, other = live("uncompensated"), live("cascaded_pid").law
     rows, source = recorded(ran), live("cascaded_pid").source()
-    kept = description(ran.law, told(ran), 1_700_000_000 * 10**9, 5, source=ran.source())
+    kept = description(columns(ran.law, source=ran.source()), told(ran), 1_700_000_000 * 10**9, 5)
     events, _ = Changes(kept).find(np.arange(CYCLES), rows)
     with Path("run.mcap").open("xb") as opened:
         file = LogFile(opened.fileno(), about(kept, {"software": "bowden 1", "host": "rig"}))
@@ -190,13 +190,16 @@ def test_the_summary_of_a_run_has_the_figures_of_the_simulations(folder: Path) -
         after = np.column_stack([np.full(len(time), TargetSource.LAW), joint, torque, np.full(len(time), 0.4)])
         rows = np.vstack([before, after])
         log = Recording({}, None, names, (), np.arange(len(rows)), rows, [], Damage(0, 0, 0))
-        found = figures(log, pushing, DT)
+        found = push_figures(log, pushing, DT)
         assert found is not None
         trace = Trace(
             {"time": time, "joint": joint, "interaction_torque": torque},
             dict.fromkeys(("time", "joint", "interaction_torque"), "1"),
         )
         expected = felt(trace, pushing.suit.arm, pushing.section.carried)
-        assert (found["rms_nm"], found["peak_nm"]) == (expected.rms, expected.peak)
-        assert found["doubt_nm"] == 0.4
-        assert figures(Recording({}, None, names, (), np.arange(700), before, [], Damage(0, 0, 0)), pushing, DT) is None
+        assert (found.rms_nm, found.peak_nm) == (expected.rms, expected.peak)
+        assert found.doubt_nm == 0.4
+        assert (
+            push_figures(Recording({}, None, names, (), np.arange(700), before, [], Damage(0, 0, 0)), pushing, DT)
+            is None
+        )

@@ -63,7 +63,7 @@ def test_a_fault_injected_by_the_command_line_ends_the_run_and_is_told(
         if events.count("inject") and meaning in found["faults"]:
             assert process.returncode == 1
             assert len(found["remedies"]) == len(found["faults"])
-            assert emergency is None or emergency in found["emergencies"]
+            assert emergency is None or emergency in [one["text"] for one in found["emergencies"]]
             return
     pytest.fail(f"no run was ended by it: {told}")
 

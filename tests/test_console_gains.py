@@ -89,9 +89,9 @@ def changed_while_the_law_runs(page: Page, console: RunningConsole) -> None:
     found = read(log)
     asked = found["asked.integral_gain"]
     assert asked[np.flatnonzero(np.diff(asked)) + 1].tolist() == [30.0]
-    (told,) = facts(read(log, needed(log)))["gains"]
-    assert (told["name"], told["before"], told["to"]) == ("integral_gain", begun["integral_gain"]["value"], 30.0)
-    assert told["in_force_s"] - told["time_s"] == pytest.approx(0.5, abs=0.1)
+    (told,) = facts(read(log, needed(log))).gains
+    assert (told.name, told.before, told.to) == ("integral_gain", begun["integral_gain"]["value"], 30.0)
+    assert told.in_force_s - told.time_s == pytest.approx(0.5, abs=0.1)
     assert_replays(str(log))
 
 

@@ -14,10 +14,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bowden.live.log_facts import NEEDED, facts, lines
+from bowden.live.log_facts import NEEDED, facts
 from bowden.live.mcap_read import read
 from bowden.safety.faults import Fault
 from bowden.safety.state import Mode
+from bowden.views.log import lines
 from console_client import RIG, STRANGE, Page, RunningConsole, await_answer, half_open, running_console
 from live_runs import COMMAND, tries
 

@@ -25,7 +25,7 @@ from bowden.core.clock import SECOND, MonotonicClock
 from bowden.core.errors import ParameterError, SafetyError
 from bowden.live.live_run import live_run
 from bowden.live.ring import Batch, RingReader, RingWriter, create
-from bowden.live.row import AT, description
+from bowden.live.row import AT, columns, description
 from bowden.rig.rig import Rig
 from bowden.safety.limits import Limits
 from bowden.safety.state import Mode, Request
@@ -280,7 +280,7 @@ class FakeReader:
     """Rows of a run at 1 kHz, as many as are asked for."""
 
     def __init__(self) -> None:
-        self.description = description(LAWS["adaptive"], {"limits": Limits()._asdict()}, 0, 0)
+        self.description = description(columns(LAWS["adaptive"]), {"limits": Limits()._asdict()}, 0, 0)
         self.count, self.next = 0, 0
 
     def read(self) -> Batch:
@@ -344,7 +344,7 @@ def test_emg_is_shown_with_its_wearers_levels_and_what_was_detected(tmp_path: Pa
     (tmp_path / "rig.toml").write_text(f"[scenario]\nduration_s = 60.0\n[emg]\nsource = 'lsl:EMG'\n{wearer}\n")
     run = live_run(Rig.read(tmp_path / "rig.toml"))
     made = {"limits": run.limits._asdict(), **run.settings()}
-    about = description(run.law, made, 0, 0, emg=True)
+    about = description(columns(run.law, emg=True), made, 0, 0)
     found = columns_of(about.columns, about.units, about.settings)
     assert found == columns_of(about.columns, about.units, json.loads(json.dumps(made)))
     emg = {one.name: one for one in found if one.group == "emg"}
@@ -356,7 +356,7 @@ def test_emg_is_shown_with_its_wearers_levels_and_what_was_detected(tmp_path: Pa
     for name, values in said.items():
         rows[:, about.columns.index(name)] = values
     assert np.allclose(taken(list(emg.values()), about.columns, rows).T, [*said.values()])
-    without = description(run.law, made, 0, 0)
+    without = description(columns(run.law), made, 0, 0)
     assert not [one for one in columns_of(without.columns, without.units, made) if one.group == "emg"]
 
 
@@ -364,7 +364,7 @@ def test_emg_is_shown_with_its_wearers_levels_and_what_was_detected(tmp_path: Pa
     "settings", [{}, {"limits": None, "emg": 3}, {"emg": {"wearer": "x"}, "limits": {"current_peak": "x"}}]
 )
 def test_settings_of_a_strange_log_give_curves_without_limits(settings: dict[str, Any]) -> None:
-    about = description(LAWS["adaptive"], {}, 0, 0, emg=True)
+    about = description(columns(LAWS["adaptive"], emg=True), {}, 0, 0)
     assert all(one.low is None and one.high is None for one in columns_of(about.columns, about.units, settings))
 
 
@@ -385,7 +385,7 @@ def test_a_viewer_that_fell_behind_gets_the_whole_window_anew() -> None:
 
 def test_a_terminals_rows_are_read_by_a_reader_for_each_thread_and_pages_change_no_gain(tmp_path: Path) -> None:
     """The terminal's own reads on while pages are told: a barrier is a lock, which no two threads may share."""
-    about = description(LAWS["adaptive"], {"limits": {}}, 0, 0)
+    about = description(columns(LAWS["adaptive"]), {"limits": {}}, 0, 0)
     create(tmp_path / "a.ring", about, 64)
     writer, rows = RingWriter(tmp_path / "a.ring"), RingReader(tmp_path / "a.ring")
     seen = {"came": {}, "recorder": 1, "row_of": lambda row: {"mode": row[0]}}

@@ -21,10 +21,14 @@ import bowden
 from bowden.app.main import run
 from bowden.control import LAWS
 from bowden.core.errors import BowdenError, ParameterError
+from bowden.hardware.ports import TorqueLeft
+from bowden.live.ended import Ended, EndedMotor
+from bowden.live.figures import RunStop
 from bowden.live.log_rig import rig_of_log
 from bowden.live.mcap_read import Recording
 from bowden.live.mcap_reader import Damage
 from bowden.live.outcome import RunState, outcome, outcome_of
+from bowden.live.preflight import REASONS, Reason
 from bowden.live.ring_status import RecorderState
 from bowden.operations.support.given import in_turn
 from bowden.operations.support.progress import reported
@@ -412,6 +416,12 @@ def test_a_run_on_a_twin_is_a_context_and_leaves_a_trace(tmp_path: Path) -> None
     assert rig_of_log(session.log).drive == rig.drive  # not the bus of a twin that is no more
 
 
+def end(*, ran: bool = True, **of_motor: Any) -> Ended:
+    """Of a loop with one motor; as asked where nothing else is given."""
+    as_asked = EndedMotor(Mode.STOPPED, 0, TorqueLeft.OFF, Reason.NONE)
+    return Ended(9, 0, 0.0, 0.0, ran, (as_asked._replace(**of_motor),))
+
+
 FROZEN = (
     "joint angle does not change; look at the joint encoder, its coupling and the cable; "
     "as a consequence: joint and motor disagree"
@@ -425,24 +435,21 @@ FROZEN = (
         (None, "", Mode.RUNNING, [], "the run goes on, under its law"),
         (None, "", Mode.RUNNING, [Fault.JOINT_FROZEN], "the run goes on, under its law"),
         (None, "", Mode.LATCHED, [Fault.JOINT_FROZEN, Fault.JOINT_MOTOR_MISMATCH], f"stopped by a fault: {FROZEN}"),
-        ({"mode": 0, "torque": 0}, "", Mode.STOPPED, [], "ended as asked"),
-        ({"mode": 0, "torque": 0, "ran": False}, "", Mode.STOPPED, [], "ended as asked, before it ran"),
+        (end(), "", Mode.STOPPED, [], "ended as asked"),
+        (end(ran=False), "", Mode.STOPPED, [], "ended as asked, before it ran"),
         (
-            {"mode": 0, "torque": 0, "ran": False, "faults": 1 << Fault.RECORDER_LOST},
-            "",
-            Mode.STOPPED,
-            [Fault.RECORDER_LOST],
+            *(end(faults=1 << Fault.RECORDER_LOST, ran=False), "", Mode.STOPPED, [Fault.RECORDER_LOST]),
             "the run was ended: nothing is recorded; its log was removed, replaced or moved",
         ),
         (
-            {"mode": 5, "torque": 0},
-            "",
-            Mode.LATCHED,
-            [Fault.JOINT_FROZEN, Fault.JOINT_MOTOR_MISMATCH],
+            *(end(mode=Mode.LATCHED), "", Mode.LATCHED, [Fault.JOINT_FROZEN, Fault.JOINT_MOTOR_MISMATCH]),
             f"ended: {FROZEN}",
         ),
-        ({"mode": 0, "torque": 1}, "", Mode.STOPPED, [], "assume it is on, press the emergency stop"),
-        ({"mode": 0, "torque": 0, "reason": "no"}, "it died", Mode.STOPPED, [], "the run was ended: no; it died"),
+        (end(torque=TorqueLeft.UNKNOWN), "", Mode.STOPPED, [], "assume it is on, press the emergency stop"),
+        (
+            *(end(reason=Reason.RESTLESS), "it died", Mode.STOPPED, []),
+            f"the run was ended: {REASONS[Reason.RESTLESS]}; it died",
+        ),
     ],
 )
 def test_how_a_run_ended_is_said(ended: Any, error: str, mode: Any, came: list[Fault], said: str) -> None:
@@ -468,7 +475,7 @@ def test_a_log_says_how_its_run_ended(modes: tuple[int, ...], fault: Fault | Non
     rows = np.array([(mode, bits, float(RecorderState.FULL)) for mode in modes]).reshape(len(modes), 3)
     columns = ("mode", "faults", "recorder")
     log = Recording({}, None, columns, ("1",) * 3, np.arange(len(modes)), rows, [], Damage(0, 0, 0))
-    stop = {"time_s": 3.0, "causes": [fault.meaning if fault else ""]}
+    stop = RunStop(3.0, (fault.meaning if fault else "",), (), (), None)
     assert outcome_of(log, [stop] * stops, twin=False).startswith(said)
 
 

@@ -23,7 +23,7 @@ from bowden.core.errors import BowdenError, ParameterError
 from bowden.identify.emg.log import read_emg
 from bowden.identify.log.read import read_log
 from bowden.live.mcap_read import read as read_mcap
-from bowden.live.read_trace import read_trace
+from bowden.live.mcap_read import read_trace
 from bowden.plants.cables import identified
 from bowden.plants.identified import load_cable
 from bowden.records.table import read_table

@@ -18,10 +18,10 @@ from bowden.live import foxglove_process, ring
 from bowden.live.foxglove_process import served
 from bowden.live.mcap_layout import Packing, topics
 from bowden.live.ring import RingWriter
-from bowden.live.row import AT, description
+from bowden.live.row import AT, columns, description
 from support.own_loop import in_a_thread
 
-ABOUT = description(LAWS["adaptive"], {}, 1_700_000_000 * 10**9, 5)
+ABOUT = description(columns(LAWS["adaptive"]), {}, 1_700_000_000 * 10**9, 5)
 
 
 @pytest.fixture

@@ -14,7 +14,7 @@ from bowden.hardware.buses.link import Links
 from bowden.hardware.drives.canopen_drive import CanopenDrive
 from bowden.hardware.drives.families.cia402 import DriveParameters
 from bowden.hardware.ports import Power, TorqueLeft
-from bowden.live.loop import Ended
+from bowden.live.ended import Ended
 from bowden.live.preflight import Preflight
 from bowden.live.script import Script
 from bowden.rig.families import DriveNeeds

@@ -3,13 +3,13 @@
 import re
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
 
 from bowden.control import LAWS
 from bowden.drawing.style import COLOURS, CYCLE, colours_for, dashes_for, legend, new_figure, stay_near
+from bowden.live.figures import LogFacts, RunStop
 from bowden.records.trace import Trace
 from bowden.report import log_figures, page, simulate_figures
 from bowden.report.log_page import log_page
@@ -18,6 +18,7 @@ from bowden.safety.faults import Fault
 from bowden.study.distributions import distribution
 from bowden.study.figures import LawFigures, Summary
 from bowden.study.results import ParameterShare
+from support.blank import blank
 
 
 def run(stroke: float = 1.0, *, after: int = 10_000, names: Mapping[str, list[str]] | None = None) -> Trace:
@@ -83,20 +84,7 @@ def test_loops_have_one_scale_and_one_range() -> None:
     assert [len(one.texts) for one in panels] == [0, 1], "the cut one says so"
 
 
-FACTS: dict[str, Any] = {
-    "whole": True,
-    "twin": False,
-    "cycles": 10_000,
-    "missing": 0,
-    "duration_s": 10.0,
-    "law": "adaptive",
-    "start_utc": "then",
-    "lateness_s": None,
-    "run_time_s": None,
-    "overruns": None,
-    "outcome": "ended as asked",
-    "stops": [],
-}
+FACTS = blank(LogFacts, whole=True, cycles=10_000, missing=0, duration_s=10.0, law="adaptive", outcome="ended as asked")
 
 
 @pytest.mark.usefixtures("undrawn")
@@ -105,14 +93,15 @@ def test_a_log_opens_with_its_error_and_its_end() -> None:
     modes = np.where(trace.time < 9.0, 2.0, 0.0)
     sources = np.where(trace.time < 5.0, 0.0, 9.0)  # the law leads from then on
     whole = Trace({**trace.columns, "mode": modes, "source": sources}, {**trace.units, "mode": "1", "source": "1"})
-    html = log_page(whole, [], FACTS, "Run").html()
-    led = np.degrees(np.sqrt(np.mean(trace.error[trace.time >= 5.0] ** 2)))
+    html = log_page(whole, [], replace(FACTS, rmse_deg=0.5, peak_deg=1.0, seconds_led=5.0), "Run").html()
     assert "How the run ended: ended as asked. The log ends at 9.999 s." in html
-    assert f'<td>RMSE while the law led</td><td class="number">{led:.3f}</td>' in html
+    assert '<td>RMSE while the law led</td><td class="number">0.500</td>' in html
     assert html.index("RMSE while the law led") < html.index("<svg")
-    stop = {"time_s": 3.0, "causes": ["a"], "remedies": ["b"], "consequences": ["c"], "too_busy": None}
+    ended = replace(
+        FACTS, stops=(RunStop(3.0, ("a",), ("b",), ("c",), None),), outcome="ended by a fault at 3.000 s: a"
+    )
     latched = Trace({**whole.columns, "mode": np.full(len(trace), 5.0)}, whole.units)
-    html = log_page(latched, [], FACTS | {"stops": [stop], "outcome": "ended by a fault at 3.000 s: a"}, "Run").html()
+    html = log_page(latched, [], ended, "Run").html()
     assert "Stopped by a fault at 3.000 s: a; b." in html
     assert "How the run ended: ended by a fault at 3.000 s: a." in html
 

@@ -269,9 +269,9 @@ def test_what_a_log_says_of_one_motor_has_its_columns_alone(leg: Rig) -> None:
     parts = (np.arange(2), rows, [], Damage(0, 0, 0), live.log_settings())
     whole = Recording(about, None, (*columns,), (*columns.values(),), *parts)
     knee = whole.only("knee")
-    assert [*facts(knee)["columns"]] == [*knee.columns]
-    assert facts(knee)["columns"]["joint"] == "rad"
-    assert {*facts(whole)["columns"]} == {*columns}
+    assert [*facts(knee).columns] == [*knee.columns]
+    assert facts(knee).columns["joint"] == "rad"
+    assert {*facts(whole).columns} == {*columns}
 
 
 def test_the_log_of_a_run_knows_the_settings_of_each_motor(leg: Rig) -> None:

@@ -16,8 +16,7 @@ from bowden.core.quantity import Quantity
 from bowden.core.signals import Reference, Sample
 from bowden.core.units import RADIANS
 from bowden.cycle.one_cycle import Filters, TargetSource
-from bowden.live.dead_zone import dead_zone
-from bowden.live.preflight import Preflight, begin, step
+from bowden.live.preflight import Preflight, begin, dead_zone, step
 from bowden.live.replay import replay
 from bowden.live.script import Script
 from bowden.plants.knowledge_of import knowledge_of

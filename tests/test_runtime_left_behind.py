@@ -19,7 +19,7 @@ from bowden.hardware import shared_memory
 from bowden.live import control_block, left_behind, loop_process
 from bowden.live.live_run import live_run
 from bowden.live.ring import create
-from bowden.live.row import described
+from bowden.live.row import description
 from bowden.models.drive.thermal import cold
 from bowden.rig.rig import Rig
 
@@ -122,7 +122,7 @@ def test_a_loop_whose_operator_has_gone_brings_no_drive_up(tmp_path: Path, monke
     drive = SimpleNamespace(bring_up=lambda: brought_up.append("up"), close=lambda: closed.append("closed"))
     monkeypatch.setattr("bowden.hardware.drives.of_rig.open_drive", lambda *given: drive)
     monkeypatch.setattr(signal, "signal", lambda number, handler: None)
-    create(tmp_path / "ring", described(live.columns(), {}, 0, 0), 64)
+    create(tmp_path / "ring", description(live.columns(), {}, 0, 0), 64)
     shared_memory.create(tmp_path / "block", control_block.WORDS)
     thermal = [cold(motor.limits.thermal) for motor in live.motors]
     given = {"emg": None, "start_ns": 0, "thermal": thermal, "latched": [None], "remembers": False}

@@ -14,7 +14,7 @@ from bowden.core.signals import DriveReading
 from bowden.cycle.one_cycle import TargetSource
 from bowden.hardware.ports import Power, TorqueLeft
 from bowden.hardware.twin.bench import TwinBench
-from bowden.live.loop import Ended
+from bowden.live.ended import Ended
 from bowden.live.mcap_read import Recording
 from bowden.live.preflight import Preflight
 from bowden.live.row import NOTHING_READ

@@ -11,7 +11,7 @@ from bowden.cycle.one_cycle import Filters, TargetSource
 from bowden.hardware.emg import intent_block
 from bowden.hardware.emg.course import EmgCourse
 from bowden.hardware.emg.intent_block import IntentReader, IntentWriter, StreamReading
-from bowden.live.loop import Ended
+from bowden.live.ended import Ended
 from bowden.live.mcap_read import Recording
 from bowden.live.preflight import Preflight
 from bowden.live.replay import replay

@@ -22,7 +22,7 @@ from bowden.cycle.one_cycle import Filters, TargetSource, clamp_offset
 from bowden.cycle.torque_offset import TorqueOffset
 from bowden.design.felt import felt
 from bowden.hardware.twin.suit import TwinSuit
-from bowden.live.loop import Ended
+from bowden.live.ended import Ended
 from bowden.live.mcap_read import Recording
 from bowden.live.preflight import Preflight, Reason
 from bowden.live.replay import replay

@@ -20,14 +20,15 @@ from mcap_ros2.decoder import DecoderFactory
 
 from bowden.core.errors import BowdenError, LogError
 from bowden.live.events import Changes
-from bowden.live.figures import Damage
-from bowden.live.log_facts import lines
+from bowden.live.figures import Damage, LogFacts, RunStop, TimedText
 from bowden.live.mcap_layout import Event, topics
 from bowden.live.mcap_log import MAGIC, LogFile, about, checksum
 from bowden.live.mcap_read import read
 from bowden.live.mcap_recover import recover
 from bowden.live.ring import Description
 from bowden.safety.faults import Fault
+from bowden.views.log import lines
+from support.blank import blank
 
 _MANY = tuple(f"supervisor.x{i}" for i in range(40))
 COLUMNS = (
@@ -355,36 +356,11 @@ def test_a_run_does_not_begin_with_faults_of_a_drive_that_is_not_read_yet() -> N
 
 
 def test_the_facts_of_a_log_end_with_what_ended_the_run() -> None:
-    about = {
-        "begin_s": 40.465,
-        "start_utc": "",
-        "duration_s": 1.0,
-        "cycles": 9,
-        "missing": 0,
-        "closed": True,
-        "whole": True,
-    }
-    nothing = dict.fromkeys(("law", "rig", "seed", "twin", "lateness_s", "run_time_s", "overruns", "rmse_deg"))
-    stop = {
-        "time_s": 0.9,
-        "causes": ["loop too late"],
-        "remedies": ["see"],
-        "consequences": ["drive silent"],
-        "too_busy": None,
-    }
-    events = [{"time_s": 40.465 + k, "text": f"event {k}"} for k in range(40)]
-    document = {
-        **about,
-        **nothing,
-        "settings": {},
-        "software": {},
-        "gains": [],
-        "outcome": "ended by a fault at 0.900 s: loop too late",
-        "stops": [stop],
-        "emergencies": [],
-        "events": events,
-    }
-    said = list(lines(document))
+    stop = RunStop(0.9, ("loop too late",), ("see",), ("drive silent",), None)
+    events = tuple(TimedText(40.465 + k, f"event {k}") for k in range(40))
+    about = {"begin_s": 40.465, "duration_s": 1.0, "cycles": 9, "missing": 0, "closed": True, "whole": True}
+    whole = {"settings": {}, "software": {}, "motors": {}, "outcome": "ended by a fault at 0.900 s: loop too late"}
+    said = list(lines(blank(LogFacts, **about, **whole, stops=(stop,), events=events)))
     assert ("stopped", "0.900 s: loop too late; see") in said
     assert ("stopped", "0.900 s: as a consequence: drive silent") in said
     assert [text for name, text in said if name == "event"][-1] == "39.000 s: event 39"

@@ -21,7 +21,7 @@ from bowden.live.replay import replay
 from bowden.live.ring import Description
 from bowden.live.session import Session
 from bowden.live.session_motor import SessionMotor
-from bowden.live.stops import document, stops
+from bowden.live.stops import run_stops, stops
 from bowden.live.together import PATIENCE, Together, mode_of_all, modes_of_all
 from bowden.rig.rig import Rig, RigMotor
 from bowden.safety.faults import Fault, of
@@ -161,9 +161,9 @@ def test_a_fault_of_any_motor_stops_all_within_the_limits(seed: int, tmp_path: P
             assert found & {Fault.OTHER_RELEASED, Fault.OTHER_OFF}
             assert (Fault.OTHER_OFF in found) == bool(r3)
     if any(powered):
-        said = document(rows, {}, twin=False)
-        assert said[0]["motor"] == names[sick]
-        assert not {Fault.OTHER_RELEASED.meaning, Fault.OTHER_OFF.meaning} & {*said[0]["causes"]}
+        said = run_stops(rows, {}, twin=False)
+        assert said[0].motor == names[sick]
+        assert not {Fault.OTHER_RELEASED.meaning, Fault.OTHER_OFF.meaning} & {*said[0].causes}
 
 
 def test_motors_that_are_independent_leave_the_others_running(tmp_path: Path) -> None:

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from bowden.core.signals import Reference as Reference
     from bowden.core.signals import Sample as Sample
     from bowden.identify.given_log import read_log as read_log
-    from bowden.live.read_trace import read_trace as read_trace
+    from bowden.live.mcap_read import read_trace as read_trace
     from bowden.models.cable.bouc_wen import BoucWen as BoucWen
     from bowden.models.cable.sheath import Sheath as Sheath
     from bowden.models.drive.encoder import Encoder as Encoder
@@ -84,7 +84,7 @@ _HOMES = {
     "init": "bowden.operations.init",
     "kernel": "bowden.core.kernel",
     "read_log": "bowden.identify.given_log",
-    "read_trace": "bowden.live.read_trace",
+    "read_trace": "bowden.live.mcap_read",
     "run": "bowden.operations.run",
     "simulate": "bowden.operations.simulate",
     "tune": "bowden.operations.tune",
@@ -134,7 +134,7 @@ def __getattr__(name: str) -> Any:
     raise AttributeError(answer("bowden", name, _HOMES, _GUESSES))
 
 
-_OF_CALLS = ("bowden.operations.", "bowden.identify.given_log", "bowden.live.read_trace")
+_OF_CALLS = ("bowden.operations.", "bowden.identify.given_log", "bowden.live.mcap_read")
 """Modules whose functions answer what they cannot be called with."""
 
 

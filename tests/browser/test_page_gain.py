@@ -78,5 +78,5 @@ def test_a_gain_is_changed_while_the_law_runs(
     assert field.input_value() == "40", "the settings are those that were set"
     assert not page.locator(".change:visible").count()
     log = max((console.out).glob("*.mcap"), key=lambda path: path.stat().st_mtime)
-    assert [(one["before"], one["to"]) for one in facts(read(Path(log), needed(log)))["gains"]] == [(40.0, 30.0)]
+    assert [(one.before, one.to) for one in facts(read(Path(log), needed(log))).gains] == [(40.0, 30.0)]
     assert_replays(str(log))

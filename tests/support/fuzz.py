@@ -31,7 +31,7 @@ from bowden.identify.log.read import read_log
 from bowden.live.log_facts import facts
 from bowden.live.mcap_log import LogFile, about
 from bowden.live.mcap_read import read as read_mcap
-from bowden.live.read_trace import read_trace
+from bowden.live.mcap_read import read_trace
 from bowden.live.ring import Description
 from bowden.plants.identified import load_cable
 from bowden.records.trace import Trace

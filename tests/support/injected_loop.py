@@ -25,7 +25,7 @@ from bowden.live.control_block import ControlBlock
 from bowden.live.loop import Loop, MotorParts
 from bowden.live.ring import RingReader, RingWriter
 from bowden.live.ring_status import RecorderState, Report
-from bowden.live.row import AT, description
+from bowden.live.row import AT, columns, description
 from bowden.models.cable.sheath_path import constant_bend
 from bowden.models.drive.thermal import cold
 from bowden.plants.bench import Bench
@@ -127,7 +127,7 @@ class InjectedLoop:
         # the loop
         thermal, normals = cold(MEASURED.thermal), np.zeros(inputs.normals.shape[1])
         self._drive, first = of_plant(drive_reading, dynamics)(self._settings, self._drive, normals)
-        about = description(misled_law, {}, 0, 0, emg=True)
+        about = description(columns(misled_law, emg=True), {}, 0, 0)
         ring.create(folder / "ring", about, ROWS)
         shared_memory.create(folder / "block", control_block.WORDS)
         self._reader, self._block, self._emg = RingReader(folder / "ring"), ControlBlock(folder / "block"), Emg()

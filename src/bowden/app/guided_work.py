@@ -13,11 +13,11 @@ def identified(progress: Callable[[str, float], None], rig: Mapping[str, Any], f
     from bowden.core.units import DEGREES
     from bowden.operations.identify import identify
     from bowden.plants.identified import load_cable
-    from bowden.views.identify import write_identify_logs
+    from bowden.views.identify import write_identify
 
     place, given = Path(folder), Rig.unpack(rig)
     found = identify(place / "cable.csv", progress=progress)
-    write_identify_logs(found, Call({}, {}), out=place)
+    write_identify(found, Call({}, {}), out=place)
     fit = found.fit
     made = given.replace(cable=load_cable(place / "model.toml"))
     files = ["model.toml", "identify.html", *_written(made, place, "identified")]
@@ -31,7 +31,6 @@ def identified(progress: Callable[[str, float], None], rig: Mapping[str, Any], f
 def identified_servo(progress: Callable[[str, float], None], rig: Mapping[str, Any], folder: str) -> dict[str, Any]:
     """Identify the servo that was measured, and put it into the rig: the keys that identify-servo writes."""
     from bowden.operations.identify_servo import identify_servo
-    from bowden.operations.support.results import json_of
     from bowden.views.identify_servo import write_identify_servo
 
     place, given = Path(folder), Rig.unpack(rig)
@@ -45,16 +44,16 @@ def identified_servo(progress: Callable[[str, float], None], rig: Mapping[str, A
         progress=progress,
     )
     write_identify_servo(result, Call({"into": None, "log": log}, {}), out=place)
-    found, keys = result.fit, json_of(result)
+    found = result.fit
     servo = given.servo._replace(natural_frequency=found.natural_frequency.value, damping=found.damping.value)
     if found.speed_limit is not None:
         servo = servo._replace(speed_limit=found.speed_limit.value)
-    made = given.replace(servo=servo, delay=keys["delay_cycles"])
-    frequency, damping, delay = (keys[name] for name in ("natural_frequency_hz", "damping", "delay_s"))
+    made = given.replace(servo=servo, delay=result.delay_cycles)
+    frequency, damping, delay = result.natural_frequency_hz, result.damping, result.delay_s
     said = (
-        f"natural frequency {frequency['value']:.4g} ± {frequency['uncertainty']:.1g} Hz, damping "
-        f"{damping['value']:.3g} ± {damping['uncertainty']:.1g}, delay {1e3 * delay['value']:.3g} ± "
-        f"{1e3 * delay['uncertainty']:.1g} ms; {keys['residual_deg']:.2g}° RMS of the motor's motion are left"
+        f"natural frequency {frequency.value:.4g} ± {frequency.uncertainty:.1g} Hz, damping "
+        f"{damping.value:.3g} ± {damping.uncertainty:.1g}, delay {1e3 * delay.value:.3g} ± "
+        f"{1e3 * delay.uncertainty:.1g} ms; {result.residual_deg:.2g}° RMS of the motor's motion are left"
     )
     return {"rig": made.document(), "said": said, "files": ["servo.toml", *_written(made, place, "servo")]}
 

@@ -98,7 +98,7 @@ def _checked(progress: Progress, rig: Any, motor: str | None) -> dict[str, Any]:
         for label, text in check_rows(one)
         if text
     ]
-    worst = next((one.joint for one in found.joints if one.reason == found.reason), "")
+    worst = found.joint if found.joints else ""
     return {
         "holds": found.holds,
         "name": found.verdict,
@@ -108,6 +108,16 @@ def _checked(progress: Progress, rig: Any, motor: str | None) -> dict[str, Any]:
         "gain_margin_db": found.gain_margin_db,
         "phase_margin_deg": found.phase_margin_deg,
     }
+
+
+def verdict(progress: Progress, rig: Mapping[str, Any]) -> dict[str, Any]:
+    """What a check says of one motor's law, without the search for what would hold: a run waits for it."""
+    from bowden.design.check_rig import check_rig
+    from bowden.rig.rig import Rig
+
+    whole = Rig.unpack(rig)
+    found = check_rig(whole, whole.fitted())
+    return {"name": None, "text": found} if isinstance(found, str) else {"name": found.verdict, "text": found.reason}
 
 
 def page(progress: Progress, path: str, to: str) -> str:
@@ -130,6 +140,7 @@ def export(progress: Progress, path: str, to: str) -> str:
 
 WORKS: dict[str, Callable[..., Any]] = {
     "check": check,
+    "verdict": verdict,
     "summaries": works.summaries,
     "details": works.details,
     "page": page,

@@ -359,7 +359,7 @@ class Console:
         """Check a change, and hand it to the run's thread where it holds; what becomes of it is written into it."""
         why = "the console failed to check it"
         try:
-            found = await self.jobs.do("check", rig=rig.document())
+            found = await self.jobs.do("verdict", rig=rig.document())
             change["text"] = required(rig.law_name, found["name"], found["text"])
             if self.owner.seen.session is not session:
                 raise SafetyError("the session has ended")
@@ -440,12 +440,12 @@ class Console:
     def _ended(self, session: "Session") -> None:
         """A session has ended; called by the thread that held it."""
         if session.live.measure:
-            ended = session.ended or {}
-            well = not session.error and ended.get("mode") == Mode.STOPPED and not ended.get("torque")
+            ended = session.ended
+            well = not session.error and ended is not None and ended.mode == Mode.STOPPED and not ended.torque
             self.path.measured(session.live, session.log, well=well, lost=session.log_lost)
 
-    async def inject(self, fault: Any) -> None:
-        """Give the twin a fault.
+    async def inject(self, fault: Any) -> str:
+        """Give the twin a fault; the answer is empty.
 
         Raises:
             SafetyError: it is no twin, or none runs.
@@ -466,6 +466,7 @@ class Console:
             raise ParameterError(f"there is no motor {shortly(motor)}", expected="one of the rig's", do="choose one")
         drive = found[0].live.rig.drive_parameters
         await asyncio.to_thread(_injected, family_of(drive).control(drive), kind)
+        return ""
 
     def see(self, viewer: Viewer) -> None:
         """A page has come."""

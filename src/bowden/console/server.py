@@ -2,6 +2,7 @@
 
 import asyncio
 import contextlib
+import inspect
 import json
 import logging
 import math
@@ -61,50 +62,24 @@ def application(console: Console) -> Starlette:
             ticking.cancel()
             await console.close()
 
+    def posted(path: str, act: Callable[[str, dict[str, Any]], Any], *, controls: bool = False) -> Route:
+        """A request of a page with a JSON object: answered in words, or by the news where there is no word."""
+
+        async def handler(request: Request) -> Response:
+            tab, given = _tab(request), document(await request.body())
+            if controls:
+                console.require_control(tab)
+            answer = act(tab, given)
+            answer = await answer if inspect.isawaitable(answer) else answer
+            if isinstance(answer, str):
+                return _json({"answer": answer})
+            console.renew()
+            return await state(request)
+
+        return route(path, handler, "POST")
+
     async def state(request: Request) -> Response:
         return _json(console.for_viewer(_tab(request)))
-
-    async def control(request: Request) -> Response:
-        given = document(await request.body())
-        console.control(_tab(request), given.get("take"))
-        return await news(request)
-
-    async def settings(request: Request) -> Response:
-        given = document(await request.body())
-        console.require_control(_tab(request))
-        await console.change(given)
-        return await news(request)
-
-    async def check(request: Request) -> Response:
-        document(await request.body())
-        console.require_control(_tab(request))
-        await console.begin_check()
-        return await news(request)
-
-    async def ask(request: Request) -> Response:
-        given = document(await request.body())
-        answer = await console.request(_tab(request), given.get("request"), given.get("seen"))
-        return _json({"answer": answer})
-
-    async def stop(request: Request) -> Response:
-        document(await request.body())
-        return _json({"answer": await console.stop()})
-
-    async def gain(request: Request) -> Response:
-        given = document(await request.body())
-        await console.set_gain(_tab(request), given.get("name"), given.get("value"))
-        return await news(request)
-
-    async def inject(request: Request) -> Response:
-        given = document(await request.body())
-        console.require_control(_tab(request))
-        await console.inject(given.get("fault"))
-        return _json({"answer": ""})
-
-    async def path(request: Request) -> Response:
-        given = document(await request.body())
-        await console.step(_tab(request), given.get("step"))
-        return await news(request)
 
     async def path_page(request: Request) -> Response:
         file = console.path.page(request.path_params["step"])
@@ -131,10 +106,6 @@ def application(console: Console) -> Starlette:
         frame = await console.earlier.curves(request.path_params["run"], dict(request.query_params))
         return Response(frame, media_type="application/octet-stream")
 
-    async def news(request: Request) -> Response:
-        console.renew()
-        return _json(console.for_viewer(_tab(request)))
-
     async def stream(socket_: WebSocket) -> None:
         await _stream(console, socket_)
 
@@ -146,14 +117,14 @@ def application(console: Console) -> Starlette:
             route("/", _page),
             route("/static/{name}", _file),
             route("/api/state", state),
-            route("/api/control", control, "POST"),
-            route("/api/settings", settings, "POST"),
-            route("/api/check", check, "POST"),
-            route("/api/request", ask, "POST"),
-            route("/api/stop", stop, "POST"),
-            route("/api/gain", gain, "POST"),
-            route("/api/inject", inject, "POST"),
-            route("/api/path", path, "POST"),
+            posted("/api/control", lambda tab, given: console.control(tab, given.get("take"))),
+            posted("/api/settings", lambda _, given: console.change(given), controls=True),
+            posted("/api/check", lambda *_: console.begin_check(), controls=True),
+            posted("/api/request", lambda tab, given: console.request(tab, given.get("request"), given.get("seen"))),
+            posted("/api/stop", lambda *_: console.stop()),
+            posted("/api/gain", lambda tab, given: console.set_gain(tab, given.get("name"), given.get("value"))),
+            posted("/api/inject", lambda _, given: console.inject(given.get("fault")), controls=True),
+            posted("/api/path", lambda tab, given: console.step(tab, given.get("step"))),
             route("/api/path/{step}.html", path_page),
             route("/api/runs", runs),
             route("/api/runs/{run}", one_run),

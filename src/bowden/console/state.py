@@ -237,6 +237,6 @@ def ended_of(session: "Session") -> dict[str, Any] | None:
     ended = session.ended
     if ended is None and not session.error:
         return None
-    mode = None if ended is None else Mode(int(ended["mode"])).name.lower()
+    mode = None if ended is None else ended.mode.name.lower()
     reason = "" if session.ended_well else "; ".join(session.why)
     return {"well": session.ended_well, "mode": mode, "reason": reason, "error": session.error}

@@ -2,11 +2,12 @@
 
 import base64
 import json
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 from bowden.core.errors import BowdenError
+from bowden.live.figures import LogFacts
 
 Progress = Callable[[str, float], None]
 
@@ -29,20 +30,19 @@ def summaries(progress: Progress, paths: Sequence[str]) -> dict[str, Any]:
     return done
 
 
-def _summary(said: Mapping[str, Any]) -> dict[str, Any]:
-    about, rig = said["settings"].get("about") or {}, said["settings"].get("rig") or {}
-    stops, how = said["stops"], said["outcome"]
+def _summary(said: LogFacts) -> dict[str, Any]:
+    about, rig = said.settings.get("about") or {}, said.settings.get("rig") or {}
     return {
-        "time": said["start_utc"],
-        "law": str(said["law"] or ""),
+        "time": said.start_utc,
+        "law": str(said.law or ""),
         "rig": Path(str(rig.get("origin", ""))).name,
         **{name: str(about.get(name, "")) for name in ("subject", "session", "notes")},
-        "rmse_deg": said["rmse_deg"],
-        "peak_deg": said["peak_deg"],
-        "seconds": said["duration_s"],
-        "led_seconds": said["seconds_led"],
-        "how": how if said["whole"] else f"{how}; the log is not whole",
-        "first_fault": stops[0]["causes"][0] if stops and stops[0]["causes"] else None,
+        "rmse_deg": said.rmse_deg,
+        "peak_deg": said.peak_deg,
+        "seconds": said.duration_s,
+        "led_seconds": said.seconds_led,
+        "how": said.outcome if said.whole else f"{said.outcome}; the log is not whole",
+        "first_fault": said.stops[0].causes[0] if said.stops and said.stops[0].causes else None,
     }
 
 
@@ -57,7 +57,7 @@ def details(progress: Progress, path: str) -> dict[str, Any]:
 
     found = read(Path(path), (*NEEDED, "temperature"))
     said = facts(found)
-    begin = said["begin_s"] or 0.0
+    begin = said.begin_s or 0.0
     first = min(
         ((name, stop) for name, part in found.parts.items() for stop in stops(part)[:1]),
         key=lambda one: (one[1].time, {*one[1].causes} <= {*OF_OTHERS}),
@@ -68,33 +68,33 @@ def details(progress: Progress, path: str) -> dict[str, Any]:
         motor, stop = first
         faults = [fault_of(fault, stop.time, motor=motor) for fault in (*stop.causes, *stop.consequences)]
     whole = _summary(said)
-    names, units = list(said["columns"]), list(said["columns"].values())
+    names, units = list(said.columns), list(said.columns.values())
     return {
         **whole,
         "first_fault": faults[0] if faults else None,
         "consequences": faults[1:],
-        "metrics": list(_metrics(whole, said)),
+        "metrics": list(_metrics(said)),
         "events": [{"at": round(one.time - begin, 3), "text": one.text} for one in found.events[:_MOST_EVENTS]],
-        "columns": [one.document() for one in curves_of(names, units, said["settings"])],
+        "columns": [one.document() for one in curves_of(names, units, said.settings)],
         "from": 0.0,
-        "to": said["duration_s"],
+        "to": said.duration_s,
     }
 
 
-def _metrics(whole: Mapping[str, Any], said: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
-    if whole["rmse_deg"] is not None:
-        yield "error, RMS", f"{whole['rmse_deg']:.3f}°"
-        yield "error, peak", f"{whole['peak_deg']:.2f}°"
-        yield "the law led for", f"{whole['led_seconds']:g} s"
-    if said["lateness_s"]:
-        yield "lateness, median", f"{1e6 * said['lateness_s']['p50']:.0f} µs"
-        yield "lateness, 99 %", f"{1e6 * said['lateness_s']['p99']:.0f} µs"
-        yield "lateness, largest", f"{1e6 * said['lateness_s']['max']:.0f} µs"
-    if said["run_time_s"]:
-        yield "run time of a cycle, median", f"{1e6 * said['run_time_s']['p50']:.0f} µs"
-    if said["overruns"] is not None:
-        yield "overruns", f"{said['overruns']} in {said['cycles']} cycles"
-    yield "cycles missing in the log", f"{said['missing']}"
+def _metrics(said: LogFacts) -> Iterator[tuple[str, str]]:
+    if said.rmse_deg is not None:
+        yield "error, RMS", f"{said.rmse_deg:.3f}°"
+        yield "error, peak", f"{said.peak_deg:.2f}°"
+        yield "the law led for", f"{said.seconds_led:g} s"
+    if late := said.lateness:
+        yield "lateness, median", f"{late.p50_us:.0f} µs"
+        yield "lateness, 99 %", f"{late.p99_us:.0f} µs"
+        yield "lateness, largest", f"{late.max_us:.0f} µs"
+    if said.run_time:
+        yield "run time of a cycle, median", f"{said.run_time.p50_us:.0f} µs"
+    if said.overruns is not None:
+        yield "overruns", f"{said.overruns} in {said.cycles} cycles"
+    yield "cycles missing in the log", f"{said.missing}"
 
 
 def curves(progress: Progress, path: str, columns: Sequence[str], begin: float, end: float, pixels: int) -> str:

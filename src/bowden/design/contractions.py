@@ -12,9 +12,10 @@ from bowden.core import arguments
 from bowden.core.caller import argument
 from bowden.core.errors import LogError, ParameterError
 from bowden.drawing import shown
+from bowden.identify.emg.detector_score import DetectorScore
 from bowden.identify.emg.levels import EnvelopeLevels, check_contraction, envelope_levels
 from bowden.identify.emg.log import EmgLog, channel_unit, checked_emg, read_emg, read_labels
-from bowden.identify.emg.score import Findings, Score, Spans, find, spans
+from bowden.identify.emg.score import Findings, Spans, find, spans
 from bowden.sensing import wearer_file
 from bowden.sensing.detector import Detector
 from bowden.sensing.stream import OnsetDetector
@@ -52,12 +53,12 @@ class Contractions:
         return [(self.log.start + onset, self.log.start + end) for onset, end in self.findings.found]
 
     @property
-    def score(self) -> Score:
+    def score(self) -> DetectorScore:
         """The detector against the labels."""
         return self.findings.score
 
     @property
-    def plain_score(self) -> Score:
+    def plain_score(self) -> DetectorScore:
         """The plain threshold of 20 % MVC against the labels."""
         return self.findings.plain_score
 
@@ -111,7 +112,7 @@ class Contractions:
         ]
 
 
-def _in_words(score: Score) -> str:
+def _in_words(score: DetectorScore) -> str:
     def milliseconds(seconds: float | None) -> str:
         return "" if seconds is None else f"{1e3 * seconds:.0f} ms"
 

@@ -47,7 +47,7 @@ class Tuning:
     """What the gains fall short of, of what is looked for; empty where they keep it all."""
     given: rigs.Rig | None = None
     """The rig whose law was tuned, with these gains; None where a bench alone was handed over."""
-    study: Mapping[str, Any] | None = None
+    study: Any = None
     """Of a tuning against the plants of a study: its ``name``, how many it was ``tuned_on``, and what the gains
     ``before`` and ``after`` make of other plants of it (`bowden.study.results.PlantsSpread`); None where they were
     not judged by any."""
@@ -134,18 +134,18 @@ def _margins(found: Check) -> str:
     return listed((gain, phase, f"{delay} of delay" if delay else ""))
 
 
-def study_text(found: Mapping[str, Any], when: str) -> str:
+def study_text(found: Any, when: str) -> str:
     """What gains make of plants that they were not tuned against.
 
     Args:
         found: `Tuning.study`.
         when: ``before`` or ``after``.
     """
-    one = found[when]
-    figures = [one[f"rmse_{name}_deg"] for name in ("median", "90", "worst")]
+    one = getattr(found, when)
+    figures = [getattr(one, f"rmse_{name}_deg") for name in ("median", "90", "worst")]
     median, most, worst = ("none" if value is None else f"{value:.3g}°" for value in figures)
     return (
-        f"{one['runs']} other plants, {'' if when == 'after' else 'before: '}{one['unstable']} unstable; "
+        f"{one.runs} other plants, {'' if when == 'after' else 'before: '}{one.unstable} unstable; "
         f"RMSE median {median}, 90 % {most}, worst {worst}"
     )
 

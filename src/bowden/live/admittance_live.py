@@ -7,7 +7,7 @@ from bowden.control.admittance.push import ROOM
 from bowden.control.admittance.virtual_elbow import Admittance
 from bowden.core.errors import ParameterError
 from bowden.core.units import RADIANS
-from bowden.live.suit_preflight import SOFT_FIRST, SOFT_FOLLOWS
+from bowden.live.preflight import SOFT_FIRST, SOFT_FOLLOWS
 from bowden.plants.presets.suit import suit as papers_suit
 from bowden.plants.pushing import Pushing
 from bowden.plants.suit_push import behind, friction_of

@@ -24,10 +24,9 @@ from bowden.hardware.ports import BrakedDrive, Drive
 from bowden.live import excitation, motor_columns, row
 from bowden.live.admittance_live import live_pushing
 from bowden.live.brake_hold import BrakeHold
-from bowden.live.preflight import Preflight
+from bowden.live.preflight import Preflight, on_suit
 from bowden.live.run_settings import plain, run_settings
 from bowden.live.script import Home, Script
-from bowden.live.suit_preflight import on_suit
 from bowden.models.minimum_jerk import minimum_jerk_over
 from bowden.plants.pushing import Pushing
 from bowden.rig.drive import most_push

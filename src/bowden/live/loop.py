@@ -6,10 +6,8 @@ together.
 
 import contextlib
 import functools
-import operator
 import struct
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
 
 from bowden.core.clock import SECOND, TimeSource, next_deadline
@@ -21,6 +19,7 @@ from bowden.hardware.emg.course import EmgCourse
 from bowden.hardware.ports import Drive, Power, TorqueLeft
 from bowden.live.brake_hold import BrakeHold
 from bowden.live.control_block import ControlBlock
+from bowden.live.ended import Ended, EndedMotor
 from bowden.live.gain_ramp import GainRamp, step_all
 from bowden.live.ring import RingWriter
 from bowden.live.ring_status import RecorderState
@@ -34,40 +33,6 @@ from bowden.safety.state import Mode, Observed, PreflightResult, Request, Verdic
 _RESTING = (Mode.STOPPED, Mode.LATCHED)
 _LAST = 10
 """Cycles with the power off before the loop ends, in which the drive learns of it and says so."""
-
-
-@dataclass(frozen=True)
-class Ended:
-    """How the loop ended."""
-
-    cycles: int
-    overruns: int
-    """Deadlines that were skipped."""
-    mode: int
-    """Number of the supervisor's last `Mode`; of several the worst, as of all below."""
-    faults: int
-    """The supervisor's last bit set; of several all that are in one of them."""
-    torque: int
-    """Number of the drive's `hardware.ports.TorqueLeft`."""
-    stalled: float
-    """How long this computer did not let the loop run, where that ended the run; 0 where it did not [s]."""
-    unattended: float = 0.0
-    """Age of the operator's last sign of life, where nobody asked for the end and this alone brought it before the
-    reference had come to its own; 0 elsewhere [s]."""
-    ran: bool = True
-    """Whether a motor ever was in `Mode.RUNNING`."""
-    motors: tuple["EndedMotor", ...] = ()
-    """Of each motor."""
-
-
-class EndedMotor(NamedTuple):
-    """How one motor ended."""
-
-    mode: int
-    faults: int
-    torque: int
-    reason: int
-    """Number of the `live.preflight.Reason` for which its preflight failed; 0 where it has not."""
 
 
 class MotorParts(NamedTuple):
@@ -268,24 +233,15 @@ class Loop:
             raise
         finally:
             left = self._close()
-        ended = [
+        ended = tuple(
             EndedMotor(
-                *(int(motor.mode), motor.verdict.faults),
-                *(int(TorqueLeft.ON if motor.pulls and not torque else torque), int(motor.script.reason)),
+                *(motor.mode, motor.verdict.faults),
+                *(TorqueLeft.ON if motor.pulls and not torque else torque, motor.script.reason),
             )
             for motor, torque in zip(self._motors, left, strict=True)
-        ]
-        return Ended(
-            cycles,
-            overruns,
-            max(one.mode for one in ended),
-            functools.reduce(operator.or_, (one.faults for one in ended)),
-            max(one.torque for one in ended),
-            max(motor.stalled for motor in self._motors),
-            unattended,
-            any(motor.ran for motor in self._motors),
-            tuple(ended),
         )
+        stalled, ran = max(motor.stalled for motor in self._motors), any(motor.ran for motor in self._motors)
+        return Ended(cycles, overruns, stalled, unattended, ran, ended)
 
     def _off(self) -> None:
         """No drive waits for the end of another one's `close`; all are told, since SYNC follows the frames of all."""

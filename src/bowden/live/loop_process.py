@@ -64,7 +64,6 @@ def _cycle(live: "Live", given: dict[str, Any]) -> int:
     from bowden.live.by_hand import require_same
     from bowden.live.control_block import ControlBlock
     from bowden.live.loop import Loop, MotorParts
-    from bowden.live.preflight import REASONS, Reason
     from bowden.live.ring import RingWriter
     from bowden.live.row import NOTHING_READ
     from bowden.models.drive.thermal import ThermalState
@@ -114,16 +113,11 @@ def _cycle(live: "Live", given: dict[str, Any]) -> int:
         for parameters in drives_of if given["remembers"] else ():  # by no fault that the supervisor knows
             latch_file.write(parameters, 0)
         raise
-    said = [one._asdict() | {"reason": REASONS[Reason(one.reason)]} for one in ended.motors]
     if given["remembers"]:  # the operator's process may be gone
         for parameters, end in zip(drives_of, ended.motors, strict=True):
             if end.mode == Mode.LATCHED:
                 latch_file.write(parameters, end.faults)
-    reasons = [
-        f"{name}: {one['reason']}".removeprefix(": ") for name, one in zip(names, said, strict=True) if one["reason"]
-    ]
-    more = {"motors": said if live.several else [], "reason": "; ".join(reasons)}
-    say("ended", asdict(ended) | more)
+    say("ended", ended._asdict())
     return 0
 
 

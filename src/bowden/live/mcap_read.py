@@ -9,9 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from bowden.core import arguments
+from bowden.core.bounded import open_file, reason
 from bowden.core.errors import LogError, near
 from bowden.live.figures import Damage
 from bowden.live.mcap_layout import Event
+from bowden.live.mcap_log import MAGIC
 from bowden.live.mcap_reader import LogReader, missing_of
 from bowden.live.motor_columns import view
 from bowden.records.trace import Trace
@@ -186,3 +189,30 @@ def _trace(log: Recording | LogReader, rows: NDArray[np.float64]) -> Trace:
     columns = {name: np.ascontiguousarray(rows[:, i]) for i, name in enumerate(log.columns)}
     units = dict(zip(log.columns, log.units, strict=True))
     return Trace(columns, units, {**log.settings, "log": about}, log.settings.get("seed"))
+
+
+def read_trace(path: str | Path) -> Trace:
+    """Read a trace: what ``bowden simulate`` and `Trace.write` wrote, or the MCAP log of a live run.
+
+    If a log is cut short or damaged, the readable part is read, and nothing is guessed.
+
+    Args:
+        path: of the file; its contents decide how it is read, not the end of its name.
+
+    Raises:
+        LogError: no such file, or not a file of bowden.
+
+    >>> import pathlib, tempfile
+    >>> import numpy as np
+    >>> file = pathlib.Path(tempfile.mkdtemp()) / "run.csv"
+    >>> Trace({"time": np.arange(3.0)}, {"time": "s"}).write(file)
+    >>> read_trace(file).time
+    array([0., 1., 2.])
+    """
+    file = arguments.path_of(path, "read_trace: path")
+    try:
+        with open_file(file) as opened:
+            head = opened.read(len(MAGIC))
+    except OSError as error:
+        raise LogError(f"cannot read {file}: {reason(error)}", expected="a trace or log of bowden") from None
+    return read(file).trace() if head == MAGIC else Trace.read(file)

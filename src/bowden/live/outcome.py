@@ -1,12 +1,14 @@
 """How a run ended, in words: what a session says of itself, what its end is a warning with, and what its log says."""
 
-from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from bowden.core.errors import counted
-from bowden.hardware.ports import TorqueLeft, torque_left
+from bowden.hardware.ports import torque_left
+from bowden.live.ended import SAID_NOTHING, Ended
+from bowden.live.figures import RunStop
 from bowden.live.mcap_read import Recording
 from bowden.live.ring_status import RecorderState
 from bowden.live.session_motor import SessionMotor
@@ -20,7 +22,7 @@ from bowden.safety.state import Mode
 class RunState(NamedTuple):
     """What a session knows of where its run stands, and how it ended."""
 
-    ended: Mapping[str, Any] | None
+    ended: Ended | None
     """What the loop said at its end."""
     error: str
     """Why the loop ended without a word about how it ended."""
@@ -35,14 +37,10 @@ class RunState(NamedTuple):
     @property
     def ended_well(self) -> bool:
         """Whether the run has ended as asked, without torque, and not because a fault kept it from beginning."""
-        ended = self.ended or {}
-        well = ended.get("mode") == Mode.STOPPED and not ended.get("torque") and not ended.get("unattended")
-        return not self.error and well and (self.ran or not held_back(ended.get("faults", 0)))
-
-    @property
-    def ran(self) -> bool:
-        """Whether an ended run ever ran."""
-        return bool((self.ended or {}).get("ran", True))
+        ended = self.ended
+        if ended is None or self.error or ended.mode != Mode.STOPPED or ended.torque or ended.unattended:
+            return False
+        return ended.ran or not held_back(ended.faults)
 
 
 AS_ASKED = "ended as asked"
@@ -58,12 +56,12 @@ def held_back(bits: float) -> tuple[Fault, ...]:
     return tuple(fault for fault in faults.of(bits) if fault not in OF_THE_COMPUTER)
 
 
-def outcome_of(log: Recording, found: Sequence[Mapping[str, Any]], *, twin: bool) -> str:
+def outcome_of(log: Recording, found: Sequence[RunStop], *, twin: bool) -> str:
     """How a recorded run ended, what ended it first.
 
     Args:
         log: of the run, with the columns ``mode``, ``faults`` and ``recorder``.
-        found: its stops, as `stops.document` has them.
+        found: its stops, as `stops.run_stops` has them.
         twin: whether the drive was the command's own twin.
     """
     parts = log.parts.values()
@@ -78,8 +76,8 @@ def outcome_of(log: Recording, found: Sequence[Mapping[str, Any]], *, twin: bool
     said = "; ".join(f"{fault.meaning}; {remedy_of(fault, twin=twin, recorder=recorder)}" for fault in at_end)
     if latched and found:
         last = found[-1]
-        motor = f"{last['motor']}: " if last.get("motor") else ""
-        return f"ended by a fault at {last['time_s']:.3f} s: {motor}{', '.join(last['causes'])}"
+        motor = f"{last.motor}: " if last.motor else ""
+        return f"ended by a fault at {last.time_s:.3f} s: {motor}{', '.join(last.causes)}"
     if latched:
         return f"ended by a fault: {said or 'which is not in the log'}"
     if mode != Mode.STOPPED:
@@ -102,25 +100,24 @@ _STANDS = {
 
 def outcome(run: RunState) -> str:
     """How a run ended; of one that goes on, where it stands, and the fault that stopped it if there is one."""
-    if run.ended is None and not run.error:
+    ended = run.ended
+    if ended is None and not run.error:
         if run.mode is None:
             return "not begun"
         by = _faults(run) if run.mode >= Mode.RELEASING else []
         return f"stopped by a fault: {'; '.join(by)}" if by else _STANDS[run.mode]
-    if not run.ended_well:
+    if ended is None or not run.ended_well:
         return f"the run was ended: {'; '.join(why(run))}"
-    return AS_ASKED if run.ran else BEFORE_IT_RAN
+    return AS_ASKED if ended.ran else BEFORE_IT_RAN
 
 
 def why(run: RunState) -> list[str]:
     """What ended a run that did not end as asked, the most dangerous first."""
-    ended = run.ended or {}
-    stalled = 1e3 * ended.get("stalled", 0.0)
-    left = torque_left(TorqueLeft(ended.get("torque", TorqueLeft.UNKNOWN)), twin=run.on_twin)
-    gone = ended.get("unattended", 0.0)
-    alone = unattended(gone, run.patience) if gone else ""
-    by = [] if alone else _faults(run)
-    found = [left, STALLED.format(stalled) if stalled else "", alone, *by, ended.get("reason"), run.error]
+    ended = run.ended or SAID_NOTHING
+    stalled = STALLED.format(1e3 * ended.stalled) if ended.stalled else ""
+    alone = unattended(ended.unattended, run.patience) if ended.unattended else ""
+    by, failed = [] if alone else _faults(run), ended.why_not([motor.name for motor in run.motors])
+    found = [torque_left(ended.torque, twin=run.on_twin), stalled, alone, *by, failed, run.error]
     return [one for one in found if one]
 
 
@@ -128,7 +125,7 @@ def _faults(run: RunState) -> list[str]:
     """What came first with its remedy, and what followed from it; of several motors in the one that had it first."""
     each = [(motor.name, motor.came) for motor in run.motors if motor.came]
     if not each:
-        each = [("", dict.fromkeys(faults.of((run.ended or {}).get("faults", 0)), 0.0))]
+        each = [("", dict.fromkeys(faults.of((run.ended or SAID_NOTHING).faults), 0.0))]
     first, *others = sorted((MotorFaults(name, *told_apart(came), came) for name, came in each), key=_order)
     where = f"{first.motor}: " if first.motor else ""
     found = [

@@ -12,11 +12,13 @@ from collections.abc import Iterable
 from enum import IntEnum
 from typing import NamedTuple
 
+from bowden.control.knowledge import WIDEST
 from bowden.core.errors import SafetyError
 from bowden.core.signals import DriveReading, DriveState
 from bowden.core.units import RADIANS
 from bowden.models.drive.encoder import Encoder
 from bowden.models.minimum_jerk import minimum_jerk_share
+from bowden.plants.suit_parts import Suit, spool_friction
 from bowden.rig.consistent import Basis, contradictions
 from bowden.safety.limits import Limits
 from bowden.safety.state import PreflightResult
@@ -77,6 +79,27 @@ class Preflight(NamedTuple):
 
 COUNTS = 6.0
 """Counts and noise of the motor's encoder in the first motion, of which the motor must show a share, `follows`."""
+
+
+FIRST, SETTLE = 8.0 * RADIANS, 0.6
+"""First motion [rad], and the wait after each, in which the drive's integral works [s]."""
+
+SOFT_FIRST, SOFT_FOLLOWS = 20.0 * RADIANS, 0.25
+"""First motion of a drive without an integral [rad], and the share of it that the motor must make against friction and
+cables [–]."""
+
+
+def on_suit(checks: Preflight, suit: Suit) -> Preflight:
+    """What the preflight asks of a suit: of its gears, which friction holds at first, and of its flex sensor, which is
+    less still.
+
+    No more of the current counts than the gears' friction takes: a drive that holds against it, and a wearer who
+    does not keep still, load the motor either way.
+    """
+    noise = checks.noise + 8.0 * suit.joint_sensor.noise + suit.joint_sensor.resolution
+    friction = spool_friction(suit) / (suit.motor.gear * suit.motor.torque_constant)
+    checks = checks._replace(first=FIRST, settle=SETTLE, noise=noise, light=max(checks.light, friction))
+    return checks if suit.motor.integral > 0.0 else checks._replace(first=SOFT_FIRST, follows=SOFT_FOLLOWS)
 
 
 class Step(IntEnum):
@@ -339,3 +362,24 @@ def _answer(state: PreflightState, requested_target: float) -> tuple[PreflightSt
 
 def _fail(state: PreflightState, reason: Reason) -> tuple[PreflightState, float, PreflightOutcome]:
     return _answer(state._replace(step=Step.DONE, reason=reason), state.motor)
+
+
+def dead_zone(checked: PreflightState, reading: DriveReading, slope: float) -> float:
+    """Width of the cable's dead zone in motor angle, as the last motion shows it, for the record; NaN where an angle is
+    missing [rad].
+
+    The motor goes out until the joint follows and comes back by as much; there the cable crosses its dead zone once:
+
+        width = motor's way back − joint's way back/slope
+
+    It is that of a small stroke, and a lower bound where the joint has not come back at all. No law gets it: our law's
+    first strokes are 3 % better with it and its next ones 2 % worse (docs/background/live.md).
+
+    Args:
+        checked: of the preflight, as it passed.
+        reading: at its end.
+        slope: about what the joint moves by per motor angle beyond the dead zone, positive [rad/rad].
+    """
+    back, returned = abs(checked.far_motor - reading.motor), abs(checked.far_joint - reading.joint)
+    width = back - returned / slope
+    return max(0.0, min(WIDEST, width)) if math.isfinite(width) else math.nan

@@ -108,23 +108,10 @@ def columns(
 
 
 def description(
-    law: Law,
-    settings: Mapping[str, object],
-    utc_ns: int,
-    monotonic_ns: int,
-    *,
-    emg: bool = False,
-    pushed: bool = False,
-    braked: bool = False,
-    source: Source = TABLE,
+    named: Mapping[str, str], settings: Mapping[str, object], utc_ns: int, monotonic_ns: int
 ) -> Description:
-    """What the ring's header says of a run whose column ``time`` is zero at these two clocks [ns]."""
-    named = columns(law, emg=emg, pushed=pushed, braked=braked, source=source)
-    return described(named, settings, utc_ns, monotonic_ns)
-
-
-def described(named: Mapping[str, str], settings: Mapping[str, object], utc_ns: int, monotonic_ns: int) -> Description:
-    """`description` of columns with their units."""
+    """What the ring's header says of a run with these columns and units, whose column ``time`` is zero at these two
+    clocks [ns]."""
     return Description(tuple(named), tuple(named.values()), settings, utc_ns, monotonic_ns)
 
 

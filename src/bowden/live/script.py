@@ -17,7 +17,6 @@ from bowden.core.signals import DriveReading, Reference
 from bowden.cycle.one_cycle import HOLD, LAW, LAW_BEGINS, MOTION, NOWHERE, Plan
 from bowden.hardware.emg.course import EmgCourse
 from bowden.live import preflight
-from bowden.live.dead_zone import dead_zone
 from bowden.live.row import NOTHING_READ
 from bowden.models.minimum_jerk import PEAK_SPEED, minimum_jerk
 from bowden.safety.state import Mode, PreflightResult
@@ -98,7 +97,7 @@ class Script:
                 self._checks, self._checked, reading, cycles * self._period
             )
             if said.result > self.outcome:
-                self.play = dead_zone(self._checked, reading, self._slope)
+                self.play = preflight.dead_zone(self._checked, reading, self._slope)
             self.outcome = said.result
             return Plan(MOTION, requested_target, NOWHERE)
         if mode != Mode.RUNNING:

@@ -31,6 +31,7 @@ from bowden.live import child, control_block, left_behind
 from bowden.live.automatic import automatic
 from bowden.live.control_block import ControlBlock
 from bowden.live.emg_process import EmgProcess
+from bowden.live.ended import Ended
 from bowden.live.gain_check import GainCheck
 from bowden.live.gain_ramp import RAMP
 from bowden.live.live_run import Live
@@ -40,7 +41,7 @@ from bowden.live.provenance import rig_revision
 from bowden.live.recorder import check_room
 from bowden.live.ring import CAPACITY, FOLDER, RingReader, Row, create
 from bowden.live.ring_status import RecorderState
-from bowden.live.row import AT, described
+from bowden.live.row import AT, description
 from bowden.live.session_motor import SessionMotor
 from bowden.live.stops import MotorFaults, told_apart
 from bowden.live.together import OF_ALL, mode_of_all, of_all
@@ -113,7 +114,7 @@ class Session:
         self.log_lost = ""
         """Why the last of them is not there at the end: it was removed, replaced or moved during the run."""
         self.clock = MonotonicClock()
-        self.ended: dict[str, Any] | None = None
+        self.ended: Ended | None = None
         """What the loop said at its end."""
         self.error = ""
         """Why the loop ended without a word about how it ended; empty where it said that."""
@@ -160,7 +161,7 @@ class Session:
         left_behind.sweep()
         more = {"about": self._about} if self._about else {}
         wall = round(unix_seconds() * SECOND)
-        about = described(live.columns(), {**live.log_settings(), **more, "twin": self.on_twin}, wall, now)
+        about = description(live.columns(), {**live.log_settings(), **more, "twin": self.on_twin}, wall, now)
         check_room(self.log, about, live.length)
         create(self._ring, about, CAPACITY // len(live.motors))  # a row of several is as much longer
         shared_memory.create(self._block, control_block.WORDS)
@@ -355,7 +356,8 @@ class Session:
         with contextlib.suppress(queue.Empty):
             while True:
                 said = self._said.get_nowait() or {}
-                self.ended, self.error = said.get("ended", self.ended), said.get("error", self.error)
+                self.ended = Ended.of(said["ended"]) if "ended" in said else self.ended
+                self.error = said.get("error", self.error)
         if self.ended is None:
             self.error = self.error or self._how_it_died()
 

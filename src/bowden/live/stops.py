@@ -8,11 +8,13 @@ heartbeat either, are a drive that has fallen silent.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from bowden.live.figures import RunStop
 from bowden.live.mcap_read import Recording
 from bowden.live.ring_status import RecorderState
 from bowden.safety import faults
@@ -195,8 +197,8 @@ class MotorFaults(NamedTuple):
         return min(self.came.values()), {*self.causes} <= {*faults.OF_OTHERS}
 
 
-def document(log: Recording, limits: Mapping[str, Any], *, twin: bool) -> list[dict[str, Any]]:
-    """Every stop as JSON values.
+def run_stops(log: Recording, limits: Mapping[str, Any], *, twin: bool) -> tuple[RunStop, ...]:
+    """Every stop of a run in words.
 
     Args:
         log: see `stops`.
@@ -204,7 +206,7 @@ def document(log: Recording, limits: Mapping[str, Any], *, twin: bool) -> list[d
         twin: likewise.
     """
     if not log.motors:
-        return [_said(stop, limits, twin=twin) for stop in stops(log)]
+        return tuple(_said(stop, limits, twin=twin) for stop in stops(log))
     found = [
         _StopOf(name, stop, part.settings.get("limits", limits))
         for name, part in log.parts.items()
@@ -220,7 +222,7 @@ def document(log: Recording, limits: Mapping[str, Any], *, twin: bool) -> list[d
             groups[-1].append(one)
         else:
             groups.append([one])
-    return [_said_of(group, len(log.motors), twin=twin) for group in groups]
+    return tuple(_said_of(group, len(log.motors), twin=twin) for group in groups)
 
 
 class _StopOf(NamedTuple):
@@ -233,49 +235,46 @@ _SPREADS = 0.05
 """Within this time a stop of one motor is that of the others, which see it a cycle later, or late cycles later [s]."""
 
 
-def _said(stop: Stop, limits: Mapping[str, Any], *, twin: bool) -> dict[str, Any]:
-    return {
-        "time_s": round(stop.time, 6),
-        "causes": [fault.meaning for fault in stop.causes],
-        "remedies": [remedy_of(fault, twin=twin) for fault in stop.causes],
-        "consequences": [fault.meaning for fault in stop.consequences],
-        "too_busy": too_busy(stop, limits) or None,
-    }
+def _said(stop: Stop, limits: Mapping[str, Any], *, twin: bool) -> RunStop:
+    return RunStop(
+        round(stop.time, 6),
+        tuple(fault.meaning for fault in stop.causes),
+        tuple(remedy_of(fault, twin=twin) for fault in stop.causes),
+        tuple(fault.meaning for fault in stop.consequences),
+        too_busy(stop, limits) or None,
+    )
 
 
-def _said_of(group: Sequence[_StopOf], count: int, *, twin: bool) -> dict[str, Any]:
+def _said_of(group: Sequence[_StopOf], count: int, *, twin: bool) -> RunStop:
     """A stop of several motors: what came first, in which motor, and what followed in it and in the others."""
     first, *others = group
     said = _said(first.stop, first.limits, twin=twin)
-    of_all = len(group) == count and all(one.stop[:2] == first.stop[:2] for one in others)
-    more = [f"{one.motor}: {fault.meaning}" for one in others for fault in (*one.stop.causes, *one.stop.consequences)]
-    return {
-        **said,
-        "motor": None if of_all else first.motor,
-        "consequences": said["consequences"] + more * (not of_all),
-    }
+    if len(group) == count and all(one.stop[:2] == first.stop[:2] for one in others):
+        return said
+    more = (f"{one.motor}: {fault.meaning}" for one in others for fault in (*one.stop.causes, *one.stop.consequences))
+    return replace(said, motor=first.motor, consequences=(*said.consequences, *more))
 
 
-def lines(stop: dict[str, Any], *, twin: bool = False) -> Iterator[str]:
-    """A stop, as `document` has it, for a person: its causes with what to do, and what followed from them.
+def lines(stop: RunStop, *, twin: bool = False) -> Iterator[str]:
+    """A stop for a person: its causes with what to do, and what followed from them.
 
     Beside a busy computer what followed has its remedies too: it may have a cause of its own.
 
     Args:
-        stop: one of `document`.
+        stop: one of `run_stops`.
         twin: whether the drive was the command's own twin.
     """
-    motor = f"{stop['motor']}: " if stop.get("motor") else ""
-    if stop["too_busy"]:
-        yield stop["too_busy"]
+    motor = f"{stop.motor}: " if stop.motor else ""
+    if stop.too_busy:
+        yield stop.too_busy
         remedies = {fault.meaning: remedy_of(fault, twin=twin) for fault in Fault}
-        for meaning in stop["consequences"]:
+        for meaning in stop.consequences:
             yield f"at the same time: {meaning}; {remedies[meaning.rpartition(': ')[2]]}"
         return
-    for meaning, remedy in zip(stop["causes"], stop["remedies"], strict=True):
+    for meaning, remedy in zip(stop.causes, stop.remedies, strict=True):
         yield f"{motor}{meaning}; {remedy}"
-    if stop["consequences"]:
-        yield f"as a consequence: {', '.join(stop['consequences'])}"
+    if stop.consequences:
+        yield f"as a consequence: {', '.join(stop.consequences)}"
 
 
 def too_busy(stop: Stop, limits: Mapping[str, Any]) -> str:

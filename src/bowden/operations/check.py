@@ -5,8 +5,9 @@ import math
 from dataclasses import KW_ONLY, dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal
 
+from bowden.core.documented import Documented
 from bowden.operations.support.operation import GivenLaw, GivenProgress, GivenRig, Operation
-from bowden.operations.support.results import Result, ResultPart, degrees
+from bowden.operations.support.results import Result, degrees
 
 if TYPE_CHECKING:
     from bowden.design.check_result import Check
@@ -17,7 +18,7 @@ Verdict = Literal["holds", "little_margin", "limit_cycle", "does_not_hold"]
 
 
 @dataclass(frozen=True)
-class WorstLoop(ResultPart):
+class WorstLoop(Documented):
     """The linear loop that decides."""
 
     bend_deg: float
@@ -32,7 +33,7 @@ class WorstLoop(ResultPart):
 
 
 @dataclass(frozen=True)
-class CycleAtRest(ResultPart):
+class CycleAtRest(Documented):
     """The limit cycle that backlash can cause."""
 
     predicted: bool
@@ -51,7 +52,7 @@ class CycleAtRest(ResultPart):
 
 
 @dataclass(frozen=True)
-class Chatter(ResultPart):
+class Chatter(Documented):
     """What the encoder's counts do to the command."""
 
     predicted: bool
@@ -63,7 +64,7 @@ class Chatter(ResultPart):
 
 
 @dataclass(frozen=True)
-class TautMargins(ResultPart):
+class TautMargins(Documented):
     """Margins of several motors on one joint, of a case of taut cables."""
 
     at: str
@@ -77,7 +78,7 @@ class TautMargins(ResultPart):
 
 
 @dataclass(frozen=True)
-class SharedLoops(ResultPart):
+class SharedLoops(Documented):
     """What is found of several motors on one joint besides."""
 
     motors: tuple[str, ...]
@@ -94,9 +95,11 @@ class SharedLoops(ResultPart):
 
 
 @dataclass(frozen=True)
-class LoopCheck(ResultPart):
+class LoopCheck(Documented):
     """Whether a law holds on one joint."""
 
+    joint: str
+    """Its name or, where one motor moves it, that motor's; empty of a rig with one motor."""
     law: str
     """Name of the law."""
     verdict: Verdict
@@ -138,18 +141,10 @@ class LoopCheck(ResultPart):
 
 
 @dataclass(frozen=True)
-class JointCheck(LoopCheck):
-    """Whether the laws of one joint of several hold."""
-
-    joint: str
-    """Its name or, where one motor moves it, that motor's."""
-
-
-@dataclass(frozen=True)
 class CheckResult(LoopCheck, Result["Check | dict[str, Check]"]):
     """Whether a law holds; of a rig with several joints the figures of the worst, and of each."""
 
-    joints: tuple[JointCheck, ...]
+    joints: tuple[LoopCheck, ...]
     """Figures of each joint of a rig with several; empty for a rig with one."""
     refusals: tuple[str, ...]
     """Why bowden run refuses the rig, whether the law holds or not; empty where it takes it."""
@@ -226,7 +221,7 @@ def check(
             found_wrong += [f"{joint.said}: {ends}" if joint.said else ends] if ends else []
     worst = max(checks, key=lambda name: _badness(checks[name]))
     figures = {name: _figures(one, joints[name]) for name, one in checks.items()}
-    several = tuple(JointCheck(**one, joint=name) for name, one in figures.items() if len(checks) > 1)
+    several = tuple(LoopCheck(**one) for one in figures.values() if len(checks) > 1)
     told = figures[worst] | {"rig": whole.hash}
     said = as_notes(found_wrong)
     return CheckResult(
@@ -261,6 +256,7 @@ def _figures(found: "Check", joint: "RigJoint") -> dict[str, Any]:
         contraction = degrees(joint.settings.co_contraction)
         shared = SharedLoops(joint.names, contraction, loops, degrees(apart.drift), apart.apart)
     return {
+        "joint": joint.name,
         **{name: getattr(found, name) for name in ("law", "verdict", "holds", "reason", "leaves_out", "refuted")},
         **{name: getattr(found, name) for name in ("gain_margin_db", "phase_margin_deg", "delay_margin_s", "advice")},
         "worst": WorstLoop(

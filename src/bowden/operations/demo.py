@@ -6,11 +6,11 @@ from dataclasses import KW_ONLY, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
+from bowden.live.figures import EndedRun
 from bowden.operations.check import Verdict
-from bowden.operations.identify import IdentifyTrust
 from bowden.operations.simulate import SimulatedRun, simulate
 from bowden.operations.support.operation import Folder, GivenProgress, Operation, Quiet, Switch, Tell
-from bowden.operations.support.results import Result, ResultPart
+from bowden.operations.support.results import Result, TrustLevel
 
 if TYPE_CHECKING:
     from bowden.design.verdict import CheckVerdict
@@ -24,30 +24,18 @@ _TRIES, _PAUSE = 3, 3.0
 
 
 @dataclass(frozen=True)
-class DemoLive(ResultPart):
-    """The live run."""
-
-    ended_well: bool
-    seconds_led: float
-    rmse_deg: float | None
-    peak_deg: float | None
-    faults: tuple[str, ...]
-    log: str
-
-
-@dataclass(frozen=True)
 class Demo(Result["Demo"]):
     """The main job, done once."""
 
     best: str
     """Name of the recommended model, as bowden identify has it."""
-    trust: IdentifyTrust
+    trust: TrustLevel
     """Whether to trust the model, and why."""
     verdict: Verdict
     """Verdict of the check of the law."""
     runs: tuple[SimulatedRun, ...]
     """Simulated: without compensation first, then with the law."""
-    live: DemoLive
+    live: EndedRun
     """The run on the twin, as bowden run has it."""
     files: tuple[Path, ...]
     """Model, rig and page."""
@@ -159,13 +147,12 @@ def demo(
         say(page.live_line(live, ended))
         report("drawing the page", 0.8)
         page.demo_page(fit, found, traces, live, ended, [] if log is None else words).write(html)
-    kept = ("ended_well", "seconds_led", "rmse_deg", "peak_deg", "log")
     return Demo(
         fit.best.name,
-        IdentifyTrust(*fit.trust),
+        TrustLevel(*fit.trust),
         found.verdict,
         simulated.runs,
-        DemoLive(**{name: ended[name] for name in kept}, faults=tuple(ended["faults"])),
+        ended,
         (model, rig_file, html),
         words=() if log is None else tuple(words),
     )
@@ -173,7 +160,7 @@ def demo(
 
 def _live(
     rig: "Rig", name: str, out: Path, checked: "CheckVerdict", tell: Any, *, quiet: bool
-) -> "tuple[Session, dict[str, Any]]":
+) -> "tuple[Session, EndedRun]":
     """A live run on a twin, and its summary; once more where this computer stalled.
 
     Raises:
@@ -181,7 +168,7 @@ def _live(
     """
     from bowden.live.operator import ending_signals, operate
     from bowden.live.start import live_session
-    from bowden.live.summary import document
+    from bowden.live.summary import ended_run
     from bowden.report.demo_page import by_the_computer
 
     for further in reversed(range(_TRIES)):
@@ -192,8 +179,8 @@ def _live(
             operate(session, ending, auto=True, quiet=quiet)
         if ending.asked:
             raise KeyboardInterrupt
-        found = document(session)
-        if found["ended_well"] or not by_the_computer(found):
+        found = ended_run(session)
+        if found.ended_well or not by_the_computer(found):
             break
         if further:
             tell("this computer stalled and ended the run; once more")

@@ -3,10 +3,11 @@
 from dataclasses import dataclass
 from typing import Annotated, Any
 
+from bowden.core.documented import Documented
 from bowden.hardware.realtime import Grant
 from bowden.live.figures import Lateness, Machine
 from bowden.operations.support.operation import Operation, Switch
-from bowden.operations.support.results import Result, ResultPart
+from bowden.operations.support.results import Result
 
 _PERIOD = 1e-3
 _EMG_WAIT = 1.0
@@ -14,7 +15,7 @@ _EMG_WAIT = 1.0
 
 
 @dataclass(frozen=True)
-class LatenessBucket(ResultPart):
+class LatenessBucket(Documented):
     """A bar of the histogram of lateness."""
 
     up_to_us: float | None
@@ -23,7 +24,7 @@ class LatenessBucket(ResultPart):
 
 
 @dataclass(frozen=True)
-class EmgStreamFound(ResultPart):
+class EmgStreamFound(Documented):
     """A stream of EMG."""
 
     name: str
@@ -37,7 +38,7 @@ class EmgStreamFound(ResultPart):
 
 
 @dataclass(frozen=True)
-class EmgFound(ResultPart):
+class EmgFound(Documented):
     """Streams of EMG on the network."""
 
     installed: bool

@@ -7,9 +7,10 @@ from collections.abc import Iterator
 from dataclasses import KW_ONLY, dataclass
 from typing import TYPE_CHECKING, Any
 
+from bowden.core.documented import Documented
 from bowden.operations.confirm import say, say_torque
 from bowden.operations.support.operation import GivenRig, Operation, Quiet
-from bowden.operations.support.results import Result, ResultPart
+from bowden.operations.support.results import Result
 
 if TYPE_CHECKING:
     from bowden.hardware.ports import Drive
@@ -27,7 +28,7 @@ _SHOW = 0.1
 
 
 @dataclass(frozen=True)
-class DeviceFound(ResultPart):
+class DeviceFound(Documented):
     """A device on the bus."""
 
     node: int
@@ -50,7 +51,7 @@ class DriveProbe(Result["DriveProbe"]):
 
 
 @dataclass(frozen=True)
-class ReadingRange(ResultPart):
+class ReadingRange(Documented):
     """What a reading went through."""
 
     least: float | None
@@ -59,25 +60,16 @@ class ReadingRange(ResultPart):
 
 
 @dataclass(frozen=True)
-class DriveReadings(ResultPart):
+class DriveReadings(Documented):
     """What a drive says of itself while it is read."""
 
     drive: str
     """Who the drive is."""
     cycles: int
     """How often it was read."""
-    motor_deg: ReadingRange
-    """Angle of the motor, at its spool; null where it is not measured."""
-    joint_deg: ReadingRange
-    """Angle of the joint; null where it is not measured."""
-    current_a: ReadingRange
-    """Motor current; null where it is not measured."""
-    tension_n: ReadingRange
-    """Tension of the cable; null where it is not measured."""
-    joint_torque_nm: ReadingRange
-    """Torque of the suit on the joint, by a load cell; null where it is not measured."""
-    temperature_c: ReadingRange
-    """Temperature of the power stage; null where it is not measured."""
+    readings: dict[str, ReadingRange]
+    """Each by its name, with its unit: motor_deg at the spool, joint_deg, current_a, tension_n, joint_torque_nm and
+    temperature_c; null where it is not measured."""
     states: tuple[str, ...]
     """The drive's states, in their order."""
 
@@ -356,7 +348,7 @@ def _readings(look: "DriveLook", identity: str) -> dict[str, Any]:
         last = getattr(look.last, name)
         least, most = (round(factor * found[name], 4) if name in found else None for found in (look.least, look.most))
         ranges[shown] = ReadingRange(least, most, round(factor * last, 4) if math.isfinite(last) else None)
-    return {"drive": identity, "cycles": look.cycles, **ranges, "states": tuple(look.states)}
+    return {"drive": identity, "cycles": look.cycles, "readings": ranges, "states": tuple(look.states)}
 
 
 GROUP = "Find drives on a bus, look at one, and set its zero; without power."

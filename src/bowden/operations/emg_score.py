@@ -1,12 +1,13 @@
 """`emg score`: how well contractions are found in a recording."""
 
 from collections.abc import Sequence
-from dataclasses import KW_ONLY, asdict, dataclass
+from dataclasses import KW_ONLY, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
+from bowden.identify.emg.detector_score import DetectorScore
 from bowden.operations.support.operation import Operation, Switch
-from bowden.operations.support.results import Result, ResultPart
+from bowden.operations.support.results import Result
 
 if TYPE_CHECKING:
     from bowden.design.contractions import Contractions, Recording
@@ -14,26 +15,6 @@ if TYPE_CHECKING:
 
 LONGEST = 5.0
 """Contractions up to this long can be left out [s]."""
-
-
-@dataclass(frozen=True)
-class DetectorScore(ResultPart):
-    """Detections against labels."""
-
-    detections: int
-    """Contractions found."""
-    misses: int | None
-    """Labelled contractions without a detection, but for rejected ones; null without labels."""
-    rejected: int | None
-    """Labelled contractions without a detection that are shorter than shortest_ms; null without labels."""
-    false_activations: int | None
-    """Detections without a label, and each of a contraction after its first; null without labels."""
-    latency_median_s: float | None
-    """From a label's onset to the detection's; null without any."""
-    latency_max_s: float | None
-    """The largest of these."""
-    false_per_minute: float | None
-    """False activations a minute of the recording."""
 
 
 @dataclass(frozen=True)
@@ -121,8 +102,8 @@ def emg_score(
     whole = scored(log, labels=labels, wearer=wearer, kind=kind, shortest=shortest)
     log, known = whole.log, isinstance(wearer, str | Path)
     return EmgScore(
-        **asdict(whole.score),
-        plain_threshold=DetectorScore(**asdict(whole.plain_score)),
+        **vars(whole.score),
+        plain_threshold=whole.plain_score,
         contractions_s=tuple((float(onset), float(end)) for onset, end in whole.spans),
         duration_s=len(log.values) / log.rate,
         rate_hz=log.rate,

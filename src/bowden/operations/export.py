@@ -5,9 +5,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
+from bowden.core.documented import Documented
 from bowden.operations.check import Verdict
 from bowden.operations.support.operation import GivenLaw, GivenRig, Operation, Role, Switch
-from bowden.operations.support.results import Result, ResultPart, made
+from bowden.operations.support.results import Result
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -27,7 +28,7 @@ _HEAD = 500
 
 
 @dataclass(frozen=True)
-class CortexCost(ResultPart):
+class CortexCost(Documented):
     """What a law costs on a microcontroller."""
 
     code_bytes: int
@@ -183,7 +184,7 @@ def export(
         precision="float" if float32 else "double",
         modules=tuple(module.prefix for module in modules),
         files=tuple(folder / file for file in (*texts, "recording.csv")),
-        cortex_m4f=made(CortexCost, figures) if isinstance(figures, dict) else None,
+        cortex_m4f=None if isinstance(figures, str) else figures,
         notes=tuple(note for note in notes if note),
     )
 
@@ -297,7 +298,7 @@ def _recording(rig: "Rig", law: "Law") -> str:
     return "\n".join(lines) + "\n"
 
 
-def _figures(folder: Path, modules: "list[Module]", recording: str) -> dict[str, float] | str | None:
+def _figures(folder: Path, modules: "list[Module]", recording: str) -> CortexCost | str | None:
     """What the law costs on a Cortex-M4F; or a note where a tool to measure it fails, and None where none is there."""
     from bowden.export import cortex
 
@@ -310,14 +311,11 @@ def _figures(folder: Path, modules: "list[Module]", recording: str) -> dict[str,
         cost = cortex.measure(prefix, texts, [row[:5] for row in rows])
     except (OSError, subprocess.SubprocessError, ValueError) as error:  # a compiler without its library, say
         return f"not measured on a Cortex-M4F: {' '.join(str(error).split())[:300]}"
-    return {
-        "code_bytes": cost.code_bytes,
-        "state_bytes": cost.state_bytes,
-        "stack_bytes": cost.stack_bytes,
-        "instructions_mean": round(cost.instructions_mean, 1),
-        "instructions_max": cost.instructions_max,
-        "furthest_rad": max(abs(command - row[5]) for command, row in zip(cost.commands, rows, strict=True)),
-    }
+    furthest = max(abs(command - row[5]) for command, row in zip(cost.commands, rows, strict=True))
+    return CortexCost(
+        *(cost.code_bytes, cost.state_bytes, cost.stack_bytes),
+        *(round(cost.instructions_mean, 1), cost.instructions_max, furthest),
+    )
 
 
 OPERATIONS = (

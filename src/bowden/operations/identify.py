@@ -2,11 +2,13 @@
 
 from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass
+from inspect import Parameter
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
-from bowden.operations.support.operation import GivenProgress, Operation, Switch
-from bowden.operations.support.results import Result, ResultPart, degrees, json_of, made
+from bowden.core.documented import Documented
+from bowden.operations.support.operation import GivenProgress, Operation, Role, Switch
+from bowden.operations.support.results import Result, TrustLevel, degrees
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -21,17 +23,12 @@ if TYPE_CHECKING:
     AnyModel = str | Path | Fit | CableModel | IdentifiedCable
 
 
-@dataclass(frozen=True)
-class IdentifyTrust(ResultPart):
-    """Whether to trust a model."""
-
-    level: Literal["yes", "with care", "no"]
-    reasons: tuple[str, ...]
-    """The gravest first."""
+EMPTY = Parameter.empty
+"""A log is no option of the command line: it has to be given."""
 
 
 @dataclass(frozen=True)
-class LogCycles(ResultPart):
+class LogCycles(Documented):
     """Whole cycles of motion in a log."""
 
     whole: int
@@ -43,7 +40,7 @@ class LogCycles(ResultPart):
 
 
 @dataclass(frozen=True)
-class FittedModel(ResultPart):
+class FittedModel(Documented):
     """A family of models, fitted."""
 
     parameters: dict[str, float]
@@ -60,7 +57,7 @@ class FittedModel(ResultPart):
 
 
 @dataclass(frozen=True)
-class LoopOfModel(ResultPart):
+class LoopOfModel(Documented):
     """The hysteresis loop of a model."""
 
     slope: float
@@ -87,7 +84,7 @@ class LoopOfModel(ResultPart):
 
 
 @dataclass(frozen=True)
-class ForecastOfModel(ResultPart):
+class ForecastOfModel(Documented):
     """What a compensation by the model would leave."""
 
     compensated_rms_deg: float | None
@@ -100,7 +97,7 @@ class ForecastOfModel(ResultPart):
 
 
 @dataclass(frozen=True)
-class ScheduleVariables(ResultPart):
+class ScheduleVariables(Documented):
     """What a model is scheduled by."""
 
     load: str | None
@@ -110,7 +107,7 @@ class ScheduleVariables(ResultPart):
 
 
 @dataclass(frozen=True)
-class LogOfFit(ResultPart):
+class LogOfFit(Documented):
     """One of the logs."""
 
     name: str
@@ -138,7 +135,7 @@ class LogOfFit(ResultPart):
 
 
 @dataclass(frozen=True)
-class GainAndOffset(ResultPart):
+class GainAndOffset(Documented):
     """Of a known model, fitted again."""
 
     gain: float
@@ -182,7 +179,7 @@ class Identification(Result["Fit"]):
     forecast: ForecastOfModel | None
     """Root mean square error of the joint on a motion like the log's second half; the servo is taken to follow at
     once. Null of several logs and of a known model."""
-    trust: IdentifyTrust
+    trust: TrustLevel
     """Whether to trust the recommended model for motions like the logs'."""
     variables: ScheduleVariables
     """What schedules the model."""
@@ -200,43 +197,53 @@ class Identification(Result["Fit"]):
 
 
 def identify(
-    log: "AnyLog | Sequence[AnyLog] | ArrayLike | None" = None,
-    motor: "str | ArrayLike | None" = None,
-    joint: "str | ArrayLike | None" = None,
+    log: Annotated[
+        "AnyLog | Sequence[AnyLog] | ArrayLike | None", Switch(list[Path], metavar="LOG...", place=True, default=EMPTY)
+    ] = None,
+    motor: Annotated["str | ArrayLike | None", Switch(str)] = None,
+    joint: Annotated["str | ArrayLike | None", Switch(str)] = None,
     *,
-    time: "str | ArrayLike | None" = None,
-    unit: str | None = None,
-    counts_per_turn: float | Sequence[float] | str | None = None,
+    time: Annotated["str | ArrayLike | None", Switch(str)] = None,
+    unit: Annotated[str | None, Switch(metavar="UNIT[,UNIT]")] = None,
+    counts_per_turn: Annotated["float | Sequence[float] | str | None", Switch(str, metavar="N[,N]")] = None,
     spool_radius_mm: Annotated[float | None, Switch(metavar="MM")] = None,
-    rate: float | None = None,
-    load: "str | float | Sequence[float] | None" = None,
-    bend: "str | float | Sequence[float] | None" = None,
-    model: "AnyModel | None" = None,
-    name: str = "log",
-    seed: Annotated[int, Switch(least=0)] = 0,
+    rate: Annotated[float | None, Switch(metavar="HZ")] = None,
+    load: Annotated["str | float | Sequence[float] | None", Switch(str, metavar="VALUES|COLUMN|none")] = None,
+    bend: Annotated["str | float | Sequence[float] | None", Switch(str, metavar="VALUES|COLUMN|none")] = None,
+    model: Annotated["AnyModel | None", Switch(Path)] = None,
+    name: Annotated[str, Switch(Role.PYTHON)] = "log",
+    seed: Annotated[int, Switch(Role.PYTHON, least=0)] = 0,
     progress: GivenProgress = None,
 ) -> Identification:
-    """Fit models of a cable to its logs, and judge them on what they have not seen.
+    """Identify a cable from logs of its motion: which model to use, and why.
 
-    Six families are fitted to the first half of a log and judged on the second. Several logs are fitted together; load,
-    bend or both of them may schedule the model. Of a known model gain and offset alone are fitted, and whether the
-    cable has changed is said.
+    Cable models are fitted to the log's first half and judged on the second. Six models are fitted: a straight line,
+    the play operator, Bouc-Wen, Bouc-Wen with a static nonlinearity, a Prandtl-Ishlinskii stack, and a generalised play
+    between free branches. The command's folder gets model.toml, with every parameter and its uncertainty, and a page.
+
+    Several logs are fitted together: one loop whose offset, slope, width and shape follow the logs' load, their bend or
+    both. With `model` nothing is identified but gain and offset of a known cable, from seconds of motion, and whether
+    the cable has changed.
 
     Args:
-        log: the path of a file, as `read_log` takes it; a `Log` of `read_log`; a `Trace`; a list of these; or time
-            (n,) [s].
-        motor: motor-side angle (n,); of a file, the name of its column.
-        joint: joint-side angle (n,); of a file, the name of its column.
-        time: the same for time, where it does not come first.
-        unit: of the angles, ``rad``, ``deg`` or ``counts``, or one each (``"counts,deg"``); radians where it is not
-            given, or as a file's columns say.
-        counts_per_turn: of the encoders, where they count: one number, or one for the motor and one for the joint.
-        spool_radius_mm: of the motor, where its column is a length of cable.
-        rate: samples a second, of a log without times [Hz].
-        load: of several logs one value each, in any unit, or the name of a column, of which the mean is used; by
-            default a column with a common name. ``"none"`` for no load. Of one log, where `model` depends on it.
-        bend: the same [rad].
-        model: a known one, a model.toml or what `identify` returned, of which gain and offset are fitted to the log.
+        log: CSV, gzipped CSV, MATLAB, NumPy, Parquet, Excel, TDMS, a bag of ROS 2: time, motor, joint; one file or
+            more, or one with the motor and one with the joint, whose clocks are aligned by the motion. In Python also
+            a `Log` of `read_log`, a `Trace`, a list of these, or time (n,) [s].
+        motor: name or number of the motor-side angle's column; guessed by default. In Python also the angle (n,).
+        joint: the same of the joint-side angle.
+        time: the same of time; in Python where it does not come first.
+        unit: deg, rad, turns, counts or mm, of both angles or of motor and joint; by default as the columns' names end,
+            and of arrays radians.
+        counts_per_turn: counts in a turn of both encoders, or of motor and joint, whatever the log's unit: a rig gets
+            them.
+        spool_radius_mm: radius of the motor's spool, where its column is a length of cable in mm.
+        rate: rows a second, of a log without times [Hz].
+        load: load of several logs: 0.1,0.2 (one for each, in their order, in any unit), or the column whose mean it is;
+            by default a column of a common name (joint_torque_nm, tension_n, …). Of one log, where `model` depends on
+            it.
+        bend: bend of several logs, likewise (a column bend_deg, bend_angle…) [deg; rad in Python].
+        model: a known one, the model.toml of this cable, or what `identify` returned: fit its gain and offset to the
+            log, and tell whether it changed.
         name: of the log, for messages.
         seed: of the global search; the same seed gives the same result.
         progress: True for a line that says how far it is, or a function of what is being done and the share done.
@@ -248,7 +255,7 @@ def identify(
 
     Raises:
         LogError: a file that cannot be read, signals that nothing can be fitted to, or logs that do not go together.
-        ParameterError: arguments of the wrong kind.
+        ParameterError: arguments of the wrong kind, or that do not go together.
 
     >>> import bowden
     >>> import numpy as np
@@ -287,9 +294,9 @@ def identify(
         fit.samples,
         models,
         degrees(fit.judged_rms),
-        None if loop is None else made(LoopOfModel, json_of(loop), curve_error=loop.curve_error),
+        None if loop is None else LoopOfModel(**loop._asdict(), curve_error=loop.curve_error),
         None if ahead is None else ForecastOfModel(*map(degrees, ahead)),
-        IdentifyTrust(*fit.trust),
+        TrustLevel(*fit.trust),
         ScheduleVariables(fit.units.get("load"), "rad" if "bend" in fit.units else None),
         tuple(_log_of(fit, one) for one in fit.logs),
         None
@@ -320,70 +327,10 @@ def _log_of(fit: "Fit", one: "FittedLog") -> LogOfFit:
     )
 
 
-def identify_logs(
-    logs: Annotated[list[Path], Switch(metavar="LOG...")],
-    *,
-    time: str | None = None,
-    motor: str | None = None,
-    joint: str | None = None,
-    unit: Annotated[str | None, Switch(metavar="UNIT[,UNIT]")] = None,
-    counts_per_turn: Annotated[str | None, Switch(metavar="N[,N]")] = None,
-    spool_radius_mm: Annotated[float | None, Switch(metavar="MM")] = None,
-    rate: Annotated[float | None, Switch(metavar="HZ")] = None,
-    load: Annotated[str | None, Switch(metavar="VALUES|COLUMN|none")] = None,
-    bend: Annotated[str | None, Switch(metavar="VALUES|COLUMN|none")] = None,
-    model: Path | None = None,
-    progress: GivenProgress = None,
-) -> Identification:
-    """Identify a cable from logs of its motion: which model to use, and why.
-
-    Six models are fitted to the log's first half and judged on the second: a straight line, the play operator,
-    Bouc-Wen, Bouc-Wen with a static nonlinearity, a Prandtl-Ishlinskii stack, and a generalised play between free
-    branches. The folder gets model.toml, with every parameter and its uncertainty, and a page.
-
-    Several logs are fitted together: one loop whose offset, slope, width and shape follow the logs' load, their bend or
-    both. With `model` only gain and offset of a known cable are fitted, to some seconds of motion.
-
-    Args:
-        logs: CSV, gzipped CSV, MATLAB, NumPy, Parquet, Excel, TDMS, a bag of ROS 2: time, motor, joint; one file or
-            more, or one with the motor and one with the joint, whose clocks are aligned by the motion.
-        time: name or number of the time column; guessed by default.
-        motor: name or number of the motor-side angle's column.
-        joint: name or number of the joint-side angle's column.
-        unit: deg, rad, turns, counts or mm, of both angles or of motor and joint; by default as the columns' names end.
-        counts_per_turn: counts in a turn of both encoders, or of motor and joint, whatever the log's unit: a rig gets
-            them.
-        spool_radius_mm: radius of the motor's spool, where its column is a length of cable in mm.
-        rate: rows a second, of a log without times.
-        load: load of several logs: 0.1,0.2 (one for each, in their order), or the column whose mean it is; by default a
-            column of a common name (joint_torque_nm, tension_n, …).
-        bend: bend of several logs [deg], likewise (a column bend_deg, bend_angle…).
-        model: the model.toml of this cable: fit its gain and offset to the log, and tell whether it changed.
-
-    Raises:
-        LogError: files that cannot be read, or logs that do not go together.
-        ParameterError: options that do not go together.
-    """
-    return identify(
-        list(logs),
-        motor,
-        joint,
-        time=time,
-        unit=unit,
-        counts_per_turn=counts_per_turn,
-        spool_radius_mm=spool_radius_mm,
-        rate=rate,
-        load=load,
-        bend=bend,
-        model=model,
-        progress=progress,
-    )
-
-
 OPERATIONS = (
     Operation(
         "identify",
-        identify_logs,
+        identify,
         (
             "bowden identify log.csv",
             "bowden identify log.csv.gz --out out/cable",

@@ -4,8 +4,9 @@ from dataclasses import KW_ONLY, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
+from bowden.identify.servo.figures import ServoFigures
 from bowden.operations.support.operation import GivenProgress, Operation, Switch
-from bowden.operations.support.results import Result, ResultPart, made
+from bowden.operations.support.results import Result
 
 if TYPE_CHECKING:
     from bowden.identify.servo.fit import ServoFit
@@ -13,38 +14,9 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class FittedValue(ResultPart):
-    """A value and its uncertainty."""
-
-    value: float
-    uncertainty: float
-    """Standard uncertainty."""
-
-
-@dataclass(frozen=True)
-class ServoIdentification(Result["ServoFit"]):
+class ServoIdentification(ServoFigures, Result["ServoFit"]):
     """A servo, as a rig.toml has it."""
 
-    natural_frequency_hz: FittedValue
-    """Natural frequency under the position loop [Hz]."""
-    damping: FittedValue
-    """Damping ratio."""
-    delay_s: FittedValue
-    """Between the logged command and the moment it acts, fractions of a sample included [s]."""
-    delay_cycles: int
-    """The same in cycles of the rig, rounded up, with those of the joint's sensor."""
-    joint_late_s: float
-    """How late the rig's joint sensor is, by the log of its cable; 0 without `into` [s]."""
-    sample_time_ms: float
-    """One cycle of the rig [ms]."""
-    speed_limit_deg_per_s: FittedValue | None
-    """Largest speed; null where the log does not reach it [deg/s]."""
-    acceleration_limit_deg_per_s2: FittedValue | None
-    """Largest acceleration; null where the log does not reach it [deg/s²]."""
-    residual_deg: float
-    """Root mean square of motor - model [deg]."""
-    unexplained: float
-    """The same as a share of the motor's motion."""
     warnings: tuple[str, ...]
     """What was mended in the log: repeated or uneven time stamps."""
     _: KW_ONLY
@@ -98,7 +70,7 @@ def identify_servo(
     40
     """
     from bowden.identify.servo.fit import identify_servo as fit
-    from bowden.identify.servo.keys import document_of
+    from bowden.identify.servo.keys import figures_of
     from bowden.identify.servo.log import read_servo_log
     from bowden.operations.support.given import check_number
     from bowden.operations.support.progress import reported
@@ -112,7 +84,7 @@ def identify_servo(
     with reported(progress, "identify-servo") as report:
         report("fitting the servo", 0.0)
         found = fit(*columns)
-    return made(ServoIdentification, document_of(found, cycle, encoders), warnings=tuple(notes), fit=found)
+    return ServoIdentification(**vars(figures_of(found, cycle, encoders)), warnings=tuple(notes), fit=found)
 
 
 def _cycle_of(path: Path, given: float | None) -> "tuple[float, Encoders]":

@@ -4,9 +4,9 @@ from dataclasses import KW_ONLY, asdict, dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from bowden.live.figures import Damage, Recovery, Replay
+from bowden.live.figures import LogFacts, Recovery, Replay
 from bowden.operations.support.operation import Operation, Switch
-from bowden.operations.support.results import Result, ResultPart, made
+from bowden.operations.support.results import Result
 
 if TYPE_CHECKING:
     from bowden.live.mcap_read import Recording
@@ -16,142 +16,11 @@ File = Annotated[Path, Switch(metavar="FILE")]
 
 
 @dataclass(frozen=True)
-class Percentiles(ResultPart):
-    """Quantiles of a time."""
-
-    p50: float
-    p99: float
-    p99_9: float
-    max: float
-
-
-@dataclass(frozen=True)
-class LogStop(ResultPart):
-    """One end of power by a fault."""
-
-    time_s: float
-    """Since the first cycle [s]."""
-    causes: tuple[str, ...]
-    """The faults that came first."""
-    remedies: tuple[str, ...]
-    """What to do about each."""
-    consequences: tuple[str, ...]
-    """The faults that came after them or follow from them, in their order."""
-    too_busy: str | None
-    """That this computer was too busy, or its twin silent, with the figure and what to set; null where neither was."""
-    motor: str | None = None
-    """Motor that the stop came from, in a run with several, whose causes these are; null where it came to
-    all at once."""
-
-
-@dataclass(frozen=True)
-class LogEmergency(ResultPart):
-    """A drive's emergency."""
-
-    time_s: float | None
-    """Time of the cycle in which it came [s]."""
-    text: str
-
-
-@dataclass(frozen=True)
-class LogGain(ResultPart):
-    """A gain that was changed while the law ran."""
-
-    name: str
-    """Name of the gain."""
-    time_s: float | None
-    """When the loop took the change [s]."""
-    before: float
-    """Value in force before, in the law's own unit."""
-    to: float
-    """Value that was asked for."""
-    in_force_s: float | None
-    """When the law first ran with it, 0.5 s later [s]; null where the log ends before."""
-
-
-@dataclass(frozen=True)
-class LogEvent(ResultPart):
-    """A change of mode or faults."""
-
-    time_s: float | None
-    """Time of the cycle in which it shows [s]."""
-    text: str
-
-
-@dataclass(frozen=True)
-class LogMotor(ResultPart):
-    """One motor of several."""
-
-    law: str | None
-    rig: str | None
-    """Hash of its rig."""
-
-
-@dataclass(frozen=True)
-class LogInfo(Result["LogInfo"]):
+class LogInfo(LogFacts, Result["LogInfo"]):
     """What a log holds."""
 
     file: Path
     """The log."""
-    outcome: str
-    """How the run ended: as asked, or what ended it first."""
-    rmse_deg: float | None
-    """Joint against reference under the law, root mean square; of several motors the largest; null if none [deg]."""
-    peak_deg: float | None
-    """Largest error under the law, likewise [deg]."""
-    seconds_led: float
-    """Time under the law; of several motors the shortest [s]."""
-    closed: bool
-    """True if the recorder closed it properly."""
-    whole: bool
-    """True if it was closed and nothing in it changed since."""
-    cycles: int
-    """Cycles in the log."""
-    missing: int
-    """Cycles before the last of them that are not in it."""
-    damage: Damage
-    """What could not be read."""
-    duration_s: float
-    """From the first cycle to the last [s]."""
-    begin_s: float | None
-    """Column time of the first cycle: zero is when the command began [s]; null in a log without a cycle."""
-    sample_time_s: float | None
-    """Median time between two cycles; null with fewer than two [s]."""
-    start_utc: str
-    """When the column time was zero, ISO 8601."""
-    law: str | None
-    """The law that ran; null where the log does not say."""
-    rig: str | None
-    """Hash of the rig: equal rigs have the same, whether they come from a file, Python or a log. null in a log without
-    one."""
-    seed: int | None
-    """Seed of the run's random numbers."""
-    twin: bool | None
-    """True if the drive was a twin that the command had started itself; null in a log of an earlier version."""
-    lateness_s: Percentiles | None
-    """Lateness of the cycles; null where it was not recorded [s]."""
-    run_time_s: Percentiles | None
-    """Run time of the cycles; null where it was not recorded [s]."""
-    overruns: int | None
-    """Deadlines that were skipped; null where they were not recorded."""
-    stops: tuple[LogStop, ...]
-    """What stopped the run, in the order of time; also what was acknowledged and gone on from."""
-    emergencies: tuple[LogEmergency, ...]
-    """The drive's emergencies in words, with their codes, in their order."""
-    gains: tuple[LogGain, ...]
-    """Gains that were changed while the law ran, in the order of time."""
-    events: tuple[LogEvent, ...]
-    """Changes of modes and faults, in their order."""
-    software: dict[str, str]
-    """Versions, git revisions and host of the run."""
-    recorder: dict[str, str]
-    """What the recorder said at the end, as text; empty where the log was not closed."""
-    columns: dict[str, str]
-    """Name of each column and its unit."""
-    settings: dict[str, Any]
-    """All that made the run; a number that is not finite is null."""
-    motors: dict[str, LogMotor]
-    """Name, law and hash of the rig of each motor, in a run with several."""
 
 
 @dataclass(frozen=True)
@@ -231,8 +100,8 @@ def log_info(file: File, *, motor: str | None = None) -> LogInfo:
     from bowden.live.mcap_read import read
 
     found = read(file, needed(file))
-    said = {"motors": {}} | facts(found if motor is None else found.only(motor))
-    return made(LogInfo, said, file=file, **_doubts(found, file))
+    shown = facts(found if motor is None else found.only(motor))
+    return LogInfo(**vars(shown), file=file, **_doubts(found, file))
 
 
 def log_recover(

@@ -1,26 +1,22 @@
 """`measure`: move the motor under supervision, and leave logs that identify and identify-servo take."""
 
-from dataclasses import KW_ONLY, dataclass, fields
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
 
-from bowden.operations.run import LiveEnd
+from bowden.live.figures import EndedRun
 from bowden.operations.support.operation import Folder, GivenRig, Operation, Quiet, Tell
-from bowden.operations.support.results import Result, made
+from bowden.operations.support.results import Result
 
 
 @dataclass(frozen=True)
-class MeasuredMotion(LiveEnd, Result["MeasuredMotion"]):
-    """What the motor's motion left."""
+class MeasuredMotion(EndedRun, Result["MeasuredMotion"]):
+    """A run that moved the motor, and what it left."""
 
     cycles_left_out: int
     """Cycles of the motion that this computer did not let run; their samples are drawn in between their neighbours."""
     files: tuple[Path, ...]
     """The cable's log and the servo's; none where the run did not end well."""
-    _: KW_ONLY
-    summary: dict[str, Any]
-    """All that is said of the run."""
 
     @property
     def exit_code(self) -> int:
@@ -62,7 +58,7 @@ def measure(
     from bowden.live.measured import NEEDED, stalls, write_motions
     from bowden.live.operator import ending_signals, operate, refuse_over_ssh, refuse_without_keys
     from bowden.live.start import live_session
-    from bowden.live.summary import document
+    from bowden.live.summary import ended_run
     from bowden.operations.support import given
 
     note = tell or (lambda text: None)
@@ -76,15 +72,13 @@ def measure(
             note(session.live.losses())
         operate(session, ending, auto=auto, quiet=quiet)
     session.require_log()
-    found = document(session)
-    files = write_motions(session.live, session.log, out) if found["ended_well"] else []
+    found = ended_run(session)
+    files = write_motions(session.live, session.log, out) if found.ended_well else []
     left_out = stalls(read(session.log, NEEDED), session.live.rig.sample_time)
-    return made(
-        MeasuredMotion,
-        {one.name: found[one.name] for one in fields(LiveEnd)},
+    return MeasuredMotion(
+        **vars(found),
         cycles_left_out=left_out.drawn,
         files=tuple(files),
-        summary=found,
         notes=(left_out.note,) if files and left_out.note else (),
     )
 

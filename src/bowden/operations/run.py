@@ -5,158 +5,19 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any
 
-from bowden.hardware.realtime import Grant
-from bowden.live.figures import Lateness
-from bowden.operations.log import LogStop
+from bowden.live.figures import EndedRun
 from bowden.operations.support.operation import Folder, GivenLaw, GivenRig, Operation, Quiet, Switch, Tell
-from bowden.operations.support.results import Result, ResultPart, made
+from bowden.operations.support.results import Result
 
 if TYPE_CHECKING:
     from bowden.live.session import Session
 
 
 @dataclass(frozen=True)
-class DelaySpread(ResultPart):
-    """Quantiles of a delay [ms]."""
-
-    p50: float
-    p99: float
-    max: float
-
-
-@dataclass(frozen=True)
-class EmgRunFigures(ResultPart):
-    """How a run by EMG went."""
-
-    source: str
-    stream: str
-    """What the stream says it is."""
-    wearer: str | None
-    """The wearer's file whose levels the run went by, as rig.toml names it; null without."""
-    motions: int | None
-    """Motions that contractions began or turned round; null in the proportional mode."""
-    onset_to_cycle_ms: DelaySpread | None
-    """Until the cycle in which the reference began to move."""
-    onset_to_command_ms: DelaySpread | None
-    """Until the command had moved by 0.1°."""
-    onset_to_joint_ms: DelaySpread | None
-    """Until the joint had moved by 1°."""
-    peak_after_first_second_deg: float | None
-    """Largest error after the first second of each motion."""
-    age_ms: DelaySpread | None
-    """Age of the newest sample in the loop's cycles."""
-    samples: int
-    """Samples that came, missing ones included."""
-    lost: int
-    """Samples that are missing."""
-    why_lost: str | None
-    """Why nothing came any more at the end; null where the stream was alive."""
-
-
-@dataclass(frozen=True)
-class FeltInRun(ResultPart):
-    """What the wearer felt."""
-
-    rms_nm: float
-    """RMS of the suit's torque on the elbow less the weight that it is to carry [N m]."""
-    peak_nm: float
-    """Its largest size [N m]."""
-    doubt_nm: float
-    """Median of the standard deviation that the estimate reckons with [N m]."""
-
-
-@dataclass(frozen=True)
-class RunMotor(ResultPart):
-    """One motor of several."""
-
-    name: str
-    law: str
-    rig: str
-    """Hash of the motor's own rig."""
-    drive: str
-    mode: str | None
-    faults: tuple[str, ...]
-    preflight: str | None
-    """Why its preflight failed; null where it did not."""
-    torque: Literal["off", "unknown", "on"]
-    seconds_led: float
-    rmse_deg: float | None
-    peak_deg: float | None
-    emergencies: tuple[str, ...]
-
-
-@dataclass(frozen=True)
-class LiveEnd(ResultPart):
-    """How a live run ended."""
-
-    rig: str
-    """Hash of the rig: equal rigs have the same, whether they come from a file, Python or a log."""
-    twin: bool
-    """True if the drive was the command's own twin, and not one on the rig's bus."""
-    unattended: str | None
-    """That the run was ended before its time because the command that started it gave no sign of life, with the figure
-    and what to set; null where it was not."""
-    ended_well: bool
-    """True if the run ended as asked, not by a fault."""
-    mode: str | None
-    """The supervisor's last mode; null where the loop failed."""
-    faults: tuple[str, ...]
-    remedies: tuple[str, ...]
-    stops: tuple[LogStop, ...]
-    """What stopped the run, in the order of time; also what was acknowledged and gone on from."""
-    preflight: str | None
-    """Why the preflight failed; null where it did not."""
-    emergencies: tuple[str, ...]
-    """The drive's emergencies in words, with their codes."""
-    error: str | None
-    """Why the loop ended without a word of its own; null where it did not."""
-    log: str
-    """The MCAP file."""
-
-
-@dataclass(frozen=True)
-class RunResult(LiveEnd, Result["RunResult"]):
+class RunResult(EndedRun, Result["RunResult"]):
     """A live run that has ended."""
-
-    law: str
-    """Name of the law; of several motors with different ones all of them."""
-    drive: str
-    """Who the drive says it is."""
-    stalled_ms: float | None
-    """How long this computer did not let the loop run, where that ended the run [ms]; null where it did not."""
-    torque: Literal["off", "unknown", "on"]
-    """What the drive has said of its torque at the end: off; on, although it was switched off; unknown, if it has not
-    confirmed it: press the emergency stop."""
-    cycles: int | None
-    cycles_logged: int
-    """Cycles in the log."""
-    seconds_led: float | None
-    """Time under the law [s]."""
-    rmse_deg: float | None
-    """Joint against reference under the law, root mean square [°]. Of several motors the largest."""
-    peak_deg: float | None
-    """Largest error under the law [°]. Of several motors the largest."""
-    lateness: Lateness | None
-    run_time_median_us: float | None
-    """Median run time of the whole cycle [µs]."""
-    overruns: int | None
-    """Deadlines that were skipped."""
-    emg: EmgRunFigures | None
-    """Figures of a run by EMG; null in any other. Delays count from the sample in which a contraction was found."""
-    interaction: FeltInRun | None
-    """What the wearer felt of a suit that follows their push ([admittance]), as the loop estimated it, after the first
-    4 s or half of a shorter run; null in any other run."""
-    grants: tuple[Grant, ...]
-    more_logs: tuple[str, ...]
-    """Where the recorder had to be started again: what it wrote then, which begins with the last half minute before."""
-    log_whole: bool
-    """True if the log was closed properly and every row that was written can be read."""
-    log_lost: str | None
-    """What became of a log that is not there at the end: removed, replaced or moved; null where it is."""
-    motors: tuple[RunMotor, ...]
-    """The same for each motor of a rig with several; else empty."""
 
     @property
     def exit_code(self) -> int:
@@ -233,33 +94,19 @@ def run(
     ...
     bowden.core.errors.ParameterError: cannot read rig.tom: no such file or directory; write one with: bowden init
     """
-    return _Run(_session(rig, law, preset, duration, motor, twin, channel, emg, out, force))
-
-
-@contextlib.contextmanager
-def _session(
-    rig: GivenRig,
-    law: GivenLaw | None,
-    preset: str | None,
-    duration: float | None,
-    motor: str | None,
-    twin: bool,
-    channel: str | None,
-    emg: str | None,
-    out: Path,
-    force: bool,
-) -> "Iterator[Session]":
-    """See `run`."""
     from bowden.live.start import live_session
     from bowden.operations.support import given
     from bowden.operations.support.python import tell
 
-    whole = _given(rig, law, preset, duration, motor, channel, emg)
-    name, alone = given.name_of(whole), motor or ""
-    told = partial(live_session, whole, name, tell=lambda note: tell([note]), alone=alone)
-    with told(twin=twin, out=out, force=force) as session:
-        yield session
-    tell([session.outcome] if not session.ended_well else [session.log_lost] if session.log_lost else [])
+    @contextlib.contextmanager
+    def begun() -> Iterator["Session"]:
+        whole = _given(rig, law, preset, duration, motor, channel, emg)
+        told = partial(live_session, whole, given.name_of(whole), tell=lambda note: tell([note]), alone=motor or "")
+        with told(twin=twin, out=out, force=force) as session:
+            yield session
+        tell([session.outcome] if not session.ended_well else [session.log_lost] if session.log_lost else [])
+
+    return _Run(begun())
 
 
 def _given(rig: Any, law: Any, preset: Any, duration: Any, motor: Any, channel: Any, emg: Any) -> Any:
@@ -319,7 +166,7 @@ def run_to_end(
     from bowden.live.foxglove_process import require
     from bowden.live.operator import ending_signals, operate, refuse_over_ssh, refuse_without_keys
     from bowden.live.start import live_session
-    from bowden.live.summary import document
+    from bowden.live.summary import ended_run
     from bowden.operations.support import given
 
     note = tell or (lambda text: None)
@@ -342,7 +189,7 @@ def run_to_end(
             if console:
                 page.enter_context(console_beside(session, name, twin=twin, notes=[session.live.losses()]))
             operate(session, ending, auto=auto, quiet=quiet)
-    return made(RunResult, {"motors": []} | document(session))
+    return RunResult(**vars(ended_run(session)))
 
 
 @contextlib.contextmanager

@@ -4,9 +4,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import KW_ONLY, asdict, dataclass
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
+from bowden.core.documented import Documented
 from bowden.operations.check import Verdict
 from bowden.operations.support.operation import GivenLaw, GivenProgress, GivenRig, Operation, Progress, Switch
-from bowden.operations.support.results import Result, ResultPart
+from bowden.operations.support.results import Result
 from bowden.records.run_figures import Metrics
 
 if TYPE_CHECKING:
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class FeltTorque(ResultPart):
+class FeltTorque(Documented):
     """What the wearer felt of the suit."""
 
     rms_nm: float
@@ -31,7 +32,7 @@ class FeltTorque(ResultPart):
 
 
 @dataclass(frozen=True)
-class MotorRun(ResultPart):
+class MotorRun(Documented):
     """One of several motors on one joint."""
 
     motor: str

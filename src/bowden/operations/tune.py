@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from bowden.operations.check import Verdict
 from bowden.operations.support.operation import GivenLaw, GivenProgress, GivenRig, Operation, Role, Switch
-from bowden.operations.support.results import Result, degrees, json_of, made
+from bowden.operations.support.results import Result, degrees
 from bowden.study.results import JudgedByStudy
 
 if TYPE_CHECKING:
@@ -152,7 +152,7 @@ def _figures(found: "Tuning", rig: "Rig") -> dict[str, Any]:
         "worst_rmse_deg": degrees(found.worst_rmse),
         "worst_rmse_before_deg": degrees(found.worst_before),
         "short": found.short,
-        "study": None if found.study is None else made(JudgedByStudy, json_of(found.study)),
+        "study": found.study,
     }
 
 

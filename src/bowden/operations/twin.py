@@ -10,8 +10,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
+from bowden.core.documented import Documented
 from bowden.operations.support.operation import GivenRig, Operation, Switch
-from bowden.operations.support.results import Result, ResultPart, made
+from bowden.operations.support.results import Result
 
 if TYPE_CHECKING:
     from bowden.rig.rig import Rig
@@ -37,7 +38,7 @@ class TwinStarted(Result["TwinStarted"]):
 
 
 @dataclass(frozen=True)
-class TwinState(ResultPart):
+class TwinState(Documented):
     """The state of a twin."""
 
     time: float
@@ -90,7 +91,7 @@ class TwinJournal(Result["TwinJournal"]):
 
 
 @dataclass(frozen=True)
-class TwinFault(ResultPart):
+class TwinFault(Documented):
     """A fault that a twin can be given."""
 
     fault: str
@@ -203,7 +204,8 @@ def _talk(rig: "Rig", inject: str | None, after: float, lasting: float | None, c
             running.clear()
         if inject:
             running.inject(inject, after, lasting)
-        return TwinJournal(made(TwinState, running.status()))
+        said = running.status()
+        return TwinJournal(TwinState(**{**said, "faults": tuple(said["faults"])}))
 
 
 def _run(rig: "Rig", objects: list[str], until_orphaned: bool) -> Iterator[TwinStarted]:

@@ -2,7 +2,6 @@
 
 import shlex
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
 
@@ -12,6 +11,7 @@ from bowden.drawing.style import COLOURS
 from bowden.identify.cable.fit import Fit
 from bowden.identify.log.read import Log
 from bowden.live import stops
+from bowden.live.figures import EndedRun
 from bowden.records.trace import LED, Trace
 from bowden.report import simulate_figures as figures
 from bowden.report.identify_page import TITLES, loop_figure
@@ -59,29 +59,29 @@ def simulated_line(traces: Mapping[str, Trace]) -> str:
     return f"Simulation: the joint is off by {'; by '.join(said)}{_times_less(traces)}"
 
 
-def live_line(live: Trace, found: Mapping[str, Any]) -> str:
+def live_line(live: Trace, found: EndedRun) -> str:
     """How the live run followed, how it ended, and its longest cycle."""
-    followed = f"{_error(live)} over {found['seconds_led']:.3g} s" if found["rmse_deg"] is not None else "no law led"
+    followed = f"{_error(live)} over {found.seconds_led:.3g} s" if found.rmse_deg is not None else "no law led"
     return f"Live: {followed}; {ending(found)}; the longest cycle took {_longest(live)}"
 
 
-def by_the_computer(found: Mapping[str, Any]) -> bool:
+def by_the_computer(found: EndedRun) -> bool:
     """Whether a run was ended by this computer, which stalled, and not by the rig."""
-    return bool(found["stalled_ms"]) or any(stop["too_busy"] for stop in found["stops"])
+    return bool(found.stalled_ms) or any(stop.too_busy for stop in found.stops)
 
 
-def ending(found: Mapping[str, Any]) -> str:
+def ending(found: EndedRun) -> str:
     """How the live run ended."""
-    if found["ended_well"]:
+    if found.ended_well:
         return "it ended as asked, in a controlled release"
     if by_the_computer(found):
         return "it was ended by this computer, which stalled, and not by the rig: close other programs, try again"
-    why = found["error"] or found["unattended"] or found["preflight"] or ", ".join(found["faults"]) or "not known"
+    why = found.error or found.unattended or found.preflight or ", ".join(found.faults) or "not known"
     return f"it was ended before its time: {why}"
 
 
 def demo_page(
-    fit: Fit, check: Check, traces: Mapping[str, Trace], live: Trace, found: Mapping[str, Any], log: Sequence[str]
+    fit: Fit, check: Check, traces: Mapping[str, Trace], live: Trace, found: EndedRun, log: Sequence[str]
 ) -> Page:
     """The page.
 
@@ -90,7 +90,7 @@ def demo_page(
         check: of the law that ran.
         traces: of the simulation, `WITHOUT` and the law.
         live: record of the live run.
-        found: its summary, `bowden.live.summary.document`.
+        found: how it ended.
         log: the words that name it to `bowden identify`; none of a simulated one.
     """
     law = check.law
@@ -137,9 +137,9 @@ def demo_page(
     if check.advice:
         page.text("Advice: {advice}.", advice=check.advice)
     page.text("{live}.", live=live_line(live, found))
-    for stop in found["stops"]:
+    for stop in found.stops:
         for said in stops.lines(stop, twin=True):
-            page.notice(f"Stopped at {stop['time_s']:.3f} s: {said}.")
+            page.notice(f"Stopped at {stop.time_s:.3f} s: {said}.")
     page.heading("The same step by step" if log else "With a log of your own")
     if not log:
         page.text(
@@ -173,11 +173,11 @@ def own_commands(log: Sequence[str], law: str) -> list[str]:
 
 
 def _in_short(
-    fit: Fit, check: Check, traces: Mapping[str, Trace], live: Trace, found: Mapping[str, Any]
+    fit: Fit, check: Check, traces: Mapping[str, Trace], live: Trace, found: EndedRun
 ) -> list[tuple[str, str, str]]:
     """Step, figure, and what it means."""
     low, high = _stroke(traces)
-    followed = _error(live) if found["rmse_deg"] is not None else "no law led"
+    followed = _error(live) if found.rmse_deg is not None else "no law led"
     first = next(iter(traces.values()))
     meant = {
         WITHOUT: ("no law", f"simulated, {first.time[-1] - first.time[0]:.0f} s from {low} to {high}° and back"),
@@ -188,7 +188,7 @@ def _in_short(
         ("model errs by", f"{_angle(fit.chosen.test_rms)} RMS", f"{_UNSEEN}; trust it: {fit.trust.level}"),
         *((meant[name][0], _error(trace), meant[name][1]) for name, trace in traces.items()),
         ("checked", check.verdict.replace("_", " "), f"{_SAID[check.verdict]}{_room(check)}"),
-        ("live", followed, f"{found['seconds_led']:.3g} s in real time on a twin; {ending(found)}"),
+        ("live", followed, f"{found.seconds_led:.3g} s in real time on a twin; {ending(found)}"),
         ("longest cycle", _longest(live), "from when it was due until its command was out"),
     ]
 

@@ -1,7 +1,6 @@
 """The page of ``bowden emg score``: the signal, what was found in it, and by which threshold."""
 
-from typing import Any
-
+from bowden.identify.emg.detector_score import DetectorScore
 from bowden.identify.emg.figures import signal_figure, with_unit
 from bowden.identify.emg.log import EmgLog
 from bowden.identify.emg.score import Findings, Spans
@@ -58,8 +57,8 @@ TITLES = (
 )
 
 
-def score_row(name: str, score: Any) -> list[str]:
-    """How well a detector did, in the columns of `TITLES`: its `Score`, or the same of a result."""
+def score_row(name: str, score: DetectorScore) -> list[str]:
+    """How well a detector did, in the columns of `TITLES`: its `DetectorScore`, or that of a result."""
 
     def milliseconds(value: float | None) -> str:
         return "–" if value is None else f"{1e3 * value:.0f}"

@@ -1,15 +1,12 @@
 """The page of ``bowden log plot``: one recorded run, from how it ended to how punctual its loop was."""
 
-from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from bowden.core.units import DEGREES
-from bowden.cycle.one_cycle import TargetSource
 from bowden.drawing.style import COLOURS
 from bowden.live import stops
-from bowden.records.metrics import rmse
+from bowden.live.figures import LogFacts
 from bowden.records.trace import Trace
 from bowden.report import log_figures as figures
 from bowden.report.page import Page, flat
@@ -19,23 +16,22 @@ _MOST_EVENTS = 200
 _LEFT_OUT = ("names",)  # of the settings: the page shows names in their place
 
 
-def log_page(trace: Trace, events: Sequence[tuple[float, str]], facts: Mapping[str, Any], title: str) -> Page:
+def log_page(trace: Trace, events: Sequence[tuple[float, str]], facts: LogFacts, title: str) -> Page:
     """The page of a log; every figure is there only where the log has its columns.
 
     Args:
         trace: all rows.
         events: time [s] and text of each.
-        facts: ``whole``, ``cycles``, ``missing``, ``duration_s``, ``law``, ``start_utc``, ``lateness_s``,
-            ``run_time_s``, ``overruns``, ``outcome`` and ``stops``, as ``bowden log info --json`` has them.
+        facts: of the log.
         title: plain text.
     """
-    law = f" under the law {facts['law']}" if facts["law"] else ""
-    begun = str(facts["start_utc"]).replace("T", " ").replace("+00:00", " UTC").replace("-", "\N{NON-BREAKING HYPHEN}")
-    page = Page(title, f"{facts['duration_s']:.4g} s, {facts['cycles']} cycles{law}, begun {begun}.")
-    if not facts["whole"]:
+    law = f" under the law {facts.law}" if facts.law else ""
+    begun = str(facts.start_utc).replace("T", " ").replace("+00:00", " UTC").replace("-", "\N{NON-BREAKING HYPHEN}")
+    page = Page(title, f"{facts.duration_s:.4g} s, {facts.cycles} cycles{law}, begun {begun}.")
+    if not facts.whole:
         page.notice("This log was not closed properly or is damaged: see bowden log recover.")
-    if facts["missing"]:
-        page.notice(f"{facts['missing']} cycles of the run are missing in this log.")
+    if facts.missing:
+        page.notice(f"{facts.missing} cycles of the run are missing in this log.")
     page.heading("How it went")
     _summary(page, trace, facts)
     has = set(trace.columns).issuperset
@@ -82,7 +78,7 @@ def log_page(trace: Trace, events: Sequence[tuple[float, str]], facts: Mapping[s
             "1 µs is counted there.",
         )
         page.table(["", "p50 [µs]", "p99 [µs]", "p99.9 [µs]", "largest [µs]"], list(_punctuality(facts)))
-    inside = law_states(trace, COLOURS.get(str(facts["law"]), COLOURS["joint"]))
+    inside = law_states(trace, COLOURS.get(str(facts.law), COLOURS["joint"]))
     if inside is not None:
         page.heading("Inside the law")
         page.figure(
@@ -97,35 +93,26 @@ def log_page(trace: Trace, events: Sequence[tuple[float, str]], facts: Mapping[s
     return page
 
 
-def _summary(page: Page, trace: Trace, facts: Mapping[str, Any]) -> None:
+def _summary(page: Page, trace: Trace, facts: LogFacts) -> None:
     """The error while the law led, how the run ended, and every stop by a fault with what to do about it."""
     rows = []
-    if {"reference", "joint"} <= set(trace.columns):
-        leads = trace["source"] >= TargetSource.LAW_BEGINS if "source" in trace.columns else np.ones(len(trace), bool)
-        error = trace.error[leads]
-        error = error[np.isfinite(error)] * DEGREES
-        if len(error):
-            rows.append(["RMSE while the law led", f"{rmse(error):.3f}", "°"])
-            rows.append(["peak error", f"{np.max(np.abs(error)):.2f}", "°"])
-            rows.append(["the law led for", f"{len(error) * _step(trace):.4g}", "s"])
-    if facts["lateness_s"] is not None:
-        rows.append(["lateness of a cycle, 99 %", f"{1e6 * facts['lateness_s']['p99']:.0f}", "µs"])
-    if facts["overruns"] is not None:
-        rows.append(["cycles left out (overruns)", str(facts["overruns"]), ""])
-    page.text("How the run ended: {how}. The log ends at {at:.3f} s.", how=facts["outcome"], at=trace.time[-1])
-    for stop in facts["stops"]:
-        for line in stops.lines(stop, twin=bool(facts["twin"])):
-            page.notice(f"Stopped by a fault at {stop['time_s']:.3f} s: {line}.")
+    if facts.rmse_deg is not None:
+        rows.append(["RMSE while the law led", f"{facts.rmse_deg:.3f}", "°"])
+        rows.append(["peak error", f"{facts.peak_deg:.2f}", "°"])
+        rows.append(["the law led for", f"{facts.seconds_led:.4g}", "s"])
+    if facts.lateness is not None:
+        rows.append(["lateness of a cycle, 99 %", f"{facts.lateness.p99_us:.0f}", "µs"])
+    if facts.overruns is not None:
+        rows.append(["cycles left out (overruns)", str(facts.overruns), ""])
+    page.text("How the run ended: {how}. The log ends at {at:.3f} s.", how=facts.outcome, at=trace.time[-1])
+    for stop in facts.stops:
+        for line in stops.lines(stop, twin=bool(facts.twin)):
+            page.notice(f"Stopped by a fault at {stop.time_s:.3f} s: {line}.")
     if rows:
         page.table(["figure", "value", "unit"], rows)
 
 
-def _step(trace: Trace) -> float:
-    """Time from one cycle to the next [s]."""
-    return float(trace.time[-1] - trace.time[0]) / max(1, len(trace) - 1)
-
-
-def _punctuality(facts: Mapping[str, Any]) -> Iterator[list[str]]:
-    for name, key in (("lateness", "lateness_s"), ("run time", "run_time_s")):
-        if facts[key] is not None:
-            yield [name, *(f"{1e6 * facts[key][share]:.1f}" for share in ("p50", "p99", "p99_9", "max"))]
+def _punctuality(facts: LogFacts) -> Iterator[list[str]]:
+    for name, one in (("lateness", facts.lateness), ("run time", facts.run_time)):
+        if one is not None:
+            yield [name, *(f"{value:.1f}" for value in (one.p50_us, one.p99_us, one.p999_us, one.max_us))]

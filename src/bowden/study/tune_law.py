@@ -32,6 +32,7 @@ from bowden.sim import ranges
 from bowden.sim.joint_of_rig import cabled_joint_of, joint_ranges, laws_of
 from bowden.study import tune_study
 from bowden.study.load import load
+from bowden.study.results import JudgedByStudy
 from bowden.study.study import Study
 
 Progress = Callable[[str, float], None]
@@ -265,18 +266,15 @@ def _follows_better(other: OtherLaw, own: OtherLaw) -> bool:
     return other.rmse_deg < own.rmse_deg and (other.verdict == "holds" or own.verdict != "holds")
 
 
-def _judged(plants: Study, before: Law, after: Law, workers: Mapper, progress: Progress) -> dict[str, Any]:
+def _judged(plants: Study, before: Law, after: Law, workers: Mapper, progress: Progress) -> JudgedByStudy:
     """What gains before and after make of plants that they were not tuned against."""
     runs = tune_study.runs_of(plants)
     work, found = tune_study.parts(runs, before, after), []
     for done, outcomes in enumerate(workers(tune_study.judged, work)):
         found += outcomes
         progress("judging by other plants", 0.9 + 0.1 * done / len(work))
-    spreads = {
-        "before": tune_study.spread([one for one, _ in found]),
-        "after": tune_study.spread([one for _, one in found]),
-    }
-    return {"name": plants.path.stem, "tuned_on": runs.count} | spreads
+    before_after = (tune_study.spread(one) for one in zip(*found, strict=True))
+    return JudgedByStudy(plants.path.stem, runs.count, *before_after)
 
 
 def bends_of(rig: Rig) -> tuple[float, float]:

@@ -1,9 +1,9 @@
 """Gains that are tuned against the plants of a study, and judged by others of them."""
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -103,13 +103,13 @@ def judged(part: PlantGroup) -> list[tuple[Outcome, Outcome]]:
     return [(before, after) for before, after in simulate_many(cases, study.duration)]
 
 
-def spread(outcomes: Sequence[Outcome]) -> dict[str, Any]:
-    """The figures of `PlantsSpread`."""
+def spread(outcomes: Sequence[Outcome]) -> PlantsSpread:
+    """How they did together."""
     errors = np.array([one.rmse if one.ended else np.inf for one in outcomes]) * DEGREES
     unstable = sum(not one.stable for one in outcomes)
     shown = [float(value) for value in np.quantile(errors, (0.5, 0.9, 1.0), method="higher")]
     median, most, worst = (value if np.isfinite(value) else None for value in shown)
-    return asdict(PlantsSpread(len(outcomes), unstable, wilson(unstable, len(outcomes)), median, most, worst))
+    return PlantsSpread(len(outcomes), unstable, wilson(unstable, len(outcomes)), median, most, worst)
 
 
 @lru_cache(2)

@@ -2,14 +2,14 @@
 
 from typing import TYPE_CHECKING
 
+from bowden.operations.check import CheckResult
 from bowden.views.text import Call, rows, say_next
 
 if TYPE_CHECKING:
-    from bowden.operations.check import CheckResult
     from bowden.rig.rig import Rig
 
 
-def show_check(found: "CheckResult", call: Call) -> None:
+def show_check(found: CheckResult, call: Call) -> None:
     """A line for each thing, and what comes next."""
     from bowden.design.check_result import check_rows
 
@@ -42,7 +42,7 @@ def show_check(found: "CheckResult", call: Call) -> None:
         _say_next_of(found, found.whole, "", options, call)
 
 
-def _say_next_of(found: "CheckResult", rig: "Rig", name: str, options: list[str], call: Call) -> None:
+def _say_next_of(found: CheckResult, rig: "Rig", name: str, options: list[str], call: Call) -> None:
     """Gains for the rig's own law, where it has a choice; else a run of what was checked, or of a law that holds."""
     one = found.checks[name]
     if one.of_rig:

@@ -1,14 +1,10 @@
 """What was confirmed by hand, in a terminal."""
 
-from typing import TYPE_CHECKING
-
+from bowden.operations.confirm import Confirmation
 from bowden.views.text import Call
 
-if TYPE_CHECKING:
-    from bowden.operations.confirm import Confirmation
 
-
-def show_confirm(found: "Confirmation", call: Call) -> None:
+def show_confirm(found: Confirmation, call: Call) -> None:
     """The angles by encoders and by hand."""
     angles = f"joint {found.joint_deg:.1f}°, motor {found.motor_deg:.1f}°, by hand {round(found.told_deg, 9):g}°"
     print(f"Confirmed: {angles}.")

@@ -1,14 +1,10 @@
 """Where the demonstration's page is, in a terminal."""
 
-from typing import TYPE_CHECKING
-
+from bowden.operations.demo import Demo
 from bowden.views.text import Call, say_next
 
-if TYPE_CHECKING:
-    from bowden.operations.demo import Demo
 
-
-def show_demo(found: "Demo", call: Call) -> None:
+def show_demo(found: Demo, call: Call) -> None:
     """The page, and what comes next."""
     print(f"\nPage: {found.files[-1]}  ({call.seconds:.0f} s)")
     if found.words:

@@ -1,15 +1,11 @@
 """What this machine can do, in a terminal."""
 
-from typing import TYPE_CHECKING
-
 from bowden.core.errors import counted
+from bowden.operations.doctor import Diagnosis
 from bowden.views.text import Call
 
-if TYPE_CHECKING:
-    from bowden.operations.doctor import Diagnosis
 
-
-def show_doctor(found: "Diagnosis", call: Call) -> None:
+def show_doctor(found: Diagnosis, call: Call) -> None:
     """Kernel, privileges, lateness, buses, streams, and what to change."""
     late, here = found.lateness, found.machine
     print(f"kernel      {here.release}, {here.preemption}")

@@ -2,16 +2,13 @@
 
 import sys
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
 
 from bowden.core.errors import counted
+from bowden.operations.drive import DriveMonitor, DriveProbe, DriveTare, DriveZero
 from bowden.views.text import Call, rows, say_next
 
-if TYPE_CHECKING:
-    from bowden.operations.drive import DriveMonitor, DriveProbe, DriveTare, DriveZero
 
-
-def show_drive_probe(found: "DriveProbe", call: Call) -> None:
+def show_drive_probe(found: DriveProbe, call: Call) -> None:
     """Who answers, and which one the rig means."""
     bus = found.bus
     where = f"{bus.get('channel', '')} ({bus.get('interface', '')})"
@@ -23,7 +20,7 @@ def show_drive_probe(found: "DriveProbe", call: Call) -> None:
     say_next("drive", "monitor", call["rig"], *call.repeated("motor", "channel"))
 
 
-def show_drive_monitor(found: "DriveMonitor", call: Call) -> None:
+def show_drive_monitor(found: DriveMonitor, call: Call) -> None:
     """The ranges of what was read."""
     from bowden.live.drive_look import SHOWN, SILENT
 
@@ -47,7 +44,7 @@ def show_drive_monitor(found: "DriveMonitor", call: Call) -> None:
         say_next("confirm", call["rig"], *call.repeated("motor", "channel"))
 
 
-def show_drive_zero(found: "DriveZero", call: Call) -> None:
+def show_drive_zero(found: DriveZero, call: Call) -> None:
     """The lines to write."""
     if not found.keys:
         print("The present position has these angles already.")
@@ -59,7 +56,7 @@ def show_drive_zero(found: "DriveZero", call: Call) -> None:
     say_next("confirm", call["rig"], *call.repeated("motor", "channel"))
 
 
-def show_drive_tare(found: "DriveTare", call: Call) -> None:
+def show_drive_tare(found: DriveTare, call: Call) -> None:
     """The line to write."""
     half = f"±{0.5 * found.span:.2g}"
     print(f"It reads {found.read:.4g} {found.unit}, {half}. Write this line below [{found.section}]:")

@@ -1,15 +1,12 @@
 """A wearer's levels, in a terminal and in a file."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+from bowden.operations.emg_calibrate import EmgCalibration
 from bowden.views.text import Call, note
 
-if TYPE_CHECKING:
-    from bowden.operations.emg_calibrate import EmgCalibration
 
-
-def write_emg_calibrate(found: "EmgCalibration", call: Call, *, out: Path = Path("wearer.toml")) -> list[Path]:
+def write_emg_calibrate(found: EmgCalibration, call: Call, *, out: Path = Path("wearer.toml")) -> list[Path]:
     """Write the levels.
 
     Args:
@@ -23,7 +20,7 @@ def write_emg_calibrate(found: "EmgCalibration", call: Call, *, out: Path = Path
     return [out]
 
 
-def show_emg_calibrate(found: "EmgCalibration", call: Call) -> None:
+def show_emg_calibrate(found: EmgCalibration, call: Call) -> None:
     """Both levels, and what was left out for them."""
     for text in found.little:
         note(text)

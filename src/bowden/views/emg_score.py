@@ -1,16 +1,13 @@
 """The contractions in a recording: a table in a terminal, and a page."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+from bowden.operations.emg_score import EmgScore
 from bowden.operations.support.operation import Folder
 from bowden.views.text import Call, table
 
-if TYPE_CHECKING:
-    from bowden.operations.emg_score import EmgScore
 
-
-def write_emg_score(found: "EmgScore", call: Call, *, out: Folder = Path("out/emg")) -> list[Path]:
+def write_emg_score(found: EmgScore, call: Call, *, out: Folder = Path("out/emg")) -> list[Path]:
     """Write the page.
 
     Args:
@@ -27,7 +24,7 @@ def write_emg_score(found: "EmgScore", call: Call, *, out: Folder = Path("out/em
     return [out / "emg.html"]
 
 
-def show_emg_score(found: "EmgScore", call: Call) -> None:
+def show_emg_score(found: EmgScore, call: Call) -> None:
     """Our detector beside the plain threshold."""
     from bowden.identify.emg.log import channel_unit
     from bowden.report.emg_page import TITLES, score_row

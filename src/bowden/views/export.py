@@ -1,15 +1,12 @@
 """What an export wrote, in a terminal."""
 
 import shlex
-from typing import TYPE_CHECKING
 
+from bowden.operations.export import Exported
 from bowden.views.text import Call
 
-if TYPE_CHECKING:
-    from bowden.operations.export import Exported
 
-
-def show_export(found: "Exported", call: Call) -> None:
+def show_export(found: Exported, call: Call) -> None:
     """The files, what the law costs on a microcontroller, and what comes next."""
     print(f"{found.law} in {found.precision}: {', '.join(file.name for file in found.files)}")
     cost, soft = found.cortex_m4f, ", which is software there" if found.precision == "double" else ""

@@ -8,7 +8,7 @@ from bowden.operations.support.operation import Folder
 from bowden.views.text import Call, free_name, rows, say_next, table
 
 
-def write_identify_logs(found: Identification, call: Call, *, out: Folder = Path("out/identify")) -> list[Path]:
+def write_identify(found: Identification, call: Call, *, out: Folder = Path("out/identify")) -> list[Path]:
     """Write the model and the page.
 
     Args:
@@ -25,7 +25,7 @@ def write_identify_logs(found: Identification, call: Call, *, out: Folder = Path
     return [out / "model.toml", out / "identify.html"]
 
 
-def show_identify_logs(found: Identification, call: Call) -> int:
+def show_identify(found: Identification, call: Call) -> int:
     """A row for each model or log, how far to trust it, and what comes next; 1 where it is not to be trusted."""
     fit = found.fit
     if fit.recalibration:
@@ -47,7 +47,7 @@ def show_identify_logs(found: Identification, call: Call) -> int:
     if fit.recalibration and fit.recalibration.changed:
         columns = ("time", "motor", "joint", "unit", "counts_per_turn", "rate")
         out = free_name(Path("out/identify"))
-        say_next("identify", call["logs"][0], *call.repeated(*columns), "--out", out)
+        say_next("identify", call["log"][0], *call.repeated(*columns), "--out", out)
         return 0
     if found.trust.level == "no":
         print(f"Next: correct the log, or record another, and identify it: {found.trust.reasons[0]}")

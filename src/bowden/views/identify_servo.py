@@ -1,16 +1,13 @@
 """An identified servo: its keys of rig.toml, in a terminal and in a file."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+from bowden.operations.identify_servo import ServoIdentification
 from bowden.operations.support.operation import Folder
 from bowden.views.text import Call, say_next
 
-if TYPE_CHECKING:
-    from bowden.operations.identify_servo import ServoIdentification
 
-
-def write_identify_servo(found: "ServoIdentification", call: Call, *, out: Folder = Path("out/servo")) -> list[Path]:
+def write_identify_servo(found: ServoIdentification, call: Call, *, out: Folder = Path("out/servo")) -> list[Path]:
     """Write the keys into servo.toml, or into a rig.
 
     Args:
@@ -20,23 +17,21 @@ def write_identify_servo(found: "ServoIdentification", call: Call, *, out: Folde
     """
     from bowden.core.files import whole_files, write_text
     from bowden.identify.servo import keys
-    from bowden.operations.support.results import json_of
 
-    into, document, name = call["into"], json_of(found), call["log"].name
+    into, name = call["into"], call["log"].name
     if into is not None:
-        write_text(into, keys.into(into.read_text(encoding="utf-8"), document, name, str(into)))
+        write_text(into, keys.into(into.read_text(encoding="utf-8"), found, name, str(into)))
         return [into]
     with whole_files(out) as folder:
-        (folder / "servo.toml").write_text(keys.keys_of(document, name), encoding="utf-8")
+        (folder / "servo.toml").write_text(keys.keys_of(found, name), encoding="utf-8")
     return [out / "servo.toml"]
 
 
-def show_identify_servo(found: "ServoIdentification", call: Call) -> None:
+def show_identify_servo(found: ServoIdentification, call: Call) -> None:
     """The keys, and what comes next."""
     from bowden.identify.servo.keys import keys_of
-    from bowden.operations.support.results import json_of
 
-    print(keys_of(json_of(found), call["log"].name))
+    print(keys_of(found, call["log"].name))
     for warning in found.warnings:
         print(f"- {warning}")
     print(f"Wrote {call.files[0]}  ({call.seconds:.1f} s)")

@@ -1,14 +1,10 @@
 """What `init` wrote, in a terminal."""
 
-from typing import TYPE_CHECKING
-
+from bowden.operations.init import Initialised
 from bowden.views.text import Call, say_next
 
-if TYPE_CHECKING:
-    from bowden.operations.init import Initialised
 
-
-def show_init_file(found: "Initialised", call: Call) -> None:
+def show_init_file(found: Initialised, call: Call) -> None:
     """The file, what the rig has and why, and what comes next."""
     path = call["path"]
     print(f"Wrote {path}")

@@ -1,15 +1,12 @@
 """Which recordings were written, in a terminal."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+from bowden.operations.sample import SampleRecordings
 from bowden.views.text import Call
 
-if TYPE_CHECKING:
-    from bowden.operations.sample import SampleRecordings
 
-
-def show_sample(found: "SampleRecordings", call: Call) -> None:
+def show_sample(found: SampleRecordings, call: Call) -> None:
     """Each file and what it is, and what comes next."""
     print(f"Simulated, in {call['folder']}:")
     for name, about in found.files.items():

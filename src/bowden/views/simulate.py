@@ -2,17 +2,15 @@
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from bowden.operations.simulate import SimulatedJoint, Simulation
 from bowden.operations.support.operation import Folder
 from bowden.views.text import Call, say_next, table
 
-if TYPE_CHECKING:
-    from bowden.operations.simulate import SimulatedJoint, Simulation
-
 
 def write_simulate(
-    found: "Simulation", call: Call, *, out: Folder = Path("out/simulate"), csv: bool = False
+    found: Simulation, call: Call, *, out: Folder = Path("out/simulate"), csv: bool = False
 ) -> list[Path]:
     """Write every trace and, last, the page: all of a joint or nothing.
 
@@ -25,7 +23,7 @@ def write_simulate(
     return [path for joint in found.joints for path in _write(joint, out / joint.name, csv)]
 
 
-def _write(joint: "SimulatedJoint", folder: Path, csv: bool) -> list[Path]:
+def _write(joint: SimulatedJoint, folder: Path, csv: bool) -> list[Path]:
     from bowden.core.files import whole_files
     from bowden.report.simulate_page import simulation_page
 
@@ -44,7 +42,7 @@ def _write(joint: "SimulatedJoint", folder: Path, csv: bool) -> list[Path]:
     return [folder / name for name in names]
 
 
-def show_simulate(found: "Simulation", call: Call) -> None:
+def show_simulate(found: Simulation, call: Call) -> None:
     """A row for each law, and what comes next."""
     from bowden.core.units import DEGREES
 
@@ -69,13 +67,13 @@ _JOINT = ("RMSE\n°", "after 10 s\n°", "peak\n°", "delay\nms", "width\n°", "P
 _MOTOR = ("motor", "pull\nN·m", "slack\n%", "current\nA", "Pe energy\nJ")
 
 
-def _rows(joint: "SimulatedJoint") -> Iterator[list[Any]]:
+def _rows(joint: SimulatedJoint) -> Iterator[list[Any]]:
     for run in joint.runs:
         figures = [value for value, _ in run.shown().values()]
         yield [run.law, *(figures if run.rmse_deg is not None else ["unstable", *figures[1:]])]
 
 
-def _motor_rows(joint: "SimulatedJoint") -> Iterator[list[Any]]:
+def _motor_rows(joint: SimulatedJoint) -> Iterator[list[Any]]:
     """A row for each law and motor; the joint's figures stand in the first of them."""
     for run in joint.runs:
         errors: list[Any] = [run.rmse_deg, run.rmse_after_10s_deg, run.peak_deg]
@@ -86,7 +84,7 @@ def _motor_rows(joint: "SimulatedJoint") -> Iterator[list[Any]]:
             yield [*(["", "", "", ""] if i else [run.law, *errors]), *own]
 
 
-def _say_next(joint: "SimulatedJoint", found: "Simulation", call: Call) -> None:
+def _say_next(joint: SimulatedJoint, found: Simulation, call: Call) -> None:
     """The check of the rig, under the law that followed best; of a run that nothing compensated, its identification."""
     laws, preset = call["law"] or [], [*call.repeated("preset")]
     if joint.joint.shared:

@@ -1,15 +1,13 @@
 """Tuned gains: the evidence in a terminal, and in the rig that they are written into."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from bowden.operations.tune import TuneResult
 from bowden.views.text import Call, next_line, say_next
 
-if TYPE_CHECKING:
-    from bowden.operations.tune import TuneResult
 
-
-def write_tune(found: "TuneResult", call: Call, *, dry_run: bool = False) -> list[Path]:
+def write_tune(found: TuneResult, call: Call, *, dry_run: bool = False) -> list[Path]:
     """Write the gains into the rig, with what speaks for them; nothing into a log.
 
     Args:
@@ -31,7 +29,7 @@ def write_tune(found: "TuneResult", call: Call, *, dry_run: bool = False) -> lis
     return [path]
 
 
-def show_tune(found: "TuneResult", call: Call) -> None:
+def show_tune(found: TuneResult, call: Call) -> None:
     """Margins, the largest error and the gains, and what comes next."""
     rig = call["rig"]
     recorded, motor = rig.suffix == ".mcap", [*call.repeated("motor")]
@@ -66,7 +64,7 @@ def failed_tune(error: Any, call: Call) -> None:
         error.add_note(next_line("check", rig, *motor, why="says what the loop lacks"))
 
 
-def _evidence(found: "TuneResult") -> list[str]:
+def _evidence(found: TuneResult) -> list[str]:
     """Margins and the largest error, for the file and for who looks on."""
     from bowden.core.units import DEGREES
     from bowden.design.check_result import no_margins

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from bowden.identify.emg.detector_score import DetectorScore
 from bowden.sensing.detector import Detector
 from bowden.sensing.detectors import DEFAULT
 from bowden.sensing.envelope import DEFAULTS as CLEANED
@@ -24,23 +25,6 @@ EARLY = 0.3
 
 
 @dataclass(frozen=True)
-class Score:
-    """Detections against labels; None for what there is no label or no detection for."""
-
-    detections: int
-    misses: int | None = None
-    """Labelled contractions without a detection, but for those that are `rejected`."""
-    rejected: int | None = None
-    """Labelled contractions without a detection that are shorter than the shortest that is reported."""
-    false_activations: int | None = None
-    """Detections without a label, and every detection of a contraction after its first."""
-    latency_median_s: float | None = None
-    """From a label's onset to the detection's; negative where the label is the later."""
-    latency_max_s: float | None = None
-    false_per_minute: float | None = None
-
-
-@dataclass(frozen=True)
 class Findings:
     """What was found in one recording."""
 
@@ -53,8 +37,8 @@ class Findings:
     """That the plain threshold looks at, in the signal's unit (n,)."""
     mvc: float
     """Envelope that counts as a maximum voluntary contraction, in the signal's unit."""
-    score: Score
-    plain_score: Score
+    score: DetectorScore
+    plain_score: DetectorScore
 
 
 def spans(active: Array, rate: float) -> Spans:
@@ -67,7 +51,9 @@ def spans(active: Array, rate: float) -> Spans:
     return [(float(first) / rate, float(end) / rate) for first, end in edges.reshape(-1, 2)]
 
 
-def score(found: Spans, labels: Sequence[tuple[float, float]] | None, duration: float, shortest: float = 0.0) -> Score:
+def score(
+    found: Spans, labels: Sequence[tuple[float, float]] | None, duration: float, shortest: float = 0.0
+) -> DetectorScore:
     """Set detections against labels.
 
     A contraction's detection is the first one whose contraction begins between `EARLY` before the label's onset and its
@@ -80,7 +66,7 @@ def score(found: Spans, labels: Sequence[tuple[float, float]] | None, duration: 
         shortest: contractions that are shorter are left out, and all others are reported this much later [s].
     """
     if labels is None:
-        return Score(len(found))
+        return DetectorScore(len(found), *[None] * 6)
     taken: set[int] = set()
     latencies, rejected = [], 0
     for onset, end in labels:
@@ -92,7 +78,7 @@ def score(found: Spans, labels: Sequence[tuple[float, float]] | None, duration: 
         elif end - onset < shortest:
             rejected += 1
     false = len(found) - len(taken)
-    return Score(
+    return DetectorScore(
         len(found),
         len(labels) - len(taken) - rejected,
         rejected,

@@ -1,10 +1,10 @@
 """What a servo's fit gives a rig: its keys in a rig.toml, and its delay in whole cycles."""
 
 import math
-from typing import Any
 
 from bowden.core.toml_text import with_keys
 from bowden.core.units import HERTZ, RADIANS
+from bowden.identify.servo.figures import FittedValue, ServoFigures
 from bowden.identify.servo.fit import ServoEstimate, ServoFit
 from bowden.plants.counting import NOT_SAID, Encoders
 
@@ -12,7 +12,7 @@ _NO_CYCLE = 0.05
 """Share of a cycle by which a measured delay may be beyond whole ones before it is rounded up [–]."""
 
 
-def document_of(found: ServoFit, sample_time_ms: float, encoders: Encoders = NOT_SAID) -> dict[str, Any]:
+def figures_of(found: ServoFit, sample_time_ms: float, encoders: Encoders = NOT_SAID) -> ServoFigures:
     """A fit as the command says it, in the units of a rig.toml.
 
     Args:
@@ -21,62 +21,60 @@ def document_of(found: ServoFit, sample_time_ms: float, encoders: Encoders = NOT
         encoders: of the rig; the loop waits for a joint's sensor that is late as well.
     """
     delay_ms = found.delay.value * 1e3
-    return {
-        "natural_frequency_hz": _in(found.natural_frequency, HERTZ),
-        "damping": _in(found.damping, 1.0),
-        "delay_s": _in(found.delay, 1.0),
-        "delay_cycles": max(0, math.ceil(delay_ms / sample_time_ms - _NO_CYCLE))
+    return ServoFigures(
+        natural_frequency_hz=_in(found.natural_frequency, HERTZ),
+        damping=_in(found.damping, 1.0),
+        delay_s=_in(found.delay, 1.0),
+        delay_cycles=max(0, math.ceil(delay_ms / sample_time_ms - _NO_CYCLE))
         + encoders.late_cycles(1e-3 * sample_time_ms),
-        "joint_late_s": encoders.joint_late,
-        "sample_time_ms": sample_time_ms,
-        "speed_limit_deg_per_s": _in(found.speed_limit, RADIANS),
-        "acceleration_limit_deg_per_s2": _in(found.acceleration_limit, RADIANS),
-        "residual_deg": found.residual / RADIANS,
-        "unexplained": found.share,
-    }
+        joint_late_s=encoders.joint_late,
+        sample_time_ms=sample_time_ms,
+        speed_limit_deg_per_s=found.speed_limit and _in(found.speed_limit, RADIANS),
+        acceleration_limit_deg_per_s2=found.acceleration_limit and _in(found.acceleration_limit, RADIANS),
+        residual_deg=found.residual / RADIANS,
+        unexplained=found.share,
+    )
 
 
-def _in(estimate: ServoEstimate | None, unit: float) -> dict[str, float] | None:
-    if estimate is None:
-        return None
-    return {"value": estimate.value / unit, "uncertainty": estimate.uncertainty / unit}
+def _in(estimate: ServoEstimate, unit: float) -> FittedValue:
+    return FittedValue(estimate.value / unit, estimate.uncertainty / unit)
 
 
-def keys_of(document: dict[str, Any], name: str) -> str:
+def keys_of(found: ServoFigures, name: str) -> str:
     """The keys of a rig.toml that a fit gives, as the text of servo.toml.
 
     Args:
-        document: of the fit.
+        found: of the fit.
         name: of the log.
     """
-    return into("", document, name, "servo.toml")
+    return into("", found, name, "servo.toml")
 
 
-def into(text: str, document: dict[str, Any], name: str, where: str) -> str:
+def into(text: str, found: ServoFigures, name: str, where: str) -> str:
     """The text of a rig.toml with the values of a fit, and what is known of them as comments; all else as it stands.
 
     Args:
         text: of the file.
-        document: of the fit, for the cycle of that rig.
+        found: of the fit, for the cycle of that rig.
         name: of the log.
         where: the file, for messages.
 
     Raises:
         OutputError: a section that cannot be changed line by line.
     """
-    delay, cycle = document["delay_s"], document["sample_time_ms"]
-    said = f"{1e3 * delay['value']:.3g} ± {1e3 * delay['uncertainty']:.1g} ms rounded up at {cycle:g} ms a cycle"
-    if document["joint_late_s"]:
-        said += f", and {1e3 * document['joint_late_s']:.3g} ms of the joint's sensor"
-    cycles = {"delay_cycles": str(document["delay_cycles"])}
+    delay, cycle = found.delay_s, found.sample_time_ms
+    said = f"{1e3 * delay.value:.3g} ± {1e3 * delay.uncertainty:.1g} ms rounded up at {cycle:g} ms a cycle"
+    if found.joint_late_s:
+        said += f", and {1e3 * found.joint_late_s:.3g} ms of the joint's sensor"
+    cycles = {"delay_cycles": str(found.delay_cycles)}
     text = with_keys(text, "bench", cycles, where, [f"{_MARK}delay_cycles is {said}"])
-    found = {key: document[key] for key in _SERVO if document[key]}
-    values = {key: f"{one['value']:.5g}" for key, one in found.items()}
-    spread = ", ".join(f"{key} ± {one['uncertainty']:.1g}" for key, one in found.items())
-    left = f"{document['residual_deg']:.3g}° of the motor's motion are left, root mean square"
+    keys: dict[str, FittedValue] = {key: one for key in _SERVO if (one := getattr(found, key))}
+    values = {key: f"{one.value:.5g}" for key, one in keys.items()}
+    spread = ", ".join(f"{key} ± {one.uncertainty:.1g}" for key, one in keys.items())
+    left = f"{found.residual_deg:.3g}° of the motor's motion are left, root mean square"
     evidence = [f"{_MARK}from {name}; {left}", f"{_MARK}{spread}"]
-    if fastest := document["acceleration_limit_deg_per_s2"]:
-        most = f"{fastest['value']:.4g} ± {fastest['uncertainty']:.1g} °/s²"
+    if fastest := found.acceleration_limit_deg_per_s2:
+        most = f"{fastest.value:.4g} ± {fastest.uncertainty:.1g} °/s²"
         own = "rig.toml has it by [motor] current_limit_a and inertia_kg_m2"
         evidence.append(f"{_MARK}largest acceleration {most}; {own}")
     return with_keys(text.replace(NOT_YOURS, "[servo]"), "servo", values, where, evidence)

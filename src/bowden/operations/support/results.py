@@ -7,25 +7,18 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import KW_ONLY, dataclass
 from pathlib import Path
-from types import NoneType, UnionType
-from typing import TYPE_CHECKING, Any, ClassVar, Generic, Literal, NamedTuple, TypeVar, get_args, get_origin
+from typing import TYPE_CHECKING, Any, Generic, Literal, TypeVar, get_args
+
+from bowden.core.documented import Documented
 
 if TYPE_CHECKING:
     from bowden.operations.support.operation import Operation
 
 Value = TypeVar("Value")
-Made = TypeVar("Made")
 
 
 @dataclass(frozen=True)
-class ResultPart:
-    """Figures of a result: the text under a field is its description in the schema."""
-
-    __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid", "use_attribute_docstrings": True}
-
-
-@dataclass(frozen=True)
-class Result(ResultPart, Generic[Value]):
+class Result(Documented, Generic[Value]):
     """What an operation found.
 
     The fields after ``_: KW_ONLY`` are no part of the JSON: they are what views draw and Python gets.
@@ -61,7 +54,8 @@ class Result(ResultPart, Generic[Value]):
         return 0
 
 
-class TrustLevel(NamedTuple):
+@dataclass(frozen=True)
+class TrustLevel(Documented):
     """Whether to trust a cable's model."""
 
     level: Literal["yes", "with care", "no"]
@@ -93,35 +87,6 @@ def json_of(value: Any) -> Any:
     if isinstance(value, list | tuple):
         return [json_of(one) for one in value]
     return str(value) if isinstance(value, Path) else value
-
-
-def made(kind: type[Made], values: Mapping[str, Any], **more: Any) -> Made:
-    """A result of nested mappings, as who computes them has them.
-
-    Args:
-        kind: of the result.
-        values: by name.
-        **more: the fields that are not in them.
-
-    Raises:
-        TypeError: fields that the kind does not have, or that are missing.
-    """
-    hints = {one.name: one.type for one in dataclasses.fields(kind)}  # type: ignore[arg-type]
-    return kind(**{name: _taken(hints.get(name), value) for name, value in values.items()}, **more)
-
-
-def _taken(hint: Any, value: Any) -> Any:
-    origin, inside = get_origin(hint), get_args(hint)
-    if origin is UnionType:
-        chosen = [one for one in inside if one is not NoneType]
-        return None if value is None else _taken(chosen[0] if len(chosen) == 1 else None, value)
-    if isinstance(hint, type) and origin is None and dataclasses.is_dataclass(hint) and isinstance(value, Mapping):
-        return made(hint, value)
-    if origin in (tuple, list) and isinstance(value, list | tuple):
-        return tuple(_taken(inside[0] if len(inside) == 1 or inside[1] is ... else None, one) for one in value)
-    if origin is dict and isinstance(value, Mapping):
-        return {key: _taken(inside[1], one) for key, one in value.items()}
-    return value
 
 
 def schema_of(operation: "Operation") -> dict[str, Any]:

@@ -3,15 +3,16 @@
 from dataclasses import KW_ONLY, dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
+from bowden.core.documented import Documented
 from bowden.operations.support.operation import GivenProgress, Operation
-from bowden.operations.support.results import Result, ResultPart, made
+from bowden.operations.support.results import Result
 
 if TYPE_CHECKING:
     from bowden.paper.reproduce import Reproduction
 
 
 @dataclass(frozen=True)
-class JudgedClaim(ResultPart):
+class JudgedClaim(Documented):
     """A published number and ours."""
 
     id: str
@@ -36,7 +37,7 @@ class JudgedClaim(ResultPart):
 
 
 @dataclass(frozen=True)
-class EquationRemark(ResultPart):
+class EquationRemark(Documented):
     """A figure of ours on the paper's equations."""
 
     id: str
@@ -80,7 +81,9 @@ def reproduce(*, only: list[str] | None = None, progress: GivenProgress = None) 
 
     with reported(progress, "reproduce") as report:
         outcome = run(only or [], report)
-    return made(Reproduced, outcome.json(), outcome=outcome)
+    said = outcome.json()
+    claims, remarks = (JudgedClaim(**one) for one in said["claims"]), (EquationRemark(**one) for one in said["remarks"])
+    return Reproduced(tuple(claims), tuple(remarks), tuple(said["calibrations"]), outcome=outcome)
 
 
 OPERATIONS = (
