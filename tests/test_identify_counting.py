@@ -12,37 +12,8 @@ from bowden.plants.counting import Counting, Covered, covered_by
 from bowden.plants.identified import CableModel, IdentifiedCable, cable_text, load_cable
 from bowden.plants.recounted import recounted
 from bowden.rig.rig import Rig
+from support.cable_models import BOUC_WEN, MODELS
 
-BOUC_WEN = {
-    "slope": -0.9,
-    "hysteresis_gain": 0.1,
-    "rate": 9.0,
-    "shape": 8.0,
-    "exponent": 2.0,
-    "offset": 1.5,
-    "initial_h": 0.1,
-}
-KNOTS = {f"middle_{k}": 1.5 - 0.2 * k + 0.01 * k**2 for k in range(1, 6)} | {
-    f"height_{k}": 0.03 + 0.002 * k for k in range(1, 6)
-}
-MODELS = {
-    "line": {"slope": -0.9, "offset": 1.5},
-    "play": {"slope": -0.9, "half_width": 0.05, "offset": 1.5, "initial_lag": 0.02},
-    "bouc_wen": BOUC_WEN,
-    "bouc_wen_static": BOUC_WEN
-    | {"static_2": 0.02, "static_3": -0.01, "hysteresis_gain_1": 0.01, "hysteresis_gain_2": 0.02}
-    | {"static_centre": 0.4, "static_half_range": 0.6},
-    "prandtl_ishlinskii": {"slope": -0.5, "offset": 1.5, "initial_lag": 0.02}
-    | {"half_width_1": 0.02, "weight_1": -0.3, "half_width_2": 0.05, "weight_2": -0.1},
-    "generalised_play": {"slope": -0.9, "offset": 1.5, "first_node": -0.2, "last_node": 1.0, "initial_lag": 0.02}
-    | {"reach_1": 0.5, "share_1": 0.4, "reach_2": 1.3, "share_2": 0.6}
-    | {f"bend_{k}": 0.01 * k**2 for k in range(1, 5)}
-    | {f"gap_{k}": 0.02 + 0.01 * k for k in range(1, 6)},
-    "scheduled": {"knot_first": -0.1, "knot_step": 0.25, "half_width_1": 0.02, "eta_1": 50.0}
-    | KNOTS
-    | {"load": 0.5, "load_low": 0.0, "load_high": 1.0}
-    | {f"{name}_load_1": 0.02 for name in KNOTS},
-}
 MOTION = 0.4 + 0.4 * np.sin(np.linspace(0.0, 9.0, 300)) * np.linspace(1.0, 0.5, 300)
 
 
@@ -137,7 +108,7 @@ def test_a_covered_motion_that_is_none_is_refused(pair: str, tmp_path: Path) -> 
         load_cable(tmp_path / "model.toml")
 
 
-@pytest.mark.parametrize(("name", "ends"), [("bouc_wen_static", (-0.2, 1.0)), ("scheduled", (-0.1, 0.9))])
+@pytest.mark.parametrize(("name", "ends"), [("bouc_wen_static", (-1.1, 0.1)), ("scheduled", (-0.6, 0.4))])
 def test_a_file_without_the_covered_motion_has_its_models(name: str, ends: tuple[float, float]) -> None:
     found = with_stroke(IdentifiedCable(name, {one: MODELS[one] for one in ("bouc_wen", name)})).covered
     assert found is not None
