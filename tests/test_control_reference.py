@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy import signal
 
 from bowden.control.reference import (
     Chirp,
@@ -164,6 +165,22 @@ def test_recorded_filter_has_no_lag_and_takes_the_noise_away() -> None:
     smooth = Recorded(time, noisy).sample(time[500:-500])
     assert np.std(smooth[:, 0] - clean[500:-500]) < 0.2 * 0.01
     assert np.std(smooth[:, 1] - np.gradient(clean, 1e-3)[500:-500]) < 0.05
+
+
+@pytest.mark.parametrize(("count", "rate", "cutoff"), [(16, 50.0, 6.0), (700, 1000.0, 6.0), (3000, 1000.0, 1.0)])
+def test_recorded_is_scipys_zero_phase_filter_to_its_last_sample(count: int, rate: float, cutoff: float) -> None:
+    """On three periods of the cut-off beyond its ends, or all that there is; drawn through its samples, or every nth."""
+    time = 4.0 + np.arange(count) / rate
+    position = np.cumsum(np.random.default_rng(count).normal(0.0, 1.0, count)) / math.sqrt(rate)
+    sections = signal.butter(2, cutoff, fs=rate, output="sos")
+    smooth = signal.sosfiltfilt(sections, position, padlen=min(count - 1, int(3.0 * rate / cutoff)))
+    motion = Recorded(time, position, cutoff=cutoff)
+    assert motion.duration == pytest.approx((count - 1) / rate)
+    shown = motion.sample(time - 4.0)
+    np.testing.assert_allclose(shown[:, 0], smooth, atol=1e-3 * np.ptp(smooth))
+    assert shown[[0, -1], 0] == pytest.approx(smooth[[0, -1]], abs=1e-9)
+    assert shown[-1, 1] != 0.0
+    assert (motion.sample(np.array([motion.duration + 1e-3]))[0, 1:] == 0.0).all()
 
 
 def test_a_real_elbow(shared_data: Path) -> None:
