@@ -169,7 +169,7 @@ def test_recorded_filter_has_no_lag_and_takes_the_noise_away() -> None:
 
 @pytest.mark.parametrize(("count", "rate", "cutoff"), [(16, 50.0, 6.0), (700, 1000.0, 6.0), (3000, 1000.0, 1.0)])
 def test_recorded_is_scipys_zero_phase_filter_to_its_last_sample(count: int, rate: float, cutoff: float) -> None:
-    """On three periods of the cut-off beyond its ends, or all that there is; drawn through its samples, or every nth."""
+    """On three periods of the cut-off beyond its ends, or all that there is; drawn through its samples or some."""
     time = 4.0 + np.arange(count) / rate
     position = np.cumsum(np.random.default_rng(count).normal(0.0, 1.0, count)) / math.sqrt(rate)
     sections = signal.butter(2, cutoff, fs=rate, output="sos")

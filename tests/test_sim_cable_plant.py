@@ -1,5 +1,7 @@
 """The plant round any cable: the bench's bits where it is the bench, and each cable what its model says."""
 
+import copy
+import itertools
 import json
 import math
 import re
@@ -22,13 +24,14 @@ from bowden.models.cable.lumped_cable import LumpedTendon
 from bowden.models.cable.sheath import Sheath, joint_in_sheath
 from bowden.models.cable.sheath_path import constant_bend, scripted_bend
 from bowden.models.drive.servo import Servo
-from bowden.plants import cables, friction_cables
+from bowden.plants import cable_body, cables, friction_cables
 from bowden.plants.bench import Bench
 from bowden.plants.cable_body import lagged
 from bowden.plants.cable_parameters import MOST_PARAMETERS, check_parameters
 from bowden.plants.cable_plant import CablePlant
 from bowden.plants.counting import Counting
 from bowden.plants.identified import CableModel
+from bowden.plants.plant import SheathState
 from bowden.plants.recounted import recounted
 from bowden.sim.run import simulate
 from support.cable_models import MODELS
@@ -108,6 +111,34 @@ def test_a_cable_without_mass_knows_no_time(cable: cables.Cable) -> None:
         joints.append(seen)
     assert joints[0] == joints[1]
     assert np.ptp(joints[0]) > 0.5
+
+
+@pytest.mark.parametrize("servo", [Servo(54.4, 0.8), Servo(54.4, 0.8, 1.0, 200.0)], ids=["free", "limited"])
+@pytest.mark.parametrize("cable", [None, *CABLES])
+def test_a_cycle_is_its_parts(cable: str | None, servo: Servo, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Any part of a cycle is a cycle, whether the motor turns in it, meets its limits, or the sheath moves under it."""
+    plant: Any = Bench() if cable is None else CablePlant(CABLES[cable])
+    plant = plant._replace(servo=servo, substeps=20)
+    whole = plant.dynamics()
+    fine = plant._replace(sample_time=plant.sample_time / 20).dynamics().plant
+    for name, part in whole.parts.items():
+        monkeypatch.setattr(cable_body, name, part)
+    random, exact = np.random.default_rng(1), 1e-9 if servo.speed_limit == math.inf else 1e-6
+    sheath, body = SheathState(1.0, 1.0, 1.0), whole.rest(whole.plant, 0.1, SheathState(1.0, 1.0, 1.0))
+    turned = 0
+    for k in range(100):
+        grown = 1.0 if k < 50 else 1.0 + 0.02 * random.standard_normal()  # it stands still at first
+        moved = SheathState(1.0, min(1.5, max(0.7, sheath.width * grown)), 0.5 + 0.5 / grown)
+        applied, parts = float(body.motor.position + random.normal(0.0, 0.02)), copy.deepcopy(body)
+        edges = [SheathState(*(a + (b - a) * i / 20 for a, b in zip(sheath, moved, strict=True))) for i in range(21)]
+        after = whole.advance(whole.plant, body, applied, sheath, moved)
+        for one, other in itertools.pairwise(edges):
+            parts = whole.advance(fine, parts, applied, one, other)
+        turned += body.motor.velocity * after.motor.velocity < 0.0
+        assert after.motor[:2] == pytest.approx(parts.motor[:2], abs=1e-12)
+        assert after.joint == pytest.approx(parts.joint, abs=1e-12 if k < 50 else exact if cable is None else 2e-5)
+        body, sheath = after, moved
+    assert turned > 10
 
 
 def test_a_wider_sheath_widens_the_play() -> None:
