@@ -126,21 +126,6 @@ def test_a_jump_is_gone_over_as_a_servo_could_and_then_shown_as_it_is() -> None:
     assert shown[-1].tolist() == [0.2, 0.0, 0.0]
 
 
-@pytest.mark.parametrize("dt", [1e-3, 4e-3])
-def test_a_jump_on_the_way_is_gone_over_as_one_at_rest(dt: float) -> None:
-    """What is shown is off a motion as it is off a set point, whatever the motion's velocity and acceleration are."""
-    time, jump = np.arange(400) * dt, np.where(np.arange(400) < 100, 0.0, 0.2)
-    off = []
-    for velocity, acceleration in ((0.0, 0.0), (0.7, 0.0), (-0.5, 2.0)):
-        position = velocity * time + 0.5 * acceleration * time**2
-        moved = np.stack([position, velocity + acceleration * time, np.full_like(time, acceleration)], axis=1)
-        told = moved + np.stack([jump, np.zeros_like(time), np.zeros_like(time)], axis=1)
-        off.append(conditioned(told, dt) - told)
-    assert np.abs(off[0][100, 0]) > 0.15
-    for other in off[1:]:
-        assert (np.abs(other - off[0]) <= 1e-3 * np.abs(off[0]).max(axis=0)).all()
-
-
 def test_set_points_that_follow_each_other_slowly_are_jumps() -> None:
     told = np.zeros((3000, 3))
     told[:, 0] = 0.1 * np.floor(np.arange(3000) * DT / (1.5 * SLOWEST))
