@@ -253,12 +253,6 @@ def turned(motor: GearedMotor, ticks: int) -> SpoolState:
     return state
 
 
-def test_the_pd_loop_leaves_friction_over_stiffness_and_the_integral_does_not() -> None:
-    for integral, left in ((0.0, MOTOR.friction / MOTOR.efficiency / (MOTOR.inertia * 50.0**2)), (20.0, 0.0)):
-        state = compiled(turned)(MOTOR._replace(integral=integral), 100_000)
-        assert 1.0 - state.position == pytest.approx(left, abs=0.005)
-
-
 def test_the_feed_forward_of_friction_takes_away_what_the_pd_loop_leaves_both_ways() -> None:
     """Told what friction takes of the torque, F/η, the spool follows a ramp as a servo without friction does."""
     motor = MOTOR._replace(friction_feedforward=MOTOR.friction / MOTOR.efficiency)

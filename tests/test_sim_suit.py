@@ -17,13 +17,12 @@ from bowden.core.nested import flat
 from bowden.core.units import DEGREES, RADIANS
 from bowden.identify.suit_friction import spool_friction
 from bowden.models.cable.sheath import Sheath, slope_factor
-from bowden.models.cable.sheath_path import scripted_bend
 from bowden.models.drive.encoder import Encoder, reading
 from bowden.models.drive.geared_motor import SpoolState, drive_motor, turn_spool
 from bowden.models.drive.thermal import warm
 from bowden.models.suit.arm import GRAVITY, Arm, Wearer, gravity_torque, passive_torque, wearer_torque
 from bowden.models.suit.flex_sensor import PAPER_FLEX, FlexSensor, flex_step
-from bowden.models.suit.geometry import extensor_extension, flexor_extension, flexor_moment_arm
+from bowden.models.suit.geometry import extensor_extension, flexor_extension
 from bowden.models.suit.load_cell import CURRENT_NOISE, cell_reading
 from bowden.models.suit.suit_angle import flexor_arm, flexor_travel, spool_of
 from bowden.models.suit.suit_cable import Fabric, Pull, fabric_tension, give, pull_suit_cable, start_suit_cable
@@ -43,7 +42,6 @@ from bowden.plants.suit_settings import SuitSettings
 from bowden.records.trace import Trace
 from bowden.rig.rig import Rig
 from bowden.sim.run import simulate
-from support.wearers import WEARERS, resting_angle
 
 SUIT = Suit()
 MOTION = PeriodicMinimumJerk(0.0, 90.0 * RADIANS, 10.0)
@@ -88,19 +86,6 @@ def run(kind: str = "play", law: str = "uncompensated", substeps: int = 10) -> T
     return simulate(suit, LAWS[law], MOTION, duration=20.0 if substeps == 10 else 7.0)
 
 
-@pytest.mark.parametrize("motor_deg", [10.0, 45.0, 80.0])
-def test_at_rest_the_torques_on_the_elbow_cancel(motor_deg: float) -> None:
-    """By hand: tension times lever, weight times lever, and the relaxed elbow's own spring."""
-    state = settled(SUIT, motor_deg * RADIANS)
-    lever = flexor_moment_arm(state.joint, SUIT.geometry)
-    by_cables = state.flexor_pull.joint * lever - state.extensor_pull.joint * SUIT.geometry.joint_radius
-    weight = -SUIT.arm.mass * GRAVITY * SUIT.arm.centre * math.sin(state.joint)
-    own = -SUIT.arm.stiffness * (state.joint - SUIT.arm.neutral)
-    assert by_cables + weight + own == pytest.approx(0.0, abs=0.01)
-    assert state.interaction == pytest.approx(by_cables, abs=0.01)
-    assert abs(state.joint_velocity) < 1e-3
-
-
 @pytest.mark.parametrize("motor_deg", [10.0, 30.0, 60.0, 80.0, 90.0])
 def test_without_friction_and_give_the_elbow_is_where_the_geometry_says(motor_deg: float) -> None:
     """Where the extensor is slack the flexor decides alone; where both are taut they share the difference."""
@@ -114,16 +99,6 @@ def test_without_friction_and_give_the_elbow_is_where_the_geometry_says(motor_de
     else:
         assert by_extensor < state.joint * DEGREES < motor_deg
         assert state.extensor_pull.joint > 0.0
-
-
-def test_a_suit_that_is_let_go_lets_the_arm_hang() -> None:
-    """Unpowered and without friction the arm ends where its own weight and elbow put it, but for the cables."""
-    cable = SUIT.flexor._replace(half_width=0.0)
-    motor = SUIT.motor._replace(friction=0.0, efficiency=1.0)
-    suit = SUIT._replace(motor=motor, flexor=cable, extensor=cable, pretension=0.0)
-    state = after(prepare_suit(suit), settled(suit, 60.0 * RADIANS), 0.0, False, suit.wearer, 8.0)
-    assert state.joint == pytest.approx(resting_angle(suit.arm), abs=0.2)
-    assert state.spool.current == 0.0
 
 
 def energy(suit: Suit, state: SuitState) -> float:
@@ -214,32 +189,6 @@ def test_the_feed_forward_of_friction_takes_away_most_of_what_the_pd_drive_leave
     helped = simulate(told, LAWS["uncompensated"], MOTION, duration=20.0)
     left, before = (float(np.max(np.abs(trace.error[trace.time > 10.0]))) for trace in (helped, run()))
     assert left < 0.5 * before
-
-
-def test_a_bent_sheath_loses_more() -> None:
-    bent = scripted_bend((0.0, 0.5), (math.pi, 3.0 * math.pi))
-    suit = SUIT._replace(sheath=Sheath(bend=math.pi, loss=0.15))
-    straight, moved = (simulate(suit, LAWS["uncompensated"], MOTION, duration=20.0, bend=path) for path in (None, bent))
-    late = straight.time > 5.0
-    assert np.sqrt(np.mean(moved.error[late] ** 2)) > 1.2 * np.sqrt(np.mean(straight.error[late] ** 2))
-    assert moved["width"].max() > 2.9
-
-
-@pytest.mark.parametrize("kind", [kind for kind in WEARERS if kind != "none"])
-def test_each_wearer_moves_the_elbow_as_they_would(kind: str) -> None:
-    free, own = (
-        simulate(SUIT._replace(wearer=WEARERS[name]), LAWS["uncompensated"], MOTION, duration=10.0)
-        for name in ("none", kind)
-    )
-    top = (free.time > 4.5) & (free.time < 5.5)
-    change = np.mean(own["joint"][top] - free["joint"][top]) * DEGREES
-    if kind == "weak":
-        assert change > 0.5
-        assert np.mean(own["interaction_torque"][top]) < np.mean(free["interaction_torque"][top])
-    elif kind == "tremor":
-        assert np.std(own["joint_velocity"][top]) > 2.0 * np.std(free["joint_velocity"][top])
-    else:
-        assert change < -0.3
 
 
 UNEVEN = SUIT._replace(
