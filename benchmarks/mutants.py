@@ -502,7 +502,8 @@ def reached(items: dict[str, Any], in_time: Callable[[], bool]) -> dict[str, dic
 def tests_for(mutant: Mutant, tests: dict[str, dict[str, Any]]) -> list[str]:
     """The tests that reach what is changed, or where that is a module's anything of it.
 
-    Those first that reach least beside it; of one that has many cases no more than a few before others' turn.
+    Those first that run it as Python, which waits for no compiler, and of these those that reach least beside it; of
+    one that has many cases no more than a few before others' turn.
     """
     key, chosen, cases = f"{mutant.path}:{mutant.function}", [], Counter[str]()
     for name, row in sorted(tests.items(), key=lambda item: item[1]["time"]):
@@ -510,10 +511,10 @@ def tests_for(mutant: Mutant, tests: dict[str, dict[str, Any]]) -> list[str]:
             if key in row[kind] if mutant.function else any(one.startswith(key) for one in row[kind]):
                 cases[name.partition("[")[0]] += 1
                 rank, reach = cases[name.partition("[")[0]] // CASES, len(row["plain"]) + len(row["compiled"])
-                chosen.append((rank, reach, row["time"], compiled, name))
+                chosen.append((compiled, rank, reach, row["time"], name))
                 break
     total, names, files = 0.0, [], set[str]()
-    for _, _, cost, compiled, name in sorted(chosen):
+    for compiled, _, _, cost, name in sorted(chosen):
         total += cost + COMPILING * (compiled and name.partition("::")[0] not in files)
         files.add(name.partition("::")[0])
         if not names or total < BUDGET:

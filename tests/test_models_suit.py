@@ -73,13 +73,13 @@ def made(kind: str, **changes: float) -> PreparedSuitCable:
 
 
 def ridden(
-    cable: PreparedSuitCable, pulls: np.ndarray, given: np.ndarray, width: float = 1.0
+    cable: PreparedSuitCable, pulls: np.ndarray, given: np.ndarray, width: float = 1.0, slope_factor: float = 1.0
 ) -> tuple[np.ndarray, np.ndarray]:
     """Tensions at motor and joint along a course."""
-    memory, before = start_suit_cable(cable, pulls[0], given[0], 1.0), pulls[0]
+    memory, before = start_suit_cable(cable, pulls[0], given[0], slope_factor), pulls[0]
     tensions = []
     for pull, end in zip(pulls, given, strict=True):
-        memory, tension = pull_suit_cable(cable, memory, before, pull, end, width, 1.0)
+        memory, tension = pull_suit_cable(cable, memory, before, pull, end, width, slope_factor)
         before = pull
         tensions.append(tension)
     motor, joint = np.array(tensions).T
@@ -160,6 +160,21 @@ def test_a_closed_course_never_gives_energy(kind: str, seed: int, width: float) 
     mean_m, mean_j = (0.5 * (t[second][1:] + t[second][:-1]) for t in (motor, joint))
     moved = np.diff(course[second], axis=0)
     assert float(np.sum(mean_m * moved[:, 0]) - np.sum(mean_j * moved[:, 1])) > -2e-4
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_wider_sheath_is_another_cable_and_a_loss_takes_motion_and_tension_alike(kind: str) -> None:
+    """By the play's half-width, the capstan's friction, or the lengths of Bouc–Wen's angles; and virtual work."""
+    random = np.random.default_rng(3)
+    pulls, given = np.cumsum(random.normal(0.0, 1e-3, (2, 300)), axis=1)
+    wide = made(kind, half_width=0.003, friction=0.18, radius=1.5 * SuitCable().radius)
+    assert wide == made(kind)._replace(
+        half_width=0.003, capstan=0.18 * math.pi, radius=wide.radius, hysteresis_length=wide.hysteresis_length
+    )
+    np.testing.assert_allclose(ridden(made(kind), pulls, given, 1.5), ridden(wide, pulls, given), atol=1e-9)
+    if kind != "bouc_wen":  # its h is driven by the motor's own way
+        (motor, joint), (all_of, there) = ridden(wide, pulls, given, 1.0, 0.9), ridden(wide, 0.9 * pulls, given)
+        np.testing.assert_allclose((motor, joint), (0.9 * all_of, there), atol=1e-9)
 
 
 def test_how_a_course_is_cut_changes_nothing() -> None:

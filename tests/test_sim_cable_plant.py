@@ -23,6 +23,7 @@ from bowden.models.cable.capstan import Tendon
 from bowden.models.cable.lumped_cable import LumpedTendon
 from bowden.models.cable.sheath import Sheath, joint_in_sheath
 from bowden.models.cable.sheath_path import constant_bend, scripted_bend
+from bowden.models.drive.motor import Motor
 from bowden.models.drive.servo import Servo
 from bowden.plants import cable_body, cables, friction_cables
 from bowden.plants.bench import Bench
@@ -139,6 +140,26 @@ def test_a_cycle_is_its_parts(cable: str | None, servo: Servo, monkeypatch: pyte
         assert after.joint == pytest.approx(parts.joint, abs=1e-12 if k < 50 else exact if cable is None else 2e-5)
         body, sheath = after, moved
     assert turned > 10
+
+
+@pytest.mark.parametrize("plant", [Bench(cable=BoucWen(slope=0.8)), CablePlant(cables.play(Play(0.8)))])
+def test_the_current_is_what_spool_and_spring_need_through_the_slope_that_is_left(
+    plant: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """And within its limit: the servo's own, or the lower one of the current."""
+    motor = Motor(gear=4.0, current_limit=3.0)
+    plant = plant._replace(motor=motor, servo=Servo(54.4, 1.0, math.inf, 1e5))
+    run, sheath = plant.dynamics(), SheathState(1.0, 1.0, 0.9)
+    for name, part in run.parts.items():
+        monkeypatch.setattr(cable_body, name, part)
+    body = run.rest(run.plant, 0.5, sheath)
+    body = body._replace(motor=body.motor._replace(acceleration=200.0))
+    torque = motor.inertia * 200.0 + 0.9 * 0.8 * (motor.pretension + motor.spring * body.joint)
+    assert run.effort(run.plant, body, sheath) == pytest.approx(torque / (4.0 * motor.torque_constant))
+    for limit in (1e5, 1500.0):
+        steps = plant._replace(servo=Servo(54.4, 1.0, math.inf, limit)).dynamics().plant.servo
+        substep, most = getattr(steps, "substep", steps), 3.0 * 4.0 * motor.torque_constant / motor.inertia
+        assert substep.acceleration_limit == pytest.approx(min(limit, most))
 
 
 def test_a_wider_sheath_widens_the_play() -> None:
