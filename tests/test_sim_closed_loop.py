@@ -15,7 +15,7 @@ from bowden.control.laws.adaptive import AdaptiveState
 from bowden.control.reference import PeriodicMinimumJerk
 from bowden.core.errors import ParameterError
 from bowden.core.kernel import kernel
-from bowden.core.signals import Reference, Sample
+from bowden.core.signals import Reference
 from bowden.core.units import RADIANS
 from bowden.models.cable.bouc_wen import BoucWen
 from bowden.models.cable.sheath import Sheath
@@ -112,20 +112,6 @@ def test_a_command_arrives_exactly_delay_cycles_later(delay: int) -> None:
     assert late["motor"][: delay + 1].tolist() == [0.1] * (delay + 1)
     assert late["motor"][delay:].tolist() == prompt["motor"][:-delay].tolist()
     assert late["joint"][delay:].tolist() == prompt["joint"][:-delay].tolist()
-
-
-@pytest.mark.parametrize("name", ["uncompensated", "observer", "adaptive"])
-def test_the_compiled_loop_runs_the_interpreted_law(name: str) -> None:
-    """Fed the trace's measurements, the plain law gives the trace's commands and states, bit for bit."""
-    law = LAWS[name]
-    trace = simulate(NOISY, law, STROKE, duration=3.0, seed=4)
-    measured = np.stack((trace["joint_measured"], trace["motor_measured"]), axis=1).tolist()
-    references = STROKE.sample(trace.time).tolist()
-    state = law.start(Sample(*measured[0]))
-    for k, (sample, reference) in enumerate(zip(measured, references, strict=True)):
-        state, command = law.step(state, Sample(*sample), Reference(*reference), 1e-3)
-        assert command == trace["command"][k]
-        assert all(value == trace[f"law.{field}"][k] for field, value in state._asdict().items())
 
 
 def test_the_same_seed_gives_the_same_run() -> None:
