@@ -38,6 +38,7 @@ from types import CodeType, FunctionType, ModuleType
 from typing import Any, NamedTuple
 
 import pytest
+from hypothesis import Phase, settings
 
 from kept import FOLDER, Kept
 
@@ -427,6 +428,14 @@ def run(items: list[Any], until: Callable[[], bool] = lambda: False) -> None:
             return
 
 
+def found_soon(item: Any) -> None:
+    """Have a property's test end with the first example that fails: how simple one could be says nothing here."""
+    function, name = item.obj, "_hypothesis_internal_use_settings"
+    if hasattr(function, "hypothesis"):
+        usual = getattr(function, name, None) or settings.default
+        setattr(function, name, settings(usual, phases=(Phase.explicit, Phase.generate), report_multiple_bugs=False))
+
+
 class Mutating:
     """A plugin of pytest that judges mutants by the tests that were collected, in place of running these once."""
 
@@ -437,6 +446,8 @@ class Mutating:
 
     def pytest_runtestloop(self, session: pytest.Session) -> bool:
         items = {item.nodeid: item for item in session.items}
+        for item in session.items:
+            found_soon(item)
         tests = reached(items, self._in_time)
         every = list(mutants(self.given.rooms, self.given.but))
         count = len(every) if self.given.all else min(self.given.count, len(every))
