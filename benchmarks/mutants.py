@@ -38,7 +38,6 @@ from types import CodeType, FunctionType, ModuleType
 from typing import Any, NamedTuple
 
 import pytest
-from hypothesis import Phase, settings
 
 from kept import FOLDER, Kept
 
@@ -430,6 +429,8 @@ def run(items: list[Any], until: Callable[[], bool] = lambda: False) -> None:
 
 def found_soon(item: Any) -> None:
     """Have a property's test end with the first example that fails: how simple one could be says nothing here."""
+    from hypothesis import Phase, settings  # pytest is to import it
+
     function, name = item.obj, "_hypothesis_internal_use_settings"
     if hasattr(function, "hypothesis"):
         usual = getattr(function, name, None) or settings.default
