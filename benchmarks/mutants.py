@@ -427,6 +427,16 @@ def run(items: list[Any], until: Callable[[], bool] = lambda: False) -> None:
             return
 
 
+def found_soon(item: Any) -> None:
+    """Have a property's test end with the first example that fails: how simple one could be says nothing here."""
+    from hypothesis import Phase, settings  # pytest is to import it
+
+    function, name = item.obj, "_hypothesis_internal_use_settings"
+    if hasattr(function, "hypothesis"):
+        usual = getattr(function, name, None) or settings.default
+        setattr(function, name, settings(usual, phases=(Phase.explicit, Phase.generate), report_multiple_bugs=False))
+
+
 class Mutating:
     """A plugin of pytest that judges mutants by the tests that were collected, in place of running these once."""
 
@@ -437,7 +447,9 @@ class Mutating:
 
     def pytest_runtestloop(self, session: pytest.Session) -> bool:
         items = {item.nodeid: item for item in session.items}
-        tests = reached(items)
+        for item in session.items:
+            found_soon(item)
+        tests = reached(items, self._in_time)
         every = list(mutants(self.given.rooms, self.given.but))
         count = len(every) if self.given.all else min(self.given.count, len(every))
         drawn = every if self.given.all else random.Random(self.given.seed).sample(every, count)
@@ -477,12 +489,12 @@ class Mutating:
         return by
 
 
-def reached(items: dict[str, Any]) -> dict[str, dict[str, Any]]:
-    """Test → what it reaches; of test files that have changed, found anew."""
+def reached(items: dict[str, Any], in_time: Callable[[], bool]) -> dict[str, dict[str, Any]]:
+    """Test → what it reaches; of test files that have changed, found anew while there is time."""
     known: dict[str, Any] = json.loads(REACHED.read_text(encoding="utf-8")) if REACHED.is_file() else {}
     for file in sorted({name.partition("::")[0] for name in items}):
         mark = sha256((ROOT / file).read_bytes()).hexdigest()[:16]
-        if known.get(file, {}).get("hash") == mark:
+        if known.get(file, {}).get("hash") == mark or not in_time():
             continue
         own, start = [item for name, item in items.items() if name.partition("::")[0] == file], time.monotonic()
 
@@ -502,7 +514,8 @@ def reached(items: dict[str, Any]) -> dict[str, dict[str, Any]]:
 def tests_for(mutant: Mutant, tests: dict[str, dict[str, Any]]) -> list[str]:
     """The tests that reach what is changed, or where that is a module's anything of it.
 
-    Those first that reach least beside it; of one that has many cases no more than a few before others' turn.
+    Those first that run it as Python, which waits for no compiler, and of these those that reach least beside it; of
+    one that has many cases no more than a few before others' turn.
     """
     key, chosen, cases = f"{mutant.path}:{mutant.function}", [], Counter[str]()
     for name, row in sorted(tests.items(), key=lambda item: item[1]["time"]):
@@ -510,10 +523,10 @@ def tests_for(mutant: Mutant, tests: dict[str, dict[str, Any]]) -> list[str]:
             if key in row[kind] if mutant.function else any(one.startswith(key) for one in row[kind]):
                 cases[name.partition("[")[0]] += 1
                 rank, reach = cases[name.partition("[")[0]] // CASES, len(row["plain"]) + len(row["compiled"])
-                chosen.append((rank, reach, row["time"], compiled, name))
+                chosen.append((compiled, rank, reach, row["time"], name))
                 break
     total, names, files = 0.0, [], set[str]()
-    for _, _, cost, compiled, name in sorted(chosen):
+    for compiled, _, _, cost, name in sorted(chosen):
         total += cost + COMPILING * (compiled and name.partition("::")[0] not in files)
         files.add(name.partition("::")[0])
         if not names or total < BUDGET:

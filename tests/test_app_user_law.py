@@ -2,6 +2,7 @@
 
 import math
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -174,6 +175,13 @@ def test_what_is_missing_is_said(tmp_path: Path, source: str, said: str) -> None
     with pytest.raises(ParameterError, match=r"law\.py") as caught:
         load("law.py", tmp_path)
     assert said in str(caught.value)
+
+
+def test_a_law_of_python_is_tried_and_named_by_the_file_of_its_step() -> None:
+    law = LAWS["uncompensated"]
+    user_law.check_law(law)
+    with pytest.raises(ParameterError, match=r"uncompensated\.py: the law's name is 'a b'; expected letters"):
+        user_law.check_law(replace(law, name="a b"))
 
 
 def test_a_file_that_is_not_there(tmp_path: Path) -> None:

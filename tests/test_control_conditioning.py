@@ -4,9 +4,23 @@ import math
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from bowden.control.conditioning import SLOWEST, Conditioning, condition_start, condition_step
+from bowden.control.conditioning import (
+    PACE,
+    SHARPNESS,
+    SLOWEST,
+    Conditioned,
+    Conditioning,
+    condition_start,
+    condition_step,
+    departs,
+    estimate_reference,
+    follow_reference,
+    update_doubt,
+)
 from bowden.control.knowledge import Knowledge, informed
 from bowden.control.laws.uncompensated import LAW
 from bowden.control.reference import Chirp, PeriodicMinimumJerk, PointToPoint, Trajectory
@@ -112,21 +126,6 @@ def test_a_jump_is_gone_over_as_a_servo_could_and_then_shown_as_it_is() -> None:
     assert shown[-1].tolist() == [0.2, 0.0, 0.0]
 
 
-@pytest.mark.parametrize("dt", [1e-3, 4e-3])
-def test_a_jump_on_the_way_is_gone_over_as_one_at_rest(dt: float) -> None:
-    """What is shown is off a motion as it is off a set point, whatever the motion's velocity and acceleration are."""
-    time, jump = np.arange(400) * dt, np.where(np.arange(400) < 100, 0.0, 0.2)
-    off = []
-    for velocity, acceleration in ((0.0, 0.0), (0.7, 0.0), (-0.5, 2.0)):
-        position = velocity * time + 0.5 * acceleration * time**2
-        moved = np.stack([position, velocity + acceleration * time, np.full_like(time, acceleration)], axis=1)
-        told = moved + np.stack([jump, np.zeros_like(time), np.zeros_like(time)], axis=1)
-        off.append(conditioned(told, dt) - told)
-    assert np.abs(off[0][100, 0]) > 0.15
-    for other in off[1:]:
-        assert (np.abs(other - off[0]) <= 1e-3 * np.abs(off[0]).max(axis=0)).all()
-
-
 def test_set_points_that_follow_each_other_slowly_are_jumps() -> None:
     told = np.zeros((3000, 3))
     told[:, 0] = 0.1 * np.floor(np.arange(3000) * DT / (1.5 * SLOWEST))
@@ -142,6 +141,63 @@ def test_what_is_no_number_never_reaches_a_law(column: int) -> None:
     shown = conditioned(told)
     assert np.isfinite(shown).all()
     assert shown[-1].tolist() == told[-1].tolist()
+
+
+steps = st.floats(1e-4, 1e-2)
+rates = st.floats(-9.0, 9.0)
+shares = st.floats(-0.99, 0.99)
+
+
+@given(rates, rates, st.floats(1e-3, 0.1), shares, steps)
+def test_a_step_of_euler_or_of_the_trapezoid_leads_on_and_one_beyond_them_departs(
+    velocity: float, acceleration: float, most: float, share: float, dt: float
+) -> None:
+    def stepped(part: float, off: float) -> bool:
+        gone = dt * velocity - part * dt * dt * acceleration + off * most
+        return departs(0.3, Reference(0.3 + gone, velocity, acceleration), most, dt)
+
+    assert not any(stepped(part, share) for part in (0.0, 0.5, 1.0))
+    way = math.copysign(1.01, acceleration)
+    assert stepped(0.0, way)
+    assert stepped(1.0, -way)
+
+
+@given(shares, shares, rates, rates, steps)
+def test_a_jump_is_followed_by_a_critically_damped_step_of_backward_euler(
+    off: float, off_rate: float, velocity: float, acceleration: float, dt: float
+) -> None:
+    """ë = −2β·ė − β²·e at the step's end, of what is shown beside the motion that the reference leads on from."""
+    given = Reference(0.4, velocity, acceleration)
+    before = 0.4 - dt * velocity + 0.5 * dt * dt * acceleration, velocity - dt * acceleration
+    state = Conditioned(before[0] + off, before[1] + off_rate, 0.0, 0.0, 0.0, 0.0, 0.0)
+    e, rate, bend = np.subtract(follow_reference(SETTINGS, state, given, dt), given).tolist()
+    pace = PACE / (1.0 / SETTINGS.servo_frequency + SETTINGS.delay)
+    assert bend == pytest.approx(-2.0 * pace * rate - pace**2 * e, rel=1e-6, abs=1e-6)
+    assert rate == pytest.approx(off_rate + dt * bend, abs=1e-6)
+    assert e == pytest.approx(off + dt * rate, abs=1e-9)
+
+
+@pytest.mark.parametrize("cycles", [1, 2, 7, 40])
+def test_the_estimates_poles_are_where_the_servo_can_use_them(cycles: int) -> None:
+    """All three at θ, over the time between two values that come."""
+    span, moved = cycles * DT, []
+    for start in 1e-6 * np.eye(3):
+        shown = Reference(*start.tolist())
+        for k in range(1, cycles + 1):
+            state = Conditioned(*shown, 0.0, 0.0, span, 0.0)
+            shown = estimate_reference(SETTINGS, state, 0.0, k == cycles, k * DT, DT)
+        moved.append(shown)
+    x = SHARPNESS * SETTINGS.servo_frequency * span
+    pole = max(1.0 / (1.0 + x + 0.5 * x * x), DT / span if cycles > 1 else 0.0)
+    np.testing.assert_allclose(np.poly(np.array(moved) / 1e-6), np.poly([pole] * 3), atol=1e-7)
+
+
+def test_one_contradiction_in_a_while_is_none_and_a_jump_after_a_rest_is_a_set_point() -> None:
+    assert update_doubt(0.0, contradicts=True, jumps=False, dt=DT) == SLOWEST
+    assert update_doubt(DT / 2, contradicts=True, jumps=False, dt=DT) == 2.0 * SLOWEST
+    assert update_doubt(2.0 * SLOWEST, contradicts=False, jumps=False, dt=DT) == 2.0 * SLOWEST - DT
+    assert update_doubt(DT / 2, contradicts=False, jumps=False, dt=DT) == 0.0
+    assert update_doubt(DT, contradicts=True, jumps=True, dt=DT) == SLOWEST
 
 
 def test_a_law_takes_servo_and_delay_to_its_conditioner() -> None:

@@ -2,6 +2,7 @@
 
 import json
 import math
+from dataclasses import replace
 from typing import Any
 
 import control
@@ -9,8 +10,10 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 
 from bowden.control import LAWS
+from bowden.control.law import Law
 from bowden.control.laws.adaptive import AdaptiveState
 from bowden.control.laws.observer import ObserverGains
 from bowden.control.laws.observer import start as observer_start
@@ -63,6 +66,35 @@ def test_a_law_is_a_pure_function_with_a_state_of_numbers(name: str) -> None:
     assert type(after) is type(state)
     assert all(isinstance(float(value), float) for value in (*flat(after), command))
     json.dumps(law.gains._asdict())
+
+
+def commands(law: Law, way: float, motor_way: float) -> NDArray[np.float64]:
+    """Of a law on a noisy motion with a play of 0.1 rad, the joint's and the motor's angles each counted one `way`."""
+    time, random, given = np.arange(1500) * DT, np.random.default_rng(2), []
+    motion = np.array([0.6 * np.sin(3.0 * time), 1.8 * np.cos(3.0 * time), -5.4 * np.sin(3.0 * time)])
+    late, state = 0.6 * np.sin(3.0 * time - 0.1), law.start(Sample(0.0, motor_way * 0.05))
+    for k, (off, more) in enumerate(random.normal(0.0, 1e-3, (1500, 2))):
+        motor = late[k] / 0.9 + 0.05 * math.copysign(1.0, motion[1, k]) + more
+        sample = Sample(way * float(late[k] + off), motor_way * float(motor))
+        state, command = law.step(state, sample, Reference(*(way * motion[:, k]).tolist()), DT)
+        given.append(command)
+    return np.array(given)
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_a_law_knows_neither_side_nor_which_way_its_cable_runs(name: str) -> None:
+    """Mirrored, and with its motor counted the other way on a slope below zero: the same commands, mirrored."""
+    law = LAWS[name]
+    plain = commands(law, 1.0, 1.0)
+    assert np.ptp(plain) > 1.0
+    np.testing.assert_allclose(commands(law, -1.0, -1.0), -plain, rtol=0.0, atol=1e-12)
+    given = law.gains._asdict()
+    turned = {key: -given[key] for key in ("slope", "hysteresis_gain") if key in given}
+    if "lowest_slope" in given:
+        turned |= {"lowest_slope": -given["highest_slope"], "highest_slope": -given["lowest_slope"]}
+    if "slope" in turned:
+        backwards = replace(law, gains=law.gains._replace(**turned))
+        np.testing.assert_allclose(commands(backwards, 1.0, -1.0), -plain, rtol=0.0, atol=1e-12)
 
 
 @pytest.mark.parametrize("name", LAWS)

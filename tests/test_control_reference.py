@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy import signal
 
 from bowden.control.reference import (
     Chirp,
@@ -56,15 +57,6 @@ def test_velocity_and_acceleration_are_the_derivatives(kind: str) -> None:
     np.testing.assert_allclose(acceleration, differenced(1), atol=tolerance * np.abs(acceleration).max())
 
 
-@given(st.floats(-3.0, 3.0), st.floats(-3.0, 3.0), st.floats(0.1, 20.0))
-def test_minimum_jerk_rests_at_both_ends_and_passes_the_middle_half_way(start: float, end: float, T: float) -> None:
-    assert minimum_jerk(start, end, T, 0.0) == (start, 0.0, 0.0)
-    for late in (T, 2.0 * T):
-        assert minimum_jerk(start, end, T, late) == pytest.approx((end, 0.0, 0.0), abs=1e-9)
-    middle = minimum_jerk(start, end, T, 0.5 * T)
-    assert middle == pytest.approx((0.5 * (start + end), 1.875 * (end - start) / T, 0.0), abs=1e-9)
-
-
 @given(st.lists(st.floats(-1.0, 1.0), min_size=1, max_size=4))
 def test_minimum_jerk_has_the_least_jerk(amounts: list[float]) -> None:
     """Any motion that also rests at both ends has more: its ∫jerk² is larger, and 720 is the least."""
@@ -80,6 +72,22 @@ def test_minimum_jerk_has_the_least_jerk(amounts: list[float]) -> None:
     other = least + sum((a * x**3 * (1 - x) ** 3 * x**i for i, a in enumerate(amounts)), 0 * x)
     assert jerk(least) == pytest.approx(720.0)
     assert jerk(other) >= 720.0 - 1e-6
+
+
+@given(*[st.floats(-3.0, 3.0)] * 4, st.floats(0.1, 5.0), st.floats(0.0, 1.0))
+def test_a_motion_from_a_moving_start_is_the_one_quintic_that_ends_at_rest(
+    at: float, speed: float, bend: float, end: float, duration: float, share: float
+) -> None:
+    """Oracle: NumPy's solution of the six conditions at its ends."""
+    powers = np.polynomial.Polynomial.basis
+    rows = [[powers(k).deriv(n)(t) for k in range(6)] for t in (0.0, duration) for n in range(3)]
+    quintic = np.polynomial.Polynomial(np.linalg.solve(rows, [at, speed, bend, end, 0.0, 0.0]))
+    begin, time = Reference(at, speed, bend), share * duration
+    found = minimum_jerk_from(begin, end, duration, time)
+    scale = 1.0 + 1.0 / duration**2
+    assert found == pytest.approx([quintic(time), quintic.deriv(1)(time), quintic.deriv(2)(time)], abs=1e-7 * scale)
+    assert minimum_jerk_from(begin, end, duration, -1.0) == pytest.approx(begin, abs=1e-9)
+    assert minimum_jerk_from(begin, end, duration, 1.5 * duration) == (end, 0.0, 0.0)
 
 
 def test_minimum_jerk_is_one_motion_in_all_its_forms() -> None:
@@ -164,6 +172,22 @@ def test_recorded_filter_has_no_lag_and_takes_the_noise_away() -> None:
     smooth = Recorded(time, noisy).sample(time[500:-500])
     assert np.std(smooth[:, 0] - clean[500:-500]) < 0.2 * 0.01
     assert np.std(smooth[:, 1] - np.gradient(clean, 1e-3)[500:-500]) < 0.05
+
+
+@pytest.mark.parametrize(("count", "rate", "cutoff"), [(16, 50.0, 6.0), (700, 1000.0, 6.0), (3000, 1000.0, 1.0)])
+def test_recorded_is_scipys_zero_phase_filter_to_its_last_sample(count: int, rate: float, cutoff: float) -> None:
+    """On three periods of the cut-off beyond its ends, or all that there is; drawn through its samples or some."""
+    time = 4.0 + np.arange(count) / rate
+    position = np.cumsum(np.random.default_rng(count).normal(0.0, 1.0, count)) / math.sqrt(rate)
+    sections = signal.butter(2, cutoff, fs=rate, output="sos")
+    smooth = signal.sosfiltfilt(sections, position, padlen=min(count - 1, int(3.0 * rate / cutoff)))
+    motion = Recorded(time, position, cutoff=cutoff)
+    assert motion.duration == pytest.approx((count - 1) / rate)
+    shown = motion.sample(time - 4.0)
+    np.testing.assert_allclose(shown[:, 0], smooth, atol=1e-3 * np.ptp(smooth))
+    assert shown[[0, -1], 0] == pytest.approx(smooth[[0, -1]], abs=1e-9)
+    assert shown[-1, 1] != 0.0
+    assert (motion.sample(np.array([motion.duration + 1e-3]))[0, 1:] == 0.0).all()
 
 
 def test_a_real_elbow(shared_data: Path) -> None:

@@ -14,7 +14,7 @@ import pytest
 
 import bowden
 from bowden.app.main import run
-from bowden.core.errors import OutputError, ParameterError
+from bowden.core.errors import OutputError
 from bowden.identify.cable.fit import Fit
 from bowden.identify.cable.model_text import model_text
 from bowden.models.cable.bouc_wen import BoucWen
@@ -176,51 +176,6 @@ def test_every_parameter_stands_with_unit_and_meaning(fit: Fit) -> None:
         section = text.split(f"[models.{name}.parameters]\n")[1].split("\n\n")[0].splitlines()
         assert len(section) == len(fit.models[name].parameters)
         assert all("  # [" in line and "; " in line for line in section)
-
-
-def test_a_model_file_that_is_none_is_refused(fit: Fit, tmp_path: Path) -> None:
-    path = tmp_path / "model.toml"
-    text = model_text(fit)
-    cases = {
-        "does not exist": None,
-        "is no TOML": "best = ",
-        "has no models": "best = 'line'",
-        "has no model 'spline'": text.replace('best = "bouc_wen"', 'best = "spline"'),
-        "rate of bouc_wen is -1": text.replace("\nrate = ", "\nrate = -1 # ", 1),
-        "shape of bouc_wen is nan": text.replace("\nshape = ", "\nshape = nan # ", 1),
-        "no parameter 'exponent'": text.replace("\nexponent = ", "\n# exponent = ", 1),
-        "no model has a parameter 'colour'": text.replace("\nexponent = ", "\ncolour = ", 1),
-    }
-    for said, content in cases.items():
-        path.unlink(missing_ok=True)
-        if content is not None:
-            path.write_text(content)
-        said = "cannot be read" if content is None else said
-        with pytest.raises(ParameterError, match=said):
-            load_cable(path)
-
-
-@pytest.mark.parametrize(
-    ("pattern", "instead", "said"),
-    [
-        (r"share_1 = .*\n", "", "has [0-9]+ reaches and [0-9]+ shares; expected as many of both"),
-        (r"gap_\d+ = .*\n", "", "has 0 gaps; expected 2 or more"),
-        (r"gap_3 = \S+", "gap_3 = -1.0", "gap_3 of generalised_play is -1.0; expected a number from 0"),
-        (r"last_node = \S+", "last_node = -99.0", "last_node -99; expected the last above the first"),
-    ],
-    ids=["fewer shares", "no gaps", "negative gap", "nodes"],
-)
-def test_branches_that_are_none_are_refused_in_a_line(
-    fit: Fit, tmp_path: Path, pattern: str, instead: str, said: str
-) -> None:
-    head, tail = model_text(fit).split("[models.generalised_play.parameters]")
-    spoilt = re.sub(pattern, instead, tail)
-    assert spoilt != tail
-    path = tmp_path / "model.toml"
-    path.write_text(f"{head}[models.generalised_play.parameters]{spoilt}")
-    with pytest.raises(ParameterError, match=said) as refused:
-        load_cable(path)
-    assert len(str(refused.value).removeprefix(str(path))) < 120
 
 
 def test_a_model_file_that_cannot_be_written(fit: Fit, tmp_path: Path) -> None:

@@ -2,47 +2,20 @@
 
 import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from bowden.core.errors import ParameterError
 from bowden.design.rig_of_model import with_stroke
-from bowden.plants.counting import Counting, Covered, covered_by
-from bowden.plants.identified import CableModel, IdentifiedCable, cable_text, load_cable
+from bowden.plants.counting import Counting, Covered, Encoders, covered_by
+from bowden.plants.identified import CableModel, IdentifiedCable, cable_text, load_cable, load_judged
 from bowden.plants.recounted import recounted
+from bowden.plants.trust import Trust
 from bowden.rig.rig import Rig
+from support.cable_models import MODELS
 
-BOUC_WEN = {
-    "slope": -0.9,
-    "hysteresis_gain": 0.1,
-    "rate": 9.0,
-    "shape": 8.0,
-    "exponent": 2.0,
-    "offset": 1.5,
-    "initial_h": 0.1,
-}
-KNOTS = {f"middle_{k}": 1.5 - 0.2 * k + 0.01 * k**2 for k in range(1, 6)} | {
-    f"height_{k}": 0.03 + 0.002 * k for k in range(1, 6)
-}
-MODELS = {
-    "line": {"slope": -0.9, "offset": 1.5},
-    "play": {"slope": -0.9, "half_width": 0.05, "offset": 1.5, "initial_lag": 0.02},
-    "bouc_wen": BOUC_WEN,
-    "bouc_wen_static": BOUC_WEN
-    | {"static_2": 0.02, "static_3": -0.01, "hysteresis_gain_1": 0.01, "hysteresis_gain_2": 0.02}
-    | {"static_centre": 0.4, "static_half_range": 0.6},
-    "prandtl_ishlinskii": {"slope": -0.5, "offset": 1.5, "initial_lag": 0.02}
-    | {"half_width_1": 0.02, "weight_1": -0.3, "half_width_2": 0.05, "weight_2": -0.1},
-    "generalised_play": {"slope": -0.9, "offset": 1.5, "first_node": -0.2, "last_node": 1.0, "initial_lag": 0.02}
-    | {"reach_1": 0.5, "share_1": 0.4, "reach_2": 1.3, "share_2": 0.6}
-    | {f"bend_{k}": 0.01 * k**2 for k in range(1, 5)}
-    | {f"gap_{k}": 0.02 + 0.01 * k for k in range(1, 6)},
-    "scheduled": {"knot_first": -0.1, "knot_step": 0.25, "half_width_1": 0.02, "eta_1": 50.0}
-    | KNOTS
-    | {"load": 0.5, "load_low": 0.0, "load_high": 1.0}
-    | {f"{name}_load_1": 0.02 for name in KNOTS},
-}
 MOTION = 0.4 + 0.4 * np.sin(np.linspace(0.0, 9.0, 300)) * np.linspace(1.0, 0.5, 300)
 
 
@@ -128,16 +101,78 @@ def test_counting_that_makes_no_sense_is_refused(text: str, said: str, tmp_path:
     assert said in str(error.value)
 
 
-@pytest.mark.parametrize("pair", ["[1.0]", "[2.0, 1.0]", "[0.0, nan]", "[-1e30, 1e30]", '["a", 1.0]', "3"])
-def test_a_covered_motion_that_is_none_is_refused(pair: str, tmp_path: Path) -> None:
-    text = cable_text(IdentifiedCable("bouc_wen", {"bouc_wen": BOUC_WEN}))
-    head, models, rest = text.partition("[models")
-    (tmp_path / "model.toml").write_text(f"{head}[covered]\nmotor_deg = {pair}\njoint_deg = [0.0, 1.0]\n{models}{rest}")
-    with pytest.raises(ParameterError, match=r"motor_deg of \[covered\]"):
-        load_cable(tmp_path / "model.toml")
+def text_of(name: str, **more: Any) -> str:
+    return cable_text(IdentifiedCable(name, {one: MODELS[one] for one in ("bouc_wen", name)}, **more))
 
 
-@pytest.mark.parametrize(("name", "ends"), [("bouc_wen_static", (-0.2, 1.0)), ("scheduled", (-0.1, 0.9))])
+SAID: dict[str, Any] = {"covered": Covered(-0.1, 1.1, 0.2, 1.4), "encoders": Encoders(1e-3, 2e-3, 0.005)}
+SAID["trust"] = Trust("with care", ('a "reason"', "another"))
+
+
+@pytest.mark.parametrize("name", MODELS)
+@pytest.mark.parametrize("said", [SAID, {}], ids=["all", "nothing"])
+def test_a_written_cable_is_read_back(name: str, said: dict[str, Any], tmp_path: Path) -> None:
+    file = tmp_path / "model.toml"
+    file.write_text(text_of(name, **said))
+    back = load_cable(file)
+    assert (back.best, back.models, back.trust) == (
+        name,
+        {one: MODELS[one] for one in ("bouc_wen", name)},
+        said.get("trust"),
+    )
+    assert back.encoders == pytest.approx(said.get("encoders", (0.0, 0.0, 0.0)))
+    assert back.covered == (pytest.approx(said["covered"], abs=1e-6) if said else None)
+    assert np.isnan(load_judged(file)[1])
+    for key in ("test_rms_deg", "judged_rms_deg"):  # the second is nearer to what is wanted
+        file.write_text(file.read_text() + f"[models.{name}]\n" * (key[0] == "t") + f"{key} = {len(key)}\n")
+        assert load_judged(file)[1] == pytest.approx(np.radians(len(key)))
+
+
+@pytest.mark.parametrize(
+    ("name", "pattern", "instead", "said"),
+    [
+        ("line", ".*", "best = ", "is no TOML file"),
+        ("line", ".*", "best = 'line'", "has no models"),
+        ("line", ".*", "models = 3\nbest = 'line'", "has no models"),
+        ("line", "best = .*", 'best = "spline"', "has no model 'spline'"),
+        ("line", "bouc_wen", "bouc", "has no model 'bouc_wen'"),
+        ("line", r"\.parameters", "", r"\[models.bouc_wen.parameters\] is missing"),
+        ("bouc_wen", "rate = .*", "rate = -1.0", "rate of bouc_wen is -1"),
+        ("bouc_wen", "shape = .*", "shape = 0.5", "shape of bouc_wen is 0.5; expected a number above 0.5"),
+        ("bouc_wen", "exponent = .*", "", "no parameter 'exponent'"),
+        ("bouc_wen", "exponent = .*", "colour = 1.0", "no model has a parameter 'colour'"),
+        ("prandtl_ishlinskii", "weight_1 = .*", "weight_1 = 0.49995", "slope of prandtl_ishlinskii is -5e-05"),
+        ("scheduled", "bend_high = .*", "bend_high = 2.0", "bend_high of scheduled is 2.0; expected a number above 2"),
+        ("scheduled", "knot_step = .*", "", "no parameter 'knot_step'"),
+        ("generalised_play", "share_1 = .*", "", "has 2 reaches and 1 shares; expected as many of both"),
+        ("generalised_play", r"gap_[2-4] = .*", "", "has 1 gaps; expected 2 or more"),
+        ("generalised_play", r"bend_\d = .*", "", "has 0 bends; expected 2 or more"),
+        ("generalised_play", "last_node = .*", "last_node = -0.6", "last_node -0.6; expected the last above the first"),
+        *(
+            ("line", r"motor_deg = \[.*", f"motor_deg = {pair}", r"motor_deg of \[covered\]")
+            for pair in ("[1.0]", "[2.0, 1.0]", "[1.0, 1.0]", "[0.0, nan]", "[-1e30, 1e30]", '["a", 1.0]', "3")
+        ),
+        ("line", r"joint_deg = \[.*", "joint_deg = [0, 10001]", r"joint_deg of \[covered\] .* within ±10000"),
+        ("line", r"motor_deg = 0.*", "motor_deg = 180.5", r"\[encoders\] is"),
+        ("line", r"joint_late_s = .*", "joint_late_s = -1", r"\[encoders\] is"),
+        ("line", r"joint_late_s = .*", "joint_late_s = true", r"\[encoders\] is"),
+        ("line", "level = .*", 'level = "perhaps"', r"\[trust\] is"),
+    ],
+)
+def test_a_model_file_that_is_none_is_refused(name: str, pattern: str, instead: str, said: str, tmp_path: Path) -> None:
+    file, text = tmp_path / "model.toml", text_of(name, **SAID)
+    with pytest.raises(ParameterError, match=r"model\.toml cannot be read"):
+        load_cable(file)
+    file.write_text(instead if pattern == ".*" else re.sub(pattern, instead, text))
+    with pytest.raises(ParameterError, match=said) as refused:
+        load_cable(file)
+    assert file.read_text() != text
+    assert (
+        str(file) in str(refused.value) or "cable model" in str(refused.value) or "no model has" in str(refused.value)
+    )
+
+
+@pytest.mark.parametrize(("name", "ends"), [("bouc_wen_static", (-1.1, 0.1)), ("scheduled", (-0.6, 0.4))])
 def test_a_file_without_the_covered_motion_has_its_models(name: str, ends: tuple[float, float]) -> None:
     found = with_stroke(IdentifiedCable(name, {one: MODELS[one] for one in ("bouc_wen", name)})).covered
     assert found is not None

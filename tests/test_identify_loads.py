@@ -24,7 +24,6 @@ from bowden.identify.log.read import Log, read_log
 from bowden.identify.log.variables import Scheduled, scheduled_by
 from bowden.models.cable.bouc_wen import saturation
 from bowden.models.cable.scheduled import ScheduledCable, bouc_wen_at, cable_of, joint_angle, line_of, parameters_of
-from bowden.models.cable.sheath import Sheath
 from bowden.operations.schema import json_schema
 from bowden.plants.bends import ConstantBend
 from bowden.plants.cable_plant import Cable
@@ -88,13 +87,6 @@ def test_both_branches_go_one_way_at_every_load_that_was_seen(fit: Fit) -> None:
         assert np.all(np.diff(middle - height) < 0.0)
 
 
-def test_parameters_by_name_are_the_cable() -> None:
-    cable = true_cable()
-    back, values = cable_of(parameters_of(cable, ["load"], [0.3]))
-    assert values == (0.3,)
-    assert all(np.array_equal(one, other) for one, other in zip(cable, back, strict=True))
-
-
 def test_beyond_its_range_a_load_goes_on_straight_and_then_stays() -> None:
     cable, width = true_cable(), LOADS[-1] - LOADS[0]
     at = [float(joint_angle(np.zeros(1), cable, [LOADS[-1] + part * width])[0]) for part in (0.0, 0.4, 0.8, 1.0, 3.0)]
@@ -110,14 +102,6 @@ def moved(cable: Cable, motor: Array, widths: Array) -> Array:
     return joints
 
 
-@pytest.mark.parametrize("slope", [-0.9, 0.9])
-def test_the_plant_moves_as_the_model(slope: float) -> None:
-    parameters = parameters_of(true_cable(slope), ["load"], [0.3])
-    expected = CableModel("scheduled", parameters).joint_angle(MOTOR)
-    turned = math.copysign(1.0, slope)
-    assert np.allclose(moved(scheduled(parameters), turned * MOTOR, np.ones(len(TIME))), expected, atol=1e-12)
-
-
 def test_a_load_that_changes_is_moved_by_the_sheath() -> None:
     parameters = parameters_of(true_cable(), ["load"], [0.3])
     cable = scheduled(parameters, "load")
@@ -126,13 +110,6 @@ def test_a_load_that_changes_is_moved_by_the_sheath() -> None:
     joint = moved(cable, -MOTOR, np.where(np.arange(len(TIME)) < half, 1.0, 2.0))
     assert np.allclose(joint[:half], low[:half], atol=1e-12)
     assert np.allclose(joint[half:], high[half:], atol=1e-12)
-
-
-def test_a_bend_that_schedules_is_the_sheaths_own() -> None:
-    parameters = parameters_of(true_cable(), ["bend"], [0.3])
-    cable = scheduled(parameters, "bend", Sheath(bend=0.2, gap=1.0))
-    expected = joint_angle(MOTOR, true_cable(), [0.4])
-    assert np.allclose(moved(cable, -MOTOR, np.full(len(TIME), 2.0)), expected, atol=1e-12)
 
 
 def test_laws_are_told_slope_and_dead_zone_at_the_load(fit: Fit) -> None:

@@ -1,16 +1,21 @@
 """The generalised play: its branches, the way on beyond its nodes, and its weights against NumPy's least squares."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from bowden.models.cable.generalised_play import (
     Branches,
     add_curve,
     add_slope,
     bent_on,
-    beyond,
     bulge,
+    fill_design,
     fill_joint,
+    fill_slots,
     half_gap,
     mean_branch,
     with_curve,
@@ -42,10 +47,21 @@ def test_beyond_the_nodes_the_mean_goes_on_along_its_parabola_and_then_its_tange
         assert half_gap(motor, CABLE) == half_gap(node, CABLE)
 
 
-@pytest.mark.parametrize("place", [-2.0, -0.4, 0.0, 0.3, 1.0, 1.4, 2.6])
-def test_a_curve_of_one_over_a_span_of_one(place: float) -> None:
-    assert bulge(place) == pytest.approx(bent_on(place, CABLE._replace(low=0.0, high=1.0, curve=1.0)))
-    assert place - beyond(place) == np.clip(place, 0.0, 1.0)
+@given(st.lists(st.floats(LOW - 0.45 * SPAN, HIGH + 0.45 * SPAN), min_size=2, max_size=6), st.floats(-0.3, 0.3))
+@settings(max_examples=30)
+def test_the_joint_is_linear_in_the_branches_nodes(turns: list[float], lag: float) -> None:
+    """The design's rows times the nodes' values; with bends whose own line is level, as a fit has them."""
+    nodes, far = np.linspace(LOW, HIGH, 5), HIGH + 2.0 * SPAN
+    cable = with_curve(CABLE._replace(bends=BENDS - np.polyval(np.polyfit(nodes, BENDS, 1), nodes)))
+    motor = np.concatenate([np.linspace(one, other, 7) for one, other in pairwise(turns)])
+    joint, z, slots, design = np.empty(len(motor)), np.empty(2), np.empty((len(motor), 2)), np.zeros((len(motor), 8))
+    fill_joint(motor, motor[0] + lag, cable, z, joint)
+    fill_slots(motor, motor[0] + lag, cable, z, slots)
+    fill_design(motor, motor[0] + lag, cable, np.empty((3, 2)), design)
+    assert design @ [*(0.9 * nodes + cable.bends), *GAPS] + 0.1 == pytest.approx(joint, abs=1e-9)
+    mean = np.array([mean_branch(one, cable) for one in motor])
+    assert (1.0 - cable.shares.sum()) * mean + slots @ cable.shares + 0.1 == pytest.approx(joint, abs=1e-12)
+    assert bulge((far - LOW) / SPAN) == pytest.approx(bent_on(far, cable._replace(curve=1.0)) / SPAN**2)
 
 
 @pytest.mark.parametrize("count", [3, 4, 7])

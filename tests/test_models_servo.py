@@ -1,91 +1,96 @@
-"""The servo: against python-control where it is linear, and its limits where it is not."""
+"""The servo: the exact solution where it is linear, constant acceleration at its limits, and its turns."""
 
 import math
 
-import control
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given
 from hypothesis import strategies as st
+from numpy.typing import NDArray
+from scipy.linalg import expm
 
 from bowden.core.errors import ParameterError
 from bowden.core.kernel import compiled
-from bowden.models.drive.servo import Servo, ServoState, prepare, servo_acceleration, servo_step
+from bowden.models.drive.servo import (
+    LONGEST_CYCLE,
+    Servo,
+    ServoState,
+    prepare,
+    prepare_steps,
+    servo_acceleration,
+    servo_is_free,
+    servo_step,
+    servo_turn,
+)
 
 step = compiled(servo_step)
-REST = ServoState(0.0, 0.0, 0.0)
+dampings = st.one_of(st.floats(0.05, 6.0), st.sampled_from([1.0 - 1e-7, 1.0, 1.0 + 1e-12, 1.0 + 1e-5]))
+frequencies, offsets, speeds = st.floats(1.0, 300.0), st.floats(-2.0, 2.0), st.floats(-2.0, 2.0)
+limits = st.one_of(st.just(math.inf), st.floats(0.01, 3.0))
 
 
-def run(servo: Servo, dt: float, commands: np.ndarray, state: ServoState = REST) -> np.ndarray:
-    """Position and velocity before each command takes effect, (n, 2)."""
-    prepared, states = prepare(servo, dt), []
-    for command in commands.tolist():
-        states.append(state[:2])
-        state = step(state, command, prepared)
-    return np.array(states)
+def exactly(servo: Servo, time: float, x: float, v: float) -> NDArray[np.float64]:
+    """Offset from the command and speed of the unlimited servo after a time: the matrix exponential, by SciPy."""
+    omega, zeta = servo.natural_frequency, servo.damping
+    return np.asarray(expm(time * np.array([[0.0, 1.0], [-(omega**2), -2.0 * zeta * omega]])) @ [x, v])
 
 
-@pytest.mark.parametrize("damping", [0.2, 0.7, 1.0 - 1e-7, 1.0, 1.0 + 1e-12, 1.0 + 1e-5, 1.8, 6.0])
-@pytest.mark.parametrize("dt", [1e-4, 1e-3, 2e-2])
-def test_against_python_control(damping: float, dt: float) -> None:
-    """Oracle: the zero-order hold of the continuous second-order system."""
-    omega = 54.4
-    continuous = control.ss([[0.0, 1.0], [-(omega**2), -2.0 * damping * omega]], [[0.0], [omega**2]], np.eye(2), 0)
-    held = control.sample_system(continuous, dt, method="zoh")
-    commands = np.cumsum(np.random.default_rng(0).normal(0.0, 0.1, 500))
-    expected = control.forced_response(held, T=np.arange(500) * dt, U=commands).outputs.T
-    actual = run(Servo(omega, damping), dt, commands)
-    np.testing.assert_allclose(actual[:, 0], expected[:, 0], atol=1e-9)
-    np.testing.assert_allclose(actual[:, 1], expected[:, 1], atol=1e-9 * omega)
+@given(dampings, frequencies, offsets, speeds, st.floats(1e-3, 3.0), limits, limits, offsets)
+def test_a_step_is_exact_and_at_a_limit_one_of_constant_acceleration(
+    damping: float, omega: float, x: float, v: float, angle: float, fast: float, strong: float, command: float
+) -> None:
+    """In the servo's own time: ω·t, v/ω and a/ω²."""
+    dt, begun = angle / omega, max(-fast, min(fast, v)) * omega
+    servo = Servo(omega, damping, fast * omega, strong * omega**2)
+    free = exactly(servo, dt, x, begun)
+    limited = np.clip(free[1], begun - strong * omega**2 * dt, begun + strong * omega**2 * dt)
+    limited = np.clip(limited, -fast * omega, fast * omega)
+    end = free[0] if limited == free[1] else x + 0.5 * dt * (begun + limited)
+    after = ServoState(*step(ServoState(command + x, begun, 0.0), command, prepare(servo, dt)))
+    assert after.position - command == pytest.approx(end, abs=1e-8)
+    assert after.velocity == pytest.approx(limited, abs=1e-8 * omega)
+    assert after.acceleration == pytest.approx((after.velocity - begun) / dt, abs=1e-6 * omega)
 
 
-@given(st.floats(0.1, 5.0), st.floats(1.0, 300.0), st.floats(-2.0, 2.0), st.floats(-50.0, 50.0), st.integers(2, 20))
-def test_splitting_a_step_changes_nothing(damping: float, omega: float, x: float, v: float, parts: int) -> None:
-    servo, start = Servo(omega, damping), ServoState(x, v, 0.0)
-    whole = run(servo, 1e-3, np.full(2, 0.3), start)[-1]
-    pieces = run(servo, 1e-3 / parts, np.full(parts + 1, 0.3), start)[-1]
-    np.testing.assert_allclose(pieces, whole, rtol=1e-10, atol=1e-10)
+@given(dampings, frequencies, offsets, speeds, st.floats(1e-3, LONGEST_CYCLE), st.floats(0.1, 3.0), st.floats(0.1, 3.0))
+@example(1.0, 50.0, 0.0, 0.0, 0.2, 1.0, 1.0)
+def test_who_is_called_free_meets_no_limit_within_the_cycle(
+    damping: float, omega: float, x: float, v: float, angle: float, fast: float, strong: float
+) -> None:
+    servo, dt = Servo(omega, damping, fast * omega, strong * omega**2), angle / omega
+    steps = prepare_steps(servo, dt, 4)
+    strain = abs(servo_acceleration(x, v * omega, steps.cycle)) + omega * abs(v * omega)
+    most = min(strong, fast) * omega**2 * math.exp(-(1.0 + 2.0 * damping) * angle)
+    assert servo_is_free(x, v * omega, steps.cycle) == (strain <= most)
+    if strain <= most:
+        for time in np.linspace(0.0, dt, 7).tolist():
+            offset, speed = exactly(servo, time, x, v * omega).tolist()
+            assert abs(speed) <= fast * omega * (1.0 + 1e-9)
+            assert abs(servo_acceleration(offset, speed, steps.cycle)) <= strong * omega**2 * (1.0 + 1e-9)
+    assert steps.substep == prepare(servo, dt / 4)
+    assert not servo_is_free(0.0, 0.0, prepare_steps(servo, 1.01 * LONGEST_CYCLE / omega, 4).cycle)
 
 
-@given(st.lists(st.floats(-20.0, 20.0), min_size=1, max_size=30), st.floats(0.1, 5.0), st.floats(1.0, 500.0))
-@settings(max_examples=50)
-def test_limits_are_kept(commands: list[float], speed: float, acceleration: float) -> None:
-    servo = Servo(speed_limit=speed, acceleration_limit=acceleration)
-    dt = 1e-3
-    motion = run(servo, dt, np.repeat(commands, 20))
-    assert np.abs(motion[:, 1]).max() <= speed * (1.0 + 1e-12)
-    assert np.abs(np.diff(motion[:, 1])).max() <= acceleration * dt * (1.0 + 1e-9)
-    assert np.abs(np.diff(motion[:, 0])).max() <= speed * dt * (1.0 + 1e-9)
+@given(dampings, frequencies, offsets, speeds)
+def test_a_turn_is_where_and_when_the_speed_is_zero(damping: float, omega: float, x: float, v: float) -> None:
+    servo, dt = Servo(omega, damping), LONGEST_CYCLE / omega
+    if exactly(servo, dt, x, v * omega)[1] * v < 0.0:
+        still, time = servo_turn(x, v * omega, prepare(servo, dt))
+        assert 0.0 <= time <= dt
+        found = exactly(servo, time, x, v * omega)
+        assert found[0] == pytest.approx(still, abs=1e-10)
+        assert found[1] == pytest.approx(0.0, abs=1e-8 * omega)
 
 
-def test_limited_servo_arrives_and_unreached_limits_change_nothing() -> None:
-    commands = np.full(4000, 1.0)
-    free = run(Servo(), 1e-3, commands)
-    assert run(Servo(speed_limit=1.2 * np.abs(free[:, 1]).max()), 1e-3, commands).tolist() == free.tolist()
-    slow = run(Servo(speed_limit=0.5, acceleration_limit=20.0), 1e-3, commands)
-    assert slow[-1] == pytest.approx([1.0, 0.0], abs=1e-9)
-    assert slow[2000, 0] == pytest.approx(0.5 * 2.0 - 0.5 * 0.5**2 / 20.0, abs=2e-3)  # up to speed in 25 ms, then along
-
-
-def test_acceleration_is_what_changed_the_speed() -> None:
-    state = step(ServoState(0.2, -1.0, 0.0), 0.9, prepare(Servo(), 1e-3))
-    assert state.acceleration == pytest.approx((state.velocity + 1.0) / 1e-3)
-
-
-@given(st.floats(1.0, 300.0), st.floats(0.1, 3.0), st.floats(-1.0, 1.0), st.floats(-9.0, 9.0))
+@given(frequencies, st.floats(0.1, 3.0), offsets, speeds)
 def test_free_it_accelerates_by_its_spring_and_its_damper(omega: float, zeta: float, off: float, v: float) -> None:
-    found = servo_acceleration(off, v, prepare(Servo(omega, zeta), 1e-3))
-    assert found == pytest.approx(-(omega**2) * off - 2.0 * zeta * omega * v, rel=1e-9, abs=1e-9)
+    found = servo_acceleration(off, v * omega, prepare(Servo(omega, zeta), 1e-3))
+    assert found == pytest.approx(-(omega**2) * (off + 2.0 * zeta * v), rel=1e-9, abs=1e-9)
 
 
 def test_bandwidth_of_the_default_servo() -> None:
     """Critically damped at 54.4 rad/s it is 3 dB down at 35 rad/s, the observer's bandwidth in Fig. 16."""
-    dt, omega = 1e-4, 35.0
-    time = np.arange(60_000) * dt
-    motion = run(Servo(), dt, np.sin(omega * time))[20_000:, 0]
-    basis = np.stack((np.sin(omega * time), np.cos(omega * time)), axis=1)[20_000:]
-    gain = np.hypot(*np.linalg.lstsq(basis, motion)[0])
-    assert gain == pytest.approx(math.sqrt(0.5), abs=2e-4)
+    assert 1.0 / (1.0 + (35.0 / Servo().natural_frequency) ** 2) == pytest.approx(math.sqrt(0.5), abs=2e-4)
 
 
 @pytest.mark.parametrize(

@@ -11,10 +11,23 @@ from hypothesis import strategies as st
 from bowden.core.errors import ParameterError
 from bowden.core.kernel import compiled, kernel
 from bowden.core.units import RADIANS
+from bowden.models.cable.backlash import push
 from bowden.models.cable.bouc_wen import BoucWen, advance
-from bowden.models.drive.geared_motor import DEAD, GearedMotor, SpoolState, check_geared_motor, drive_motor, turn_spool
+from bowden.models.drive.geared_motor import (
+    BAND,
+    DEAD,
+    FADING,
+    TURNING,
+    FrictionPush,
+    GearedMotor,
+    SpoolState,
+    check_geared_motor,
+    drive_motor,
+    turn_push,
+    turn_spool,
+)
 from bowden.models.drive.servo import Servo
-from bowden.models.suit.flex_sensor import PAPER_FLEX, FlexState, flex_start, flex_step
+from bowden.models.suit.flex_sensor import PAPER_FLEX, FlexSensor, FlexState, flex_start, flex_step
 from bowden.models.suit.geometry import SuitGeometry, flexor_extension, flexor_moment_arm
 from bowden.models.suit.suit_angle import HIGH, LOW, flexor_arm, flexor_travel, motor_of, spool_map, spool_of
 from bowden.models.suit.suit_cable import (
@@ -60,13 +73,13 @@ def made(kind: str, **changes: float) -> PreparedSuitCable:
 
 
 def ridden(
-    cable: PreparedSuitCable, pulls: np.ndarray, given: np.ndarray, width: float = 1.0
+    cable: PreparedSuitCable, pulls: np.ndarray, given: np.ndarray, width: float = 1.0, slope_factor: float = 1.0
 ) -> tuple[np.ndarray, np.ndarray]:
     """Tensions at motor and joint along a course."""
-    memory, before = start_suit_cable(cable, pulls[0], given[0], 1.0), pulls[0]
+    memory, before = start_suit_cable(cable, pulls[0], given[0], slope_factor), pulls[0]
     tensions = []
     for pull, end in zip(pulls, given, strict=True):
-        memory, tension = pull_suit_cable(cable, memory, before, pull, end, width, 1.0)
+        memory, tension = pull_suit_cable(cable, memory, before, pull, end, width, slope_factor)
         before = pull
         tensions.append(tension)
     motor, joint = np.array(tensions).T
@@ -149,6 +162,21 @@ def test_a_closed_course_never_gives_energy(kind: str, seed: int, width: float) 
     assert float(np.sum(mean_m * moved[:, 0]) - np.sum(mean_j * moved[:, 1])) > -2e-4
 
 
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_wider_sheath_is_another_cable_and_a_loss_takes_motion_and_tension_alike(kind: str) -> None:
+    """By the play's half-width, the capstan's friction, or the lengths of Bouc–Wen's angles; and virtual work."""
+    random = np.random.default_rng(3)
+    pulls, given = np.cumsum(random.normal(0.0, 1e-3, (2, 300)), axis=1)
+    wide = made(kind, half_width=0.003, friction=0.18, radius=1.5 * SuitCable().radius)
+    assert wide == made(kind)._replace(
+        half_width=0.003, capstan=0.18 * math.pi, radius=wide.radius, hysteresis_length=wide.hysteresis_length
+    )
+    np.testing.assert_allclose(ridden(made(kind), pulls, given, 1.5), ridden(wide, pulls, given), atol=1e-9)
+    if kind != "bouc_wen":  # its h is driven by the motor's own way
+        (motor, joint), (all_of, there) = ridden(wide, pulls, given, 1.0, 0.9), ridden(wide, 0.9 * pulls, given)
+        np.testing.assert_allclose((motor, joint), (0.9 * all_of, there), atol=1e-9)
+
+
 def test_how_a_course_is_cut_changes_nothing() -> None:
     coarse = np.array([0.0, 0.011, 0.003, 0.009])
     for kind in ("play", "capstan"):
@@ -178,32 +206,57 @@ def test_cables_that_cannot_be_are_refused(cable: SuitCable, fabric: Fabric, pre
         prepare_suit_cable(cable, fabric, math.pi, pretension)
 
 
-MOTOR = GearedMotor(servo=Servo(50.0, 1.0))
+MOTOR = GearedMotor(servo=Servo(50.0, 0.7))
+REST = SpoolState(0.0, 0.0, 0.0, 0.1, 0.2, 0.3, 0.4)
 
 
-def test_the_motor_keeps_current_and_voltage() -> None:
-    rest = SpoolState(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    assert drive_motor(MOTOR, rest, 100.0, 1e-4).current == 20.0
-    fast = SpoolState(0.0, 55.0, 0.0, 0.0, 0.0, 0.0, 0.0)  # the back-EMF is 23 V of 24
-    constant = MOTOR.gear * MOTOR.torque_constant
-    assert drive_motor(MOTOR, fast, 100.0, 1e-4).current * MOTOR.resistance + constant * 55.0 == pytest.approx(24.0)
+@given(st.floats(-9.0, 9.0), st.floats(-20.0, 20.0), st.floats(-40.0, 40.0), st.floats(0.0, 50.0), st.floats(0.0, 9.0))
+def test_the_spools_friction_holds_or_slows_it_and_never_turns_it_back(
+    speed: float, current: float, load: float, stiffness: float, drag: float
+) -> None:
+    """Newton's law at the end of the step: what inertia, current, load and its stiffness leave is friction's."""
+    dt, extending = 1e-3, 0.5
+    torque = MOTOR.gear * MOTOR.torque_constant * current
+    after = turn_spool(MOTOR, SpoolState(0.2, speed, current, *REST[3:]), load, stiffness, dt, drag, extending)
+    taken = torque - load - dt * stiffness * after.velocity - MOTOR.inertia * (after.velocity - speed) / dt
+    most = (
+        MOTOR.friction + (1.0 - MOTOR.efficiency) * max(abs(torque), abs(load)) + (drag if taken > 0.0 else extending)
+    )
+    if after.velocity == 0.0:
+        assert abs(taken) <= most * (1.0 + 1e-9)
+    else:
+        assert taken * math.copysign(1.0, after.velocity) == pytest.approx(most)
+    assert after == (pytest.approx(0.2 + dt * after.velocity), after.velocity, current, *REST[3:])
 
 
-def test_friction_holds_the_spool_and_never_turns_it_back() -> None:
-    constant = MOTOR.gear * MOTOR.torque_constant
-    held = SpoolState(0.0, 0.0, 0.9 * MOTOR.friction / constant, 0.0, 0.0, 0.0, 0.0)
-    assert turn_spool(MOTOR, held, 0.0, 0.0, 1e-4).velocity == 0.0
-    rolling = SpoolState(0.0, 0.01, 0.0, 0.0, 0.0, 0.0, 0.0)
-    assert turn_spool(MOTOR, rolling, 0.0, 0.0, 1e-4).velocity == 0.0
+@given(st.floats(-0.2, 0.2), st.floats(-50.0, 50.0), st.floats(-0.1, 0.1), st.floats(-1.0, 1.0), st.floats(-9.0, 9.0))
+def test_the_drive_is_a_pd_loop_within_what_current_and_supply_allow(
+    error: float, speed: float, y: float, push: float, more: float
+) -> None:
+    motor, dt = MOTOR._replace(integral=20.0, friction_feedforward=2.0), 1e-3
+    after = drive_motor(motor, SpoolState(0.5, speed, 9.0, y, 0.5 + error, push, more), 0.5 + error, dt)
+    omega, zeta = motor.servo.natural_frequency, motor.servo.damping
+    constant, free = motor.gear * motor.torque_constant, push - push * dt / (FADING + dt)
+    wanted = motor.inertia * (omega**2 * (error + y) - 2.0 * zeta * omega * speed) + 2.0 * free + more
+    ends = [(sign * motor.supply - constant * speed) / motor.resistance for sign in (-1.0, 1.0)]
+    low, high = max(-motor.current_limit, ends[0]), min(motor.current_limit, ends[1])
+    assert after.current == pytest.approx(min(high, max(low, wanted / constant)))
+    acts = abs(error) > BAND and low < wanted / constant < high
+    assert after.offset == pytest.approx(y + (dt * 20.0 * error if acts else 0.0))
+    assert after[:2] + after[4:] == (0.5, speed, 0.5 + error, pytest.approx(free), more)
 
 
-@pytest.mark.parametrize("way", [1.0, -1.0])
-def test_the_feeder_holds_back_one_way_only_and_never_turns_the_spool_back(way: float) -> None:
-    rolling = SpoolState(0.0, way, 0.0, 0.0, 0.0, 0.0, 0.0)
-    free = turn_spool(MOTOR, rolling, 0.0, 0.0, 1e-4)
-    dragged = turn_spool(MOTOR, rolling, 0.0, 0.0, 1e-4, flexing_drag=1.0)
-    assert free.velocity - dragged.velocity == pytest.approx(1e-4 / MOTOR.inertia if way > 0.0 else 0.0)
-    assert turn_spool(MOTOR, rolling, 0.0, 0.0, 1e-4, 1e9, 1e9).velocity == 0.0
+@given(st.floats(-0.02, 0.02), st.floats(-1.0, 1.0), st.floats(1e-4, 0.1))
+def test_the_push_turns_with_the_target_beyond_its_noise_and_fades_where_that_rests(
+    way: float, direction: float, dt: float
+) -> None:
+    """The target behind a play of `DEAD`, and a lag of the first order, by backward Euler."""
+    after = turn_push(FrictionPush(0.3, direction), 0.3 + way, dt)
+    assert after.settled_target == push(0.3, 0.3 + way, DEAD)
+    turns = after.settled_target - 0.3
+    lag, goal = (TURNING, math.copysign(1.0, turns)) if turns else (FADING, 0.0)
+    assert (after.direction - direction) / dt == pytest.approx((goal - after.direction) / lag, abs=1e-9)
+    assert turn_push(after, math.nan, dt).settled_target == after.settled_target
 
 
 @kernel
@@ -215,39 +268,16 @@ def turned(motor: GearedMotor, ticks: int) -> SpoolState:
     return state
 
 
-def test_the_pd_loop_leaves_friction_over_stiffness_and_the_integral_does_not() -> None:
-    for integral, left in ((0.0, MOTOR.friction / MOTOR.efficiency / (MOTOR.inertia * 50.0**2)), (20.0, 0.0)):
-        state = compiled(turned)(MOTOR._replace(integral=integral), 100_000)
-        assert 1.0 - state.position == pytest.approx(left, abs=0.005)
-
-
 def test_the_feed_forward_of_friction_takes_away_what_the_pd_loop_leaves_both_ways() -> None:
     """Told what friction takes of the torque, F/η, the spool follows a ramp as a servo without friction does."""
     motor = MOTOR._replace(friction_feedforward=MOTOR.friction / MOTOR.efficiency)
-    state, lag, speed = SpoolState(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0), 2.0 / 50.0, 0.5
+    state, lag, speed = SpoolState(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0), 2.0 * 0.7 / 50.0, 0.5
     for way in (1.0, -1.0):
         target = state.settled_target
         for _ in range(20_000):
             target += way * speed * 1e-4
             state = turn_spool(motor, drive_motor(motor, state, target, 1e-4), 0.0, 0.0, 1e-4)
         assert target - state.position == pytest.approx(lag * way * speed, abs=0.002)
-
-
-def test_the_feed_forward_does_not_chatter_and_fades_at_rest() -> None:
-    motor = MOTOR._replace(friction_feedforward=2.0)
-    constant, random = MOTOR.gear * MOTOR.torque_constant, np.random.default_rng(1)
-    state = SpoolState(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    for noise in random.uniform(-0.99 * DEAD, 0.99 * DEAD, 5_000):
-        state = drive_motor(motor, state, float(noise), 1e-4)
-        assert state.push == 0.0
-    moved = drive_motor(motor, state, 0.1, 0.1)
-    assert moved.push > 0.9
-    target = moved.settled_target
-    rested = moved._replace(position=target)
-    for _ in range(50_000):
-        rested = drive_motor(motor, rested, target, 1e-4)
-    assert 0.0 < rested.push < 0.01 * moved.push
-    assert abs(rested.current) * constant < 0.05
 
 
 @pytest.mark.parametrize(
@@ -259,6 +289,22 @@ def test_motors_that_cannot_be_are_refused(field: str) -> None:
             check_geared_motor(MOTOR._replace(**{field: value}))
 
 
+@given(st.floats(-3.0, 3.0), st.floats(-3.0, 3.0), st.floats(-3.0, 3.0), st.floats(0.01, 9.0))
+def test_a_flex_sensor_is_a_play_with_a_drift_that_forgets_behind_its_scale(
+    angle: float, normal: float, wander: float, dt: float
+) -> None:
+    sensor, state = FlexSensor(0.1, 0.2, 0.3, 0.4, 5.0, 0.6, 0.0), FlexState(0.5, 0.7)
+    after, seen = flex_step(sensor, state, angle, normal, wander, dt)
+    assert after.slot == push(0.5, angle, 0.15)
+    kept = math.exp(-dt / 5.0)
+    assert after.drift == pytest.approx(0.7 * kept + 0.4 * wander * math.sqrt(1.0 - kept**2))
+    assert seen == pytest.approx(1.1 * after.slot + 0.2 + after.drift + 0.6 * normal)
+    steps = flex_step(sensor._replace(resolution=0.01), state, angle, normal, wander, dt)[1] / 0.01
+    assert steps == pytest.approx(round(steps), abs=1e-6)
+    assert abs(0.01 * steps - seen) <= 0.005 * (1.0 + 1e-9)
+    assert flex_start(angle) == (angle, 0.0)
+
+
 def test_the_papers_flex_sensor_is_within_its_degree() -> None:
     """Loop, drift, noise and steps, with the largest zero and scale of a wearer, over ten minutes."""
     random, sensor = np.random.default_rng(3), PAPER_FLEX._replace(offset=0.2 * RADIANS, gain=0.002)
@@ -268,6 +314,4 @@ def test_the_papers_flex_sensor_is_within_its_degree() -> None:
         angle = 45.0 * RADIANS * (1.0 - math.cos(0.25 * k * 0.01))
         state, seen = step(sensor, FlexState(*state), angle, *random.normal(size=2), 0.01)
         errors.append(seen - angle)
-    within = np.abs(np.array(errors)) < 1.0 * RADIANS
-    assert within.mean() > 0.97
-    assert np.std(errors) > 0.1 * RADIANS
+    assert (np.abs(np.array(errors)) < 1.0 * RADIANS).mean() > 0.97

@@ -17,11 +17,13 @@ from bowden.identify.cable.identification import identify
 from bowden.identify.log.read import read_log
 from bowden.models.cable.backlash import Play
 from bowden.models.cable.bouc_wen import BoucWen
+from bowden.models.cable.bouc_wen_static import StaticTerms
 from bowden.models.cable.sheath import Sheath
-from bowden.models.cable.sheath_path import constant_bend
+from bowden.models.cable.sheath_path import BendPath, constant_bend, random_bend, scripted_bend
 from bowden.models.drive.servo import Servo
 from bowden.plants import cables
 from bowden.plants.bench import Bench
+from bowden.plants.bends import Bend, ConstantBend, RandomBend, ScriptedBend
 from bowden.plants.cable_plant import CablePlant
 from bowden.plants.plant import Plant
 from bowden.plants.plant_file import load
@@ -60,6 +62,35 @@ def test_a_play_has_no_slope_right_after_a_reversal() -> None:
     assert found.slope == pytest.approx(0.9)
     assert found.reversal == pytest.approx(0.0, abs=1e-9)
     assert found.dead_zone == pytest.approx(2.0 * 0.9 * 0.05, rel=1e-3)
+
+
+def test_a_response_is_that_about_the_middle_of_the_stroke() -> None:
+    """joint = w·motor + c·T₂(u): the parabola's own harmonic is the second, and its slope that where the motor is."""
+    terms = StaticTerms(np.array([0.06]), np.zeros(0), 0.5, 2.0)
+    plant = CablePlant(cables.bouc_wen(BoucWen(slope=0.9, hysteresis_gain=0.0), terms), servo=Servo(400.0))
+    low, high = 0.2, 0.8
+    centre = plant.resting_motor(0.5 * (low + high))
+    slope = 0.9 + 0.06 * 4.0 * (centre - 0.5) / 2.0**2
+    found = measured_response(plant, np.pi, (low, high), np.array([0.01, 0.1]))
+    np.testing.assert_allclose(found, slope, rtol=1e-6)
+    seen, ends = transmission(plant, np.pi, (low, high)), [plant.resting_motor(angle) for angle in (low, high)]
+    assert seen.dead_zone == pytest.approx(0.0, abs=1e-9)
+    assert seen.steepest == pytest.approx(0.9 + 0.06 * 4.0 * (ends[1] - 0.5) / 4.0, rel=5e-3)
+    assert seen.reversal == pytest.approx(0.9 + 0.06 * 4.0 * (ends[0] - 0.5) / 4.0, rel=5e-3)
+
+
+@pytest.mark.parametrize(
+    ("bend", "same"),
+    [
+        (ConstantBend(2.5), constant_bend(2.5)),
+        (ConstantBend(), constant_bend(1.5)),
+        (ScriptedBend((1.0, 4.0), (2.0, 3.0)), scripted_bend([1.0, 4.0], [2.0, 3.0])),
+        (RandomBend(1.0, 4.0, 2.0), random_bend(1.0, 4.0, 2.0, 30.0, 7)),
+    ],
+)
+def test_a_bend_of_a_rig_is_the_path_of_its_kind(bend: Bend, same: BendPath) -> None:
+    time = np.linspace(0.0, 40.0, 400)
+    np.testing.assert_array_equal(bend.path(Sheath(bend=1.5), 30.0, 7)(time), same(time))
 
 
 def test_the_check_says_of_a_plant_round_the_benchs_cable_what_it_says_of_the_bench() -> None:

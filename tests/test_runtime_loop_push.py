@@ -15,10 +15,9 @@ from bowden.control.reference import PointToPoint
 from bowden.control.source import Measurement
 from bowden.core.clock import SECOND
 from bowden.core.errors import LogError
-from bowden.core.kernel import compiled
 from bowden.core.signals import DriveReading, Reference
 from bowden.core.units import RADIANS
-from bowden.cycle.one_cycle import Filters, TargetSource, clamp_offset
+from bowden.cycle.one_cycle import Filters, TargetSource
 from bowden.cycle.torque_offset import TorqueOffset
 from bowden.design.felt import felt
 from bowden.hardware.twin.suit import TwinSuit
@@ -205,23 +204,6 @@ def test_friction_that_leaves_a_motor_far_behind_holds_it_in_the_preflight(
     _, log, pushes = run_of(tmp_path, suit=suit, cycles=500)
     assert (len(pushes) > 0) == moves
     assert log["preflight_reason"].max() == (Reason.NONE if moves else Reason.MOTOR_STILL)
-
-
-@pytest.mark.parametrize("run", [clamp_offset, compiled(clamp_offset)])
-def test_what_is_added_leaves_no_range_and_hides_no_bad_command(run: Any) -> None:
-    low, high = SUIT_LIMITS.motor_low, SUIT_LIMITS.motor_high
-    for command in np.linspace(low - 1.0, high + 1.0, 41).tolist():
-        for added in np.linspace(-3.0, 3.0, 25).tolist():
-            requested_target = run(SUIT_LIMITS, command, added)
-            if low <= command <= high:
-                assert low <= requested_target <= high
-                assert requested_target == min(high, max(low, command + added))
-            else:
-                assert requested_target == command
-        assert run(SUIT_LIMITS, command, 0.0) == command
-        assert math.isnan(run(SUIT_LIMITS, command, math.nan)) == (low <= command <= high)
-    assert math.isnan(run(SUIT_LIMITS, math.nan, 0.0))
-    assert run(SUIT_LIMITS, math.inf, 0.0) == math.inf
 
 
 def test_settings_of_another_version_are_one_line() -> None:

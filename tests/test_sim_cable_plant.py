@@ -1,7 +1,10 @@
 """The plant round any cable: the bench's bits where it is the bench, and each cable what its model says."""
 
+import copy
+import itertools
 import json
 import math
+import re
 from typing import Any
 
 import numpy as np
@@ -19,17 +22,25 @@ from bowden.models.cable.bouc_wen_static import StaticTerms, joint_angle
 from bowden.models.cable.capstan import Tendon
 from bowden.models.cable.lumped_cable import LumpedTendon
 from bowden.models.cable.sheath import Sheath, joint_in_sheath
-from bowden.models.cable.sheath_path import scripted_bend
+from bowden.models.cable.sheath_path import constant_bend, scripted_bend
+from bowden.models.drive.motor import Motor
 from bowden.models.drive.servo import Servo
-from bowden.plants import cables, friction_cables
+from bowden.plants import cable_body, cables, friction_cables
 from bowden.plants.bench import Bench
 from bowden.plants.cable_body import lagged
+from bowden.plants.cable_parameters import MOST_PARAMETERS, check_parameters
 from bowden.plants.cable_plant import CablePlant
+from bowden.plants.counting import Counting
 from bowden.plants.identified import CableModel
-from bowden.records.trace import Trace
+from bowden.plants.plant import SheathState
+from bowden.plants.recounted import recounted
 from bowden.sim.run import simulate
+from support.cable_models import MODELS
 from support.sensors import PAPER_ENCODER
 
+BENCH = Bench()
+CURVES = [name for name in MODELS if name != "line"]
+"""Models that a plant is made of; of a line it is made of the plain Bouc–Wen one."""
 STROKE = PeriodicMinimumJerk(0.0, 70.0 * RADIANS, 10.0)
 TERMS = StaticTerms(np.array([0.03, -0.01, 0.004]), np.array([0.02]), 0.6, 0.7)
 CABLES = {
@@ -103,9 +114,52 @@ def test_a_cable_without_mass_knows_no_time(cable: cables.Cable) -> None:
     assert np.ptp(joints[0]) > 0.5
 
 
-def recorded_run(plant: CablePlant) -> Trace:
-    """Cycles too long for one exact step, and one sub-step in each: the motor's samples are its whole path."""
-    return simulate(plant._replace(substeps=1, sample_time=5e-3), LAWS["uncompensated"], STROKE, duration=12.0)
+@pytest.mark.parametrize("servo", [Servo(54.4, 0.8), Servo(54.4, 0.8, 1.0, 200.0)], ids=["free", "limited"])
+@pytest.mark.parametrize("cable", [None, *CABLES])
+def test_a_cycle_is_its_parts(cable: str | None, servo: Servo, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Any part of a cycle is a cycle, whether the motor turns in it, meets its limits, or the sheath moves under it."""
+    plant: Any = Bench() if cable is None else CablePlant(CABLES[cable])
+    plant = plant._replace(servo=servo, substeps=20)
+    whole = plant.dynamics()
+    fine = plant._replace(sample_time=plant.sample_time / 20).dynamics().plant
+    for name, part in whole.parts.items():
+        monkeypatch.setattr(cable_body, name, part)
+    random, exact = np.random.default_rng(1), 1e-9 if servo.speed_limit == math.inf else 1e-6
+    sheath, body = SheathState(1.0, 1.0, 1.0), whole.rest(whole.plant, 0.1, SheathState(1.0, 1.0, 1.0))
+    turned = 0
+    for k in range(100):
+        grown = 1.0 if k < 50 else 1.0 + 0.02 * random.standard_normal()  # it stands still at first
+        moved = SheathState(1.0, min(1.5, max(0.7, sheath.width * grown)), 0.5 + 0.5 / grown)
+        applied, parts = float(body.motor.position + random.normal(0.0, 0.02)), copy.deepcopy(body)
+        edges = [SheathState(*(a + (b - a) * i / 20 for a, b in zip(sheath, moved, strict=True))) for i in range(21)]
+        after = whole.advance(whole.plant, body, applied, sheath, moved)
+        for one, other in itertools.pairwise(edges):
+            parts = whole.advance(fine, parts, applied, one, other)
+        turned += body.motor.velocity * after.motor.velocity < 0.0
+        assert after.motor[:2] == pytest.approx(parts.motor[:2], abs=1e-12)
+        assert after.joint == pytest.approx(parts.joint, abs=1e-12 if k < 50 else exact if cable is None else 2e-5)
+        body, sheath = after, moved
+    assert turned > 10
+
+
+@pytest.mark.parametrize("plant", [Bench(cable=BoucWen(slope=0.8)), CablePlant(cables.play(Play(0.8)))])
+def test_the_current_is_what_spool_and_spring_need_through_the_slope_that_is_left(
+    plant: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """And within its limit: the servo's own, or the lower one of the current."""
+    motor = Motor(gear=4.0, current_limit=3.0)
+    plant = plant._replace(motor=motor, servo=Servo(54.4, 1.0, math.inf, 1e5))
+    run, sheath = plant.dynamics(), SheathState(1.0, 1.0, 0.9)
+    for name, part in run.parts.items():
+        monkeypatch.setattr(cable_body, name, part)
+    body = run.rest(run.plant, 0.5, sheath)
+    body = body._replace(motor=body.motor._replace(acceleration=200.0))
+    torque = motor.inertia * 200.0 + 0.9 * 0.8 * (motor.pretension + motor.spring * body.joint)
+    assert run.effort(run.plant, body, sheath) == pytest.approx(torque / (4.0 * motor.torque_constant))
+    for limit in (1e5, 1500.0):
+        steps = plant._replace(servo=Servo(54.4, 1.0, math.inf, limit)).dynamics().plant.servo
+        substep, most = getattr(steps, "substep", steps), 3.0 * 4.0 * motor.torque_constant / motor.inertia
+        assert substep.acceleration_limit == pytest.approx(min(limit, most))
 
 
 def test_a_wider_sheath_widens_the_play() -> None:
@@ -137,41 +191,15 @@ def test_static_terms_are_chebyshev_polynomials_that_go_on_along_their_tangents(
         assert joint_angle(motor, h, width, factor, cable, none) == pytest.approx(plain, abs=1e-15)
 
 
-PLAIN = {"slope": -0.9, "hysteresis_gain": 0.13, "rate": 9.0, "shape": 8.0, "exponent": 2.0, "offset": 0.4}
-STATIC = {
-    "static_2": 0.02,
-    "static_3": -0.01,
-    "hysteresis_gain_1": 0.03,
-    "static_centre": -0.5,
-    "static_half_range": 0.6,
-}
-MODELS = {
-    "play": {"slope": -0.9, "half_width": 0.05, "offset": 0.4, "initial_lag": 0.0},
-    "bouc_wen": {**PLAIN, "initial_h": 0.0},
-    "bouc_wen_static": {**PLAIN, **STATIC, "initial_h": 0.0},
-    "prandtl_ishlinskii": {"slope": -0.3, "half_width_1": 0.04, "half_width_2": 0.1, "weight_1": -0.4}
-    | {"weight_2": -0.2, "offset": 0.4, "initial_lag": 0.0},
-    "generalised_play": {"slope": -0.9, "offset": 0.4, "first_node": -0.6, "last_node": 0.4, "initial_lag": 0.0}
-    | {"bend_1": 0.0, "bend_2": 0.02, "bend_3": -0.01, "gap_1": 0.02, "gap_2": 0.04, "gap_3": 0.03}
-    | {"reach_1": 0.5, "reach_2": 1.5, "share_1": 0.5, "share_2": 0.5},
-}
-
-
-def forwards(name: str) -> dict[str, float]:
-    """The same cable written with the motor counted the other way, so that its slope is positive."""
-    turn = {"slope", "hysteresis_gain", "static_3", "static_centre", "weight_1", "weight_2"}
-    swap = {"bend_1": "bend_3", "bend_3": "bend_1", "gap_1": "gap_3", "gap_3": "gap_1"}
-    ends = {"first_node": -0.4, "last_node": 0.6} if name == "generalised_play" else {}
-    return {
-        key: -value if key in turn else MODELS[name][swap.get(key, key)] for key, value in MODELS[name].items()
-    } | ends
-
-
-@pytest.mark.parametrize("name", list(MODELS))
+@pytest.mark.parametrize("name", CURVES)
 def test_an_identified_cable_that_runs_backwards_is_turned_round(name: str) -> None:
     """Turned or written forwards, one joint; and it is reachable from the start."""
-    backwards, ahead = cables.identified(name, MODELS[name]), cables.identified(name, forwards(name))
-    assert backwards.slope == pytest.approx(0.9)
+    backwards, ahead = (
+        cables.identified(name, MODELS[name]),
+        cables.identified(name, recounted(name, MODELS[name], Counting(-1))),
+    )
+    assert backwards.slope == pytest.approx(ahead.slope)
+    assert ahead.slope > 0.7
     start = CablePlant(backwards).resting_motor(0.1)
     one, other = (
         simulate(CablePlant(cable), LAWS["adaptive"], STROKE, duration=5.0, initial_motor=start)
@@ -181,10 +209,11 @@ def test_an_identified_cable_that_runs_backwards_is_turned_round(name: str) -> N
     assert one["joint"].tolist() == other["joint"].tolist()
 
 
-@pytest.mark.parametrize("name", list(MODELS))
+@pytest.mark.parametrize("name", CURVES)
 def test_a_model_that_lacks_a_parameter_is_refused(name: str) -> None:
-    with pytest.raises(ParameterError, match="'offset' is missing"):
-        cables.identified(name, {key: value for key, value in MODELS[name].items() if key != "offset"})
+    lost = "knot_step" if name == "scheduled" else "offset"
+    with pytest.raises(ParameterError, match=f"'{lost}' is missing"):
+        cables.identified(name, {key: value for key, value in MODELS[name].items() if key != lost})
     with pytest.raises(ParameterError, match="'line' is missing"):
         cables.identified("line", MODELS[name])
 
@@ -277,10 +306,44 @@ def test_absurd_cables_are_refused() -> None:
         simulate(plant, LAWS["uncompensated"], STROKE, duration=1.0)
 
 
-@pytest.mark.parametrize("name", list(MODELS))
-def test_an_identified_cable_is_the_one_that_identification_predicts(name: str) -> None:
+@pytest.mark.parametrize("name", CURVES)
+def test_the_plant_of_a_model_is_the_bench_round_the_cable_that_identification_predicts(name: str) -> None:
     """Where the log's start is at rest; a cable that runs backwards has its motor counted the other way."""
-    cable = cables.identified(name, MODELS[name])
-    trace = recorded_run(CablePlant(cable))
-    predicted = CableModel(name, MODELS[name]).joint_angle(-trace["motor"])
-    np.testing.assert_allclose(trace["joint"], predicted, atol=1e-9)
+    bench = BENCH._replace(sheath=Sheath(bend=3.0, loss=0.2), substeps=1, sample_time=5e-3)
+    model = {key: 0.0 if key.startswith("initial_") else value for key, value in MODELS[name].items()}
+    plant = cables.plant_of_model(name, model, bench)
+    assert plant[2:9] == bench[2:]
+    for bend in (3.0, 2.5) if "bend" in model else (3.0,):
+        trace = simulate(plant, LAWS["uncompensated"], STROKE, duration=12.0, bend=constant_bend(bend))
+        predicted = CableModel(name, model | ({"bend": bend} if "bend" in model else {})).joint_angle(-trace["motor"])
+        np.testing.assert_allclose(trace["joint"], predicted, atol=1e-9)
+    assert plant.sheath == (bench.sheath._replace(loss=0.0) if "bend" in model else bench.sheath)
+
+
+@pytest.mark.parametrize("name", cables.DISTRIBUTED)
+def test_the_plant_of_a_tendon_leaves_to_it_what_the_sheath_loses(name: str) -> None:
+    plant = cables.plant_of_model(name, {"friction": 0.2, "elements": 7.0}, BENCH._replace(sheath=Sheath(loss=0.2)))
+    assert plant.sheath == Sheath()
+    assert cables.distributed_parameters(name)["friction"] == 0.15
+    shown = plant.describe()["cable"]
+    tendon = shown if name == "sliding" else shown["tendon"]
+    assert (tendon["friction"], tendon["elements"]) == (0.2, 7)
+    with pytest.raises(ParameterError, match="no parameter 'frictoin'"):
+        cables.identified(name, {"frictoin": 0.2})
+
+
+@pytest.mark.parametrize("name", [*MODELS, *cables.DISTRIBUTED])
+def test_a_parameter_that_no_cable_has_is_refused_by_its_name(name: str) -> None:
+    model = MODELS.get(name) or cables.distributed_parameters(name)
+    check_parameters(name, model, "here")
+    lengths = r"half_width|gap_|reach_|share_|rate|exponent|.*_step|.*half_range|friction|stiffness|length|elements"
+    for key in model:
+        never = [math.nan, math.inf, -1e12, 1e12, True, "1", None] + [-1.0] * bool(re.match(lengths, key))
+        for value in never:
+            with pytest.raises(ParameterError, match=f"here: {key} of {name} is "):
+                check_parameters(name, model | {key: value}, "here")
+    check_parameters(name, {f"share_{k}": 0.0 for k in range(MOST_PARAMETERS)}, "here")
+    with pytest.raises(ParameterError, match="at most 1000"):
+        check_parameters(name, {f"share_{k}": 0.0 for k in range(MOST_PARAMETERS + 1)}, "here")
+    if "bend_low" in model:
+        check_parameters(name, model | {"bend": 0.0}, "here")

@@ -6,26 +6,42 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from bowden.control import LAWS
 from bowden.control.reference import PeriodicMinimumJerk
 from bowden.core.errors import ParameterError
 from bowden.core.kernel import compiled, kernel
+from bowden.core.nested import flat
 from bowden.core.units import DEGREES, RADIANS
 from bowden.identify.suit_friction import spool_friction
-from bowden.models.cable.sheath import Sheath
-from bowden.models.cable.sheath_path import scripted_bend
-from bowden.models.suit.arm import GRAVITY, Arm, Wearer, gravity_torque, passive_torque
-from bowden.models.suit.flex_sensor import FlexSensor
-from bowden.models.suit.geometry import extensor_extension, flexor_extension, flexor_moment_arm
-from bowden.models.suit.suit_cable import Fabric, fabric_tension
+from bowden.models.cable.sheath import Sheath, slope_factor
+from bowden.models.drive.encoder import Encoder, reading
+from bowden.models.drive.geared_motor import SpoolState, drive_motor, turn_spool
+from bowden.models.drive.thermal import warm
+from bowden.models.suit.arm import GRAVITY, Arm, Wearer, gravity_torque, passive_torque, wearer_torque
+from bowden.models.suit.flex_sensor import PAPER_FLEX, FlexSensor, flex_step
+from bowden.models.suit.geometry import extensor_extension, flexor_extension
+from bowden.models.suit.load_cell import CURRENT_NOISE, cell_reading
+from bowden.models.suit.suit_angle import flexor_arm, flexor_travel, spool_of
+from bowden.models.suit.suit_cable import Fabric, Pull, fabric_tension, give, pull_suit_cable, start_suit_cable
+from bowden.plants.plant import sheath_state
 from bowden.plants.suit_parts import Suit, prepare_suit
-from bowden.plants.suit_plant import Bends, SuitState, suit_motor, suit_start, suit_step
+from bowden.plants.suit_plant import (
+    STOP_DAMPING,
+    STOP_STIFFNESS,
+    TAUT,
+    Bends,
+    SuitState,
+    suit_motor,
+    suit_start,
+    suit_step,
+)
 from bowden.plants.suit_settings import SuitSettings
 from bowden.records.trace import Trace
 from bowden.rig.rig import Rig
 from bowden.sim.run import simulate
-from support.wearers import WEARERS, resting_angle
 
 SUIT = Suit()
 MOTION = PeriodicMinimumJerk(0.0, 90.0 * RADIANS, 10.0)
@@ -70,27 +86,6 @@ def run(kind: str = "play", law: str = "uncompensated", substeps: int = 10) -> T
     return simulate(suit, LAWS[law], MOTION, duration=20.0 if substeps == 10 else 7.0)
 
 
-@pytest.mark.parametrize("motor_deg", [10.0, 45.0, 80.0])
-def test_at_rest_the_torques_on_the_elbow_cancel(motor_deg: float) -> None:
-    """By hand: tension times lever, weight times lever, and the relaxed elbow's own spring."""
-    state = settled(SUIT, motor_deg * RADIANS)
-    lever = flexor_moment_arm(state.joint, SUIT.geometry)
-    by_cables = state.flexor_pull.joint * lever - state.extensor_pull.joint * SUIT.geometry.joint_radius
-    weight = -SUIT.arm.mass * GRAVITY * SUIT.arm.centre * math.sin(state.joint)
-    own = -SUIT.arm.stiffness * (state.joint - SUIT.arm.neutral)
-    assert by_cables + weight + own == pytest.approx(0.0, abs=0.01)
-    assert state.interaction == pytest.approx(by_cables, abs=0.01)
-    assert abs(state.joint_velocity) < 1e-3
-
-
-def test_the_motor_carries_at_rest_what_the_cables_pull_but_for_friction() -> None:
-    state, made = settled(SUIT, 60.0 * RADIANS), prepare_suit(SUIT)
-    load = made.map.radius * state.flexor_pull.motor - made.extensor_radius * state.extensor_pull.motor
-    torque = SUIT.motor.gear * SUIT.motor.torque_constant * state.spool.current
-    held = SUIT.motor.friction + (1.0 - SUIT.motor.efficiency) * max(abs(torque), abs(load))
-    assert abs(torque - load) <= held + 1e-9
-
-
 @pytest.mark.parametrize("motor_deg", [10.0, 30.0, 60.0, 80.0, 90.0])
 def test_without_friction_and_give_the_elbow_is_where_the_geometry_says(motor_deg: float) -> None:
     """Where the extensor is slack the flexor decides alone; where both are taut they share the difference."""
@@ -104,23 +99,6 @@ def test_without_friction_and_give_the_elbow_is_where_the_geometry_says(motor_de
     else:
         assert by_extensor < state.joint * DEGREES < motor_deg
         assert state.extensor_pull.joint > 0.0
-
-
-def test_a_suit_that_is_let_go_lets_the_arm_hang() -> None:
-    """Unpowered and without friction the arm ends where its own weight and elbow put it, but for the cables."""
-    cable = SUIT.flexor._replace(half_width=0.0)
-    motor = SUIT.motor._replace(friction=0.0, efficiency=1.0)
-    suit = SUIT._replace(motor=motor, flexor=cable, extensor=cable, pretension=0.0)
-    state = after(prepare_suit(suit), settled(suit, 60.0 * RADIANS), 0.0, False, suit.wearer, 8.0)
-    assert state.joint == pytest.approx(resting_angle(suit.arm), abs=0.2)
-    assert state.spool.current == 0.0
-
-
-def test_with_friction_an_unpowered_suit_holds_or_sinks_but_never_rises() -> None:
-    state = settled(SUIT, 60.0 * RADIANS)
-    spool = state.spool.position
-    state = after(prepare_suit(SUIT), state, 0.0, False, SUIT.wearer, 2.0)
-    assert state.spool.position <= spool + 1e-9
 
 
 def energy(suit: Suit, state: SuitState) -> float:
@@ -206,22 +184,6 @@ def test_the_friction_that_a_run_shows_is_that_of_drive_gears_and_sheaths() -> N
     assert 0.9 * least < shown < 1.2 * least
 
 
-def test_the_feeder_drags_on_the_cable_that_is_pulled_in_and_on_no_other() -> None:
-    """D·r of each cable at the spool, over η, while that cable is coiled; none on the one that is paid out."""
-    drag = 30.0
-    at = run().time
-    flexing, extending = (at > 12.5) & (at < 14.0), (at > 17.5) & (at < 19.0)  # it has turned by then
-    for name, pulled, paid, radius, way in (
-        ("flexor", flexing, extending, SUIT.spool_radius, 1.0),
-        ("extensor", extending, flexing, prepare_suit(SUIT).extensor_radius, -1.0),
-    ):
-        dragged = SUIT._replace(**{name: getattr(SUIT, name)._replace(feeder_drag=drag)})
-        more = simulate(dragged, LAWS["uncompensated"], MOTION, duration=20.0)["current"] - run()["current"]
-        torque = way * more * SUIT.motor.gear * SUIT.motor.torque_constant
-        assert np.median(torque[pulled]) > 0.5 * drag * radius
-        assert abs(np.median(torque[paid])) < 0.3 * drag * radius
-
-
 def test_the_feed_forward_of_friction_takes_away_most_of_what_the_pd_drive_leaves() -> None:
     told = SUIT._replace(motor=SUIT.motor._replace(friction_feedforward=spool_friction(run(), 10.0)))
     helped = simulate(told, LAWS["uncompensated"], MOTION, duration=20.0)
@@ -229,42 +191,100 @@ def test_the_feed_forward_of_friction_takes_away_most_of_what_the_pd_drive_leave
     assert left < 0.5 * before
 
 
-def test_a_bent_sheath_loses_more() -> None:
-    bent = scripted_bend((0.0, 0.5), (math.pi, 3.0 * math.pi))
-    suit = SUIT._replace(sheath=Sheath(bend=math.pi, loss=0.15))
-    straight, moved = (simulate(suit, LAWS["uncompensated"], MOTION, duration=20.0, bend=path) for path in (None, bent))
-    late = straight.time > 5.0
-    assert np.sqrt(np.mean(moved.error[late] ** 2)) > 1.2 * np.sqrt(np.mean(straight.error[late] ** 2))
-    assert moved["width"].max() > 2.9
+UNEVEN = SUIT._replace(
+    flexor=SUIT.flexor._replace(feeder_drag=30.0, stiffness=7e3),
+    extensor=SUIT.extensor._replace(kind="bouc_wen", feeder_drag=20.0),
+    fabric=Fabric(8000.0, 2e5, 190.0),
+    sheath=Sheath(bend=2.0, loss=0.1),
+)
+"""No two of its parts are alike."""
+PI = sheath_state(UNEVEN.sheath, math.pi)
+PUSHING = Wearer(0.3, 0.5, 5.0, 2.0, 0.7, 1.2, 1.5)
+tensions = st.floats(0.0, 200.0)
 
 
-@pytest.mark.parametrize("kind", [kind for kind in WEARERS if kind != "none"])
-def test_each_wearer_moves_the_elbow_as_they_would(kind: str) -> None:
-    free, own = (
-        simulate(SUIT._replace(wearer=WEARERS[name]), LAWS["uncompensated"], MOTION, duration=10.0)
-        for name in ("none", kind)
+@given(st.floats(-0.3, 2.8), st.floats(-9.0, 9.0), st.floats(-9.0, 9.0), st.tuples(*[tensions] * 4), st.booleans())
+def test_a_sub_step_is_newtons_law_at_spool_and_elbow_under_the_cables_pull(
+    joint: float, speed: float, spool_speed: float, pulls: tuple[float, float, float, float], powered: bool
+) -> None:
+    """With the springs and dampers of the elbow as they are at the sub-step's end, its stops among them."""
+    made, dt, bend, target = prepare_suit(UNEVEN._replace(substeps=1)), 1e-3, 2.5, 1.0
+    begun, flexor, extensor = suit_start(made, 0.9, joint, bend), Pull(*pulls[:2]), Pull(*pulls[2:])
+    begun = begun._replace(time=0.3, joint_velocity=speed, flexor_pull=flexor, extensor_pull=extensor)
+    begun = begun._replace(spool=begun.spool._replace(velocity=spool_speed, torque_offset=0.7))
+    after = suit_step(made, begun, target, powered, Bends(1.0, bend), PUSHING, dt)
+
+    r_f, r_e, k_f, k_e = made.map.radius, made.extensor_radius, made.flexor.stiffness, made.extensor.stiffness
+    still = SpoolState(begun.spool.position, spool_speed, 0.0, 0.0, begun.spool.position, 0.0, 0.7)
+    driven = drive_motor(made.motor, begun.spool, spool_of(target, made.map), dt) if powered else still
+    load, held = r_f * flexor.motor - r_e * extensor.motor, r_f**2 * k_f + r_e**2 * k_e
+    assert after.spool == turn_spool(made.motor, driven, load, held, dt, r_f * 30.0, r_e * 20.0)
+
+    levers, arm, fabric = (flexor_arm(joint, made.map), made.joint_radius), UNEVEN.arm, UNEVEN.fabric
+    damping, spring, pulled = arm.damping + PUSHING.damping, arm.stiffness + PUSHING.stiffness, 0.0
+    flesh = 0.0
+    for way, lever, tension in zip((1.0, -1.0), levers, (flexor.joint, extensor.joint), strict=True):
+        pulled += way * lever * tension
+        flesh += fabric.damping * tension / (tension + TAUT) * lever**2
+        spring += (fabric.stiffness + 2.0 * fabric.stiffening * give(tension, fabric)) * lever**2
+    beyond = joint - min(max(joint, UNEVEN.stops[0]), UNEVEN.stops[1])
+    stopped = (STOP_STIFFNESS, STOP_DAMPING) if beyond else (0.0, 0.0)
+    torque = pulled - flesh * speed + wearer_torque(PUSHING, arm, joint, speed, 0.3) - stopped[0] * beyond
+    torque += gravity_torque(arm, joint) + passive_torque(arm, joint, speed) - stopped[1] * speed
+    given = torque - (damping + flesh + stopped[1]) * (after.joint_velocity - speed)
+    given -= (spring + stopped[0]) * dt * after.joint_velocity
+    assert arm.inertia * (after.joint_velocity - speed) / dt == pytest.approx(given, abs=1e-7)
+    assert after.joint == pytest.approx(joint + dt * after.joint_velocity)
+    assert (after.time, after.interaction) == pytest.approx((0.3 + dt, pulled - flesh * speed))
+    assert after.wearer == wearer_torque(PUSHING, arm, joint, speed, 0.3)
+
+    sheath = sheath_state(UNEVEN.sheath, bend + UNEVEN.posture * joint)[1:]
+    before, now = begun.spool.position, after.spool.position
+    ends = flexor_travel(after.joint, made.map), -made.joint_radius * after.joint
+    assert (after.flexor, after.flexor_pull) == pull_suit_cable(
+        made.flexor, begun.flexor, r_f * before, r_f * now, ends[0], *sheath
     )
-    top = (free.time > 4.5) & (free.time < 5.5)
-    change = np.mean(own["joint"][top] - free["joint"][top]) * DEGREES
-    if kind == "weak":
-        assert change > 0.5
-        assert np.mean(own["interaction_torque"][top]) < np.mean(free["interaction_torque"][top])
-    elif kind == "tremor":
-        assert np.std(own["joint_velocity"][top]) > 2.0 * np.std(free["joint_velocity"][top])
-    else:
-        assert change < -0.3
+    assert (after.extensor, after.extensor_pull) == pull_suit_cable(
+        made.extensor, begun.extensor, -r_e * before, -r_e * now, ends[1], *sheath
+    )
+    assert after.motor_heat == warm(made.thermal, begun.motor_heat, after.spool.current, dt)
 
 
-def test_the_interaction_torque_moves_the_arm() -> None:
-    """I·φ'' = suit + weight + elbow + wearer, from the columns of the trace alone."""
-    trace = simulate(SUIT._replace(wearer=WEARERS["weak"]), LAWS["uncompensated"], MOTION, duration=5.0)
-    arm, joint, speed = SUIT.arm, trace["joint"], trace["joint_velocity"]
-    torque = trace["interaction_torque"] + trace["wearer_torque"]
-    torque = torque + np.array([gravity_torque(arm, a) for a in joint])
-    torque = torque + np.array([passive_torque(arm, a, v) for a, v in zip(joint, speed, strict=True)])
-    wanted, done = torque[1:] / arm.inertia * 1e-3, np.diff(speed)
-    assert np.median(np.abs(wanted - done)) < 0.02 * np.max(np.abs(done))
-    assert np.corrcoef(wanted, done)[0, 1] > 0.98
+def test_a_cycle_is_its_sub_steps_along_the_bend_and_begins_with_one_tension_in_each_cable() -> None:
+    made = prepare_suit(UNEVEN._replace(substeps=3))
+    begun = suit_start(made, 0.4, 0.5, 2.2)
+    assert (begun.joint, suit_motor(made, begun)) == pytest.approx((0.5, 0.4), abs=1e-12)
+    whole = suit_step(made, begun, 0.6, True, Bends(2.2, 2.5), PUSHING, 3e-3)
+    single, state = made._replace(substeps=1), begun
+    for bend in (2.3, 2.4, 2.5):
+        state = suit_step(single, state, 0.6, True, Bends(0.0, bend), PUSHING, 1e-3)
+    assert flat(whole._replace(motor_heat=state.motor_heat)) == pytest.approx(flat(state), rel=1e-9)
+    factor, spool = slope_factor(2.2 + UNEVEN.posture * 0.5, UNEVEN.sheath), begun.spool.position
+    for cable, memory, pulled, end in (
+        (made.flexor, begun.flexor, made.map.radius * spool, flexor_travel(0.5, made.map)),
+        (made.extensor, begun.extensor, -made.extensor_radius * spool, -made.joint_radius * 0.5),
+    ):
+        assert memory == start_suit_cable(cable, pulled, end, factor)
+
+
+def test_what_a_worn_suit_shows_is_where_it_is_behind_its_sensors() -> None:
+    suit = UNEVEN._replace(joint_sensor=PAPER_FLEX, motor_encoder=Encoder(1e-3, 2e-3), wearer=PUSHING)
+    plant = suit.dynamics()
+    body = plant.advance(plant.plant, plant.rest(plant.plant._replace(settling=20), 0.4, PI), 0.6, PI, PI)
+    state, normals = body.suit, np.array([0.3, -0.4, 0.5, -0.6, 0.7])
+    after, seen = plant.observe(plant.plant, body, normals)
+    flex, joint = flex_step(PAPER_FLEX, body.flex, state.joint, 0.3, -0.4, suit.sample_time)
+    motor = suit_motor(plant.plant.suit, state)
+    assert after == (state, flex)
+    assert seen[:2] == (joint, reading(motor, 0.5, suit.motor_encoder))
+    assert seen.current == state.spool.current - 0.6 * CURRENT_NOISE
+    assert seen.load == cell_reading(suit.load_cell, state.interaction, 0.7)
+    assert plant.effort(plant.plant, body, PI) == state.spool.current != 0.0
+    pulls, spool = (state.flexor_pull, state.extensor_pull), state.spool
+    shown = dict(zip(plant.columns, plant.look(plant.plant, body), strict=True))
+    expected = (state.joint, motor, spool.velocity, state.joint_velocity, spool.position)
+    expected += (pulls[0].joint, pulls[0].motor, pulls[1].joint, pulls[1].motor)
+    assert tuple(shown.values()) == (*expected, state.interaction, state.wearer, state.motor_heat.winding)
 
 
 @pytest.mark.parametrize(

@@ -142,9 +142,7 @@ def check_law(law: Law, path: Path | None = None) -> None:
     Raises:
         ParameterError: it is no law of numbers and kernels, or its step fails; with the file and line.
     """
-    if path is None:
-        code = getattr(law.step_kernel, "__code__", None)
-        path = Path(code.co_filename if code is not None else f"the law {law.name}")
+    path = path or Path(law.step_kernel.__code__.co_filename)
     if not re.fullmatch(r"[A-Za-z0-9_.-]+", law.name):
         raise ParameterError(
             f"{path}: the law's name is {law.name!r}", expected="letters, digits, '_', '-' and '.'", do=_RENAME
