@@ -222,10 +222,9 @@ def check(
     worst = max(checks, key=lambda name: _badness(checks[name]))
     figures = {name: _figures(one, joints[name]) for name, one in checks.items()}
     several = tuple(LoopCheck(**one) for one in figures.values() if len(checks) > 1)
-    told = figures[worst] | {"rig": whole.hash}
     said = as_notes(found_wrong)
     return CheckResult(
-        **told,
+        **(figures[worst] | {"rig": whole.hash}),
         joints=several,
         refusals=tuple(found_wrong),
         checks=checks,

@@ -217,13 +217,13 @@ def identify(
 ) -> Identification:
     """Identify a cable from logs of its motion: which model to use, and why.
 
-    Cable models are fitted to the log's first half and judged on the second. Six models are fitted: a straight line,
-    the play operator, Bouc-Wen, Bouc-Wen with a static nonlinearity, a Prandtl-Ishlinskii stack, and a generalised play
-    between free branches. The command's folder gets model.toml, with every parameter and its uncertainty, and a page.
+    Six models are fitted to the log's first half and judged on the second: a straight line, the play operator,
+    Bouc-Wen, Bouc-Wen with a static nonlinearity, a Prandtl-Ishlinskii stack, and a generalised play between free
+    branches. The command's folder gets model.toml, with every parameter and its uncertainty, and a page.
 
     Several logs are fitted together: one loop whose offset, slope, width and shape follow the logs' load, their bend or
-    both. With `model` nothing is identified but gain and offset of a known cable, from seconds of motion, and whether
-    the cable has changed.
+    both. With `model` only gain and offset of a known cable are fitted, to some seconds of motion, and it is said
+    whether the cable has changed.
 
     Args:
         log: CSV, gzipped CSV, MATLAB, NumPy, Parquet, Excel, TDMS, a bag of ROS 2: time, motor, joint; one file or

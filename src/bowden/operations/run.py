@@ -101,8 +101,8 @@ def run(
     @contextlib.contextmanager
     def begun() -> Iterator["Session"]:
         whole = _given(rig, law, preset, duration, motor, channel, emg)
-        told = partial(live_session, whole, given.name_of(whole), tell=lambda note: tell([note]), alone=motor or "")
-        with told(twin=twin, out=out, force=force) as session:
+        begin = partial(live_session, whole, given.name_of(whole), tell=lambda note: tell([note]), alone=motor or "")
+        with begin(twin=twin, out=out, force=force) as session:
             yield session
         tell([session.outcome] if not session.ended_well else [session.log_lost] if session.log_lost else [])
 

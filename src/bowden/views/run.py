@@ -94,10 +94,10 @@ def _print_stops(found: EndedRun) -> None:
         for line in stops.lines(stop, twin=bool(found.twin)):
             print(f"{how} by a fault at {stop.time_s:.3f} s: {line}")
         whose = [stop.motor] if stop.motor else [*named]
-        told = {*stop.causes, *stop.consequences}
-        said |= {(motor, meaning) for motor in whose for meaning in told}
+        shown = {*stop.causes, *stop.consequences}
+        said |= {(motor, meaning) for motor in whose for meaning in shown}
         said |= {
-            (motor, meaning) for motor, faulty in named.items() for meaning in faulty if f"{motor}: {meaning}" in told
+            (motor, meaning) for motor, faulty in named.items() for meaning in faulty if f"{motor}: {meaning}" in shown
         }
     if found.stalled_ms and not any(stop.too_busy for stop in found.stops):
         print(stops.STALLED.format(found.stalled_ms))

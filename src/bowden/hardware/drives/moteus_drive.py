@@ -68,7 +68,7 @@ WITHOUT_TORQUE = frozenset(mode for mode, state in _STATES.items() if state not 
 def frame(drive: MoteusParameters, data: bytes, *, reply: bool) -> Frame:
     """A frame to the board."""
     identifier = frames.identifier_of(drive.host_id, drive.node_id, drive.can_prefix, reply=reply)
-    return frames.flagged(identifier), frames.padded(data)
+    return frames.with_flag(identifier), frames.padded(data)
 
 
 def is_foreign(drive: MoteusParameters, identifier: int) -> bool:
@@ -102,9 +102,9 @@ class MoteusDialogue:
     def _ask(self, data: bytes, kinds: tuple[int, ...], tries: int = checklist.TRIES) -> bytes | None:
         """The data of the board's answer, whose first byte is a subframe of one of these kinds."""
 
-        def answered(identifier: int, told: bytes) -> bytes | None:
-            kind = told[0] & 0xF0 if told and told[0] & 0xF0 == frames.REPLY else told[0] if told else -1
-            return told if is_answer(self._drive, identifier) and kind in kinds else None
+        def answered(identifier: int, reply: bytes) -> bytes | None:
+            kind = reply[0] & 0xF0 if reply and reply[0] & 0xF0 == frames.REPLY else reply[0] if reply else -1
+            return reply if is_answer(self._drive, identifier) and kind in kinds else None
 
         return self.bus.ask(frame(self._drive, data, reply=True), self._drive.answer_timeout, answered, tries)
 
@@ -204,11 +204,11 @@ def _check_version(board: MoteusDialogue) -> tuple[str, str]:
     return f"{_model(first)}, serial number {number}", number
 
 
-def _model(told: dict[int, float]) -> str:
+def _model(registers: dict[int, float]) -> str:
     """Model and firmware, by their registers."""
-    firmware = int(told.get(Register.FIRMWARE, 0.0))
+    firmware = int(registers.get(Register.FIRMWARE, 0.0))
     version = f"{firmware >> 16 & 0xFF}.{firmware >> 8 & 0xFF}.{firmware & 0xFF}"
-    return f"model 0x{int(told[Register.MODEL]) & 0xFFFF_FFFF:X}, firmware {version}"
+    return f"model 0x{int(registers[Register.MODEL]) & 0xFFFF_FFFF:X}, firmware {version}"
 
 
 def _check_without_torque(board: MoteusDialogue, drive: MoteusParameters) -> dict[int, float]:
@@ -375,9 +375,10 @@ def probe(drive: MoteusParameters, links: Links) -> list[FoundDevice]:
         def looked_at(identifier: int, data: bytes) -> None:
             node, receiver = identifier >> 8 & 0x7F, identifier & 0xFF
             ours = receiver == drive.host_id and frames.prefix_of(identifier) == drive.can_prefix
-            told, failed, _ = frames.replied(data)
-            if ours and Register.MODE in told and not failed and Register.MODEL in told:
-                found[node] = FoundDevice(node, "moteus board", _model(told), state_of(int(told[Register.MODE])).name)
+            registers, failed, _ = frames.replied(data)
+            if ours and Register.MODE in registers and not failed and Register.MODEL in registers:
+                state = state_of(int(registers[Register.MODE]))
+                found[node] = FoundDevice(node, "moteus board", _model(registers), state.name)
 
         port.send_now(*frame(everybody, question, reply=True))
         bus.wait(drive.answer_timeout, looked_at)
@@ -400,7 +401,7 @@ class MoteusDrive(Driver):
         self._cycle = frames.CommandFrames(drive.joint_source)
         self._joint_turns = LimitedRange(1.0)
         to_board = frames.identifier_of(drive.host_id, drive.node_id, drive.can_prefix, reply=True)
-        self._to_board = frames.flagged(to_board)
+        self._to_board = frames.with_flag(to_board)
 
     def _find(self, port: BusPort) -> Found:
         drive = self._drive

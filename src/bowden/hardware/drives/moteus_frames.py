@@ -146,7 +146,7 @@ def identifier_of(source: int, destination: int, prefix: int = 0, *, reply: bool
     return prefix << 16 | (REPLY_WANTED if reply else 0) | source << 8 | destination
 
 
-def flagged(identifier: int) -> int:
+def with_flag(identifier: int) -> int:
     """An identifier with the flag of `buses.place` where it is an extended one."""
     return identifier | EXTENDED * (identifier > STANDARD_ID)
 

@@ -120,7 +120,7 @@ class OdriveDialogue:
             DriveError: no answer.
         """
         question = identifier_of(self._drive.node_id, cmd) | REMOTE, bytes(8)
-        answered = self._matching(lambda told, data: unpack(cmd, data) if told == cmd else None)
+        answered = self._matching(lambda identifier, data: unpack(cmd, data) if identifier == cmd else None)
         said = self.bus.ask(question, self._drive.answer_timeout, answered)
         if said is not None:
             return said
@@ -133,13 +133,13 @@ class OdriveDialogue:
     def serial(self) -> str:
         """Its serial number, bytes 1 to 6 of its frame Address; empty of a firmware that does not tell it."""
         address = identifier_of(self._drive.node_id, Cmd.ADDRESS)
-        told = self.bus.ask(
+        reply = self.bus.ask(
             (address | REMOTE, bytes(8)),
             self._drive.answer_timeout,
             lambda identifier, data: data if identifier == address and len(data) == 8 else None,
             tries=1,
         )
-        return "" if told is None else told[1:7].hex()
+        return "" if reply is None else reply[1:7].hex()
 
     def tell(self, cmd: Cmd, data: bytes) -> None:
         """An order."""
@@ -392,7 +392,7 @@ class OdriveDrive(Driver):
             where[TIMEOUT].number: (where[TIMEOUT], drive.watchdog),
         }
         """Number → setting of the watchdog, and its value."""
-        self._told = {frames.identifier_of(drive.node_id, Cmd(cmd)): int(cmd) for cmd in frames.TOLD}
+        self._commands = {frames.identifier_of(drive.node_id, Cmd(cmd)): int(cmd) for cmd in frames.TOLD}
         """Identifier → command of what it tells."""
 
     def _find(self, port: BusPort) -> Found:
@@ -452,7 +452,7 @@ class OdriveDrive(Driver):
         self._readings.failed(frames.code_of(errors))  # one that was there before is no news
 
     def _take(self, identifier: int, data: bytes, now: float) -> bool:
-        cmd, found, readings = self._told.get(identifier), self._found, self._readings
+        cmd, found, readings = self._commands.get(identifier), self._found, self._readings
         if cmd is None or not data or found is None:
             return False
         if cmd == Cmd.HEARTBEAT and (beat := frames.unpack_beat(data)) is not None:
@@ -462,15 +462,15 @@ class OdriveDrive(Driver):
                 self._armed_with = beat.errors
             self._beat = beat
             self._lost = self._lost or beat.state == AxisState.UNDEFINED
-        elif cmd == Cmd.GET_ENCODER_ESTIMATES and (told := frames.unpack(cmd, data)) is not None:
-            self._check_turns(told[0], now)
-            if not self._lost and abs(told[0]) <= 2.0 * frames.MOST_TURNS:
-                self._turns = told[0]
-                readings.moved(found.motor.angle(told[0]), readings.current, self._temperature, self._written)
-        elif cmd == Cmd.GET_IQ and (told := frames.unpack(cmd, data)) is not None:
-            readings.current = self._drive.motor_direction * told[1] if math.isfinite(told[1]) else math.nan
-        elif cmd == Cmd.GET_TEMPERATURE and (told := frames.unpack(cmd, data)) is not None:
-            self._temperature = told[0] if math.isfinite(told[0]) else math.nan
+        elif cmd == Cmd.GET_ENCODER_ESTIMATES and (values := frames.unpack(cmd, data)) is not None:
+            self._check_turns(values[0], now)
+            if not self._lost and abs(values[0]) <= 2.0 * frames.MOST_TURNS:
+                self._turns = values[0]
+                readings.moved(found.motor.angle(values[0]), readings.current, self._temperature, self._written)
+        elif cmd == Cmd.GET_IQ and (values := frames.unpack(cmd, data)) is not None:
+            readings.current = self._drive.motor_direction * values[1] if math.isfinite(values[1]) else math.nan
+        elif cmd == Cmd.GET_TEMPERATURE and (values := frames.unpack(cmd, data)) is not None:
+            self._temperature = values[0] if math.isfinite(values[0]) else math.nan
         elif cmd == Cmd.TX_SDO and (answer := frames.unpack_sdo(data)) is not None and answer[1] in self._watch:
             endpoint, wanted = self._watch[answer[1]]
             value = endpoint.unpack(answer[2])

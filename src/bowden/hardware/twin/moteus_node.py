@@ -202,12 +202,12 @@ class MoteusNode(TwinNode):
             return
         back = frames.identifier_of(self._drive.node_id, source & 0x7F, prefix)
         if reply[:1] == bytes((frames.FROM_DRIVE,)):
-            self._outbox.emit(frames.flagged(back), frames.padded(reply), now)
+            self._outbox.emit(frames.with_flag(back), frames.padded(reply), now)
             return
-        self._outbox.emit_cyclic(frames.flagged(back), frames.padded(reply), now)
+        self._outbox.emit_cyclic(frames.with_flag(back), frames.padded(reply), now)
         if self.faults.active("foreign_replies", now):
             other = frames.identifier_of(self._drive.node_id % 126 + 1, source & 0x7F, prefix)
-            self._outbox.emit_cyclic(frames.flagged(other), frames.padded(reply), now)
+            self._outbox.emit_cyclic(frames.with_flag(other), frames.padded(reply), now)
 
     def _obey(self, data: bytes, now: float, *, answers: bool) -> bytes:
         """Take a frame's subframes in their order; the reply to them, as long as there is room for the next one."""
