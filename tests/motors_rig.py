@@ -115,7 +115,7 @@ class MotorsRig:
             for name, one, by in zip(names, own, laws, strict=True)
         ]
         self.settings = {**kept, "motors": motors, "independent": independent}
-        about = row.described(columns, self.settings, 0, 0)
+        about = row.description(columns, self.settings, 0, 0)
         self._columns, self._units = about.columns, about.units
         ring.create(folder / "ring", about, ROWS)
         shared_memory.create(folder / "block", control_block.WORDS)

@@ -102,7 +102,7 @@ class Storm:
         law, names = LAWS["adaptive"], tuple("abc"[:axes]) if axes > 1 else ("",)
         self._columns = motor_columns.of_all({name: row.columns(law, together=axes > 1) for name in names})
         self._names = names
-        ring.create(folder / "ring", row.described(self._columns, {}, 0, 0), 64)
+        ring.create(folder / "ring", row.description(self._columns, {}, 0, 0), 64)
         shared_memory.create(folder / "block", control_block.WORDS)
         self.reader, self.block, words = RingReader(folder / "ring"), *(ControlBlock(folder / "block") for _ in "12")
         self.drives = [Rested() for _ in names]
