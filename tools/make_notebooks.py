@@ -32,7 +32,9 @@ def executed(path: Path) -> Any:
     notebook = nbformat.read(path, as_version=4)
     with tempfile.TemporaryDirectory() as folder, tempfile.TemporaryDirectory() as sockets:
         resources = {"metadata": {"path": folder}}
-        client = NotebookClient(notebook, timeout=LONGEST, record_timing=False, resources=resources)
+        client = NotebookClient(
+            notebook, timeout=LONGEST, record_timing=False, coalesce_streams=True, resources=resources
+        )
         manager = client.create_kernel_manager()
         manager.transport, manager.ip = "ipc", f"{sockets}/kernel"  # files, in place of ports of the network
         client.execute()
