@@ -163,7 +163,7 @@ def test_a_load_cell_is_looked_at_and_tared_without_power(tmp_path: Path, capsys
         assert "load cell: bowden load cell twin at node 33, 0.01 N a count; it says 0.01 N itself" in seen["drive"]
         pulled = running.control.status()["tension"]
         assert seen["readings"]["tension_n"]["last"] == pytest.approx(pulled, abs=0.02)
-        assert seen["joint_torque_nm"]["last"] is None
+        assert seen["readings"]["joint_torque_nm"]["last"] is None
         found = document(["drive", "tare", str(path), *place, "--load", "1.0"], "drive tare", capsys)
         assert found["read"] == pytest.approx(pulled, abs=0.02)
         tared = tmp_path / "tared.toml"
