@@ -14,7 +14,8 @@ from bowden.design.rig_of_bench import toml_text
 from bowden.models.cable.bouc_wen import BoucWen
 from bowden.operations.schema import json_schema
 from bowden.paper.bench import observer as paper_observer
-from bowden.plants.presets.bench import calibration, default_bench, minimum_jerk
+from bowden.plants.presets.bench import default_bench
+from bowden.plants.presets.paper import calibration, minimum_jerk
 from bowden.rig.rig import Rig
 from bowden.rig.sections import BENDS, REFERENCES, RigFile
 from bowden.sim.run import simulate

@@ -18,7 +18,8 @@ from bowden.paper.gain_choice import choose_gains, worst_margins
 from bowden.paper.report import HEADINGS, VERDICTS, write_report
 from bowden.paper.reproduce import EXPERIMENTS, Reproduction, reproduce
 from bowden.paper.suit_rows import uncompensated
-from bowden.plants.presets import bench as paper
+from bowden.plants.presets import paper
+from bowden.plants.presets.bench import bench
 from bowden.plants.presets.suit import suit_calibration
 from bowden.records.metrics import rmse
 from bowden.sim.run import simulate
@@ -115,7 +116,7 @@ def test_one_other_half_width_gives_all_three_numbers_of_fig_4_and_the_printed_o
 def test_the_printed_gains_diverge_round_the_servo_and_hold_round_a_slow_one(computed: dict[str, float]) -> None:
     assert computed["erratum.gains.pole"] > 1.5
     assert 15.0 < computed["erratum.gains.fastest_servo"] < 24.0
-    plant = paper.bench()
+    plant = bench()
     slow = plant._replace(servo=plant.servo._replace(natural_frequency=0.9 * computed["erratum.gains.fastest_servo"]))
     fast = plant._replace(servo=plant.servo._replace(natural_frequency=1.1 * computed["erratum.gains.fastest_servo"]))
     assert largest_pole(slow) < 1.0 < largest_pole(fast)
@@ -123,11 +124,9 @@ def test_the_printed_gains_diverge_round_the_servo_and_hold_round_a_slow_one(com
 
 @pytest.mark.long
 def test_default_gains_are_the_ones_that_the_rule_chooses() -> None:
-    choice = choose_gains(paper.bench())
+    choice = choose_gains(bench())
     assert choice.gains == LAWS["adaptive"].gains
-    assert (
-        worst_margins(paper.bench(bench_fit()), LAWS["adaptive"].gains._replace(**gains("bench"))).gain_margin_db > 12.0
-    )
+    assert worst_margins(bench(bench_fit()), LAWS["adaptive"].gains._replace(**gains("bench"))).gain_margin_db > 12.0
     assert choice.gain_margin_db >= 12.0
     assert choice.phase_margin_deg >= 60.0
 
@@ -177,7 +176,7 @@ def test_the_suit_with_an_integral_in_its_drive_cannot_be_calibrated_with_cables
 
 def test_table_1_does_not_hang_on_the_seed_of_the_encoders() -> None:
     for seed in (7, 8):
-        trace = simulate(paper.bench(), LAWS["adaptive"], paper.minimum_jerk(), duration=60.0, seed=seed)
+        trace = simulate(bench(), LAWS["adaptive"], paper.minimum_jerk(), duration=60.0, seed=seed)
         assert rmse(trace.error) * DEGREES == pytest.approx(0.2726, abs=0.01)
 
 

@@ -17,7 +17,7 @@ from bowden.hardware.emg.intent_block import IntentReader, IntentWriter, StreamR
 from bowden.hardware.emg.listener import Listener
 from bowden.hardware.emg.recorded import EmgMotion
 from bowden.hardware.ports import EmgChunk
-from bowden.rig.emg_setup import EmgRun
+from bowden.rig.emg_run import EmgRun
 from bowden.sensing.course import CourseSettings, CourseState, course_step
 from bowden.sensing.intent import Intent, IntentSettings, intent_start
 from bowden.sensing.stream import EnvelopeFilter, OnsetDetector

@@ -18,7 +18,7 @@ from bowden.safety.state import Mode
 from bowden.sensing.intent import Intent
 
 if TYPE_CHECKING:
-    from bowden.rig.emg_setup import EmgRun
+    from bowden.rig.emg_run import EmgRun
 
 _MOST_ESTIMATES = 6
 _BAR = 20

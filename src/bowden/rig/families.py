@@ -1,21 +1,19 @@
 """What a family of drives offers a rig, and how one is found by its name: its module is loaded when a rig names it."""
 
-import importlib
 import math
 import pkgutil
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from types import ModuleType
 from typing import Any, NamedTuple, Protocol
 
 from bowden.core.errors import ParameterError, near
+from bowden.core.registry import resolve
 from bowden.core.signals import DriveReading
 from bowden.models.suit.suit_angle import SpoolMap
 
-_ROOM = "bowden.hardware"
-"""Where what a rig names is found once somebody runs: drives, load cells, sources of EMG. Nothing of it is imported
-before."""
+_FOLDER = "hardware.drives.families"
+"""Each family is a file of it that ends with its `FAMILY`; none is imported before a rig names it."""
 
 DEFAULT = "cia402"
 """The family of a rig that names none."""
@@ -170,11 +168,6 @@ class DriveFamily:
     """``found_from(parameters, folder)``: the parameters with the files that they name found from there."""
 
 
-def resolved(name: str) -> ModuleType:
-    """A module of the hardware by its name, such as ``drives.on_can``; loaded now, if it is not."""
-    return importlib.import_module(f"{_ROOM}.{name}")
-
-
 _REGISTERED: dict[str, DriveFamily] = {}
 
 
@@ -186,7 +179,7 @@ def register(family: DriveFamily) -> DriveFamily:
 
 def names() -> tuple[str, ...]:
     """The families that there are; none of them is imported for it."""
-    found = (module.name for module in pkgutil.iter_modules(resolved("drives.families").__path__))
+    found = (module.name for module in pkgutil.iter_modules(resolve(_FOLDER).__path__))
     return tuple(dict.fromkeys((DEFAULT, *found, *_REGISTERED)))
 
 
@@ -200,7 +193,7 @@ def family_named(name: str) -> DriveFamily:
         return _REGISTERED[name]
     if name not in names():
         raise ParameterError(f"drive.family is {name!r}", expected=near(name, names()), do="correct it in rig.toml")
-    family: DriveFamily = resolved(f"drives.families.{name}").FAMILY
+    family: DriveFamily = resolve(f"{_FOLDER}.{name}:FAMILY")
     return family
 
 

@@ -7,9 +7,9 @@ from typing import Any, NamedTuple
 
 from bowden.core.errors import ParameterError, near
 from bowden.core.toml_text import quoted
-from bowden.rig.drive import collision, devices
 from bowden.rig.families import family_of
 from bowden.rig.joints import JointSettings
+from bowden.rig.load_cell import collision, devices
 from bowden.rig.sections import DEFAULT_FAMILY, Control, RigFile
 
 MOTOR, INDEPENDENT, JOINT = "motor", "independent", "joint"
