@@ -1,6 +1,7 @@
 """The drive, the supervisor's limits and the loop's settings as a rig has them."""
 
 import math
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -253,6 +254,24 @@ def collision(one: Any, other: Any) -> str:
     """What keeps two of the `devices` from being on one bus, where they are; empty of others."""
     said: str = resolved("drives.on_can").collision(one, other)
     return said
+
+
+def shortest_cycles(drives: Iterable[Any]) -> dict[str, tuple[int, float]]:
+    """Of each bus whose time is known: how many drives are on it, and the shortest cycle that it carries with them [s].
+
+    Args:
+        drives: of a rig, with what the rig asks of them.
+    """
+    on: dict[tuple[str, str], list[Any]] = {}
+    for drive in drives:
+        if family_of(drive).cycle_time is not None:
+            on.setdefault((drive.channel, drive.family), []).append(drive)
+    times = {}
+    for (channel, _), there in on.items():
+        shortest = family_of(there[0]).cycle_time
+        assert shortest is not None  # as was looked above
+        times[channel] = len(there), shortest(there)
+    return times
 
 
 def most_push(given: Any, needs: DriveNeeds) -> float:

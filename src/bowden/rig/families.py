@@ -4,7 +4,7 @@ import importlib
 import math
 import pkgutil
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from types import ModuleType
 from typing import Any, NamedTuple, Protocol
@@ -158,14 +158,20 @@ class DriveFamily:
     measures_joint: Callable[[Any], bool] = lambda _: True
     """True if the joint's angle is measured at all; a rig without it is not run, since law and supervisor need it."""
     unseen_watch: Callable[[Any], str] = lambda _: ""
-    """Why nobody can see over the bus that the drive's `watchdog` works; empty where bring-up tries it or reads it
-    back. With a limb in the rig such a drive is refused, and without one the rig has to say so (`no_limb`)."""
+    """Why nobody knows that its torque goes when this computer dies, as nobody sees over the bus that its `watchdog`
+    works, or as it has none; empty where bring-up tries it or reads it back. With a limb in the rig such a drive is
+    refused, and without one the rig has to say so (`no_limb`)."""
+    cycle_time: Callable[[Sequence[Any]], float] | None = None
+    """``cycle_time(drives)``: shortest cycle with these drives of the family on one bus [s]; None where it is not
+    known."""
     no_limb: Callable[[Any], bool] = lambda _: False
     """True if the rig says that no limb can be in it."""
     brakes: Callable[[Any], bool] = lambda _: False
     """True if it has an output for a holding brake, and the rig says how that works."""
     brake_hint: str = "a drive with one, such as those of the family cia402"
     """What `brakes` wants."""
+    example: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    """Section → key → value of a bench with such a drive that are others than usual, for ``bowden init --drive``."""
     found_from: Callable[[Any, Path], Any] = lambda parameters, _: parameters
     """``found_from(parameters, folder)``: the parameters with the files that they name found from there."""
 
