@@ -21,7 +21,7 @@ from bowden.plants.plant import SheathPath
 from bowden.plants.presets import bench as paper
 from bowden.records.trace import Trace
 from bowden.sim.run import RECORDED, compiled_loop, simulate
-from measure import Row, by_turns
+from measure import Found, Row, by_turns, machine
 
 Array = NDArray[np.float64]
 DURATION = 60.0
@@ -79,15 +79,16 @@ def compiler() -> str | None:
     return next((path for name in names if name and (path := shutil.which(name))), None)
 
 
-def rows(rounds: int = 40) -> tuple[list[Row], str]:
-    """Against C for any x86-64, as Debian compiles, and for this processor alone.
+def figures(share: float) -> Found:
+    """Against C for any x86-64, as Debian compiles, and for this processor alone; 40 rounds in which both take turns.
 
     Raises:
         RuntimeError: the two do not agree to 1e-9: they did not do the same work.
     """
     cc = compiler()
     if cc is None:
-        return [Row("a minute of the adaptive loop against C", "", "", "skipped: no C compiler (set CC)", "")], ""
+        return Found([Row("a minute of the adaptive loop against C", "", "", "skipped: no C compiler (set CC)", "")])
+    rounds = max(1, round(40 * share))
     found: list[Row] = []
     for flags in (FLAGS, (*FLAGS, "-march=native")):
         with _built(cc, flags) as library:
@@ -95,7 +96,8 @@ def rows(rounds: int = 40) -> tuple[list[Row], str]:
             found += _rows(library, rounds, said, PLANT)
             found += _rows(library, rounds, f", in {QUICK.substeps} sub-steps a cycle{said}", QUICK)[1:]
     said = subprocess.run([cc, "--version"], capture_output=True, text=True, check=True).stdout.splitlines()[0]
-    return found, f"C: {said}, {' '.join(FLAGS[:3])}, the same arithmetic to 1e-9, noise drawn by NumPy on both sides."
+    how = f"{machine()} Median (extremes), processor time; ratios: median (middle half). C: {said}, {FLAGS[0]}, "
+    return Found(found, how + "the same arithmetic to 1e-9, noise drawn by NumPy on both sides.")
 
 
 def _rows(library: ctypes.CDLL, rounds: int, said: str, plant: Bench) -> list[Row]:

@@ -13,16 +13,16 @@ import sys
 from importlib import import_module
 from pathlib import Path
 
-from measure import Figure, Found, machine, report
+from measure import Figure, report
 
 sys.path.append(str(Path(__file__).parents[1] / "tests"))  # where the fault matrix is
 
 BENCH = {
-    "speed": ("", "speed", "Speed against C and python-control; ratios of processor times"),
+    "speed": ("hand_c", "speed", "Speed against C; ratios of processor times"),
     "check_study": ("study", "check_study", "Verdicts of `bowden check` against long simulations of 500 random rigs"),
     "suit_wearers": ("wearers", "suit_wearers", "The suit on 500 random wearers"),
 }
-"""Part → its module (none: `speed`), its result file, and the caption."""
+"""Part → its module, its result file, and the caption."""
 SOAK = {
     "stops": ("key_bursts", "Stops among other requests: 200 bursts of keys, 10 000 interleavings in memory"),
     "kills": ("process_kills", "Any process of a run killed or stopped, 1000 times"),
@@ -34,16 +34,6 @@ SOAK = {
 """Part → its module, after which its result file is named, and the caption."""
 PARTS = BENCH | {name: (module, module, what) for name, (module, what) in SOAK.items()}
 GROUPS = {"bench": list(BENCH), "soak": list(SOAK)}
-HOW = (
-    "Medians (smallest … largest) of rounds in which the tasks take turns, processor time; a ratio is the median of "
-    "the rounds' ratios (middle half)."
-)
-
-
-def speed() -> Found:
-    """All peers, one after another."""
-    found = [import_module(peer).rows() for peer in ("hand_c", "peer_control")]
-    return Found([row for rows, _ in found for row in rows], " ".join((machine(), HOW, *(how for _, how in found))))
 
 
 def main() -> int:
@@ -55,7 +45,7 @@ def main() -> int:
     missed: list[Figure] = []
     for name in (one for part in given.parts for one in GROUPS.get(part, [part])):
         module, file, what = PARTS[name]
-        found = import_module(module).figures(given.share) if module else speed()
+        found = import_module(module).figures(given.share)
         report(file, what, f"python benchmarks/run.py {name}", found, write=given.share == 1.0)
         missed += [one for one in found.figures if isinstance(one, Figure) and not one.held]
     for figure in missed:
