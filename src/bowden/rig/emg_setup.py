@@ -79,18 +79,22 @@ def emg_run(given: EmgSettings) -> EmgRun | None:
             expected="a file of a maximum contraction",
             do="measure one with bowden emg calibrate",
         )
-    muscles = 1 if given.extensor is None else 2
-    intent = IntentSettings(given.low, given.high, given.duration, muscles)
     return EmgRun(
         given.place or given.source,
         given.flexor,
         given.extensor,
         given.levels,
         given.wearer or "",
-        CourseSettings(intent, given.mode == "proportional", given.full),
+        course_of(given),
         given.recording,
         detector_named(given.detector),
     )
+
+
+def course_of(given: EmgSettings) -> CourseSettings:
+    """How contractions move the reference."""
+    intent = IntentSettings(given.low, given.high, given.duration, 1 if given.extensor is None else 2)
+    return CourseSettings(intent, given.mode == "proportional", given.full)
 
 
 def found(given: EmgSettings, folder: Path, source: str | None = None) -> EmgSettings:
