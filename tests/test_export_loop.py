@@ -41,9 +41,10 @@ void begin(const double *in);
 static const double *given;
 static double counts;
 static bool powered;
+static const loop_Cycle *got;
 void board_begin(void) {}
-double board_motor(void) { return given[0]; }
-double board_joint(void) { return given[1]; }
+double board_motor(double *age) { (void)age; return given[0]; }
+double board_joint(double *age) { (void)age; return given[1]; }
 void board_observe(safety_Observed *observed)
 {
     observed->reading.current = given[2];
@@ -57,13 +58,14 @@ safety_PreflightResult board_preflight(double seconds, const safety_DriveReading
     *target += seconds < 0.5 ? 0.02 * (1.0 - cos(12.566370614359172 * seconds)) : 0.0;
     return seconds < 0.5 ? SAFETY_PREFLIGHT_RESULT_PENDING : (safety_PreflightResult)given[6];
 }
+void board_record(const loop_Cycle *made) { got = made; }
 void board_send(double target, bool power) { counts = target; powered = power; }
 void begin(const double *in) { given = in; loop_begin(); }
 void cycle(const double *in, double lateness, double elapsed, double *out)
 {
     given = in;
     EMG
-    const loop_Cycle *got = loop_cycle(lateness, elapsed);
+    loop_cycle(lateness, elapsed);
     const double values[] = {
         counts, powered, (double)got->seen.joint, (double)got->seen.motor, (double)got->reference.position,
         (double)got->reference.velocity, (double)got->reference.acceleration, got->requested_target, got->source,

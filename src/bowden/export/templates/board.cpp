@@ -7,27 +7,29 @@
 
 #include "loop.h"
 
-/* Once, before the first cycle: start encoders and bus, and leave the drive without power.
- * Set the counters such that they read what the rig's log read in the same place (README.md, Zeros). */
+/* Once, before the first cycle: start encoders and bus, leave the drive without power, and see to the zeros.
+ * How, says README.md. */
 void board_begin(void)
 {
 }
 
-/* The motor now: {% if unit == "spool" %}the spool, where the cable is just taut at zero [rad]{% else %}counts of its encoder, as in the log of the rig{% endif %}.
- * NAN where the reading failed, never the last good one. */
-double board_motor(void)
+/* The motor now: [[ "counts of its encoder, as in the rig's log" if counts else "angle of the spool, zero where the cable is just taut [rad]" ]].
+ * NAN where the reading failed. If none was due, the last one again with its `age` [cycles], which is preset to 0. */
+double board_motor(double *age)
 {
+    (void)age;
     return NAN;
 }
 
-/* The joint now: {% if unit == "spool" %}its angle, zero where the arm is straight [rad]{% else %}counts of its encoder, as in the log of the rig{% endif %}.
- * NAN where the reading failed, never the last good one. */
-double board_joint(void)
+/* The joint now: [[ "counts of its encoder, as in the rig's log" if counts else "its angle, zero where the arm is straight [rad]" ]].
+ * NAN and `age` as above. */
+double board_joint(double *age)
 {
+    (void)age;
     return NAN;
 }
 
-/* What else the board knows, in each cycle; see the table in README.md for what is preset.
+/* What else the board knows, in each cycle; the table in README.md says what is preset.
  * At least: the motor's measured current, the drive's state, and what the operator asks for. */
 void board_observe(safety_Observed *observed)
 {
@@ -42,16 +44,22 @@ bool board_may_move(void)
 }
 
 /* Armed, before the law: move the motor a little, and look whether motor, joint and current answer, each the right way.
- * `*target` is where the motor was when it was armed [rad]: change it by some degrees, never at once. */
+ * `*target` is where the motor was when it was armed [rad]: add a smooth motion of some degrees that ends where it began. */
 safety_PreflightResult board_preflight(double seconds, const safety_DriveReading *reading, double *target)
 {
     (void)seconds, (void)reading, (void)target;
     return SAFETY_PREFLIGHT_RESULT_PENDING; /* ..._PASSED or ..._FAILED when you know */
 }
 
-/* The motor's target for the drive's position loop: {% if unit == "spool" %}angle of the spool [rad]{% else %}counts of its encoder{% endif %}; not rounded.
- * Without `power` take the torque off at once, whatever the target is. */
+/* The target of the drive's position loop, in each cycle: [[ "counts of the motor's encoder" if counts else "angle of the spool [rad]" ]]; not rounded.
+ * With `power` enable the drive, and say in drive_state when it is enabled; without it take the torque off at once. */
 void board_send(double [[unit]], bool power)
 {
     (void)[[unit]], (void)power;
+}
+
+/* What the cycle made of it, for a print or a log: angles, reference, mode, faults (loop.h). It must not wait. */
+void board_record(const loop_Cycle *cycle)
+{
+    (void)cycle;
 }

@@ -78,7 +78,8 @@ static double age_of_emg(const double elapsed)
 /* What there is to see: what the board has not overwritten stays as it is set here. */
 static safety_Observed observe(const double lateness, const double elapsed)
 {
-    const double motor = board_motor(), joint = board_joint();
+    double motor_late = 0.0, joint_late = 0.0;
+    const double motor = board_motor(&motor_late), joint = board_joint(&joint_late);
     safety_Observed observed = {
         .reading = {
             .motor = (double)[[of_motor]],
@@ -95,8 +96,8 @@ static safety_Observed observe(const double lateness, const double elapsed)
         .reference = NAN,
     };
 
-    motor_age = isfinite(motor) ? 0.0 : motor_age + 1.0;
-    joint_age = isfinite(joint) ? 0.0 : joint_age + 1.0;
+    motor_age = isfinite(motor) ? motor_late : motor_age + 1.0;
+    joint_age = isfinite(joint) ? joint_late : joint_age + 1.0;
     observed.reading.motor_age = motor_age;
     observed.reading.joint_age = joint_age;
 {% if detector %}
@@ -150,7 +151,7 @@ void loop_begin(void)
     sample.motor = supervisor.motor.value;
 }
 
-const loop_Cycle *loop_cycle(const double lateness, const double elapsed)
+void loop_cycle(const double lateness, const double elapsed)
 {
     const safety_Mode now = supervisor.decided.mode;
     const bool begins = now != mode && now != SAFETY_MODE_BRIDGING;
@@ -195,5 +196,5 @@ const loop_Cycle *loop_cycle(const double lateness, const double elapsed)
     observed.reference = (double)cycle.reference.position;
     safety_supervise(&supervisor, &observed, cycle.requested_target, LOOP_PERIOD, &cycle.verdict);
     board_send((double)[[target]], cycle.verdict.power == SAFETY_POWER_ON);
-    return &cycle;
+    board_record(&cycle);
 }

@@ -36,7 +36,7 @@ extern "C" {
 
 /* loop.c: call the first one once, then the second one every LOOP_PERIOD: how late it is, the time since it was last [s] */
 void loop_begin(void);
-const loop_Cycle *loop_cycle(double lateness, double elapsed);
+void loop_cycle(double lateness, double elapsed);
 {% if detector %}
 
 /* call this for every sample of a muscle, LOOP_EMG_RATE times a second: 0 is the first; NAN where one is missing */
@@ -45,12 +45,13 @@ void loop_emg(int muscle, double value);
 
 /* board.cpp: yours */
 void board_begin(void);
-double board_motor(void);
-double board_joint(void);
+double board_motor(double *age);
+double board_joint(double *age);
 void board_observe(safety_Observed *observed);
 bool board_may_move(void);
 safety_PreflightResult board_preflight(double seconds, const safety_DriveReading *reading, double *target);
 void board_send(double [[unit]], bool power);
+void board_record(const loop_Cycle *cycle);
 
 #ifdef __cplusplus
 }
