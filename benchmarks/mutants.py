@@ -47,7 +47,7 @@ ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "src" / "bowden"
 REACHED = FOLDER / "mutants"
 EQUIVALENT = ROOT / "benchmarks" / "results" / "mutants_equivalent.toml"
-BUDGET, PATIENCE = 120.0, 300
+BUDGET, PATIENCE = 60.0, 200
 """Of the tests that are run for one mutant, the time that they take without it; and the processor's time that a mutant
 may take [s]: how long it takes on a computer that also does other work says nothing."""
 COMPILING = 4.0
