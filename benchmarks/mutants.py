@@ -3,13 +3,13 @@
     python benchmarks/mutants.py [COUNT] [--seed N] [--rooms ROOM ...] [--but ROOM ...] [--all] [--left] [--least SHARE]
 
 Mutants are drawn over the rooms by size: each change of each function, and of each number that a module names, is as
-likely as any other. For each, the tests that run the changed line are run, those first that run least beside it, until
-one fails: in a process of its own, forked from one that has imported all of them, in which the changed code takes the
-place of the function's. Defaults of fields are data, and are left alone. Which tests run which lines is recorded once
-(by coverage.py, in `out/bench/mutants`), and again for test files that have changed. Results are kept until the package
-changes: an interrupted run goes on where it was left. What survived, or was killed by a test that is no longer there,
-is judged again by `--left`. Mutants that change nothing stand in `results/mutants_equivalent.toml`, each with its
-reason. Exit code 1 if fewer of the others are killed than `--least`.
+likely as any other. For each, the tests that run the changed line are run, first the quick ones that run little beside
+it, until one fails: in a process of its own, forked from one that has imported all of them, in which the changed code
+takes the place of the function's. Defaults of fields are data, and are left alone. Which tests run which lines is
+recorded once (by coverage.py, in `out/bench/mutants`), and again for test files that have changed. Results are kept
+until the package changes: an interrupted run goes on where it was left. What survived, or was killed by a test that is
+no longer there, is judged again by `--left`. Mutants that change nothing stand in `results/mutants_equivalent.toml`,
+each with its reason. Exit code 1 if fewer of the others are killed than `--least`.
 """
 
 import argparse
@@ -29,6 +29,7 @@ import sys
 import time
 import tomllib
 import traceback
+import warnings
 from collections import Counter
 from collections.abc import Callable, Iterator
 from hashlib import sha256
@@ -46,7 +47,7 @@ ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "src" / "bowden"
 REACHED = FOLDER / "mutants"
 EQUIVALENT = ROOT / "benchmarks" / "results" / "mutants_equivalent.toml"
-BUDGET, PATIENCE = 120.0, 300
+BUDGET, PATIENCE = 60.0, 200
 """Of the tests that are run for one mutant, the time that they take without it; and the processor's time that a mutant
 may take [s]: how long it takes on a computer that also does other work says nothing."""
 COMPILING = 4.0
@@ -289,7 +290,7 @@ def put_in_place(mutant: Mutant) -> None:
     if mutant.function:
         outer = mutant.function.partition(".<locals>")[0]
         new = next(one for one in codes(code) if one.co_qualname == outer)
-        old = [one for one in gc.get_objects() if isinstance(one, FunctionType) and one.__code__.co_qualname == outer]
+        old = [one for one in gc.get_objects() if type(one) is FunctionType and one.__code__.co_qualname == outer]
         for function in old:
             if function.__code__.co_filename == file:
                 function.__code__ = new
@@ -408,7 +409,9 @@ class Recorder:
     def finished(self) -> dict[str, dict[str, Any]]:
         """Test → its time, the lines of functions that it runs, and the kernels that it calls compiled."""
         self._coverage.stop()
-        data, lines = self._coverage.get_data(), dict[str, dict[str, int]]()
+        with warnings.catch_warnings(action="ignore"):  # that nothing of the package has run
+            data = self._coverage.get_data()
+        lines: dict[str, dict[str, int]] = {}
         for file in data.measured_files():
             path = str(Path(file).relative_to(PACKAGE))
             places = lines_of(parsed().get(path, ast.Module([], [])))  # of a page's template nothing
@@ -603,15 +606,15 @@ def runs(mutant: Mutant, row: dict[str, Any]) -> int | None:
 def tests_for(mutant: Mutant, tests: dict[str, dict[str, Any]]) -> list[str]:
     """The tests that run what is changed.
 
-    Those first that run it as Python, which waits for no compiler, and of these those that run least beside it; of one
-    that has many cases no more than a few before others' turn.
+    Those first that run it as Python, which waits for no compiler, and of these the quick ones that run little beside
+    it; of one that has many cases no more than a few before others' turn.
     """
     chosen, cases = [], Counter[str]()
     for name, row in sorted(tests.items(), key=lambda item: item[1]["time"]):
         if (compiled := runs(mutant, row)) is not None:
             cases[name.partition("[")[0]] += 1
             rank, reach = cases[name.partition("[")[0]] // CASES, len(row["plain"]) + len(row["compiled"])
-            chosen.append((compiled, rank, reach, row["time"], name))
+            chosen.append((compiled, rank, reach * (0.1 + row["time"]), row["time"], name))
     total, names, files = 0.0, [], set[str]()
     for compiled, _, _, cost, name in sorted(chosen):
         total += cost + COMPILING * (compiled and name.partition("::")[0] not in files)
