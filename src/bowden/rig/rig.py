@@ -41,6 +41,7 @@ from bowden.plants.cable_parameters import outside
 from bowden.plants.cable_plant import CablePlant
 from bowden.plants.cables import plant_of_model
 from bowden.plants.counting import NOT_SAID, Encoders
+from bowden.plants.estimated import Estimated
 from bowden.plants.identified import CableModel, IdentifiedCable, load_cable
 from bowden.plants.knowledge_of import knowledge_of
 from bowden.plants.plant import Plant
@@ -63,6 +64,7 @@ from bowden.rig.declaration import tree_of as section_tree
 from bowden.rig.effect import refuse_idle
 from bowden.rig.emg_setup import EmgRun
 from bowden.rig.families import DriveNeeds, family_of, resolved
+from bowden.rig.joint_sensor import JointSensor, check_joint_sensor
 from bowden.rig.joints import JointSettings, RigJoint, check_joints, joints_of
 from bowden.rig.load_cell import LoadCellParameters, moved_cell
 from bowden.rig.sections import (
@@ -81,6 +83,7 @@ from bowden.rig.settings import EmgSettings, LiveSettings
 from bowden.rig.tree import Files, files_of, read_values, tree_of, values_of, written
 from bowden.safety.limits import Limits
 from bowden.sensing import wearer_file
+from bowden.sensing.joint_angle import JointModel
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -191,6 +194,8 @@ class Rig(metaclass=Answering):
     drive: Any = None
     """Parameters of a family of drives; None for the default ones. What only the rig itself says of it;
     `drive_parameters` is the whole."""
+    joint_sensor: JointSensor = PARTS["joint_sensor"].default
+    """Where the joint's angle comes from."""
     load_cell: LoadCellParameters = PARTS["load_cell"].default
     """A load cell on a CAN bus; one at the drive's own input is in `drive`."""
     brake: HoldingBrake = PARTS["brake"].default
@@ -337,6 +342,8 @@ class Rig(metaclass=Answering):
             _ = self.pushing
         if not self.motors:
             refuse_idle(self)
+        with asked_for_by(f"{self.origin}: [joint_sensor]"):
+            check_joint_sensor(self.joint_sensor, self.sample_time, self.limits.joint_std)
         if not self.motors and self.brake.there:
             with asked_for_by(f"{self.origin}: [brake]"):
                 live_parts.check_brake(self.brake, self.drive, self.supervisor_limits, self.worn)
@@ -837,11 +844,20 @@ class Rig(metaclass=Answering):
 
     @property
     def simulated_plant(self) -> Plant:
-        """The plant with what stands round it: the drive's brake, and under the wearer's push its load cell."""
-        if self.worn is None:
-            return self.cabled
-        worn = self.worn._replace(brake=self.brake)
-        return worn if self.pushing is None else worn._replace(load_cell=self.pushing.cell)
+        """The plant with what stands round it: the drive's brake, under the wearer's push its load cell, and where no
+        encoder measures the joint its estimate."""
+        plant: Any = self.cabled if self.worn is None else self.worn._replace(brake=self.brake)
+        if self.worn is not None and self.pushing is not None:
+            plant = plant._replace(load_cell=self.pushing.cell)
+        return Estimated(plant, self.joint_model) if self.joint_sensor.estimated else plant
+
+    @cached_property
+    def joint_model(self) -> JointModel:
+        """What the estimate of the joint's angle knows of cable and sensor, where no encoder measures it."""
+        if self.worn is not None:  # the motor is counted in the joint's coordinate
+            return self.joint_sensor.model(1.0, 0.0, 0.5 * elbow_dead_zone(self.worn.flexor.half_width))
+        zero = 0.0 if math.isnan(self.knowledge.motor_zero) else self.knowledge.motor_zero
+        return self.joint_sensor.model(self.slope, zero, 0.5 * self.basis.width * self.slope)
 
     @cached_property
     def pushing(self) -> Pushing | None:
@@ -1125,7 +1141,8 @@ class Rig(metaclass=Answering):
         """All limits of the supervisor, those that follow from other parts too."""
         dead_zone, taut = _WIDER * self.knowledge.width, self.home / self.slope if self.worn is None else 0.0
         parts = self.bench, self.drive, dead_zone, self.worn, self.load_cell, taut
-        return live_parts.limits(self.limits, self.basis, *parts)
+        limits = live_parts.limits(self.limits, self.basis, *parts)
+        return limits._replace(estimates_joint=self.joint_sensor.estimated)
 
     @cached_property
     def basis(self) -> Basis:

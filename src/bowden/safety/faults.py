@@ -174,6 +174,8 @@ class Fault(IntEnum):
                            "|joint − reference| > off_reference for off_reference_time longer than it is not",
                            "look for a held limb, a slipping spool, a cable beside its pulley, a law that gives up; "
                            "run `bowden check`")
+    JOINT_UNSURE = (R2, R2, 0.004, "joint angle too uncertain", "1 σ > joint_std",
+                    "look at the joint's sensor and [joint_sensor]")
 # fmt: on
 
 
