@@ -72,7 +72,25 @@ def drives(count: int) -> Iterator[tuple[float, Observed, float]]:
         angle = 0.3 * np.sin(6e-3 * max(0, n - 40))
         state = 4.0 if n > 8 else 2.0
         request = {5: Request.ARM, 30: Request.RUN, 396: Request.ACKNOWLEDGE}.get(n, Request.NONE)
-        reading = [angle, 0.9 * angle, 1.0, 20.0, 30.0, 0.0, 0.0, 0.001, state, 0.0, 0.0, 0.0, 1e-3, 2.0]
+        reading = [
+            angle,
+            0.9 * angle,
+            1.0,
+            20.0,
+            30.0,
+            0.0,
+            0.0,
+            0.001,
+            state,
+            0.0,
+            0.0,
+            0.0,
+            1e-3,
+            2.0,
+            0.1,
+            0.02,
+            0.0,
+        ]
         values = [*reading, 1e-5, DT, 0.01, 0.02, angle + 0.01]
         recorder, preflight = True, PreflightResult.PASSED if n > 20 else PreflightResult.PENDING
         if n > 150 and random.random() < 0.02:
@@ -82,9 +100,9 @@ def drives(count: int) -> Iterator[tuple[float, Observed, float]]:
         others = {300: Reaction.R2, 350: Reaction.R3}.get(n if k // 400 % 3 == 2 else -1, Reaction.NONE)
         neighbour = {200: angle + 9.0, 210: np.nan}.get(n, angle if n < 250 or k // 400 % 3 else angle - 1.0)
         reference = {60: np.nan, 330: np.inf}.get(n, 0.9 * angle + (0.6 if n % 120 < 40 and k // 400 % 4 == 1 else 0.0))
-        lateness, elapsed, operator_age, emg_age, requested = values[14:]
+        lateness, elapsed, operator_age, emg_age, requested = values[17:]
         observed = Observed(
-            DriveReading(*values[:14]), lateness, elapsed, request, operator_age, recorder, preflight, emg_age
+            DriveReading(*values[:17]), lateness, elapsed, request, operator_age, recorder, preflight, emg_age
         )
         yield float(n == 0), observed._replace(others=others, neighbour=neighbour, reference=reference), requested
 

@@ -34,6 +34,7 @@ from bowden.rig.declaration import tree_of as section_tree
 from bowden.rig.effect import refuse_idle
 from bowden.rig.families import DriveNeeds, family_of
 from bowden.rig.given import CableLike, GivenLaw, GivenPlant, in_one_form
+from bowden.rig.joint_sensor import JointSensor, check_joint_sensor
 from bowden.rig.joints import JointSettings, RigJoint, check_joints, joints_of
 from bowden.rig.load_cell import LoadCellParameters, moved_cell
 from bowden.rig.sections import (
@@ -67,6 +68,7 @@ if TYPE_CHECKING:
     from bowden.plants.user_plant import UserPlant
     from bowden.rig.consistent import Basis
     from bowden.rig.emg_run import EmgRun
+    from bowden.sensing.joint_angle import JointModel
 
 MOST_CYCLES = 10_000_000
 """A longer run is refused: its record would not fit into the memory of a common computer."""
@@ -158,6 +160,8 @@ class Rig(metaclass=Answering):
     drive: Any = None
     """Parameters of a family of drives; None for the default ones. What only the rig itself says of it;
     `drive_parameters` is the whole."""
+    joint_sensor: JointSensor = PARTS["joint_sensor"].default
+    """Where the joint's angle comes from."""
     load_cell: LoadCellParameters = PARTS["load_cell"].default
     """A load cell on a CAN bus; one at the drive's own input is in `drive`."""
     brake: HoldingBrake = PARTS["brake"].default
@@ -292,6 +296,8 @@ class Rig(metaclass=Answering):
                 _ = self.pushing
         if not self.motors:
             refuse_idle(self)
+        with asked_for_by(f"{self.origin}: [joint_sensor]"):
+            check_joint_sensor(self.joint_sensor, self.sample_time, self.limits.joint_std)
         if not self.motors and self.brake.there:
             with asked_for_by(f"{self.origin}: [brake]"):
                 resolve("rig.drive:check_brake")(self)
@@ -719,6 +725,7 @@ class Rig(metaclass=Answering):
     slope: ClassVar[Derived[float]] = Derived("rig.plant")
     moved: ClassVar[Derived["Bench | CablePlant | UserPlant | Suit"]] = Derived("rig.plant")
     simulated_plant: ClassVar[Derived["Plant"]] = Derived("rig.plant")
+    joint_model: ClassVar[Derived["JointModel"]] = Derived("rig.plant")
     pushing: ClassVar[Derived["Pushing | None"]] = Derived("rig.plant")
     emg_run: ClassVar[Derived["EmgRun | None"]] = Derived("rig.plant")
     trajectory: ClassVar[Derived[Trajectory]] = Derived("rig.plant")
