@@ -27,7 +27,8 @@ from bowden.export.module import Module
 from bowden.export.parts import emg_modules
 from bowden.export.readme import FLAGS
 from bowden.models.cable.sheath_path import constant_bend
-from bowden.plants.presets import bench as paper
+from bowden.plants.presets import paper
+from bowden.plants.presets.bench import default_bench
 from bowden.sensing.detectors import DEFAULT
 from bowden.sensing.onset import Onset, OnsetState, onset_start, onset_step, prepare_onset
 from bowden.sim.emg import contractions
@@ -131,7 +132,7 @@ def law_cycles(gains: Any, conditioning: Any, rows: Array, out: Array) -> None:
 
 def subject_of_law(law: Law) -> Subject:
     """A law in the closed loop on the paper's bench."""
-    bench, motion, duration = paper.bench(), paper.minimum_jerk(), TIMED * DT
+    bench, motion, duration = default_bench(), paper.minimum_jerk(), TIMED * DT
     trace = simulate(bench, law, motion, duration=duration, seed=1)
     references = inputs_of(bench, motion, duration, constant_bend(bench.sheath.bend), 1).references
     columns = [np.zeros(TIMED), trace["joint_measured"], trace["motor_measured"], *references, np.full(TIMED, DT)]

@@ -18,7 +18,8 @@ from bowden.control.conditioning import COLUMNS as CONDITIONED
 from bowden.control.source import TABLE
 from bowden.plants.bench import Bench
 from bowden.plants.plant import SheathPath
-from bowden.plants.presets import bench as paper
+from bowden.plants.presets import paper
+from bowden.plants.presets.bench import bench
 from bowden.records.trace import Trace
 from bowden.sim.run import RECORDED, compiled_loop, simulate
 from measure import Row, by_turns
@@ -28,7 +29,7 @@ DURATION = 60.0
 FLAGS = ("-O3", "-std=c99", "-ffp-contract=off", "-fPIC", "-shared")
 SEED = 1
 
-PLANT, LAW, REFERENCE = paper.bench(), LAWS["adaptive"], paper.minimum_jerk()
+PLANT, LAW, REFERENCE = bench(), LAWS["adaptive"], paper.minimum_jerk()
 DYNAMICS = PLANT.dynamics()
 CYCLES = round(DURATION / PLANT.sample_time)
 RECORD, ROWS = 9, 22

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from bowden.control import LAWS
 from bowden.models.cable.sheath import width as width_at
 from bowden.models.drive.encoder import Encoder
-from bowden.plants.presets import bench as paper
+from bowden.plants.presets import paper
+from bowden.plants.presets.bench import bench
 from bowden.records.metrics import rmse
 from bowden.sim.run import simulate
 from measure import Row, Timing, by_turns
@@ -25,7 +26,7 @@ TOLERANCES = (1e-3, 1e-4, 1e-5)
 AGREEMENT = 0.03
 """Largest relative difference of the RMSE from ours: sampling and its delay are all that differ."""
 
-BENCH = paper.bench()._replace(joint_encoder=Encoder(), motor_encoder=Encoder())
+BENCH = bench()._replace(joint_encoder=Encoder(), motor_encoder=Encoder())
 LAW, REFERENCE = LAWS["adaptive"], paper.minimum_jerk()
 
 

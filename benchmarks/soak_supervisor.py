@@ -15,7 +15,8 @@ from bowden.control.reference import PeriodicMinimumJerk, PointToPoint, Trajecto
 from bowden.core.units import RADIANS
 from bowden.models.cable.sheath_path import BendPath, constant_bend
 from bowden.plants.knowledge_of import knowledge_of
-from bowden.plants.presets.bench import default_bench, moved_sheath
+from bowden.plants.presets.bench import default_bench
+from bowden.plants.presets.paper import moved_sheath
 from bowden.safety.faults import of
 from bowden.safety.limits import Limits
 from kept import Kept

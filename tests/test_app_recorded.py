@@ -6,7 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bowden.control.recorded_motion import RecordedFile, read_motion
+from bowden.control.motion_file import read_motion
+from bowden.control.recorded_motion import RecordedFile
 from bowden.core.errors import BowdenError
 from bowden.core.units import RADIANS
 from bowden.records.trace import Trace

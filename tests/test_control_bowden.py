@@ -34,7 +34,8 @@ from bowden.models.drive.servo import Servo, ServoState, ServoStep, prepare, ser
 from bowden.plants.cable_plant import CablePlant
 from bowden.plants.cables import bouc_wen, play
 from bowden.plants.knowledge_of import knowledge_of
-from bowden.plants.presets import bench as paper
+from bowden.plants.presets import paper
+from bowden.plants.presets.bench import default_bench
 from bowden.records.metrics import rmse
 from bowden.records.trace import Trace
 from bowden.sim.run import simulate
@@ -70,7 +71,7 @@ def test_it_beats_the_papers_adaptive_law_where_that_was_tuned(constant: Trace, 
 
 def crossing_width(width: float, factor: float) -> float:
     """Motor travel after a turn until the bench's joint is back where it was [rad]."""
-    cable = bouc_wen(paper.bench().cable)
+    cable = bouc_wen(default_bench().cable)
     memory = cable.start(cable.prepared, 0.0, width, factor)
     memory = cable.advance(cable.prepared, memory, 0.0, 1.0, width, factor, 1.0)
     turn, motor, step = cable.look(cable.prepared, memory, 1.0, width, factor).joint, 1.0, 2e-4
@@ -82,7 +83,7 @@ def crossing_width(width: float, factor: float) -> float:
 
 def test_the_width_is_a_lower_end_and_the_slope_is_the_cables(constant: Trace, moved: Trace) -> None:
     for trace in (constant, moved):
-        width = crossing_width(trace["width"][-1], trace["slope"][-1] / paper.bench().cable.slope)
+        width = crossing_width(trace["width"][-1], trace["slope"][-1] / default_bench().cable.slope)
         assert 0.5 * width < trace["law.deadzone.width"][-1] < 1.03 * width
         assert 1.0 / trace["law.deadzone.inverse"][-1] == pytest.approx(trace["slope"][-1], rel=0.05)
 
@@ -111,7 +112,7 @@ def test_it_is_stable_on_rigs_that_nobody_chose() -> None:
 
 
 def test_a_dead_zone_that_shrinks_is_noticed_by_the_jumps_that_go_too_far() -> None:
-    bench = paper.bench()
+    bench = default_bench()
     wide = bench._replace(sheath=bench.sheath._replace(gap=3.0))
     straightened = scripted_bend([20.0, 24.0], [np.pi, 0.25 * np.pi])
     trace = simulate(wide, LAW, paper.minimum_jerk(), duration=60.0, bend=straightened, seed=1)

@@ -26,7 +26,8 @@ from bowden.models.cable.bouc_wen import BoucWen
 from bowden.models.drive.encoder import Encoder
 from bowden.plants.cables import as_cable_plant
 from bowden.plants.knowledge_of import knowledge_of
-from bowden.plants.presets.bench import default_bench, minimum_jerk
+from bowden.plants.presets.bench import default_bench
+from bowden.plants.presets.paper import minimum_jerk
 from bowden.plants.presets.suit import default_suit
 from bowden.plants.transmission import transmission
 from bowden.rig.rig import Rig

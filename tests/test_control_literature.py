@@ -21,7 +21,7 @@ from bowden.core.units import RADIANS
 from bowden.models.cable.backlash import Play, joint_angle, push
 from bowden.models.cable.bouc_wen import saturation
 from bowden.models.drive.servo import Servo
-from bowden.plants.presets import bench as paper
+from bowden.plants.presets.bench import default_bench
 from support import bench_runs
 
 DT = 1e-3
@@ -29,7 +29,7 @@ REST = Reference(0.0, 0.0, 0.0)
 NAMES = ("offset_inverse", "hysteresis_model", "cascaded_pid", "backlash_inverse", "active_disturbance_rejection")
 INVERSES = ("offset_inverse", "hysteresis_model", "backlash_inverse")
 SLOPES = (0.7, 0.8, 0.9, 1.0, 1.05)
-BENCH = paper.default_bench()
+BENCH = default_bench()
 
 
 def on_play(law: Law, play: Play, duration: float, wait: float, *, reference: Any = None) -> tuple[float, Any]:

@@ -12,7 +12,8 @@ from bowden.core.kernel import kernel
 from bowden.core.signals import Reference, Sample
 from bowden.export.law import law_module
 from bowden.export.readme import FLAGS
-from bowden.plants.presets import bench as paper
+from bowden.plants.presets import paper
+from bowden.plants.presets.bench import default_bench
 from bowden.sim.run import simulate
 from support.exported_c import COMPILER, write
 
@@ -55,7 +56,7 @@ def exported(tmp_path_factory: pytest.TempPathFactory) -> Law:
     )
     (folder / "glue.c").write_text("\n".join(glue))
     for law in LAWS.values():
-        write(law_module(law, paper.bench().sample_time), folder, single=True)
+        write(law_module(law, default_bench().sample_time), folder, single=True)
     sources = ["glue.c", *(f"{name}.c" for name in LAWS)]
     command = [COMPILER, *FLAGS.split(), "-fPIC", "-shared", *sources, "-o", "laws.so", "-lm"]
     subprocess.run(command, cwd=folder, check=True)
@@ -87,7 +88,7 @@ USUAL = ("uncompensated", "observer", "adaptive", "bowden")
 
 @pytest.mark.parametrize("name", [n if n in USUAL else pytest.param(n, marks=pytest.mark.long) for n in LAWS])
 def test_rmse_in_float_is_that_in_double(name: str, exported: Law) -> None:
-    bench, motion = paper.bench(), paper.minimum_jerk()
+    bench, motion = default_bench(), paper.minimum_jerk()
     double = simulate(bench, LAWS[name], motion, duration=DURATION).metrics().rmse_deg
     law = exported.with_gains(number=float(list(LAWS).index(name)))
     single = simulate(bench, law, motion, duration=DURATION).metrics().rmse_deg

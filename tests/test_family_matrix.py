@@ -23,12 +23,9 @@ from bowden.hardware.drives.load_cell import LoadCellReader
 from bowden.hardware.drives.of_rig import open_drive
 from bowden.hardware.ports import Power, serial_of
 from bowden.hardware.twin.plant import OFF
-from bowden.plants.presets.bench import default_bench
-from bowden.plants.suit_parts import Suit
-from bowden.rig.drive import drive_needs
 from bowden.rig.families import family_of
 from bowden.rig.load_cell import LoadCellParameters
-from bowden.safety.limits import Limits
+from bowden.rig.rig import Rig
 from bowden.safety.state import Mode
 from support.family_matrix import CELLS, DriveRow, LoadRow, cases, complaints, load_cases, played, react, react_load
 from support.memory_bus import MemoryBus
@@ -162,8 +159,7 @@ def test_a_motor_that_friction_holds_is_not_inert_and_one_without_a_current_is(l
 @pytest.mark.parametrize(("integral", "silent"), [(0.0, False), (2.0, True), (25.0, True), (40.0, False)])
 def test_a_current_that_a_slow_integral_turns_says_nothing(integral: float, silent: bool) -> None:
     """While friction holds a motor at a turn, its integral takes its current through zero: it is not inert."""
-    suit = Suit(motor=Suit().motor._replace(integral=integral))
-    needs = drive_needs(Limits(), default_bench(), suit)
+    needs = Rig(suit={"worn": True, "drive_integral": integral}).drive_needs
     assert (needs.lag_current == 0.0) == silent
     watch = LagWatch(20.0, needs.lag_current, needs.lag_time)
     assert any(watch.inert(0.1, 0.3, 0.0, 1e-3 * k, led=True, fresh=True) for k in range(50)) != silent

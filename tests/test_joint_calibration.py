@@ -12,7 +12,7 @@ from bowden.core.errors import ParameterError
 from bowden.core.units import RADIANS
 from bowden.identify.joint_sensor import Pose, calibrated, keys_of
 from bowden.operations import calibrate
-from bowden.rig.joint_sensor import JointSensor
+from bowden.rig.settings import JointSensor
 from bowden.sensing.joint_sample import Quaternion, angle_about, on_curve
 
 AXIS = np.array([0.36, -0.48, 0.8])

@@ -3,6 +3,7 @@
 import ast
 import re
 import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -157,6 +158,15 @@ def test_the_circle_test_sees_what_it_should() -> None:
     assert lazy == {"a.b", "c"}
     assert in_circles({"a": {"b"}, "b": {"c"}, "c": {"a"}, "d": {"a"}, "e": set()}) == {"a", "b", "c"}
     assert not in_circles({"a": {"b", "c"}, "b": {"c"}, "c": set()})
+
+
+def test_a_rig_is_described_without_what_runs_it() -> None:
+    """Plants, laws, limits at work and drives are found by their names, when somebody runs the rig."""
+    ask = "import sys, bowden.rig.rig; print(*(name for name in sys.modules if name.startswith('bowden')))"
+    done = subprocess.run([sys.executable, "-P", "-c", ask], capture_output=True, text=True, check=True)
+    loaded = set(done.stdout.split())
+    assert not loaded & {"bowden.control.law", "bowden.plants.bench", "bowden.rig.plant", "bowden.hardware"}
+    assert len(loaded) <= 70
 
 
 def test_no_two_public_classes_have_one_name() -> None:

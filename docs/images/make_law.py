@@ -11,7 +11,8 @@ from matplotlib.figure import Figure
 from bowden.control import LAWS
 from bowden.core.units import DEGREES
 from bowden.drawing import style
-from bowden.plants.presets import bench
+from bowden.plants.presets import paper
+from bowden.plants.presets.bench import bench
 from bowden.sim.run import simulate
 
 _SHOWN = {
@@ -31,7 +32,7 @@ def comparison() -> Figure:
     colours = style.colours_for(list(_SHOWN))
     for name, label in _SHOWN.items():
         trace = simulate(
-            bench.bench(), LAWS[name], bench.minimum_jerk(), duration=60.0, bend=bench.moved_sheath(), seed=_SEED
+            bench(), LAWS[name], paper.minimum_jerk(), duration=60.0, bend=paper.moved_sheath(), seed=_SEED
         )
         near_it = (trace.time >= _FROM) & (trace.time <= _TO)
         time, error, colour = trace.time, trace.error * DEGREES, colours[name]

@@ -1,7 +1,8 @@
 """Runs of the default bench with a law as it is: no rig tells it anything, and nothing checks it."""
 
 from bowden.control.law import Law
-from bowden.plants.presets.bench import bench, document, minimum_jerk, moved_sheath
+from bowden.plants.presets.bench import bench
+from bowden.plants.presets.paper import document, minimum_jerk, moved_sheath
 from bowden.records.trace import Trace
 from bowden.sim.run import simulate
 

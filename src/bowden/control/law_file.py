@@ -7,6 +7,7 @@ from typing import Any, ClassVar
 
 from bowden.control import LAWS, Law, user_law
 from bowden.core import user_file
+from bowden.core.arguments import said
 from bowden.core.errors import ParameterError
 from bowden.core.kernel_content import Content, code_of
 from bowden.core.own_file import OwnFile
@@ -49,21 +50,31 @@ def named(name: str, folder: Path | None = None) -> str | LawFile:
     return LawFile.found(name, folder) if user_law.is_file(name) else LAWS[name].name
 
 
-def loaded(given: str | LawFile) -> Law:
+def loaded(given: str | Law | LawFile) -> Law:
     """The law with its own gains.
 
     Raises:
         ParameterError: a user's file that cannot be used.
     """
-    return LAWS[given] if isinstance(given, str) else given.load()
+    return given if isinstance(given, Law) else LAWS[given] if isinstance(given, str) else given.load()
 
 
-def packable(law: Law) -> tuple[str | LawFile, dict[str, Any]]:
-    """A law of Python's as its name or file, and the gains that were chosen for it, as `Law.with_gains` takes them.
+def same_file(one: Any, other: Any) -> bool:
+    """True if two laws are the same one of a user's file, by whatever way it is named."""
+    if not (isinstance(one, LawFile) and isinstance(other, LawFile)):
+        return False
+    names = [law.name.rpartition(".py")[2] for law in (one, other)]
+    return names[0] == names[1] and (one.path, one.source, one.modules) == (other.path, other.source, other.modules)
+
+
+def packable(law: str | Law | LawFile) -> tuple[str | LawFile, dict[str, Any]]:
+    """A law as its name or file and, of one of Python's, the gains chosen for it, as `Law.with_gains` takes them.
 
     Raises:
         ParameterError: a law that stands in no file.
     """
+    if not isinstance(law, Law):
+        return law, {}
     base: str | LawFile | None = None
     known = LAWS.get(law.name)
     if known is not None and known.step_kernel is law.step_kernel and known.start_kernel is law.start_kernel:
@@ -84,10 +95,27 @@ def packable(law: Law) -> tuple[str | LawFile, dict[str, Any]]:
     return base, {name: value for name, value in law.numbers.items() if name.partition(".")[0] in own}
 
 
-def held(law: Law) -> Law:
-    """A law of Python's; the file in which it stands is read now, and what it was is what other processes get."""
-    _in_file(law)
-    return law
+def held(given: Any) -> str | Law | LawFile:
+    """The form in which a rig holds a law.
+
+    The file in which one of Python's stands is read now, and what it was is what other processes get.
+
+    Raises:
+        ParameterError: it is no law, or there is none of that name.
+    """
+    if isinstance(given, str):
+        return named(given)
+    if not isinstance(given, Law | LawFile):
+        raise ParameterError(
+            f"Rig: law is {said(given)}",
+            expected='a name ("adaptive"), "FILE.py:NAME" or a Law',
+            do="list(bowden.LAWS) has the names",
+        )
+    if isinstance(given, Law):
+        if LAWS.get(given.name) == given:
+            return given.name
+        _in_file(given)
+    return given
 
 
 def code_of_law(law: Law) -> Content:

@@ -68,6 +68,11 @@ class OwnFile:
         return found
 
     @classmethod
+    def again(cls, name: str, folder: Path, before: Any) -> Self:
+        """`found`; what was found `before` is taken where it has that name."""
+        return before if isinstance(before, cls) and before.name == name else cls.found(name, folder)
+
+    @classmethod
     def around(cls, function: Any, kind: type[Any], name: str) -> Iterator[Self]:
         """The file in which a function stands, alone and by each thing of a kind and a name that stands beside it."""
         if not user_file.reads_as_module(function):

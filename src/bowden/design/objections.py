@@ -18,7 +18,7 @@ from bowden.plants.user_plant import UserPlant
 from bowden.plants.worn_suit import elbow_dead_zone
 from bowden.rig.consistent import contradictions
 from bowden.rig.declaration import from_file, in_file, items_of
-from bowden.rig.emg_setup import EmgRun
+from bowden.rig.emg_run import EmgRun
 from bowden.rig.families import family_of
 from bowden.rig.joints import RigJoint
 from bowden.rig.rig import Rig

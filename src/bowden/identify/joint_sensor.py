@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from bowden.core.errors import ParameterError
 from bowden.core.units import DEGREES, RADIANS
-from bowden.rig.joint_sensor import JointSensor
+from bowden.rig.settings import JointSensor
 from bowden.sensing.joint_sample import Quaternion, angle_about, axis_of, on_curve
 
 Array = NDArray[np.float64]

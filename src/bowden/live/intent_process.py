@@ -18,7 +18,7 @@ import numpy as np
 from bowden.live.child import say, spoken
 
 if TYPE_CHECKING:
-    from bowden.rig.emg_setup import EmgRun
+    from bowden.rig.emg_run import EmgRun
 
 _CLOSED = ""
 """What a closed input says."""
@@ -41,7 +41,7 @@ def _run(given: dict[str, Any]) -> int:
     from bowden.hardware.emg.recorded import columns
     from bowden.hardware.emg.sources import open_source
     from bowden.hardware.ports import EmgChunk
-    from bowden.rig.emg_setup import check_recording
+    from bowden.rig.emg_run import check_recording
     from bowden.rig.rig import Rig
 
     clock, run = MonotonicClock(), Rig.unpack(given["rig"]).emg_run

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from bowden.live.emg_process import EmgProcess
     from bowden.live.mcap_read import Recording
     from bowden.plants.pushing import Pushing
-    from bowden.rig.emg_setup import EmgRun
+    from bowden.rig.emg_run import EmgRun
 
 Array = NDArray[np.float64]
 

@@ -30,9 +30,8 @@ from bowden.live.run_settings import plain, run_settings
 from bowden.live.script import Home, Script
 from bowden.models.minimum_jerk import minimum_jerk_over
 from bowden.plants.pushing import Pushing
-from bowden.rig.drive import most_push
-from bowden.rig.emg_setup import EmgRun
-from bowden.rig.families import DriveNeeds
+from bowden.rig.emg_run import EmgRun
+from bowden.rig.families import DriveNeeds, family_of
 from bowden.rig.joints import RigJoint
 from bowden.rig.rig import Rig
 from bowden.rig.settings import LiveSettings
@@ -315,7 +314,7 @@ def live_run(rig: Rig, *, measure: bool = False, logged: Rig | None = None, join
     emg = None if measure else rig.emg_run
     pushing = None if measure else rig.pushing
     if pushing is not None:
-        strongest = most_push(rig.drive, rig.drive_needs)
+        strongest = family_of(rig.drive).most_push(rig.drive, rig.drive_needs)
         pushing, more = live_pushing(pushing, limits, strongest, by_emg=emg is not None)
         notes = (*notes, *more)
     if emg is not None:

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from bowden.hardware.joint_stream import JointSamples
-    from bowden.rig.joint_sensor import JointSensor
+    from bowden.rig.settings import JointSensor
 
 HELD, MOVED = 2.0, 10.0
 """How long a pose is looked at, and a free motion [s]."""
@@ -40,7 +40,7 @@ class JointCalibration(Result["JointSensor"]):
 def calibrate_joint(
     rig: Annotated[Path, Switch(metavar="RIG")], *, pose_deg: Annotated[list[float] | None, Switch(list[float])] = None
 ) -> JointCalibration:
-    """Calibrate a joint's sensor by poses held by hand, and write the rig's [joint_sensor].
+    """Calibrate a joint's sensor by hand, and write [joint_sensor].
 
     The joint is held at each pose for two seconds; an IMU is then moved freely for ten, about the joint alone.
     Goniometer and terminal are needed, the drive is not.

@@ -5,7 +5,8 @@ from bowden.control.knowledge import configured
 from bowden.models.cable.bouc_wen import BoucWen, saturation
 from bowden.paper.calibration import bench_fit, gains
 from bowden.plants.knowledge_of import knowledge_of
-from bowden.plants.presets.bench import Calibration, bench, chirp, document, minimum_jerk, moved_sheath
+from bowden.plants.presets.bench import bench
+from bowden.plants.presets.paper import Calibration, chirp, document, minimum_jerk, moved_sheath
 from bowden.sim.run import simulate
 
 CHIRP_DURATION = 150.0

@@ -9,7 +9,7 @@ from typing import Any
 
 from bowden.models.drive.motor import Motor
 from bowden.models.suit.geometry import SuitGeometry
-from bowden.plants.presets.bench import Calibration, document
+from bowden.plants.presets.paper import Calibration, document
 from bowden.plants.presets.suit import SuitCalibration
 
 GEAR = 25.0

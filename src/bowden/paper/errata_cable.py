@@ -15,7 +15,8 @@ from bowden.paper.bench import observer
 from bowden.paper.calibration import bench_fit
 from bowden.paper.experiment import Finding, Runs
 from bowden.paper.readings import self_fed
-from bowden.plants.presets import bench as paper
+from bowden.plants.presets import paper
+from bowden.plants.presets.bench import bench
 from bowden.records.metrics import rmse
 from bowden.records.trace import Trace
 from bowden.sim.run import simulate
@@ -34,10 +35,10 @@ def run(runs: Runs) -> Finding:
     axes.plot(travel * DEGREES, (joint - joint[0]) * DEGREES, color=COLOURS["joint"])
     axes.plot(travel * DEGREES, -cable.slope * travel * DEGREES, ":", color=COLOURS["reference"])
     axes.set(xlabel="motor travel after the reversal [°]", ylabel="joint motion [°]", xlim=(0, 15), ylim=(-10, 2))
-    sheath = paper.bench(bench_fit()).sheath
+    sheath = bench(bench_fit()).sheath
     exact = exact_observer()
     clean = _observer_deg(exact, 0.0)
-    silent = paper.bench(bench_fit())._replace(motor_encoder=Encoder(), joint_encoder=Encoder())
+    silent = bench(bench_fit())._replace(motor_encoder=Encoder(), joint_encoder=Encoder())
     fed, quiet = (simulate(silent, law, paper.minimum_jerk(), duration=20.0) for law in (self_fed(exact), exact))
     return Finding(
         title="The cable as printed: its unit, its reversals, its gap",
@@ -79,7 +80,7 @@ def exact_observer() -> Law:
 
 def _observer_deg(law: Law, noise_deg: float) -> float:
     encoder = Encoder(resolution=0.0, noise=noise_deg * RADIANS)
-    plant = paper.bench(bench_fit())._replace(motor_encoder=encoder, joint_encoder=encoder)
+    plant = bench(bench_fit())._replace(motor_encoder=encoder, joint_encoder=encoder)
     return rmse(simulate(plant, law, paper.minimum_jerk(), duration=20.0, seed=1).error) * DEGREES
 
 

@@ -4,7 +4,7 @@ import numpy as np
 
 from bowden.drawing.style import COLOURS, legend, new_figure, thin
 from bowden.paper.experiment import Finding, Runs
-from bowden.plants.presets import bench as paper
+from bowden.plants.presets import paper
 
 
 def run(runs: Runs) -> Finding:

@@ -10,13 +10,13 @@ from bowden.paper.calibration import bench_fit, gains
 from bowden.paper.experiment import Finding, Runs
 from bowden.paper.readings import BETA_ABSORBED, COMMAND_IN_EQ14
 from bowden.plants.bench import Bench
-from bowden.plants.presets import bench as paper
+from bowden.plants.presets.bench import bench
 from bowden.records.metrics import rmse
 
 
 def run(runs: Runs) -> Finding:
     """Points 4, 7, 9 and 11 of docs/background/theory.md."""
-    plant = paper.bench(bench_fit())
+    plant = bench(bench_fit())
     chosen = adaptive().gains._asdict()
     others = [rmse(run_bench(law.with_gains(**chosen)).error) * DEGREES for law in (COMMAND_IN_EQ14, BETA_ABSORBED)]
     bounds = {

@@ -15,7 +15,8 @@ from bowden.paper.calibration import bench_fit, gains
 from bowden.paper.experiment import Finding, Runs
 from bowden.paper.plots import time_and_loop
 from bowden.paper.static_plant import StaticRun, static_plant_run
-from bowden.plants.presets import bench as paper
+from bowden.plants.presets import paper
+from bowden.plants.presets.bench import bench
 from bowden.records.metrics import convergence_time, rmse
 
 IN_DEGREES = PRINTED._replace(
@@ -32,7 +33,7 @@ _LONG = 300.0  # s; long enough for D̂m to come to its end
 
 def static_run(gains: AdaptiveGains, period: float, duration: float = _LONG) -> StaticRun:
     """The law solved together with the paper's static plant, a play of 5° at the joint."""
-    slope = paper.bench().cable.slope
+    slope = bench().cable.slope
     reference = PeriodicMinimumJerk(0.0, paper.document()["chosen"]["stroke_deg"] * RADIANS, period)
     return static_plant_run(gains, Play(half_width=true_bound() / slope), reference, duration, 1e-3)
 
@@ -55,7 +56,7 @@ def run(runs: Runs) -> Finding:
         }
         for name in ("slope_inverse", "bound")
     }
-    true_beta = 1.0 / paper.bench().cable.slope
+    true_beta = 1.0 / bench().cable.slope
     reaches = [_reaches(one.slope_inverse, true_beta) for (unit, _), one in static.items() if unit == "degrees"]
     bound_reaches = _reaches(shown.bound, true_bound())
     both = {key: max(times["slope_inverse"][key], times["bound"][key]) for key in static}

@@ -12,7 +12,7 @@ from bowden.paper.calibration import bench_fit, gains
 from bowden.paper.experiment import Finding, Runs
 from bowden.paper.figures_of_merit import dead_zone_deg
 from bowden.paper.plots import loop
-from bowden.plants.presets import bench as paper
+from bowden.plants.presets import paper
 from bowden.records.metrics import rmse
 
 

@@ -10,7 +10,7 @@ from bowden.paper.bench import adaptive, run_chirp
 from bowden.paper.calibration import bench_fit, gains
 from bowden.paper.experiment import Finding, Runs
 from bowden.paper.figures_of_merit import CHIRP_FREQUENCIES, chirp_gain, closed_loop_bandwidth
-from bowden.plants.presets import bench as paper
+from bowden.plants.presets import paper
 
 PUBLISHED = {"observer": 35.0, "adaptive": 31.0}
 """Closed-loop bandwidths of Section 5.3 [rad/s]."""

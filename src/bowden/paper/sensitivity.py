@@ -7,8 +7,8 @@ from bowden.paper.bench import adaptive, run_bench, run_chirp
 from bowden.paper.experiment import PageTable
 from bowden.paper.figures_of_merit import closed_loop_bandwidth
 from bowden.paper.suit_rows import five_flexions, motions_of
-from bowden.plants.presets import bench as paper
-from bowden.plants.presets.bench import calibration
+from bowden.plants.presets import paper
+from bowden.plants.presets.paper import calibration
 from bowden.plants.presets.suit import suit_calibration
 from bowden.records.metrics import rmse
 from bowden.sim.suit_runs import suit_adaptive, suit_adaptive_integral

@@ -9,12 +9,12 @@ from bowden.paper.calibration import bench_fit
 from bowden.paper.calibration import gains as chosen_gains
 from bowden.paper.experiment import Finding, Runs
 from bowden.paper.gain_choice import corners, worst_margins
-from bowden.plants.presets import bench as paper
+from bowden.plants.presets.bench import bench
 
 
 def run(runs: Runs) -> Finding:
     """Largest closed-loop pole over (λ, κ), worst of β̂ from 0 to 1.1/αφ and of the slope within ± 10 %."""
-    plant = paper.bench(bench_fit())
+    plant = bench(bench_fit())
     lambdas, kappas = np.geomspace(0.005, 4.0, 61), np.geomspace(1.0, 400.0, 53)
     loops = {a: servo_model(plant.servo, plant.sample_time, plant.delay, a) for a, _, _ in corners(plant)}
     base = AdaptiveGains(**chosen_gains("bench"))

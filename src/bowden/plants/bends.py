@@ -8,7 +8,7 @@ from bowden.core.quantity import Quantity
 from bowden.core.units import RADIANS
 from bowden.models.cable.sheath import Sheath
 from bowden.models.cable.sheath_path import BendPath, constant_bend, random_bend, scripted_bend
-from bowden.plants.presets.bench import document
+from bowden.plants.presets.paper import document
 
 _CHOSEN = document()["chosen"]
 

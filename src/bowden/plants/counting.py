@@ -15,6 +15,9 @@ from typing import Annotated, Literal, NamedTuple
 
 from bowden.core.quantity import Quantity
 
+MODEL_FILE = "model.toml"
+"""Name of the file of an identified cable that came from none."""
+
 
 class Counting(NamedTuple):
     """How a rig counts the angles of a log."""

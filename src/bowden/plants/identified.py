@@ -6,13 +6,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bowden import __version__
-from bowden.core.arguments import number, path_of
-from bowden.core.errors import ParameterError, near
+from bowden.core.arguments import number, path_of, said
+from bowden.core.errors import ParameterError, asked_for_by, near
 from bowden.core.files import write_text
 from bowden.core.guesses import Answering, answering
 from bowden.core.toml_text import quoted
@@ -21,7 +22,7 @@ from bowden.models.cable.bouc_wen import BoucWen
 from bowden.models.cable.capstan import Tendon
 from bowden.plants.cable_parameters import check_parameters, meaning
 from bowden.plants.cables import DISTRIBUTED, bouc_wen_like, distributed_parameters, identified, whole_slope
-from bowden.plants.counting import NOT_SAID, Counting, Covered, Encoders
+from bowden.plants.counting import MODEL_FILE, NOT_SAID, Counting, Covered, Encoders
 from bowden.plants.model_file import log_lines, read_models
 from bowden.plants.predicted import SCHEDULED, cable_of, joint_along, scheduled_of
 from bowden.plants.recounted import recounted
@@ -257,6 +258,24 @@ class IdentifiedCable:
         return cable
 
 
+def held(given: Any) -> IdentifiedCable:
+    """The form in which a rig holds what an identification gives.
+
+    Raises:
+        ParameterError: it is nothing like that, or has no model with which a rig can run.
+    """
+    given = given.best if isinstance(getattr(given, "best", None), CableModel) else given
+    given = given.identified() if isinstance(given, CableModel) else given
+    if not isinstance(given, IdentifiedCable):
+        raise ParameterError(
+            f"Rig: cable is {said(given)}",
+            expected="a BoucWen(slope=…), or what bowden.identify gives",
+            do="of a file: Rig.read",
+        )
+    _ = given.bouc_wen
+    return given
+
+
 _PLACES = 400
 """Along a stroke, at which a loop's height is looked at."""
 _BEGUN = ("initial_h", "initial_lag")
@@ -291,6 +310,45 @@ def load_judged(path: Path | str, name: str = "") -> tuple[IdentifiedCable, floa
     best, models, units, covered, trust, encoders, judged = read_models(Path(path))
     about = {"units": units, "covered": covered, "trust": trust, "encoders": encoders}
     return IdentifiedCable(best, models, name or str(Path(path)), **about), judged  # type: ignore[arg-type]
+
+
+def named(
+    model: str,
+    digest: str | None,
+    counting: Counting,
+    parameters: Mapping[str, float],
+    rig: Path,
+    before: Any = None,
+) -> IdentifiedCable:
+    """The cable that [cable] of a rig.toml names.
+
+    Args:
+        model: the file, found from that of the rig.
+        digest: of its models; None where the rig does not say it.
+        counting: how the rig counts its angles.
+        parameters: of the simulated model, that differ from the file's.
+        rig: path of the rig.toml.
+        before: what serves, without reading, where it is of that file.
+
+    Raises:
+        ParameterError: a file that cannot be used, of other models than the rig was made from, or other parameters.
+    """
+    same = isinstance(before, IdentifiedCable) and (before.file or MODEL_FILE) == model
+    same = same and before.counting == counting and digest in (None, before.digest)
+    if same and before.changed.keys() <= parameters.keys():
+        found: IdentifiedCable = before
+    else:
+        with asked_for_by(f"{rig}: cable.model"):
+            found = load_cable(rig.parent / model, model).counted(counting)
+        if digest not in (None, found.digest):
+            raise ParameterError(
+                f"{rig}: {model} is not the model that this rig was made from, it has been written again",
+                expected=f"the model {digest}, not {found.digest}",
+                do=f"make a new rig: bowden init NEW.toml --model {rig.parent / model}; or, if reference, "
+                f'limits and law suit the new model too, write model_hash = "{found.digest}"',
+            )
+    with asked_for_by(f"{rig}: cable.parameters"):
+        return found.with_parameters(parameters)
 
 
 def cable_text(cable: IdentifiedCable) -> str:

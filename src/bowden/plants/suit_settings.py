@@ -6,7 +6,7 @@ from bowden.core.guesses import answering_fields
 from bowden.core.quantity import Quantity
 from bowden.models.suit.flex_sensor import PAPER_FLEX
 from bowden.models.suit.suit_cable import SuitCable
-from bowden.plants.presets.bench import document
+from bowden.plants.presets.paper import document
 
 _CHOSEN, _FIT = document()["suit"]["chosen"], document()["suit"]["calibration"]["first"]
 

@@ -1,25 +1,29 @@
-"""The drive, the supervisor's limits and the loop's settings as a rig has them."""
+"""The supervisor's limits, the drive and the loop's filters as they follow from a rig."""
 
 import math
 from pathlib import Path
 from typing import Any
 
 from bowden.control.admittance.interaction import Doubt
+from bowden.control.knowledge import with_cable
 from bowden.core.errors import ParameterError
 from bowden.core.units import HERTZ, RADIANS
 from bowden.cycle.one_cycle import Filters
-from bowden.models.drive.holding_brake import HoldingBrake
-from bowden.models.suit.suit_angle import spool_map
-from bowden.plants.bench import Bench
+from bowden.models.drive.geared_motor import no_load_speed
+from bowden.models.suit.suit_angle import spool_map, steepest_spool
 from bowden.plants.suit_parts import Suit
+from bowden.plants.worn_suit import USUAL_DEAD_ZONE, elbow_dead_zone
 from bowden.rig.consistent import Basis, follow
-from bowden.rig.families import DriveNeeds, family_of, longest_silence, resolved
-from bowden.rig.load_cell import ROOM, LoadCellParameters, check_cell
-from bowden.rig.settings import LiveSettings
+from bowden.rig.families import DriveNeeds, family_of, longest_silence
+from bowden.rig.load_cell import ROOM, check_cell, collision, devices
+from bowden.rig.rig import Rig
+from bowden.rig.sections import DEFAULT_CABLE
 from bowden.safety.evidence import DEAD_SHARE
 from bowden.safety.limits import ARM_LOWERING, FASTEST_RELEASE, Limits
 from bowden.safety.release import steepest
 
+_WIDER = 2.0
+"""Bend of the sheath over that at which the cable was identified, up to which limits know its dead zone [–]."""
 _LEAST_TRAVEL = 0.1
 """Travel of the motor, of the bench's slope, that shows a frozen joint where the cable has next to no dead zone: what
 noise, a joint that follows late and a limb that is held do not explain [rad]."""
@@ -28,50 +32,32 @@ _BELOW = 0.5
 moment at twice the speed of its motor."""
 
 
-NO_CELL = LoadCellParameters()
-
-
-def limits(
-    given: Limits,
-    basis: Basis,
-    bench: Bench,
-    drive: Any,
-    dead_zone: float = math.nan,
-    suit: Suit | None = None,
-    cell: LoadCellParameters = NO_CELL,
-    taut: float = 0.0,
-) -> Limits:
-    """A rig's limits, with the servo's model, the motor's currents and what is measured from its other parts.
-
-    Args:
-        given: what the rig says of them.
-        basis: what those follow from that it does not.
-        bench: of the rig.
-        drive: of the rig.
-        dead_zone: the widest that its identified cable has, NaN where none is identified [rad].
-        suit: where one is worn.
-        cell: a load cell of its own.
-        taut: motor angle at which the cable is just taut, the joint at its rest [rad].
+def supervisor_limits(rig: Rig) -> Limits:
+    """All limits of the supervisor, those that follow from other parts too: the servo's model, the motor's currents and
+    what is measured.
     """
-    family, written = family_of(drive), not math.isnan(given.frozen_travel)
-    given = follow(given, basis)
+    family, basis, suit, cell = family_of(rig.drive), rig.basis, rig.worn, rig.load_cell
+    dead_zone, written = _WIDER * rig.knowledge.width, not math.isnan(rig.limits.frozen_travel)
+    given = follow(rig.limits, basis)
+    taut = rig.home / rig.slope if suit is None else 0.0
     fastest = _BELOW * min(given.joint_speed, given.motor_speed * float(steepest(given)))
     travel = max(_LEAST_TRAVEL / basis.slope, dead_zone / DEAD_SHARE)
     travel = min(given.frozen_travel, travel) if written else travel
     gain, doubt = (given.pull_gain, given.pull_doubt) if suit is None else _pull(suit)
     return given._replace(
         frozen_travel=given.frozen_travel if math.isnan(dead_zone) else travel,
-        servo_frequency=bench.servo.natural_frequency,
-        servo_damping=bench.servo.damping,
-        current_peak=bench.motor.current_limit,
-        thermal=given.thermal._replace(resistance=bench.motor.resistance),
+        servo_frequency=rig.servo.natural_frequency,
+        servo_damping=rig.servo.damping,
+        current_peak=rig.motor.current_limit,
+        thermal=given.thermal._replace(resistance=rig.motor.resistance),
+        estimates_joint=rig.joint_sensor.estimated,
         measures_current=True,
-        measures_tension=family.measures_tension(drive) or (cell.there and cell.measures == "tension"),
-        measures_torque=family.measures_torque(drive) or (cell.there and cell.measures == "torque"),
+        measures_tension=family.measures_tension(rig.drive) or (cell.there and cell.measures == "tension"),
+        measures_torque=family.measures_torque(rig.drive) or (cell.there and cell.measures == "torque"),
         lowering=min(given.lowering, fastest, math.inf if suit is None else ARM_LOWERING),
         force_release=min(FASTEST_RELEASE, fastest),
         taut=min(max(taut, given.motor_low), given.motor_high),
-        homed=family_of(drive).homed(drive),
+        homed=family.homed(rig.drive),
         pull_gain=gain,
         pull_doubt=doubt,
     )
@@ -98,19 +84,41 @@ slow turn, while friction holds the motor, it is within a tenth of what the serv
 being how many times the rig's stiffness is too large; for k = 4 that is the 20 ms of `LagWatch` [1/s]."""
 
 
-def drive_needs(allowed: Limits, bench: Bench, suit: Suit | None = None) -> DriveNeeds:
-    """What a rig asks of its drive: gear, torque constant and cycle from the bench, and the rest from its limits.
+def basis(rig: Rig) -> Basis:
+    """What limits that are not written follow from."""
+    cable, width = rig.bench.cable, 0.0
+    if rig.worn is not None and (lost := elbow_dead_zone(rig.worn.flexor.half_width)) > USUAL_DEAD_ZONE:
+        width = lost
+    if rig.worn is not None or (rig.plant is not None and not rig.own_plant.slope > 0.0):
+        return Basis(1.0, DEFAULT_CABLE.slope, width, 0.0, rig.bench.servo.speed_limit, rig.sample_time)
+    if rig.plant is None:
+        width = with_cable(rig.knowledge, cable, rig.bench.sheath.gap, identified=True).width
+    low, fastest = min(0.0, rig.reference_ends[0]), rig.bench.servo.speed_limit
+    return Basis(rig.slope / DEFAULT_CABLE.slope, rig.slope, width, low, fastest, rig.sample_time)
+
+
+def home(rig: Rig) -> float:
+    """The joint's rest, where the cable is just taut: zero, or the end of the reference where the cable is longer,
+    or where zero is outside the joint's range [rad].
+    """
+    if rig.worn is not None:
+        return 0.0
+    low, high = rig.reference_ends
+    if rig.limits.joint_low < 0.0 < rig.limits.joint_high:
+        low, high = min(0.0, low), max(0.0, high)
+    end = low if rig.limits.slack_sign < 0.0 else high
+    return min(max(end, rig.limits.joint_low), rig.limits.joint_high)
+
+
+def drive_needs(rig: Rig) -> DriveNeeds:
+    """What a rig asks of its drive, whatever it is: gear, torque constant and cycle, and the rest from its limits.
 
     On a suit the gear is its own, and motor angles are in the joint's coordinate.
-
-    Args:
-        allowed: of `limits`.
-        bench: of the rig.
-        suit: where one is worn.
 
     Raises:
         ParameterError: limits that contradict one another.
     """
+    allowed, suit = rig.supervisor_limits, rig.worn
     if not allowed.motor_low < allowed.motor_high:
         low, high = (f"{angle / RADIANS:g}" for angle in (allowed.motor_low, allowed.motor_high))
         raise ParameterError(
@@ -118,45 +126,46 @@ def drive_needs(allowed: Limits, bench: Bench, suit: Suit | None = None) -> Driv
             expected="motor_low_deg below motor_high_deg",
             do="correct them in rig.toml",
         )
-    motor, servo = (bench.motor, bench.servo) if suit is None else (suit.motor, suit.motor.servo)
+    motor, servo = (rig.motor, rig.servo) if suit is None else (suit.motor, suit.motor.servo)
     stiffness = motor.inertia * servo.natural_frequency**2
+    fastest, spool = servo.speed_limit, None
+    if suit is not None:
+        spool = spool_map(suit.geometry, suit.spool_radius)
+        turned = steepest_spool(allowed.motor_low, allowed.motor_high, spool)
+        fastest = min(fastest, no_load_speed(suit.motor) / turned)
     slow = suit is not None and 0.0 < suit.motor.integral < SURE_INTEGRAL
     return DriveNeeds(
         gear=motor.gear,
-        torque_constant=bench.motor.torque_constant,
-        sample_time=bench.sample_time,
+        torque_constant=rig.motor.torque_constant,
+        sample_time=rig.sample_time,
         lowest_motor=allowed.motor_low,
         highest_motor=allowed.motor_high,
-        speed_limit=min(allowed.motor_speed, servo.speed_limit),  # a drive is not asked for more than it can
+        speed_limit=min(allowed.motor_speed, fastest),  # a drive is not asked for more than it can
         following_error=allowed.target_reach,
         current_limit=allowed.current_peak,
         torque_offset=0.0 if suit is None else suit.motor.friction_feedforward,
-        spool=None if suit is None else spool_map(suit.geometry, suit.spool_radius),
+        spool=spool,
         heartbeat_age=allowed.heartbeat_age,
         lag_current=0.0 if slow else stiffness / (motor.gear * motor.torque_constant),
         lag_time=2.0 * servo.damping / servo.natural_frequency,
     )
 
 
-def drive_parameters(given: Any, needs: DriveNeeds, folder: Path) -> Any:
-    """A rig's drive with what the rig asks of it.
-
-    Args:
-        given: what the rig says of the drive itself, parameters of a family.
-        needs: of `drive_needs`.
-        folder: from which the files that it names are found.
+def drive_parameters(rig: Rig) -> Any:
+    """All that is to be known of the drive, as its family has it, with what the rig asks of it.
 
     Raises:
         ParameterError: values that make no sense together, or a drive that would keep its torque without us.
     """
-    most = most_push(given, needs)
+    check_load(rig)
+    given, needs, family = rig.drive, rig.drive_needs, family_of(rig.drive)
+    most = family.most_push(given, needs)
     if needs.torque_offset > most:
         raise ParameterError(
             f"suit.friction_feedforward_nm is {needs.torque_offset:g}",
             expected=f"at most {most:.4g}, half of what the largest current gives at the spool",
             do="correct it, or the current's limit in [limits]",
         )
-    family = family_of(given)
     parameters = family.completed(given, needs)
     watch, longest = family.watchdog(parameters), longest_silence(needs.sample_time)
     if not watch <= longest:
@@ -166,56 +175,45 @@ def drive_parameters(given: Any, needs: DriveNeeds, folder: Path) -> Any:
             expected=f"a drive that does it within {1e3 * longest:g} ms by itself",
             do="set the drive's own timeout with its maker's tool, and say it in [drive]; or take another drive",
         )
-    return family.found_from(parameters, folder)
+    return family.found_from(parameters, Path(rig.origin).parent)
 
 
-def check_brake(brake: HoldingBrake, drive: Any, allowed: Limits, suit: Suit | None) -> None:
+def check_brake(rig: Rig) -> None:
     """Refuse a holding brake that nothing could release or engage, or that could trap a limb.
-
-    Args:
-        brake: of the rig.
-        drive: of the rig.
-        allowed: of `limits`.
-        suit: where one is worn.
 
     Raises:
         ParameterError: a drive without the output, no suit, or a brake that holds more than the cable may pull.
     """
+    suit, family = rig.worn, family_of(rig.drive)
     if suit is None:
         raise ParameterError(
             "it has no effect here: the bench's motor bears any load, and draws no current that a brake would save",
             expected="suit.worn = true",
             do="wear a suit, or delete [brake]",
         )
-    family = family_of(drive)
-    if not family.brakes(drive):
+    if not family.brakes(rig.drive):
         raise ParameterError(
             f"the drive ({family.name}) has no output for a holding brake",
             expected=family.brake_hint,
             do="correct [drive], or delete [brake]",
         )
-    most = allowed.tension_high * suit.spool_radius / suit.motor.gear
-    if brake.holding_torque > most:
+    most = rig.supervisor_limits.tension_high * suit.spool_radius / suit.motor.gear
+    if rig.brake.holding_torque > most:
         raise ParameterError(
-            f"brake.holding_torque_nm is {brake.holding_torque:g}",
+            f"brake.holding_torque_nm is {rig.brake.holding_torque:g}",
             expected=f"at most {most:.3g}: a brake that stays engaged, should this computer or the supply fail, must "
             "slip before the cable pulls more than limits.tension_high_n",
             do="take a smaller brake",
         )
 
 
-def check_load(drive: Any, cell: LoadCellParameters, allowed: Limits, sample_time: float) -> None:
+def check_load(rig: Rig) -> None:
     """Refuse a load cell that could not show what the supervisor is to see.
-
-    Args:
-        drive: of the rig.
-        cell: of the rig.
-        allowed: of `limits`.
-        sample_time: of a cycle [s].
 
     Raises:
         ParameterError: two of them, a range below the largest load allowed, or values that make no sense.
     """
+    drive, cell, allowed = rig.drive, rig.load_cell, rig.supervisor_limits
     family = family_of(drive)
     at_drive = family.measures_tension(drive) or family.measures_torque(drive)
     if at_drive and cell.there:
@@ -227,7 +225,7 @@ def check_load(drive: Any, cell: LoadCellParameters, allowed: Limits, sample_tim
     torque = allowed.measures_torque
     most, key = (allowed.torque_high, "torque_high_nm") if torque else (allowed.tension_high, "tension_high_n")
     if cell.there:
-        check_cell(cell, sample_time, most, key)
+        check_cell(cell, rig.sample_time, most, key)
         problem = collision(*devices(drive, cell)) if hasattr(drive, "interface") else ""
         if problem:
             raise ParameterError(
@@ -244,29 +242,13 @@ def check_load(drive: Any, cell: LoadCellParameters, allowed: Limits, sample_tim
         )
 
 
-def devices(drive: Any, cell: LoadCellParameters) -> list[Any]:
-    """What `collision` compares: the drive's parameters and, where there is one on a bus, its load cell."""
-    return [drive, resolved("drives.of_rig").device_of(drive, cell)] if cell.there else [drive]
-
-
-def collision(one: Any, other: Any) -> str:
-    """What keeps two of the `devices` from being on one bus, where they are; empty of others."""
-    said: str = resolved("drives.on_can").collision(one, other)
-    return said
-
-
-def most_push(given: Any, needs: DriveNeeds) -> float:
-    """Largest torque offset that the drive takes, at the spool [N·m]."""
-    return family_of(given).most_push(given, needs)
-
-
-def filters(live: LiveSettings, sample_time: float) -> Filters:
+def filters(rig: Rig) -> Filters:
     """The filters in front of the law.
 
     Raises:
         ParameterError: a cut-off that the cycle is too slow for.
     """
-    highest = 0.5 / sample_time
+    live, highest = rig.live, 0.5 / rig.sample_time
     for name, cutoff in (("joint_cutoff_hz", live.joint_cutoff), ("motor_cutoff_hz", live.motor_cutoff)):
         if cutoff > highest * HERTZ:
             raise ParameterError(

@@ -1,21 +1,19 @@
 """What a family of drives offers a rig, and how one is found by its name: its module is loaded when a rig names it."""
 
-import importlib
 import math
 import pkgutil
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
-from types import ModuleType
 from typing import Any, NamedTuple, Protocol
 
 from bowden.core.errors import ParameterError, near
+from bowden.core.registry import resolve
 from bowden.core.signals import DriveReading
 from bowden.models.suit.suit_angle import SpoolMap
 
-_ROOM = "bowden.hardware"
-"""Where what a rig names is found once somebody runs: drives, load cells, sources of EMG. Nothing of it is imported
-before."""
+_FOLDER = "hardware.drives.families"
+"""Each family is a file of it that ends with its `FAMILY`; none is imported before a rig names it."""
 
 DEFAULT = "cia402"
 """The family of a rig that names none."""
@@ -162,21 +160,22 @@ class DriveFamily:
     measures_joint: Callable[[Any], bool] = lambda _: True
     """True if the joint's angle is measured at all; a rig without it is not run, since law and supervisor need it."""
     unseen_watch: Callable[[Any], str] = lambda _: ""
-    """Why nobody can see over the bus that the drive's `watchdog` works; empty where bring-up tries it or reads it
-    back. With a limb in the rig such a drive is refused, and without one the rig has to say so (`no_limb`)."""
+    """Why nobody knows that its torque goes when this computer dies, as nobody sees over the bus that its `watchdog`
+    works, or as it has none; empty where bring-up tries it or reads it back. With a limb in the rig such a drive is
+    refused, and without one the rig has to say so (`no_limb`)."""
+    cycle_time: Callable[[Sequence[Any]], float] | None = None
+    """``cycle_time(drives)``: shortest cycle with these drives of the family on one bus [s]; None where it is not
+    known."""
     no_limb: Callable[[Any], bool] = lambda _: False
     """True if the rig says that no limb can be in it."""
     brakes: Callable[[Any], bool] = lambda _: False
     """True if it has an output for a holding brake, and the rig says how that works."""
     brake_hint: str = "a drive with one, such as those of the family cia402"
     """What `brakes` wants."""
+    example: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    """Section → key → value of a bench with such a drive that are others than usual, for ``bowden init --drive``."""
     found_from: Callable[[Any, Path], Any] = lambda parameters, _: parameters
     """``found_from(parameters, folder)``: the parameters with the files that they name found from there."""
-
-
-def resolved(name: str) -> ModuleType:
-    """A module of the hardware by its name, such as ``drives.on_can``; loaded now, if it is not."""
-    return importlib.import_module(f"{_ROOM}.{name}")
 
 
 _REGISTERED: dict[str, DriveFamily] = {}
@@ -190,7 +189,7 @@ def register(family: DriveFamily) -> DriveFamily:
 
 def names() -> tuple[str, ...]:
     """The families that there are; none of them is imported for it."""
-    found = (module.name for module in pkgutil.iter_modules(resolved("drives.families").__path__))
+    found = (module.name for module in pkgutil.iter_modules(resolve(_FOLDER).__path__))
     return tuple(dict.fromkeys((DEFAULT, *found, *_REGISTERED)))
 
 
@@ -204,10 +203,28 @@ def family_named(name: str) -> DriveFamily:
         return _REGISTERED[name]
     if name not in names():
         raise ParameterError(f"drive.family is {name!r}", expected=near(name, names()), do="correct it in rig.toml")
-    family: DriveFamily = resolved(f"drives.families.{name}").FAMILY
+    family: DriveFamily = resolve(f"{_FOLDER}.{name}:FAMILY")
     return family
 
 
 def family_of(parameters: Any) -> DriveFamily:
     """The family whose parameters these are."""
     return family_named(parameters.family)
+
+
+def shortest_cycles(drives: Iterable[Any]) -> dict[str, tuple[int, float]]:
+    """Of each bus whose time is known: how many drives are on it, and the shortest cycle that it carries with them [s].
+
+    Args:
+        drives: of a rig, with what the rig asks of them.
+    """
+    on: dict[tuple[str, str], list[Any]] = {}
+    for drive in drives:
+        if family_of(drive).cycle_time is not None:
+            on.setdefault((drive.channel, drive.family), []).append(drive)
+    times = {}
+    for (channel, _), there in on.items():
+        shortest = family_of(there[0]).cycle_time
+        assert shortest is not None  # as was looked above
+        times[channel] = len(there), shortest(there)
+    return times

@@ -1,9 +1,10 @@
 """A load cell on a CAN bus, as a rig describes it."""
 
-from typing import Annotated, Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 
 from bowden.core.errors import ParameterError
 from bowden.core.quantity import Quantity
+from bowden.core.registry import resolve
 
 ROOM = 0.95
 """Of what a cell can tell: the largest load allowed is no more, so that it is seen before the cell saturates [–]."""
@@ -143,6 +144,17 @@ def moved_cell(cell: LoadCellParameters, channel: str | None, interface: str | N
         inside = "/" if "/" in channel else "-"  # of a folder, or a bare name
         cell = cell._replace(channel=f"{channel}{inside}{BESIDE}")
     return cell if interface is None else cell._replace(interface=interface)
+
+
+def devices(drive: Any, cell: LoadCellParameters) -> list[Any]:
+    """What `collision` compares: the drive's parameters and, where there is one on a bus, its load cell."""
+    return [drive, resolve("hardware.drives.of_rig:device_of")(drive, cell)] if cell.there else [drive]
+
+
+def collision(one: Any, other: Any) -> str:
+    """What keeps two of the `devices` from being on one bus, where they are; empty of others."""
+    said: str = resolve("hardware.drives.on_can:collision")(one, other)
+    return said
 
 
 BESIDE = "load-cell"

@@ -20,19 +20,18 @@ from bowden.core.units import RADIANS
 from bowden.models.cable.bouc_wen import BoucWen
 from bowden.models.drive.holding_brake import HoldingBrake
 from bowden.plants.bends import ConstantBend, RandomBend, ScriptedBend
-from bowden.plants.counting import Counting
-from bowden.plants.presets.bench import chirp, default_bench, document, minimum_jerk
+from bowden.plants.counting import MODEL_FILE, Counting
+from bowden.plants.presets.paper import chirp, document, minimum_jerk, parts
 from bowden.plants.push_settings import AdmittanceSettings
 from bowden.plants.suit_settings import SuitSettings, WearerSettings
 from bowden.rig import families as drive_families
 from bowden.rig.declaration import Section, at, items_of, key_of, rounded, section_of
-from bowden.rig.joint_sensor import JointSensor
 from bowden.rig.joints import JointSettings
 from bowden.rig.load_cell import LoadCellParameters
-from bowden.rig.settings import EmgSettings, LiveSettings
+from bowden.rig.settings import EmgSettings, JointSensor, LiveSettings
 from bowden.safety.limits import Limits
 
-_BENCH, _CHOSEN = default_bench(), document()["chosen"]
+_BENCH, _CHOSEN = parts(), document()["chosen"]
 
 USUAL = rounded(Limits(), 4)
 """Of the paper's bench, as a file has them."""
@@ -98,8 +97,6 @@ def _part(name: str, text: str, default: Any, tag: str = "") -> Part:
 
 WIDTH = Quantity("factor on the play, fitted to the paper's dead zone; laws do not know it", gt=0.0, le=100.0)
 GAINS = Quantity("gains of that law that differ from its own, in SI units and radians")
-MODEL_FILE = "model.toml"
-"""Name of the file of an identified cable that came from none."""
 _MODEL = Quantity("file of an identified cable, in place of all keys below the next four", example=MODEL_FILE)
 _MODEL_HASH = Quantity("of that model: another one in its file is refused", example="1f0c9a52b6d3e874")
 _PLANT = Quantity(

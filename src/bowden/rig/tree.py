@@ -8,17 +8,14 @@ from typing import Any
 import tomlkit
 from pydantic import ValidationError
 
-from bowden.control import Law, user_law
-from bowden.control.law_file import LawFile, packable
-from bowden.control.recorded_motion import RecordedFile, RecordedMotion, read_motion
+from bowden.control.recorded_motion import RecordedFile, RecordedMotion
 from bowden.control.reference import Trajectory
 from bowden.core.errors import ParameterError, article, asked_for_by
 from bowden.core.quantity import declared
+from bowden.core.registry import resolve
 from bowden.core.toml_text import quoted
 from bowden.models.cable.bouc_wen import BoucWen
-from bowden.plants.counting import Counting
-from bowden.plants.identified import IdentifiedCable, cable_text, load_cable
-from bowden.plants.plant_file import PlantFile, as_file
+from bowden.plants.counting import MODEL_FILE, Counting
 from bowden.rig import emg_setup, motors
 from bowden.rig.checked import Gains
 from bowden.rig.config import checked_file, explained, read_toml
@@ -29,7 +26,6 @@ from bowden.rig.joints import JointSettings
 from bowden.rig.sections import (
     BENDS,
     JOINT,
-    MODEL_FILE,
     PARTS,
     REFERENCES,
     TITLES,
@@ -90,10 +86,8 @@ def values_of(
     bend = file.scenario.bend
     values["bend"] = value_of(BENDS[bend.kind].kind, bend.model_dump())
     values["emg"] = _emg(values["emg"], path, kept.get("emg"))
-    if user_law.is_file(values["law"]):
-        before = kept.get("law")
-        same = isinstance(before, LawFile) and before.name == values["law"]
-        values["law"] = before if same else LawFile.found(values["law"], path.parent)
+    if resolve("control.user_law:is_file")(values["law"]):
+        values["law"] = resolve("control.law_file:LawFile").again(values["law"], path.parent, kept.get("law"))
     return values | {"origin": str(path)}
 
 
@@ -144,37 +138,21 @@ def _value(name: str, section: Section) -> Any:
     return value_of(PARTS[name].kind, section.model_dump(), PARTS[name].default)
 
 
-def _cable(section: Any, path: Path, before: Any) -> BoucWen | IdentifiedCable:
+def _cable(section: Any, path: Path, before: Any) -> Any:
+    """The cable, by hand or from the file of its model."""
     if section.model is None:
         return value_of(BoucWen, section.model_dump())
     counting = value_of(Counting, section.model_dump())
-    same = isinstance(before, IdentifiedCable) and (before.file or MODEL_FILE) == section.model
-    same = same and before.counting == counting and section.model_hash in (None, before.digest)
-    if same and before.changed.keys() <= section.parameters.keys():
-        found: IdentifiedCable = before
-    else:
-        with asked_for_by(f"{path}: cable.model"):
-            found = load_cable(path.parent / section.model, section.model).counted(counting)
-        if section.model_hash not in (None, found.digest):
-            raise ParameterError(
-                f"{path}: {section.model} is not the model that this rig was made from, it has been written again",
-                expected=f"the model {section.model_hash}, not {found.digest}",
-                do=f"make a new rig: bowden init NEW.toml --model {path.parent / section.model}; or, if reference, "
-                f'limits and law suit the new model too, write model_hash = "{found.digest}"',
-            )
-    with asked_for_by(f"{path}: cable.parameters"):
-        return found.with_parameters(section.parameters)
+    return resolve("plants.identified:named")(
+        section.model, section.model_hash, counting, section.parameters, path, before
+    )
 
 
-def _plant(section: Any, path: Path, before: Any) -> PlantFile | None:
-    name = section.plant
-    if name is None:
+def _plant(section: Any, path: Path, before: Any) -> Any:
+    if section.plant is None:
         return None
-    if isinstance(before, PlantFile) and before.name == name:
-        found = before
-    else:
-        with asked_for_by(f"{path}: cable.plant"):
-            found = PlantFile.found(name, path.parent)
+    with asked_for_by(f"{path}: cable.plant"):
+        found = resolve("plants.plant_file:PlantFile").again(section.plant, path.parent, before)
     with asked_for_by(f"{path}: cable.parameters"):
         return found.with_parameters(section.parameters)
 
@@ -188,7 +166,7 @@ def _reference(section: Any, path: Path, before: Any) -> Trajectory:
             return found
         if isinstance(before, RecordedMotion) and before.said == said:
             return before
-        return read_motion(said, path.parent)
+        return resolve("control.motion_file:read_motion")(said, path.parent)
 
 
 def _emg(given: EmgSettings, path: Path, before: Any) -> EmgSettings:
@@ -223,9 +201,9 @@ def tree_of(values: Mapping[str, Any], *, of_process: bool = False) -> dict[str,
     found["reference"] = _tagged(values["reference"], REFERENCES)
     cable = values["cable"]
     if values["plant"] is not None:
-        plant = as_file(values["plant"])
+        plant = resolve("plants.plant_file:as_file")(values["plant"])
         found["cable"] = {"plant": plant.name} | _parameters(plant)
-    elif isinstance(cable, IdentifiedCable):
+    elif not isinstance(cable, BoucWen):
         found["cable"] = (
             {"model": cable.file or MODEL_FILE, "model_hash": cable.digest} | _counting(cable) | _parameters(cable)
         )
@@ -265,22 +243,20 @@ def _tagged(value: Any, kinds: Mapping[str, Any]) -> dict[str, Any]:
     )
 
 
-def _counting(cable: IdentifiedCable) -> dict[str, Any]:
+def _counting(cable: Any) -> dict[str, Any]:
     """The keys that say how the rig counts a log's angles; none where it counts as the log does."""
     given, default = section_tree(cable.counting), section_tree(Counting())
     return {key: value for key, value in given.items() if value != default[key]}
 
 
-def _parameters(given: PlantFile | IdentifiedCable) -> dict[str, Any]:
+def _parameters(given: Any) -> dict[str, Any]:
     return {"parameters": dict(given.changed)} if given.changed else {}
 
 
 def _control(values: Mapping[str, Any]) -> dict[str, Any]:
-    law, own = values["law"], dict(values["gains"])
-    if isinstance(law, Law):
-        law, differing = packable(law)
-        own = differing | own
-    name = law.name if isinstance(law, LawFile) else law
+    law, differing = resolve("control.law_file:packable")(values["law"])
+    own = differing | dict(values["gains"])
+    name = law if isinstance(law, str) else law.name
     preset = {} if values["preset"] is None else {"preset": values["preset"]}
     return {"law": name} | preset | ({"gains": own} if own else {})
 
@@ -297,23 +273,22 @@ def files_of(values: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, bytes
     add = files.add
     cable, reference, law, emg = (values[name] for name in ("cable", "reference", "law", "emg"))
     if values["plant"] is not None:
-        plant = as_file(values["plant"])
+        plant = resolve("plants.plant_file:as_file")(values["plant"])
         name = Path(plant.path).name
         tree["cable"] |= {"plant": name + plant.name.rpartition(".py")[2]}
         for file, source in ((name, plant.source), *((one.file, one.source) for one in plant.modules)):
             add(file, source)
-    elif isinstance(cable, IdentifiedCable):
+    elif not isinstance(cable, BoucWen):
         tree["cable"] = {"model": Path(tree["cable"]["model"]).name}
-        add(tree["cable"]["model"], cable_text(cable).encode())
+        add(tree["cable"]["model"], resolve("plants.identified:cable_text")(cable).encode())
     if isinstance(reference, RecordedMotion):
         name = f"{Path(reference.said.file).name.partition('.')[0]}.csv"
         columns = {"time_column": "time_s", "position_column": "joint_rad", "unit": "rad"}
         tree["reference"] |= {"file": name} | columns
         pairs = zip(reference.time.tolist(), reference.position.tolist(), strict=True)
         add(name, "\n".join(["time_s,joint_rad", *(f"{t!r},{x!r}" for t, x in pairs), ""]).encode())
-    if isinstance(law, Law):
-        law, _ = packable(law)
-    if isinstance(law, LawFile):
+    law, _ = resolve("control.law_file:packable")(law)
+    if not isinstance(law, str):
         name = Path(law.path).name
         tree["control"]["law"] = name + law.name.rpartition(".py")[2]
         for file, source in ((name, law.source), *((one.file, one.source) for one in law.modules)):

@@ -15,10 +15,6 @@ PLAIN_THRESHOLD = 0.2
 """Share of the MVC's envelope above which the paper sees intent [–]."""
 
 
-MAINS_HZ = (0.0, 50.0, 60.0)
-"""Mains that are taken out; 0 for none [Hz]."""
-
-
 class EnvelopeSettings(NamedTuple):
     """Frequencies that the chain removes and passes."""
 

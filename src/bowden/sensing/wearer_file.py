@@ -9,10 +9,12 @@ from bowden.core.bounded import read_toml
 from bowden.core.errors import ParameterError
 from bowden.core.files import write_text
 from bowden.core.toml_text import quoted
-from bowden.sensing.envelope import MAINS_HZ
 
 EARLIER = "measured by an earlier version, and does not separate contractions from rest: run bowden emg calibrate again"
 """Reason why a file without `sigma` is refused."""
+
+MAINS_HZ = (0.0, 50.0, 60.0)
+"""Mains that are taken out of an envelope; 0 for none [Hz]."""
 
 
 class MuscleCalibration(NamedTuple):

@@ -10,7 +10,7 @@ from bowden.control.law import Law
 from bowden.control.reference import PeriodicMinimumJerk, Trajectory
 from bowden.core.units import DEGREES, RADIANS
 from bowden.models.drive.holding_brake import HoldingBrake
-from bowden.plants.presets.bench import document
+from bowden.plants.presets.paper import document
 from bowden.plants.presets.suit import SuitCalibration, suit
 from bowden.records.trace import Trace
 from bowden.sim.run import simulate

@@ -14,7 +14,7 @@ from bowden.hardware.emg.lsl_info import check_wanted
 from bowden.hardware.emg.playback import Playback
 from bowden.hardware.ports import EmgStream
 from bowden.identify.emg.log import read_channels
-from bowden.rig.emg_setup import EmgRun, check_recording
+from bowden.rig.emg_run import EmgRun, check_recording
 from bowden.sensing.course import CourseSettings, CourseState, course_start, course_step
 from bowden.sensing.stream import EnvelopeFilter, OnsetDetector
 

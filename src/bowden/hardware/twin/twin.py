@@ -24,7 +24,8 @@ from bowden.hardware.twin.joint_stream import JointSensorTwin
 from bowden.hardware.twin.node import Journal, TwinNode
 from bowden.hardware.twin.plant import TwinPlant
 from bowden.hardware.twin.sensor_node import SensorNode
-from bowden.rig.joint_sensor import JointSensor
+from bowden.hardware.twin.serial_port import serial_port
+from bowden.rig.settings import JointSensor
 
 TICK = 1e-3
 """Longest wait [s]."""
@@ -61,6 +62,7 @@ class Twin:
         self._bus: can.BusABC | None = None
         try:
             self._bus = open_bus(place, create=True)
+            self._line = serial_port(place)
             self._control = ControlServer(self.path)
         except BaseException:
             self._claim.close()
@@ -122,6 +124,8 @@ class Twin:
             self._own_bus = None
         if self._sensor is not None:
             self._sensor.close()
+        if self._line is not None:
+            self._line.close()
         self._control.close()
         self._claim.close()
 

@@ -9,7 +9,8 @@ from bowden.models.drive.geared_motor import GearedMotor
 from bowden.models.suit.arm import arm_of
 from bowden.models.suit.geometry import SuitGeometry
 from bowden.models.suit.suit_cable import Fabric, SuitCable
-from bowden.plants.presets.bench import bench, document
+from bowden.plants.presets.bench import bench
+from bowden.plants.presets.paper import document
 from bowden.plants.suit_parts import Suit
 
 
