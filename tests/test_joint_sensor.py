@@ -11,6 +11,8 @@ from bowden.core.errors import ParameterError
 from bowden.core.signals import Sample
 from bowden.core.units import RADIANS
 from bowden.plants.estimated import SensorRun, sensor_step
+from bowden.rig.joint_sensor import model_of
+from bowden.rig.settings import JointSensor
 from bowden.safety.detectors import joint_unsure
 from bowden.safety.evidence import joint_doubt
 from bowden.safety.limits import Limits
@@ -51,7 +53,7 @@ def test_what_makes_no_sense_is_refused(given: dict[str, Any], said: str) -> Non
 
 def test_the_simulated_sensor_is_late_and_has_its_rate() -> None:
     """Without noise and drift its values are the joint's a delay ago, once a period."""
-    model = JointModel(1.0, 0.0, 0.0, error=0.0, period=0.010, delay=0.010)
+    model = model_of(JointSensor(**IMU, noise=0.0, drift=0.0), 1.0, 0.0, 0.0)
     joint, dt = np.sin(0.01 * np.arange(100)), 1e-3
     state, values = SensorRun(0.0, (0.0,) * 8), []
     for angle in joint:

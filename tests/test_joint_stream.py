@@ -19,7 +19,7 @@ from bowden.cycle.one_cycle import TargetSource
 from bowden.hardware.joint_stream import JointSamples, Raw, line_of, raw_of
 from bowden.live.mcap_read import read
 from bowden.live.twin_process import running_twin
-from bowden.rig.joint_sensor import JointSensor
+from bowden.rig.settings import JointSensor
 from bowden.safety.faults import Fault
 from bowden.sensing.joint_sample import Quaternion, angle_about, axis_of, between, on_curve, orientation
 from live_runs import SHARED_LIMITS, assert_replays, finished, finished_well, started, tries

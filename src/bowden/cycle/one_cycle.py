@@ -228,7 +228,7 @@ def bare_start(settings: CycleSettings, measured: Measurement) -> CycleState:
 def filtered_sample(
     filters: Filters, before: Sample, readings: ValidatedReadings, reading: DriveReading, dt: float
 ) -> Sample:
-    """The last valid angles, each behind its low-pass, and how well the joint's is known."""
+    """The last valid angles, each behind its low-pass."""
     return Sample(
         low_pass(before.joint, readings.joint.sensor.value, filters.joint, dt),
         low_pass(before.motor, readings.motor.sensor.value, filters.motor, dt),

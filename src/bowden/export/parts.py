@@ -76,8 +76,7 @@ def sense(
     dt: float,
 ) -> Sample:
     """What the law is given in a cycle, as `cycle.one_cycle` gives it."""
-    readings = validate_readings(limits, supervisor, observed, dt)
-    return filtered_sample(filters, sample, readings, observed.reading, dt)
+    return filtered_sample(filters, sample, validate_readings(limits, supervisor, observed, dt), observed.reading, dt)
 
 
 def course_module(settings: CourseSettings) -> Module:

@@ -17,7 +17,8 @@ from bowden.core.clock import SECOND, MonotonicClock, TimeSource
 from bowden.core.errors import StreamError
 from bowden.core.extras import extra_module
 from bowden.hardware.emg.lsl_info import library
-from bowden.rig.joint_sensor import JointSensor, address_of
+from bowden.rig.joint_sensor import address_of
+from bowden.rig.settings import JointSensor
 from bowden.sensing.joint_sample import (
     Quaternion,
     angle_about,

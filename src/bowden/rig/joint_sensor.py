@@ -1,56 +1,30 @@
-"""The joint's sensor, where it is no encoder, as a rig describes it."""
+"""The joint sensor of a rig (`settings.JointSensor`): what it may be, where it sends, its model for the estimate."""
 
 import math
-from typing import Annotated, Literal, NamedTuple
 
 from bowden.core.errors import ParameterError
-from bowden.core.quantity import Quantity
-from bowden.core.registry import resolve
 from bowden.core.units import RADIANS
+from bowden.rig.settings import JointSensor
+from bowden.sensing.joint_angle import LENGTH, JointModel
 
-SENSED = ("imu", "stretch")
-"""Sources with a sensor beside the motor's."""
 STREAMS = {"udp": "udp:PORT (of this computer alone), udp:ADDRESS:PORT", "lsl": "lsl:NAME"}
 """Kind of a stream → how it is named."""
 
 
-class JointSensor(NamedTuple):
-    """Where the joint's angle comes from (docs/drives.md)."""
+def model_of(sensor: JointSensor, slope: float, zero: float, play: float) -> JointModel:
+    """Model for the estimate, round a cable.
 
-    source: Annotated[
-        Literal["encoder", "imu", "stretch", "motor"],
-        Quantity("encoder: by [drive]; imu, stretch: a sensor by stream; motor: the cable's model alone"),
-    ] = "encoder"
-    stream: Annotated[str | None, Quantity("udp:PORT, udp:ADDRESS:PORT or lsl:NAME", example="udp:5005")] = None
-    gives: Annotated[
-        Literal["angle", "quaternion", "inertial"],
-        Quantity("imu: the angle in °; w, x, y, z; or rates [°/s] and accelerations [g]"),
-    ] = "angle"
-    bodies: Annotated[int, Quantity("imu: on how many", ge=1, le=2)] = 1
-    axis: Annotated[
-        tuple[float, ...], Quantity("imu: the joint's, in the first body's frame, flexing positive", ge=-1.0, le=1.0)
-    ] = (0.0, 0.0, 1.0)
-    zero: Annotated[tuple[float, ...], Quantity("imu: w, x, y, z at the joint's zero", ge=-1.0, le=1.0)] = (
-        *(1.0, 0.0, 0.0, 0.0),
-    )
-    curve_values: Annotated[tuple[float, ...], Quantity("stretch: readings", ge=-1e9, le=1e9)] = ()
-    curve_angles: Annotated[tuple[float, ...], Quantity("stretch: their angles", "rad", ge=-360.0, le=360.0)] = ()
-    period: Annotated[float, Quantity("between samples", "s", shown="ms", ge=1.0, le=100.0)] = 0.010
-    delay: Annotated[float, Quantity("age of a sample that comes", "s", shown="ms", ge=0.0, le=100.0)] = 0.010
-    noise: Annotated[float, Quantity("of a sample, 1 σ", "rad", ge=0.01, le=20.0)] = 2.0 * RADIANS
-    offset: Annotated[float, Quantity("lasting error, 1 σ", "rad", ge=0.0, le=20.0)] = 0.0
-    drift: Annotated[float, Quantity("imu: its speed", "rad/s", ge=0.0, le=10.0)] = RADIANS / 60.0
-    cable_error: Annotated[float, Quantity("of the cable's model, 1 σ", "rad", ge=0.1, le=30.0)] = 4.0 * RADIANS
-
-    @property
-    def estimated(self) -> bool:
-        """True if the joint's angle is an estimate."""
-        return self.source != "encoder"
-
-    @property
-    def sensed(self) -> bool:
-        """True if a sensor corrects it."""
-        return self.source in SENSED
+    Args:
+        sensor: of the rig.
+        slope: joint motion per motor motion [rad/rad].
+        zero: motor angle at which the joint is at zero [rad].
+        play: half of what the joint loses at a reversal [rad].
+    """
+    if not sensor.sensed:
+        return JointModel(slope, zero, play, sensor.cable_error)
+    drift = sensor.drift if sensor.source == "imu" else 0.0
+    known = sensor.period, sensor.delay, sensor.noise, sensor.offset, drift
+    return JointModel(slope, zero, play, sensor.cable_error, *known)
 
 
 def address_of(sensor: JointSensor) -> tuple[str, tuple[str, int]]:
@@ -62,7 +36,7 @@ def address_of(sensor: JointSensor) -> tuple[str, tuple[str, int]]:
     return kind, (host or "127.0.0.1", int(port) if port.isdecimal() else 0)
 
 
-def check_joint_sensor(sensor: JointSensor, sample_time: float, joint_std: float) -> None:
+def check(sensor: JointSensor, sample_time: float, joint_std: float) -> None:
     """Refuse what makes no sense, before anything is opened.
 
     Args:

@@ -1,7 +1,7 @@
 """What moves in a rig and how: its plant, its reference and the bend of its sheath over a run."""
 
 import math
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -25,6 +25,7 @@ from bowden.plants.user_plant import UserPlant
 from bowden.plants.worn_suit import elbow_dead_zone, suit_of
 from bowden.rig import emg_run as emg_runs
 from bowden.rig.emg_run import EmgRun
+from bowden.rig.joint_sensor import model_of
 from bowden.rig.rig import Rig
 from bowden.sensing.joint_angle import JointModel
 
@@ -128,30 +129,20 @@ def moved(rig: Rig) -> Bench | CablePlant | UserPlant | Suit:
 
 def simulated_plant(rig: Rig) -> Plant:
     """The plant with what stands round it: the drive's brake, under the wearer's push its load cell, and where no
-    encoder measures the joint its estimate."""
+    encoder measures the joint its estimate.
+    """
     plant: Any = rig.cabled if rig.worn is None else rig.worn._replace(brake=rig.brake)
     if rig.worn is not None and rig.pushing is not None:
         plant = plant._replace(load_cell=rig.pushing.cell)
-    return Estimated(plant, rig.joint_model) if rig.joint_sensor.estimated else plant
+    return cast(Plant, Estimated(plant, rig.joint_model)) if rig.joint_sensor.estimated else plant
 
 
 def joint_model(rig: Rig) -> JointModel:
     """Knowledge of cable and sensor for the estimate of the joint's angle, where no encoder measures it."""
-    sensor = rig.joint_sensor
     if rig.worn is not None:  # the motor is counted in the joint's coordinate
-        cable = JointModel(1.0, 0.0, 0.5 * elbow_dead_zone(rig.worn.flexor.half_width), sensor.cable_error)
-    else:
-        zero = 0.0 if math.isnan(rig.knowledge.motor_zero) else rig.knowledge.motor_zero
-        cable = JointModel(rig.slope, zero, 0.5 * rig.basis.width * rig.slope, sensor.cable_error)
-    if not sensor.sensed:
-        return cable
-    return cable._replace(
-        period=sensor.period,
-        delay=sensor.delay,
-        noise=sensor.noise,
-        offset=sensor.offset,
-        drift=sensor.drift if sensor.source == "imu" else 0.0,
-    )
+        return model_of(rig.joint_sensor, 1.0, 0.0, 0.5 * elbow_dead_zone(rig.worn.flexor.half_width))
+    zero = 0.0 if math.isnan(rig.knowledge.motor_zero) else rig.knowledge.motor_zero
+    return model_of(rig.joint_sensor, rig.slope, zero, 0.5 * rig.basis.width * rig.slope)
 
 
 def pushing(rig: Rig) -> Pushing | None:

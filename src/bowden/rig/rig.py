@@ -34,7 +34,6 @@ from bowden.rig.declaration import tree_of as section_tree
 from bowden.rig.effect import refuse_idle
 from bowden.rig.families import DriveNeeds, family_of
 from bowden.rig.given import CableLike, GivenLaw, GivenPlant, in_one_form
-from bowden.rig.joint_sensor import JointSensor, check_joint_sensor
 from bowden.rig.joints import JointSettings, RigJoint, check_joints, joints_of
 from bowden.rig.load_cell import LoadCellParameters, moved_cell
 from bowden.rig.sections import (
@@ -48,7 +47,7 @@ from bowden.rig.sections import (
     Scenario,
     drive_part,
 )
-from bowden.rig.settings import EmgSettings, LiveSettings
+from bowden.rig.settings import EmgSettings, JointSensor, LiveSettings
 from bowden.rig.tree import Files, files_of, read_values, tree_of, values_of, written
 from bowden.safety.limits import Limits
 from bowden.sensing import wearer_file
@@ -69,6 +68,7 @@ if TYPE_CHECKING:
     from bowden.rig.consistent import Basis
     from bowden.rig.emg_run import EmgRun
     from bowden.sensing.joint_angle import JointModel
+
 
 MOST_CYCLES = 10_000_000
 """A longer run is refused: its record would not fit into the memory of a common computer."""
@@ -296,8 +296,9 @@ class Rig(metaclass=Answering):
                 _ = self.pushing
         if not self.motors:
             refuse_idle(self)
-        with asked_for_by(f"{self.origin}: [joint_sensor]"):
-            check_joint_sensor(self.joint_sensor, self.sample_time, self.limits.joint_std)
+        if self.joint_sensor.estimated:
+            with asked_for_by(f"{self.origin}: [joint_sensor]"):
+                resolve("rig.joint_sensor:check")(self.joint_sensor, self.sample_time, self.limits.joint_std)
         if not self.motors and self.brake.there:
             with asked_for_by(f"{self.origin}: [brake]"):
                 resolve("rig.drive:check_brake")(self)

@@ -26,10 +26,9 @@ from bowden.plants.push_settings import AdmittanceSettings
 from bowden.plants.suit_settings import SuitSettings, WearerSettings
 from bowden.rig import families as drive_families
 from bowden.rig.declaration import Section, at, items_of, key_of, rounded, section_of
-from bowden.rig.joint_sensor import JointSensor
 from bowden.rig.joints import JointSettings
 from bowden.rig.load_cell import LoadCellParameters
-from bowden.rig.settings import EmgSettings, LiveSettings
+from bowden.rig.settings import EmgSettings, JointSensor, LiveSettings
 from bowden.safety.limits import Limits
 
 _BENCH, _CHOSEN = parts(), document()["chosen"]

@@ -16,7 +16,8 @@ from bowden.hardware.emg.lsl_info import library
 from bowden.hardware.joint_stream import Raw, line_of
 from bowden.hardware.twin.faults import Faults
 from bowden.plants.estimated import BENDS
-from bowden.rig.joint_sensor import JointSensor, address_of
+from bowden.rig.joint_sensor import address_of
+from bowden.rig.settings import JointSensor
 from bowden.sensing.joint_sample import Quaternion, numbers_in, on_curve
 
 

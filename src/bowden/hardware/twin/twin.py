@@ -25,7 +25,7 @@ from bowden.hardware.twin.node import Journal, TwinNode
 from bowden.hardware.twin.plant import TwinPlant
 from bowden.hardware.twin.sensor_node import SensorNode
 from bowden.hardware.twin.serial_port import serial_port
-from bowden.rig.joint_sensor import JointSensor
+from bowden.rig.settings import JointSensor
 
 TICK = 1e-3
 """Longest wait [s]."""
@@ -122,10 +122,10 @@ class Twin:
         if self._own_bus is not None:
             self._own_bus.shutdown()
             self._own_bus = None
-        if self._line is not None:
-            self._line.close()
         if self._sensor is not None:
             self._sensor.close()
+        if self._line is not None:
+            self._line.close()
         self._control.close()
         self._claim.close()
 
