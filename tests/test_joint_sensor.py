@@ -16,7 +16,6 @@ from bowden.rig.settings import JointSensor
 from bowden.safety.detectors import joint_unsure
 from bowden.safety.evidence import joint_doubt
 from bowden.safety.limits import Limits
-from bowden.sensing.joint_angle import JointModel
 from bowden.sim.one_run import run_of
 
 IMU = {"source": "imu", "stream": "udp:5005"}

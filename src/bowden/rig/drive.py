@@ -50,7 +50,6 @@ def supervisor_limits(rig: Rig) -> Limits:
         servo_damping=rig.servo.damping,
         current_peak=rig.motor.current_limit,
         thermal=given.thermal._replace(resistance=rig.motor.resistance),
-        estimates_joint=rig.joint_sensor.estimated,
         measures_current=True,
         estimates_joint=rig.joint_sensor.estimated,
         measures_tension=family.measures_tension(rig.drive) or (cell.there and cell.measures == "tension"),

@@ -59,7 +59,6 @@ def check(sensor: JointSensor, sample_time: float, joint_std: float) -> None:
     stretch, curve = sensor.source == "stretch", len(sensor.curve_values)
     steps = [b - a for a, b in zip(sensor.curve_values, sensor.curve_values[1:], strict=False)]
     rises = [b - a for a, b in zip(sensor.curve_angles, sensor.curve_angles[1:], strict=False)]
-    reach = resolve("sensing.joint_angle:LENGTH") - 1
     length, turn = math.hypot(*sensor.axis), math.hypot(*sensor.zero)
     rules = (
         ("stream", kind in STREAMS and bool(where[0]), " or ".join(STREAMS.values())),
@@ -73,7 +72,7 @@ def check(sensor: JointSensor, sample_time: float, joint_std: float) -> None:
         ("curve_values", not stretch or _one_way(steps), "readings that only rise, or only fall"),
         ("curve_angles_deg", not stretch or _one_way(rises), "angles that only rise, or only fall"),
         ("period_ms", sensor.period >= sample_time, f"at least one cycle, {1e3 * sample_time:g}"),
-        ("delay_ms", sensor.delay < reach * sensor.period, f"less than {reach} of its periods"),
+        ("delay_ms", sensor.delay < (LENGTH - 1) * sensor.period, f"less than {LENGTH - 1} of its periods"),
     )
     values = sensor._asdict()
     values |= {"curve_angles_deg": [angle / RADIANS for angle in sensor.curve_angles]}
