@@ -7,11 +7,11 @@ from bowden.control.law import Law
 from bowden.core.nested import leaves, name_of
 from bowden.export.cortex import COMPILER
 from bowden.export.cortex import FLAGS as CORTEX_FLAGS
+from bowden.export.counts import Counts
 from bowden.export.files import rendered
 from bowden.export.kinds import reached
 from bowden.export.law import state_of
 from bowden.export.module import Module
-from bowden.rig.counts import Counts
 
 FLAGS = "-std=c99 -pedantic -Wall -Wextra -Werror -O2 -ffp-contract=off"
 """Every operation rounds as in Python only where products are not fused with sums, and nothing is reordered."""

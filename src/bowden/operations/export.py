@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from bowden.control import Law
+    from bowden.export.counts import Counts
     from bowden.export.module import Module
-    from bowden.rig.counts import Counts
     from bowden.rig.rig import Rig
     from bowden.safety.limits import Limits
 
@@ -131,10 +131,10 @@ def export(
     from bowden.core.files import output_folder, whole_files
     from bowden.design.objections import refusals
     from bowden.design.verdict import verdicts
+    from bowden.export.counts import counts_of, guessed
     from bowden.export.readme import TARGETS, YOURS
     from bowden.operations.support import given
     from bowden.operations.support.progress import reported
-    from bowden.rig.counts import counts_of, guessed
 
     whole = given.under(given.rig_of(rig).only(motor), law, preset)
     own, name = whole.fitted(), given.name_of(whole)
